@@ -1,0 +1,5 @@
+"""``python -m lsvision`` is the command ``lsvision``."""
+
+from lsvision.cli import main
+
+main()

@@ -1,0 +1,1 @@
+"""Points to ellipse and cylinder: conditioning and maximum likelihood. No cv2."""

@@ -1,0 +1,224 @@
+"""Geometric refinement: the maximum-likelihood ellipse of an arc (paper section 2.3).
+
+The paper minimises radial residuals with equal weights. Measured on simulated sections that
+costs 5-20 % of accuracy, because a light section's errors lie along the ray: here each
+orthogonal residual is divided by the standard deviation of the point's error along the
+ellipse's normal n, sqrt(n' Sigma n), which reaches the Cramer-Rao bound.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from lsvision.errors import TooFewPoints
+from lsvision.fitting.ellipse_problem import (
+    PARAMETERS,
+    ArcProblem,
+    KnownRadius,
+    ellipse_of,
+    minimise,
+    orthogonal_comparison,
+    parameters_of,
+)
+from lsvision.shapes import Ellipse, FloatArray, Points
+
+SURPRISE = 3.3
+"""Standard deviations of chi^2 beyond which a noise model is held to be too optimistic."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FittingSettings:
+    """Ellipse fitting, section 2.3.
+
+    Parameters
+    ----------
+    residual : {"orthogonal", "radial"}
+        What is minimised: the distance to the nearest point of the ellipse, or the paper's
+        r_j along the ray from the centre (Eq. 4).
+    reweightings : int
+        How often the weights 1 / (n' Sigma n) are renewed at the fitted ellipse. One is
+        enough from a conditioned start; the paper has none.
+    """
+
+    residual: Literal["orthogonal", "radial"] = "orthogonal"
+    reweightings: int = 1
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class EllipseFit:
+    """An ellipse with the evidence it rests on.
+
+    Parameters
+    ----------
+    ellipse : Ellipse
+        The estimate.
+    problem : ArcProblem
+        Points, weights and prior: what the likelihood is made of.
+    parameters : (5,) ndarray
+        ``centre_x, centre_y, m, p, q``; see the module's docstring. Units: mm.
+    residuals : (n,) ndarray
+        Signed, positive outside. Units: mm.
+    normalised : (n,) ndarray
+        Residuals over their predicted standard deviation (over their rms where no noise
+        model is given).
+    variance_factor : float
+        By which the covariance of the model is multiplied: 1 where the noise model explains
+        the residuals; more where they are larger, or correlated along the line.
+    degrees_of_freedom : float
+        Of `variance_factor`; infinite where it comes from the noise model alone.
+    """
+
+    ellipse: Ellipse
+    problem: "ArcProblem"
+    parameters: FloatArray
+    residuals: FloatArray
+    normalised: FloatArray
+    variance_factor: float
+    degrees_of_freedom: float
+
+    @property
+    def regular_covariance(self) -> FloatArray:
+        """(5, 5), order of `parameters`. Units: mm^2."""
+        weighted = self.problem.jacobian(self.parameters)
+        information = weighted.T @ weighted
+        return self.variance_factor * _inverse(information)
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the residuals. Units: mm."""
+        return float(np.sqrt(np.mean(self.residuals**2)))
+
+
+def fit_ellipse(
+    points: Points,
+    start: Ellipse,
+    covariances: FloatArray | None = None,
+    *,
+    known_radius: KnownRadius | None = None,
+    settings: FittingSettings = FittingSettings(),
+) -> EllipseFit:
+    """Maximum-likelihood ellipse of the points of an arc.
+
+    Parameters
+    ----------
+    points : (n, 2) ndarray
+        Points of one arc without lost ones, in order along the line. Section frame. Units: mm.
+    start : Ellipse
+        Where to begin; an algebraic fit or a screened ellipse.
+    covariances : (n, 2, 2) ndarray, optional
+        Covariance of each point's error. None: equal, isotropic, estimated from the
+        residuals. Units: mm^2.
+    known_radius : KnownRadius, optional
+        A prior on the semi-minor axis.
+    settings : FittingSettings
+        Residual and number of reweightings.
+
+    Returns
+    -------
+    EllipseFit
+
+    Raises
+    ------
+    TooFewPoints
+        Under 6 points (5 with a known radius would leave nothing to judge by).
+    FitFailed
+        If the data have no minimum near the start: a straight line, two crossing lines.
+
+    Notes
+    -----
+    An arc under 60 deg leaves a and b almost free; the covariance says so. Near phi = 0 theta
+    means nothing: a and b are equal.
+
+    Examples
+    --------
+    >>> truth = Ellipse((3.0, -400.0), 22.0, 19.0, 0.4)
+    >>> arc = truth.points_at(np.linspace(0.2, 2.6, 60))
+    >>> fit = fit_ellipse(arc, Ellipse((3.0, -400.0), 20.0, 20.0, 0.0))
+    >>> f"{fit.ellipse.radius:.6f} mm"
+    '19.000000 mm'
+    """
+    if len(points) <= PARAMETERS:
+        raise TooFewPoints(
+            "an arc", len(points), PARAMETERS + 1, "scan slower or nearer, or lower the pitch"
+        )
+    parameters = parameters_of(start)
+    for _ in range(1 + settings.reweightings):
+        stds = _normal_stds(points, covariances, parameters)
+        problem = ArcProblem(points, stds, known_radius, settings.residual)
+        parameters = minimise(problem, parameters)
+        if covariances is None:
+            break
+    return _fit_with_evidence(problem, parameters, known_noise=covariances is not None)
+
+
+def _normal_stds(
+    points: Points, covariances: FloatArray | None, parameters: FloatArray
+) -> FloatArray:
+    if covariances is None:
+        return np.ones(len(points))
+    _, n, _ = orthogonal_comparison(points, parameters)
+    variances = (
+        n[:, 0] ** 2 * covariances[:, 0, 0]
+        + 2 * n[:, 0] * n[:, 1] * covariances[:, 0, 1]
+        + n[:, 1] ** 2 * covariances[:, 1, 1]
+    )
+    stds: FloatArray = np.sqrt(variances)
+    return stds
+
+
+def _inverse(information: FloatArray) -> FloatArray:
+    """Inverse of the information after scaling; huge variances where it is singular."""
+    scale = 1 / np.sqrt(np.maximum(np.diag(information), 1e-300))
+    values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
+    inverse: FloatArray = (vectors / np.maximum(values, 1e-14)) @ vectors.T
+    return inverse * np.outer(scale, scale)
+
+
+def _fit_with_evidence(
+    problem: ArcProblem, parameters: FloatArray, *, known_noise: bool
+) -> EllipseFit:
+    normalised = problem.residuals(parameters)[: len(problem.points)]
+    residuals = normalised * problem.stds
+    freedom = float(max(len(residuals) - PARAMETERS, 1))
+    if problem.known_radius is not None:
+        freedom += 1
+    excess = float(normalised @ normalised) / freedom
+    correlation = correlation_factor(normalised)
+    if not known_noise:
+        factor = max(excess, np.finfo(float).tiny)
+        normalised = normalised / np.sqrt(factor)
+        freedom = max(freedom / correlation, 1.0)
+    else:
+        factor = excess if excess > 1 + SURPRISE * np.sqrt(2 / freedom) else 1.0
+        freedom = np.inf
+    return EllipseFit(
+        ellipse=ellipse_of(parameters),
+        problem=problem,
+        parameters=parameters,
+        residuals=residuals,
+        normalised=normalised,
+        variance_factor=factor * correlation,
+        degrees_of_freedom=freedom,
+    )
+
+
+def correlation_factor(normalised: FloatArray) -> float:
+    """How many neighbours say the same: points over effective points.
+
+    Definition: 1 + 2 sum_k (1 - k / n) rho_k over the first lags whose autocorrelation rho_k is
+    significant (above 2 / sqrt(n)); 1 for independent errors. Real sensors smooth along the
+    line, and n points then are worth n divided by this factor.
+    """
+    n = len(normalised)
+    centred = normalised - normalised.mean()
+    power = float(centred @ centred)
+    if power == 0 or n < 8:
+        return 1.0
+    factor, limit = 1.0, 2 / np.sqrt(n)
+    for lag in range(1, n // 3):
+        rho = float(centred[lag:] @ centred[:-lag]) / power
+        if rho < limit:
+            break
+        factor += 2 * (1 - lag / n) * rho
+    return factor

@@ -1,0 +1,232 @@
+"""The least-squares problem of one arc, in parameters that stay regular at a circle.
+
+The ellipse is ``c + E w`` for all unit vectors w, with the symmetric matrix
+``E = [[m + p, q], [q, m - p]]``; so ``a = m + h``, ``b = m - h``, ``h = |(p, q)|`` and
+``theta = atan2(q, p) / 2``. In (a, b, theta) a circle (a pipe seen square on) is a singular
+point; in (m, p, q) it is a point like any other.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from lsvision.errors import FitFailed, TooFewPoints
+from lsvision.shapes import Ellipse, FloatArray, Points
+from lsvision.shapes.ellipse import foot_points
+
+PARAMETERS = 5
+EXACT_RADIUS_STD = 1e-6
+"""Share of a known radius that stands for "exactly": small beside any noise, not singular."""
+
+
+@dataclass(frozen=True, slots=True)
+class KnownRadius:
+    """What is known of a radius before the measurement: a prior on b.
+
+    Parameters
+    ----------
+    radius, std : float
+        Units: mm. ``std = 0`` means exactly known.
+    """
+
+    radius: float
+    std: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.radius) and self.radius > 0):
+            raise ValueError(f"want a positive known radius in mm, got {self.radius}")
+        if not (math.isfinite(self.std) and self.std >= 0):
+            raise ValueError(f"want a known radius with std >= 0 mm, got {self.std}")
+
+    @property
+    def weight_std(self) -> float:
+        """One sigma as the fit uses it. Units: mm."""
+        return max(self.std, EXACT_RADIUS_STD * self.radius)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ArcProblem:
+    """Least-squares problem of one arc with its weights held fixed.
+
+    Parameters
+    ----------
+    points : (n, 2) ndarray
+        Section frame. Units: mm.
+    stds : (n,) ndarray
+        Standard deviation of each residual. Units: mm.
+    known_radius : KnownRadius or None
+        Prior on b.
+    residual : {"orthogonal", "radial"}
+        See `FittingSettings`.
+    """
+
+    points: Points
+    stds: FloatArray
+    known_radius: KnownRadius | None
+    residual: str
+
+    def residuals(self, parameters: FloatArray) -> FloatArray:
+        """(n,) or, with a prior, (n + 1,) residuals over their standard deviations."""
+        signed, _, _ = self._compare(parameters)
+        return self._with_prior_residual(signed / self.stds, parameters)
+
+    def jacobian(self, parameters: FloatArray) -> FloatArray:
+        """Derivative of `residuals`: (n, 5) or (n + 1, 5)."""
+        _, n, w = self._compare(parameters)
+        nx, ny, wx, wy = n[:, 0], n[:, 1], w[:, 0], w[:, 1]
+        jacobian = np.column_stack(
+            [nx, ny, nx * wx + ny * wy, nx * wx - ny * wy, nx * wy + ny * wx]
+        )
+        jacobian /= -self.stds[:, None]
+        if self.known_radius is None:
+            return jacobian
+        row = semi_minor_gradient(parameters) / self.known_radius.weight_std
+        return np.vstack([jacobian, row])
+
+    def _with_prior_residual(self, scaled: FloatArray, parameters: FloatArray) -> FloatArray:
+        if self.known_radius is None:
+            return scaled
+        gap = semi_minor(parameters) - self.known_radius.radius
+        return np.append(scaled, gap / self.known_radius.weight_std)
+
+    def _compare(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        compare = orthogonal_comparison if self.residual == "orthogonal" else radial_comparison
+        return compare(self.points, parameters)
+
+
+Comparison = Callable[[Points, FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
+
+
+def orthogonal_comparison(
+    points: Points, parameters: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Signed distance to the nearest point c + E w, and n, w there, with d' = -n d(c + E w).
+
+    Returns
+    -------
+    signed : (n,) ndarray
+        Positive outside. Units: mm.
+    normals, w : (n, 2) ndarray
+        Outward unit normal and unit vector of the nearest point.
+    """
+    a, b, cos, sin = _axes(parameters)
+    d = points - parameters[:2]
+    u, v = d[:, 0] * cos + d[:, 1] * sin, d[:, 1] * cos - d[:, 0] * sin
+    foot = foot_points(np.column_stack([u, v]), a, b)
+    wu, wv = foot[:, 0] / a, foot[:, 1] / b
+    gu, gv = wu / a, wv / b
+    norm = np.hypot(gu, gv)
+    nu, nv = gu / norm, gv / norm
+    signed = (u - foot[:, 0]) * nu + (v - foot[:, 1]) * nv
+    normals = np.column_stack([nu * cos - nv * sin, nu * sin + nv * cos])
+    return signed, normals, np.column_stack([wu * cos - wv * sin, wu * sin + wv * cos])
+
+
+def radial_comparison(
+    points: Points, parameters: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The same along the ray from the centre: the paper's r_j (Eq. 4).
+
+    Returns
+    -------
+    signed : (n,) ndarray
+        Units: mm.
+    normals, w : (n, 2) ndarray
+        The normal divided by its cosine with the ray, so that -n d(c + E w) is again the
+        derivative of the residual; unit vector of the point on the ray.
+    """
+    a, b, cos, sin = _axes(parameters)
+    d = points - parameters[:2]
+    u, v = d[:, 0] * cos + d[:, 1] * sin, d[:, 1] * cos - d[:, 0] * sin
+    rho, scaled = np.hypot(u, v), np.hypot(u / a, v / b)
+    wu, wv = u / a / scaled, v / b / scaled
+    gu, gv = wu / a, wv / b
+    along_ray = (gu * u + gv * v) / rho
+    nu, nv = gu / along_ray, gv / along_ray
+    normals = np.column_stack([nu * cos - nv * sin, nu * sin + nv * cos])
+    w = np.column_stack([wu * cos - wv * sin, wu * sin + wv * cos])
+    return rho - rho / scaled, normals, w
+
+
+def parameters_of(ellipse: Ellipse) -> FloatArray:
+    """(centre_x, centre_y, m, p, q) of an ellipse. Units: mm."""
+    m = (ellipse.semi_major + ellipse.semi_minor) / 2
+    h = (ellipse.semi_major - ellipse.semi_minor) / 2
+    p, q = h * math.cos(2 * ellipse.theta), h * math.sin(2 * ellipse.theta)
+    return np.array([*ellipse.centre, m, p, q])
+
+
+def ellipse_of(parameters: FloatArray) -> Ellipse:
+    """Ellipse of (centre_x, centre_y, m, p, q).
+
+    Raises
+    ------
+    FitFailed
+        If the parameters are no ellipse: not finite, or an axis of no length.
+    """
+    a, b, cos, sin = _axes(parameters)
+    if not (np.isfinite(parameters).all() and b > 1e-9 * a):
+        raise FitFailed(
+            f"the points have no ellipse (semi-axes {a:.3g} and {b:.3g} mm): they lie on a "
+            "straight line or on two; leave them out"
+        )
+    centre = (float(parameters[0]), float(parameters[1]))
+    return Ellipse(centre, a, b, math.atan2(sin, cos))
+
+
+def semi_minor(parameters: FloatArray) -> float:
+    """B = m - h. Units: mm."""
+    return float(parameters[2]) - math.hypot(parameters[3], parameters[4])
+
+
+def semi_minor_gradient(parameters: FloatArray) -> FloatArray:
+    """Derivative of b by the parameters, (5,); at a circle in the direction p > 0."""
+    direction = _deviator_direction(parameters)
+    return np.array([0.0, 0.0, 1.0, -direction[0], -direction[1]])
+
+
+def semi_major_gradient(parameters: FloatArray) -> FloatArray:
+    """Derivative of a by the parameters, (5,); at a circle in the direction p > 0."""
+    direction = _deviator_direction(parameters)
+    return np.array([0.0, 0.0, 1.0, direction[0], direction[1]])
+
+
+def minimise(problem: ArcProblem, start: FloatArray) -> FloatArray:
+    """Parameters of least squares, by Levenberg-Marquardt (MINPACK) with analytic Jacobian.
+
+    Raises
+    ------
+    FitFailed
+        If the iteration leaves the finite numbers.
+    """
+    from scipy.optimize import leastsq
+
+    rows = len(problem.points) + (problem.known_radius is not None)
+    if rows < PARAMETERS:
+        raise TooFewPoints("an arc", rows, PARAMETERS, "scan slower or nearer")
+    with np.errstate(all="ignore"):
+        found, *_ = leastsq(
+            problem.residuals, start, Dfun=problem.jacobian, xtol=1e-10, ftol=1e-12, maxfev=200,
+            full_output=True,
+        )  # fmt: skip
+    if not np.isfinite(found).all():
+        raise FitFailed("the ellipse fit left the finite numbers: the points lie on no ellipse")
+    parameters: FloatArray = found
+    return parameters
+
+
+def _axes(parameters: FloatArray) -> tuple[float, float, float, float]:
+    """a, |b|, cos theta, sin theta."""
+    m, p, q = float(parameters[2]), float(parameters[3]), float(parameters[4])
+    h = math.hypot(p, q)
+    theta = 0.5 * math.atan2(q, p)
+    return abs(m + h), max(abs(m - h), 1e-12), math.cos(theta), math.sin(theta)
+
+
+def _deviator_direction(parameters: FloatArray) -> tuple[float, float]:
+    h = math.hypot(parameters[3], parameters[4])
+    if h == 0:
+        return 1.0, 0.0
+    return float(parameters[3]) / h, float(parameters[4]) / h

@@ -1,0 +1,128 @@
+"""The waist of the hourglass: what every sensor gives and every measurement starts from."""
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from lsvision.shapes import FloatArray, Points, locked
+
+
+@runtime_checkable
+class NoiseModel(Protocol):
+    """What is known of the errors of a profile's points."""
+
+    def covariances(self, points: Points) -> FloatArray:
+        """Covariance of each point's error.
+
+        Parameters
+        ----------
+        points : (n, 2) ndarray
+            Section frame; NaN rows are lost points. Units: mm.
+
+        Returns
+        -------
+        (n, 2, 2) ndarray
+            Units: mm^2. NaN where the point is lost.
+        """
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class PointNoise:
+    """Noise given point by point, as a calibrated camera knows it.
+
+    Parameters
+    ----------
+    values : (n, 2, 2) array_like
+        Covariance of each point, in the order of the profile. Units: mm^2.
+    """
+
+    values: FloatArray
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "values", locked(self.values, ("n", 2, 2), "covariances"))
+
+    def covariances(self, points: Points) -> FloatArray:
+        """The covariances as given; one for each of `points`.
+
+        Raises
+        ------
+        ValueError
+            If there are not as many as points.
+        """
+        if len(points) != len(self.values):
+            raise ValueError(f"want {len(self.values)} points, got {len(points)}")
+        return self.values
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """Ordered points of one light section.
+
+    Parameters
+    ----------
+    points : (n, 2) array_like
+        Section frame: X along the laser line, Y towards the sensor. Index = column of the
+        sensor, order kept; a lost point is a NaN row (infinite values count as lost, and a
+        row with one lost coordinate is lost whole). Units: mm.
+    noise : NoiseModel, optional
+        What the sensor knows of its own errors.
+
+    Raises
+    ------
+    ValueError
+        If `points` is not (n, 2).
+
+    Examples
+    --------
+    >>> profile = Profile([[0.0, -400.0], [float("nan"), 0.0], [1.2, -399.8]])
+    >>> len(profile), profile.lost
+    (3, 1)
+    """
+
+    points: Points
+    noise: NoiseModel | None = None
+
+    def __post_init__(self) -> None:
+        points = np.array(locked(self.points, ("n", 2), "points"))
+        points[~np.isfinite(points).all(axis=1)] = np.nan
+        object.__setattr__(self, "points", locked(points, ("n", 2)))
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    @property
+    def lost(self) -> int:
+        """Number of lost points."""
+        return int(np.isnan(self.points[:, 0]).sum())
+
+
+@dataclass(frozen=True, slots=True)
+class Arc:
+    """Index span of a profile believed to lie on one ellipse.
+
+    Parameters
+    ----------
+    start, stop : int
+        Half open: ``profile.points[start:stop]``.
+
+    Examples
+    --------
+    >>> len(Arc(412, 447))
+    35
+    """
+
+    start: int
+    stop: int
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.start < self.stop:
+            raise ValueError(f"want 0 <= start < stop, got [{self.start}, {self.stop})")
+
+    def __len__(self) -> int:
+        return self.stop - self.start
+
+    def of(self, profile: Profile) -> Points:
+        """Points of the span, lost ones as NaN rows. Units: mm."""
+        return profile.points[self.start : self.stop]

@@ -1,0 +1,1 @@
+"""Profile to arcs: range image, candidates, rough identification, accurate screening."""
