@@ -5,7 +5,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from lsvision.shapes import FloatArray, Points, locked
+from lsvision.shapes import FloatArray, IntArray, Points, locked
 
 
 @runtime_checkable
@@ -96,6 +96,41 @@ class Profile:
     def lost(self) -> int:
         """Number of lost points."""
         return int(np.isnan(self.points[:, 0]).sum())
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class WeighedProfile:
+    """A profile with its noise written out: what recognition works on.
+
+    Parameters
+    ----------
+    points : (n, 2) ndarray
+        As in `Profile`. Units: mm.
+    covariances : (n, 2, 2) ndarray
+        Of the points' errors, NaN where lost. Units: mm^2.
+    order : (k,) int ndarray
+        Indices of the points that are there, in their order along the line.
+    noise_std : float
+        Typical standard deviation of a point across the line. Units: mm.
+    noise_known : bool
+        Whether the covariances come from a noise model or were estimated from neighbours,
+        which makes them too small where neighbours' errors are alike.
+    """
+
+    points: Points
+    covariances: FloatArray
+    order: IntArray
+    noise_std: float
+    noise_known: bool
+
+    @property
+    def largest_misfit(self) -> float:
+        """How many times larger than `covariances` say the scatter about an ellipse may be.
+
+        A given noise model is taken at its word but for form errors; one estimated from
+        neighbours is up to four times too small on real sensors, which smooth along the line.
+        """
+        return 1.7 if self.noise_known else 4.0
 
 
 @dataclass(frozen=True, slots=True)

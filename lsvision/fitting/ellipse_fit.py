@@ -21,6 +21,7 @@ from lsvision.fitting.ellipse_problem import (
     orthogonal_comparison,
     parameters_of,
 )
+from lsvision.fitting.quick_fit import normal_variances
 from lsvision.shapes import Ellipse, FloatArray, Points
 
 SURPRISE = 3.3
@@ -80,7 +81,7 @@ class EllipseFit:
     @property
     def regular_covariance(self) -> FloatArray:
         """(5, 5), order of `parameters`. Units: mm^2."""
-        weighted = self.problem.jacobian(self.parameters)
+        _, weighted = self.problem.evaluate(self.parameters)
         information = weighted.T @ weighted
         return self.variance_factor * _inverse(information)
 
@@ -157,13 +158,8 @@ def _normal_stds(
 ) -> FloatArray:
     if covariances is None:
         return np.ones(len(points))
-    _, n, _ = orthogonal_comparison(points, parameters)
-    variances = (
-        n[:, 0] ** 2 * covariances[:, 0, 0]
-        + 2 * n[:, 0] * n[:, 1] * covariances[:, 0, 1]
-        + n[:, 1] ** 2 * covariances[:, 1, 1]
-    )
-    stds: FloatArray = np.sqrt(variances)
+    _, normals, _ = orthogonal_comparison(points, parameters)
+    stds: FloatArray = np.sqrt(normal_variances(normals, covariances))
     return stds
 
 
@@ -178,7 +174,7 @@ def _inverse(information: FloatArray) -> FloatArray:
 def _fit_with_evidence(
     problem: ArcProblem, parameters: FloatArray, *, known_noise: bool
 ) -> EllipseFit:
-    normalised = problem.residuals(parameters)[: len(problem.points)]
+    normalised = problem.evaluate(parameters)[0][: len(problem.points)]
     residuals = normalised * problem.stds
     freedom = float(max(len(residuals) - PARAMETERS, 1))
     if problem.known_radius is not None:

@@ -67,36 +67,30 @@ class ArcProblem:
     known_radius: KnownRadius | None
     residual: str
 
-    def residuals(self, parameters: FloatArray) -> FloatArray:
-        """(n,) or, with a prior, (n + 1,) residuals over their standard deviations."""
-        signed, _, _ = self._compare(parameters)
-        return self._with_prior_residual(signed / self.stds, parameters)
+    def evaluate(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Residuals over their standard deviations, and their derivative.
 
-    def jacobian(self, parameters: FloatArray) -> FloatArray:
-        """Derivative of `residuals`: (n, 5) or (n + 1, 5)."""
-        _, n, w = self._compare(parameters)
-        nx, ny, wx, wy = n[:, 0], n[:, 1], w[:, 0], w[:, 1]
-        jacobian = np.column_stack(
-            [nx, ny, nx * wx + ny * wy, nx * wx - ny * wy, nx * wy + ny * wx]
-        )
-        jacobian /= -self.stds[:, None]
-        if self.known_radius is None:
-            return jacobian
-        row = semi_minor_gradient(parameters) / self.known_radius.weight_std
-        return np.vstack([jacobian, row])
-
-    def _with_prior_residual(self, scaled: FloatArray, parameters: FloatArray) -> FloatArray:
-        if self.known_radius is None:
-            return scaled
-        gap = semi_minor(parameters) - self.known_radius.radius
-        return np.append(scaled, gap / self.known_radius.weight_std)
-
-    def _compare(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        Returns
+        -------
+        residuals : (n,) or, with a prior, (n + 1,) ndarray
+        jacobian : (n, 5) or (n + 1, 5) ndarray
+            Units: 1/mm.
+        """
         compare = orthogonal_comparison if self.residual == "orthogonal" else radial_comparison
-        return compare(self.points, parameters)
-
-
-Comparison = Callable[[Points, FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
+        signed, n, w = compare(self.points, parameters)
+        nx, ny, wx, wy = n[:, 0], n[:, 1], w[:, 0], w[:, 1]
+        prior = self.known_radius
+        rows = len(signed) + (prior is not None)
+        residuals, jacobian = np.empty(rows), np.empty((rows, PARAMETERS))
+        body = jacobian[: len(signed)]
+        body[:, 0], body[:, 1], body[:, 2] = nx, ny, nx * wx + ny * wy
+        body[:, 3], body[:, 4] = nx * wx - ny * wy, nx * wy + ny * wx
+        body /= -self.stds[:, None]
+        residuals[: len(signed)] = signed / self.stds
+        if prior is not None:
+            residuals[-1] = (semi_minor(parameters) - prior.radius) / prior.weight_std
+            jacobian[-1] = semi_minor_gradient(parameters) / prior.weight_std
+        return residuals, jacobian
 
 
 def orthogonal_comparison(
@@ -112,16 +106,14 @@ def orthogonal_comparison(
         Outward unit normal and unit vector of the nearest point.
     """
     a, b, cos, sin = _axes(parameters)
-    d = points - parameters[:2]
-    u, v = d[:, 0] * cos + d[:, 1] * sin, d[:, 1] * cos - d[:, 0] * sin
-    foot = foot_points(np.column_stack([u, v]), a, b)
-    wu, wv = foot[:, 0] / a, foot[:, 1] / b
-    gu, gv = wu / a, wv / b
-    norm = np.hypot(gu, gv)
-    nu, nv = gu / norm, gv / norm
-    signed = (u - foot[:, 0]) * nu + (v - foot[:, 1]) * nv
-    normals = np.column_stack([nu * cos - nv * sin, nu * sin + nv * cos])
-    return signed, normals, np.column_stack([wu * cos - wv * sin, wu * sin + wv * cos])
+    own = (points - parameters[:2]) @ np.array([[cos, -sin], [sin, cos]])
+    foot = foot_points(own, a, b)
+    w = foot / (a, b)
+    normals = w / (a, b)
+    normals /= np.hypot(normals[:, 0], normals[:, 1])[:, None]
+    gap = (own - foot) * normals
+    back = np.array([[cos, sin], [-sin, cos]])
+    return gap[:, 0] + gap[:, 1], normals @ back, w @ back
 
 
 def radial_comparison(
@@ -167,7 +159,7 @@ def ellipse_of(parameters: FloatArray) -> Ellipse:
         If the parameters are no ellipse: not finite, or an axis of no length.
     """
     a, b, cos, sin = _axes(parameters)
-    if not (np.isfinite(parameters).all() and b > 1e-9 * a):
+    if not (np.isfinite(parameters).all() and 1e-9 * a < b <= a):
         raise FitFailed(
             f"the points have no ellipse (semi-axes {a:.3g} and {b:.3g} mm): they lie on a "
             "straight line or on two; leave them out"
@@ -201,20 +193,52 @@ def minimise(problem: ArcProblem, start: FloatArray) -> FloatArray:
     FitFailed
         If the iteration leaves the finite numbers.
     """
-    from scipy.optimize import leastsq
-
     rows = len(problem.points) + (problem.known_radius is not None)
     if rows < PARAMETERS:
         raise TooFewPoints("an arc", rows, PARAMETERS, "scan slower or nearer")
+    parameters = least_squares(problem.evaluate, start)
+    if not np.isfinite(parameters).all():
+        raise FitFailed("the ellipse fit left the finite numbers: the points lie on no ellipse")
+    return parameters
+
+
+Evaluation = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+
+
+def least_squares(evaluate: Evaluation, start: FloatArray) -> FloatArray:
+    """Parameters of least squares by Levenberg-Marquardt (MINPACK) with analytic Jacobian.
+
+    Parameters
+    ----------
+    evaluate : callable
+        Parameters to residuals (n,) and Jacobian (n, k).
+    start : (k,) ndarray
+        Where to begin.
+    """
+    from scipy.optimize import leastsq
+
+    remembered = _remembering_last(evaluate)
     with np.errstate(all="ignore"):
         found, *_ = leastsq(
-            problem.residuals, start, Dfun=problem.jacobian, xtol=1e-10, ftol=1e-12, maxfev=200,
-            full_output=True,
+            lambda x: remembered(x)[0], start, Dfun=lambda x: remembered(x)[1],
+            xtol=1e-9, ftol=1e-12, maxfev=100, full_output=True,
         )  # fmt: skip
-    if not np.isfinite(found).all():
-        raise FitFailed("the ellipse fit left the finite numbers: the points lie on no ellipse")
     parameters: FloatArray = found
     return parameters
+
+
+def _remembering_last(evaluate: Evaluation) -> Evaluation:
+    """MINPACK asks for residuals and Jacobian apart, at the same point; compute both once."""
+    last: dict[bytes, tuple[FloatArray, FloatArray]] = {}
+
+    def remembered(parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+        key = parameters.tobytes()
+        if key not in last:
+            last.clear()
+            last[key] = evaluate(parameters)
+        return last[key]
+
+    return remembered
 
 
 def _axes(parameters: FloatArray) -> tuple[float, float, float, float]:

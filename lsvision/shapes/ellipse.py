@@ -8,8 +8,11 @@ import numpy as np
 
 from lsvision.shapes.arrays import FloatArray, Points
 
-FOOT_POINT_STEPS = 6
-"""Iterations of the foot-point search; it gains two digits a step from the first."""
+TINY = 1e-300
+FOOT_POINT_STEPS = 30
+FOOT_POINT_CLOSE = 1e-11
+"""The search gains about two digits a step near the ellipse and stops at this change of the
+direction (rad); far from it and near the evolute it needs the more steps."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,23 +212,23 @@ def foot_points(own: Points, a: float, b: float) -> Points:
         Own frame. Units: mm.
     """
     p, q = np.abs(own[:, 0]), np.abs(own[:, 1])
-    scale = np.hypot(b * p, a * q)
-    scale = np.where(scale > 0, scale, 1.0)
-    cos, sin = b * p / scale, a * q / scale
-    c2 = a * a - b * b
+    cos, sin = _unit(b * p, a * q)
+    ca, cb = (a * a - b * b) / a, (b * b - a * a) / b
     for _ in range(FOOT_POINT_STEPS):
         # Centre of curvature (on the evolute) of the foot point found so far.
-        ex, ey = c2 / a * cos**3, -c2 / b * sin**3
-        radius = np.hypot(a * cos - ex, b * sin - ey)
+        ex, ey = ca * cos**3, cb * sin**3
         dx, dy = p - ex, q - ey
-        gap = np.hypot(dx, dy)
-        stretch = radius / np.where(gap > 0, gap, 1.0)
-        cos = np.clip((ex + dx * stretch) / a, 0.0, 1.0)
-        sin = np.clip((ey + dy * stretch) / b, 0.0, 1.0)
-        norm = np.hypot(cos, sin)
-        norm = np.where(norm > 0, norm, 1.0)
-        cos, sin = cos / norm, sin / norm
-    foot: Points = np.column_stack(
-        [np.copysign(a * cos, own[:, 0]), np.copysign(b * sin, own[:, 1])]
-    )
-    return foot
+        stretch = np.hypot(a * cos - ex, b * sin - ey) / np.maximum(np.hypot(dx, dy), TINY)
+        last = cos
+        cos, sin = _unit(
+            np.maximum(ex + dx * stretch, 0.0) * b, np.maximum(ey + dy * stretch, 0.0) * a
+        )
+        if a == b or np.abs(cos - last).max(initial=0.0) < FOOT_POINT_CLOSE:
+            break
+    return np.column_stack([np.copysign(a * cos, own[:, 0]), np.copysign(b * sin, own[:, 1])])
+
+
+def _unit(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    norm = np.hypot(x, y)
+    norm[norm == 0] = 1.0
+    return x / norm, y / norm

@@ -1,0 +1,86 @@
+"""Smoothing and homogenising of one arc on the residual to its screened ellipse (paper 3.3)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lsvision.fitting.ellipse_problem import ellipse_of, orthogonal_comparison, parameters_of
+from lsvision.fitting.homogenising import HomogenisingSettings, homogenise
+from lsvision.fitting.quick_fit import normal_variances, refine_quickly
+from lsvision.fitting.smoothing import SmoothingSettings, smooth_residual
+from lsvision.shapes import BoolArray, Ellipse, FloatArray, Points
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ConditionedArc:
+    """An arc, smoothed and homogenised.
+
+    Parameters
+    ----------
+    points : (m, 2) ndarray
+        Equally spaced along the arc, smoothed. Units: mm.
+    ellipse : Ellipse
+        Quick fit to them: the start of the geometric refinement. Units: mm, rad.
+    kept : (n,) bool ndarray
+        The measured points that are neither jump nor stray.
+    """
+
+    points: Points
+    ellipse: Ellipse
+    kept: BoolArray
+
+
+def condition_arc(
+    points: Points,
+    covariances: FloatArray,
+    ellipse: Ellipse,
+    smoothing: SmoothingSettings = SmoothingSettings(),
+    homogenising: HomogenisingSettings = HomogenisingSettings(),
+) -> ConditionedArc:
+    """Smooth and homogenise the points of a screened arc; find the jumps among them.
+
+    Parameters
+    ----------
+    points : (n, 2) ndarray
+        Points of the arc. Units: mm.
+    covariances : (n, 2, 2) ndarray
+        Of their errors. Units: mm^2.
+    ellipse : Ellipse
+        The screened ellipse. Units: mm, rad.
+    smoothing, homogenising : settings
+        Sections 3.3.1 and 3.3.2.
+
+    Returns
+    -------
+    ConditionedArc
+    """
+    parameters = parameters_of(ellipse)
+    signed, normals, w = orthogonal_comparison(points, parameters)
+    stds = np.sqrt(normal_variances(normals, covariances))
+    order = np.argsort(_angle_from_middle(w), kind="stable")
+    feet = (points - signed[:, None] * normals)[order]
+    steps = np.hypot(*np.diff(feet, axis=0).T)
+    # Points may share a foot; arc length must rise all the same.
+    length = np.concatenate([[0.0], np.cumsum(steps + 1e-9 * steps.sum() + 1e-12)])
+    smooth = smooth_residual(length, signed[order], stds[order], smoothing)
+    even, residual = homogenise(smooth.length, smooth.residual, homogenising)
+    on_even = _interpolate(even, length, feet) + residual[:, None] * _interpolate(
+        even, length, normals[order]
+    )
+    kept = np.empty(len(points), dtype=bool)
+    kept[order] = smooth.weights > 0
+    weight = np.broadcast_to(np.eye(2) * float(np.median(stds)) ** 2, (len(even), 2, 2))
+    found, _ = refine_quickly(on_even, weight, parameters, steps=2)
+    sound = np.isfinite(found).all() and found[2] > np.hypot(found[3], found[4])
+    return ConditionedArc(on_even, ellipse_of(found if sound else parameters), kept)
+
+
+def _angle_from_middle(w: FloatArray) -> FloatArray:
+    """Angle of unit vectors from their mean, so that the cut of atan2 lies off the arc."""
+    middle = w.mean(axis=0)
+    angle: FloatArray = np.arctan2(w @ (-middle[1], middle[0]), w @ middle)
+    return angle
+
+
+def _interpolate(at: FloatArray, length: FloatArray, values: FloatArray) -> FloatArray:
+    return np.column_stack([np.interp(at, length, column) for column in values.T])

@@ -1,0 +1,76 @@
+"""Homogenising (paper section 3.3.2): equal spacing by cubic spline, along arc length.
+
+The paper's spline runs over x and breaks where a flank is vertical (x no longer rises); along
+arc length it does not.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lsvision.shapes import FloatArray, Points
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class HomogenisingSettings:
+    """Homogenising, section 3.3.2.
+
+    Parameters
+    ----------
+    step_mm : float
+        Spacing of the new points. Units: mm.
+    most_points : int
+        The step grows where the arc would give more.
+    """
+
+    step_mm: float = 0.5
+    most_points: int = 200
+
+
+def homogenise(
+    length: FloatArray, values: FloatArray, settings: HomogenisingSettings = HomogenisingSettings()
+) -> tuple[FloatArray, FloatArray]:
+    """Equally spaced values of a smoothed curve (Eqs. 6-9 over arc length).
+
+    Parameters
+    ----------
+    length : (k,) ndarray
+        Where `values` are known, strictly rising. Units: mm.
+    values : (k,) or (k, d) ndarray
+        Smoothed values. Units: mm.
+    settings : HomogenisingSettings
+        Step.
+
+    Returns
+    -------
+    length, values : ndarray
+        At equal steps from the first to the last length.
+    """
+    from scipy.interpolate import CubicSpline
+
+    span = float(length[-1] - length[0])
+    count = int(np.clip(round(span / settings.step_mm) + 1, 8, settings.most_points))
+    even = np.linspace(length[0], length[-1], count)
+    return even, CubicSpline(length, values)(even)
+
+
+def homogenise_profile_literally(points: Points, step_mm: float = 0.5) -> Points:
+    """Points at equal steps of x by the spline y = S(x), as the paper says; for comparison.
+
+    Parameters
+    ----------
+    points : (n, 2) ndarray
+        Smoothed arc. Units: mm. Points whose x does not rise are left out: S(x) needs it.
+    step_mm : float
+        Units: mm.
+
+    Returns
+    -------
+    (m, 2) ndarray
+        Units: mm.
+    """
+    from scipy.interpolate import CubicSpline
+
+    rising = points[np.concatenate([[True], points[1:, 0] > np.maximum.accumulate(points[:-1, 0])])]
+    x = np.arange(rising[0, 0], rising[-1, 0], step_mm)
+    return np.column_stack([x, CubicSpline(rising[:, 0], rising[:, 1])(x)])

@@ -1,0 +1,241 @@
+"""Intervals from the profile likelihood: right also where the linear approximation is not.
+
+For a value of the quantity everything else is fitted anew; the interval holds the values whose
+likelihood ratio stays below a critical one. For radius and centre that is chi^2 with one degree
+of freedom. Phi and theta are polar coordinates of the deviator e = (p, q), whose origin is the
+circle: within an error or two of it their ratio is no chi^2, and its quantile is computed, in
+the normal approximation of e alone (which is regular there), by quadrature.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from lsvision.fitting.constrained import (
+    Constraint,
+    circle_constraint,
+    constrained_cost,
+    fixed_centre,
+    fixed_phi,
+    fixed_radius,
+    fixed_theta,
+)
+from lsvision.fitting.ellipse_fit import EllipseFit
+from lsvision.fitting.ellipse_problem import semi_minor_gradient
+from lsvision.shapes import FloatArray, Points
+
+Quantity = Literal["radius", "theta", "phi", "centre_x", "centre_y"]
+CIRCLE_LEVEL = 0.999
+"""Confidence at which a section must be no circle before its theta counts as determined."""
+WIDEST_PHI = math.radians(88.0)
+FAR_FROM_CIRCLE = 5.0
+"""Sigmas of the deviator beyond which the ratio is chi^2 of one."""
+INTERVAL_PRECISION = 0.01
+"""An interval's ends are found to this share of a sigma."""
+SMALLEST_RADIUS_SHARE, LARGEST_RADIUS_SHARE = 0.02, 50.0
+
+
+def interval(fit: EllipseFit, quantity: Quantity, level: float = 0.95) -> tuple[float, float]:
+    """Interval that holds the true value with probability `level`.
+
+    Parameters
+    ----------
+    fit : EllipseFit
+        The fit.
+    quantity : {"radius", "theta", "phi", "centre_x", "centre_y"}
+        What the interval is of.
+    level : float
+        Between 0 and 1.
+
+    Returns
+    -------
+    low, high : float
+        Units: mm or rad. Theta runs from low to high and may leave [0, pi) to do so; (0, pi)
+        if every direction is possible. Phi stays in [0, 88 deg].
+
+    Raises
+    ------
+    ValueError
+        If the quantity is none of these or the level is no probability.
+
+    References
+    ----------
+    Chuang and Lai, Hybrid resampling methods for confidence intervals, Statistica Sinica 10,
+    2000 (the idea of the computed quantile).
+    """
+    if quantity not in get_args(Quantity):
+        raise ValueError(f"want one of {', '.join(get_args(Quantity))}, got {quantity!r}")
+    if not 0 < level < 1:
+        raise ValueError(f"want a level between 0 and 1, got {level}")
+    likelihood = _Likelihood(fit, level)
+    if quantity == "phi":
+        return _phi_interval(likelihood)
+    if quantity == "theta":
+        return _theta_interval(likelihood)
+    if quantity == "radius":
+        radius = fit.ellipse.radius
+        limits = SMALLEST_RADIUS_SHARE * radius, LARGEST_RADIUS_SHARE * radius
+        step = likelihood.std(semi_minor_gradient(fit.parameters))
+        return likelihood.around(fixed_radius, radius, step, limits)
+    axis = 0 if quantity == "centre_x" else 1
+    far = LARGEST_RADIUS_SHARE * fit.ellipse.semi_major
+    value = fit.ellipse.centre[axis]
+    step = likelihood.std(np.eye(5)[axis])
+    limits = value - far, value + far
+    return likelihood.around(lambda v: fixed_centre(axis, v), value, step, limits)
+
+
+def circle_is_excluded(fit: EllipseFit) -> bool:
+    """Whether the section is no circle, at 99.9 % confidence: only then theta means something."""
+    likelihood = _Likelihood(fit, CIRCLE_LEVEL)
+    return likelihood.ratio(circle_constraint()) > likelihood.chi2_of_two
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Likelihood:
+    """Likelihood ratios of a fit, in units of its own variance factor."""
+
+    fit: EllipseFit
+    level: float
+
+    def ratio(self, constraint: Constraint) -> float:
+        """-2 log of the likelihood with the constraint over that without."""
+        best = self.fit.problem.evaluate(self.fit.parameters)[0]
+        cost = constrained_cost(self.fit.problem, constraint, self.fit.parameters)
+        return max(0.0, cost - float(best @ best)) / self.fit.variance_factor
+
+    @property
+    def chi2_of_one(self) -> float:
+        """Critical ratio of one quantity; that of Student where the noise was estimated."""
+        from scipy.special import fdtri
+
+        if math.isinf(self.fit.degrees_of_freedom):
+            return _chi2_of_one(self.level)
+        return float(fdtri(1, self.fit.degrees_of_freedom, self.level))
+
+    @property
+    def chi2_of_two(self) -> float:
+        """Critical ratio of both components of the deviator."""
+        from scipy.special import chdtri, fdtri
+
+        if math.isinf(self.fit.degrees_of_freedom):
+            return float(chdtri(2, 1 - self.level))
+        return 2 * float(fdtri(2, self.fit.degrees_of_freedom, self.level))
+
+    def std(self, gradient: FloatArray) -> float:
+        """One sigma of a quantity in the linear approximation."""
+        return math.sqrt(float(gradient @ self.fit.regular_covariance @ gradient))
+
+    def around(
+        self,
+        constrain: Callable[[float], Constraint],
+        value: float,
+        step: float,
+        limits: tuple[float, float],
+    ) -> tuple[float, float]:
+        """Ends of the region around the estimate where the ratio stays below chi^2 of one."""
+        critical = self.chi2_of_one
+
+        def surplus(at: float) -> float:
+            return self.ratio(constrain(at)) - critical
+
+        return _crossing(surplus, value, limits[0], step), _crossing(
+            surplus, value, limits[1], step
+        )
+
+    def critical_near_circle(self, at: FloatArray, alternatives: Points) -> float:
+        """Quantile of the squared distance of e-hat from the nearest of the alternatives.
+
+        `at` is the true deviator, `alternatives` the deviators that share its phi (or theta).
+        """
+        covariance = self.fit.regular_covariance[3:, 3:]
+        whiten = np.linalg.inv(np.linalg.cholesky(covariance))
+        if math.hypot(*(whiten @ at)) > FAR_FROM_CIRCLE:
+            return self.chi2_of_one
+        drawn = _normal_grid() + whiten @ at
+        others = alternatives @ whiten.T
+        squares = (drawn**2).sum(axis=1)[:, None] + (others**2).sum(axis=1) - 2 * drawn @ others.T
+        nearest = np.sort(squares.min(axis=1))
+        quantile = float(np.interp(self.level * len(nearest), np.arange(len(nearest)), nearest))
+        return quantile * self.chi2_of_one / _chi2_of_one(self.level)
+
+
+def _chi2_of_one(level: float) -> float:
+    from scipy.special import chdtri
+
+    return float(chdtri(1, 1 - level))
+
+
+def _phi_interval(likelihood: _Likelihood) -> tuple[float, float]:
+    fit = likelihood.fit
+    m, theta = float(fit.parameters[2]), fit.ellipse.theta
+    angles = np.linspace(0, 2 * np.pi, 48, endpoint=False)
+    ring = np.column_stack([np.cos(angles), np.sin(angles)])
+
+    def surplus(phi: float) -> float:
+        h = m * (1 - math.cos(phi)) / (1 + math.cos(phi))
+        at = h * np.array([math.cos(2 * theta), math.sin(2 * theta)])
+        critical = likelihood.critical_near_circle(at, h * ring)
+        constraint = fixed_phi(phi) if phi > 0 else circle_constraint()
+        return likelihood.ratio(constraint) - critical
+
+    phi = fit.ellipse.phi
+    # h = m (1 - cos phi) / (1 + cos phi), about m phi^2 / 4.
+    std = math.sqrt(float(np.trace(fit.regular_covariance[3:, 3:]))) / m
+    step = min(2 * std / max(phi, 1e-9), 2 * math.sqrt(std), 0.5)
+    return _crossing(surplus, phi, 0.0, step), _crossing(surplus, phi, WIDEST_PHI, step)
+
+
+def _theta_interval(likelihood: _Likelihood) -> tuple[float, float]:
+    fit = likelihood.fit
+    p, q = fit.parameters[3:]
+    h = max(math.hypot(p, q), 1e-12)
+    theta = fit.ellipse.theta
+    away = np.concatenate([[0.0], np.geomspace(0.03, 10.0, 40)]) * h
+
+    def surplus(at: float) -> float:
+        direction = np.array([math.cos(2 * at), math.sin(2 * at)])
+        critical = likelihood.critical_near_circle(h * direction, away[:, None] * direction)
+        return likelihood.ratio(fixed_theta(at)) - critical
+
+    quarter = math.pi / 2
+    if likelihood.ratio(circle_constraint()) <= likelihood.chi2_of_two:
+        return 0.0, math.pi
+    step = min(likelihood.std(np.array([0, 0, 0, -q, p])) / (2 * h * h), 0.3)
+    return (
+        _crossing(surplus, theta, theta - quarter, step),
+        _crossing(surplus, theta, theta + quarter, step),
+    )
+
+
+def _crossing(surplus: Callable[[float], float], inside: float, limit: float, step: float) -> float:
+    """Where a function that is negative at `inside` turns positive; `limit` if it does not.
+
+    Steps grow from one and a half until the sign turns, then Brent.
+    """
+    from scipy.optimize import brentq
+
+    sign = math.copysign(1.0, limit - inside)
+    last, reach = inside, 1.5 * step
+    while last != limit:
+        at = inside + sign * reach
+        if (limit - at) * sign <= 0:
+            at = limit
+        if surplus(at) > 0:
+            tolerance = max(INTERVAL_PRECISION * step, 1e-12)
+            return float(brentq(surplus, last, at, xtol=tolerance, rtol=1e-12, maxiter=30))
+        last, reach = at, 1.7 * reach
+    return limit
+
+
+def _normal_grid(radii: int = 28, angles: int = 24) -> Points:
+    """Equally probable points of the standard normal distribution of the plane."""
+    share = (np.arange(radii) + 0.5) / radii
+    radius = np.sqrt(-2 * np.log(1 - share))
+    turn = 2 * np.pi * (np.arange(angles) + 0.5) / angles
+    grid = radius[:, None, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1)[None]
+    points: Points = grid.reshape(-1, 2)
+    return points

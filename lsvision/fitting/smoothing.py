@@ -1,0 +1,139 @@
+"""Smoothing (paper section 3.3.1), along arc length and on the residual to the ellipse.
+
+The paper smooths y(x) by local quadratics over 30 % of the arc; over so wide a window a
+quadratic in x is no ellipse, and even noise-free arcs come out 0.4 to 0.8 mm too large. The
+residual to the screened ellipse is flat, so there the same step is without bias. Robust weights
+(bisquare, two rounds) let single jumps and lost lines fall out, which is what the paper wants
+of it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lsvision.shapes import FloatArray, Points
+
+NODES = 48
+"""Places where the local quadratic is evaluated: a window of 30 % has no finer detail."""
+BISQUARE = 4.685
+"""Tukey's constant: 95 % efficiency at the normal distribution."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SmoothingSettings:
+    """Smoothing, section 3.3.1.
+
+    Parameters
+    ----------
+    window_fraction : float
+        Width of the local regression as a share of the arc.
+    rounds : int
+        Robust reweightings.
+    """
+
+    window_fraction: float = 0.3
+    rounds: int = 2
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SmoothedArc:
+    """A smoothed residual and how much each point had to say in it.
+
+    Parameters
+    ----------
+    length : (k,) ndarray
+        Arc length of the nodes. Units: mm.
+    residual : (k,) ndarray
+        Smoothed residual to the screened ellipse at the nodes. Units: mm.
+    weights : (n,) ndarray
+        Robust weight of each point in [0, 1]; 0 is a jump.
+    """
+
+    length: FloatArray
+    residual: FloatArray
+    weights: FloatArray
+
+
+def smooth_residual(
+    length: FloatArray,
+    residual: FloatArray,
+    stds: FloatArray,
+    settings: SmoothingSettings = SmoothingSettings(),
+) -> SmoothedArc:
+    """Local quadratic regression of a residual over arc length.
+
+    Parameters
+    ----------
+    length : (n,) ndarray
+        Arc length of each point, rising. Units: mm.
+    residual : (n,) ndarray
+        Orthogonal residual to the screened ellipse. Units: mm.
+    stds : (n,) ndarray
+        Standard deviation of each residual. Units: mm.
+    settings : SmoothingSettings
+        Window and rounds.
+
+    Returns
+    -------
+    SmoothedArc
+
+    Notes
+    -----
+    Double-smoothing local regression (the paper's reference 20) fits lines twice; its second
+    round is replaced by quadratics, as the paper's own text has them.
+    """
+    span = float(length[-1] - length[0])
+    nodes = np.linspace(length[0], length[-1], NODES)
+    half = max(settings.window_fraction * span / 2, 1e-12)
+    # At the ends the window is one-sided; it keeps its width by reaching further in.
+    reach = np.maximum(half, half + np.maximum(length[0] + half - nodes, nodes + half - length[-1]))
+    u = (length - nodes[:, None]) / reach[:, None]
+    kernel = np.clip(1 - np.abs(u) ** 3, 0, None) ** 3 / stds**2
+    weights = np.ones(len(length))
+    smooth = np.zeros(NODES)
+    for _ in range(1 + settings.rounds):
+        smooth = _local_quadratic(u, kernel * weights, residual)
+        z = (residual - np.interp(length, nodes, smooth)) / stds
+        scale = max(float(np.median(np.abs(z))) * 1.4826, 1e-12)
+        weights = np.clip(1 - (z / (BISQUARE * scale)) ** 2, 0, None) ** 2
+    return SmoothedArc(nodes, smooth, weights)
+
+
+def _local_quadratic(u: FloatArray, kernel: FloatArray, residual: FloatArray) -> FloatArray:
+    """Value at u = 0 of the weighted quadratic of each row."""
+    powers = [kernel]
+    for _ in range(4):
+        powers.append(powers[-1] * u)
+    s = [power.sum(axis=1) for power in powers]
+    right = np.stack([power @ residual for power in powers[:3]], axis=-1)
+    matrix = np.stack([np.stack(s[i : i + 3], axis=-1) for i in range(3)], axis=-2)
+    # A little ridge: a window with two points has a line, one without any the ellipse itself.
+    ridge = 1e-9 * s[0] + 1e-12 * s[0].max() + np.finfo(float).tiny
+    matrix = matrix + ridge[:, None, None] * np.eye(3)
+    value: FloatArray = np.linalg.solve(matrix, right[..., None])[:, 0, 0]
+    return value
+
+
+def smooth_profile_literally(points: Points, window_fraction: float = 0.3) -> Points:
+    """Smooth y(x) by local quadratics, as the paper's section 3.3.1 says; for comparison only.
+
+    Parameters
+    ----------
+    points : (n, 2) ndarray
+        An arc, ordered by x. Units: mm.
+    window_fraction : float
+        Share of the points in each window.
+
+    Returns
+    -------
+    (n, 2) ndarray
+        Same x, smoothed y. Units: mm. Biased: radius 0.4 to 0.8 mm too large on clean arcs.
+    """
+    count = len(points)
+    window = min(count, max(3, round(window_fraction * count)))
+    smooth = points.copy()
+    for i in range(count):
+        first = min(max(0, i - window // 2), count - window)
+        x, y = points[first : first + window].T
+        smooth[i, 1] = np.polynomial.Polynomial.fit(x, y, 2)(points[i, 0])
+    return smooth

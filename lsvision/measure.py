@@ -1,0 +1,199 @@
+"""The paper on one page: one profile in, cylinders out (Figure 4).
+
+Range image and candidates stand before the paper's steps, because rough identification alone
+takes planes for huge ellipses; `Settings.paper` runs the paper's chain without them.
+"""
+
+from dataclasses import dataclass
+
+from lsvision.errors import LsvisionError
+from lsvision.fitting.conditioning import condition_arc
+from lsvision.fitting.cylinder_section import CylinderSection
+from lsvision.fitting.ellipse_fit import FittingSettings, fit_ellipse
+from lsvision.fitting.ellipse_problem import KnownRadius
+from lsvision.fitting.homogenising import HomogenisingSettings
+from lsvision.fitting.smoothing import SmoothingSettings
+from lsvision.literal import LiteralSettings, measure_literally
+from lsvision.profile import NoiseModel, Profile, WeighedProfile
+from lsvision.recognition.candidates import CandidateSettings, find_candidates
+from lsvision.recognition.identification import IdentificationSettings, IdentifiedArc
+from lsvision.recognition.leftovers import explain_leftovers
+from lsvision.recognition.range_image import (
+    RangeImageSettings,
+    connected_components,
+    rasterise,
+)
+from lsvision.recognition.recognise import identify_arcs
+from lsvision.recognition.screening import ScreeningSettings, screen_arc
+from lsvision.recognition.search_range import search_range
+from lsvision.recognition.verdict import (
+    Rejection,
+    VerdictSettings,
+    reason_against,
+    reason_in_surroundings,
+)
+from lsvision.recognition.weighing import weigh_profile
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Settings:
+    """One settings value for each step, in the order of the steps.
+
+    Parameters
+    ----------
+    range_image, candidates, identification, verdict, screening : settings
+        Recognition, section 3.2.
+    smoothing, homogenising : settings
+        Conditioning, section 3.3.
+    fitting : FittingSettings
+        Section 2.3.
+    literal : LiteralSettings or None
+        Not None: the paper's own chain instead of all the above.
+    """
+
+    range_image: RangeImageSettings = RangeImageSettings()
+    candidates: CandidateSettings = CandidateSettings()
+    identification: IdentificationSettings = IdentificationSettings()
+    verdict: VerdictSettings = VerdictSettings()
+    screening: ScreeningSettings = ScreeningSettings()
+    smoothing: SmoothingSettings = SmoothingSettings()
+    homogenising: HomogenisingSettings = HomogenisingSettings()
+    fitting: FittingSettings = FittingSettings()
+    literal: LiteralSettings | None = None
+
+    @classmethod
+    def paper(cls) -> "Settings":
+        """The paper's chain as literally as its text allows, for side-by-side comparison."""
+        return cls(literal=LiteralSettings())
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """What one profile holds.
+
+    Parameters
+    ----------
+    cylinders : tuple of CylinderSection
+        Left to right by centre x.
+    rejections : tuple of Rejection
+        What else was looked at, and why it is no cylinder; in the order of the profile.
+    """
+
+    cylinders: tuple[CylinderSection, ...]
+    rejections: tuple[Rejection, ...]
+
+
+def measure_cylinders(
+    profile: Profile,
+    *,
+    radius: float | tuple[float, float] | None = None,
+    known_radius: float | tuple[float, float] | None = None,
+    sensor: NoiseModel | None = None,
+    settings: Settings = Settings(),
+) -> Measurement:
+    """Radius, orientation and position of every cylinder in a profile.
+
+    Parameters
+    ----------
+    profile : Profile
+        Points of one light section.
+    radius : float or tuple of float, optional
+        Search range (min, max), or a nominal radius that is searched within 20 %. Units: mm.
+    known_radius : float or tuple of float, optional
+        Radius, or (radius, std): a prior in the fit, and the search range where `radius` gives
+        none. Units: mm.
+    sensor : NoiseModel, optional
+        Noise of the points; that of the profile without; where neither is given the noise is
+        taken as isotropic and estimated from the residuals.
+    settings : Settings
+        One value for each step.
+
+    Returns
+    -------
+    Measurement
+        Same input and settings, same numbers out. A profile without cylinders, or without
+        points, gives an empty one.
+
+    Raises
+    ------
+    ValueError
+        If a radius is not positive or its range is reversed.
+
+    Notes
+    -----
+    One section leaves the sign of the tilt open (`CylinderSection.axis_twins`), and knows
+    little of phi below 10 deg: look at ``interval("phi")``; two sections know both.
+
+    Examples
+    --------
+    >>> from lsvision.simulate import random_section
+    >>> section = random_section("single", 7, noise_mm=0.02)
+    >>> (pipe,) = measure_cylinders(section.profile).cylinders
+    >>> (truth,) = section.truth.tubes
+    >>> abs(pipe.radius - truth.radius) < 4 * pipe.radius_std
+    True
+    """
+    known = _known_radius(known_radius)
+    weighed = weigh_profile(profile, sensor or profile.noise)
+    radius_range = search_range(radius, known, weighed)
+    if settings.literal is not None:
+        return Measurement(*measure_literally(weighed, radius_range, settings.literal))
+
+    # Recognition, section 3.2.
+    range_image = rasterise(weighed, settings.range_image)
+    components = connected_components(range_image, settings.candidates.smallest_span)
+    candidates = find_candidates(weighed, components, radius_range, settings.candidates)
+    arcs, rejections = identify_arcs(
+        weighed, candidates, radius_range, settings.identification, settings.verdict
+    )
+    cylinders: list[CylinderSection] = []
+    for arc in arcs:
+        screened = screen_arc(weighed, arc, settings.screening)
+        # Smoothing, homogenising and ellipse fitting, sections 3.3 and 2.3.
+        section = _fit_arc(weighed, screened, known, settings)
+        if isinstance(section, CylinderSection):
+            found = IdentifiedArc(section.arc, section.indices, section.ellipse)
+            reason = reason_against(weighed, found, radius_range, settings.verdict)
+            reason = reason or reason_in_surroundings(weighed, arc, settings.verdict)
+            if reason is None:
+                cylinders.append(section)
+                continue
+            section = Rejection(section.arc, reason)
+        rejections.append(section)
+    rejections = explain_leftovers(weighed, components, cylinders, rejections, radius_range)
+    return Measurement(
+        tuple(sorted(cylinders, key=lambda cylinder: cylinder.centre[0])), tuple(rejections)
+    )
+
+
+def _fit_arc(
+    weighed: WeighedProfile, arc: IdentifiedArc, known: KnownRadius | None, settings: Settings
+) -> CylinderSection | Rejection:
+    conditioned = condition_arc(
+        weighed.points[arc.indices],
+        weighed.covariances[arc.indices],
+        arc.ellipse,
+        settings.smoothing,
+        settings.homogenising,
+    )
+    indices = arc.indices[conditioned.kept]
+    covariances = weighed.covariances[indices] if weighed.noise_known else None
+    try:
+        fit = fit_ellipse(
+            weighed.points[indices],
+            conditioned.ellipse,
+            covariances,
+            known_radius=known,
+            settings=settings.fitting,
+        )
+    except LsvisionError as failure:
+        return Rejection(arc.arc, str(failure))
+    return CylinderSection(fit, arc.arc, indices)
+
+
+def _known_radius(known_radius: float | tuple[float, float] | None) -> KnownRadius | None:
+    if known_radius is None:
+        return None
+    if isinstance(known_radius, tuple):
+        return KnownRadius(*known_radius)
+    return KnownRadius(float(known_radius))

@@ -1,0 +1,220 @@
+"""Seeds of arcs: local spans of a component that an ellipse fits.
+
+Where the paper fits an ellipse to every window of 10 % of the profile, and so finds huge
+ellipses on flat bars, here spans of many lengths are first judged together by the circle
+through their moments; the few that curve like a pipe get an ellipse (``cv2.fitEllipse*``).
+The spans are a fixed lattice instead of random draws: same profile, same seeds.
+"""
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from lsvision.profile import Arc, WeighedProfile
+from lsvision.recognition.range_image import typical_pitch
+from lsvision.recognition.windows import WindowCircles, fit_window_circles, lattice
+from lsvision.shapes import BoolArray, Ellipse, FloatArray, IntArray, Points
+
+SPIKE_SIGMAS, SPIKE_PITCHES = 5.0, 0.5
+"""A point further from the median of five is a jump: noise, and the bend of a narrow crest."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class CandidateSettings:
+    """What a seed must look like.
+
+    Parameters
+    ----------
+    smallest_span : int
+        Points of the shortest span that is tried.
+    span_growth : float
+        Ratio of successive lengths of spans.
+    coverage_deg : float
+        Smallest angle of a seed's arc around its centre. Units: deg.
+    max_tilt_deg : float
+        Largest phi that counts as a pipe. Units: deg.
+    full_span : int
+        Spans of fewer points must cover more, in proportion: a few points curve by chance.
+    roundness : float
+        Share of the radius by which an elliptic span may leave its circle.
+    sigmas : float
+        Multiple of the noise by which a span may leave its circle.
+    sagitta_sigmas : float
+        Multiple of the noise that the height of a span over its chord must reach.
+    overlap : float
+        Of two spans that share more than this of their union, the better one is tried.
+    """
+
+    smallest_span: int = 10
+    span_growth: float = 1.5
+    coverage_deg: float = 25.0
+    full_span: int = 36
+    max_tilt_deg: float = 65.0
+    roundness: float = 0.012
+    sigmas: float = 2.5
+    sagitta_sigmas: float = 5.0
+    overlap: float = 0.5
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Candidate:
+    """An index span that curves like a pipe, unproven.
+
+    Parameters
+    ----------
+    arc : Arc
+        The span.
+    indices : (k,) int ndarray
+        The connected points in it.
+    centre : tuple of float
+        Of the circle through them. Units: mm.
+    radius : float
+        Units: mm.
+    """
+
+    arc: Arc
+    indices: IntArray
+    centre: tuple[float, float]
+    radius: float
+
+
+def find_candidates(
+    profile: WeighedProfile,
+    components: list[IntArray],
+    radius_range: tuple[float, float],
+    settings: CandidateSettings = CandidateSettings(),
+) -> list[Candidate]:
+    """Spans of all components that curve like a pipe, the most telling first.
+
+    Parameters
+    ----------
+    profile : WeighedProfile
+        The profile that the components are of.
+    components : list of (k,) int ndarray
+        Connected points, in order.
+    radius_range : tuple of float
+        Smallest and largest radius of a cylinder. Units: mm.
+    settings : CandidateSettings
+        Gates.
+
+    Returns
+    -------
+    list of Candidate
+        By falling angle covered, spans with large residuals later.
+    """
+    if not components:
+        return []
+    points, noise_std = profile.points, profile.noise_std
+    components = [_without_spikes(profile, c, settings.smallest_span) for c in components]
+    sequence = np.concatenate(components)
+    sizes = np.array([len(component) for component in components])
+    starts, stops = lattice(sizes, settings.smallest_span, settings.span_growth)
+    circles = fit_window_circles(points[sequence], starts, stops)
+    good = _curves_like_a_pipe(circles, stops - starts, noise_std, radius_range, settings)
+    limit = settings.sigmas * noise_std + settings.roundness * circles.radius
+    merit = circles.coverage * (1 - (circles.rms / limit) ** 2)
+    order = np.flatnonzero(good)
+    order = order[np.argsort(-merit[order], kind="stable")]
+    order = order[_unlike_better_ones(starts[order], stops[order], settings.overlap)]
+    return [_candidate(sequence[starts[i] : stops[i]], circles, int(i)) for i in order]
+
+
+def _without_spikes(profile: WeighedProfile, component: IntArray, smallest: int) -> IntArray:
+    """A component without jumps too small to be cut off: far from the median of five."""
+    y = profile.points[component, 1]
+    five = np.sort(np.lib.stride_tricks.sliding_window_view(np.pad(y, 2, mode="edge"), 5), axis=1)
+    pitch = typical_pitch(profile.points[component])
+    near = np.abs(y - five[:, 2]) <= SPIKE_SIGMAS * profile.noise_std + SPIKE_PITCHES * pitch
+    return component[near] if near.sum() >= smallest else component
+
+
+def _unlike_better_ones(starts: IntArray, stops: IntArray, overlap: float) -> IntArray:
+    """Positions of the windows that share less than `overlap` with every better one kept."""
+    kept: list[int] = []
+    left = np.arange(len(starts))
+    while len(left):
+        best = left[0]
+        kept.append(int(best))
+        common = np.minimum(stops[left], stops[best]) - np.maximum(starts[left], starts[best])
+        union = np.maximum(stops[left], stops[best]) - np.minimum(starts[left], starts[best])
+        left = left[common < overlap * union]
+    return np.array(kept, dtype=np.int64)
+
+
+def _curves_like_a_pipe(
+    circles: WindowCircles,
+    points: IntArray,
+    noise_std: float,
+    radius_range: tuple[float, float],
+    settings: CandidateSettings,
+) -> BoolArray:
+    """Gates: radius range, convexity towards the sensor, arc coverage, residual, sagitta."""
+    # The radius of curvature of a tilted section lies between b^2 / a and a^2 / b.
+    stretch = 1 / math.cos(math.radians(settings.max_tilt_deg))
+    low, high = radius_range[0] / stretch, radius_range[1] * stretch**2
+    sagitta = circles.radius * (1 - np.cos(circles.coverage / 2))
+    passed: BoolArray = (
+        (circles.radius >= low)
+        & (circles.radius <= high)
+        & circles.convex
+        & (circles.coverage >= math.radians(settings.coverage_deg))
+        & (circles.coverage * points >= math.radians(settings.coverage_deg) * settings.full_span)
+        & (circles.rms <= settings.sigmas * noise_std + settings.roundness * circles.radius)
+        & (sagitta >= settings.sagitta_sigmas * noise_std)
+    )
+    return passed
+
+
+def _candidate(span: IntArray, circles: WindowCircles, i: int) -> Candidate:
+    x, y = (float(value) for value in circles.centre[i])
+    return Candidate(Arc(int(span[0]), int(span[-1]) + 1), span, (x, y), float(circles.radius[i]))
+
+
+def seed_ellipse(
+    profile: WeighedProfile,
+    candidate: Candidate,
+    settings: CandidateSettings = CandidateSettings(),
+) -> Ellipse:
+    """Algebraic ellipse of a candidate's points, or its circle where that is no pipe.
+
+    Parameters
+    ----------
+    profile : WeighedProfile
+        The profile.
+    candidate : Candidate
+        A span with its circle.
+    settings : CandidateSettings
+        Largest tilt.
+
+    Returns
+    -------
+    Ellipse
+        Units: mm, rad.
+    """
+    circle, radius = candidate.centre, candidate.radius
+    ellipse = _algebraic_ellipse(profile.points[candidate.indices])
+    if (
+        ellipse is not None
+        and ellipse.phi <= math.radians(settings.max_tilt_deg)
+        and math.dist(ellipse.centre, circle) <= radius
+        and radius / 2 <= ellipse.semi_minor <= ellipse.semi_major <= 2 * radius
+    ):
+        return ellipse
+    return Ellipse(circle, radius, radius, 0.0)
+
+
+def _algebraic_ellipse(points: Points) -> Ellipse | None:
+    """Halir and Flusser's fit: small by bias, but never a hyperbola. None where it fails."""
+    centroid = points.mean(axis=0)
+    # float32: subtract the centroid first, or 0.1 mm is lost at 400 mm.
+    centred: FloatArray = points - centroid
+    try:
+        (x, y), (width, height), angle_deg = cv2.fitEllipseDirect(centred.astype(np.float32))
+    except cv2.error:
+        return None
+    if not (math.isfinite(x + y + width + height + angle_deg) and min(width, height) > 0):
+        return None
+    centre = (float(centroid[0]) + x, float(centroid[1]) + y)
+    return Ellipse.from_axes(centre, width / 2, height / 2, math.radians(angle_deg))

@@ -1,0 +1,154 @@
+"""A profile drawn on a grid, and its connected components.
+
+Drawing makes neighbourhood a matter of pixels: a lost column is bridged, a step cuts, and a
+point that jumped away lies alone, whatever the order of the columns says.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from lsvision.profile import WeighedProfile
+from lsvision.shapes import FloatArray, IntArray, Points
+
+LARGEST_SIDE = 1024
+"""Pixels along X or Y at the most: components are cut by links, not by resolution."""
+PIXELS_PER_POINT = 0.5
+"""Pixel columns for each point: links are drawn as lines, so half the resolution loses none."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RangeImageSettings:
+    """How a profile is cut into connected components.
+
+    Parameters
+    ----------
+    bridged_columns : int
+        Lost or jumped columns in a row that do not cut the line.
+    step_slope : float
+        Neighbours further apart in Y than this many pitches are cut: tan of the steepest
+        flank that is followed (4: 76 deg). The rest of a flank is found by the arc's growth.
+    step_sigmas : float
+        Added to the step: multiples of the noise.
+    """
+
+    bridged_columns: int = 3
+    step_slope: float = 4.0
+    step_sigmas: float = 6.0
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class RangeImage:
+    """A drawn profile that remembers which point made which pixel.
+
+    Parameters
+    ----------
+    image : (h, w) uint8 ndarray
+        255 where the line was drawn; row 0 is the far end (smallest y).
+    indices : (k,) int ndarray
+        Indices of the profile's points that lie in the image.
+    pixels : (k, 2) int ndarray
+        Column and row of each of them.
+    pixel_mm : float
+        Size of a pixel in both directions. Units: mm.
+    """
+
+    image: np.ndarray
+    indices: IntArray
+    pixels: IntArray
+    pixel_mm: float
+
+
+def rasterise(
+    profile: WeighedProfile, settings: RangeImageSettings = RangeImageSettings()
+) -> RangeImage:
+    """Draw a profile: points that belong together become one connected stroke.
+
+    Parameters
+    ----------
+    profile : WeighedProfile
+        Its order is the order of drawing.
+    settings : RangeImageSettings
+        Where to bridge and where to cut.
+
+    Returns
+    -------
+    RangeImage
+        Empty (no indices) for a profile without valid points. Points far out of the middle
+        98 % of Y (rubbish values) are left out.
+    """
+    indices = _indices_within_reach(profile)
+    if len(indices) < 2:
+        return RangeImage(np.zeros((1, 1), np.uint8), indices[:0], np.empty((0, 2), int), 1.0)
+    points = profile.points[indices]
+    pitch = typical_pitch(points)
+    low = points.min(axis=0)
+    extent = float((points.max(axis=0) - low).max())
+    pixel = max(pitch / PIXELS_PER_POINT, extent / LARGEST_SIDE)
+    pixels = np.rint((points - low) / pixel).astype(np.int32) + 1
+    columns, rows = pixels.max(axis=0) + 2
+    image = np.zeros((rows, columns), np.uint8)
+    step = settings.step_slope * pitch + settings.step_sigmas * profile.noise_std
+    image[pixels[:, 1], pixels[:, 0]] = 255
+    cv2.polylines(image, _strokes(points, pixels, pitch, step, settings), False, 255)
+    return RangeImage(image, indices, pixels, pixel)
+
+
+def connected_components(range_image: RangeImage, smallest: int) -> list[IntArray]:
+    """Indices of the profile's points, one array a component, left to right.
+
+    Parameters
+    ----------
+    range_image : RangeImage
+        The drawn profile.
+    smallest : int
+        Components with fewer points are left out: jumps, dust.
+    """
+    if len(range_image.indices) == 0:
+        return []
+    _, labels, _, _ = cv2.connectedComponentsWithStats(range_image.image, connectivity=8)
+    label = labels[range_image.pixels[:, 1], range_image.pixels[:, 0]]
+    order = np.argsort(label, kind="stable")
+    cuts = np.flatnonzero(np.diff(label[order])) + 1
+    components = np.split(range_image.indices[order], cuts)
+    return sorted((c for c in components if len(c) >= smallest), key=lambda c: int(c[0]))
+
+
+def typical_pitch(points: Points) -> float:
+    """Median spacing of neighbouring points along X. Units: mm; tiny but positive always."""
+    spacing = np.abs(np.diff(points[:, 0]))
+    spacing = spacing[spacing > 0]
+    if len(spacing) == 0:
+        spread = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
+        return max(spread / max(len(points), 1), 1e-9)
+    return float(np.median(spacing))
+
+
+def _indices_within_reach(profile: WeighedProfile) -> IntArray:
+    valid = profile.order
+    if len(valid) < 2:
+        return valid
+    points = profile.points[valid]
+    low, high = np.percentile(points, (1, 99), axis=0)
+    margin = (high - low) + 10 * typical_pitch(points)
+    within: IntArray = valid[((points >= low - margin) & (points <= high + margin)).all(axis=1)]
+    return within
+
+
+def _strokes(
+    points: Points, pixels: IntArray, pitch: float, step: float, settings: RangeImageSettings
+) -> list[IntArray]:
+    """Polylines through linked neighbours, and bridges over what does not belong."""
+
+    def linked(skip: int) -> np.ndarray:
+        gap: FloatArray = np.abs(points[skip:] - points[:-skip])
+        reach = (settings.bridged_columns + 1.5) * pitch
+        return (gap[:, 0] <= reach) & (gap[:, 1] <= step * max(1, skip - 1))
+
+    neighbours = linked(1)
+    strokes: list[IntArray] = np.split(pixels, np.flatnonzero(~neighbours) + 1)
+    for skip in range(2, min(settings.bridged_columns + 1, len(points) - 1) + 1):
+        over_a_cut = np.flatnonzero(linked(skip) & ~neighbours[: len(points) - skip])
+        strokes.extend(pixels[[i, i + skip]] for i in over_a_cut)
+    return strokes

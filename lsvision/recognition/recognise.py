@@ -1,0 +1,74 @@
+"""All arcs of a profile: each candidate grown, judged, and its points taken."""
+
+import numpy as np
+
+from lsvision.profile import WeighedProfile
+from lsvision.recognition.candidates import Candidate
+from lsvision.recognition.identification import (
+    IdentificationSettings,
+    IdentifiedArc,
+    identify_arc,
+)
+from lsvision.recognition.verdict import Rejection, VerdictSettings, reason_against
+from lsvision.shapes import FloatArray
+
+UNSCREENED_SLACK = 2.0
+"""An arc still has its neighbours' first points at its ends, and may scatter so much more."""
+TAKEN_SHARE = 0.3
+"""A candidate with a larger share of points in an arc already found is that arc's."""
+MOST_FAILURES = 2
+"""Points that so many failed arcs held seed no other."""
+
+
+def identify_arcs(
+    profile: WeighedProfile,
+    candidates: list[Candidate],
+    radius_range: tuple[float, float],
+    settings: IdentificationSettings = IdentificationSettings(),
+    verdict: VerdictSettings = VerdictSettings(),
+) -> tuple[list[IdentifiedArc], list[Rejection]]:
+    """Grow candidates to arcs, the most telling first; each point belongs to one arc.
+
+    Parameters
+    ----------
+    profile : WeighedProfile
+        The profile.
+    candidates : list of Candidate
+        In the order of trying.
+    radius_range : tuple of float
+        Units: mm.
+    settings : IdentificationSettings
+        Growth.
+    verdict : VerdictSettings
+        What an arc must be.
+
+    Returns
+    -------
+    arcs : list of IdentifiedArc
+        Unscreened.
+    rejections : list of Rejection
+        Arcs that grew, and are no cylinder.
+    """
+    taken = np.zeros(len(profile.points), dtype=bool)
+    failures: FloatArray = np.zeros(len(profile.points))
+    arcs: list[IdentifiedArc] = []
+    rejections: list[Rejection] = []
+    free = profile.order
+    for candidate in candidates:
+        span = candidate.indices
+        if taken[span].mean() > TAKEN_SHARE or failures[span].mean() >= MOST_FAILURES:
+            continue
+        arc = identify_arc(profile, candidate, free, settings)
+        if arc is None:
+            failures[span] += 1
+            continue
+        reason = reason_against(profile, arc, radius_range, verdict, slack=UNSCREENED_SLACK)
+        if reason is not None:
+            rejections.append(Rejection(arc.arc, reason))
+            failures[span] += 1
+            failures[arc.indices] += 1
+            continue
+        arcs.append(arc)
+        taken[arc.arc.start : arc.arc.stop] = True
+        free = free[~taken[free]]
+    return arcs, rejections

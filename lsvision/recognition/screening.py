@@ -1,0 +1,138 @@
+"""Accurate screening: do the end points of an arc lie on the ellipse of its middle part.
+
+(Paper section 3.2.2.)
+
+The paper compares r_j with the sensor error. A weld bead leaves a tube so gently that its first
+points pass that test one by one; so here the outermost few points are also judged together,
+and the limit grows by what the ellipse of the middle part itself does not know at the ends.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lsvision.fitting.ellipse_fit import correlation_factor
+from lsvision.fitting.ellipse_problem import ellipse_of, parameters_of
+from lsvision.fitting.quick_fit import (
+    normal_residuals,
+    normal_variances,
+    parameter_rows,
+    refine_quickly,
+)
+from lsvision.profile import Arc, WeighedProfile
+from lsvision.recognition.identification import IdentifiedArc
+from lsvision.shapes import BoolArray, Ellipse, FloatArray, IntArray
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ScreeningSettings:
+    """Accurate screening, section 3.2.2.
+
+    Parameters
+    ----------
+    end_part_fraction : float
+        Share of the arc's points in its start part, and in its end part.
+    sensor_error_sigmas : float
+        A single end point further out is dropped, with all beyond it that fail too.
+    drift_sigmas : float
+        A block of end points whose mean is further out is dropped.
+    block : int
+        Points judged together.
+    """
+
+    end_part_fraction: float = 0.12
+    sensor_error_sigmas: float = 3.5
+    drift_sigmas: float = 4.0
+    block: int = 4
+    edge_share: float = 1.1
+
+
+def screen_arc(
+    profile: WeighedProfile,
+    arc: IdentifiedArc,
+    settings: ScreeningSettings = ScreeningSettings(),
+) -> IdentifiedArc:
+    """Drop the end points that do not lie on the ellipse of the middle part.
+
+    Parameters
+    ----------
+    profile : WeighedProfile
+        The profile.
+    arc : IdentifiedArc
+        From rough identification.
+    settings : ScreeningSettings
+        Sizes of the parts and limits.
+
+    Returns
+    -------
+    IdentifiedArc
+        With the points that remain and the ellipse of the middle part; the arc itself where it
+        has too few points to be judged.
+    """
+    count = len(arc.indices)
+    part = max(2, round(settings.end_part_fraction * count))
+    if count - 2 * part < 8:
+        return arc
+    middle = _fit_middle(profile, arc.indices[part : count - part], arc.ellipse)
+    if middle is None:
+        return arc
+    edge = round(settings.edge_share * (middle.correlation - 1))
+    start = _on_ellipse(profile, arc.indices[edge:part], middle, settings)
+    stop = _on_ellipse(profile, arc.indices[::-1][edge:part], middle, settings)
+    kept = np.concatenate([start, arc.indices[part : count - part], stop[::-1]])
+    return IdentifiedArc(Arc(int(kept[0]), int(kept[-1]) + 1), kept, middle.ellipse)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _MiddlePart:
+    """Ellipse of the middle part with its covariance (mm^2), and how the points scatter.
+
+    `excess` is the variance over the noise model's, `correlation` how many neighbours in a row
+    say the same; both 1 for a true model and independent errors.
+    """
+
+    parameters: FloatArray
+    covariance: FloatArray
+    excess: float
+    correlation: float
+
+    @property
+    def ellipse(self) -> Ellipse:
+        return ellipse_of(self.parameters)
+
+
+def _fit_middle(profile: WeighedProfile, part: IntArray, start: Ellipse) -> _MiddlePart | None:
+    own, covariances = profile.points[part], profile.covariances[part]
+    parameters, covariance = refine_quickly(own, covariances, parameters_of(start), steps=3)
+    if not (np.isfinite(parameters).all() and parameters[2] > np.hypot(*parameters[3:])):
+        return None
+    signed, n, _ = normal_residuals(own, parameters)
+    z = signed / np.sqrt(normal_variances(n, covariances))
+    excess = max(1.0, (1.4826 * float(np.median(np.abs(z)))) ** 2)
+    correlation = correlation_factor(np.clip(z, -3 * excess, 3 * excess))
+    return _MiddlePart(parameters, covariance * excess * correlation, excess, correlation)
+
+
+def _on_ellipse(
+    profile: WeighedProfile, part: IntArray, middle: _MiddlePart, settings: ScreeningSettings
+) -> IntArray:
+    """The points of an end part, given from the outside in, that lie on the middle's ellipse."""
+    signed, n, w = normal_residuals(profile.points[part], middle.parameters)
+    rows = parameter_rows(n, w)
+    own = middle.excess * normal_variances(n, profile.covariances[part])
+    shared = rows.T @ middle.covariance @ rows
+    single: BoolArray = signed**2 < settings.sensor_error_sigmas**2 * (own + np.diag(shared))
+    first = 0
+    while first < len(part):
+        block = slice(first, first + settings.block)
+        size = len(signed[block])
+        scatter = own[block].sum() * min(middle.correlation, size)
+        variance = (scatter + shared[block, block].sum()) / size**2
+        drift = signed[block].mean() ** 2
+        drifts = drift > settings.drift_sigmas**2 * max(variance, float(own[block].mean()) / 4)
+        if single[first] and not drifts:
+            break
+        first += 1
+    remaining = np.arange(len(part)) >= first
+    good: IntArray = part[remaining & single]
+    return good

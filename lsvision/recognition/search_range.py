@@ -1,0 +1,61 @@
+"""Which radii are looked for."""
+
+import math
+
+import numpy as np
+
+from lsvision.fitting.ellipse_problem import KnownRadius
+from lsvision.profile import WeighedProfile
+
+NOMINAL_SPREAD = 0.2
+"""A nominal radius is searched within this share of itself."""
+SMALLEST_RADIUS_PITCHES = 3.0
+SMALLEST_RADIUS_SHARE = 1 / 75
+"""A smaller pipe has under ten points, or is dust in the field of view: give a range for it."""
+LARGEST_RADIUS_EXTENTS = 1.5
+"""A larger pipe would be seen as a few tens of degrees of an arc."""
+
+
+def search_range(
+    radius: float | tuple[float, float] | None, known: KnownRadius | None, profile: WeighedProfile
+) -> tuple[float, float]:
+    """Smallest and largest radius that a measurement looks for.
+
+    Parameters
+    ----------
+    radius : float, (float, float) or None
+        Nominal radius, or a range. Units: mm.
+    known : KnownRadius or None
+        Its radius counts as nominal where `radius` is None.
+    profile : WeighedProfile
+        Where both are None: from 3 pitches or 1/75 of the profile's extent, to 1.5 times the extent.
+
+    Returns
+    -------
+    low, high : float
+        Units: mm.
+
+    Raises
+    ------
+    ValueError
+        If a radius is not positive or the range is reversed.
+    """
+    if isinstance(radius, tuple):
+        low, high = (float(value) for value in radius)
+        if not (0 < low < high < math.inf):
+            raise ValueError(f"want a radius range 0 < min < max in mm, got {low:g} to {high:g}")
+        return low, high
+    if radius is not None:
+        if not (math.isfinite(radius) and radius > 0):
+            raise ValueError(f"want a positive radius in mm, got {radius}")
+        return (1 - NOMINAL_SPREAD) * radius, (1 + NOMINAL_SPREAD) * radius
+    if known is not None:
+        spread = NOMINAL_SPREAD * known.radius + 3 * known.std
+        return max(known.radius - spread, known.radius / 10), known.radius + spread
+    points = profile.points[profile.order]
+    if len(points) < 2:
+        return 1.0, 2.0
+    extent = float(np.ptp(points, axis=0).max())
+    spacing = float(np.median(np.hypot(*np.diff(points, axis=0).T)))
+    low = max(SMALLEST_RADIUS_PITCHES * spacing, SMALLEST_RADIUS_SHARE * extent, 1e-9)
+    return low, max(LARGEST_RADIUS_EXTENTS * extent, 2 * low)

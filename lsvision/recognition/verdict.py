@@ -1,0 +1,209 @@
+"""Is an arc a cylinder's? If not, the reason in words and numbers."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lsvision.fitting.ellipse_problem import parameters_of
+from lsvision.fitting.quick_fit import normal_residuals, normal_variances
+from lsvision.profile import Arc, WeighedProfile
+from lsvision.recognition.identification import IdentifiedArc
+from lsvision.recognition.windows import fit_window_circles
+from lsvision.shapes import Ellipse, FloatArray, Points
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class VerdictSettings:
+    """What an arc must be to count as a cylinder's section.
+
+    Parameters
+    ----------
+    fewest_points : int
+        On the ellipse.
+    least_coverage_deg : float
+        Angle of the arc, as directions of its normal. Units: deg.
+    max_tilt_deg : float
+        Largest phi. Units: deg.
+    least_sagitta_sigmas : float
+        Height of the arc over its chord in standard deviations of its mean.
+    least_density : float
+        Share of the span's points that lie on the ellipse.
+    smooth_crest_deg : float
+        Both ends turn less than this: the crest of a bent sheet. Simulated tubes have at
+        least one free end. Units: deg.
+    smooth_edge_deg : float
+        One end of a short arc turns less than this: a rounded edge. Units: deg.
+    edge_points : int
+        Arcs with fewer points are short.
+    """
+
+    fewest_points: int = 12
+    least_coverage_deg: float = 38.0
+    max_tilt_deg: float = 65.0
+    least_sagitta_sigmas: float = 20.0
+    least_density: float = 0.7
+    smooth_crest_deg: float = 35.0
+    smooth_edge_deg: float = 20.0
+    edge_points: int = 20
+
+
+@dataclass(frozen=True, slots=True)
+class Rejection:
+    """An arc that is no cylinder, and why.
+
+    Parameters
+    ----------
+    arc : Arc
+        The span.
+    reason : str
+        In words and numbers.
+    """
+
+    arc: Arc
+    reason: str
+
+
+def reason_against(
+    profile: WeighedProfile,
+    arc: IdentifiedArc,
+    radius_range: tuple[float, float],
+    settings: VerdictSettings = VerdictSettings(),
+    *,
+    slack: float = 1.0,
+) -> str | None:
+    """Why an arc is no section of a cylinder; None where nothing speaks against it.
+
+    Parameters
+    ----------
+    profile : WeighedProfile
+        The profile.
+    arc : IdentifiedArc
+        With its ellipse.
+    radius_range : tuple of float
+        Units: mm.
+    settings : VerdictSettings
+        Limits.
+    slack : float
+        By which the largest misfit is widened, for an arc whose ends are not screened yet.
+    """
+    points = profile.points
+    own = points[arc.indices]
+    ellipse = arc.ellipse
+    signed, normals, _ = normal_residuals(own, parameters_of(ellipse))
+    z = signed / np.sqrt(normal_variances(normals, profile.covariances[arc.indices]))
+    misfit = float(np.sqrt(np.mean(z * z)))
+    coverage_deg = math.degrees(coverage(normals))
+    span = np.isfinite(points[arc.arc.start : arc.arc.stop, 0]).sum()
+    sagitta = float(np.ptp(own @ normals.mean(axis=0))) / max(
+        math.hypot(*normals.mean(axis=0)), 0.1
+    )
+    noise = float(np.sqrt(np.mean((signed / np.maximum(np.abs(z), 1e-12)) ** 2)))
+    low, high = radius_range
+    checks = (
+        (len(own) < settings.fewest_points,
+         f"only {len(own)} points on an ellipse, needs {settings.fewest_points}"),
+        (normals[:, 1].mean() <= 0, "concave towards the sensor"),
+        (not low <= ellipse.radius <= high,
+         f"radius {ellipse.radius:.3g} mm outside {low:.3g} to {high:.3g} mm"),
+        (ellipse.phi > math.radians(settings.max_tilt_deg),
+         f"tilt {math.degrees(ellipse.phi):.0f} deg over {settings.max_tilt_deg:.0f} deg"),
+        (coverage_deg < settings.least_coverage_deg,
+         f"arc covers {coverage_deg:.0f} deg, needs {settings.least_coverage_deg:.0f} deg"),
+        (misfit > slack * profile.largest_misfit,
+         f"residual rms {misfit:.1f} times the noise, limit {profile.largest_misfit:.1f}"),
+        (sagitta < settings.least_sagitta_sigmas * noise / math.sqrt(len(own)),
+         f"flat: rises {sagitta:.2f} mm over its chord at {noise:.2f} mm noise"),
+        (len(own) < settings.least_density * span,
+         f"only {len(own)} of {span} points of the span lie on the ellipse"),
+    )  # fmt: skip
+    return next((reason for against, reason in checks if against), None)
+
+
+def coverage(normals: FloatArray) -> float:
+    """Angle of the fan of an arc's normals. Units: rad."""
+    middle = normals.mean(axis=0)
+    angles = np.arctan2(normals @ (-middle[1], middle[0]), normals @ middle)
+    return float(np.ptp(angles))
+
+
+def reason_in_surroundings(
+    profile: WeighedProfile, arc: IdentifiedArc, settings: VerdictSettings = VerdictSettings()
+) -> str | None:
+    """Why the line around an arc tells that it is none; None where nothing speaks against it.
+
+    A cylinder's line ends: at its own horizon, in a kink at the next thing. A crest of a bent
+    sheet goes on smoothly at both ends, the rounded edge of a box at one.
+
+    Parameters
+    ----------
+    profile : WeighedProfile
+        The profile.
+    arc : IdentifiedArc
+        With its ellipse, before screening.
+    settings : VerdictSettings
+        What counts as smooth.
+    """
+    first = int(np.searchsorted(profile.order, arc.indices[0]))
+    last = int(np.searchsorted(profile.order, arc.indices[-1]))
+    ahead = max(6, len(arc.indices) // 8)
+    before = profile.points[profile.order[max(0, first - ahead) : first]][::-1]
+    after = profile.points[profile.order[last + 1 : last + 1 + ahead]]
+    own = profile.points[arc.indices]
+    turns = sorted(
+        math.degrees(turn)
+        for turn in (_turn(own[::-1], before, arc.ellipse), _turn(own, after, arc.ellipse))
+    )
+    if turns[1] < settings.smooth_crest_deg:
+        return f"goes on smoothly at both ends (turns {turns[0]:.0f} and {turns[1]:.0f} deg)"
+    if turns[0] < settings.smooth_edge_deg and len(own) < settings.edge_points:
+        return f"rounded edge: {len(own)} points, goes on smoothly (turns {turns[0]:.0f} deg)"
+    return None
+
+
+def _turn(own: Points, beyond: Points, ellipse: Ellipse) -> float:
+    """Angle between the tangent at the last point of `own` and the line that follows it.
+
+    pi where nothing follows. Units: rad.
+    """
+    pitch = float(np.median(np.hypot(*np.diff(own[-12:], axis=0).T)))
+    followers = _chain(own[-1], beyond, 3 * pitch)
+    if len(followers) < 5:
+        return math.pi
+    _, normals, _ = normal_residuals(own[-1:], parameters_of(ellipse))
+    tangent = np.array([-normals[0, 1], normals[0, 0]])
+    if tangent @ (own[-1] - own[-min(len(own), 6)]) < 0:
+        tangent = -tangent
+    direction = np.linalg.svd(followers - followers.mean(axis=0), full_matrices=False)[2][0]
+    if direction @ (followers[-1] - followers[0]) < 0:
+        direction = -direction
+    cross = float(tangent[0] * direction[1] - tangent[1] * direction[0])
+    return math.atan2(abs(cross), float(tangent @ direction))
+
+
+def _chain(last: FloatArray, beyond: Points, reach: float) -> Points:
+    """The points of `beyond` that each lie within reach of the one before; jumps are left out."""
+    chain: list[FloatArray] = []
+    for point in beyond:
+        if math.dist(point, last) <= reach * (1 + 0.5 * (len(chain) == 0)):
+            chain.append(point)
+            last = point
+    return np.array(chain).reshape(-1, 2)
+
+
+def reason_for_leftover(own: Points, noise_std: float, radius_range: tuple[float, float]) -> str:
+    """Why a run of points that seeded no arc is no cylinder: flat, concave, wrong radius."""
+    if len(own) < 5:
+        return f"only {len(own)} points"
+    circle = fit_window_circles(own, np.array([0]), np.array([len(own)]))
+    radius, rms = float(circle.radius[0]), float(circle.rms[0])
+    centred = own - own.mean(axis=0)
+    flatness = float(np.linalg.svd(centred, compute_uv=False)[1]) / math.sqrt(len(own))
+    if flatness < 3 * noise_std or radius > 20 * float(np.ptp(own, axis=0).max()):
+        return f"flat: {flatness:.2f} mm rms from a straight line"
+    if not circle.convex[0]:
+        return "concave towards the sensor"
+    low, high = radius_range
+    if not low <= radius <= high and rms < max(5 * noise_std, 0.02 * radius):
+        return f"radius {radius:.3g} mm outside {low:.3g} to {high:.3g} mm"
+    return f"no ellipse: best circle leaves {rms:.2f} mm rms at {noise_std:.2f} mm noise"
