@@ -1,0 +1,37 @@
+"""Truth to data; imports nothing that is on trial."""
+
+from lsvision.simulate.bent import BentTube
+from lsvision.simulate.kinds import (
+    SCENE_KINDS,
+    SCENE_SENSOR,
+    TubeRanges,
+    random_section,
+)
+from lsvision.simulate.mishaps import SectionSettings
+from lsvision.simulate.prism import Prism
+from lsvision.simulate.rays import Rays
+from lsvision.simulate.scene import CLUTTER, NOTHING, Scene, Solid
+from lsvision.simulate.section import SimulatedSection, simulate_scan, simulate_section
+from lsvision.simulate.truth import SectionTruth, TubeTruth
+from lsvision.simulate.tube import Tube
+
+__all__ = [
+    "CLUTTER",
+    "NOTHING",
+    "SCENE_KINDS",
+    "SCENE_SENSOR",
+    "BentTube",
+    "Prism",
+    "Rays",
+    "Scene",
+    "SectionSettings",
+    "SectionTruth",
+    "SimulatedSection",
+    "Solid",
+    "Tube",
+    "TubeRanges",
+    "TubeTruth",
+    "random_section",
+    "simulate_scan",
+    "simulate_section",
+]

@@ -1,0 +1,59 @@
+"""Text of a simulated section: what a reader gets back from it."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+from lsvision.shapes import Pose
+from lsvision.simulate import SCENE_SENSOR, Scene, SectionSettings, Tube, random_section
+from lsvision.simulate.rays import Hits
+from lsvision.simulate.section import simulate_section
+from lsvision.simulate.text import profile_text, scan_truth_text, truth_text
+
+
+def test_the_profile_comes_back_column_by_column():
+    section = random_section("planar", 2)
+    lines = profile_text(section, "planar, seed 2").splitlines()
+    assert lines[0] == "# planar, seed 2"
+    assert lines[3] == "x [mm],z [mm]"
+    back = np.loadtxt(lines[4:], delimiter=",")
+    # Written with as many decimals as the sensor's quantum of 0.01 mm has.
+    np.testing.assert_allclose(back, section.profile.points, rtol=0, atol=1e-9)
+
+
+def test_a_sensor_that_does_not_round_is_written_with_four_decimals():
+    sensor = dataclasses.replace(SCENE_SENSOR, quantum=0.0)
+    tube = Tube.of(20.0, 0.0, 0.0, (0.0, -400.0))
+    section = simulate_section(
+        Scene((tube,)), sensor, SectionSettings(), rng=np.random.default_rng(1)
+    )
+    back = np.loadtxt(profile_text(section, "t").splitlines()[4:], delimiter=",")
+    np.testing.assert_allclose(back, section.profile.points, rtol=0, atol=0.5001e-4)
+
+
+def test_the_truth_names_its_units_and_its_source():
+    section = random_section("welded_pair", 2)
+    record = json.loads(truth_text(section, {"kind": "welded_pair", "seed": 2}))
+    assert (record["kind"], record["seed"]) == ("welded_pair", 2)
+    assert record["labels"] == section.truth.labels.tolist()
+    assert record["sensor"]["range_std_mm"] == pytest.approx(section.sensor.range_std, abs=1e-6)
+    for tube, found in zip(section.truth.tubes, record["tubes"], strict=True):
+        assert found["radius_mm"] == pytest.approx(tube.radius, abs=1e-6)
+        assert found["theta_rad"] == pytest.approx(tube.theta, abs=1e-6)
+        assert found["phi_rad"] == pytest.approx(tube.phi, abs=1e-6)
+        assert found["centre_mm"] == pytest.approx(tube.centre, abs=1e-6)
+
+
+def test_a_tube_of_an_unknown_make_is_refused():
+    class Pillar:
+        def first_hits(self, rays):
+            return Hits(np.full(len(rays.origins), np.inf), rays.directions)
+
+        def local_cylinder(self, base_from_section):
+            return None
+
+    section = random_section("single", 1)
+    with pytest.raises(TypeError, match="want a Tube or a BentTube, got Pillar"):
+        scan_truth_text(Scene((Pillar(),)), [Pose()], [section], {})

@@ -1,0 +1,86 @@
+"""Touching ellipses and beads, against dense sampling of the outlines."""
+
+import math
+
+import numpy as np
+import pytest
+
+from lsvision.shapes import Ellipse, orthogonal_residuals
+from lsvision.simulate.welds import contact_point, nested_centre, touching_centre, weld_bead
+
+TOUCHING = 1e-5  # mm: what 20000 samples of an outline miss of a contact
+TURNS = np.linspace(0.0, 2 * math.pi, 20001)
+
+
+def ellipse(seed, centre=(0.0, -400.0)):
+    rng = np.random.default_rng(seed)
+    radius, phi = rng.uniform(10, 40), rng.uniform(0, 0.7)
+    return Ellipse(centre, radius / math.cos(phi), radius, rng.uniform(0, math.pi))
+
+
+def moved(shape, centre):
+    return Ellipse(centre, shape.semi_major, shape.semi_minor, shape.theta)
+
+
+def gap(first, second):
+    return orthogonal_residuals(second.points_at(TURNS), first).min()
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_ellipses_touch_and_do_not_overlap(seed):
+    first, shape = ellipse(seed), ellipse(seed + 100)
+    direction = np.random.default_rng(seed).uniform(-math.pi, math.pi)
+    x, y = touching_centre(first, shape, direction)
+    assert gap(first, moved(shape, (x, y))) == pytest.approx(0.0, abs=TOUCHING)
+    assert math.atan2(y + 400.0, x) == pytest.approx(direction)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_contact_point_is_on_both(seed):
+    first, shape = ellipse(seed), ellipse(seed + 100)
+    second = moved(shape, touching_centre(first, shape, 0.3))
+    contact = np.array([contact_point(first, second)])
+    for touched in (first, second):
+        assert orthogonal_residuals(contact, touched)[0] == pytest.approx(0.0, abs=TOUCHING)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_nested_ellipse_touches_both_from_above(seed):
+    left, right, top = (ellipse(seed + k) for k in (0, 100, 200))
+    right = moved(right, touching_centre(left, right, 0.1))
+    top = moved(top, nested_centre(left, right, top))
+    assert gap(left, top) == pytest.approx(0.0, abs=TOUCHING)
+    assert gap(right, top) == pytest.approx(0.0, abs=TOUCHING)
+    assert top.centre[1] > min(left.centre[1], right.centre[1])
+
+
+def test_nothing_nests_in_a_gap_that_it_falls_through():
+    left, top = ellipse(1), ellipse(2)
+    with pytest.raises(ValueError, match="closer than the third is wide"):
+        nested_centre(left, moved(left, (900.0, -400.0)), top)
+
+
+@pytest.mark.parametrize("bulge", [0.0, 0.1])
+@pytest.mark.parametrize("seed", range(5))
+def test_a_bead_fills_the_groove_on_the_sensors_side(seed, bulge):
+    first, shape = ellipse(seed), ellipse(seed + 100)
+    second = moved(shape, touching_centre(first, shape, 0.2))
+    outline = weld_bead(first, second, leg=9.0, bulge=bulge).outline
+    surface, contact = outline[:41], np.array(contact_point(first, second))
+    for side, foot in ((first, surface[:1]), (second, surface[-1:])):
+        assert orthogonal_residuals(foot, side)[0] == pytest.approx(0.0, abs=TOUCHING)
+        # A fillet that runs into a tube must not dip below its surface by more than roundness.
+        assert orthogonal_residuals(surface, side).min() > -0.02
+    assert surface[20, 1] > contact[1]
+
+
+def test_a_fillet_is_hollow_and_a_bulging_bead_stands_out():
+    left = Ellipse((0.0, -400.0), 20.0, 20.0, 0.0)
+    right = Ellipse((40.0, -400.0), 20.0, 20.0, 0.0)
+    for bulge, sign in ((0.0, -1.0), (0.1, 1.0)):
+        surface = weld_bead(left, right, leg=12.0, bulge=bulge).outline[:41]
+        middle = surface[20, 1] - (surface[0, 1] + surface[-1, 1]) / 2
+        assert sign * middle > 0
+        if bulge:
+            width = surface[-1, 0] - surface[0, 0]
+            assert middle == pytest.approx(bulge * width, rel=1e-9)
