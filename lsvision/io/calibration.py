@@ -1,0 +1,172 @@
+"""Calibrations with their evidence, as JSON with schema, units and provenance."""
+
+import datetime
+import hashlib
+import os
+from collections.abc import Iterable, Mapping
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from lsvision.calibrate.intrinsics import CameraCalibration
+from lsvision.calibrate.laser_plane_result import LaserPlaneCalibration
+from lsvision.calibrate.views import RejectedView
+from lsvision.errors import UnreadableFile, UnwritableFile
+from lsvision.io.whole_files import write_whole
+from lsvision.sensor import rig_file
+from lsvision.sensor.rig_file import camera_as_json, plane_as_json
+from lsvision.shapes import Pose
+
+CAMERA_SCHEMA = "lsvision/camera-calibration/1"
+LASER_PLANE_SCHEMA = "lsvision/laser-plane-calibration/1"
+
+
+def write_camera_calibration(
+    path: str | os.PathLike[str], calibration: CameraCalibration, provenance: Mapping[str, str]
+) -> None:
+    """Write a camera calibration as JSON, with the residuals of each view.
+
+    Parameters
+    ----------
+    path : path
+        Written whole or not at all.
+    calibration : CameraCalibration
+        The result.
+    provenance : mapping of str to str
+        See `provenance_of`.
+
+    Raises
+    ------
+    UnwritableFile
+        If the folder is missing or refuses.
+    """
+    views = [
+        {
+            "image": view.index,
+            "rms": view.rms_px,
+            "camera_from_board": _pose(view.camera_from_board),
+            "residuals": view.residuals.tolist(),
+        }
+        for view in calibration.views
+    ]
+    values = {
+        "camera": camera_as_json(calibration.camera),
+        "std": dict(calibration.std),
+        "rms": calibration.rms_px,
+        "views": views,
+    }
+    _write(path, CAMERA_SCHEMA, values, calibration, provenance)
+
+
+def write_laser_plane_calibration(
+    path: str | os.PathLike[str], calibration: LaserPlaneCalibration, provenance: Mapping[str, str]
+) -> None:
+    """Write a laser-plane calibration as JSON, with the residuals of each view.
+
+    Parameters
+    ----------
+    path : path
+        Written whole or not at all. For measuring, save ``calibration.light_section``.
+    calibration : LaserPlaneCalibration
+        The result.
+    provenance : mapping of str to str
+        See `provenance_of`.
+
+    Raises
+    ------
+    UnwritableFile
+        If the folder is missing or refuses.
+    """
+    views = [
+        {
+            "image": view.index,
+            "camera_from_board": _pose(view.camera_from_board),
+            "corner_residuals": view.corner_residuals.tolist(),
+            "line_residuals": view.line_residuals.tolist(),
+        }
+        for view in calibration.views
+    ]
+    values = {
+        "camera": camera_as_json(calibration.light_section.camera),
+        "laser_plane": plane_as_json(calibration.plane),
+        "covariance_order": ["tilt_about_section_x", "tilt_about_section_y", "distance"],
+        "covariance": calibration.covariance.tolist(),
+        "line_rms": calibration.line_rms,
+        "corner_rms": calibration.corner_rms,
+        "board_bow": calibration.board_bow.tolist(),
+        "board_bow_std": calibration.board_bow_std.tolist(),
+        "views": views,
+    }
+    _write(path, LASER_PLANE_SCHEMA, values, calibration, provenance)
+
+
+def provenance_of(method: str, inputs: Iterable[str | os.PathLike[str]]) -> dict[str, str]:
+    """Where a calibration comes from: method, date, version, and a hash over the inputs.
+
+    Parameters
+    ----------
+    method : str
+        In words.
+    inputs : iterable of paths
+        The files it rests on; their names and SHA-256 are kept.
+
+    Returns
+    -------
+    dict of str to str
+        For a rig file or a calibration file.
+
+    Raises
+    ------
+    UnreadableFile
+        If an input is missing.
+    """
+    digest, names = hashlib.sha256(), []
+    for path in sorted(Path(each) for each in inputs):
+        try:
+            digest.update(hashlib.sha256(path.read_bytes()).digest())
+        except OSError as error:
+            raise UnreadableFile(f"{path} cannot be read: {error.strerror}") from error
+        names.append(path.name)
+    return {
+        "method": method,
+        "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "version": _version(),
+        "inputs": " ".join(names),
+        "inputs_sha256": digest.hexdigest(),
+    }
+
+
+def _version() -> str:
+    try:
+        return metadata.version("lsvision")
+    except metadata.PackageNotFoundError:
+        return "not installed"
+
+
+def _write(
+    path: str | os.PathLike[str],
+    schema: str,
+    values: Mapping[str, Any],
+    calibration: CameraCalibration | LaserPlaneCalibration,
+    provenance: Mapping[str, str],
+) -> None:
+    evidence = {
+        "rejected": _named(calibration.rejected),
+        "outliers": _named(calibration.outliers),
+        "warnings": list(calibration.warnings),
+        "provenance": dict(provenance),
+    }
+    try:
+        text = rig_file.json_text(schema, {**values, **evidence})
+    except ValueError as error:
+        raise UnwritableFile(f"{path}: the calibration holds numbers that are none") from error
+    write_whole(path, text)
+
+
+def _named(views: Iterable[RejectedView]) -> list[dict[str, Any]]:
+    return [{"image": view.index, "reason": view.reason} for view in views]
+
+
+def _pose(pose: Pose) -> list[list[float]]:
+    matrix: list[list[float]] = pose.matrix.tolist()
+    return matrix

@@ -1,0 +1,141 @@
+"""Cameras from files: lsvision's own JSON, OpenCV's YAML, ROS camera_info (file or message)."""
+
+import os
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lsvision.errors import UnreadableFile
+from lsvision.io.calibration import CAMERA_SCHEMA, LASER_PLANE_SCHEMA
+from lsvision.io.whole_files import write_whole
+from lsvision.sensor import rig_file
+from lsvision.sensor.camera import Camera
+from lsvision.sensor.rig_file import camera_from_json, read_json
+
+MATRIX_KEYS = ("camera_matrix", "cameraMatrix", "K", "k", "M1", "mtx")
+DISTORTION_KEYS = (
+    *("distortion_coefficients", "distCoeffs", "dist_coeffs", "distortion_coeffs"),
+    *("D", "d", "D1", "dist"),
+)
+WIDTH_KEYS, HEIGHT_KEYS = ("image_width", "width"), ("image_height", "height")
+
+MODELS = ("plumb_bob", "rational_polynomial", "")
+"""ROS's names of models that OpenCV's coefficients express."""
+
+
+def read_camera(path: str | os.PathLike[str], *, size: tuple[int, int] | None = None) -> Camera:
+    """Read a camera from lsvision's JSON, OpenCV's YAML or ROS camera_info.
+
+    Parameters
+    ----------
+    path : path
+        A camera or laser-plane calibration or a rig file of lsvision; a YAML file of OpenCV's
+        FileStorage; a camera_info file, or the printout of such a message of ROS 1 or 2.
+    size : tuple of int, optional
+        ``(width, height)``, for files that do not tell it. Units: px.
+
+    Returns
+    -------
+    Camera
+        The camera.
+
+    Raises
+    ------
+    UnreadableFile
+        If the file is missing, holds no camera, or one of a lens model that is not OpenCV's
+        (fisheye); names the file and the mend.
+    """
+    source = Path(path)
+    try:
+        text = source.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise UnreadableFile(f"{source} cannot be read: {error.strerror}") from error
+    try:
+        if text.lstrip().startswith("{"):
+            return camera_from_json(_own_json(source)["camera"])
+        return _camera_from_yaml(text, size)
+    except (KeyError, TypeError, ValueError) as error:
+        raise UnreadableFile(f"{source} holds no camera: {error}") from error
+
+
+def write_camera_yaml(path: str | os.PathLike[str], camera: Camera) -> None:
+    """Write a camera as OpenCV's YAML, which OpenCV 4 and 5 and ROS's tools read.
+
+    Raises
+    ------
+    UnwritableFile
+        If the folder is missing or refuses.
+    """
+    width, height = camera.size
+    lines = ["%YAML:1.0", "---", f"image_width: {width}", f"image_height: {height}"]
+    for key, values in (
+        ("camera_matrix", camera.matrix),
+        ("distortion_coefficients", camera.distortion.reshape(1, -1)),
+    ):
+        numbers = ", ".join(
+            f"{value:.17g}" if value % 1 else f"{value:.1f}" for value in values.flat
+        )
+        rows, columns = values.shape
+        lines += [f"{key}: !!opencv-matrix", f"   rows: {rows}", f"   cols: {columns}"]
+        lines += ["   dt: d", f"   data: [ {numbers} ]"]
+    write_whole(path, "\n".join(lines) + "\n")
+
+
+def _own_json(source: Path) -> dict[str, Any]:
+    schemas = (CAMERA_SCHEMA, LASER_PLANE_SCHEMA, rig_file.SCHEMA)
+    for schema in schemas[:-1]:
+        try:
+            return read_json(source, schema)
+        except UnreadableFile:
+            continue
+    return read_json(source, schemas[-1])
+
+
+def _camera_from_yaml(text: str, size: tuple[int, int] | None) -> Camera:
+    model = re.search(r"^distortion_model:[ \t]*[\"']?([^\"'\s]*)", text, re.MULTILINE)
+    if model and model.group(1) not in MODELS:
+        raise ValueError(
+            f"its lens model is {model.group(1)!r}; want {MODELS[0]} or {MODELS[1]}: "
+            "calibrate anew with that model"
+        )
+    matrix = _numbers(text, MATRIX_KEYS, "camera matrix")
+    if len(matrix) != 9:
+        raise ValueError(f"want a camera matrix of 9 numbers, got {len(matrix)}")
+    distortion = _numbers(text, DISTORTION_KEYS, "distortion coefficients")
+    told = _length(text, WIDTH_KEYS), _length(text, HEIGHT_KEYS)
+    if None not in told and size not in (None, told):
+        raise ValueError(f"it is for images of {told} px, not {size}")
+    size = size or (None if None in told else told)  # type: ignore[assignment]
+    if size is None:
+        raise ValueError("it does not tell the size of the images: give size=(width, height)")
+    return Camera(np.reshape(matrix, (3, 3)), np.asarray(distortion), size)
+
+
+def _numbers(text: str, keys: Iterable[str], what: str) -> list[float]:
+    """Numbers under a key: a list in brackets or of dashes, perhaps one level down at `data`."""
+    number = r"[-+.\deE]+"
+    for key in keys:
+        found = re.search(
+            rf"^[ \t]*{key}:[^\[\n]*(?:\n[ \t]+(?!data)\w+:.*)*(?:\n[ \t]*data:)?\s*"
+            rf"(\[[^\]]*\]|(?:-[ \t]+{number}\s+)+)",
+            text,
+            re.MULTILINE,
+        )
+        if found:
+            return [
+                float(each)
+                for each in re.findall(rf"(?:^|(?<=[\[,\s])){number}", found[1])
+                if each != "-"
+            ]
+    raise ValueError(f"want {what} under one of {', '.join(keys)}; found none")
+
+
+def _length(text: str, keys: Iterable[str]) -> int | None:
+    for key in keys:
+        found = re.search(rf"^[ \t]*{key}:[ \t]*(\d+)", text, re.MULTILINE)
+        if found:
+            return int(found.group(1))
+    return None

@@ -1,0 +1,171 @@
+"""Sensor-to-robot calibrations in files: our JSON, and ROS easy_handeye's YAML."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lsvision.calibrate.hand_eye_result import HandEye, RejectedPose, Sphere
+from lsvision.errors import UnreadableFile
+from lsvision.io.whole_files import write_whole
+from lsvision.shapes import Plane, Pose
+
+SCHEMA = "lsvision/hand-eye/1"
+UNITS = {"length": "mm", "angle": "rad", "covariance": "translation mm, left-hand rotation rad"}
+
+
+def save_hand_eye(
+    hand_eye: HandEye, path: str | Path, provenance: Mapping[str, str] | None = None
+) -> None:
+    """Write a calibration as JSON, whole or not at all.
+
+    Parameters
+    ----------
+    hand_eye : HandEye
+        The calibration.
+    path : path
+        ``.json``.
+    provenance : mapping of str to str, optional
+        Method, date, version and inputs' hash, from `lsvision.io.calibration.provenance_of`.
+
+    Raises
+    ------
+    UnwritableFile
+        If the file cannot be written.
+    """
+    document = {
+        "schema": SCHEMA,
+        "units": UNITS,
+        "provenance": dict(provenance or {}),
+        "mounting": hand_eye.mounting,
+        "sensor": hand_eye.sensor,
+        "mount_from_sensor": hand_eye.mount_from_sensor.matrix.tolist(),
+        "covariance": hand_eye.covariance.tolist(),
+        "working_point": hand_eye.working_point.tolist(),
+        "working_std": hand_eye.working_std,
+        "residuals": _with_nulls(hand_eye.residuals),
+        "held_out": _with_nulls(hand_eye.held_out),
+        "rejected": [{"index": r.index, "reason": r.reason} for r in hand_eye.rejected],
+        "target": _target_document(hand_eye.target),
+        "robot_std": list(hand_eye.robot_std),
+        "ambiguity": hand_eye.ambiguity if np.isfinite(hand_eye.ambiguity) else None,
+        "weakness": hand_eye.weakness,
+        "weakest": hand_eye.weakest,
+    }
+    write_whole(path, json.dumps(document, indent=2) + "\n")
+
+
+def load_hand_eye(path: str | Path) -> HandEye:
+    """Read a calibration that `save_hand_eye` wrote.
+
+    Raises
+    ------
+    UnreadableFile
+        If the file is missing, is no JSON, is of another schema or lacks a field.
+    """
+    path = Path(path)
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise UnreadableFile(f"{path}: want a hand-eye file (JSON), got: {error}") from error
+    schema = document.get("schema") if isinstance(document, dict) else None
+    if schema != SCHEMA:
+        raise UnreadableFile(f"{path}: want schema {SCHEMA!r}, got {schema!r}: is it another file?")
+    try:
+        return _hand_eye_of(document)
+    except (KeyError, TypeError, ValueError) as error:
+        raise UnreadableFile(
+            f"{path}: want a whole hand-eye file, got one with a bad or missing {error}"
+        ) from error
+
+
+def export_easy_handeye(
+    hand_eye: HandEye, path: str | Path, *, robot_frame: str, sensor_frame: str
+) -> None:
+    """Write the pose as ROS easy_handeye's YAML: metres, quaternion x y z w.
+
+    Parameters
+    ----------
+    hand_eye : HandEye
+        The calibration.
+    path : path
+        ``.yaml``.
+    robot_frame : str
+        Name in tf of the frame that carries the sensor: the effector (eye in hand) or the
+        robot's base (eye to hand).
+    sensor_frame : str
+        Name of the sensor's frame.
+
+    Raises
+    ------
+    UnwritableFile
+        If the file cannot be written.
+    """
+    from scipy.spatial.transform import Rotation
+
+    in_hand = hand_eye.mounting == "eye_in_hand"
+    pose = hand_eye.mount_from_sensor
+    x, y, z = pose.translation / 1000
+    quaternion = Rotation.from_matrix(pose.rotation).as_quat(canonical=True)
+    qx, qy, qz, qw = (float(value) for value in quaternion)
+    carrier = "robot_effector_frame" if in_hand else "robot_base_frame"
+    text = (
+        "parameters:\n"
+        f"  eye_on_hand: {str(in_hand).lower()}\n"
+        f"  {carrier}: {json.dumps(robot_frame)}\n"
+        f"  tracking_base_frame: {json.dumps(sensor_frame)}\n"
+        "transformation:\n"
+        f"  x: {x:.9f}\n  y: {y:.9f}\n  z: {z:.9f}\n"
+        f"  qx: {qx:.12f}\n  qy: {qy:.12f}\n  qz: {qz:.12f}\n  qw: {qw:.12f}\n"
+    )
+    write_whole(path, text)
+
+
+def _hand_eye_of(document: dict[str, Any]) -> HandEye:
+    ambiguity = document["ambiguity"]
+    position, rotation = document["robot_std"]
+    return HandEye(
+        mount_from_sensor=Pose.from_matrix(document["mount_from_sensor"]),
+        covariance=document["covariance"],
+        residuals=np.array(document["residuals"], dtype=np.float64),
+        held_out=np.array(document["held_out"], dtype=np.float64),
+        rejected=tuple(RejectedPose(r["index"], r["reason"]) for r in document["rejected"]),
+        target=_target_of(document["target"]),
+        working_point=document["working_point"],
+        robot_std=(float(position), float(rotation)),
+        ambiguity=float("inf") if ambiguity is None else float(ambiguity),
+        weakness=float(document["weakness"]),
+        weakest=document["weakest"],
+        mounting=document["mounting"],
+        sensor=document["sensor"],
+    )
+
+
+def _target_document(target: Sphere | Plane | Pose) -> dict[str, Any]:
+    if isinstance(target, Sphere):
+        return {
+            "kind": "sphere",
+            "centre": target.centre.tolist(),
+            "radius": target.radius,
+            "radius_std": target.radius_std,
+        }
+    if isinstance(target, Plane):
+        return {"kind": "plane", "normal": target.normal.tolist(), "distance": target.distance}
+    return {"kind": "board", "pose": target.matrix.tolist()}
+
+
+def _target_of(document: dict[str, Any]) -> Sphere | Plane | Pose:
+    kind = document["kind"]
+    if kind == "sphere":
+        return Sphere(document["centre"], document["radius"], document["radius_std"])
+    if kind == "plane":
+        return Plane(document["normal"], document["distance"])
+    if kind == "board":
+        return Pose.from_matrix(document["pose"])
+    raise ValueError(f"target of kind {kind!r}")
+
+
+def _with_nulls(lengths: "np.ndarray[Any, np.dtype[np.float64]]") -> list[float | None]:
+    return [float(value) if np.isfinite(value) else None for value in lengths]

@@ -1,0 +1,141 @@
+"""Rows of numbers out of text, JSON and YAML files of poses."""
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from lsvision.errors import UnreadableFile
+from lsvision.io.robot_conventions import PoseConvention
+
+
+def pose_rows(path: Path, rule: PoseConvention, skip_columns: int) -> list[list[float]]:
+    """Numbers of each pose in a file, in the order of the convention's fields.
+
+    Parameters
+    ----------
+    path : Path
+        ``.json`` and ``.rob`` are JSON, ``.yaml`` and ``.yml`` YAML, anything else text.
+    rule : PoseConvention
+        Gives the names and the count of the fields.
+    skip_columns : int
+        Columns before the pose in text without named columns.
+
+    Raises
+    ------
+    UnreadableFile
+        If the file is missing, is not what its name says, or holds other counts of numbers.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise UnreadableFile(f"{path}: want a text file of robot poses, got: {error}") from error
+    suffix = path.suffix.lower()
+    if suffix in {".json", ".rob"}:
+        return _structured_rows(_from_json(path, text), rule, path)
+    if suffix in {".yaml", ".yml"}:
+        return _structured_rows(_from_yaml(path, text), rule, path)
+    return _text_rows(path, text, rule, skip_columns)
+
+
+def _from_json(path: Path, text: str) -> Any:
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError as error:
+        raise UnreadableFile(f"{path}: want JSON, got: {error}") from error
+
+
+def _from_yaml(path: Path, text: str) -> Any:
+    try:
+        import yaml
+    except ImportError as error:
+        raise UnreadableFile(
+            f"{path}: reading YAML needs PyYAML: pip install pyyaml, or save the poses as JSON"
+        ) from error
+    try:
+        return yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise UnreadableFile(f"{path}: want YAML, got: {error}") from error
+
+
+def _structured_rows(document: Any, rule: PoseConvention, path: Path) -> list[list[float]]:
+    if isinstance(document, Mapping):
+        lists = {key: value for key, value in document.items() if isinstance(value, list)}
+        if len(lists) != 1:
+            raise UnreadableFile(
+                f"{path}: want one list of poses under one key, got {len(lists)} lists "
+                f"({', '.join(map(str, lists)) or 'none'})"
+            )
+        (document,) = lists.values()
+    if not isinstance(document, list):
+        raise UnreadableFile(f"{path}: want a list of poses, got {type(document).__name__}")
+    try:
+        return [_flat(row, rule) for row in document]
+    except (TypeError, ValueError) as error:
+        raise UnreadableFile(f"{path}: want rows of numbers: {error}") from error
+
+
+def _flat(row: Any, rule: PoseConvention) -> list[float]:
+    if isinstance(row, Mapping):
+        named = {str(key).lower(): value for key, value in row.items()}
+        missing = [field for field in rule.fields if field not in named]
+        if missing:
+            raise ValueError(f"want fields {' '.join(rule.fields)}, missing {' '.join(missing)}")
+        return [float(named[field]) for field in rule.fields]
+    if isinstance(row, Sequence) and not isinstance(row, str):
+        return [number for item in row for number in _flat(item, rule)]
+    return [float(row)]
+
+
+def _text_rows(path: Path, text: str, rule: PoseConvention, skip: int) -> list[list[float]]:
+    numbered = [(n, _cells(line)) for n, line in enumerate(text.splitlines(), 1)]
+    numbered = [(n, cells) for n, cells in numbered if cells]
+    columns: list[int] = []
+    if numbered and not any(_is_number(cell) for cell in numbered[0][1]):
+        columns = _named_columns(numbered[0][1], rule)
+        numbered = numbered[1:]
+    rows = []
+    for number, cells in numbered:
+        where = f"{path}: line {number}"
+        if len(cells) <= max(columns, default=0):
+            raise UnreadableFile(f"{where}: want a number under each name, got {len(cells)}")
+        rows.append(_row([cells[c] for c in columns] or cells[skip:], rule, where))
+    return rows
+
+
+def _row(cells: list[str], rule: PoseConvention, where: str) -> list[float]:
+    if len(cells) != len(rule.fields):
+        raise UnreadableFile(
+            f"{where}: want {len(rule.fields)} numbers ({' '.join(rule.fields)}), got "
+            f"{len(cells)}; is it another convention than {rule.name!r}? A leading number or "
+            "time stamp is left out by skip_columns=1"
+        )
+    try:
+        return [float(cell) for cell in cells]
+    except ValueError as error:
+        raise UnreadableFile(f"{where}: want numbers only: {error}") from error
+
+
+def _cells(line: str) -> list[str]:
+    line = line.split("#", maxsplit=1)[0].strip()
+    if ";" in line:  # European spreadsheets: decimal comma
+        return [cell.strip().replace(",", ".") for cell in line.rstrip("; ").split(";")]
+    bare = re.sub(r"[()\[\]]", " ", line).strip().rstrip(",")
+    return [cell.strip() for cell in bare.split(",")] if "," in bare else bare.split()
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _named_columns(header: list[str], rule: PoseConvention) -> list[int]:
+    """Columns of the convention's fields; none where the header names others."""
+    names = [re.split(r"\W", cell.lower())[0] for cell in header]
+    if not all(names.count(field) == 1 for field in rule.fields):
+        return []
+    return [names.index(field) for field in rule.fields]

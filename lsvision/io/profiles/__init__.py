@@ -1,0 +1,20 @@
+"""Profile files of many makers, each turned into the section frame by its own reader."""
+
+from lsvision.io.profiles.reading import (
+    ProfileFile,
+    inspect_profiles,
+    read_profile,
+    read_profiles,
+)
+from lsvision.io.profiles.settings import FORMATS, MM_PER_UNIT, ReadOptions, ReadSettings
+
+__all__ = [
+    "FORMATS",
+    "MM_PER_UNIT",
+    "ProfileFile",
+    "ReadOptions",
+    "ReadSettings",
+    "inspect_profiles",
+    "read_profile",
+    "read_profiles",
+]

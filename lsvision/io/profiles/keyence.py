@@ -1,0 +1,40 @@
+"""Keyence LJ-V and LJ-X: raw 16-bit heights, and the exporter's lines of x and z."""
+
+import dataclasses
+
+import numpy as np
+
+from lsvision.errors import UnreadableFile
+from lsvision.io.profiles.plain_text import read_plain_text
+from lsvision.io.profiles.settings import RawProfiles, ReadSettings
+from lsvision.io.profiles.text_table import decode_text, parse_table
+
+_MM_PER_STEP = 1e-5  # the controller states its scales in 0.01 um
+_ZERO_COUNT = 32768  # height 0
+_LOST_COUNT = 0
+
+
+def read_keyence_raw(content: bytes, settings: ReadSettings) -> RawProfiles:
+    """Profiles of 16-bit counts, one a row: height (count - 32768) z_unit, 0 where lost.
+
+    Raises
+    ------
+    UnreadableFile
+        If `settings` lack the controller's scales, which the file does not hold.
+    """
+    if settings.x_start is None or settings.x_pitch is None or settings.z_unit is None:
+        raise UnreadableFile(
+            "raw Keyence counts without their scale: give XStart, XPitch and ZUnit of the "
+            "controller (0.01 um) with --x-start, --x-pitch and --z-unit"
+        )
+    counts = parse_table(decode_text(content)).values
+    x = (settings.x_start + settings.x_pitch * np.arange(counts.shape[1])) * _MM_PER_STEP
+    heights = (counts - _ZERO_COUNT) * (settings.z_unit * _MM_PER_STEP)
+    heights[counts == _LOST_COUNT] = np.nan
+    return RawProfiles(sections=[np.column_stack([x, row]) for row in heights], units=("mm", "mm"))
+
+
+def read_keyence(content: bytes, settings: ReadSettings) -> RawProfiles:
+    """Profile of the exporter's UTF-16 lines of x and z; mm unless a header says otherwise."""
+    raw = read_plain_text(content, settings)
+    return dataclasses.replace(raw, units=(raw.units[0] or "mm", raw.units[1] or "mm"))

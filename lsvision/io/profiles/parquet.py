@@ -1,0 +1,58 @@
+"""Profiles in Parquet: a point a row (x, z) or a profile a row (lists x and z)."""
+
+import io
+from typing import Any
+
+import numpy as np
+
+from lsvision.errors import UnreadableFile
+from lsvision.io.profiles.named_columns import profiles_from_named
+from lsvision.io.profiles.number_rows import floats_from
+from lsvision.io.profiles.settings import RawProfiles, ReadSettings
+from lsvision.shapes import FloatArray
+
+
+def read_parquet(content: bytes, settings: ReadSettings) -> RawProfiles:
+    """Profiles of a Parquet file; columns are taken by their names.
+
+    Raises
+    ------
+    UnreadableFile
+        If pyarrow is missing, cannot read the file, or finds no column of heights.
+    """
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ModuleNotFoundError:
+        raise UnreadableFile(
+            "reading Parquet takes pyarrow: pip install 'lsvision[batch]'"
+        ) from None
+    try:
+        table = pyarrow.parquet.read_table(io.BytesIO(content))
+        columns = {name.lower(): _values(table[name]) for name in table.column_names}
+    except (pyarrow.ArrowException, OSError, ValueError, TypeError) as error:
+        raise UnreadableFile(f"pyarrow cannot read it ({str(error)[:80]}): write it anew") from None
+    known = {name: values for name, values in columns.items() if values is not None}
+    return profiles_from_named(known, settings)
+
+
+def _values(column: Any) -> FloatArray | list[FloatArray] | None:
+    import pyarrow.types as kinds
+
+    kind = column.type
+    if kinds.is_list(kind) or kinds.is_large_list(kind) or kinds.is_fixed_size_list(kind):
+        if not _is_number(kind.value_type):
+            return None
+        rows = (row.values for row in column)
+        return [np.empty(0) if row is None else _floats(row) for row in rows]
+    return _floats(column) if _is_number(kind) else None
+
+
+def _is_number(kind: Any) -> bool:
+    import pyarrow.types as kinds
+
+    return bool(kinds.is_integer(kind) or kinds.is_floating(kind))
+
+
+def _floats(array: Any) -> FloatArray:
+    return floats_from(array.to_numpy(zero_copy_only=False))

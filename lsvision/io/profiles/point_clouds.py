@@ -1,0 +1,136 @@
+"""Point clouds in PLY and PCD, ascii and binary: each profile at one y, or each row of one."""
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lsvision.errors import UnreadableFile
+from lsvision.io.profiles.columns import profiles_from_table
+from lsvision.io.profiles.number_rows import floats_from, numbers_from_cells
+from lsvision.io.profiles.settings import RawProfiles, ReadSettings
+from lsvision.io.profiles.text_table import TextTable
+from lsvision.shapes import FloatArray
+
+_PLY_TYPES = {
+    **dict.fromkeys(["char", "int8"], "i1"),
+    **dict.fromkeys(["uchar", "uint8"], "u1"),
+    **dict.fromkeys(["short", "int16"], "i2"),
+    **dict.fromkeys(["ushort", "uint16"], "u2"),
+    **dict.fromkeys(["int", "int32"], "i4"),
+    **dict.fromkeys(["uint", "uint32"], "u4"),
+    **dict.fromkeys(["float", "float32"], "f4"),
+    **dict.fromkeys(["double", "float64"], "f8"),
+}
+_PLY_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+_PCD_TYPES = {"I": "i", "U": "u", "F": "f"}
+
+
+def read_ply(content: bytes, settings: ReadSettings) -> RawProfiles:
+    """Profiles of the vertices of a PLY file.
+
+    Raises
+    ------
+    UnreadableFile
+        If its header is broken, or its vertices are not there, not first, or cut short.
+    """
+    head, end, body = content.partition(b"end_header")
+    lines = [line.split() for line in head.decode("latin-1").splitlines()]
+    order = next((line[1] for line in lines if line[:1] == ["format"] and len(line) > 1), "")
+    if not end or order not in _PLY_ORDERS:
+        raise UnreadableFile("a PLY file with a broken header: write it anew")
+    body = body.partition(b"\n")[2]
+    layout = _ply_vertices(lines, _PLY_ORDERS[order])
+    return profiles_from_table(_points(body, layout, ascii_=order == "ascii"), settings)
+
+
+def read_pcd(content: bytes, settings: ReadSettings) -> RawProfiles:
+    """Profiles of a PCD file; an organised cloud (HEIGHT above 1) holds one in each row.
+
+    Raises
+    ------
+    UnreadableFile
+        If its header is broken, its data are compressed, or they are cut short.
+    """
+    match = re.search(rb"^DATA[ \t]+(\w+)[ \t]*\r?\n", content, re.MULTILINE)
+    if match is None or match[1] not in (b"ascii", b"binary"):
+        raise UnreadableFile(
+            "want PCD with DATA ascii or binary: convert it with pcl_convert_pcd_ascii_binary"
+        )
+    lines = content[: match.start()].decode("latin-1").splitlines()
+    header = {words[0]: words[1:] for words in map(str.split, lines) if words}
+    layout, rows = _pcd_layout(header)
+    table = _points(content[match.end() :], layout, ascii_=match[1] == b"ascii")
+    if rows > 1:
+        scan = np.repeat(np.arange(float(rows)), layout.count // rows)
+        table = TextTable(
+            np.column_stack([table.values, scan]), (*table.names, "scan"), (None,) * 4
+        )
+    return profiles_from_table(table, settings)
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """How the points of a cloud lie in its body."""
+
+    dtype: npt.DTypeLike
+    count: int
+
+
+def _ply_vertices(lines: list[list[str]], order: str) -> _Layout:
+    elements = [k for k, line in enumerate(lines) if line[:1] == ["element"]]
+    try:
+        _, name, count = lines[elements[0]]
+        stop = elements[1] if len(elements) > 1 else len(lines)
+        properties = [line for line in lines[elements[0] + 1 : stop] if line[:1] == ["property"]]
+        fields = [(label, order + _PLY_TYPES[kind]) for _, kind, label in properties]
+        layout = _Layout(np.dtype(fields), int(count))
+    except (IndexError, ValueError, KeyError):
+        raise UnreadableFile("a PLY header without plain vertices: write x, y, z only") from None
+    if name != "vertex" or layout.count < 1:
+        raise UnreadableFile(f"a PLY file that begins with {count} {name}: want vertices first")
+    return layout
+
+
+def _pcd_layout(header: dict[str, list[str]]) -> tuple[_Layout, int]:
+    try:
+        counts = map(int, header.get("COUNT", ["1"] * len(header["FIELDS"])))
+        columns = zip(header["FIELDS"], header["TYPE"], header["SIZE"], counts, strict=True)
+        fields = [
+            (name if name != "_" else f"_{k}", f"<{_PCD_TYPES[kind]}{size}", (count,))
+            for k, (name, kind, size, count) in enumerate(columns)
+        ]
+        rows, width = int(header.get("HEIGHT", ["1"])[0]), int(header["WIDTH"][0])
+        layout = _Layout(np.dtype(fields), rows * width)
+    except (KeyError, IndexError, ValueError, TypeError):
+        raise UnreadableFile("a PCD file with a broken header: write it anew") from None
+    if layout.count < 1:
+        raise UnreadableFile("a PCD file without points: check what wrote it")
+    return layout, rows
+
+
+def _points(body: bytes, layout: _Layout, *, ascii_: bool) -> TextTable:
+    dtype = np.dtype(layout.dtype)
+    names = dtype.names or ()
+    if not {"x", "y", "z"} <= set(names):
+        raise UnreadableFile(f"points with {', '.join(names) or 'nothing'}: want x, y and z")
+    if ascii_:
+        columns = _ascii_columns(body, dtype, layout.count)
+    elif len(body) < layout.count * dtype.itemsize:
+        raise UnreadableFile(f"cut short: {layout.count} points announced: write it anew")
+    else:
+        records = np.frombuffer(body, dtype, layout.count)
+        columns = [floats_from(records[axis]).reshape(layout.count, -1)[:, 0] for axis in "xyz"]
+    return TextTable(np.column_stack(columns), ("x", "y", "z"), (None,) * 3)
+
+
+def _ascii_columns(body: bytes, dtype: np.dtype[np.void], count: int) -> list[FloatArray]:
+    widths = [int(np.prod(dtype[name].shape, dtype=int)) for name in dtype.names or ()]
+    starts = dict(zip(dtype.names or (), np.cumsum([0, *widths]), strict=False))
+    cells = body.decode("latin-1").split()
+    total = sum(widths)
+    if len(cells) < count * total:
+        raise UnreadableFile(f"cut short: {count} points announced: write it anew")
+    rows = numbers_from_cells(cells[: count * total]).reshape(count, total)
+    return [rows[:, starts[axis]] for axis in "xyz"]

@@ -1,0 +1,225 @@
+"""A profile file of any known format in, profiles in the section frame out."""
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Unpack
+
+import numpy as np
+
+from lsvision.errors import UnreadableFile
+from lsvision.io.profiles.detection import detect_format
+from lsvision.io.profiles.gocator import read_gocator, read_gocator_points
+from lsvision.io.profiles.keyence import read_keyence, read_keyence_raw
+from lsvision.io.profiles.matrix import read_matrix
+from lsvision.io.profiles.numpy_arrays import read_npy, read_npz
+from lsvision.io.profiles.opencv_storage import read_opencv_storage
+from lsvision.io.profiles.parquet import read_parquet
+from lsvision.io.profiles.plain_text import read_plain_text
+from lsvision.io.profiles.point_clouds import read_pcd, read_ply
+from lsvision.io.profiles.settings import MM_PER_UNIT, RawProfiles, ReadOptions, ReadSettings
+from lsvision.profile import Profile
+from lsvision.shapes import FloatArray
+
+_READERS: dict[str, Callable[[bytes, ReadSettings], RawProfiles]] = {
+    "text": read_plain_text,
+    "matrix": read_matrix,
+    "gocator": read_gocator,
+    "gocator-points": read_gocator_points,
+    "keyence": read_keyence,
+    "keyence-raw": read_keyence_raw,
+    "npy": read_npy,
+    "npz": read_npz,
+    "ply": read_ply,
+    "pcd": read_pcd,
+    "opencv": read_opencv_storage,
+    "parquet": read_parquet,
+}
+
+_LOST_HEIGHTS = (-99999.9999, -99999.999, -99999.99, -99999.9)  # Keyence, by digits printed
+_FARTHEST_MM = 1e4  # no profile sensor looks farther
+_NARROWEST_MM = 1.0  # nor has one a field as narrow
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ProfileFile:
+    """Profiles of a file and how they were read.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    profiles : tuple of Profile
+        In the order of the file; a profile without a valid point stays in its place.
+    reader : str
+        The format it was read as, one of `FORMATS`.
+    units : str
+        Unit of its coordinates: ``"mm"``, or ``"mm, um"`` where x and height differ.
+    units_assumed : bool
+        True where neither the file nor the user says the unit, so that it is taken for mm.
+    flipped : bool
+        True where heights grew away from the sensor and were turned.
+    positions : tuple of float, optional
+        Where along the travel each profile was taken. Units: mm.
+    notes : tuple of str
+        What was guessed, left out or looks wrong, for people.
+    """
+
+    path: Path
+    profiles: tuple[Profile, ...]
+    reader: str
+    units: str
+    units_assumed: bool
+    flipped: bool
+    positions: tuple[float, ...] | None
+    notes: tuple[str, ...]
+
+    @property
+    def lost(self) -> int:
+        """Number of lost points in all profiles."""
+        return sum(profile.lost for profile in self.profiles)
+
+    @property
+    def summary(self) -> str:
+        """One line for people: reader, units, number of profiles, lost points, direction.
+
+        Definition: as ``"text, mm (assumed), 1 profile, 3 of 376 points lost"``.
+        """
+        units = f"{self.units} (assumed)" if self.units_assumed else self.units
+        count = len(self.profiles)
+        total = sum(len(profile) for profile in self.profiles)
+        parts = [self.reader, units, f"{count} profile{'s' if count > 1 else ''}"]
+        parts.append(f"{self.lost} of {total} points lost")
+        return ", ".join(parts + ["heights turned"] * self.flipped)
+
+
+def read_profile(path: str | os.PathLike[str], **options: Unpack[ReadOptions]) -> Profile:
+    r"""Read the one profile of a file.
+
+    Parameters
+    ----------
+    path : path
+        The file; its format is detected from its content.
+    **options
+        Fields of `ReadSettings`, each of which overrides what the file says.
+
+    Returns
+    -------
+    Profile
+        Section frame, Y towards the sensor. Units: mm.
+
+    Raises
+    ------
+    UnreadableFile
+        If the file cannot be read, holds no valid point, or holds several profiles.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "profile.csv"
+    >>> _ = path.write_text("x [m], range [m]\n0.000, 0.400\n0.001, 0.399\n")
+    >>> read_profile(path).points.tolist()
+    [[0.0, -400.0], [1.0, -399.0]]
+    """
+    profiles = inspect_profiles(path, **options).profiles
+    if len(profiles) > 1:
+        raise UnreadableFile(
+            f"{os.fspath(path)}: it holds {len(profiles)} profiles: read them with read_profiles"
+        )
+    return profiles[0]
+
+
+def read_profiles(path: str | os.PathLike[str], **options: Unpack[ReadOptions]) -> list[Profile]:
+    """Read all profiles of a file, in its order; see `read_profile`."""
+    return list(inspect_profiles(path, **options).profiles)
+
+
+def inspect_profiles(path: str | os.PathLike[str], **options: Unpack[ReadOptions]) -> ProfileFile:
+    """Read all profiles of a file, with the reader, units and guesses; see `read_profile`."""
+    settings = ReadSettings(**options)
+    file = Path(path)
+    try:
+        content = _content(file)
+        reader = settings.format or detect_format(content, file.suffix)
+        raw = _READERS[reader](content, settings)
+        return _in_section_frame(file, reader, raw, settings)
+    except UnreadableFile as error:
+        raise UnreadableFile(f"{file}: {error}") from None
+
+
+def _content(file: Path) -> bytes:
+    try:
+        return file.read_bytes()
+    except OSError as error:
+        raise UnreadableFile(_mend(error)) from None
+    except ValueError:  # a null in it
+        raise UnreadableFile("no file can have such a name: check it") from None
+
+
+def _mend(error: OSError) -> str:
+    if isinstance(error, FileNotFoundError):
+        return "no such file: check the name"
+    if isinstance(error, IsADirectoryError):
+        return "a directory: name the files in it, as DIR/*.csv"
+    if isinstance(error, PermissionError):
+        return "no permission to read it: check its owner and mode"
+    return f"cannot be read ({error.strerror or error}): check the disk and the name"
+
+
+def _in_section_frame(
+    path: Path, reader: str, raw: RawProfiles, settings: ReadSettings
+) -> ProfileFile:
+    x_unit = "mm" if raw.x_in_mm else settings.units or raw.units[0]
+    units = (x_unit, settings.units or raw.units[1])
+    away = raw.away if settings.flip is None else settings.flip
+    x_scale, y_scale = (MM_PER_UNIT[unit or "mm"] for unit in units)
+    to_mm = np.array([x_scale, -y_scale if away else y_scale])
+    sections = [_without_sentinels(section) for section in raw.sections]
+    with np.errstate(over="ignore", invalid="ignore"):  # too large to hold: lost
+        profiles = tuple(Profile(section * to_mm) for section in sections)
+    _check_points(profiles)
+    named = tuple(dict.fromkeys(unit or "mm" for unit in units))
+    return ProfileFile(
+        path=path,
+        profiles=profiles,
+        reader=reader,
+        units=", ".join(named),
+        units_assumed=None in units,
+        flipped=away,
+        positions=raw.positions and tuple(p * x_scale for p in raw.positions),
+        notes=raw.notes + _doubts(profiles),
+    )
+
+
+def _without_sentinels(section: FloatArray) -> FloatArray:
+    x, height = section.T
+    lost = np.isin(height, _LOST_HEIGHTS)
+    zero = (x == 0) & (height == 0)
+    if zero.sum() > 1:  # Leuze writes a lost point as 0, 0; one alone may be a point
+        lost |= zero
+    return np.where(lost[:, np.newaxis], np.nan, section) if lost.any() else section
+
+
+def _check_points(profiles: tuple[Profile, ...]) -> None:
+    total = sum(len(profile) for profile in profiles)
+    valid = total - sum(profile.lost for profile in profiles)
+    if valid == 0:
+        raise UnreadableFile(f"all {total} points are lost: check exposure and range, or --columns")
+    if valid == 1:
+        raise UnreadableFile("one valid point in it, no profile: check exposure, or --columns")
+
+
+def _doubts(profiles: tuple[Profile, ...]) -> tuple[str, ...]:
+    points = np.concatenate([profile.points for profile in profiles])
+    low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
+    farthest = float(np.abs([low, high]).max())
+    notes = []
+    if farthest > _FARTHEST_MM:
+        notes.append(f"coordinates reach {farthest:.3g} mm: another unit? see --units um")
+    if high[0] - low[0] < _NARROWEST_MM:
+        notes.append(f"the profile is {high[0] - low[0]:.3g} mm wide: metres? see --units m")
+    empty = sum(profile.lost == len(profile) for profile in profiles)
+    if empty:
+        notes.append(f"{empty} of {len(profiles)} profiles hold no point")
+    return tuple(notes)

@@ -1,0 +1,155 @@
+"""Measurements as JSON and CSV; each key names its unit, angles are in degrees."""
+
+import csv
+import io
+import json
+import math
+import os
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from lsvision.io.whole_files import write_whole
+
+if TYPE_CHECKING:
+    from lsvision.fitting.cylinder_section import CylinderSection
+    from lsvision.fitting.intervals import Quantity
+    from lsvision.measure import Measurement
+
+RECORD_SCHEMA = "lsvision.measurement/1"
+"""Name and version of one record."""
+FILE_SCHEMA = "lsvision.measurements/1"
+"""Name and version of a JSON file of records."""
+
+Record = dict[str, Any]
+
+_LEVEL = 0.95
+_QUANTITIES: dict[
+    "Quantity", tuple[str, float]
+] = {  # name of an interval: its unit in files, and how many of them make one of ours
+    "radius": ("mm", 1.0),
+    "theta": ("deg", math.degrees(1.0)),
+    "phi": ("deg", math.degrees(1.0)),
+    "centre_x": ("mm", 1.0),
+    "centre_y": ("mm", 1.0),
+}
+
+
+def measurement_record(measurement: "Measurement", *, source: str = "", profile: int = 0) -> Record:
+    """Record of one profile's measurement, ready for JSON.
+
+    Parameters
+    ----------
+    measurement : Measurement
+        Cylinders and rejections.
+    source : str
+        Name of the file that the profile came from.
+    profile : int
+        Place of the profile in its file, from 0.
+
+    Returns
+    -------
+    dict
+        Lengths in ``*_mm``, angles in ``*_deg``; ``interval_95`` are ``[low, high]``; a number
+        that does not exist (the sigma of an angle that is not determined) is None.
+    """
+    return {
+        "schema": RECORD_SCHEMA,
+        "source": source,
+        "profile": profile,
+        "cylinders": [_cylinder_record(cylinder) for cylinder in measurement.cylinders],
+        "rejections": [
+            {
+                "start": rejection.arc.start,
+                "stop": rejection.arc.stop,
+                "reason": rejection.reason,
+            }
+            for rejection in measurement.rejections
+        ],
+    }
+
+
+def write_json(path: str | os.PathLike[str], records: Sequence[Record]) -> None:
+    """Write records to one JSON file, whole or not at all.
+
+    Raises
+    ------
+    UnwritableFile
+        If the file cannot be written.
+    """
+    document = {"schema": FILE_SCHEMA, "measurements": list(records)}
+    write_whole(path, json.dumps(document, indent=2, allow_nan=False) + "\n")
+
+
+def write_csv(path: str | os.PathLike[str], records: Sequence[Record]) -> None:
+    """Write the cylinders of records to one CSV file, a cylinder a row, whole or not at all.
+
+    Intervals become two columns, ``*_low_*`` and ``*_high_*``. Rejections and the indices of points
+    are left to JSON; a profile without a cylinder has no row.
+
+    Raises
+    ------
+    UnwritableFile
+        If the file cannot be written.
+    """
+    text = io.StringIO()
+    writer = csv.DictWriter(text, _CSV_COLUMNS, lineterminator="\n")
+    writer.writeheader()
+    for record in records:
+        for place, cylinder in enumerate(record["cylinders"]):
+            writer.writerow(_csv_row(record, place, cylinder))
+    write_whole(path, text.getvalue())
+
+
+def _cylinder_record(cylinder: "CylinderSection") -> Record:
+    centre = dict(zip(("centre_x", "centre_y"), cylinder.centre, strict=True))
+    variances = cylinder.covariance.diagonal()
+    stds = {"centre_x": math.sqrt(variances[0]), "centre_y": math.sqrt(variances[1])}
+    record: Record = {}
+    for name, (unit, scale) in _QUANTITIES.items():
+        value = centre[name] if name in centre else getattr(cylinder, name)
+        std = stds[name] if name in stds else getattr(cylinder, f"{name}_std")
+        low, high = cylinder.interval(name, level=_LEVEL)
+        record[f"{name}_{unit}"] = _finite(value * scale)
+        record[f"{name}_std_{unit}"] = _finite(std * scale)
+        record[f"{name}_interval_95_{unit}"] = [_finite(low * scale), _finite(high * scale)]
+    record["theta_determined"] = bool(cylinder.theta_determined)
+    record["semi_major_mm"] = _finite(cylinder.ellipse.semi_major)
+    record["semi_minor_mm"] = _finite(cylinder.ellipse.semi_minor)
+    record["axis_twins"] = [[float(part) for part in twin] for twin in cylinder.axis_twins]
+    record["indices"] = [int(index) for index in cylinder.indices]
+    return record
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+_CSV_COLUMNS = (
+    "source",
+    "profile",
+    "cylinder",
+    *(
+        column
+        for name, (unit, _) in _QUANTITIES.items()
+        for column in (
+            f"{name}_{unit}",
+            f"{name}_std_{unit}",
+            f"{name}_low_95_{unit}",
+            f"{name}_high_95_{unit}",
+        )
+    ),
+    "theta_determined",
+    "points",
+)
+
+
+def _csv_row(record: Record, place: int, cylinder: Mapping[str, Any]) -> Record:
+    row: Record = {"source": record["source"], "profile": record["profile"], "cylinder": place}
+    for name, (unit, _) in _QUANTITIES.items():
+        low, high = cylinder[f"{name}_interval_95_{unit}"]
+        row[f"{name}_{unit}"] = cylinder[f"{name}_{unit}"]
+        row[f"{name}_std_{unit}"] = cylinder[f"{name}_std_{unit}"]
+        row[f"{name}_low_95_{unit}"], row[f"{name}_high_95_{unit}"] = low, high
+    row["theta_determined"] = cylinder["theta_determined"]
+    row["points"] = len(cylinder["indices"])
+    return row

@@ -1,0 +1,175 @@
+"""How robot makers write a pose down, as a table; nothing here is ever guessed.
+
+KUKA, FANUC, Yaskawa and Mitsubishi write the *same* rotation with their letters in another
+order, so a KUKA file read as FANUC gives poses that look right and are wrong: a convention is
+stated by the caller, or the file is refused.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from lsvision.shapes import FloatArray, Pose
+
+LengthUnit = Literal["mm", "m"]
+AngleUnit = Literal["deg", "rad"]
+
+MM_IN: dict[str, float] = {"mm": 1.0, "m": 1000.0}
+RAD_IN: dict[str, float] = {"deg": math.pi / 180, "rad": 1.0}
+
+UNIT_QUATERNION = 1e-3
+"""Largest departure of a quaternion's norm from 1: files carry as few as four digits."""
+
+ORTHONORMAL = 1e-3
+"""Largest entry of R'R - I in a written matrix, made orthonormal on the way in."""
+
+
+@dataclass(frozen=True, slots=True)
+class PoseConvention:
+    """One way of writing ``base_from_flange`` as numbers.
+
+    Parameters
+    ----------
+    name : str
+        What the caller states.
+    fields : tuple of str
+        Names of the numbers in their order.
+    rotation : str
+        ``"rotvec"``, ``"quaternion"``, ``"matrix"`` or scipy's Euler sequence (upper case =
+        moving axes, lower case = fixed axes), in the order of `fields`.
+    length_unit, angle_unit : str
+        What the maker's files hold.
+    """
+
+    name: str
+    fields: tuple[str, ...]
+    rotation: str
+    length_unit: LengthUnit = "mm"
+    angle_unit: AngleUnit = "deg"
+
+
+_XYZ = ("x", "y", "z")
+_MATRIX_FIELDS = tuple(f"m{row}{column}" for row in range(4) for column in range(4))
+
+# R takes flange to base. Sources: the makers' manuals as collected in Roboception's
+# "pose formats"; Staubli from its own VAL3 manual's wording only.
+_TABLE = (
+    PoseConvention("ur", (*_XYZ, "rx", "ry", "rz"), "rotvec", "m", "rad"),  # exp([r]x)
+    PoseConvention("kuka", (*_XYZ, "a", "b", "c"), "ZYX"),  # Rz(A) Ry(B) Rx(C)
+    PoseConvention("fanuc", (*_XYZ, "w", "p", "r"), "xyz"),  # Rz(R) Ry(P) Rx(W)
+    PoseConvention("yaskawa", (*_XYZ, "rx", "ry", "rz"), "xyz"),  # Rz(Rz) Ry(Ry) Rx(Rx)
+    PoseConvention("mitsubishi", (*_XYZ, "a", "b", "c"), "xyz"),  # Rz(C) Ry(B) Rx(A)
+    PoseConvention("kawasaki", (*_XYZ, "o", "a", "t"), "ZYZ"),  # Rz(O) Ry(A) Rz(T)
+    PoseConvention("staubli", (*_XYZ, "rx", "ry", "rz"), "XYZ"),  # Rx(Rx) Ry(Ry) Rz(Rz)
+    PoseConvention("abb", (*_XYZ, "q1", "q2", "q3", "q4"), "quaternion wxyz"),
+    PoseConvention("ros", (*_XYZ, "qx", "qy", "qz", "qw"), "quaternion xyzw", "m"),
+    PoseConvention("matrix", _MATRIX_FIELDS, "matrix"),
+)
+
+CONVENTIONS: dict[str, PoseConvention] = {row.name: row for row in _TABLE}
+"""Every convention that can be stated, by name."""
+
+
+def convention_named(name: str) -> PoseConvention:
+    """The convention of that name.
+
+    Raises
+    ------
+    ValueError
+        If there is none; the message lists them all.
+    """
+    if name not in CONVENTIONS:
+        raise ValueError(
+            f"want a pose convention, one of {', '.join(CONVENTIONS)}; got {name!r}: the same six "
+            "numbers mean another rotation in each, so it is never guessed"
+        )
+    return CONVENTIONS[name]
+
+
+def pose_from_numbers(
+    numbers: Sequence[float],
+    convention: str,
+    *,
+    length_unit: LengthUnit | None = None,
+    angle_unit: AngleUnit | None = None,
+) -> Pose:
+    """Pose of the numbers a robot shows.
+
+    Parameters
+    ----------
+    numbers : sequence of float
+        As many as the convention has fields: 6 (position and angles or rotation vector),
+        7 (position and quaternion) or 16 (4x4 row by row).
+    convention : str
+        One of `CONVENTIONS`: ``ur`` (m, rad), ``kuka``, ``fanuc``, ``yaskawa``,
+        ``mitsubishi``, ``kawasaki``, ``staubli`` (mm, deg), ``abb`` (mm, w first), ``ros``
+        (m, w last), ``matrix`` (mm, row-major).
+    length_unit : {"mm", "m"}, optional
+        Where the numbers depart from the maker's own unit.
+    angle_unit : {"deg", "rad"}, optional
+        Likewise; quaternions and matrices have none.
+
+    Returns
+    -------
+    Pose
+        ``base_from_flange``. Units: mm.
+
+    Raises
+    ------
+    ValueError
+        Unknown convention, wrong count, NaN, a quaternion that is not of length 1, a matrix
+        that is no rotation.
+
+    Examples
+    --------
+    >>> pose = pose_from_numbers([100, 0, 500, 90, 0, 0], "kuka")
+    >>> pose.apply_one([10.0, 0.0, 0.0]).round(6)
+    array([100.,  10., 500.])
+    """
+    rule = convention_named(convention)
+    values = np.asarray(numbers, dtype=np.float64).ravel()
+    if len(values) != len(rule.fields):
+        raise ValueError(
+            f"want {len(rule.fields)} numbers ({' '.join(rule.fields)}) for convention "
+            f"{rule.name!r}, got {len(values)}"
+        )
+    if not np.isfinite(values).all():
+        raise ValueError(f"want finite numbers, got {values}")
+    mm = MM_IN[length_unit or rule.length_unit]
+    if rule.rotation == "matrix":
+        return _pose_from_matrix(values.reshape(4, 4), mm)
+    rad = RAD_IN[angle_unit or rule.angle_unit]
+    return Pose(_rotation(values[3:], rule.rotation, rad), values[:3] * mm)
+
+
+def _rotation(values: FloatArray, kind: str, rad: float) -> FloatArray:
+    from scipy.spatial.transform import Rotation
+
+    if kind.startswith("quaternion"):
+        norm = float(np.linalg.norm(values))
+        if abs(norm - 1) > UNIT_QUATERNION:
+            raise ValueError(f"want a quaternion of length 1, got length {norm:.4f}: {values}")
+        xyzw = np.roll(values, -1) if kind.endswith("wxyz") else values
+        matrix: FloatArray = Rotation.from_quat(xyzw / norm).as_matrix()
+    elif kind == "rotvec":
+        matrix = Rotation.from_rotvec(values * rad).as_matrix()
+    else:
+        matrix = Rotation.from_euler(kind, values * rad).as_matrix()
+    return matrix
+
+
+def _pose_from_matrix(matrix: FloatArray, mm: float) -> Pose:
+    rotation = matrix[:3, :3]
+    defect = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
+    if defect > ORTHONORMAL or not np.allclose(matrix[3], (0, 0, 0, 1), rtol=0, atol=ORTHONORMAL):
+        raise ValueError(
+            f"want a 4x4 of a rotation with last row 0 0 0 1, got R'R off by {defect:.3g} and "
+            f"last row {matrix[3]}: is it written column by column?"
+        )
+    left, _, right = np.linalg.svd(rotation)
+    if np.linalg.det(rotation) < 0:
+        raise ValueError("want a rotation, got a matrix of determinant -1: it mirrors")
+    return Pose(left @ right, matrix[:3, 3] * mm)

@@ -1,0 +1,167 @@
+"""Robot poses from files, in a convention the caller states, and poses of an encoder axis."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from lsvision.errors import UnreadableFile
+from lsvision.io.pose_rows import pose_rows
+from lsvision.io.robot_conventions import (
+    AngleUnit,
+    LengthUnit,
+    PoseConvention,
+    convention_named,
+    pose_from_numbers,
+)
+from lsvision.shapes import Pose
+
+REACH_MM = 20_000.0
+"""No flange stands further from its base; millimetres read as metres do."""
+SPREAD_MM = 5_000.0
+"""No calibration or scan moves a flange further."""
+CLOSE_MM = 5.0
+"""A flange always nearer than this to its base's origin was written in metres."""
+STILL_MM, STILL_RAD = 0.01, 1e-5
+"""Poses that differ by less are one pose."""
+TURN = 2 * np.pi * 1.001
+
+
+def read_robot_poses(
+    path: str | Path,
+    convention: str,
+    *,
+    length_unit: LengthUnit | None = None,
+    angle_unit: AngleUnit | None = None,
+    skip_columns: int = 0,
+) -> list[Pose]:
+    """Poses of a robot's flange from a CSV, text, JSON or YAML file.
+
+    One pose a row. In JSON and YAML: a list of rows, or one list of rows under one key; a row
+    is a list (nested as in ``[[x, y, z], [qx, qy, qz, qw]]`` or a 4x4) or a mapping with the
+    convention's field names. In text: separated by commas, blanks, tabs or semicolons (then
+    with a decimal comma if the file has one), brackets ignored, ``#`` begins a comment, one
+    header line allowed; with a header that names all fields, columns are taken by name.
+
+    Parameters
+    ----------
+    path : path
+        ``.json``, ``.rob`` (JSON), ``.yaml``, ``.yml``; anything else is text.
+    convention : str
+        See `pose_from_numbers`; never guessed.
+    length_unit, angle_unit : str, optional
+        Where the file departs from the maker's own units. Said explicitly, a unit is taken at
+        its word and only impossible motion is refused.
+    skip_columns : int
+        Columns before the pose in a text file without named columns (a number, a time stamp).
+
+    Returns
+    -------
+    list of Pose
+        ``base_from_flange``, in the order of the file. Units: mm.
+
+    Raises
+    ------
+    ValueError
+        Unknown convention.
+    UnreadableFile
+        File missing, not parsed, wrong count of numbers, no rotation, implausible units or a
+        robot that did not move.
+    """
+    rule = convention_named(convention)
+    path = Path(path)
+    rows = pose_rows(path, rule, skip_columns)
+    if not rows:
+        raise UnreadableFile(f"{path}: want one pose a row, got no row with numbers")
+    poses = []
+    for number, row in enumerate(rows, start=1):
+        try:
+            pose = pose_from_numbers(
+                row, convention, length_unit=length_unit, angle_unit=angle_unit
+            )
+        except ValueError as error:
+            raise UnreadableFile(f"{path}: pose {number}: {error}") from error
+        poses.append(pose)
+    for complaint in (
+        _angle_complaint(np.array(rows), rule, angle_unit),
+        _motion_complaint(poses, length_unit),
+    ):
+        if complaint:
+            raise UnreadableFile(f"{path}: {complaint}")
+    return poses
+
+
+def encoder_poses(
+    count: int, direction: npt.ArrayLike, step: float, start: Pose | None = None
+) -> list[Pose]:
+    """Poses of a section moved along an encoder axis in equal steps.
+
+    Parameters
+    ----------
+    count : int
+        How many profiles.
+    direction : (3,) array_like
+        Feed of the *section* seen in the base frame; its length does not matter. If the
+        part moves instead, give the opposite of the part's feed.
+    step : float
+        Feed from one profile to the next. Units: mm.
+    start : Pose, optional
+        ``base_from_section`` of the first profile; by default the base frame is the first
+        section's own.
+
+    Returns
+    -------
+    list of Pose
+        ``base_from_section``, one a profile. Units: mm.
+
+    Examples
+    --------
+    >>> encoder_poses(3, (0, 0, 1), step=0.5)[2].translation
+    array([0., 0., 1.])
+    """
+    if count < 1:
+        raise ValueError(f"want at least one pose, got count {count}")
+    if not (np.isfinite(step) and step != 0):
+        raise ValueError(f"want a step in mm other than 0, got {step}")
+    first = Pose() if start is None else start
+    return [Pose.along(direction, index * step) @ first for index in range(count)]
+
+
+def _angle_complaint(
+    rows: npt.NDArray[np.float64], rule: PoseConvention, stated: AngleUnit | None
+) -> str | None:
+    if rule.rotation.startswith(("quaternion", "matrix")) or stated is not None:
+        return None
+    largest = float(np.abs(rows[:, 3:]).max())
+    if rule.rotation == "rotvec":
+        turns = float(np.linalg.norm(rows[:, 3:], axis=1).max())
+        if turns > TURN:
+            return f"rotation vector of length {turns:.4g} rad: degrees? Say angle_unit='deg'"
+    elif np.radians(1) < largest <= TURN and len(rows) > 1:
+        return (
+            f"no angle above {largest:.4g}: these look like radians where {rule.name!r} has "
+            "degrees; say angle_unit='rad', or angle_unit='deg' if they really are so small"
+        )
+    return None
+
+
+def _motion_complaint(poses: Iterable[Pose], stated: LengthUnit | None) -> str | None:
+    origins = np.array([pose.translation for pose in poses])
+    rotations = np.array([pose.rotation for pose in poses])
+    reach = float(np.linalg.norm(origins, axis=1).max())
+    spread = float(np.linalg.norm(np.ptp(origins, axis=0)))
+    if reach > REACH_MM or spread > SPREAD_MM:
+        return (
+            f"the flange would stand {reach / 1000:.4g} m from its base and move "
+            f"{spread / 1000:.4g} m: millimetres read as metres? Say length_unit='mm'"
+        )
+    if stated is None and reach < CLOSE_MM:
+        return (
+            f"the flange would never be more than {reach:.4g} mm from its base: metres read as "
+            "millimetres? Say length_unit='m' (or 'mm' if it is really so)"
+        )
+    turned = float(np.abs(rotations - rotations[0]).max())
+    if len(origins) > 1 and spread < STILL_MM and turned < STILL_RAD:
+        return f"all {len(origins)} poses are the same to {STILL_MM} mm: the robot did not move"
+    return None

@@ -1,0 +1,158 @@
+"""Arrays, point clouds, OpenCV storage and Parquet: written by other code, read back the same."""
+
+import io
+
+import cv2
+import numpy as np
+import numpy.testing as npt
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from lsvision.io.profiles import inspect_profiles, read_profile, read_profiles
+
+RNG = np.random.default_rng(7)
+POINTS = np.column_stack([np.arange(40.0), RNG.normal(-400, 3, 40)]).astype(np.float32)
+POINTS = POINTS.astype(np.float64)  # values that single precision holds exactly
+POINTS[[0, 17]] = np.nan
+IN_SPACE = np.column_stack([POINTS[:, 0], np.full(40, 12.5), POINTS[:, 1]])
+
+
+def saved(save, *args, **arrays) -> bytes:
+    stream = io.BytesIO()
+    save(stream, *args, **arrays)
+    return stream.getvalue()
+
+
+def ply(points, order="<", extra=""):
+    kind = {"<": "binary_little_endian", ">": "binary_big_endian", "": "ascii"}[order]
+    head = (
+        f"ply\nformat {kind} 1.0\ncomment made here\nelement vertex {len(points)}\n"
+        f"property float x\nproperty float y\nproperty float z\n{extra}end_header\n"
+    )
+    if order == "":
+        body = "\n".join(" ".join(map(repr, row)) for row in points.tolist()).encode()
+    else:
+        body = points.astype(order + "f4").tobytes()
+    return head.encode() + body
+
+
+def pcd(points, data, height=1):
+    head = (
+        "# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\nFIELDS x y z intensity\n"
+        f"SIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 1\nWIDTH {len(points) // height}\n"
+        f"HEIGHT {height}\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {len(points)}\nDATA {data}\n"
+    )
+    full = np.column_stack([points, np.ones(len(points))])
+    if data == "ascii":
+        return head.encode() + "\n".join(" ".join(map(repr, r)) for r in full.tolist()).encode()
+    return head.encode() + full.astype("<f4").tobytes()
+
+
+def stored(flags, name, write_it) -> bytes:
+    storage = cv2.FileStorage(name, cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY | flags)
+    write_it(storage)
+    return storage.releaseAndGetString().encode()
+
+
+def as_list(storage):
+    storage.startWriteStruct("scan_line", cv2.FileNode_SEQ | cv2.FileNode_FLOW)
+    for value in IN_SPACE.ravel().tolist():
+        storage.write("", value)
+    storage.endWriteStruct()
+
+
+def as_matrix(storage):
+    storage.write("profile", POINTS)
+
+
+def parquet(**columns) -> bytes:
+    return saved(lambda stream: pq.write_table(pa.table(columns), stream))
+
+
+STRUCTURED = np.zeros(40, dtype=[("x", "f8"), ("z", "f8")])
+STRUCTURED["x"], STRUCTURED["z"] = POINTS.T
+
+FILES = {
+    "npy": saved(np.save, POINTS),
+    "npy single precision": saved(np.save, POINTS.astype(np.float32)),
+    "npy transposed": saved(np.save, POINTS.T),
+    "npy in space": saved(np.save, IN_SPACE),
+    "npy with names": saved(np.save, STRUCTURED),
+    "npz": saved(np.savez, POINTS),
+    "npz x z": saved(np.savez_compressed, x=POINTS[:, 0], z=POINTS[:, 1]),
+    "npz range in um": saved(np.savez, x_mm=POINTS[:, 0], range_um=-1000 * POINTS[:, 1]),
+    "ply ascii": ply(IN_SPACE, ""),
+    "ply little endian": ply(IN_SPACE, "<"),
+    "ply big endian": ply(IN_SPACE, ">", extra="element face 0\nproperty list uchar int i\n"),
+    "ply in the plane z = 0": ply(IN_SPACE[:, [0, 2, 1]] - [0, 0, 12.5]),
+    "pcd ascii": pcd(IN_SPACE, "ascii"),
+    "pcd binary": pcd(IN_SPACE, "binary"),
+    "yaml list": stored(cv2.FILE_STORAGE_FORMAT_YAML, ".yml", as_list),
+    "yaml matrix": stored(cv2.FILE_STORAGE_FORMAT_YAML, ".yml", as_matrix),
+    "xml list": stored(cv2.FILE_STORAGE_FORMAT_XML, ".xml", as_list),
+    "xml matrix": stored(cv2.FILE_STORAGE_FORMAT_XML, ".xml", as_matrix),
+    "json list": stored(cv2.FILE_STORAGE_FORMAT_JSON, ".json", as_list),
+    "parquet points": parquet(x_mm=POINTS[:, 0], z_mm=POINTS[:, 1]),
+    "parquet scan": parquet(scan=[3], x=[POINTS[:, 0]], z=[POINTS[:, 1]]),
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_profile_comes_back_as_it_was_written(write, name):
+    path = write(FILES[name], "file")
+    npt.assert_allclose(read_profile(path).points, POINTS, rtol=1e-12)
+    assert inspect_profiles(path).lost == 2
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        saved(np.save, np.stack([POINTS, POINTS + 1])),
+        saved(np.savez, x=POINTS[:, 0], z=np.stack([POINTS[:, 1], POINTS[:, 1] + 1])),
+        pcd(np.vstack([IN_SPACE, IN_SPACE + 1]), "binary", height=2),
+        ply(np.vstack([IN_SPACE, IN_SPACE + 1])),
+        parquet(x=[POINTS[:, 0]] * 2, z=[POINTS[:, 1], POINTS[:, 1] + 1]),
+        parquet(x=[POINTS[:, 0], POINTS[:30, 0]], z=[POINTS[:, 1], POINTS[:30, 1] + 1]),
+        parquet(
+            y=np.repeat([0.0, 2.0], 40),
+            x=np.tile(POINTS[:, 0], 2),
+            z=np.concatenate([POINTS[:, 1], POINTS[:, 1] + 1]),
+        ),
+    ],
+    ids=["npy", "npz", "pcd rows", "ply by y", "parquet", "parquet of unlike lengths", "by y"],
+)
+def test_many_profiles_in_a_file_keep_their_order(write, content):
+    first, second = read_profiles(write(content, "file"))
+    npt.assert_allclose(first.points, POINTS)
+    npt.assert_allclose(second.points[1:17, 1], POINTS[1:17, 1] + 1)
+
+
+def test_a_scan_line_is_triples_though_its_y_wanders(write):
+    triples = np.column_stack([POINTS[1:17, 0], np.repeat([1.0, 2.0], 8), POINTS[1:17, 1]])
+    numbers = ", ".join(map(repr, triples.ravel().tolist()))
+    first, second = read_profiles(write(f"%YAML:1.0\n---\nscan_line: [ {numbers} ]\n"))
+    npt.assert_array_equal(np.vstack([first.points, second.points]), POINTS[1:17])
+
+
+def test_pairs_in_json_are_points(write):
+    path = write('{"from": "a paper", "scale": [1, 2], "dots": [[1, 7], [2, 6.5], [5, 8]]}')
+    npt.assert_array_equal(read_profile(path).points, [[1, 7], [2, 6.5], [5, 8]])
+
+
+def test_counts_in_parquet_take_their_x_from_the_options(write):
+    words = pa.array([[100, 200, 300]], type=pa.list_(pa.uint16(), 3))
+    points = read_profile(write(parquet(z_um=words)), x0=1.0, dx=0.5).points
+    npt.assert_allclose(points, [[1.0, 0.1], [1.5, 0.2], [2.0, 0.3]])
+
+
+@pytest.mark.parametrize("write_it", [ply, lambda points: saved(np.save, points)])
+def test_a_signalling_nan_is_a_lost_point(write, write_it):
+    points = IN_SPACE.astype("<f4")
+    points.view("<u4")[5, 2] = 0x7F810000
+    assert read_profile(write(write_it(points))).lost == 3
+
+
+def test_a_long_list_in_yaml_is_read_in_linear_time(write):
+    numbers = ", ".join(f"{x}., 0., 5." for x in range(50_000))
+    assert len(read_profile(write(f"%YAML:1.0\n---\nscan_line: [ {numbers} ]\n"))) == 50_000

@@ -1,0 +1,103 @@
+"""Options, the report on a file, and the notes on what looks wrong."""
+
+import dataclasses
+import time
+
+import numpy as np
+import numpy.testing as npt
+import pytest
+
+from lsvision.io.profiles import (
+    ReadOptions,
+    ReadSettings,
+    inspect_profiles,
+    read_profile,
+    read_profiles,
+)
+
+SECONDS_FOR_A_MILLION_POINTS = 2.0
+
+
+def test_flip_overrides_the_header_both_ways(write):
+    path = write("x,range\n0,400\n1,399\n")
+    assert read_profile(path).points[0, 1] == -400.0
+    assert read_profile(path, flip=False).points[0, 1] == 400.0
+    assert read_profile(write("0,400\n1,399\n"), flip=True).points[0, 1] == -400.0
+
+
+def test_units_override_the_header(write):
+    path = write("x [mm],z [mm]\n1,2\n3,4\n")
+    npt.assert_allclose(read_profile(path, units="in").points, [[25.4, 50.8], [76.2, 101.6]])
+
+
+def test_the_report_says_reader_units_and_lost_points(write):
+    file = inspect_profiles(write("x [um],range [um]\n0,400\n1,\n2000,399\n"))
+    assert (file.reader, file.units, file.units_assumed) == ("text", "um", False)
+    assert (file.flipped, file.lost, len(file.profiles)) == (True, 1, 1)
+    assert file.summary == "text, um, 1 profile, 1 of 3 points lost, heights turned"
+
+
+def test_the_summary_says_what_is_assumed(write):
+    file = inspect_profiles(write("scan x z\n0 0 1\n0 9 2\n1 0 1\n1 9 nan\n"))
+    assert file.summary == "text, mm (assumed), 2 profiles, 1 of 4 points lost"
+
+
+def test_names_that_say_nothing_are_noted(write):
+    file = inspect_profiles(write("u,v\n0,400\n9,399\n"))
+    assert file.notes == ("u and v taken for x and height",)
+
+
+def test_units_that_nobody_states_are_reported_as_assumed(write):
+    assert inspect_profiles(write("0,400\n9,399\n")).units_assumed
+    assert not inspect_profiles(write("0,400\n9,399\n"), units="mm").units_assumed
+
+
+@pytest.mark.parametrize(
+    ("text", "hint"),
+    [
+        ("0,-400000\n10000,-399000\n", "--units um"),
+        ("0,-0.4\n0.01,-0.399\n", "--units m"),
+        ("x,y,z\n" + "0,1,5\n4,1,6\n" * 3 + "0,2,\n4,2,\n" * 3, "1 of 2 profiles hold no point"),
+    ],
+)
+def test_what_looks_wrong_is_noted_with_its_mend(write, text, hint):
+    assert any(hint in note for note in inspect_profiles(write(text)).notes)
+
+
+def test_a_good_profile_has_nothing_noted(write):
+    assert inspect_profiles(write("x [mm],z [mm]\n0,-400\n9,-399\n")).notes == ()
+
+
+def test_a_file_of_one_profile_reads_alike_both_ways(write):
+    path = write("0,1\n2,3\n")
+    npt.assert_array_equal(read_profiles(path)[0].points, read_profile(path).points)
+
+
+def test_a_million_points_are_read_in_time(write):
+    points = np.random.default_rng(1).normal(0, 50, (1_000_000, 2)).round(4)
+    text = "\n".join(f"{x},{z}" for x, z in points.tolist())
+    path = write(text)
+    start = time.process_time()
+    profile = read_profile(path)
+    assert time.process_time() - start < SECONDS_FOR_A_MILLION_POINTS
+    npt.assert_array_equal(profile.points, points)
+
+
+def test_the_keywords_are_the_fields_of_the_settings():
+    fields = [field.name for field in dataclasses.fields(ReadSettings)]
+    assert list(ReadOptions.__annotations__) == fields
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"format": "xls"}, "want format among text, matrix, .*, got 'xls'"),
+        ({"units": "furlong"}, "want units among nm, um, mm, .*, got 'furlong'"),
+        ({"dx": 0.0}, "want dx other than 0, got 0"),
+        ({"columns": (0,)}, r"want columns of x and height .*, got \(0,\)"),
+        ({"columns": (0, -1)}, r"want columns .* from 0, got \(0, -1\)"),
+    ],
+)
+def test_a_slip_in_the_options_is_refused(options, message):
+    with pytest.raises(ValueError, match=message):
+        ReadSettings(**options)

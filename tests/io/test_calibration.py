@@ -1,0 +1,219 @@
+import json
+
+import cv2
+import numpy as np
+import pytest
+
+from lsvision.calibrate.boards_state import LaserView
+from lsvision.calibrate.intrinsics import CameraSettings, fit_camera
+from lsvision.calibrate.laser_plane import fit_laser_plane
+from lsvision.calibrate.target import TargetView
+from lsvision.errors import UnreadableFile, UnwritableFile
+from lsvision.io.calibration import (
+    provenance_of,
+    write_camera_calibration,
+    write_laser_plane_calibration,
+)
+from lsvision.io.camera_file import read_camera, write_camera_yaml
+from lsvision.sensor.camera import Camera
+from lsvision.sensor.light_section import LightSection
+from lsvision.shapes import Plane
+from lsvision.simulate.boards import BoardScene, simulate_boards
+
+MATRIX = [[514.5, 0.0, 329.25], [0.0, 685.75, 237.5], [0.0, 0.0, 1.0]]
+LENS = [-0.35, 0.125, 0.0005, -0.25e-3, 0.0]
+CAMERA = Camera(MATRIX, LENS, (640, 480))
+
+ROS_FILE = """image_width: 640
+image_height: 480
+camera_name: narrow_stereo
+camera_matrix:
+  rows: 3
+  cols: 3
+  data: [514.5, 0., 329.25, 0., 685.75, 237.5, 0., 0., 1.]
+distortion_model: plumb_bob
+distortion_coefficients:
+  rows: 1
+  cols: 5
+  data: [-0.35, 0.125, 0.0005, -2.5e-04, 0.000000]
+rectification_matrix:
+  rows: 3
+  cols: 3
+  data: [9., 0., 0., 0., 9., 0., 0., 0., 9.]
+"""
+ROS1_MESSAGE = """header:
+  frame_id: "cam"
+height: 480
+width: 640
+distortion_model: "plumb_bob"
+D: [-0.35, 0.125, 0.0005, -0.00025, 0.0]
+K: [514.5, 0.0, 329.25, 0.0, 685.75, 237.5, 0.0, 0.0, 1.0]
+R: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
+"""
+ROS2_MESSAGE = """header:
+  stamp:
+    sec: 1
+height: 480
+width: 640
+distortion_model: plumb_bob
+d:
+- -0.35
+- 0.125
+- 0.0005
+- -0.00025
+- 0.0
+k:
+- 514.5
+- 0.0
+- 329.25
+- 0.0
+- 685.75
+- 237.5
+- 0.0
+- 0.0
+- 1.0
+r:
+- 1.0
+---
+"""
+OPENCV_NAMELESS = """%YAML:1.0
+M1: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 5.145e+02, 0., 3.2925e+02, 0.,
+       685.75, 2.375e+02, 0., 0., 1. ]
+D1: !!opencv-matrix
+   rows: 1
+   cols: 5
+   dt: d
+   data: [ -0.35, 0.125, 5.0e-04, -2.5e-04, 0. ]
+"""
+
+
+def assert_same_camera(got, want):
+    np.testing.assert_array_equal(got.matrix, want.matrix)
+    np.testing.assert_array_equal(got.distortion, want.distortion)
+    assert got.size == want.size
+
+
+@pytest.mark.parametrize("text", [ROS_FILE, ROS1_MESSAGE, ROS2_MESSAGE], ids=["file", "1", "2"])
+def test_ros_camera_info_is_read(text, tmp_path):
+    (tmp_path / "camera.yaml").write_text(text)
+    assert_same_camera(read_camera(tmp_path / "camera.yaml"), CAMERA)
+
+
+def test_opencv_file_without_size_is_read_when_told_the_size(tmp_path):
+    path = tmp_path / "intrinsics.yml"
+    path.write_text(OPENCV_NAMELESS)
+    assert_same_camera(read_camera(path, size=(640, 480)), CAMERA)
+    with pytest.raises(UnreadableFile, match=r"intrinsics.yml .* give size="):
+        read_camera(path)
+
+
+def test_file_written_by_this_opencv_is_read(tmp_path):
+    path = str(tmp_path / "cv.yaml")
+    storage = cv2.FileStorage(path, cv2.FileStorage_WRITE)
+    storage.write("image_width", 640)
+    storage.write("image_height", 480)
+    storage.write("camera_matrix", np.array(MATRIX))
+    storage.write("distortion_coefficients", np.array(LENS))
+    storage.release()
+    assert_same_camera(read_camera(path), CAMERA)
+
+
+def test_opencv_reads_the_yaml_we_write(tmp_path):
+    path = str(tmp_path / "camera.yaml")
+    write_camera_yaml(path, CAMERA)
+    storage = cv2.FileStorage(path, cv2.FileStorage_READ)
+    np.testing.assert_array_equal(storage.getNode("camera_matrix").mat(), MATRIX)
+    lens = storage.getNode("distortion_coefficients").mat()
+    np.testing.assert_array_equal(lens.ravel(), LENS)
+    assert_same_camera(read_camera(path), CAMERA)
+
+
+@pytest.fixture(scope="module")
+def boards():
+    return simulate_boards(BoardScene(), 4, rng=np.random.default_rng(5))
+
+
+@pytest.fixture(scope="module")
+def camera_calibration(boards):
+    return fit_camera(
+        [TargetView(board.points, board.pixels, (1280, 1024)) for board in boards],
+        CameraSettings(radial_terms=1),
+    )
+
+
+def test_camera_calibration_carries_camera_and_evidence(camera_calibration, tmp_path):
+    path = tmp_path / "camera.json"
+    write_camera_calibration(path, camera_calibration, {"method": "test"})
+    assert_same_camera(read_camera(path), camera_calibration.camera)
+    written = json.loads(path.read_text())
+    assert written["schema"] == "lsvision/camera-calibration/1"
+    assert written["units"]["length"] == "mm"
+    assert written["std"]["fx"] == camera_calibration.std["fx"]
+    assert len(written["views"][3]["residuals"]) == 70
+    assert written["provenance"] == {"method": "test"}
+
+
+def test_laser_plane_calibration_carries_plane_and_evidence(boards, camera_calibration, tmp_path):
+    views = [
+        LaserView(board.points, board.pixels, board.line_pixels, np.full(100, 0.1))
+        for board in boards
+    ]
+    calibration = fit_laser_plane(camera_calibration.camera, views)
+    path = tmp_path / "laser.json"
+    write_laser_plane_calibration(path, calibration, {})
+    written = json.loads(path.read_text())
+    assert written["laser_plane"]["distance"] == calibration.plane.distance
+    np.testing.assert_array_equal(written["covariance"], calibration.covariance)
+    assert_same_camera(read_camera(path), calibration.light_section.camera)
+
+
+def test_camera_of_a_rig_file_is_read(tmp_path):
+    LightSection(CAMERA, Plane((0, 0.8, 0.6), 100.0)).save(tmp_path / "rig.json")
+    assert_same_camera(read_camera(tmp_path / "rig.json"), CAMERA)
+
+
+def test_provenance_tells_the_inputs_apart(tmp_path):
+    file = tmp_path / "a.png"
+    file.write_bytes(b"one")
+    first = provenance_of("test", [file])
+    file.write_bytes(b"two")
+    assert first["inputs"] == "a.png"
+    assert first["inputs_sha256"] != provenance_of("test", [file])["inputs_sha256"]
+    with pytest.raises(UnreadableFile, match=r"b\.png cannot be read"):
+        provenance_of("test", [tmp_path / "b.png"])
+
+
+@pytest.mark.parametrize(
+    ("text", "match"),
+    [
+        (ROS_FILE.replace("plumb_bob", "equidistant"), "lens model is 'equidistant'"),
+        (ROS_FILE.replace("camera_matrix", "matrix"), "want camera matrix under one of"),
+        (ROS_FILE.replace("0., 0., 1.]", "0.]"), "matrix of 9 numbers, got 7"),
+        (ROS_FILE.replace("distortion_coefficients", "x"), "want distortion coefficients"),
+        ('{"schema": "something"}', "has schema 'something'"),
+        ("{ broken", "is no JSON"),
+        ("\x89PNG", "holds no camera"),
+    ],
+)
+def test_files_without_a_camera_are_refused_by_name(text, match, tmp_path):
+    path = tmp_path / "input.yaml"
+    path.write_text(text)
+    with pytest.raises(UnreadableFile, match=rf"input.yaml.*{match}"):
+        read_camera(path)
+
+
+def test_size_that_contradicts_the_file_is_refused(tmp_path):
+    (tmp_path / "a.yaml").write_text(ROS_FILE)
+    with pytest.raises(UnreadableFile, match=r"images of \(640, 480\) px, not \(5, 5\)"):
+        read_camera(tmp_path / "a.yaml", size=(5, 5))
+
+
+def test_missing_files_and_folders_are_named(camera_calibration, tmp_path):
+    with pytest.raises(UnreadableFile, match=r"none\.json cannot be read"):
+        read_camera(tmp_path / "none.json")
+    with pytest.raises(UnwritableFile, match="gone"):
+        write_camera_calibration(tmp_path / "gone" / "a.json", camera_calibration, {})

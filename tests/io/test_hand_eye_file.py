@@ -1,0 +1,114 @@
+"""Calibration files: what is written is read again, and nothing else is."""
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+
+from lsvision.calibrate.hand_eye_result import HandEye, RejectedPose, Sphere
+from lsvision.errors import UnreadableFile, UnwritableFile
+from lsvision.io.hand_eye_file import export_easy_handeye, load_hand_eye, save_hand_eye
+from lsvision.shapes import Plane, Pose
+
+QUARTER = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+TARGETS = {
+    "sphere": Sphere((1, 2, 3), 20.0, 0.01),
+    "plane": Plane((0, 0, 1), 5.0),
+    "board": Pose(QUARTER, (7, 8, 9)),
+}
+
+
+def hand_eye(target=TARGETS["sphere"], mounting="eye_in_hand"):
+    return HandEye(
+        mount_from_sensor=Pose(QUARTER, (10, 20, 30)),
+        covariance=np.diag([1, 2, 3, 4, 5, 6]) * 1e-4,
+        residuals=np.array([0.1, np.nan, 0.2]),
+        held_out=np.array([0.2, np.nan, 0.3]),
+        rejected=(RejectedPose(1, "no sphere found"),),
+        target=target,
+        working_point=(0, -150, 0),
+        robot_std=(0.05, 1e-4),
+        ambiguity=float("inf"),
+        weakness=0.2,
+        weakest="turning about the sensor's own Y",
+        mounting=mounting,
+        sensor="section",
+    )
+
+
+@pytest.mark.parametrize("kind", TARGETS)
+def test_a_calibration_survives_its_file(tmp_path, kind):
+    path = tmp_path / "hand_eye.json"
+    before = hand_eye(TARGETS[kind])
+    save_hand_eye(before, path)
+    after = load_hand_eye(path)
+    np.testing.assert_array_equal(after.mount_from_sensor.matrix, before.mount_from_sensor.matrix)
+    np.testing.assert_array_equal(after.covariance, before.covariance)
+    np.testing.assert_array_equal(after.residuals, before.residuals)
+    assert (after.rejected, after.robot_std, after.ambiguity) == (
+        before.rejected,
+        before.robot_std,
+        before.ambiguity,
+    )
+    assert type(after.target) is type(before.target)
+
+
+def test_the_file_says_units_and_where_it_comes_from(tmp_path):
+    save_hand_eye(hand_eye(), tmp_path / "h.json", {"inputs_sha256": "abc"})
+    document = json.loads((tmp_path / "h.json").read_text())
+    assert document["units"]["length"] == "mm"
+    assert document["provenance"] == {"inputs_sha256": "abc"}
+
+
+def test_ros_gets_metres_and_w_last(tmp_path):
+    path = tmp_path / "easy.yaml"
+    export_easy_handeye(hand_eye(), path, robot_frame="tool0", sensor_frame="profiler")
+    document = yaml.safe_load(path.read_text())
+    assert document["transformation"]["x"] == pytest.approx(0.01)
+    half = np.sqrt(0.5)  # a quarter turn about z
+    quaternion = [document["transformation"][key] for key in ("qx", "qy", "qz", "qw")]
+    np.testing.assert_allclose(quaternion, [0, 0, half, half], atol=1e-9)
+    assert document["parameters"] == {
+        "eye_on_hand": True,
+        "robot_effector_frame": "tool0",
+        "tracking_base_frame": "profiler",
+    }
+
+
+def test_a_standing_sensor_names_the_base_frame(tmp_path):
+    path = tmp_path / "easy.yaml"
+    standing = hand_eye(mounting="eye_to_hand")
+    export_easy_handeye(standing, path, robot_frame="base", sensor_frame="profiler")
+    assert yaml.safe_load(path.read_text())["parameters"]["robot_base_frame"] == "base"
+
+
+UNREADABLE = {
+    "words": ("not json", "want a hand-eye file"),
+    "schema": ('{"schema": "other/1"}', "want schema 'lsvision/hand-eye/1', got 'other/1'"),
+    "list": ("[]", "got None"),
+    "field": ('{"schema": "lsvision/hand-eye/1"}', "bad or missing 'ambiguity'"),
+}
+
+
+@pytest.mark.parametrize("case", UNREADABLE)
+def test_other_files_are_refused_by_name(tmp_path, case):
+    text, message = UNREADABLE[case]
+    path = tmp_path / "x.json"
+    path.write_text(text)
+    with pytest.raises(UnreadableFile, match=message):
+        load_hand_eye(path)
+
+
+def test_an_unknown_target_is_refused(tmp_path):
+    save_hand_eye(hand_eye(), tmp_path / "h.json")
+    text = (tmp_path / "h.json").read_text().replace('"sphere"', '"cone"')
+    (tmp_path / "h.json").write_text(text)
+    with pytest.raises(UnreadableFile, match="cone"):
+        load_hand_eye(tmp_path / "h.json")
+
+
+def test_nothing_is_left_behind_where_nothing_can_be_written(tmp_path):
+    with pytest.raises(UnwritableFile, match="nowhere"):
+        save_hand_eye(hand_eye(), tmp_path / "nowhere" / "h.json")
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,117 @@
+"""Results in files say the same as the values, each with its unit in its key."""
+
+import csv
+import json
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from lsvision.errors import UnwritableFile
+from lsvision.fitting.cylinder_section import CylinderSection
+from lsvision.fitting.ellipse_fit import fit_ellipse
+from lsvision.io.results import (
+    FILE_SCHEMA,
+    RECORD_SCHEMA,
+    measurement_record,
+    write_csv,
+    write_json,
+)
+from lsvision.measure import Measurement
+from lsvision.profile import Arc
+from lsvision.recognition.verdict import Rejection
+from lsvision.shapes import Ellipse
+
+NOISE_MM = 0.02
+
+
+@pytest.fixture(scope="module")
+def cylinder() -> CylinderSection:
+    truth = Ellipse((3.0, -400.0), semi_major=20.0, semi_minor=15.0, theta=0.5)
+    t = np.linspace(0.1, 2.9, 80)
+    tilt = np.array([[math.cos(0.5), math.sin(0.5)], [-math.sin(0.5), math.cos(0.5)]])
+    points = np.column_stack([20 * np.cos(t), 15 * np.sin(t)]) @ tilt + truth.centre
+    points += np.random.default_rng(3).normal(0, NOISE_MM, points.shape)
+    fit = fit_ellipse(points, truth, np.tile(NOISE_MM**2 * np.eye(2), (80, 1, 1)))
+    return CylinderSection(fit, Arc(4, 84), np.arange(4, 84))
+
+
+@pytest.fixture
+def record(cylinder):
+    rejected = Rejection(Arc(90, 97), "radial residual 2.1 mm")
+    return measurement_record(Measurement((cylinder,), (rejected,)), source="tube.csv", profile=2)
+
+
+def test_a_record_holds_the_numbers_of_the_cylinder_in_mm_and_deg(record, cylinder):
+    (written,) = record["cylinders"]
+    assert written["radius_mm"] == cylinder.radius
+    assert written["radius_std_mm"] == cylinder.radius_std
+    assert written["theta_deg"] == pytest.approx(math.degrees(cylinder.theta))
+    assert written["phi_std_deg"] == pytest.approx(math.degrees(cylinder.phi_std))
+    assert written["centre_y_mm"] == cylinder.centre[1]
+    assert written["centre_y_std_mm"] == pytest.approx(math.sqrt(cylinder.covariance[1, 1]))
+    assert written["indices"] == list(range(4, 84))
+    assert written["theta_determined"] is True
+
+
+def test_a_record_holds_the_intervals_of_all_five_quantities(record, cylinder):
+    (written,) = record["cylinders"]
+    for name in ("radius", "centre_x", "centre_y"):
+        assert written[f"{name}_interval_95_mm"] == list(cylinder.interval(name))
+    for name in ("theta", "phi"):
+        in_deg = np.degrees(cylinder.interval(name))
+        np.testing.assert_allclose(written[f"{name}_interval_95_deg"], in_deg)
+
+
+def test_a_record_names_its_schema_source_and_rejections(record):
+    assert (record["schema"], record["source"], record["profile"]) == (RECORD_SCHEMA, "tube.csv", 2)
+    assert record["rejections"] == [{"start": 90, "stop": 97, "reason": "radial residual 2.1 mm"}]
+
+
+def test_every_length_and_angle_names_its_unit(record):
+    plain = {"theta_determined", "axis_twins", "indices"}
+    (written,) = record["cylinders"]
+    assert all(key.endswith(("_mm", "_deg")) for key in set(written) - plain)
+
+
+def test_json_gives_the_records_back(tmp_path, record):
+    write_json(tmp_path / "all.json", [record, record])
+    document = json.loads((tmp_path / "all.json").read_text())
+    assert document == {"schema": FILE_SCHEMA, "measurements": [record, record]}
+
+
+def test_csv_has_a_row_for_each_cylinder(tmp_path, record):
+    nothing = {**record, "cylinders": []}
+    write_csv(tmp_path / "all.csv", [record, nothing, record])
+    rows = list(csv.DictReader((tmp_path / "all.csv").read_text().splitlines()))
+    (written,) = record["cylinders"]
+    assert len(rows) == 2
+    assert float(rows[1]["phi_deg"]) == written["phi_deg"]
+    assert float(rows[0]["radius_high_95_mm"]) == written["radius_interval_95_mm"][1]
+    assert (rows[0]["source"], rows[0]["points"]) == ("tube.csv", "80")
+
+
+def test_a_number_that_does_not_exist_is_null(tmp_path, cylinder):
+    names = ("radius", "theta", "phi", "centre", "covariance", "ellipse", "indices", "axis_twins")
+    values = {name: getattr(cylinder, name) for name in names}
+    unknown = SimpleNamespace(
+        **values,
+        radius_std=1.0,
+        theta_std=math.inf,
+        phi_std=math.nan,
+        theta_determined=np.False_,
+        interval=lambda name, level: (0.0, math.inf),
+    )
+    record = measurement_record(SimpleNamespace(cylinders=[unknown], rejections=[]))
+    write_json(tmp_path / "r.json", [record])
+    (written,) = json.loads((tmp_path / "r.json").read_text())["measurements"][0]["cylinders"]
+    assert (written["theta_std_deg"], written["phi_std_deg"]) == (None, None)
+    assert written["radius_interval_95_mm"] == [0.0, None]
+    assert written["theta_determined"] is False
+
+
+@pytest.mark.parametrize("write", [write_json, write_csv])
+def test_results_that_cannot_be_written_name_the_file(tmp_path, record, write):
+    with pytest.raises(UnwritableFile, match="none/all: its folder does not exist"):
+        write(tmp_path / "none" / "all", [record])
