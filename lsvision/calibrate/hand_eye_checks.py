@@ -1,0 +1,171 @@
+"""Whether the data support a sensor-to-robot calibration, and what is wrong where they do not."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lsvision.calibrate.adjustment import adjust, lever_whitening, normal_system
+from lsvision.calibrate.noisy_poses import Refined, robot_whitening
+from lsvision.calibrate.pose_outliers import ROUGH_STD, multi_start
+from lsvision.calibrate.rotations import rotation_vectors
+from lsvision.calibrate.sightings import Sightings, States
+from lsvision.shapes import FloatArray
+
+ARM = 100.0
+"""Millimetres that a radian of the sensor's rotation counts for."""
+OTHER_TURN, OTHER_SHIFT = np.radians(2.0), 5.0
+"""Minima further apart than this (rad, mm) are different answers."""
+CLEARLY_BETTER = 0.35
+"""Share of the residual that an explanation must not exceed to be named."""
+BELIEVABLE = 1.5
+"""Residual that an explanation must not exceed to be named. Units: mm."""
+
+
+@dataclass(frozen=True, slots=True)
+class Weakness:
+    """The direction of the sensor's pose that the poses determine least.
+
+    Parameters
+    ----------
+    std : float
+        One sigma at the nominal robot; a radian counts 100 mm. Units: mm.
+    words : str
+        The direction.
+    """
+
+    std: float
+    words: str
+
+
+def weakest_direction(sightings: Sightings, refined: Refined) -> Weakness:
+    """Predicted one sigma of the worst-determined motion of the sensor.
+
+    Parameters
+    ----------
+    sightings : Sightings
+        What was seen.
+    refined : Refined
+        The solution; its believed poses count.
+
+    Returns
+    -------
+    Weakness
+        Infinite where the normal matrix is singular.
+    """
+    whitening = refined.mask[:, None, None] * robot_whitening(sightings, refined.states, 1.0)
+    jacobian, _ = normal_system(sightings, refined.states, whitening)
+    rows = jacobian.reshape(-1, jacobian.shape[-1])
+    mount, target = rows[:, :6] / np.array([1, 1, 1, ARM, ARM, ARM]), rows[:, 6:]
+    prior = np.diag(1 / np.tile(sightings.target_prior[1], refined.states.targets.shape[1]))
+    target = np.concatenate([target, prior])
+    mount = np.concatenate([mount, np.zeros((len(prior), 6))])
+    # The target's part is projected out: what of the mount's columns it cannot imitate.
+    basis, strengths, _ = np.linalg.svd(target, full_matrices=False)
+    basis = basis[:, strengths > 1e-12 * strengths[0]]
+    free = mount - basis @ (basis.T @ mount)
+    _, strengths, directions = np.linalg.svd(free, full_matrices=False)
+    std = float("inf") if strengths[-1] < 1e-12 else float(1 / strengths[-1])
+    return Weakness(std, _in_words(directions[-1], refined.states.rotations[0]))
+
+
+def _in_words(direction: FloatArray, rotation: FloatArray) -> str:
+    shift, turn = rotation.T @ direction[:3], rotation.T @ direction[3:]
+    axis = turn if np.linalg.norm(turn) > np.linalg.norm(shift) else shift
+    verb = "turning about" if axis is turn else "moving along"
+    return f"{verb} the sensor's own {'XYZ'[int(np.abs(axis).argmax())]}"
+
+
+def ambiguity_ratio(sightings: Sightings, refined: Refined) -> float:
+    """Cost of the best minimum that is another answer, over the cost of the best.
+
+    Infinite where every start leads to the one minimum.
+    """
+    states, costs = multi_start(sightings, refined.mask)
+    nearest = refined.states
+    turn = rotation_vectors(states.rotations @ nearest.rotations[0].T)
+    shift = states.translations - nearest.translations[0]
+    other = (np.linalg.norm(turn, axis=1) > OTHER_TURN) | (
+        np.linalg.norm(shift, axis=1) > OTHER_SHIFT
+    )
+    if not other.any():
+        return float("inf")
+    own = adjust(
+        sightings, nearest, lever_whitening(sightings, refined.mask[None], ROUGH_STD)
+    ).costs[0]
+    return float(costs[other].min() / max(own, 1e-9))
+
+
+def residual_lengths(sightings: Sightings, residuals: FloatArray) -> FloatArray:
+    """(n,) millimetres of residuals (n, m)."""
+    lengths: FloatArray = np.linalg.norm(residuals * sightings.levers, axis=-1)
+    return lengths
+
+
+def moved_target(sightings: Sightings, mask: FloatArray, near: States | None) -> str | None:
+    """Whether two targets, one before and one after some pose, explain what one cannot.
+
+    Parameters
+    ----------
+    sightings : Sightings
+        What was seen, all of it of one target.
+    mask : (n,) ndarray
+        1 for the poses that count: a wrong pose must not pass for a target that moved.
+    near : States, optional
+        A solution to start from; without it every start is tried.
+
+    Returns
+    -------
+    str or None
+        The finding in words.
+    """
+    start = multi_start(sightings, mask)[0].taken(np.array([0])) if near is None else near
+    one = _rms_of(sightings, start, mask)
+    best, at, apart = one, 0, 0.0
+    for split in range(1, len(mask)):
+        if min(mask[:split].sum(), mask[split:].sum()) < 3:
+            continue
+        two = sightings.regrouped((np.arange(len(mask)) >= split).astype(np.int64))
+        if near is None:
+            state = multi_start(two, mask)[0].taken(np.array([0]))
+        else:
+            whitening = lever_whitening(two, mask[None], ROUGH_STD)
+            state = adjust(two, _doubled(near), whitening).states
+        rms = _rms_of(two, state, mask)
+        if rms < best:
+            gap = state.targets[0, 0] - state.targets[0, 1]
+            best, at, apart = rms, split, float(np.linalg.norm(gap[:3]))
+    if best > min(CLEARLY_BETTER * one, BELIEVABLE):
+        return None
+    return (
+        f"the target moved between pose {at - 1} and pose {at} (counted from 0): as one target "
+        f"they leave {one:.2g} mm, as two {best:.2g} mm, {apart:.2g} apart; repeat one of the "
+        "halves"
+    )
+
+
+def misplaced_poses(sightings: Sightings, rms: float) -> str | None:
+    """Whether the poses shifted by one, or in reverse, fit what was seen."""
+    everyone = np.ones(len(sightings.flanges))
+    order = np.arange(len(everyone))
+    for words, other in (
+        ("each profile belongs to the next pose", np.roll(order, -1)),
+        ("each profile belongs to the pose before", np.roll(order, 1)),
+        ("the poses are in reverse order", order[::-1]),
+    ):
+        trial = sightings.with_flanges(sightings.flanges.taken(other))
+        # The pair that a shift brings from the other end is no pair.
+        mask = np.where(np.abs(other - order) > 1, 0.0, 1.0) if "each" in words else everyone
+        states, _ = multi_start(trial, mask)
+        if _rms_of(trial, states, mask) < min(CLEARLY_BETTER * rms, BELIEVABLE):
+            return f"{words}: pairs shifted against each other"
+    return None
+
+
+def _rms_of(sightings: Sightings, states: States, mask: FloatArray) -> float:
+    lengths = residual_lengths(sightings, sightings.linearised(states).residuals[0])
+    return float(np.sqrt((lengths**2 * mask).sum() / mask.sum()))
+
+
+def _doubled(states: States) -> States:
+    targets = np.repeat(states.targets[:, :1], 2, axis=1)
+    return States(states.rotations, states.translations, targets)

@@ -1,0 +1,200 @@
+"""Sensor-to-robot solution with robot poses that are noisy themselves (errors in variables).
+
+The robot's error enters the covariance of each pose: C_i = C_sighting + s^2 A_i S A_i'.
+Treating the robot as perfect instead makes a covariance several times too small.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lsvision.calibrate.adjustment import adjust, normal_system, prior_rows, whitening_of
+from lsvision.calibrate.sightings import Sightings, States
+from lsvision.errors import FitFailed
+from lsvision.shapes import FloatArray
+
+ROBOT_SHAPE = (0.05, float(np.radians(0.01)))
+"""Ratio of position to orientation error (mm, rad) where the robot's error is estimated: a
+repeatable six-axis arm. Its size comes from the data, its shape cannot."""
+
+
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """Errors-in-variables solution of one state.
+
+    Parameters
+    ----------
+    states : States
+        One state.
+    mask : (n,) ndarray
+        1 for the poses that counted.
+    cofactors : (p, p) ndarray
+        Inverse normal matrix: covariance of sensor (6) and target(s) before widening.
+    whitening : (n, m, m) ndarray
+        Of every pose, counted or not.
+    jacobian, residuals : ndarray
+        (n, m, p) and (n, m), whitened, of every pose.
+    scale : float
+        Size of the robot's error in units of the prior.
+    chi2 : float
+        Of the counted poses' whitened residuals and the prior's.
+    dof : int
+        Numbers seen less unknowns.
+    widening : float
+        Factor on the covariance, at least 1.
+    """
+
+    states: States
+    mask: FloatArray
+    cofactors: FloatArray
+    whitening: FloatArray
+    jacobian: FloatArray
+    residuals: FloatArray
+    scale: float
+    chi2: float
+    dof: int
+    widening: float
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Of sensor (6) and target(s); honest where robot's error is as stated or estimated."""
+        covariance: FloatArray = self.cofactors * self.widening
+        return covariance
+
+    @property
+    def redundancy(self) -> FloatArray:
+        """(n, m, m) 1 - J Q J' of each counted pose: what of its error its residual shows."""
+        eye = np.eye(self.residuals.shape[1])
+        hats = self.jacobian @ self.cofactors @ np.swapaxes(self.jacobian, -1, -2)
+        redundancy: FloatArray = eye - self.mask[:, None, None] * hats
+        return redundancy
+
+    def left_out(self) -> FloatArray:
+        """(n, m) residual of each pose had it not taken part, in the sighting's own units.
+
+        Exact for the linearised problem; poses that did not count are as they are.
+        """
+        white = np.linalg.solve(
+            self.redundancy + 1e-12 * np.eye(self.residuals.shape[1]), self.residuals[..., None]
+        )
+        predicted: FloatArray = np.linalg.solve(self.whitening, white)[..., 0]
+        return predicted
+
+
+def refine(sightings: Sightings, start: States, mask: FloatArray, *, estimate: bool) -> Refined:
+    """Errors-in-variables solution from a start near it.
+
+    Parameters
+    ----------
+    sightings : Sightings
+        What was seen.
+    start : States
+        One state.
+    mask : (n,) ndarray
+        1 for poses that count, 0 for others.
+    estimate : bool
+        Whether the size of the robot's error comes from the residuals (their chi squared is
+        made equal to its degrees of freedom) or stands as stated, and then only widens the
+        covariance where the residuals are larger than it explains.
+
+    Raises
+    ------
+    FitFailed
+        If the normal equations are singular.
+    """
+    states, scale = start, 1.0
+    for _ in range(6):
+        previous = states
+        if estimate:
+            scale = _robot_scale(sightings, states, mask)
+        whitening = robot_whitening(sightings, states, scale)
+        states = adjust(sightings, states, mask[:, None, None] * whitening, max_steps=8).states
+        if np.abs(states.translations - previous.translations).max() < 1e-7:
+            break
+    return _evaluated(sightings, states, mask, scale, estimate=estimate)
+
+
+def _evaluated(
+    sightings: Sightings, states: States, mask: FloatArray, scale: float, *, estimate: bool
+) -> Refined:
+    whitening = robot_whitening(sightings, states, scale)
+    jacobian, residuals = normal_system(sightings, states, whitening)
+    prior, prior_residuals = prior_rows(sightings, states)
+    counted = jacobian[0] * mask[:, None, None]
+    rows = np.concatenate([counted.reshape(-1, jacobian.shape[-1]), prior[0]])
+    try:
+        cofactors = _scaled_inverse(rows.T @ rows)
+    except np.linalg.LinAlgError as error:
+        raise FitFailed("the poses leave a direction of the sensor's pose wholly free") from error
+    chi2 = float((residuals[0] ** 2 * mask[:, None]).sum() + (prior_residuals**2).sum())
+    dof = degrees_of_freedom(sightings, states, mask)
+    widening = 1.0 if estimate else max(1.0, chi2 / max(dof, 1))
+    return Refined(
+        states=states,
+        mask=mask,
+        cofactors=cofactors,
+        whitening=whitening[0],
+        jacobian=jacobian[0],
+        residuals=residuals[0],
+        scale=scale,
+        chi2=chi2,
+        dof=dof,
+        widening=widening,
+    )
+
+
+def degrees_of_freedom(sightings: Sightings, states: States, mask: FloatArray) -> int:
+    """Numbers seen (and prior) less unknowns."""
+    prior = int(np.isfinite(sightings.target_prior[1]).sum()) * states.targets.shape[1]
+    seen = int(mask.sum()) * sightings.covariances.shape[-1]
+    unknown = 6 + states.targets.shape[1] * len(sightings.target_prior[1])
+    return int(seen + prior - unknown)
+
+
+def robot_whitening(sightings: Sightings, states: States, scale: float) -> FloatArray:
+    """Whitening of C_i = C_sighting + scale^2 A_i S A_i'; (s, n, m, m)."""
+    return whitening_of(sightings.covariances + scale**2 * _robot_covariances(sightings, states))
+
+
+def _robot_covariances(sightings: Sightings, states: States) -> FloatArray:
+    """A_i S A_i', the error that a unit robot gives each sighting; (s, n, m, m)."""
+    by_flange = sightings.linearised(states).by_flange
+    robot: FloatArray = by_flange @ sightings.flanges.covariances @ np.swapaxes(by_flange, -1, -2)
+    return robot
+
+
+def _robot_scale(sightings: Sightings, states: States, mask: FloatArray) -> float:
+    """Size of the robot's error at which chi squared equals its degrees of freedom.
+
+    Each trial size is solved to its own minimum in the linearised problem; chi squared falls
+    as the size grows, so bisection on its logarithm finds the one crossing.
+    """
+    dof = degrees_of_freedom(sightings, states, mask)
+    robot = _robot_covariances(sightings, states)
+    unit = np.ones((1, 1, 1, 1)) * np.eye(sightings.covariances.shape[-1])
+    jacobian, residual = normal_system(sightings, states, unit)
+    prior, prior_residual = prior_rows(sightings, states)
+
+    def excess(scale: float) -> float:
+        covariances = sightings.covariances + scale**2 * robot
+        whitening = mask[:, None, None] * whitening_of(covariances)
+        white = (whitening @ jacobian).reshape(1, -1, jacobian.shape[-1])
+        rows = np.concatenate([white, prior], axis=1)[0]
+        right = (whitening @ residual[..., None]).reshape(1, -1)
+        right = np.concatenate([right, prior_residual], axis=1)[0]
+        step = np.linalg.lstsq(rows, -right, rcond=None)[0]
+        return float(((rows @ step + right) ** 2).sum()) - dof
+
+    low, high = np.log(1e-3), np.log(1e4)
+    if dof < 1 or excess(float(np.exp(low))) <= 0:
+        return float(np.exp(low))
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if excess(float(np.exp(middle))) > 0 else (low, middle)
+    return float(np.exp(0.5 * (low + high)))
+
+
+def _scaled_inverse(matrix: FloatArray) -> FloatArray:
+    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    inverse: FloatArray = np.linalg.inv(matrix * np.outer(scale, scale)) * np.outer(scale, scale)
+    return inverse

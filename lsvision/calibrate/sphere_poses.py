@@ -1,0 +1,129 @@
+"""What poses show of a sphere: the circle in which each section cuts it.
+
+A circle (x, y, r) holds all that an arc knows. With q the sphere's centre in the section frame,
+x = q_x, y = q_y and r^2 = R^2 - q_z^2: which side of the centre the section lies on never has
+to be decided.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lsvision.calibrate.rotations import cube_rotations, nearest_rotations
+from lsvision.calibrate.seen_points import masked_least_squares, seen_points
+from lsvision.calibrate.sightings import FlangePoses, Linearised, States
+from lsvision.shapes import FloatArray, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class SphereSightings:
+    """Circles of a sphere (or of several), one a pose.
+
+    Parameters
+    ----------
+    circles : (n, 3) ndarray
+        Centre x, y and radius, section frame. Units: mm.
+    covariances : (n, 3, 3) ndarray
+        Units: mm^2.
+    flanges : FlangePoses
+        One a circle.
+    radius : tuple of float
+        The sphere's radius beforehand and its one sigma; inf = free. Units: mm.
+    groups : (n,) ndarray
+        Which sphere each pose saw.
+    """
+
+    circles: FloatArray
+    covariances: FloatArray
+    flanges: FlangePoses
+    radius: tuple[float, float]
+    groups: IntArray
+
+    @property
+    def levers(self) -> FloatArray:
+        """All three residuals are millimetres."""
+        return np.ones(3)
+
+    @property
+    def target_prior(self) -> tuple[FloatArray, FloatArray]:
+        """Centre free, radius as stated."""
+        free = np.inf
+        return np.array([0, 0, 0, self.radius[0]]), np.array([free, free, free, self.radius[1]])
+
+    def linearised(self, states: States) -> Linearised:
+        """Residuals x - q_x, y - q_y and (r^2 - R^2 + q_z^2) / 2r, with derivatives."""
+        targets = states.targets[:, self.groups]
+        q, by_mount, by_centre, by_flange = seen_points(self.flanges, states, targets[..., :3])
+        r = self.circles[:, 2]
+        height = q[..., 2] / r
+        # d residual / d q: -1, -1 and q_z / r.
+        slopes = np.stack([-np.ones_like(height), -np.ones_like(height), height], axis=-1)
+        residuals = self.circles - q
+        residuals[..., 2] = (r**2 - targets[..., 3] ** 2 + q[..., 2] ** 2) / (2 * r)
+        by_radius = np.zeros((*q.shape, 1))
+        by_radius[..., 2, 0] = -targets[..., 3] / r
+        by_target = np.concatenate([slopes[..., None] * by_centre, by_radius], axis=-1)
+        return Linearised(
+            residuals, slopes[..., None] * by_mount, by_target, slopes[..., None] * by_flange
+        )
+
+    def moved(self, targets: FloatArray, steps: FloatArray) -> FloatArray:
+        """Centre and radius after a step; plain addition."""
+        return targets + steps
+
+    def prior_residuals(self, targets: FloatArray) -> FloatArray:
+        """Only the radius has a prior; the free numbers' weights are zero."""
+        return targets - self.target_prior[0]
+
+    def regrouped(self, groups: IntArray) -> "SphereSightings":
+        """The same circles, of several spheres of one radius each."""
+        return replace(self, groups=groups)
+
+    def with_flanges(self, flanges: FlangePoses) -> "SphereSightings":
+        """The same circles, had the flange stood elsewhere."""
+        return replace(self, flanges=flanges)
+
+    def starts(self, masks: FloatArray) -> States:
+        """25 starts for each selection: the linear solution and the 24 rotations of a cube.
+
+        The linear solution ignores how far each section lies from the centre: B (X p) - c = 0
+        with p the circle's centre is linear in the first two columns of X's rotation, its
+        translation and c, and averages the offsets out where they are balanced. It needs
+        four poses; a cube's rotation with translation and c solved for needs three.
+        """
+        linear = self._linear_rotations(masks)[:, None]
+        cube = np.broadcast_to(cube_rotations(), (len(masks), 24, 3, 3))
+        rotations = np.concatenate([linear, cube], axis=1)
+        return self._states_of(rotations, masks)
+
+    def _linear_rotations(self, masks: FloatArray) -> FloatArray:
+        xy, R = self.circles[:, :2], self.flanges.rotations
+        eye = np.eye(3)[None]
+        columns = [R * xy[:, :1, None], R * xy[:, 1:, None], R, *self._minus_centres(eye)]
+        design = np.concatenate(columns, axis=-1)
+        solution = masked_least_squares(design, -self.flanges.origins, masks)
+        first, second = solution[:, 0:3], solution[:, 3:6]
+        raw = np.stack([first, second, np.cross(first, second)], axis=-1)
+        length = np.linalg.norm(raw, axis=(1, 2))[:, None, None]
+        return nearest_rotations(raw / np.maximum(length, 1e-12))
+
+    def _states_of(self, rotations: FloatArray, masks: FloatArray) -> States:
+        """Translation and centre that go with each rotation; (q, k, 3, 3) -> q k states."""
+        count = rotations.shape[1]
+        eye = np.eye(3)[None]
+        R = self.flanges.rotations
+        design = np.concatenate([R, *self._minus_centres(eye)], axis=-1)
+        seen = np.column_stack([self.circles[:, :2], np.zeros(len(self.circles))])
+        turned = np.einsum("nij,qkjl,nl->qkni", R, rotations, seen)
+        right = -(self.flanges.origins + turned).reshape(-1, len(seen), 3)
+        solution = masked_least_squares(design, right, np.repeat(masks, count, axis=0))
+        groups = int(self.groups.max()) + 1
+        radius = self.radius[0] if np.isfinite(self.radius[1]) else self.circles[:, 2].max()
+        centres = solution[:, 3:].reshape(-1, groups, 3)
+        radii = np.full((*centres.shape[:2], 1), radius)
+        targets = np.concatenate([centres, radii], axis=-1)
+        return States(rotations.reshape(-1, 3, 3), solution[:, :3], targets)
+
+    def _minus_centres(self, eye: FloatArray) -> list[FloatArray]:
+        groups = range(int(self.groups.max()) + 1)
+        return [-eye * (self.groups == group)[:, None, None] for group in groups]

@@ -1,0 +1,206 @@
+"""Goals G11-G16 of sensor-to-robot calibration, measured: ``python -m tests.bench.hand_eye``."""
+
+import sys
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from lsvision.calibrate.board_sighting import see_board
+from lsvision.calibrate.hand_eye import (
+    HandEyeSettings,
+    calibrate_hand_eye_board,
+    calibrate_hand_eye_sphere,
+)
+from lsvision.calibrate.pose_planning import PosePlanSettings, plan_hand_eye_poses
+from lsvision.sensor.camera import Camera
+from lsvision.shapes import Pose
+from lsvision.simulate.hand_eye import (
+    SectionView,
+    TargetMotion,
+    reported_pose,
+    section_poses_about,
+    sphere_profile,
+    turn,
+)
+
+RADIUS = 20.0
+TARGET = np.array([800.0, 100.0, 300.0])
+WORK = np.array([0.0, -150.0, 0.0])  # 150 mm before the sensor's origin, as in camera.md
+CAMERA = Camera(
+    [[2264.0, 0, 640], [0, 2264.0, 512], [0, 0, 1]], [-0.12, 0.1, 0, 0, 0], (1280, 1024)
+)
+BOARD = np.array([[12.0 * i, 12.0 * j, 0.0] for j in range(7) for i in range(9)])
+
+
+@dataclass(frozen=True)
+class Case:
+    position: float  # mm, one sigma per axis
+    rotation_deg: float
+    range_std: float = 0.05
+    count: int = 12
+
+
+def any_mount(rng):
+    return Pose(turn(rng.normal(size=3) * 2), rng.uniform((-100, -100, 50), (100, 100, 250)))
+
+
+def sphere_data(rng, case, motion=None):
+    """Random recommended poses; truth, profiles, reported poses."""
+    mount = any_mount(rng)
+    view = SectionView(range_std=case.range_std)
+    motion = motion or TargetMotion(offset=0.8 * RADIUS, standoff=WORK[1])
+    profiles, poses = [], []
+    while len(poses) < case.count:
+        (section,) = section_poses_about(TARGET, 1, motion, rng)
+        profile = sphere_profile(section.inverse().apply_one(TARGET), RADIUS, view, rng)
+        if len(profile) - profile.lost >= 60:
+            profiles.append(profile)
+            flange = section @ mount.inverse()
+            poses.append(reported_pose(flange, case.position, np.radians(case.rotation_deg), rng))
+    return mount, profiles, poses
+
+
+def planned_data(rng, case):
+    """Poses chosen with a nominal mount that is 1 mm and 0.5 deg wrong per axis, as drawn."""
+    mount = any_mount(rng)
+    nominal = reported_pose(mount, 1.0, np.radians(0.5), rng)
+    plan = plan_hand_eye_poses(
+        nominal,
+        TARGET,
+        RADIUS,
+        settings=PosePlanSettings(standoff=WORK[1], seed=int(rng.integers(1 << 30))),
+    )
+    view = SectionView(range_std=case.range_std)
+    profiles, poses = [], []
+    for flange in plan.base_from_flanges:
+        section = flange @ mount
+        profiles.append(sphere_profile(section.inverse().apply_one(TARGET), RADIUS, view, rng))
+        poses.append(reported_pose(flange, case.position, np.radians(case.rotation_deg), rng))
+    return mount, profiles, poses
+
+
+def turn_vector(rotation):
+    """Small rotation's vector, written apart from the library's."""
+    off = np.array(
+        [
+            rotation[2, 1] - rotation[1, 2],
+            rotation[0, 2] - rotation[2, 0],
+            rotation[1, 0] - rotation[0, 1],
+        ]
+    )
+    return off / 2
+
+
+def errors(found, truth, work=WORK):
+    """Six errors, their lengths (mm, deg) and that at the working point (mm)."""
+    shift = found.translation - truth.translation
+    small = turn_vector(found.rotation @ truth.rotation.T)
+    at_work = np.linalg.norm(found.apply_one(work) - truth.apply_one(work))
+    return np.r_[shift, small], np.linalg.norm(shift), np.degrees(np.linalg.norm(small)), at_work
+
+
+def sphere_runs(case, runs, data=sphere_data, seed=0, **settings):
+    rows, nees, seconds, refused = [], [], [], 0
+    for run in range(runs):
+        rng = np.random.default_rng([seed, run])
+        truth, profiles, poses = data(rng, case)
+        begin = time.perf_counter()
+        found = calibrate_hand_eye_sphere(profiles, poses, settings=HandEyeSettings(**settings))
+        seconds.append(time.perf_counter() - begin)
+        error, *lengths = errors(found.flange_from_section, truth)
+        rows.append(lengths)
+        nees.append(error @ np.linalg.solve(found.covariance, error) / 6)
+        refused += len(found.rejected)
+    return np.array(rows), np.array(nees), max(seconds), refused
+
+
+def report_sphere(name, case, goal, runs, data=sphere_data, **settings):
+    rows, nees, seconds, refused = sphere_runs(case, runs, data, **settings)
+    rms, high = np.sqrt((rows**2).mean(axis=0)), np.quantile(rows, 0.95, axis=0)
+    print(
+        f"{name:34} RMS {rms[0]:.3f} mm {rms[1]:.3f} deg {rms[2]:.3f} mm at work | 95 % "
+        f"{high[0]:.3f} {high[1]:.3f} {high[2]:.3f} | NEES/6 {nees.mean():.2f} | "
+        f"{refused} good poses left out of {runs * case.count} | {seconds:.2f} s | goal {goal}",
+        flush=True,
+    )
+
+
+def report_wrong_pose(name, shift_mm, turn_deg, goal, runs, case=Case(0.05, 0.01)):
+    right = named = 0
+    for run in range(runs):
+        rng = np.random.default_rng([7, run])
+        truth, profiles, poses = sphere_data(rng, case)
+        clean = calibrate_hand_eye_sphere(profiles, poses).flange_from_section
+        bad = int(rng.integers(len(poses)))
+        axis = rng.normal(size=3)
+        direction = rng.normal(size=3)
+        poses[bad] = Pose(
+            turn(axis / np.linalg.norm(axis) * np.radians(turn_deg)) @ poses[bad].rotation,
+            poses[bad].translation + direction / np.linalg.norm(direction) * shift_mm,
+        )
+        found = calibrate_hand_eye_sphere(profiles, poses)
+        named += bad in [pose.index for pose in found.rejected]
+        limit = max(0.3, 2 * errors(clean, truth)[3])
+        right += errors(found.flange_from_section, truth)[3] < limit
+    print(f"{name:34} right {right}/{runs}, culprit named {named}/{runs} | goal {goal}", flush=True)
+
+
+def report_board(name, goal, runs):
+    rows, nees = [], []
+    for run in range(runs):
+        truth, found = board_run(np.random.default_rng([3, run]))
+        error, *lengths = errors(found.flange_from_camera, truth, np.array([0, 0, 350.0]))
+        rows.append(lengths)
+        nees.append(error @ np.linalg.solve(found.covariance, error) / 6)
+    rms = np.sqrt((np.array(rows) ** 2).mean(axis=0))
+    print(
+        f"{name:34} RMS {rms[0]:.3f} mm {rms[1]:.4f} deg {rms[2]:.3f} mm at 350 mm | NEES/6 "
+        f"{np.mean(nees):.2f} | goal {goal}",
+        flush=True,
+    )
+
+
+def board_run(rng, count=12, corner_std=0.1, position=0.05, rotation_deg=0.01):
+    """One simulated board calibration: truth and result."""
+    mount = any_mount(rng)
+    centre = BOARD.mean(axis=0)
+    sightings, poses = [], []
+    while len(poses) < count:
+        lean = turn(rng.uniform(-1, 1, 3) * np.radians([35, 35, 180]))
+        away = np.array([rng.uniform(-30, 30), rng.uniform(-30, 30), rng.uniform(300, 420)])
+        flip = np.diag([1.0, -1.0, -1.0])
+        camera_from_board = Pose(lean @ flip, away - lean @ flip @ centre)
+        pixels = CAMERA.project(camera_from_board.apply(BOARD))
+        if (pixels < 0).any() or (pixels > [1279, 1023]).any():
+            continue
+        noisy = pixels + rng.normal(0, corner_std, pixels.shape)
+        sightings.append(see_board(noisy, BOARD, CAMERA))
+        base_from_board = Pose(turn(np.array([0.2, -0.1, 0.4])), TARGET)
+        flange = base_from_board @ camera_from_board.inverse() @ mount.inverse()
+        poses.append(reported_pose(flange, position, np.radians(rotation_deg), rng))
+    found = calibrate_hand_eye_board(
+        [sighting.camera_from_board for sighting in sightings],
+        poses,
+        covariances=[sighting.covariance for sighting in sightings],
+    )
+    return mount, found
+
+
+def main(runs):
+    perfect, good, usual = Case(0, 0), Case(0.02, 0.005), Case(0.05, 0.01)
+    given = {"robot_std": (0.02, np.radians(0.005))}
+    for label, data in (("random poses", sphere_data), ("planned poses", planned_data)):
+        report_sphere(f"G11 perfect robot, {label}", perfect, "95 %: 0.05 0.025 0.015", runs, data)
+        report_sphere(f"G12 0.02/0.005, {label}", good, "0.15 0.075 0.04", runs, data)
+        report_sphere(f"G13 0.05/0.01, {label}", usual, "0.28 0.15 0.085", runs, data)
+    report_sphere("G12 robot stated", good, "0.15 0.075 0.04, NEES 0.7-1.4", runs, **given)
+    report_sphere("G13 20 poses", Case(0.05, 0.01, count=20), "0.20 0.11 0.065", runs)
+    report_wrong_pose("G15 one of 12, 30 mm and 5 deg", 30, 5, ">= 96 %", runs)
+    report_wrong_pose("    one of 12, 2 mm and 0.5 deg", 2, 0.5, ">= 90 %", runs)
+    report_wrong_pose("    one of 12, 2 mm only", 2, 0, ">= 90 %", runs)
+    report_board("G16 board 12 poses", "0.11 mm 0.018 deg", runs)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 50)

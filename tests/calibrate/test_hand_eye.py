@@ -1,0 +1,176 @@
+"""Sensor-to-robot calibration: truth, laws, honest covariance."""
+
+import numpy as np
+import pytest
+
+from lsvision.calibrate.hand_eye import (
+    HandEyeSettings,
+    calibrate_hand_eye_board,
+    calibrate_hand_eye_plane,
+    calibrate_hand_eye_sphere,
+)
+from lsvision.shapes import Pose
+from tests.calibrate.hand_eye_scenes import (
+    MOUNT,
+    QUIET,
+    RADIUS,
+    STANDOFF,
+    TARGET,
+    board_scene,
+    plane_scene,
+    pose_errors,
+    sphere_scene,
+    wrong_pose,
+)
+
+EXACT_MM, EXACT_RAD = 1e-5, 1e-7  # noise-free; circles and lines are fitted to 1e-8 mm
+PERFECT = (0.0, 0.0)
+FAR_OUT = 25.0  # chi squared with 6 degrees of freedom exceeds it once in 3000
+
+
+def assert_exact(found, truth):
+    error = pose_errors(found, truth)
+    np.testing.assert_allclose(error[:3], 0, atol=EXACT_MM)
+    np.testing.assert_allclose(error[3:], 0, atol=EXACT_RAD)
+
+
+def normalised_error(found, truth=MOUNT):
+    error = pose_errors(found.mount_from_sensor, truth)
+    return error @ np.linalg.solve(found.covariance, error)
+
+
+@pytest.mark.parametrize("radius", [None, RADIUS])
+def test_a_sphere_gives_the_sensor_exactly_without_noise(radius):
+    profiles, flanges = sphere_scene(1, 8, view=QUIET, robot=PERFECT)
+    found = calibrate_hand_eye_sphere(profiles, flanges, radius)
+    assert_exact(found.flange_from_section, MOUNT)
+    np.testing.assert_allclose(found.sphere.centre, TARGET, atol=EXACT_MM)
+    assert found.sphere.radius == pytest.approx(RADIUS, abs=EXACT_MM)
+    assert found.rejected == ()
+
+
+def test_a_plane_gives_the_sensor_exactly_without_noise():
+    profiles, flanges = plane_scene(2, 12, view=QUIET, robot=PERFECT)
+    assert_exact(calibrate_hand_eye_plane(profiles, flanges).flange_from_section, MOUNT)
+
+
+def test_a_board_gives_the_camera_exactly_without_noise():
+    boards, flanges = board_scene(3, 6, robot=PERFECT)
+    found = calibrate_hand_eye_board(boards, flanges)
+    assert_exact(found.flange_from_camera, MOUNT)
+    np.testing.assert_allclose(found.target.translation, TARGET, atol=EXACT_MM)
+
+
+def as_eye_to_hand(flanges):
+    """The same relative motion with a standing sensor: the flange carries the target."""
+    return [pose.inverse() for pose in flanges]
+
+
+def test_a_standing_sensor_is_the_same_problem_with_inverse_poses():
+    profiles, flanges = sphere_scene(4, 8, view=QUIET, robot=PERFECT)
+    found = calibrate_hand_eye_sphere(profiles, as_eye_to_hand(flanges), mounting="eye_to_hand")
+    assert_exact(found.base_from_section, MOUNT)
+    boards, flanges = board_scene(4, 6, robot=PERFECT)
+    found = calibrate_hand_eye_board(boards, as_eye_to_hand(flanges), mounting="eye_to_hand")
+    assert_exact(found.base_from_camera, MOUNT)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_error_lies_within_its_covariance(seed):
+    profiles, flanges = sphere_scene([5, seed])
+    assert normalised_error(calibrate_hand_eye_sphere(profiles, flanges)) < FAR_OUT
+
+
+def test_the_error_of_a_plane_and_of_a_board_lies_within_its_covariance():
+    assert normalised_error(calibrate_hand_eye_plane(*plane_scene(6))) < FAR_OUT
+    boards, flanges = board_scene(6)
+    assert normalised_error(calibrate_hand_eye_board(boards, flanges)) < FAR_OUT
+
+
+def test_a_stated_robot_that_is_too_good_is_widened():
+    profiles, flanges = sphere_scene(7, robot=(0.2, 0.04))
+    boast = HandEyeSettings(robot_std=(0.02, np.radians(0.004)))
+    found = calibrate_hand_eye_sphere(profiles, flanges, settings=boast)
+    assert found.robot_std[0] > 0.08
+    assert normalised_error(found) < FAR_OUT
+
+
+def test_the_error_at_the_working_point_is_smaller_than_at_the_origin():
+    found = calibrate_hand_eye_sphere(*sphere_scene(8))
+    assert found.working_point[1] == pytest.approx(STANDOFF, abs=45)
+    assert found.working_std < 0.6 * found.std_at((0, 0))
+
+
+def test_turning_the_base_turns_the_target_and_leaves_the_sensor():
+    profiles, flanges = sphere_scene(9, 8)
+    other_from_base = Pose.from_matrix(MOUNT.matrix)
+    here = calibrate_hand_eye_sphere(profiles, flanges)
+    there = calibrate_hand_eye_sphere(profiles, [other_from_base @ pose for pose in flanges])
+    assert_exact(there.flange_from_section, here.flange_from_section)
+    moved = other_from_base.apply_one(here.sphere.centre)
+    np.testing.assert_allclose(there.sphere.centre, moved, atol=EXACT_MM)
+
+
+def test_the_order_of_the_poses_does_not_matter():
+    profiles, flanges = sphere_scene(10, 8)
+    order = np.random.default_rng(0).permutation(8)
+    here = calibrate_hand_eye_sphere(profiles, flanges)
+    there = calibrate_hand_eye_sphere([profiles[i] for i in order], [flanges[i] for i in order])
+    assert_exact(there.flange_from_section, here.flange_from_section)
+    np.testing.assert_allclose(there.residuals, here.residuals[order], atol=EXACT_MM)
+
+
+@pytest.mark.parametrize(("shift", "turned"), [(30.0, 5.0), (2.0, 0.5)])
+def test_a_wrong_pose_is_named_and_left_out(shift, turned):
+    profiles, flanges = sphere_scene(11)
+    flanges[7] = wrong_pose(flanges[7], shift, turned, np.random.default_rng(1))
+    found = calibrate_hand_eye_sphere(profiles, flanges)
+    assert [pose.index for pose in found.rejected] == [7]
+    assert "mm off what the other poses expect" in found.rejected[0].reason
+    assert normalised_error(found) < FAR_OUT
+
+
+def test_a_profile_without_the_sphere_is_named_and_left_out():
+    profiles, flanges = sphere_scene(12)
+    profiles[3] = type(profiles[3])(np.full((640, 2), np.nan))
+    found = calibrate_hand_eye_sphere(profiles, flanges)
+    assert [pose.index for pose in found.rejected] == [3]
+    assert "no sphere found" in found.rejected[0].reason
+    assert np.isnan(found.residuals[3])
+
+
+def test_a_wrong_board_is_named_and_left_out():
+    boards, flanges = board_scene(13)
+    flanges[2] = wrong_pose(flanges[2], 5.0, 1.0, np.random.default_rng(2))
+    found = calibrate_hand_eye_board(boards, flanges)
+    assert [pose.index for pose in found.rejected] == [2]
+
+
+def test_held_out_residuals_are_those_of_a_calibration_without_the_pose():
+    profiles, flanges = sphere_scene(14)
+    stated = HandEyeSettings(robot_std=(0.05, np.radians(0.01)))
+    whole = calibrate_hand_eye_sphere(profiles, flanges, settings=stated)
+    part = calibrate_hand_eye_sphere(profiles[1:], flanges[1:], settings=stated)
+    centre = (flanges[0] @ part.flange_from_section).inverse().apply_one(part.sphere.centre)
+    points = profiles[0].points[~np.isnan(profiles[0].points[:, 0])]
+    # To first order the mean misfit of the points along their normals is that of the circle.
+    gaps = np.linalg.norm(np.column_stack([points, np.zeros(len(points))]) - centre, axis=1)
+    assert whole.held_out[0] > whole.residuals[0]
+    assert np.abs(np.mean(gaps - part.sphere.radius)) < 2 * whole.held_out[0] + 0.01
+
+
+def test_only_the_name_that_fits_gives_the_pose():
+    found = calibrate_hand_eye_sphere(*sphere_scene(15, 8))
+    with pytest.raises(ValueError, match="want a calibration of a camera eye_to_hand"):
+        _ = found.base_from_camera
+    with pytest.raises(ValueError, match="want a point"):
+        found.std_at((1, 2, 3, 4))
+    boards, flanges = board_scene(15, 6)
+    with pytest.raises(ValueError, match="want a calibration on a sphere, got Pose"):
+        _ = calibrate_hand_eye_board(boards, flanges).sphere
+
+
+def test_the_same_input_gives_the_same_bytes():
+    scene = sphere_scene(16, 8)
+    first, second = (calibrate_hand_eye_sphere(*scene) for _ in range(2))
+    assert first.covariance.tobytes() == second.covariance.tobytes()
