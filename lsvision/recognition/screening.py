@@ -7,6 +7,7 @@ points pass that test one by one; so here the outermost few points are also judg
 and the limit grows by what the ellipse of the middle part itself does not know at the ends.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,17 +35,19 @@ class ScreeningSettings:
         Share of the arc's points in its start part, and in its end part.
     sensor_error_sigmas : float
         A single end point further out is dropped, with all beyond it that fail too.
-    drift_sigmas : float
-        A block of end points whose mean is further out is dropped.
-    block : int
-        Points judged together.
+    joint_sigmas : float
+        End points whose chi^2 together exceeds its mean by more standard deviations lose the
+        outermost, until they agree.
+    edge_share : float
+        Where neighbours' errors are alike, the sensor has smoothed along the line, and before
+        an edge it mixes in what lies beyond: so many points are dropped at each end, times
+        the correlation factor less one.
     """
 
     end_part_fraction: float = 0.12
     sensor_error_sigmas: float = 3.5
-    drift_sigmas: float = 4.0
-    block: int = 4
-    edge_share: float = 1.1
+    joint_sigmas: float = 3.5
+    edge_share: float = 1.7
 
 
 def screen_arc(
@@ -108,8 +111,10 @@ def _fit_middle(profile: WeighedProfile, part: IntArray, start: Ellipse) -> _Mid
         return None
     signed, n, _ = normal_residuals(own, parameters)
     z = signed / np.sqrt(normal_variances(n, covariances))
-    excess = max(1.0, (1.4826 * float(np.median(np.abs(z)))) ** 2)
-    correlation = correlation_factor(np.clip(z, -3 * excess, 3 * excess))
+    excess, correlation = 1.0, 1.0
+    if not profile.noise_known:
+        excess = max(1.0, (1.4826 * float(np.median(np.abs(z)))) ** 2)
+        correlation = correlation_factor(np.clip(z, -3 * excess, 3 * excess))
     return _MiddlePart(parameters, covariance * excess * correlation, excess, correlation)
 
 
@@ -117,22 +122,26 @@ def _on_ellipse(
     profile: WeighedProfile, part: IntArray, middle: _MiddlePart, settings: ScreeningSettings
 ) -> IntArray:
     """The points of an end part, given from the outside in, that lie on the middle's ellipse."""
+    if len(part) == 0:
+        return part
     signed, n, w = normal_residuals(profile.points[part], middle.parameters)
     rows = parameter_rows(n, w)
     own = middle.excess * normal_variances(n, profile.covariances[part])
-    shared = rows.T @ middle.covariance @ rows
-    single: BoolArray = signed**2 < settings.sensor_error_sigmas**2 * (own + np.diag(shared))
-    first = 0
-    while first < len(part):
-        block = slice(first, first + settings.block)
-        size = len(signed[block])
-        scatter = own[block].sum() * min(middle.correlation, size)
-        variance = (scatter + shared[block, block].sum()) / size**2
-        drift = signed[block].mean() ** 2
-        drifts = drift > settings.drift_sigmas**2 * max(variance, float(own[block].mean()) / 4)
-        if single[first] and not drifts:
-            break
-        first += 1
-    remaining = np.arange(len(part)) >= first
-    good: IntArray = part[remaining & single]
-    return good
+    expected = np.diag(own) + rows.T @ middle.covariance @ rows
+    single: BoolArray = signed**2 < settings.sensor_error_sigmas**2 * np.diag(expected)
+    for first in range(len(part)):
+        judged = first + np.flatnonzero(single[first:])
+        if single[first] and _agrees(
+            signed[judged], expected[np.ix_(judged, judged)], middle.correlation, settings
+        ):
+            return part[judged]
+    return part[:0]
+
+
+def _agrees(
+    signed: FloatArray, expected: FloatArray, correlation: float, settings: ScreeningSettings
+) -> bool:
+    """Chi^2 of end points together, given the middle; correlated ones tell less each."""
+    count = len(signed)
+    chi2 = float(signed @ np.linalg.solve(expected, signed))
+    return chi2 <= correlation * (count + settings.joint_sigmas * math.sqrt(2 * count))
