@@ -12,6 +12,12 @@ from typing import Literal
 import numpy as np
 
 from lsvision.errors import TooFewPoints
+from lsvision.fitting.correlation import (
+    SLOW_FREEDOM,
+    Correlation,
+    find_correlation,
+    grazing_stds,
+)
 from lsvision.fitting.ellipse_problem import (
     PARAMETERS,
     ArcProblem,
@@ -150,7 +156,13 @@ def fit_ellipse(
         parameters = minimise(problem, parameters)
         if covariances is None:
             break
-    return _fit_with_evidence(problem, parameters, known_noise=covariances is not None)
+    fit, correlation = _fit_with_evidence(problem, parameters, known_noise=covariances is not None)
+    if covariances is None and correlation.coloured:
+        _, normals, _ = orthogonal_comparison(points, parameters)
+        problem = ArcProblem(points, grazing_stds(normals), known_radius, settings.residual)
+        parameters = minimise(problem, parameters)
+        fit, _ = _fit_with_evidence(problem, parameters, known_noise=False)
+    return fit
 
 
 def _normal_stds(
@@ -173,48 +185,28 @@ def _inverse(information: FloatArray) -> FloatArray:
 
 def _fit_with_evidence(
     problem: ArcProblem, parameters: FloatArray, *, known_noise: bool
-) -> EllipseFit:
+) -> tuple[EllipseFit, Correlation]:
     normalised = problem.evaluate(parameters)[0][: len(problem.points)]
     residuals = normalised * problem.stds
-    freedom = float(max(len(residuals) - PARAMETERS, 1))
-    if problem.known_radius is not None:
-        freedom += 1
+    freedom = float(max(len(residuals) - PARAMETERS, 1)) + (problem.known_radius is not None)
     excess = float(normalised @ normalised) / freedom
-    correlation = correlation_factor(normalised)
-    if not known_noise:
+    correlation = find_correlation(normalised)
+    if known_noise:
+        surprising = excess > 1 + SURPRISE * np.sqrt(2 / freedom)
+        factor, freedom = (excess if surprising else 1.0), np.inf
+    else:
         factor = max(excess, np.finfo(float).tiny)
         normalised = normalised / np.sqrt(factor)
-        freedom = max(freedom / correlation, 1.0)
-    else:
-        factor = excess if excess > 1 + SURPRISE * np.sqrt(2 / freedom) else 1.0
-        freedom = np.inf
-    return EllipseFit(
+        freedom = max(freedom / correlation.factor, 1.0)
+    if correlation.coloured:
+        freedom = min(freedom, SLOW_FREEDOM)
+    fit = EllipseFit(
         ellipse=ellipse_of(parameters),
         problem=problem,
         parameters=parameters,
         residuals=residuals,
         normalised=normalised,
-        variance_factor=factor * correlation,
+        variance_factor=factor * correlation.factor,
         degrees_of_freedom=freedom,
     )
-
-
-def correlation_factor(normalised: FloatArray) -> float:
-    """How many neighbours say the same: points over effective points.
-
-    Definition: 1 + 2 sum_k (1 - k / n) rho_k over the first lags whose autocorrelation rho_k is
-    significant (above 2 / sqrt(n)); 1 for independent errors. Real sensors smooth along the
-    line, and n points then are worth n divided by this factor.
-    """
-    n = len(normalised)
-    centred = normalised - normalised.mean()
-    power = float(centred @ centred)
-    if power == 0 or n < 8:
-        return 1.0
-    factor, limit = 1.0, 2 / np.sqrt(n)
-    for lag in range(1, n // 3):
-        rho = float(centred[lag:] @ centred[:-lag]) / power
-        if rho < limit:
-            break
-        factor += 2 * (1 - lag / n) * rho
-    return factor
+    return fit, correlation

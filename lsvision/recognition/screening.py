@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.fitting.ellipse_fit import correlation_factor
+from lsvision.fitting.correlation import correlation_factor
 from lsvision.fitting.ellipse_problem import ellipse_of, parameters_of
 from lsvision.fitting.quick_fit import (
     normal_residuals,

@@ -1,0 +1,104 @@
+"""How much less correlated errors tell than independent ones: the effective number of points.
+
+Real profile sensors smooth along the line and have errors of form that many neighbours share.
+A fit of five parameters hides the slowest of them from its own residuals, so their size is
+read off the slow waves just above, and off how fast the spectrum rises towards them.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lsvision.shapes import FloatArray
+
+TINY = 1e-300
+SLOW = slice(4, 12)
+"""Half waves along the arc that five parameters do not absorb, and still are slow."""
+NEXT = slice(12, 34)
+SLOW_EXCESS = 2.75
+"""Power of the slow waves, over independent errors', that chance reaches once in 200 arcs."""
+SLOW_FREEDOM = 4.0
+"""Degrees of freedom of a variance that is extrapolated from so few waves."""
+GRAZING = 45.0
+"""Incidence at which a smoothing sensor's error has grown by sqrt(2), the spot lying across an
+ever longer stretch of the surface. Units: deg. From the real arcs of spheres: their errors have
+the same sign from about 55 deg on."""
+
+
+ALIKE = 3.5
+"""Standard errors by which the correlation of neighbours must exceed zero to tell a sensor that
+smooths along the line."""
+
+
+@dataclass(frozen=True, slots=True)
+class Correlation:
+    """What correlation does to a covariance.
+
+    Parameters
+    ----------
+    factor : float
+        Points over effective points; 1 for independent errors.
+    coloured : bool
+        Whether the errors are those of a sensor that smooths along the line: neighbours are
+        significantly alike, or slow waves stand out.
+    """
+
+    factor: float
+    coloured: bool
+
+
+def find_correlation(normalised: FloatArray) -> Correlation:
+    """Correlation of the residuals of a fit, in order along the line.
+
+    Parameters
+    ----------
+    normalised : (n,) ndarray
+        Residuals over their standard deviations.
+
+    Returns
+    -------
+    Correlation
+        The factor is what neighbours share, or the power of the slow waves extrapolated to
+        those that the fit absorbs, whichever is more; below 40 points the former.
+    """
+    n = len(normalised)
+    factor = correlation_factor(normalised)
+    alike = n >= 8 and _autocorrelation(normalised, 1) > ALIKE / np.sqrt(n)
+    if n < NEXT.stop + 6:
+        return Correlation(factor, bool(alike))
+    from scipy.fft import dct
+
+    power = dct(normalised, norm="ortho") ** 2 / max(float(np.mean(normalised**2)), TINY)
+    slow, following = float(power[SLOW].mean()), float(power[NEXT].mean())
+    if not alike and slow < SLOW_EXCESS:
+        return Correlation(factor, coloured=False)
+    extrapolated = slow * max(1.0, slow / max(following, TINY))
+    return Correlation(max(factor, following, extrapolated), coloured=True)
+
+
+def correlation_factor(normalised: FloatArray) -> float:
+    """How many neighbours say the same: points over effective points.
+
+    Definition: 1 + 2 sum_k (1 - k / n) rho_k over the first lags whose autocorrelation rho_k is
+    significant (above 2 / sqrt(n)); 1 for independent errors.
+    """
+    n = len(normalised)
+    factor, limit = 1.0, 2 / np.sqrt(max(n, 1))
+    for lag in range(1, n // 3 if n >= 8 else 0):
+        rho = _autocorrelation(normalised, lag)
+        if rho < limit:
+            break
+        factor += 2 * (1 - lag / n) * rho
+    return factor
+
+
+def _autocorrelation(values: FloatArray, lag: int) -> float:
+    centred = values - values.mean()
+    return float(centred[lag:] @ centred[:-lag]) / max(float(centred @ centred), TINY)
+
+
+def grazing_stds(normals: FloatArray) -> FloatArray:
+    """Relative error of a smoothing sensor by incidence, towards +Y. (n,), 1 where square on."""
+    incidence = np.degrees(np.arccos(np.clip(normals[:, 1], -1, 1)))
+    stds: FloatArray = np.sqrt(1 + (incidence / GRAZING) ** 8)
+    return stds
