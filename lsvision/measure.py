@@ -58,7 +58,8 @@ class Settings:
     screening: ScreeningSettings = ScreeningSettings()
     smoothing: SmoothingSettings = SmoothingSettings()
     homogenising: HomogenisingSettings = HomogenisingSettings()
-    fitting: FittingSettings = FittingSettings()
+    # Conditioned arcs start so near their fit that renewed weights change nothing.
+    fitting: FittingSettings = FittingSettings(reweightings=0)
     literal: LiteralSettings | None = None
 
     @classmethod

@@ -4,9 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.fitting.ellipse_problem import ellipse_of, orthogonal_comparison, parameters_of
+from lsvision.fitting.ellipse_problem import ellipse_of, parameters_of
 from lsvision.fitting.homogenising import HomogenisingSettings, homogenise
-from lsvision.fitting.quick_fit import normal_variances, refine_quickly
+from lsvision.fitting.quick_fit import (
+    normal_residuals,
+    normal_variances,
+    refine_quickly,
+)
 from lsvision.fitting.smoothing import SmoothingSettings, smooth_residual
 from lsvision.shapes import BoolArray, Ellipse, FloatArray, Points
 
@@ -55,7 +59,7 @@ def condition_arc(
     ConditionedArc
     """
     parameters = parameters_of(ellipse)
-    signed, normals, w = orthogonal_comparison(points, parameters)
+    signed, normals, w = normal_residuals(points, parameters)
     stds = np.sqrt(normal_variances(normals, covariances))
     order = np.argsort(_angle_from_middle(w), kind="stable")
     feet = (points - signed[:, None] * normals)[order]

@@ -105,7 +105,7 @@ def orthogonal_comparison(
     normals, w : (n, 2) ndarray
         Outward unit normal and unit vector of the nearest point.
     """
-    a, b, cos, sin = _axes(parameters)
+    a, b, cos, sin = axes_of(parameters)
     own = (points - parameters[:2]) @ np.array([[cos, -sin], [sin, cos]])
     foot = foot_points(own, a, b)
     w = foot / (a, b)
@@ -129,7 +129,7 @@ def radial_comparison(
         The normal divided by its cosine with the ray, so that -n d(c + E w) is again the
         derivative of the residual; unit vector of the point on the ray.
     """
-    a, b, cos, sin = _axes(parameters)
+    a, b, cos, sin = axes_of(parameters)
     d = points - parameters[:2]
     u, v = d[:, 0] * cos + d[:, 1] * sin, d[:, 1] * cos - d[:, 0] * sin
     rho, scaled = np.hypot(u, v), np.hypot(u / a, v / b)
@@ -158,7 +158,7 @@ def ellipse_of(parameters: FloatArray) -> Ellipse:
     FitFailed
         If the parameters are no ellipse: not finite, or an axis of no length.
     """
-    a, b, cos, sin = _axes(parameters)
+    a, b, cos, sin = axes_of(parameters)
     if not (np.isfinite(parameters).all() and 1e-9 * a < b <= a):
         raise FitFailed(
             f"the points have no ellipse (semi-axes {a:.3g} and {b:.3g} mm): they lie on a "
@@ -241,8 +241,8 @@ def _remembering_last(evaluate: Evaluation) -> Evaluation:
     return remembered
 
 
-def _axes(parameters: FloatArray) -> tuple[float, float, float, float]:
-    """a, |b|, cos theta, sin theta."""
+def axes_of(parameters: FloatArray) -> tuple[float, float, float, float]:
+    """a, |b| in mm, cos theta, sin theta of (centre_x, centre_y, m, p, q)."""
     m, p, q = float(parameters[2]), float(parameters[3]), float(parameters[4])
     h = math.hypot(p, q)
     theta = 0.5 * math.atan2(q, p)

@@ -7,11 +7,12 @@ holds the difference of the semi-axes; on a long arc the data overrule it.
 
 import numpy as np
 
-from lsvision.fitting.ellipse_problem import radial_comparison
+from lsvision.fitting.ellipse_problem import axes_of
 from lsvision.shapes import FloatArray, Points
 
 TILT_STD = 0.15
 """One sigma of (a - b) / (a + b) before the data speak: 0.13 is a tilt of 40 deg."""
+TINY = 1e-300
 LARGEST_STEP = 0.1
 """Damping: a step of this share of the size is as dear as a misfit of one sigma."""
 NORMAL_SLACK = 0.05
@@ -21,18 +22,28 @@ NORMAL_SLACK = 0.05
 def normal_residuals(
     points: Points, parameters: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """First-order orthogonal distance, unit normals and w; see `radial_comparison`.
+    """First-order orthogonal distance, unit normals, and w where the ray meets the ellipse.
 
     Returns
     -------
     signed : (n,) ndarray
         Positive outside; exact at the ellipse, right to second order near it. Units: mm.
     normals, w : (n, 2) ndarray
-        As `radial_comparison`, the normals of unit length.
+        Outward unit normal and unit vector of c + E w.
     """
-    signed, normals, w = radial_comparison(points, parameters)
-    length = np.hypot(normals[:, 0], normals[:, 1])
-    return signed / length, normals / length[:, None], w
+    a, b, cos, sin = axes_of(parameters)
+    axes = np.array([a, b])
+    own = (points - parameters[:2]) @ np.array([[cos, -sin], [sin, cos]])
+    scaled = own / axes
+    size = np.hypot(scaled[:, 0], scaled[:, 1])
+    size[size == 0] = TINY
+    w = scaled / size[:, None]
+    normals = w / axes
+    normals /= np.hypot(normals[:, 0], normals[:, 1])[:, None]
+    # Along the ray from the centre the ellipse is at 1 / size; times the ray's cosine with n.
+    signed = (1 - 1 / size) * (normals * own).sum(axis=1)
+    back = np.array([[cos, sin], [-sin, cos]])
+    return signed, normals @ back, w @ back
 
 
 def normal_variances(normals: FloatArray, covariances: FloatArray) -> FloatArray:
@@ -80,20 +91,22 @@ def refine_quickly(
         Of the parameters, before the last step. Units: mm^2.
     """
     covariance = np.full((5, 5), np.nan)
-    for _ in range(steps):
+    for step in range(steps):
         signed, n, w = normal_residuals(points, parameters)
         J = parameter_rows(n, w)
         weighted = J / tolerant_variances(n, covariances)
         information, right = weighted @ J.T, weighted @ signed
         held = 1 / (TILT_STD * 2 * parameters[2]) ** 2
-        information += np.diag([0, 0, 0, held, held])
+        information[3, 3] += held
+        information[4, 4] += held
         right[3:] -= held * parameters[3:]
         if not np.isfinite(information).all():
             return np.full(5, np.nan), covariance
         try:
-            covariance = np.linalg.inv(information)
-            damped = information + np.eye(5) / (LARGEST_STEP * parameters[2]) ** 2
-            parameters = parameters + np.linalg.solve(damped, right)
+            if step == steps - 1:
+                covariance = np.linalg.inv(information)
+            information.flat[::6] += 1 / (LARGEST_STEP * parameters[2]) ** 2
+            parameters = parameters + np.linalg.solve(information, right)
         except np.linalg.LinAlgError:
             return np.full(5, np.nan), covariance
     return parameters, covariance
@@ -102,4 +115,7 @@ def refine_quickly(
 def parameter_rows(normals: FloatArray, w: FloatArray) -> FloatArray:
     """How far each point of the ellipse moves along its normal, by each parameter: (5, n)."""
     nx, ny, wx, wy = normals[:, 0], normals[:, 1], w[:, 0], w[:, 1]
-    return np.stack([nx, ny, nx * wx + ny * wy, nx * wx - ny * wy, nx * wy + ny * wx])
+    rows = np.empty((5, len(nx)))
+    rows[0], rows[1], rows[2] = nx, ny, nx * wx + ny * wy
+    rows[3], rows[4] = nx * wx - ny * wy, nx * wy + ny * wx
+    return rows

@@ -125,7 +125,9 @@ def identify_arc(
     parameters = parameters_of(seed_ellipse(profile, candidate))
     start, stop = int(inside[0]), int(inside[-1]) + 1
     for round_ in range(settings.rounds):
-        parameters, unsure = refine_quickly(own[inside], covariances[inside], parameters, 2)
+        parameters, unsure = refine_quickly(
+            own[inside], covariances[inside], parameters, 2 if round_ == 0 else 1
+        )
         if not _plausible(parameters, candidate.radius, settings.largest_change):
             return None
         step = max(4, int(settings.window_fraction * (stop - start)))

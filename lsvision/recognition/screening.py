@@ -106,7 +106,7 @@ class _MiddlePart:
 
 def _fit_middle(profile: WeighedProfile, part: IntArray, start: Ellipse) -> _MiddlePart | None:
     own, covariances = profile.points[part], profile.covariances[part]
-    parameters, covariance = refine_quickly(own, covariances, parameters_of(start), steps=3)
+    parameters, covariance = refine_quickly(own, covariances, parameters_of(start), steps=2)
     if not (np.isfinite(parameters).all() and parameters[2] > np.hypot(*parameters[3:])):
         return None
     signed, n, _ = normal_residuals(own, parameters)

@@ -10,7 +10,7 @@ from lsvision.shapes.arrays import FloatArray, Points
 
 TINY = 1e-300
 FOOT_POINT_STEPS = 30
-FOOT_POINT_CLOSE = 1e-11
+FOOT_POINT_CLOSE = 1e-7
 """The search gains about two digits a step near the ellipse and stops at this change of the
 direction (rad); far from it and near the evolute it needs the more steps."""
 
