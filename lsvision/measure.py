@@ -147,49 +147,52 @@ def measure_cylinders(
     arcs, rejections = identify_arcs(
         weighed, candidates, radius_range, settings.identification, settings.verdict
     )
-    cylinders: list[CylinderSection] = []
-    for arc in arcs:
-        screened = screen_arc(weighed, arc, settings.screening)
-        # Smoothing, homogenising and ellipse fitting, sections 3.3 and 2.3.
-        section = _fit_arc(weighed, screened, known, settings)
-        if isinstance(section, CylinderSection):
-            found = IdentifiedArc(section.arc, section.indices, section.ellipse)
-            reason = reason_against(weighed, found, radius_range, settings.verdict)
-            reason = reason or reason_in_surroundings(weighed, arc, settings.verdict)
-            if reason is None:
-                cylinders.append(section)
-                continue
-            section = Rejection(section.arc, reason)
-        rejections.append(section)
+    # Screening, smoothing, homogenising and ellipse fitting, sections 3.2.2, 3.3 and 2.3.
+    results = [_measure_arc(weighed, arc, known, radius_range, settings) for arc in arcs]
+    cylinders = [result for result in results if isinstance(result, CylinderSection)]
+    rejections += [result for result in results if isinstance(result, Rejection)]
     rejections = explain_leftovers(weighed, components, cylinders, rejections, radius_range)
     return Measurement(
         tuple(sorted(cylinders, key=lambda cylinder: cylinder.centre[0])), tuple(rejections)
     )
 
 
-def _fit_arc(
-    weighed: WeighedProfile, arc: IdentifiedArc, known: KnownRadius | None, settings: Settings
+def _measure_arc(
+    profile: WeighedProfile,
+    arc: IdentifiedArc,
+    known: KnownRadius | None,
+    radius_range: tuple[float, float],
+    settings: Settings,
 ) -> CylinderSection | Rejection:
+    """An identified arc made a cylinder, or the reason why it is none."""
+    screened = screen_arc(profile, arc, settings.screening)
+    reason = reason_in_surroundings(profile, arc, settings.verdict)
+    if reason is not None:
+        return Rejection(screened.arc, reason)
     conditioned = condition_arc(
-        weighed.points[arc.indices],
-        weighed.covariances[arc.indices],
-        arc.ellipse,
+        profile.points[screened.indices],
+        profile.covariances[screened.indices],
+        screened.ellipse,
         settings.smoothing,
         settings.homogenising,
     )
-    indices = arc.indices[conditioned.kept]
-    covariances = weighed.covariances[indices] if weighed.noise_known else None
+    indices = screened.indices[conditioned.kept]
+    covariances = profile.covariances[indices] if profile.noise_known else None
     try:
         fit = fit_ellipse(
-            weighed.points[indices],
+            profile.points[indices],
             conditioned.ellipse,
             covariances,
             known_radius=known,
             settings=settings.fitting,
         )
     except LsvisionError as failure:
-        return Rejection(arc.arc, str(failure))
-    return CylinderSection(fit, arc.arc, indices)
+        return Rejection(screened.arc, str(failure))
+    fitted = IdentifiedArc(screened.arc, indices, fit.ellipse)
+    reason = reason_against(profile, fitted, radius_range, settings.verdict)
+    if reason is not None:
+        return Rejection(screened.arc, reason)
+    return CylinderSection(fit, screened.arc, indices)
 
 
 def _known_radius(known_radius: float | tuple[float, float] | None) -> KnownRadius | None:

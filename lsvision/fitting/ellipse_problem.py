@@ -14,7 +14,7 @@ import numpy as np
 
 from lsvision.errors import FitFailed, TooFewPoints
 from lsvision.shapes import Ellipse, FloatArray, Points
-from lsvision.shapes.ellipse import foot_points
+from lsvision.shapes.ellipse import foot_directions
 
 PARAMETERS = 5
 EXACT_RADIUS_STD = 1e-6
@@ -106,14 +106,15 @@ def orthogonal_comparison(
         Outward unit normal and unit vector of the nearest point.
     """
     a, b, cos, sin = axes_of(parameters)
-    own = (points - parameters[:2]) @ np.array([[cos, -sin], [sin, cos]])
-    foot = foot_points(own, a, b)
-    w = foot / (a, b)
-    normals = w / (a, b)
-    normals /= np.hypot(normals[:, 0], normals[:, 1])[:, None]
-    gap = (own - foot) * normals
-    back = np.array([[cos, sin], [-sin, cos]])
-    return gap[:, 0] + gap[:, 1], normals @ back, w @ back
+    dx, dy = points[:, 0] - parameters[0], points[:, 1] - parameters[1]
+    u, v = cos * dx + sin * dy, cos * dy - sin * dx
+    wu, wv = foot_directions(u, v, a, b)
+    nu, nv = wu / a, wv / b
+    length = np.hypot(nu, nv)
+    nu /= length
+    nv /= length
+    signed = (u - a * wu) * nu + (v - b * wv) * nv
+    return signed, turned_back(nu, nv, cos, sin), turned_back(wu, wv, cos, sin)
 
 
 def radial_comparison(
@@ -137,9 +138,15 @@ def radial_comparison(
     gu, gv = wu / a, wv / b
     along_ray = (gu * u + gv * v) / rho
     nu, nv = gu / along_ray, gv / along_ray
-    normals = np.column_stack([nu * cos - nv * sin, nu * sin + nv * cos])
-    w = np.column_stack([wu * cos - wv * sin, wu * sin + wv * cos])
-    return rho - rho / scaled, normals, w
+    return rho - rho / scaled, turned_back(nu, nv, cos, sin), turned_back(wu, wv, cos, sin)
+
+
+def turned_back(u: FloatArray, v: FloatArray, cos: float, sin: float) -> FloatArray:
+    """Vectors of the ellipse's own frame in the section frame: (n, 2)."""
+    turned = np.empty((len(u), 2))
+    turned[:, 0] = cos * u - sin * v
+    turned[:, 1] = sin * u + cos * v
+    return turned
 
 
 def parameters_of(ellipse: Ellipse) -> FloatArray:
@@ -221,7 +228,7 @@ def least_squares(evaluate: Evaluation, start: FloatArray) -> FloatArray:
     with np.errstate(all="ignore"):
         found, *_ = leastsq(
             lambda x: remembered(x)[0], start, Dfun=lambda x: remembered(x)[1],
-            xtol=1e-9, ftol=1e-12, maxfev=100, full_output=True,
+            xtol=1e-9, ftol=1e-10, maxfev=100, full_output=True,
         )  # fmt: skip
     parameters: FloatArray = found
     return parameters

@@ -5,9 +5,11 @@ to a needle recognises nothing. Here a weak prior (few pipes are tilted by more 
 holds the difference of the semi-axes; on a long arc the data overrule it.
 """
 
+import math
+
 import numpy as np
 
-from lsvision.fitting.ellipse_problem import axes_of
+from lsvision.fitting.ellipse_problem import axes_of, turned_back
 from lsvision.shapes import FloatArray, Points
 
 TILT_STD = 0.15
@@ -32,18 +34,17 @@ def normal_residuals(
         Outward unit normal and unit vector of c + E w.
     """
     a, b, cos, sin = axes_of(parameters)
-    axes = np.array([a, b])
-    own = (points - parameters[:2]) @ np.array([[cos, -sin], [sin, cos]])
-    scaled = own / axes
-    size = np.hypot(scaled[:, 0], scaled[:, 1])
-    size[size == 0] = TINY
-    w = scaled / size[:, None]
-    normals = w / axes
-    normals /= np.hypot(normals[:, 0], normals[:, 1])[:, None]
+    dx, dy = points[:, 0] - parameters[0], points[:, 1] - parameters[1]
+    u, v = cos * dx + sin * dy, cos * dy - sin * dx
+    size = np.maximum(np.hypot(u / a, v / b), TINY)
+    wu, wv = u / (a * size), v / (b * size)
+    nu, nv = wu / a, wv / b
+    length = np.hypot(nu, nv)
+    nu /= length
+    nv /= length
     # Along the ray from the centre the ellipse is at 1 / size; times the ray's cosine with n.
-    signed = (1 - 1 / size) * (normals * own).sum(axis=1)
-    back = np.array([[cos, sin], [-sin, cos]])
-    return signed, normals @ back, w @ back
+    signed = (1 - 1 / size) * (nu * u + nv * v)
+    return signed, turned_back(nu, nv, cos, sin), turned_back(wu, wv, cos, sin)
 
 
 def normal_variances(normals: FloatArray, covariances: FloatArray) -> FloatArray:
@@ -100,7 +101,7 @@ def refine_quickly(
         information[3, 3] += held
         information[4, 4] += held
         right[3:] -= held * parameters[3:]
-        if not np.isfinite(information).all():
+        if not math.isfinite(float(information.sum())):
             return np.full(5, np.nan), covariance
         try:
             if step == steps - 1:

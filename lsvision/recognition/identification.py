@@ -119,7 +119,9 @@ def identify_arc(
         None where the growth breaks down: the points around the seed are no ellipse.
     """
     own, covariances = profile.points[free], profile.covariances[free]
-    inside = np.flatnonzero(np.isin(free, candidate.indices))
+    seeded = np.zeros(len(profile.points), dtype=bool)
+    seeded[candidate.indices] = True
+    inside = np.flatnonzero(seeded[free])
     if len(inside) < settings.fewest_points:
         return None
     parameters = parameters_of(seed_ellipse(profile, candidate))
@@ -134,8 +136,8 @@ def identify_arc(
         low, high = max(0, start - step), min(len(own), stop + step)
         near = WeighedSpan(own[low:high], covariances[low:high], profile.largest_misfit)
         on_ellipse = _on_ellipse(near, parameters, unsure, inside - low, settings)
-        middle = np.clip((start + stop) // 2 - low, 0, high - low - 1)
-        begin, end = _run_around(on_ellipse, int(middle), settings)
+        middle = min(max((start + stop) // 2 - low, 0), high - low - 1)
+        begin, end = _run_around(on_ellipse, middle, settings)
         last, (start, stop) = (start, stop), (low + begin, low + end)
         inside = start + np.flatnonzero(on_ellipse[begin:end])
         if len(inside) < settings.fewest_points:
@@ -167,7 +169,7 @@ def _on_ellipse(
     signed, normals, w = normal_residuals(near.points, parameters)
     variances = tolerant_variances(normals, near.covariances)
     scatter = 1.4826 * float(np.median(np.abs(signed / np.sqrt(variances))[inside]))
-    limit = settings.sensor_error_sigmas * float(np.clip(scatter, 1, near.largest_misfit))
+    limit = settings.sensor_error_sigmas * min(max(scatter, 1.0), near.largest_misfit)
     rows = parameter_rows(normals, w)
     extrapolated = settings.correlation * ((unsure @ rows) * rows).sum(axis=0)
     extrapolated = np.minimum(extrapolated, settings.largest_extrapolation * variances)

@@ -196,9 +196,6 @@ def orthogonal_residuals(points: Points, ellipse: Ellipse) -> FloatArray:
 def foot_points(own: Points, a: float, b: float) -> Points:
     """Nearest points of an axis-parallel ellipse at the origin.
 
-    Each step replaces the ellipse by its circle of curvature at the foot point found so far;
-    that converges from any start because the evolute bounds the centres of those circles.
-
     Parameters
     ----------
     own : (n, 2) ndarray
@@ -211,24 +208,47 @@ def foot_points(own: Points, a: float, b: float) -> Points:
     (n, 2) ndarray
         Own frame. Units: mm.
     """
-    p, q = np.abs(own[:, 0]), np.abs(own[:, 1])
+    wu, wv = foot_directions(own[:, 0], own[:, 1], a, b)
+    return np.column_stack([a * wu, b * wv])
+
+
+def foot_directions(
+    u: FloatArray, v: FloatArray, a: float, b: float
+) -> tuple[FloatArray, FloatArray]:
+    """Cosine and sine of the eccentric anomaly of the nearest point of an ellipse.
+
+    Each step replaces the ellipse by its circle of curvature at the foot point found so far;
+    that converges from any start because the evolute bounds the centres of those circles.
+
+    Parameters
+    ----------
+    u, v : (n,) ndarray
+        Points in the ellipse's own frame. Units: mm.
+    a, b : float
+        Semi-axes along u and v. Units: mm.
+
+    Returns
+    -------
+    cos, sin : (n,) ndarray
+        The nearest point is ``(a cos, b sin)``.
+    """
+    p, q = np.abs(u), np.abs(v)
     cos, sin = _unit(b * p, a * q)
     ca, cb = (a * a - b * b) / a, (b * b - a * a) / b
-    for _ in range(FOOT_POINT_STEPS):
+    for _ in range(FOOT_POINT_STEPS if a != b else 0):
         # Centre of curvature (on the evolute) of the foot point found so far.
-        ex, ey = ca * cos**3, cb * sin**3
+        ex, ey = ca * (cos * cos * cos), cb * (sin * sin * sin)
         dx, dy = p - ex, q - ey
         stretch = np.hypot(a * cos - ex, b * sin - ey) / np.maximum(np.hypot(dx, dy), TINY)
         last = cos
         cos, sin = _unit(
             np.maximum(ex + dx * stretch, 0.0) * b, np.maximum(ey + dy * stretch, 0.0) * a
         )
-        if a == b or np.abs(cos - last).max(initial=0.0) < FOOT_POINT_CLOSE:
+        if np.abs(cos - last).max(initial=0.0) < FOOT_POINT_CLOSE:
             break
-    return np.column_stack([np.copysign(a * cos, own[:, 0]), np.copysign(b * sin, own[:, 1])])
+    return np.copysign(cos, u), np.copysign(sin, v)
 
 
 def _unit(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-    norm = np.hypot(x, y)
-    norm[norm == 0] = 1.0
+    norm = np.maximum(np.hypot(x, y), TINY)
     return x / norm, y / norm
