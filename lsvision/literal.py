@@ -2,7 +2,7 @@
 
 What the text leaves open is settled so: the sensor error is one number (0.9 mm, the resolution
 of section 4); a window whose fit fails has no arc; "the first few points" of an arc are 10 % of
-it; arcs found twice by overlapping windows are one.
+it. Arcs of one pipe that the flow chart opens and closes again and again stay several.
 """
 
 import math

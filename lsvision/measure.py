@@ -14,7 +14,7 @@ from lsvision.fitting.ellipse_problem import KnownRadius
 from lsvision.fitting.homogenising import HomogenisingSettings
 from lsvision.fitting.smoothing import SmoothingSettings
 from lsvision.literal import LiteralSettings, measure_literally
-from lsvision.profile import NoiseModel, Profile, WeighedProfile
+from lsvision.profile import Arc, NoiseModel, Profile, WeighedProfile
 from lsvision.recognition.candidates import CandidateSettings, find_candidates
 from lsvision.recognition.identification import IdentificationSettings, IdentifiedArc
 from lsvision.recognition.leftovers import explain_leftovers
@@ -33,6 +33,7 @@ from lsvision.recognition.verdict import (
     reason_in_surroundings,
 )
 from lsvision.recognition.weighing import weigh_profile
+from lsvision.shapes import IntArray
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -138,7 +139,8 @@ def measure_cylinders(
     weighed = weigh_profile(profile, sensor or profile.noise)
     radius_range = search_range(radius, known, weighed)
     if settings.literal is not None:
-        return Measurement(*measure_literally(weighed, radius_range, settings.literal))
+        found, refused = measure_literally(weighed, radius_range, settings.literal)
+        return _in_columns_of_sensor(list(found), list(refused), weighed)
 
     # Recognition, section 3.2.
     range_image = rasterise(weighed, settings.range_image)
@@ -152,9 +154,7 @@ def measure_cylinders(
     cylinders = [result for result in results if isinstance(result, CylinderSection)]
     rejections += [result for result in results if isinstance(result, Rejection)]
     rejections = explain_leftovers(weighed, components, cylinders, rejections, radius_range)
-    return Measurement(
-        tuple(sorted(cylinders, key=lambda cylinder: cylinder.centre[0])), tuple(rejections)
-    )
+    return _in_columns_of_sensor(cylinders, rejections, weighed)
 
 
 def _measure_arc(
@@ -193,6 +193,28 @@ def _measure_arc(
     if reason is not None:
         return Rejection(screened.arc, reason)
     return CylinderSection(fit, screened.arc, indices)
+
+
+def _in_columns_of_sensor(
+    cylinders: list[CylinderSection], rejections: list[Rejection], profile: WeighedProfile
+) -> Measurement:
+    """The result with the indices of the profile as it came, cylinders from left to right."""
+
+    def arc_of(indices: IntArray) -> Arc:
+        return Arc(int(indices.min()), int(indices.max()) + 1)
+
+    columns = profile.columns
+    sections = [
+        CylinderSection(cylinder.fit, arc_of(columns[cylinder.indices]), columns[cylinder.indices])
+        for cylinder in cylinders
+    ]
+    refused = [
+        Rejection(arc_of(columns[rejection.arc.start : rejection.arc.stop]), rejection.reason)
+        for rejection in rejections
+    ]
+    return Measurement(
+        tuple(sorted(sections, key=lambda section: section.centre[0])), tuple(refused)
+    )
 
 
 def _known_radius(known_radius: float | tuple[float, float] | None) -> KnownRadius | None:

@@ -105,11 +105,13 @@ class WeighedProfile:
     Parameters
     ----------
     points : (n, 2) ndarray
-        As in `Profile`. Units: mm.
+        As in `Profile`, but in their order along the line. Units: mm.
     covariances : (n, 2, 2) ndarray
         Of the points' errors, NaN where lost. Units: mm^2.
     order : (k,) int ndarray
-        Indices of the points that are there, in their order along the line.
+        Which of `points` are there, rising.
+    columns : (n,) int ndarray
+        Index that each of `points` has in the `Profile`.
     noise_std : float
         Typical standard deviation of a point across the line. Units: mm.
     noise_known : bool
@@ -120,6 +122,7 @@ class WeighedProfile:
     points: Points
     covariances: FloatArray
     order: IntArray
+    columns: IntArray
     noise_std: float
     noise_known: bool
 

@@ -150,6 +150,11 @@ def fit_ellipse(
             "an arc", len(points), PARAMETERS + 1, "scan slower or nearer, or lower the pitch"
         )
     parameters = parameters_of(start)
+    if covariances is None and known_radius is not None:
+        # A prior needs the noise's size: take it from a fit that has none.
+        free = fit_ellipse(points, start, settings=settings)
+        variance = free.variance_factor * float(np.median(free.problem.stds)) ** 2
+        covariances = np.broadcast_to(np.eye(2) * variance, (len(points), 2, 2))
     for _ in range(1 + settings.reweightings):
         stds = _normal_stds(points, covariances, parameters)
         problem = ArcProblem(points, stds, known_radius, settings.residual)

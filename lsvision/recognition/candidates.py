@@ -114,7 +114,8 @@ def find_candidates(
     circles = fit_window_circles(points[sequence], starts, stops)
     good = _curves_like_a_pipe(circles, stops - starts, noise_std, radius_range, settings)
     limit = settings.sigmas * noise_std + settings.roundness * circles.radius
-    merit = circles.coverage * (1 - (circles.rms / limit) ** 2)
+    with np.errstate(invalid="ignore", over="ignore"):
+        merit = circles.coverage * (1 - (circles.rms / limit) ** 2)
     order = np.flatnonzero(good)
     order = order[np.argsort(-merit[order], kind="stable")]
     order = order[_unlike_better_ones(starts[order], stops[order], settings.overlap)]
@@ -154,14 +155,16 @@ def _curves_like_a_pipe(
     # The radius of curvature of a tilted section lies between b^2 / a and a^2 / b.
     stretch = 1 / math.cos(math.radians(settings.max_tilt_deg))
     low, high = radius_range[0] / stretch, radius_range[1] * stretch**2
-    sagitta = circles.radius * (1 - np.cos(circles.coverage / 2))
+    # Straight windows have an infinite radius, and neither sagitta nor limit.
+    radius = np.where(np.isfinite(circles.radius), circles.radius, 0.0)
+    sagitta = radius * (1 - np.cos(circles.coverage / 2))
     passed: BoolArray = (
         (circles.radius >= low)
         & (circles.radius <= high)
         & circles.convex
         & (circles.coverage >= math.radians(settings.coverage_deg))
         & (circles.coverage * points >= math.radians(settings.coverage_deg) * settings.full_span)
-        & (circles.rms <= settings.sigmas * noise_std + settings.roundness * circles.radius)
+        & (circles.rms <= settings.sigmas * noise_std + settings.roundness * radius)
         & (sagitta >= settings.sagitta_sigmas * noise_std)
     )
     return passed

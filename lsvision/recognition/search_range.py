@@ -10,8 +10,9 @@ from lsvision.profile import WeighedProfile
 NOMINAL_SPREAD = 0.2
 """A nominal radius is searched within this share of itself."""
 SMALLEST_RADIUS_PITCHES = 3.0
-SMALLEST_RADIUS_SHARE = 1 / 75
-"""A smaller pipe has under ten points, or is dust in the field of view: give a range for it."""
+DUST_SHARE, DUST_PITCHES = 1 / 75, 20.0
+"""A smaller pipe has under ten points; or is dust, 1/75 of the field of view or 20 pitches
+small, whichever is less: give a range to find those."""
 LARGEST_RADIUS_EXTENTS = 1.5
 """A larger pipe would be seen as a few tens of degrees of an arc."""
 
@@ -28,7 +29,7 @@ def search_range(
     known : KnownRadius or None
         Its radius counts as nominal where `radius` is None.
     profile : WeighedProfile
-        Where both are None: from 3 pitches or 1/75 of the profile's extent, to 1.5 times the extent.
+        Where both are None: from the smallest that is no dust to 1.5 times the extent.
 
     Returns
     -------
@@ -57,5 +58,6 @@ def search_range(
         return 1.0, 2.0
     extent = float(np.ptp(points, axis=0).max())
     spacing = float(np.median(np.hypot(*np.diff(points, axis=0).T)))
-    low = max(SMALLEST_RADIUS_PITCHES * spacing, SMALLEST_RADIUS_SHARE * extent, 1e-9)
+    dust = min(DUST_SHARE * extent, DUST_PITCHES * spacing)
+    low = max(SMALLEST_RADIUS_PITCHES * spacing, dust, 1e-9)
     return low, max(LARGEST_RADIUS_EXTENTS * extent, 2 * low)

@@ -111,7 +111,8 @@ def reason_against(
         (coverage_deg < settings.least_coverage_deg,
          f"arc covers {coverage_deg:.0f} deg, needs {settings.least_coverage_deg:.0f} deg"),
         (misfit > slack * profile.largest_misfit,
-         f"residual rms {misfit:.1f} times the noise, limit {profile.largest_misfit:.1f}"),
+         f"residual rms {misfit:.1f} times the noise, limit {profile.largest_misfit:.1f}"
+         + (": is the sensor's noise right?" if profile.noise_known else "")),
         (sagitta < settings.least_sagitta_sigmas * noise / math.sqrt(len(own)),
          f"flat: rises {sagitta:.2f} mm over its chord at {noise:.2f} mm noise"),
         (len(own) < settings.least_density * span,

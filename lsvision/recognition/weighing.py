@@ -7,6 +7,9 @@ import numpy as np
 from lsvision.profile import NoiseModel, Profile, WeighedProfile
 from lsvision.shapes import FloatArray, IntArray, Points
 
+FARTHEST_MM = 1e9
+"""Numbers beyond a thousand kilometres are rubbish of a file, not points."""
+LONG_CHORD = 6.0
 ORDERLY = 0.8
 """Share of steps along X in one direction above which the sensor's order is trusted."""
 
@@ -25,16 +28,17 @@ def weigh_profile(profile: Profile, noise: NoiseModel | None) -> WeighedProfile:
     -------
     WeighedProfile
     """
-    points = profile.points
-    order = _order_along_line(points)
+    columns = _columns_along_line(profile.points)
+    points = profile.points[columns]
+    order = np.flatnonzero(np.abs(points).max(axis=1) < FARTHEST_MM)
     if noise is None:
         std = estimate_noise_std(points[order])
         covariances = np.broadcast_to(np.eye(2) * std**2, (len(points), 2, 2))
-        return WeighedProfile(points, covariances, order, std, noise_known=False)
-    covariances = noise.covariances(points)
+        return WeighedProfile(points, covariances, order, columns, std, noise_known=False)
+    covariances = noise.covariances(profile.points)[columns]
     variances = covariances[order, 0, 0] + covariances[order, 1, 1]
     std = float(np.sqrt(np.median(variances))) if len(order) else 0.0
-    return WeighedProfile(points, covariances, order, std, noise_known=True)
+    return WeighedProfile(points, covariances, order, columns, std, noise_known=True)
 
 
 def estimate_noise_std(points: Points) -> float:
@@ -54,21 +58,25 @@ def estimate_noise_std(points: Points) -> float:
     smallest = max(1e-7 * extent, 1e-9)
     if len(points) < 5:
         return smallest
-    chord = points[2:] - points[:-2]
-    middle = points[1:-1] - (points[2:] + points[:-2]) / 2
-    length = np.maximum(np.hypot(chord[:, 0], chord[:, 1]), smallest)
-    offset = np.abs(middle[:, 0] * chord[:, 1] - middle[:, 1] * chord[:, 0]) / length
-    # The middle of three: variance 1 + 1/4 + 1/4.
-    return max(float(np.median(offset)) * 1.4826 / math.sqrt(1.5), smallest)
+    lag = 1
+    while True:
+        chord = points[2 * lag :] - points[: -2 * lag]
+        middle = points[lag:-lag] - (points[2 * lag :] + points[: -2 * lag]) / 2
+        length = np.maximum(np.hypot(chord[:, 0], chord[:, 1]), smallest)
+        offset = np.abs(middle[:, 0] * chord[:, 1] - middle[:, 1] * chord[:, 0]) / length
+        # The middle of three: variance 1 + 1/4 + 1/4.
+        std = max(float(np.median(offset)) * 1.4826 / math.sqrt(1.5), smallest)
+        # A chord shorter than its own noise points anywhere, and shows too little of it.
+        if float(np.median(np.abs(chord[:, 0]))) > LONG_CHORD * std or 8 * lag >= len(points):
+            return std
+        lag *= 2
 
 
-def _order_along_line(points: Points) -> IntArray:
-    valid = np.flatnonzero(np.isfinite(points[:, 0]))
-    steps: FloatArray = np.diff(points[valid, 0])
-    if len(steps) == 0:
-        return valid
-    rising, falling = float(np.mean(steps >= 0)), float(np.mean(steps <= 0))
-    if max(rising, falling) >= ORDERLY:
-        return valid
-    by_x: IntArray = valid[np.argsort(points[valid, 0], kind="stable")]
+def _columns_along_line(points: Points) -> IntArray:
+    """All columns in the sensor's order, or by x where that order is none; lost ones last."""
+    columns = np.arange(len(points))
+    steps: FloatArray = np.diff(points[np.isfinite(points[:, 0]), 0])
+    if len(steps) == 0 or max(np.mean(steps >= 0), np.mean(steps <= 0)) >= ORDERLY:
+        return columns
+    by_x: IntArray = np.argsort(points[:, 0], kind="stable")
     return by_x

@@ -25,7 +25,7 @@ class StrayLight:
     gradient : float
         Rise from the mean to the brighter end and fall to the darker. Units: DN.
     streaks : int
-        Straight bright streaks, 1 to 3 px wide and 100 to 600 px long.
+        Straight bright streaks, 1 to 3 px wide and 40 to 300 px long.
     blobs : int
         Round bright blobs, 2 to 15 px (one sigma).
     brightness : tuple of float
@@ -82,7 +82,7 @@ def _streaks(shape: tuple[int, int], stray: StrayLight, rng: np.random.Generator
     layer = np.zeros(shape, dtype=np.float32)
     for _ in range(stray.streaks):
         start = rng.uniform((0, 0), shape[::-1])
-        turn, length = rng.uniform(0, math.pi), rng.uniform(100, 600)
+        turn, length = rng.uniform(0, math.pi), rng.uniform(40, 300)
         stop = start + length * np.array([math.cos(turn), math.sin(turn)])
         ends = [tuple(int(round(x)) for x in end) for end in (start, stop)]
         colour, width = float(rng.uniform(*stray.brightness)), int(rng.integers(1, 4))

@@ -1,0 +1,205 @@
+"""Joint refinement of camera, laser plane, board poses and board bow, in pixels.
+
+All unknowns at once, because most of a laser plane's error sits in the boards' poses and the
+camera: refining the plane alone is no better than its linear start (camera.md, section 2).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lsvision.calibrate.boards_problem import BoardsProblem, tilt_axes
+from lsvision.calibrate.boards_state import BoardsState, LaserView
+from lsvision.calibrate.laser_plane_start import lit_on_boards, plane_through
+from lsvision.shapes import FloatArray, Points
+
+HUBER = 3.0
+"""Sigmas from which on a residual counts linearly, so that a spoilt view cannot bend the rest."""
+
+HIERARCHY = 1e4
+"""Factor on the line's sigma by which the corners alone place camera and boards."""
+
+TENSION = 1.15
+"""Growth of the corners' residual, when the line joins in, that noise alone does not cause."""
+
+MAX_STEPS = 40
+"""Steps of the minimiser; it needs about five."""
+
+
+@dataclass(frozen=True, eq=False)
+class BoardsSolution:
+    """A refined state with its evidence.
+
+    Parameters
+    ----------
+    state : BoardsState
+        The minimum.
+    corner_residuals, line_residuals : tuple of ndarray
+        For each view (n, 2) and (m,). Units: px.
+    plane_covariance : (3, 3) ndarray
+        Tilt about the section's X and Y (rad) and distance (mm).
+    bow_std : (2,) ndarray
+        Zero where the bow was held. Units: mm.
+    discord : bool
+        Whether line and corners contradict each other, so that the line was not allowed to
+        move camera and boards.
+    """
+
+    state: BoardsState
+    corner_residuals: tuple[FloatArray, ...]
+    line_residuals: tuple[FloatArray, ...]
+    plane_covariance: FloatArray
+    bow_std: FloatArray
+    discord: bool
+
+
+def solve_boards(
+    views: Sequence[LaserView],
+    start: BoardsState,
+    refine: tuple[bool, bool],
+    corner_std: float = 0.1,
+) -> BoardsSolution:
+    """Refine everything at once, weighted by the noise that corners and lines show by themselves.
+
+    First the corners alone place camera and boards, which tells their noise; the line's is its
+    scatter about its own smooth course. Then all is solved together. If that bends the boards
+    beyond noise, the line does not lie where the board's plane is (a sheet that is not flat
+    beside the pattern, a wide saturated line): then the corners have the last word, and the
+    plane is the nearest to the lines.
+
+    Parameters
+    ----------
+    views : sequence of LaserView
+        Two at least; see `calibrate_laser_plane` for what they must span.
+    start : BoardsState
+        Good to a few px.
+    refine : tuple of bool
+        Whether the camera, and the bow, take part.
+    corner_std : float
+        First guess. Units: px.
+
+    Returns
+    -------
+    BoardsSolution
+        The minimum of Huber's loss with its covariance.
+    """
+    alone = BoardsProblem(
+        [replace(view, line_std=HIERARCHY * view.line_std) for view in views],
+        start,
+        refine,
+        corner_std,
+    )
+    vector, _ = _minimise(alone, 1e-6)
+    start = alone.state(vector)
+    corner, line = alone.residuals_in_pixels(vector)
+    corner_std, misfits = _robust_std(corner), alone.split(line, line=True)
+    problem = BoardsProblem(_rescaled(views, misfits), start, refine, corner_std)
+    vector, information = _minimise(problem, 1e-9)
+    corner, line = problem.residuals_in_pixels(vector)
+    if _robust_std(corner) > corner_std * (TENSION + 2 / np.sqrt(corner.size)):
+        if refine[1]:
+            # Where the line lies off the boards, their bow has no meaning.
+            flat = replace(start, bow=np.zeros(2))
+            return solve_boards(views, flat, (refine[0], False), corner_std)
+        return _by_corners(views, start)
+    covariance, bow_std = _spreads(problem, information)
+    return BoardsSolution(
+        problem.state(vector),
+        problem.split(corner, line=False),
+        problem.split(line, line=True),
+        covariance,
+        bow_std,
+        discord=False,
+    )
+
+
+def _by_corners(views: Sequence[LaserView], state: BoardsState) -> BoardsSolution:
+    """The plane nearest to the lines, camera and boards left where the corners place them."""
+    lit = lit_on_boards(state.camera, state.camera_from_boards, views)
+    state = replace(state, plane=plane_through(np.concatenate(lit)), bow=np.zeros(2))
+    problem = BoardsProblem(views, state, (False, False), 1.0)
+    corner, line = problem.residuals_in_pixels(np.zeros(problem.size))
+    return BoardsSolution(
+        state,
+        problem.split(corner, line=False),
+        problem.split(line, line=True),
+        _covariance_by_views(state, lit),
+        np.zeros(2),
+        discord=True,
+    )
+
+
+def _covariance_by_views(state: BoardsState, lit: Sequence[Points]) -> FloatArray:
+    """Covariance of a plane whose points err together in each view (cluster sandwich)."""
+    design = [
+        np.column_stack([points @ tilt_axes(state).T, -np.ones(len(points))]) for points in lit
+    ]
+    slopes = [
+        rows.T @ state.plane.signed_distances(points)
+        for rows, points in zip(design, lit, strict=True)
+    ]
+    inverse: FloatArray = np.linalg.inv(sum(rows.T @ rows for rows in design))
+    # Three parameters were fitted to two numbers of each view.
+    free = len(lit) / max(len(lit) - 1.5, 0.5)
+    meat = np.asarray(slopes).T @ np.asarray(slopes)
+    covariance: FloatArray = np.asarray(inverse @ meat @ inverse * free, dtype=np.float64)
+    return covariance
+
+
+def _spreads(problem: BoardsProblem, information: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Covariance of the plane, and standard deviations of the bow (0 where held)."""
+    covariance: FloatArray = np.asarray(np.linalg.pinv(information, hermitian=True))
+    plane, bow = problem.columns_of_plane(), problem.columns_of_bow()
+    bow_std = np.zeros(2)
+    if len(bow):
+        bow_std = np.sqrt(covariance[bow, bow])
+    return covariance[np.ix_(plane, plane)], bow_std
+
+
+def _rescaled(views: Sequence[LaserView], misfits: Sequence[FloatArray]) -> list[LaserView]:
+    """Views whose line sigma is how much the lines scatter about their own smooth course."""
+    scatter = []
+    for view, misfit in zip(views, misfits, strict=True):
+        along = np.ptp(view.line_pixels, axis=0).argmax()
+        course = view.line_pixels[:, along] - view.line_pixels[:, along].mean()
+        smooth = np.polynomial.Polynomial.fit(course, misfit, 2)(course)
+        scatter.append((misfit - smooth) / view.line_std)
+    scale = _robust_std(np.concatenate(scatter))
+    return [replace(view, line_std=view.line_std * scale) for view in views]
+
+
+def _minimise(problem: BoardsProblem, enough: float) -> tuple[FloatArray, FloatArray]:
+    """Levenberg-Marquardt with Huber's weights: the minimum, and J'WJ there.
+
+    Own, because scipy's takes twice the steps here and an SVD for each.
+    """
+    vector, damping = np.zeros(problem.size), 1e-4
+    cost = _huber(problem(vector))
+    for _ in range(MAX_STEPS):
+        residuals, jacobian = problem(vector), problem.jacobian(vector)
+        weights = np.minimum(1.0, HUBER / np.maximum(np.abs(residuals), 1e-300))
+        information = jacobian.T @ (weights[:, None] * jacobian)
+        slope = jacobian.T @ (weights * residuals)
+        gained = 0.0
+        while damping < 1e8 and not gained > 0:
+            scaled = information + damping * np.diag(np.diag(information))
+            trial = vector - np.linalg.solve(scaled, slope)
+            gained = cost - _huber(problem(trial))
+            damping = damping / 10 if gained > 0 else damping * 10
+        if not gained > 0:
+            break
+        vector, cost = trial, cost - gained
+        if gained < enough * cost:
+            break
+    return vector, information
+
+
+def _huber(residuals: FloatArray) -> float:
+    size = np.abs(residuals)
+    return float(np.where(size < HUBER, size**2, HUBER * (2 * size - HUBER)).sum())
+
+
+def _robust_std(values: FloatArray) -> float:
+    """1.4826 MAD, which for a normal distribution is sigma; kept off zero for perfect data."""
+    return max(1.4826 * float(np.median(np.abs(values))), 1e-4)

@@ -1,0 +1,291 @@
+"""A camera's intrinsics from images of a flat target, with what speaks against them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from lsvision.calibrate.intrinsics_check import check_camera
+from lsvision.calibrate.target import Target, TargetNotFound, TargetView, find_target
+from lsvision.calibrate.views import RejectedView
+from lsvision.errors import CalibrationFailed, DegenerateGeometry
+from lsvision.sensor.camera import Camera
+from lsvision.shapes import FloatArray, Pose
+
+LEAST_VIEWS = 3
+"""Two views leave a full camera matrix undetermined (Zhang 2000, section 3.1)."""
+
+MIN_TILT = np.radians(5.0)
+"""Largest angle between two boards, below which they count as parallel."""
+
+OUTLIER_FACTOR = 2.5
+"""A view counts as outlier from this multiple of the median view's residual on."""
+
+NAMES = (
+    *("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3"),
+    *("k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y"),
+)
+"""The camera's parameters in OpenCV's order."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraSettings:
+    """The camera's model; the default has as few freedoms as most lenses need.
+
+    Parameters
+    ----------
+    radial_terms : int
+        0 to 3: how many of k1, k2, k3 are free; the others are 0.
+    tangential : bool
+        Whether p1 and p2 are free.
+    fixed_aspect : bool
+        Whether fx = fy.
+    tilted : bool
+        Whether the sensor stands tilted behind the lens (Scheimpflug): tau_x and tau_y free.
+        Only where the hardware is.
+    """
+
+    radial_terms: int = 2
+    tangential: bool = True
+    fixed_aspect: bool = False
+    tilted: bool = False
+
+    def __post_init__(self) -> None:
+        if self.radial_terms not in (0, 1, 2, 3):
+            raise ValueError(f"want 0 to 3 radial_terms, got {self.radial_terms}")
+
+    @property
+    def flags(self) -> int:
+        """The same as OpenCV's ``CALIB_`` flags."""
+        fixed = (cv2.CALIB_FIX_K1, cv2.CALIB_FIX_K2, cv2.CALIB_FIX_K3)[self.radial_terms :]
+        flags = int(sum(fixed))
+        flags |= 0 if self.tangential else cv2.CALIB_ZERO_TANGENT_DIST
+        flags |= cv2.CALIB_FIX_ASPECT_RATIO if self.fixed_aspect else 0
+        # The flag also frees nothing but the tilt: k4 to k6 and s1 to s4 stay 0.
+        flags |= cv2.CALIB_TILTED_MODEL if self.tilted else 0
+        return flags
+
+
+@dataclass(frozen=True, eq=False)
+class CalibratedView:
+    """One view after the calibration.
+
+    Parameters
+    ----------
+    index : int
+        Which of the images.
+    seen : TargetView
+        What it shows.
+    camera_from_board : Pose
+        Where the board stood.
+    residuals : (n, 2) ndarray
+        Projected minus seen. Units: px.
+    """
+
+    index: int
+    seen: TargetView
+    camera_from_board: Pose
+    residuals: FloatArray
+
+    @property
+    def rms_px(self) -> float:
+        """Root mean square of the points' distances. Units: px."""
+        return float(np.sqrt(np.mean(np.sum(self.residuals**2, axis=1))))
+
+
+@dataclass(frozen=True, eq=False)
+class CameraCalibration:
+    """A camera with its evidence.
+
+    Parameters
+    ----------
+    camera : Camera
+        The result.
+    std : mapping of str to float
+        One sigma of fx, fy, cx, cy (px) and each coefficient; 0 where held.
+    views : tuple of CalibratedView
+        Each view used.
+    rejected : tuple of RejectedView
+        Images without the target.
+    outliers : tuple of RejectedView
+        Views that were used and fit badly: look at them, leave them out, calibrate anew.
+    warnings : tuple of str
+        What makes the set weak.
+    """
+
+    camera: Camera
+    std: Mapping[str, float]
+    views: tuple[CalibratedView, ...]
+    rejected: tuple[RejectedView, ...]
+    outliers: tuple[RejectedView, ...]
+    warnings: tuple[str, ...]
+
+    @property
+    def rms_px(self) -> float:
+        """Root mean square of all points' distances, as OpenCV counts. Units: px."""
+        residuals = np.concatenate([view.residuals for view in self.views])
+        return float(np.sqrt(np.mean(np.sum(residuals**2, axis=1))))
+
+
+def calibrate_camera(
+    images: Sequence[npt.ArrayLike], target: Target, settings: CameraSettings | None = None
+) -> CameraCalibration:
+    """Calibrate a camera from images of a flat target.
+
+    Parameters
+    ----------
+    images : sequence of images
+        8 or 16 bit, grey or colour, all of one size; best 15 to 20, the target tilted by
+        25 deg and more to all sides and reaching into every corner of the image.
+    target : Target
+        The board.
+    settings : CameraSettings, optional
+        The camera's model.
+
+    Returns
+    -------
+    CameraCalibration
+        The camera with standard deviations, residuals of each view, and warnings.
+
+    Raises
+    ------
+    CalibrationFailed
+        If the images differ in size, or fewer than three show the target.
+    DegenerateGeometry
+        If all boards are parallel.
+    """
+    _check_sizes(images)
+    indices, seen, rejected = [], [], []
+    for index, image in enumerate(images):
+        try:
+            seen.append(find_target(image, target))
+            indices.append(index)
+        except TargetNotFound as error:
+            rejected.append(RejectedView(index, str(error)))
+    return fit_camera(seen, settings, indices=indices, rejected=rejected)
+
+
+def fit_camera(
+    seen: Sequence[TargetView],
+    settings: CameraSettings | None = None,
+    *,
+    indices: Sequence[int] | None = None,
+    rejected: Sequence[RejectedView] = (),
+) -> CameraCalibration:
+    """Calibrate a camera from points already found.
+
+    Parameters
+    ----------
+    seen : sequence of TargetView
+        Three at least, all of one image size.
+    settings : CameraSettings, optional
+        The camera's model.
+    indices : sequence of int, optional
+        What each view is called in the result; its place if None.
+    rejected : sequence of RejectedView
+        Views already left out, for the result and the messages.
+
+    Returns
+    -------
+    CameraCalibration
+        See `calibrate_camera`, also for the errors.
+    """
+    _check_count(len(seen), rejected)
+    matrix, distortion, std, poses = _solve(seen, settings or CameraSettings())
+    camera = Camera(matrix, distortion, seen[0].size)
+    _check_parallel(poses)
+    names = list(range(len(seen))) if indices is None else list(indices)
+    views = tuple(
+        CalibratedView(index, view, pose, camera.project(pose.apply(view.points)) - view.pixels)
+        for index, view, pose in zip(names, seen, poses, strict=True)
+    )
+    return CameraCalibration(
+        camera,
+        MappingProxyType(dict(zip(NAMES, std.tolist(), strict=False))),
+        views,
+        tuple(rejected),
+        _outliers(views),
+        check_camera(camera, std, seen, poses),
+    )
+
+
+def _solve(
+    seen: Sequence[TargetView], settings: CameraSettings
+) -> tuple[FloatArray, FloatArray, FloatArray, list[Pose]]:
+    """Camera matrix, distortion, standard deviations and poses of least squares."""
+    points = [np.ascontiguousarray(view.points, dtype=np.float32) for view in seen]
+    pixels = [view.pixels.astype(np.float32).reshape(-1, 1, 2) for view in seen]
+    guess = cv2.initCameraMatrix2D(points, pixels, seen[0].size, 1.0)
+    # OpenCV 5 has been seen to stop in a bad minimum without a guess: try both, keep the better.
+    starts: list[tuple[Any, int]] = [(np.eye(3), 0), (guess, cv2.CALIB_USE_INTRINSIC_GUESS)]
+    solutions = []
+    for start, extra in starts:
+        try:
+            solution = cv2.calibrateCameraExtended(
+                points, pixels, seen[0].size, start.copy(), None, flags=settings.flags | extra
+            )
+        except cv2.error:
+            continue
+        if np.isfinite(solution[0]) and np.isfinite(solution[1]).all():
+            solutions.append(solution)
+    if not solutions:
+        raise CalibrationFailed(
+            f"{len(seen)} views have no camera in common: check the target's counts and size, "
+            "and that all images come from one camera"
+        )
+    _, matrix, distortion, turns, shifts, std, _, _ = min(solutions, key=lambda found: found[0])
+    poses = [
+        Pose(cv2.Rodrigues(turn)[0], np.reshape(shift, 3))
+        for turn, shift in zip(turns, shifts, strict=True)
+    ]
+    used = 14 if settings.tilted else 5
+    std = np.reshape(std, -1)[: 4 + used].copy()
+    if settings.fixed_aspect:
+        std[0] = std[1]  # OpenCV derives fx from fy and leaves its deviation at 0
+    return matrix, np.reshape(distortion, -1)[:used], std, poses
+
+
+def _check_sizes(images: Sequence[npt.ArrayLike]) -> None:
+    sizes = [np.asarray(image).shape[1::-1] for image in images]
+    for index, size in enumerate(sizes):
+        if size != sizes[0]:
+            raise CalibrationFailed(
+                f"image {index} is {size} px and image 0 {sizes[0]} px: calibrate one camera at "
+                "one size, with images neither cropped nor scaled"
+            )
+
+
+def _check_count(count: int, rejected: Sequence[RejectedView]) -> None:
+    if count < LEAST_VIEWS:
+        reasons = "".join(f"\n  image {view.index}: {view.reason}" for view in rejected)
+        raise CalibrationFailed(
+            f"{count} views show the target and {LEAST_VIEWS} are needed, best 15: add images "
+            f"of the board{reasons}"
+        )
+
+
+def _check_parallel(poses: Sequence[Pose]) -> None:
+    normals = np.array([pose.rotation[:, 2] for pose in poses])
+    between = np.arccos(np.clip(normals @ normals.T, -1, 1)).max()
+    if between < MIN_TILT:
+        raise DegenerateGeometry(
+            f"all boards are parallel within {np.degrees(between):.1f} deg, which leaves the "
+            "focal length undetermined: tilt the board by 25 deg and more to all sides"
+        )
+
+
+def _outliers(views: Sequence[CalibratedView]) -> tuple[RejectedView, ...]:
+    usual = float(np.median([view.rms_px for view in views]))
+    return tuple(
+        RejectedView(
+            view.index,
+            f"{view.rms_px:.2f} px rms where the median view has {usual:.2f} px: blurred, "
+            "moved, or points taken wrongly; leave it out and calibrate anew",
+        )
+        for view in views
+        if view.rms_px > OUTLIER_FACTOR * usual
+    )

@@ -1,0 +1,231 @@
+"""Board and laser line of each pose: from pairs of images to the numbers that are fitted."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from lsvision.calibrate.boards_state import LaserView
+from lsvision.calibrate.target import (
+    Target,
+    TargetView,
+    find_target,
+)
+from lsvision.calibrate.views import RejectedView
+from lsvision.errors import CalibrationFailed, LsvisionError
+from lsvision.sensor.camera import Camera
+from lsvision.sensor.laser_line import LineSettings, extract_laser_line
+from lsvision.shapes import FloatArray, Points
+from lsvision.shapes.arrays import BoolArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class LineOnBoardSettings:
+    """How the laser line is found on the board.
+
+    Parameters
+    ----------
+    extraction : LineSettings, optional
+        Of `extract_laser_line`; its defaults if None.
+    margin : float
+        How far beyond the outermost points of the target the board still is flat and white.
+        Units: squares.
+    edge_clearance : float
+        Line points nearer than this to the edge of a square are left out, because the edge
+        pulls the line's centre; applies within the pattern. Units: squares.
+    straightness : float
+        Line points farther than this from the straight line through the others lie on
+        something else. Units: px.
+    points : int
+        Line points wanted on each board at most; evenly thinned.
+    least_points : int
+        Fewer on a board are no line.
+    """
+
+    extraction: LineSettings | None = None
+    margin: float = 0.9
+    edge_clearance: float = 0.15
+    straightness: float = 2.0
+    points: int = 150
+    least_points: int = 15
+
+
+def find_laser_views(
+    camera: Camera,
+    target: Target,
+    board_images: Sequence[npt.ArrayLike],
+    line_images: Sequence[npt.ArrayLike],
+    settings: LineOnBoardSettings,
+) -> tuple[tuple[int, ...], tuple[LaserView, ...], tuple[RejectedView, ...]]:
+    """Find board and laser line in each pair of images.
+
+    Parameters
+    ----------
+    camera : Camera
+        For the size of the images and the straightness of the line.
+    target : Target
+        The board.
+    board_images, line_images : sequence of images
+        In the same order.
+    settings : LineOnBoardSettings
+        See there.
+
+    Returns
+    -------
+    indices : tuple of int
+        Which pairs are used.
+    views : tuple of LaserView
+        What they show.
+    rejected : tuple of RejectedView
+        The others, with the reason.
+
+    Raises
+    ------
+    ValueError
+        If there are not as many line images as board images.
+    CalibrationFailed
+        If an image is of another size than the camera's.
+    """
+    if len(board_images) != len(line_images):
+        raise ValueError(
+            f"want a line image for each of {len(board_images)} board images, got "
+            f"{len(line_images)}"
+        )
+    _check_sizes(camera, board_images, "board image")
+    _check_sizes(camera, line_images, "line image")
+    indices, views, rejected = [], [], []
+    for index, images in enumerate(zip(board_images, line_images, strict=True)):
+        try:
+            views.append(find_laser_view(camera, target, images[0], images[1], settings))
+            indices.append(index)
+        except LsvisionError as error:
+            rejected.append(RejectedView(index, str(error)))
+    return tuple(indices), tuple(views), tuple(rejected)
+
+
+def find_laser_view(
+    camera: Camera,
+    target: Target,
+    board_image: npt.ArrayLike,
+    line_image: npt.ArrayLike,
+    settings: LineOnBoardSettings,
+) -> LaserView:
+    """Find board and laser line of one pose.
+
+    Returns
+    -------
+    LaserView
+        See `find_laser_views` for the parameters.
+
+    Raises
+    ------
+    TargetNotFound
+        If the board is not seen.
+    LsvisionError
+        If no laser line lies on it.
+    """
+    seen = find_target(board_image, target)
+    outline = _outline(seen, target, settings.margin)
+    low = np.maximum(np.floor(outline.min(axis=0)), 0).astype(int)
+    high = np.ceil(outline.max(axis=0)).astype(int) + 1
+    window = np.asarray(line_image)[low[1] : high[1], low[0] : high[0]]
+    line = extract_laser_line(window, settings.extraction)
+    pixels = line.pixels + low
+    keep = np.isfinite(pixels).all(axis=1)
+    keep[keep] &= _inside(pixels[keep], outline)
+    keep[keep] &= _clear_of_edges(pixels[keep], seen, target, settings.edge_clearance)
+    keep[keep] &= _straight(camera, pixels[keep], settings.straightness)
+    chosen = np.flatnonzero(keep)
+    if len(chosen) < settings.least_points:
+        raise CalibrationFailed(
+            f"{len(chosen)} points of the laser line lie on the board clear of its squares' edges "
+            f"and {settings.least_points} are needed: let the line cross the squares instead of "
+            f"running along them, or widen the margin of {settings.margin:g} squares where the "
+            "board is larger than its pattern"
+        )
+    chosen = chosen[:: max(1, len(chosen) // settings.points)]
+    return LaserView(seen.points, seen.pixels, pixels[chosen], line.std[chosen])
+
+
+def _check_sizes(camera: Camera, images: Sequence[npt.ArrayLike], what: str) -> None:
+    width, height = camera.size
+    for index, image in enumerate(images):
+        shape = np.asarray(image).shape
+        if shape[:2] != (height, width):
+            got = " x ".join(str(length) for length in shape[1::-1])
+            raise CalibrationFailed(
+                f"{what} {index} is {got} px and the camera {width} x {height} px: take all "
+                "images with one size, uncropped and unscaled"
+            )
+
+
+def _pitch(target: Target) -> float:
+    """Distance between neighbours. Units: mm."""
+    points = target.points[:, :2]
+    return float(np.sort(np.hypot(*(points - points[0]).T))[1])
+
+
+def _homography(seen: TargetView) -> FloatArray:
+    homography, _ = cv2.findHomography(
+        np.ascontiguousarray(seen.points[:, :2]), np.ascontiguousarray(seen.pixels)
+    )
+    return np.asarray(homography, dtype=np.float64)
+
+
+def _outline(seen: TargetView, target: Target, margin: float) -> Points:
+    """Corners (4, 2) of the board's flat part in the image. Units: px."""
+    grown = margin * _pitch(target)
+    low = target.points[:, :2].min(axis=0) - grown
+    high = target.points[:, :2].max(axis=0) + grown
+    corners = [low, (high[0], low[1]), high, (low[0], high[1])]
+    return _mapped(_homography(seen), np.array(corners))
+
+
+def _mapped(homography: FloatArray, points: Points) -> Points:
+    mapped = points @ homography[:, :2].T + homography[:, 2]
+    result: Points = mapped[:, :2] / mapped[:, 2:]
+    return result
+
+
+def _inside(pixels: Points, outline: Points) -> BoolArray:
+    edges = np.roll(outline, -1, axis=0) - outline
+    side = [
+        edge[0] * (pixels - at)[:, 1] - edge[1] * (pixels - at)[:, 0]
+        for edge, at in zip(edges, outline, strict=True)
+    ]
+    sides = np.array(side)
+    inside: BoolArray = np.all(sides > 0, axis=0) | np.all(sides < 0, axis=0)
+    return inside
+
+
+def _clear_of_edges(
+    pixels: Points, seen: TargetView, target: Target, clearance: float
+) -> BoolArray:
+    """Points that are no grid line's neighbours; all of those beside the pattern."""
+    pitch = _pitch(target)
+    on_board = _mapped(np.asarray(np.linalg.inv(_homography(seen)), dtype=np.float64), pixels)
+    low, high = target.points[:, :2].min(axis=0), target.points[:, :2].max(axis=0)
+    beside = ((on_board < low - 1.2 * pitch) | (on_board > high + 1.2 * pitch)).any(axis=1)
+    squares = (on_board - low) / pitch
+    gap = np.abs(squares - np.round(squares)).min(axis=1)
+    clear: BoolArray = beside | (gap >= clearance)
+    return clear
+
+
+def _straight(camera: Camera, pixels: Points, tolerance: float) -> BoolArray:
+    """Points on the straight line, in the undistorted image, that most lie on."""
+    if len(pixels) < 2:
+        return np.zeros(len(pixels), dtype=bool)
+    plane = camera.rays(pixels)[:, :2] * camera.focal_length
+    # All pairs of up to 60 evenly spread points: few enough to try each, no chance involved.
+    sample = plane[np.linspace(0, len(plane) - 1, min(len(plane), 60)).astype(int)]
+    first, second = (sample[part] for part in np.triu_indices(len(sample), 1))
+    across = (second - first) @ np.array([[0.0, 1.0], [-1.0, 0.0]])
+    length = np.hypot(*across.T)
+    across = across[length > 0] / length[length > 0, None]
+    offset = np.einsum("ij,ij->i", across, first[length > 0])
+    near = np.abs(across @ plane.T - offset[:, None]) < tolerance
+    best: BoolArray = near[near.sum(axis=1).argmax()]
+    return best

@@ -1,0 +1,5 @@
+"""The command ``lsvision``: one module a command, heavy imports inside the commands."""
+
+from lsvision.cli.app import main
+
+__all__ = ["main"]

@@ -1,0 +1,179 @@
+"""Many files measured one after the other: one that fails does not stop the rest."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from lsvision.cli.measuring import doubt_of_range
+from lsvision.cli.messages import complain, internal_error
+from lsvision.cli.outputs import Pictures
+from lsvision.cli.progress import Progress
+from lsvision.cli.section_table import verdict_lines
+from lsvision.cli.sources import read_source
+from lsvision.errors import LsvisionError, UnreadableFile
+
+if TYPE_CHECKING:
+    from lsvision.io.profiles import ProfileFile, ReadOptions
+    from lsvision.io.results import Record
+    from lsvision.measure import Measurement
+    from lsvision.profile import Profile
+    from lsvision.sensor.profile_sensor import ProfileSensor
+
+ENOUGH_FOR_A_HINT = 20_000
+"""Points of a profile that are looked at upside down."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Batch:
+    """What is done with each file.
+
+    Parameters
+    ----------
+    measuring : callable
+        Profile to Measurement.
+    sensor : ProfileSensor, optional
+        That `measuring` weighs the points by.
+    reading : ReadOptions
+        What the user says of the files.
+    plot : Path, optional
+        Picture of each profile; see `Pictures`.
+    verbose : bool
+        Also say what was refused.
+    debug : bool
+        Show tracebacks.
+    """
+
+    measuring: "Callable[[Profile], Measurement]"
+    sensor: "ProfileSensor | None" = None
+    reading: "ReadOptions" = field(default_factory=dict)  # type: ignore[assignment] # all optional
+    plot: Path | None = None
+    verbose: bool = False
+    debug: bool = False
+
+
+def measure_sources(sources: Sequence[Path], batch: Batch) -> "tuple[list[Record], int]":
+    """Measure files in their order, print what each holds, and draw it.
+
+    Parameters
+    ----------
+    sources : sequence of Path
+        The files.
+    batch : Batch
+        What is done with each.
+
+    Returns
+    -------
+    records : list of dict
+        One for each profile that was measured.
+    failed : int
+        How many files failed, each told on stderr.
+    """
+    records: list[Record] = []
+    pictures = None if batch.plot is None else Pictures(batch.plot, several=len(sources) > 1)
+    progress, failed = Progress(len(sources)), 0
+    for done, source in enumerate(sources):
+        progress.show(done, str(source))
+        try:
+            sections = _sections(source, batch, partial(progress.show, done, str(source)))
+            lines = _lines(*sections, batch)
+            if pictures:
+                _draw(*sections, pictures)
+            records += _records(*sections)
+        except LsvisionError as error:
+            progress.clear()
+            complain(str(error), debug=batch.debug)
+            failed += 1
+        except Exception as error:  # noqa: BLE001 - a bug met by one file must not cost the batch
+            progress.clear()
+            complain(f"{source}: {internal_error(error)}", debug=batch.debug)
+            failed += 1
+        else:
+            progress.clear()
+            typer.echo("\n".join(lines))
+    return records, failed
+
+
+@dataclass(frozen=True, eq=False)
+class _Section:
+    """A profile that holds points, its place in its file, and what it holds."""
+
+    number: int
+    profile: "Profile"
+    measurement: "Measurement"
+    upside_down: bool
+
+
+def _sections(
+    source: Path, batch: Batch, show: Callable[[int, int], None]
+) -> "tuple[ProfileFile, list[_Section]]":
+    """Read a file and measure its profiles."""
+    file = read_source(source, batch.reading)
+    doubts = [note for note in file.notes if "--units" in note]  # such a note names the mend
+    if doubts and file.units_assumed:
+        raise UnreadableFile(f"{source}: {'; '.join(doubts)}, or --units mm if it is right")
+    sections = []
+    for number, profile in enumerate(file.profiles):
+        show(number, len(file.profiles))
+        if profile.lost == len(profile):
+            continue
+        try:
+            measurement = batch.measuring(profile)
+        except LsvisionError as error:
+            raise LsvisionError(f"{source}, profile {number}: {error}") from error
+        upside_down = not measurement.cylinders and _holds_cylinders_upside_down(profile, batch)
+        sections.append(_Section(number, profile, measurement, upside_down))
+    return file, sections
+
+
+def _holds_cylinders_upside_down(profile: "Profile", batch: Batch) -> bool:
+    from lsvision.profile import Profile
+
+    step = 1 + len(profile) // ENOUGH_FOR_A_HINT
+    mirrored = Profile(profile.points[::step] * (1.0, -1.0))
+    try:
+        return bool(batch.measuring(mirrored).cylinders)
+    except LsvisionError:
+        return False
+
+
+def _lines(file: "ProfileFile", sections: list[_Section], batch: Batch) -> list[str]:
+    doubts = [doubt_of_range(section.profile, batch.sensor) for section in sections]
+    notes = [*file.notes, *dict.fromkeys(doubt for doubt in doubts if doubt)]
+    lines = [f"{file.path}: {file.summary}", *(f"  note: {note}" for note in notes)]
+    turn = "--no-flip" if file.flipped else "--flip"
+    for section in sections:
+        verdict = verdict_lines(section.measurement, section.profile, verbose=batch.verbose)
+        if len(file.profiles) > 1:
+            head = f"profile {section.number}:"
+            found = bool(section.measurement.cylinders)
+            verdict = [head, *verdict] if found else [f"{head} {verdict[0]}", *verdict[1:]]
+        lines += [f"  {line}" for line in verdict]
+        if section.upside_down:
+            lines.append(f"  upside down it holds cylinders: do its heights grow the other way? "
+                         f"then say {turn}")  # fmt: skip
+    return lines
+
+
+def _records(file: "ProfileFile", sections: list[_Section]) -> "list[Record]":
+    from lsvision.io.results import measurement_record
+
+    return [
+        measurement_record(section.measurement, source=str(file.path), profile=section.number)
+        for section in sections
+    ]
+
+
+def _draw(file: "ProfileFile", sections: list[_Section], pictures: Pictures) -> None:
+    from lsvision.draw import draw_measurement, picture_bytes
+    from lsvision.io.whole_files import write_whole
+
+    parts = len(file.profiles)
+    for section in sections:
+        title = f"{file.path}, profile {section.number}" if parts > 1 else str(file.path)
+        figure = draw_measurement(section.profile, section.measurement, title=title)
+        path = pictures.path_of(file.path, section.number, parts)
+        write_whole(path, picture_bytes(figure, path.suffix[1:].lower()))

@@ -1,0 +1,157 @@
+"""``lsvision measure``: profile files in, cylinders with their uncertainty out."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lsvision.cli.batch import Batch, measure_sources
+from lsvision.cli.measuring import measuring_of, reading_of, sensor_of
+from lsvision.cli.messages import FAILED, complain
+from lsvision.cli.outputs import check_outputs, check_picture
+from lsvision.cli.sources import find_sources
+
+READERS = (
+    "text, matrix, gocator, gocator-points, keyence, keyence-raw, npy, npz, ply, pcd, opencv, "
+    "parquet"
+)
+"""Written out, because the reader's own list comes with numpy; a test compares the two."""
+
+
+def measure(
+    ctx: typer.Context,
+    files: Annotated[
+        list[str],
+        typer.Argument(metavar="FILE|DIR|GLOB", help="Profile files, as many as you like."),
+    ],
+    radius: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MM|MM:MM",
+            help="Search range of the radius, or its nominal value (+/- 20 %).",
+        ),
+    ] = None,
+    known_radius: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MM|MM:SIGMA",
+            help="Radius known beforehand, exactly or with one sigma; sharpens phi and theta.",
+        ),
+    ] = None,
+    sensor: Annotated[
+        str | None,
+        typer.Option(
+            metavar="lps36hi|lps36", help="Noise of this sensor; else estimated from the profile."
+        ),
+    ] = None,
+    range_std: Annotated[
+        float | None,
+        typer.Option(metavar="MM", help="Noise of another sensor: one sigma along the ray..."),
+    ] = None,
+    reference_range: Annotated[
+        float | None,
+        typer.Option(metavar="MM", help="...at this range, growing with range squared [400]."),
+    ] = None,
+    paper: Annotated[
+        bool, typer.Option("--paper", help="The paper's chain to the letter, for comparison.")
+    ] = False,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", metavar="F", help="Write all results as JSON.")
+    ] = None,
+    csv_file: Annotated[
+        Path | None, typer.Option("--csv", metavar="F", help="Write a cylinder a row as CSV.")
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="F.png|F.svg",
+            help="Draw the profile and what was found; of several files F-NAME.png each, of "
+            "several profiles in a file F-NAME-K.png.",
+        ),
+    ] = None,
+    file_format: Annotated[
+        str | None,
+        typer.Option(
+            "--format", metavar="NAME", help=f"Reader; else detected from the content: {READERS}."
+        ),
+    ] = None,
+    columns: Annotated[
+        str | None,
+        typer.Option(metavar="X,Z", help="Columns of x and height: from 0, or by name."),
+    ] = None,
+    units: Annotated[
+        str | None, typer.Option(metavar="UNIT", help="Of coordinates: nm um mm cm m mil in.")
+    ] = None,
+    flip: Annotated[
+        bool | None,
+        typer.Option("--flip/--no-flip", help="Heights grow away from the sensor, or towards it."),
+    ] = None,
+    x0: Annotated[
+        float | None,
+        typer.Option("--x0", metavar="MM", help="Rows of heights: x of the first column."),
+    ] = None,
+    dx: Annotated[
+        float | None,
+        typer.Option("--dx", metavar="MM", help="Rows of heights: spacing of the columns."),
+    ] = None,
+    x_start: Annotated[
+        float | None, typer.Option(metavar="N", help="Raw Keyence: XStart, 0.01 um.")
+    ] = None,
+    x_pitch: Annotated[
+        float | None, typer.Option(metavar="N", help="Raw Keyence: XPitch, 0.01 um.")
+    ] = None,
+    z_unit: Annotated[
+        float | None, typer.Option(metavar="N", help="Raw Keyence: ZUnit, 0.01 um.")
+    ] = None,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Also say what was refused, and why.")
+    ] = False,
+) -> None:
+    """Measure radius and orientation of every cylinder in profiles of a laser line sensor.
+
+    For each cylinder: radius, theta (direction of the section's major axis, from X towards Y),
+    phi (tilt of the axis from the laser plane's normal) and centre, each with one sigma, and
+    below them the 95 % intervals. Text files hold x and height in mm, one point a line, unless
+    their header or an option says otherwise.
+
+    \b
+    Every pipe in a profile, with a picture:
+      lsvision measure fixtures/welded_pair.csv --plot pair.png
+    Pipes of 10 to 40 mm under an LPS 36 HI, and why the rest was refused:
+      lsvision measure fixtures/welded_complex.csv --radius 10:40 --sensor lps36hi -v
+    A pipe turned to 25 +/- 0.05 mm:
+      lsvision measure fixtures/single.csv --known-radius 25:0.05
+    A folder, all results in two files and a picture of each:
+      lsvision measure fixtures --json all.json --csv all.csv --plot all.png
+    Ranges (away from the sensor) in metres, columns 1 and 3 of a table:
+      lsvision measure 'logs/**/*.txt' --flip --units m --columns 0,2
+    """  # noqa: D301 - the backspace tells click to leave the lines as they are
+    from lsvision.io.results import write_csv, write_json
+
+    check_picture(plot)
+    noise = sensor_of(sensor, range_std, reference_range)
+    batch = Batch(
+        measuring=measuring_of(radius, known_radius, noise, paper=paper),
+        sensor=noise,
+        reading=reading_of(
+            format=file_format, columns=columns, units=units, flip=flip,
+            x0=x0, dx=dx, x_start=x_start, x_pitch=x_pitch, z_unit=z_unit,
+        ),
+        plot=plot,
+        verbose=verbose,
+        debug=ctx.find_root().params.get("debug", False),
+    )  # fmt: skip
+    sources, missing = find_sources(files)
+    check_outputs((json_file, csv_file, plot), sources)
+    for failure in missing:
+        complain(str(failure))
+    records, failed = measure_sources(sources, batch)
+    if json_file is not None and records:
+        write_json(json_file, records)
+    if csv_file is not None and records:
+        write_csv(csv_file, records)
+    failed, total = failed + len(missing), len(sources) + len(missing)
+    if failed and total > 1:
+        complain(f"{failed} of {total} could not be measured")
+    if failed:
+        raise typer.Exit(FAILED)

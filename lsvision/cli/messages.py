@@ -1,0 +1,22 @@
+"""How a failure reaches the person at the shell: one line on stderr."""
+
+import sys
+import traceback
+
+import typer
+
+FAILED = 1
+"""Exit code for data that cannot be measured, or output that cannot be written; usage is 2."""
+
+
+def complain(message: str, *, debug: bool = False) -> None:
+    """Write one line on stderr; with `debug` the traceback of the current exception before it."""
+    if debug and sys.exc_info()[0] is not None:
+        traceback.print_exc(file=sys.stderr)
+    typer.echo(f"lsvision: {' '.join(message.split())}", err=True)
+
+
+def internal_error(error: Exception) -> str:
+    """What to say of an exception that nobody foresaw."""
+    reason = " ".join(str(error).split()) or "no message"
+    return f"internal error, {type(error).__name__}: {reason} (--debug shows where; please report)"

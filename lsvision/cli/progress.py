@@ -1,0 +1,47 @@
+"""A bar on stderr while many files are worked on."""
+
+import shutil
+import sys
+
+BAR = 24
+
+
+class Progress:
+    """One line that is drawn over itself; silent unless stderr is a terminal.
+
+    Parameters
+    ----------
+    total : int
+        How many files there are.
+    """
+
+    def __init__(self, total: int) -> None:
+        self._total = total
+        self._shown = sys.stderr.isatty()
+
+    def show(self, done: int, name: str, part: int = 0, parts: int = 1) -> None:
+        """Draw the bar.
+
+        Parameters
+        ----------
+        done : int
+            Files that are finished.
+        name : str
+            The file that is worked on.
+        part, parts : int
+            Profiles of it that are finished, and how many it holds.
+        """
+        if not self._shown or self._total * parts == 1:
+            return
+        filled = int(BAR * (done + part / parts) / self._total)
+        profiles = f", profile {part + 1} of {parts}" if parts > 1 else ""
+        line = f"[{'#' * filled:.<{BAR}}] {done}/{self._total} {name}{profiles}"
+        width = shutil.get_terminal_size().columns - 1
+        sys.stderr.write(f"\r\x1b[K{line[:width]}")
+        sys.stderr.flush()
+
+    def clear(self) -> None:
+        """Wipe the bar, so that other lines can be written."""
+        if self._shown:
+            sys.stderr.write("\r\x1b[K")
+            sys.stderr.flush()

@@ -1,0 +1,89 @@
+"""Which files a command line names, and what one of them holds."""
+
+import glob
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lsvision.errors import LsvisionError, UnreadableFile
+
+if TYPE_CHECKING:
+    from lsvision.io.profiles import ProfileFile, ReadOptions
+
+PROFILE_SUFFIXES = frozenset(
+    [
+        *(".csv", ".tsv", ".txt", ".asc", ".xyz", ".xz", ".dat", ".yml", ".yaml", ".xml"),
+        *(".npy", ".npz", ".ply", ".pcd", ".parquet"),
+    ]
+)
+"""Files that count as profiles when a folder is named; any file can be named by itself."""
+
+
+def find_sources(words: Sequence[str]) -> tuple[list[Path], list[LsvisionError]]:
+    """Files that the words of a command line name.
+
+    Parameters
+    ----------
+    words : sequence of str
+        Files, folders (the profile files right in them) and patterns (``**`` reaches into
+        folders), in the order of the command line.
+
+    Returns
+    -------
+    sources : list of Path
+        Each file once; within a folder or pattern in natural order, 2 before 10.
+    failures : list of LsvisionError
+        One for each word that names nothing.
+    """
+    found: dict[Path, Path] = {}
+    failures: list[LsvisionError] = []
+    for word in words:
+        files = _files_of(word)
+        if not files:
+            failures.append(_nothing_in(word))
+        for file in files:
+            found.setdefault(file.resolve(), file)
+    return list(found.values()), failures
+
+
+def read_source(source: Path, options: "ReadOptions") -> "ProfileFile":
+    """Profiles of a file, with how they were read.
+
+    Raises
+    ------
+    UnreadableFile
+        Names the file and the mend.
+    """
+    from lsvision.io.profiles import inspect_profiles
+
+    return inspect_profiles(source, **options)
+
+
+def _files_of(word: str) -> list[Path]:
+    path = Path(word)
+    if path.is_dir():
+        shown = (file for file in path.iterdir() if not file.name.startswith("."))
+        profiles = (file for file in shown if file.suffix.lower() in PROFILE_SUFFIXES)
+        return sorted((file for file in profiles if file.is_file()), key=_natural)
+    if path.exists() or not glob.has_magic(word):
+        return [path]
+    found = glob.glob(word, recursive=True)  # noqa: PTH207 - Path.glob takes no absolute pattern
+    matches = [Path(match) for match in found]
+    return sorted((match for match in matches if match.is_file()), key=_natural)
+
+
+def _nothing_in(word: str) -> UnreadableFile:
+    if Path(word).is_dir():
+        suffixes = " ".join(sorted(PROFILE_SUFFIXES))
+        return UnreadableFile(
+            f"{word}: no profile in this folder: name another, its subfolders as "
+            f"'{Path(word) / '**' / '*.csv'}', or files whose suffix is none of {suffixes}"
+        )
+    return UnreadableFile(f"{word}: no file matches this pattern: check it with ls")
+
+
+def _natural(path: Path) -> list[tuple[bool, int, str]]:
+    """Sort key: runs of digits by their value, the rest by its letters."""
+    parts = re.split(r"([0-9]+)", str(path))
+    return [(part.isdigit(), int(part) if part.isdigit() else 0, part) for part in parts if part]

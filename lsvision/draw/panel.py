@@ -1,0 +1,101 @@
+"""The panel beside a drawing: the numbers of each cylinder, and why the rest was refused."""
+
+import math
+import textwrap
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from lsvision.draw.numbers import with_sigma
+from lsvision.draw.refused import RefusedArc
+from lsvision.fitting.cylinder_section import CylinderSection
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+CYLINDER_COLOURS = ("#0072B2", "#00805E", "#A8457E", "#4B4BC8")
+HEADING = "black"
+
+LEFT, TOP, LINE = 0.685, 0.865, 0.0208
+"""Place of the panel and height of its lines, as shares of the figure."""
+COLUMNS, LINES = 48, 34
+"""Characters of a line, and lines, that fit."""
+MOST_IN_FULL = 4
+"""More cylinders get two lines each."""
+
+LEGEND = (
+    "θ: direction of the major axis, from X towards Y\n"
+    "φ: tilt of the cylinder from the laser plane's normal\n"
+    "± one sigma"
+)
+
+
+def colour_of(number: int) -> str:
+    """Colour of a cylinder, numbered from 1."""
+    return CYLINDER_COLOURS[(number - 1) % len(CYLINDER_COLOURS)]
+
+
+def draw_panel(
+    figure: "Figure", cylinders: Sequence[CylinderSection], refused: Sequence[RefusedArc]
+) -> None:
+    """Write the panel into the right third of a figure.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        The figure.
+    cylinders : sequence of CylinderSection
+        Numbered from 1 in this order.
+    refused : sequence of RefusedArc
+        In the order of their letters.
+    """
+    lines = [*_cylinder_lines(cylinders), *_refused_lines(refused)]
+    if len(lines) > LINES:
+        left_out = len(lines) - LINES + 1
+        lines = [
+            *lines[: LINES - 1],
+            (f"... {left_out} more lines: see lsvision measure -v", "0.3"),
+        ]
+    for row, (line, colour) in enumerate(lines):
+        weight = "bold" if colour == HEADING else "normal"
+        figure.text(LEFT, TOP - row * LINE, line, color=colour, fontsize=9, va="top",
+                    family="monospace", weight=weight, parse_math=False)  # fmt: skip
+    figure.text(LEFT, 0.085, LEGEND, color="0.3", fontsize=8, va="bottom", parse_math=False)
+
+
+def _cylinder_lines(cylinders: Sequence[CylinderSection]) -> list[tuple[str, str]]:
+    if not cylinders:
+        return [("No cylinder found", HEADING), ("", HEADING)]
+    lines = [("Cylinders", HEADING)]
+    for number, cylinder in enumerate(cylinders, 1):
+        texts = _description(cylinder)
+        if len(cylinders) > MOST_IN_FULL:
+            texts = [f"{texts[0]}, {texts[2]}", texts[1]]
+        heads = [f"{number:<3}", *["   "] * (len(texts) - 1)]
+        colour = colour_of(number)
+        lines += [(f"{head} {text}", colour) for head, text in zip(heads, texts, strict=True)]
+        if len(cylinders) <= MOST_IN_FULL:
+            lines.append(("", HEADING))
+    return lines if len(cylinders) <= MOST_IN_FULL else [*lines, ("", HEADING)]
+
+
+def _description(cylinder: CylinderSection) -> list[str]:
+    deg = math.degrees(1.0)
+    theta = f"θ = {with_sigma(cylinder.theta * deg, cylinder.theta_std * deg)}°"
+    x, y = cylinder.centre
+    return [
+        f"r = {with_sigma(cylinder.radius, cylinder.radius_std)} mm",
+        theta if cylinder.theta_determined else "θ not determinable",
+        f"φ = {with_sigma(cylinder.phi * deg, cylinder.phi_std * deg)}°",
+        f"centre ({x:.2f}, {y:.2f}) mm, {len(cylinder.indices)} points",
+    ]
+
+
+def _refused_lines(refused: Sequence[RefusedArc]) -> list[tuple[str, str]]:
+    lines = [("Refused arcs", HEADING)] if refused else []
+    for arc in refused:
+        wrapped = textwrap.wrap(arc.reason, COLUMNS - 4)
+        lines += [
+            (f"{arc.letter if row == 0 else '':<3} {text}", arc.colour)
+            for row, text in enumerate(wrapped)
+        ]
+    return lines

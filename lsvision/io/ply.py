@@ -1,0 +1,81 @@
+"""PLY files of points and surfaces, for MeshLab, CloudCompare and Blender."""
+
+import os
+
+import numpy as np
+import numpy.typing as npt
+
+from lsvision.io.whole_files import write_whole
+from lsvision.shapes import FloatArray, IntArray, Points
+
+_VERTEX = np.dtype(
+    [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("red", "u1"), ("green", "u1"), ("blue", "u1")]
+)
+_FACE = np.dtype([("count", "u1"), ("corners", "<i4", (3,))])
+
+
+def write_ply(
+    path: str | os.PathLike[str],
+    points: Points,
+    colours: npt.ArrayLike,
+    triangles: IntArray | None = None,
+) -> None:
+    """Write coloured points, or the triangles between them, as binary PLY; whole or not at all.
+
+    Parameters
+    ----------
+    path : path
+        ``.ply``.
+    points : (n, 3) ndarray
+        Kept in single precision: 0.1 um at a metre. Units: mm.
+    colours : (n, 3) array_like
+        Red, green, blue of each point, 0 to 1.
+    triangles : (m, 3) int ndarray, optional
+        Rows of `points`, counter-clockwise seen from outside.
+
+    Raises
+    ------
+    ValueError
+        If the shapes do not match or a number is not finite.
+    UnwritableFile
+        If the file cannot be written.
+    """
+    points, colours = np.asarray(points, dtype=np.float64), np.asarray(colours, dtype=np.float64)
+    if points.ndim != 2 or points.shape[1] != 3 or colours.shape != points.shape:
+        raise ValueError(f"want (n, 3) points and colours, got {points.shape}, {colours.shape}")
+    in_range = colours.min(initial=0.0) >= 0 and colours.max(initial=1.0) <= 1
+    if not (np.isfinite(points).all() and in_range):
+        raise ValueError("want finite points and colours from 0 to 1")
+    faces = np.zeros((0, 3), dtype=np.int64) if triangles is None else triangles
+    if faces.size and not (faces.min() >= 0 and faces.max() < len(points)):
+        raise ValueError(f"want triangles of rows below {len(points)}, got {faces.max()}")
+    header = _header(len(points), None if triangles is None else len(faces))
+    write_whole(path, header + _vertices(points, colours) + _faces(faces))
+
+
+def _header(points: int, triangles: int | None) -> bytes:
+    lines = [
+        "ply",
+        "format binary_little_endian 1.0",
+        "comment lsvision, base frame, mm",
+        f"element vertex {points}",
+        *(f"property float {axis}" for axis in "xyz"),
+        *(f"property uchar {colour}" for colour in ("red", "green", "blue")),
+    ]
+    if triangles is not None:
+        lines += [f"element face {triangles}", "property list uchar int vertex_indices"]
+    return "\n".join([*lines, "end_header", ""]).encode("ascii")
+
+
+def _vertices(points: Points, colours: FloatArray) -> bytes:
+    rows = np.empty(len(points), dtype=_VERTEX)
+    for place, (axis, colour) in enumerate(zip("xyz", ("red", "green", "blue"), strict=True)):
+        rows[axis] = points[:, place]
+        rows[colour] = np.round(255 * colours[:, place])
+    return rows.tobytes()
+
+
+def _faces(triangles: IntArray) -> bytes:
+    rows = np.empty(len(triangles), dtype=_FACE)
+    rows["count"], rows["corners"] = 3, triangles
+    return rows.tobytes()

@@ -1,0 +1,185 @@
+"""Calibration boards before a camera, with a laser line on them: exact points plus noise.
+
+Projection is OpenCV's, not the library's own, so that neither can hide the other's slip.
+Assumptions: the line is a sheet without width; corner and line errors are independent and
+normal; the board is bent as z = b1 (1 - (2x / Lx)^2) + b2 (1 - (2y / Ly)^2).
+"""
+
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+
+from lsvision.shapes import FloatArray, Plane, Points, Pose
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BoardScene:
+    """A camera, a laser and the way boards are held before them.
+
+    Parameters
+    ----------
+    matrix : (3, 3) ndarray
+        Camera matrix. Units: px.
+    distortion : (k,) ndarray
+        OpenCV's order.
+    size : tuple of int
+        ``(width, height)``. Units: px.
+    plane : Plane
+        Laser plane, camera frame. Units: mm.
+    distance : float
+        Mean depth of the boards. Units: mm.
+    columns, rows : int
+        Inner corners.
+    square : float
+        Units: mm.
+    tilt : float
+        Largest tilt about either image axis. Units: rad.
+    depth_range : float
+        Largest departure from `distance`, as a fraction of it.
+    bow : tuple of float
+        b1, b2. Units: mm.
+    corner_std, line_std : float
+        One sigma per corner coordinate, and across the line. Units: px.
+    line_points : int
+        Points of the line on each board.
+    """
+
+    matrix: FloatArray = field(
+        default_factory=lambda: np.array([[2264.0, 0, 639.5], [0, 2264.0, 511.5], [0, 0, 1]])
+    )
+    distortion: FloatArray = field(default_factory=lambda: np.array([-0.12, 0.1, 0.0, 0.0, 0.0]))
+    size: tuple[int, int] = (1280, 1024)
+    plane: Plane = field(default_factory=lambda: Plane(np.array([0.0, np.sqrt(0.75), 0.5]), 150.0))
+    distance: float = 300.0
+    columns: int = 10
+    rows: int = 7
+    square: float = 12.0
+    tilt: float = np.radians(30.0)
+    depth_range: float = 0.15
+    bow: tuple[float, float] = (0.0, 0.0)
+    corner_std: float = 0.05
+    line_std: float = 0.1
+    line_points: int = 100
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedBoard:
+    """One pose of the board, as measured.
+
+    Parameters
+    ----------
+    points : (n, 3) ndarray
+        Corners as printed, board frame, z = 0. Units: mm.
+    pixels : (n, 2) ndarray
+        Where they appear, with noise. Units: px.
+    line_pixels : (m, 2) ndarray
+        The laser line on the board, with noise across it. Units: px.
+    camera_from_board : Pose
+        The truth.
+    """
+
+    points: FloatArray
+    pixels: FloatArray
+    line_pixels: FloatArray
+    camera_from_board: Pose
+
+
+def simulate_boards(
+    scene: BoardScene, count: int, *, rng: np.random.Generator
+) -> tuple[SimulatedBoard, ...]:
+    """Boards held at random, each crossed by the laser line.
+
+    Parameters
+    ----------
+    scene : BoardScene
+        What to hold where.
+    count : int
+        Boards.
+    rng : numpy.random.Generator
+        Source of poses and noise.
+
+    Returns
+    -------
+    tuple of SimulatedBoard
+        `count` of them.
+
+    Examples
+    --------
+    >>> board = simulate_boards(BoardScene(), 1, rng=np.random.default_rng(0))[0]
+    >>> len(board.pixels), len(board.line_pixels)
+    (70, 100)
+    """
+    boards: list[SimulatedBoard] = []
+    while len(boards) < count:
+        pose = _random_pose(scene, rng)
+        line = _line_on_board(scene, pose)
+        if line is not None:
+            boards.append(_measure(scene, pose, line, rng))
+    return tuple(boards)
+
+
+def _measure(
+    scene: BoardScene, pose: Pose, line: Points, rng: np.random.Generator
+) -> SimulatedBoard:
+    printed = _corners(scene)
+    bent = printed + np.outer(_height(scene, printed[:, :2]), (0.0, 0.0, 1.0))
+    pixels = _project(scene, pose.apply(bent))
+    line_pixels = _project(scene, pose.apply(line))
+    along = np.gradient(line_pixels, axis=0)
+    across = np.column_stack([-along[:, 1], along[:, 0]]) / np.hypot(*along.T)[:, None]
+    errors = rng.normal(0, scene.line_std, (len(line), 1))
+    return SimulatedBoard(
+        printed,
+        pixels + rng.normal(0, scene.corner_std, pixels.shape),
+        line_pixels + across * errors,
+        pose,
+    )
+
+
+def _random_pose(scene: BoardScene, rng: np.random.Generator) -> Pose:
+    about_x, about_y = rng.uniform(-scene.tilt, scene.tilt, 2)
+    turn = rng.uniform(-np.pi / 12, np.pi / 12)
+    rotation = np.eye(3)
+    for vector in ((about_x, 0, 0), (0, about_y, 0), (0, 0, turn)):
+        rotation = rotation @ cv2.Rodrigues(np.array(vector, dtype=float))[0]
+    depth = scene.distance * (1 + rng.uniform(-scene.depth_range, scene.depth_range))
+    # Off the axis by up to a quarter of the picture, so that corners reach its borders.
+    aside = rng.uniform(-0.12, 0.12, 2) * scene.size / scene.matrix[[0, 1], [0, 1]] * depth * 2
+    centre = np.array([*aside, depth])
+    middle = _corners(scene).mean(axis=0)
+    return Pose(rotation, centre - rotation @ middle)
+
+
+def _line_on_board(scene: BoardScene, pose: Pose) -> Points | None:
+    """Points (m, 3) of the bent board in the laser plane, board frame; None if it misses."""
+    corners = _corners(scene)
+    low, high = corners[:, :2].min(axis=0), corners[:, :2].max(axis=0)
+    x = np.linspace(low[0], high[0], scene.line_points)
+    plane = scene.plane.seen_from(pose.inverse())
+    y = np.zeros_like(x)
+    for _ in range(50):
+        # Fixed point: the bow is flat compared with the angle between board and plane.
+        z = _height(scene, np.column_stack([x, y]))
+        y = (plane.distance - plane.normal[0] * x - plane.normal[2] * z) / plane.normal[1]
+    if not ((y > low[1]) & (y < high[1])).all():
+        return None
+    return np.column_stack([x, y, _height(scene, np.column_stack([x, y]))])
+
+
+def _corners(scene: BoardScene) -> Points:
+    row, column = np.divmod(np.arange(scene.columns * scene.rows), scene.columns)
+    return np.column_stack([column, row, np.zeros(len(row))]) * scene.square
+
+
+def _height(scene: BoardScene, points: Points) -> FloatArray:
+    half = np.array([scene.columns - 1, scene.rows - 1]) * scene.square / 2
+    height: FloatArray = (1 - ((points - half) / half) ** 2) @ np.array(scene.bow)
+    return height
+
+
+def _project(scene: BoardScene, points: Points) -> Points:
+    pixels, _ = cv2.projectPoints(
+        points, np.zeros(3), np.zeros(3), scene.matrix, np.asarray(scene.distortion, float)
+    )
+    return np.asarray(pixels, dtype=np.float64).reshape(-1, 2)

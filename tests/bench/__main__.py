@@ -1,0 +1,111 @@
+"""Every number that issue 2 asks for, beside its goal: ``python -m tests.bench [--quick]``."""
+
+import argparse
+import os
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from tests.bench.goals import Number, missed, print_numbers
+
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much is simulated; the quick one is what the slow tests run."""
+
+    scenes: int
+    tubes: int
+    runs: int
+    intervals: int
+    timed_scenes: int
+    repeats: int
+
+
+QUICK = Effort(scenes=100, tubes=20, runs=60, intervals=300, timed_scenes=16, repeats=5)
+FULL = Effort(scenes=400, tubes=40, runs=300, intervals=2000, timed_scenes=60, repeats=20)
+
+
+def recognition(effort):
+    from tests.bench.recognition import score_recognition
+
+    return score_recognition(effort.scenes).numbers
+
+
+def single_section(effort):
+    from tests.bench.single_section import Conditions, compare_with_bound
+
+    return compare_with_bound(Conditions("clean"), effort.tubes, effort.runs).numbers
+
+
+def rough_section(effort):
+    from tests.bench.single_section import ROUGH, Conditions, compare_with_bound
+
+    rough = Conditions("5 % jumps, 10 % lost", ROUGH)
+    return compare_with_bound(rough, effort.tubes, effort.runs).rough_numbers
+
+
+def known_radius(effort):
+    from tests.bench.single_section import Conditions, compare_with_bound
+
+    known = Conditions("known radius", radius_known=True)
+    return compare_with_bound(known, effort.tubes, effort.runs).known_radius_numbers
+
+
+def coverage(effort):
+    from tests.bench.coverage import CONDITIONS, NOISE_UNKNOWN, count_coverage, count_square_on
+
+    for conditions in CONDITIONS + NOISE_UNKNOWN:
+        yield from count_coverage(conditions, effort.intervals).numbers
+    yield from count_square_on(effort.intervals).numbers
+
+
+def spheres(_effort):
+    from tests.bench.spheres import measure_sphere_robot, real_data, score_spheres
+
+    if not real_data():
+        return [Number("real profiles: ../shared/real is absent", float("nan"))]
+    return [*score_spheres().numbers, *measure_sphere_robot().numbers]
+
+
+def speed(effort):
+    from tests.bench.speed import measure_speed
+
+    return measure_speed(effort.timed_scenes, effort.repeats).numbers
+
+
+BENCHES: dict[str, Callable[[Effort], Iterable[Number]]] = {
+    "recognition": recognition,
+    "single_section": single_section,
+    "rough_section": rough_section,
+    "known_radius": known_radius,
+    "coverage": coverage,
+    "spheres": spheres,
+    "speed": speed,
+}
+"""Each goes from an effort to its rows; imports wait until the threads are counted."""
+
+
+def main():
+    for variable in ONE_THREAD:
+        os.environ[variable] = "1"  # before numpy is imported: its pools are made on import
+    parser = argparse.ArgumentParser(prog="python -m tests.bench", description=__doc__)
+    parser.add_argument("only", nargs="*", help=f"of {', '.join(BENCHES)}; all without")
+    parser.add_argument("--quick", action="store_true", help="a few minutes instead of many")
+    options = parser.parse_args()
+    for unknown in set(options.only) - set(BENCHES):
+        parser.error(f"want one of {', '.join(BENCHES)}, got {unknown}")
+    short = []
+    for name in options.only or BENCHES:
+        start = time.perf_counter()
+        numbers = list(BENCHES[name](QUICK if options.quick else FULL))
+        print_numbers(f"{name}  ({time.perf_counter() - start:.0f} s)", numbers)
+        short += missed(numbers)
+    print(f"\n{len(short)} goals not reached")
+    for row in short:
+        print(f"  {row}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,75 @@
+"""Goals G9 and G10 of the laser plane's calibration: python -m tests.bench.laser_plane [runs]."""
+
+import sys
+import time
+
+import cv2
+import numpy as np
+
+from lsvision.calibrate.boards_state import LaserView
+from lsvision.calibrate.intrinsics import fit_camera
+from lsvision.calibrate.laser_plane import fit_laser_plane
+from lsvision.calibrate.target import TargetView
+from lsvision.simulate.boards import BoardScene, simulate_boards
+
+BOARDS = 15
+SCENES = {
+    "G9  flat board": BoardScene(),
+    "G10 bow 0.1, 0 mm": BoardScene(bow=(0.1, 0.0)),
+    "    bow 0.06, -0.05 mm": BoardScene(bow=(0.06, -0.05)),
+}
+
+
+def calibrated(scene, seed):
+    """A calibration as a user makes it: camera from the same boards, then the plane."""
+    boards = simulate_boards(scene, BOARDS, rng=np.random.default_rng(seed))
+    camera = fit_camera([TargetView(b.points, b.pixels, scene.size) for b in boards]).camera
+    std = np.full(scene.line_points, scene.line_std)
+    views = [LaserView(b.points, b.pixels, b.line_pixels, std) for b in boards]
+    begin = time.perf_counter()
+    return fit_laser_plane(camera, views), time.perf_counter() - begin
+
+
+def errors(scene, found):
+    """RMS error over the measuring volume, mm: absolute, and after rigid alignment (shape)."""
+    depth = scene.distance * (1 + np.linspace(-0.13, 0.13, 7))
+    x, z = np.meshgrid(np.linspace(-0.2, 0.2, 9) * scene.distance, depth)
+    normal = scene.plane.normal
+    y = (scene.plane.distance - normal[0] * x - normal[2] * z) / normal[1]
+    truth = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
+    zero = np.zeros(3)
+    pixels, _ = cv2.projectPoints(truth, zero, zero, scene.matrix, scene.distortion)
+    section = found.light_section
+    seen = section.camera_from_section.apply(section.points_of(pixels.reshape(-1, 2)))
+    a, b = seen - seen.mean(axis=0), truth - truth.mean(axis=0)
+    left, _, right = np.linalg.svd(a.T @ b)
+    aligned = a @ left @ np.diag([1, 1, np.linalg.det(left @ right)]) @ right
+    return [np.sqrt(np.mean(np.sum(gap**2, axis=1))) for gap in (seen - truth, aligned - b)]
+
+
+def main(runs):
+    """Print what was measured beside the goals."""
+    print("goals: shape <= 3.5 um, absolute <= 100 um, line <= 0.11 px, bow +/- 5 um")
+    for name, scene in SCENES.items():
+        rows, bows, nees = [], [], []
+        for seed in range(runs):
+            found, seconds = calibrated(scene, seed)
+            rows.append([*errors(scene, found), found.line_rms, seconds])
+            bows.append(found.board_bow - scene.bow)
+            off = scene.plane.normal * np.sign(scene.plane.distance)
+            y_axis, x_axis = (found.light_section.camera_from_section.rotation.T[k] for k in (1, 0))
+            z_axis = found.light_section.camera_from_section.rotation[:, 2]
+            off = off * np.sign(z_axis @ off)
+            error = [off @ y_axis, -(off @ x_axis), found.plane.distance - scene.plane.distance]
+            nees.append(error @ np.linalg.solve(found.covariance, error) / 3)
+        rms = np.sqrt(np.mean(np.square(rows), axis=0))
+        worst = 1e3 * np.abs(bows).max()
+        print(
+            f"{name:24s} shape {1e3 * rms[1]:5.2f} um  absolute {1e3 * rms[0]:6.1f} um  line "
+            f"{rms[2]:.4f} px  bow off by {1e3 * np.sqrt(np.mean(np.square(bows))):.2f} um rms, "
+            f"{worst:.2f} worst  NEES/3 {np.mean(nees):.2f}  {rms[3]:.2f} s"
+        )
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 20)

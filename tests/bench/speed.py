@@ -1,0 +1,148 @@
+"""Time of one measurement on one core.
+
+Processor time of this one thread, because the machine is shared: what others do to it shows in
+wall time at random. The minimum stands beside the median for the same reason.
+"""
+
+import math
+import subprocess
+import sys
+import time
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from lsvision.io.profiles import read_profile
+from lsvision.measure import Settings, measure_cylinders
+from lsvision.simulate import (
+    SCENE_KINDS,
+    SCENE_SENSOR,
+    SectionSettings,
+    TubeRanges,
+    random_section,
+    simulate_section,
+)
+from tests.bench.goals import Number
+from tests.bench.progress import counted
+from tests.bench.spheres import REAL, real_data
+
+FIRST_SEED = 40_000
+COLUMNS = (256, 512, 1024, 2048, 4096)
+LONG_PROFILE = 1200
+"""Least points of the real profiles that stand for 1280."""
+HELP_RUNS = 9
+
+
+@dataclass(frozen=True)
+class Times:
+    """Seconds of many runs."""
+
+    what: str
+    seconds: np.ndarray
+
+    @property
+    def median(self):
+        return float(np.median(self.seconds))
+
+    @property
+    def p95(self):
+        return float(np.percentile(self.seconds, 95))
+
+    def rows(self, goal_ms):
+        note = f"min {1e3 * self.seconds.min():.2f}, {len(self.seconds)} runs"
+        yield Number(f"{self.what}, median", 1e3 * self.median, high=goal_ms, unit="ms", note=note)
+        yield Number(f"{self.what}, p95 / median", self.p95 / self.median, high=2.0)
+
+
+@dataclass(frozen=True)
+class Speed:
+    single: Times
+    pair: Times
+    real: Times | None
+    ratios: dict[str, float]
+    growth: tuple[Times, ...]
+    show_help: np.ndarray
+
+    @property
+    def slope(self):
+        """Exponent of the growth of time with the number of points, from end to end."""
+        first, last = self.growth[0].median, self.growth[-1].median
+        return math.log(last / first) / math.log(COLUMNS[-1] / COLUMNS[0])
+
+    @property
+    def numbers(self):
+        yield from self.single.rows(2.5)
+        yield from self.pair.rows(8.0)
+        if self.real is not None:
+            yield from self.real.rows(8.0)
+        for kind, ratio in self.ratios.items():
+            yield Number(f"times the literal chain, {kind}", ratio, 500)
+        note = ", ".join(f"{times.what} {1e3 * times.median:.1f} ms" for times in self.growth)
+        yield Number("growth with points, exponent", self.slope, high=1.0, note=note)
+        note = f"min {self.show_help.min():.2f}, wall"
+        yield Number(
+            "lsvision --help", float(np.median(self.show_help)), high=0.3, unit="s", note=note
+        )
+
+
+def measure_speed(scenes, repeats):
+    """Times over `scenes` random scenes of a kind, each measured `repeats` times."""
+    cv2.setNumThreads(1)
+    single = [random_section("single", FIRST_SEED + i).profile for i in range(scenes)]
+    pair = [random_section("welded_complex", FIRST_SEED + i).profile for i in range(scenes)]
+    return Speed(
+        single=time_measuring("single, 376 points", single, repeats),
+        pair=time_measuring("welded pair in clutter, 376 points", pair, repeats),
+        real=_time_real(repeats),
+        ratios={
+            "single": _literal_ratio(single[: scenes // 4], repeats),
+            "welded pair in clutter": _literal_ratio(pair[: scenes // 4], repeats),
+        },
+        growth=tuple(_time_growth(columns, scenes // 4, repeats) for columns in COLUMNS),
+        show_help=np.array([_time_help() for _ in range(HELP_RUNS)]),
+    )
+
+
+def time_measuring(what, profiles, repeats, settings=Settings()):
+    """Each profile `repeats` times after one that is not counted."""
+    seconds = []
+    for profile in counted(profiles, f"speed, {what}"):
+        measure_cylinders(profile, settings=settings)
+        for _ in range(repeats):
+            start = time.process_time()
+            measure_cylinders(profile, settings=settings)
+            seconds.append(time.process_time() - start)
+    return Times(what, np.array(seconds))
+
+
+def _literal_ratio(profiles, repeats):
+    ours = time_measuring("for the ratio", profiles, repeats)
+    literal = time_measuring("literal chain", profiles, 1, Settings.paper())
+    return literal.median / ours.median
+
+
+def _time_real(repeats):
+    if not real_data():
+        return None
+    files = sorted((REAL / "sphere-profiles").glob("*.csv"))
+    profiles = [profile for profile in map(read_profile, files) if len(profile) >= LONG_PROFILE]
+    return time_measuring(f"real, {LONG_PROFILE} points and more", profiles, min(repeats, 3))
+
+
+def _time_growth(columns, scenes, repeats):
+    sensor = replace(SCENE_SENSOR, columns=columns)
+    profiles = []
+    for seed in range(FIRST_SEED, FIRST_SEED + scenes):
+        rng = np.random.default_rng(seed)
+        scene = SCENE_KINDS["welded_complex"](rng, TubeRanges())
+        profiles.append(simulate_section(scene, sensor, SectionSettings(), rng=rng).profile)
+    return time_measuring(str(columns), profiles, min(repeats, 3))
+
+
+def _time_help():
+    start = time.perf_counter()
+    subprocess.run(
+        [sys.executable, "-m", "lsvision", "--help"], check=True, stdout=subprocess.DEVNULL
+    )
+    return time.perf_counter() - start

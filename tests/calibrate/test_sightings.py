@@ -1,0 +1,105 @@
+"""Derivatives of every kind of sighting against differences of its residuals."""
+
+import numpy as np
+import pytest
+
+from lsvision.calibrate.board_poses import BoardSightings
+from lsvision.calibrate.flange_poses import stack_flange_poses
+from lsvision.calibrate.plane_poses import PlaneSightings
+from lsvision.calibrate.rotations import rotations_of
+from lsvision.calibrate.sightings import FlangePoses, States
+from lsvision.calibrate.sphere_poses import SphereSightings
+from tests.calibrate.hand_eye_scenes import MOUNT, RADIUS, TARGET, sphere_scene
+
+STEP = 1e-4  # mm and rad: truncation 1e-8 of the second derivative, rounding 1e-9
+TOLERANCE = 2e-4  # of the largest derivative, about 1000 mm/rad
+COUNT = 4
+GROUPS = np.zeros(COUNT, dtype=np.int64)
+FLANGES = stack_flange_poses(sphere_scene(1, COUNT)[1], "eye_in_hand", (0.05, 1e-4))
+
+
+def sphere():
+    rng = np.random.default_rng(0)
+    circles = np.column_stack([rng.normal(size=(COUNT, 2)), np.full(COUNT, 15.0)])
+    target = np.append(TARGET, RADIUS)
+    return SphereSightings(
+        circles, np.tile(np.eye(3), (COUNT, 1, 1)), FLANGES, (20, np.inf), GROUPS
+    ), target
+
+
+def plane():
+    """Seen just where expected: derivatives leave out what is of the residuals' own order."""
+    normal, distance = np.array([0.1, 0.2, 1.0]) / np.linalg.norm([0.1, 0.2, 1.0]), 300.0
+    seen = (FLANGES.rotations @ MOUNT.rotation).transpose(0, 2, 1) @ normal
+    origins = FLANGES.rotations @ MOUNT.translation + FLANGES.origins
+    flat = seen * (1, 1, 0)
+    widths = np.linalg.norm(flat, axis=1)[:, None]
+    middles = flat * ((distance - origins @ normal)[:, None] / widths**2)
+    directions = np.cross(flat / widths, (0, 0, 1))
+    sizes, covariances = np.full(COUNT, 20.0), np.tile(np.eye(2), (COUNT, 1, 1))
+    sightings = PlaneSightings(middles, directions, sizes, covariances, FLANGES, GROUPS)
+    return sightings, np.append(normal, distance)
+
+
+def board():
+    """Seen just where expected: the orientation's derivative is that of small residuals."""
+    rotation = rotations_of(np.array([0.2, -0.1, 0.4]))
+    base_from_mount = FLANGES.rotations @ MOUNT.rotation
+    origins = FLANGES.rotations @ MOUNT.translation + FLANGES.origins
+    seen = np.swapaxes(base_from_mount, -1, -2)
+    at = (seen @ (TARGET - origins)[..., None])[..., 0]
+    covariances = np.tile(np.eye(6), (COUNT, 1, 1))
+    sightings = BoardSightings(seen @ rotation, at, covariances, FLANGES, GROUPS)
+    return sightings, np.concatenate([TARGET, rotation.ravel()])
+
+
+def state_of(target):
+    return States(MOUNT.rotation[None], MOUNT.translation[None], target[None, None])
+
+
+def moved_mount(state, step):
+    rotation = rotations_of(step[3:]) @ state.rotations
+    return States(rotation, state.translations + step[:3], state.targets)
+
+
+def moved_flanges(step):
+    rotations = rotations_of(step[3:]) @ FLANGES.rotations
+    return FlangePoses(rotations, FLANGES.origins + step[:3], FLANGES.covariances)
+
+
+def differences(residuals_after, size):
+    columns = []
+    for axis in range(size):
+        step = np.zeros(size)
+        step[axis] = STEP
+        columns.append((residuals_after(step) - residuals_after(-step)) / (2 * STEP))
+    return np.stack(columns, axis=-1)
+
+
+@pytest.mark.parametrize("kind", [sphere, plane, board])
+def test_derivatives_are_those_of_the_residuals(kind):
+    sightings, target = kind()
+    state = state_of(target)
+    lin = sightings.linearised(state)
+    by_mount = differences(lambda s: sightings.linearised(moved_mount(state, s)).residuals, 6)
+    by_flange = differences(
+        lambda s: sightings.with_flanges(moved_flanges(s)).linearised(state).residuals, 6
+    )
+    by_target = differences(
+        lambda s: (
+            sightings.linearised(
+                States(
+                    state.rotations,
+                    state.translations,
+                    sightings.moved(state.targets, s[None, None]),
+                )
+            ).residuals
+        ),
+        lin.by_target.shape[-1],
+    )
+    for found, expected in (
+        (lin.by_mount, by_mount),
+        (lin.by_flange, by_flange),
+        (lin.by_target, by_target),
+    ):
+        np.testing.assert_allclose(found, expected, rtol=0, atol=TOLERANCE * np.abs(expected).max())

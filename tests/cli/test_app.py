@@ -1,0 +1,105 @@
+"""The frame: help, version, and what a failure looks like from the shell."""
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).parents[2]
+HELP_SECONDS = 0.3
+"""Goal of the issue; the best of five runs, because the machine is shared."""
+HEAVY = ("numpy", "scipy", "cv2", "matplotlib", "skimage")
+
+
+def shell(*words, cwd=REPOSITORY, code=None):
+    command = ["-c", code] if code else ["-m", "lsvision", *map(str, words)]
+    return subprocess.run(
+        [sys.executable, *command], cwd=cwd, capture_output=True, text=True, timeout=60, check=False
+    )
+
+
+def test_help_names_every_command(run):
+    result = run("--help")
+    assert result.exit_code == 0
+    assert all(name in result.stdout for name in ("measure", "plan", "simulate", "--version"))
+
+
+def test_help_comes_within_three_tenths_of_a_second():
+    seconds = []
+    for _ in range(5):
+        start = time.perf_counter()
+        assert shell("--help").returncode == 0
+        seconds.append(time.perf_counter() - start)
+    print(f"lsvision --help: {min(seconds):.2f} s, goal {HELP_SECONDS} s")
+    assert min(seconds) <= HELP_SECONDS
+
+
+def test_help_imports_nothing_heavy():
+    code = (
+        "import sys; from lsvision.cli.app import app\n"
+        "try: app(['measure', '--help'])\n"
+        f"except SystemExit: print([m for m in {HEAVY} if m in sys.modules])"
+    )
+    assert shell(code=code).stdout.splitlines()[-1] == "[]"
+
+
+def test_version_is_told(run):
+    result = run("--version")
+    assert result.exit_code == 0
+    assert result.stdout.startswith("lsvision ")
+
+
+def test_no_command_shows_the_help_as_a_usage_error(run):
+    result = run()
+    assert result.exit_code == 2
+    assert "Commands:" in result.output
+
+
+@pytest.mark.parametrize("words", [["mesure"], ["measure"], ["measure", "--colour", "x.csv"]])
+def test_slip_in_the_words_is_a_usage_error(run, words):
+    result = run(*words)
+    assert result.exit_code == 2
+    assert "Error:" in result.stderr
+    assert "Traceback" not in result.output
+
+
+def test_failure_is_one_line_and_exit_code_1():
+    result = shell("simulate", "single", "--out", "/nowhere/at/all")
+    assert result.returncode == 1
+    assert result.stdout == ""
+    (line,) = result.stderr.splitlines()
+    assert line.startswith("lsvision: /nowhere/at/all/single_0000.csv: its folder does not exist")
+
+
+def test_debug_shows_the_traceback_wherever_it_stands():
+    for words in (["--debug", "simulate", "single"], ["simulate", "single", "--debug"]):
+        result = shell(*words, "--out", "/nowhere/at/all")
+        assert result.returncode == 1
+        assert "Traceback" in result.stderr
+        assert result.stderr.splitlines()[-1].startswith("lsvision: /nowhere")
+
+
+def test_bug_is_one_line_too():
+    code = (
+        "import sys; sys.argv = ['lsvision', 'plan', '--radius', '19']\n"
+        "import lsvision.planning as planning\n"
+        "del planning.plan_section\n"
+        "from lsvision.cli import main; main()"
+    )
+    result = shell(code=code)
+    assert result.returncode == 1
+    (line,) = result.stderr.splitlines()
+    assert line.startswith("lsvision: internal error, ImportError: ")
+    assert "--debug shows where" in line
+
+
+def test_name_that_is_no_text_is_shown_with_escapes(tmp_path):
+    code = (
+        "import sys; sys.argv = ['lsvision', 'measure', '\\udcff.csv']\n"
+        "from lsvision.cli import main; main()"
+    )
+    result = shell(code=code)
+    assert result.returncode == 1
+    assert result.stderr == "lsvision: \\udcff.csv: no such file: check the name\n"

@@ -1,0 +1,207 @@
+"""`lsvision measure` on bad input: one line that names the file and the mend; the rest goes on."""
+
+import json
+import time
+
+import numpy as np
+import pytest
+
+import lsvision.measure as room
+
+FAILED, USAGE = 1, 2
+MILLION_SECONDS = 10.0
+"""Reading and measuring a million points, goal of the task."""
+
+
+def one_line(result):
+    (line,) = result.stderr.splitlines()
+    assert line.startswith("lsvision: ")
+    assert "Traceback" not in result.output
+    return line
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", "the file is empty: want x and height"),
+        (bytes(range(256)) * 8, "export the profile as text"),
+        (b"the quick brown fox\njumps over\n", "want x and height in mm, one point a line"),
+        (b"1.5\n2.5\n3.5\n", "one column in it: want x and height"),
+        (b"x,z\n" + b"nan,nan\n" * 50, "no line of numbers in it"),
+        (b"inf,inf\n" * 50, "no line of numbers in it"),
+        (b"1.0,-400.0\n", "one valid point in it, no profile: check exposure"),
+        (b"0.0,0.0\n" * 50, "all 50 points are lost: check exposure"),
+    ],
+)
+def test_file_without_a_profile_is_one_line_and_exit_code_1(run, tmp_path, content, words):
+    path = tmp_path / "bad.csv"
+    path.write_bytes(content)
+    result = run("measure", path)
+    assert result.exit_code == FAILED
+    line = one_line(result)
+    assert line.startswith(f"lsvision: {path}: ")
+    assert words in line
+
+
+def test_missing_file_and_empty_folder_are_told(run, tmp_path):
+    assert "absent.csv: no such file: check the name" in one_line(
+        run("measure", tmp_path / "absent.csv")
+    )
+    result = run("measure", tmp_path)
+    assert result.exit_code == FAILED
+    assert f"{tmp_path}: no profile in this folder" in one_line(result)
+
+
+def test_wrong_units_name_the_option(run, written, pipe):
+    result = run("measure", written(pipe * 1000))
+    assert result.exit_code == FAILED
+    assert "coordinates reach 3.91e+05 mm: another unit? see --units um" in one_line(result)
+    metres = run("measure", written(pipe / 1000))
+    assert metres.exit_code == FAILED
+    assert "see --units m, or --units mm if it is right" in one_line(metres)
+    assert run("measure", written(pipe * 1000), "--units", "um").exit_code == 0
+
+
+def test_other_files_are_measured_and_the_failures_counted_at_the_end(run, written, pipe, tmp_path):
+    written(pipe, "a.csv")
+    (tmp_path / "b.csv").write_text("no numbers\n")
+    written(pipe, "c.csv")
+    result = run("measure", tmp_path, tmp_path / "*.xyz", "--json", tmp_path / "out.json")
+    assert result.exit_code == FAILED
+    pattern, bad, count = result.stderr.splitlines()
+    assert "*.xyz: no file matches" in pattern
+    assert "b.csv: no line of numbers" in bad
+    assert count == "lsvision: 2 of 4 could not be measured"
+    measured = json.loads((tmp_path / "out.json").read_text())["measurements"]
+    assert [record["source"][-5:] for record in measured] == ["a.csv", "c.csv"]
+
+
+def test_bug_met_by_one_file_does_not_cost_the_others(run, written, pipe, monkeypatch):
+    def measure(profile, **_):
+        if len(profile) == 30:
+            raise ZeroDivisionError("thirty")
+        return room.Measurement((), ())
+
+    monkeypatch.setattr(room, "measure_cylinders", measure)
+    words = written(pipe[:30], "a.csv"), written(pipe, "b.csv")
+    result = run("measure", *words)
+    assert result.exit_code == FAILED
+    assert "a.csv: internal error, ZeroDivisionError: thirty" in result.stderr
+    assert "b.csv: text" in result.stdout
+    assert "Traceback" in run("measure", *words, "--debug").stderr
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda points: np.repeat(points, 2, axis=0),
+        lambda points: np.random.default_rng(0).permutation(points),
+        lambda points: points[::-1],
+        lambda points: np.where(np.arange(len(points))[:, None] % 9 == 0, np.inf, points),
+    ],
+    ids=["duplicate points", "unsorted x", "reversed x", "infinite values"],
+)
+def test_spoilt_profile_is_measured_all_the_same(run, rows, written, pipe, spoil):
+    result = run("measure", written(spoil(pipe)))
+    assert result.exit_code == 0, result.output
+    assert "nan" not in result.stdout.lower()
+    ((_, cell, *_),) = rows(result)
+    radius, sigma = map(float, cell.split(" ± "))
+    assert abs(radius - 19.0) < 5 * sigma
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        np.column_stack([np.linspace(-100, 100, 300), np.full(300, -400.0)]),
+        np.column_stack([np.linspace(-100, 100, 300), np.linspace(-500, -400, 300)]),
+        np.random.default_rng(1).normal(0, 50, (600, 2)),
+        np.array([[1.0, -400.0], [2.0, -401.0]]),
+        np.column_stack([np.repeat([-5.0, 5.0], 100), np.linspace(-500, -400, 200)]),
+    ],
+    ids=["exactly flat", "exactly sloping", "cloud", "two points", "two verticals"],
+)
+def test_profile_that_holds_nothing_is_no_failure(run, written, points):
+    result = run("measure", written(points))
+    assert result.exit_code == 0, result.output
+    assert "no cylinder found" in result.stdout
+
+
+def test_million_points_take_seconds(run, tmp_path):
+    x = np.linspace(-200, 200, 1_000_000)
+    y = np.where(np.abs(x) < 19, np.sqrt(np.maximum(361 - x * x, 0)) - 400, -450.0)
+    points = np.column_stack([x, y + np.random.default_rng(0).normal(0, 0.02, len(x))])
+    np.save(tmp_path / "million.npy", points)
+    start = time.perf_counter()
+    result = run("measure", tmp_path / "million.npy")
+    seconds = time.perf_counter() - start
+    print(f"a million points: {seconds:.1f} s, goal {MILLION_SECONDS} s")
+    assert result.exit_code == 0, result.output
+    assert seconds < MILLION_SECONDS
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--radius", "40:10"], "want --radius above 0 mm, least:largest, got '40:10'"),
+        (["--radius", "-5"], "want --radius above 0 mm"),
+        (["--radius", "0:10"], "want --radius above 0 mm"),
+        (["--radius", "ten"], "want --radius 19 or --radius 10:40 in mm, got 'ten'"),
+        (["--radius", "1:2:3"], "want --radius 19 or --radius 10:40 in mm"),
+        (["--radius", "nan"], "want --radius 19 or --radius 10:40 in mm"),
+        (["--known-radius", "-19"], "want --known-radius and its sigma above 0 mm"),
+        (["--known-radius", "19:0"], "want --known-radius and its sigma above 0 mm"),
+        (["--known-radius", "x"], "want --known-radius 19 or --known-radius 19:0.05"),
+        (["--sensor", "lps99"], "want --sensor lps36hi or lps36, got 'lps99'"),
+        (["--sensor", "lps36", "--range-std", "0.1"], "want --sensor or --range-std, got both"),
+        (["--range-std", "0"], "want a positive range_std in mm"),
+        (["--reference-range", "300"], "want --range-std beside --reference-range"),
+        (["--units", "furlong"], "want units among nm, um, mm"),
+        (["--format", "docx"], "want format among text"),
+        (["--columns", "1"], "want columns of x and height"),
+        (["--plot", "out.pdf"], "want --plot F.png or F.svg, got 'out.pdf'"),
+    ],
+)
+def test_slip_in_an_option_is_a_usage_error(run, written, pipe, options, words):
+    result = run("measure", written(pipe), *options)
+    assert result.exit_code == USAGE
+    assert words in " ".join(result.stderr.split())
+    assert "Traceback" not in result.output
+
+
+def test_output_over_an_input_or_another_output_is_a_usage_error(run, written, pipe, tmp_path):
+    path = written(pipe)
+    before = path.read_bytes()
+    over = run("measure", path, "--csv", path)
+    twice = run("measure", path, "--csv", tmp_path / "o", "--json", tmp_path / "o")
+    assert over.exit_code == twice.exit_code == USAGE
+    assert "it is an input too" in over.stderr
+    assert "it is an output too" in twice.stderr
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        ("--json", "nowhere/out.json", "its folder does not exist: make it first"),
+        ("--csv", "", "a directory: name a file in it"),
+        ("--plot", "nowhere/out.png", "its folder does not exist: make it first"),
+    ],
+)
+def test_output_that_cannot_be_written_is_told_before_the_work(run, written, pipe, tmp_path, case):
+    option, output, words = case
+    path = written(pipe)
+    before = sorted(tmp_path.rglob("*"))
+    result = run("measure", path, option, tmp_path / output)
+    assert result.exit_code == FAILED
+    assert result.stdout == ""
+    line = one_line(result)
+    assert str(tmp_path / output) in line
+    assert words in line
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_nothing_is_written_where_nothing_was_measured(run, tmp_path):
+    (tmp_path / "bad.csv").write_text("words\n")
+    assert run("measure", tmp_path / "bad.csv", "--json", tmp_path / "o.json").exit_code == FAILED
+    assert not (tmp_path / "o.json").exists()

@@ -1,0 +1,64 @@
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from lsvision.cli.plan import plan
+
+FOUND, USAGE = 0, 2
+
+
+def run(*options):
+    app = typer.Typer()
+    app.command()(plan)
+    return CliRunner().invoke(app, options)
+
+
+def rows(result):
+    return [line.split() for line in result.stdout.splitlines() if line.strip()[0].isdigit()]
+
+
+def test_one_section_is_a_row_with_units():
+    result = run("--radius", "19", "--theta-deg", "20", "--phi-deg", "20", "--standoff", "400")
+    assert result.exit_code == FOUND
+    assert "one sigma" in result.stdout
+    assert "radius mm" in result.stdout
+    assert "phi deg" in result.stdout
+    assert rows(result) == [["1", "-", "0", "96", "0.39", "4.4", "1.9"]]
+
+
+def test_scan_stands_below_the_section_it_betters():
+    one, scan = rows(run("--radius", "19", "--range-std", "0.1", "--sections", "20"))
+    assert scan[:3] == ["20", "1", "19"]
+    assert float(scan[-1]) < float(one[-1]) / 10
+
+
+def test_target_answers_with_sections_over_a_length_for_each_spacing():
+    answer = rows(run("--radius", "19", "--target-phi-deg", "0.05"))[1:]
+    assert [row[1] for row in answer] == ["0.5", "1", "2", "5", "10"]
+    assert all(float(row[-1]) <= 0.05 for row in answer)
+
+
+def test_known_radius_betters_phi():
+    free, known = (rows(run("--radius", "19", *more))[0] for more in ((), ("--known-radius",)))
+    assert known[-3] == "0"
+    assert float(known[-1]) < float(free[-1]) / 3
+
+
+def test_theta_of_an_upright_pipe_is_not_determinable():
+    assert "not determinable" in run("--radius", "19", "--phi-deg", "0").stdout
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--radius", "-19"], "positive radius"),
+        (["--radius", "19", "--phi-deg", "90"], "want phi in"),
+        (["--radius", "19", "--sensor", "lps99"], "lps36hi or lps36"),
+        (["--radius", "19", "--sensor", "lps36", "--range-std", "0.1"], "got both"),
+        (["--radius", "19", "--spacing", "2"], "got neither"),
+    ],
+)
+def test_slip_is_a_usage_error_that_says_what_is_wanted(options, words):
+    result = run(*options)
+    assert result.exit_code == USAGE
+    assert words in " ".join(result.stderr.replace("│", " ").split())

@@ -1,0 +1,115 @@
+"""``lsvision scan``: from files to numbers, pictures and clouds; and what it refuses."""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from lsvision.cli.scan import scan
+
+FIXTURES = Path(__file__).parents[2] / "fixtures"
+PAIR = FIXTURES / "scan_welded_pair"
+MOTION = ("--feed", "0,0,1", "--step", "1")
+
+
+@pytest.fixture
+def run():
+    """Runs ``lsvision scan WORDS...`` by the frame of the real program."""
+    frame = sys.modules.get("lsvision.cli.app") or __import__("lsvision.cli.app", fromlist=["app"])
+    app = typer.Typer(cls=frame._OneLineErrors, rich_markup_mode=None)
+    app.callback()(frame._frame)
+    app.command()(scan)
+    return lambda *words: CliRunner().invoke(
+        app, ["scan", *map(str, words)], env={"COLUMNS": "200", "NO_COLOR": "1"}
+    )
+
+
+def test_a_folder_of_sections_gives_a_table(run) -> None:
+    told = run(PAIR, *MOTION, "--range-std", 0.05)
+    assert told.exit_code == 0, told.output
+    assert "20 profiles, base frame, one sigma" in told.stdout
+    assert "2: ovality" in told.stdout
+    assert "0-19" in told.stdout
+
+
+def test_all_outputs_are_written(run, tmp_path) -> None:
+    names = {"--json": "a.json", "--plot": "a.png", "--points": "p.ply", "--surfaces": "s.ply"}
+    words = [word for option, name in names.items() for word in (option, tmp_path / name)]
+    assert run(PAIR, *MOTION, *words).exit_code == 0
+    document = json.loads((tmp_path / "a.json").read_text())
+    assert document["schema"] == "lsvision.scan/1"
+    assert [round(c["radius_mm"]) for c in document["cylinders"]] == [19, 15]
+    assert document["cylinders"][0]["shape"]["bow_p_value"] > 0.001
+    assert len(document["sources"]) == 20
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+    for name in ("p.ply", "s.ply"):
+        assert (tmp_path / name).read_bytes().startswith(b"ply\n")
+
+
+def write_poses(path: Path, count: int) -> Path:
+    np.savetxt(path, [[0, 0, 100.0 + k, 0, 0, 0] for k in range(count)], delimiter=",")
+    return path
+
+
+def test_robot_poses_say_where_the_sections_are(run, tmp_path) -> None:
+    poses = write_poses(tmp_path / "poses.csv", 20)
+    told = run(PAIR, "--poses", poses, "--convention", "kuka", "--json", tmp_path / "a.json")
+    assert told.exit_code == 0, told.output
+    document = json.loads((tmp_path / "a.json").read_text())
+    np.testing.assert_allclose(
+        document["cylinders"][0]["direction"], [0.321, 0.117, 0.940], rtol=0, atol=0.002
+    )
+
+
+def test_one_section_tells_of_its_twin(run) -> None:
+    told = run(PAIR / "section_00.csv", *MOTION)
+    assert told.exit_code == 0
+    assert told.stdout.count("one section alone: its twin") == 2
+
+
+def test_a_scan_without_cylinders_says_so(run) -> None:
+    told = run(FIXTURES / "empty.csv", *MOTION)
+    assert told.exit_code == 0
+    assert "1 profile: no cylinder found" in told.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        ([PAIR], 2, "want --feed X,Y,Z and --step MM, or --poses F and --convention NAME"),
+        ([PAIR, "--feed", "0,0,1"], 2, "want --feed X,Y,Z and --step MM"),
+        ([PAIR, "--feed", "0,1", "--step", 1], 2, "want --feed X,Y,Z, as 0,0,1, got '0,1'"),
+        ([PAIR, "--feed", "0,0,0", "--step", 1], 2, "want a --feed with a length"),
+        ([PAIR, "--feed", "0,0,1", "--step", 0], 2, "want --step in mm other than 0"),
+        ([PAIR, *MOTION, "--poses", "p.csv"], 2, "or --poses, got both"),
+        ([PAIR, *MOTION, "--convention", "ur"], 2, "want --poses beside --convention"),
+        ([PAIR, "--poses", "p.csv"], 2, "want --convention ur, kuka"),
+        ([PAIR, "--poses", "p.csv", "--convention", "euler"], 2, "got euler"),
+        ([PAIR, *MOTION, "--plot", "a.bmp"], 2, "want --plot F.png or F.svg"),
+        (["nowhere.csv", *MOTION], 1, "nowhere.csv"),
+        ([PAIR, "--feed", "1,0,0", "--step", 1], 1, "all 20 sections lie in one plane"),
+    ],
+)
+def test_slips_are_told_in_one_line(run, words, code: int, message: str) -> None:
+    told = run(*words)
+    assert told.exit_code == code
+    assert message in " ".join(told.stderr.split())
+    assert "Traceback" not in told.stderr
+
+
+def test_poses_must_be_as_many_as_profiles(run, tmp_path) -> None:
+    poses = write_poses(tmp_path / "poses.csv", 7)
+    told = run(PAIR, "--poses", poses, "--convention", "kuka")
+    assert told.exit_code == 1
+    assert "want one pose a profile, got 7 poses for 20 profiles" in told.stderr
+
+
+def test_a_pose_file_in_another_convention_is_refused(run, tmp_path) -> None:
+    poses = write_poses(tmp_path / "poses.csv", 20)
+    told = run(PAIR, "--poses", poses, "--convention", "ur")
+    assert told.exit_code == 1
+    assert "m" in told.stderr

@@ -1,0 +1,50 @@
+"""Which files the words of a command line name."""
+
+from lsvision.cli.sources import find_sources
+
+
+def names(words):
+    sources, failures = find_sources([str(word) for word in words])
+    return [source.name for source in sources], [str(failure) for failure in failures]
+
+
+def touch(folder, *files):
+    for name in files:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text("1,2\n")
+
+
+def test_folder_gives_its_profiles_in_natural_order(tmp_path):
+    touch(
+        tmp_path, "p10.csv", "p2.csv", "p1.TXT", ".p3.csv", "README.md", "p.truth.json", "a/b.csv"
+    )
+    assert names([tmp_path]) == (["p1.TXT", "p2.csv", "p10.csv"], [])
+
+
+def test_pattern_reaches_into_folders(tmp_path):
+    touch(tmp_path, "a/2.csv", "a/10.csv", "b/1.csv", "b/1.txt")
+    assert names([tmp_path / "**" / "*.csv"]) == (["2.csv", "10.csv", "1.csv"], [])
+
+
+def test_order_of_the_words_is_kept_and_a_file_comes_once(tmp_path):
+    touch(tmp_path, "a.csv", "b.csv")
+    words = [tmp_path / "b.csv", tmp_path / "a.csv", tmp_path, tmp_path / "*.csv"]
+    assert names(words) == (["b.csv", "a.csv"], [])
+
+
+def test_file_is_taken_whatever_its_suffix_and_though_its_name_is_a_pattern(tmp_path):
+    touch(tmp_path, "p.measured", "p[1].csv", "p1.csv")
+    assert names([tmp_path / "p.measured", tmp_path / "p[1].csv"])[0] == ["p.measured", "p[1].csv"]
+
+
+def test_missing_file_is_left_to_the_reader(tmp_path):
+    assert names([tmp_path / "absent.csv"]) == (["absent.csv"], [])
+
+
+def test_word_that_names_nothing_is_a_failure_with_its_mend(tmp_path):
+    touch(tmp_path, "README.md")
+    found, (folder, pattern) = names([tmp_path, tmp_path / "*.csv"])
+    assert found == []
+    assert f"{tmp_path}: no profile in this folder" in folder
+    assert "**" in folder
+    assert "*.csv: no file matches this pattern" in pattern

@@ -1,0 +1,24 @@
+"""Numbers beside their sigma."""
+
+import math
+
+import pytest
+
+from lsvision.draw import decimals_for, with_sigma
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "text"),
+    [
+        (19.02341, 0.0512, "19.023 ± 0.051"),
+        (359.4, 12.3, "359 ± 12"),
+        (19022.4, 640.0, "19022 ± 640"),
+        (19.0, 0.0, "19.0000 ± 0.0000"),
+        (19.0, math.inf, "19.0000 ± unknown"),
+        (19.0, math.nan, "19.0000 ± unknown"),
+        (19.0, 1e-12, "19.000000 ± 0.000000"),
+    ],
+)
+def test_two_digits_of_the_sigma_decide_the_decimals(value, std, text):
+    assert with_sigma(value, std) == text
+    assert len(text.split(" ")[0].partition(".")[2]) == decimals_for(std)

@@ -1,0 +1,31 @@
+"""One arc for the tests of the fit: a pipe at 400 mm and a sensor's noise along the ray."""
+
+import math
+
+import numpy as np
+
+from lsvision import Ellipse, ProfileSensor
+
+SENSOR = ProfileSensor(range_std=0.05)
+
+
+def pipe(phi_deg, radius=19.0, theta=0.5):
+    return Ellipse((5.0, -400.0), radius / math.cos(math.radians(phi_deg)), radius, theta)
+
+
+def upper_arc(ellipse, degrees=140.0, count=70):
+    """Noise-free points of the side towards the sensor."""
+    top, half = math.pi / 2 - ellipse.theta, math.radians(degrees) / 2
+    return ellipse.points_at(np.linspace(top + half, top - half, count))
+
+
+def measured(points, rng, sensor=SENSOR):
+    """Points with an error along each ray, as `sensor` has it."""
+    factors = np.linalg.cholesky(sensor.covariances(points))
+    return points + np.einsum("nij,nj->ni", factors, rng.normal(size=points.shape))
+
+
+def about(ellipse):
+    """A start a few millimetres and a third of the tilt away."""
+    x, y = ellipse.centre
+    return Ellipse((x + 2, y - 1), ellipse.radius * 1.15, ellipse.radius * 1.05, ellipse.theta + 0.3)

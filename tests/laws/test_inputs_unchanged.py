@@ -1,0 +1,82 @@
+"""No step changes what it was given. One table, every step."""
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+
+from lsvision import Ellipse, Profile, ProfileSensor, measure_cylinders
+from lsvision.fitting.conditioning import condition_arc
+from lsvision.fitting.correlation import correlation_factor
+from lsvision.fitting.ellipse_fit import fit_ellipse
+from lsvision.fitting.homogenising import homogenise, homogenise_profile_literally
+from lsvision.fitting.smoothing import smooth_profile_literally, smooth_residual
+from lsvision.profile import Arc
+from lsvision.recognition.candidates import find_candidates, seed_ellipse
+from lsvision.recognition.identification import IdentifiedArc, identify_arc
+from lsvision.recognition.leftovers import explain_leftovers
+from lsvision.recognition.range_image import connected_components, rasterise
+from lsvision.recognition.recognise import identify_arcs
+from lsvision.recognition.screening import screen_arc
+from lsvision.recognition.verdict import Rejection, reason_against, reason_in_surroundings
+from lsvision.recognition.weighing import weigh_profile
+from lsvision.recognition.windows import fit_window_circles
+from lsvision.shapes import orthogonal_residuals, radial_residuals
+from lsvision.shapes.ellipse import foot_points
+from tests.fitting.arcs import SENSOR, pipe, upper_arc
+from tests.recognition.scenes import dome, flat, line
+
+RANGE = (5.0, 60.0)
+WEIGHED = line(flat(-50, -20), dome(0, 20), flat(20, 50))
+COMPONENTS = connected_components(rasterise(WEIGHED), 10)
+CANDIDATES = find_candidates(WEIGHED, COMPONENTS, RANGE)
+ARC = identify_arc(WEIGHED, CANDIDATES[0], WEIGHED.order)
+POINTS = upper_arc(pipe(30.0))
+COVARIANCES = SENSOR.covariances(POINTS)
+CIRCLE = Ellipse((5.0, -400.0), 19.0, 19.0, 0.0)
+LENGTH = np.linspace(0, 50, 70)
+
+STEPS = {
+    "weigh_profile": (weigh_profile, Profile(POINTS), ProfileSensor()),
+    "rasterise": (rasterise, WEIGHED),
+    "connected_components": (connected_components, rasterise(WEIGHED), 10),
+    "find_candidates": (find_candidates, WEIGHED, COMPONENTS, RANGE),
+    "seed_ellipse": (seed_ellipse, WEIGHED, CANDIDATES[0]),
+    "identify_arc": (identify_arc, WEIGHED, CANDIDATES[0], WEIGHED.order.copy()),
+    "identify_arcs": (identify_arcs, WEIGHED, CANDIDATES, RANGE),
+    "screen_arc": (screen_arc, WEIGHED, ARC),
+    "reason_against": (reason_against, WEIGHED, ARC, RANGE),
+    "reason_in_surroundings": (reason_in_surroundings, WEIGHED, ARC),
+    "explain_leftovers": (
+        explain_leftovers, WEIGHED, COMPONENTS, [IdentifiedArc(ARC.arc, ARC.indices, ARC.ellipse)],
+        [Rejection(Arc(0, 20), "flat")], RANGE,
+    ),
+    "fit_window_circles": (fit_window_circles, POINTS, np.array([0]), np.array([70])),
+    "condition_arc": (condition_arc, POINTS, COVARIANCES, CIRCLE),
+    "smooth_residual": (smooth_residual, LENGTH, np.sin(LENGTH), np.ones(70)),
+    "homogenise": (homogenise, LENGTH, POINTS),
+    "smooth_profile_literally": (smooth_profile_literally, POINTS),
+    "homogenise_profile_literally": (homogenise_profile_literally, POINTS[POINTS[:, 0].argsort()]),
+    "fit_ellipse": (fit_ellipse, POINTS, CIRCLE, COVARIANCES),
+    "correlation_factor": (correlation_factor, np.sin(LENGTH)),
+    "foot_points": (foot_points, POINTS, 20.0, 15.0),
+    "radial_residuals": (radial_residuals, POINTS, CIRCLE),
+    "orthogonal_residuals": (orthogonal_residuals, POINTS, CIRCLE),
+    "measure_cylinders": (measure_cylinders, Profile(WEIGHED.points)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", STEPS)
+def test_a_step_leaves_its_input_untouched(name):
+    step, *given = STEPS[name]
+    given = copy.deepcopy(given)
+    before = pickle.dumps(given)
+    step(*given)
+    assert pickle.dumps(given) == before
+
+
+@pytest.mark.parametrize("name", STEPS)
+def test_a_step_gives_the_same_twice(name):
+    step, *given = STEPS[name]
+    assert pickle.dumps(step(*given)) == pickle.dumps(step(*given))

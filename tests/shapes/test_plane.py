@@ -1,0 +1,38 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+
+from lsvision import Plane
+from tests.strategies import PROPERTY, directions, lengths, poses
+from tests.tolerances import MACHINE
+
+
+def test_a_long_normal_is_made_a_unit_and_the_distance_with_it():
+    plane = Plane((0, 0, 2), 10.0)
+    np.testing.assert_array_equal(plane.normal, (0, 0, 1))
+    assert plane.distance == 5.0
+
+
+def test_distance_is_positive_on_the_side_of_the_normal():
+    np.testing.assert_allclose(Plane((0, 1, 0), 3.0).signed_distances([[9, 5, 9], [0, 0, 0]]), [2, -3])
+
+
+@PROPERTY
+@given(directions(), lengths, poses())
+def test_a_plane_seen_from_another_frame_keeps_its_distances(normal, distance, a_from_b):
+    plane = Plane(normal, distance)
+    points = np.array([[1.0, 2.0, 3.0], [-100.0, 50.0, 7.0]])
+    seen = plane.seen_from(a_from_b).signed_distances(a_from_b.apply(points))
+    np.testing.assert_allclose(seen, plane.signed_distances(points), atol=MACHINE)
+
+
+@pytest.mark.parametrize(
+    ("normal", "distance"),
+    [((0, 0, 0), 1.0), ((0, math.nan, 1), 1.0), ((0, 0, 1), math.inf)],
+    ids=["no normal", "nan", "endless"],
+)
+def test_what_is_no_plane_is_refused(normal, distance):
+    with pytest.raises(ValueError, match="want a normal with a length"):
+        Plane(normal, distance)

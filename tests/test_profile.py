@@ -1,0 +1,121 @@
+import math
+
+import numpy as np
+import pytest
+
+from lsvision import Arc, NoiseModel, PointNoise, Profile, ProfileSensor
+from lsvision.profile import WeighedProfile
+
+NAN, INF = math.nan, math.inf
+THREE = [[0.0, -400.0], [NAN, NAN], [1.2, -399.8]]
+
+
+@pytest.mark.parametrize(
+    "row",
+    [(NAN, -400.0), (0.0, NAN), (INF, -400.0), (0.0, -INF), (NAN, INF)],
+    ids=["x lost", "z lost", "x infinite", "z infinite", "both"],
+)
+def test_a_row_with_one_lost_coordinate_is_lost_whole(row):
+    profile = Profile([[0.0, -400.0], row, [1.0, -400.0]])
+    np.testing.assert_array_equal(np.isnan(profile.points), [[0, 0], [1, 1], [0, 0]])
+    assert (len(profile), profile.lost) == (3, 1)
+
+
+def test_the_order_of_the_columns_is_kept():
+    points = [[3.0, 1.0], [NAN, NAN], [-2.0, 5.0], [3.0, 1.0]]
+    np.testing.assert_array_equal(Profile(points).points, points)
+
+
+def test_a_profile_copies_what_it_is_given():
+    given = np.array(THREE)
+    profile = Profile(given)
+    given[0] = 7.0
+    np.testing.assert_array_equal(profile.points, THREE)
+
+
+def test_a_profile_leaves_infinite_input_as_it_was():
+    given = np.array([[0.0, INF]])
+    Profile(given)
+    np.testing.assert_array_equal(given, [[0.0, INF]])
+
+
+def test_a_profile_cannot_be_changed():
+    profile = Profile(THREE)
+    with pytest.raises(ValueError, match="read-only"):
+        profile.points[0, 0] = 1.0
+    with pytest.raises(AttributeError):
+        profile.points = np.zeros((1, 2))
+
+
+def test_integers_and_lists_are_points_too():
+    assert Profile([[1, 2]]).points.dtype == np.float64
+
+
+@pytest.mark.parametrize("empty", [np.empty((0, 2)), [[NAN, NAN]] * 4], ids=["no rows", "all lost"])
+def test_an_empty_profile_is_a_profile(empty):
+    profile = Profile(empty)
+    assert len(profile) == profile.lost == len(empty)
+
+
+@pytest.mark.parametrize(
+    ("points", "got"),
+    [
+        pytest.param([], r"\(0,\)", id="empty list"),
+        pytest.param([1.0, 2.0], r"\(2,\)", id="one point"),
+        pytest.param(np.zeros((5, 3)), r"\(5, 3\)", id="three columns"),
+        pytest.param(np.zeros((2, 2, 2)), r"\(2, 2, 2\)", id="stack"),
+    ],
+)
+def test_what_is_no_profile_is_refused(points, got):
+    with pytest.raises(ValueError, match=rf"want points of shape \(n, 2\), got {got}"):
+        Profile(points)
+
+
+def test_words_are_no_profile():
+    with pytest.raises(ValueError, match="could not convert"):
+        Profile([["x", "z"]])
+
+
+def test_an_arc_is_half_open_and_keeps_lost_points():
+    arc = Arc(1, 3)
+    assert len(arc) == 2
+    np.testing.assert_array_equal(arc.of(Profile(THREE)), THREE[1:3])
+
+
+def test_arcs_are_compared_by_their_spans():
+    assert {Arc(1, 3), Arc(1, 3), Arc(1, 4)} == {Arc(1, 3), Arc(1, 4)}
+
+
+@pytest.mark.parametrize(("start", "stop"), [(3, 3), (4, 3), (-1, 3)])
+def test_what_is_no_span_is_refused(start, stop):
+    with pytest.raises(ValueError, match=rf"want 0 <= start < stop, got \[{start}, {stop}\)"):
+        Arc(start, stop)
+
+
+def test_point_noise_gives_what_it_was_given():
+    values = np.tile(np.diag([0.01, 0.04]), (3, 1, 1))
+    noise = PointNoise(values)
+    values[:] = 0
+    np.testing.assert_array_equal(noise.covariances(np.array(THREE))[1], np.diag([0.01, 0.04]))
+
+
+def test_point_noise_belongs_to_its_points_only():
+    with pytest.raises(ValueError, match="want 2 points, got 3"):
+        PointNoise(np.zeros((2, 2, 2))).covariances(np.array(THREE))
+
+
+def test_point_noise_is_two_by_two():
+    with pytest.raises(ValueError, match=r"want covariances of shape \(n, 2, 2\), got \(3, 2\)"):
+        PointNoise(np.zeros((3, 2)))
+
+
+def test_noise_models_are_known_by_what_they_can():
+    assert isinstance(ProfileSensor(), NoiseModel)
+    assert isinstance(PointNoise(np.zeros((0, 2, 2))), NoiseModel)
+    assert not isinstance(Profile(THREE), NoiseModel)
+
+
+def test_estimated_noise_may_be_more_wrong_than_a_known_model():
+    empty = (np.empty((0, 2)), np.empty((0, 2, 2)), np.empty(0, dtype=int), 0.1)
+    known = WeighedProfile(*empty, noise_known=True).largest_misfit
+    assert 1 < known < WeighedProfile(*empty, noise_known=False).largest_misfit
