@@ -8,6 +8,10 @@ import numpy as np
 from lsvision.shapes import FloatArray, IntArray, Points, locked
 
 
+FORM_SHARE = 8e-4
+"""Rms form error of pipes, and of profile sensors that look at them, over the radius."""
+
+
 @runtime_checkable
 class NoiseModel(Protocol):
     """What is known of the errors of a profile's points."""
@@ -126,14 +130,15 @@ class WeighedProfile:
     noise_std: float
     noise_known: bool
 
-    @property
-    def largest_misfit(self) -> float:
+    def largest_misfit(self, radius: float) -> float:
         """How many times larger than `covariances` say the scatter about an ellipse may be.
 
-        A given noise model is taken at its word but for form errors; one estimated from
-        neighbours is up to four times too small on real sensors, which smooth along the line.
+        A given noise model is taken at its word; one estimated from neighbours is up to four
+        times too small on real sensors, which smooth along the line. Either may be exceeded by
+        the form error of a real pipe of that radius (mm).
         """
-        return 1.7 if self.noise_known else 4.0
+        modelled = 1.7 if self.noise_known else 4.0
+        return max(modelled, FORM_SHARE * radius / max(self.noise_std, 1e-12))
 
 
 @dataclass(frozen=True, slots=True)

@@ -132,9 +132,10 @@ class CylinderSection:
 
     @property
     def _theta_gradient(self) -> FloatArray:
-        p, q = self.fit.parameters[3:]
-        square = max(float(p * p + q * q), 1e-24)
-        return np.array([0.0, 0.0, 0.0, -q, p]) / (2 * square)
+        p, q = (float(value) for value in self.fit.parameters[3:])
+        h = max(math.hypot(p, q), 1e-12)
+        across = (-q / h, p / h) if p or q else (0.0, 1.0)
+        return np.array([0.0, 0.0, 0.0, *across]) / (2 * h)
 
     def _std(self, gradient: FloatArray) -> float:
         return math.sqrt(float(gradient @ self.fit.regular_covariance @ gradient))

@@ -85,6 +85,12 @@ class ArcProblem:
         body = jacobian[: len(signed)]
         body[:, 0], body[:, 1], body[:, 2] = nx, ny, nx * wx + ny * wy
         body[:, 3], body[:, 4] = nx * wx - ny * wy, nx * wy + ny * wx
+        if self.residual == "radial":
+            # The ray turns as the centre moves: n counts where it meets the ellipse, and the
+            # rest of the residual lies along the ray.
+            ray = self.points - parameters[:2]
+            share = (signed / (ray[:, 0] ** 2 + ray[:, 1] ** 2))[:, None]
+            body[:, :2] += share * (ray - n * np.hypot(ray[:, 0], ray[:, 1])[:, None])
         body /= -self.stds[:, None]
         residuals[: len(signed)] = signed / self.stds
         if prior is not None:
@@ -176,7 +182,7 @@ def ellipse_of(parameters: FloatArray) -> Ellipse:
 
 
 def semi_minor(parameters: FloatArray) -> float:
-    """B = m - h. Units: mm."""
+    """Semi-minor axis b = m - h. Units: mm."""
     return float(parameters[2]) - math.hypot(parameters[3], parameters[4])
 
 

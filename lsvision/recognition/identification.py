@@ -134,7 +134,9 @@ def identify_arc(
             return None
         step = max(4, int(settings.window_fraction * (stop - start)))
         low, high = max(0, start - step), min(len(own), stop + step)
-        near = WeighedSpan(own[low:high], covariances[low:high], profile.largest_misfit)
+        near = WeighedSpan(
+            own[low:high], covariances[low:high], profile.largest_misfit(candidate.radius)
+        )
         on_ellipse = _on_ellipse(near, parameters, unsure, inside - low, settings)
         middle = min(max((start + stop) // 2 - low, 0), high - low - 1)
         begin, end = _run_around(on_ellipse, middle, settings)

@@ -100,6 +100,7 @@ def reason_against(
     )
     noise = float(np.sqrt(np.mean((signed / np.maximum(np.abs(z), 1e-12)) ** 2)))
     low, high = radius_range
+    limit = profile.largest_misfit(ellipse.radius)
     checks = (
         (len(own) < settings.fewest_points,
          f"only {len(own)} points on an ellipse, needs {settings.fewest_points}"),
@@ -110,8 +111,8 @@ def reason_against(
          f"tilt {math.degrees(ellipse.phi):.0f} deg over {settings.max_tilt_deg:.0f} deg"),
         (coverage_deg < settings.least_coverage_deg,
          f"arc covers {coverage_deg:.0f} deg, needs {settings.least_coverage_deg:.0f} deg"),
-        (misfit > slack * profile.largest_misfit,
-         f"residual rms {misfit:.1f} times the noise, limit {profile.largest_misfit:.1f}"
+        (misfit > slack * limit,
+         f"residual rms {misfit:.1f} times the noise, limit {limit:.1f}"
          + (": is the sensor's noise right?" if profile.noise_known else "")),
         (sagitta < settings.least_sagitta_sigmas * noise / math.sqrt(len(own)),
          f"flat: rises {sagitta:.2f} mm over its chord at {noise:.2f} mm noise"),
@@ -153,7 +154,10 @@ def reason_in_surroundings(
     own = profile.points[arc.indices]
     turns = sorted(
         math.degrees(turn)
-        for turn in (_turn(own[::-1], before, arc.ellipse), _turn(own, after, arc.ellipse))
+        for turn in (
+            _turn(own[::-1], before, arc.ellipse, ahead // 2),
+            _turn(own, after, arc.ellipse, ahead // 2),
+        )
     )
     if turns[1] < settings.smooth_crest_deg:
         return f"goes on smoothly at both ends (turns {turns[0]:.0f} and {turns[1]:.0f} deg)"
@@ -162,14 +166,14 @@ def reason_in_surroundings(
     return None
 
 
-def _turn(own: Points, beyond: Points, ellipse: Ellipse) -> float:
+def _turn(own: Points, beyond: Points, ellipse: Ellipse, fewest: int) -> float:
     """Angle between the tangent at the last point of `own` and the line that follows it.
 
-    pi where nothing follows. Units: rad.
+    pi where fewer than `fewest` points follow: the arc's own frayed end. Units: rad.
     """
     pitch = float(np.median(np.hypot(*np.diff(own[-12:], axis=0).T)))
     followers = _chain(own[-1], beyond, 3 * pitch)
-    if len(followers) < 5:
+    if len(followers) < max(5, fewest):
         return math.pi
     _, normals, _ = normal_residuals(own[-1:], parameters_of(ellipse))
     tangent = np.array([-normals[0, 1], normals[0, 0]])

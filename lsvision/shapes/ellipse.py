@@ -218,7 +218,7 @@ def foot_directions(
     """Cosine and sine of the eccentric anomaly of the nearest point of an ellipse.
 
     Each step replaces the ellipse by its circle of curvature at the foot point found so far;
-    that converges from any start because the evolute bounds the centres of those circles.
+    outside the evolute that converges from any start, within it from the middle of the quadrant.
 
     Parameters
     ----------
@@ -234,6 +234,10 @@ def foot_directions(
     """
     p, q = np.abs(u), np.abs(v)
     cos, sin = _unit(b * p, a * q)
+    within = (a * p) ** (2 / 3) + (b * q) ** (2 / 3) < np.abs(a * a - b * b) ** (2 / 3)
+    if within.any():
+        # Within the evolute the ray from the centre may lead to the farthest point.
+        cos, sin = np.where(within, math.sqrt(0.5), cos), np.where(within, math.sqrt(0.5), sin)
     ca, cb = (a * a - b * b) / a, (b * b - a * a) / b
     for _ in range(FOOT_POINT_STEPS if a != b else 0):
         # Centre of curvature (on the evolute) of the foot point found so far.

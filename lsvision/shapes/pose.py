@@ -37,6 +37,8 @@ class Pose:
     array([[  6.,   2., 103.]])
     """
 
+    __array_ufunc__ = None  # a pose times an array is no product: use apply
+
     rotation: FloatArray = field(default_factory=lambda: np.eye(3))
     translation: FloatArray = field(default_factory=lambda: np.zeros(3))
 
