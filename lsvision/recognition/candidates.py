@@ -51,7 +51,7 @@ class CandidateSettings:
     span_growth: float = 1.5
     coverage_deg: float = 25.0
     full_span: int = 36
-    max_tilt_deg: float = 65.0
+    max_tilt_deg: float = 60.0
     roundness: float = 0.012
     sigmas: float = 2.5
     sagitta_sigmas: float = 5.0

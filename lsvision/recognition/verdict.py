@@ -40,7 +40,7 @@ class VerdictSettings:
 
     fewest_points: int = 12
     least_coverage_deg: float = 38.0
-    max_tilt_deg: float = 65.0
+    max_tilt_deg: float = 60.0
     least_sagitta_sigmas: float = 20.0
     least_density: float = 0.7
     smooth_crest_deg: float = 35.0

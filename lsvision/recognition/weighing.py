@@ -9,6 +9,9 @@ from lsvision.shapes import FloatArray, IntArray, Points
 
 FARTHEST_MM = 1e9
 """Numbers beyond a thousand kilometres are rubbish of a file, not points."""
+LOW_SHARE, FEW_SHARE = 0.35, 0.2
+"""The smaller offsets tell the noise even where many points are stray, the smallest fifth where
+most are."""
 LONG_CHORD = 6.0
 ORDERLY = 0.8
 """Share of steps along X in one direction above which the sensor's order is trusted."""
@@ -64,12 +67,27 @@ def estimate_noise_std(points: Points) -> float:
         middle = points[lag:-lag] - (points[2 * lag :] + points[: -2 * lag]) / 2
         length = np.maximum(np.hypot(chord[:, 0], chord[:, 1]), smallest)
         offset = np.abs(middle[:, 0] * chord[:, 1] - middle[:, 1] * chord[:, 0]) / length
-        # The middle of three: variance 1 + 1/4 + 1/4.
-        std = max(float(np.median(offset)) * 1.4826 / math.sqrt(1.5), smallest)
+        step = float(np.median(np.abs(chord[:, 0])))
+        std = max(_std_of(offset, LOW_SHARE), smallest)
+        if std > step and _std_of(offset, FEW_SHARE) < step / LONG_CHORD:
+            # Most points are stray, or the scatter would be alike in all of them.
+            return max(_std_of(offset, FEW_SHARE), smallest)
         # A chord shorter than its own noise points anywhere, and shows too little of it.
-        if float(np.median(np.abs(chord[:, 0]))) > LONG_CHORD * std or 8 * lag >= len(points):
+        if step > LONG_CHORD * std or 8 * lag >= len(points):
             return std
         lag *= 2
+
+
+def _std_of(offset: FloatArray, share: float) -> float:
+    """One sigma of a point from the smaller part of the offsets of middles of three."""
+    from scipy.special import ndtri
+
+    low = float(np.quantile(offset, share))
+    if low == 0 and (offset > 0).any():
+        # The file rounds its numbers more coarsely than they scatter.
+        low = float(np.quantile(offset[offset > 0], share))
+    # The middle of three: variance 1 + 1/4 + 1/4.
+    return low / float(ndtri((1 + share) / 2)) / math.sqrt(1.5)
 
 
 def _columns_along_line(points: Points) -> IntArray:
