@@ -9,10 +9,8 @@ from lsvision.shapes import FloatArray, IntArray, Points
 
 FARTHEST_MM = 1e9
 """Numbers beyond a thousand kilometres are rubbish of a file, not points."""
-LOW_SHARE, FEW_SHARE = 0.35, 0.2
-"""The smaller offsets tell the noise even where many points are stray, the smallest fifth where
-most are."""
-LONG_CHORD = 6.0
+LOW_SHARE = 0.35
+"""The smaller offsets tell the noise even where many points are stray."""
 ORDERLY = 0.8
 """Share of steps along X in one direction above which the sensor's order is trusted."""
 
@@ -68,26 +66,23 @@ def estimate_noise_std(points: Points) -> float:
         length = np.maximum(np.hypot(chord[:, 0], chord[:, 1]), smallest)
         offset = np.abs(middle[:, 0] * chord[:, 1] - middle[:, 1] * chord[:, 0]) / length
         step = float(np.median(np.abs(chord[:, 0])))
-        std = max(_std_of(offset, LOW_SHARE), smallest)
-        if std > step and _std_of(offset, FEW_SHARE) < step / LONG_CHORD:
-            # Most points are stray, or the scatter would be alike in all of them.
-            return max(_std_of(offset, FEW_SHARE), smallest)
+        std = max(_std_of(offset), smallest)
         # A chord shorter than its own noise points anywhere, and shows too little of it.
-        if step > LONG_CHORD * std or 8 * lag >= len(points):
+        if step > std or 8 * lag >= len(points):
             return std
         lag *= 2
 
 
-def _std_of(offset: FloatArray, share: float) -> float:
+def _std_of(offset: FloatArray) -> float:
     """One sigma of a point from the smaller part of the offsets of middles of three."""
     from scipy.special import ndtri
 
-    low = float(np.quantile(offset, share))
+    low = float(np.quantile(offset, LOW_SHARE))
     if low == 0 and (offset > 0).any():
         # The file rounds its numbers more coarsely than they scatter.
-        low = float(np.quantile(offset[offset > 0], share))
+        low = float(np.quantile(offset[offset > 0], LOW_SHARE))
     # The middle of three: variance 1 + 1/4 + 1/4.
-    return low / float(ndtri((1 + share) / 2)) / math.sqrt(1.5)
+    return low / float(ndtri((1 + LOW_SHARE) / 2)) / math.sqrt(1.5)
 
 
 def _columns_along_line(points: Points) -> IntArray:

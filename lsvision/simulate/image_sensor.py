@@ -41,7 +41,7 @@ class ImageSensor:
     @property
     def full_scale(self) -> int:
         """Largest number of the image. Units: DN."""
-        return 2**self.bits - 1
+        return (1 << self.bits) - 1
 
     def pattern(self, shape: tuple[int, ...], rng: np.random.Generator) -> FloatArray:
         """Sensitivity of each pixel, mean 1: the same in every frame of one sensor."""
@@ -73,4 +73,6 @@ def expose(
     std = np.sqrt(electrons + sensor.read_noise**2).astype(np.float32)
     noisy = electrons + std * rng.standard_normal(light.shape, dtype=np.float32)
     numbers = np.clip(np.rint(noisy / per_number), 0, sensor.full_scale)
-    return numbers.astype(np.uint8 if sensor.bits == 8 else np.uint16)
+    if sensor.bits == 8:
+        return numbers.astype(np.uint8)
+    return numbers.astype(np.uint16)

@@ -127,7 +127,7 @@ def simulate_image(
     >>> plank = Scene((Prism([[-500.0, -259.8], [500.0, -259.8]], along=(0, 0.5, 0.866)),))
     >>> rendered = simulate_image(plank, ImagingRig.triangulating(), rng=np.random.default_rng(1))
     >>> rendered.image.shape, rendered.image.dtype.name, rendered.truth_pixels[640].round(1)
-    ((1024, 1280), 'uint8', array([640. , 512.]))
+    ((1024, 1280), 'uint8', array([640., 512.]))
     """
     chosen = settings or ImageSettings()
     samples = _sampled(scene, rig, chosen.sheet_sigma)
@@ -239,9 +239,5 @@ def _with_speckle(
     band = slice(rows[0], rows[-1] + 1)
     speckled = line.copy()
     shape = speckled[band].shape
-    speckled[band] *= speckle_field(
-        shape, settings.speckle_looks, settings.speckle_fwhm, rng=rng
-    )
+    speckled[band] *= speckle_field(shape, settings.speckle_looks, settings.speckle_fwhm, rng=rng)
     return speckled
-
-

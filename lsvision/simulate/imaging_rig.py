@@ -94,7 +94,7 @@ class ImagingRig:
     @property
     def laser_plane(self) -> Plane:
         """The laser plane in the camera frame. Units: mm."""
-        return Plane((0.0, 0.0, 1.0), 0.0).seen_from(self.camera_from_section)
+        return Plane(np.array([0.0, 0.0, 1.0]), 0.0).seen_from(self.camera_from_section)
 
     def rays(self, pixels: Points) -> Rays:
         """Rays through (n, 2) pixels, section frame; a distance along them is the depth in mm."""

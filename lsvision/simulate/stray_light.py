@@ -48,9 +48,7 @@ class StrayLight:
             raise ValueError(f"want counts >= 0, got {self.streaks} streaks, {self.blobs} blobs")
 
 
-def stray_light(
-    shape: tuple[int, ...], stray: StrayLight, rng: np.random.Generator
-) -> FloatArray:
+def stray_light(shape: tuple[int, ...], stray: StrayLight, rng: np.random.Generator) -> FloatArray:
     """Mean light of everything but the laser, (height, width). Units: DN."""
     height, width = shape[:2]
     turn = rng.uniform(0, 2 * math.pi)
@@ -84,12 +82,12 @@ def _streaks(shape: tuple[int, int], stray: StrayLight, rng: np.random.Generator
         start = rng.uniform((0, 0), shape[::-1])
         turn, length = rng.uniform(0, math.pi), rng.uniform(40, 300)
         stop = start + length * np.array([math.cos(turn), math.sin(turn)])
-        ends = [tuple(int(round(x)) for x in end) for end in (start, stop)]
+        ends = [tuple(round(float(x)) for x in end) for end in (start, stop)]
         colour, width = float(rng.uniform(*stray.brightness)), int(rng.integers(1, 4))
         cv2.line(layer, ends[0], ends[1], colour, width)
-    if not stray.streaks:
-        return layer.astype(np.float64)
-    return cv2.GaussianBlur(layer, (0, 0), EDGE_BLUR).astype(np.float64)
+    if stray.streaks:
+        layer = cv2.GaussianBlur(layer, (0, 0), EDGE_BLUR)
+    return np.asarray(layer, dtype=np.float64)
 
 
 def _add_blob(image: FloatArray, centre: FloatArray, sigma: float, height: float) -> None:

@@ -36,7 +36,8 @@ def test_noise_grows_with_the_square_of_the_range(factor):
 def test_rays_start_at_the_origin_of_the_sensor():
     moved = ProfileSensor(range_std=0.05, origin=(50.0, 20.0))
     np.testing.assert_allclose(
-        moved.covariances(np.array([[60.0, -380.0]])), SENSOR.covariances(np.array([[10.0, -400.0]]))
+        moved.covariances(np.array([[60.0, -380.0]])),
+        SENSOR.covariances(np.array([[10.0, -400.0]])),
     )
 
 
@@ -78,7 +79,9 @@ def test_presets_have_the_resolution_of_the_data_sheet(sensor, resolution, at_mm
     along, _ = stds_along_and_across(sensor, (0.0, -at_mm))
     quantising = sensor.quantum / math.sqrt(12)
     # A resolution cell is taken as uniform; the preset is rounded to three digits.
-    assert math.sqrt(along**2 - quantising**2) * math.sqrt(12) == pytest.approx(resolution, rel=0.01)
+    assert math.sqrt(along**2 - quantising**2) * math.sqrt(12) == pytest.approx(
+        resolution, rel=0.01
+    )
 
 
 def test_presets_have_the_pitch_and_ranges_of_the_data_sheet():
