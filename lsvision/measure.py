@@ -31,6 +31,7 @@ from lsvision.recognition.verdict import (
     VerdictSettings,
     reason_against,
     reason_in_surroundings,
+    reason_of_size,
 )
 from lsvision.recognition.weighing import weigh_profile
 from lsvision.shapes import IntArray
@@ -189,10 +190,10 @@ def _measure_arc(
     except LsvisionError as failure:
         return Rejection(screened.arc, str(failure))
     fitted = IdentifiedArc(screened.arc, indices, fit.ellipse)
+    section = CylinderSection(fit, screened.arc, indices)
     reason = reason_against(profile, fitted, radius_range, settings.verdict)
-    if reason is not None:
-        return Rejection(screened.arc, reason)
-    return CylinderSection(fit, screened.arc, indices)
+    reason = reason or reason_of_size(profile, section.radius, section.radius_std)
+    return section if reason is None else Rejection(screened.arc, reason)
 
 
 def _in_columns_of_sensor(

@@ -1,5 +1,6 @@
 """Smoothing and homogenising of one arc on the residual to its screened ellipse (paper 3.3)."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,16 +62,18 @@ def condition_arc(
     parameters = parameters_of(ellipse)
     signed, normals, w = normal_residuals(points, parameters)
     stds = np.sqrt(normal_variances(normals, covariances))
-    order = np.argsort(_angle_from_middle(w), kind="stable")
+    middle = w.mean(axis=0)
+    # Counted from the middle, so that the cut of atan2 lies off the arc.
+    angles = np.arctan2(w @ (-middle[1], middle[0]), w @ middle)
+    order = np.argsort(angles, kind="stable")
     feet = (points - signed[:, None] * normals)[order]
-    steps = np.hypot(*np.diff(feet, axis=0).T)
+    steps = np.hypot(*(feet[1:] - feet[:-1]).T)
     # Points may share a foot; arc length must rise all the same.
     length = np.concatenate([[0.0], np.cumsum(steps + 1e-9 * steps.sum() + 1e-12)])
     smooth = smooth_residual(length, signed[order], stds[order], smoothing)
     even, residual = homogenise(smooth.length, smooth.residual, homogenising)
-    on_even = _interpolate(even, length, feet) + residual[:, None] * _interpolate(
-        even, length, normals[order]
-    )
+    turn = np.interp(even, length, angles[order]) + math.atan2(middle[1], middle[0])
+    on_even = _beside_ellipse(parameters, turn, residual)
     kept = np.empty(len(points), dtype=bool)
     kept[order] = smooth.weights > 0
     weight = np.broadcast_to(np.eye(2) * float(np.median(stds)) ** 2, (len(even), 2, 2))
@@ -79,12 +82,12 @@ def condition_arc(
     return ConditionedArc(on_even, ellipse_of(found if sound else parameters), kept)
 
 
-def _angle_from_middle(w: FloatArray) -> FloatArray:
-    """Angle of unit vectors from their mean, so that the cut of atan2 lies off the arc."""
-    middle = w.mean(axis=0)
-    angle: FloatArray = np.arctan2(w @ (-middle[1], middle[0]), w @ middle)
-    return angle
-
-
-def _interpolate(at: FloatArray, length: FloatArray, values: FloatArray) -> FloatArray:
-    return np.column_stack([np.interp(at, length, column) for column in values.T])
+def _beside_ellipse(parameters: FloatArray, turn: FloatArray, residual: FloatArray) -> Points:
+    """Points at a distance (mm) from the points c + E w, w at the angle `turn` (rad)."""
+    x, y, m, p, q = parameters
+    w = np.column_stack([np.cos(turn), np.sin(turn)])
+    E = np.array([[m + p, q], [q, m - p]])
+    normals = w @ np.linalg.inv(E)
+    normals /= np.hypot(normals[:, 0], normals[:, 1])[:, None]
+    beside: Points = (x, y) + w @ E + residual[:, None] * normals
+    return beside

@@ -162,7 +162,7 @@ def fit_ellipse(
         if covariances is None:
             break
     fit, correlation = _fit_with_evidence(problem, parameters, known_noise=covariances is not None)
-    if covariances is None and correlation.coloured:
+    if covariances is None and correlation.coloured and settings.residual == "orthogonal":
         _, normals, _ = orthogonal_comparison(points, parameters)
         problem = ArcProblem(points, grazing_stds(normals), known_radius, settings.residual)
         parameters = minimise(problem, parameters)

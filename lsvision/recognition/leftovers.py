@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from lsvision.profile import Arc, WeighedProfile
-from lsvision.recognition.verdict import Rejection, reason_for_leftover
+from lsvision.recognition.verdict import Rejection, flatness_of, reason_for_leftover
 from lsvision.shapes import IntArray
 
 LARGEST_COMMON_SHARE = 0.5
@@ -57,7 +57,9 @@ def explain_leftovers(
     for rejection in rejections:
         span = slice(rejection.arc.start, rejection.arc.stop)
         if told[span].mean() <= LARGEST_COMMON_SHARE:
-            kept.append(rejection)
+            own = profile.points[span][np.isfinite(profile.points[span, 0])]
+            flat = flatness_of(own, profile.noise_std)
+            kept.append(Rejection(rejection.arc, flat or rejection.reason))
             told[span] = True
     for component in components:
         untold = np.flatnonzero(~told[component])

@@ -22,7 +22,12 @@ from lsvision.fitting.quick_fit import (
 )
 from lsvision.profile import Arc, WeighedProfile
 from lsvision.recognition.identification import IdentifiedArc
+from lsvision.recognition.surroundings import followers
 from lsvision.shapes import BoolArray, Ellipse, FloatArray, IntArray
+
+CONTACT_POINTS = 3
+"""So many connected points beyond an end tell a contact: a bead, a neighbour, a plate."""
+OUTERMOST = (1, 2, 3, 4, 6, 8, 12)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -33,6 +38,13 @@ class ScreeningSettings:
     ----------
     end_part_fraction : float
         Share of the arc's points in its start part, and in its end part.
+    contact_part_fraction : float
+        The same at an end where the line goes on into something else.
+    contact_sigmas : float
+        There, outermost points that together lie this far outside are dropped.
+    guard_points : int
+        And so many more: the foot of a bead lies within the noise, and one such point at a
+        flank, where points weigh most, already costs the interval its level.
     sensor_error_sigmas : float
         A single end point further out is dropped, with all beyond it that fail too.
     joint_sigmas : float
@@ -45,6 +57,9 @@ class ScreeningSettings:
     """
 
     end_part_fraction: float = 0.12
+    contact_part_fraction: float = 0.2
+    contact_sigmas: float = 1.7
+    guard_points: int = 2
     sensor_error_sigmas: float = 3.5
     joint_sigmas: float = 3.5
     edge_share: float = 1.7
@@ -73,16 +88,27 @@ def screen_arc(
         has too few points to be judged.
     """
     count = len(arc.indices)
-    part = max(2, round(settings.end_part_fraction * count))
-    if count - 2 * part < 8:
+    before, after = followers(profile, arc.indices, CONTACT_POINTS + 2)
+    contacts = [len(beyond) >= CONTACT_POINTS for beyond in (before, after)]
+    parts = [
+        max(2, round(settings.contact_part_fraction * count))
+        if contact
+        else max(2, round(settings.end_part_fraction * count))
+        for contact in contacts
+    ]
+    inner = arc.indices[parts[0] : count - parts[1]]
+    if len(inner) < 8:
         return arc
-    middle = _fit_middle(profile, arc.indices[part : count - part], arc.ellipse)
+    middle = _fit_middle(profile, inner, arc.ellipse)
     if middle is None:
         return arc
     edge = round(settings.edge_share * (middle.correlation - 1))
-    start = _on_ellipse(profile, arc.indices[edge:part], middle, settings)
-    stop = _on_ellipse(profile, arc.indices[::-1][edge:part], middle, settings)
-    kept = np.concatenate([start, arc.indices[part : count - part], stop[::-1]])
+    ends = (arc.indices[: parts[0]], arc.indices[::-1][: parts[1]])
+    start, stop = (
+        _on_ellipse(profile, end[edge:], middle, settings, contact=contact)
+        for end, contact in zip(ends, contacts, strict=True)
+    )
+    kept = np.concatenate([start, inner, stop[::-1]])
     return IdentifiedArc(Arc(int(kept[0]), int(kept[-1]) + 1), kept, middle.ellipse)
 
 
@@ -119,7 +145,12 @@ def _fit_middle(profile: WeighedProfile, part: IntArray, start: Ellipse) -> _Mid
 
 
 def _on_ellipse(
-    profile: WeighedProfile, part: IntArray, middle: _MiddlePart, settings: ScreeningSettings
+    profile: WeighedProfile,
+    part: IntArray,
+    middle: _MiddlePart,
+    settings: ScreeningSettings,
+    *,
+    contact: bool,
 ) -> IntArray:
     """The points of an end part, given from the outside in, that lie on the middle's ellipse."""
     if len(part) == 0:
@@ -131,10 +162,13 @@ def _on_ellipse(
     single: BoolArray = signed**2 < settings.sensor_error_sigmas**2 * np.diag(expected)
     for first in range(len(part)):
         judged = first + np.flatnonzero(single[first:])
-        if single[first] and _agrees(
-            signed[judged], expected[np.ix_(judged, judged)], middle.correlation, settings
+        if not single[first]:
+            continue
+        gaps, covariance = signed[judged], expected[np.ix_(judged, judged)]
+        if _agrees(gaps, covariance, middle.correlation, settings) and not (
+            contact and _leaves(gaps, covariance, settings.contact_sigmas)
         ):
-            return part[judged]
+            return part[judged[settings.guard_points if contact else 0 :]]
     return part[:0]
 
 
@@ -145,3 +179,14 @@ def _agrees(
     count = len(signed)
     chi2 = float(signed @ np.linalg.solve(expected, signed))
     return chi2 <= correlation * (count + settings.joint_sigmas * math.sqrt(2 * count))
+
+
+def _leaves(signed: FloatArray, expected: FloatArray, sigmas: float) -> bool:
+    """Whether the outermost few points together lie outside, as the foot of a weld bead does."""
+    for count in OUTERMOST:
+        if count > len(signed):
+            return False
+        weights = np.linalg.solve(expected[:count, :count], np.ones(count))
+        if float(weights @ signed[:count]) > sigmas * math.sqrt(float(weights.sum())):
+            return True
+    return False

@@ -9,8 +9,12 @@ from lsvision.fitting.ellipse_problem import parameters_of
 from lsvision.fitting.quick_fit import normal_residuals, normal_variances
 from lsvision.profile import Arc, WeighedProfile
 from lsvision.recognition.identification import IdentifiedArc
+from lsvision.recognition.surroundings import followers
 from lsvision.recognition.windows import fit_window_circles
 from lsvision.shapes import Ellipse, FloatArray, Points
+
+LARGE_SHARE, LARGE_SIGMAS = 0.3, 4.0
+"""A radius over this share of the view must be known to this many sigmas."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -122,6 +126,25 @@ def reason_against(
     return next((reason for against, reason in checks if against), None)
 
 
+def reason_of_size(profile: WeighedProfile, radius: float, radius_std: float) -> str | None:
+    """Why a radius is none: as large as the view and hardly known. None otherwise.
+
+    A small radius that is hardly known is a short arc, reported with its interval; a large one
+    is any gentle curve.
+
+    Parameters
+    ----------
+    profile : WeighedProfile
+        The profile.
+    radius, radius_std : float
+        Units: mm.
+    """
+    view = float(np.ptp(profile.points[profile.order], axis=0).max())
+    if radius < LARGE_SHARE * view or radius > LARGE_SIGMAS * radius_std:
+        return None
+    return f"radius {radius:.0f} +/- {radius_std:.0f} mm: any gentle curve in this view"
+
+
 def coverage(normals: FloatArray) -> float:
     """Angle of the fan of an arc's normals. Units: rad."""
     middle = normals.mean(axis=0)
@@ -146,17 +169,15 @@ def reason_in_surroundings(
     settings : VerdictSettings
         What counts as smooth.
     """
-    first = int(np.searchsorted(profile.order, arc.indices[0]))
-    last = int(np.searchsorted(profile.order, arc.indices[-1]))
     ahead = max(6, len(arc.indices) // 8)
-    before = profile.points[profile.order[max(0, first - ahead) : first]][::-1]
-    after = profile.points[profile.order[last + 1 : last + 1 + ahead]]
+    before, after = followers(profile, arc.indices, ahead)
     own = profile.points[arc.indices]
+    fewest = max(5, ahead // 2)
     turns = sorted(
         math.degrees(turn)
         for turn in (
-            _turn(own[::-1], before, arc.ellipse, ahead // 2),
-            _turn(own, after, arc.ellipse, ahead // 2),
+            _turn(own[::-1], before, arc.ellipse, fewest),
+            _turn(own, after, arc.ellipse, fewest),
         )
     )
     if turns[1] < settings.smooth_crest_deg:
@@ -171,29 +192,17 @@ def _turn(own: Points, beyond: Points, ellipse: Ellipse, fewest: int) -> float:
 
     pi where fewer than `fewest` points follow: the arc's own frayed end. Units: rad.
     """
-    pitch = float(np.median(np.hypot(*np.diff(own[-12:], axis=0).T)))
-    followers = _chain(own[-1], beyond, 3 * pitch)
-    if len(followers) < max(5, fewest):
+    if len(beyond) < fewest:
         return math.pi
     _, normals, _ = normal_residuals(own[-1:], parameters_of(ellipse))
     tangent = np.array([-normals[0, 1], normals[0, 0]])
     if tangent @ (own[-1] - own[-min(len(own), 6)]) < 0:
         tangent = -tangent
-    direction = np.linalg.svd(followers - followers.mean(axis=0), full_matrices=False)[2][0]
-    if direction @ (followers[-1] - followers[0]) < 0:
+    direction = np.linalg.svd(beyond - beyond.mean(axis=0), full_matrices=False)[2][0]
+    if direction @ (beyond[-1] - beyond[0]) < 0:
         direction = -direction
     cross = float(tangent[0] * direction[1] - tangent[1] * direction[0])
     return math.atan2(abs(cross), float(tangent @ direction))
-
-
-def _chain(last: FloatArray, beyond: Points, reach: float) -> Points:
-    """The points of `beyond` that each lie within reach of the one before; jumps are left out."""
-    chain: list[FloatArray] = []
-    for point in beyond:
-        if math.dist(point, last) <= reach * (1 + 0.5 * (len(chain) == 0)):
-            chain.append(point)
-            last = point
-    return np.array(chain).reshape(-1, 2)
 
 
 def reason_for_leftover(own: Points, noise_std: float, radius_range: tuple[float, float]) -> str:
@@ -202,13 +211,30 @@ def reason_for_leftover(own: Points, noise_std: float, radius_range: tuple[float
         return f"only {len(own)} points"
     circle = fit_window_circles(own, np.array([0]), np.array([len(own)]))
     radius, rms = float(circle.radius[0]), float(circle.rms[0])
-    centred = own - own.mean(axis=0)
-    flatness = float(np.linalg.svd(centred, compute_uv=False)[1]) / math.sqrt(len(own))
-    if flatness < 3 * noise_std or radius > 20 * float(np.ptp(own, axis=0).max()):
-        return f"flat: {flatness:.2f} mm rms from a straight line"
+    flat = flatness_of(own, noise_std)
+    if flat is not None or radius > 20 * float(np.ptp(own, axis=0).max()):
+        return flat or f"flat: radius over {20 * float(np.ptp(own, axis=0).max()):.0f} mm"
     if not circle.convex[0]:
         return "concave towards the sensor"
     low, high = radius_range
     if not low <= radius <= high and rms < max(5 * noise_std, 0.02 * radius):
         return f"radius {radius:.3g} mm outside {low:.3g} to {high:.3g} mm"
     return f"no ellipse: best circle leaves {rms:.2f} mm rms at {noise_std:.2f} mm noise"
+
+
+def flatness_of(own: Points, noise_std: float) -> str | None:
+    """How flat points are that lie on a straight line within their noise; None if they do not.
+
+    Parameters
+    ----------
+    own : (n, 2) ndarray
+        Units: mm.
+    noise_std : float
+        Units: mm.
+    """
+    centred = own - own.mean(axis=0)
+    # Robust against the jumps among them: half of the distances from the main direction.
+    direction = np.linalg.svd(centred, full_matrices=False)[2][0]
+    across = centred @ (-direction[1], direction[0])
+    rms = 1.4826 * float(np.median(np.abs(across - np.median(across))))
+    return f"flat: {rms:.2f} mm rms from a straight line" if rms < 2.5 * noise_std else None

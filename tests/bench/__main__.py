@@ -96,12 +96,17 @@ def main():
     options = parser.parse_args()
     for unknown in set(options.only) - set(BENCHES):
         parser.error(f"want one of {', '.join(BENCHES)}, got {unknown}")
-    short = []
+    from tests.bench.sources import fingerprint
+
+    short, sources = [], fingerprint()
+    print(f"lsvision sources {sources}, {time.strftime('%Y-%m-%d %H:%M')}")
     for name in options.only or BENCHES:
         start = time.perf_counter()
         numbers = list(BENCHES[name](QUICK if options.quick else FULL))
         print_numbers(f"{name}  ({time.perf_counter() - start:.0f} s)", numbers)
         short += missed(numbers)
+    if fingerprint() != sources:
+        print("\nTHE SOURCES CHANGED WHILE MEASURING: run again on a tree that rests")
     print(f"\n{len(short)} goals not reached")
     for row in short:
         print(f"  {row}")

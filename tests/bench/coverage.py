@@ -68,9 +68,9 @@ class Coverage:
         yield Number(f"{name}: theta trusted, off by > 30 deg", wrong, high=1.0, unit="%")
         pointing = self.holds[~self.any_direction, 1]
         note = f"{self.any_direction.sum()} sections allow any direction and are left out"
-        yield Number(
-            f"{name}: 95 % of theta, if it has one", 100 * pointing.mean(), 0, 100, "%", note
-        )
+        share = 100 * pointing.mean()
+        yield Number(f"{name}: 95 % of theta, if it has one", share, unit="%", note=note)
+        yield Number(f"{name}: tubes missed", self.lacking, note=f"beside {len(self.phi)} found")
         yield from self._bands()
 
     def _bands(self):

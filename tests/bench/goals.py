@@ -36,7 +36,7 @@ class Number:
 
     def __str__(self):
         verdict = ("ok" if self.reached else "SHORT") if self.has_goal else ""
-        row = f"{self.what:46} {self.value:10.4g} {self.unit:4} {self.goal:>13} {verdict:5}"
+        row = f"{self.what:54} {self.value:10.4g} {self.unit:4} {self.goal:>13} {verdict:5}"
         return f"{row} {self.note}".rstrip()
 
 

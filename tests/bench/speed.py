@@ -4,7 +4,7 @@ Processor time of this one thread, because the machine is shared: what others do
 wall time at random. The minimum stands beside the median for the same reason.
 """
 
-import math
+import resource
 import subprocess
 import sys
 import time
@@ -24,6 +24,7 @@ from lsvision.simulate import (
     simulate_section,
 )
 from tests.bench.goals import Number
+from tests.bench.matching import match_tubes
 from tests.bench.progress import counted
 from tests.bench.spheres import REAL, real_data
 
@@ -62,13 +63,20 @@ class Speed:
     real: Times | None
     ratios: dict[str, float]
     growth: tuple[Times, ...]
+    lacking: int
     show_help: np.ndarray
 
     @property
     def slope(self):
-        """Exponent of the growth of time with the number of points, from end to end."""
-        first, last = self.growth[0].median, self.growth[-1].median
-        return math.log(last / first) / math.log(COLUMNS[-1] / COLUMNS[0])
+        """Exponent of the growth of time with points: least squares over all sizes."""
+        medians = [times.median for times in self.growth]
+        return float(np.polyfit(np.log(COLUMNS), np.log(medians), 1)[0])
+
+    @property
+    def steepest(self):
+        """Largest exponent from one size to the next."""
+        medians = np.log([times.median for times in self.growth])
+        return float((np.diff(medians) / np.diff(np.log(COLUMNS))).max())
 
     @property
     def numbers(self):
@@ -80,6 +88,9 @@ class Speed:
             yield Number(f"times the literal chain, {kind}", ratio, 500)
         note = ", ".join(f"{times.what} {1e3 * times.median:.1f} ms" for times in self.growth)
         yield Number("growth with points, exponent", self.slope, high=1.0, note=note)
+        yield Number("growth, steepest doubling", self.steepest)
+        # Failing is fast: growth counts only while the tubes are found.
+        yield Number("growth: tubes missed at all sizes", self.lacking, high=0)
         note = f"min {self.show_help.min():.2f}, wall"
         yield Number(
             "lsvision --help", float(np.median(self.show_help)), high=0.3, unit="s", note=note
@@ -91,6 +102,7 @@ def measure_speed(scenes, repeats):
     cv2.setNumThreads(1)
     single = [random_section("single", FIRST_SEED + i).profile for i in range(scenes)]
     pair = [random_section("welded_complex", FIRST_SEED + i).profile for i in range(scenes)]
+    growth, lacking = _time_growth(scenes // 2, repeats)
     return Speed(
         single=time_measuring("single, 376 points", single, repeats),
         pair=time_measuring("welded pair in clutter, 376 points", pair, repeats),
@@ -99,7 +111,8 @@ def measure_speed(scenes, repeats):
             "single": _literal_ratio(single[: scenes // 4], repeats),
             "welded pair in clutter": _literal_ratio(pair[: scenes // 4], repeats),
         },
-        growth=tuple(_time_growth(columns, scenes // 4, repeats) for columns in COLUMNS),
+        growth=growth,
+        lacking=lacking,
         show_help=np.array([_time_help() for _ in range(HELP_RUNS)]),
     )
 
@@ -130,19 +143,34 @@ def _time_real(repeats):
     return time_measuring(f"real, {LONG_PROFILE} points and more", profiles, min(repeats, 3))
 
 
-def _time_growth(columns, scenes, repeats):
+def _welded_pairs(columns, scenes):
+    """The same scenes at any number of columns."""
     sensor = replace(SCENE_SENSOR, columns=columns)
-    profiles = []
     for seed in range(FIRST_SEED, FIRST_SEED + scenes):
         rng = np.random.default_rng(seed)
         scene = SCENE_KINDS["welded_complex"](rng, TubeRanges())
-        profiles.append(simulate_section(scene, sensor, SectionSettings(), rng=rng).profile)
-    return time_measuring(str(columns), profiles, min(repeats, 3))
+        yield simulate_section(scene, sensor, SectionSettings(), rng=rng)
+
+
+def _time_growth(scenes, repeats):
+    """Times at each size, and the tubes that were missed meanwhile."""
+    growth, lacking = [], 0
+    for columns in COLUMNS:
+        sections = list(_welded_pairs(columns, scenes))
+        profiles = [section.profile for section in sections]
+        growth.append(time_measuring(str(columns), profiles, min(repeats, 3)))
+        for section in sections:
+            found = measure_cylinders(section.profile)
+            lacking += len(match_tubes(found, section.truth).missed)
+    return tuple(growth), lacking
 
 
 def _time_help():
-    start = time.perf_counter()
+    """Wall and processor seconds of one ``lsvision --help`` in a process of its own."""
+    start, used = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
     subprocess.run(
         [sys.executable, "-m", "lsvision", "--help"], check=True, stdout=subprocess.DEVNULL
     )
-    return time.perf_counter() - start
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    processor = after.ru_utime - used.ru_utime + after.ru_stime - used.ru_stime
+    return time.perf_counter() - start, processor

@@ -14,7 +14,13 @@ from scipy.interpolate import CubicSpline
 
 from lsvision.fitting.conditioning import condition_arc
 from lsvision.fitting.ellipse_fit import FittingSettings, fit_ellipse
-from lsvision.fitting.ellipse_problem import KnownRadius
+from lsvision.fitting.ellipse_problem import (
+    ArcProblem,
+    KnownRadius,
+    ellipse_of,
+    minimise,
+    parameters_of,
+)
 from lsvision.fitting.homogenising import homogenise, homogenise_profile_literally
 from lsvision.fitting.smoothing import smooth_profile_literally, smooth_residual
 from lsvision.measure import Settings, measure_cylinders
@@ -59,11 +65,10 @@ class SeenPipe:
         self.exact = section.truth.points[on_pipe]
         self.covariances = section.profile.noise.covariances(section.profile.points)[on_pipe]
 
-    def errors(self, fit):
-        """Of radius, theta and phi."""
-        turn = (fit.ellipse.theta - self.ellipse.theta + math.pi / 2) % math.pi - math.pi / 2
-        radius = fit.ellipse.radius - self.ellipse.radius
-        return np.array([radius, turn, fit.ellipse.phi - self.ellipse.phi])
+    def errors(self, found):
+        """Of radius, theta and phi of an ellipse."""
+        turn = (found.theta - self.ellipse.theta + math.pi / 2) % math.pi - math.pi / 2
+        return np.array([found.radius - self.ellipse.radius, turn, found.phi - self.ellipse.phi])
 
 
 def rms_errors(theta_deg, phi_deg, *fits):
@@ -74,7 +79,13 @@ def rms_errors(theta_deg, phi_deg, *fits):
 
 
 def weighted(pipe):
-    return fit_ellipse(pipe.points, pipe.ellipse, pipe.covariances)
+    return fit_ellipse(pipe.points, pipe.ellipse, pipe.covariances).ellipse
+
+
+def equally_weighted(points, start, residual):
+    """The paper's Eq. (5): every point counts alike, whatever the residuals look like."""
+    problem = ArcProblem(points, np.ones(len(points)), None, residual)
+    return ellipse_of(minimise(problem, parameters_of(start)))
 
 
 def evenly(ellipse, start_deg, stop_deg, count=120):
@@ -100,7 +111,7 @@ def test_the_papers_tables_are_too_good_for_one_section(theta_deg, phi_deg, thet
 def test_a_known_radius_shrinks_the_error_of_phi_three_to_ten_times(theta_deg, phi_deg):
     def known(pipe):
         radius = KnownRadius(pipe.ellipse.radius)
-        return fit_ellipse(pipe.points, pipe.ellipse, pipe.covariances, known_radius=radius)
+        return fit_ellipse(pipe.points, pipe.ellipse, pipe.covariances, known_radius=radius).ellipse
 
     free_error, known_error = rms_errors(theta_deg, phi_deg, weighted, known)
     assert 3 < free_error[2] / known_error[2] < 10
@@ -113,8 +124,8 @@ def test_noise_along_the_ray_costs_plain_fits_up_to_a_fifth(theta_deg, phi_deg):
         theta_deg,
         phi_deg,
         weighted,
-        lambda pipe: fit_ellipse(pipe.points, pipe.ellipse),
-        lambda pipe: fit_ellipse(pipe.points, pipe.ellipse, settings=RADIAL),
+        lambda pipe: equally_weighted(pipe.points, pipe.ellipse, "orthogonal"),
+        lambda pipe: equally_weighted(pipe.points, pipe.ellipse, "radial"),
     )
     for plain in (orthogonal, radial):
         assert 1.04 < np.exp(np.log(plain / best).mean()) < 1.20
@@ -146,19 +157,34 @@ def test_algebraic_direct_fits_shrink_noisy_arcs(radius, half_arc_deg, noise, lo
     rng = np.random.default_rng(1)
     noisy = [exact + rng.normal(0, noise, exact.shape) for _ in range(RUNS)]
     direct = np.median([direct_radius(points) for points in noisy])
-    geometric = np.median([fit_ellipse(points, ellipse).ellipse.radius for points in noisy])
+    geometric = np.median(
+        [equally_weighted(points, ellipse, "orthogonal").radius for points in noisy]
+    )
     assert low < direct < high
     assert abs(geometric - radius) < 0.5 * abs(direct - radius)
 
 
-@pytest.mark.parametrize(("theta_deg", "phi_deg"), [(10, 30), (20, 20), (30, 10)])
-def test_smoothing_y_of_x_spoils_even_a_noise_free_arc(theta_deg, phi_deg):
+@pytest.mark.parametrize(
+    ("theta_deg", "phi_deg", "too_large"), [(10, 30, 0.8), (20, 20, 0.6), (30, 10, 0.4)]
+)
+def test_smoothing_y_of_x_spoils_even_a_noise_free_arc(theta_deg, phi_deg, too_large):
     pipe = SeenPipe(19.0, theta_deg, phi_deg, noise_factor=0.0)
-    literal = fit_ellipse(smooth_profile_literally(pipe.exact), pipe.ellipse, settings=RADIAL)
-    radius, theta, phi = np.abs(pipe.errors(literal))
-    assert 0.4 < radius < 0.8
-    assert 0.7 < math.degrees(theta) < 40
-    assert 1.5 < math.degrees(phi) < 5
+    once = smooth_profile_literally(pipe.exact)
+    radius, theta, phi = pipe.errors(equally_weighted(once, pipe.ellipse, "radial"))
+    twice = equally_weighted(smooth_profile_literally(once), pipe.ellipse, "radial")
+    assert too_large < radius < too_large + 0.4  # mm; too large, never too small
+    assert abs(theta) > math.radians(3)
+    assert abs(phi) > math.radians(2.5)
+    assert pipe.errors(twice)[0] > radius + 0.1
+
+
+@pytest.mark.xfail(reason="fit_ellipse reweights flanks where residuals are coloured")
+def test_the_papers_radial_fit_weighs_all_points_alike():
+    pipe = SeenPipe(19.0, 10, 30, noise_factor=0.0)
+    literal = smooth_profile_literally(pipe.exact)
+    fit = fit_ellipse(literal, pipe.ellipse, settings=RADIAL)
+    wanted = equally_weighted(literal, pipe.ellipse, "radial")
+    assert abs(fit.ellipse.radius - wanted.radius) < 1e-3  # mm
 
 
 def smooth_on_residual(points, screened):
