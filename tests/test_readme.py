@@ -1,0 +1,61 @@
+"""The README is the truth: its commands run, and their output is what it shows."""
+
+import contextlib
+import io
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+COMMANDS = re.findall(r"```shell\n(.*?)```", README, re.DOTALL)
+PYTHON, PYTHON_OUTPUT = re.search(
+    r"```python\n(.*?)```\n+```text\n(.*?)```", README, re.DOTALL
+).groups()
+MEASURED = re.search(r"```text\n(.*?)```", README, re.DOTALL)[1]
+
+
+def run_lsvision(command, folder):
+    words = [word.replace("fixtures/", f"{ROOT}/fixtures/") for word in shlex.split(command)[1:]]
+    return subprocess.run(
+        [sys.executable, "-m", "lsvision", *words],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={"PYTHONPATH": str(ROOT), "PATH": "/usr/bin:/bin", "OMP_NUM_THREADS": "1"},
+    )
+
+
+def test_the_first_two_shell_blocks_are_the_whole_set_up():
+    assert COMMANDS[0].startswith("pip install . && lsvision measure fixtures/")
+    assert COMMANDS[1] == "pip install '.[test]' && pytest\n"
+
+
+def test_the_first_command_prints_the_table_and_draws_the_picture(tmp_path):
+    command = COMMANDS[0].split("&&")[1]
+    done = run_lsvision(command, tmp_path)
+    assert done.returncode == 0, done.stderr
+    shown = [line.rstrip() for line in MEASURED.splitlines()][1:]
+    printed = [line.rstrip() for line in done.stdout.splitlines()][1:]
+    assert printed == shown
+    assert (tmp_path / "welded.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("command", [c for c in COMMANDS if c.startswith("lsvision ")])
+def test_every_other_command_runs(command, tmp_path):
+    for line in command.strip().splitlines():
+        done = run_lsvision(line, tmp_path)
+        assert done.returncode == 0, done.stderr
+
+
+def test_the_python_example_prints_what_it_says(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        exec(compile(PYTHON, "README.md", "exec"), {})  # noqa: S102
+    assert printed.getvalue() == PYTHON_OUTPUT
