@@ -9,11 +9,29 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from lsvision import simulate as simulate
+    from lsvision.calibrate.board_in_plane import (
+        calibrate_board_in_plane as calibrate_board_in_plane,
+    )
+    from lsvision.calibrate.hand_eye import calibrate_hand_eye_board as calibrate_hand_eye_board
+    from lsvision.calibrate.hand_eye import calibrate_hand_eye_plane as calibrate_hand_eye_plane
+    from lsvision.calibrate.hand_eye import calibrate_hand_eye_sphere as calibrate_hand_eye_sphere
+    from lsvision.calibrate.hand_eye_result import HandEye as HandEye
+    from lsvision.calibrate.intrinsics import calibrate_camera as calibrate_camera
+    from lsvision.calibrate.laser_plane import calibrate_laser_plane as calibrate_laser_plane
+    from lsvision.calibrate.pose_planning import plan_hand_eye_poses as plan_hand_eye_poses
+    from lsvision.calibrate.target import ChArUco as ChArUco
+    from lsvision.calibrate.target import Chessboard as Chessboard
+    from lsvision.calibrate.target import CircleGrid as CircleGrid
+    from lsvision.draw import draw_measurement as draw_measurement
     from lsvision.errors import LsvisionError as LsvisionError
+    from lsvision.fitting.cylinder_fit import fit_cylinder as fit_cylinder
     from lsvision.fitting.cylinder_section import CylinderSection as CylinderSection
+    from lsvision.io.hand_eye_file import load_hand_eye as load_hand_eye
+    from lsvision.io.hand_eye_file import save_hand_eye as save_hand_eye
     from lsvision.io.profiles import inspect_profiles as inspect_profiles
     from lsvision.io.profiles import read_profile as read_profile
     from lsvision.io.profiles import read_profiles as read_profiles
+    from lsvision.io.robot_poses import read_robot_poses as read_robot_poses
     from lsvision.measure import Measurement as Measurement
     from lsvision.measure import Settings as Settings
     from lsvision.measure import measure_cylinders as measure_cylinders
@@ -25,6 +43,16 @@ if TYPE_CHECKING:
     from lsvision.profile import PointNoise as PointNoise
     from lsvision.profile import Profile as Profile
     from lsvision.recognition.verdict import Rejection as Rejection
+    from lsvision.scan import ScanMeasurement as ScanMeasurement
+    from lsvision.scan import ScannedCylinder as ScannedCylinder
+    from lsvision.scan import ScanSettings as ScanSettings
+    from lsvision.scan import measure_scan as measure_scan
+    from lsvision.scan import measure_shape as measure_shape
+    from lsvision.sensor.camera import Camera as Camera
+    from lsvision.sensor.laser_line import LaserLine as LaserLine
+    from lsvision.sensor.laser_line import extract_laser_line as extract_laser_line
+    from lsvision.sensor.light_section import LightSection as LightSection
+    from lsvision.sensor.line_settings import LineSettings as LineSettings
     from lsvision.sensor.profile_sensor import LPS36 as LPS36
     from lsvision.sensor.profile_sensor import LPS36HI as LPS36HI
     from lsvision.sensor.profile_sensor import ProfileSensor as ProfileSensor
@@ -48,14 +76,40 @@ _ROOMS = {
     "ProfileSensor": "lsvision.sensor.profile_sensor",
     "LPS36": "lsvision.sensor.profile_sensor",
     "LPS36HI": "lsvision.sensor.profile_sensor",
+    "extract_laser_line": "lsvision.sensor.laser_line",
+    "LaserLine": "lsvision.sensor.laser_line",
+    "LineSettings": "lsvision.sensor.line_settings",
+    "Camera": "lsvision.sensor.camera",
+    "LightSection": "lsvision.sensor.light_section",
     "measure_cylinders": "lsvision.measure",
     "Measurement": "lsvision.measure",
     "Settings": "lsvision.measure",
     "CylinderSection": "lsvision.fitting.cylinder_section",
     "Rejection": "lsvision.recognition.verdict",
+    "measure_scan": "lsvision.scan",
+    "measure_shape": "lsvision.scan",
+    "ScanMeasurement": "lsvision.scan",
+    "ScannedCylinder": "lsvision.scan",
+    "ScanSettings": "lsvision.scan",
+    "fit_cylinder": "lsvision.fitting.cylinder_fit",
     "plan_section": "lsvision.planning",
     "plan_scan": "lsvision.planning",
     "sections_needed": "lsvision.planning",
+    "ChArUco": "lsvision.calibrate.target",
+    "Chessboard": "lsvision.calibrate.target",
+    "CircleGrid": "lsvision.calibrate.target",
+    "calibrate_camera": "lsvision.calibrate.intrinsics",
+    "calibrate_laser_plane": "lsvision.calibrate.laser_plane",
+    "calibrate_board_in_plane": "lsvision.calibrate.board_in_plane",
+    "calibrate_hand_eye_sphere": "lsvision.calibrate.hand_eye",
+    "calibrate_hand_eye_plane": "lsvision.calibrate.hand_eye",
+    "calibrate_hand_eye_board": "lsvision.calibrate.hand_eye",
+    "HandEye": "lsvision.calibrate.hand_eye_result",
+    "plan_hand_eye_poses": "lsvision.calibrate.pose_planning",
+    "read_robot_poses": "lsvision.io.robot_poses",
+    "save_hand_eye": "lsvision.io.hand_eye_file",
+    "load_hand_eye": "lsvision.io.hand_eye_file",
+    "draw_measurement": "lsvision.draw",
     "LsvisionError": "lsvision.errors",
 }
 

@@ -45,8 +45,8 @@ def measuring_of(
 
     return partial(
         measure_cylinders,
-        radius=_search_range(radius),
-        known_radius=_known_radius(known_radius),
+        radius=search_range_of(radius),
+        known_radius=known_radius_of(known_radius),
         sensor=sensor,
         settings=Settings.paper() if paper else Settings(),
     )
@@ -125,7 +125,8 @@ def reading_of(**options: Unpack["ReadOptions"]) -> "ReadOptions":
     return options
 
 
-def _search_range(text: str | None) -> float | tuple[float, float] | None:
+def search_range_of(text: str | None) -> float | tuple[float, float] | None:
+    """Search range of ``--radius``: ``min:max`` or a nominal radius. Units: mm."""
     if text is None:
         return None
     low, high = _pair(text, "--radius 19 or --radius 10:40")
@@ -134,7 +135,8 @@ def _search_range(text: str | None) -> float | tuple[float, float] | None:
     return low if high is None else (low, high)
 
 
-def _known_radius(text: str | None) -> float | tuple[float, float] | None:
+def known_radius_of(text: str | None) -> float | tuple[float, float] | None:
+    """Prior of ``--known-radius``: a radius, or ``radius:std``. Units: mm."""
     if text is None:
         return None
     radius, std = _pair(text, "--known-radius 19 or --known-radius 19:0.05")

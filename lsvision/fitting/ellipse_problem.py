@@ -230,7 +230,7 @@ def least_squares(evaluate: Evaluation, start: FloatArray) -> FloatArray:
     """
     from scipy.optimize import leastsq
 
-    remembered = _remembering_last(evaluate)
+    remembered = remembering_last(evaluate)
     with np.errstate(all="ignore"):
         found, *_ = leastsq(
             lambda x: remembered(x)[0], start, Dfun=lambda x: remembered(x)[1],
@@ -240,7 +240,7 @@ def least_squares(evaluate: Evaluation, start: FloatArray) -> FloatArray:
     return parameters
 
 
-def _remembering_last(evaluate: Evaluation) -> Evaluation:
+def remembering_last(evaluate: Evaluation) -> Evaluation:
     """MINPACK asks for residuals and Jacobian apart, at the same point; compute both once."""
     last: dict[bytes, tuple[FloatArray, FloatArray]] = {}
 

@@ -209,11 +209,14 @@ def reason_for_leftover(own: Points, noise_std: float, radius_range: tuple[float
     """Why a run of points that seeded no arc is no cylinder: flat, concave, wrong radius."""
     if len(own) < 5:
         return f"only {len(own)} points"
+    flat = flatness_of(own, noise_std)
+    if flat is not None:
+        return flat
     circle = fit_window_circles(own, np.array([0]), np.array([len(own)]))
     radius, rms = float(circle.radius[0]), float(circle.rms[0])
-    flat = flatness_of(own, noise_std)
-    if flat is not None or radius > 20 * float(np.ptp(own, axis=0).max()):
-        return flat or f"flat: radius over {20 * float(np.ptp(own, axis=0).max()):.0f} mm"
+    straight = 20 * float(np.ptp(own, axis=0).max())
+    if radius > straight:
+        return f"flat: radius over {straight:.0f} mm"
     if not circle.convex[0]:
         return "concave towards the sensor"
     low, high = radius_range

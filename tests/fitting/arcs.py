@@ -28,4 +28,6 @@ def measured(points, rng, sensor=SENSOR):
 def about(ellipse):
     """A start a few millimetres and a third of the tilt away."""
     x, y = ellipse.centre
-    return Ellipse((x + 2, y - 1), ellipse.radius * 1.15, ellipse.radius * 1.05, ellipse.theta + 0.3)
+    return Ellipse(
+        (x + 2, y - 1), ellipse.radius * 1.15, ellipse.radius * 1.05, ellipse.theta + 0.3
+    )

@@ -32,7 +32,9 @@ HELD = {
 @pytest.fixture
 def fit(rng):
     truth = pipe(25.0)
-    return fit_ellipse(measured(upper_arc(truth), rng), truth, np.tile(0.0025 * np.eye(2), (70, 1, 1)))
+    return fit_ellipse(
+        measured(upper_arc(truth), rng), truth, np.tile(0.0025 * np.eye(2), (70, 1, 1))
+    )
 
 
 def penalised_cost(fit, violation, starts):
@@ -62,7 +64,9 @@ def test_the_cost_is_that_of_a_steep_penalty(name, fit):
     found = constrained_cost(fit.problem, constraint, fit.parameters)
     expected = penalised_cost(fit, violation, [fit.ellipse, pipe(15.0)])
     assert found == pytest.approx(expected, rel=1e-3)
-    assert found > float(fit.problem.evaluate(fit.parameters)[0] @ fit.problem.evaluate(fit.parameters)[0])
+    assert found > float(
+        fit.problem.evaluate(fit.parameters)[0] @ fit.problem.evaluate(fit.parameters)[0]
+    )
 
 
 @pytest.mark.parametrize("name", HELD)
@@ -72,20 +76,26 @@ def test_every_free_parameter_keeps_the_constraint(name, fit):
         for shift in (0.0, 0.03):
             ellipse = ellipse_of(constraint.expand(free + shift)[0])
             axes = (ellipse.semi_major, ellipse.semi_minor)
-            np.testing.assert_allclose(violation(*ellipse.centre, *axes, ellipse.theta), 0, atol=1e-9)
+            np.testing.assert_allclose(
+                violation(*ellipse.centre, *axes, ellipse.theta), 0, atol=1e-9
+            )
 
 
 @pytest.mark.parametrize("name", HELD)
 def test_the_derivative_of_a_constraint_is_one(name, fit):
     constraint, _ = HELD[name]
     for free in constraint.starts(fit.parameters):
-        differences = approx_fprime(free, lambda x: constraint.expand(x)[0], 1e-7)  # noqa: B023
+        differences = approx_fprime(free, lambda x: constraint.expand(x)[0], 1e-7)
         np.testing.assert_allclose(constraint.expand(free)[1], differences, atol=1e-4)
 
 
 def test_what_the_fit_has_anyway_costs_nothing(fit):
     best = fit.problem.evaluate(fit.parameters)[0]
-    held = (fixed_radius(fit.ellipse.radius), fixed_phi(fit.ellipse.phi), fixed_theta(fit.ellipse.theta))
+    held = (
+        fixed_radius(fit.ellipse.radius),
+        fixed_phi(fit.ellipse.phi),
+        fixed_theta(fit.ellipse.theta),
+    )
     for constraint in held:
         cost = constrained_cost(fit.problem, constraint, fit.parameters)
         assert cost == pytest.approx(float(best @ best), rel=1e-6)

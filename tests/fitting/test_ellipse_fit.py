@@ -6,11 +6,11 @@ from hypothesis import given
 
 from lsvision.errors import FitFailed, TooFewPoints
 from lsvision.fitting.correlation import correlation_factor
+from lsvision.fitting.cylinder_section import CylinderSection
 from lsvision.fitting.ellipse_fit import FittingSettings, fit_ellipse
 from lsvision.fitting.ellipse_problem import KnownRadius
 from lsvision.planning import section_bound
 from lsvision.profile import Arc
-from lsvision.fitting.cylinder_section import CylinderSection
 from tests.alike import assert_same_ellipse, turn_between
 from tests.fitting.arcs import SENSOR, about, measured, pipe, upper_arc
 from tests.strategies import PROPERTY, arcs_with_noise
@@ -38,7 +38,9 @@ def fits_of_many(truth, rng, runs=RUNS, known_radius=None):
     exact = upper_arc(truth)
     for _ in range(runs):
         points = measured(exact, rng)
-        yield fit_ellipse(points, about(truth), SENSOR.covariances(points), known_radius=known_radius)
+        yield fit_ellipse(
+            points, about(truth), SENSOR.covariances(points), known_radius=known_radius
+        )
 
 
 def errors_over(fits, truth):
@@ -77,7 +79,9 @@ def test_a_known_radius_reaches_its_bound(rng):
 def test_an_exactly_known_radius_is_kept(rng):
     truth = pipe(20.0)
     points = measured(upper_arc(truth), rng)
-    fit = fit_ellipse(points, about(truth), SENSOR.covariances(points), known_radius=KnownRadius(19.3))
+    fit = fit_ellipse(
+        points, about(truth), SENSOR.covariances(points), known_radius=KnownRadius(19.3)
+    )
     assert fit.ellipse.radius == pytest.approx(19.3, abs=1e-3)
 
 
@@ -107,7 +111,9 @@ def test_without_a_noise_model_the_covariance_comes_from_the_residuals(rng):
     truth = pipe(30.0)
     points = upper_arc(truth, count=200) + 0.1 * rng.normal(size=(200, 2))
     fit = fit_ellipse(points, truth)
-    isotropic = section_bound(truth, upper_arc(truth, count=200), np.tile(0.01 * np.eye(2), (200, 1, 1)))
+    isotropic = section_bound(
+        truth, upper_arc(truth, count=200), np.tile(0.01 * np.eye(2), (200, 1, 1))
+    )
     section = CylinderSection(fit, Arc(0, 200), np.arange(200))
     slack = FIVE_SIGMA / math.sqrt(2 * 195) + 0.1  # and that of a chance correlation
     assert section.radius_std == pytest.approx(isotropic.radius_std, rel=slack)
@@ -146,7 +152,9 @@ def test_the_fit_forgets_its_start(rng):
     points = measured(upper_arc(truth), rng)
     covariances = SENSOR.covariances(points)
     first = fit_ellipse(points, truth, covariances, settings=FittingSettings(reweightings=3))
-    second = fit_ellipse(points, about(truth), covariances, settings=FittingSettings(reweightings=3))
+    second = fit_ellipse(
+        points, about(truth), covariances, settings=FittingSettings(reweightings=3)
+    )
     assert_same_ellipse(second.ellipse, first.ellipse, atol=1e-5)
 
 

@@ -14,7 +14,6 @@ from lsvision.fitting.ellipse_problem import (
     ArcProblem,
     KnownRadius,
     ellipse_of,
-    least_squares as levenberg_marquardt,
     minimise,
     orthogonal_comparison,
     parameters_of,
@@ -23,6 +22,9 @@ from lsvision.fitting.ellipse_problem import (
     semi_minor,
     semi_minor_gradient,
 )  # fmt: skip
+from lsvision.fitting.ellipse_problem import (
+    least_squares as levenberg_marquardt,
+)
 from lsvision.shapes import orthogonal_residuals, radial_residuals
 from tests.alike import assert_same_ellipse
 from tests.fitting.arcs import about, measured, pipe, upper_arc

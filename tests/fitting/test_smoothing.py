@@ -22,7 +22,9 @@ STDS = np.full(120, 0.05)
 def test_quadratics_pass_unchanged(residual):
     smooth = smooth_residual(LENGTH, residual, STDS)
     # The ridge that keeps empty windows solvable takes a billionth.
-    np.testing.assert_allclose(smooth.residual, np.interp(smooth.length, LENGTH, residual), atol=1e-4)
+    np.testing.assert_allclose(
+        smooth.residual, np.interp(smooth.length, LENGTH, residual), atol=1e-4
+    )
 
 
 def test_jumps_get_no_weight_and_leave_no_trace(rng):

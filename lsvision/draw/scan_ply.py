@@ -1,0 +1,71 @@
+"""Points and surfaces of a scan with the colours of its picture."""
+
+import numpy as np
+
+from lsvision.draw.panel import colour_of
+from lsvision.scan import ScanMeasurement
+from lsvision.scan.surface import tube_surface
+from lsvision.shapes import FloatArray, IntArray, Points
+
+GREY = (0.6, 0.6, 0.6)
+
+
+def coloured_points(scan: ScanMeasurement, points: Points) -> tuple[Points, FloatArray]:
+    """All points of a scan: grey, and those of each cylinder over them in its colour.
+
+    Parameters
+    ----------
+    scan : ScanMeasurement
+        What was found.
+    points : (n, 3) ndarray
+        All points, base frame. Units: mm.
+
+    Returns
+    -------
+    points : (m, 3) ndarray
+        Each point once. Units: mm.
+    colours : (m, 3) ndarray
+        Red, green, blue, 0 to 1.
+    """
+    own = [tube.points for tube in scan.cylinders]
+    taken = {tuple(point) for mine in own for point in mine.tolist()}
+    rest = points[[tuple(point) not in taken for point in points.tolist()]]
+    colours = [np.tile(GREY, (len(rest), 1))]
+    colours += [np.tile(rgb_of(number), (len(mine), 1)) for number, mine in enumerate(own, 1)]
+    return np.concatenate([rest, *own]), np.concatenate(colours)
+
+
+def coloured_surfaces(scan: ScanMeasurement) -> tuple[Points, FloatArray, IntArray]:
+    """Surfaces of all cylinders as one mesh.
+
+    Parameters
+    ----------
+    scan : ScanMeasurement
+        What was found.
+
+    Returns
+    -------
+    points : (n, 3) ndarray
+        Base frame. Units: mm.
+    colours : (n, 3) ndarray
+        Red, green, blue, 0 to 1.
+    triangles : (m, 3) ndarray of int
+        Rows of `points`.
+    """
+    points, colours = [np.zeros((0, 3))], [np.zeros((0, 3))]
+    triangles, count = [np.zeros((0, 3), dtype=np.int64)], 0
+    for number, tube in enumerate(scan.cylinders, 1):
+        corners, faces = tube_surface(tube)
+        points.append(corners)
+        colours.append(np.tile(rgb_of(number), (len(corners), 1)))
+        triangles.append(faces + count)
+        count += len(corners)
+    return np.concatenate(points), np.concatenate(colours), np.concatenate(triangles)
+
+
+def rgb_of(number: int) -> tuple[float, float, float]:
+    """Colour of a cylinder, numbered from 1, as red, green, blue from 0 to 1."""
+    from matplotlib.colors import to_rgb
+
+    red, green, blue = to_rgb(colour_of(number))
+    return red, green, blue

@@ -1,0 +1,19 @@
+"""Several sections with poses: cylinders in 3D, jointly from all their points."""
+
+from lsvision.scan.pose_errors import PoseErrors
+from lsvision.scan.scanned import ScanMeasurement, ScannedCylinder, ScanRejection
+from lsvision.scan.scanning import ScanSettings, join_sections, measure_scan, measure_section
+from lsvision.scan.shape import TubeShape, measure_shape
+
+__all__ = [
+    "PoseErrors",
+    "ScanMeasurement",
+    "ScanRejection",
+    "ScanSettings",
+    "ScannedCylinder",
+    "TubeShape",
+    "join_sections",
+    "measure_scan",
+    "measure_section",
+    "measure_shape",
+]

@@ -1,0 +1,92 @@
+"""Pages of calibrations: whole in themselves, safe with any text, and telling what was left out."""
+
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from lsvision.calibrate.hand_eye import calibrate_hand_eye_board
+from lsvision.calibrate.hand_eye_result import RejectedPose
+from lsvision.draw.calibration_figures import BAD, draw_bars, draw_poses
+from lsvision.draw.calibration_report import Page, hand_eye_page
+from lsvision.draw.html_page import html_page, paragraph, table
+from lsvision.shapes import Pose
+from lsvision.simulate.hand_eye import turn
+
+VOID = {"meta", "br"}
+MOUNT = Pose(turn(np.array([0.2, -0.1, 1.0])), (20.0, 30.0, 120.0))
+BOARD = Pose(turn(np.array([0.1, 0.2, 0.3])), (700.0, 50.0, 200.0))
+
+
+class Balance(HTMLParser):
+    """Fails where a tag closes that was not the last to open."""
+
+    def __init__(self):
+        super().__init__()
+        self.open = []
+
+    def handle_starttag(self, tag, attrs):
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+@pytest.fixture(scope="module")
+def solved():
+    rng = np.random.default_rng(5)
+    seen = [
+        Pose(turn(rng.uniform(-0.6, 0.6, 3)), (*rng.uniform(-40, 40, 2), 350.0)) for _ in range(8)
+    ]
+    flanges = [BOARD @ pose.inverse() @ MOUNT.inverse() for pose in seen]
+    found = calibrate_hand_eye_board(seen, flanges)
+    return replace(found, rejected=(RejectedPose(2, "off"),)), flanges
+
+
+def test_page_is_whole_and_well_formed(solved):
+    names = [f"shot_{number}<&>.png" for number in range(8)]
+    page = Page([("x", "1.0 ± 0.1", "mm")], ["left out: <b>"], names, {"method": "a & b"})
+    text = hand_eye_page(*solved, page)
+    reader = Balance()
+    reader.feed(text)
+    assert reader.open == []
+    assert text.count("<svg") == 2
+    assert "left out: &lt;b&gt;" in text
+    assert "1.0 ± 0.1" in text
+
+
+def test_page_without_doubts_says_so(solved):
+    text = hand_eye_page(*solved, Page([], [], ["p"] * 8, {}))
+    assert "Nothing left out, nothing to doubt." in text
+
+
+def test_bars_mark_the_bad_ones_and_only_these():
+    figure = draw_bars(["a", "b", "c"], [("rms", [0.1, 0.5, 0.2])], [1], "px")
+    (axes,) = figure.axes
+    colours = [bar.get_facecolor() for bar in axes.patches]
+    assert colours[0] == colours[2] != colours[1]
+    assert [bar.get_height() for bar in axes.patches] == [0.1, 0.5, 0.2]
+
+
+def test_names_of_many_bars_are_thinned():
+    names = [str(number) for number in range(100)]
+    figure = draw_bars(names, [("rms", [1.0] * 100)], [], "px")
+    assert len(figure.axes[0].get_xticks()) <= 25
+
+
+def test_view_shows_the_board_where_the_camera_saw_it(solved):
+    found, flanges = solved
+    _, view, _ = draw_poses(found, flanges).axes
+    offsets = np.asarray(view.collections[0].get_offsets())
+    sensors = [flange @ MOUNT for flange in flanges]
+    expected = [pose.inverse().apply_one(BOARD.translation)[:2] for pose in sensors]
+    np.testing.assert_allclose(offsets, expected, atol=1e-3)
+    assert [text.get_color() for text in view.texts].count(BAD) == 1
+
+
+def test_text_is_escaped_everywhere():
+    text = html_page("<t>", [paragraph("<p>", "doubt"), table([("<c>", "1")], header=("<h>", ""))])
+    assert not any(raw in text for raw in ("<t>", "<c>", "<h>"))
+    assert '<p class="doubt">&lt;p&gt;</p>' in text
