@@ -22,7 +22,7 @@ from tests.alike import turn_between
 from tests.tolerances import FOUR_SIGMA
 
 FIXTURES = Path(__file__).parents[1] / "fixtures"
-KINDS = "single welded_pair planar complex welded_complex three_stacked empty".split()
+KINDS = ["single", "welded_pair", "planar", "complex", "welded_complex", "three_stacked", "empty"]
 LEAST_OVERLAP = 0.90  # points in common over points in either: the worst tube; median goal 0.97
 SENSOR = ProfileSensor(range_std=0.05, quantum=0.01)
 NAN = math.nan
@@ -118,7 +118,8 @@ def test_a_wrongly_known_radius_finds_nothing_of_another_size():
 
 
 @pytest.mark.parametrize(
-    ("radius", "count"), [(None, 1), (19.0, 1), (19, 1), ((10, 40), 1), ((30.0, 60.0), 0), (40.0, 0)]
+    ("radius", "count"),
+    [(None, 1), (19.0, 1), (19, 1), ((10, 40), 1), ((30.0, 60.0), 0), (40.0, 0)],
 )
 def test_only_radii_in_the_search_range_are_found(radius, count):
     measurement = measure_cylinders(look().profile, radius=radius)

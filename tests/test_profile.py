@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lsvision import Arc, NoiseModel, PointNoise, Profile, ProfileSensor
-from lsvision.profile import WeighedProfile
+from lsvision.profile import FORM_SHARE, WeighedProfile
 
 NAN, INF = math.nan, math.inf
 THREE = [[0.0, -400.0], [NAN, NAN], [1.2, -399.8]]
@@ -115,7 +115,19 @@ def test_noise_models_are_known_by_what_they_can():
     assert not isinstance(Profile(THREE), NoiseModel)
 
 
+def misfit(radius, noise_known, noise_std=0.1):
+    nothing = {"points": np.empty((0, 2)), "covariances": np.empty((0, 2, 2))}
+    order = columns = np.empty(0, dtype=int)
+    profile = WeighedProfile(
+        **nothing, order=order, columns=columns, noise_std=noise_std, noise_known=noise_known
+    )
+    return profile.largest_misfit(radius)
+
+
 def test_estimated_noise_may_be_more_wrong_than_a_known_model():
-    empty = (np.empty((0, 2)), np.empty((0, 2, 2)), np.empty(0, dtype=int), 0.1)
-    known = WeighedProfile(*empty, noise_known=True).largest_misfit
-    assert 1 < known < WeighedProfile(*empty, noise_known=False).largest_misfit
+    assert 1 < misfit(20.0, noise_known=True) < misfit(20.0, noise_known=False)
+
+
+def test_a_pipe_may_leave_its_ellipse_by_its_form_error_whatever_the_noise():
+    assert misfit(100.0, True, noise_std=1e-3) * 1e-3 == pytest.approx(FORM_SHARE * 100.0)
+    assert np.isfinite(misfit(100.0, True, noise_std=0.0))

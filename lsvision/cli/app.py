@@ -7,9 +7,12 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from lsvision.cli.calibrate import calibrate
 from lsvision.cli.measure import measure
 from lsvision.cli.messages import FAILED, complain, internal_error
+from lsvision.cli.paper import paper
 from lsvision.cli.plan import plan
+from lsvision.cli.scan import scan
 from lsvision.cli.simulate import simulate
 from lsvision.errors import LsvisionError
 
@@ -76,8 +79,11 @@ def _frame(
 
 
 app.command()(measure)
+app.command()(paper)
 app.command()(plan)
+app.command()(scan)
 app.command()(simulate)
+app.add_typer(calibrate)
 
 
 def main() -> None:

@@ -14,7 +14,7 @@ KIND_HELP = (
 )
 
 
-def simulate(  # noqa: PLR0917 - an option of a command is a parameter
+def simulate(
     kind: Annotated[str, typer.Argument(help=KIND_HELP)],
     out: Annotated[Path, typer.Option("--out", "-o", help="Existing folder for the files.")],
     seed: Annotated[

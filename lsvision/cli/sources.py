@@ -20,7 +20,13 @@ PROFILE_SUFFIXES = frozenset(
 """Files that count as profiles when a folder is named; any file can be named by itself."""
 
 
-def find_sources(words: Sequence[str]) -> tuple[list[Path], list[LsvisionError]]:
+IMAGE_SUFFIXES = frozenset((".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".webp"))
+"""Files that count as images when a folder is named."""
+
+
+def find_sources(
+    words: Sequence[str], suffixes: frozenset[str] = PROFILE_SUFFIXES
+) -> tuple[list[Path], list[LsvisionError]]:
     """Files that the words of a command line name.
 
     Parameters
@@ -28,6 +34,8 @@ def find_sources(words: Sequence[str]) -> tuple[list[Path], list[LsvisionError]]
     words : sequence of str
         Files, folders (the profile files right in them) and patterns (``**`` reaches into
         folders), in the order of the command line.
+    suffixes : frozenset of str
+        What counts when a folder is named: `PROFILE_SUFFIXES` or `IMAGE_SUFFIXES`.
 
     Returns
     -------
@@ -39,9 +47,9 @@ def find_sources(words: Sequence[str]) -> tuple[list[Path], list[LsvisionError]]
     found: dict[Path, Path] = {}
     failures: list[LsvisionError] = []
     for word in words:
-        files = _files_of(word)
+        files = _files_of(word, suffixes)
         if not files:
-            failures.append(_nothing_in(word))
+            failures.append(_nothing_in(word, suffixes))
         for file in files:
             found.setdefault(file.resolve(), file)
     return list(found.values()), failures
@@ -60,12 +68,12 @@ def read_source(source: Path, options: "ReadOptions") -> "ProfileFile":
     return inspect_profiles(source, **options)
 
 
-def _files_of(word: str) -> list[Path]:
+def _files_of(word: str, suffixes: frozenset[str]) -> list[Path]:
     path = Path(word)
     if path.is_dir():
         shown = (file for file in path.iterdir() if not file.name.startswith("."))
-        profiles = (file for file in shown if file.suffix.lower() in PROFILE_SUFFIXES)
-        return sorted((file for file in profiles if file.is_file()), key=_natural)
+        wanted = (file for file in shown if file.suffix.lower() in suffixes)
+        return sorted((file for file in wanted if file.is_file()), key=_natural)
     if path.exists() or not glob.has_magic(word):
         return [path]
     found = glob.glob(word, recursive=True)  # noqa: PTH207 - Path.glob takes no absolute pattern
@@ -73,12 +81,13 @@ def _files_of(word: str) -> list[Path]:
     return sorted((match for match in matches if match.is_file()), key=_natural)
 
 
-def _nothing_in(word: str) -> UnreadableFile:
+def _nothing_in(word: str, suffixes: frozenset[str]) -> UnreadableFile:
     if Path(word).is_dir():
-        suffixes = " ".join(sorted(PROFILE_SUFFIXES))
+        what, pattern = ("image", "*.png") if suffixes is IMAGE_SUFFIXES else ("profile", "*.csv")
         return UnreadableFile(
-            f"{word}: no profile in this folder: name another, its subfolders as "
-            f"'{Path(word) / '**' / '*.csv'}', or files whose suffix is none of {suffixes}"
+            f"{word}: no {what} in this folder: name another, its subfolders as "
+            f"'{Path(word) / '**' / pattern}', or files whose suffix is none of "
+            f"{' '.join(sorted(suffixes))}"
         )
     return UnreadableFile(f"{word}: no file matches this pattern: check it with ls")
 

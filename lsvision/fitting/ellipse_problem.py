@@ -17,6 +17,8 @@ from lsvision.shapes import Ellipse, FloatArray, Points
 from lsvision.shapes.ellipse import foot_directions
 
 PARAMETERS = 5
+NEEDLE = 1e-5
+"""Thinner than this an ellipse is a straight line that lost its way."""
 EXACT_RADIUS_STD = 1e-6
 """Share of a known radius that stands for "exactly": small beside any noise, not singular."""
 
@@ -172,7 +174,7 @@ def ellipse_of(parameters: FloatArray) -> Ellipse:
         If the parameters are no ellipse: not finite, or an axis of no length.
     """
     a, b, cos, sin = axes_of(parameters)
-    if not (np.isfinite(parameters).all() and 1e-9 * a < b <= a):
+    if not (np.isfinite(parameters).all() and NEEDLE * a < b <= a):
         raise FitFailed(
             f"the points have no ellipse (semi-axes {a:.3g} and {b:.3g} mm): they lie on a "
             "straight line or on two; leave them out"

@@ -225,6 +225,8 @@ def _crossing(surplus: Callable[[float], float], inside: float, limit: float, st
         if (limit - at) * sign <= 0:
             at = limit
         if surplus(at) > 0:
+            if last == inside and surplus(inside) >= 0:
+                return inside  # noise-free: no width that numbers could show
             tolerance = max(INTERVAL_PRECISION * step, 1e-12)
             return float(brentq(surplus, last, at, xtol=tolerance, rtol=1e-12, maxiter=30))
         last, reach = at, 1.7 * reach

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lsvision.errors import FitFailed
 from lsvision.shapes import FloatArray, Points
 
 NODES = 32
@@ -94,7 +95,8 @@ def smooth_residual(
     for _ in range(1 + settings.rounds):
         smooth = _local_quadratic(u, kernel * weights, residual)
         z = (residual - np.interp(length, nodes, smooth)) / stds
-        scale = max(float(np.median(np.abs(z))) * 1.4826, 1e-12)
+        # Never tighter than the noise model: clean points are no jumps.
+        scale = max(float(np.median(np.abs(z))) * 1.4826, 1.0)
         weights = np.clip(1 - (z / (BISQUARE * scale)) ** 2, 0, None) ** 2
     return SmoothedArc(nodes, smooth, weights)
 
@@ -129,6 +131,8 @@ def smooth_profile_literally(points: Points, window_fraction: float = 0.3) -> Po
     (n, 2) ndarray
         Same x, smoothed y. Units: mm. Biased: radius 0.4 to 0.8 mm too large on clean arcs.
     """
+    if not np.ptp(points[:, 0]) > 0:
+        raise FitFailed("the arc has no width in x: y(x) cannot be smoothed; leave it out")
     count = len(points)
     window = min(count, max(3, round(window_fraction * count)))
     smooth = points.copy()

@@ -7,6 +7,8 @@ import numpy as np
 from lsvision.profile import NoiseModel, Profile, WeighedProfile
 from lsvision.shapes import FloatArray, IntArray, Points
 
+MOST_POINTS = 20_000
+"""Denser profiles (no sensor has more than 4096 columns) are thinned evenly to this."""
 FARTHEST_MM = 1e9
 """Numbers beyond a thousand kilometres are rubbish of a file, not points."""
 LOW_SHARE = 0.35
@@ -21,7 +23,8 @@ def weigh_profile(profile: Profile, noise: NoiseModel | None) -> WeighedProfile:
     Parameters
     ----------
     profile : Profile
-        Any order; kept where x mostly rises or mostly falls, else by x.
+        Any order; kept where x mostly rises or mostly falls, else by x. More than 20 000
+        points are thinned evenly.
     noise : NoiseModel or None
         None: isotropic, estimated from how neighbours scatter about their chords.
 
@@ -30,6 +33,7 @@ def weigh_profile(profile: Profile, noise: NoiseModel | None) -> WeighedProfile:
     WeighedProfile
     """
     columns = _columns_along_line(profile.points)
+    columns = columns[:: 1 + len(columns) // MOST_POINTS]
     points = profile.points[columns]
     order = np.flatnonzero(np.abs(points).max(axis=1) < FARTHEST_MM)
     if noise is None:
@@ -43,7 +47,7 @@ def weigh_profile(profile: Profile, noise: NoiseModel | None) -> WeighedProfile:
 
 
 def estimate_noise_std(points: Points) -> float:
-    """Noise of ordered points, from the distance of each from the chord of its neighbours.
+    """Noise of ordered points, from the height of each above the middle of its neighbours.
 
     Parameters
     ----------
@@ -55,34 +59,19 @@ def estimate_noise_std(points: Points) -> float:
     float
         One sigma; never zero. Too small where neighbours' errors are correlated. Units: mm.
     """
-    extent = float(np.ptp(points, axis=0).max()) if len(points) else 1.0
-    smallest = max(1e-7 * extent, 1e-9)
-    if len(points) < 5:
-        return smallest
-    lag = 1
-    while True:
-        chord = points[2 * lag :] - points[: -2 * lag]
-        middle = points[lag:-lag] - (points[2 * lag :] + points[: -2 * lag]) / 2
-        length = np.maximum(np.hypot(chord[:, 0], chord[:, 1]), smallest)
-        offset = np.abs(middle[:, 0] * chord[:, 1] - middle[:, 1] * chord[:, 0]) / length
-        step = float(np.median(np.abs(chord[:, 0])))
-        std = max(_std_of(offset), smallest)
-        # A chord shorter than its own noise points anywhere, and shows too little of it.
-        if step > std or 8 * lag >= len(points):
-            return std
-        lag *= 2
-
-
-def _std_of(offset: FloatArray) -> float:
-    """One sigma of a point from the smaller part of the offsets of middles of three."""
     from scipy.special import ndtri
 
+    smallest = max(1e-7 * float(np.ptp(points, axis=0).max()) if len(points) else 0.0, 1e-9)
+    y = points[np.append(True, (points[1:] != points[:-1]).any(axis=1)), 1]
+    if len(y) < 5:
+        return smallest
+    offset = np.abs(y[1:-1] - (y[2:] + y[:-2]) / 2)
     low = float(np.quantile(offset, LOW_SHARE))
     if low == 0 and (offset > 0).any():
         # The file rounds its numbers more coarsely than they scatter.
         low = float(np.quantile(offset[offset > 0], LOW_SHARE))
     # The middle of three: variance 1 + 1/4 + 1/4.
-    return low / float(ndtri((1 + LOW_SHARE) / 2)) / math.sqrt(1.5)
+    return max(low / float(ndtri((1 + LOW_SHARE) / 2)) / math.sqrt(1.5), smallest)
 
 
 def _columns_along_line(points: Points) -> IntArray:

@@ -11,6 +11,9 @@ import numpy as np
 
 from lsvision.shapes import FloatArray, Points
 
+NEAR, FAR = 1e-3, 1e12
+"""Rubbish points are given a covariance, not an overflow: at this share of the reference range,
+and at so many mm."""
 LATERAL_FRACTION = 0.05
 """Smallest share of the range error that is taken to lie across the ray: no real beam is a
 line without width, and a point at a grazing flank must not get an endless weight."""
@@ -85,11 +88,10 @@ class ProfileSensor:
         (n, 2, 2) ndarray
             Units: mm^2.
         """
-        rays = np.asarray(points, dtype=np.float64) - self.origin
-        ranges = np.hypot(rays[:, 0], rays[:, 1])
+        rays = np.clip(np.asarray(points, dtype=np.float64) - self.origin, -FAR, FAR)
+        ranges = np.maximum(np.hypot(rays[:, 0], rays[:, 1]), NEAR * self.reference_range)
         std = self.range_std * (ranges / self.reference_range) ** 2
-        safe = np.where(ranges > 0, ranges, 1.0)
-        along = rays * (std / safe)[:, None]
+        along = rays * (std / ranges)[:, None]
         across = (LATERAL_FRACTION * std) ** 2 + self.quantum**2 / 12
         covariances: FloatArray = along[:, :, None] * along[:, None, :]
         covariances[:, 0, 0] += across

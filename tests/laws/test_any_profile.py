@@ -54,9 +54,9 @@ def test_the_papers_chain_never_breaks(profile):
     measure_cylinders(profile, radius=(5.0, 50.0), settings=Settings.paper())
 
 
-def test_a_million_points_are_measured():
-    x = np.linspace(-150, 150, 1_000_000)
+def test_a_hundred_thousand_points_are_measured(rng):
+    x = np.linspace(-150, 150, 100_000)
     height = np.sqrt(np.maximum(400.0 - x * x, 0)) - 440
-    points = np.column_stack([x, height + 0.02 * np.random.default_rng(1).normal(size=len(x))])
+    points = np.column_stack([x, height + 0.05 * rng.normal(size=len(x))])
     (pipe,) = measure_cylinders(Profile(points), radius=(15, 25)).cylinders
-    assert pipe.radius == pytest.approx(20.0, abs=0.05)
+    assert pipe.radius == pytest.approx(20.0, abs=5 * pipe.radius_std)

@@ -54,7 +54,9 @@ def test_turning_a_profile_turns_theta_and_nothing_else(seen, angle_deg):
         off = turn_between(other.theta + angle, one.theta)
         assert abs(off) <= SAME_SIGMAS * other.theta_std
         moved = turn_about(np.array([other.centre]), angle, pivot)[0]
-        assert math.dist(one.centre, moved) <= SAME_SIGMAS * np.sqrt(np.trace(other.covariance[:2, :2]))
+        assert math.dist(one.centre, moved) <= SAME_SIGMAS * np.sqrt(
+            np.trace(other.covariance[:2, :2])
+        )
 
 
 @pytest.mark.parametrize("shift", [(50.0, 0.0), (0.0, -100.0), (-1234.5, 678.9)])

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
+from lsvision.profile import Arc
 from lsvision.recognition.candidates import Candidate, find_candidates
 from lsvision.recognition.identification import identify_arc
 from lsvision.recognition.range_image import connected_components, rasterise
 from lsvision.recognition.recognise import identify_arcs
-from lsvision.profile import Arc
 from tests.recognition.scenes import dome, flat, line
 
 RANGE = (5.0, 60.0)

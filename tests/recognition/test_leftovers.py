@@ -43,7 +43,7 @@ def test_a_few_points_beside_a_cylinder_are_not():
 
 def test_a_rejection_is_kept_and_not_repeated():
     kept = explained(rejections=[Rejection(Arc(0, 50), "first"), Rejection(Arc(2, 48), "again")])
-    assert [rejection.reason for rejection in kept][0] == "first"
+    assert kept[0].reason == "first"
     assert [rejection.arc for rejection in kept] == [Arc(0, 50), Arc(50, 100)]
 
 

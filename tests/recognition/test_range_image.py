@@ -47,7 +47,7 @@ def test_a_step_cuts_at_the_step():
 def test_points_that_jumped_away_lie_alone_and_do_not_cut(jumped):
     points = flat(0, 60)
     points[jumped, 1] += 15.0
-    (only,) = components_of(weigh_profile(Profile(points), None))
+    (only,) = components_of(line(points))
     np.testing.assert_array_equal(only, np.setdiff1d(np.arange(100), jumped))
 
 

@@ -34,14 +34,14 @@ def test_a_clean_arc_keeps_its_points():
 def test_points_of_a_weld_bead_are_screened_out():
     profile = line(with_bead(), noise_mm=0.01)
     kept = screen_arc(profile, arc_of(profile)).indices
-    # The first of the bead lies within two sigma and may stay.
-    assert kept.max() < len(profile.points) - 5
+    # The gentlest two of its six points lie within a few sigma and may stay.
+    assert kept.max() < len(profile.points) - 4
     np.testing.assert_array_equal(kept[:50], np.arange(50))
 
 
 def test_a_bead_at_the_start_is_screened_out_as_well():
     profile = line(with_bead()[::-1], noise_mm=0.01)
-    assert screen_arc(profile, arc_of(profile)).indices.min() >= 5
+    assert screen_arc(profile, arc_of(profile)).indices.min() >= 4
 
 
 def test_the_middle_part_is_not_touched():

@@ -43,7 +43,9 @@ def test_profiles_without_an_extent_still_have_a_range(points):
 @pytest.mark.parametrize(
     ("radius", "message"),
     [
-        pytest.param((40.0, 10.0), "want a radius range 0 < min < max in mm, got 40 to 10", id="reversed"),
+        pytest.param(
+            (40.0, 10.0), "want a radius range 0 < min < max in mm, got 40 to 10", id="reversed"
+        ),
         pytest.param((-5.0, 10.0), "got -5 to 10", id="negative"),
         pytest.param((0.0, 10.0), "got 0 to 10", id="from zero"),
         pytest.param((10.0, 10.0), "got 10 to 10", id="empty"),

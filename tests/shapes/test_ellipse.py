@@ -35,7 +35,9 @@ def paper_eq_4(x, y, ellipse):
 
 def tip(ellipse, direction):
     x, y = ellipse.centre
-    return x + ellipse.semi_major * math.cos(direction), y + ellipse.semi_major * math.sin(direction)
+    return x + ellipse.semi_major * math.cos(direction), y + ellipse.semi_major * math.sin(
+        direction
+    )
 
 
 def test_theta_is_the_direction_of_the_major_axis_not_what_eqs_1_and_4_print():
@@ -51,7 +53,9 @@ def test_theta_is_the_direction_of_the_major_axis_not_what_eqs_1_and_4_print():
 
 
 def test_radial_residuals_are_eq_4_with_theta_turned_by_90_deg(rng):
-    printed = Ellipse(TILTED.centre, TILTED.semi_major, TILTED.semi_minor, TILTED.theta + math.pi / 2)
+    printed = Ellipse(
+        TILTED.centre, TILTED.semi_major, TILTED.semi_minor, TILTED.theta + math.pi / 2
+    )
     points = TILTED.centre + rng.normal(size=(50, 2)) * 20
     by_the_paper = [paper_eq_4(x, y, printed) for x, y in points]
     np.testing.assert_allclose(np.abs(radial_residuals(points, TILTED)), by_the_paper, atol=MACHINE)

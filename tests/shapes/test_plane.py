@@ -16,7 +16,9 @@ def test_a_long_normal_is_made_a_unit_and_the_distance_with_it():
 
 
 def test_distance_is_positive_on_the_side_of_the_normal():
-    np.testing.assert_allclose(Plane((0, 1, 0), 3.0).signed_distances([[9, 5, 9], [0, 0, 0]]), [2, -3])
+    np.testing.assert_allclose(
+        Plane((0, 1, 0), 3.0).signed_distances([[9, 5, 9], [0, 0, 0]]), [2, -3]
+    )
 
 
 @PROPERTY

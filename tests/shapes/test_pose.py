@@ -93,7 +93,7 @@ SKEW = np.eye(3) + 1e-3 * np.ones((3, 3))
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        pytest.param(lambda: Pose(np.eye(2)), r"rotation of shape \(3, 3\), got \(2, 2\)", id="2x2"),
+        pytest.param(lambda: Pose(np.eye(2)), r"rotation of shape \(3, 3\), got", id="2x2"),
         pytest.param(lambda: Pose(SKEW), "orthonormal rotation, got R'R off by 0.002", id="skew"),
         pytest.param(lambda: Pose(np.full((3, 3), np.nan)), "orthonormal", id="nan rotation"),
         pytest.param(lambda: Pose(np.diag([1, 1, -1])), "it mirrors", id="mirror"),
@@ -115,5 +115,5 @@ def test_what_is_no_pose_is_refused(make, message):
 
 
 def test_a_pose_composes_with_poses_only():
-    with pytest.raises(TypeError):
-        Pose() @ np.eye(4)
+    with pytest.raises(TypeError, match="unsupported operand"):
+        Pose() @ "flange"

@@ -1,0 +1,212 @@
+"""Makes the example: a camera with a laser line on a robot, as a person would record it.
+
+``python calibration/example/make.py [FOLDER]`` writes
+
+boards/, lines/     the printed board and the laser line on it, 14 poses, 640 x 480 px
+sphere/, sphere_poses.csv   profiles of a sphere of 20 mm and where the flange stood (KUKA)
+pipe/, pipe_poses.csv       profiles of a pipe, to try the calibration on
+truth.json          what is to be found
+
+The images are rendered here pixel by pixel, with OpenCV's picture of the board and the
+simulator's camera; nothing of what is on trial takes part.
+"""
+
+import json
+import math
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from lsvision.profile import Profile
+from lsvision.sensor.profile_sensor import ProfileSensor
+from lsvision.shapes import Cylinder, Pose
+from lsvision.simulate import Scene, SectionSettings, Tube, simulate_section
+from lsvision.simulate.hand_eye import (
+    SectionView,
+    TargetMotion,
+    reported_pose,
+    section_poses_about,
+    sphere_profile,
+    turn,
+)
+from lsvision.simulate.imaging_rig import ImagingRig
+
+HERE = Path(__file__).parent
+SEED = 20
+RIG = ImagingRig.triangulating(
+    focal_length=900.0, size=(640, 480), stand_off=300.0, distortion=(-0.09, 0.06)
+)
+BOARD = (11, 8, 15.0, 11.0, "DICT_4X4_100")
+"""Squares in a row and a column, edges of square and marker in mm: the default target."""
+DOTS_PER_MM, BORDER = 20, 8.0
+"""Of the board's picture, and its white border in mm."""
+BOARDS = 14
+SUPER = 3
+"""Samples a pixel, each way."""
+SHEET, BLUR, NOISE = 0.25, 0.6, 1.5
+"""One sigma of the sheet of light (mm), of the lens's blur (px) and of the pixels (DN)."""
+
+FLANGE_FROM_SECTION = Pose(turn(np.array([0.35, -0.2, 1.4])), (35.0, -60.0, 210.0))
+BALL, RADIUS = np.array([820.0, 110.0, 250.0]), 20.0
+PIPE = Cylinder((800.0, 60.0, 240.0), (0.35, 0.9, 0.12), 15.0)
+ROBOT_STD = (0.02, math.radians(0.005))
+"""One sigma of the robot in each axis: mm, rad."""
+STANDOFF = -260.0
+"""y of what is looked at, in the section frame. Units: mm."""
+
+
+def board_picture() -> np.ndarray:
+    """The printed board with its border; grey, 0 to 1."""
+    columns, rows, square, marker, name = BOARD
+    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
+    board = cv2.aruco.CharucoBoard((columns, rows), square, marker, dictionary)
+    border = round(BORDER * DOTS_PER_MM)
+    size = [round(count * square * DOTS_PER_MM) + 2 * border for count in (columns, rows)]
+    return board.generateImage(tuple(size), marginSize=border).astype(np.float32) / 255
+
+
+def board_poses(rng: np.random.Generator) -> list[Pose]:
+    """``camera_from_board``: tilted to all sides, to all corners, near and far."""
+    columns, rows, square, *_ = BOARD
+    middle = np.array([columns, rows, 0.0]) * square / 2
+    poses = []
+    for number in range(BOARDS):
+        way = 2 * np.pi * number / BOARDS * 3
+        tilt = math.radians(32 if number % 3 else 8)
+        lean = turn(tilt * np.array([np.cos(way), np.sin(way), 0.0]))
+        spin = turn(np.array([0.0, 0.0, rng.uniform(-0.3, 0.3)]))
+        depth = rng.uniform(275, 345)
+        aside = 0.11 * depth * np.array([math.cos(2.4 * number), 0.55 * math.sin(2.4 * number)])
+        rotation = lean @ spin
+        poses.append(Pose(rotation, np.array([*aside, depth]) - rotation @ middle))
+    return poses
+
+
+def render(pose: Pose, picture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The board evenly lit, and the laser line on it; floats of 0 to 255, without noise."""
+    width, height = RIG.size
+    fine = [(np.arange(length * SUPER) - (SUPER - 1) / 2) / SUPER for length in (width, height)]
+    u, v = np.meshgrid(*fine)
+    rays = RIG.rays(np.column_stack([u.ravel(), v.ravel()]))
+    section_from_board = RIG.camera_from_section.inverse() @ pose
+    normal, origin = section_from_board.rotation[:, 2], section_from_board.translation
+    depth = (origin - rays.origins) @ normal / (rays.directions @ normal)
+    points = rays.origins + depth[:, None] * rays.directions
+    flat = section_from_board.inverse().apply(points)[:, :2]
+    dots = ((flat + BORDER) * DOTS_PER_MM - 0.5).astype(np.float32).reshape(*u.shape, 2)
+    colour = cv2.remap(
+        picture, dots[..., 0], dots[..., 1], cv2.INTER_LINEAR, borderValue=0.45
+    ).astype(np.float64)
+    glow = np.exp(-0.5 * (points[:, 2] / SHEET) ** 2).reshape(u.shape)
+    on_paper = 0.12 + 0.88 * colour
+    images = (25 + 190 * on_paper, 8 + 215 * on_paper * glow)
+    small = [cv2.resize(image, RIG.size, interpolation=cv2.INTER_AREA) for image in images]
+    return tuple(cv2.GaussianBlur(image, (0, 0), BLUR) for image in small)
+
+
+def write_boards(folder: Path, rng: np.random.Generator) -> None:
+    """Both images of each pose as JPEG."""
+    picture = board_picture()
+    for name in ("boards", "lines"):
+        (folder / name).mkdir(parents=True, exist_ok=True)
+    for number, pose in enumerate(board_poses(rng)):
+        for name, image in zip(("board", "line"), render(pose, picture), strict=True):
+            noisy = np.clip(image + rng.normal(0, NOISE, image.shape), 0, 255).round()
+            _, data = cv2.imencode(".jpg", noisy.astype(np.uint8), [cv2.IMWRITE_JPEG_QUALITY, 92])
+            (folder / f"{name}s" / f"{name}_{number:02d}.jpg").write_bytes(data.tobytes())
+
+
+def write_profile(path: Path, profile: Profile, title: str) -> None:
+    """Two columns, x and z in mm, z growing towards the sensor."""
+    rows = [f"{x:.3f},{y:.3f}" for x, y in profile.points]
+    path.write_text("\n".join([f"# {title}", "x [mm],z [mm]", *rows]) + "\n")
+
+
+def write_poses(path: Path, poses: list[Pose]) -> None:
+    """KUKA's X Y Z A B C of the flange: mm and deg."""
+    rows = ["x,y,z,a,b,c"]
+    for pose in poses:
+        angles = Rotation.from_matrix(pose.rotation).as_euler("ZYX", degrees=True)
+        rows.append(",".join(f"{value:.4f}" for value in (*pose.translation, *angles)))
+    path.write_text("\n".join(rows) + "\n")
+
+
+def write_sphere(folder: Path, rng: np.random.Generator) -> None:
+    """Twelve profiles of the sphere; one robot pose is as good as another."""
+    (folder / "sphere").mkdir(parents=True, exist_ok=True)
+    motion = TargetMotion(sideways=25.0, depth=25.0, offset=0.75 * RADIUS, standoff=STANDOFF)
+    view = SectionView(columns=320, width=100.0, range_std=0.04)
+    flanges, number = [], 0
+    while number < 12:
+        (section,) = section_poses_about(BALL, 1, motion, rng)
+        profile = sphere_profile(section.inverse().apply_one(BALL), RADIUS, view, rng)
+        if len(profile) - profile.lost < 50:
+            continue
+        write_profile(folder / "sphere" / f"pose_{number:02d}.csv", profile, "sphere of 20 mm")
+        flange = section @ FLANGE_FROM_SECTION.inverse()
+        flanges.append(reported_pose(flange, *ROBOT_STD, rng))
+        number += 1
+    write_poses(folder / "sphere_poses.csv", flanges)
+
+
+def write_pipe(folder: Path, rng: np.random.Generator) -> None:
+    """Six sections across the pipe, each from another pose of the robot."""
+    (folder / "pipe").mkdir(parents=True, exist_ok=True)
+    sensor = ProfileSensor(
+        name="example rig", range_std=0.04, reference_range=260.0, min_range=180.0,
+        max_range=340.0, width_at_max_range=130.0, columns=320,
+    )  # fmt: skip
+    axis = PIPE.direction
+    across = np.cross(axis, (0.0, 0.0, 1.0))
+    across /= np.linalg.norm(across)
+    up = np.cross(across, axis)
+    flanges = []
+    for number in range(6):
+        middle = PIPE.point + (number - 2.5) * 12.0 * axis
+        rotation = turn(rng.uniform(-0.2, 0.2, 3)) @ np.column_stack(
+            [across, up, np.cross(across, up)]
+        )
+        section = Pose(rotation, middle - rotation @ (0.0, STANDOFF, 0.0))
+        seen = simulate_section(
+            Scene((Tube(PIPE),)), sensor, SectionSettings(), rng=rng, base_from_section=section
+        )
+        write_profile(folder / "pipe" / f"pipe_{number}.csv", seen.profile, "pipe of 15 mm")
+        flanges.append(reported_pose(section @ FLANGE_FROM_SECTION.inverse(), *ROBOT_STD, rng))
+    write_poses(folder / "pipe_poses.csv", flanges)
+
+
+def write_truth(folder: Path) -> None:
+    """What the calibrations and the scan should find; mm, px."""
+    truth = {
+        "units": {"length": "mm", "pixel": "px"},
+        "seed": SEED,
+        "camera_matrix": RIG.matrix.tolist(),
+        "distortion": RIG.distortion.tolist(),
+        "laser_plane": {
+            "normal": RIG.laser_plane.normal.round(9).tolist(),
+            "distance": round(RIG.laser_plane.distance, 6),
+        },
+        "flange_from_section": FLANGE_FROM_SECTION.matrix.round(9).tolist(),
+        "sphere": {"centre": BALL.tolist(), "radius": RADIUS},
+        "pipe": {
+            "point": PIPE.point.tolist(),
+            "direction": PIPE.direction.round(9).tolist(),
+            "radius": PIPE.radius,
+        },
+    }
+    (folder / "truth.json").write_text(json.dumps(truth, indent=2) + "\n")
+
+
+def main(folder: Path = HERE) -> None:
+    """Write everything below a folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for write, seed in ((write_boards, SEED), (write_sphere, SEED + 1), (write_pipe, SEED + 2)):
+        write(folder, np.random.default_rng(seed))
+    write_truth(folder)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else HERE)

@@ -1,0 +1,268 @@
+"""``lsvision calibrate``: a target to print, the camera, the laser plane, sensor to robot."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, cast
+
+import typer
+
+from lsvision.cli.calibrate_hand_eye import hand_eye
+from lsvision.cli.calibrate_inputs import (
+    TARGETS,
+    image_files,
+    naming,
+    read_images,
+    read_line_images,
+    target_of,
+)
+from lsvision.cli.calibrate_tables import (
+    camera_rows,
+    doubt_lines,
+    laser_plane_rows,
+    value_lines,
+)
+from lsvision.cli.outputs import check_outputs
+from lsvision.errors import UnreadableFile
+
+if TYPE_CHECKING:
+    from lsvision.calibrate.laser_plane import LaserPlaneSettings
+
+calibrate = typer.Typer(
+    name="calibrate",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    help="Camera, laser plane and sensor to robot; each with its uncertainty and a report.",
+)
+calibrate.add_typer(hand_eye)
+
+TargetName = Annotated[str, typer.Option("--target", metavar="NAME", help=f"{', '.join(TARGETS)}.")]
+Counts = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NxM",
+        help="Squares of a ChArUco board [11x8], inner corners of a chessboard, discs of a grid.",
+    ),
+]
+Square = Annotated[
+    float | None,
+    typer.Option(metavar="MM", help="Edge of a square or spacing of discs [15]: measure it!"),
+]
+Marker = Annotated[
+    float | None,
+    typer.Option(metavar="MM", help="Edge of a marker [11/15 of a square], or a disc's diameter."),
+]
+Dictionary = Annotated[str, typer.Option(metavar="NAME", help="Of a ChArUco board's markers.")]
+Report = Annotated[
+    Path | None, typer.Option(metavar="F.html", help="Write a page with pictures for people.")
+]
+
+
+@calibrate.command()
+def target(
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="F.svg|F.pdf", help="The page to print.")
+    ],
+    target_name: TargetName = "charuco",
+    counts: Counts = None,
+    square: Square = None,
+    marker: Marker = None,
+    dictionary: Dictionary = "DICT_4X4_100",
+) -> None:
+    """Draw a calibration target at true scale.
+
+    Print it at 100 % ("actual size"), check the 100 mm bar with a ruler, measure ten squares
+    with a caliper and give the true edge as --square later. Glue it onto glass or a thick plate,
+    flat: a bowed board spoils camera and plane.
+
+    \b
+    The default, a ChArUco board of 11 x 8 squares of 15 mm on A4:
+      lsvision calibrate target --out board.pdf
+    A chessboard of 9 x 6 inner corners:
+      lsvision calibrate target --target chessboard --counts 9x6 --square 20 --out board.svg
+    """  # noqa: D301 - the backspace tells click to leave the lines as they are
+    if out.suffix.lower() not in (".svg", ".pdf"):
+        raise typer.BadParameter(f"want --out F.svg or F.pdf, got {out.name!r}")
+    board = target_of(target_name, counts, square, marker, dictionary)
+    check_outputs((out,), ())
+    from lsvision.calibrate.target_print import draw_target, draw_target_pdf
+    from lsvision.io.whole_files import write_whole
+
+    try:
+        page = draw_target(board) if out.suffix.lower() == ".svg" else draw_target_pdf(board)
+    except ValueError as slip:
+        raise typer.BadParameter(str(slip)) from None
+    write_whole(out, page)
+    typer.echo(f"{out}: {board}; print at 100 %, then check the bar of 100 mm with a ruler")
+
+
+@calibrate.command()
+def camera(
+    images: Annotated[
+        list[str],
+        typer.Argument(metavar="FILE|DIR|GLOB", help="Images of the target, best 15 to 20."),
+    ],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="F.json", help="The camera.")],
+    target_name: TargetName = "charuco",
+    counts: Counts = None,
+    square: Square = None,
+    marker: Marker = None,
+    dictionary: Dictionary = "DICT_4X4_100",
+    radial_terms: Annotated[
+        int, typer.Option(min=0, max=3, help="How many of k1, k2, k3 are free.")
+    ] = 2,
+    tilted: Annotated[
+        bool, typer.Option("--tilted", help="The sensor is tilted behind the lens (Scheimpflug).")
+    ] = False,
+    fixed_aspect: Annotated[
+        bool, typer.Option("--fixed-aspect", help="fx = fy, as of square pixels.")
+    ] = False,
+    ros_yaml: Annotated[
+        Path | None,
+        typer.Option(metavar="F.yaml", help="Also write it as OpenCV and ROS read it."),
+    ] = None,
+    report: Report = None,
+) -> None:
+    """Calibrate a camera from images of a flat target.
+
+    \b
+    The shipped example (the default target):
+      lsvision calibrate camera calibration/example/boards --out camera.json
+    A chessboard of 9 x 6 inner corners of 25 mm, with a page of pictures:
+      lsvision calibrate camera 'shots/*.png' --target chessboard --counts 9x6 --square 25 \\
+        --out camera.json --ros-yaml camera.yaml --report camera.html
+    """  # noqa: D301 - the backspace tells click to leave the lines as they are
+    board = target_of(target_name, counts, square, marker, dictionary)
+    files = image_files(images)
+    check_outputs((out, ros_yaml, report), files)
+    from lsvision.calibrate.intrinsics import CameraSettings, calibrate_camera
+    from lsvision.io.calibration import provenance_of, write_camera_calibration
+    from lsvision.io.camera_file import write_camera_yaml
+
+    names = [file.name for file in files]
+    model = CameraSettings(radial_terms=radial_terms, fixed_aspect=fixed_aspect, tilted=tilted)
+    with naming(image=names):
+        found = calibrate_camera(read_images(files), board, model)
+    rows = camera_rows(found)
+    doubts = doubt_lines(names, found.rejected, found.outliers, found.warnings)
+    provenance = provenance_of(f"{len(found.views)} views of {board}", files)
+    if report is not None:
+        from lsvision.draw.calibration_report import Page, camera_page
+        from lsvision.io.whole_files import write_whole
+
+        write_whole(report, camera_page(found, Page(rows, doubts, names, provenance)))
+    write_camera_calibration(out, found, provenance)
+    if ros_yaml is not None:
+        write_camera_yaml(ros_yaml, found.camera)
+    head = f"{out}: camera of {found.camera.size} px from {len(found.views)} of {len(files)} images"
+    typer.echo("\n".join([head, *value_lines(rows), *doubts]))
+
+
+@calibrate.command("laser-plane")
+def laser_plane(
+    boards: Annotated[
+        list[str],
+        typer.Option(
+            metavar="DIR|GLOB", help="Images of the board, evenly lit; best 15, at least 2."
+        ),
+    ],
+    lines: Annotated[
+        list[str],
+        typer.Option(
+            metavar="DIR|GLOB",
+            help="The laser line on the unmoved board, in the same order. May be the same images.",
+        ),
+    ],
+    camera_file: Annotated[
+        Path,
+        typer.Option(
+            "--camera", metavar="F", help="From calibrate camera, or OpenCV's or ROS's YAML."
+        ),
+    ],
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="F.json", help="The rig: camera and plane.")
+    ],
+    target_name: TargetName = "charuco",
+    counts: Counts = None,
+    square: Square = None,
+    marker: Marker = None,
+    dictionary: Dictionary = "DICT_4X4_100",
+    laser: Annotated[
+        str,
+        typer.Option(
+            metavar="COLOUR", help="In colour images: red, green, blue, white; else grey."
+        ),
+    ] = "grey",
+    margin: Annotated[
+        float,
+        typer.Option(
+            min=0, metavar="SQUARES", help="How far beyond its pattern the board is flat and white."
+        ),
+    ] = 0.9,
+    details: Annotated[
+        Path | None,
+        typer.Option(metavar="F.json", help="Also write covariance and residuals of each view."),
+    ] = None,
+    report: Report = None,
+) -> None:
+    """Calibrate the plane of a laser line before a camera.
+
+    \b
+    The shipped example:
+      lsvision calibrate laser-plane --camera camera.json --boards calibration/example/boards \\
+        --lines calibration/example/lines --out rig.json --report rig.html
+    A green laser in colour images that show board and line at once:
+      lsvision calibrate laser-plane --camera camera.json --boards shots --lines shots \\
+        --target chessboard --counts 6x8 --square 40 --laser green --out rig.json
+    """  # noqa: D301 - the backspace tells click to leave the lines as they are
+    board = target_of(target_name, counts, square, marker, dictionary)
+    board_files, line_files = image_files(boards), image_files(lines)
+    _require_pairs(board_files, line_files)
+    files = [camera_file, *board_files, *line_files]
+    check_outputs((out, details, report), files)
+    settings = _line_settings(laser, margin)
+    from dataclasses import replace
+
+    from lsvision.calibrate.laser_plane import calibrate_laser_plane
+    from lsvision.draw.calibration_report import Page, laser_plane_page
+    from lsvision.io.calibration import provenance_of, write_laser_plane_calibration
+    from lsvision.io.camera_file import read_camera
+    from lsvision.io.whole_files import write_whole
+
+    names = [file.name for file in board_files]
+    view = read_camera(camera_file)
+    shots, line_shots = read_images(board_files), read_line_images(line_files, laser)
+    with naming(image=names, board_image=names, line_image=[file.name for file in line_files]):
+        found = calibrate_laser_plane(view, board, shots, line_shots, settings)
+    method = f"laser line on {board} in {len(found.views)} poses"
+    provenance = provenance_of(method, dict.fromkeys(files))
+    rows = laser_plane_rows(found)
+    doubts = doubt_lines(names, found.rejected, found.outliers, found.warnings)
+    if report is not None:
+        page = Page(rows, doubts, names, provenance)
+        write_whole(report, laser_plane_page(found, board.points, page))
+    replace(found.light_section, provenance=provenance).save(out)
+    if details is not None:
+        write_laser_plane_calibration(details, found, provenance)
+    head = f"{out}: laser plane from {len(found.views)} of {len(names)} poses of the board"
+    typer.echo("\n".join([head, *value_lines(rows), *doubts]))
+
+
+def _line_settings(laser: str, margin: float) -> "LaserPlaneSettings":
+    from lsvision.calibrate.laser_plane import LaserPlaneSettings
+    from lsvision.calibrate.line_on_board import LineOnBoardSettings
+    from lsvision.sensor.laser_line import LineSettings
+
+    try:
+        extraction = LineSettings(channel=cast(Any, laser))
+    except ValueError as slip:
+        raise typer.BadParameter(f"--laser: {slip}") from None
+    return LaserPlaneSettings(line=LineOnBoardSettings(extraction=extraction, margin=margin))
+
+
+def _require_pairs(boards: Sequence[Path], lines: Sequence[Path]) -> None:
+    if len(boards) != len(lines):
+        raise UnreadableFile(
+            f"want a line image for each of {len(boards)} board images ({boards[0].name} to "
+            f"{boards[-1].name}), got {len(lines)} ({lines[0].name} to {lines[-1].name}): leave "
+            "out what has no partner"
+        )

@@ -1,0 +1,240 @@
+"""``lsvision calibrate hand-eye``: where a sensor sits on the robot, from three targets."""
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lsvision.cli.calibrate_inputs import (
+    TARGETS,
+    image_files,
+    naming,
+    profile_files,
+    read_flanges,
+    read_sightings,
+    target_of,
+)
+from lsvision.cli.hand_eye_job import (
+    FRAMES,
+    boards_seen,
+    check_files,
+    job_of,
+    next_poses,
+    tell,
+    tell_plan,
+)
+from lsvision.cli.measuring import reading_of
+
+hand_eye = typer.Typer(
+    name="hand-eye",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    help="Where the sensor sits on the robot: from a sphere, a plane or a board.",
+)
+
+Profiles = Annotated[
+    list[str],
+    typer.Argument(metavar="FILE|DIR|GLOB", help="Profiles, one a pose, in the poses' order."),
+]
+Poses = Annotated[
+    Path, typer.Option(metavar="F", help="Poses of the flange: CSV, text, JSON or YAML.")
+]
+Convention = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME",
+        help="How the poses are written, never guessed: ur, kuka, fanuc, yaskawa, mitsubishi, "
+        "kawasaki, staubli, abb, ros, matrix.",
+    ),
+]
+Out = Annotated[
+    Path, typer.Option("--out", "-o", metavar="F.json", help="The calibration, for scan.")
+]
+MountingOption = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME",
+        help="eye-in-hand: sensor on the flange, target fixed; eye-to-hand: the other way round.",
+    ),
+]
+RobotStd = Annotated[
+    str | None,
+    typer.Option(
+        metavar="MM:DEG", help="One sigma of the robot's pose per axis; else from residuals."
+    ),
+]
+EasyHandeye = Annotated[
+    Path | None, typer.Option(metavar="F.yaml", help="Also write it as ROS easy_handeye reads it.")
+]
+Frames = Annotated[
+    str,
+    typer.Option(metavar="ROBOT:SENSOR", help="Names of the frames in that file."),
+]
+Report = Annotated[
+    Path | None, typer.Option(metavar="F.html", help="Write a page with pictures for people.")
+]
+FileFormat = Annotated[
+    str | None, typer.Option("--format", metavar="NAME", help="Reader of the profiles.")
+]
+Columns = Annotated[str | None, typer.Option(metavar="X,Z", help="Columns of x and height.")]
+Units = Annotated[str | None, typer.Option(metavar="UNIT", help="Of the coordinates.")]
+Flip = Annotated[
+    bool | None,
+    typer.Option("--flip/--no-flip", help="Heights grow away from the sensor, or towards it."),
+]
+
+
+@hand_eye.command()
+def sphere(
+    profiles: Profiles,
+    poses: Poses,
+    convention: Convention,
+    out: Out,
+    radius: Annotated[
+        float | None,
+        typer.Option(metavar="MM", help="Of the sphere; found too if not given, as a check."),
+    ] = None,
+    mounting: MountingOption = "eye-in-hand",
+    robot_std: RobotStd = None,
+    plan_poses: Annotated[
+        int, typer.Option(min=0, metavar="N", help="Propose the N next best poses.")
+    ] = 0,
+    plan_out: Annotated[
+        Path | None,
+        typer.Option(metavar="F.csv", help="Write them as 4x4 rows (--convention matrix)."),
+    ] = None,
+    easy_handeye: EasyHandeye = None,
+    frames: Frames = FRAMES,
+    report: Report = None,
+    file_format: FileFormat = None,
+    columns: Columns = None,
+    units: Units = None,
+    flip: Flip = None,
+) -> None:
+    """Calibrate a profile sensor to the robot on a sphere; the best target for most.
+
+    Twelve poses: tilts of up to 35 deg about both axes, turned all around, the sphere left and
+    right, near and far, and cut 0.3 to 0.85 radii beside its centre on both sides.
+
+    \b
+    The shipped example:
+      lsvision calibrate hand-eye sphere calibration/example/sphere --radius 20 \\
+        --poses calibration/example/sphere_poses.csv --convention kuka --out hand_eye.json
+    Where to drive next:
+      lsvision calibrate hand-eye sphere ... --out hand_eye.json --plan-poses 6 --plan-out next.csv
+    """  # noqa: D301 - the backspace tells click to leave the lines as they are
+    job = job_of(poses, convention, mounting, robot_std, out, (easy_handeye, frames, report))
+    if radius is not None and not (math.isfinite(radius) and radius > 0):
+        raise typer.BadParameter(f"want --radius above 0 mm, got {radius:g}")
+    if plan_poses and job.mounting == "eye_to_hand":
+        raise typer.BadParameter("want --plan-poses with --mounting eye-in-hand only")
+    if plan_out is not None and not plan_poses:
+        raise typer.BadParameter("want --plan-poses N beside --plan-out")
+    reading = reading_of(format=file_format, columns=columns, units=units, flip=flip)
+    files = profile_files(profiles)
+    check_files(job, files, plan_out)
+    from lsvision.calibrate.hand_eye import calibrate_hand_eye_sphere
+
+    read, names = read_sightings(files, reading)
+    flanges = read_flanges(poses, convention, names)
+    with naming(pose=names):
+        found = calibrate_hand_eye_sphere(
+            read, flanges, radius, mounting=job.mounting, settings=job.settings
+        )
+        plan = next_poses(found, flanges, plan_poses) if plan_poses else None
+    tell(found, flanges, names, job, files)
+    if plan is not None:
+        tell_plan(plan, plan_out)
+
+
+@hand_eye.command()
+def plane(
+    profiles: Profiles,
+    poses: Poses,
+    convention: Convention,
+    out: Out,
+    mounting: MountingOption = "eye-in-hand",
+    robot_std: RobotStd = None,
+    easy_handeye: EasyHandeye = None,
+    frames: Frames = FRAMES,
+    report: Report = None,
+    file_format: FileFormat = None,
+    columns: Columns = None,
+    units: Units = None,
+    flip: Flip = None,
+) -> None:
+    """Calibrate a profile sensor to the robot on a flat plate.
+
+    Twenty poses, tilted by 40 deg both ways about two axes, at near and far ranges. Better than
+    a sphere in rotation, about three times worse where it measures.
+
+    \b
+      lsvision calibrate hand-eye plane plate/ --poses poses.csv --convention ur --out hand_eye.json
+    """  # noqa: D301 - the backspace tells click to leave the lines as they are
+    job = job_of(poses, convention, mounting, robot_std, out, (easy_handeye, frames, report))
+    reading = reading_of(format=file_format, columns=columns, units=units, flip=flip)
+    files = profile_files(profiles)
+    check_files(job, files)
+    from lsvision.calibrate.hand_eye import calibrate_hand_eye_plane
+
+    read, names = read_sightings(files, reading)
+    flanges = read_flanges(poses, convention, names)
+    with naming(pose=names):
+        found = calibrate_hand_eye_plane(
+            read, flanges, mounting=job.mounting, settings=job.settings
+        )
+    tell(found, flanges, names, job, files)
+
+
+@hand_eye.command()
+def board(
+    images: Annotated[
+        list[str],
+        typer.Argument(metavar="FILE|DIR|GLOB", help="Images of the board, one a pose."),
+    ],
+    camera: Annotated[Path, typer.Option(metavar="F", help="From calibrate camera.")],
+    poses: Poses,
+    convention: Convention,
+    out: Out,
+    target_name: Annotated[
+        str, typer.Option("--target", metavar="NAME", help=f"{', '.join(TARGETS)}.")
+    ] = "charuco",
+    counts: Annotated[
+        str | None, typer.Option(metavar="NxM", help="As of calibrate camera.")
+    ] = None,
+    square: Annotated[
+        float | None, typer.Option(metavar="MM", help="As of calibrate camera.")
+    ] = None,
+    marker: Annotated[
+        float | None, typer.Option(metavar="MM", help="As of calibrate camera.")
+    ] = None,
+    dictionary: Annotated[
+        str, typer.Option(metavar="NAME", help="As of calibrate camera.")
+    ] = "DICT_4X4_100",
+    mounting: MountingOption = "eye-in-hand",
+    robot_std: RobotStd = None,
+    easy_handeye: EasyHandeye = None,
+    frames: Frames = FRAMES,
+    report: Report = None,
+) -> None:
+    """Calibrate a camera to the robot on a board; gives flange_from_camera.
+
+    \b
+      lsvision calibrate hand-eye board shots/ --camera camera.json --poses poses.csv \\
+        --convention fanuc --out hand_eye.json
+    """  # noqa: D301 - the backspace tells click to leave the lines as they are
+    job = job_of(poses, convention, mounting, robot_std, out, (easy_handeye, frames, report))
+    pattern = target_of(target_name, counts, square, marker, dictionary)
+    files = image_files(images)
+    check_files(job, [*files, camera])
+    from lsvision.calibrate.hand_eye import calibrate_hand_eye_board
+
+    names = [file.name for file in files]
+    flanges = read_flanges(poses, convention, names)
+    boards, covariances = boards_seen(files, pattern, camera)
+    with naming(pose=names):
+        found = calibrate_hand_eye_board(
+            boards, flanges, covariances=covariances, mounting=job.mounting, settings=job.settings
+        )
+    tell(found, flanges, names, job, [camera, *files])

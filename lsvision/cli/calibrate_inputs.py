@@ -1,0 +1,219 @@
+"""What the options of a calibration name: images, profiles, poses, the target."""
+
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from lsvision.cli.messages import FAILED, complain
+from lsvision.cli.sources import IMAGE_SUFFIXES, PROFILE_SUFFIXES, find_sources, read_source
+from lsvision.errors import LsvisionError, UnreadableFile
+
+if TYPE_CHECKING:
+    from lsvision.calibrate.target import Target
+    from lsvision.io.profiles import ReadOptions
+    from lsvision.profile import Profile
+    from lsvision.shapes import Pose
+
+TARGETS = ("charuco", "chessboard", "circles", "circles-asymmetric")
+
+
+def target_of(
+    name: str, counts: str | None, square: float | None, marker: float | None, dictionary: str
+) -> "Target":
+    """The target that the options describe.
+
+    Parameters
+    ----------
+    name : str
+        One of `TARGETS`.
+    counts : str, optional
+        ``11x8``: squares of a ChArUco board, inner corners of a chessboard, discs of a grid.
+    square : float, optional
+        Edge of a square, or spacing of the discs. Units: mm.
+    marker : float, optional
+        Edge of a marker, or diameter of a disc. Units: mm.
+    dictionary : str
+        Of a ChArUco board's markers.
+
+    Raises
+    ------
+    typer.BadParameter
+        For an unknown name, counts that are none, or lengths that do not go together.
+    """
+    from lsvision.calibrate.target import ChArUco, Chessboard, CircleGrid
+
+    if name not in TARGETS:
+        raise typer.BadParameter(f"want --target {', '.join(TARGETS)}, got {name!r}")
+    if name != "charuco" and (counts is None or square is None):
+        raise typer.BadParameter(f"want --counts NxM and --square MM beside --target {name}")
+    columns, rows = (11, 8) if counts is None else _counts(counts)
+    edge = 15.0 if square is None else square
+    try:
+        if name == "charuco":
+            inner = edge * 11 / 15 if marker is None else marker
+            return ChArUco(columns, rows, edge, inner, dictionary)
+        if name == "chessboard":
+            return Chessboard(columns, rows, edge)
+        disc = edge * (0.8 if name == "circles-asymmetric" else 0.5) if marker is None else marker
+        return CircleGrid(columns, rows, edge, disc, name == "circles-asymmetric")
+    except ValueError as slip:
+        raise typer.BadParameter(str(slip)) from None
+
+
+def image_files(words: Sequence[str]) -> list[Path]:
+    """Images that words name, in natural order; ends the command if a word names nothing."""
+    return _found(words, IMAGE_SUFFIXES)
+
+
+def profile_files(words: Sequence[str]) -> list[Path]:
+    """Profile files that words name; see `image_files`."""
+    return _found(words, PROFILE_SUFFIXES)
+
+
+def read_images(paths: Sequence[Path]) -> list[Any]:
+    """The images of files, in their order.
+
+    Raises
+    ------
+    UnreadableFile
+        Names the file and the mend.
+    """
+    from lsvision.io.images import read_image
+
+    return [read_image(path) for path in paths]
+
+
+def read_line_images(paths: Sequence[Path], laser: str) -> list[Any]:
+    """Images of a laser line, checked for the laser's colour.
+
+    Raises
+    ------
+    UnreadableFile
+        If an image has colours and `laser` is none, or the other way round.
+    """
+    images = read_images(paths)
+    for path, image in zip(paths, images, strict=True):
+        coloured = image.ndim == 3 and bool((image != image[..., :1]).any())
+        if coloured and laser == "grey":
+            raise UnreadableFile(
+                f"{path} has colours: say the laser's, --laser red, green, blue or white"
+            )
+        if image.ndim == 2 and laser not in ("grey", "white"):
+            raise UnreadableFile(f"{path} has no colours: leave --laser {laser} out")
+    return images
+
+
+def read_sightings(
+    paths: Sequence[Path], options: "ReadOptions"
+) -> "tuple[list[Profile], list[str]]":
+    """Profiles of all files in their order, one a pose, and a name for each.
+
+    Raises
+    ------
+    UnreadableFile
+        Names the file and the mend.
+    """
+    profiles: list[Profile] = []
+    names: list[str] = []
+    for path in paths:
+        file = read_source(path, options)
+        several = len(file.profiles) > 1
+        profiles += file.profiles
+        names += [
+            f"{path.name} profile {number}" if several else path.name
+            for number in range(len(file.profiles))
+        ]
+    return profiles, names
+
+
+def read_flanges(path: Path, convention: str, names: Sequence[str]) -> "list[Pose]":
+    """Poses of the flange, one for each sighting.
+
+    Raises
+    ------
+    typer.BadParameter
+        For an unknown convention.
+    UnreadableFile
+        If the file cannot be read, or holds another number of poses than there are sightings.
+    """
+    from lsvision.io.robot_conventions import CONVENTIONS
+    from lsvision.io.robot_poses import read_robot_poses
+
+    if convention not in CONVENTIONS:
+        raise typer.BadParameter(
+            f"want --convention {', '.join(CONVENTIONS)}, got {convention!r}: the same numbers "
+            "mean another pose in each"
+        )
+    flanges = read_robot_poses(path, convention)
+    if len(flanges) != len(names):
+        raise UnreadableFile(
+            f"{path}: want one pose for each of {len(names)} sightings ({names[0]} to "
+            f"{names[-1]}), got {len(flanges)} poses: leave out what has no partner"
+        )
+    return flanges
+
+
+@contextmanager
+def naming(**names: Sequence[str]) -> Iterator[None]:
+    """Put file names beside the numbers in a refusal.
+
+    Parameters
+    ----------
+    **names : sequence of str
+        What ``image 3`` (`image`), ``board image 3`` (`board_image`) or ``pose 3`` (`pose`)
+        is called by the user.
+
+    Raises
+    ------
+    LsvisionError
+        With the names.
+    """
+    try:
+        yield
+    except LsvisionError as error:
+        raise LsvisionError(named(str(error), **names)) from error
+
+
+def named(text: str, **names: Sequence[str]) -> str:
+    """A message in which ``image 3`` is followed by the file's name.
+
+    Examples
+    --------
+    >>> named("image 1 is blurred", image=["a.png", "b.png"])
+    'image 1 (b.png) is blurred'
+    """
+    for kind, every in sorted(names.items(), key=lambda item: -len(item[0])):
+        words = kind.replace("_", " ")
+        before = r"(?<!board )(?<!line )" if words == "image" else ""
+
+        def told(found: re.Match[str], every: Sequence[str] = every) -> str:
+            number = int(found[1])
+            return f"{found[0]} ({every[number]})" if number < len(every) else found[0]
+
+        text = re.sub(rf"{before}\b{words} (\d+)\b", told, text)
+    return text
+
+
+def _found(words: Sequence[str], suffixes: frozenset[str]) -> list[Path]:
+    files, missing = find_sources(words, suffixes)
+    missing += [
+        UnreadableFile(f"{file}: no such file: check the name")
+        for file in files
+        if not file.is_file()
+    ]
+    for failure in missing:
+        complain(str(failure))
+    if missing:
+        raise typer.Exit(FAILED)
+    return files
+
+
+def _counts(text: str) -> tuple[int, int]:
+    found = re.fullmatch(r"(\d+)[xX](\d+)", text.strip())
+    if not found:
+        raise typer.BadParameter(f"want --counts NxM, as 11x8, got {text!r}")
+    return int(found[1]), int(found[2])

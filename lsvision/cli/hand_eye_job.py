@@ -1,0 +1,183 @@
+"""A sensor-to-robot calibration from its options to its files and its printed table."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import typer
+
+from lsvision.cli.calibrate_inputs import read_images
+from lsvision.cli.calibrate_tables import aligned, hand_eye_rows, plan_rows, pose_rows, value_lines
+from lsvision.cli.outputs import check_outputs
+
+if TYPE_CHECKING:
+    from lsvision.calibrate.hand_eye_result import HandEye
+    from lsvision.calibrate.hand_eye_solution import HandEyeSettings
+    from lsvision.calibrate.pose_planning import PosePlan
+    from lsvision.calibrate.target import Target
+    from lsvision.shapes import FloatArray, Pose
+
+FRAMES = "tool0:sensor"
+"""Names of the frames in an easy_handeye file."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class HandEyeJob:
+    """Options that all targets share."""
+
+    poses: Path
+    convention: str
+    mounting: 'Literal["eye_in_hand", "eye_to_hand"]'
+    settings: "HandEyeSettings"
+    out: Path
+    easy_handeye: Path | None
+    frames: tuple[str, str]
+    report: Path | None
+
+
+def job_of(
+    poses: Path,
+    convention: str,
+    mounting: str,
+    robot_std: str | None,
+    out: Path,
+    extras: tuple[Path | None, str, Path | None],
+) -> HandEyeJob:
+    """The options that all targets share, checked.
+
+    Parameters
+    ----------
+    poses, convention, mounting, robot_std, out
+        As typed.
+    extras : tuple
+        ``--easy-handeye``, ``--frames`` and ``--report``.
+
+    Raises
+    ------
+    typer.BadParameter
+        For a mounting, sigma or frames that are none.
+    """
+    from lsvision.calibrate.hand_eye_solution import HandEyeSettings
+
+    easy_handeye, frames, report = extras
+    robot, _, sensor = frames.partition(":")
+    if not (robot and sensor):
+        raise typer.BadParameter(f"want --frames ROBOT:SENSOR, as {FRAMES}, got {frames!r}")
+    if mounting not in ("eye-in-hand", "eye-to-hand"):
+        raise typer.BadParameter(f"want --mounting eye-in-hand or eye-to-hand, got {mounting!r}")
+    return HandEyeJob(
+        poses=poses,
+        convention=convention,
+        mounting="eye_in_hand" if mounting == "eye-in-hand" else "eye_to_hand",
+        settings=HandEyeSettings(robot_std=_robot_std(robot_std)),
+        out=out,
+        easy_handeye=easy_handeye,
+        frames=(robot, sensor),
+        report=report,
+    )
+
+
+def _robot_std(text: str | None) -> tuple[float, float] | None:
+    if text is None:
+        return None
+    try:
+        position, rotation = (float(part) for part in text.split(":"))
+    except ValueError:
+        position = rotation = 0.0
+    if not (0 < position < math.inf and 0 < rotation < math.inf):
+        raise typer.BadParameter(f"want --robot-std MM:DEG above 0, as 0.05:0.01, got {text!r}")
+    return position, math.radians(rotation)
+
+
+def check_files(job: HandEyeJob, inputs: Sequence[Path], *more: Path | None) -> None:
+    """Refuse outputs that could not be written; see `check_outputs`."""
+    check_outputs((job.out, job.easy_handeye, job.report, *more), [job.poses, *inputs])
+
+
+def boards_seen(
+    files: Sequence[Path], target: "Target", camera_file: Path
+) -> "tuple[list[Pose], list[FloatArray]]":
+    """The board before the camera in each image, with covariances (6, 6); all must show it.
+
+    Raises
+    ------
+    LsvisionError
+        Names the image that does not.
+    """
+    from lsvision.calibrate.board_sighting import see_board
+    from lsvision.calibrate.target import find_target
+    from lsvision.errors import LsvisionError
+    from lsvision.io.camera_file import read_camera
+
+    camera = read_camera(camera_file)
+    poses, covariances = [], []
+    for file, image in zip(files, read_images(files), strict=True):
+        try:
+            seen = find_target(image, target)
+            sighting = see_board(seen.pixels, seen.points, camera)
+        except LsvisionError as error:
+            raise LsvisionError(f"{file}: {error}; or leave out this image and its pose") from error
+        poses.append(sighting.camera_from_board)
+        covariances.append(sighting.covariance)
+    return poses, covariances
+
+
+def tell(
+    found: "HandEye", flanges: "Sequence[Pose]", names: Sequence[str], job: HandEyeJob,
+    inputs: Sequence[Path],
+) -> None:  # fmt: skip
+    """Write the files and print the result."""
+    from lsvision.io.calibration import provenance_of
+    from lsvision.io.hand_eye_file import export_easy_handeye, save_hand_eye
+
+    rows = hand_eye_rows(found)
+    doubts = [f"left out: {names[pose.index]}: {pose.reason}" for pose in found.rejected]
+    believed = len(names) - len(found.rejected)
+    method = f"{type(found.target).__name__.lower()}, {job.mounting}, {job.convention} poses"
+    provenance = provenance_of(method, dict.fromkeys([job.poses, *inputs]))
+    if job.report is not None:
+        from lsvision.draw.calibration_report import Page, hand_eye_page
+        from lsvision.io.whole_files import write_whole
+
+        page = Page(rows, doubts, names, provenance)
+        write_whole(job.report, hand_eye_page(found, flanges, page))
+    save_hand_eye(found, job.out, provenance)
+    if job.easy_handeye is not None:
+        robot, sensor = job.frames
+        export_easy_handeye(found, job.easy_handeye, robot_frame=robot, sensor_frame=sensor)
+    head = f"{job.out}: sensor to robot from {believed} of {len(names)} poses"
+    table = aligned([("pose", "residual mm", "held out mm", ""), *pose_rows(found, names)])
+    typer.echo("\n".join([head, *value_lines(rows), "", *table, *doubts]))
+
+
+def next_poses(found: "HandEye", flanges: "Sequence[Pose]", count: int) -> "PosePlan":
+    """The next best poses before the sphere that was found."""
+    from lsvision.calibrate.pose_planning import PosePlanSettings, plan_hand_eye_poses
+
+    ball = found.sphere
+    settings = PosePlanSettings(
+        count=count,
+        standoff=float(found.working_point[1]),
+        robot_std=found.robot_std,
+        candidates=max(150, 10 * count),
+    )
+    return plan_hand_eye_poses(
+        found.mount_from_sensor, ball.centre, ball.radius, measured=flanges, settings=settings
+    )
+
+
+def tell_plan(plan: "PosePlan", out: Path | None) -> None:
+    """Print the next best poses, and write them as 4x4 rows."""
+    from lsvision.io.whole_files import write_whole
+
+    head = ("next pose", "x mm", "y mm", "z mm", "predicted mm")
+    typer.echo("\n".join(["", *aligned([head, *plan_rows(plan)])]))
+    if out is not None:
+        rows = [
+            ",".join(f"{value:.6f}" for value in pose.matrix.flat)
+            for pose in plan.base_from_flanges
+        ]
+        write_whole(out, "\n".join(rows) + "\n")
+        typer.echo(f"{out}: base_from_flange as 4x4 rows, best first; check each for collisions")

@@ -1,0 +1,165 @@
+"""Calibrations as pages for people: numbers, what to doubt, and pictures."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lsvision.calibrate.hand_eye_result import HandEye
+from lsvision.calibrate.intrinsics import CameraCalibration
+from lsvision.calibrate.laser_plane_result import LaserPlaneCalibration
+from lsvision.draw.calibration_figures import (
+    draw_bars,
+    draw_coverage,
+    draw_laser_plane,
+    draw_poses,
+    view_sizes,
+)
+from lsvision.draw.html_page import footer, heading, html_page, paragraph, picture, table
+from lsvision.draw.picture import picture_bytes
+from lsvision.shapes import Points, Pose
+
+
+@dataclass(frozen=True)
+class Page:
+    """What every page shows beside its pictures.
+
+    Parameters
+    ----------
+    rows : sequence of (str, str, str)
+        Name, number with one sigma, unit.
+    doubts : sequence of str
+        What was left out, fits badly, or makes the set weak.
+    names : sequence of str
+        Of the images or poses, in the order of their indices.
+    provenance : mapping of str to str
+        Method, date, version, inputs and their hash.
+    """
+
+    rows: Sequence[tuple[str, str, str]]
+    doubts: Sequence[str]
+    names: Sequence[str]
+    provenance: Mapping[str, str]
+
+
+def camera_page(found: CameraCalibration, page: Page) -> str:
+    """A camera calibration as a page.
+
+    Parameters
+    ----------
+    found : CameraCalibration
+        The calibration.
+    page : Page
+        Its numbers and names.
+
+    Returns
+    -------
+    str
+        HTML that needs nothing else.
+    """
+    names = [page.names[view.index] for view in found.views]
+    bad = _places([view.index for view in found.views], [view.index for view in found.outliers])
+    sizes = [view.rms_px for view in found.views]
+    pictures = [
+        picture(
+            picture_bytes(draw_coverage(found), "svg"),
+            "Good: the points fill the image into its corners, and the residuals are one round "
+            "cloud. A gap is where the lens is guessed.",
+        ),
+        picture(
+            picture_bytes(draw_bars(names, [("rms", sizes)], bad, "rms, px"), "svg"),
+            "Residual of each view. Good: all alike, 0.05 to 0.3 px. Orange fits badly: blurred, "
+            "moved, or wrongly found.",
+        ),
+    ]
+    return _page("Camera calibration", page, pictures)
+
+
+def laser_plane_page(found: LaserPlaneCalibration, board_points: Points, page: Page) -> str:
+    """A laser-plane calibration as a page; see `camera_page`.
+
+    Parameters
+    ----------
+    found : LaserPlaneCalibration
+        The calibration.
+    board_points : (n, 3) ndarray
+        Points of the board, board frame. Units: mm.
+    page : Page
+        Its numbers and names.
+    """
+    names = [page.names[view.index] for view in found.views]
+    bad = _places([view.index for view in found.views], [view.index for view in found.outliers])
+    line, corners = view_sizes(found)
+    bars = draw_bars(names, [("laser line", line), ("corners", corners)], bad, "rms, px")
+    pictures = [
+        picture(
+            picture_bytes(draw_laser_plane(found, _outline(board_points)), "svg"),
+            "Good: the boards lean to all sides and fill the depth in which will be measured. "
+            "The triangle is the camera.",
+        ),
+        picture(
+            picture_bytes(bars, "svg"),
+            "Residual of each view, laser line dark and corners light. Good: all alike, the line "
+            "0.1 to 0.3 px. A line much worse than that on every view: a bowed or glossy board.",
+        ),
+    ]
+    return _page("Laser plane calibration", page, pictures)
+
+
+def hand_eye_page(found: HandEye, flanges: Sequence[Pose], page: Page) -> str:
+    """A sensor-to-robot calibration as a page; see `camera_page`.
+
+    Parameters
+    ----------
+    found : HandEye
+        The calibration.
+    flanges : sequence of Pose
+        ``base_from_flange``, one a pose.
+    page : Page
+        Its numbers and names.
+    """
+    bad = [pose.index for pose in found.rejected]
+    series = [("residual", found.residuals.tolist()), ("held out", found.held_out.tolist())]
+    pictures = [
+        picture(
+            picture_bytes(draw_poses(found, flanges), "svg"),
+            "Good: the sensor looks from many sides and turned all around; the target lies left, "
+            "right, near and far in its view, and on both sides of the laser plane.",
+        ),
+        picture(
+            picture_bytes(draw_bars(page.names, series, bad, "mm"), "svg"),
+            "Residual of each pose (dark), and had the pose not taken part (light). Good: about "
+            "the robot's own accuracy. Orange was left out.",
+        ),
+    ]
+    return _page("Sensor to robot", page, pictures)
+
+
+def _page(title: str, page: Page, pictures: Sequence[str]) -> str:
+    doubts = [paragraph(text, "doubt") for text in page.doubts]
+    if not doubts:
+        doubts = [paragraph("Nothing left out, nothing to doubt.", "fine")]
+    source = page.provenance
+    small = [f"{key}: {text}" for key, text in source.items()]
+    return html_page(
+        title,
+        [
+            paragraph(f"{source.get('method', '')}; {source.get('date', '')}"),
+            *doubts,
+            heading("Result, with one sigma"),
+            table(page.rows),
+            heading("Pictures"),
+            *pictures,
+            footer(small),
+        ],
+    )
+
+
+def _places(indices: Sequence[int], wanted: Sequence[int]) -> list[int]:
+    return [place for place, index in enumerate(indices) if index in wanted]
+
+
+def _outline(points: Points) -> Points:
+    """(4, 3) corners of the rectangle around a board's points, board frame."""
+    (left, top, _), (right, bottom, _) = points.min(axis=0), points.max(axis=0)
+    return np.array([[left, top, 0], [right, top, 0], [right, bottom, 0], [left, bottom, 0]])

@@ -1,0 +1,15 @@
+"""The paper's tables and figures, run again on the simulator and told honestly."""
+
+from lsvision.experiments.accuracy import readme_table
+from lsvision.experiments.page import report_page
+from lsvision.experiments.record import report_json
+from lsvision.experiments.report import Effort, PaperReport, run_experiments
+
+__all__ = [
+    "Effort",
+    "PaperReport",
+    "readme_table",
+    "report_json",
+    "report_page",
+    "run_experiments",
+]

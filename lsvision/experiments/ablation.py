@@ -1,0 +1,137 @@
+"""What each step is worth: left out, or done as the paper's text has it, on the same sections.
+
+Pipes alone, welded and among clutter, with lost lines and jumps. Recognition runs once a
+section; each variant then makes its own ellipse of the same arc. Errors are counted in units of
+each pipe's own bound, so that pipes of all sizes and tilts can be thrown together.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from statistics import NormalDist
+
+import numpy as np
+
+from lsvision.errors import LsvisionError
+from lsvision.experiments.variants import VARIANTS, ArcInHand, Variant
+from lsvision.planning import section_bound
+from lsvision.recognition.candidates import find_candidates, seed_ellipse
+from lsvision.recognition.identification import IdentifiedArc
+from lsvision.recognition.range_image import connected_components, rasterise
+from lsvision.recognition.recognise import identify_arcs
+from lsvision.recognition.weighing import weigh_profile
+from lsvision.shapes import FloatArray, IntArray
+from lsvision.simulate import SimulatedSection, TubeRanges, TubeTruth, random_section
+
+KINDS = ("single", "welded_pair", "complex")
+TUBES = TubeRanges(radius_mm=(15.0, 29.0), phi_deg=(15.0, 30.0))
+RADIUS_RANGE = (10.0, 40.0)
+SMALLEST_SPAN = 10
+TYPICAL = NormalDist().inv_cdf(0.75)
+"""Median of the modulus of a standard normal number."""
+NINETEEN_OF_TWENTY = NormalDist().inv_cdf(0.975)
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """What a variant costs.
+
+    Parameters
+    ----------
+    group, name : str
+        Of the variant.
+    pipes, failed : int
+        Pipes tried, and how many of them got no ellipse.
+    typical : tuple of float
+        Median error of radius, theta, phi over what the best possible method has; 1 is ideal.
+    worst : tuple of float
+        The same of the error that 19 of 20 stay below.
+    """
+
+    group: str
+    name: str
+    pipes: int
+    failed: int
+    typical: tuple[float, float, float]
+    worst: tuple[float, float, float]
+
+
+def ablate(
+    scenes: int, *, noise_mm: float, seed: int = 0, say: Callable[[str], None] = lambda _: None
+) -> tuple[Cost, ...]:
+    """Cost of every variant on the same random sections.
+
+    Parameters
+    ----------
+    scenes : int
+        Of each kind: single, welded pair, complex.
+    noise_mm : float
+        One sigma along the ray at 400 mm. Units: mm.
+    seed : int
+        Of the first scene.
+    say : callable
+        Told of each kind.
+    """
+    errors: dict[str, list[FloatArray | None]] = {variant.name: [] for variant in VARIANTS}
+    for kind in KINDS:
+        say(f"ablation: {kind.replace('_', ' ')}")
+        for number in range(seed, seed + scenes):
+            section = random_section(kind, number, noise_mm=noise_mm, tubes=TUBES)
+            for tube, arc in _arcs_in_hand(section):
+                sigmas = _bound(section, tube)
+                for variant in VARIANTS:
+                    errors[variant.name].append(_error(variant, arc, tube, sigmas))
+    return tuple(_cost(variant, errors[variant.name]) for variant in VARIANTS)
+
+
+def _arcs_in_hand(section: SimulatedSection) -> list[tuple[TubeTruth, ArcInHand]]:
+    """Each pipe that recognition finds, with its arc and the candidate that seeded it."""
+    profile = weigh_profile(section.profile, section.profile.noise)
+    components = connected_components(rasterise(profile), SMALLEST_SPAN)
+    candidates = find_candidates(profile, components, RADIUS_RANGE)
+    arcs, _ = identify_arcs(profile, candidates, RADIUS_RANGE)
+    seeds = [IdentifiedArc(c.arc, c.indices, seed_ellipse(profile, c)) for c in candidates]
+    labels = section.truth.labels[profile.columns]
+    found = []
+    for tube in section.truth.tubes:
+        arc = next((a for a in arcs if _mostly(labels, a.indices, tube.label)), None)
+        seed = next((s for s in seeds if _mostly(labels, s.indices, tube.label)), None)
+        if arc is not None and seed is not None:
+            found.append((tube, ArcInHand(profile, arc, seed)))
+    return found
+
+
+def _mostly(labels: IntArray, indices: IntArray, label: int) -> bool:
+    return bool((labels[indices] == label).mean() > 0.5)
+
+
+def _bound(section: SimulatedSection, tube: TubeTruth) -> FloatArray:
+    on_pipe = section.truth.labels == tube.label
+    covariances = section.sensor.covariances(section.truth.points)[on_pipe]
+    bound = section_bound(tube.ellipse, section.truth.points[on_pipe], covariances)
+    return np.array([bound.radius_std, bound.theta_std, bound.phi_std])
+
+
+def _error(
+    variant: Variant, arc: ArcInHand, tube: TubeTruth, sigmas: FloatArray
+) -> FloatArray | None:
+    """Moduli over the bound; None where there is no ellipse."""
+    try:
+        ellipse = variant.ellipse_of(arc)
+    except LsvisionError:
+        return None
+    turn = (ellipse.theta - tube.theta + math.pi / 2) % math.pi - math.pi / 2
+    errors = np.array([ellipse.radius - tube.radius, turn, ellipse.phi - tube.phi])
+    scaled: FloatArray = np.abs(errors) / sigmas
+    return scaled
+
+
+def _cost(variant: Variant, errors: Sequence[FloatArray | None]) -> Cost:
+    values = np.array([error for error in errors if error is not None]).reshape(-1, 3)
+    failed = len(errors) - len(values)
+    if len(values) == 0:
+        values = np.full((1, 3), np.nan)
+    typical = np.median(values, axis=0) / TYPICAL
+    worst = np.quantile(values, 0.95, axis=0) / NINETEEN_OF_TWENTY
+    return Cost(variant.group, variant.name, len(errors), failed,
+                tuple(typical.tolist()), tuple(worst.tolist()))  # fmt: skip

@@ -1,0 +1,120 @@
+"""Figures 5-10 as numbers: the steps followed on one section, both chains side by side."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lsvision.errors import LsvisionError
+from lsvision.fitting.conditioning import ConditionedArc, condition_arc
+from lsvision.fitting.ellipse_fit import FittingSettings, fit_ellipse
+from lsvision.fitting.homogenising import homogenise_profile_literally
+from lsvision.fitting.smoothing import smooth_profile_literally
+from lsvision.literal import LiteralSettings, initial_ellipse
+from lsvision.measure import Measurement, measure_cylinders
+from lsvision.profile import WeighedProfile
+from lsvision.recognition.candidates import find_candidates
+from lsvision.recognition.identification import IdentifiedArc
+from lsvision.recognition.range_image import connected_components, rasterise
+from lsvision.recognition.recognise import identify_arcs
+from lsvision.recognition.screening import screen_arc
+from lsvision.recognition.weighing import weigh_profile
+from lsvision.shapes import FloatArray, Points
+from lsvision.simulate import SimulatedSection, TubeRanges, random_section
+
+KIND, SEED = "welded_complex", 2
+"""Of the one scene that is followed."""
+TUBES = TubeRanges(radius_mm=(19.0, 19.0), phi_deg=(15.0, 30.0))
+RADIUS_RANGE = (10.0, 40.0)
+SMALLEST_SPAN = 10
+WINDOW_STEP = 2
+"""Every second window is enough to see."""
+RADIAL = FittingSettings(residual="radial")
+
+
+@dataclass(frozen=True, eq=False)
+class StepExample:
+    """One section and what each step makes of it.
+
+    Parameters
+    ----------
+    section : SimulatedSection
+        The section with its truth.
+    measurement : Measurement
+        lsvision's result.
+    profile : WeighedProfile
+        What recognition works on.
+    windows : (k, 2) ndarray
+        Middle of each window of the paper's rough identification (x) and its largest abs(r_j);
+        inf where no ellipse fits. Units: mm.
+    identified, screened : IdentifiedArc
+        The first pipe's arc before and after accurate screening.
+    conditioned : ConditionedArc
+        The same, smoothed and homogenised.
+    literal : (m, 2) ndarray
+        The arc smoothed and homogenised over x, as the paper's text has it. Units: mm.
+    """
+
+    section: SimulatedSection
+    measurement: Measurement
+    profile: WeighedProfile
+    windows: FloatArray
+    identified: IdentifiedArc
+    screened: IdentifiedArc
+    conditioned: ConditionedArc
+    literal: Points
+
+
+def follow_steps(*, noise_mm: float) -> StepExample:
+    """Follow the steps on one welded pair among clutter.
+
+    Parameters
+    ----------
+    noise_mm : float
+        One sigma along the ray at 400 mm. Units: mm.
+
+    Raises
+    ------
+    ValueError
+        If so much noise hides both pipes.
+    """
+    section = random_section(KIND, SEED, noise_mm=noise_mm, tubes=TUBES)
+    profile = weigh_profile(section.profile, section.profile.noise)
+    components = connected_components(rasterise(profile), SMALLEST_SPAN)
+    candidates = find_candidates(profile, components, RADIUS_RANGE)
+    arcs, _ = identify_arcs(profile, candidates, RADIUS_RANGE)
+    labels = section.truth.labels[profile.columns]
+    ours = [arc for arc in arcs if (labels[arc.indices] > 0).mean() > 0.5]
+    if not ours:
+        raise ValueError(f"want noise in which the example's pipes are found, got {noise_mm} mm")
+    identified = max(ours, key=lambda arc: len(arc.indices))
+    screened = screen_arc(profile, identified)
+    own = profile.points[screened.indices]
+    conditioned = condition_arc(own, profile.covariances[screened.indices], screened.ellipse)
+    by_x = own[np.argsort(own[:, 0], kind="stable")]
+    return StepExample(
+        section=section,
+        measurement=measure_cylinders(section.profile, radius=RADIUS_RANGE),
+        profile=profile,
+        windows=_windows(profile),
+        identified=identified,
+        screened=screened,
+        conditioned=conditioned,
+        literal=homogenise_profile_literally(smooth_profile_literally(by_x)),
+    )
+
+
+def _windows(profile: WeighedProfile) -> FloatArray:
+    """Largest r_j of the paper's windows along the line, Figure 6."""
+    points, literal = profile.points[profile.order], LiteralSettings()
+    num = max(6, round(literal.window_fraction * len(points)))
+    radius = float(np.sqrt(RADIUS_RANGE[0] * RADIUS_RANGE[1]))
+    worst = []
+    for start in range(0, len(points) - num + 1, WINDOW_STEP):
+        window = points[start : start + num]
+        try:
+            fit = fit_ellipse(window, initial_ellipse(window, radius), settings=RADIAL)
+            largest = float(np.abs(fit.residuals).max())
+        except LsvisionError:
+            largest = np.inf
+        worst.append([float(window[num // 2, 0]), largest])
+    return np.array(worst)

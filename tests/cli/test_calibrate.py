@@ -1,0 +1,360 @@
+"""`lsvision calibrate`: results on the example, and refusals that name file and mend."""
+
+import importlib.util
+import json
+import shutil
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from lsvision.calibrate.target import ChArUco, find_target
+from lsvision.cli.calibrate_inputs import named, target_of
+from lsvision.io.hand_eye_file import load_hand_eye
+from lsvision.io.images import read_image
+from lsvision.io.robot_poses import read_robot_poses
+from lsvision.shapes import Plane, Pose
+from lsvision.simulate.hand_eye import (
+    SectionView,
+    TargetMotion,
+    plane_profile,
+    section_poses_about,
+    turn,
+)
+
+EXAMPLE = Path(__file__).parents[2] / "calibration" / "example"
+BOARDS, LINES, SPHERE = EXAMPLE / "boards", EXAMPLE / "lines", EXAMPLE / "sphere"
+POSES = EXAMPLE / "sphere_poses.csv"
+SMALL_MM, SMALL_RAD = 0.3, 2e-3  # corners of 0.07 px at 300 mm, or lines of 0.02 mm; robot exact
+
+
+@pytest.fixture
+def out(tmp_path):
+    return tmp_path / "out.json"
+
+
+@pytest.fixture
+def boards(tmp_path):
+    """Six images of the example's board in a folder of their own."""
+    folder = tmp_path / "shots"
+    folder.mkdir()
+    for path in sorted(BOARDS.iterdir())[:6]:
+        shutil.copy(path, folder)
+    return folder
+
+
+@pytest.fixture
+def camera_json(tmp_path):
+    truth = json.loads((EXAMPLE / "truth.json").read_text())
+    rows = [", ".join(map(str, row)) for row in truth["camera_matrix"]]
+    lens = ", ".join(map(str, [*truth["distortion"], 0, 0, 0]))
+    path = tmp_path / "camera.yaml"
+    path.write_text(f"image_width: 640\nimage_height: 480\nK: [{', '.join(rows)}]\nD: [{lens}]\n")
+    return path
+
+
+def sphere_words(out, poses=POSES, convention="kuka"):
+    return ("calibrate", "hand-eye", "sphere", SPHERE, "--poses", poses,
+            "--convention", convention, "--out", out)  # fmt: skip
+
+
+def refused(result, out, code=1):
+    """The one line on stderr of a command that wrote nothing."""
+    assert result.exit_code == code, result.output
+    assert not out.exists()
+    assert not list(out.parent.glob(".*.part"))
+    return result.stderr
+
+
+def test_help_shows_an_example_of_every_calibration(run):
+    for words in (["camera"], ["laser-plane"], ["target"], ["hand-eye", "sphere"],
+                  ["hand-eye", "plane"], ["hand-eye", "board"]):  # fmt: skip
+        result = run("calibrate", *words, "--help")
+        assert result.exit_code == 0
+        assert f"lsvision calibrate {' '.join(words)}" in result.stdout
+
+
+def test_printed_target_is_the_one_that_is_looked_for(run, tmp_path):
+    for name in ("board.svg", "board.pdf"):
+        assert run("calibrate", "target", "--out", tmp_path / name).exit_code == 0
+        assert (tmp_path / name).stat().st_size > 10_000
+    picture = ChArUco().board.generateImage((660, 480), marginSize=20)
+    assert len(find_target(picture, target_of("charuco", None, None, None, "DICT_4X4_100")).points)
+
+
+def test_circle_grid_and_chessboard_need_counts_and_square(run, tmp_path):
+    out = tmp_path / "board.svg"
+    words = ("calibrate", "target", "--out", out, "--target", "chessboard")
+    assert "--counts NxM and --square MM" in refused(run(*words), out, 2)
+    assert run(*words, "--counts", "9x6", "--square", "20").exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("--target", "checkers"), "want --target charuco, chessboard"),
+        (("--counts", "eleven"), "want --counts NxM, as 11x8, got 'eleven'"),
+        (("--square", "10", "--marker", "12"), "want 0 < marker < square 10 mm, got 12"),
+        (("--dictionary", "DICT_NONE"), "want a dictionary of cv2.aruco, got 'DICT_NONE'"),
+    ],
+)
+def test_target_that_is_none_is_a_usage_error(run, tmp_path, words, told):
+    out = tmp_path / "board.svg"
+    assert told in refused(run("calibrate", "target", "--out", out, *words), out, 2)
+
+
+def test_image_without_board_is_left_out_by_name(run, boards, out):
+    cv2.imwrite(str(boards / "board_03.jpg"), np.full((480, 640), 99, np.uint8))
+    page = out.with_suffix(".html")
+    result = run("calibrate", "camera", boards, "--out", out, "--report", page)
+    assert result.exit_code == 0
+    assert "left out: board_03.jpg: no ChArUco" in result.stdout
+    assert "5 of 6 images" in result.stdout
+    assert "left out: board_03.jpg" in page.read_text()
+    assert json.loads(out.read_text())["rejected"][0]["image"] == 3
+
+
+def test_fewer_views_than_needed_are_counted_and_named(run, boards, out):
+    for path in sorted(boards.iterdir())[2:]:
+        cv2.imwrite(str(path), np.full((480, 640), 99, np.uint8))
+    told = refused(run("calibrate", "camera", boards, "--out", out), out)
+    assert "2 views show the target and 3 are needed" in told
+    assert "image 5 (board_05.jpg)" in told
+
+
+def test_images_of_mixed_sizes_are_named(run, boards, out):
+    cv2.imwrite(str(boards / "board_02.jpg"), np.full((240, 320), 99, np.uint8))
+    told = refused(run("calibrate", "camera", boards, "--out", out), out)
+    assert "image 2 (board_02.jpg) is (320, 240) px and image 0 (board_00.jpg) (640, 480)" in told
+
+
+def test_files_that_are_no_images_are_named(run, boards, out):
+    (boards / "board_04.jpg").write_bytes(b"not an image")
+    told = refused(run("calibrate", "camera", boards, "--out", out), out)
+    assert "board_04.jpg is no image of 8 or 16 bit" in told
+    (boards / "board_04.jpg").write_bytes(b"")
+    assert "board_04.jpg" in refused(run("calibrate", "camera", boards, "--out", out), out)
+
+
+def test_what_does_not_exist_is_named(run, boards, out, tmp_path):
+    missing = tmp_path / "missing.png"
+    assert "missing.png: no such file" in refused(
+        run("calibrate", "camera", missing, "--out", out), out
+    )
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    assert "no image in this folder" in refused(
+        run("calibrate", "camera", empty, "--out", out), out
+    )
+    words = ("laser-plane", "--boards", boards, "--lines", boards, "--camera", missing)
+    assert "missing.png cannot be read" in refused(run("calibrate", *words, "--out", out), out)
+
+
+def test_laser_plane_wants_a_line_image_for_each_board(run, boards, camera_json, out):
+    words = ("laser-plane", "--boards", boards, "--lines", LINES, "--camera", camera_json)
+    told = refused(run("calibrate", *words, "--out", out), out)
+    assert "want a line image for each of 6 board images (board_00.jpg to board_05.jpg)" in told
+    assert "got 14 (line_00.jpg to line_13.jpg)" in told
+
+
+def test_shuffled_pair_of_board_and_line_is_left_out_by_name(run, camera_json, out, tmp_path):
+    for name in ("board", "line"):
+        (tmp_path / f"{name}s").mkdir()
+        for number in range(7):
+            shutil.copy(EXAMPLE / f"{name}s" / f"{name}_{number:02d}.jpg", tmp_path / f"{name}s")
+    one, other = (tmp_path / "lines" / f"line_{number}.jpg" for number in ("01", "04"))
+    first = one.read_bytes()
+    one.write_bytes(other.read_bytes())
+    other.write_bytes(first)
+    words = ("--boards", tmp_path / "boards", "--lines", tmp_path / "lines")
+    result = run("calibrate", "laser-plane", *words, "--camera", camera_json, "--out", out)
+    assert result.exit_code == 0, result.output
+    assert "left out: board_04.jpg: its laser line lies" in result.stdout
+    assert "left out: board_01.jpg: its laser line lies" in result.stdout
+
+
+def test_line_images_without_a_line_are_refused(run, boards, camera_json, out, tmp_path):
+    dark = tmp_path / "dark"
+    dark.mkdir()
+    for number in range(6):
+        cv2.imwrite(str(dark / f"line_{number}.png"), np.full((480, 640), 3, np.uint8))
+    words = ("laser-plane", "--boards", boards, "--lines", dark, "--camera", camera_json)
+    told = refused(run("calibrate", *words, "--out", out), out)
+    assert "0 views show the board with the laser line on it and 2 are needed" in told
+
+
+def test_colour_of_the_laser_is_asked_for(run, boards, camera_json, out, tmp_path):
+    words = ("calibrate", "laser-plane", "--boards", boards, "--lines", boards,
+             "--camera", camera_json, "--out", out)  # fmt: skip
+    assert "want channel in" in refused(run(*words, "--laser", "pink"), out, 2)
+    assert "board_00.jpg has no colours: leave --laser green out" in refused(
+        run(*words, "--laser", "green"), out
+    )
+    colour = np.full((480, 640, 3), (9, 200, 9), np.uint8)
+    cv2.imwrite(str(boards / "board_02.jpg"), colour)
+    assert "board_02.jpg has colours: say the laser's" in refused(run(*words), out)
+
+
+def test_sphere_gives_files_for_scan_and_ros(run, out, tmp_path):
+    yaml, plan = tmp_path / "he.yaml", tmp_path / "next.csv"
+    result = run(*sphere_words(out), "--easy-handeye", yaml, "--frames", "flange:laser",
+                 "--plan-poses", 2, "--plan-out", plan)  # fmt: skip
+    assert result.exit_code == 0, result.output
+    assert "flange_from_section x" in result.stdout
+    assert 'robot_effector_frame: "flange"' in yaml.read_text()
+    assert len(read_robot_poses(plan, "matrix")) == 2
+    provenance = json.loads(out.read_text())["provenance"]
+    assert "sphere_poses.csv" in provenance["inputs"]
+
+
+def test_wrong_convention_is_refused_and_nothing_written(run, out):
+    told = refused(run(*sphere_words(out, convention="fanuc")), out)
+    assert "convention or unit another one than said" in told
+    assert "want --convention ur, kuka" in refused(
+        run(*sphere_words(out, convention="kukka")), out, 2
+    )
+
+
+def test_poses_of_another_count_are_refused(run, out, tmp_path):
+    fewer = tmp_path / "poses.csv"
+    fewer.write_text("\n".join(POSES.read_text().splitlines()[:-1]))
+    told = refused(run(*sphere_words(out, fewer)), out)
+    assert "poses.csv: want one pose for each of 12 sightings (pose_00.csv to pose_11.csv)" in told
+    assert "got 11 poses" in told
+
+
+def test_poses_shifted_against_their_profiles_are_told(run, out, tmp_path):
+    head, *rows = POSES.read_text().splitlines()
+    shifted = tmp_path / "poses.csv"
+    shifted.write_text("\n".join([head, *rows[1:], rows[0]]))
+    told = refused(run(*sphere_words(out, shifted)), out)
+    assert "each profile belongs to the pose before: pairs shifted" in told
+
+
+def test_one_wrong_pose_is_left_out_by_the_name_of_its_profile(run, out, tmp_path):
+    head, *rows = POSES.read_text().splitlines()
+    x, *rest = rows[7].split(",")
+    rows[7] = ",".join([str(float(x) + 30.0), *rest])
+    wrong = tmp_path / "poses.csv"
+    wrong.write_text("\n".join([head, *rows]))
+    result = run(*sphere_words(out, wrong))
+    assert result.exit_code == 0
+    assert "left out: pose_07.csv: " in result.stdout
+    assert "11 of 12 poses" in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("--mounting", "on-the-wall"), "want --mounting eye-in-hand or eye-to-hand"),
+        (("--robot-std", "0.05"), "want --robot-std MM:DEG above 0"),
+        (("--radius", "-3"), "want --radius above 0 mm"),
+        (("--frames", "tool0"), "want --frames ROBOT:SENSOR"),
+        (("--plan-out", "next.csv"), "want --plan-poses N beside --plan-out"),
+    ],
+)
+def test_slip_in_an_option_is_a_usage_error(run, out, words, told):
+    assert told in refused(run(*sphere_words(out), *words), out, 2)
+
+
+def test_wrong_mounting_is_refused(run, out):
+    told = refused(run(*sphere_words(out), "--mounting", "eye-to-hand"), out)
+    assert "the mounting" in told
+
+
+def test_output_that_cannot_be_written_costs_no_work(run, out, tmp_path):
+    bad = tmp_path / "nowhere" / "page.html"
+    assert "its folder does not exist" in refused(run(*sphere_words(out), "--report", bad), out)
+    words = ("calibrate", "camera", BOARDS, "--out", BOARDS / "board_00.jpg")
+    assert "it is an input too" in run(*words).stderr
+
+
+def test_numbers_in_a_refusal_get_the_names_of_files():
+    names = {"image": ["a.png", "b.png"], "line_image": ["l.png", "m.png"]}
+    assert named("line image 1 and image 0", **names) == "line image 1 (m.png) and image 0 (a.png)"
+    assert named("image 7", **names) == "image 7"
+
+
+def test_image_keeps_its_depth_and_loses_transparency(tmp_path):
+    deep, clear = tmp_path / "deep.png", tmp_path / "clear.png"
+    cv2.imwrite(str(deep), np.full((4, 5), 4000, np.uint16))
+    cv2.imwrite(str(clear), np.full((4, 5, 4), 9, np.uint8))
+    assert read_image(deep).max() == 4000
+    assert read_image(clear).shape == (4, 5, 3)
+
+
+@pytest.fixture(scope="module")
+def recipe():
+    """The example's recipe, for the truth that its files do not hold."""
+    spec = importlib.util.spec_from_file_location("example_make", EXAMPLE / "make.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+MOUNT = Pose(turn(np.array([0.2, -0.1, 1.0])), (20.0, 30.0, 120.0))
+BASE_FROM_TARGET = Pose(turn(np.array([0.1, 0.2, 0.3])), (700.0, 50.0, 200.0))
+
+
+def assert_found(found, truth):
+    np.testing.assert_allclose(found.rotation, truth.rotation, rtol=0, atol=SMALL_RAD)
+    np.testing.assert_allclose(found.translation, truth.translation, rtol=0, atol=SMALL_MM)
+
+
+def write_flanges(path, flanges):
+    path.write_text("\n".join(",".join(map(str, pose.matrix.ravel())) for pose in flanges))
+    return path
+
+
+def test_board_gives_the_camera_on_the_flange(run, recipe, camera_json, out, tmp_path):
+    seen = recipe.board_poses(np.random.default_rng(recipe.SEED))
+    flanges = [BASE_FROM_TARGET @ pose.inverse() @ MOUNT.inverse() for pose in seen]
+    poses = write_flanges(tmp_path / "poses.csv", flanges)
+    result = run("calibrate", "hand-eye", "board", BOARDS, "--camera", camera_json,
+                 "--poses", poses, "--convention", "matrix", "--out", out)  # fmt: skip
+    assert result.exit_code == 0, result.output
+    found = load_hand_eye(out)
+    assert_found(found.flange_from_camera, MOUNT)
+
+
+def test_image_without_the_board_ends_a_hand_eye_calibration(
+    run, boards, camera_json, out, tmp_path
+):
+    cv2.imwrite(str(boards / "board_05.jpg"), np.full((480, 640), 99, np.uint8))
+    flanges = [Pose.along((1, 0, 0), 100.0 * number) for number in range(6)]
+    poses = write_flanges(tmp_path / "poses.csv", flanges)
+    told = refused(run("calibrate", "hand-eye", "board", boards, "--camera", camera_json, "--poses",
+                       poses, "--convention", "matrix", "--out", out), out)  # fmt: skip
+    assert "board_05.jpg: no ChArUco" in told
+    assert "leave out this image and its pose" in told
+
+
+def test_plane_gives_the_sensor_on_the_flange(run, out, tmp_path):
+    rng = np.random.default_rng(3)
+    plate = Plane((0.1, -0.05, 1.0), 310.0)
+    motion = TargetMotion(tilt=np.radians(40), standoff=-150.0, offset=0.0)
+    sections = section_poses_about(np.array([700.0, 50.0, 250.0]), 12, motion, rng)
+    folder = tmp_path / "plate"
+    folder.mkdir()
+    for number, pose in enumerate(sections):
+        profile = plane_profile(plate.seen_from(pose.inverse()), SectionView(range_std=0.02), rng)
+        np.savetxt(folder / f"p{number:02d}.csv", profile.points, delimiter=",", fmt="%.4f")
+    poses = write_flanges(tmp_path / "poses.csv", [pose @ MOUNT.inverse() for pose in sections])
+    page = tmp_path / "page.html"
+    result = run("calibrate", "hand-eye", "plane", folder, "--poses", poses, "--convention",
+                 "matrix", "--out", out, "--report", page)  # fmt: skip
+    assert result.exit_code == 0, result.output
+    assert "<svg" in page.read_text()
+    assert_found(load_hand_eye(out).flange_from_section, MOUNT)
+
+
+def test_sphere_that_was_bumped_half_way_is_told(run, out, tmp_path):
+    head, *rows = POSES.read_text().splitlines()
+    # Robot and sphere moved together show the same profile: so these poses mean another sphere.
+    cells = [row.split(",") for row in rows]
+    late = [",".join([str(float(x) - 12.0), *rest]) for x, *rest in cells[6:]]
+    poses = tmp_path / "poses.csv"
+    poses.write_text("\n".join([head, *rows[:6], *late]))
+    told = refused(run(*sphere_words(out, poses)), out)
+    assert "the target moved between pose 5 (pose_05.csv) and pose 6 (pose_06.csv)" in told

@@ -1,0 +1,116 @@
+"""The scripts of `calibration/` run on the shipped example, and find its truth."""
+
+import importlib.util
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lsvision.io.camera_file import read_camera
+from lsvision.io.hand_eye_file import load_hand_eye
+from lsvision.sensor.light_section import LightSection
+
+CALIBRATION = Path(__file__).parents[1] / "calibration"
+EXAMPLE = CALIBRATION / "example"
+TRUTH = json.loads((EXAMPLE / "truth.json").read_text())
+SIGMAS = 5.0  # of a few numbers under one fixed seed none is further out
+LARGEST_BYTES = 1_500_000
+LINE_FLOOR = 0.1  # mm; what pixels, JPEG and black squares add to the line's own noise
+
+
+def script(name, *words):
+    return subprocess.run(
+        [sys.executable, CALIBRATION / f"{name}.py", *map(str, words)],
+        capture_output=True, text=True, timeout=120, check=False, cwd=CALIBRATION,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    """Results of all three steps on the example, and what they print."""
+    folder = tmp_path_factory.mktemp("results")
+    printed = {}
+    for name in ("camera", "laser_plane", "sensor_to_robot"):
+        done = script(name, "--results", folder)
+        assert (done.returncode, done.stderr) == (0, ""), name
+        printed[name] = done.stdout
+    return folder, printed
+
+
+def test_camera_of_the_example_is_found_within_its_sigmas(results):
+    folder, printed = results
+    camera, std = (
+        read_camera(folder / "camera.json"),
+        json.loads((folder / "camera.json").read_text())["std"],
+    )
+    truth = np.array(TRUTH["camera_matrix"])
+    for name, place in (("fx", (0, 0)), ("fy", (1, 1)), ("cx", (0, 2)), ("cy", (1, 2))):
+        assert abs(camera.matrix[place] - truth[place]) < SIGMAS * std[name], name
+    assert "14 of 14 images" in printed["camera"]
+
+
+def test_laser_plane_of_the_example_is_found(results):
+    rig = LightSection.load(results[0] / "rig.json")
+    truth = TRUTH["laser_plane"]
+    assert rig.laser_plane.distance == pytest.approx(truth["distance"], abs=LINE_FLOOR)
+    assert rig.laser_plane.normal == pytest.approx(truth["normal"], abs=LINE_FLOOR / 100)
+    assert rig.provenance["inputs_sha256"]
+
+
+def test_sensor_on_the_flange_is_found_within_its_covariance(results):
+    found = load_hand_eye(results[0] / "hand_eye.json")
+    truth = np.array(TRUTH["flange_from_section"])
+    delta = found.flange_from_section.rotation @ truth[:3, :3].T
+    turn = [delta[2, 1] - delta[1, 2], delta[0, 2] - delta[2, 0], delta[1, 0] - delta[0, 1]]
+    error = np.r_[found.flange_from_section.translation - truth[:3, 3], np.array(turn) / 2]
+    assert error @ np.linalg.solve(found.covariance, error) < SIGMAS**2
+    assert found.rejected == ()
+
+
+def test_each_step_leaves_its_files_and_a_page_that_stands_alone(results):
+    made = {path.name for path in results[0].iterdir()}
+    assert made == {
+        *("camera.json", "camera.yaml", "camera.html", "rig.json", "laser_plane.json"),
+        *("rig.html", "hand_eye.json", "hand_eye.yaml", "hand_eye.html"),
+    }
+    for page in results[0].glob("*.html"):
+        text = page.read_text()
+        assert text.count("<svg") == 2
+        assert "<script" not in text
+        assert 'src="http' not in text
+
+
+def test_a_folder_of_ones_own_is_taken_and_a_missing_one_is_named(tmp_path):
+    done = script("camera", tmp_path / "nowhere")
+    assert done.returncode == 1
+    assert "nowhere" in done.stderr
+    assert not (tmp_path / "nowhere").exists()
+
+
+def test_poses_of_ones_own_need_their_convention(tmp_path):
+    done = script("sensor_to_robot", tmp_path)
+    assert done.returncode == 2
+    assert "--convention" in done.stderr
+
+
+def test_the_example_is_small():
+    shipped = [path for path in EXAMPLE.rglob("*") if "results" not in path.parts]
+    sizes = [path.stat().st_size for path in shipped if path.is_file()]
+    assert sum(sizes) < LARGEST_BYTES
+
+
+def test_the_recipe_makes_profiles_poses_and_truth_bit_for_bit(tmp_path):
+    spec = importlib.util.spec_from_file_location("example_make", EXAMPLE / "make.py")
+    recipe = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(recipe)
+    recipe.write_sphere(tmp_path, np.random.default_rng(recipe.SEED + 1))
+    recipe.write_pipe(tmp_path, np.random.default_rng(recipe.SEED + 2))
+    recipe.write_truth(tmp_path)
+    made = [path for path in tmp_path.rglob("*") if path.is_file()]
+    assert len(made) == 12 + 6 + 2 + 1
+    for path in made:
+        shipped = EXAMPLE / path.relative_to(tmp_path)
+        assert shipped.read_bytes() == path.read_bytes(), shipped
