@@ -17,7 +17,7 @@ from lsvision.shapes import Ellipse, FloatArray, Points
 from lsvision.shapes.ellipse import foot_directions
 
 PARAMETERS = 5
-NEEDLE = 1e-5
+NEEDLE = 1e-3
 """Thinner than this an ellipse is a straight line that lost its way."""
 EXACT_RADIUS_STD = 1e-6
 """Share of a known radius that stands for "exactly": small beside any noise, not singular."""

@@ -62,6 +62,8 @@ def estimate_noise_std(points: Points) -> float:
     from scipy.special import ndtri
 
     smallest = max(1e-7 * float(np.ptp(points, axis=0).max()) if len(points) else 0.0, 1e-9)
+    if len(points) < 5:
+        return smallest
     y = points[np.append(True, (points[1:] != points[:-1]).any(axis=1)), 1]
     if len(y) < 5:
         return smallest

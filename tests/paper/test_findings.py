@@ -178,7 +178,6 @@ def test_smoothing_y_of_x_spoils_even_a_noise_free_arc(theta_deg, phi_deg, too_l
     assert pipe.errors(twice)[0] > radius + 0.1
 
 
-@pytest.mark.xfail(reason="fit_ellipse reweights flanks where residuals are coloured")
 def test_the_papers_radial_fit_weighs_all_points_alike():
     pipe = SeenPipe(19.0, 10, 30, noise_factor=0.0)
     literal = smooth_profile_literally(pipe.exact)
@@ -221,7 +220,6 @@ def test_smoothing_the_residual_along_the_arc_is_unbiased(theta_deg, phi_deg):
     assert literal > 0.1  # mm: as much as the noise
 
 
-@pytest.mark.xfail(reason="condition_arc puts them on the chords between feet, 0.012 mm inside")
 def test_homogenised_points_of_a_noise_free_arc_lie_on_it():
     pipe = SeenPipe(19.0, 20, 20, noise_factor=0.0)
     even = condition_arc(pipe.exact, pipe.covariances, pipe.ellipse).points

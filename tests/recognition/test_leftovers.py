@@ -41,9 +41,9 @@ def test_a_few_points_beside_a_cylinder_are_not():
     assert [rejection.arc for rejection in explained([found_at(5, 50)])] == [Arc(50, 100)]
 
 
-def test_a_rejection_is_kept_and_not_repeated():
+def test_a_flat_stretch_is_called_flat_whatever_was_tried_on_it_and_once():
     kept = explained(rejections=[Rejection(Arc(0, 50), "first"), Rejection(Arc(2, 48), "again")])
-    assert kept[0].reason == "first"
+    assert kept[0].reason.startswith("flat: ")
     assert [rejection.arc for rejection in kept] == [Arc(0, 50), Arc(50, 100)]
 
 
