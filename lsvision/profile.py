@@ -137,7 +137,7 @@ class WeighedProfile:
         times too small on real sensors, which smooth along the line. Either may be exceeded by
         the form error of a real pipe of that radius (mm).
         """
-        modelled = 1.7 if self.noise_known else 4.0
+        modelled = 3.0 if self.noise_known else 4.0
         return max(modelled, FORM_SHARE * radius / max(self.noise_std, 1e-12))
 
 

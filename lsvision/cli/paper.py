@@ -17,7 +17,7 @@ def paper(
     ] = DEFAULT_PAGE,
     json: Annotated[Path | None, typer.Option("--json", help="The same numbers as JSON.")] = None,
     full: Annotated[
-        bool, typer.Option("--full", help="Tight statistics: a quarter of an hour.")
+        bool, typer.Option("--full", help="Tight statistics: about ten minutes.")
     ] = False,
     noise_mm: Annotated[
         float,

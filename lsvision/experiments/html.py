@@ -10,11 +10,11 @@ body{margin:0 auto;max-width:44rem;padding:1rem;font:16px/1.5 system-ui,sans-ser
 color:#1a1a1a;background:#fff;overflow-wrap:break-word}
 h1{font-size:1.7rem;line-height:1.2}h2{margin-top:2.4rem;border-top:2px solid #ddd;
 padding-top:1rem;font-size:1.3rem}h3{font-size:1.05rem;margin-top:1.6rem}
-figure{margin:1rem 0}figure svg{width:100%;height:auto;display:block}
+figure{margin:1rem 0}figure svg{width:100%;max-width:36rem;height:auto;display:block;margin:auto}
 figcaption{font-size:.9rem;color:#444}
-.scroll{overflow-x:auto;margin:1rem 0}
+.scroll{overflow-x:auto;margin:0 0 1rem}
 table{border-collapse:collapse;font-size:.88rem;font-variant-numeric:tabular-nums}
-caption{text-align:left;font-weight:600;padding:.3rem 0}
+p.caption{font-weight:600;font-size:.92rem;margin:1rem 0 .3rem}
 th,td{padding:.25rem .55rem;border-bottom:1px solid #ddd;text-align:right;vertical-align:top}
 th{background:#f3f3f3;font-weight:600}
 td{white-space:nowrap}
@@ -95,7 +95,8 @@ def table(caption: str, head: Sequence[str], rows: Sequence[Sequence[str]], word
     top = "".join(_cell("th", text, "words" if n < words else "") for n, text in enumerate(head))
     lines = [_row(row, len(head), words) for row in rows]
     return (
-        f'<div class="scroll"><table><caption>{escape(caption)}</caption>'
+        # The caption stands outside what scrolls, so that a phone breaks its lines.
+        f'<p class="caption">{escape(caption)}</p><div class="scroll"><table>'
         f"<thead><tr>{top}</tr></thead><tbody>\n" + "\n".join(lines) + "\n</tbody></table></div>"
     )
 

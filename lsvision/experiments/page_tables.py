@@ -133,7 +133,7 @@ def _error_table(report: PaperReport, number: int) -> str:
             printed = row.printed
             welded = f"φ {printed.phi_deg:g}°, no. {printed.number}"
             cells = [welded if number == 4 else f"r = {printed.radius_mm:g} mm",
-                     f"{getattr(printed.errors, quantity):+.3f}",
+                     f"{getattr(printed.errors, quantity):+.3f}".replace("-", "−"),
                      digits(getattr(row.spreads["section"].bound, quantity))]  # fmt: skip
             for spread in row.spreads.values():
                 rms = getattr(spread.rms, quantity)

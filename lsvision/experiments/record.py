@@ -37,7 +37,10 @@ def report_json(report: PaperReport) -> str:
                  for key, way in WAYS.items()},
         "tables_1_to_4": [_plain(row) for row in report.rows],
         "readme_table": readme_table(report.rows),
-        "reach": [{**_plain(reach), "chance": reach.chance, "reachable": reach.reachable} for reach in report.reaches],
+        "reach": [
+            {**_plain(reach), "chance": reach.chance, "reachable": reach.reachable}
+            for reach in report.reaches
+        ],
         "table_5": [{**_plain(timing), "ratio": timing.ratio} for timing in report.timings],
         "figures_14_and_15": [_scene(scene) for scene in report.scenes],
         "figure_16": _repeatability(report.repeatability),

@@ -50,7 +50,7 @@ class Effort:
 
     @classmethod
     def full(cls) -> Self:
-        """A quarter of an hour: right to 4 % for one section, 7-15 % for the rest."""
+        """About ten minutes: right to 4 % for one section, 7-15 % for the rest."""
         runs = {"paper": 20, "section": 400, "known": 400, "two": 100, "twenty": 30}
         return cls(runs=_checked(runs), timing_scenes=4, repeats=1000, ablation_scenes=200)
 

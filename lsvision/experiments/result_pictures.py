@@ -1,17 +1,21 @@
 """Pictures of Tables 1-4, of Figures 14-16 and of the ablation."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lsvision.draw import draw_on_axes
-from lsvision.experiments.printed import PRINTED_BOX_MM, QUANTITIES
+from lsvision.experiments.printed import PRINTED_BOX_MM, QUANTITIES, PrintedRow
 from lsvision.experiments.repeatability import Repeatability
 from lsvision.experiments.scenes import PicturedScene
 from lsvision.experiments.svg import BLUE, GREEN, GREY, ORANGE, PURPLE, inline_svg, new_figure
 from lsvision.experiments.tables import TableRow, pool
 from lsvision.experiments.ways import WAYS, Way
 from lsvision.shapes import FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 NAMES = {"radius_mm": "radius / mm", "theta_deg": "θ / °", "phi_deg": "φ / °"}
 """Of the quantities, as axes show them."""
@@ -26,41 +30,47 @@ def draw_tables(rows: Sequence[TableRow]) -> str:
     figure = new_figure(6.6)
     panels = figure.subplots(3, 1, sharex=True)
     tables = sorted({row.printed.table for row in rows})
+    by_table = [[row for row in rows if row.printed.table == table] for table in tables]
     for axes, quantity in zip(panels, QUANTITIES, strict=True):
-        for place, table in enumerate(tables):
-            own = [row for row in rows if row.printed.table == table]
-            printed = [abs(getattr(row.printed.errors, quantity)) for row in own]
-            axes.plot([place - 0.36] * len(own), printed, "_", color="red", ms=12, mew=1.6,
-                      label="printed in the paper" if place == 0 else None)  # fmt: skip
-            for step, way in enumerate(WAYS):
-                spread = pool([row.spreads[way] for row in own])
-                at = place - 0.2 + 0.14 * step
-                rms, bound = getattr(spread.rms, quantity), getattr(spread.bound, quantity)
-                label = f"({WAYS[way].letter}) {WAYS[way].name}" if place == 0 else None
-                if bound > 0:
-                    axes.plot(at, bound, "_", color="0.3", ms=11, mew=1.2,
-                              label="best possible" if place == step == 0 else None)  # fmt: skip
-                if rms > 1e-6:
-                    axes.plot(at, rms, "o", color=COLOURS[way], ms=5.5, label=label)
-                else:
-                    axes.plot([], [], "o", color=COLOURS[way], ms=5.5, label=label)
+        for place, own in enumerate(by_table):
+            _draw_table(axes, own, quantity, place)
         axes.set_yscale("log")
         axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
         axes.set_ylabel(f"error of {NAMES[quantity]}")
         axes.grid(visible=True, axis="y", lw=0.4, alpha=0.6)
-    angles = {row.printed.table: row.printed for row in rows}
-    names = [
-        f"Table {t}\n" + ("φ 30-10°, welded" if t == 4 else f"φ = {angles[t].phi_deg:g}°")
-        for t in tables
-    ]
+    names = [_under(own[0].printed) for own in by_table]
     panels[-1].set_xticks(range(len(tables)), names)
     handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=2, fontsize=8, frameon=False)
+    figure.legend(handles, labels, loc="outside upper center", ncols=2, fontsize=7.5,
+                  frameon=False, columnspacing=1, handletextpad=0.3)  # fmt: skip
     return inline_svg(
         figure, "tables",
         "Errors of radius, theta and phi in Tables 1 to 4 for five ways to measure, beside the "
         "paper's printed errors and the best possible, on a logarithmic scale",
     )  # fmt: skip
+
+
+def _draw_table(axes: "Axes", own: Sequence[TableRow], quantity: str, place: int) -> None:
+    """One table's printed errors, and each way's error on its bound; the first has labels."""
+    named = place == 0
+    printed = [abs(getattr(row.printed.errors, quantity)) for row in own]
+    axes.plot([place - 0.36] * len(own), printed, "_", color="red", ms=12, mew=1.6,
+              label="printed in the paper" if named else None)  # fmt: skip
+    for step, (way, info) in enumerate(WAYS.items()):
+        spread = pool([row.spreads[way] for row in own])
+        at = place - 0.2 + 0.14 * step
+        rms, bound = getattr(spread.rms, quantity), getattr(spread.bound, quantity)
+        if bound > 0:
+            axes.plot(at, bound, "_", color="0.3", ms=11, mew=1.2,
+                      label="best possible" if named and step == 0 else None)  # fmt: skip
+        # A radius that is given has no error, and no place on a logarithmic scale.
+        axes.plot(at, rms if bound > 0 else np.nan, "o", color=COLOURS[way], ms=5.5,
+                  label=f"({info.letter}) {info.name}" if named else None)  # fmt: skip
+
+
+def _under(printed: PrintedRow) -> str:
+    kind = "welded" if printed.table == 4 else f"φ = {printed.phi_deg:g}°"
+    return f"Table {printed.table}\n{kind}"
 
 
 def draw_scene(scene: PicturedScene, number: int) -> str:
@@ -73,11 +83,11 @@ def draw_scene(scene: PicturedScene, number: int) -> str:
     number : int
         Its place on the page.
     """
-    figure = new_figure(3.9)
+    figure = new_figure(3.8)
     axes = figure.subplots()
     draw_on_axes(axes, scene.section.profile, scene.measurement)
     axes.margins(y=0.15)  # the letters stand above what they name
-    axes.legend(loc="lower center", fontsize=7, ncols=3, frameon=False, bbox_to_anchor=(0.5, 1.0))
+    axes.legend(loc="lower center", fontsize=7, ncols=2, frameon=False, bbox_to_anchor=(0.5, 1.0))
     shown = "measured points and the pipes found, each with its ellipse and major axis"
     return inline_svg(figure, f"scene{number}", f"{scene.title}: {shown}")
 

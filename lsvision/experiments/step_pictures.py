@@ -25,7 +25,7 @@ def draw_recognition(steps: StepExample) -> str:
     above.set_aspect("equal", adjustable="box")
     above.margins(y=0.15)
     above.set_xlabel("")
-    above.legend(loc="lower center", fontsize=7, ncols=3, frameon=False,
+    above.legend(loc="lower center", fontsize=7, ncols=2, frameon=False,
                  bbox_to_anchor=(0.5, 1.0))  # fmt: skip
     x, worst = steps.windows.T
     below.plot(x, np.minimum(worst, HIGHEST_MM), "-", color=GREY, lw=0.8)
@@ -66,7 +66,7 @@ def draw_screening(steps: StepExample) -> str:
         axes.axhline(value, color=PURPLE, lw=1, ls="--",
                      label="the paper's limit, 0.9 mm" if value > 0 else None)  # fmt: skip
     axes.set(ylim=(-1.5, 1.5), xlabel="X / mm", ylabel="off the middle part's ellipse / mm")
-    axes.legend(fontsize=7.5, ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)
+    axes.legend(fontsize=7, ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)
     return inline_svg(
         figure, "screening",
         "Residuals of an arc's points to the ellipse of its middle part; end points beyond "
@@ -97,7 +97,7 @@ def draw_smoothing(steps: StepExample) -> str:
          label="smoothed as y over x (the paper's text)")  # fmt: skip
     axes.axhline(0.0, color=GREEN, lw=0.8, label="the true pipe")
     axes.set(xlabel="X / mm", ylabel="off the true ellipse / mm")
-    axes.legend(fontsize=7.5, ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)
+    axes.legend(fontsize=7, ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)
     return inline_svg(
         figure, "smoothing",
         "Distance from the true ellipse of measured points, of points smoothed along the arc, "

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-WIDTH_INCH = 5.4
+WIDTH_INCH = 4.6
 """At 72 units an inch a phone shows letters of such a figure at about their own size."""
 BLUE, ORANGE, GREEN, PURPLE, GREY = "#0072B2", "#D55E00", "#00805E", "#A8457E", "0.45"
 """Told apart by colour-blind readers."""

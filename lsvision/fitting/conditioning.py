@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.fitting.ellipse_problem import ellipse_of, parameters_of
+from lsvision.fitting.ellipse_problem import ellipse_of, is_ellipse, parameters_of
 from lsvision.fitting.homogenising import HomogenisingSettings, homogenise
 from lsvision.fitting.quick_fit import (
     normal_residuals,
@@ -78,8 +78,7 @@ def condition_arc(
     kept[order] = smooth.weights > 0
     weight = np.broadcast_to(np.eye(2) * float(np.median(stds)) ** 2, (len(even), 2, 2))
     found, _ = refine_quickly(on_even, weight, parameters, steps=2)
-    sound = np.isfinite(found).all() and found[2] > np.hypot(found[3], found[4])
-    return ConditionedArc(on_even, ellipse_of(found if sound else parameters), kept)
+    return ConditionedArc(on_even, ellipse_of(found if is_ellipse(found) else parameters), kept)
 
 
 def _beside_ellipse(parameters: FloatArray, turn: FloatArray, residual: FloatArray) -> Points:

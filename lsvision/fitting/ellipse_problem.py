@@ -174,13 +174,19 @@ def ellipse_of(parameters: FloatArray) -> Ellipse:
         If the parameters are no ellipse: not finite, or an axis of no length.
     """
     a, b, cos, sin = axes_of(parameters)
-    if not (np.isfinite(parameters).all() and NEEDLE * a < b <= a):
+    if not is_ellipse(parameters):
         raise FitFailed(
             f"the points have no ellipse (semi-axes {a:.3g} and {b:.3g} mm): they lie on a "
             "straight line or on two; leave them out"
         )
     centre = (float(parameters[0]), float(parameters[1]))
     return Ellipse(centre, a, b, math.atan2(sin, cos))
+
+
+def is_ellipse(parameters: FloatArray) -> bool:
+    """Whether parameters are finite and of an ellipse that is no needle."""
+    a, b, _, _ = axes_of(parameters)
+    return bool(np.isfinite(parameters).all()) and NEEDLE * a < b <= a
 
 
 def semi_minor(parameters: FloatArray) -> float:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.fitting.ellipse_problem import ellipse_of, parameters_of
+from lsvision.fitting.ellipse_problem import ellipse_of, is_ellipse, parameters_of
 from lsvision.fitting.quick_fit import (
     normal_residuals,
     parameter_rows,
@@ -154,10 +154,8 @@ def identify_arc(
 
 def _plausible(parameters: FloatArray, radius: float, largest_change: float) -> bool:
     """An ellipse, and not quite another size than the circle it began with."""
-    if not np.isfinite(parameters).all():
-        return False
-    m, h = float(parameters[2]), float(np.hypot(parameters[3], parameters[4]))
-    return m > h and radius / largest_change < m < radius * largest_change
+    size = float(parameters[2])
+    return is_ellipse(parameters) and radius / largest_change < size < radius * largest_change
 
 
 def _on_ellipse(

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.fitting.correlation import correlation_factor
-from lsvision.fitting.ellipse_problem import ellipse_of, parameters_of
+from lsvision.fitting.ellipse_problem import ellipse_of, is_ellipse, parameters_of
 from lsvision.fitting.quick_fit import (
     normal_residuals,
     normal_variances,
@@ -133,7 +133,7 @@ class _MiddlePart:
 def _fit_middle(profile: WeighedProfile, part: IntArray, start: Ellipse) -> _MiddlePart | None:
     own, covariances = profile.points[part], profile.covariances[part]
     parameters, covariance = refine_quickly(own, covariances, parameters_of(start), steps=2)
-    if not (np.isfinite(parameters).all() and parameters[2] > np.hypot(*parameters[3:])):
+    if not is_ellipse(parameters):
         return None
     signed, n, _ = normal_residuals(own, parameters)
     z = signed / np.sqrt(normal_variances(n, covariances))
