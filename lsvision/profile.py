@@ -7,7 +7,6 @@ import numpy as np
 
 from lsvision.shapes import FloatArray, IntArray, Points, locked
 
-
 FORM_SHARE = 8e-4
 """Rms form error of pipes, and of profile sensors that look at them, over the radius."""
 

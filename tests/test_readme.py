@@ -13,6 +13,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 COMMANDS = re.findall(r"```shell\n(.*?)```", README, re.DOTALL)
+SCANNED = re.search(r"--plot pair.png\n```\n+```text\n(.*?)```", README, re.DOTALL)[1]
 PYTHON, PYTHON_OUTPUT = re.search(
     r"```python\n(.*?)```\n+```text\n(.*?)```", README, re.DOTALL
 ).groups()
@@ -46,7 +47,15 @@ def test_the_first_command_prints_the_table_and_draws_the_picture(tmp_path):
     assert (tmp_path / "welded.png").read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize("command", [c for c in COMMANDS if c.startswith("lsvision ")])
+def test_the_scan_prints_what_it_shows(tmp_path):
+    (command,) = (c for c in COMMANDS if c.startswith("lsvision scan"))
+    done = run_lsvision(command, tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == SCANNED.split()
+    assert (tmp_path / "pair.png").exists()
+
+
+@pytest.mark.parametrize("command", [c for c in COMMANDS if c.startswith("lsvision plan")])
 def test_every_other_command_runs(command, tmp_path):
     for line in command.strip().splitlines():
         done = run_lsvision(line, tmp_path)
@@ -57,5 +66,5 @@ def test_the_python_example_prints_what_it_says(monkeypatch):
     monkeypatch.chdir(ROOT)
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
-        exec(compile(PYTHON, "README.md", "exec"), {})  # noqa: S102
+        exec(compile(PYTHON, "README.md", "exec"), {})
     assert printed.getvalue() == PYTHON_OUTPUT
