@@ -127,10 +127,10 @@ def reason_against(
 
 
 def reason_of_size(profile: WeighedProfile, radius: float, radius_std: float) -> str | None:
-    """Why a radius is none: as large as the view and hardly known. None otherwise.
+    """Why a radius is none: less than its own error, or as large as the view and hardly known.
 
-    A small radius that is hardly known is a short arc, reported with its interval; a large one
-    is any gentle curve.
+    A radius known to a few sigmas is a short arc, reported with its interval; a large one is
+    any gentle curve.
 
     Parameters
     ----------
@@ -139,10 +139,13 @@ def reason_of_size(profile: WeighedProfile, radius: float, radius_std: float) ->
     radius, radius_std : float
         Units: mm.
     """
+    said = f"radius {radius:.3g} +/- {radius_std:.2g} mm"
+    if radius < radius_std:
+        return f"{said}: the arc is too short or too noisy to have one"
     view = float(np.ptp(profile.points[profile.order], axis=0).max())
-    if radius < LARGE_SHARE * view or radius > LARGE_SIGMAS * radius_std:
-        return None
-    return f"radius {radius:.0f} +/- {radius_std:.0f} mm: any gentle curve in this view"
+    if radius > LARGE_SHARE * view and radius < LARGE_SIGMAS * radius_std:
+        return f"{said}: any gentle curve in a view of {view:.0f} mm"
+    return None
 
 
 def coverage(normals: FloatArray) -> float:

@@ -15,6 +15,7 @@ from lsvision.recognition.verdict import (
     reason_against,
     reason_for_leftover,
     reason_in_surroundings,
+    reason_of_size,
 )
 from lsvision.recognition.weighing import weigh_profile
 from tests.recognition.scenes import bowl, dome, flat, line
@@ -150,3 +151,14 @@ def test_leftovers_have_their_reason(points, reason, rng):
 def test_points_at_one_place_are_left_over_without_breaking():
     profile = weigh_profile(Profile(np.zeros((9, 2))), None)
     assert reason_for_leftover(profile.points, profile.noise_std, RANGE).startswith("flat: 0.00 mm")
+
+
+@pytest.mark.parametrize(
+    ("radius", "std", "match"),
+    [(19.0, 21.0, "too short or too noisy"), (90.0, 40.0, "any gentle curve in a view of 200 mm")],
+)
+def test_a_radius_that_is_hardly_known_is_none(radius, std, match):
+    x = np.linspace(-100, 100, 300)
+    weighed = weigh_profile(Profile(np.column_stack([x, 0 * x - 400.0])), None)
+    assert match in reason_of_size(weighed, radius, std)
+    assert reason_of_size(weighed, radius, radius / 10) is None
