@@ -242,7 +242,7 @@ def least_squares(evaluate: Evaluation, start: FloatArray) -> FloatArray:
     with np.errstate(all="ignore"):
         found, *_ = leastsq(
             lambda x: remembered(x)[0], start, Dfun=lambda x: remembered(x)[1],
-            xtol=1e-9, ftol=1e-10, maxfev=100, full_output=True,
+            xtol=1e-7, ftol=1e-10, maxfev=100, full_output=True,
         )  # fmt: skip
     parameters: FloatArray = found
     return parameters

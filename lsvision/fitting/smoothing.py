@@ -89,7 +89,8 @@ def smooth_residual(
     # At the ends the window is one-sided; it keeps its width by reaching further in.
     reach = np.maximum(half, half + np.maximum(length[0] + half - nodes, nodes + half - length[-1]))
     u = (length - nodes[:, None]) / reach[:, None]
-    kernel = np.clip(1 - np.abs(u) ** 3, 0, None) ** 3 / stds**2
+    tricube = np.maximum(1 - np.abs(u * u * u), 0.0)
+    kernel = tricube * tricube * tricube / (stds * stds)
     weights = np.ones(len(length))
     smooth = np.zeros(NODES)
     for _ in range(1 + settings.rounds):
@@ -97,7 +98,7 @@ def smooth_residual(
         z = (residual - np.interp(length, nodes, smooth)) / stds
         # Never tighter than the noise model: clean points are no jumps.
         scale = max(float(np.median(np.abs(z))) * 1.4826, 1.0)
-        weights = np.clip(1 - (z / (BISQUARE * scale)) ** 2, 0, None) ** 2
+        weights = np.maximum(1 - (z / (BISQUARE * scale)) ** 2, 0.0) ** 2
     return SmoothedArc(nodes, smooth, weights)
 
 

@@ -46,7 +46,7 @@ class IdentificationSettings:
     """
 
     sensor_error_sigmas: float = 4.0
-    window_fraction: float = 0.35
+    window_fraction: float = 0.5
     ending_points: int = 3
     bridge_fraction: float = 0.25
     correlation: float = 4.0

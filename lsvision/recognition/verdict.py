@@ -239,8 +239,9 @@ def flatness_of(own: Points, noise_std: float) -> str | None:
         Units: mm.
     """
     centred = own - own.mean(axis=0)
-    direction = np.linalg.svd(centred, full_matrices=False)[2][0]
-    across = np.abs(centred @ (-direction[1], direction[0]))
+    xx, xy, yy = (float(centred[:, a] @ centred[:, b]) for a, b in ((0, 0), (0, 1), (1, 1)))
+    along = 0.5 * math.atan2(2 * xy, xx - yy)
+    across = np.abs(centred @ (-math.sin(along), math.cos(along)))
     # The largest tenth may be jumps; nine tenths of a normal distribution lie in 1.645 sigma.
     rms = float(np.quantile(across, 0.9)) / 1.645
     return f"flat: {rms:.2f} mm rms from a straight line" if rms < 2.5 * noise_std else None
