@@ -160,7 +160,10 @@ class _Likelihood:
         squares = (drawn**2).sum(axis=1)[:, None] + (others**2).sum(axis=1) - 2 * drawn @ others.T
         nearest = np.sort(squares.min(axis=1))
         quantile = float(np.interp(self.level * len(nearest), np.arange(len(nearest)), nearest))
-        return quantile * self.chi2_of_one / _chi2_of_one(self.level)
+        one, two = _chi2_of_one(self.level), -2 * math.log(1 - self.level)
+        share = min(max((quantile - one) / (two - one), 0.0), 1.0)
+        # Between one and two dimensions; Student's where the noise was estimated.
+        return (1 - share) * self.chi2_of_one + share * self.chi2_of_two
 
 
 def _chi2_of_one(level: float) -> float:
