@@ -19,6 +19,7 @@ from lsvision.fitting.quick_fit import (
     normal_variances,
     parameter_rows,
     refine_quickly,
+    tolerant_variances,
 )
 from lsvision.profile import Arc, WeighedProfile
 from lsvision.recognition.identification import IdentifiedArc
@@ -157,7 +158,7 @@ def _on_ellipse(
         return part
     signed, n, w = normal_residuals(profile.points[part], middle.parameters)
     rows = parameter_rows(n, w)
-    own = middle.excess * normal_variances(n, profile.covariances[part])
+    own = middle.excess * tolerant_variances(n, profile.covariances[part])
     expected = np.diag(own) + rows.T @ middle.covariance @ rows
     single: BoolArray = signed**2 < settings.sensor_error_sigmas**2 * np.diag(expected)
     for first in range(len(part)):
