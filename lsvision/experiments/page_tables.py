@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 
 from lsvision.experiments.ablation import Cost
+from lsvision.experiments.accuracy import KNOWN
 from lsvision.experiments.html import digits, table
 from lsvision.experiments.printed import PRINTED_AXIS_MM, PRINTED_BOX_MM, QUANTITIES
 from lsvision.experiments.reach import Reach
@@ -20,8 +21,6 @@ NAMES = {
     "phi_deg": "φ error, degrees",
 }
 SHORT = {"radius_mm": "radius, mm", "theta_deg": "θ, °", "phi_deg": "φ, °"}
-KNOWN = 1e-6
-"""A radius error below is none: the radius was given. Units: mm."""
 
 
 def error_tables(report: PaperReport) -> list[str]:
