@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from lsvision.calibrate.target import Chessboard as Chessboard
     from lsvision.calibrate.target import CircleGrid as CircleGrid
     from lsvision.draw import draw_measurement as draw_measurement
+    from lsvision.draw import draw_overlay as draw_overlay
     from lsvision.errors import LsvisionError as LsvisionError
     from lsvision.fitting.cylinder_fit import fit_cylinder as fit_cylinder
     from lsvision.fitting.cylinder_section import CylinderSection as CylinderSection
@@ -110,6 +111,7 @@ _ROOMS = {
     "save_hand_eye": "lsvision.io.hand_eye_file",
     "load_hand_eye": "lsvision.io.hand_eye_file",
     "draw_measurement": "lsvision.draw",
+    "draw_overlay": "lsvision.draw",
     "LsvisionError": "lsvision.errors",
 }
 

@@ -55,6 +55,19 @@ def test_the_scan_prints_what_it_shows(tmp_path):
     assert (tmp_path / "pair.png").exists()
 
 
+def test_the_images_print_what_they_show(tmp_path):
+    (commands,) = (c for c in COMMANDS if c.startswith("lsvision line"))
+    shown = README.split(commands, 1)[1].split("```text\n", 1)[1].split("```")[0]
+    printed = []
+    for command in commands.strip().splitlines():
+        done = run_lsvision(command, tmp_path)
+        assert done.returncode == 0, done.stderr
+        printed += done.stdout.replace(f"{ROOT}/", "").split()
+    assert printed == shown.split()
+    assert (tmp_path / "line.png").exists()
+    assert (tmp_path / "found.png").exists()
+
+
 @pytest.mark.parametrize("command", [c for c in COMMANDS if c.startswith("lsvision plan")])
 def test_every_other_command_runs(command, tmp_path):
     for line in command.strip().splitlines():

@@ -8,6 +8,7 @@ import typer
 from typer.core import TyperGroup
 
 from lsvision.cli.calibrate import calibrate
+from lsvision.cli.line import line
 from lsvision.cli.measure import measure
 from lsvision.cli.messages import FAILED, complain, internal_error
 from lsvision.cli.paper import paper
@@ -79,6 +80,7 @@ def _frame(
 
 
 app.command()(measure)
+app.command()(line)
 app.command()(paper)
 app.command()(plan)
 app.command()(scan)

@@ -1,4 +1,4 @@
-"""Many files measured one after the other: one that fails does not stop the rest."""
+"""Many files, or a camera's frames, one after the other: a failure does not stop the rest."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from lsvision.cli.image_sources import ImageFile, Imaging, LiveCamera, is_image, read_image_source
 from lsvision.cli.measuring import doubt_of_range
 from lsvision.cli.messages import complain, internal_error
 from lsvision.cli.outputs import Pictures
@@ -39,6 +40,8 @@ class Batch:
         That `measuring` weighs the points by.
     reading : ReadOptions
         What the user says of the files.
+    imaging : Imaging, optional
+        How images become profiles; without it they are refused.
     plot : Path, optional
         Picture of each profile; see `Pictures`.
     verbose : bool
@@ -50,17 +53,20 @@ class Batch:
     measuring: "Callable[[Profile], Measurement]"
     sensor: "ProfileSensor | None" = None
     reading: "ReadOptions" = field(default_factory=dict)  # type: ignore[assignment] # all optional
+    imaging: Imaging | None = None
     plot: Path | None = None
     verbose: bool = False
     debug: bool = False
 
 
-def measure_sources(sources: Sequence[Path], batch: Batch) -> "tuple[list[Record], int]":
+def measure_sources(
+    sources: Sequence[Path | LiveCamera], batch: Batch
+) -> "tuple[list[Record], int]":
     """Measure files in their order, print what each holds, and draw it.
 
     Parameters
     ----------
-    sources : sequence of Path
+    sources : sequence of Path or LiveCamera
         The files.
     batch : Batch
         What is done with each.
@@ -81,7 +87,7 @@ def measure_sources(sources: Sequence[Path], batch: Batch) -> "tuple[list[Record
             sections = _sections(source, batch, partial(progress.show, done, str(source)))
             lines = _lines(*sections, batch)
             if pictures:
-                _draw(*sections, pictures)
+                _draw(*sections, pictures, batch)
             records += _records(*sections)
         except LsvisionError as error:
             progress.clear()
@@ -108,10 +114,10 @@ class _Section:
 
 
 def _sections(
-    source: Path, batch: Batch, show: Callable[[int, int], None]
-) -> "tuple[ProfileFile, list[_Section]]":
+    source: Path | LiveCamera, batch: Batch, show: Callable[[int, int], None]
+) -> "tuple[ProfileFile | ImageFile, list[_Section]]":
     """Read a file and measure its profiles."""
-    file = read_source(source, batch.reading)
+    file = _read(source, batch)
     doubts = [note for note in file.notes if "--units" in note]  # such a note names the mend
     if doubts and file.units_assumed:
         raise UnreadableFile(f"{source}: {'; '.join(doubts)}, or --units mm if it is right")
@@ -124,9 +130,16 @@ def _sections(
             measurement = batch.measuring(profile)
         except LsvisionError as error:
             raise LsvisionError(f"{source}, profile {number}: {error}") from error
-        upside_down = not measurement.cylinders and _holds_cylinders_upside_down(profile, batch)
+        empty = not measurement.cylinders and not isinstance(file, ImageFile)
+        upside_down = empty and _holds_cylinders_upside_down(profile, batch)
         sections.append(_Section(number, profile, measurement, upside_down))
     return file, sections
+
+
+def _read(source: Path | LiveCamera, batch: Batch) -> "ProfileFile | ImageFile":
+    if isinstance(source, LiveCamera) or is_image(source):
+        return read_image_source(source, batch.imaging)
+    return read_source(source, batch.reading)
 
 
 def _holds_cylinders_upside_down(profile: "Profile", batch: Batch) -> bool:
@@ -140,7 +153,7 @@ def _holds_cylinders_upside_down(profile: "Profile", batch: Batch) -> bool:
         return False
 
 
-def _lines(file: "ProfileFile", sections: list[_Section], batch: Batch) -> list[str]:
+def _lines(file: "ProfileFile | ImageFile", sections: list[_Section], batch: Batch) -> list[str]:
     doubts = [doubt_of_range(section.profile, batch.sensor) for section in sections]
     notes = [*file.notes, *dict.fromkeys(doubt for doubt in doubts if doubt)]
     lines = [f"{file.path}: {file.summary}", *(f"  note: {note}" for note in notes)]
@@ -148,7 +161,7 @@ def _lines(file: "ProfileFile", sections: list[_Section], batch: Batch) -> list[
     for section in sections:
         verdict = verdict_lines(section.measurement, section.profile, verbose=batch.verbose)
         if len(file.profiles) > 1:
-            head = f"profile {section.number}:"
+            head = f"{_part(file)} {section.number}:"
             found = bool(section.measurement.cylinders)
             verdict = [head, *verdict] if found else [f"{head} {verdict[0]}", *verdict[1:]]
         lines += [f"  {line}" for line in verdict]
@@ -158,7 +171,7 @@ def _lines(file: "ProfileFile", sections: list[_Section], batch: Batch) -> list[
     return lines
 
 
-def _records(file: "ProfileFile", sections: list[_Section]) -> "list[Record]":
+def _records(file: "ProfileFile | ImageFile", sections: list[_Section]) -> "list[Record]":
     from lsvision.io.results import measurement_record
 
     return [
@@ -167,13 +180,24 @@ def _records(file: "ProfileFile", sections: list[_Section]) -> "list[Record]":
     ]
 
 
-def _draw(file: "ProfileFile", sections: list[_Section], pictures: Pictures) -> None:
-    from lsvision.draw import draw_measurement, picture_bytes
+def _draw(
+    file: "ProfileFile | ImageFile", sections: list[_Section], pictures: Pictures, batch: Batch
+) -> None:
+    from lsvision.draw import draw_measurement, draw_overlay, picture_bytes
     from lsvision.io.whole_files import write_whole
 
     parts = len(file.profiles)
     for section in sections:
-        title = f"{file.path}, profile {section.number}" if parts > 1 else str(file.path)
-        figure = draw_measurement(section.profile, section.measurement, title=title)
+        found = section.profile, section.measurement
+        title = f"{file.path}, {_part(file)} {section.number}" if parts > 1 else str(file.path)
+        if isinstance(file, ImageFile) and batch.imaging is not None:
+            image, rig = file.images[section.number], batch.imaging.light_section
+            figure = draw_overlay(image, rig, *found, title=title)
+        else:
+            figure = draw_measurement(*found, title=title)
         path = pictures.path_of(file.path, section.number, parts)
         write_whole(path, picture_bytes(figure, path.suffix[1:].lower()))
+
+
+def _part(file: "ProfileFile | ImageFile") -> str:
+    return "frame" if isinstance(file, ImageFile) else "profile"

@@ -1,4 +1,4 @@
-"""``lsvision measure``: profile files in, cylinders with their uncertainty out."""
+"""``lsvision measure``: profiles and images in, cylinders with their uncertainty out."""
 
 from pathlib import Path
 from typing import Annotated
@@ -6,10 +6,19 @@ from typing import Annotated
 import typer
 
 from lsvision.cli.batch import Batch, measure_sources
+from lsvision.cli.image_options import (
+    Laser,
+    LaserOff,
+    LightSectionFile,
+    Method,
+    imaging_of,
+    line_settings_of,
+)
+from lsvision.cli.image_sources import LiveCamera
 from lsvision.cli.measuring import measuring_of, reading_of, sensor_of
 from lsvision.cli.messages import FAILED, complain
 from lsvision.cli.outputs import check_outputs, check_picture
-from lsvision.cli.sources import find_sources
+from lsvision.cli.sources import MEASURED_SUFFIXES, PROFILE_SUFFIXES, find_sources
 
 READERS = (
     "text, matrix, gocator, gocator-points, keyence, keyence-raw, npy, npz, ply, pcd, opencv, "
@@ -21,9 +30,11 @@ READERS = (
 def measure(
     ctx: typer.Context,
     files: Annotated[
-        list[str],
-        typer.Argument(metavar="FILE|DIR|GLOB", help="Profile files, as many as you like."),
-    ],
+        list[str] | None,
+        typer.Argument(
+            metavar="FILE|DIR|GLOB", help="Profiles, images, videos: as many as you like."
+        ),
+    ] = None,
     radius: Annotated[
         str | None,
         typer.Option(
@@ -55,6 +66,22 @@ def measure(
     paper: Annotated[
         bool, typer.Option("--paper", help="The paper's chain to the letter, for comparison.")
     ] = False,
+    light_section: LightSectionFile = None,
+    laser: Laser = "grey",
+    method: Method = "derivative",
+    laser_off: LaserOff = None,
+    surface_std: Annotated[
+        float,
+        typer.Option(min=0, metavar="MM", help="Images: roughness of the surface, one sigma."),
+    ] = 0.0,
+    camera: Annotated[
+        int | None,
+        typer.Option(min=0, metavar="INDEX", help="Take images from this connected camera, too."),
+    ] = None,
+    frames: Annotated[
+        int | None,
+        typer.Option(min=1, metavar="N", help="Frames of a video [all] or of the camera [1]."),
+    ] = None,
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="F", help="Write all results as JSON.")
     ] = None,
@@ -65,8 +92,8 @@ def measure(
         Path | None,
         typer.Option(
             metavar="F.png|F.svg",
-            help="Draw the profile and what was found; of several files F-NAME.png each, of "
-            "several profiles in a file F-NAME-K.png.",
+            help="Draw what was found into the profile, or the image; of several files F-NAME.png "
+            "each, of several profiles or frames in a file F-NAME-K.png.",
         ),
     ] = None,
     file_format: Annotated[
@@ -107,12 +134,12 @@ def measure(
         bool, typer.Option("--verbose", "-v", help="Also say what was refused, and why.")
     ] = False,
 ) -> None:
-    """Measure radius and orientation of every cylinder in profiles of a laser line sensor.
+    """Measure radius and orientation of every cylinder in profiles or images of a laser line.
 
     For each cylinder: radius, theta (direction of the section's major axis, from X towards Y),
     phi (tilt of the axis from the laser plane's normal) and centre, each with one sigma, and
     below them the 95 % intervals. Text files hold x and height in mm, one point a line, unless
-    their header or an option says otherwise.
+    their header or an option says otherwise. Images need the rig that took them.
 
     \b
     Every pipe in a profile, with a picture:
@@ -125,10 +152,20 @@ def measure(
       lsvision measure fixtures --json all.json --csv all.csv --plot all.png
     Ranges (away from the sensor) in metres, columns 1 and 3 of a table:
       lsvision measure 'logs/**/*.txt' --flip --units m --columns 0,2
+    A camera's image of the line (--plot draws the ellipses into it):
+      lsvision measure fixtures/images/pair.png --light-section fixtures/images/rig.json
+    Ten frames of the first camera that is connected, a red laser:
+      lsvision measure --camera 0 --frames 10 --light-section rig.json --laser red
     """  # noqa: D301 - the backspace tells click to leave the lines as they are
     from lsvision.io.results import write_csv, write_json
 
+    if not files and camera is None:
+        raise typer.BadParameter("want files or folders to measure, or --camera INDEX, got none")
     check_picture(plot)
+    imaging = imaging_of(
+        light_section, line_settings_of(laser, method), laser_off,
+        surface_std=surface_std, frames=frames, keep_images=plot is not None,
+    )  # fmt: skip
     noise = sensor_of(sensor, range_std, reference_range)
     batch = Batch(
         measuring=measuring_of(radius, known_radius, noise, paper=paper),
@@ -137,12 +174,17 @@ def measure(
             format=file_format, columns=columns, units=units, flip=flip,
             x0=x0, dx=dx, x_start=x_start, x_pitch=x_pitch, z_unit=z_unit,
         ),
+        imaging=imaging,
         plot=plot,
         verbose=verbose,
         debug=ctx.find_root().params.get("debug", False),
     )  # fmt: skip
-    sources, missing = find_sources(files)
-    check_outputs((json_file, csv_file, plot), sources)
+    suffixes = PROFILE_SUFFIXES if imaging is None else MEASURED_SUFFIXES
+    paths, missing = find_sources(files or (), suffixes)
+    check_outputs((json_file, csv_file, plot), paths)
+    sources: list[Path | LiveCamera] = [*paths]
+    if camera is not None:
+        sources.append(LiveCamera(camera, frames or 1))
     for failure in missing:
         complain(str(failure))
     records, failed = measure_sources(sources, batch)

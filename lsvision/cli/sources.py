@@ -23,6 +23,12 @@ PROFILE_SUFFIXES = frozenset(
 IMAGE_SUFFIXES = frozenset((".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".webp"))
 """Files that count as images when a folder is named."""
 
+VIDEO_SUFFIXES = frozenset((".avi", ".mp4", ".mkv", ".mov", ".m4v", ".webm"))
+"""Files that are read frame by frame."""
+
+MEASURED_SUFFIXES = PROFILE_SUFFIXES | IMAGE_SUFFIXES | VIDEO_SUFFIXES
+"""What counts in a folder where a rig turns images into profiles."""
+
 
 def find_sources(
     words: Sequence[str], suffixes: frozenset[str] = PROFILE_SUFFIXES
@@ -35,7 +41,8 @@ def find_sources(
         Files, folders (the profile files right in them) and patterns (``**`` reaches into
         folders), in the order of the command line.
     suffixes : frozenset of str
-        What counts when a folder is named: `PROFILE_SUFFIXES` or `IMAGE_SUFFIXES`.
+        What counts when a folder is named: `PROFILE_SUFFIXES`, `IMAGE_SUFFIXES` or
+        `MEASURED_SUFFIXES`.
 
     Returns
     -------
@@ -83,6 +90,11 @@ def _files_of(word: str, suffixes: frozenset[str]) -> list[Path]:
 
 def _nothing_in(word: str, suffixes: frozenset[str]) -> UnreadableFile:
     if Path(word).is_dir():
+        if suffixes is PROFILE_SUFFIXES and _files_of(word, IMAGE_SUFFIXES | VIDEO_SUFFIXES):
+            return UnreadableFile(
+                f"{word}: no profile in this folder, only images: they need the rig that took "
+                "them, --light-section rig.json"
+            )
         what, pattern = ("image", "*.png") if suffixes is IMAGE_SUFFIXES else ("profile", "*.csv")
         return UnreadableFile(
             f"{word}: no {what} in this folder: name another, its subfolders as "

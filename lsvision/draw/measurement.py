@@ -60,8 +60,8 @@ def draw_measurement(profile: Profile, measurement: Measurement, *, title: str =
     axes = figure.add_axes((0.065, 0.085, 0.605, 0.785))
     draw_on_axes(axes, profile, measurement)
     refused = refused_arcs(profile.points, measurement)
-    headline = _headline(len(measurement.cylinders), len(refused), title)
-    figure.suptitle(headline, x=0.065, y=0.96, ha="left", fontsize=13,
+    shown = headline(len(measurement.cylinders), len(refused), title)
+    figure.suptitle(shown, x=0.065, y=0.96, ha="left", fontsize=13,
                     parse_math=False)  # fmt: skip
     draw_panel(figure, measurement.cylinders, refused)
     return figure
@@ -139,7 +139,8 @@ def _once(axes: "Axes", label: str) -> str | None:
     return None if label in axes.get_legend_handles_labels()[1] else label
 
 
-def _headline(cylinders: int, refused: int, title: str) -> str:
+def headline(cylinders: int, refused: int, title: str) -> str:
+    """What a picture holds, in a line behind its title; both counted."""
     verdict = f"{cylinders or 'no'} cylinder{'' if cylinders in {0, 1} else 's'}"
     if refused:
         verdict += f", {refused} arc{'' if refused == 1 else 's'} refused"

@@ -4,6 +4,7 @@ The line is extracted on the raw image and its points are undistorted: warping t
 first would smear the line's intensity over its neighbours.
 """
 
+import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,6 +16,7 @@ import numpy.typing as npt
 
 from lsvision.errors import DegenerateGeometry, LsvisionError
 from lsvision.profile import PointNoise, Profile
+from lsvision.sensor.blur_along import without_blur_along
 from lsvision.sensor.camera import Camera
 from lsvision.sensor.laser_line import LaserLine, LineSettings, extract_laser_line
 from lsvision.sensor.rig_file import read_rig, write_rig
@@ -53,9 +55,15 @@ class LightSection:
         Camera frame. Units: mm.
     provenance : mapping of str to str, optional
         Where it comes from (method, date, inputs); kept in the rig file.
+    line_blur_px : float
+        One sigma of lens and pixel along the laser line, where it was measured; 0 leaves the
+        line as it was extracted. A lens blur of 0.7 px makes a pipe of 25 mm at 300 mm 16 um
+        too large; see `without_blur_along`. Units: px.
 
     Raises
     ------
+    ValueError
+        If the blur is negative or not finite.
     DegenerateGeometry
         If the plane passes through the camera's centre, is parallel to the view, or is never
         seen.
@@ -72,8 +80,11 @@ class LightSection:
     camera: Camera
     laser_plane: Plane
     provenance: Mapping[str, str] = field(default_factory=dict)
+    line_blur_px: float = 0.0
 
     def __post_init__(self) -> None:
+        if not (math.isfinite(self.line_blur_px) and self.line_blur_px >= 0):
+            raise ValueError(f"want line_blur_px >= 0, got {self.line_blur_px}")
         object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
         _check_plane(self.camera, self.laser_plane)
 
@@ -128,6 +139,25 @@ class LightSection:
         NoLaserLine
             If no line is found.
         """
+        return self.profile_of(self.line(image, settings, laser_off))
+
+    def line(
+        self,
+        image: npt.ArrayLike,
+        settings: LineSettings | None = None,
+        laser_off: npt.ArrayLike | None = None,
+    ) -> LaserLine:
+        """Laser line in an image of this camera: what `profile` rests on, in pixels.
+
+        That of `extract_laser_line`, without the pull of the rig's `line_blur_px`.
+
+        Raises
+        ------
+        LsvisionError
+            If the image is of another size than the camera's.
+        NoLaserLine
+            If no line is found.
+        """
         array = np.asarray(image)
         width, height = self.camera.size
         if array.shape[:2] != (height, width):
@@ -136,7 +166,7 @@ class LightSection:
                 f"the image is {got} px and the rig's camera {width} x {height} px: take "
                 "images with the size of the calibration, uncropped and unscaled"
             )
-        return self.profile_of(extract_laser_line(array, settings, laser_off))
+        return without_blur_along(extract_laser_line(array, settings, laser_off), self.line_blur_px)
 
     def profile_of(self, line: LaserLine) -> Profile:
         """Profile of an extracted laser line: its points in the section, with their noise.
@@ -172,7 +202,7 @@ class LightSection:
         UnwritableFile
             If the folder is missing or refuses.
         """
-        write_rig(path, self.camera, self.laser_plane, self.provenance)
+        write_rig(path, self.camera, self.laser_plane, self.provenance, self.line_blur_px)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
@@ -185,9 +215,9 @@ class LightSection:
         DegenerateGeometry
             If its plane is of no use; see the class.
         """
-        camera, plane, provenance = read_rig(path)
+        camera, plane, provenance, blur = read_rig(path)
         try:
-            return cls(camera, plane, provenance)
+            return cls(camera, plane, provenance, blur)
         except DegenerateGeometry as error:
             raise DegenerateGeometry(f"{path}: {error}") from error
 

@@ -4,6 +4,7 @@ It stands here and not in ``io`` because `LightSection` saves and loads itself.
 """
 
 import json
+import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -92,7 +93,11 @@ def read_json(path: str | os.PathLike[str], schema: str) -> dict[str, Any]:
 
 
 def write_rig(
-    path: str | os.PathLike[str], camera: Camera, plane: Plane, provenance: Mapping[str, str]
+    path: str | os.PathLike[str],
+    camera: Camera,
+    plane: Plane,
+    provenance: Mapping[str, str],
+    line_blur_px: float = 0.0,
 ) -> None:
     """Write a light section's values, whole or not at all; see `read_rig`.
 
@@ -106,6 +111,7 @@ def write_rig(
         {
             "camera": camera_as_json(camera),
             "laser_plane": plane_as_json(plane),
+            "line_blur_px": line_blur_px,
             "provenance": dict(provenance),
         },
     )
@@ -122,8 +128,8 @@ def write_rig(
         ) from error
 
 
-def read_rig(path: str | os.PathLike[str]) -> tuple[Camera, Plane, dict[str, str]]:
-    """Camera, laser plane (camera frame) and provenance of a rig file.
+def read_rig(path: str | os.PathLike[str]) -> tuple[Camera, Plane, dict[str, str], float]:
+    """Camera, laser plane (camera frame), provenance and line blur (px) of a rig file.
 
     Raises
     ------
@@ -135,7 +141,10 @@ def read_rig(path: str | os.PathLike[str]) -> tuple[Camera, Plane, dict[str, str
         camera = camera_from_json(values["camera"])
         plane = plane_from_json(values["laser_plane"])
         provenance = {str(key): str(text) for key, text in values["provenance"].items()}
+        blur = float(values.get("line_blur_px", 0.0))
+        if not (math.isfinite(blur) and blur >= 0):
+            raise ValueError(f"want line_blur_px >= 0, got {blur}")
     except (KeyError, TypeError, ValueError, AttributeError, LsvisionError) as error:
         what = f"lacks {error}" if isinstance(error, KeyError) else f"is damaged: {error}"
         raise UnreadableFile(f"{path} {what}; save the light section anew") from error
-    return camera, plane, provenance
+    return camera, plane, provenance, blur

@@ -179,7 +179,7 @@ def test_examples_of_the_help_run(run, monkeypatch, tmp_path):
     (tmp_path / "fixtures").symlink_to(REPOSITORY / "fixtures")
     lines = run("measure", "--help").stdout.splitlines()
     examples = [line.split()[1:] for line in lines if line.startswith("    lsvision measure fix")]
-    assert len(examples) == 4
+    assert len(examples) == 5
     for words in examples:
         result = run(*words)
         assert result.exit_code == 0, (words, result.output)

@@ -1,6 +1,6 @@
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -8,6 +8,7 @@ import pytest
 
 from lsvision.errors import DegenerateGeometry, LsvisionError, UnreadableFile, UnwritableFile
 from lsvision.sensor.camera import Camera
+from lsvision.sensor.laser_line import extract_laser_line
 from lsvision.sensor.light_section import LightSection
 from lsvision.shapes import Plane
 
@@ -224,3 +225,25 @@ def test_provenance_cannot_be_changed_afterwards():
     assert section.provenance["method"] == "test"
     with pytest.raises(TypeError):
         section.provenance["method"] = "other"
+
+
+def test_the_line_is_left_alone_unless_the_rig_states_its_blur(tmp_path):
+    camera = Camera([[900, 0, 160], [0, 900, 120], [0, 0, 1]], [], (320, 240))
+    plain = LightSection(camera, Plane((0.0, 0.866, 0.5), 150.0))
+    stated = replace(plain, line_blur_px=0.7)
+    rows = np.arange(240)[:, None]
+    place = 100 + (np.arange(320) - 20) ** 2 / 1600
+    bright = 200 * np.exp(-np.arange(320) / 160)
+    image = (5 + bright * np.exp(-0.5 * ((rows - place) / 1.6) ** 2)).round().astype(np.uint8)
+    raw = extract_laser_line(image).pixels
+    np.testing.assert_array_equal(plain.line(image).pixels, raw)
+    assert np.nanmax(np.abs(stated.line(image).pixels - raw)) > 1e-3
+    stated.save(tmp_path / "rig.json")
+    assert LightSection.load(tmp_path / "rig.json").line_blur_px == 0.7
+
+
+@pytest.mark.parametrize("blur", [-0.1, float("nan"), float("inf")])
+def test_a_blur_that_is_none_is_refused(blur):
+    camera = Camera([[900, 0, 160], [0, 900, 120], [0, 0, 1]], [], (320, 240))
+    with pytest.raises(ValueError, match="want line_blur_px >= 0"):
+        LightSection(camera, Plane((0.0, 0.866, 0.5), 150.0), {}, blur)

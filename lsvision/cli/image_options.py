@@ -1,0 +1,109 @@
+"""Options that say how a laser line is found in images, shared by the commands that do."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, cast
+
+import typer
+
+from lsvision.errors import UnreadableFile
+
+if TYPE_CHECKING:
+    from lsvision.cli.image_sources import Imaging
+    from lsvision.sensor.line_settings import LineSettings
+
+LightSectionFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--light-section",
+        metavar="RIG.json",
+        help="Images: camera and laser plane, from lsvision calibrate laser-plane.",
+    ),
+]
+Laser = Annotated[
+    str,
+    typer.Option(
+        "--laser",
+        metavar="COLOUR",
+        help="In colour images: red, green, blue, white; else grey.",
+    ),
+]
+Method = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME",
+        help="Images: derivative, gaussian (overexposed lines), steger (lines of any direction).",
+    ),
+]
+LaserOff = Annotated[
+    Path | None,
+    typer.Option(metavar="IMAGE", help="The same view without the laser, subtracted."),
+]
+
+
+def line_settings_of(laser: str, method: str) -> "LineSettings":
+    """How to look for the line.
+
+    Raises
+    ------
+    typer.BadParameter
+        For an unknown colour or method.
+    """
+    from lsvision.sensor.line_settings import LineSettings
+
+    try:
+        return LineSettings(channel=cast(Any, laser), method=cast(Any, method))
+    except ValueError as slip:
+        raise typer.BadParameter(str(slip).replace("channel", "--laser")) from None
+
+
+def imaging_of(
+    light_section: Path | None, line: "LineSettings", laser_off: Path | None, **more: Any
+) -> "Imaging | None":
+    """How images become profiles; None without a rig.
+
+    Parameters
+    ----------
+    light_section : Path, optional
+        The rig file.
+    line : LineSettings
+        How to look for the line.
+    laser_off : Path, optional
+        The frame without the laser.
+    **more
+        Other fields of `Imaging`.
+
+    Raises
+    ------
+    LsvisionError
+        If the rig or the laser-off frame cannot be used; names the file.
+    """
+    if light_section is None:
+        return None
+    from lsvision.cli.image_sources import Imaging
+    from lsvision.sensor.light_section import LightSection
+
+    rig = LightSection.load(light_section)
+    dark = read_laser_off(laser_off, rig.camera.size)
+    return Imaging(light_section=rig, line=line, laser_off=dark, **more)
+
+
+def read_laser_off(path: Path | None, size: tuple[int, int]) -> Any:
+    """The frame without the laser; None without a path.
+
+    Raises
+    ------
+    UnreadableFile
+        If it is no image, or of another size than ``(width, height)``.
+    """
+    if path is None:
+        return None
+    from lsvision.io.images import read_image
+
+    image = read_image(path)
+    got = image.shape[1::-1]
+    if got != tuple(size):
+        raise UnreadableFile(
+            f"{path}: the laser-off frame is {got[0]} x {got[1]} px and the image {size[0]} x "
+            f"{size[1]} px: take both with the same camera and settings"
+        )
+    return image

@@ -1,0 +1,252 @@
+"""Images, videos and a live camera as sources of profiles, through a light section."""
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from lsvision.cli.sources import IMAGE_SUFFIXES, VIDEO_SUFFIXES
+from lsvision.errors import LsvisionError, NoLaserLine, UnreadableFile
+
+if TYPE_CHECKING:
+    from lsvision.profile import Profile
+    from lsvision.sensor.laser_line import LaserLine
+    from lsvision.sensor.light_section import LightSection
+    from lsvision.sensor.line_settings import LineSettings
+
+SECOND_LINE = 0.2
+"""Share of the columns in which a rival line is followed, from which on it is told."""
+MOSTLY_SATURATED = 0.2
+"""Share of the line at full scale, from which on it is told."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Imaging:
+    """How images become profiles.
+
+    Parameters
+    ----------
+    light_section : LightSection
+        The rig.
+    line : LineSettings
+        How the laser line is looked for.
+    laser_off : (height, width) or (height, width, 3) ndarray, optional
+        The same view without the laser.
+    surface_std : float
+        Roughness of the surface, one sigma, that adds to the noise of the pixels. Units: mm.
+    frames : int, optional
+        How many frames of a video are taken; all if None.
+    keep_images : bool
+        Whether they are needed after their line was found, for pictures.
+    """
+
+    light_section: "LightSection"
+    line: "LineSettings"
+    laser_off: Any = None
+    surface_std: float = 0.0
+    frames: int | None = None
+    keep_images: bool = False
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ImageFile:
+    """Profiles of an image or of a video's frames; for a batch what `ProfileFile` is.
+
+    Parameters
+    ----------
+    path : Path
+        The file, or the name of a live camera.
+    profiles : tuple of Profile
+        One a frame; without a point where no line was found.
+    images : tuple of ndarray
+        The frames, if they are kept.
+    summary : str
+        One line for people.
+    notes : tuple of str
+        What looks odd.
+    """
+
+    path: Path
+    profiles: "tuple[Profile, ...]"
+    images: tuple[Any, ...]
+    summary: str
+    notes: tuple[str, ...]
+    units_assumed: Literal[False] = False
+    flipped: Literal[False] = False
+
+
+@dataclass(frozen=True)
+class LiveCamera:
+    """A connected camera as a source.
+
+    Parameters
+    ----------
+    index : int
+        Of ``cv2.VideoCapture``.
+    frames : int
+        How many frames are taken.
+    """
+
+    index: int
+    frames: int
+
+    def __str__(self) -> str:
+        return f"camera-{self.index}"
+
+
+def is_image(source: Path) -> bool:
+    """Whether a file counts as an image or video, by its suffix."""
+    return source.suffix.lower() in IMAGE_SUFFIXES | VIDEO_SUFFIXES
+
+
+def read_image_source(source: Path | LiveCamera, imaging: Imaging | None) -> ImageFile:
+    """Profiles of an image, a video, or what a camera sends.
+
+    Raises
+    ------
+    LsvisionError
+        Names the file and the mend: without a rig, for another size or the wrong colours, or if
+        no frame holds a line.
+    """
+    if imaging is None:
+        raise UnreadableFile(
+            f"{source}: an image needs the rig that took it, --light-section rig.json: make one "
+            "with lsvision calibrate laser-plane"
+        )
+    return _profiles_of(Path(str(source)), _images_of(source, imaging.frames), imaging)
+
+
+def _images_of(source: Path | LiveCamera, most: int | None) -> Iterable[Any]:
+    if isinstance(source, LiveCamera):
+        from lsvision.io.frames import capture_frames
+
+        return capture_frames(source.index, source.frames)
+    if source.suffix.lower() in VIDEO_SUFFIXES:
+        from lsvision.io.frames import read_frames
+
+        return islice(read_frames(source), most)
+    from lsvision.io.images import read_image
+
+    return [read_image(source)]
+
+
+def _profiles_of(source: Path, images: Iterable[Any], imaging: Imaging) -> ImageFile:
+    """Profiles of images, one each; see `read_image_source`."""
+    found: list[tuple[Profile, Any, LaserLine | None]] = []
+    failure: NoLaserLine | None = None
+    for number, image in enumerate(images):
+        try:
+            with _told(f"{source}, frame {number}" if number else str(source)):
+                found.append(_measured(image, imaging))
+        except NoLaserLine as error:
+            failure = failure or error
+            found.append((_nothing_seen(imaging), image if imaging.keep_images else None, None))
+    lines = [line for _, _, line in found if line is not None]
+    if failure is not None and not lines:
+        raise failure
+    profiles, kept, _ = zip(*found, strict=True)
+    summary, notes = _summary(lines, len(found)), tuple(_doubts(lines, len(found)))
+    return ImageFile(path=source, profiles=profiles, images=kept, summary=summary, notes=notes)
+
+
+def check_colours(image: Any, laser: str) -> None:
+    """Refuse an image whose colours and ``--laser`` disagree.
+
+    Raises
+    ------
+    LsvisionError
+        With the option that mends it.
+    """
+    coloured = image.ndim == 3 and bool((image != image[..., :1]).any())
+    if coloured and laser == "grey":
+        raise LsvisionError("it has colours: say the laser's, --laser red, green, blue or white")
+    if not coloured and laser not in ("grey", "white"):
+        raise LsvisionError(f"it has no colours: leave --laser {laser} out")
+
+
+def extract_from(source: Path, image: Any, settings: "LineSettings", dark: Any) -> "LaserLine":
+    """The laser line of an image without a rig; see `check_colours`.
+
+    Raises
+    ------
+    LsvisionError
+        Names the file and the mend.
+    """
+    from lsvision.sensor.laser_line import extract_laser_line
+
+    with _told(str(source)):
+        check_colours(image, settings.channel)
+        return extract_laser_line(image, settings, dark)
+
+
+@contextmanager
+def _told(where: str) -> Iterator[None]:
+    """Put a file's name before what is wrong with its image."""
+    try:
+        yield
+    except NoLaserLine as error:
+        raise NoLaserLine(f"{where}: {error}") from error
+    except (LsvisionError, ValueError) as error:  # a laser-off frame of another depth
+        raise LsvisionError(f"{where}: {error}") from error
+
+
+def _measured(image: Any, imaging: Imaging) -> "tuple[Profile, Any, LaserLine]":
+    check_colours(image, imaging.line.channel)
+    line = imaging.light_section.line(image, imaging.line, imaging.laser_off)
+    profile = _roughened(imaging.light_section.profile_of(line), imaging.surface_std)
+    return profile, image if imaging.keep_images else None, line
+
+
+def _roughened(profile: "Profile", surface_std: float) -> "Profile":
+    """The profile with a surface's roughness in its noise."""
+    if not surface_std:
+        return profile
+    import numpy as np
+
+    from lsvision.profile import PointNoise, Profile
+
+    noise = profile.noise
+    if noise is None:
+        return profile
+    covariances = noise.covariances(profile.points) + surface_std**2 * np.eye(2)
+    return Profile(profile.points, PointNoise(covariances))
+
+
+def _nothing_seen(imaging: Imaging) -> "Profile":
+    import numpy as np
+
+    from lsvision.profile import Profile
+
+    return Profile(np.full((imaging.light_section.camera.size[0], 2), np.nan))
+
+
+def _summary(lines: "list[LaserLine]", frames: int) -> str:
+    import numpy as np
+
+    std = float(np.median(np.concatenate([line.std[~np.isnan(line.std)] for line in lines])))
+    lost, total = sum(line.lost for line in lines), sum(map(len, lines))
+    parts = [f"{frames} frames"] if frames > 1 else ["image"]
+    parts += [f"line along {lines[0].direction}", f"{lost} of {total} points lost"]
+    return ", ".join([*parts, f"{std:.2g} px"])
+
+
+def _doubts(lines: "list[LaserLine]", frames: int) -> "list[str]":
+    import numpy as np
+
+    notes = []
+    if len(lines) < frames:
+        notes.append(f"{frames - len(lines)} of {frames} frames hold no laser line")
+    second = max(line.second_line for line in lines)
+    if second > SECOND_LINE:
+        notes.append(
+            f"a second line runs through {second:.0%} of the image: see lsvision line --plot "
+            "which one was taken; --laser-off takes away what is not the laser's"
+        )
+    saturated = float(np.mean([line.saturated.mean() for line in lines]))
+    if saturated > MOSTLY_SATURATED:
+        notes.append(
+            f"{saturated:.0%} of the line is at full scale: expose shorter, or --method gaussian"
+        )
+    return notes

@@ -1,0 +1,54 @@
+"""``lsvision line``: the laser line of an image, to see whether the right one is found."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lsvision.cli.image_options import Laser, LaserOff, Method, line_settings_of, read_laser_off
+from lsvision.cli.outputs import check_outputs, check_picture
+
+
+def line(
+    image_file: Annotated[Path, typer.Argument(metavar="IMAGE", help="Image of a laser line.")],
+    plot: Annotated[
+        Path | None,
+        typer.Option(metavar="F.png|F.svg", help="Draw the line on the image, with its std."),
+    ] = None,
+    csv_file: Annotated[
+        Path | None,
+        typer.Option("--csv", metavar="F", help="Write u, v, std, width and more, a point a row."),
+    ] = None,
+    laser: Laser = "grey",
+    method: Method = "derivative",
+    laser_off: LaserOff = None,
+) -> None:
+    """Extract the laser line of an image, column by column, to a fraction of a pixel.
+
+    Look at it before you calibrate or measure: is it the laser's line that was found, is it
+    at full scale (expose shorter), does its std stay small? Needs no rig.
+
+    \b
+    See the line of an image:
+      lsvision line fixtures/images/clutter.png --plot line.png
+    Its points, a white-hot line of a red laser in a colour image:
+      lsvision line photo.jpg --laser red --method gaussian --csv line.csv
+    """  # noqa: D301 - the backspace tells click to leave the lines as they are
+    check_picture(plot)
+    settings = line_settings_of(laser, method)
+    check_outputs((plot, csv_file), [image_file])
+    from lsvision.cli.image_sources import extract_from
+    from lsvision.draw import draw_laser_line, line_summary, picture_bytes
+    from lsvision.io.images import read_image
+    from lsvision.io.laser_lines import line_csv
+    from lsvision.io.whole_files import write_whole
+
+    image = read_image(image_file)
+    height, width = image.shape[:2]
+    found = extract_from(image_file, image, settings, read_laser_off(laser_off, (width, height)))
+    if plot is not None:
+        figure = draw_laser_line(image, found, title=str(image_file))
+        write_whole(plot, picture_bytes(figure, plot.suffix[1:].lower()))
+    if csv_file is not None:
+        write_whole(csv_file, line_csv(found))
+    typer.echo(f"{image_file}: {line_summary(found)}")

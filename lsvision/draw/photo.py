@@ -1,0 +1,33 @@
+"""An image of any depth in axes, in its own pixels."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+BRIGHTEST = 99.9
+"""Percentile of an image deeper than 8 bit that is shown white."""
+
+
+def show_photo(axes: "Axes", image: npt.ArrayLike) -> None:
+    """Show an image; the axes then count its pixels, v downwards.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+        Gets the same scale on both axes. Units: px.
+    image : (height, width) or (height, width, 3) array_like
+        8 bit as it is; deeper ones scaled, because cameras of 10 and 12 bit fill the lower bits.
+        Blue first.
+    """
+    array = np.asarray(image)
+    if array.dtype != np.uint8:
+        top = max(float(np.percentile(array, BRIGHTEST)), 1.0)
+        array = (np.clip(array / top, 0, 1) * 255).astype(np.uint8)
+    shown = array if array.ndim == 2 else array[..., ::-1]
+    axes.imshow(shown, cmap="gray", vmin=0, vmax=255, interpolation="nearest")
+    axes.set_xlabel("u / px")
+    axes.set_ylabel("v / px")

@@ -1,0 +1,106 @@
+"""Frames of a video file or of a camera that is connected, one after the other."""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from lsvision.errors import LsvisionError, UnreadableFile
+
+Frame = npt.NDArray[Any]
+
+FFMPEG_SILENT = ("OPENCV_FFMPEG_LOGLEVEL", "-8")
+"""What keeps ffmpeg, which OpenCV reads videos with, from writing on stderr beside our errors."""
+
+
+def read_frames(path: str | os.PathLike[str]) -> Iterator[Frame]:
+    """Frames of a video file, in its order.
+
+    Parameters
+    ----------
+    path : path
+        Any format of OpenCV's back ends: AVI, MP4, MKV, MOV.
+
+    Yields
+    ------
+    (height, width, 3) ndarray of uint8
+        Blue first; grey videos come with three equal channels. Not turned.
+
+    Raises
+    ------
+    UnreadableFile
+        If the file is missing, is no video, or holds no frame; names the file and the mend.
+    """
+    source = Path(path)
+    if not source.is_file():
+        raise UnreadableFile(f"{source}: no such file: check the name")
+    with _opened(str(source)) as capture:
+        capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
+        first = next(frames := _frames(capture), None)
+        if first is None:
+            raise UnreadableFile(
+                f"{source} holds no frame that can be decoded: play it to see whether it is whole, "
+                "or save it anew as AVI or MP4"
+            )
+        yield first
+        yield from frames
+
+
+def capture_frames(index: int, count: int) -> Iterator[Frame]:
+    """Frames of a connected camera, as they come.
+
+    Parameters
+    ----------
+    index : int
+        Of ``cv2.VideoCapture``: 0 is the first camera of the computer.
+    count : int
+        How many frames.
+
+    Yields
+    ------
+    (height, width) or (height, width, 3) ndarray of uint8
+        Blue first.
+
+    Raises
+    ------
+    LsvisionError
+        If there is no such camera, or it stops sending; names the index and the mend.
+    """
+    with _opened(index) as capture:
+        got = 0
+        for frame in islice(_frames(capture), count):
+            got += 1
+            yield frame
+    if got < count:
+        raise LsvisionError(
+            f"camera {index} sent {got} of {count} frames: check its cable, that no other program "
+            "uses it, and its index (0 is the first)"
+        )
+
+
+@contextmanager
+def _opened(source: str | int) -> Iterator[Any]:
+    logging = cv2.utils.logging
+    level = logging.getLogLevel()
+    os.environ.setdefault(*FFMPEG_SILENT)
+    logging.setLogLevel(logging.LOG_LEVEL_SILENT)
+    try:
+        capture = cv2.VideoCapture(source)
+        yield capture
+        capture.release()
+    finally:
+        logging.setLogLevel(level)
+
+
+def _frames(capture: Any) -> Iterator[Frame]:
+    while True:
+        there, frame = capture.read()
+        if not there:
+            return
+        yield np.asarray(frame)

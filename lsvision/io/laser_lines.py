@@ -1,0 +1,28 @@
+"""Laser lines as text."""
+
+import numpy as np
+
+from lsvision.sensor.laser_line import LaserLine
+
+HEADER = "u [px],v [px],std [px],width [px],intensity [DN],saturated"
+
+
+def line_csv(line: LaserLine) -> str:
+    """A laser line as CSV, a point a row; ``nan`` where it is lost.
+
+    Parameters
+    ----------
+    line : LaserLine
+        The line; its order is kept, a row for each column (or row) of the image.
+
+    Examples
+    --------
+    >>> rows = np.arange(64)[:, None]
+    >>> image = (10 + 90 * np.exp(-0.5 * ((rows - 30.2) / 1.5) ** 2) * np.ones(99)).astype("uint8")
+    >>> from lsvision.sensor.laser_line import extract_laser_line
+    >>> line_csv(extract_laser_line(image)).splitlines()[0]
+    'u [px],v [px],std [px],width [px],intensity [DN],saturated'
+    """
+    table = np.column_stack([line.pixels, line.std, line.width, line.intensity, line.saturated])
+    rows = [",".join([*(f"{x:.4f}" for x in row[:5]), f"{row[5]:.0f}"]) for row in table]
+    return "\n".join([HEADER, *rows]) + "\n"
