@@ -17,6 +17,10 @@ TILT_STD = 0.15
 TINY = 1e-300
 LARGEST_STEP = 0.1
 """Damping: a step of this share of the size is as dear as a misfit of one sigma."""
+CAUCHY_SIGMAS = 3.0
+"""A point so far off has half its weight."""
+MEDIAN_CHI2 = 0.455
+"""Median of chi^2 with one degree of freedom."""
 NORMAL_SLACK = 0.05
 """Share of the total variance that counts along any normal: one 13 deg off."""
 
@@ -68,10 +72,21 @@ def tolerant_variances(normals: FloatArray, covariances: FloatArray) -> FloatArr
     return normal_variances(normals, covariances) + NORMAL_SLACK * total
 
 
+def robust_variances(signed: FloatArray, variances: FloatArray) -> FloatArray:
+    """Variances that grow with the square of the residual: Cauchy's weights. Units: mm^2.
+
+    The foot of a weld bead at a flank, where n' Sigma n is small, would else pull the whole
+    ellipse to itself, and the next step far beyond. The median tells the scatter of the rest.
+    """
+    squares = signed * signed
+    scatter = max(float(np.median(squares / variances)) / MEDIAN_CHI2, 1.0)
+    return variances + squares / (CAUCHY_SIGMAS**2 * scatter)
+
+
 def refine_quickly(
     points: Points, covariances: FloatArray, parameters: FloatArray, steps: int
 ) -> tuple[FloatArray, FloatArray]:
-    """A few Gauss-Newton steps of the weighted fit, the tilt held by its prior.
+    """A few Gauss-Newton steps of the robust weighted fit, the tilt held by its prior.
 
     Parameters
     ----------
@@ -95,7 +110,7 @@ def refine_quickly(
     for step in range(steps):
         signed, n, w = normal_residuals(points, parameters)
         J = parameter_rows(n, w)
-        weighted = J / tolerant_variances(n, covariances)
+        weighted = J / robust_variances(signed, tolerant_variances(n, covariances))
         information, right = weighted @ J.T, weighted @ signed
         held = 1 / (TILT_STD * 2 * parameters[2]) ** 2
         information[3, 3] += held
