@@ -12,6 +12,7 @@ from lsvision.fitting.cylinder_section import CylinderSection
 from lsvision.fitting.ellipse_fit import FittingSettings, fit_ellipse
 from lsvision.fitting.ellipse_problem import KnownRadius
 from lsvision.fitting.homogenising import HomogenisingSettings
+from lsvision.fitting.known_phi import KnownPhi
 from lsvision.fitting.smoothing import SmoothingSettings
 from lsvision.literal import LiteralSettings, measure_literally
 from lsvision.profile import Arc, NoiseModel, Profile, WeighedProfile
@@ -91,6 +92,7 @@ def measure_cylinders(
     *,
     radius: float | tuple[float, float] | None = None,
     known_radius: float | tuple[float, float] | None = None,
+    known_phi: float | tuple[float, float] | None = None,
     sensor: NoiseModel | None = None,
     settings: Settings = Settings(),
 ) -> Measurement:
@@ -105,6 +107,10 @@ def measure_cylinders(
     known_radius : float or tuple of float, optional
         Radius, or (radius, std): a prior in the fit, and the search range where `radius` gives
         none. Units: mm.
+    known_phi : float or tuple of float, optional
+        Tilt of the axis from the laser plane's normal, or (tilt, std): a prior in the fit. 0
+        makes circles of the sections, and so a radius of an arc too short for an ellipse; see
+        `KnownPhi`. Units: rad.
     sensor : NoiseModel, optional
         Noise of the points; that of the profile without; where neither is given the noise is
         taken as isotropic and estimated from the residuals.
@@ -120,7 +126,7 @@ def measure_cylinders(
     Raises
     ------
     ValueError
-        If a radius is not positive or its range is reversed.
+        If a radius is not positive, its range is reversed, or a known phi is no tilt.
 
     Notes
     -----
@@ -136,7 +142,7 @@ def measure_cylinders(
     >>> abs(pipe.radius - truth.radius) < 4 * pipe.radius_std
     True
     """
-    known = _known_radius(known_radius)
+    known, tilt = _known_radius(known_radius), _known_phi(known_phi)
     weighed = weigh_profile(profile, sensor or profile.noise)
     radius_range = search_range(radius, known, weighed)
     if settings.literal is not None:
@@ -151,7 +157,7 @@ def measure_cylinders(
         weighed, candidates, radius_range, settings.identification, settings.verdict
     )
     # Screening, smoothing, homogenising and ellipse fitting, sections 3.2.2, 3.3 and 2.3.
-    results = [_measure_arc(weighed, arc, known, radius_range, settings) for arc in arcs]
+    results = [_measure_arc(weighed, arc, (known, tilt), radius_range, settings) for arc in arcs]
     cylinders = [result for result in results if isinstance(result, CylinderSection)]
     rejections += [result for result in results if isinstance(result, Rejection)]
     rejections = explain_leftovers(weighed, components, cylinders, rejections, radius_range)
@@ -161,7 +167,7 @@ def measure_cylinders(
 def _measure_arc(
     profile: WeighedProfile,
     arc: IdentifiedArc,
-    known: KnownRadius | None,
+    known: tuple[KnownRadius | None, KnownPhi | None],
     radius_range: tuple[float, float],
     settings: Settings,
 ) -> CylinderSection | Rejection:
@@ -184,7 +190,8 @@ def _measure_arc(
             profile.points[indices],
             conditioned.ellipse,
             covariances,
-            known_radius=known,
+            known_radius=known[0],
+            known_phi=known[1],
             settings=settings.fitting,
         )
     except LsvisionError as failure:
@@ -224,3 +231,11 @@ def _known_radius(known_radius: float | tuple[float, float] | None) -> KnownRadi
     if isinstance(known_radius, tuple):
         return KnownRadius(*known_radius)
     return KnownRadius(float(known_radius))
+
+
+def _known_phi(known_phi: float | tuple[float, float] | None) -> KnownPhi | None:
+    if known_phi is None:
+        return None
+    if isinstance(known_phi, tuple):
+        return KnownPhi(*known_phi)
+    return KnownPhi(float(known_phi))

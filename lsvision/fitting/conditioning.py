@@ -12,6 +12,7 @@ from lsvision.fitting.quick_fit import (
     normal_variances,
     refine_quickly,
 )
+from lsvision.fitting.scatter import median
 from lsvision.fitting.smoothing import SmoothingSettings, smooth_residual
 from lsvision.shapes import BoolArray, Ellipse, FloatArray, Points
 
@@ -76,7 +77,7 @@ def condition_arc(
     on_even = _beside_ellipse(parameters, turn, residual)
     kept = np.empty(len(points), dtype=bool)
     kept[order] = smooth.weights > 0
-    weight = np.broadcast_to(np.eye(2) * float(np.median(stds)) ** 2, (len(even), 2, 2))
+    weight = np.broadcast_to(np.eye(2) * median(stds) ** 2, (len(even), 2, 2))
     found, _ = refine_quickly(on_even, weight, parameters, steps=2)
     return ConditionedArc(on_even, ellipse_of(found if is_ellipse(found) else parameters), kept)
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from lsvision.fitting.ellipse_fit import EllipseFit
 from lsvision.fitting.ellipse_problem import semi_major_gradient, semi_minor_gradient
-from lsvision.fitting.intervals import Quantity, circle_is_excluded, interval
+from lsvision.fitting.intervals import Quantity, interval, theta_is_determined
 from lsvision.profile import Arc
 from lsvision.shapes import Ellipse, FloatArray, IntArray
 
@@ -105,7 +105,7 @@ class CylinderSection:
     @property
     def theta_determined(self) -> bool:
         """Whether the section is no circle, at 99.9 % confidence; else theta means nothing."""
-        return circle_is_excluded(self.fit)
+        return theta_is_determined(self.fit)
 
     def interval(self, quantity: Quantity, level: float = 0.95) -> tuple[float, float]:
         """Interval that holds the true value with probability `level`.

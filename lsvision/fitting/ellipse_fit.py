@@ -6,7 +6,8 @@ orthogonal residual is divided by the standard deviation of the point's error al
 ellipse's normal n, sqrt(n' Sigma n), which reaches the Cramer-Rao bound.
 """
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -27,11 +28,15 @@ from lsvision.fitting.ellipse_problem import (
     orthogonal_comparison,
     parameters_of,
 )
+from lsvision.fitting.known_phi import KnownPhi
 from lsvision.fitting.quick_fit import normal_variances
 from lsvision.shapes import Ellipse, FloatArray, Points
 
 SURPRISE = 3.3
 """Standard deviations of chi^2 beyond which a noise model is held to be too optimistic."""
+
+FAR_FROM_CIRCLE = 5.0
+"""Sigmas of (p, q) beyond which phi and theta have errors as normal as any."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -92,6 +97,12 @@ class EllipseFit:
         return self.variance_factor * _inverse(information)
 
     @property
+    def tells_theta(self) -> bool:
+        """Whether (p, q) is so far from a circle that its error hardly turns it."""
+        largest = float(np.linalg.eigvalsh(self.regular_covariance[3:, 3:])[-1])
+        return math.hypot(*self.parameters[3:]) > FAR_FROM_CIRCLE * math.sqrt(largest)
+
+    @property
     def rms(self) -> float:
         """Root mean square of the residuals. Units: mm."""
         return float(np.sqrt(np.mean(self.residuals**2)))
@@ -103,6 +114,7 @@ def fit_ellipse(
     covariances: FloatArray | None = None,
     *,
     known_radius: KnownRadius | None = None,
+    known_phi: KnownPhi | None = None,
     settings: FittingSettings = FittingSettings(),
 ) -> EllipseFit:
     """Maximum-likelihood ellipse of the points of an arc.
@@ -118,6 +130,9 @@ def fit_ellipse(
         residuals. Units: mm^2.
     known_radius : KnownRadius, optional
         A prior on the semi-minor axis.
+    known_phi : KnownPhi, optional
+        A prior on the tilt: makes a circle, or nearly one, of an arc too short for an ellipse.
+        One that is surely no circle is used where the points tell theta, else nothing of it.
     settings : FittingSettings
         Residual and number of reweightings.
 
@@ -149,15 +164,17 @@ def fit_ellipse(
         raise TooFewPoints(
             "an arc", len(points), PARAMETERS + 1, "scan slower or nearer, or lower the pitch"
         )
+    if known_phi is not None and not known_phi.near_circle:
+        free = fit_ellipse(points, start, covariances, known_radius=known_radius, settings=settings)
+        if not free.tells_theta:
+            return free
+        start = free.ellipse
     parameters = parameters_of(start)
-    if covariances is None and known_radius is not None:
-        # A prior needs the noise's size: take it from a fit that has none.
-        free = fit_ellipse(points, start, settings=settings)
-        variance = free.variance_factor * float(np.median(free.problem.stds)) ** 2
-        covariances = np.broadcast_to(np.eye(2) * variance, (len(points), 2, 2))
+    if covariances is None and (known_radius is not None or known_phi is not None):
+        covariances = _covariances_without_prior(points, parameters, settings)
     for _ in range(1 + settings.reweightings):
         stds = _normal_stds(points, covariances, parameters)
-        problem = ArcProblem(points, stds, known_radius, settings.residual)
+        problem = ArcProblem(points, stds, known_radius, settings.residual, known_phi)
         parameters = minimise(problem, parameters)
         if covariances is None:
             break
@@ -167,7 +184,38 @@ def fit_ellipse(
         problem = ArcProblem(points, grazing_stds(normals), known_radius, settings.residual)
         parameters = minimise(problem, parameters)
         fit, _ = _fit_with_evidence(problem, parameters, known_noise=False)
-    return fit
+    return fit if problem.prior_rows == 0 else _weighed_against_prior(fit)
+
+
+def _covariances_without_prior(
+    points: Points, start: FloatArray, settings: FittingSettings
+) -> FloatArray:
+    """A prior needs the noise's size: take it from a fit that has none."""
+    free = ArcProblem(points, np.ones(len(points)), None, settings.residual)
+    residuals = free.evaluate(minimise(free, start))[0]
+    variance = float(residuals @ residuals) / (len(points) - PARAMETERS)
+    variance = max(variance, np.finfo(float).tiny)
+    covariances: FloatArray = np.broadcast_to(np.eye(2) * variance, (len(points), 2, 2))
+    return covariances
+
+
+def _weighed_against_prior(fit: EllipseFit) -> EllipseFit:
+    """The fit with points that weigh what they are found to; the prior is as sure as before."""
+    factor = fit.variance_factor
+    if factor == 1:
+        return fit
+    problem = replace(fit.problem, stds=fit.problem.stds * np.sqrt(factor))
+    parameters = minimise(problem, fit.parameters)
+    residuals = problem.evaluate(parameters)[0][: len(problem.points)] * problem.stds
+    return replace(
+        fit,
+        ellipse=ellipse_of(parameters),
+        problem=problem,
+        parameters=parameters,
+        residuals=residuals,
+        normalised=residuals / fit.problem.stds,
+        variance_factor=1.0,
+    )
 
 
 def _normal_stds(
@@ -193,7 +241,7 @@ def _fit_with_evidence(
 ) -> tuple[EllipseFit, Correlation]:
     normalised = problem.evaluate(parameters)[0][: len(problem.points)]
     residuals = normalised * problem.stds
-    freedom = float(max(len(residuals) - PARAMETERS, 1)) + (problem.known_radius is not None)
+    freedom = float(max(len(residuals) - PARAMETERS, 1)) + problem.prior_rows
     excess = float(normalised @ normalised) / freedom
     correlation = find_correlation(normalised)
     if known_noise:

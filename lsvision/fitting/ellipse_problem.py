@@ -13,10 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.errors import FitFailed, TooFewPoints
+from lsvision.fitting.known_phi import KnownPhi
 from lsvision.shapes import Ellipse, FloatArray, Points
 from lsvision.shapes.ellipse import foot_directions
 
 PARAMETERS = 5
+MOST_EVALUATIONS = 40
+"""Arcs of pipes need 5 to 26; what needs more runs off to a needle, and is refused."""
 NEEDLE = 1e-3
 """Thinner than this an ellipse is a straight line that lost its way."""
 EXACT_RADIUS_STD = 1e-6
@@ -62,29 +65,39 @@ class ArcProblem:
         Prior on b.
     residual : {"orthogonal", "radial"}
         See `FittingSettings`.
+    known_phi : KnownPhi, optional
+        Prior on the tilt.
     """
 
     points: Points
     stds: FloatArray
     known_radius: KnownRadius | None
     residual: str
+    known_phi: KnownPhi | None = None
+
+    @property
+    def prior_rows(self) -> int:
+        """How many residuals are not of points."""
+        tilt = 0 if self.known_phi is None else self.known_phi.count
+        return tilt + (self.known_radius is not None)
 
     def evaluate(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Residuals over their standard deviations, and their derivative.
 
         Returns
         -------
-        residuals : (n,) or, with a prior, (n + 1,) ndarray
-        jacobian : (n, 5) or (n + 1, 5) ndarray
+        residuals : (n + k,) ndarray
+            The last k are those of the priors.
+        jacobian : (n + k, 5) ndarray
             Units: 1/mm.
         """
         compare = orthogonal_comparison if self.residual == "orthogonal" else radial_comparison
         signed, n, w = compare(self.points, parameters)
         nx, ny, wx, wy = n[:, 0], n[:, 1], w[:, 0], w[:, 1]
-        prior = self.known_radius
-        rows = len(signed) + (prior is not None)
+        count = len(signed)
+        rows = count + self.prior_rows
         residuals, jacobian = np.empty(rows), np.empty((rows, PARAMETERS))
-        body = jacobian[: len(signed)]
+        body = jacobian[:count]
         body[:, 0], body[:, 1], body[:, 2] = nx, ny, nx * wx + ny * wy
         body[:, 3], body[:, 4] = nx * wx - ny * wy, nx * wy + ny * wx
         if self.residual == "radial":
@@ -94,8 +107,12 @@ class ArcProblem:
             share = (signed / (ray[:, 0] ** 2 + ray[:, 1] ** 2))[:, None]
             body[:, :2] += share * (ray - n * np.hypot(ray[:, 0], ray[:, 1])[:, None])
         body /= -self.stds[:, None]
-        residuals[: len(signed)] = signed / self.stds
-        if prior is not None:
+        residuals[:count] = signed / self.stds
+        if self.known_phi is not None:
+            tilt = slice(count, count + self.known_phi.count)
+            residuals[tilt], jacobian[tilt] = self.known_phi.rows(parameters)
+        if self.known_radius is not None:
+            prior = self.known_radius
             residuals[-1] = (semi_minor(parameters) - prior.radius) / prior.weight_std
             jacobian[-1] = semi_minor_gradient(parameters) / prior.weight_std
         return residuals, jacobian
@@ -214,7 +231,7 @@ def minimise(problem: ArcProblem, start: FloatArray) -> FloatArray:
     FitFailed
         If the iteration leaves the finite numbers.
     """
-    rows = len(problem.points) + (problem.known_radius is not None)
+    rows = len(problem.points) + problem.prior_rows
     if rows < PARAMETERS:
         raise TooFewPoints("an arc", rows, PARAMETERS, "scan slower or nearer")
     parameters = least_squares(problem.evaluate, start)
@@ -242,7 +259,7 @@ def least_squares(evaluate: Evaluation, start: FloatArray) -> FloatArray:
     with np.errstate(all="ignore"):
         found, *_ = leastsq(
             lambda x: remembered(x)[0], start, Dfun=lambda x: remembered(x)[1],
-            xtol=1e-7, ftol=1e-10, maxfev=100, full_output=True,
+            xtol=1e-7, ftol=1e-10, maxfev=MOST_EVALUATIONS, full_output=True,
         )  # fmt: skip
     parameters: FloatArray = found
     return parameters

@@ -23,7 +23,7 @@ from lsvision.fitting.constrained import (
     fixed_radius,
     fixed_theta,
 )
-from lsvision.fitting.ellipse_fit import EllipseFit
+from lsvision.fitting.ellipse_fit import FAR_FROM_CIRCLE, EllipseFit
 from lsvision.fitting.ellipse_problem import semi_minor_gradient
 from lsvision.shapes import FloatArray, Points
 
@@ -31,8 +31,6 @@ Quantity = Literal["radius", "theta", "phi", "centre_x", "centre_y"]
 CIRCLE_LEVEL = 0.999
 """Confidence at which a section must be no circle before its theta counts as determined."""
 WIDEST_PHI = math.radians(88.0)
-FAR_FROM_CIRCLE = 5.0
-"""Sigmas of the deviator beyond which the ratio is chi^2 of one."""
 INTERVAL_PRECISION = 0.01
 """An interval's ends are found to this share of a sigma."""
 SMALLEST_RADIUS_SHARE, LARGEST_RADIUS_SHARE = 0.02, 50.0
@@ -88,10 +86,9 @@ def interval(fit: EllipseFit, quantity: Quantity, level: float = 0.95) -> tuple[
     return likelihood.around(lambda v: fixed_centre(axis, v), value, step, limits)
 
 
-def circle_is_excluded(fit: EllipseFit) -> bool:
+def theta_is_determined(fit: EllipseFit) -> bool:
     """Whether the section is no circle, at 99.9 % confidence: only then theta means something."""
-    likelihood = _Likelihood(fit, CIRCLE_LEVEL)
-    return likelihood.ratio(circle_constraint()) > likelihood.chi2_of_two
+    return not _may_be_any_theta(_Likelihood(fit, CIRCLE_LEVEL))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -166,6 +163,13 @@ class _Likelihood:
         return (1 - share) * self.chi2_of_one + share * self.chi2_of_two
 
 
+def _may_be_any_theta(likelihood: _Likelihood) -> bool:
+    known = likelihood.fit.problem.known_phi
+    if known is not None and not known.near_circle:
+        return False  # Used only where the points tell theta.
+    return likelihood.ratio(circle_constraint()) <= likelihood.chi2_of_two
+
+
 def _chi2_of_one(level: float) -> float:
     from scipy.special import chdtri
 
@@ -205,7 +209,7 @@ def _theta_interval(likelihood: _Likelihood) -> tuple[float, float]:
         return likelihood.ratio(fixed_theta(at)) - critical
 
     quarter = math.pi / 2
-    if likelihood.ratio(circle_constraint()) <= likelihood.chi2_of_two:
+    if _may_be_any_theta(likelihood):
         return 0.0, math.pi
     step = min(likelihood.std(np.array([0, 0, 0, -q, p])) / (2 * h * h), 0.3)
     return (

@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from lsvision.fitting.ellipse_problem import axes_of, turned_back
+from lsvision.fitting.scatter import MAD_TO_STD, median
 from lsvision.shapes import FloatArray, Points
 
 TILT_STD = 0.15
@@ -19,8 +20,6 @@ LARGEST_STEP = 0.1
 """Damping: a step of this share of the size is as dear as a misfit of one sigma."""
 CAUCHY_SIGMAS = 3.0
 """A point so far off has half its weight."""
-MEDIAN_CHI2 = 0.455
-"""Median of chi^2 with one degree of freedom."""
 NORMAL_SLACK = 0.05
 """Share of the total variance that counts along any normal: one 13 deg off."""
 
@@ -39,15 +38,16 @@ def normal_residuals(
     """
     a, b, cos, sin = axes_of(parameters)
     dx, dy = points[:, 0] - parameters[0], points[:, 1] - parameters[1]
-    u, v = cos * dx + sin * dy, cos * dy - sin * dx
-    size = np.maximum(np.hypot(u / a, v / b), TINY)
-    wu, wv = u / (a * size), v / (b * size)
+    wu, wv = (cos * dx + sin * dy) / a, (cos * dy - sin * dx) / b
+    size = np.maximum(np.hypot(wu, wv), TINY)
+    wu /= size
+    wv /= size
     nu, nv = wu / a, wv / b
-    length = np.hypot(nu, nv)
-    nu /= length
-    nv /= length
+    steepness = np.hypot(nu, nv)
+    nu /= steepness
+    nv /= steepness
     # Along the ray from the centre the ellipse is at 1 / size; times the ray's cosine with n.
-    signed = (1 - 1 / size) * (nu * u + nv * v)
+    signed = (size - 1) / steepness
     return signed, turned_back(nu, nv, cos, sin), turned_back(wu, wv, cos, sin)
 
 
@@ -79,7 +79,7 @@ def robust_variances(signed: FloatArray, variances: FloatArray) -> FloatArray:
     ellipse to itself, and the next step far beyond. The median tells the scatter of the rest.
     """
     squares = signed * signed
-    scatter = max(float(np.median(squares / variances)) / MEDIAN_CHI2, 1.0)
+    scatter = max(median(squares / variances) * MAD_TO_STD**2, 1.0)
     return variances + squares / (CAUCHY_SIGMAS**2 * scatter)
 
 

@@ -12,10 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.errors import FitFailed
+from lsvision.fitting.scatter import robust_std
 from lsvision.shapes import FloatArray, Points
 
 NODES = 32
 """Places where the local quadratic is evaluated: a window of 30 % has no finer detail."""
+HANKEL = np.add.outer(np.arange(3), np.arange(3))
+"""Which moment stands where in the normal equations of a quadratic."""
+TINY = float(np.finfo(float).tiny)
 BISQUARE = 4.685
 """Tukey's constant: 95 % efficiency at the normal distribution."""
 
@@ -90,31 +94,38 @@ def smooth_residual(
     reach = np.maximum(half, half + np.maximum(length[0] + half - nodes, nodes + half - length[-1]))
     u = (length - nodes[:, None]) / reach[:, None]
     tricube = np.maximum(1 - np.abs(u * u * u), 0.0)
-    kernel = tricube * tricube * tricube / (stds * stds)
+    windows = _powers(u, tricube * tricube * tricube / (stds * stds))
     weights = np.ones(len(length))
     smooth = np.zeros(NODES)
     for _ in range(1 + settings.rounds):
-        smooth = _local_quadratic(u, kernel * weights, residual)
+        smooth = _local_quadratic(windows, weights, residual)
         z = (residual - np.interp(length, nodes, smooth)) / stds
         # Never tighter than the noise model: clean points are no jumps.
-        scale = max(float(np.median(np.abs(z))) * 1.4826, 1.0)
+        scale = max(robust_std(z), 1.0)
         weights = np.maximum(1 - (z / (BISQUARE * scale)) ** 2, 0.0) ** 2
     return SmoothedArc(nodes, smooth, weights)
 
 
-def _local_quadratic(u: FloatArray, kernel: FloatArray, residual: FloatArray) -> FloatArray:
-    """Value at u = 0 of the weighted quadratic of each row."""
-    powers = [kernel]
-    for _ in range(4):
-        powers.append(powers[-1] * u)
-    s = [power.sum(axis=1) for power in powers]
-    right = np.stack([power @ residual for power in powers[:3]], axis=-1)
-    matrix = np.stack([np.stack(s[i : i + 3], axis=-1) for i in range(3)], axis=-2)
+def _powers(u: FloatArray, kernel: FloatArray) -> FloatArray:
+    """Kernel times u^0 to u^4: (5, nodes, points)."""
+    powers = np.empty((5, *u.shape))
+    powers[0] = kernel
+    for i in range(1, 5):
+        np.multiply(powers[i - 1], u, out=powers[i])
+    return powers
+
+
+def _local_quadratic(windows: FloatArray, weights: FloatArray, residual: FloatArray) -> FloatArray:
+    """Value at u = 0 of the weighted quadratic of each window."""
+    moments = windows @ weights
+    right = windows[:3] @ (weights * residual)
+    matrix = moments[HANKEL].transpose(2, 0, 1)
     # A little ridge: a window with two points has a line, one without any the ellipse itself.
-    ridge = 1e-9 * s[0] + 1e-12 * s[0].max() + np.finfo(float).tiny
-    matrix = matrix + ridge[:, None, None] * np.eye(3)
-    value: FloatArray = np.linalg.solve(matrix, right[..., None])[:, 0, 0]
-    return value
+    ridge = 1e-9 * moments[0] + 1e-12 * moments[0].max() + TINY
+    value: FloatArray = np.linalg.solve(
+        matrix + ridge[:, None, None] * np.eye(3), right.T[..., None]
+    )
+    return value[:, 0, 0]
 
 
 def smooth_profile_literally(points: Points, window_fraction: float = 0.3) -> Points:

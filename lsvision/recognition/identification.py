@@ -17,6 +17,7 @@ from lsvision.fitting.quick_fit import (
     refine_quickly,
     tolerant_variances,
 )
+from lsvision.fitting.scatter import robust_std
 from lsvision.profile import Arc, WeighedProfile
 from lsvision.recognition.candidates import Candidate, seed_ellipse
 from lsvision.shapes import BoolArray, Ellipse, FloatArray, IntArray, Points
@@ -248,7 +249,7 @@ def _on_ellipse(
     """
     signed, normals, w = normal_residuals(near.points, parameters)
     variances = tolerant_variances(normals, near.covariances)
-    scatter = 1.4826 * float(np.median(np.abs(signed / np.sqrt(variances))[inside]))
+    scatter = robust_std((signed / np.sqrt(variances))[inside])
     limit = settings.sensor_error_sigmas * min(max(scatter, 1.0), near.largest_misfit)
     rows = parameter_rows(normals, w)
     extrapolated = settings.correlation * ((unsure @ rows) * rows).sum(axis=0)

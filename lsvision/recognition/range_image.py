@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from lsvision.fitting.scatter import median
 from lsvision.profile import WeighedProfile
 from lsvision.shapes import FloatArray, IntArray, Points
 
@@ -122,7 +123,7 @@ def typical_pitch(points: Points) -> float:
     if len(spacing) == 0:
         spread = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
         return max(spread / max(len(points), 1), 1e-9)
-    return float(np.median(spacing))
+    return median(spacing)
 
 
 def _indices_within_reach(profile: WeighedProfile) -> IntArray:
@@ -130,7 +131,9 @@ def _indices_within_reach(profile: WeighedProfile) -> IntArray:
     if len(valid) < 2:
         return valid
     points = profile.points[valid]
-    low, high = np.percentile(points, (1, 99), axis=0)
+    ordered = np.sort(points, axis=0)
+    outermost = len(points) // 100
+    low, high = ordered[outermost], ordered[-1 - outermost]
     margin = (high - low) + 10 * typical_pitch(points)
     within: IntArray = valid[((points >= low - margin) & (points <= high + margin)).all(axis=1)]
     return within

@@ -21,6 +21,7 @@ from lsvision.fitting.quick_fit import (
     refine_quickly,
     tolerant_variances,
 )
+from lsvision.fitting.scatter import robust_std
 from lsvision.profile import Arc, WeighedProfile
 from lsvision.recognition.identification import IdentifiedArc
 from lsvision.recognition.surroundings import followers
@@ -140,7 +141,7 @@ def _fit_middle(profile: WeighedProfile, part: IntArray, start: Ellipse) -> _Mid
     z = signed / np.sqrt(normal_variances(n, covariances))
     excess, correlation = 1.0, 1.0
     if not profile.noise_known:
-        excess = max(1.0, (1.4826 * float(np.median(np.abs(z)))) ** 2)
+        excess = max(1.0, robust_std(z) ** 2)
         correlation = correlation_factor(np.clip(z, -3 * excess, 3 * excess))
     return _MiddlePart(parameters, covariance * excess * correlation, excess, correlation)
 

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from lsvision.fitting.scatter import median
 from lsvision.profile import WeighedProfile
 from lsvision.shapes import FloatArray, IntArray, Points
 
@@ -38,7 +39,7 @@ def followers(profile: WeighedProfile, indices: IntArray, count: int) -> tuple[P
 
 def _chain(own: Points, beyond: Points) -> Points:
     steps = own[-12:]
-    pitch = float(np.median(np.hypot(*(steps[1:] - steps[:-1]).T)))
+    pitch = median(np.hypot(*(steps[1:] - steps[:-1]).T))
     last = own[-1]
     chain: list[FloatArray] = []
     for point in beyond:

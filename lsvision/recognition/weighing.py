@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from lsvision.fitting.scatter import median
 from lsvision.profile import NoiseModel, Profile, WeighedProfile
 from lsvision.shapes import FloatArray, IntArray, Points
 
@@ -42,7 +43,7 @@ def weigh_profile(profile: Profile, noise: NoiseModel | None) -> WeighedProfile:
         return WeighedProfile(points, covariances, order, columns, std, noise_known=False)
     covariances = noise.covariances(profile.points)[columns]
     variances = covariances[order, 0, 0] + covariances[order, 1, 1]
-    std = float(np.sqrt(np.median(variances))) if len(order) else 0.0
+    std = math.sqrt(median(variances)) if len(order) else 0.0
     return WeighedProfile(points, covariances, order, columns, std, noise_known=True)
 
 

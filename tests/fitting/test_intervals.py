@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lsvision.fitting.ellipse_fit import fit_ellipse
-from lsvision.fitting.intervals import WIDEST_PHI, circle_is_excluded, interval
+from lsvision.fitting.intervals import WIDEST_PHI, interval, theta_is_determined
 from tests.fitting.arcs import SENSOR, measured, pipe, upper_arc
 from tests.tolerances import spread_of_share
 
@@ -70,7 +70,7 @@ def test_the_interval_of_a_circles_phi_reaches_zero(rng):
 def test_a_circle_may_have_any_theta(rng):
     fits = [fit_of(CIRCLE, rng) for _ in range(15)]
     assert sum(interval(fit, "theta") == (0.0, math.pi) for fit in fits) >= 10
-    assert sum(circle_is_excluded(fit) for fit in fits) <= 1
+    assert sum(theta_is_determined(fit) for fit in fits) <= 1
 
 
 def test_an_exact_circle_has_no_theta_and_phi_from_zero():
@@ -79,13 +79,13 @@ def test_an_exact_circle_has_no_theta_and_phi_from_zero():
     low, high = interval(fit, "phi")
     assert (low, interval(fit, "theta")) == (0.0, (0.0, math.pi))
     assert 0 < high < WIDEST_PHI
-    assert not circle_is_excluded(fit)
+    assert not theta_is_determined(fit)
 
 
 def test_a_tilted_pipe_is_no_circle_and_its_theta_is_bounded(rng):
     fit = fit_of(FAR, rng)
     low, high = interval(fit, "theta")
-    assert circle_is_excluded(fit)
+    assert theta_is_determined(fit)
     assert low <= fit.ellipse.theta <= high < low + math.pi / 2
 
 
