@@ -111,6 +111,23 @@ def test_a_known_radius_is_used_and_makes_phi_more_certain():
     assert abs(known.phi - math.radians(25)) < FOUR_SIGMA * known.phi_std
 
 
+def test_a_known_tilt_is_used_and_makes_the_radius_more_certain():
+    profile, tilt = look().profile, math.radians(25)
+    free, known, about = (
+        measure_cylinders(profile, known_phi=phi).cylinders[0]
+        for phi in (None, tilt, (tilt, math.radians(0.5)))
+    )
+    assert known.phi == pytest.approx(tilt, abs=1e-4)
+    assert known.radius_std < about.radius_std < free.radius_std
+    assert abs(known.radius - 19.0) < FOUR_SIGMA * known.radius_std
+
+
+def test_a_wrongly_known_tilt_is_refused_as_a_misfit():
+    measurement = measure_cylinders(look().profile, known_phi=0.0)
+    assert measurement.cylinders == ()
+    assert any("times the noise" in rejection.reason for rejection in measurement.rejections)
+
+
 def test_a_wrongly_known_radius_finds_nothing_of_another_size():
     measurement = measure_cylinders(look().profile, known_radius=60.0)
     assert measurement.cylinders == ()
@@ -140,6 +157,8 @@ def test_a_radius_outside_the_range_is_said_so():
         ({"radius": NAN}, "positive radius"),
         ({"known_radius": 0.0}, "positive known radius in mm, got 0"),
         ({"known_radius": (19.0, -1.0)}, "std >= 0 mm, got -1"),
+        ({"known_phi": -0.1}, "known phi from 0 to below pi / 2 rad, got -0.1"),
+        ({"known_phi": (0.0, -1.0)}, "std >= 0 rad, got -1"),
     ],
     ids=lambda value: str(value) if isinstance(value, dict) else "",
 )
