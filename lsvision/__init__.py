@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from lsvision.errors import LsvisionError as LsvisionError
     from lsvision.fitting.cylinder_fit import fit_cylinder as fit_cylinder
     from lsvision.fitting.cylinder_section import CylinderSection as CylinderSection
+    from lsvision.fitting.placing import PlacedCylinder as PlacedCylinder
+    from lsvision.fitting.placing import place_section as place_section
     from lsvision.io.hand_eye_file import load_hand_eye as load_hand_eye
     from lsvision.io.hand_eye_file import save_hand_eye as save_hand_eye
     from lsvision.io.profiles import inspect_profiles as inspect_profiles
@@ -87,6 +89,8 @@ _ROOMS = {
     "Settings": "lsvision.measure",
     "CylinderSection": "lsvision.fitting.cylinder_section",
     "Rejection": "lsvision.recognition.verdict",
+    "place_section": "lsvision.fitting.placing",
+    "PlacedCylinder": "lsvision.fitting.placing",
     "measure_scan": "lsvision.scan",
     "measure_shape": "lsvision.scan",
     "ScanMeasurement": "lsvision.scan",

@@ -21,7 +21,10 @@ MEASURED = re.search(r"```text\n(.*?)```", README, re.DOTALL)[1]
 
 
 def run_lsvision(command, folder):
-    words = [word.replace("fixtures/", f"{ROOT}/fixtures/") for word in shlex.split(command)[1:]]
+    words = [
+        f"{ROOT}/{word}" if word.startswith(("fixtures/", "calibration/")) else word
+        for word in shlex.split(command)[1:]
+    ]
     return subprocess.run(
         [sys.executable, "-m", "lsvision", *words],
         cwd=folder,
@@ -66,6 +69,18 @@ def test_the_images_print_what_they_show(tmp_path):
     assert printed == shown.split()
     assert (tmp_path / "line.png").exists()
     assert (tmp_path / "found.png").exists()
+
+
+def test_the_robot_prints_what_it_shows(tmp_path):
+    (commands,) = (c for c in COMMANDS if c.startswith("lsvision calibrate hand-eye"))
+    shown = README.split(commands, 1)[1].split("```text\n", 1)[1].split("```")[0]
+    printed = ""
+    for command in commands.strip().splitlines():
+        done = run_lsvision(command, tmp_path)
+        assert done.returncode == 0, done.stderr
+        printed += " ".join(done.stdout.replace(f"{ROOT}/", "").split())
+    for part in shown.split("...\n")[:-1]:  # of six tables the first
+        assert " ".join(part.split()) in printed
 
 
 @pytest.mark.parametrize("command", [c for c in COMMANDS if c.startswith("lsvision plan")])

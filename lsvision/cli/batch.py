@@ -12,17 +12,21 @@ from lsvision.cli.image_sources import ImageFile, Imaging, LiveCamera, is_image,
 from lsvision.cli.measuring import doubt_of_range
 from lsvision.cli.messages import complain, internal_error
 from lsvision.cli.outputs import Pictures
+from lsvision.cli.placing import Placing, placed_lines
 from lsvision.cli.progress import Progress
+from lsvision.cli.robot_poses import read_poses
 from lsvision.cli.section_table import verdict_lines
 from lsvision.cli.sources import read_source
 from lsvision.errors import LsvisionError, UnreadableFile
 
 if TYPE_CHECKING:
+    from lsvision.fitting.placing import PlacedCylinder
     from lsvision.io.profiles import ProfileFile, ReadOptions
     from lsvision.io.results import Record
     from lsvision.measure import Measurement
     from lsvision.profile import Profile
     from lsvision.sensor.profile_sensor import ProfileSensor
+    from lsvision.shapes import Pose
 
 ENOUGH_FOR_A_HINT = 20_000
 """Points of a profile that are looked at upside down."""
@@ -42,6 +46,8 @@ class Batch:
         What the user says of the files.
     imaging : Imaging, optional
         How images become profiles; without it they are refused.
+    placing : Placing, optional
+        How cylinders come to the robot's frame; without it they stay in the section's.
     plot : Path, optional
         Picture of each profile; see `Pictures`.
     verbose : bool
@@ -54,6 +60,7 @@ class Batch:
     sensor: "ProfileSensor | None" = None
     reading: "ReadOptions" = field(default_factory=dict)  # type: ignore[assignment] # all optional
     imaging: Imaging | None = None
+    placing: Placing | None = None
     plot: Path | None = None
     verbose: bool = False
     debug: bool = False
@@ -77,14 +84,22 @@ def measure_sources(
         One for each profile that was measured.
     failed : int
         How many files failed, each told on stderr.
+
+    Raises
+    ------
+    LsvisionError
+        If profiles go with a robot's poses and a file cannot be read, or their numbers differ:
+        which pose belongs to which profile is then open.
     """
+    ahead = _read_ahead(sources, batch)
     records: list[Record] = []
     pictures = None if batch.plot is None else Pictures(batch.plot, several=len(sources) > 1)
     progress, failed = Progress(len(sources)), 0
     for done, source in enumerate(sources):
         progress.show(done, str(source))
         try:
-            sections = _sections(source, batch, partial(progress.show, done, str(source)))
+            show = partial(progress.show, done, str(source))
+            sections = _sections(source, batch, show, ahead.get(done))
             lines = _lines(*sections, batch)
             if pictures:
                 _draw(*sections, pictures, batch)
@@ -111,13 +126,30 @@ class _Section:
     profile: "Profile"
     measurement: "Measurement"
     upside_down: bool
+    placed: "list[tuple[PlacedCylinder, PlacedCylinder]] | None"
+
+
+def _read_ahead(
+    sources: Sequence[Path | LiveCamera], batch: Batch
+) -> "dict[int, tuple[ProfileFile | ImageFile, list[Pose]]]":
+    """Files by their number with the robot's pose of each profile; none without poses."""
+    if batch.placing is None or batch.placing.rows is None:
+        return {}
+    files = [_read(source, batch) for source in sources]
+    poses = iter(read_poses(batch.placing.rows, sum(len(file.profiles) for file in files)))
+    return {
+        number: (file, [next(poses) for _ in file.profiles]) for number, file in enumerate(files)
+    }
 
 
 def _sections(
-    source: Path | LiveCamera, batch: Batch, show: Callable[[int, int], None]
+    source: Path | LiveCamera,
+    batch: Batch,
+    show: Callable[[int, int], None],
+    ahead: "tuple[ProfileFile | ImageFile, list[Pose]] | None",
 ) -> "tuple[ProfileFile | ImageFile, list[_Section]]":
-    """Read a file and measure its profiles."""
-    file = _read(source, batch)
+    """Read a file, unless that is done already, and measure its profiles."""
+    file, flanges = ahead or (_read(source, batch), None)
     doubts = [note for note in file.notes if "--units" in note]  # such a note names the mend
     if doubts and file.units_assumed:
         raise UnreadableFile(f"{source}: {'; '.join(doubts)}, or --units mm if it is right")
@@ -132,7 +164,11 @@ def _sections(
             raise LsvisionError(f"{source}, profile {number}: {error}") from error
         empty = not measurement.cylinders and not isinstance(file, ImageFile)
         upside_down = empty and _holds_cylinders_upside_down(profile, batch)
-        sections.append(_Section(number, profile, measurement, upside_down))
+        placed = None
+        if batch.placing is not None:
+            flange = None if flanges is None else flanges[number]
+            placed = batch.placing.place(measurement.cylinders, flange)
+        sections.append(_Section(number, profile, measurement, upside_down, placed))
     return file, sections
 
 
@@ -164,7 +200,7 @@ def _lines(file: "ProfileFile | ImageFile", sections: list[_Section], batch: Bat
             head = f"{_part(file)} {section.number}:"
             found = bool(section.measurement.cylinders)
             verdict = [head, *verdict] if found else [f"{head} {verdict[0]}", *verdict[1:]]
-        lines += [f"  {line}" for line in verdict]
+        lines += [f"  {line}" for line in (*verdict, *placed_lines(section.placed or ()))]
         if section.upside_down:
             lines.append(f"  upside down it holds cylinders: do its heights grow the other way? "
                          f"then say {turn}")  # fmt: skip
@@ -175,7 +211,12 @@ def _records(file: "ProfileFile | ImageFile", sections: list[_Section]) -> "list
     from lsvision.io.results import measurement_record
 
     return [
-        measurement_record(section.measurement, source=str(file.path), profile=section.number)
+        measurement_record(
+            section.measurement,
+            source=str(file.path),
+            profile=section.number,
+            placed=section.placed,
+        )
         for section in sections
     ]
 

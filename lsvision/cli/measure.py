@@ -1,7 +1,7 @@
 """``lsvision measure``: profiles and images in, cylinders with their uncertainty out."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -18,13 +18,27 @@ from lsvision.cli.image_sources import LiveCamera
 from lsvision.cli.measuring import measuring_of, reading_of, sensor_of
 from lsvision.cli.messages import FAILED, complain
 from lsvision.cli.outputs import check_outputs, check_picture
+from lsvision.cli.placing import placing_of
+from lsvision.cli.profile_options import (
+    Columns,
+    Convention,
+    FileFormat,
+    Flip,
+    HandEyeFile,
+    JsonFile,
+    KnownRadius,
+    PoseFile,
+    Radius,
+    RangeStd,
+    ReferenceRange,
+    SensorName,
+    Units,
+    Verbose,
+)
 from lsvision.cli.sources import MEASURED_SUFFIXES, PROFILE_SUFFIXES, find_sources
 
-READERS = (
-    "text, matrix, gocator, gocator-points, keyence, keyence-raw, npy, npz, ply, pcd, opencv, "
-    "parquet"
-)
-"""Written out, because the reader's own list comes with numpy; a test compares the two."""
+if TYPE_CHECKING:
+    from lsvision.io.results import Record
 
 
 def measure(
@@ -35,34 +49,18 @@ def measure(
             metavar="FILE|DIR|GLOB", help="Profiles, images, videos: as many as you like."
         ),
     ] = None,
-    radius: Annotated[
+    radius: Radius = None,
+    known_radius: KnownRadius = None,
+    known_phi_deg: Annotated[
         str | None,
         typer.Option(
-            metavar="MM|MM:MM",
-            help="Search range of the radius, or its nominal value (+/- 20 %).",
+            metavar="DEG|DEG:SIGMA",
+            help="Tilt known beforehand, as 0 for a scan square to the pipe; sharpens the radius.",
         ),
     ] = None,
-    known_radius: Annotated[
-        str | None,
-        typer.Option(
-            metavar="MM|MM:SIGMA",
-            help="Radius known beforehand, exactly or with one sigma; sharpens phi and theta.",
-        ),
-    ] = None,
-    sensor: Annotated[
-        str | None,
-        typer.Option(
-            metavar="lps36hi|lps36", help="Noise of this sensor; else estimated from the profile."
-        ),
-    ] = None,
-    range_std: Annotated[
-        float | None,
-        typer.Option(metavar="MM", help="Noise of another sensor: one sigma along the ray..."),
-    ] = None,
-    reference_range: Annotated[
-        float | None,
-        typer.Option(metavar="MM", help="...at this range, growing with range squared [400]."),
-    ] = None,
+    sensor: SensorName = None,
+    range_std: RangeStd = None,
+    reference_range: ReferenceRange = None,
     paper: Annotated[
         bool, typer.Option("--paper", help="The paper's chain to the letter, for comparison.")
     ] = False,
@@ -82,9 +80,10 @@ def measure(
         int | None,
         typer.Option(min=1, metavar="N", help="Frames of a video [all] or of the camera [1]."),
     ] = None,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", metavar="F", help="Write all results as JSON.")
-    ] = None,
+    poses: PoseFile = None,
+    convention: Convention = None,
+    flange_from_section: HandEyeFile = None,
+    json_file: JsonFile = None,
     csv_file: Annotated[
         Path | None, typer.Option("--csv", metavar="F", help="Write a cylinder a row as CSV.")
     ] = None,
@@ -96,23 +95,10 @@ def measure(
             "each, of several profiles or frames in a file F-NAME-K.png.",
         ),
     ] = None,
-    file_format: Annotated[
-        str | None,
-        typer.Option(
-            "--format", metavar="NAME", help=f"Reader; else detected from the content: {READERS}."
-        ),
-    ] = None,
-    columns: Annotated[
-        str | None,
-        typer.Option(metavar="X,Z", help="Columns of x and height: from 0, or by name."),
-    ] = None,
-    units: Annotated[
-        str | None, typer.Option(metavar="UNIT", help="Of coordinates: nm um mm cm m mil in.")
-    ] = None,
-    flip: Annotated[
-        bool | None,
-        typer.Option("--flip/--no-flip", help="Heights grow away from the sensor, or towards it."),
-    ] = None,
+    file_format: FileFormat = None,
+    columns: Columns = None,
+    units: Units = None,
+    flip: Flip = None,
     x0: Annotated[
         float | None,
         typer.Option("--x0", metavar="MM", help="Rows of heights: x of the first column."),
@@ -130,9 +116,7 @@ def measure(
     z_unit: Annotated[
         float | None, typer.Option(metavar="N", help="Raw Keyence: ZUnit, 0.01 um.")
     ] = None,
-    verbose: Annotated[
-        bool, typer.Option("--verbose", "-v", help="Also say what was refused, and why.")
-    ] = False,
+    verbose: Verbose = False,
 ) -> None:
     """Measure radius and orientation of every cylinder in profiles or images of a laser line.
 
@@ -148,6 +132,8 @@ def measure(
       lsvision measure fixtures/welded_complex.csv --radius 10:40 --sensor lps36hi -v
     A pipe turned to 25 +/- 0.05 mm:
       lsvision measure fixtures/single.csv --known-radius 25:0.05
+    A pipe that lies square to the laser plane, give or take 5 deg:
+      lsvision measure fixtures/planar.csv --known-phi-deg 0:5
     A folder, all results in two files and a picture of each:
       lsvision measure fixtures --json all.json --csv all.csv --plot all.png
     Ranges (away from the sensor) in metres, columns 1 and 3 of a table:
@@ -156,9 +142,11 @@ def measure(
       lsvision measure fixtures/images/pair.png --light-section fixtures/images/rig.json
     Ten frames of the first camera that is connected, a red laser:
       lsvision measure --camera 0 --frames 10 --light-section rig.json --laser red
+    On a robot, in its base frame (without poses: its flange's), with the hand-eye file that
+    lsvision calibrate hand-eye wrote:
+      lsvision measure calibration/example/pipe --flange-from-section hand_eye.json \\
+        --poses calibration/example/pipe_poses.csv --convention kuka --known-radius 15:0.02
     """  # noqa: D301 - the backspace tells click to leave the lines as they are
-    from lsvision.io.results import write_csv, write_json
-
     if not files and camera is None:
         raise typer.BadParameter("want files or folders to measure, or --camera INDEX, got none")
     check_picture(plot)
@@ -168,32 +156,43 @@ def measure(
     )  # fmt: skip
     noise = sensor_of(sensor, range_std, reference_range)
     batch = Batch(
-        measuring=measuring_of(radius, known_radius, noise, paper=paper),
+        measuring=measuring_of(radius, known_radius, known_phi_deg, noise, paper=paper),
         sensor=noise,
         reading=reading_of(
             format=file_format, columns=columns, units=units, flip=flip,
             x0=x0, dx=dx, x_start=x_start, x_pitch=x_pitch, z_unit=z_unit,
         ),
         imaging=imaging,
+        placing=placing_of(poses, convention, flange_from_section),
         plot=plot,
         verbose=verbose,
         debug=ctx.find_root().params.get("debug", False),
     )  # fmt: skip
     suffixes = PROFILE_SUFFIXES if imaging is None else MEASURED_SUFFIXES
     paths, missing = find_sources(files or (), suffixes)
-    check_outputs((json_file, csv_file, plot), paths)
+    inputs = [*paths, *filter(None, (poses, flange_from_section))]
+    check_outputs((json_file, csv_file, plot), inputs)
     sources: list[Path | LiveCamera] = [*paths]
     if camera is not None:
         sources.append(LiveCamera(camera, frames or 1))
     for failure in missing:
         complain(str(failure))
+    if missing and poses is not None:  # which pose belongs to which profile is then open
+        raise typer.Exit(FAILED)
     records, failed = measure_sources(sources, batch)
-    if json_file is not None and records:
-        write_json(json_file, records)
-    if csv_file is not None and records:
-        write_csv(csv_file, records)
+    _write(records, json_file, csv_file)
     failed, total = failed + len(missing), len(sources) + len(missing)
     if failed and total > 1:
         complain(f"{failed} of {total} could not be measured")
     if failed:
         raise typer.Exit(FAILED)
+
+
+def _write(records: "list[Record]", json_file: Path | None, csv_file: Path | None) -> None:
+    """Write the files that are wanted, if anything was measured."""
+    from lsvision.io.results import write_csv, write_json
+
+    if json_file is not None and records:
+        write_json(json_file, records)
+    if csv_file is not None and records:
+        write_csv(csv_file, records)

@@ -21,7 +21,12 @@ FAR = 3.0
 
 
 def measuring_of(
-    radius: str | None, known_radius: str | None, sensor: "ProfileSensor | None", *, paper: bool
+    radius: str | None,
+    known_radius: str | None,
+    known_phi_deg: str | None,
+    sensor: "ProfileSensor | None",
+    *,
+    paper: bool,
 ) -> "Callable[[Profile], Measurement]":
     """`measure_cylinders` with the options filled in.
 
@@ -31,6 +36,8 @@ def measuring_of(
         ``19`` or ``10:40``. Units: mm.
     known_radius : str, optional
         ``19`` or ``19:0.05``, the latter with its sigma. Units: mm.
+    known_phi_deg : str, optional
+        ``0`` or ``0:2``, the latter with its sigma. Units: deg.
     sensor : ProfileSensor, optional
         Noise of the points.
     paper : bool
@@ -39,7 +46,7 @@ def measuring_of(
     Raises
     ------
     typer.BadParameter
-        If a radius is no number, not positive, or the range is reversed.
+        If a radius is no number, not positive, or the range is reversed; if a tilt is none.
     """
     from lsvision.measure import Settings, measure_cylinders
 
@@ -47,6 +54,7 @@ def measuring_of(
         measure_cylinders,
         radius=search_range_of(radius),
         known_radius=known_radius_of(known_radius),
+        known_phi=known_phi_of(known_phi_deg),
         sensor=sensor,
         settings=Settings.paper() if paper else Settings(),
     )
@@ -145,12 +153,25 @@ def known_radius_of(text: str | None) -> float | tuple[float, float] | None:
     return radius if std is None else (radius, std)
 
 
-def _pair(text: str, wanted: str) -> tuple[float, float | None]:
+def known_phi_of(text: str | None) -> float | tuple[float, float] | None:
+    """Prior of ``--known-phi-deg``: a tilt, or ``tilt:std``. Units: deg; returned in rad."""
+    if text is None:
+        return None
+    phi_deg, std_deg = _pair(text, "--known-phi-deg 0 or --known-phi-deg 0:2", "deg")
+    if not 0 <= phi_deg < 90 or (std_deg is not None and std_deg <= 0):
+        raise typer.BadParameter(
+            f"want --known-phi-deg from 0 to below 90 deg and its sigma above 0, got {text!r}"
+        )
+    phi = math.radians(phi_deg)
+    return phi if std_deg is None else (phi, math.radians(std_deg))
+
+
+def _pair(text: str, wanted: str, unit: str = "mm") -> tuple[float, float | None]:
     """One finite number, or two with a colon between them."""
     try:
         numbers = [float(part) for part in text.split(":")]
     except ValueError:
         numbers = []
     if len(numbers) not in (1, 2) or not all(map(math.isfinite, numbers)):
-        raise typer.BadParameter(f"want {wanted} in mm, got {text!r}")
+        raise typer.BadParameter(f"want {wanted} in {unit}, got {text!r}")
     return numbers[0], numbers[1] if len(numbers) == 2 else None

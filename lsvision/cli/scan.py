@@ -10,8 +10,24 @@ import typer
 from lsvision.cli.measuring import known_radius_of, reading_of, search_range_of, sensor_of
 from lsvision.cli.messages import FAILED, complain
 from lsvision.cli.outputs import check_outputs, check_picture
+from lsvision.cli.profile_options import (
+    Columns,
+    Convention,
+    FileFormat,
+    Flip,
+    HandEyeFile,
+    JsonFile,
+    KnownRadius,
+    PoseFile,
+    Radius,
+    RangeStd,
+    ReferenceRange,
+    SensorName,
+    Units,
+    Verbose,
+)
 from lsvision.cli.progress import Progress
-from lsvision.cli.scan_poses import pose_options, scan_poses
+from lsvision.cli.scan_poses import Robot, motion_of, scan_poses, sigma_of
 from lsvision.cli.scan_table import scan_lines
 from lsvision.cli.sources import find_sources, read_source
 
@@ -40,49 +56,26 @@ def scan(
     step: Annotated[
         float | None, typer.Option(metavar="MM", help="Feed from one profile to the next.")
     ] = None,
-    poses: Annotated[
-        Path | None, typer.Option(metavar="F", help="Poses of the robot's flange, one a profile.")
-    ] = None,
-    convention: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="Of the poses, never guessed: ur, kuka, fanuc, abb, ros, matrix, ...",
-        ),
-    ] = None,
-    flange_from_section: Annotated[
-        Path | None,
-        typer.Option(metavar="F", help="Hand-eye file; else the poses are the section's own."),
-    ] = None,
-    radius: Annotated[
-        str | None,
-        typer.Option(metavar="MM|MM:MM", help="Search range, or nominal value (+/- 20 %)."),
-    ] = None,
-    known_radius: Annotated[
-        str | None,
-        typer.Option(metavar="MM|MM:SIGMA", help="Radius known beforehand."),
-    ] = None,
-    sensor: Annotated[
-        str | None,
-        typer.Option(metavar="lps36hi|lps36", help="Noise of this sensor; else estimated."),
-    ] = None,
-    range_std: Annotated[
-        float | None,
-        typer.Option(metavar="MM", help="Noise of another sensor: one sigma along the ray..."),
-    ] = None,
-    reference_range: Annotated[
-        float | None,
-        typer.Option(metavar="MM", help="...at this range, growing with range squared [400]."),
-    ] = None,
+    poses: PoseFile = None,
+    convention: Convention = None,
+    flange_from_section: HandEyeFile = None,
+    radius: Radius = None,
+    known_radius: KnownRadius = None,
+    sensor: SensorName = None,
+    range_std: RangeStd = None,
+    reference_range: ReferenceRange = None,
     pose_std: Annotated[
-        float, typer.Option(metavar="MM", min=0, help="One sigma of each pose, per axis.")
+        float,
+        typer.Option(
+            metavar="MM",
+            min=0,
+            help="One sigma of each pose, per axis, beside the hand-eye file's.",
+        ),
     ] = 0.0,
     feed_std_deg: Annotated[
         float, typer.Option(metavar="DEG", min=0, help="One sigma of the feed's direction.")
     ] = 0.0,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", metavar="F", help="Write all results as JSON.")
-    ] = None,
+    json_file: JsonFile = None,
     plot: Annotated[
         Path | None, typer.Option(metavar="F.png|F.svg", help="Draw points and cylinders in 3D.")
     ] = None,
@@ -94,20 +87,11 @@ def scan(
         Path | None,
         typer.Option("--surfaces", metavar="F.ply", help="Write the cylinders' surfaces."),
     ] = None,
-    file_format: Annotated[
-        str | None, typer.Option("--format", metavar="NAME", help="Reader of the profiles.")
-    ] = None,
-    columns: Annotated[
-        str | None, typer.Option(metavar="X,Z", help="Columns of x and height.")
-    ] = None,
-    units: Annotated[str | None, typer.Option(metavar="UNIT", help="Of the coordinates.")] = None,
-    flip: Annotated[
-        bool | None,
-        typer.Option("--flip/--no-flip", help="Heights grow away from the sensor, or towards it."),
-    ] = None,
-    verbose: Annotated[
-        bool, typer.Option("--verbose", "-v", help="Also say what was refused, and why.")
-    ] = False,
+    file_format: FileFormat = None,
+    columns: Columns = None,
+    units: Units = None,
+    flip: Flip = None,
+    verbose: Verbose = False,
 ) -> None:
     """Measure cylinders in space from several sections of known pose, jointly.
 
@@ -120,19 +104,21 @@ def scan(
       lsvision scan fixtures/scan_welded_pair --feed 0,0,1 --step 1 --plot pair.png
     A bent pipe, its points and surface for MeshLab:
       lsvision scan fixtures/scan_bent_pipe --feed 0,0,1 --step 4 --points p.ply --surfaces s.ply
-    A robot carries the sensor:
-      lsvision scan scans --poses poses.csv --convention kuka --flange-from-section hand_eye.json
+    A robot carries the sensor; hand_eye.json is what lsvision calibrate hand-eye wrote:
+      lsvision scan calibration/example/pipe --poses calibration/example/pipe_poses.csv \\
+        --convention kuka --flange-from-section hand_eye.json --radius 15
 
     The fit cannot see a wrong feed: a direction 0.5 deg off turns the axis by 0.45 deg and costs
     0.1 mm of radius with the same residuals. --feed-std-deg puts that into the errors.
     """  # noqa: D301 - the backspace tells click to leave the lines as they are
     check_picture(plot)
-    motion = pose_options(feed, step, poses, convention, flange_from_section)
+    motion = motion_of(feed, step, poses, convention, flange_from_section)
     reading = reading_of(format=file_format, columns=columns, units=units, flip=flip)
     noise = sensor_of(sensor, range_std, reference_range)
     search, known = search_range_of(radius), known_radius_of(known_radius)
     sources, missing = find_sources(files)
-    check_outputs((json_file, plot, points_ply, surfaces_ply), sources)
+    inputs = [*sources, *filter(None, (poses, flange_from_section))]
+    check_outputs((json_file, plot, points_ply, surfaces_ply), inputs)
     for failure in missing:
         complain(str(failure))
     if missing:
@@ -145,10 +131,13 @@ def scan(
     measurements = _measure_all(profiles, names, search, known, noise)
     found = join_sections(
         profiles, base_from_sections, measurements, known_radius=known, sensor=noise,
-        pose_errors=PoseErrors(pose_std=pose_std, feed_std=math.radians(feed_std_deg)),
+        pose_errors=PoseErrors(
+            pose_std=pose_std, feed_std=math.radians(feed_std_deg),
+            calibration=motion.calibration if isinstance(motion, Robot) else None,
+        ),
     )  # fmt: skip
     shapes = _shapes(found)
-    typer.echo("\n".join(scan_lines(found, shapes, verbose=verbose)))
+    typer.echo("\n".join(scan_lines(found, shapes, sigma_of(motion), verbose=verbose)))
     if json_file is not None:
         from lsvision.io.scan_results import scan_record, write_scan_json
 

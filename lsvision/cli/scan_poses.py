@@ -7,9 +7,16 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from lsvision.errors import LsvisionError, UnreadableFile
+from lsvision.cli.robot_poses import (
+    PoseRows,
+    pose_rows_of,
+    read_calibration,
+    read_poses,
+    sigma_words,
+)
 
 if TYPE_CHECKING:
+    from lsvision.calibrate.hand_eye_result import HandEye
     from lsvision.shapes import Pose
 
 
@@ -23,14 +30,13 @@ class Encoder:
 
 @dataclass(frozen=True)
 class Robot:
-    """``--poses``, ``--convention`` and ``--flange-from-section``."""
+    """``--poses``, ``--convention`` and what ``--flange-from-section`` holds."""
 
-    path: Path
-    convention: str
-    hand_eye: Path | None
+    rows: PoseRows
+    calibration: "HandEye | None"
 
 
-def pose_options(
+def motion_of(
     feed: str | None,
     step: float | None,
     poses: Path | None,
@@ -43,13 +49,16 @@ def pose_options(
     ------
     typer.BadParameter
         If they say too little, both ways at once, or numbers that are none.
+    LsvisionError
+        If the hand-eye file cannot be used.
     """
-    if poses is not None:
-        if feed is not None or step is not None:
-            raise typer.BadParameter("want --feed with --step, or --poses, got both")
-        return _robot(poses, convention, hand_eye)
-    if convention is not None or hand_eye is not None:
-        raise typer.BadParameter("want --poses beside --convention and --flange-from-section")
+    if poses is not None and (feed is not None or step is not None):
+        raise typer.BadParameter("want --feed with --step, or --poses, got both")
+    rows = pose_rows_of(poses, convention)
+    if rows is not None:
+        return Robot(rows, None if hand_eye is None else read_calibration(hand_eye))
+    if hand_eye is not None:
+        raise typer.BadParameter("want --poses beside --flange-from-section, got none")
     if feed is None or step is None:
         raise typer.BadParameter(
             "want --feed X,Y,Z and --step MM, or --poses F and --convention NAME: without "
@@ -66,7 +75,7 @@ def scan_poses(motion: Encoder | Robot, count: int) -> "list[Pose]":
     Parameters
     ----------
     motion : Encoder or Robot
-        From `pose_options`.
+        From `motion_of`.
     count : int
         Number of profiles.
 
@@ -75,30 +84,21 @@ def scan_poses(motion: Encoder | Robot, count: int) -> "list[Pose]":
     LsvisionError
         If a file cannot be read, or there are not as many poses as profiles.
     """
-    from lsvision.io.robot_poses import encoder_poses, read_robot_poses
-
     if isinstance(motion, Encoder):
+        from lsvision.io.robot_poses import encoder_poses
+
         return encoder_poses(count, motion.direction, motion.step)
-    flanges = read_robot_poses(motion.path, motion.convention)
-    if len(flanges) != count:
-        raise UnreadableFile(
-            f"{motion.path}: want one pose a profile, got {len(flanges)} poses for {count} "
-            "profiles: leave out what has no partner"
-        )
-    if motion.hand_eye is None:
+    flanges = read_poses(motion.rows, count)
+    if motion.calibration is None:
         return flanges
-    flange_from_section = _flange_from_section(motion.hand_eye)
-    return [base_from_flange @ flange_from_section for base_from_flange in flanges]
+    return [flange @ motion.calibration.flange_from_section for flange in flanges]
 
 
-def _robot(poses: Path, convention: str | None, hand_eye: Path | None) -> Robot:
-    from lsvision.io.robot_conventions import CONVENTIONS
-
-    if convention not in CONVENTIONS:
-        raise typer.BadParameter(
-            f"want --convention {', '.join(CONVENTIONS)} beside --poses, got {convention}"
-        )
-    return Robot(poses, convention, hand_eye)
+def sigma_of(motion: Encoder | Robot) -> str:
+    """What the errors of the table are."""
+    if isinstance(motion, Encoder):
+        return "one sigma"
+    return sigma_words(calibrated=motion.calibration is not None, in_base=True)
 
 
 def _direction(text: str) -> tuple[float, float, float]:
@@ -109,12 +109,3 @@ def _direction(text: str) -> tuple[float, float, float]:
     if not 0 < math.hypot(x, y, z) < math.inf:
         raise typer.BadParameter(f"want a --feed with a length, got {text!r}")
     return x, y, z
-
-
-def _flange_from_section(path: Path) -> "Pose":
-    from lsvision.io.hand_eye_file import load_hand_eye
-
-    try:
-        return load_hand_eye(path).flange_from_section
-    except (AttributeError, ValueError) as error:
-        raise LsvisionError(f"{path}: {error}") from error

@@ -23,7 +23,11 @@ SURE = 0.01
 
 
 def scan_lines(
-    scan: "ScanMeasurement", shapes: "Sequence[TubeShape | None]", *, verbose: bool
+    scan: "ScanMeasurement",
+    shapes: "Sequence[TubeShape | None]",
+    sigma: str,
+    *,
+    verbose: bool,
 ) -> list[str]:
     """What a scan holds: the table, and below it what is special about each cylinder.
 
@@ -33,6 +37,8 @@ def scan_lines(
         What was found.
     shapes : sequence of TubeShape or None
         Of each cylinder.
+    sigma : str
+        What the errors are, from `sigma_of`.
     verbose : bool
         List what was refused; else it is only counted if nothing was found.
     """
@@ -40,7 +46,7 @@ def scan_lines(
     profiles = f"{count} profile{'' if count == 1 else 's'}"
     refused = [f"  sections {_spans(r.sections)}: {r.reason}" for r in scan.rejections]
     if scan.cylinders:
-        lines = [f"{profiles}, base frame, one sigma", *_table(scan.cylinders)]
+        lines = [f"{profiles}, base frame, {sigma}", *_table(scan.cylinders)]
         for number, (tube, shape) in enumerate(zip(scan.cylinders, shapes, strict=True), 1):
             lines += [f"  {number}: {line}" for line in _remarks(tube, shape)]
     else:

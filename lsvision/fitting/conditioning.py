@@ -77,8 +77,8 @@ def condition_arc(
     on_even = _beside_ellipse(parameters, turn, residual)
     kept = np.empty(len(points), dtype=bool)
     kept[order] = smooth.weights > 0
-    weight = np.broadcast_to(np.eye(2) * median(stds) ** 2, (len(even), 2, 2))
-    found, _ = refine_quickly(on_even, weight, parameters, steps=2)
+    weight = np.interp(even, length, stds[order])[:, None, None] ** 2 * np.eye(2)
+    found, _ = refine_quickly(on_even, weight, parameters, steps=1)
     return ConditionedArc(on_even, ellipse_of(found if is_ellipse(found) else parameters), kept)
 
 

@@ -13,6 +13,7 @@ from lsvision.io.whole_files import write_whole
 if TYPE_CHECKING:
     from lsvision.fitting.cylinder_section import CylinderSection
     from lsvision.fitting.intervals import Quantity
+    from lsvision.fitting.placing import PlacedCylinder
     from lsvision.measure import Measurement
 
 RECORD_SCHEMA = "lsvision.measurement/1"
@@ -34,7 +35,13 @@ _QUANTITIES: dict[
 }
 
 
-def measurement_record(measurement: "Measurement", *, source: str = "", profile: int = 0) -> Record:
+def measurement_record(
+    measurement: "Measurement",
+    *,
+    source: str = "",
+    profile: int = 0,
+    placed: "Sequence[tuple[PlacedCylinder, PlacedCylinder]] | None" = None,
+) -> Record:
     """Record of one profile's measurement, ready for JSON.
 
     Parameters
@@ -45,6 +52,9 @@ def measurement_record(measurement: "Measurement", *, source: str = "", profile:
         Name of the file that the profile came from.
     profile : int
         Place of the profile in its file, from 0.
+    placed : sequence of pairs of PlacedCylinder, optional
+        Both cylinders of each section in the robot's frame; they become ``base_frame`` or
+        ``flange_frame`` of its record.
 
     Returns
     -------
@@ -52,11 +62,15 @@ def measurement_record(measurement: "Measurement", *, source: str = "", profile:
         Lengths in ``*_mm``, angles in ``*_deg``; ``interval_95`` are ``[low, high]``; a number
         that does not exist (the sigma of an angle that is not determined) is None.
     """
+    cylinders = [_cylinder_record(cylinder) for cylinder in measurement.cylinders]
+    if placed is not None:
+        for record, twins in zip(cylinders, placed, strict=True):
+            record[f"{twins[0].frame}_frame"] = _placed_record(twins)
     return {
         "schema": RECORD_SCHEMA,
         "source": source,
         "profile": profile,
-        "cylinders": [_cylinder_record(cylinder) for cylinder in measurement.cylinders],
+        "cylinders": cylinders,
         "rejections": [
             {
                 "start": rejection.arc.start,
@@ -83,8 +97,9 @@ def write_json(path: str | os.PathLike[str], records: Sequence[Record]) -> None:
 def write_csv(path: str | os.PathLike[str], records: Sequence[Record]) -> None:
     """Write the cylinders of records to one CSV file, a cylinder a row, whole or not at all.
 
-    Intervals become two columns, ``*_low_*`` and ``*_high_*``. Rejections and the indices of points
-    are left to JSON; a profile without a cylinder has no row.
+    Intervals become two columns, ``*_low_*`` and ``*_high_*``; in the robot's frame the point and
+    both directions have theirs. Rejections, covariances and the indices of points are left to
+    JSON; a profile without a cylinder has no row.
 
     Raises
     ------
@@ -92,11 +107,15 @@ def write_csv(path: str | os.PathLike[str], records: Sequence[Record]) -> None:
         If the file cannot be written.
     """
     text = io.StringIO()
-    writer = csv.DictWriter(text, _CSV_COLUMNS, lineterminator="\n")
+    rows = [
+        _csv_row(record, place, cylinder)
+        for record in records
+        for place, cylinder in enumerate(record["cylinders"])
+    ]
+    columns = rows[0] if rows else _CSV_COLUMNS
+    writer = csv.DictWriter(text, columns, lineterminator="\n")
     writer.writeheader()
-    for record in records:
-        for place, cylinder in enumerate(record["cylinders"]):
-            writer.writerow(_csv_row(record, place, cylinder))
+    writer.writerows(rows)
     write_whole(path, text.getvalue())
 
 
@@ -118,6 +137,26 @@ def _cylinder_record(cylinder: "CylinderSection") -> Record:
     record["axis_twins"] = [[float(part) for part in twin] for twin in cylinder.axis_twins]
     record["indices"] = [int(index) for index in cylinder.indices]
     return record
+
+
+def _placed_record(twins: "tuple[PlacedCylinder, PlacedCylinder]") -> Record:
+    first, _ = twins
+    return {
+        "point_mm": first.point.tolist(),
+        "point_std_mm": first.point_std.tolist(),
+        "includes_calibration": first.includes_calibration,
+        "covariance_order": "point x, y, z (mm), direction along e_phi, e_theta (rad), radius (mm)",
+        "twins": [
+            {
+                "direction": twin.direction.tolist(),
+                "direction_std_deg": math.degrees(twin.direction_std),
+                "e_phi": twin.across[0].tolist(),
+                "e_theta": twin.across[1].tolist(),
+                "covariance": twin.covariance.tolist(),
+            }
+            for twin in twins
+        ],
+    }
 
 
 def _finite(value: float) -> float | None:
@@ -152,4 +191,19 @@ def _csv_row(record: Record, place: int, cylinder: Mapping[str, Any]) -> Record:
         row[f"{name}_low_95_{unit}"], row[f"{name}_high_95_{unit}"] = low, high
     row["theta_determined"] = cylinder["theta_determined"]
     row["points"] = len(cylinder["indices"])
+    for frame in ("base", "flange"):
+        if f"{frame}_frame" in cylinder:
+            row |= _placed_row(frame, cylinder[f"{frame}_frame"])
+    return row
+
+
+def _placed_row(frame: str, placed: Mapping[str, Any]) -> Record:
+    row: Record = {}
+    for name, numbers in (("point", placed["point_mm"]), ("point_std", placed["point_std_mm"])):
+        row |= {f"{frame}_{name}_{axis}_mm": n for axis, n in zip("xyz", numbers, strict=True)}
+    for sign, twin in zip(("plus", "minus"), placed["twins"], strict=True):
+        name = f"{frame}_direction_{sign}"
+        row |= {f"{name}_{axis}": n for axis, n in zip("xyz", twin["direction"], strict=True)}
+        row[f"{name}_std_deg"] = twin["direction_std_deg"]
+    row["includes_calibration"] = placed["includes_calibration"]
     return row

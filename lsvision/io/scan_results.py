@@ -77,6 +77,7 @@ def _cylinder_record(tube: "ScannedCylinder", shape: "TubeShape | None") -> Reco
         "radius_std_mm": tube.radius_std,
         "covariance_order": "point along e_phi, e_theta (mm), direction along them (rad), radius",
         "covariance": [_numbers(row) for row in tube.covariance],
+        "includes_calibration": tube.includes_calibration,
         "e_phi": _numbers(tube.fit.across[0]),
         "e_theta": _numbers(tube.fit.across[1]),
         "ends_mm": list(tube.ends),

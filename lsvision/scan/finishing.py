@@ -6,7 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from lsvision.scan.pose_errors import PoseErrors, carried_covariance, feed_of
+from lsvision.scan.pose_errors import (
+    PoseErrors,
+    carried_covariance,
+    feed_of,
+    own_columns,
+    shared_columns,
+)
 from lsvision.scan.scanned import ScannedCylinder
 from lsvision.scan.settling import SettledCylinder
 from lsvision.shapes import Pose
@@ -28,7 +34,9 @@ def finish_cylinder(settled: SettledCylinder, errors: PoseErrors) -> ScannedCyli
         fit = fit.turned()
     along = (cloud.points - fit.point) @ fit.direction
     ends = np.array([along.argmin(), along.argmax()])
-    variances = fit.direction @ cloud.covariances[ends] @ fit.direction + errors.pose_std**2
+    seen, axis = cloud.only(ends), np.tile(fit.direction, (2, 1))
+    moved = np.hstack([columns(axis, seen, errors) for columns in (shared_columns, own_columns)])
+    variances = fit.direction @ seen.covariances @ fit.direction + (moved**2).sum(axis=1)
     return ScannedCylinder(
         fit=fit,
         sections=tuple(int(section) for section in np.unique(cloud.owners)),
@@ -38,6 +46,7 @@ def finish_cylinder(settled: SettledCylinder, errors: PoseErrors) -> ScannedCyli
         ends=(float(along[ends[0]]), float(along[ends[1]])),
         ends_std=(math.sqrt(variances[0]), math.sqrt(variances[1])),
         twin=settled.twin,
+        includes_calibration=errors.calibration is not None,
     )
 
 

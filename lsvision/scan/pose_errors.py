@@ -6,9 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.fitting.cylinder_evidence import CylinderFit, variance_factor
-from lsvision.fitting.cylinder_problem import axis_distances, parameters_in, tangent_frame
+from lsvision.fitting.cylinder_problem import (
+    PARAMETERS,
+    axis_distances,
+    parameters_in,
+    tangent_frame,
+)
+from lsvision.fitting.placing import SectionMount, motion_gradients, robot_covariance
 from lsvision.scan.cloud import ScanCloud
-from lsvision.shapes import FloatArray, IntArray, Pose
+from lsvision.shapes import FloatArray, Pose
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -18,20 +24,31 @@ class PoseErrors:
     Parameters
     ----------
     pose_std : float
-        One sigma of each section's position, per axis, independent. Units: mm.
+        One sigma of each section's position, per axis, independent; beside the robot's own, if
+        there is a calibration. Units: mm.
     feed_std : float
         One sigma of the feed's direction (from the first profile's origin to the last's),
         about each of the two axes across it; all sections share the error. Units: rad.
+    calibration : HandEye, optional
+        That the poses rest on, ``base_from_flange @ flange_from_section``. Its six errors are
+        the same on the flange for all sections and turn with it; the robot's own, its
+        ``robot_std``, are each section's.
     """
 
     pose_std: float = 0.0
     feed_std: float = 0.0
+    calibration: SectionMount | None = None
 
     def __post_init__(self) -> None:
         for what in ("pose_std", "feed_std"):
             value = getattr(self, what)
             if not (np.isfinite(value) and value >= 0):
                 raise ValueError(f"want {what} >= 0, got {value}")
+
+    @property
+    def none(self) -> bool:
+        """Whether the poses are taken as exact."""
+        return self.pose_std == 0 and self.feed_std == 0 and self.calibration is None
 
 
 def carried_covariance(fit: CylinderFit, cloud: ScanCloud, errors: PoseErrors) -> FloatArray:
@@ -51,45 +68,135 @@ def carried_covariance(fit: CylinderFit, cloud: ScanCloud, errors: PoseErrors) -
     (5, 5) ndarray
         In the order of ``fit.covariance``, at ``fit.point``. Units: mm, rad.
     """
-    if errors.pose_std == 0 and errors.feed_std == 0:
+    if errors.none:
         return fit.covariance
+    if len(np.unique(cloud.owners)) == 1:
+        moved = _motion_of_lone(fit, cloud.poses[cloud.owners[0]], errors)
+        alone: FloatArray = fit.covariance + moved @ moved.T
+        return alone
     frame, stds = tangent_frame(fit.direction), fit.stds[:, None]
     parameters = parameters_in(frame, fit.cylinder)
     _, normals, _ = axis_distances(cloud.points @ frame.T, parameters)
     along = (cloud.points - fit.point) @ fit.direction
-    gradients = np.vstack([normals[:2], along * normals[:2], np.ones(len(cloud))]).T
-    model, factor = fit.covariance / fit.variance_factor, fit.variance_factor
-    if errors.pose_std > 0:
-        # What stray sections add to the residuals is carried below, not counted here again.
-        factor = _factor_without_shifts(fit.normalised, normals[:2].T / stds, cloud.owners)
-    columns = _pose_columns(normals.T @ frame, cloud, errors)
-    response = model @ ((gradients / stds**2).T @ columns)
-    covariance: FloatArray = model * factor + response @ response.T
+    design = np.vstack([normals[:2], along * normals[:2], np.ones(len(cloud))]).T / stds
+    shared, own = (
+        columns(normals.T @ frame, cloud, errors) / stds
+        for columns in (shared_columns, own_columns)
+    )
+    model = fit.covariance / fit.variance_factor
+    # Least squares answers columns of changes of the distances by these of the parameters.
+    response = model @ (design.T @ shared)
+    starts = np.unique(cloud.owners, return_index=True)[1]
+    own_response = model @ np.add.reduceat(design[:, :, None] * own[:, None, :], starts)
+    covariance: FloatArray = (
+        model * _factor(fit, design, shared, own, cloud)
+        + response @ response.T
+        + np.einsum("sik,sjk->ij", own_response, own_response)
+    )
     return covariance
 
 
-def _factor_without_shifts(normalised: FloatArray, design: FloatArray, owners: IntArray) -> float:
-    rest = normalised.copy()
-    sections = np.unique(owners)
-    for section in sections:
-        mine = owners == section
-        shift = np.linalg.lstsq(design[mine], normalised[mine], rcond=None)[0]
-        rest[mine] -= design[mine] @ shift
-    freedom = len(rest) - 5 - 2 * len(sections)
-    return variance_factor(rest, freedom, known_noise=True)[0]
+def shared_columns(directions: FloatArray, cloud: ScanCloud, errors: PoseErrors) -> FloatArray:
+    """Change of each point along a direction by one sigma of each error that sections share.
 
+    Parameters
+    ----------
+    directions : (n, 3) ndarray
+        Unit vectors, one a point, base frame.
+    cloud : ScanCloud
+        The points, with their sections' poses.
+    errors : PoseErrors
+        How well the poses are known.
 
-def _pose_columns(normals: FloatArray, cloud: ScanCloud, errors: PoseErrors) -> FloatArray:
-    """Change of each point's distance by one sigma of each error of the poses."""
-    columns = []
-    if errors.pose_std > 0:
-        mine = cloud.owners[:, None] == np.unique(cloud.owners)
-        columns += [errors.pose_std * normals[:, [axis]] * mine for axis in range(3)]
+    Returns
+    -------
+    (n, k) ndarray
+        Two columns of the feed, six of the calibration. Units: mm.
+    """
+    columns = [np.zeros((len(cloud), 0))]
     if errors.feed_std > 0:
         feed, steps = feed_of(cloud.poses)
         across = np.linalg.svd(feed[None])[2][1:]
-        columns.append(errors.feed_std * steps[cloud.owners][:, None] * (normals @ across.T))
-    return np.column_stack(columns)
+        columns.append(errors.feed_std * steps[cloud.owners][:, None] * (directions @ across.T))
+    if errors.calibration is not None:
+        flange_from_section = errors.calibration.flange_from_section
+        axes = np.array([p.rotation @ flange_from_section.rotation.T for p in cloud.poses])
+        pivots = np.array([pose.translation for pose in cloud.poses])
+        turned = axes[cloud.owners]
+        shifts, turns = _shifts_and_turns(directions, cloud, pivots)
+        both = [np.einsum("ni,nij->nj", vectors, turned) for vectors in (shifts, turns)]
+        columns.append(np.hstack(both) @ _root(errors.calibration.covariance))
+    return np.hstack(columns)
+
+
+def own_columns(directions: FloatArray, cloud: ScanCloud, errors: PoseErrors) -> FloatArray:
+    """The same by one sigma of each error that each section has for itself: (n, 0, 3 or 6)."""
+    if errors.calibration is None:
+        return errors.pose_std * directions[:, : 3 * (errors.pose_std > 0)]
+    pivots = np.array([_flange_origin(pose, errors.calibration) for pose in cloud.poses])
+    shifts, turns = _shifts_and_turns(directions, cloud, pivots)
+    position, rotation = errors.calibration.robot_std
+    return np.hstack([np.hypot(position, errors.pose_std) * shifts, rotation * turns])
+
+
+def _shifts_and_turns(
+    directions: FloatArray, cloud: ScanCloud, pivots: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Change along a direction by shifts along the base's axes, and turns about a pivot."""
+    # d . (w x arm) = w . (arm x d)
+    return directions, np.cross(cloud.points - pivots[cloud.owners], directions)
+
+
+def _flange_origin(base_from_section: Pose, calibration: SectionMount) -> FloatArray:
+    return base_from_section.apply_one(calibration.flange_from_section.inverse().translation)
+
+
+def _root(covariance: FloatArray) -> FloatArray:
+    """Columns of independent errors that make the covariance, which may be singular."""
+    values, vectors = np.linalg.eigh(covariance)
+    root: FloatArray = vectors * np.sqrt(np.maximum(values, 0.0))
+    return root
+
+
+def _motion_of_lone(fit: CylinderFit, pose: Pose, errors: PoseErrors) -> FloatArray:
+    """(5, k) change of a cylinder that one section alone shows: it moves with the section."""
+    columns = [errors.pose_std * np.eye(7, 3)]
+    calibration = errors.calibration
+    if calibration is not None:
+        axes = pose.rotation @ calibration.flange_from_section.rotation.T
+        by_mount = motion_gradients(fit.cylinder, pose.translation, axes)
+        pivot = _flange_origin(pose, calibration)
+        by_robot = motion_gradients(fit.cylinder, pivot, np.eye(3))
+        columns.append(by_mount @ _root(calibration.covariance))
+        columns.append(by_robot @ _root(robot_covariance(calibration)))
+    moved = np.hstack(columns)
+    return np.vstack([fit.across @ moved[:3], fit.across @ moved[3:6], moved[6]])
+
+
+def _factor(
+    fit: CylinderFit, design: FloatArray, shared: FloatArray, own: FloatArray, cloud: ScanCloud
+) -> float:
+    """Variance factor of what the errors of the poses leave unexplained of the residuals.
+
+    Without that, what they add to the residuals would be counted twice: here and as response.
+    All columns are over the points' standard deviations; an error's prior is of sigma 1.
+    """
+    if shared.shape[1] + own.shape[1] == 0:
+        return fit.variance_factor
+    both = np.hstack([design, shared])
+    lighter, rest, explained = both.copy(), fit.normalised.copy(), 0.0
+    for section in np.unique(cloud.owners):
+        mine = cloud.owners == section
+        inner = np.linalg.inv(np.eye(own.shape[1]) + own[mine].T @ own[mine])
+        for values in (lighter, rest):
+            # (I + C C')^-1 v = v - C (I + C'C)^-1 C' v
+            values[mine] -= own[mine] @ (inner @ (own[mine].T @ values[mine]))
+        explained += own.shape[1] - float(np.trace(inner))
+    known = np.repeat([0.0, 1.0], [PARAMETERS, shared.shape[1]])
+    rest -= lighter @ np.linalg.solve(both.T @ lighter + np.diag(known), lighter.T @ fit.normalised)
+    freedom = round(len(rest) - PARAMETERS - explained)
+    factor, _, spread = variance_factor(rest, freedom, known_noise=cloud.noise_is_known)
+    return factor * spread**2
 
 
 def feed_of(base_from_sections: Sequence[Pose]) -> tuple[FloatArray, FloatArray]:

@@ -19,7 +19,8 @@ class ScannedCylinder:
         The joint fit in the base frame, its point the axis point nearest to the first
         section's origin, its direction positive along the feed (from the first profile's
         origin to the last's; where that is square to the axis or nothing, along the first
-        section's Z). Its covariance includes the errors of the poses, if given.
+        section's Z). Its covariance includes the errors of the poses and of the hand-eye
+        calibration, if given.
     sections : tuple of int
         Indices of the profiles that show it.
     points : (n, 3) ndarray
@@ -33,6 +34,9 @@ class ScannedCylinder:
         One sigma of those places. Units: mm.
     twin : Cylinder or None
         The other cylinder that fits as well, where only one section was seen.
+    includes_calibration : bool
+        Whether the covariance holds a hand-eye calibration's errors; else the poses' sensor
+        mount is taken as exact.
     """
 
     fit: CylinderFit
@@ -43,6 +47,7 @@ class ScannedCylinder:
     ends: tuple[float, float]
     ends_std: tuple[float, float]
     twin: Cylinder | None = None
+    includes_calibration: bool = False
 
     @property
     def cylinder(self) -> Cylinder:

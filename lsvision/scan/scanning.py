@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from lsvision.fitting.ellipse_problem import KnownRadius
+from lsvision.fitting.placing import SectionMount
 from lsvision.measure import Measurement, Settings, measure_cylinders
 from lsvision.profile import NoiseModel, Profile
 from lsvision.scan.cloud import gather_cloud, refuse_one_plane
@@ -48,6 +49,7 @@ def measure_scan(  # noqa: PLR0913 - what `measure_cylinders` asks, and the pose
     settings: ScanSettings = ScanSettings(),
     pose_std: float = 0.0,
     feed_std: float = 0.0,
+    calibration: SectionMount | None = None,
 ) -> ScanMeasurement:
     """Measure cylinders from several light sections jointly.
 
@@ -76,6 +78,10 @@ def measure_scan(  # noqa: PLR0913 - what `measure_cylinders` asks, and the pose
     feed_std : float
         One sigma of the feed's direction about each axis across it, shared by all sections.
         It enters the covariance. Units: rad.
+    calibration : HandEye, optional
+        With which the poses were made, ``base_from_flange @ calibration.flange_from_section``.
+        Its covariance enters the cylinders' as one error that all sections share, its
+        ``robot_std`` as one that each section has for itself.
 
     Returns
     -------
@@ -124,7 +130,7 @@ def measure_scan(  # noqa: PLR0913 - what `measure_cylinders` asks, and the pose
         known_radius=known_radius,
         sensor=sensor,
         settings=settings,
-        pose_errors=PoseErrors(pose_std=pose_std, feed_std=feed_std),
+        pose_errors=PoseErrors(pose_std=pose_std, feed_std=feed_std, calibration=calibration),
     )
 
 

@@ -234,8 +234,10 @@ def foot_directions(
     """
     p, q = np.abs(u), np.abs(v)
     cos, sin = _unit(b * p, a * q)
-    within = (a * p) ** (2 / 3) + (b * q) ** (2 / 3) < np.abs(a * a - b * b) ** (2 / 3)
-    if within.any():
+    evolute = abs(a * a - b * b)
+    # The evolute's cusps, at evolute / a and evolute / b from the centre, are its farthest points.
+    if min(a, b) * (p + q).min(initial=math.inf) < evolute:
+        within = (a * p) ** (2 / 3) + (b * q) ** (2 / 3) < evolute ** (2 / 3)
         # Within the evolute the ray from the centre may lead to the farthest point.
         cos, sin = np.where(within, math.sqrt(0.5), cos), np.where(within, math.sqrt(0.5), sin)
     ca, cb = (a * a - b * b) / a, (b * b - a * a) / b

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import lsvision.measure as room
-from lsvision.cli.measure import READERS
+from lsvision.cli.profile_options import READERS
 from lsvision.io.profiles import FORMATS
 
 REPOSITORY = Path(__file__).parents[2]
@@ -118,6 +118,15 @@ def test_known_radius_sharpens_phi(run, rows):
     assert float(known[1].split(" ± ")[1]) <= 0.02
 
 
+def test_known_tilt_sharpens_the_radius(run, rows):
+    free, known = (
+        rows(run("measure", REPOSITORY / "fixtures" / "planar.csv", *more))[0]
+        for more in ((), ("--known-phi-deg", "0:5"))
+    )
+    sigma_free, sigma_known = (float(row[1].split(" ± ")[1]) for row in (free, known))
+    assert sigma_known < sigma_free
+
+
 def test_radius_range_decides_what_is_a_pipe(run, rows, written, pipe):
     assert len(rows(run("measure", written(pipe), "--radius", "15:25"))) == 1
     assert len(rows(run("measure", written(pipe), "--radius", "19"))) == 1
@@ -179,7 +188,7 @@ def test_examples_of_the_help_run(run, monkeypatch, tmp_path):
     (tmp_path / "fixtures").symlink_to(REPOSITORY / "fixtures")
     lines = run("measure", "--help").stdout.splitlines()
     examples = [line.split()[1:] for line in lines if line.startswith("    lsvision measure fix")]
-    assert len(examples) == 5
+    assert len(examples) == 6
     for words in examples:
         result = run(*words)
         assert result.exit_code == 0, (words, result.output)

@@ -11,6 +11,7 @@ import pytest
 from lsvision.errors import UnwritableFile
 from lsvision.fitting.cylinder_section import CylinderSection
 from lsvision.fitting.ellipse_fit import fit_ellipse
+from lsvision.fitting.placing import place_section
 from lsvision.io.results import (
     FILE_SCHEMA,
     RECORD_SCHEMA,
@@ -21,7 +22,7 @@ from lsvision.io.results import (
 from lsvision.measure import Measurement
 from lsvision.profile import Arc
 from lsvision.recognition.verdict import Rejection
-from lsvision.shapes import Ellipse
+from lsvision.shapes import Ellipse, Pose
 
 NOISE_MM = 0.02
 
@@ -73,6 +74,20 @@ def test_every_length_and_angle_names_its_unit(record):
     plain = {"theta_determined", "axis_twins", "indices"}
     (written,) = record["cylinders"]
     assert all(key.endswith(("_mm", "_deg")) for key in set(written) - plain)
+
+
+def test_a_robots_frame_is_named_and_its_columns_name_their_units(tmp_path, cylinder):
+    placed = [place_section(cylinder, Pose(), Pose())]
+    record = measurement_record(Measurement((cylinder,), ()), placed=placed)
+    (first, _) = placed[0]
+    assert record["cylinders"][0]["base_frame"]["point_std_mm"] == first.point_std.tolist()
+    write_csv(tmp_path / "all.csv", [record])
+    (row,) = csv.DictReader((tmp_path / "all.csv").read_text().splitlines())
+    ours = {name for name in row if name.startswith("base_")}
+    assert len(ours) == 6 + 2 * 4
+    directions = {f"base_direction_{sign}_{axis}" for sign in ("plus", "minus") for axis in "xyz"}
+    assert all(name.endswith(("_mm", "_deg")) for name in ours - directions)
+    assert row["includes_calibration"] == "False"
 
 
 def test_json_gives_the_records_back(tmp_path, record):

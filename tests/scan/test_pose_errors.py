@@ -1,13 +1,20 @@
 """Errors of the poses: what they do to the result is what the covariance says."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from lsvision.fitting.cylinder_section import CylinderSection
+from lsvision.fitting.placing import place_section
+from lsvision.measure import measure_cylinders
+from lsvision.profile import Profile
 from lsvision.scan import PoseErrors, ScannedCylinder, measure_scan
 from lsvision.shapes import Pose
 from lsvision.simulate import Scene, Tube
+from lsvision.simulate.hand_eye import reported_pose
 from tests.scan.scans import feed, profiles_of
 
 RUNS = 24
@@ -58,3 +65,86 @@ def test_pose_std_foretells_what_wavering_poses_do(pipe: Tube) -> None:
 def test_errors_below_nothing_are_refused(slip: dict[str, float]) -> None:
     with pytest.raises(ValueError, match=f"want {next(iter(slip))} >= 0"):
         PoseErrors(**slip)
+
+
+MOUNT = Pose(Rotation.from_rotvec([0.3, 1.1, -0.2]).as_matrix(), (35.0, -60.0, 210.0))
+CALIBRATED = 40
+NEES = 4 * math.sqrt(2 / (5 * CALIBRATED))  # four sigma of the mean of chi^2 / 5
+
+
+def calibration(pose: Pose = MOUNT, robot_std: tuple[float, float] = (0.0, 0.0)) -> SimpleNamespace:
+    """Correlated errors, about 0.2 mm and 1 mrad: well above the noise of the points."""
+    root = np.tril(np.random.default_rng(5).normal(size=(6, 6))) + 3 * np.eye(6)
+    root *= np.array([0.05, 0.05, 0.05, 3e-4, 3e-4, 3e-4])[:, None]
+    return SimpleNamespace(flange_from_section=pose, covariance=root @ root.T, robot_std=robot_std)
+
+
+def miscalibrated(
+    rng: np.random.Generator, robot_std: tuple[float, float] = (0.0, 0.0)
+) -> SimpleNamespace:
+    """A calibration with an error of its covariance, R -> exp([w]x) R from the left."""
+    error = np.linalg.cholesky(calibration().covariance) @ rng.normal(size=6)
+    turned = Rotation.from_rotvec(error[3:]).as_matrix() @ MOUNT.rotation
+    return calibration(Pose(turned, MOUNT.translation + error[:3]), robot_std)
+
+
+def sections_about(tilt: float, count: int = 4) -> list[Pose]:
+    """Sections along the pipe, each turned about its point there; the flange turns with it."""
+    turns = np.random.default_rng(8).uniform(-tilt, tilt, (count, 3))
+    poses = []
+    for k, turn in enumerate(turns):
+        rotation = Rotation.from_rotvec(turn).as_matrix()
+        middle = np.array([0.0, -400.0, 12.0 * k])
+        poses.append(Pose(rotation, middle - rotation @ (0.0, -400.0, 0.0)))
+    return poses
+
+
+def error_of(found: ScannedCylinder, truth: Tube) -> np.ndarray:
+    """Point and direction across the axis, radius."""
+    axis, across = truth.cylinder, found.fit.across
+    away = found.point - axis.point
+    away = away - axis.direction * (away @ axis.direction)
+    turn = found.direction - axis.direction * np.sign(found.direction @ axis.direction)
+    return np.r_[across @ away, across @ turn, found.radius - axis.radius]
+
+
+@pytest.mark.parametrize("robot_std", [(0.0, 0.0), (0.05, 3e-4)], ids=["exact", "robot"])
+@pytest.mark.parametrize("tilt", [0.0, 0.25], ids=["moved", "turned"])
+def test_the_calibrations_covariance_foretells_what_its_error_does(
+    pipe: Tube, tilt: float, robot_std: tuple[float, float]
+) -> None:
+    rng, squared, sections = np.random.default_rng(4), [], sections_about(tilt)
+    for run in range(CALIBRATED):
+        wrong = miscalibrated(rng, robot_std)
+        flanges = [reported_pose(pose @ MOUNT.inverse(), *robot_std, rng) for pose in sections]
+        poses = [flange @ wrong.flange_from_section for flange in flanges]
+        profiles = profiles_of(Scene((pipe,)), sections, seed=run)
+        (found,) = measure_scan(profiles, poses, calibration=wrong).cylinders
+        error = error_of(found, pipe)
+        squared.append(error @ np.linalg.solve(found.covariance, error) / 5)
+    assert np.mean(squared) == pytest.approx(1.0, abs=NEES)
+
+
+def test_a_lone_section_moves_with_its_calibration(pipe: Tube) -> None:
+    (profile,) = profiles_of(Scene((pipe,)), feed(1, 1.0))
+    mount = calibration(robot_std=(0.05, 3e-4))
+    (found,) = measure_scan([profile], [Pose()], calibration=mount).cylinders
+    placed, _ = place_section(found_alone(profile), mount, MOUNT.inverse())
+    across = np.zeros((5, 6))
+    across[:2, :3], across[2:, 3:] = found.fit.across, np.eye(3)
+    there = found.fit.at(placed.point).covariance
+    np.testing.assert_allclose(there, across @ placed.covariance @ across.T, rtol=1e-6, atol=1e-12)
+    assert found.includes_calibration
+
+
+def found_alone(profile: Profile) -> CylinderSection:
+    (section,) = measure_cylinders(profile).cylinders
+    return section
+
+
+def test_ends_along_the_axis_know_of_the_calibration(pipe: Tube) -> None:
+    profiles = profiles_of(Scene((pipe,)), feed(3, 10.0))
+    (exact,) = measure_scan(profiles, feed(3, 10.0)).cylinders
+    (found,) = measure_scan(profiles, feed(3, 10.0), calibration=calibration()).cylinders
+    assert not exact.includes_calibration
+    assert min(found.ends_std) > 0.1 + max(exact.ends_std)
