@@ -17,7 +17,8 @@ from lsvision.fitting.smoothing import SmoothingSettings
 from lsvision.literal import LiteralSettings, measure_literally
 from lsvision.profile import Arc, NoiseModel, Profile, WeighedProfile
 from lsvision.recognition.candidates import CandidateSettings, find_candidates
-from lsvision.recognition.identification import IdentificationSettings, IdentifiedArc
+from lsvision.recognition.growing import IdentificationSettings
+from lsvision.recognition.identification import IdentifiedArc
 from lsvision.recognition.leftovers import explain_leftovers
 from lsvision.recognition.range_image import (
     RangeImageSettings,

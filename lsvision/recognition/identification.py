@@ -10,105 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.fitting.ellipse_problem import ellipse_of, is_ellipse, parameters_of
-from lsvision.fitting.quick_fit import (
-    normal_residuals,
-    parameter_rows,
-    refine_quickly,
-    tolerant_variances,
-)
-from lsvision.fitting.scatter import robust_std
+from lsvision.fitting.ellipse_problem import ellipse_of, parameters_of
 from lsvision.profile import Arc, WeighedProfile
 from lsvision.recognition.candidates import Candidate, seed_ellipse
-from lsvision.shapes import BoolArray, Ellipse, FloatArray, IntArray, Points
-
-FARTHEST_NORMAL = -0.5
-"""Smallest y of an outward normal that a sensor with a fan of +/- 30 deg can still light."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class IdentificationSettings:
-    """Rough identification, section 3.2.1.
-
-    Parameters
-    ----------
-    sensor_error_sigmas : float
-        The paper's sensor error, as a multiple of the point's standard deviation along the
-        ellipse's normal.
-    window_fraction : float
-        Share of the arc by which it may grow at each end in one step (the paper's 10 % are of
-        the whole profile).
-    ending_points : int
-        More than so many points in a row beyond the sensor error interrupt an arc.
-    bridge_fraction : float
-        An interruption shorter than this share of the arc is bridged where good points follow.
-    correlation : float
-        Extrapolation counts so many times, as if neighbours said the same.
-    largest_extrapolation : float
-        What the ellipse does not know further out widens the sensor error by no more than this
-        share of the points' own variance.
-    joined_points : int
-        So many points beyond an interruption are tried together with the arc.
-    lost_in_joining : float
-        The arc may lose no larger share of its own points by that.
-    rounds : int
-        Fits and steps at the most.
-    fewest_points : int
-        On the ellipse, or the growth breaks down.
-    largest_change : float
-        Ratio of the ellipse's size to the candidate's, or its inverse, at the most.
-    """
-
-    sensor_error_sigmas: float = 4.0
-    window_fraction: float = 0.5
-    ending_points: int = 3
-    bridge_fraction: float = 0.25
-    correlation: float = 4.0
-    largest_extrapolation: float = 0.5
-    joined_points: int = 6
-    lost_in_joining: float = 0.1
-    rounds: int = 10
-    fewest_points: int = 8
-    largest_change: float = 3.0
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class WeighedSpan:
-    """Points around an arc, their covariances, and how much more they may scatter.
-
-    Parameters
-    ----------
-    points : (n, 2) ndarray
-        Units: mm.
-    covariances : (n, 2, 2) ndarray
-        Units: mm^2.
-    largest_misfit : float
-        See `WeighedProfile`.
-    radius : float
-        Of the candidate. Units: mm.
-    """
-
-    points: Points
-    covariances: FloatArray
-    largest_misfit: float
-    radius: float
-
-    def part(self, start: int, stop: int) -> "WeighedSpan":
-        """The points [start, stop)."""
-        points, covariances = self.points[start:stop], self.covariances[start:stop]
-        return WeighedSpan(points, covariances, self.largest_misfit, self.radius)
-
-    def step_outwards(self, inside: IntArray, fraction: float) -> tuple[int, int]:
-        """The span of the points inside, wider by a share of itself at either end."""
-        start, stop = int(inside[0]), int(inside[-1]) + 1
-        step = max(4, int(fraction * (stop - start)))
-        return max(0, start - step), min(len(self.points), stop + step)
-
-    def refine(
-        self, inside: IntArray, parameters: FloatArray, steps: int
-    ) -> tuple[FloatArray, FloatArray]:
-        """Ellipse of the points inside, and its covariance: see `refine_quickly`."""
-        return refine_quickly(self.points[inside], self.covariances[inside], parameters, steps)
+from lsvision.recognition.growing import IdentificationSettings, WeighedSpan, grow_arc
+from lsvision.shapes import Ellipse, IntArray
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -165,119 +71,10 @@ def identify_arc(
         profile.largest_misfit(candidate.radius),
         candidate.radius,
     )
-    grown = _grow(around, inside, parameters_of(seed_ellipse(profile, candidate)), settings)
+    grown = grow_arc(around, inside, parameters_of(seed_ellipse(profile, candidate)), settings)
     if grown is None:
         return None
     indices, parameters = free[grown[0]], grown[1]
     return IdentifiedArc(
         Arc(int(indices[0]), int(indices[-1]) + 1), indices, ellipse_of(parameters)
     )
-
-
-def _grow(
-    around: WeighedSpan, inside: IntArray, parameters: FloatArray, settings: IdentificationSettings
-) -> tuple[IntArray, FloatArray] | None:
-    """Points on an ellipse that is fitted anew after each step outwards, and its parameters."""
-    joined = False
-    for round_ in range(settings.rounds):
-        parameters, unsure = around.refine(inside, parameters, 2 if round_ == 0 else 1)
-        if not _plausible(parameters, around.radius, settings.largest_change):
-            return None
-        low, high = around.step_outwards(inside, settings.window_fraction)
-        near = around.part(low, high)
-        on_ellipse, possible = _on_ellipse(near, parameters, unsure, inside - low, settings)
-        last, inside = inside, low + _run_around(on_ellipse, inside - low, settings)
-        if len(inside) < settings.fewest_points:
-            return None
-        if round_ == 0 or (last[0], last[-1]) != (inside[0], inside[-1]):
-            continue
-        if joined:
-            break
-        joined = True
-        both = _join_other_part(near, parameters, inside - low, possible, settings)
-        if both is None:
-            break
-        inside, parameters = low + both[0], both[1]
-    return inside, parameters
-
-
-def _join_other_part(
-    near: WeighedSpan,
-    parameters: FloatArray,
-    inside: IntArray,
-    possible: BoolArray,
-    settings: IdentificationSettings,
-) -> tuple[IntArray, FloatArray] | None:
-    """What lies beyond an interruption, where one ellipse holds it and the points inside.
-
-    Jumps in a row cut an arc in two, and the ellipse of the one part, tilted by its noise, may
-    miss the other: so they are tried together. A few points prove nothing, jumps least of all.
-    """
-    run = _run_around(possible, inside, settings)
-    parts = [run[run < inside[0]], run[run > inside[-1]]]
-    parts = [part for part in parts if len(part) >= settings.joined_points]
-    if not parts:
-        return None
-    together = np.sort(np.concatenate([inside, *parts]))
-    parameters, unsure = near.refine(together, parameters, 3)
-    if not _plausible(parameters, near.radius, settings.largest_change):
-        return None
-    on_ellipse, _ = _on_ellipse(near, parameters, unsure, together, settings)
-    both = _run_around(on_ellipse, inside, settings)
-    lost = len(inside) - np.isin(inside, both).sum()
-    if len(both) <= len(inside) or lost > settings.lost_in_joining * len(inside):
-        return None
-    return both, parameters
-
-
-def _plausible(parameters: FloatArray, radius: float, largest_change: float) -> bool:
-    """An ellipse, and not quite another size than the circle it began with."""
-    size = float(parameters[2])
-    return is_ellipse(parameters) and radius / largest_change < size < radius * largest_change
-
-
-def _on_ellipse(
-    near: WeighedSpan,
-    parameters: FloatArray,
-    unsure: FloatArray,
-    inside: IntArray,
-    settings: IdentificationSettings,
-) -> tuple[BoolArray, BoolArray]:
-    """Within the sensor error, widened by what the ellipse does not know further out.
-
-    The first goes so far out carefully, the second as far as the ellipse is unsure.
-    """
-    signed, normals, w = normal_residuals(near.points, parameters)
-    variances = tolerant_variances(normals, near.covariances)
-    scatter = robust_std((signed / np.sqrt(variances))[inside])
-    limit = settings.sensor_error_sigmas * min(max(scatter, 1.0), near.largest_misfit)
-    rows = parameter_rows(normals, w)
-    extrapolated = settings.correlation * ((unsure @ rows) * rows).sum(axis=0)
-    careful = np.minimum(extrapolated, settings.largest_extrapolation * variances)
-    lit = normals[:, 1] > FARTHEST_NORMAL
-    squares = (signed / limit) ** 2
-    return lit & (squares < variances + careful), lit & (squares < variances + extrapolated)
-
-
-def _run_around(good: BoolArray, inside: IntArray, settings: IdentificationSettings) -> IntArray:
-    """The good points around the middle of those inside, over interruptions that some follow."""
-    members = np.flatnonzero(good)
-    if len(members) == 0:
-        return members
-    middle = (int(inside[0]) + int(inside[-1]) + 1) // 2
-    cuts = np.flatnonzero(np.diff(members) > settings.ending_points) + 1
-    bounds = [0, *cuts.tolist(), len(members)]
-    firsts = [int(members[i]) for i in bounds[:-1]]
-    stops = [int(members[i - 1]) + 1 for i in bounds[1:]]
-    away = [max(f - middle, middle + 1 - s, 0) for f, s in zip(firsts, stops, strict=True)]
-    first = last = away.index(min(away))
-    bridge = settings.bridge_fraction * (stops[first] - firsts[first])
-
-    def bridged(gap: int, run: int) -> bool:
-        return gap <= bridge and stops[run] - firsts[run] > max(gap, 5)
-
-    while first > 0 and bridged(firsts[first] - stops[first - 1], first - 1):
-        first -= 1
-    while last + 1 < len(firsts) and bridged(firsts[last + 1] - stops[last], last + 1):
-        last += 1
-    return members[bounds[first] : bounds[last + 1]]

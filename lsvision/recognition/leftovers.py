@@ -1,13 +1,15 @@
 """Every stretch of a profile that holds no cylinder, with one reason: never silence."""
 
+import math
 from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
 
 from lsvision.profile import Arc, WeighedProfile
-from lsvision.recognition.verdict import Rejection, flatness_of, reason_for_leftover
-from lsvision.shapes import IntArray
+from lsvision.recognition.verdict import Rejection
+from lsvision.recognition.windows import WindowCircles, fit_window_circles
+from lsvision.shapes import BoolArray, IntArray, Points
 
 LARGEST_COMMON_SHARE = 0.5
 """A rejection that shares more of its points with a cylinder or another rejection is left out."""
@@ -61,13 +63,81 @@ def explain_leftovers(
             flat = flatness_of(own, profile.noise_std)
             kept.append(Rejection(rejection.arc, flat or rejection.reason))
             told[span] = True
-    for component in components:
-        untold = np.flatnonzero(~told[component])
-        for run in np.split(untold, np.flatnonzero(np.diff(untold) > 1) + 1):
-            if len(run) >= FEWEST_POINTS:
-                points = component[run]
-                reason = reason_for_leftover(
-                    profile.points[points], profile.noise_std, radius_range
-                )
-                kept.append(Rejection(Arc(int(points[0]), int(points[-1]) + 1), reason))
+    runs = [run for component in components for run in _untold(component, told)]
+    points = [profile.points[run] for run in runs]
+    reasons = reasons_for_leftovers(points, profile.noise_std, radius_range)
+    for run, reason in zip(runs, reasons, strict=True):
+        kept.append(Rejection(Arc(int(run[0]), int(run[-1]) + 1), reason))
     return sorted(kept, key=lambda rejection: rejection.arc.start)
+
+
+def _untold(component: IntArray, told: BoolArray) -> list[IntArray]:
+    """The stretches of a component of which nothing was said."""
+    untold = np.flatnonzero(~told[component])
+    stretches = np.split(untold, np.flatnonzero(np.diff(untold) > 1) + 1)
+    return [component[stretch] for stretch in stretches if len(stretch) >= FEWEST_POINTS]
+
+
+def reasons_for_leftovers(
+    runs: list[Points], noise_std: float, radius_range: tuple[float, float]
+) -> list[str]:
+    """Why runs of points that seeded no arc are no cylinders: flat, concave, wrong radius.
+
+    Parameters
+    ----------
+    runs : list of (n, 2) ndarray
+        At least 3 points each. Units: mm.
+    noise_std : float
+        Units: mm.
+    radius_range : tuple of float
+        Units: mm.
+    """
+    if not runs:
+        return []
+    stops = np.cumsum([len(run) for run in runs])
+    circles = fit_window_circles(np.concatenate(runs), np.append(0, stops[:-1]), stops)
+    return [
+        flatness_of(run, noise_std)
+        or _reason_of_circle(
+            circles, i, 20 * float(np.ptp(run, axis=0).max()), noise_std, radius_range
+        )
+        for i, run in enumerate(runs)
+    ]
+
+
+def _reason_of_circle(
+    circles: WindowCircles,
+    i: int,
+    straight: float,
+    noise_std: float,
+    radius_range: tuple[float, float],
+) -> str:
+    radius, rms = float(circles.radius[i]), float(circles.rms[i])
+    if radius > straight:
+        return f"flat: radius over {straight:.0f} mm"
+    if not circles.convex[i]:
+        return "concave towards the sensor"
+    low, high = radius_range
+    if not low <= radius <= high and rms < max(5 * noise_std, 0.02 * radius):
+        return f"radius {radius:.3g} mm outside {low:.3g} to {high:.3g} mm"
+    return f"no ellipse: best circle leaves {rms:.2f} mm rms at {noise_std:.2f} mm noise"
+
+
+def flatness_of(own: Points, noise_std: float) -> str | None:
+    """How flat points are that lie on a straight line within their noise; None if they do not.
+
+    Parameters
+    ----------
+    own : (n, 2) ndarray
+        Units: mm.
+    noise_std : float
+        Units: mm.
+    """
+    centred = own - own.mean(axis=0)
+    xx, xy, yy = (float(centred[:, a] @ centred[:, b]) for a, b in ((0, 0), (0, 1), (1, 1)))
+    along = 0.5 * math.atan2(2 * xy, xx - yy)
+    across = np.abs(centred @ (-math.sin(along), math.cos(along)))
+    # The largest tenth may be jumps; nine tenths of a normal distribution lie in 1.645 sigma.
+    rank = int(0.9 * len(across))
+    rms = float(np.partition(across, rank)[rank]) / 1.645
+    return f"flat: {rms:.2f} mm rms from a straight line" if rms < 2.5 * noise_std else None

@@ -4,11 +4,8 @@ import numpy as np
 
 from lsvision.profile import WeighedProfile
 from lsvision.recognition.candidates import Candidate
-from lsvision.recognition.identification import (
-    IdentificationSettings,
-    IdentifiedArc,
-    identify_arc,
-)
+from lsvision.recognition.growing import IdentificationSettings
+from lsvision.recognition.identification import IdentifiedArc, identify_arc
 from lsvision.recognition.verdict import Rejection, VerdictSettings, reason_against
 from lsvision.shapes import FloatArray
 

@@ -10,7 +10,6 @@ from lsvision.fitting.quick_fit import normal_residuals, normal_variances
 from lsvision.profile import Arc, WeighedProfile
 from lsvision.recognition.identification import IdentifiedArc
 from lsvision.recognition.surroundings import followers
-from lsvision.recognition.windows import fit_window_circles
 from lsvision.shapes import Ellipse, FloatArray, Points
 
 LARGE_SHARE, LARGE_SIGMAS = 0.3, 4.0
@@ -206,43 +205,3 @@ def _turn(own: Points, beyond: Points, ellipse: Ellipse, fewest: int) -> float:
         direction = -direction
     cross = float(tangent[0] * direction[1] - tangent[1] * direction[0])
     return math.atan2(abs(cross), float(tangent @ direction))
-
-
-def reason_for_leftover(own: Points, noise_std: float, radius_range: tuple[float, float]) -> str:
-    """Why a run of points that seeded no arc is no cylinder: flat, concave, wrong radius."""
-    if len(own) < 5:
-        return f"only {len(own)} points"
-    flat = flatness_of(own, noise_std)
-    if flat is not None:
-        return flat
-    circle = fit_window_circles(own, np.array([0]), np.array([len(own)]))
-    radius, rms = float(circle.radius[0]), float(circle.rms[0])
-    straight = 20 * float(np.ptp(own, axis=0).max())
-    if radius > straight:
-        return f"flat: radius over {straight:.0f} mm"
-    if not circle.convex[0]:
-        return "concave towards the sensor"
-    low, high = radius_range
-    if not low <= radius <= high and rms < max(5 * noise_std, 0.02 * radius):
-        return f"radius {radius:.3g} mm outside {low:.3g} to {high:.3g} mm"
-    return f"no ellipse: best circle leaves {rms:.2f} mm rms at {noise_std:.2f} mm noise"
-
-
-def flatness_of(own: Points, noise_std: float) -> str | None:
-    """How flat points are that lie on a straight line within their noise; None if they do not.
-
-    Parameters
-    ----------
-    own : (n, 2) ndarray
-        Units: mm.
-    noise_std : float
-        Units: mm.
-    """
-    centred = own - own.mean(axis=0)
-    xx, xy, yy = (float(centred[:, a] @ centred[:, b]) for a, b in ((0, 0), (0, 1), (1, 1)))
-    along = 0.5 * math.atan2(2 * xy, xx - yy)
-    across = np.abs(centred @ (-math.sin(along), math.cos(along)))
-    # The largest tenth may be jumps; nine tenths of a normal distribution lie in 1.645 sigma.
-    rank = int(0.9 * len(across))
-    rms = float(np.partition(across, rank)[rank]) / 1.645
-    return f"flat: {rms:.2f} mm rms from a straight line" if rms < 2.5 * noise_std else None

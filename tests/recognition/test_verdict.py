@@ -9,11 +9,11 @@ import pytest
 from lsvision import Ellipse, PointNoise, Profile
 from lsvision.profile import Arc
 from lsvision.recognition.identification import IdentifiedArc
+from lsvision.recognition.leftovers import reasons_for_leftovers
 from lsvision.recognition.verdict import (
     VerdictSettings,
     coverage,
     reason_against,
-    reason_for_leftover,
     reason_in_surroundings,
     reason_of_size,
 )
@@ -134,7 +134,6 @@ def test_a_rounded_edge_goes_on_smoothly_at_one_end():
 @pytest.mark.parametrize(
     ("points", "reason"),
     [
-        pytest.param(flat(0, 2), "only 4 points", id="few"),
         pytest.param(flat(0, 60), "flat: 0.0", id="bar"),
         pytest.param(flat(0, 60, slope=0.7), "flat: 0.0", id="sloping bar"),
         pytest.param(bowl(0, 20), "concave towards the sensor", id="bowl"),
@@ -145,12 +144,13 @@ def test_a_rounded_edge_goes_on_smoothly_at_one_end():
 )  # fmt: skip
 def test_leftovers_have_their_reason(points, reason, rng):
     noisy = points + 0.02 * rng.normal(size=points.shape)
-    assert reason_for_leftover(noisy, 0.02, RANGE).startswith(reason)
+    assert reasons_for_leftovers([noisy], 0.02, RANGE)[0].startswith(reason)
 
 
 def test_points_at_one_place_are_left_over_without_breaking():
     profile = weigh_profile(Profile(np.zeros((9, 2))), None)
-    assert reason_for_leftover(profile.points, profile.noise_std, RANGE).startswith("flat: 0.00 mm")
+    (reason,) = reasons_for_leftovers([profile.points], profile.noise_std, RANGE)
+    assert reason.startswith("flat: 0.00 mm")
 
 
 @pytest.mark.parametrize(
