@@ -126,7 +126,7 @@ def grow_arc(
     parameters : (5,) ndarray
         Of the ellipse. None in place of both where the growth breaks down.
     """
-    joined = False
+    joined, seen = False, set[tuple[int, int]]()
     for round_ in range(settings.rounds):
         parameters, unsure = around.refine(inside, parameters, 2 if round_ == 0 else 1)
         if not _plausible(parameters, around.radius, settings.largest_change):
@@ -134,10 +134,13 @@ def grow_arc(
         low, high = around.step_outwards(inside, settings.window_fraction)
         near = around.part(low, high)
         on_ellipse, possible = _on_ellipse(near, parameters, unsure, inside - low, settings)
-        last, inside = inside, low + _run_around(on_ellipse, inside - low, settings)
+        inside = low + _run_around(on_ellipse, inside - low, settings)
         if len(inside) < settings.fewest_points:
             return None
-        if round_ == 0 or (last[0], last[-1]) != (inside[0], inside[-1]):
+        # Settled, or going to and fro between two spans.
+        ends = (int(inside[0]), int(inside[-1]))
+        if ends not in seen:
+            seen.add(ends)
             continue
         if joined:
             break
