@@ -5,14 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.fitting.ellipse_problem import ellipse_of, is_ellipse, parameters_of
+from lsvision.fitting.ellipse_parameters import ellipse_of, is_ellipse, parameters_of
 from lsvision.fitting.homogenising import HomogenisingSettings, homogenise
 from lsvision.fitting.quick_fit import (
     normal_residuals,
     normal_variances,
     refine_quickly,
 )
-from lsvision.fitting.scatter import median
 from lsvision.fitting.smoothing import SmoothingSettings, smooth_residual
 from lsvision.shapes import BoolArray, Ellipse, FloatArray, Points
 

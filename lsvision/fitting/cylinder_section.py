@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.fitting.ellipse_fit import EllipseFit
-from lsvision.fitting.ellipse_problem import semi_major_gradient, semi_minor_gradient
+from lsvision.fitting.ellipse_parameters import semi_major_gradient, semi_minor_gradient
 from lsvision.fitting.intervals import Quantity, interval, theta_is_determined
 from lsvision.profile import Arc
 from lsvision.shapes import Ellipse, FloatArray, IntArray

@@ -19,15 +19,13 @@ from lsvision.fitting.correlation import (
     find_correlation,
     grazing_stds,
 )
-from lsvision.fitting.ellipse_problem import (
+from lsvision.fitting.ellipse_parameters import (
     PARAMETERS,
-    ArcProblem,
-    KnownRadius,
     ellipse_of,
-    minimise,
     orthogonal_comparison,
     parameters_of,
 )
+from lsvision.fitting.ellipse_problem import ArcProblem, KnownRadius, minimise
 from lsvision.fitting.known_phi import KnownPhi
 from lsvision.fitting.quick_fit import normal_variances
 from lsvision.shapes import Ellipse, FloatArray, Points
@@ -68,7 +66,7 @@ class EllipseFit:
     problem : ArcProblem
         Points, weights and prior: what the likelihood is made of.
     parameters : (5,) ndarray
-        ``centre_x, centre_y, m, p, q``; see the module's docstring. Units: mm.
+        ``centre_x, centre_y, m, p, q``; see `lsvision.fitting.ellipse_parameters`. Units: mm.
     residuals : (n,) ndarray
         Signed, positive outside. Units: mm.
     normalised : (n,) ndarray

@@ -1,10 +1,4 @@
-"""The least-squares problem of one arc, in parameters that stay regular at a circle.
-
-The ellipse is ``c + E w`` for all unit vectors w, with the symmetric matrix
-``E = [[m + p, q], [q, m - p]]``; so ``a = m + h``, ``b = m - h``, ``h = |(p, q)|`` and
-``theta = atan2(q, p) / 2``. In (a, b, theta) a circle (a pipe seen square on) is a singular
-point; in (m, p, q) it is a point like any other.
-"""
+"""The least-squares problem of one arc, and its solution by Levenberg and Marquardt."""
 
 import math
 from collections.abc import Callable
@@ -13,15 +7,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.errors import FitFailed, TooFewPoints
+from lsvision.fitting.ellipse_parameters import (
+    PARAMETERS,
+    orthogonal_comparison,
+    parameter_rows,
+    radial_comparison,
+    semi_minor,
+    semi_minor_gradient,
+)
 from lsvision.fitting.known_phi import KnownPhi
-from lsvision.shapes import Ellipse, FloatArray, Points
-from lsvision.shapes.ellipse import foot_directions
+from lsvision.shapes import FloatArray, Points
 
-PARAMETERS = 5
 MOST_EVALUATIONS = 40
 """Arcs of pipes need 5 to 26; what needs more runs off to a needle, and is refused."""
-NEEDLE = 1e-3
-"""Thinner than this an ellipse is a straight line that lost its way."""
 EXACT_RADIUS_STD = 1e-6
 """Share of a known radius that stands for "exactly": small beside any noise, not singular."""
 
@@ -93,13 +91,11 @@ class ArcProblem:
         """
         compare = orthogonal_comparison if self.residual == "orthogonal" else radial_comparison
         signed, n, w = compare(self.points, parameters)
-        nx, ny, wx, wy = n[:, 0], n[:, 1], w[:, 0], w[:, 1]
         count = len(signed)
         rows = count + self.prior_rows
         residuals, jacobian = np.empty(rows), np.empty((rows, PARAMETERS))
         body = jacobian[:count]
-        body[:, 0], body[:, 1], body[:, 2] = nx, ny, nx * wx + ny * wy
-        body[:, 3], body[:, 4] = nx * wx - ny * wy, nx * wy + ny * wx
+        body[:] = parameter_rows(n, w).T
         if self.residual == "radial":
             # The ray turns as the centre moves: n counts where it meets the ellipse, and the
             # rest of the residual lies along the ray.
@@ -116,111 +112,6 @@ class ArcProblem:
             residuals[-1] = (semi_minor(parameters) - prior.radius) / prior.weight_std
             jacobian[-1] = semi_minor_gradient(parameters) / prior.weight_std
         return residuals, jacobian
-
-
-def orthogonal_comparison(
-    points: Points, parameters: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Signed distance to the nearest point c + E w, and n, w there, with d' = -n d(c + E w).
-
-    Returns
-    -------
-    signed : (n,) ndarray
-        Positive outside. Units: mm.
-    normals, w : (n, 2) ndarray
-        Outward unit normal and unit vector of the nearest point.
-    """
-    a, b, cos, sin = axes_of(parameters)
-    dx, dy = points[:, 0] - parameters[0], points[:, 1] - parameters[1]
-    u, v = cos * dx + sin * dy, cos * dy - sin * dx
-    wu, wv = foot_directions(u, v, a, b)
-    nu, nv = wu / a, wv / b
-    length = np.hypot(nu, nv)
-    nu /= length
-    nv /= length
-    signed = (u - a * wu) * nu + (v - b * wv) * nv
-    return signed, turned_back(nu, nv, cos, sin), turned_back(wu, wv, cos, sin)
-
-
-def radial_comparison(
-    points: Points, parameters: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """The same along the ray from the centre: the paper's r_j (Eq. 4).
-
-    Returns
-    -------
-    signed : (n,) ndarray
-        Units: mm.
-    normals, w : (n, 2) ndarray
-        The normal divided by its cosine with the ray, so that -n d(c + E w) is again the
-        derivative of the residual; unit vector of the point on the ray.
-    """
-    a, b, cos, sin = axes_of(parameters)
-    d = points - parameters[:2]
-    u, v = d[:, 0] * cos + d[:, 1] * sin, d[:, 1] * cos - d[:, 0] * sin
-    rho, scaled = np.hypot(u, v), np.hypot(u / a, v / b)
-    wu, wv = u / a / scaled, v / b / scaled
-    gu, gv = wu / a, wv / b
-    along_ray = (gu * u + gv * v) / rho
-    nu, nv = gu / along_ray, gv / along_ray
-    return rho - rho / scaled, turned_back(nu, nv, cos, sin), turned_back(wu, wv, cos, sin)
-
-
-def turned_back(u: FloatArray, v: FloatArray, cos: float, sin: float) -> FloatArray:
-    """Vectors of the ellipse's own frame in the section frame: (n, 2)."""
-    turned = np.empty((len(u), 2))
-    turned[:, 0] = cos * u - sin * v
-    turned[:, 1] = sin * u + cos * v
-    return turned
-
-
-def parameters_of(ellipse: Ellipse) -> FloatArray:
-    """(centre_x, centre_y, m, p, q) of an ellipse. Units: mm."""
-    m = (ellipse.semi_major + ellipse.semi_minor) / 2
-    h = (ellipse.semi_major - ellipse.semi_minor) / 2
-    p, q = h * math.cos(2 * ellipse.theta), h * math.sin(2 * ellipse.theta)
-    return np.array([*ellipse.centre, m, p, q])
-
-
-def ellipse_of(parameters: FloatArray) -> Ellipse:
-    """Ellipse of (centre_x, centre_y, m, p, q).
-
-    Raises
-    ------
-    FitFailed
-        If the parameters are no ellipse: not finite, or an axis of no length.
-    """
-    a, b, cos, sin = axes_of(parameters)
-    if not is_ellipse(parameters):
-        raise FitFailed(
-            f"the points have no ellipse (semi-axes {a:.3g} and {b:.3g} mm): they lie on a "
-            "straight line or on two; leave them out"
-        )
-    centre = (float(parameters[0]), float(parameters[1]))
-    return Ellipse(centre, a, b, math.atan2(sin, cos))
-
-
-def is_ellipse(parameters: FloatArray) -> bool:
-    """Whether parameters are finite and of an ellipse that is no needle."""
-    a, b, _, _ = axes_of(parameters)
-    return bool(np.isfinite(parameters).all()) and NEEDLE * a < b <= a
-
-
-def semi_minor(parameters: FloatArray) -> float:
-    """Semi-minor axis b = m - h. Units: mm."""
-    return float(parameters[2]) - math.hypot(parameters[3], parameters[4])
-
-
-def semi_minor_gradient(parameters: FloatArray) -> FloatArray:
-    """Derivative of b by the parameters, (5,); at a circle in the direction p > 0."""
-    direction = _deviator_direction(parameters)
-    return np.array([0.0, 0.0, 1.0, -direction[0], -direction[1]])
-
-
-def semi_major_gradient(parameters: FloatArray) -> FloatArray:
-    """Derivative of a by the parameters, (5,); at a circle in the direction p > 0."""
-    direction = _deviator_direction(parameters)
-    return np.array([0.0, 0.0, 1.0, direction[0], direction[1]])
 
 
 def minimise(problem: ArcProblem, start: FloatArray) -> FloatArray:
@@ -277,18 +168,3 @@ def remembering_last(evaluate: Evaluation) -> Evaluation:
         return last[key]
 
     return remembered
-
-
-def axes_of(parameters: FloatArray) -> tuple[float, float, float, float]:
-    """a, |b| in mm, cos theta, sin theta of (centre_x, centre_y, m, p, q)."""
-    m, p, q = float(parameters[2]), float(parameters[3]), float(parameters[4])
-    h = math.hypot(p, q)
-    theta = 0.5 * math.atan2(q, p)
-    return abs(m + h), max(abs(m - h), 1e-12), math.cos(theta), math.sin(theta)
-
-
-def _deviator_direction(parameters: FloatArray) -> tuple[float, float]:
-    h = math.hypot(parameters[3], parameters[4])
-    if h == 0:
-        return 1.0, 0.0
-    return float(parameters[3]) / h, float(parameters[4]) / h

@@ -24,7 +24,7 @@ from lsvision.fitting.constrained import (
     fixed_theta,
 )
 from lsvision.fitting.ellipse_fit import FAR_FROM_CIRCLE, EllipseFit
-from lsvision.fitting.ellipse_problem import semi_minor_gradient
+from lsvision.fitting.ellipse_parameters import semi_minor_gradient
 from lsvision.shapes import FloatArray, Points
 
 Quantity = Literal["radius", "theta", "phi", "centre_x", "centre_y"]
@@ -181,11 +181,13 @@ def _phi_interval(likelihood: _Likelihood) -> tuple[float, float]:
     m, theta = float(fit.parameters[2]), fit.ellipse.theta
     angles = np.linspace(0, 2 * np.pi, 48, endpoint=False)
     ring = np.column_stack([np.cos(angles), np.sin(angles)])
+    share, of_prior = _say_of_prior(likelihood)
 
     def surplus(phi: float) -> float:
         h = m * (1 - math.cos(phi)) / (1 + math.cos(phi))
         at = h * np.array([math.cos(2 * theta), math.sin(2 * theta)])
         critical = likelihood.critical_near_circle(at, h * ring)
+        critical += share * max(of_prior - critical, 0.0)
         constraint = fixed_phi(phi) if phi > 0 else circle_constraint()
         return likelihood.ratio(constraint) - critical
 
@@ -194,6 +196,17 @@ def _phi_interval(likelihood: _Likelihood) -> tuple[float, float]:
     std = math.sqrt(float(np.trace(fit.regular_covariance[3:, 3:]))) / m
     step = min(2 * std / max(phi, 1e-9), 2 * math.sqrt(std), 0.5)
     return _crossing(surplus, phi, 0.0, step), _crossing(surplus, phi, WIDEST_PHI, step)
+
+
+def _say_of_prior(likelihood: _Likelihood) -> tuple[float, float]:
+    """How much of what is known of (p, q) near a circle is the prior, and its critical ratio."""
+    fit = likelihood.fit
+    known = fit.problem.known_phi
+    if known is None or not known.near_circle:
+        return 0.0, 0.0
+    posterior = float(np.trace(fit.regular_covariance[3:, 3:])) / float(fit.parameters[2]) ** 2
+    share = min(posterior / (2 * known.deviator_std**2), 1.0)
+    return share, known.largest_ratio(likelihood.level)
 
 
 def _theta_interval(likelihood: _Likelihood) -> tuple[float, float]:

@@ -13,6 +13,8 @@ from lsvision.shapes import FloatArray
 
 EXACT_PHI_STD = 1e-6
 """One sigma that stands for "exactly": small beside any noise, not singular. Units: rad."""
+SQUARE_ON_STD = 1e-3
+"""The same about a circle, where phi^2 counts: a millionth of the radius. Units: rad."""
 NEAR_CIRCLE = 2.0
 """Sigmas of a known phi within which the section may be a circle."""
 PHI_RANGE = math.pi / 2
@@ -78,9 +80,23 @@ class KnownPhi:
     @property
     def deviator_std(self) -> float:
         """One sigma of p / m and of q / m about a circle."""
-        s = max(self.std, EXACT_PHI_STD)
+        s = max(self.std, SQUARE_ON_STD)
         fourth = self.phi**4 + 6 * (self.phi * s) ** 2 + 3 * s**4
         return math.sqrt(fourth / 32)
+
+    def largest_ratio(self, level: float) -> float:
+        """Likelihood ratio, under the prior alone, that the circle's neighbours stay below.
+
+        Definition: (h / m)^2 / deviator_std^2 at the phi below which the modulus of a normal
+        variable stays with probability `level`. More than chi^2 gives: h goes with phi^2.
+        """
+        from scipy.optimize import brentq
+        from scipy.special import ndtr
+
+        s = max(self.std, SQUARE_ON_STD)
+        phi = self.phi / s
+        upper = brentq(lambda x: ndtr(x - phi) - ndtr(-x - phi) - level, 0.0, phi + 40.0)
+        return float((upper * s) ** 4 / (16 * self.deviator_std**2))
 
     def rows(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Residuals of the prior over their standard deviations, and their derivative.

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from lsvision.fitting.ellipse_problem import axes_of, turned_back
+from lsvision.fitting.ellipse_parameters import as_vectors, axes_of, in_own_frame, parameter_rows
 from lsvision.fitting.scatter import MAD_TO_STD, median
 from lsvision.shapes import FloatArray, Points
 
@@ -36,19 +36,16 @@ def normal_residuals(
     normals, w : (n, 2) ndarray
         Outward unit normal and unit vector of c + E w.
     """
-    a, b, cos, sin = axes_of(parameters)
-    dx, dy = points[:, 0] - parameters[0], points[:, 1] - parameters[1]
-    wu, wv = (cos * dx + sin * dy) / a, (cos * dy - sin * dx) / b
-    size = np.maximum(np.hypot(wu, wv), TINY)
-    wu /= size
-    wv /= size
-    nu, nv = wu / a, wv / b
-    steepness = np.hypot(nu, nv)
-    nu /= steepness
-    nv /= steepness
+    a, b, turn = axes_of(parameters)
+    own = in_own_frame(points, parameters, turn)
+    w = own.real / a + 1j * (own.imag / b)
+    size = np.maximum(np.abs(w), TINY)
+    w /= size
+    n = w.real / a + 1j * (w.imag / b)
+    steepness = np.abs(n)
+    n /= steepness
     # Along the ray from the centre the ellipse is at 1 / size; times the ray's cosine with n.
-    signed = (size - 1) / steepness
-    return signed, turned_back(nu, nv, cos, sin), turned_back(wu, wv, cos, sin)
+    return (size - 1) / steepness, as_vectors(n * turn), as_vectors(w * turn)
 
 
 def normal_variances(normals: FloatArray, covariances: FloatArray) -> FloatArray:
@@ -95,7 +92,7 @@ def refine_quickly(
     covariances : (n, 2, 2) ndarray
         Units: mm^2.
     parameters : (5,) ndarray
-        Start; see `lsvision.fitting.ellipse_problem`. Units: mm.
+        Start; see `lsvision.fitting.ellipse_parameters`. Units: mm.
     steps : int
         Gauss-Newton steps.
 
@@ -126,12 +123,3 @@ def refine_quickly(
         except np.linalg.LinAlgError:
             return np.full(5, np.nan), covariance
     return parameters, covariance
-
-
-def parameter_rows(normals: FloatArray, w: FloatArray) -> FloatArray:
-    """How far each point of the ellipse moves along its normal, by each parameter: (5, n)."""
-    nx, ny, wx, wy = normals[:, 0], normals[:, 1], w[:, 0], w[:, 1]
-    rows = np.empty((5, len(nx)))
-    rows[0], rows[1], rows[2] = nx, ny, nx * wx + ny * wy
-    rows[3], rows[4] = nx * wx - ny * wy, nx * wy + ny * wx
-    return rows

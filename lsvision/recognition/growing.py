@@ -4,10 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.fitting.ellipse_problem import is_ellipse
+from lsvision.fitting.ellipse_parameters import is_ellipse, parameter_rows
 from lsvision.fitting.quick_fit import (
     normal_residuals,
-    parameter_rows,
     refine_quickly,
     tolerant_variances,
 )
@@ -115,7 +114,7 @@ def grow_arc(
     inside : (k,) int ndarray
         Those of the seed.
     parameters : (5,) ndarray
-        Of the seed's ellipse; see `lsvision.fitting.ellipse_problem`. Units: mm.
+        Of the seed's ellipse; see `lsvision.fitting.ellipse_parameters`. Units: mm.
     settings : IdentificationSettings
         Sensor error and steps.
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.fitting.ellipse_problem import ellipse_of, parameters_of
+from lsvision.fitting.ellipse_parameters import ellipse_of, parameters_of
 from lsvision.profile import Arc, WeighedProfile
 from lsvision.recognition.candidates import Candidate, seed_ellipse
 from lsvision.recognition.growing import IdentificationSettings, WeighedSpan, grow_arc

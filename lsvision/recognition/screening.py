@@ -13,11 +13,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.fitting.correlation import correlation_factor
-from lsvision.fitting.ellipse_problem import ellipse_of, is_ellipse, parameters_of
+from lsvision.fitting.ellipse_parameters import (
+    ellipse_of,
+    is_ellipse,
+    parameter_rows,
+    parameters_of,
+)
 from lsvision.fitting.quick_fit import (
     normal_residuals,
     normal_variances,
-    parameter_rows,
     refine_quickly,
     tolerant_variances,
 )

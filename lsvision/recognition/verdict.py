@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.fitting.ellipse_problem import parameters_of
+from lsvision.fitting.ellipse_parameters import parameters_of
 from lsvision.fitting.quick_fit import normal_residuals, normal_variances
 from lsvision.profile import Arc, WeighedProfile
 from lsvision.recognition.identification import IdentifiedArc

@@ -10,9 +10,9 @@ from lsvision.shapes.arrays import FloatArray, Points
 
 TINY = 1e-300
 FOOT_POINT_STEPS = 30
-FOOT_POINT_CLOSE = 1e-7
-"""The search gains about two digits a step near the ellipse and stops at this change of the
-direction (rad); far from it and near the evolute it needs the more steps."""
+FOOT_POINT_CLOSE = 1e-5
+"""The search gains about two digits a step near the ellipse and stops after this change of the
+direction (rad), which a distance feels by its square only; far from it it needs more steps."""
 
 
 @dataclass(frozen=True, slots=True)

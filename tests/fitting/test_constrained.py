@@ -13,7 +13,7 @@ from lsvision.fitting.constrained import (
     fixed_theta,
 )
 from lsvision.fitting.ellipse_fit import fit_ellipse
-from lsvision.fitting.ellipse_problem import ellipse_of
+from lsvision.fitting.ellipse_parameters import ellipse_of
 from tests.fitting.arcs import measured, pipe, upper_arc
 
 PENALTY = 1e5  # 1/mm, 1/rad: a violation of 1e-5 costs as much as one sigma

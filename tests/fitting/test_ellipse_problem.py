@@ -10,21 +10,17 @@ from scipy.optimize import approx_fprime, least_squares
 from lsvision import Ellipse
 from lsvision.errors import FitFailed, TooFewPoints
 from lsvision.fitting.ellipse_fit import FittingSettings, fit_ellipse
-from lsvision.fitting.ellipse_problem import (
-    ArcProblem,
-    KnownRadius,
+from lsvision.fitting.ellipse_parameters import (
     ellipse_of,
-    minimise,
     orthogonal_comparison,
     parameters_of,
     radial_comparison,
     semi_major_gradient,
     semi_minor,
     semi_minor_gradient,
-)  # fmt: skip
-from lsvision.fitting.ellipse_problem import (
-    least_squares as levenberg_marquardt,
 )
+from lsvision.fitting.ellipse_problem import ArcProblem, KnownRadius, minimise
+from lsvision.fitting.ellipse_problem import least_squares as levenberg_marquardt
 from lsvision.shapes import orthogonal_residuals, radial_residuals
 from tests.alike import assert_same_ellipse
 from tests.fitting.arcs import about, measured, pipe, upper_arc

@@ -14,13 +14,8 @@ from scipy.interpolate import CubicSpline
 
 from lsvision.fitting.conditioning import condition_arc
 from lsvision.fitting.ellipse_fit import FittingSettings, fit_ellipse
-from lsvision.fitting.ellipse_problem import (
-    ArcProblem,
-    KnownRadius,
-    ellipse_of,
-    minimise,
-    parameters_of,
-)
+from lsvision.fitting.ellipse_parameters import ellipse_of, parameters_of
+from lsvision.fitting.ellipse_problem import ArcProblem, KnownRadius, minimise
 from lsvision.fitting.homogenising import homogenise, homogenise_profile_literally
 from lsvision.fitting.smoothing import smooth_profile_literally, smooth_residual
 from lsvision.measure import Settings, measure_cylinders

@@ -1,0 +1,149 @@
+"""An ellipse in parameters that stay regular at a circle, and points compared with it.
+
+The ellipse is ``c + E w`` for all unit vectors w, with the symmetric matrix
+``E = [[m + p, q], [q, m - p]]``; so ``a = m + h``, ``b = m - h``, ``h = |(p, q)|`` and
+``theta = atan2(q, p) / 2``. In (a, b, theta) a circle (a pipe seen square on) is a singular
+point; in (m, p, q) it is a point like any other.
+"""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from lsvision.errors import FitFailed
+from lsvision.shapes import Ellipse, FloatArray, Points
+from lsvision.shapes.ellipse import foot_directions
+
+ComplexArray = npt.NDArray[np.complex128]
+PARAMETERS = 5
+NEEDLE = 1e-3
+"""Thinner than this an ellipse is a straight line that lost its way."""
+
+
+def orthogonal_comparison(
+    points: Points, parameters: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Signed distance to the nearest point c + E w, and n, w there, with d' = -n d(c + E w).
+
+    Returns
+    -------
+    signed : (n,) ndarray
+        Positive outside. Units: mm.
+    normals, w : (n, 2) ndarray
+        Outward unit normal and unit vector of the nearest point.
+    """
+    a, b, turn = axes_of(parameters)
+    own = in_own_frame(points, parameters, turn)
+    u, v = own.real, own.imag
+    wu, wv = foot_directions(u, v, a, b)
+    n = wu / a + 1j * (wv / b)
+    n /= np.abs(n)
+    signed = (u - a * wu) * n.real + (v - b * wv) * n.imag
+    return signed, as_vectors(n * turn), as_vectors((wu + 1j * wv) * turn)
+
+
+def radial_comparison(
+    points: Points, parameters: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The same along the ray from the centre: the paper's r_j (Eq. 4).
+
+    Returns
+    -------
+    signed : (n,) ndarray
+        Units: mm.
+    normals, w : (n, 2) ndarray
+        The normal divided by its cosine with the ray, so that -n d(c + E w) is again the
+        derivative of the residual; unit vector of the point on the ray.
+    """
+    a, b, turn = axes_of(parameters)
+    own = in_own_frame(points, parameters, turn)
+    w = own.real / a + 1j * (own.imag / b)
+    rho, scaled = np.abs(own), np.abs(w)
+    w /= scaled
+    gradient = w.real / a + 1j * (w.imag / b)
+    along_ray = (gradient * own.conj()).real / rho
+    return rho - rho / scaled, as_vectors(gradient * (turn / along_ray)), as_vectors(w * turn)
+
+
+def parameter_rows(normals: FloatArray, w: FloatArray) -> FloatArray:
+    """How far each point of the ellipse moves along its normal, by each parameter: (5, n)."""
+    n, v = normals.view(complex)[:, 0], w.view(complex)[:, 0]
+    along, deviating = n * v.conj(), n * v
+    return np.array([n.real, n.imag, along.real, deviating.real, deviating.imag])
+
+
+def in_own_frame(points: Points, parameters: FloatArray, turn: complex) -> ComplexArray:
+    """Points in the ellipse's own frame, u + iv: complex numbers turn all of them at once."""
+    offset: ComplexArray = (points - parameters[:2]).view(complex)[:, 0]
+    return offset * turn.conjugate()
+
+
+def as_vectors(numbers: ComplexArray) -> FloatArray:
+    """Complex numbers x + iy as vectors (x, y): (n, 2), the same memory."""
+    vectors: FloatArray = numbers.view(float).reshape(-1, 2)
+    return vectors
+
+
+def parameters_of(ellipse: Ellipse) -> FloatArray:
+    """(centre_x, centre_y, m, p, q) of an ellipse. Units: mm."""
+    m = (ellipse.semi_major + ellipse.semi_minor) / 2
+    h = (ellipse.semi_major - ellipse.semi_minor) / 2
+    p, q = h * math.cos(2 * ellipse.theta), h * math.sin(2 * ellipse.theta)
+    return np.array([*ellipse.centre, m, p, q])
+
+
+def ellipse_of(parameters: FloatArray) -> Ellipse:
+    """Ellipse of (centre_x, centre_y, m, p, q).
+
+    Raises
+    ------
+    FitFailed
+        If the parameters are no ellipse: not finite, or an axis of no length.
+    """
+    a, b, turn = axes_of(parameters)
+    if not is_ellipse(parameters):
+        raise FitFailed(
+            f"the points have no ellipse (semi-axes {a:.3g} and {b:.3g} mm): they lie on a "
+            "straight line or on two; leave them out"
+        )
+    centre = (float(parameters[0]), float(parameters[1]))
+    return Ellipse(centre, a, b, math.atan2(turn.imag, turn.real))
+
+
+def is_ellipse(parameters: FloatArray) -> bool:
+    """Whether parameters are finite and of an ellipse that is no needle."""
+    a, b, _ = axes_of(parameters)
+    return bool(np.isfinite(parameters).all()) and NEEDLE * a < b <= a
+
+
+def semi_minor(parameters: FloatArray) -> float:
+    """Semi-minor axis b = m - h. Units: mm."""
+    return float(parameters[2]) - math.hypot(parameters[3], parameters[4])
+
+
+def semi_minor_gradient(parameters: FloatArray) -> FloatArray:
+    """Derivative of b by the parameters, (5,); at a circle in the direction p > 0."""
+    direction = _deviator_direction(parameters)
+    return np.array([0.0, 0.0, 1.0, -direction[0], -direction[1]])
+
+
+def semi_major_gradient(parameters: FloatArray) -> FloatArray:
+    """Derivative of a by the parameters, (5,); at a circle in the direction p > 0."""
+    direction = _deviator_direction(parameters)
+    return np.array([0.0, 0.0, 1.0, direction[0], direction[1]])
+
+
+def axes_of(parameters: FloatArray) -> tuple[float, float, complex]:
+    """a, |b| in mm, cos theta + i sin theta of (centre_x, centre_y, m, p, q)."""
+    m, p, q = float(parameters[2]), float(parameters[3]), float(parameters[4])
+    h = math.hypot(p, q)
+    theta = 0.5 * math.atan2(q, p)
+    return abs(m + h), max(abs(m - h), 1e-12), complex(math.cos(theta), math.sin(theta))
+
+
+def _deviator_direction(parameters: FloatArray) -> tuple[float, float]:
+    h = math.hypot(parameters[3], parameters[4])
+    if h == 0:
+        return 1.0, 0.0
+    return float(parameters[3]) / h, float(parameters[4]) / h
