@@ -162,6 +162,8 @@ def _curves_like_a_pipe(
         (circles.radius >= low)
         & (circles.radius <= high)
         & circles.convex
+        # Noise alone bends a straight window: its circle is small by bias, and fits worse.
+        & (circles.rms < circles.flat_rms)
         & (circles.coverage >= math.radians(settings.coverage_deg))
         & (circles.coverage * points >= math.radians(settings.coverage_deg) * settings.full_span)
         & (circles.rms <= settings.sigmas * noise_std + settings.roundness * radius)

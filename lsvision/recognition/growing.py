@@ -1,5 +1,6 @@
 """How an arc grows from its seed, on an ellipse that is fitted anew after each step outwards."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -95,6 +96,10 @@ class WeighedSpan:
         step = max(4, int(fraction * (stop - start)))
         return max(0, start - step), min(len(self.points), stop + step)
 
+    def distance(self, i: int, j: int) -> float:
+        """Between two points. Units: mm."""
+        return math.dist(self.points[i], self.points[j])
+
     def refine(
         self, inside: IntArray, parameters: FloatArray, steps: int
     ) -> tuple[FloatArray, FloatArray]:
@@ -164,8 +169,15 @@ def _join_other_part(
     miss the other: so they are tried together. A few points prove nothing, jumps least of all.
     """
     run = _run_around(possible, inside, settings)
-    parts = [run[run < inside[0]], run[run > inside[-1]]]
-    parts = [part for part in parts if len(part) >= settings.joined_points]
+    widest = settings.bridge_fraction * near.distance(inside[0], inside[-1])
+    parts = [
+        part
+        for part, end in (
+            (run[run < inside[0]][::-1], inside[0]),
+            (run[run > inside[-1]], inside[-1]),
+        )
+        if len(part) >= settings.joined_points and near.distance(end, part[0]) <= widest
+    ]
     if not parts:
         return None
     together = np.sort(np.concatenate([inside, *parts]))

@@ -19,6 +19,8 @@ class WindowCircles:
         Infinite where the window is straight. Units: mm.
     rms : (w,) ndarray
         Root mean square distance of the points from the circle, to first order. Units: mm.
+    flat_rms : (w,) ndarray
+        The same from the best straight line. Units: mm.
     coverage : (w,) ndarray
         Angle of the chord seen from the centre. Units: rad.
     convex : (w,) bool ndarray
@@ -28,6 +30,7 @@ class WindowCircles:
     centre: FloatArray
     radius: FloatArray
     rms: FloatArray
+    flat_rms: FloatArray
     coverage: FloatArray
     convex: BoolArray
 
@@ -107,4 +110,6 @@ def fit_window_circles(points: Points, starts: IntArray, stops: IntArray) -> Win
     past = ((middle - centre) * (points[starts] - centre)).sum(axis=1) < 0
     coverage = np.where(past & (coverage > 0), 2 * np.pi - coverage, coverage)
     rms = np.where(np.isfinite(rms), rms, np.inf)
-    return WindowCircles(centre, radius, rms, coverage, towards > 0)
+    flat = (sxx + syy) / 2 - np.hypot((sxx - syy) / 2, sxy)
+    flat_rms = np.sqrt(np.maximum(flat, 0.0))
+    return WindowCircles(centre, radius, rms, flat_rms, coverage, towards > 0)
