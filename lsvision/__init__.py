@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from lsvision.calibrate.hand_eye_result import HandEye as HandEye
     from lsvision.calibrate.intrinsics import calibrate_camera as calibrate_camera
     from lsvision.calibrate.laser_plane import calibrate_laser_plane as calibrate_laser_plane
+    from lsvision.calibrate.lens_blur import measure_lens_blur as measure_lens_blur
     from lsvision.calibrate.pose_planning import plan_hand_eye_poses as plan_hand_eye_poses
     from lsvision.calibrate.target import ChArUco as ChArUco
     from lsvision.calibrate.target import Chessboard as Chessboard
@@ -105,6 +106,7 @@ _ROOMS = {
     "CircleGrid": "lsvision.calibrate.target",
     "calibrate_camera": "lsvision.calibrate.intrinsics",
     "calibrate_laser_plane": "lsvision.calibrate.laser_plane",
+    "measure_lens_blur": "lsvision.calibrate.lens_blur",
     "calibrate_board_in_plane": "lsvision.calibrate.board_in_plane",
     "calibrate_hand_eye_sphere": "lsvision.calibrate.hand_eye",
     "calibrate_hand_eye_plane": "lsvision.calibrate.hand_eye",

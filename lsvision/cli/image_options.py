@@ -56,6 +56,23 @@ def line_settings_of(laser: str, method: str) -> "LineSettings":
         raise typer.BadParameter(str(slip).replace("channel", "--laser")) from None
 
 
+def check_colours(image: Any, laser: str, where: str = "it") -> None:
+    """Refuse an image whose colours and ``--laser`` disagree.
+
+    Raises
+    ------
+    UnreadableFile
+        With the option that mends it, after `where`.
+    """
+    coloured = image.ndim == 3 and bool((image != image[..., :1]).any())
+    if coloured and laser == "grey":
+        raise UnreadableFile(
+            f"{where} has colours: say the laser's, --laser red, green, blue or white"
+        )
+    if not coloured and laser not in ("grey", "white"):
+        raise UnreadableFile(f"{where} has no colours: leave --laser {laser} out")
+
+
 def imaging_of(
     light_section: Path | None, line: "LineSettings", laser_off: Path | None, **more: Any
 ) -> "Imaging | None":

@@ -7,6 +7,7 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from lsvision.cli.image_options import check_colours
 from lsvision.cli.sources import IMAGE_SUFFIXES, VIDEO_SUFFIXES
 from lsvision.errors import LsvisionError, NoLaserLine, UnreadableFile
 
@@ -149,21 +150,6 @@ def _profiles_of(source: Path, images: Iterable[Any], imaging: Imaging) -> Image
     profiles, kept, _ = zip(*found, strict=True)
     summary, notes = _summary(lines, len(found)), tuple(_doubts(lines, len(found)))
     return ImageFile(path=source, profiles=profiles, images=kept, summary=summary, notes=notes)
-
-
-def check_colours(image: Any, laser: str) -> None:
-    """Refuse an image whose colours and ``--laser`` disagree.
-
-    Raises
-    ------
-    LsvisionError
-        With the option that mends it.
-    """
-    coloured = image.ndim == 3 and bool((image != image[..., :1]).any())
-    if coloured and laser == "grey":
-        raise LsvisionError("it has colours: say the laser's, --laser red, green, blue or white")
-    if not coloured and laser not in ("grey", "white"):
-        raise LsvisionError(f"it has no colours: leave --laser {laser} out")
 
 
 def extract_from(source: Path, image: Any, settings: "LineSettings", dark: Any) -> "LaserLine":

@@ -10,7 +10,7 @@ from lsvision.errors import NoLaserLine
 from lsvision.sensor.derivative_line import derivative_stripes
 from lsvision.sensor.gaussian_line import gaussian_stripes
 from lsvision.sensor.line_image import Direction, LineImage, prepare_line_image
-from lsvision.sensor.line_noise import INDEPENDENT, unexplained_variance
+from lsvision.sensor.line_noise import SLOPE_SPAN, unexplained_variance
 from lsvision.sensor.line_search import FoundLine, find_direction, find_line
 from lsvision.sensor.line_settings import LineSettings
 from lsvision.sensor.ridge_line import ridge_stripes
@@ -21,8 +21,6 @@ MOST_SATURATED = 0.5
 """Share of the image at full scale from which it is overexposed as a whole."""
 SATURATED_WIDENING = 2.0
 """A saturated stripe is wider than its light: its filter is widened by this."""
-SLOPE_SPAN = 6
-"""Points to each side over which the line's slope is taken."""
 BORDER = 1.5
 """Sigmas from the image's border within which the line's flank is cut off."""
 
@@ -96,7 +94,8 @@ def extract_laser_line(
     -------
     LaserLine
         Its `std` holds what the noise of the pixels explains and, added to that, the scatter
-        from column to column that it does not: speckle and the roughness of the surface.
+        along the line that it does not, larger where the line is steep: speckle and the
+        roughness of the surface.
 
     Raises
     ------
@@ -207,15 +206,15 @@ def _assembled(
     columns = found.windows.columns[good]
     places, noise = _in_their_columns(stripes.pixels[good], columns), stripes.std[good]
     # The ridge's smoothing along the line makes neighbours err alike.
-    lag = INDEPENDENT if settings.method != "steger" else math.ceil(4 * found.sigma)
+    lag = None if settings.method != "steger" else math.ceil(4 * found.sigma)
     excess = unexplained_variance(columns, places, noise, lag)
     width = image.signal.shape[1]
     pixels = np.full((width, 2), np.nan)
     pixels[columns] = stripes.pixels[good]
     numbers = [np.full(width, np.nan) for _ in range(3)]
-    values = np.sqrt(stripes.std**2 + excess), stripes.heights, stripes.sigmas
+    values = np.sqrt(noise**2 + excess), stripes.heights[good], stripes.sigmas[good]
     for number, value in zip(numbers, values, strict=True):
-        number[columns] = value[good]
+        number[columns] = value
     saturated = np.zeros(width, dtype=bool)
     saturated[columns] = found.windows.saturated[good].any(axis=1)
     std, heights, sigmas = numbers
