@@ -15,6 +15,8 @@ from lsvision.errors import LsvisionError, UnreadableFile
 
 Frame = npt.NDArray[Any]
 
+SILENT = 0
+"""LOG_LEVEL_SILENT of either version."""
 FFMPEG_SILENT = ("OPENCV_FFMPEG_LOGLEVEL", "-8")
 """What keeps ffmpeg, which OpenCV reads videos with, from writing on stderr beside our errors."""
 
@@ -86,10 +88,11 @@ def capture_frames(index: int, count: int) -> Iterator[Frame]:
 
 @contextmanager
 def _opened(source: str | int) -> Iterator[Any]:
-    logging = cv2.utils.logging
+    # OpenCV 4 has these two in cv2, OpenCV 5 in cv2.utils.logging.
+    logging: Any = cv2 if hasattr(cv2, "setLogLevel") else cv2.utils.logging
     level = logging.getLogLevel()
     os.environ.setdefault(*FFMPEG_SILENT)
-    logging.setLogLevel(logging.LOG_LEVEL_SILENT)
+    logging.setLogLevel(SILENT)
     try:
         capture = cv2.VideoCapture(source)
         yield capture
