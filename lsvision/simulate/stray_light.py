@@ -77,17 +77,26 @@ def glint_gain(
 
 
 def _streaks(shape: tuple[int, int], stray: StrayLight, rng: np.random.Generator) -> FloatArray:
-    layer = np.zeros(shape, dtype=np.float32)
+    layer: FloatArray = np.zeros(shape)
     for _ in range(stray.streaks):
         start = rng.uniform((0, 0), shape[::-1])
         turn, length = rng.uniform(0, math.pi), rng.uniform(40, 300)
-        stop = start + length * np.array([math.cos(turn), math.sin(turn)])
-        ends = [tuple(round(float(x)) for x in end) for end in (start, stop)]
-        colour, width = float(rng.uniform(*stray.brightness)), int(rng.integers(1, 4))
-        cv2.line(layer, ends[0], ends[1], colour, width)
+        brightness, width = float(rng.uniform(*stray.brightness)), int(rng.integers(1, 4))
+        beside = _distances_from_segment(shape, start, turn, length)
+        layer = np.maximum(layer, brightness * np.clip(width / 2 + 0.5 - beside, 0, 1))
     if stray.streaks:
         layer = cv2.GaussianBlur(layer, (0, 0), EDGE_BLUR)
-    return np.asarray(layer, dtype=np.float64)
+    return layer
+
+
+def _distances_from_segment(
+    shape: tuple[int, int], start: FloatArray, turn: float, length: float
+) -> FloatArray:
+    """Of each pixel. Drawn by hand: ``cv2.line`` differs between OpenCV 4 and 5. Units: px."""
+    u, v = np.arange(shape[1]) - start[0], np.arange(shape[0])[:, None] - start[1]
+    along = np.clip(u * math.cos(turn) + v * math.sin(turn), 0, length)
+    distances: FloatArray = np.hypot(u - along * math.cos(turn), v - along * math.sin(turn))
+    return distances
 
 
 def _add_blob(image: FloatArray, centre: FloatArray, sigma: float, height: float) -> None:
