@@ -62,8 +62,9 @@ class Settings:
     screening: ScreeningSettings = ScreeningSettings()
     smoothing: SmoothingSettings = SmoothingSettings()
     homogenising: HomogenisingSettings = HomogenisingSettings()
-    # Conditioned arcs start so near their fit that renewed weights change nothing.
-    fitting: FittingSettings = FittingSettings(reweightings=0)
+    # Conditioned arcs start so near their fit that renewed weights change nothing; pipes need
+    # 5 to 26 evaluations, and what needs more runs off to a needle.
+    fitting: FittingSettings = FittingSettings(reweightings=0, most_evaluations=40)
     literal: LiteralSettings | None = None
 
     @classmethod

@@ -25,7 +25,7 @@ from lsvision.fitting.ellipse_parameters import (
     orthogonal_comparison,
     parameters_of,
 )
-from lsvision.fitting.ellipse_problem import ArcProblem, KnownRadius, minimise
+from lsvision.fitting.ellipse_problem import MOST_EVALUATIONS, ArcProblem, KnownRadius, minimise
 from lsvision.fitting.known_phi import KnownPhi
 from lsvision.fitting.quick_fit import normal_variances
 from lsvision.shapes import Ellipse, FloatArray, Points
@@ -49,10 +49,13 @@ class FittingSettings:
     reweightings : int
         How often the weights 1 / (n' Sigma n) are renewed at the fitted ellipse. One is
         enough from a conditioned start; the paper has none.
+    most_evaluations : int
+        Of the residuals; then the iteration ends where it is.
     """
 
     residual: Literal["orthogonal", "radial"] = "orthogonal"
     reweightings: int = 1
+    most_evaluations: int = MOST_EVALUATIONS
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -173,14 +176,14 @@ def fit_ellipse(
     for _ in range(1 + settings.reweightings):
         stds = _normal_stds(points, covariances, parameters)
         problem = ArcProblem(points, stds, known_radius, settings.residual, known_phi)
-        parameters = minimise(problem, parameters)
+        parameters = minimise(problem, parameters, settings.most_evaluations)
         if covariances is None:
             break
     fit, correlation = _fit_with_evidence(problem, parameters, known_noise=covariances is not None)
     if covariances is None and correlation.coloured and settings.residual == "orthogonal":
         _, normals, _ = orthogonal_comparison(points, parameters)
         problem = ArcProblem(points, grazing_stds(normals), known_radius, settings.residual)
-        parameters = minimise(problem, parameters)
+        parameters = minimise(problem, parameters, settings.most_evaluations)
         fit, _ = _fit_with_evidence(problem, parameters, known_noise=False)
     return fit if problem.prior_rows == 0 else _weighed_against_prior(fit)
 

@@ -18,8 +18,7 @@ from lsvision.fitting.ellipse_parameters import (
 from lsvision.fitting.known_phi import KnownPhi
 from lsvision.shapes import FloatArray, Points
 
-MOST_EVALUATIONS = 40
-"""Arcs of pipes need 5 to 26; what needs more runs off to a needle, and is refused."""
+MOST_EVALUATIONS = 100
 EXACT_RADIUS_STD = 1e-6
 """Share of a known radius that stands for "exactly": small beside any noise, not singular."""
 
@@ -114,7 +113,9 @@ class ArcProblem:
         return residuals, jacobian
 
 
-def minimise(problem: ArcProblem, start: FloatArray) -> FloatArray:
+def minimise(
+    problem: ArcProblem, start: FloatArray, most_evaluations: int = MOST_EVALUATIONS
+) -> FloatArray:
     """Parameters of least squares, by Levenberg-Marquardt (MINPACK) with analytic Jacobian.
 
     Raises
@@ -125,7 +126,7 @@ def minimise(problem: ArcProblem, start: FloatArray) -> FloatArray:
     rows = len(problem.points) + problem.prior_rows
     if rows < PARAMETERS:
         raise TooFewPoints("an arc", rows, PARAMETERS, "scan slower or nearer")
-    parameters = least_squares(problem.evaluate, start)
+    parameters = least_squares(problem.evaluate, start, most_evaluations)
     if not np.isfinite(parameters).all():
         raise FitFailed("the ellipse fit left the finite numbers: the points lie on no ellipse")
     return parameters
@@ -134,7 +135,9 @@ def minimise(problem: ArcProblem, start: FloatArray) -> FloatArray:
 Evaluation = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 
-def least_squares(evaluate: Evaluation, start: FloatArray) -> FloatArray:
+def least_squares(
+    evaluate: Evaluation, start: FloatArray, most_evaluations: int = MOST_EVALUATIONS
+) -> FloatArray:
     """Parameters of least squares by Levenberg-Marquardt (MINPACK) with analytic Jacobian.
 
     Parameters
@@ -143,6 +146,8 @@ def least_squares(evaluate: Evaluation, start: FloatArray) -> FloatArray:
         Parameters to residuals (n,) and Jacobian (n, k).
     start : (k,) ndarray
         Where to begin.
+    most_evaluations : int
+        Then the iteration ends where it is.
     """
     from scipy.optimize import leastsq
 
@@ -150,7 +155,7 @@ def least_squares(evaluate: Evaluation, start: FloatArray) -> FloatArray:
     with np.errstate(all="ignore"):
         found, *_ = leastsq(
             lambda x: remembered(x)[0], start, Dfun=lambda x: remembered(x)[1],
-            xtol=1e-7, ftol=1e-10, maxfev=MOST_EVALUATIONS, full_output=True,
+            xtol=1e-7, ftol=1e-10, maxfev=most_evaluations, full_output=True,
         )  # fmt: skip
     parameters: FloatArray = found
     return parameters
