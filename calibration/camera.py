@@ -4,32 +4,18 @@ FOLDER/boards holds images of the target; without FOLDER the shipped example is 
 camera.json, camera.yaml (OpenCV, ROS) and camera.html into FOLDER/results, or --results DIR.
 """
 
-import argparse
-import sys
 from pathlib import Path
 
-HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE.parent))  # a checkout that is not installed runs too
+from steps import run_step
 
 
-def main() -> None:
-    """Run ``lsvision calibrate camera`` on a folder."""
-    from lsvision.cli import main as run
-
-    words = argparse.ArgumentParser(description=__doc__)
-    words.add_argument("folder", nargs="?", type=Path, default=HERE / "example")
-    words.add_argument("--results", type=Path)
-    given, options = words.parse_known_args()
-    results = given.results or given.folder / "results"
-    if given.folder.is_dir():
-        results.mkdir(exist_ok=True)
-    sys.argv = [
-        *("lsvision", "calibrate", "camera", str(given.folder / "boards")),
-        *("--out", str(results / "camera.json"), "--ros-yaml", str(results / "camera.yaml")),
-        *("--report", str(results / "camera.html"), *options),
+def command(folder: Path, results: Path) -> list[str]:
+    """Words of ``lsvision calibrate camera`` for a folder."""
+    return [
+        *("camera", str(folder / "boards"), "--out", str(results / "camera.json")),
+        *("--ros-yaml", str(results / "camera.yaml"), "--report", str(results / "camera.html")),
     ]
-    run()
 
 
 if __name__ == "__main__":
-    main()
+    run_step(__doc__, command)

@@ -18,7 +18,6 @@ EXAMPLE = CALIBRATION / "example"
 TRUTH = json.loads((EXAMPLE / "truth.json").read_text())
 SIGMAS = 5.0  # of a few numbers under one fixed seed none is further out
 LARGEST_BYTES = 1_500_000
-LINE_FLOOR = 0.1  # mm; what pixels, JPEG and black squares add to the line's own noise
 
 
 def script(name, *words):
@@ -52,11 +51,14 @@ def test_camera_of_the_example_is_found_within_its_sigmas(results):
     assert "14 of 14 images" in printed["camera"]
 
 
-def test_laser_plane_of_the_example_is_found(results):
+def test_laser_plane_of_the_example_is_found_within_its_covariance(results):
     rig = LightSection.load(results[0] / "rig.json")
-    truth = TRUTH["laser_plane"]
-    assert rig.laser_plane.distance == pytest.approx(truth["distance"], abs=LINE_FLOOR)
-    assert rig.laser_plane.normal == pytest.approx(truth["normal"], abs=LINE_FLOOR / 100)
+    covariance = np.array(json.loads((results[0] / "laser_plane.json").read_text())["covariance"])
+    x_axis, y_axis, _ = rig.camera_from_section.rotation.T
+    normal, distance = np.array(TRUTH["laser_plane"]["normal"]), TRUTH["laser_plane"]["distance"]
+    normal = normal * np.sign(normal @ rig.laser_plane.normal)
+    error = [normal @ y_axis, -(normal @ x_axis), rig.laser_plane.distance - distance]
+    assert error @ np.linalg.solve(covariance, error) < SIGMAS**2
     assert rig.provenance["inputs_sha256"]
 
 

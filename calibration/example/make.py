@@ -14,6 +14,7 @@ simulator's camera; nothing of what is on trial takes part.
 import json
 import math
 import sys
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -33,6 +34,7 @@ from lsvision.simulate.hand_eye import (
     turn,
 )
 from lsvision.simulate.imaging_rig import ImagingRig
+from lsvision.simulate.rays import Rays
 
 HERE = Path(__file__).parent
 SEED = 20
@@ -85,22 +87,28 @@ def board_poses(rng: np.random.Generator) -> list[Pose]:
     return poses
 
 
+@cache
+def fine_rays() -> Rays:
+    """Rays of all samples of an image, row by row, section frame."""
+    fine = [(np.arange(length * SUPER) - (SUPER - 1) / 2) / SUPER for length in RIG.size]
+    u, v = np.meshgrid(*fine)
+    return RIG.rays(np.column_stack([u.ravel(), v.ravel()]))
+
+
 def render(pose: Pose, picture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The board evenly lit, and the laser line on it; floats of 0 to 255, without noise."""
-    width, height = RIG.size
-    fine = [(np.arange(length * SUPER) - (SUPER - 1) / 2) / SUPER for length in (width, height)]
-    u, v = np.meshgrid(*fine)
-    rays = RIG.rays(np.column_stack([u.ravel(), v.ravel()]))
+    rays = fine_rays()
     section_from_board = RIG.camera_from_section.inverse() @ pose
     normal, origin = section_from_board.rotation[:, 2], section_from_board.translation
     depth = (origin - rays.origins) @ normal / (rays.directions @ normal)
     points = rays.origins + depth[:, None] * rays.directions
+    shape = tuple(SUPER * length for length in RIG.size[::-1])
     flat = section_from_board.inverse().apply(points)[:, :2]
-    dots = ((flat + BORDER) * DOTS_PER_MM - 0.5).astype(np.float32).reshape(*u.shape, 2)
+    dots = ((flat + BORDER) * DOTS_PER_MM - 0.5).astype(np.float32).reshape(*shape, 2)
     colour = cv2.remap(
         picture, dots[..., 0], dots[..., 1], cv2.INTER_LINEAR, borderValue=0.45
     ).astype(np.float64)
-    glow = np.exp(-0.5 * (points[:, 2] / SHEET) ** 2).reshape(u.shape)
+    glow = np.exp(-0.5 * (points[:, 2] / SHEET) ** 2).reshape(shape)
     on_paper = 0.12 + 0.88 * colour
     images = (25 + 190 * on_paper, 8 + 215 * on_paper * glow)
     small = [cv2.resize(image, RIG.size, interpolation=cv2.INTER_AREA) for image in images]

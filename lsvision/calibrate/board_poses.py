@@ -95,6 +95,10 @@ class BoardSightings:
         """The same sightings, had the flange stood elsewhere."""
         return replace(self, flanges=flanges)
 
+    def apart(self, first: FloatArray, second: FloatArray) -> float:
+        """Between the origins. Units: mm."""
+        return float(np.linalg.norm((first - second)[:3]))
+
     def starts(self, masks: FloatArray) -> States:
         """Park and Martin's solution, one for each selection."""
         first, second = np.triu_indices(len(self.groups), k=1)

@@ -12,16 +12,18 @@ import numpy as np
 from lsvision.calibrate.boards_problem import BoardsProblem, tilt_axes
 from lsvision.calibrate.boards_state import BoardsState, LaserView
 from lsvision.calibrate.laser_plane_start import lit_on_boards, plane_through
+from lsvision.calibrate.scatter import HUBER, honest_std, line_scatter, robust_std
 from lsvision.shapes import FloatArray, Points
-
-HUBER = 3.0
-"""Sigmas from which on a residual counts linearly, so that a spoilt view cannot bend the rest."""
 
 HIERARCHY = 1e4
 """Factor on the line's sigma by which the corners alone place camera and boards."""
 
 TENSION = 1.15
 """Growth of the corners' residual, when the line joins in, that noise alone does not cause."""
+
+MISFIT = 1.8
+"""Residual of the line, over its scatter about its own smooth course, that noise alone does not
+cause."""
 
 MAX_STEPS = 40
 """Steps of the minimiser; it needs about five."""
@@ -64,9 +66,9 @@ def solve_boards(
 
     First the corners alone place camera and boards, which tells their noise; the line's is its
     scatter about its own smooth course. Then all is solved together. If that bends the boards
-    beyond noise, the line does not lie where the board's plane is (a sheet that is not flat
-    beside the pattern, a wide saturated line): then the corners have the last word, and the
-    plane is the nearest to the lines.
+    beyond noise, or leaves the lines beside them, the line does not lie where the board's plane
+    is (a sheet that is not flat beside the pattern, a wide saturated line): then the corners
+    have the last word, and the plane is the nearest to the lines.
 
     Parameters
     ----------
@@ -88,16 +90,24 @@ def solve_boards(
         [replace(view, line_std=HIERARCHY * view.line_std) for view in views],
         start,
         refine,
-        corner_std,
+        [corner_std] * len(views),
     )
     vector, _ = _minimise(alone, 1e-6)
     start = alone.state(vector)
     corner, line = alone.residuals_in_pixels(vector)
-    corner_std, misfits = _robust_std(corner), alone.split(line, line=True)
-    problem = BoardsProblem(_rescaled(views, misfits), start, refine, corner_std)
+    corner_std, misfits = robust_std(corner), alone.split(line, line=True)
+    corner_stds = [honest_std(each) for each in alone.split(corner, line=False)]
+    scatter = line_scatter(views, misfits)
+    problem = BoardsProblem(
+        [replace(view, line_std=std) for view, std in zip(views, scatter.counting, strict=True)],
+        start,
+        refine,
+        corner_stds,
+    )
     vector, information = _minimise(problem, 1e-9)
     corner, line = problem.residuals_in_pixels(vector)
-    if _robust_std(corner) > corner_std * (TENSION + 2 / np.sqrt(corner.size)):
+    bent = robust_std(corner) > corner_std * (TENSION + 2 / np.sqrt(corner.size))
+    if bent or robust_std(line / np.concatenate(scatter.own)) > MISFIT:
         if refine[1]:
             # Where the line lies off the boards, their bow has no meaning.
             flat = replace(start, bow=np.zeros(2))
@@ -118,7 +128,7 @@ def _by_corners(views: Sequence[LaserView], state: BoardsState) -> BoardsSolutio
     """The plane nearest to the lines, camera and boards left where the corners place them."""
     lit = lit_on_boards(state.camera, state.camera_from_boards, views)
     state = replace(state, plane=plane_through(np.concatenate(lit)), bow=np.zeros(2))
-    problem = BoardsProblem(views, state, (False, False), 1.0)
+    problem = BoardsProblem(views, state, (False, False), [1.0] * len(views))
     corner, line = problem.residuals_in_pixels(np.zeros(problem.size))
     return BoardsSolution(
         state,
@@ -157,18 +167,6 @@ def _spreads(problem: BoardsProblem, information: FloatArray) -> tuple[FloatArra
     return covariance[np.ix_(plane, plane)], bow_std
 
 
-def _rescaled(views: Sequence[LaserView], misfits: Sequence[FloatArray]) -> list[LaserView]:
-    """Views whose line sigma is how much the lines scatter about their own smooth course."""
-    scatter = []
-    for view, misfit in zip(views, misfits, strict=True):
-        along = np.ptp(view.line_pixels, axis=0).argmax()
-        course = view.line_pixels[:, along] - view.line_pixels[:, along].mean()
-        smooth = np.polynomial.Polynomial.fit(course, misfit, 2)(course)
-        scatter.append((misfit - smooth) / view.line_std)
-    scale = _robust_std(np.concatenate(scatter))
-    return [replace(view, line_std=view.line_std * scale) for view in views]
-
-
 def _minimise(problem: BoardsProblem, enough: float) -> tuple[FloatArray, FloatArray]:
     """Levenberg-Marquardt with Huber's weights: the minimum, and J'WJ there.
 
@@ -198,8 +196,3 @@ def _minimise(problem: BoardsProblem, enough: float) -> tuple[FloatArray, FloatA
 def _huber(residuals: FloatArray) -> float:
     size = np.abs(residuals)
     return float(np.where(size < HUBER, size**2, HUBER * (2 * size - HUBER)).sum())
-
-
-def _robust_std(values: FloatArray) -> float:
-    """1.4826 MAD, which for a normal distribution is sigma; kept off zero for perfect data."""
-    return max(1.4826 * float(np.median(np.abs(values))), 1e-4)

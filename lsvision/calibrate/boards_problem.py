@@ -50,8 +50,8 @@ class BoardsProblem:
         Where to expand.
     refine : tuple of bool
         Whether the camera, and the bow, take part.
-    corner_std : float
-        One sigma of a corner's coordinate. Units: px.
+    corner_stds : sequence of float
+        One sigma of a corner's coordinate in each view. Units: px.
     """
 
     def __init__(
@@ -59,14 +59,15 @@ class BoardsProblem:
         views: Sequence[LaserView],
         start: BoardsState,
         refine: tuple[bool, bool],
-        corner_std: float,
+        corner_stds: Sequence[float],
     ) -> None:
         self.start, self._count = start, len(views)
         self._corners, self._corner_view = _stacked([view.points for view in views])
         self._pixels, _ = _stacked([view.pixels for view in views])
         self._line, self._line_view = _stacked([view.line_pixels for view in views])
         line_std, _ = _stacked([view.line_std[:, None] for view in views])
-        self._corner_std, self._line_std = corner_std, line_std[:, 0]
+        self._corner_std = np.asarray(corner_stds, dtype=np.float64)[self._corner_view, None]
+        self._line_std = line_std[:, 0]
         middle, extent = _board_shape(self._corners)
         self._middle, self._half = middle, extent / 2
         self._axes = tilt_axes(start)
@@ -100,7 +101,7 @@ class BoardsProblem:
         corner, line = self.residuals_in_pixels(vector)
         prior = vector[: len(self.free)] / _priors(self.start.camera)[self.free]
         return np.concatenate(
-            [corner.ravel() / self._corner_std, line / self._line_std, prior[np.isfinite(prior)]]
+            [(corner / self._corner_std).ravel(), line / self._line_std, prior[np.isfinite(prior)]]
         )
 
     def jacobian(self, vector: FloatArray) -> FloatArray:

@@ -7,6 +7,7 @@ Data that cannot determine the answer are refused with the motion that is missin
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -16,9 +17,9 @@ from lsvision.calibrate.flange_poses import Mounting, stack_flange_poses
 from lsvision.calibrate.hand_eye_result import HandEye, RejectedPose, Sphere
 from lsvision.calibrate.hand_eye_solution import HandEyeSettings, Story, result_of, solve
 from lsvision.calibrate.noisy_poses import ROBOT_SHAPE
-from lsvision.calibrate.plane_line import find_plane_line
+from lsvision.calibrate.plane_line import PlaneLine, find_plane_line
 from lsvision.calibrate.plane_poses import PlaneSightings
-from lsvision.calibrate.sphere_arc import find_sphere_arc
+from lsvision.calibrate.sphere_arc import SphereArc, find_sphere_arc
 from lsvision.calibrate.sphere_poses import SphereSightings
 from lsvision.errors import CalibrationFailed, DegenerateGeometry, TooFewPoints
 from lsvision.profile import Profile
@@ -66,7 +67,8 @@ def calibrate_hand_eye_sphere(
     Returns
     -------
     HandEye
-        `flange_from_section` (or `base_from_section`), covariance, residuals, rejected poses.
+        `flange_from_section` (or `base_from_section`), covariance, residuals, rejected poses,
+        and `height_factor`, which tells a sensor whose heights are too long or too short.
 
     Raises
     ------
@@ -110,7 +112,8 @@ def calibrate_hand_eye_sphere(
     largest = max(float(arcs[index].circle[2]) for index in seen)
     sightings = SphereSightings(
         np.array([arcs[index].circle for index in seen]),
-        np.array([arcs[index].covariance for index in seen]),
+        _covariances([arcs[index] for index in seen]),
+        _common_stretches([arcs[index] for index in seen]),
         stack_flange_poses(poses, mounting, settings.robot_std or ROBOT_SHAPE),
         (largest, np.inf) if radius is None else (radius, EXACT_RADIUS),
         np.zeros(len(seen), dtype=np.int64),
@@ -118,12 +121,13 @@ def calibrate_hand_eye_sphere(
     _require_cuts(sightings.circles, radius)
     doubted = solve(sightings, poses, need, settings)
     state = doubted.refined.states
-    std = float(np.sqrt(doubted.refined.covariance[9, 9])) if radius is None else 0.0
-    target = Sphere(state.targets[0, 0, :3], float(state.targets[0, 0, 3]), std)
+    radius_std, height_std = np.sqrt(np.diag(doubted.refined.covariance)[9:11]).tolist()
+    *centre, found, stretch = state.targets[0, 0].tolist()
+    target = Sphere(np.array(centre), found, radius_std if radius is None else 0.0)
     working = np.append(sightings.circles[:, :2].mean(axis=0), 0.0)
-    return result_of(
-        sightings, doubted, target, Story(seen, lost, working, mounting, "section", settings)
-    )
+    story = Story(seen, lost, working, mounting, "section", settings)
+    result = result_of(sightings, doubted, target, story)
+    return replace(result, height_factor=(1 + stretch, height_std))
 
 
 def calibrate_hand_eye_plane(
@@ -171,7 +175,7 @@ def calibrate_hand_eye_plane(
         np.array([lines[index].middle for index in seen]),
         np.array([lines[index].direction for index in seen]),
         np.array([lines[index].half_length for index in seen]),
-        np.array([lines[index].covariance for index in seen]),
+        _covariances([lines[index] for index in seen]),
         stack_flange_poses(poses, mounting, settings.robot_std or ROBOT_SHAPE),
         np.zeros(len(seen), dtype=np.int64),
     )
@@ -233,6 +237,20 @@ def calibrate_hand_eye_board(
     working = sightings.origins.mean(axis=0)
     story = Story(list(range(count)), [], working, mounting, "camera", settings)
     return result_of(sightings, doubted, target, story)
+
+
+def _covariances(found: Sequence[SphereArc] | Sequence[PlaneLine]) -> FloatArray:
+    """Of circles or lines, neighbours erring as much alike as they do over all profiles."""
+    likeness = float(np.mean([each.likeness for each in found]))
+    return likeness * np.array([each.covariance for each in found])
+
+
+def _common_stretches(arcs: Sequence[SphereArc]) -> FloatArray:
+    """Changes of the circles with heights that grow about the mean height of all."""
+    stretches = np.array([arc.stretch for arc in arcs])
+    heights = np.array([arc.circle[1] for arc in arcs])
+    stretches[:, 0, 1] += heights - heights.mean()
+    return stretches
 
 
 def _require_pairs(sightings: int, poses: int, what: str) -> None:

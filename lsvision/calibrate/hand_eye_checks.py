@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.calibrate.adjustment import adjust, lever_whitening, normal_system
-from lsvision.calibrate.noisy_poses import Refined, robot_whitening
+from lsvision.calibrate.noisy_poses import Refined, degrees_of_freedom, robot_whitening
 from lsvision.calibrate.pose_outliers import ROUGH_STD, multi_start
 from lsvision.calibrate.rotations import rotation_vectors
 from lsvision.calibrate.sightings import Sightings, States
@@ -17,6 +17,8 @@ OTHER_TURN, OTHER_SHIFT = np.radians(2.0), 5.0
 """Minima further apart than this (rad, mm) are different answers."""
 CLEARLY_BETTER = 0.35
 """Share of the residual that an explanation must not exceed to be named."""
+SURELY = 1e-4
+"""Chance, over all splits, at which a second target of a calibration that is fine is named."""
 BELIEVABLE = 1.5
 """Residual that an explanation must not exceed to be named. Units: mm."""
 
@@ -101,7 +103,9 @@ def residual_lengths(sightings: Sightings, residuals: FloatArray) -> FloatArray:
     return lengths
 
 
-def moved_target(sightings: Sightings, mask: FloatArray, near: States | None) -> str | None:
+def moved_target(
+    sightings: Sightings, mask: FloatArray, refined: Refined | None = None
+) -> str | None:
     """Whether two targets, one before and one after some pose, explain what one cannot.
 
     Parameters
@@ -110,37 +114,71 @@ def moved_target(sightings: Sightings, mask: FloatArray, near: States | None) ->
         What was seen, all of it of one target.
     mask : (n,) ndarray
         1 for the poses that count: a wrong pose must not pass for a target that moved.
-    near : States, optional
-        A solution to start from; without it every start is tried.
+    refined : Refined, optional
+        A solution to start from and to weigh by; without it every start is tried.
 
     Returns
     -------
     str or None
         The finding in words.
     """
-    start = multi_start(sightings, mask)[0].taken(np.array([0])) if near is None else near
-    one = _rms_of(sightings, start, mask)
-    best, at, apart = one, 0, 0.0
+    start = refined.states if refined else multi_start(sightings, mask)[0].taken(np.array([0]))
+    one = _explanation(sightings, start, mask, refined)
+    others = {}
     for split in range(1, len(mask)):
         if min(mask[:split].sum(), mask[split:].sum()) < 3:
             continue
         two = sightings.regrouped((np.arange(len(mask)) >= split).astype(np.int64))
-        if near is None:
-            state = multi_start(two, mask)[0].taken(np.array([0]))
-        else:
-            whitening = lever_whitening(two, mask[None], ROUGH_STD)
-            state = adjust(two, _doubled(near), whitening).states
-        rms = _rms_of(two, state, mask)
-        if rms < best:
-            gap = state.targets[0, 0] - state.targets[0, 1]
-            best, at, apart = rms, split, float(np.linalg.norm(gap[:3]))
-    if best > min(CLEARLY_BETTER * one, BELIEVABLE):
+        begin = _doubled(start) if refined else multi_start(two, mask)[0].taken(np.array([0]))
+        others[split] = _explanation(two, begin, mask, refined)
+    if not others:
+        return None
+    at, best = min(others.items(), key=lambda item: item[1].chi2)
+    if best.rms > min(CLEARLY_BETTER * one.rms, BELIEVABLE):
+        return None
+    if refined and _chance(one, best) * len(others) > SURELY:
         return None
     return (
         f"the target moved between pose {at - 1} and pose {at} (counted from 0): as one target "
-        f"they leave {one:.2g} mm, as two {best:.2g} mm, {apart:.2g} apart; repeat one of the "
-        "halves"
+        f"they leave {one.rms:.2g} mm, as two {best.rms:.2g} mm, {best.apart:.2g} apart; repeat "
+        "one of the halves"
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Explanation:
+    """How well one target, or two, explain what was seen."""
+
+    rms: float
+    chi2: float
+    dof: int
+    apart: float
+
+
+def _explanation(
+    sightings: Sightings, start: States, mask: FloatArray, refined: Refined | None
+) -> _Explanation:
+    if refined is None:
+        whitening = lever_whitening(sightings, mask[None], ROUGH_STD)
+    else:
+        whitening = mask[:, None, None] * robot_whitening(sightings, start, refined.scale)
+    found = adjust(sightings, start, whitening)
+    targets = found.states.targets[0]
+    return _Explanation(
+        _rms_of(sightings, found.states, mask),
+        float(found.costs[0]),
+        degrees_of_freedom(sightings, found.states, mask),
+        sightings.apart(targets[0], targets[-1]),
+    )
+
+
+def _chance(one: _Explanation, two: _Explanation) -> float:
+    """Of so much a better fit by a second target that is none: the F test."""
+    from scipy.special import fdtrc
+
+    more = one.dof - two.dof
+    ratio = (one.chi2 - two.chi2) / more / max(two.chi2 / max(two.dof, 1), 1e-12)
+    return float(fdtrc(more, max(two.dof, 1), max(ratio, 0.0)))
 
 
 def misplaced_poses(sightings: Sightings, rms: float) -> str | None:

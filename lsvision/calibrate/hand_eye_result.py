@@ -13,6 +13,11 @@ from lsvision.shapes import FloatArray, Plane, Pose, locked
 
 Sensor = Literal["section", "camera"]
 
+SURELY = 4.0
+"""Sigmas from which on heights that are too long are no chance."""
+NOTABLE_HEIGHTS = 0.005
+"""Error of the heights' scale from which on a person is told."""
+
 
 @dataclass(frozen=True, eq=False)
 class Sphere:
@@ -91,6 +96,10 @@ class HandEye:
         What carries the sensor.
     sensor : {"section", "camera"}
         What the sensor's frame is.
+    height_factor : tuple of float, optional
+        What the profiles' heights must be multiplied by, about the working point, to be true,
+        and its one sigma; a check on the sensor, 1 where it measures right. None where the
+        target does not tell.
     """
 
     mount_from_sensor: Pose
@@ -106,6 +115,7 @@ class HandEye:
     weakest: str
     mounting: Mounting
     sensor: Sensor
+    height_factor: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         for name, shape in (
@@ -152,6 +162,20 @@ class HandEye:
     def held_out_rms(self) -> float:
         """Of the believed poses, each had it not taken part. Units: mm."""
         return self._rms(self.held_out)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a person should know before using the result."""
+        if self.height_factor is None:
+            return ()
+        factor, std = self.height_factor
+        if abs(factor - 1) < max(SURELY * std, NOTABLE_HEIGHTS):
+            return ()
+        return (
+            f"the sensor's heights want to be multiplied by {factor:.3f} +/- {std:.3f}: is their "
+            "unit or the sensor's own calibration wrong? Away from the working point positions "
+            "err by as much, and so do radii",
+        )
 
     @property
     def working_std(self) -> float:

@@ -120,7 +120,7 @@ def solve(
             f"the poses leave the sensor free by {weakness.std:.3g} mm in {weakness.words}: add "
             "poses tilted 20 to 35 deg about two axes, with the target in other places of the view"
         )
-    moved = moved_target(sightings, refined.mask, refined.states) if believed >= 8 else None
+    moved = moved_target(sightings, refined.mask, refined) if believed >= 8 else None
     if moved:
         raise CalibrationFailed(moved)
     return doubted
@@ -130,13 +130,13 @@ def _why(sightings: Sightings, lengths: FloatArray, rms: float, believed: int) -
     """What the residuals say of data that do not fit."""
     count = len(lengths)
     everyone = float(np.sqrt(np.mean(lengths**2)))
-    finding = (
-        moved_target(sightings, np.ones(count), None) if count >= 8 else None
-    ) or misplaced_poses(sightings, everyone)
+    finding = (moved_target(sightings, np.ones(count)) if count >= 8 else None) or misplaced_poses(
+        sightings, everyone
+    )
     if finding:
         return finding
     return (
-        f"only {believed} of {count} poses agree, and those leave {rms:.3g} mm: are pairs "
+        f"the best answer leaves {rms:.3g} mm at {believed} of {count} poses: are pairs "
         "shuffled, is the poses' convention or unit another one than said, or the mounting "
         "(eye_in_hand, eye_to_hand)?"
     )

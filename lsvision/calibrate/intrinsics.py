@@ -10,17 +10,21 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.calibrate.intrinsics_check import check_camera
-from lsvision.calibrate.target import Target, TargetNotFound, TargetView, find_target
-from lsvision.calibrate.views import RejectedView
-from lsvision.errors import CalibrationFailed, DegenerateGeometry
+from lsvision.calibrate.target import Target, TargetView, find_target
+from lsvision.calibrate.views import (
+    RejectedView,
+    ViewSources,
+    found_views,
+    outlying_views,
+    require_tilted,
+    require_views,
+)
+from lsvision.errors import CalibrationFailed
 from lsvision.sensor.camera import Camera
 from lsvision.shapes import FloatArray, Pose
 
 LEAST_VIEWS = 3
 """Two views leave a full camera matrix undetermined (Zhang 2000, section 3.1)."""
-
-MIN_TILT = np.radians(5.0)
-"""Largest angle between two boards, below which they count as parallel."""
 
 OUTLIER_FACTOR = 2.5
 """A view counts as outlier from this multiple of the median view's residual on."""
@@ -159,22 +163,14 @@ def calibrate_camera(
         If all boards are parallel.
     """
     _check_sizes(images)
-    indices, seen, rejected = [], [], []
-    for index, image in enumerate(images):
-        try:
-            seen.append(find_target(image, target))
-            indices.append(index)
-        except TargetNotFound as error:
-            rejected.append(RejectedView(index, str(error)))
-    return fit_camera(seen, settings, indices=indices, rejected=rejected)
+    seen, sources = found_views(images, lambda image: find_target(image, target))
+    return fit_camera(seen, settings, sources)
 
 
 def fit_camera(
     seen: Sequence[TargetView],
     settings: CameraSettings | None = None,
-    *,
-    indices: Sequence[int] | None = None,
-    rejected: Sequence[RejectedView] = (),
+    sources: ViewSources | None = None,
 ) -> CameraCalibration:
     """Calibrate a camera from points already found.
 
@@ -184,31 +180,35 @@ def fit_camera(
         Three at least, all of one image size.
     settings : CameraSettings, optional
         The camera's model.
-    indices : sequence of int, optional
-        What each view is called in the result; its place if None.
-    rejected : sequence of RejectedView
-        Views already left out, for the result and the messages.
+    sources : ViewSources, optional
+        Which images they come from.
 
     Returns
     -------
     CameraCalibration
         See `calibrate_camera`, also for the errors.
     """
-    _check_count(len(seen), rejected)
+    sources = sources or ViewSources()
+    require_views(len(seen), LEAST_VIEWS, "the target", "add images of the board", sources)
     matrix, distortion, std, poses = _solve(seen, settings or CameraSettings())
     camera = Camera(matrix, distortion, seen[0].size)
-    _check_parallel(poses)
-    names = list(range(len(seen))) if indices is None else list(indices)
+    require_tilted(poses, "the focal length")
     views = tuple(
         CalibratedView(index, view, pose, camera.project(pose.apply(view.points)) - view.pixels)
-        for index, view, pose in zip(names, seen, poses, strict=True)
+        for index, view, pose in zip(sources.names(len(seen)), seen, poses, strict=True)
+    )
+    outliers = outlying_views(
+        [view.index for view in views],
+        [view.rms_px for view in views],
+        OUTLIER_FACTOR,
+        ("", "blurred, moved, or points taken wrongly; leave it out and calibrate anew"),
     )
     return CameraCalibration(
         camera,
         MappingProxyType(dict(zip(NAMES, std.tolist(), strict=False))),
         views,
-        tuple(rejected),
-        _outliers(views),
+        sources.rejected,
+        tuple(outliers),
         check_camera(camera, std, seen, poses),
     )
 
@@ -257,35 +257,3 @@ def _check_sizes(images: Sequence[npt.ArrayLike]) -> None:
                 f"image {index} is {size} px and image 0 {sizes[0]} px: calibrate one camera at "
                 "one size, with images neither cropped nor scaled"
             )
-
-
-def _check_count(count: int, rejected: Sequence[RejectedView]) -> None:
-    if count < LEAST_VIEWS:
-        reasons = "".join(f"\n  image {view.index}: {view.reason}" for view in rejected)
-        raise CalibrationFailed(
-            f"{count} views show the target and {LEAST_VIEWS} are needed, best 15: add images "
-            f"of the board{reasons}"
-        )
-
-
-def _check_parallel(poses: Sequence[Pose]) -> None:
-    normals = np.array([pose.rotation[:, 2] for pose in poses])
-    between = np.arccos(np.clip(normals @ normals.T, -1, 1)).max()
-    if between < MIN_TILT:
-        raise DegenerateGeometry(
-            f"all boards are parallel within {np.degrees(between):.1f} deg, which leaves the "
-            "focal length undetermined: tilt the board by 25 deg and more to all sides"
-        )
-
-
-def _outliers(views: Sequence[CalibratedView]) -> tuple[RejectedView, ...]:
-    usual = float(np.median([view.rms_px for view in views]))
-    return tuple(
-        RejectedView(
-            view.index,
-            f"{view.rms_px:.2f} px rms where the median view has {usual:.2f} px: blurred, "
-            "moved, or points taken wrongly; leave it out and calibrate anew",
-        )
-        for view in views
-        if view.rms_px > OUTLIER_FACTOR * usual
-    )

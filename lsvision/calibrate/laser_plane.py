@@ -5,7 +5,7 @@ to 20, tilted by 25 deg and more to all sides and spread over the depth measured
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -13,28 +13,34 @@ import numpy.typing as npt
 
 from lsvision.calibrate.boards_in_view import BoardsSolution, solve_boards
 from lsvision.calibrate.boards_state import BoardsState, LaserView
+from lsvision.calibrate.intrinsics_check import tilt_of
 from lsvision.calibrate.laser_plane_result import (
     CalibratedLaserView,
     LaserPlaneCalibration,
     rms,
 )
 from lsvision.calibrate.laser_plane_start import (
+    STRAY_PX,
     agreeing_views,
     lit_on_boards,
     plane_through,
     start_poses,
 )
+from lsvision.calibrate.lens_blur import blur_of_views
 from lsvision.calibrate.line_on_board import LineOnBoardSettings, find_laser_views
 from lsvision.calibrate.target import Target
-from lsvision.calibrate.views import RejectedView
-from lsvision.errors import CalibrationFailed, DegenerateGeometry
+from lsvision.calibrate.views import (
+    RejectedView,
+    ViewSources,
+    outlying_views,
+    require_tilted,
+    require_views,
+)
+from lsvision.errors import CalibrationFailed
 from lsvision.sensor.camera import Camera
 from lsvision.sensor.light_section import LightSection
-from lsvision.shapes import FloatArray, Pose
+from lsvision.shapes import FloatArray
 from lsvision.shapes.arrays import BoolArray
-
-MIN_TILT = np.radians(5.0)
-"""Largest angle between two boards, below which they count as parallel."""
 
 GOOD_TILT = np.radians(25.0)
 """Tilt from the mean board that a good set reaches: at 5 deg the error is 7 times larger."""
@@ -93,7 +99,8 @@ def calibrate_laser_plane(
     Returns
     -------
     LaserPlaneCalibration
-        The light section with its covariance, residuals, and what to know about them.
+        The light section with its covariance, residuals, and what to know about them; with the
+        blur along the line, where the board's edges show it (`measure_lens_blur`).
 
     Raises
     ------
@@ -105,19 +112,16 @@ def calibrate_laser_plane(
         If the laser lines do not span a plane, or all boards are parallel.
     """
     settings = settings or LaserPlaneSettings()
-    indices, views, rejected = find_laser_views(
-        camera, target, board_images, line_images, settings.line
-    )
-    return fit_laser_plane(camera, views, settings, indices=indices, rejected=rejected)
+    views, sources = find_laser_views(camera, target, board_images, line_images, settings.line)
+    found = fit_laser_plane(camera, views, settings, sources)
+    return _with_line_blur(found, [board_images[k] for k in sources.names(len(views))], views)
 
 
 def fit_laser_plane(
     camera: Camera,
     views: Sequence[LaserView],
     settings: LaserPlaneSettings | None = None,
-    *,
-    indices: Sequence[int] | None = None,
-    rejected: Sequence[RejectedView] = (),
+    sources: ViewSources | None = None,
 ) -> LaserPlaneCalibration:
     """Calibrate the laser plane from corners and line points already found.
 
@@ -129,19 +133,23 @@ def fit_laser_plane(
         Two at least.
     settings : LaserPlaneSettings, optional
         See there; ``line`` plays no part.
-    indices : sequence of int, optional
-        What each view is called in the result; its place if None.
-    rejected : sequence of RejectedView
-        Views already left out, for the result and the messages.
+    sources : ViewSources, optional
+        Which images they come from.
 
     Returns
     -------
     LaserPlaneCalibration
         See `calibrate_laser_plane`, also for the errors.
     """
-    settings = settings or LaserPlaneSettings()
-    _check_count(views, rejected)
-    names = list(range(len(views))) if indices is None else list(indices)
+    settings, sources = settings or LaserPlaneSettings(), sources or ViewSources()
+    require_views(
+        len(views),
+        2,
+        "the board with the laser line on it",
+        "one line alone lies in many planes; add poses of the board",
+        sources,
+    )
+    names = sources.names(len(views))
     poses = start_poses(camera, views)
     lit = lit_on_boards(camera, poses, views)
     agree, misfits = agreeing_views(lit, camera.focal_length)
@@ -153,9 +161,12 @@ def fit_laser_plane(
         len(kept) >= settings.refine_camera_from,
         len(kept) >= settings.fit_bow_from and _on_pattern([views[k] for k in kept]),
     )
-    tilt = _check_tilt(start.camera_from_boards, refine[0])
+    if refine[0]:
+        require_tilted(start.camera_from_boards, "camera and distance")
+    tilt = tilt_of(start.camera_from_boards)
     solution = solve_boards([views[k] for k in kept], start, refine)
     seen = _calibrated_views([names[k] for k in kept], solution)
+    _require_one_plane(seen)
     return LaserPlaneCalibration(
         LightSection(
             solution.state.camera,
@@ -166,7 +177,7 @@ def fit_laser_plane(
         seen,
         solution.state.bow,
         solution.bow_std,
-        (*rejected, *strays),
+        (*sources.rejected, *strays),
         _outliers(seen),
         tuple(_warnings(solution, len(kept), tilt)),
     )
@@ -195,6 +206,19 @@ def _strays(
     )
 
 
+def _with_line_blur(
+    found: LaserPlaneCalibration, images: Sequence[npt.ArrayLike], views: Sequence[LaserView]
+) -> LaserPlaneCalibration:
+    """The rig with its blur along the line, or a word on why it is not known."""
+    spans = np.median([np.ptp(view.line_pixels, axis=0) for view in views], axis=0)
+    try:
+        blur = blur_of_views(images, views, "u" if spans[0] >= spans[1] else "v")
+    except CalibrationFailed as reason:
+        word = f"the blur along the line is not known and not corrected for: {reason}"
+        return replace(found, warnings=(*found.warnings, word))
+    return replace(found, light_section=replace(found.light_section, line_blur_px=blur.sigma))
+
+
 def _calibrated_views(
     names: Sequence[int], solution: BoardsSolution
 ) -> tuple[CalibratedLaserView, ...]:
@@ -208,44 +232,28 @@ def _calibrated_views(
     return tuple(CalibratedLaserView(*values) for values in each)
 
 
-def _check_count(views: Sequence[LaserView], rejected: Sequence[RejectedView]) -> None:
-    if len(views) < 2:
-        reasons = "".join(f"\n  image {view.index}: {view.reason}" for view in rejected)
+def _require_one_plane(views: Sequence[CalibratedLaserView]) -> None:
+    """Refuse lines that lie in no plane."""
+    usual = float(np.median([rms(view.line_residuals) for view in views]))
+    if usual > STRAY_PX:
         raise CalibrationFailed(
-            f"{len(views)} views show the board with the laser line on it and 2 are needed, "
-            f"best 15: one line alone lies in many planes; add poses of the board{reasons}"
+            f"the laser lines of {len(views)} views lie in no one plane, but {usual:.0f} px off "
+            "the best: are board and line images shuffled, did laser and camera move against "
+            "each other, or the board between its two images?"
         )
-
-
-def _check_tilt(poses: Sequence[Pose], refine_camera: bool) -> float:
-    """Largest angle of a board to the mean board (rad); refuses parallel ones."""
-    normals = np.array([pose.rotation[:, 2] for pose in poses])
-    between = np.arccos(np.clip(normals @ normals.T, -1, 1)).max()
-    if refine_camera and between < MIN_TILT:
-        raise DegenerateGeometry(
-            f"all boards are parallel within {np.degrees(between):.1f} deg, which leaves camera "
-            "and distance undetermined: tilt the board by 25 deg and more to all sides"
-        )
-    mean = normals.mean(axis=0)
-    return float(np.arccos(np.clip(normals @ (mean / np.linalg.norm(mean)), -1, 1)).max())
 
 
 def _outliers(views: Sequence[CalibratedLaserView]) -> tuple[RejectedView, ...]:
-    found = []
-    for what, sizes in (
-        ("laser line", [rms(view.line_residuals) for view in views]),
-        ("corners", [rms(view.corner_residuals) for view in views]),
-    ):
-        usual = float(np.median(sizes))
-        found += [
-            RejectedView(
-                view.index,
-                f"{what} off by {size:.2f} px rms where the median view has {usual:.2f} px: "
-                "look at the image, and leave it out if it is blurred or glares",
-            )
-            for view, size in zip(views, sizes, strict=True)
-            if size > OUTLIER_FACTOR * usual
-        ]
+    names = [view.index for view in views]
+    mend = "look at the image, and leave it out if it is blurred or glares"
+    found = [
+        outlier
+        for what, sizes in (
+            ("laser line", [rms(view.line_residuals) for view in views]),
+            ("corners", [rms(view.corner_residuals) for view in views]),
+        )
+        for outlier in outlying_views(names, sizes, OUTLIER_FACTOR, (f"{what} off by ", mend))
+    ]
     return tuple(sorted(found, key=lambda view: view.index))
 
 

@@ -8,17 +8,20 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.calibrate.boards_state import LaserView
-from lsvision.calibrate.target import (
-    Target,
-    TargetView,
-    find_target,
-)
-from lsvision.calibrate.views import RejectedView
-from lsvision.errors import CalibrationFailed, LsvisionError
+from lsvision.calibrate.grey_image import grey_image
+from lsvision.calibrate.target import Target, TargetView, find_target
+from lsvision.calibrate.views import ViewSources, found_views, require_size
+from lsvision.errors import CalibrationFailed
 from lsvision.sensor.camera import Camera
 from lsvision.sensor.laser_line import LineSettings, extract_laser_line
 from lsvision.shapes import FloatArray, Points
 from lsvision.shapes.arrays import BoolArray
+
+REACH = 2.5
+"""Sigmas of the line within which what lies under it pulls its centre."""
+
+LEAST_EVEN = 0.15
+"""Share of points on even ground, below which the line itself is what is uneven."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,6 +38,10 @@ class LineOnBoardSettings:
     edge_clearance : float
         Line points nearer than this to the edge of a square are left out, because the edge
         pulls the line's centre; applies within the pattern. Units: squares.
+    evenness : float
+        Line points are left out, too, where the board's own image changes by more within the
+        line's reach: the edges of markers, discs, scratches. As a share of the contrast of
+        black and white. Does not apply where the line lies on the board image as well.
     straightness : float
         Line points farther than this from the straight line through the others lie on
         something else. Units: px.
@@ -47,6 +54,7 @@ class LineOnBoardSettings:
     extraction: LineSettings | None = None
     margin: float = 0.9
     edge_clearance: float = 0.15
+    evenness: float = 0.2
     straightness: float = 2.0
     points: int = 150
     least_points: int = 15
@@ -58,7 +66,7 @@ def find_laser_views(
     board_images: Sequence[npt.ArrayLike],
     line_images: Sequence[npt.ArrayLike],
     settings: LineOnBoardSettings,
-) -> tuple[tuple[int, ...], tuple[LaserView, ...], tuple[RejectedView, ...]]:
+) -> tuple[list[LaserView], ViewSources]:
     """Find board and laser line in each pair of images.
 
     Parameters
@@ -74,12 +82,10 @@ def find_laser_views(
 
     Returns
     -------
-    indices : tuple of int
-        Which pairs are used.
-    views : tuple of LaserView
-        What they show.
-    rejected : tuple of RejectedView
-        The others, with the reason.
+    views : list of LaserView
+        What the pairs show.
+    sources : ViewSources
+        Which pairs they are, and the others with the reason.
 
     Raises
     ------
@@ -93,16 +99,11 @@ def find_laser_views(
             f"want a line image for each of {len(board_images)} board images, got "
             f"{len(line_images)}"
         )
-    _check_sizes(camera, board_images, "board image")
-    _check_sizes(camera, line_images, "line image")
-    indices, views, rejected = [], [], []
-    for index, images in enumerate(zip(board_images, line_images, strict=True)):
-        try:
-            views.append(find_laser_view(camera, target, images[0], images[1], settings))
-            indices.append(index)
-        except LsvisionError as error:
-            rejected.append(RejectedView(index, str(error)))
-    return tuple(indices), tuple(views), tuple(rejected)
+    for what, images in (("board image", board_images), ("line image", line_images)):
+        for index, image in enumerate(images):
+            require_size(camera, image, f"{what} {index}")
+    pairs = zip(board_images, line_images, strict=True)
+    return found_views(pairs, lambda pair: find_laser_view(camera, target, *pair, settings))
 
 
 def find_laser_view(
@@ -136,6 +137,10 @@ def find_laser_view(
     keep = np.isfinite(pixels).all(axis=1)
     keep[keep] &= _inside(pixels[keep], outline)
     keep[keep] &= _clear_of_edges(pixels[keep], seen, target, settings.edge_clearance)
+    if not np.array_equal(board_image, line_image):
+        keep[keep] &= _on_even_ground(
+            board_image, pixels[keep], line.width[keep], settings.evenness
+        )
     keep[keep] &= _straight(camera, pixels[keep], settings.straightness)
     chosen = np.flatnonzero(keep)
     if len(chosen) < settings.least_points:
@@ -147,18 +152,6 @@ def find_laser_view(
         )
     chosen = chosen[:: max(1, len(chosen) // settings.points)]
     return LaserView(seen.points, seen.pixels, pixels[chosen], line.std[chosen])
-
-
-def _check_sizes(camera: Camera, images: Sequence[npt.ArrayLike], what: str) -> None:
-    width, height = camera.size
-    for index, image in enumerate(images):
-        shape = np.asarray(image).shape
-        if shape[:2] != (height, width):
-            got = " x ".join(str(length) for length in shape[1::-1])
-            raise CalibrationFailed(
-                f"{what} {index} is {got} px and the camera {width} x {height} px: take all "
-                "images with one size, uncropped and unscaled"
-            )
 
 
 def _pitch(target: Target) -> float:
@@ -212,6 +205,22 @@ def _clear_of_edges(
     gap = np.abs(squares - np.round(squares)).min(axis=1)
     clear: BoolArray = beside | (gap >= clearance)
     return clear
+
+
+def _on_even_ground(
+    board_image: npt.ArrayLike, pixels: Points, widths: FloatArray, evenness: float
+) -> BoolArray:
+    """Points round which the board's image is of one brightness; all if the line is on it, too."""
+    grey = grey_image(board_image)
+    if not len(pixels):
+        return np.zeros(0, dtype=bool)
+    reach = 2 * int(np.ceil(REACH * float(np.median(widths)))) + 1
+    window = np.ones((reach, 3), dtype=np.uint8)
+    change = cv2.dilate(grey, window).astype(np.int16) - cv2.erode(grey, window)
+    at = np.clip(np.round(pixels).astype(int), 0, np.array(grey.shape)[::-1] - 1)
+    black, white = np.percentile(grey[at[:, 1], at[:, 0]], [5, 95])
+    even: BoolArray = change[at[:, 1], at[:, 0]] <= evenness * max(float(white - black), 1.0)
+    return even if even.mean() > LEAST_EVEN else np.ones(len(pixels), dtype=bool)
 
 
 def _straight(camera: Camera, pixels: Points, tolerance: float) -> BoolArray:

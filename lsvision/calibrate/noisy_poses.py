@@ -4,6 +4,7 @@ The robot's error enters the covariance of each pose: C_i = C_sighting + s^2 A_i
 Treating the robot as perfect instead makes a covariance several times too small.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,13 @@ from lsvision.shapes import FloatArray
 ROBOT_SHAPE = (0.05, float(np.radians(0.01)))
 """Ratio of position to orientation error (mm, rad) where the robot's error is estimated: a
 repeatable six-axis arm. Its size comes from the data, its shape cannot."""
+SIZES = (1e-3, 1e3)
+"""Least and largest size looked for, in units of `ROBOT_SHAPE`."""
+USUAL_SIZE = 10.0
+"""Beforehand every other robot errs by more than this size: 0.5 mm, 0.1 deg."""
+NEGLIGIBLE = 12.0
+"""Fall of the log-likelihood beyond which a size does not count."""
+TINY = 1e-300
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,9 +101,8 @@ def refine(sightings: Sightings, start: States, mask: FloatArray, *, estimate: b
     mask : (n,) ndarray
         1 for poses that count, 0 for others.
     estimate : bool
-        Whether the size of the robot's error comes from the residuals (their chi squared is
-        made equal to its degrees of freedom) or stands as stated, and then only widens the
-        covariance where the residuals are larger than it explains.
+        Whether the size of the robot's error comes from the residuals or stands as stated, and
+        then only widens the covariance where the residuals are larger than it explains.
 
     Raises
     ------
@@ -164,34 +171,49 @@ def _robot_covariances(sightings: Sightings, states: States) -> FloatArray:
 
 
 def _robot_scale(sightings: Sightings, states: States, mask: FloatArray) -> float:
-    """Size of the robot's error at which chi squared equals its degrees of freedom.
+    """Size of the robot's error, from the residuals: root of its mean square a posteriori.
 
-    Each trial size is solved to its own minimum in the linearised problem; chi squared falls
-    as the size grows, so bisection on its logarithm finds the one crossing.
+    By the restricted likelihood (Harville 1977) of the linearised problem over a grid, coarse
+    and then fine where the likelihood is. The mean, and not the likeliest size: that would be
+    none in one of a few calibrations whose sightings are as noisy as the robot, and their
+    covariance then be too small.
     """
-    dof = degrees_of_freedom(sightings, states, mask)
+    likelihood = _restricted_likelihood(sightings, states, mask)
+    sizes = np.geomspace(*SIZES, 30)
+    levels = np.array([likelihood(size) for size in sizes])
+    within = np.flatnonzero(levels > levels.max() - NEGLIGIBLE)
+    low, high = max(within[0] - 1, 0), min(within[-1] + 1, len(sizes) - 1)
+    sizes = np.geomspace(sizes[low], sizes[high], 30)
+    levels = np.array([likelihood(size) for size in sizes])
+    # Beforehand a half-Cauchy distribution; the last factor is that of the logarithmic grid.
+    weights = np.exp(levels - levels.max()) / (1 + (sizes / USUAL_SIZE) ** 2) * sizes
+    return float(np.sqrt((weights * sizes**2).sum() / weights.sum()))
+
+
+def _restricted_likelihood(
+    sightings: Sightings, states: States, mask: FloatArray
+) -> Callable[[float], float]:
+    """Logarithm of the likelihood of a size of the robot's error, the unknowns taken out."""
     robot = _robot_covariances(sightings, states)
     unit = np.ones((1, 1, 1, 1)) * np.eye(sightings.covariances.shape[-1])
     jacobian, residual = normal_system(sightings, states, unit)
     prior, prior_residual = prior_rows(sightings, states)
+    columns = 1 / np.maximum(np.linalg.norm(jacobian.reshape(-1, jacobian.shape[-1]), axis=0), TINY)
 
-    def excess(scale: float) -> float:
-        covariances = sightings.covariances + scale**2 * robot
-        whitening = mask[:, None, None] * whitening_of(covariances)
-        white = (whitening @ jacobian).reshape(1, -1, jacobian.shape[-1])
-        rows = np.concatenate([white, prior], axis=1)[0]
-        right = (whitening @ residual[..., None]).reshape(1, -1)
+    def likelihood(size: float) -> float:
+        whitening = whitening_of(sightings.covariances + size**2 * robot)
+        diagonals = np.log(np.einsum("snii->sni", whitening)).sum(axis=-1)
+        counted = mask[:, None, None] * whitening
+        white = (counted @ jacobian).reshape(1, -1, jacobian.shape[-1])
+        rows = np.concatenate([white, prior], axis=1)[0] * columns
+        right = (counted @ residual[..., None]).reshape(1, -1)
         right = np.concatenate([right, prior_residual], axis=1)[0]
         step = np.linalg.lstsq(rows, -right, rcond=None)[0]
-        return float(((rows @ step + right) ** 2).sum()) - dof
+        chi2 = float(((rows @ step + right) ** 2).sum())
+        _, information = np.linalg.slogdet(rows.T @ rows)
+        return float((diagonals * mask).sum()) - 0.5 * (chi2 + float(information))
 
-    low, high = np.log(1e-3), np.log(1e4)
-    if dof < 1 or excess(float(np.exp(low))) <= 0:
-        return float(np.exp(low))
-    for _ in range(40):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if excess(float(np.exp(middle))) > 0 else (low, middle)
-    return float(np.exp(0.5 * (low + high)))
+    return likelihood
 
 
 def _scaled_inverse(matrix: FloatArray) -> FloatArray:

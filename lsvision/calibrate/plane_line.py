@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lsvision.calibrate.like_neighbours import points_per_independent
 from lsvision.errors import TooFewPoints
 from lsvision.profile import Profile
 from lsvision.shapes import BoolArray, FloatArray
@@ -24,13 +25,16 @@ class PlaneLine:
     half_length : float
         Root mean square distance of the points from the middle. Units: mm.
     covariance : (2, 2) ndarray
-        Of offset (mm) and slope (rad).
+        Of offset (mm) and slope (rad), were each point's error its own.
+    likeness : float
+        As of `SphereArc`.
     """
 
     middle: FloatArray
     direction: FloatArray
     half_length: float
     covariance: FloatArray
+    likeness: float
 
 
 def find_plane_line(profile: Profile) -> PlaneLine:
@@ -60,11 +64,12 @@ def find_plane_line(profile: Profile) -> PlaneLine:
         if np.array_equal(previous, keep):
             break
     middle, along, across = _line_through(points[keep])
-    s = (points[keep] - middle) @ along
-    variance = float((((points[keep] - middle) @ across) ** 2).sum()) / (len(s) - 2) + 1e-12
+    s, distance = (points[keep] - middle) @ along, (points[keep] - middle) @ across
+    variance = float((distance**2).sum()) / (len(s) - 2) + 1e-12
     covariance = variance * np.diag([1 / len(s), 1 / float((s**2).sum())])
     half = float(np.sqrt((s**2).mean()))
-    return PlaneLine(np.append(middle, 0.0), np.append(along, 0.0), half, covariance)
+    likeness = points_per_independent(distance, 2)
+    return PlaneLine(np.append(middle, 0.0), np.append(along, 0.0), half, covariance, likeness)
 
 
 def _near_some_line(points: FloatArray) -> BoolArray:

@@ -110,6 +110,11 @@ class PlaneSightings:
         """The same lines, had the flange stood elsewhere."""
         return replace(self, flanges=flanges)
 
+    def apart(self, first: FloatArray, second: FloatArray) -> float:
+        """Between the planes where they were seen, in the mean over the poses. Units: mm."""
+        gaps = self.flanges.origins @ (first - second)[:3] - (first - second)[3]
+        return float(np.abs(gaps).mean())
+
     def starts(self, masks: FloatArray) -> States:
         """For each selection and each of many normals, the linear solution of the rest.
 

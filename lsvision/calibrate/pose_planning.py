@@ -11,14 +11,17 @@ from lsvision.calibrate.flange_poses import stack_flange_poses
 from lsvision.calibrate.noisy_poses import ROBOT_SHAPE, robot_whitening
 from lsvision.calibrate.rotations import rotations_of
 from lsvision.calibrate.sightings import States
-from lsvision.calibrate.sphere_poses import SphereSightings
+from lsvision.calibrate.sphere_poses import HEIGHT_STD, SphereSightings
 from lsvision.errors import DegenerateGeometry
 from lsvision.shapes import BoolArray, FloatArray, IntArray, Pose, locked
 
 UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """``base_from_section`` with the section's Y up, from which tilts are counted."""
-START_STD = (1000.0, 1.0, 1000.0, 10.0)
-"""What is known before the first pose: translation, rotation, centre, radius; next to nothing."""
+START_STD = (1000.0, 1.0, 1000.0, 10.0, HEIGHT_STD)
+"""What is known before the first pose: translation, rotation, centre, radius, scale of heights;
+next to nothing."""
+ARC = np.radians(np.linspace(-60.0, 60.0, 61))
+"""Angles of the points of an arc, from the section's Y. Units: rad."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -186,20 +189,33 @@ def _informations(
     radius: float,
     settings: PosePlanSettings,
 ) -> FloatArray:
-    """(n, 10, 10) information of each pose on sensor, centre and radius."""
+    """(n, 11, 11) information of each pose on sensor, centre, radius and scale of heights."""
     circle = np.sqrt(np.maximum(radius**2 - cuts[:, 2] ** 2, (0.1 * radius) ** 2))
     sightings = SphereSightings(
         np.column_stack([cuts[:, :2], circle]),
         np.tile(np.diag(settings.circle_std**2 * np.array([1.0, 9.0, 9.0])), (len(pool), 1, 1)),
+        _stretches(cuts[:, 1], circle),
         stack_flange_poses(pool, "eye_in_hand", settings.robot_std),
         (radius, np.inf),
         np.zeros(len(pool), dtype=np.int64),
     )
-    target = np.append(centre, radius)[None, None]
+    target = np.array([*centre, radius, 0.0])[None, None]
     state = States(nominal.rotation[None], nominal.translation[None], target)
     jacobian = normal_system(sightings, state, robot_whitening(sightings, state, 1.0))[0][0]
     information: FloatArray = np.swapaxes(jacobian, -1, -2) @ jacobian
     return information
+
+
+def _stretches(heights: FloatArray, circle: FloatArray) -> FloatArray:
+    """What `SphereSightings` asks for, of arcs not yet seen."""
+    # Points r (sin, cos) whose heights grow by s move outwards by s r cos^2; a circle that
+    # shifts in y and grows moves its points outwards by y cos + r.
+    design = np.column_stack([np.cos(ARC), np.ones(len(ARC))])
+    by_height, by_radius = np.linalg.lstsq(design, np.cos(ARC) ** 2, rcond=None)[0]
+    stretches = np.zeros((len(circle), 2, 3))
+    stretches[:, 0, 1] = by_height * circle + heights - heights.mean()
+    stretches[:, 0, 2] = by_radius * circle
+    return stretches
 
 
 def _greedy(
@@ -209,8 +225,8 @@ def _greedy(
     count: int,
     arm: FloatArray,
 ) -> tuple[IntArray, list[tuple[float, float]]]:
-    shift, turn, place, size = START_STD
-    prior = np.array([shift] * 3 + [turn] * 3 + [place] * 3 + [size])
+    shift, turn, place, size, scale = START_STD
+    prior = np.array([shift] * 3 + [turn] * 3 + [place] * 3 + [size, scale])
     total = np.diag(prior**-2) + informations[:measured].sum(axis=0)
     weights = np.array([1.0] * 3 + [100.0**2] * 3)
     free = usable.copy()

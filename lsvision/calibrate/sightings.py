@@ -125,6 +125,10 @@ class Sightings(Protocol):
         """(s, g, d) target minus prior."""
         ...
 
+    def apart(self, first: FloatArray, second: FloatArray) -> float:
+        """How far two targets (k,) are apart. Units: mm."""
+        ...
+
     def starts(self, masks: FloatArray) -> States:
         """Starts without any guess, a fixed number for each of (q, n) selections of poses."""
         ...

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lsvision.calibrate.like_neighbours import points_per_independent
 from lsvision.errors import TooFewPoints
 from lsvision.profile import Profile
 from lsvision.shapes import BoolArray, FloatArray, IntArray, Points, locked
@@ -55,7 +56,13 @@ class SphereArc:
     circle : (3,) array_like
         Centre x, y and radius, section frame. Units: mm.
     covariance : (3, 3) array_like
-        Of `circle`. Units: mm^2.
+        Of `circle`, were each point's error its own. Units: mm^2.
+    stretch : (2, 3) array_like
+        Change of `circle` when heights are multiplied by 1 + s about its centre: first row
+        times s plus second row times s^2. Units: mm.
+    likeness : float
+        Points that say as much as one whose error is its own; 1 where neighbours do not err
+        alike. A single arc tells it roughly: take the mean of many, and multiply `covariance`.
     indices : tuple of int
         Points of the profile it rests on.
     residual_std : float
@@ -64,16 +71,21 @@ class SphereArc:
 
     circle: FloatArray
     covariance: FloatArray
+    stretch: FloatArray
+    likeness: float
     indices: tuple[int, ...]
     residual_std: float
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "circle", locked(self.circle, (3,), "circle"))
         object.__setattr__(self, "covariance", locked(self.covariance, (3, 3), "covariance"))
+        object.__setattr__(self, "stretch", locked(self.stretch, (2, 3), "stretch"))
 
 
 DEFAULT = SphereArcSettings()
 SCORED_POINTS = 700
+STRETCH = 0.1
+"""Relative change of the heights at which a circle's change with them is read off."""
 GATE = 3.5
 """Robust standard deviations beyond which a point is none of the sphere's."""
 
@@ -259,4 +271,14 @@ def _as_arc(
     information = jacobian.T @ (jacobian / variances[:, None])
     covariance = scale * np.linalg.inv(information) + 1e-12 * np.eye(3)
     std = math.sqrt(float((residuals**2).sum()) / dof)
-    return SphereArc(circle, covariance, tuple(int(i) for i in indices), std)
+    stretch = _stretch(points, circle, variances)
+    likeness = points_per_independent(residuals / np.sqrt(variances), 3)
+    return SphereArc(circle, covariance, stretch, likeness, tuple(int(i) for i in indices), std)
+
+
+def _stretch(points: Points, circle: FloatArray, variances: FloatArray) -> FloatArray:
+    low, high = (
+        _fit_circle(circle[:2] + (points - circle[:2]) * (1.0, 1.0 + s), circle, variances)
+        for s in (-STRETCH, STRETCH)
+    )
+    return np.stack([(high - low) / (2 * STRETCH), ((high + low) / 2 - circle) / STRETCH**2])

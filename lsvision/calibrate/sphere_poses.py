@@ -3,6 +3,11 @@
 A circle (x, y, r) holds all that an arc knows. With q the sphere's centre in the section frame,
 x = q_x, y = q_y and r^2 = R^2 - q_z^2: which side of the centre the section lies on never has
 to be decided.
+
+Nothing in the robot's poses is as long as the sensor's range: an error of scale of its heights
+(a triangulation that is calibrated by a few per cent too long has been seen) makes every circle
+too small and every sphere stand elsewhere. So the heights' scale is found along with the rest,
+like the radius: as a check, and because sigmas that took it for granted would be too small.
 """
 
 from dataclasses import dataclass, replace
@@ -13,6 +18,9 @@ from lsvision.calibrate.rotations import cube_rotations, nearest_rotations
 from lsvision.calibrate.seen_points import masked_least_squares, seen_points
 from lsvision.calibrate.sightings import FlangePoses, Linearised, States
 from lsvision.shapes import FloatArray, IntArray
+
+HEIGHT_STD = 0.1
+"""One sigma of the heights' scale beforehand: next to nothing is taken for granted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +33,9 @@ class SphereSightings:
         Centre x, y and radius, section frame. Units: mm.
     covariances : (n, 3, 3) ndarray
         Units: mm^2.
+    stretches : (n, 2, 3) ndarray
+        Change of each circle when all heights are multiplied by 1 + s about one height common
+        to all poses: first row times s plus second row times s^2. Units: mm.
     flanges : FlangePoses
         One a circle.
     radius : tuple of float
@@ -35,6 +46,7 @@ class SphereSightings:
 
     circles: FloatArray
     covariances: FloatArray
+    stretches: FloatArray
     flanges: FlangePoses
     radius: tuple[float, float]
     groups: IntArray
@@ -46,33 +58,45 @@ class SphereSightings:
 
     @property
     def target_prior(self) -> tuple[FloatArray, FloatArray]:
-        """Centre free, radius as stated."""
-        free = np.inf
-        return np.array([0, 0, 0, self.radius[0]]), np.array([free, free, free, self.radius[1]])
+        """Centre free, radius as stated, heights next to free."""
+        values = np.array([0, 0, 0, self.radius[0], 0])
+        return values, np.array([np.inf, np.inf, np.inf, self.radius[1], HEIGHT_STD])
 
     def linearised(self, states: States) -> Linearised:
         """Residuals x - q_x, y - q_y and (r^2 - R^2 + q_z^2) / 2r, with derivatives."""
         targets = states.targets[:, self.groups]
         q, by_mount, by_centre, by_flange = seen_points(self.flanges, states, targets[..., :3])
-        r = self.circles[:, 2]
+        circles, by_scale = self._stretched(targets[..., 4:])
+        r = circles[..., 2]
         height = q[..., 2] / r
         # d residual / d q: -1, -1 and q_z / r.
         slopes = np.stack([-np.ones_like(height), -np.ones_like(height), height], axis=-1)
-        residuals = self.circles - q
+        residuals = circles - q
         residuals[..., 2] = (r**2 - targets[..., 3] ** 2 + q[..., 2] ** 2) / (2 * r)
         by_radius = np.zeros((*q.shape, 1))
         by_radius[..., 2, 0] = -targets[..., 3] / r
-        by_target = np.concatenate([slopes[..., None] * by_centre, by_radius], axis=-1)
+        by_scale[..., 2] *= 1 - residuals[..., 2] / r
+        by_target = np.concatenate(
+            [slopes[..., None] * by_centre, by_radius, by_scale[..., None]], axis=-1
+        )
         return Linearised(
             residuals, slopes[..., None] * by_mount, by_target, slopes[..., None] * by_flange
         )
 
+    def _stretched(self, scales: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Circles (s, n, 3) at scales (s, n, 1), and their derivatives."""
+        first, second = self.stretches[:, 0], self.stretches[:, 1]
+        return (
+            self.circles + scales * first + scales**2 * second,
+            first + 2 * scales * second,
+        )
+
     def moved(self, targets: FloatArray, steps: FloatArray) -> FloatArray:
-        """Centre and radius after a step; plain addition."""
+        """Centre, radius and scale after a step; plain addition."""
         return targets + steps
 
     def prior_residuals(self, targets: FloatArray) -> FloatArray:
-        """Only the radius has a prior; the free numbers' weights are zero."""
+        """Only radius and scale have a prior; the free numbers' weights are zero."""
         return targets - self.target_prior[0]
 
     def regrouped(self, groups: IntArray) -> "SphereSightings":
@@ -82,6 +106,10 @@ class SphereSightings:
     def with_flanges(self, flanges: FlangePoses) -> "SphereSightings":
         """The same circles, had the flange stood elsewhere."""
         return replace(self, flanges=flanges)
+
+    def apart(self, first: FloatArray, second: FloatArray) -> float:
+        """Between the centres. Units: mm."""
+        return float(np.linalg.norm((first - second)[:3]))
 
     def starts(self, masks: FloatArray) -> States:
         """25 starts for each selection: the linear solution and the 24 rotations of a cube.
@@ -120,8 +148,8 @@ class SphereSightings:
         groups = int(self.groups.max()) + 1
         radius = self.radius[0] if np.isfinite(self.radius[1]) else self.circles[:, 2].max()
         centres = solution[:, 3:].reshape(-1, groups, 3)
-        radii = np.full((*centres.shape[:2], 1), radius)
-        targets = np.concatenate([centres, radii], axis=-1)
+        sizes = np.broadcast_to([radius, 0.0], (*centres.shape[:2], 2))
+        targets = np.concatenate([centres, sizes], axis=-1)
         return States(rotations.reshape(-1, 3, 3), solution[:, :3], targets)
 
     def _minus_centres(self, eye: FloatArray) -> list[FloatArray]:

@@ -7,14 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 import typer
 
 from lsvision.cli.calibrate_hand_eye import hand_eye
-from lsvision.cli.calibrate_inputs import (
-    TARGETS,
-    image_files,
-    naming,
-    read_images,
-    read_line_images,
-    target_of,
-)
+from lsvision.cli.calibrate_inputs import Report, image_files, naming, read_images, read_line_images
 from lsvision.cli.calibrate_tables import (
     camera_rows,
     doubt_lines,
@@ -22,6 +15,14 @@ from lsvision.cli.calibrate_tables import (
     value_lines,
 )
 from lsvision.cli.outputs import check_outputs
+from lsvision.cli.target_options import (
+    Counts,
+    Dictionary,
+    Marker,
+    Square,
+    TargetName,
+    target_of,
+)
 from lsvision.errors import UnreadableFile
 
 if TYPE_CHECKING:
@@ -34,27 +35,6 @@ calibrate = typer.Typer(
     help="Camera, laser plane and sensor to robot; each with its uncertainty and a report.",
 )
 calibrate.add_typer(hand_eye)
-
-TargetName = Annotated[str, typer.Option("--target", metavar="NAME", help=f"{', '.join(TARGETS)}.")]
-Counts = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NxM",
-        help="Squares of a ChArUco board [11x8], inner corners of a chessboard, discs of a grid.",
-    ),
-]
-Square = Annotated[
-    float | None,
-    typer.Option(metavar="MM", help="Edge of a square or spacing of discs [15]: measure it!"),
-]
-Marker = Annotated[
-    float | None,
-    typer.Option(metavar="MM", help="Edge of a marker [11/15 of a square], or a disc's diameter."),
-]
-Dictionary = Annotated[str, typer.Option(metavar="NAME", help="Of a ChArUco board's markers.")]
-Report = Annotated[
-    Path | None, typer.Option(metavar="F.html", help="Write a page with pictures for people.")
-]
 
 
 @calibrate.command()
@@ -135,7 +115,7 @@ def camera(
     files = image_files(images)
     check_outputs((out, ros_yaml, report), files)
     from lsvision.calibrate.intrinsics import CameraSettings, calibrate_camera
-    from lsvision.io.calibration import provenance_of, write_camera_calibration
+    from lsvision.io.calibration import provenance_of, write_calibration
     from lsvision.io.camera_file import write_camera_yaml
 
     names = [file.name for file in files]
@@ -150,7 +130,7 @@ def camera(
         from lsvision.io.whole_files import write_whole
 
         write_whole(report, camera_page(found, Page(rows, doubts, names, provenance)))
-    write_camera_calibration(out, found, provenance)
+    write_calibration(out, found, provenance)
     if ros_yaml is not None:
         write_camera_yaml(ros_yaml, found.camera)
     head = f"{out}: camera of {found.camera.size} px from {len(found.views)} of {len(files)} images"
@@ -224,7 +204,7 @@ def laser_plane(
 
     from lsvision.calibrate.laser_plane import calibrate_laser_plane
     from lsvision.draw.calibration_report import Page, laser_plane_page
-    from lsvision.io.calibration import provenance_of, write_laser_plane_calibration
+    from lsvision.io.calibration import provenance_of, write_calibration
     from lsvision.io.camera_file import read_camera
     from lsvision.io.whole_files import write_whole
 
@@ -242,7 +222,7 @@ def laser_plane(
         write_whole(report, laser_plane_page(found, board.points, page))
     replace(found.light_section, provenance=provenance).save(out)
     if details is not None:
-        write_laser_plane_calibration(details, found, provenance)
+        write_calibration(details, found, provenance)
     head = f"{out}: laser plane from {len(found.views)} of {len(names)} poses of the board"
     typer.echo("\n".join([head, *value_lines(rows), *doubts]))
 

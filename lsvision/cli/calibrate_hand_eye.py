@@ -6,25 +6,26 @@ from typing import Annotated
 
 import typer
 
-from lsvision.cli.calibrate_inputs import (
-    TARGETS,
-    image_files,
-    naming,
-    profile_files,
-    read_flanges,
-    read_sightings,
-    target_of,
-)
+from lsvision.cli.calibrate_inputs import Report, image_files, naming, read_flanges
 from lsvision.cli.hand_eye_job import (
     FRAMES,
     boards_seen,
     check_files,
     job_of,
     next_poses,
+    profiles_seen,
     tell,
     tell_plan,
 )
 from lsvision.cli.measuring import reading_of
+from lsvision.cli.target_options import (
+    Counts,
+    Dictionary,
+    Marker,
+    Square,
+    TargetName,
+    target_of,
+)
 
 hand_eye = typer.Typer(
     name="hand-eye",
@@ -70,9 +71,6 @@ EasyHandeye = Annotated[
 Frames = Annotated[
     str,
     typer.Option(metavar="ROBOT:SENSOR", help="Names of the frames in that file."),
-]
-Report = Annotated[
-    Path | None, typer.Option(metavar="F.html", help="Write a page with pictures for people.")
 ]
 FileFormat = Annotated[
     str | None, typer.Option("--format", metavar="NAME", help="Reader of the profiles.")
@@ -132,18 +130,15 @@ def sphere(
     if plan_out is not None and not plan_poses:
         raise typer.BadParameter("want --plan-poses N beside --plan-out")
     reading = reading_of(format=file_format, columns=columns, units=units, flip=flip)
-    files = profile_files(profiles)
-    check_files(job, files, plan_out)
+    seen = profiles_seen(job, profiles, reading, plan_out)
     from lsvision.calibrate.hand_eye import calibrate_hand_eye_sphere
 
-    read, names = read_sightings(files, reading)
-    flanges = read_flanges(poses, convention, names)
-    with naming(pose=names):
+    with naming(pose=seen.names):
         found = calibrate_hand_eye_sphere(
-            read, flanges, radius, mounting=job.mounting, settings=job.settings
+            seen.profiles, seen.flanges, radius, mounting=job.mounting, settings=job.settings
         )
-        plan = next_poses(found, flanges, plan_poses) if plan_poses else None
-    tell(found, flanges, names, job, files)
+        plan = next_poses(found, seen.flanges, plan_poses) if plan_poses else None
+    tell(found, seen.flanges, seen.names, job, seen.files)
     if plan is not None:
         tell_plan(plan, plan_out)
 
@@ -174,17 +169,14 @@ def plane(
     """  # noqa: D301 - the backspace tells click to leave the lines as they are
     job = job_of(poses, convention, mounting, robot_std, out, (easy_handeye, frames, report))
     reading = reading_of(format=file_format, columns=columns, units=units, flip=flip)
-    files = profile_files(profiles)
-    check_files(job, files)
+    seen = profiles_seen(job, profiles, reading)
     from lsvision.calibrate.hand_eye import calibrate_hand_eye_plane
 
-    read, names = read_sightings(files, reading)
-    flanges = read_flanges(poses, convention, names)
-    with naming(pose=names):
+    with naming(pose=seen.names):
         found = calibrate_hand_eye_plane(
-            read, flanges, mounting=job.mounting, settings=job.settings
+            seen.profiles, seen.flanges, mounting=job.mounting, settings=job.settings
         )
-    tell(found, flanges, names, job, files)
+    tell(found, seen.flanges, seen.names, job, seen.files)
 
 
 @hand_eye.command()
@@ -197,21 +189,11 @@ def board(
     poses: Poses,
     convention: Convention,
     out: Out,
-    target_name: Annotated[
-        str, typer.Option("--target", metavar="NAME", help=f"{', '.join(TARGETS)}.")
-    ] = "charuco",
-    counts: Annotated[
-        str | None, typer.Option(metavar="NxM", help="As of calibrate camera.")
-    ] = None,
-    square: Annotated[
-        float | None, typer.Option(metavar="MM", help="As of calibrate camera.")
-    ] = None,
-    marker: Annotated[
-        float | None, typer.Option(metavar="MM", help="As of calibrate camera.")
-    ] = None,
-    dictionary: Annotated[
-        str, typer.Option(metavar="NAME", help="As of calibrate camera.")
-    ] = "DICT_4X4_100",
+    target_name: TargetName = "charuco",
+    counts: Counts = None,
+    square: Square = None,
+    marker: Marker = None,
+    dictionary: Dictionary = "DICT_4X4_100",
     mounting: MountingOption = "eye-in-hand",
     robot_std: RobotStd = None,
     easy_handeye: EasyHandeye = None,

@@ -4,64 +4,23 @@ import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from lsvision.cli.image_options import check_colours
 from lsvision.cli.messages import FAILED, complain
 from lsvision.cli.sources import IMAGE_SUFFIXES, PROFILE_SUFFIXES, find_sources, read_source
 from lsvision.errors import LsvisionError, UnreadableFile
 
 if TYPE_CHECKING:
-    from lsvision.calibrate.target import Target
     from lsvision.io.profiles import ReadOptions
     from lsvision.profile import Profile
     from lsvision.shapes import Pose
 
-TARGETS = ("charuco", "chessboard", "circles", "circles-asymmetric")
-
-
-def target_of(
-    name: str, counts: str | None, square: float | None, marker: float | None, dictionary: str
-) -> "Target":
-    """The target that the options describe.
-
-    Parameters
-    ----------
-    name : str
-        One of `TARGETS`.
-    counts : str, optional
-        ``11x8``: squares of a ChArUco board, inner corners of a chessboard, discs of a grid.
-    square : float, optional
-        Edge of a square, or spacing of the discs. Units: mm.
-    marker : float, optional
-        Edge of a marker, or diameter of a disc. Units: mm.
-    dictionary : str
-        Of a ChArUco board's markers.
-
-    Raises
-    ------
-    typer.BadParameter
-        For an unknown name, counts that are none, or lengths that do not go together.
-    """
-    from lsvision.calibrate.target import ChArUco, Chessboard, CircleGrid
-
-    if name not in TARGETS:
-        raise typer.BadParameter(f"want --target {', '.join(TARGETS)}, got {name!r}")
-    if name != "charuco" and (counts is None or square is None):
-        raise typer.BadParameter(f"want --counts NxM and --square MM beside --target {name}")
-    columns, rows = (11, 8) if counts is None else _counts(counts)
-    edge = 15.0 if square is None else square
-    try:
-        if name == "charuco":
-            inner = edge * 11 / 15 if marker is None else marker
-            return ChArUco(columns, rows, edge, inner, dictionary)
-        if name == "chessboard":
-            return Chessboard(columns, rows, edge)
-        disc = edge * (0.8 if name == "circles-asymmetric" else 0.5) if marker is None else marker
-        return CircleGrid(columns, rows, edge, disc, name == "circles-asymmetric")
-    except ValueError as slip:
-        raise typer.BadParameter(str(slip)) from None
+Report = Annotated[
+    Path | None, typer.Option(metavar="F.html", help="Write a page with pictures for people.")
+]
 
 
 def image_files(words: Sequence[str]) -> list[Path]:
@@ -97,13 +56,7 @@ def read_line_images(paths: Sequence[Path], laser: str) -> list[Any]:
     """
     images = read_images(paths)
     for path, image in zip(paths, images, strict=True):
-        coloured = image.ndim == 3 and bool((image != image[..., :1]).any())
-        if coloured and laser == "grey":
-            raise UnreadableFile(
-                f"{path} has colours: say the laser's, --laser red, green, blue or white"
-            )
-        if image.ndim == 2 and laser not in ("grey", "white"):
-            raise UnreadableFile(f"{path} has no colours: leave --laser {laser} out")
+        check_colours(image, laser, str(path))
     return images
 
 
@@ -210,10 +163,3 @@ def _found(words: Sequence[str], suffixes: frozenset[str]) -> list[Path]:
     if missing:
         raise typer.Exit(FAILED)
     return files
-
-
-def _counts(text: str) -> tuple[int, int]:
-    found = re.fullmatch(r"(\d+)[xX](\d+)", text.strip())
-    if not found:
-        raise typer.BadParameter(f"want --counts NxM, as 11x8, got {text!r}")
-    return int(found[1]), int(found[2])

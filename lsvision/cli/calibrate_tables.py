@@ -81,6 +81,8 @@ def hand_eye_rows(found: "HandEye") -> list[Row]:
         free = ball.radius_std > 0
         told = with_sigma(ball.radius, ball.radius_std) if free else f"{ball.radius:g}"
         rows.append(("sphere's radius", told, "mm" if free else "mm (given)"))
+    if found.height_factor is not None:
+        rows.append(("heights to be multiplied by", with_sigma(*found.height_factor), ""))
     return rows
 
 

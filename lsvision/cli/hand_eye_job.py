@@ -8,7 +8,12 @@ from typing import TYPE_CHECKING, Literal
 
 import typer
 
-from lsvision.cli.calibrate_inputs import read_images
+from lsvision.cli.calibrate_inputs import (
+    profile_files,
+    read_flanges,
+    read_images,
+    read_sightings,
+)
 from lsvision.cli.calibrate_tables import aligned, hand_eye_rows, plan_rows, pose_rows, value_lines
 from lsvision.cli.outputs import check_outputs
 
@@ -17,6 +22,8 @@ if TYPE_CHECKING:
     from lsvision.calibrate.hand_eye_solution import HandEyeSettings
     from lsvision.calibrate.pose_planning import PosePlan
     from lsvision.calibrate.target import Target
+    from lsvision.io.profiles import ReadOptions
+    from lsvision.profile import Profile
     from lsvision.shapes import FloatArray, Pose
 
 FRAMES = "tool0:sensor"
@@ -96,6 +103,32 @@ def check_files(job: HandEyeJob, inputs: Sequence[Path], *more: Path | None) -> 
     check_outputs((job.out, job.easy_handeye, job.report, *more), [job.poses, *inputs])
 
 
+@dataclass(frozen=True)
+class ProfilesSeen:
+    """Profiles of a target with the files they are from, a name and a flange pose for each."""
+
+    files: list[Path]
+    profiles: "list[Profile]"
+    names: list[str]
+    flanges: "list[Pose]"
+
+
+def profiles_seen(
+    job: HandEyeJob, words: Sequence[str], reading: "ReadOptions", *more: Path | None
+) -> ProfilesSeen:
+    """What the words of a command name, once its outputs (and `more` of them) can be written.
+
+    Raises
+    ------
+    LsvisionError
+        Names the file and the mend.
+    """
+    files = profile_files(words)
+    check_files(job, files, *more)
+    profiles, names = read_sightings(files, reading)
+    return ProfilesSeen(files, profiles, names, read_flanges(job.poses, job.convention, names))
+
+
 def boards_seen(
     files: Sequence[Path], target: "Target", camera_file: Path
 ) -> "tuple[list[Pose], list[FloatArray]]":
@@ -108,12 +141,14 @@ def boards_seen(
     """
     from lsvision.calibrate.board_sighting import see_board
     from lsvision.calibrate.target import find_target
+    from lsvision.calibrate.views import require_size
     from lsvision.errors import LsvisionError
     from lsvision.io.camera_file import read_camera
 
     camera = read_camera(camera_file)
     poses, covariances = [], []
     for file, image in zip(files, read_images(files), strict=True):
+        require_size(camera, image, str(file))
         try:
             seen = find_target(image, target)
             sighting = see_board(seen.pixels, seen.points, camera)
@@ -134,6 +169,7 @@ def tell(
 
     rows = hand_eye_rows(found)
     doubts = [f"left out: {names[pose.index]}: {pose.reason}" for pose in found.rejected]
+    doubts += [f"warning: {text}" for text in found.warnings]
     believed = len(names) - len(found.rejected)
     method = f"{type(found.target).__name__.lower()}, {job.mounting}, {job.convention} poses"
     provenance = provenance_of(method, dict.fromkeys([job.poses, *inputs]))

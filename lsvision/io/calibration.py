@@ -15,78 +15,78 @@ from lsvision.errors import UnreadableFile, UnwritableFile
 from lsvision.io.whole_files import write_whole
 from lsvision.sensor import rig_file
 from lsvision.sensor.rig_file import camera_as_json, plane_as_json
-from lsvision.shapes import Pose
 
 CAMERA_SCHEMA = "lsvision/camera-calibration/1"
 LASER_PLANE_SCHEMA = "lsvision/laser-plane-calibration/1"
 
 
-def write_camera_calibration(
-    path: str | os.PathLike[str], calibration: CameraCalibration, provenance: Mapping[str, str]
+def write_calibration(
+    path: str | os.PathLike[str],
+    calibration: CameraCalibration | LaserPlaneCalibration,
+    provenance: Mapping[str, str],
 ) -> None:
-    """Write a camera calibration as JSON, with the residuals of each view.
+    """Write a camera's or a laser plane's calibration as JSON, with the residuals of each view.
 
     Parameters
     ----------
     path : path
         Written whole or not at all.
-    calibration : CameraCalibration
-        The result.
+    calibration : CameraCalibration or LaserPlaneCalibration
+        The result. For measuring, save a laser plane's ``light_section``.
     provenance : mapping of str to str
         See `provenance_of`.
 
     Raises
     ------
     UnwritableFile
-        If the folder is missing or refuses.
+        If the folder is missing or refuses, or a number of the result is none.
     """
+    if isinstance(calibration, CameraCalibration):
+        schema, values = CAMERA_SCHEMA, _camera_values(calibration)
+    else:
+        schema, values = LASER_PLANE_SCHEMA, _laser_plane_values(calibration)
+    evidence = {
+        "rejected": _named(calibration.rejected),
+        "outliers": _named(calibration.outliers),
+        "warnings": list(calibration.warnings),
+        "provenance": dict(provenance),
+    }
+    try:
+        text = rig_file.json_text(schema, {**values, **evidence})
+    except ValueError as error:
+        raise UnwritableFile(f"{path}: the calibration holds numbers that are none") from error
+    write_whole(path, text)
+
+
+def _camera_values(calibration: CameraCalibration) -> dict[str, Any]:
     views = [
         {
             "image": view.index,
             "rms": view.rms_px,
-            "camera_from_board": _pose(view.camera_from_board),
+            "camera_from_board": view.camera_from_board.matrix.tolist(),
             "residuals": view.residuals.tolist(),
         }
         for view in calibration.views
     ]
-    values = {
+    return {
         "camera": camera_as_json(calibration.camera),
         "std": dict(calibration.std),
         "rms": calibration.rms_px,
         "views": views,
     }
-    _write(path, CAMERA_SCHEMA, values, calibration, provenance)
 
 
-def write_laser_plane_calibration(
-    path: str | os.PathLike[str], calibration: LaserPlaneCalibration, provenance: Mapping[str, str]
-) -> None:
-    """Write a laser-plane calibration as JSON, with the residuals of each view.
-
-    Parameters
-    ----------
-    path : path
-        Written whole or not at all. For measuring, save ``calibration.light_section``.
-    calibration : LaserPlaneCalibration
-        The result.
-    provenance : mapping of str to str
-        See `provenance_of`.
-
-    Raises
-    ------
-    UnwritableFile
-        If the folder is missing or refuses.
-    """
+def _laser_plane_values(calibration: LaserPlaneCalibration) -> dict[str, Any]:
     views = [
         {
             "image": view.index,
-            "camera_from_board": _pose(view.camera_from_board),
+            "camera_from_board": view.camera_from_board.matrix.tolist(),
             "corner_residuals": view.corner_residuals.tolist(),
             "line_residuals": view.line_residuals.tolist(),
         }
         for view in calibration.views
     ]
-    values = {
+    return {
         "camera": camera_as_json(calibration.light_section.camera),
         "laser_plane": plane_as_json(calibration.plane),
         "covariance_order": ["tilt_about_section_x", "tilt_about_section_y", "distance"],
@@ -97,7 +97,6 @@ def write_laser_plane_calibration(
         "board_bow_std": calibration.board_bow_std.tolist(),
         "views": views,
     }
-    _write(path, LASER_PLANE_SCHEMA, values, calibration, provenance)
 
 
 def provenance_of(method: str, inputs: Iterable[str | os.PathLike[str]]) -> dict[str, str]:
@@ -143,30 +142,5 @@ def _version() -> str:
         return "not installed"
 
 
-def _write(
-    path: str | os.PathLike[str],
-    schema: str,
-    values: Mapping[str, Any],
-    calibration: CameraCalibration | LaserPlaneCalibration,
-    provenance: Mapping[str, str],
-) -> None:
-    evidence = {
-        "rejected": _named(calibration.rejected),
-        "outliers": _named(calibration.outliers),
-        "warnings": list(calibration.warnings),
-        "provenance": dict(provenance),
-    }
-    try:
-        text = rig_file.json_text(schema, {**values, **evidence})
-    except ValueError as error:
-        raise UnwritableFile(f"{path}: the calibration holds numbers that are none") from error
-    write_whole(path, text)
-
-
 def _named(views: Iterable[RejectedView]) -> list[dict[str, Any]]:
     return [{"image": view.index, "reason": view.reason} for view in views]
-
-
-def _pose(pose: Pose) -> list[list[float]]:
-    matrix: list[list[float]] = pose.matrix.tolist()
-    return matrix

@@ -53,6 +53,7 @@ def save_hand_eye(
         "ambiguity": hand_eye.ambiguity if np.isfinite(hand_eye.ambiguity) else None,
         "weakness": hand_eye.weakness,
         "weakest": hand_eye.weakest,
+        "height_factor": hand_eye.height_factor,
     }
     write_whole(path, json.dumps(document, indent=2) + "\n")
 
@@ -140,7 +141,15 @@ def _hand_eye_of(document: dict[str, Any]) -> HandEye:
         weakest=document["weakest"],
         mounting=document["mounting"],
         sensor=document["sensor"],
+        height_factor=_height_factor_of(document.get("height_factor")),
     )
+
+
+def _height_factor_of(given: Any) -> tuple[float, float] | None:
+    if given is None:
+        return None
+    factor, std = given
+    return float(factor), float(std)
 
 
 def _target_document(target: Sphere | Plane | Pose) -> dict[str, Any]:

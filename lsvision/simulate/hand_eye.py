@@ -2,9 +2,10 @@
 
 Assumptions, one by one: the sensor's columns are equally spaced in x; the laser plane is z = 0
 of the section; a column returns the point nearest to the sensor (largest y); the error of a
-point lies along y; a flank that leans more than `max_lean` from y returns nothing; the robot
-reports a pose that departs from where it stands by independent Gaussian errors in each axis of
-position and rotation.
+point lies along y and is normal, its own or shared with its neighbours (`correlation`); all
+heights may be too long by one factor (`height_scale`); a flank that leans more than `max_lean`
+from y returns nothing; the robot reports a pose that departs from where it stands by
+independent Gaussian errors in each axis of position and rotation.
 """
 
 import math
@@ -32,6 +33,11 @@ class SectionView:
         One sigma along y. Units: mm.
     max_lean : float
         Steepest surface that returns light. Units: rad.
+    correlation : float
+        One sigma of the Gaussian by which the errors of neighbours are averaged (and then
+        brought back to `range_std`); 0 for independent ones. Units: columns.
+    height_scale : float
+        What every height y is multiplied by.
     """
 
     columns: int = 640
@@ -39,6 +45,8 @@ class SectionView:
     depth: tuple[float, float] = (-400.0, 400.0)
     range_std: float = 0.05
     max_lean: float = math.radians(65)
+    correlation: float = 0.0
+    height_scale: float = 1.0
 
     @property
     def x(self) -> FloatArray:
@@ -102,10 +110,22 @@ def _noisy_profile(
     view: SectionView,
     rng: np.random.Generator,
 ) -> Profile:
-    noisy = y + rng.normal(0.0, 1.0, len(x)) * view.range_std
+    noisy = view.height_scale * y + _alike(rng.normal(0.0, 1.0, len(x)), view) * view.range_std
     seen = seen & (noisy >= view.depth[0]) & (noisy <= view.depth[1])
     points = np.where(seen[:, None], np.column_stack([x, noisy]), np.nan)
     return Profile(points)
+
+
+def _alike(noise: FloatArray, view: SectionView) -> FloatArray:
+    """Unit noise whose neighbours are alike."""
+    if not view.correlation > 0:
+        return noise
+    reach = math.ceil(4 * view.correlation)
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / view.correlation) ** 2)
+    kernel /= np.sqrt((kernel**2).sum())
+    wide = np.concatenate([noise[-reach:], noise, noise[:reach]])
+    alike: FloatArray = np.convolve(wide, kernel, "valid")
+    return alike
 
 
 def turn(vector: FloatArray) -> FloatArray:

@@ -10,14 +10,16 @@ from lsvision.calibrate.board_sighting import see_board
 from lsvision.calibrate.hand_eye import (
     HandEyeSettings,
     calibrate_hand_eye_board,
+    calibrate_hand_eye_plane,
     calibrate_hand_eye_sphere,
 )
 from lsvision.calibrate.pose_planning import PosePlanSettings, plan_hand_eye_poses
 from lsvision.sensor.camera import Camera
-from lsvision.shapes import Pose
+from lsvision.shapes import Plane, Pose
 from lsvision.simulate.hand_eye import (
     SectionView,
     TargetMotion,
+    plane_profile,
     reported_pose,
     section_poses_about,
     sphere_profile,
@@ -39,6 +41,22 @@ class Case:
     rotation_deg: float
     range_std: float = 0.05
     count: int = 12
+    mounting: str = "eye_in_hand"
+    correlation: float = 0.0
+    height_scale: float = 1.0
+
+    @property
+    def view(self):
+        return SectionView(
+            range_std=self.range_std,
+            correlation=self.correlation,
+            height_scale=self.height_scale,
+        )
+
+    def reported(self, flange, rng):
+        """What the robot says; a standing sensor's target goes the inverse way."""
+        stood = flange if self.mounting == "eye_in_hand" else flange.inverse()
+        return reported_pose(stood, self.position, np.radians(self.rotation_deg), rng)
 
 
 def any_mount(rng):
@@ -47,8 +65,7 @@ def any_mount(rng):
 
 def sphere_data(rng, case, motion=None):
     """Random recommended poses; truth, profiles, reported poses."""
-    mount = any_mount(rng)
-    view = SectionView(range_std=case.range_std)
+    mount, view = any_mount(rng), case.view
     motion = motion or TargetMotion(offset=0.8 * RADIUS, standoff=WORK[1])
     profiles, poses = [], []
     while len(poses) < case.count:
@@ -56,9 +73,18 @@ def sphere_data(rng, case, motion=None):
         profile = sphere_profile(section.inverse().apply_one(TARGET), RADIUS, view, rng)
         if len(profile) - profile.lost >= 60:
             profiles.append(profile)
-            flange = section @ mount.inverse()
-            poses.append(reported_pose(flange, case.position, np.radians(case.rotation_deg), rng))
+            poses.append(case.reported(section @ mount.inverse(), rng))
     return mount, profiles, poses
+
+
+def plane_data(rng, case):
+    """Tilts of 40 deg both ways before one plane; truth, profiles, reported poses."""
+    mount = any_mount(rng)
+    plane = Plane((0.1, -0.05, 1.0), 310.0)
+    motion = TargetMotion(tilt=np.radians(40), standoff=WORK[1], offset=0.0)
+    sections = section_poses_about(TARGET, case.count, motion, rng)
+    profiles = [plane_profile(plane.seen_from(s.inverse()), case.view, rng) for s in sections]
+    return mount, profiles, [case.reported(s @ mount.inverse(), rng) for s in sections]
 
 
 def planned_data(rng, case):
@@ -71,12 +97,11 @@ def planned_data(rng, case):
         RADIUS,
         settings=PosePlanSettings(standoff=WORK[1], seed=int(rng.integers(1 << 30))),
     )
-    view = SectionView(range_std=case.range_std)
     profiles, poses = [], []
     for flange in plan.base_from_flanges:
         section = flange @ mount
-        profiles.append(sphere_profile(section.inverse().apply_one(TARGET), RADIUS, view, rng))
-        poses.append(reported_pose(flange, case.position, np.radians(case.rotation_deg), rng))
+        profiles.append(sphere_profile(section.inverse().apply_one(TARGET), RADIUS, case.view, rng))
+        poses.append(case.reported(flange, rng))
     return mount, profiles, poses
 
 
@@ -100,28 +125,34 @@ def errors(found, truth, work=WORK):
     return np.r_[shift, small], np.linalg.norm(shift), np.degrees(np.linalg.norm(small)), at_work
 
 
-def sphere_runs(case, runs, data=sphere_data, seed=0, **settings):
-    rows, nees, seconds, refused = [], [], [], 0
+def section_runs(case, runs, data=sphere_data, seed=0, **settings):
+    """Errors, NEES/6, times, poses left out, and a free sphere's radius error in sigmas."""
+    solve = calibrate_hand_eye_plane if data is plane_data else calibrate_hand_eye_sphere
+    rows, nees, seconds, radii, refused = [], [], [], [], 0
     for run in range(runs):
         rng = np.random.default_rng([seed, run])
         truth, profiles, poses = data(rng, case)
         begin = time.perf_counter()
-        found = calibrate_hand_eye_sphere(profiles, poses, settings=HandEyeSettings(**settings))
+        found = solve(profiles, poses, mounting=case.mounting, settings=HandEyeSettings(**settings))
         seconds.append(time.perf_counter() - begin)
-        error, *lengths = errors(found.flange_from_section, truth)
+        error, *lengths = errors(found.mount_from_sensor, truth)
+        if data is not plane_data:
+            radii.append((found.sphere.radius - RADIUS) / found.sphere.radius_std)
         rows.append(lengths)
         nees.append(error @ np.linalg.solve(found.covariance, error) / 6)
         refused += len(found.rejected)
-    return np.array(rows), np.array(nees), max(seconds), refused
+    return np.array(rows), np.array(nees), max(seconds), np.array(radii), refused
 
 
-def report_sphere(name, case, goal, runs, data=sphere_data, **settings):
-    rows, nees, seconds, refused = sphere_runs(case, runs, data, **settings)
+def report_section(name, case, goal, runs, data=sphere_data, **settings):
+    rows, nees, seconds, radii, refused = section_runs(case, runs, data, **settings)
+    covered = f"radius in 95 % {np.mean(np.abs(radii) < 2.06):.2f} | " if len(radii) else ""
     rms, high = np.sqrt((rows**2).mean(axis=0)), np.quantile(rows, 0.95, axis=0)
     print(
         f"{name:34} RMS {rms[0]:.3f} mm {rms[1]:.3f} deg {rms[2]:.3f} mm at work | 95 % "
         f"{high[0]:.3f} {high[1]:.3f} {high[2]:.3f} | NEES/6 {nees.mean():.2f} | "
-        f"{refused} good poses left out of {runs * case.count} | {seconds:.2f} s | goal {goal}",
+        f"{covered}{refused} good poses left out of {runs * case.count} | {seconds:.2f} s | "
+        f"goal {goal}",
         flush=True,
     )
 
@@ -146,11 +177,11 @@ def report_wrong_pose(name, shift_mm, turn_deg, goal, runs, case=Case(0.05, 0.01
     print(f"{name:34} right {right}/{runs}, culprit named {named}/{runs} | goal {goal}", flush=True)
 
 
-def report_board(name, goal, runs):
+def report_board(name, goal, runs, case=Case(0.05, 0.01)):
     rows, nees = [], []
     for run in range(runs):
-        truth, found = board_run(np.random.default_rng([3, run]))
-        error, *lengths = errors(found.flange_from_camera, truth, np.array([0, 0, 350.0]))
+        truth, found = board_run(np.random.default_rng([3, run]), case)
+        error, *lengths = errors(found.mount_from_sensor, truth, np.array([0, 0, 350.0]))
         rows.append(lengths)
         nees.append(error @ np.linalg.solve(found.covariance, error) / 6)
     rms = np.sqrt((np.array(rows) ** 2).mean(axis=0))
@@ -161,12 +192,12 @@ def report_board(name, goal, runs):
     )
 
 
-def board_run(rng, count=12, corner_std=0.1, position=0.05, rotation_deg=0.01):
+def board_run(rng, case, corner_std=0.1):
     """One simulated board calibration: truth and result."""
     mount = any_mount(rng)
     centre = BOARD.mean(axis=0)
     sightings, poses = [], []
-    while len(poses) < count:
+    while len(poses) < case.count:
         lean = turn(rng.uniform(-1, 1, 3) * np.radians([35, 35, 180]))
         away = np.array([rng.uniform(-30, 30), rng.uniform(-30, 30), rng.uniform(300, 420)])
         flip = np.diag([1.0, -1.0, -1.0])
@@ -178,11 +209,12 @@ def board_run(rng, count=12, corner_std=0.1, position=0.05, rotation_deg=0.01):
         sightings.append(see_board(noisy, BOARD, CAMERA))
         base_from_board = Pose(turn(np.array([0.2, -0.1, 0.4])), TARGET)
         flange = base_from_board @ camera_from_board.inverse() @ mount.inverse()
-        poses.append(reported_pose(flange, position, np.radians(rotation_deg), rng))
+        poses.append(case.reported(flange, rng))
     found = calibrate_hand_eye_board(
         [sighting.camera_from_board for sighting in sightings],
         poses,
         covariances=[sighting.covariance for sighting in sightings],
+        mounting=case.mounting,
     )
     return mount, found
 
@@ -191,15 +223,29 @@ def main(runs):
     perfect, good, usual = Case(0, 0), Case(0.02, 0.005), Case(0.05, 0.01)
     given = {"robot_std": (0.02, np.radians(0.005))}
     for label, data in (("random poses", sphere_data), ("planned poses", planned_data)):
-        report_sphere(f"G11 perfect robot, {label}", perfect, "95 %: 0.05 0.025 0.015", runs, data)
-        report_sphere(f"G12 0.02/0.005, {label}", good, "0.15 0.075 0.04", runs, data)
-        report_sphere(f"G13 0.05/0.01, {label}", usual, "0.28 0.15 0.085", runs, data)
-    report_sphere("G12 robot stated", good, "0.15 0.075 0.04, NEES 0.7-1.4", runs, **given)
-    report_sphere("G13 20 poses", Case(0.05, 0.01, count=20), "0.20 0.11 0.065", runs)
+        report_section(f"G11 perfect robot, {label}", perfect, "95 %: 0.05 0.025 0.015", runs, data)
+        report_section(f"G12 0.02/0.005, {label}", good, "0.15 0.075 0.04", runs, data)
+        report_section(f"G13 0.05/0.01, {label}", usual, "0.28 0.15 0.085", runs, data)
+    report_section("G12 robot stated", good, "0.15 0.075 0.04, NEES 0.7-1.4", runs, **given)
+    report_section("G13 20 poses", Case(0.05, 0.01, count=20), "0.20 0.11 0.065", runs)
     report_wrong_pose("G15 one of 12, 30 mm and 5 deg", 30, 5, ">= 96 %", runs)
     report_wrong_pose("    one of 12, 2 mm and 0.5 deg", 2, 0.5, ">= 90 %", runs)
     report_wrong_pose("    one of 12, 2 mm only", 2, 0, ">= 90 %", runs)
     report_board("G16 board 12 poses", "0.11 mm 0.018 deg", runs)
+    honest = "NEES 0.7-1.4"
+    for columns in (3, 10):
+        for label, settings in (("found", {}), ("stated", given)):
+            case = Case(0.02, 0.005, correlation=columns)
+            name = f"    alike over {columns} columns, robot {label}"
+            report_section(name, case, honest, runs, **settings)
+    standing = Case(0.05, 0.01, mounting="eye_to_hand")
+    report_section("    sphere, sensor standing", standing, "0.28 0.15 0.085", runs)
+    report_board("    board, camera standing", "0.11 mm 0.018 deg", runs, standing)
+    # camera.md 3 (ii), one plane tilted by 40 deg: .45/.135/.28 and .29/.085/.18
+    for count, goal in ((12, ".45 .135 .28"), (20, ".29 .085 .18")):
+        for mounting in ("eye_in_hand", "eye_to_hand"):
+            case = Case(0.05, 0.01, count=count, mounting=mounting)
+            report_section(f"    plane {count} poses, {mounting}", case, goal, runs, plane_data)
 
 
 if __name__ == "__main__":

@@ -1,15 +1,22 @@
-"""Goals G9 and G10 of the laser plane's calibration: python -m tests.bench.laser_plane [runs]."""
+"""Goals G9 and G10 of the laser plane's calibration: python -m tests.bench.laser_plane [runs].
 
+With ``images N`` instead: N sets of images as of the shipped example (JPEG, black squares,
+markers), other poses and noise each; 15 s a set.
+"""
+
+import importlib.util
 import sys
+import tempfile
 import time
+from pathlib import Path
 
 import cv2
 import numpy as np
 
 from lsvision.calibrate.boards_state import LaserView
-from lsvision.calibrate.intrinsics import fit_camera
-from lsvision.calibrate.laser_plane import fit_laser_plane
-from lsvision.calibrate.target import TargetView
+from lsvision.calibrate.intrinsics import calibrate_camera, fit_camera
+from lsvision.calibrate.laser_plane import calibrate_laser_plane, fit_laser_plane
+from lsvision.calibrate.target import ChArUco, TargetView
 from lsvision.simulate.boards import BoardScene, simulate_boards
 
 BOARDS = 15
@@ -47,6 +54,54 @@ def errors(scene, found):
     return [np.sqrt(np.mean(np.sum(gap**2, axis=1))) for gap in (seen - truth, aligned - b)]
 
 
+def plane_error(found, truth):
+    """Tilt about the section's X and Y (rad) and distance (mm)."""
+    x_axis, y_axis, z_axis = found.light_section.camera_from_section.rotation.T
+    normal = truth.normal * np.sign(z_axis @ truth.normal)
+    return np.array([normal @ y_axis, -(normal @ x_axis), found.plane.distance - truth.distance])
+
+
+def normalised(found, error):
+    """NEES/3."""
+    return error @ np.linalg.solve(found.covariance, error) / 3
+
+
+def recipe():
+    """The shipped example's recipe."""
+    path = Path(__file__).parents[2] / "calibration" / "example" / "make.py"
+    spec = importlib.util.spec_from_file_location("example_make", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def from_images(make, seed):
+    """Calibration from the images of one set, as the scripts do it."""
+    with tempfile.TemporaryDirectory() as folder:
+        make.write_boards(Path(folder), np.random.default_rng([4, seed]))
+        boards, lines = (
+            [cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) for path in sorted(place.iterdir())]
+            for place in (Path(folder) / "boards", Path(folder) / "lines")
+        )
+    camera = calibrate_camera(boards, ChArUco()).camera
+    return calibrate_laser_plane(camera, ChArUco(), boards, lines)
+
+
+def main_images(runs):
+    """Print whether sigmas from images are honest."""
+    make = recipe()
+    found = [from_images(make, seed) for seed in range(runs)]
+    rows = np.array([plane_error(each, make.RIG.laser_plane) for each in found])
+    said = np.sqrt(np.mean([np.diag(each.covariance) for each in found], axis=0))
+    rms = np.sqrt(np.mean(rows**2, axis=0))
+    nees = [normalised(each, row) for each, row in zip(found, rows, strict=True)]
+    scale = np.array([np.degrees(1), np.degrees(1), 1.0])
+    print(
+        f"{runs} sets of images: rms (deg, deg, mm) {np.round(rms * scale, 4)}  said "
+        f"{np.round(said * scale, 4)}  NEES/3 {np.mean(nees):.2f} | goal 0.7-1.4"
+    )
+
+
 def main(runs):
     """Print what was measured beside the goals."""
     print("goals: shape <= 3.5 um, absolute <= 100 um, line <= 0.11 px, bow +/- 5 um")
@@ -56,12 +111,7 @@ def main(runs):
             found, seconds = calibrated(scene, seed)
             rows.append([*errors(scene, found), found.line_rms, seconds])
             bows.append(found.board_bow - scene.bow)
-            off = scene.plane.normal * np.sign(scene.plane.distance)
-            y_axis, x_axis = (found.light_section.camera_from_section.rotation.T[k] for k in (1, 0))
-            z_axis = found.light_section.camera_from_section.rotation[:, 2]
-            off = off * np.sign(z_axis @ off)
-            error = [off @ y_axis, -(off @ x_axis), found.plane.distance - scene.plane.distance]
-            nees.append(error @ np.linalg.solve(found.covariance, error) / 3)
+            nees.append(normalised(found, plane_error(found, scene.plane)))
         rms = np.sqrt(np.mean(np.square(rows), axis=0))
         worst = 1e3 * np.abs(bows).max()
         print(
@@ -72,4 +122,7 @@ def main(runs):
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 20)
+    if sys.argv[1:2] == ["images"]:
+        main_images(int(sys.argv[2]) if len(sys.argv) > 2 else 40)
+    else:
+        main(int(sys.argv[1]) if len(sys.argv) > 1 else 20)

@@ -1,5 +1,7 @@
 """Sensor-to-robot calibration: truth, laws, honest covariance."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,12 +12,14 @@ from lsvision.calibrate.hand_eye import (
     calibrate_hand_eye_sphere,
 )
 from lsvision.shapes import Pose
+from lsvision.simulate.hand_eye import reported_pose
 from tests.calibrate.hand_eye_scenes import (
     MOUNT,
     QUIET,
     RADIUS,
     STANDOFF,
     TARGET,
+    USUAL,
     board_scene,
     plane_scene,
     pose_errors,
@@ -70,6 +74,9 @@ def test_a_standing_sensor_is_the_same_problem_with_inverse_poses():
     profiles, flanges = sphere_scene(4, 8, view=QUIET, robot=PERFECT)
     found = calibrate_hand_eye_sphere(profiles, as_eye_to_hand(flanges), mounting="eye_to_hand")
     assert_exact(found.base_from_section, MOUNT)
+    profiles, flanges = plane_scene(4, 10, view=QUIET, robot=PERFECT)
+    found = calibrate_hand_eye_plane(profiles, as_eye_to_hand(flanges), mounting="eye_to_hand")
+    assert_exact(found.base_from_section, MOUNT)
     boards, flanges = board_scene(4, 6, robot=PERFECT)
     found = calibrate_hand_eye_board(boards, as_eye_to_hand(flanges), mounting="eye_to_hand")
     assert_exact(found.base_from_camera, MOUNT)
@@ -85,6 +92,23 @@ def test_the_error_of_a_plane_and_of_a_board_lies_within_its_covariance():
     assert normalised_error(calibrate_hand_eye_plane(*plane_scene(6))) < FAR_OUT
     boards, flanges = board_scene(6)
     assert normalised_error(calibrate_hand_eye_board(boards, flanges)) < FAR_OUT
+
+
+STANDING = {
+    "sphere": (sphere_scene, calibrate_hand_eye_sphere),
+    "plane": (plane_scene, calibrate_hand_eye_plane),
+    "board": (board_scene, calibrate_hand_eye_board),
+}
+
+
+@pytest.mark.parametrize("target", STANDING)
+def test_the_error_of_a_standing_sensor_lies_within_its_covariance(target):
+    scene, calibrate = STANDING[target]
+    seen, flanges = scene(20, robot=PERFECT)
+    rng = np.random.default_rng(21)
+    # The robot errs in what it says of the flange, not in what is left after inverting.
+    said = [reported_pose(p, 0.05, np.radians(0.01), rng) for p in as_eye_to_hand(flanges)]
+    assert normalised_error(calibrate(seen, said, mounting="eye_to_hand")) < FAR_OUT
 
 
 def test_a_stated_robot_that_is_too_good_is_widened():
@@ -157,6 +181,39 @@ def test_held_out_residuals_are_those_of_a_calibration_without_the_pose():
     gaps = np.linalg.norm(np.column_stack([points, np.zeros(len(points))]) - centre, axis=1)
     assert whole.held_out[0] > whole.residuals[0]
     assert np.abs(np.mean(gaps - part.sphere.radius)) < 2 * whole.held_out[0] + 0.01
+
+
+LONG = 1.07
+SIGMAS = 4.0  # of one number; chance 6e-5
+
+
+def test_heights_that_are_too_long_are_told_and_leave_the_radius_right():
+    profiles, flanges = sphere_scene(17, view=replace(USUAL, height_scale=LONG))
+    found = calibrate_hand_eye_sphere(profiles, flanges)
+    factor, std = found.height_factor
+    assert abs(factor - 1 / LONG) < SIGMAS * std
+    assert abs(found.sphere.radius - RADIUS) < SIGMAS * found.sphere.radius_std
+    assert "heights want to be multiplied by 0.93" in found.warnings[0]
+
+
+def test_heights_that_are_right_raise_no_doubt():
+    found = calibrate_hand_eye_sphere(*sphere_scene(18))
+    factor, std = found.height_factor
+    assert abs(factor - 1) < SIGMAS * std
+    assert found.warnings == ()
+
+
+@pytest.mark.parametrize("scene", [sphere_scene, plane_scene])
+def test_neighbours_that_err_alike_widen_the_covariance(scene):
+    calibrate = {sphere_scene: calibrate_hand_eye_sphere, plane_scene: calibrate_hand_eye_plane}
+    stated = HandEyeSettings(robot_std=(0.002, np.radians(0.0005)))
+    found = []
+    for correlation in (0.0, 5.0):
+        view = replace(USUAL, correlation=correlation)
+        profiles, flanges = scene(19, view=view, robot=PERFECT)
+        found.append(calibrate[scene](profiles, flanges, settings=stated))
+        assert normalised_error(found[-1]) < FAR_OUT
+    assert found[1].working_std > 2 * found[0].working_std
 
 
 def test_only_the_name_that_fits_gives_the_pose():

@@ -61,6 +61,7 @@ def test_a_fanucs_sphere_has_its_radius_and_scatters_less_than_published():
     profiles, flanges, published = sphere_set("main", "p{}.yml", 15)
     found = calibrate_hand_eye_sphere(profiles, flanges)
     assert found.sphere.radius == pytest.approx(40.0, abs=RADIUS_TOLERANCE)
+    assert found.warnings == ()
     ours = scatter(profiles, flanges, found.flange_from_section, found.sphere.radius)
     assert ours <= scatter(profiles, flanges, published, found.sphere.radius)
 
@@ -70,6 +71,18 @@ def test_a_ball_in_scattered_points_scatters_less_than_published():
     found = calibrate_hand_eye_sphere(profiles, flanges, 12.7)
     ours = scatter(profiles, flanges, found.flange_from_section, 12.7)
     assert ours <= scatter(profiles, flanges, published, 12.7)
+
+
+SIGMAS = 2.6  # of one radius; 99 %
+
+
+def test_a_ball_measured_by_a_sensor_whose_heights_are_too_long_tells_so():
+    profiles, flanges, _ = sphere_set("ball", "{}_3C_line.yml", 10)
+    found = calibrate_hand_eye_sphere(profiles, flanges)
+    factor, std = found.height_factor
+    assert abs(found.sphere.radius - 12.7) < SIGMAS * found.sphere.radius_std
+    assert factor < 1 - 5 * std
+    assert "heights want to be multiplied by 0.93" in found.warnings[0]
 
 
 RECOMPUTED_ARCS = {7: 10.72, 9: 9.69, 10: 9.04}

@@ -1,5 +1,7 @@
 """Sensor-to-robot calibration refuses by name what cannot give an answer."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -13,6 +15,7 @@ from lsvision.calibrate.hand_eye_solution import HandEyeSettings
 from lsvision.errors import CalibrationFailed, DegenerateGeometry
 from lsvision.io.robot_conventions import pose_from_numbers
 from lsvision.sensor.camera import Camera
+from lsvision.shapes import Pose
 from lsvision.simulate.hand_eye import TargetMotion
 from tests.calibrate.hand_eye_scenes import (
     RADIUS,
@@ -101,6 +104,24 @@ def test_a_target_that_moved_half_way_is_named(shift):
     profiles, flanges = sphere_scene(7, targets=targets)
     with pytest.raises(CalibrationFailed, match="moved between pose 5 and pose 6"):
         calibrate_hand_eye_sphere(profiles, flanges)
+
+
+MOVED = 12.0  # mm
+
+
+@pytest.mark.parametrize("target", ["plane", "board"])
+def test_a_plane_or_board_that_moved_is_named_with_how_far(target):
+    scene, calibrate = {
+        "plane": (plane_scene, calibrate_hand_eye_plane),
+        "board": (board_scene, calibrate_hand_eye_board),
+    }[target]
+    seen, flanges = scene(22, 16)
+    # Robot and target moved together look the same: later poses mean another target.
+    aside = Pose.along((0.0, 0.0, 1.0), MOVED)
+    with pytest.raises(CalibrationFailed, match="moved between pose 7 and pose 8") as told:
+        calibrate(seen, [*flanges[:8], *(aside @ pose for pose in flanges[8:])])
+    apart = float(re.search(r"([\d.]+) apart", str(told.value))[1])
+    assert apart == pytest.approx(MOVED, abs=0.5)
 
 
 def kuka_angles(rotation):

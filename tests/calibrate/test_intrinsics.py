@@ -8,6 +8,7 @@ import pytest
 
 from lsvision.calibrate.intrinsics import CameraSettings, calibrate_camera, fit_camera
 from lsvision.calibrate.target import Chessboard, TargetView
+from lsvision.calibrate.views import ViewSources
 from lsvision.errors import CalibrationFailed, DegenerateGeometry
 from lsvision.simulate.boards import BoardScene, simulate_boards
 
@@ -85,7 +86,7 @@ def test_spoilt_view_is_named():
     rng = np.random.default_rng(0)
     spoilt = seen[3].pixels + rng.normal(0, 1.0, seen[3].pixels.shape)
     seen[3] = replace(seen[3], pixels=spoilt)
-    outlier = fit_camera(seen, indices=range(10, 20)).outliers
+    outlier = fit_camera(seen, sources=ViewSources(tuple(range(10, 20)))).outliers
     assert [view.index for view in outlier] == [13]
     assert "px rms where the median view has" in outlier[0].reason
 

@@ -9,6 +9,7 @@ from lsvision.calibrate.laser_plane import (
     fit_laser_plane,
 )
 from lsvision.calibrate.laser_plane_start import plane_through
+from lsvision.calibrate.views import ViewSources
 from lsvision.errors import CalibrationFailed, DegenerateGeometry
 from lsvision.sensor.camera import Camera
 from lsvision.simulate.boards import BoardScene, simulate_boards
@@ -96,7 +97,9 @@ def test_mixed_up_images_are_named():
         replace(views[4], line_pixels=views[7].line_pixels),
         replace(views[7], line_pixels=views[4].line_pixels),
     )
-    found = fit_laser_plane(camera_of(BoardScene()), views, indices=range(20, 30))
+    found = fit_laser_plane(
+        camera_of(BoardScene()), views, sources=ViewSources(tuple(range(20, 30)))
+    )
     assert [view.index for view in found.rejected] == [24, 27]
     assert "images mixed up" in found.rejected[0].reason
     assert_same_plane(found.plane, BoardScene().plane, 0.5)

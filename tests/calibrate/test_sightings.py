@@ -21,10 +21,10 @@ FLANGES = stack_flange_poses(sphere_scene(1, COUNT)[1], "eye_in_hand", (0.05, 1e
 def sphere():
     rng = np.random.default_rng(0)
     circles = np.column_stack([rng.normal(size=(COUNT, 2)), np.full(COUNT, 15.0)])
-    target = np.append(TARGET, RADIUS)
-    return SphereSightings(
-        circles, np.tile(np.eye(3), (COUNT, 1, 1)), FLANGES, (20, np.inf), GROUPS
-    ), target
+    stretches = rng.normal(size=(COUNT, 2, 3))
+    covariances = np.tile(np.eye(3), (COUNT, 1, 1))
+    sightings = SphereSightings(circles, covariances, stretches, FLANGES, (20, np.inf), GROUPS)
+    return sightings, np.array([*TARGET, RADIUS, 0.1])
 
 
 def plane():

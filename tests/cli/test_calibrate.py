@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from lsvision.calibrate.target import ChArUco, find_target
-from lsvision.cli.calibrate_inputs import named, target_of
+from lsvision.cli.calibrate_inputs import named
+from lsvision.cli.target_options import target_of
 from lsvision.io.hand_eye_file import load_hand_eye
 from lsvision.io.images import read_image
 from lsvision.io.robot_poses import read_robot_poses
@@ -174,6 +175,27 @@ def test_shuffled_pair_of_board_and_line_is_left_out_by_name(run, camera_json, o
     assert "left out: board_01.jpg: its laser line lies" in result.stdout
 
 
+def test_line_images_all_shuffled_are_refused(run, boards, camera_json, out, tmp_path):
+    lines = tmp_path / "lines"
+    lines.mkdir()
+    for number, other in enumerate((3, 0, 5, 1, 2, 4)):
+        shutil.copy(LINES / f"line_{other:02d}.jpg", lines / f"line_{number:02d}.jpg")
+    words = ("laser-plane", "--boards", boards, "--lines", lines, "--camera", camera_json)
+    told = refused(run("calibrate", *words, "--out", out), out)
+    assert "are board and line images shuffled" in told
+
+
+def test_line_image_of_another_size_is_named(run, boards, camera_json, out, tmp_path):
+    lines = tmp_path / "lines"
+    lines.mkdir()
+    for number in range(6):
+        size = (240, 320) if number == 2 else (480, 640)
+        cv2.imwrite(str(lines / f"line_{number}.png"), np.full(size, 3, np.uint8))
+    words = ("laser-plane", "--boards", boards, "--lines", lines, "--camera", camera_json)
+    told = refused(run("calibrate", *words, "--out", out), out)
+    assert "line image 2 (line_2.png) is 320 x 240 px and the camera 640 x 480 px" in told
+
+
 def test_line_images_without_a_line_are_refused(run, boards, camera_json, out, tmp_path):
     dark = tmp_path / "dark"
     dark.mkdir()
@@ -222,6 +244,33 @@ def test_poses_of_another_count_are_refused(run, out, tmp_path):
     told = refused(run(*sphere_words(out, fewer)), out)
     assert "poses.csv: want one pose for each of 12 sightings (pose_00.csv to pose_11.csv)" in told
     assert "got 11 poses" in told
+
+
+POSE_ROWS = POSES.read_text().splitlines()[1:]
+SPOILT_POSES = {
+    "shuffled": ([POSE_ROWS[i] for i in (5, 2, 8, 0, 11, 3, 9, 1, 7, 10, 4, 6)], "are pairs shuff"),
+    "reversed": (POSE_ROWS[::-1], "the poses are in reverse order"),
+    "lost": ([POSE_ROWS[0].replace(POSE_ROWS[0].split(",")[0], "nan"), *POSE_ROWS[1:]], "finite"),
+    "none": ([], "no row with numbers"),
+    "words": (["home"] * 12, "want a number under each name"),
+}
+
+
+@pytest.mark.parametrize("case", SPOILT_POSES)
+def test_spoilt_poses_are_refused_with_what_is_wrong(run, out, tmp_path, case):
+    rows, message = SPOILT_POSES[case]
+    poses = tmp_path / "poses.csv"
+    poses.write_text("\n".join(["x,y,z,a,b,c", *rows]) + "\n")
+    told = refused(run(*sphere_words(out, poses)), out)
+    assert message in told
+    assert len(told.strip().splitlines()) == 1
+
+
+def test_files_of_poses_and_profiles_that_are_missing_are_named(run, out, tmp_path):
+    assert "gone.csv" in refused(run(*sphere_words(out, tmp_path / "gone.csv")), out)
+    words = list(map(str, sphere_words(out)))
+    words[words.index(str(SPHERE))] = str(tmp_path / "profiles")
+    assert "profiles: no such file" in refused(run(*words), out)
 
 
 def test_poses_shifted_against_their_profiles_are_told(run, out, tmp_path):
@@ -328,6 +377,22 @@ def test_image_without_the_board_ends_a_hand_eye_calibration(
                        poses, "--convention", "matrix", "--out", out), out)  # fmt: skip
     assert "board_05.jpg: no ChArUco" in told
     assert "leave out this image and its pose" in told
+
+
+@pytest.mark.parametrize("spoilt", ["image", "camera"])
+def test_image_of_another_size_than_the_cameras_is_named(
+    run, boards, camera_json, out, tmp_path, spoilt
+):
+    if spoilt == "image":
+        cv2.imwrite(str(boards / "board_00.jpg"), np.full((240, 320), 99, np.uint8))
+    else:
+        camera_json.write_text(camera_json.read_text().replace("width: 640", "width: 641"))
+    flanges = [Pose.along((1, 0, 0), 100.0 * number) for number in range(6)]
+    poses = write_flanges(tmp_path / "poses.csv", flanges)
+    told = refused(run("calibrate", "hand-eye", "board", boards, "--camera", camera_json, "--poses",
+                       poses, "--convention", "matrix", "--out", out), out)  # fmt: skip
+    assert "board_00.jpg is " in told
+    assert "take all images with one size" in told
 
 
 def test_plane_gives_the_sensor_on_the_flange(run, out, tmp_path):

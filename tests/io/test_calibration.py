@@ -11,8 +11,7 @@ from lsvision.calibrate.target import TargetView
 from lsvision.errors import UnreadableFile, UnwritableFile
 from lsvision.io.calibration import (
     provenance_of,
-    write_camera_calibration,
-    write_laser_plane_calibration,
+    write_calibration,
 )
 from lsvision.io.camera_file import read_camera, write_camera_yaml
 from lsvision.sensor.camera import Camera
@@ -147,7 +146,7 @@ def camera_calibration(boards):
 
 def test_camera_calibration_carries_camera_and_evidence(camera_calibration, tmp_path):
     path = tmp_path / "camera.json"
-    write_camera_calibration(path, camera_calibration, {"method": "test"})
+    write_calibration(path, camera_calibration, {"method": "test"})
     assert_same_camera(read_camera(path), camera_calibration.camera)
     written = json.loads(path.read_text())
     assert written["schema"] == "lsvision/camera-calibration/1"
@@ -164,7 +163,7 @@ def test_laser_plane_calibration_carries_plane_and_evidence(boards, camera_calib
     ]
     calibration = fit_laser_plane(camera_calibration.camera, views)
     path = tmp_path / "laser.json"
-    write_laser_plane_calibration(path, calibration, {})
+    write_calibration(path, calibration, {})
     written = json.loads(path.read_text())
     assert written["laser_plane"]["distance"] == calibration.plane.distance
     np.testing.assert_array_equal(written["covariance"], calibration.covariance)
@@ -216,4 +215,4 @@ def test_missing_files_and_folders_are_named(camera_calibration, tmp_path):
     with pytest.raises(UnreadableFile, match=r"none\.json cannot be read"):
         read_camera(tmp_path / "none.json")
     with pytest.raises(UnwritableFile, match="gone"):
-        write_camera_calibration(tmp_path / "gone" / "a.json", camera_calibration, {})
+        write_calibration(tmp_path / "gone" / "a.json", camera_calibration, {})
