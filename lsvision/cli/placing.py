@@ -85,7 +85,7 @@ def placed_lines(placed: "Sequence[tuple[PlacedCylinder, PlacedCylinder]]") -> l
 
 
 def _row(name: str, cylinder: "PlacedCylinder") -> tuple[str, ...]:
-    from lsvision.draw import decimals_for
+    from lsvision.draw import decimals_for, sigma_text
 
     stds = [float(std) for std in cylinder.point_std]
     places = decimals_for(cylinder.direction_std)
@@ -94,7 +94,7 @@ def _row(name: str, cylinder: "PlacedCylinder") -> tuple[str, ...]:
         " ".join(
             f"{part:.{decimals_for(std)}f}" for part, std in zip(cylinder.point, stds, strict=True)
         ),
-        " ".join(f"{std:.2g}" for std in stds),
+        " ".join(sigma_text(std) for std in stds),
         " ".join(f"{part:+.{places}f}" for part in cylinder.direction),
-        f"{math.degrees(cylinder.direction_std):.2g}",
+        sigma_text(math.degrees(cylinder.direction_std)),
     )

@@ -194,6 +194,7 @@ def _table(predictions: "list[Prediction | ScanPrediction]") -> str:
 
 
 def _row(prediction: "Prediction | ScanPrediction") -> tuple[str, ...]:
+    from lsvision.draw import sigma_text
     from lsvision.planning import ScanPrediction
 
     sections, spacing, length = 1, "-", 0.0
@@ -206,7 +207,7 @@ def _row(prediction: "Prediction | ScanPrediction") -> tuple[str, ...]:
         spacing,
         f"{length:g}",
         str(prediction.points),
-        f"{prediction.radius_std:.2g}",
-        f"{theta_deg:.2g}" if theta_deg < UNDETERMINED_DEG else "not determinable",
-        f"{math.degrees(prediction.phi_std):.2g}",
+        sigma_text(prediction.radius_std),
+        sigma_text(theta_deg) if theta_deg < UNDETERMINED_DEG else "not determinable",
+        sigma_text(math.degrees(prediction.phi_std)),
     )

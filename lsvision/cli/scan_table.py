@@ -67,17 +67,16 @@ def _table(cylinders: "Sequence[ScannedCylinder]") -> list[str]:
 
 
 def _row(number: int, tube: "ScannedCylinder") -> tuple[str, ...]:
-    from lsvision.draw import decimals_for, with_sigma
+    from lsvision.draw import decimals_for, sigma_text, with_sigma
 
-    direction_deg = math.degrees(tube.direction_std)
     places, point_places = decimals_for(tube.direction_std), decimals_for(tube.position_std)
     return (
         str(number),
         with_sigma(tube.radius, tube.radius_std),
         " ".join(f"{part:+.{places}f}" for part in tube.direction),
-        f"{direction_deg:.2g}",
+        sigma_text(math.degrees(tube.direction_std)),
         " ".join(f"{part:.{point_places}f}" for part in tube.point),
-        f"{tube.position_std:.2g}",
+        sigma_text(tube.position_std),
         _spans(tube.sections),
         str(len(tube.points)),
     )

@@ -2,7 +2,7 @@
 
 from lsvision.draw.laser_line import draw_laser_line, line_summary
 from lsvision.draw.measurement import draw_measurement, draw_on_axes
-from lsvision.draw.numbers import decimals_for, with_sigma
+from lsvision.draw.numbers import decimals_for, sigma_text, with_sigma
 from lsvision.draw.overlay import draw_on_photo, draw_overlay
 from lsvision.draw.picture import picture_bytes
 
@@ -15,5 +15,6 @@ __all__ = [
     "draw_overlay",
     "line_summary",
     "picture_bytes",
+    "sigma_text",
     "with_sigma",
 ]

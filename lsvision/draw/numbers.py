@@ -22,9 +22,20 @@ def with_sigma(value: float, std: float) -> str:
     >>> with_sigma(19.0234, 0.0512), with_sigma(359.4, 12.3)
     ('19.023 ± 0.051', '359 ± 12')
     """
-    places = decimals_for(std)
-    sigma = f"{std:.{places}f}" if math.isfinite(std) else "unknown"
-    return f"{value:.{places}f} ± {sigma}"
+    return f"{value:.{decimals_for(std)}f} ± {sigma_text(std)}"
+
+
+def sigma_text(std: float) -> str:
+    """A sigma with two digits, the zero at its end too.
+
+    Examples
+    --------
+    >>> sigma_text(0.0499), sigma_text(12.3)
+    ('0.050', '12')
+    """
+    if std == 0:
+        return "0"
+    return f"{std:.{decimals_for(std)}f}" if math.isfinite(std) else "unknown"
 
 
 def decimals_for(std: float) -> int:
