@@ -152,9 +152,10 @@ def _curves_like_a_pipe(
     settings: CandidateSettings,
 ) -> BoolArray:
     """Gates: radius range, convexity towards the sensor, arc coverage, residual, sagitta."""
-    # The radius of curvature of a tilted section lies between b^2 / a and a^2 / b.
+    # The radius of curvature of a tilted section lies between b^2 / a at its sharp ends and
+    # a^2 / b; what is seen of it also holds more than a sharp end.
     stretch = 1 / math.cos(math.radians(settings.max_tilt_deg))
-    low, high = radius_range[0] / stretch, radius_range[1] * stretch**2
+    low, high = radius_range[0] / math.sqrt(stretch), radius_range[1] * stretch**2
     # Straight windows have an infinite radius, and neither sagitta nor limit.
     radius = np.where(np.isfinite(circles.radius), circles.radius, 0.0)
     sagitta = radius * (1 - np.cos(circles.coverage / 2))

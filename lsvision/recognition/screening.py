@@ -164,35 +164,57 @@ def _on_ellipse(
     signed, n, w = normal_residuals(profile.points[part], middle.parameters)
     rows = parameter_rows(n, w)
     own = middle.excess * tolerant_variances(n, profile.covariances[part])
-    expected = np.diag(own) + rows.T @ middle.covariance @ rows
-    single: BoolArray = signed**2 < settings.sensor_error_sigmas**2 * np.diag(expected)
+    unsure = ((middle.covariance @ rows) * rows).sum(axis=0)
+    single: BoolArray = signed**2 < settings.sensor_error_sigmas**2 * (own + unsure)
     for first in range(len(part)):
-        judged = first + np.flatnonzero(single[first:])
         if not single[first]:
             continue
-        gaps, covariance = signed[judged], expected[np.ix_(judged, judged)]
-        if _agrees(gaps, covariance, middle.correlation, settings) and not (
-            contact and _leaves(gaps, covariance, settings.contact_sigmas)
+        judged = first + np.flatnonzero(single[first:])
+        gaps = _Gaps(signed[judged], own[judged], rows[:, judged], middle.covariance)
+        if _agrees(gaps, middle.correlation, settings) and not (
+            contact and _leaves(gaps, settings.contact_sigmas)
         ):
             return part[judged[settings.guard_points if contact else 0 :]]
     return part[:0]
 
 
-def _agrees(
-    signed: FloatArray, expected: FloatArray, correlation: float, settings: ScreeningSettings
-) -> bool:
+@dataclass(frozen=True, eq=False, slots=True)
+class _Gaps:
+    """Distances of end points from the middle's ellipse, from the outside in.
+
+    Their covariance is diag(own) + rows' C rows, with C that of the middle's parameters.
+    """
+
+    signed: FloatArray
+    own: FloatArray
+    rows: FloatArray
+    parameters: FloatArray
+
+    def chi2(self) -> float:
+        """Of all of them, by Woodbury: as many unknowns as the ellipse has, not as points."""
+        over = self.rows / self.own
+        inner, pull = np.linalg.inv(self.parameters) + over @ self.rows.T, over @ self.signed
+        return float(self.signed @ (self.signed / self.own) - pull @ np.linalg.solve(inner, pull))
+
+    def covariance(self, count: int) -> FloatArray:
+        """(count, count) of the outermost."""
+        rows = self.rows[:, :count]
+        return np.diag(self.own[:count]) + rows.T @ self.parameters @ rows
+
+
+def _agrees(gaps: _Gaps, correlation: float, settings: ScreeningSettings) -> bool:
     """Chi^2 of end points together, given the middle; correlated ones tell less each."""
-    count = len(signed)
-    chi2 = float(signed @ np.linalg.solve(expected, signed))
-    return chi2 <= correlation * (count + settings.joint_sigmas * math.sqrt(2 * count))
+    count = len(gaps.signed)
+    return gaps.chi2() <= correlation * (count + settings.joint_sigmas * math.sqrt(2 * count))
 
 
-def _leaves(signed: FloatArray, expected: FloatArray, sigmas: float) -> bool:
+def _leaves(gaps: _Gaps, sigmas: float) -> bool:
     """Whether the outermost few points together lie outside, as the foot of a weld bead does."""
+    covariance = gaps.covariance(OUTERMOST[-1])
     for count in OUTERMOST:
-        if count > len(signed):
+        if count > len(gaps.signed):
             return False
-        weights = np.linalg.solve(expected[:count, :count], np.ones(count))
-        if float(weights @ signed[:count]) > sigmas * math.sqrt(float(weights.sum())):
+        weights = np.linalg.solve(covariance[:count, :count], np.ones(count))
+        if float(weights @ gaps.signed[:count]) > sigmas * math.sqrt(float(weights.sum())):
             return True
     return False
