@@ -1,4 +1,4 @@
-"""The next best poses for a sensor-to-robot calibration on a sphere, before anything is moved."""
+"""The next best poses for a sensor-to-robot calibration, before anything is moved."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,37 +9,36 @@ import numpy.typing as npt
 from lsvision.calibrate.adjustment import normal_system
 from lsvision.calibrate.flange_poses import stack_flange_poses
 from lsvision.calibrate.noisy_poses import ROBOT_SHAPE, robot_whitening
-from lsvision.calibrate.rotations import rotations_of
+from lsvision.calibrate.rotations import cross_matrices, rotations_of
 from lsvision.calibrate.sightings import States
-from lsvision.calibrate.sphere_poses import HEIGHT_STD, SphereSightings
+from lsvision.calibrate.targets_ahead import PlaneAhead, SphereAhead, TargetAhead
 from lsvision.errors import DegenerateGeometry
-from lsvision.shapes import BoolArray, FloatArray, IntArray, Pose, locked
+from lsvision.shapes import BoolArray, FloatArray, IntArray, Plane, Pose, locked
 
 UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """``base_from_section`` with the section's Y up, from which tilts are counted."""
-START_STD = (1000.0, 1.0, 1000.0, 10.0, HEIGHT_STD)
-"""What is known before the first pose: translation, rotation, centre, radius, scale of heights;
-next to nothing."""
-ARC = np.radians(np.linspace(-60.0, 60.0, 61))
-"""Angles of the points of an arc, from the section's Y. Units: rad."""
+START_STD = (1000.0, 1000.0, 1000.0, 1.0, 1.0, 1.0)
+"""What is known of the sensor's place (mm) and turn (rad) beforehand: next to nothing."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PosePlanSettings:
-    """Which poses are reachable and how well the arc and the robot are known.
+    """Which poses are reachable and how well target and robot are seen.
 
     Parameters
     ----------
     tilt, spin : float
         Largest tilt about two axes, and turn about the section's upright Y. Units: rad.
     sideways, depth : float
-        Largest offset of the sphere along the section's X and Y. Units: mm.
+        Largest offset of the target along the section's X and Y. Units: mm.
     offset : float
         Largest distance of the cut from the sphere's centre, in radii.
     standoff : float
-        y of the sphere's centre in the middle of the sensor's range. Units: mm.
+        y of the target in the middle of the sensor's range. Units: mm.
     circle_std : float
         One sigma of a circle's centre along X; along Y and in radius three times that. Units: mm.
+    line_std : tuple of float
+        One sigma of the offset (mm) and slope (rad) of a plate's line.
     robot_std : tuple of float
         One sigma in each axis of position (mm) and orientation (rad).
     count : int
@@ -57,6 +56,7 @@ class PosePlanSettings:
     offset: float = 0.75
     standoff: float = 0.0
     circle_std: float = 0.01
+    line_std: tuple[float, float] = (0.005, 2e-4)
     robot_std: tuple[float, float] = ROBOT_SHAPE
     count: int = 12
     candidates: int = 150
@@ -74,7 +74,7 @@ class PosePlan:
     indices : tuple of int
         Which of the candidates they are.
     predicted_std : (k,) array_like
-        One sigma of a point at the sphere's mean place in the view, after each pose and those
+        One sigma of a point at the target's mean place in the view, after each pose and those
         measured before. Units: mm.
     predicted_origin_std : (k,) array_like
         The same of the sensor's origin. Units: mm.
@@ -91,6 +91,8 @@ class PosePlan:
 
 
 DEFAULT = PosePlanSettings()
+PLATE = PosePlanSettings(tilt=np.radians(40.0))
+"""A plate shows more when it leans more."""
 
 
 def plan_hand_eye_poses(
@@ -118,8 +120,8 @@ def plan_hand_eye_poses(
     measured : sequence of Pose
         ``base_from_flange`` of poses already taken.
     candidates : sequence of Pose, optional
-        Reachable ``base_from_flange`` poses to choose from; by default random ones within
-        `settings`, from which the sphere is seen.
+        Reachable ``base_from_flange`` poses to choose from, the target in the sensor's range; by
+        default random ones within `settings`, from which the sphere is seen.
     settings : PosePlanSettings
         How many poses, and within which limits.
 
@@ -138,101 +140,135 @@ def plan_hand_eye_poses(
     count = settings.count
     if not (radius > 0 and count > 0):
         raise ValueError(f"want a positive radius and count, got {radius} mm and {count}")
-    target = locked(centre, (3,), "centre")
+    ahead = SphereAhead(
+        locked(centre, (3,), "centre"), radius, settings.circle_std, settings.offset
+    )
+    return _plan(ahead, flange_from_section, measured, candidates, settings)
+
+
+def plan_hand_eye_poses_plane(
+    flange_from_section: Pose,
+    plane: Plane,
+    point: npt.ArrayLike,
+    *,
+    measured: Sequence[Pose] = (),
+    candidates: Sequence[Pose] | None = None,
+    settings: PosePlanSettings = PLATE,
+) -> PosePlan:
+    """Next best flange poses before a plate; otherwise as `plan_hand_eye_poses`.
+
+    Parameters
+    ----------
+    flange_from_section : Pose
+        Nominal, from a drawing or a first calibration; a few degrees and mm do.
+    plane : Plane
+        The plate in the base frame, roughly. The side of it that is seen is the one that most of
+        `measured` face; without any, the one its normal points to.
+    point : (3,) array_like
+        On the plate, where the line is to lie; base frame, roughly. Units: mm.
+    measured, candidates, settings
+        As in `plan_hand_eye_poses`; tilts of up to 40 deg.
+
+    Returns
+    -------
+    PosePlan
+        Poses and the accuracy they promise.
+
+    Raises
+    ------
+    ValueError
+        A count that is not positive.
+    DegenerateGeometry
+        Fewer candidates that see the plate than poses asked for.
+
+    Examples
+    --------
+    >>> mount, table = Pose(translation=(0.0, 80.0, 120.0)), Plane((0, 0, 1), 300.0)
+    >>> six = PosePlanSettings(tilt=np.radians(40), standoff=-150.0, count=6)
+    >>> plan = plan_hand_eye_poses_plane(mount, table, (800, 0, 300), settings=six)
+    >>> len(plan.base_from_flanges), plan.predicted_std[-1] < 0.5
+    (6, True)
+    """
+    if not settings.count > 0:
+        raise ValueError(f"want a positive count of poses, got {settings.count}")
+    facing = [(pose @ flange_from_section).rotation[:, 1] @ plane.normal for pose in measured]
+    if sum(np.sign(facing)) < 0:
+        plane = Plane(-plane.normal, -plane.distance)
+    centre = locked(point, (3,), "point")
+    centre = centre - plane.signed_distances(centre) * plane.normal
+    ahead = PlaneAhead(plane, centre, settings.line_std)
+    return _plan(ahead, flange_from_section, measured, candidates, settings)
+
+
+def _plan(
+    ahead: TargetAhead,
+    nominal: Pose,
+    measured: Sequence[Pose],
+    candidates: Sequence[Pose] | None,
+    settings: PosePlanSettings,
+) -> PosePlan:
     if candidates is None:
-        candidates = _candidates(flange_from_section, target, radius, settings)
-    pool = [*measured, *candidates]
-    cuts = np.array(
-        [(pose @ flange_from_section).inverse().apply_one(target) for pose in pool]
-    ).reshape(-1, 3)
-    usable = np.abs(cuts[:, 2]) < 0.95 * radius
-    if usable[len(measured) :].sum() < count:
+        candidates = _candidates(ahead, nominal, settings)
+    count, pool = settings.count, [*measured, *candidates]
+    places, usable = ahead.seen([pose @ nominal for pose in pool])
+    free = usable & (np.arange(len(pool)) >= len(measured))
+    if free.sum() < count:
         raise DegenerateGeometry(
-            f"{int(usable[len(measured) :].sum())} candidate poses cut the sphere and {count} are "
+            f"{int(free.sum())} candidate poses {ahead.needs} and {count} are "
             "asked for: give more candidates, or a better nominal pose of the sensor"
         )
-    informations = _informations(pool, cuts, flange_from_section, target, radius, settings)
+    informations = _informations(ahead, places, pool, nominal, settings.robot_std)
     informations = informations * usable[:, None, None]
-    arm = flange_from_section.rotation @ cuts[usable].mean(axis=0)
-    chosen, promised = _greedy(informations, len(measured), usable, count, arm)
+    start = np.diag(np.array([*START_STD, *ahead.start_std]) ** -2)
+    total = start + informations[: len(measured)].sum(axis=0)
+    arm = nominal.rotation @ places[usable].mean(axis=0)
+    chosen, promised = _greedy(total, informations, free, count, arm)
     indices = tuple(int(index) - len(measured) for index in chosen)
     return PosePlan(tuple(pool[index] for index in chosen), indices, *np.array(promised).T)
 
 
-def _candidates(
-    nominal: Pose, centre: FloatArray, radius: float, settings: PosePlanSettings
-) -> list[Pose]:
+def _candidates(ahead: TargetAhead, nominal: Pose, settings: PosePlanSettings) -> list[Pose]:
     rng = np.random.default_rng(settings.seed)
     size = settings.candidates
     spin = rng.uniform(-settings.spin, settings.spin, size)
     tilts = rng.uniform(-settings.tilt, settings.tilt, (size, 2))
     zero = np.zeros(size)
-    turned = rotations_of(np.column_stack([zero, zero, spin]))
+    turned = ahead.outward @ rotations_of(np.column_stack([zero, zero, spin]))
     rotations = turned @ rotations_of(np.column_stack([tilts, zero])) @ UPRIGHT
     seen = rng.uniform(-1, 1, (size, 3)) * (
         settings.sideways,
         settings.depth,
-        settings.offset * radius,
+        ahead.across,
     ) + (0.0, settings.standoff, 0.0)
     back = nominal.inverse()
     return [
-        Pose(rotation, centre - rotation @ point) @ back
+        Pose(rotation, ahead.centre - rotation @ point) @ back
         for rotation, point in zip(rotations, seen, strict=True)
     ]
 
 
 def _informations(
+    ahead: TargetAhead,
+    places: FloatArray,
     pool: Sequence[Pose],
-    cuts: FloatArray,
     nominal: Pose,
-    centre: FloatArray,
-    radius: float,
-    settings: PosePlanSettings,
+    robot_std: tuple[float, float],
 ) -> FloatArray:
-    """(n, 11, 11) information of each pose on sensor, centre, radius and scale of heights."""
-    circle = np.sqrt(np.maximum(radius**2 - cuts[:, 2] ** 2, (0.1 * radius) ** 2))
-    sightings = SphereSightings(
-        np.column_stack([cuts[:, :2], circle]),
-        np.tile(np.diag(settings.circle_std**2 * np.array([1.0, 9.0, 9.0])), (len(pool), 1, 1)),
-        _stretches(cuts[:, 1], circle),
-        stack_flange_poses(pool, "eye_in_hand", settings.robot_std),
-        (radius, np.inf),
-        np.zeros(len(pool), dtype=np.int64),
-    )
-    target = np.array([*centre, radius, 0.0])[None, None]
-    state = States(nominal.rotation[None], nominal.translation[None], target)
+    """(n, p, p) information of each pose on the sensor (6) and the target."""
+    flanges = stack_flange_poses(pool, "eye_in_hand", robot_std)
+    sightings = ahead.sightings(places, [pose @ nominal for pose in pool], flanges)
+    state = States(nominal.rotation[None], nominal.translation[None], ahead.state[None, None])
     jacobian = normal_system(sightings, state, robot_whitening(sightings, state, 1.0))[0][0]
     information: FloatArray = np.swapaxes(jacobian, -1, -2) @ jacobian
     return information
 
 
-def _stretches(heights: FloatArray, circle: FloatArray) -> FloatArray:
-    """What `SphereSightings` asks for, of arcs not yet seen."""
-    # Points r (sin, cos) whose heights grow by s move outwards by s r cos^2; a circle that
-    # shifts in y and grows moves its points outwards by y cos + r.
-    design = np.column_stack([np.cos(ARC), np.ones(len(ARC))])
-    by_height, by_radius = np.linalg.lstsq(design, np.cos(ARC) ** 2, rcond=None)[0]
-    stretches = np.zeros((len(circle), 2, 3))
-    stretches[:, 0, 1] = by_height * circle + heights - heights.mean()
-    stretches[:, 0, 2] = by_radius * circle
-    return stretches
-
-
 def _greedy(
-    informations: FloatArray,
-    measured: int,
-    usable: BoolArray,
-    count: int,
-    arm: FloatArray,
+    total: FloatArray, informations: FloatArray, free: BoolArray, count: int, arm: FloatArray
 ) -> tuple[IntArray, list[tuple[float, float]]]:
-    shift, turn, place, size, scale = START_STD
-    prior = np.array([shift] * 3 + [turn] * 3 + [place] * 3 + [size, scale])
-    total = np.diag(prior**-2) + informations[:measured].sum(axis=0)
+    free = free.copy()
     weights = np.array([1.0] * 3 + [100.0**2] * 3)
-    free = usable.copy()
-    free[:measured] = False
-    x, y, z = arm
-    at_work = np.hstack([np.eye(3), -np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])])
+    at_work = np.hstack([np.eye(3), -cross_matrices(arm)])
     chosen, promised = [], []
     for _ in range(count):
         covariances = np.linalg.inv(total + informations)[:, :6, :6]

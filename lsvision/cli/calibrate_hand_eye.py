@@ -11,6 +11,7 @@ from lsvision.cli.hand_eye_job import (
     FRAMES,
     boards_seen,
     check_files,
+    check_plan,
     job_of,
     next_poses,
     profiles_seen,
@@ -65,6 +66,11 @@ RobotStd = Annotated[
         metavar="MM:DEG", help="One sigma of the robot's pose per axis; else from residuals."
     ),
 ]
+PlanPoses = Annotated[int, typer.Option(min=0, metavar="N", help="Propose the N next best poses.")]
+PlanOut = Annotated[
+    Path | None,
+    typer.Option(metavar="F.csv", help="Write them as 4x4 rows (--convention matrix)."),
+]
 EasyHandeye = Annotated[
     Path | None, typer.Option(metavar="F.yaml", help="Also write it as ROS easy_handeye reads it.")
 ]
@@ -95,13 +101,8 @@ def sphere(
     ] = None,
     mounting: MountingOption = "eye-in-hand",
     robot_std: RobotStd = None,
-    plan_poses: Annotated[
-        int, typer.Option(min=0, metavar="N", help="Propose the N next best poses.")
-    ] = 0,
-    plan_out: Annotated[
-        Path | None,
-        typer.Option(metavar="F.csv", help="Write them as 4x4 rows (--convention matrix)."),
-    ] = None,
+    plan_poses: PlanPoses = 0,
+    plan_out: PlanOut = None,
     easy_handeye: EasyHandeye = None,
     frames: Frames = FRAMES,
     report: Report = None,
@@ -125,10 +126,7 @@ def sphere(
     job = job_of(poses, convention, mounting, robot_std, out, (easy_handeye, frames, report))
     if radius is not None and not (math.isfinite(radius) and radius > 0):
         raise typer.BadParameter(f"want --radius above 0 mm, got {radius:g}")
-    if plan_poses and job.mounting == "eye_to_hand":
-        raise typer.BadParameter("want --plan-poses with --mounting eye-in-hand only")
-    if plan_out is not None and not plan_poses:
-        raise typer.BadParameter("want --plan-poses N beside --plan-out")
+    check_plan(job, plan_poses, plan_out)
     reading = reading_of(format=file_format, columns=columns, units=units, flip=flip)
     seen = profiles_seen(job, profiles, reading, plan_out)
     from lsvision.calibrate.hand_eye import calibrate_hand_eye_sphere
@@ -151,6 +149,8 @@ def plane(
     out: Out,
     mounting: MountingOption = "eye-in-hand",
     robot_std: RobotStd = None,
+    plan_poses: PlanPoses = 0,
+    plan_out: PlanOut = None,
     easy_handeye: EasyHandeye = None,
     frames: Frames = FRAMES,
     report: Report = None,
@@ -166,17 +166,24 @@ def plane(
 
     \b
       lsvision calibrate hand-eye plane plate/ --poses poses.csv --convention ur --out hand_eye.json
+    Eight poses by hand, and where to drive next; then once more with all of them:
+      lsvision calibrate hand-eye plane plate/ --poses poses.csv --convention ur \\
+        --out hand_eye.json --plan-poses 6 --plan-out next.csv
     """  # noqa: D301 - the backspace tells click to leave the lines as they are
     job = job_of(poses, convention, mounting, robot_std, out, (easy_handeye, frames, report))
+    check_plan(job, plan_poses, plan_out)
     reading = reading_of(format=file_format, columns=columns, units=units, flip=flip)
-    seen = profiles_seen(job, profiles, reading)
+    seen = profiles_seen(job, profiles, reading, plan_out)
     from lsvision.calibrate.hand_eye import calibrate_hand_eye_plane
 
     with naming(pose=seen.names):
         found = calibrate_hand_eye_plane(
             seen.profiles, seen.flanges, mounting=job.mounting, settings=job.settings
         )
+        plan = next_poses(found, seen.flanges, plan_poses) if plan_poses else None
     tell(found, seen.flanges, seen.names, job, seen.files)
+    if plan is not None:
+        tell_plan(plan, plan_out)
 
 
 @hand_eye.command()

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -188,19 +188,44 @@ def tell(
     typer.echo("\n".join([head, *value_lines(rows), "", *table, *doubts]))
 
 
-def next_poses(found: "HandEye", flanges: "Sequence[Pose]", count: int) -> "PosePlan":
-    """The next best poses before the sphere that was found."""
-    from lsvision.calibrate.pose_planning import PosePlanSettings, plan_hand_eye_poses
+def check_plan(job: HandEyeJob, count: int, out: Path | None) -> None:
+    """Refuse a plan that cannot be made or was not asked for.
 
-    ball = found.sphere
-    settings = PosePlanSettings(
+    Raises
+    ------
+    typer.BadParameter
+        ``--plan-poses`` for a sensor that stands still, ``--plan-out`` alone.
+    """
+    if count and job.mounting == "eye_to_hand":
+        raise typer.BadParameter("want --plan-poses with --mounting eye-in-hand only")
+    if out is not None and not count:
+        raise typer.BadParameter("want --plan-poses N beside --plan-out")
+
+
+def next_poses(found: "HandEye", flanges: "Sequence[Pose]", count: int) -> "PosePlan":
+    """The next best poses before the sphere or plate that was found."""
+    from lsvision.calibrate import pose_planning as planning
+    from lsvision.shapes import Plane
+
+    left_out = {pose.index for pose in found.rejected}
+    believed = [pose for index, pose in enumerate(flanges) if index not in left_out]
+    mount = found.mount_from_sensor
+    settings = replace(
+        planning.PLATE if isinstance(found.target, Plane) else planning.DEFAULT,
         count=count,
         standoff=float(found.working_point[1]),
         robot_std=found.robot_std,
         candidates=max(150, 10 * count),
     )
-    return plan_hand_eye_poses(
-        found.mount_from_sensor, ball.centre, ball.radius, measured=flanges, settings=settings
+    if isinstance(found.target, Plane):
+        seen_at = [(pose @ mount).apply_one(found.working_point) for pose in believed]
+        middle = sum(seen_at) / len(seen_at)
+        return planning.plan_hand_eye_poses_plane(
+            mount, found.target, middle, measured=believed, settings=settings
+        )
+    ball = found.sphere
+    return planning.plan_hand_eye_poses(
+        mount, ball.centre, ball.radius, measured=believed, settings=settings
     )
 
 

@@ -108,7 +108,7 @@ def connected_components(range_image: RangeImage, smallest: int) -> list[IntArra
     """
     if len(range_image.indices) == 0:
         return []
-    _, labels, _, _ = cv2.connectedComponentsWithStats(range_image.image, connectivity=8)
+    _, labels = cv2.connectedComponents(range_image.image, connectivity=8)
     label = labels[range_image.pixels[:, 1], range_image.pixels[:, 0]]
     order = np.argsort(label, kind="stable")
     cuts = np.flatnonzero(np.diff(label[order])) + 1
