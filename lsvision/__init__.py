@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from lsvision.calibrate.laser_plane import calibrate_laser_plane as calibrate_laser_plane
     from lsvision.calibrate.lens_blur import measure_lens_blur as measure_lens_blur
     from lsvision.calibrate.pose_planning import plan_hand_eye_poses as plan_hand_eye_poses
+    from lsvision.calibrate.pose_planning import (
+        plan_hand_eye_poses_plane as plan_hand_eye_poses_plane,
+    )
     from lsvision.calibrate.target import ChArUco as ChArUco
     from lsvision.calibrate.target import Chessboard as Chessboard
     from lsvision.calibrate.target import CircleGrid as CircleGrid
@@ -113,6 +116,7 @@ _ROOMS = {
     "calibrate_hand_eye_board": "lsvision.calibrate.hand_eye",
     "HandEye": "lsvision.calibrate.hand_eye_result",
     "plan_hand_eye_poses": "lsvision.calibrate.pose_planning",
+    "plan_hand_eye_poses_plane": "lsvision.calibrate.pose_planning",
     "read_robot_poses": "lsvision.io.robot_poses",
     "save_hand_eye": "lsvision.io.hand_eye_file",
     "load_hand_eye": "lsvision.io.hand_eye_file",

@@ -23,7 +23,7 @@ START_STD = (1000.0, 1000.0, 1000.0, 1.0, 1.0, 1.0)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PosePlanSettings:
-    """Which poses are reachable and how well target and robot are seen.
+    """Which poses are reachable and how well target and robot are known.
 
     Parameters
     ----------
@@ -186,7 +186,7 @@ def plan_hand_eye_poses_plane(
     >>> mount, table = Pose(translation=(0.0, 80.0, 120.0)), Plane((0, 0, 1), 300.0)
     >>> six = PosePlanSettings(tilt=np.radians(40), standoff=-150.0, count=6)
     >>> plan = plan_hand_eye_poses_plane(mount, table, (800, 0, 300), settings=six)
-    >>> len(plan.base_from_flanges), plan.predicted_std[-1] < 0.5
+    >>> len(plan.base_from_flanges), bool(plan.predicted_std[-1] < 0.5)
     (6, True)
     """
     if not settings.count > 0:

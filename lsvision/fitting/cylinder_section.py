@@ -104,7 +104,10 @@ class CylinderSection:
 
     @property
     def theta_determined(self) -> bool:
-        """Whether the section is no circle, at 99.9 % confidence; else theta means nothing."""
+        """Whether theta means something.
+
+        The section is no circle, at 99.9 % confidence, and theta not off by 30 deg, at 99 %.
+        """
         return theta_is_determined(self.fit)
 
     def interval(self, quantity: Quantity, level: float = 0.95) -> tuple[float, float]:

@@ -28,6 +28,8 @@ from lsvision.fitting.ellipse_parameters import semi_minor_gradient
 from lsvision.shapes import FloatArray, Points
 
 Quantity = Literal["radius", "theta", "phi", "centre_x", "centre_y"]
+THETA_LEVEL, THETA_OFF = 0.99, math.radians(30.0)
+"""Confidence at which a theta that counts as determined is no further off."""
 CIRCLE_LEVEL = 0.999
 """Confidence at which a section must be no circle before its theta counts as determined."""
 WIDEST_PHI = math.radians(88.0)
@@ -87,8 +89,11 @@ def interval(fit: EllipseFit, quantity: Quantity, level: float = 0.95) -> tuple[
 
 
 def theta_is_determined(fit: EllipseFit) -> bool:
-    """Whether the section is no circle, at 99.9 % confidence: only then theta means something."""
-    return not _may_be_any_theta(_Likelihood(fit, CIRCLE_LEVEL))
+    """Whether theta means something: no circle, at 99.9 %, and not 30 deg off, at 99 %."""
+    if _may_be_any_theta(_Likelihood(fit, CIRCLE_LEVEL)):
+        return False
+    surplus = _theta_surplus(_Likelihood(fit, THETA_LEVEL))
+    return all(surplus(fit.ellipse.theta + off) > 0 for off in (-THETA_OFF, THETA_OFF))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -209,11 +214,9 @@ def _say_of_prior(likelihood: _Likelihood) -> tuple[float, float]:
     return share, known.largest_ratio(likelihood.level)
 
 
-def _theta_interval(likelihood: _Likelihood) -> tuple[float, float]:
-    fit = likelihood.fit
-    p, q = fit.parameters[3:]
-    h = max(math.hypot(p, q), 1e-12)
-    theta = fit.ellipse.theta
+def _theta_surplus(likelihood: _Likelihood) -> Callable[[float], float]:
+    """Likelihood ratio of a theta less its critical value: positive outside the interval."""
+    h = max(math.hypot(*likelihood.fit.parameters[3:]), 1e-12)
     away = np.concatenate([[0.0], np.geomspace(0.03, 10.0, 40)]) * h
 
     def surplus(at: float) -> float:
@@ -221,6 +224,14 @@ def _theta_interval(likelihood: _Likelihood) -> tuple[float, float]:
         critical = likelihood.critical_near_circle(h * direction, away[:, None] * direction)
         return likelihood.ratio(fixed_theta(at)) - critical
 
+    return surplus
+
+
+def _theta_interval(likelihood: _Likelihood) -> tuple[float, float]:
+    fit = likelihood.fit
+    p, q = fit.parameters[3:]
+    h = max(math.hypot(p, q), 1e-12)
+    theta, surplus = fit.ellipse.theta, _theta_surplus(likelihood)
     quarter = math.pi / 2
     if _may_be_any_theta(likelihood):
         return 0.0, math.pi

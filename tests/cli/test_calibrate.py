@@ -300,7 +300,6 @@ def test_one_wrong_pose_is_left_out_by_the_name_of_its_profile(run, out, tmp_pat
         (("--robot-std", "0.05"), "want --robot-std MM:DEG above 0"),
         (("--radius", "-3"), "want --radius above 0 mm"),
         (("--frames", "tool0"), "want --frames ROBOT:SENSOR"),
-        (("--plan-out", "next.csv"), "want --plan-poses N beside --plan-out"),
     ],
 )
 def test_slip_in_an_option_is_a_usage_error(run, out, words, told):
@@ -395,7 +394,9 @@ def test_image_of_another_size_than_the_cameras_is_named(
     assert "take all images with one size" in told
 
 
-def test_plane_gives_the_sensor_on_the_flange(run, out, tmp_path):
+@pytest.fixture
+def plate_words(out, tmp_path):
+    """Twelve profiles of a plate in a folder, their poses, and the command for them."""
     rng = np.random.default_rng(3)
     plate = Plane((0.1, -0.05, 1.0), 310.0)
     motion = TargetMotion(tilt=np.radians(40), standoff=-150.0, offset=0.0)
@@ -406,12 +407,45 @@ def test_plane_gives_the_sensor_on_the_flange(run, out, tmp_path):
         profile = plane_profile(plate.seen_from(pose.inverse()), SectionView(range_std=0.02), rng)
         np.savetxt(folder / f"p{number:02d}.csv", profile.points, delimiter=",", fmt="%.4f")
     poses = write_flanges(tmp_path / "poses.csv", [pose @ MOUNT.inverse() for pose in sections])
+    return ("calibrate", "hand-eye", "plane", folder, "--poses", poses, "--convention",
+            "matrix", "--out", out)  # fmt: skip
+
+
+def test_plane_gives_the_sensor_on_the_flange(run, plate_words, out, tmp_path):
     page = tmp_path / "page.html"
-    result = run("calibrate", "hand-eye", "plane", folder, "--poses", poses, "--convention",
-                 "matrix", "--out", out, "--report", page)  # fmt: skip
+    result = run(*plate_words, "--report", page)
     assert result.exit_code == 0, result.output
     assert "<svg" in page.read_text()
     assert_found(load_hand_eye(out).flange_from_section, MOUNT)
+
+
+def test_plane_proposes_where_to_drive_next(run, plate_words, out, tmp_path):
+    plan = tmp_path / "next.csv"
+    result = run(*plate_words, "--plan-poses", 3, "--plan-out", plan)
+    assert result.exit_code == 0, result.output
+    assert "next pose" in result.stdout
+    assert "4x4 rows, best first; check each for collisions" in result.stdout
+    flanges = read_robot_poses(plan, "matrix")
+    assert len(flanges) == 3
+    heights = [(flange @ MOUNT).translation[2] for flange in flanges]
+    assert min(heights) > 310.0  # above the plate, where the others were
+
+
+@pytest.mark.parametrize("target", ["sphere", "plane"])
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("--plan-out", "next.csv"), "want --plan-poses N beside --plan-out"),
+        (
+            ("--plan-poses", 2, "--mounting", "eye-to-hand"),
+            "want --plan-poses with --mounting eye-in-hand only",
+        ),
+        (("--plan-poses", -1), "--plan-poses"),
+    ],
+)
+def test_plan_that_cannot_be_made_is_a_usage_error(run, out, target, words, told):
+    asked = [target if word == "sphere" else word for word in sphere_words(out)]
+    assert told in refused(run(*asked, *words), out, 2)
 
 
 def test_sphere_that_was_bumped_half_way_is_told(run, out, tmp_path):

@@ -10,6 +10,7 @@ from tests.tolerances import spread_of_share
 
 RUNS = {"radius": 80, "centre_x": 80, "centre_y": 60, "theta": 60, "phi": 40}
 FAR, NEAR, CIRCLE = 35.0, 8.0, 0.0
+SHORT_ARCS = 120
 
 
 def fit_of(phi_deg, rng, covariances=True):
@@ -116,3 +117,18 @@ def test_intervals_turn_with_nothing_and_give_the_same_twice(rng):
     before = fit.parameters.copy()
     assert interval(fit, "phi") == interval(fit, "phi")
     np.testing.assert_array_equal(fit.parameters, before)
+
+
+@pytest.mark.parametrize("degrees", [80.0, 100.0])
+def test_a_determined_theta_is_not_off_by_thirty_degrees(degrees, rng):
+    """A short arc excludes the circle far more often than it knows the direction."""
+    far = determined = 0
+    for theta in rng.uniform(0, math.pi, SHORT_ARCS):
+        truth = pipe(20.0, theta=theta)
+        points = measured(upper_arc(truth, degrees, count=round(degrees / 2)), rng)
+        fit = fit_ellipse(points, pipe(0.0), SENSOR.covariances(points))
+        off = (fit.ellipse.theta - theta + math.pi / 2) % math.pi - math.pi / 2
+        if theta_is_determined(fit):
+            determined, far = determined + 1, far + (abs(off) > math.radians(30))
+    print(f"{far} of {determined} off, at {degrees:.0f} deg")
+    assert far <= 2 + 0.02 * determined
