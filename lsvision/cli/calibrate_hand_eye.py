@@ -19,6 +19,7 @@ from lsvision.cli.hand_eye_job import (
     tell_plan,
 )
 from lsvision.cli.measuring import reading_of
+from lsvision.cli.profile_options import Columns, FileFormat, Flip, Units
 from lsvision.cli.target_options import (
     Counts,
     Dictionary,
@@ -77,15 +78,6 @@ EasyHandeye = Annotated[
 Frames = Annotated[
     str,
     typer.Option(metavar="ROBOT:SENSOR", help="Names of the frames in that file."),
-]
-FileFormat = Annotated[
-    str | None, typer.Option("--format", metavar="NAME", help="Reader of the profiles.")
-]
-Columns = Annotated[str | None, typer.Option(metavar="X,Z", help="Columns of x and height.")]
-Units = Annotated[str | None, typer.Option(metavar="UNIT", help="Of the coordinates.")]
-Flip = Annotated[
-    bool | None,
-    typer.Option("--flip/--no-flip", help="Heights grow away from the sensor, or towards it."),
 ]
 
 
