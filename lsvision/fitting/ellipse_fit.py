@@ -75,6 +75,8 @@ class EllipseFit:
     normalised : (n,) ndarray
         Residuals over their predicted standard deviation (over their rms where no noise
         model is given).
+    model_covariance : (5, 5) ndarray
+        Of the parameters, if the points' weights are right. Units: mm^2.
     variance_factor : float
         By which the covariance of the model is multiplied: 1 where the noise model explains
         the residuals; more where they are larger, or correlated along the line.
@@ -87,15 +89,14 @@ class EllipseFit:
     parameters: FloatArray
     residuals: FloatArray
     normalised: FloatArray
+    model_covariance: FloatArray
     variance_factor: float
     degrees_of_freedom: float
 
     @property
     def regular_covariance(self) -> FloatArray:
         """(5, 5), order of `parameters`. Units: mm^2."""
-        _, weighted = self.problem.evaluate(self.parameters)
-        information = weighted.T @ weighted
-        return self.variance_factor * _inverse(information)
+        return self.variance_factor * self.model_covariance
 
     @property
     def tells_theta(self) -> bool:
@@ -207,7 +208,8 @@ def _weighed_against_prior(fit: EllipseFit) -> EllipseFit:
         return fit
     problem = replace(fit.problem, stds=fit.problem.stds * np.sqrt(factor))
     parameters = minimise(problem, fit.parameters)
-    residuals = problem.evaluate(parameters)[0][: len(problem.points)] * problem.stds
+    weighted_residuals, weighted = problem.evaluate(parameters)
+    residuals = weighted_residuals[: len(problem.points)] * problem.stds
     return replace(
         fit,
         ellipse=ellipse_of(parameters),
@@ -215,6 +217,7 @@ def _weighed_against_prior(fit: EllipseFit) -> EllipseFit:
         parameters=parameters,
         residuals=residuals,
         normalised=residuals / fit.problem.stds,
+        model_covariance=_inverse(weighted.T @ weighted),
         variance_factor=1.0,
     )
 
@@ -234,13 +237,15 @@ def _inverse(information: FloatArray) -> FloatArray:
     scale = 1 / np.sqrt(np.maximum(np.diag(information), 1e-300))
     values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
     inverse: FloatArray = (vectors / np.maximum(values, 1e-14)) @ vectors.T
-    return inverse * np.outer(scale, scale)
+    with np.errstate(over="ignore"):  # all points at one place: infinite variances
+        return inverse * np.outer(scale, scale)
 
 
 def _fit_with_evidence(
     problem: ArcProblem, parameters: FloatArray, *, known_noise: bool
 ) -> tuple[EllipseFit, Correlation]:
-    normalised = problem.evaluate(parameters)[0][: len(problem.points)]
+    weighted_residuals, weighted = problem.evaluate(parameters)
+    normalised = weighted_residuals[: len(problem.points)]
     residuals = normalised * problem.stds
     freedom = float(max(len(residuals) - PARAMETERS, 1)) + problem.prior_rows
     excess = float(normalised @ normalised) / freedom
@@ -260,6 +265,7 @@ def _fit_with_evidence(
         parameters=parameters,
         residuals=residuals,
         normalised=normalised,
+        model_covariance=_inverse(weighted.T @ weighted),
         variance_factor=factor * correlation.factor,
         degrees_of_freedom=freedom,
     )
