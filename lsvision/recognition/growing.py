@@ -59,7 +59,7 @@ class IdentificationSettings:
     largest_extrapolation: float = 0.5
     joined_points: int = 6
     lost_in_joining: float = 0.1
-    rounds: int = 10
+    rounds: int = 20
     fewest_points: int = 8
     largest_change: float = 3.0
 
@@ -181,7 +181,7 @@ def _join_other_part(
     if not parts:
         return None
     together = np.sort(np.concatenate([inside, *parts]))
-    parameters, unsure = near.refine(together, parameters, 3)
+    parameters, unsure = near.refine(together, parameters, 8)
     if not _plausible(parameters, near.radius, settings.largest_change):
         return None
     on_ellipse, _ = _on_ellipse(near, parameters, unsure, together, settings)
