@@ -5,6 +5,7 @@ takes planes for huge ellipses; `Settings.paper` runs the paper's chain without 
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from lsvision.errors import LsvisionError
 from lsvision.fitting.conditioning import condition_arc
@@ -89,6 +90,13 @@ class Measurement:
     rejections: tuple[Rejection, ...]
 
 
+class _Known(NamedTuple):
+    """Priors of the fit."""
+
+    radius: KnownRadius | None
+    phi: KnownPhi | None
+
+
 def measure_cylinders(
     profile: Profile,
     *,
@@ -134,6 +142,8 @@ def measure_cylinders(
     -----
     One section leaves the sign of the tilt open (`CylinderSection.axis_twins`), and knows
     little of phi below 10 deg: look at ``interval("phi")``; two sections know both.
+    The paper's chain (`Settings.paper`) has no priors: a known radius sets its search range only,
+    a known phi nothing.
 
     Examples
     --------
@@ -144,9 +154,9 @@ def measure_cylinders(
     >>> abs(pipe.radius - truth.radius) < 4 * pipe.radius_std
     True
     """
-    known, tilt = _known_radius(known_radius), _known_phi(known_phi)
+    known = _Known(_known_radius(known_radius), _known_phi(known_phi))
     weighed = weigh_profile(profile, sensor or profile.noise)
-    radius_range = search_range(radius, known, weighed)
+    radius_range = search_range(radius, known.radius, weighed)
     if settings.literal is not None:
         found, refused = measure_literally(weighed, radius_range, settings.literal)
         return _in_columns_of_sensor(list(found), list(refused), weighed)
@@ -159,7 +169,7 @@ def measure_cylinders(
         weighed, candidates, radius_range, settings.identification, settings.verdict
     )
     # Screening, smoothing, homogenising and ellipse fitting, sections 3.2.2, 3.3 and 2.3.
-    results = [_measure_arc(weighed, arc, (known, tilt), radius_range, settings) for arc in arcs]
+    results = [_measure_arc(weighed, arc, known, radius_range, settings) for arc in arcs]
     cylinders = [result for result in results if isinstance(result, CylinderSection)]
     rejections += [result for result in results if isinstance(result, Rejection)]
     rejections = explain_leftovers(weighed, components, cylinders, rejections, radius_range)
@@ -169,7 +179,7 @@ def measure_cylinders(
 def _measure_arc(
     profile: WeighedProfile,
     arc: IdentifiedArc,
-    known: tuple[KnownRadius | None, KnownPhi | None],
+    known: _Known,
     radius_range: tuple[float, float],
     settings: Settings,
 ) -> CylinderSection | Rejection:
@@ -192,8 +202,8 @@ def _measure_arc(
             profile.points[indices],
             conditioned.ellipse,
             covariances,
-            known_radius=known[0],
-            known_phi=known[1],
+            known_radius=known.radius,
+            known_phi=known.phi,
             settings=settings.fitting,
         )
     except LsvisionError as failure:

@@ -20,7 +20,6 @@ from lsvision.shapes import FloatArray
 
 UNKNOWNS = 10
 """Point and direction across the axis, radius; bow (2), taper, ovality (2)."""
-STRAIGHT = 5
 FEWEST_SECTIONS = 3
 
 
