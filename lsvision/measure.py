@@ -189,8 +189,7 @@ def _measure_arc(
     if reason is not None:
         return Rejection(screened.arc, reason)
     conditioned = condition_arc(
-        profile.points[screened.indices],
-        profile.covariances[screened.indices],
+        profile.noisy[screened.indices],
         screened.ellipse,
         settings.smoothing,
         settings.homogenising,

@@ -6,6 +6,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from lsvision.shapes import FloatArray, IntArray, Points, locked
+from lsvision.shapes.noisy_points import NoisyPoints
 
 FORM_SHARE = 8e-4
 """Rms form error of pipes, and of profile sensors that look at them, over the radius."""
@@ -111,12 +112,16 @@ class WeighedProfile:
         As in `Profile`, but in their order along the line. Units: mm.
     covariances : (n, 2, 2) ndarray
         Of the points' errors, NaN where lost. Units: mm^2.
+    noisy : NoisyPoints
+        The same points and covariances once more, in complex numbers.
     order : (k,) int ndarray
         Which of `points` are there, rising.
     columns : (n,) int ndarray
         Index that each of `points` has in the `Profile`.
     noise_std : float
         Typical standard deviation of a point across the line. Units: mm.
+    pitch : float
+        Typical spacing of neighbouring points along X; positive always. Units: mm.
     noise_known : bool
         Whether the covariances come from a noise model or were estimated from neighbours,
         which makes them too small where neighbours' errors are alike.
@@ -124,9 +129,11 @@ class WeighedProfile:
 
     points: Points
     covariances: FloatArray
+    noisy: NoisyPoints
     order: IntArray
     columns: IntArray
     noise_std: float
+    pitch: float
     noise_known: bool
 
     def largest_misfit(self, radius: float) -> float:

@@ -5,6 +5,7 @@ import pytest
 
 from lsvision import Arc, NoiseModel, PointNoise, Profile, ProfileSensor
 from lsvision.profile import FORM_SHARE, WeighedProfile
+from lsvision.shapes.noisy_points import NoisyPoints
 
 NAN, INF = math.nan, math.inf
 THREE = [[0.0, -400.0], [NAN, NAN], [1.2, -399.8]]
@@ -117,9 +118,15 @@ def test_noise_models_are_known_by_what_they_can():
 
 def misfit(radius, noise_known, noise_std=0.1):
     nothing = {"points": np.empty((0, 2)), "covariances": np.empty((0, 2, 2))}
+    nothing["noisy"] = NoisyPoints.of(**nothing)
     order = columns = np.empty(0, dtype=int)
     profile = WeighedProfile(
-        **nothing, order=order, columns=columns, noise_std=noise_std, noise_known=noise_known
+        **nothing,
+        order=order,
+        columns=columns,
+        noise_std=noise_std,
+        pitch=0.6,
+        noise_known=noise_known,
     )
     return profile.largest_misfit(radius)
 

@@ -89,7 +89,7 @@ def follow_steps(*, noise_mm: float) -> StepExample:
     identified = max(ours, key=lambda arc: len(arc.indices))
     screened = screen_arc(profile, identified)
     own = profile.points[screened.indices]
-    conditioned = condition_arc(own, profile.covariances[screened.indices], screened.ellipse)
+    conditioned = condition_arc(profile.noisy[screened.indices], screened.ellipse)
     by_x = own[np.argsort(own[:, 0], kind="stable")]
     return StepExample(
         section=section,

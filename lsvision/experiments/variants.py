@@ -46,8 +46,7 @@ class ArcInHand:
 
     def condition(self, arc: IdentifiedArc) -> ConditionedArc:
         """Smoothed and homogenised."""
-        covariances = self.profile.covariances[arc.indices]
-        return condition_arc(self.points(arc.indices), covariances, arc.ellipse)
+        return condition_arc(self.profile.noisy[arc.indices], arc.ellipse)
 
     def points(self, indices: IntArray) -> Points:
         """(k, 2) points of the profile. Units: mm."""

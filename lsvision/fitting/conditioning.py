@@ -1,19 +1,20 @@
 """Smoothing and homogenising of one arc on the residual to its screened ellipse (paper 3.3)."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.fitting.ellipse_parameters import ellipse_of, is_ellipse, parameters_of
-from lsvision.fitting.homogenising import HomogenisingSettings, homogenise
-from lsvision.fitting.quick_fit import (
-    normal_residuals,
-    normal_variances,
-    refine_quickly,
+from lsvision.fitting.ellipse_parameters import (
+    centre_of,
+    ellipse_of,
+    is_ellipse,
+    parameters_of,
 )
+from lsvision.fitting.homogenising import HomogenisingSettings, homogenise
+from lsvision.fitting.quick_fit import compare, refine_quickly
 from lsvision.fitting.smoothing import SmoothingSettings, smooth_residual
 from lsvision.shapes import BoolArray, Ellipse, FloatArray, Points
+from lsvision.shapes.noisy_points import ComplexArray, NoisyPoints, as_vectors
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -36,8 +37,7 @@ class ConditionedArc:
 
 
 def condition_arc(
-    points: Points,
-    covariances: FloatArray,
+    points: NoisyPoints,
     ellipse: Ellipse,
     smoothing: SmoothingSettings = SmoothingSettings(),
     homogenising: HomogenisingSettings = HomogenisingSettings(),
@@ -46,10 +46,8 @@ def condition_arc(
 
     Parameters
     ----------
-    points : (n, 2) ndarray
-        Points of the arc. Units: mm.
-    covariances : (n, 2, 2) ndarray
-        Of their errors. Units: mm^2.
+    points : NoisyPoints
+        Of the arc, n of them.
     ellipse : Ellipse
         The screened ellipse. Units: mm, rad.
     smoothing, homogenising : settings
@@ -60,33 +58,39 @@ def condition_arc(
     ConditionedArc
     """
     parameters = parameters_of(ellipse)
-    signed, normals, w = normal_residuals(points, parameters)
-    stds = np.sqrt(normal_variances(normals, covariances))
-    middle = w.mean(axis=0)
-    # Counted from the middle, so that the cut of atan2 lies off the arc.
-    angles = np.arctan2(w @ (-middle[1], middle[0]), w @ middle)
+    compared = compare(points, parameters)
+    # Counted from the middle, so that the cut of the angle lies off the arc.
+    middle = complex(compared.w.sum())
+    middle /= abs(middle)
+    angles = np.angle(compared.w * middle.conjugate())
     order = np.argsort(angles, kind="stable")
-    feet = (points - signed[:, None] * normals)[order]
-    steps = np.hypot(*(feet[1:] - feet[:-1]).T)
+    angles, signed = angles[order], compared.signed[order]
+    stds = np.sqrt(compared.variances[order])
+    feet = points.z[order] - signed * compared.normals[order]
+    steps = np.abs(feet[1:] - feet[:-1])
     # Points may share a foot; arc length must rise all the same.
-    length = np.concatenate([[0.0], np.cumsum(steps + 1e-9 * steps.sum() + 1e-12)])
-    smooth = smooth_residual(length, signed[order], stds[order], smoothing)
+    length = np.zeros(len(points))
+    np.cumsum(steps + (1e-9 * steps.sum() + 1e-12), out=length[1:])
+    smooth = smooth_residual(length, signed, stds, smoothing)
     even, residual = homogenise(smooth.length, smooth.residual, homogenising)
-    turn = np.interp(even, length, angles[order]) + math.atan2(middle[1], middle[0])
-    on_even = _beside_ellipse(parameters, turn, residual)
+    w = middle * np.exp(1j * np.interp(even, length, angles))
+    on_even = NoisyPoints(
+        _beside_ellipse(parameters, w, residual),
+        np.interp(even, length, stds) ** 2,
+        np.zeros(len(even), dtype=complex),
+    )
     kept = np.empty(len(points), dtype=bool)
     kept[order] = smooth.weights > 0
-    weight = np.interp(even, length, stds[order])[:, None, None] ** 2 * np.eye(2)
-    found, _ = refine_quickly(on_even, weight, parameters, steps=1)
-    return ConditionedArc(on_even, ellipse_of(found if is_ellipse(found) else parameters), kept)
+    found, _ = refine_quickly(on_even, parameters, steps=1)
+    start = ellipse_of(found if is_ellipse(found) else parameters)
+    return ConditionedArc(as_vectors(on_even.z), start, kept)
 
 
-def _beside_ellipse(parameters: FloatArray, turn: FloatArray, residual: FloatArray) -> Points:
-    """Points at a distance (mm) from the points c + E w, w at the angle `turn` (rad)."""
-    x, y, m, p, q = parameters
-    w = np.column_stack([np.cos(turn), np.sin(turn)])
-    E = np.array([[m + p, q], [q, m - p]])
-    normals = w @ np.linalg.inv(E)
-    normals /= np.hypot(normals[:, 0], normals[:, 1])[:, None]
-    beside: Points = (x, y) + w @ E + residual[:, None] * normals
+def _beside_ellipse(parameters: FloatArray, w: ComplexArray, residual: FloatArray) -> ComplexArray:
+    """Points at a distance (mm) from the points c + E w of an ellipse."""
+    m, d = float(parameters[2]), complex(parameters[3], parameters[4])
+    along, across = m * w, d * w.conj()
+    normals = along - across
+    beside: ComplexArray = normals * (residual / np.abs(normals))
+    beside += along + across + centre_of(parameters)
     return beside

@@ -52,7 +52,7 @@ def constrained_cost(problem: ArcProblem, constraint: Constraint, parameters: Fl
 
     costs = []
     for start in constraint.starts(parameters):
-        residuals = evaluate(least_squares(evaluate, start))[0]
+        residuals = least_squares(evaluate, start).residuals
         costs.append(float(residuals @ residuals))
     finite = [cost for cost in costs if math.isfinite(cost)]
     return min(finite) if finite else math.inf

@@ -5,6 +5,7 @@ A fit of five parameters hides the slowest of them from its own residuals, so th
 read off the slow waves just above, and off how fast the spectrum rises towards them.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,7 +64,7 @@ def find_correlation(normalised: FloatArray) -> Correlation:
     """
     n = len(normalised)
     factor = correlation_factor(normalised)
-    alike = n >= 8 and _autocorrelation(normalised, 1) > ALIKE / np.sqrt(n)
+    alike = n >= 8 and _autocorrelation(normalised - normalised.mean(), 1) > ALIKE / math.sqrt(n)
     if n < NEXT.stop + 6:
         return Correlation(factor, bool(alike))
     from scipy.fft import dct
@@ -83,22 +84,25 @@ def correlation_factor(normalised: FloatArray) -> float:
     significant (above 2 / sqrt(n)); 1 for independent errors.
     """
     n = len(normalised)
-    factor, limit = 1.0, 2 / np.sqrt(max(n, 1))
+    centred = normalised - normalised.mean()
+    factor, limit = 1.0, 2 / math.sqrt(max(n, 1))
     for lag in range(1, n // 3 if n >= 8 else 0):
-        rho = _autocorrelation(normalised, lag)
+        rho = _autocorrelation(centred, lag)
         if rho < limit:
             break
         factor += 2 * (1 - lag / n) * rho
     return factor
 
 
-def _autocorrelation(values: FloatArray, lag: int) -> float:
-    centred = values - values.mean()
+def _autocorrelation(centred: FloatArray, lag: int) -> float:
     return float(centred[lag:] @ centred[:-lag]) / max(float(centred @ centred), TINY)
 
 
-def grazing_stds(normals: FloatArray) -> FloatArray:
-    """Relative error of a smoothing sensor by incidence, towards +Y. (n,), 1 where square on."""
-    incidence = np.degrees(np.arccos(np.clip(normals[:, 1], -1, 1)))
+def grazing_stds(towards: FloatArray) -> FloatArray:
+    """Relative error of a smoothing sensor by incidence; 1 where square on. (n,).
+
+    `towards` is the component of the unit normals towards the sensor, +Y.
+    """
+    incidence = np.degrees(np.arccos(np.clip(towards, -1, 1)))
     stds: FloatArray = np.sqrt(1 + (incidence / GRAZING) ** 8)
     return stds

@@ -25,10 +25,17 @@ from lsvision.fitting.ellipse_parameters import (
     orthogonal_comparison,
     parameters_of,
 )
-from lsvision.fitting.ellipse_problem import MOST_EVALUATIONS, ArcProblem, KnownRadius, minimise
+from lsvision.fitting.ellipse_problem import (
+    MOST_EVALUATIONS,
+    ArcProblem,
+    KnownRadius,
+    Solution,
+    minimise,
+)
 from lsvision.fitting.known_phi import KnownPhi
-from lsvision.fitting.quick_fit import normal_variances
+from lsvision.fitting.quick_fit import compare
 from lsvision.shapes import Ellipse, FloatArray, Points
+from lsvision.shapes.noisy_points import NoisyPoints
 
 SURPRISE = 3.3
 """Standard deviations of chi^2 beyond which a noise model is held to be too optimistic."""
@@ -177,15 +184,16 @@ def fit_ellipse(
     for _ in range(1 + settings.reweightings):
         stds = _normal_stds(points, covariances, parameters)
         problem = ArcProblem(points, stds, known_radius, settings.residual, known_phi)
-        parameters = minimise(problem, parameters, settings.most_evaluations)
+        solution = minimise(problem, parameters, settings.most_evaluations)
+        parameters = solution.parameters
         if covariances is None:
             break
-    fit, correlation = _fit_with_evidence(problem, parameters, known_noise=covariances is not None)
+    fit, correlation = _fit_with_evidence(problem, solution, known_noise=covariances is not None)
     if covariances is None and correlation.coloured and settings.residual == "orthogonal":
         _, normals, _ = orthogonal_comparison(points, parameters)
-        problem = ArcProblem(points, grazing_stds(normals), known_radius, settings.residual)
-        parameters = minimise(problem, parameters, settings.most_evaluations)
-        fit, _ = _fit_with_evidence(problem, parameters, known_noise=False)
+        problem = ArcProblem(points, grazing_stds(normals.imag), known_radius, settings.residual)
+        solution = minimise(problem, parameters, settings.most_evaluations)
+        fit, _ = _fit_with_evidence(problem, solution, known_noise=False)
     return fit if problem.prior_rows == 0 else _weighed_against_prior(fit)
 
 
@@ -194,7 +202,7 @@ def _covariances_without_prior(
 ) -> FloatArray:
     """A prior needs the noise's size: take it from a fit that has none."""
     free = ArcProblem(points, np.ones(len(points)), None, settings.residual)
-    residuals = free.evaluate(minimise(free, start))[0]
+    residuals = minimise(free, start).residuals
     variance = float(residuals @ residuals) / (len(points) - PARAMETERS)
     variance = max(variance, np.finfo(float).tiny)
     covariances: FloatArray = np.broadcast_to(np.eye(2) * variance, (len(points), 2, 2))
@@ -207,17 +215,16 @@ def _weighed_against_prior(fit: EllipseFit) -> EllipseFit:
     if factor == 1:
         return fit
     problem = replace(fit.problem, stds=fit.problem.stds * np.sqrt(factor))
-    parameters = minimise(problem, fit.parameters)
-    weighted_residuals, weighted = problem.evaluate(parameters)
-    residuals = weighted_residuals[: len(problem.points)] * problem.stds
+    solution = minimise(problem, fit.parameters)
+    residuals = solution.residuals[: len(problem.points)] * problem.stds
     return replace(
         fit,
-        ellipse=ellipse_of(parameters),
+        ellipse=ellipse_of(solution.parameters),
         problem=problem,
-        parameters=parameters,
+        parameters=solution.parameters,
         residuals=residuals,
         normalised=residuals / fit.problem.stds,
-        model_covariance=_inverse(weighted.T @ weighted),
+        model_covariance=_inverse(solution.jacobian.T @ solution.jacobian),
         variance_factor=1.0,
     )
 
@@ -227,25 +234,24 @@ def _normal_stds(
 ) -> FloatArray:
     if covariances is None:
         return np.ones(len(points))
-    _, normals, _ = orthogonal_comparison(points, parameters)
-    stds: FloatArray = np.sqrt(normal_variances(normals, covariances))
+    stds: FloatArray = np.sqrt(compare(NoisyPoints.of(points, covariances), parameters).variances)
     return stds
 
 
 def _inverse(information: FloatArray) -> FloatArray:
     """Inverse of the information after scaling; huge variances where it is singular."""
     scale = 1 / np.sqrt(np.maximum(np.diag(information), 1e-300))
-    values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
+    both = scale[:, None] * scale
+    values, vectors = np.linalg.eigh(information * both)
     inverse: FloatArray = (vectors / np.maximum(values, 1e-14)) @ vectors.T
     with np.errstate(over="ignore"):  # all points at one place: infinite variances
-        return inverse * np.outer(scale, scale)
+        return inverse * both
 
 
 def _fit_with_evidence(
-    problem: ArcProblem, parameters: FloatArray, *, known_noise: bool
+    problem: ArcProblem, solution: Solution, *, known_noise: bool
 ) -> tuple[EllipseFit, Correlation]:
-    weighted_residuals, weighted = problem.evaluate(parameters)
-    normalised = weighted_residuals[: len(problem.points)]
+    normalised = solution.residuals[: len(problem.points)]
     residuals = normalised * problem.stds
     freedom = float(max(len(residuals) - PARAMETERS, 1)) + problem.prior_rows
     excess = float(normalised @ normalised) / freedom
@@ -260,12 +266,12 @@ def _fit_with_evidence(
     if correlation.coloured:
         freedom = min(freedom, SLOW_FREEDOM)
     fit = EllipseFit(
-        ellipse=ellipse_of(parameters),
+        ellipse=ellipse_of(solution.parameters),
         problem=problem,
-        parameters=parameters,
+        parameters=solution.parameters,
         residuals=residuals,
         normalised=normalised,
-        model_covariance=_inverse(weighted.T @ weighted),
+        model_covariance=_inverse(solution.jacobian.T @ solution.jacobian),
         variance_factor=factor * correlation.factor,
         degrees_of_freedom=freedom,
     )

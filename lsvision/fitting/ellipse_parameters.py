@@ -9,13 +9,12 @@ point; in (m, p, q) it is a point like any other.
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from lsvision.errors import FitFailed
 from lsvision.shapes import Ellipse, FloatArray, Points
 from lsvision.shapes.ellipse import foot_directions
+from lsvision.shapes.noisy_points import ComplexArray, as_complex
 
-ComplexArray = npt.NDArray[np.complex128]
 PARAMETERS = 5
 NEEDLE = 1e-3
 """Thinner than this an ellipse is a straight line that lost its way."""
@@ -23,66 +22,58 @@ NEEDLE = 1e-3
 
 def orthogonal_comparison(
     points: Points, parameters: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+) -> tuple[FloatArray, ComplexArray, ComplexArray]:
     """Signed distance to the nearest point c + E w, and n, w there, with d' = -n d(c + E w).
 
     Returns
     -------
     signed : (n,) ndarray
         Positive outside. Units: mm.
-    normals, w : (n, 2) ndarray
+    normals, w : (n,) complex ndarray
         Outward unit normal and unit vector of the nearest point.
     """
     a, b, turn = axes_of(parameters)
-    own = in_own_frame(points, parameters, turn)
-    u, v = own.real, own.imag
-    wu, wv = foot_directions(u, v, a, b)
-    n = wu / a + 1j * (wv / b)
+    own = (as_complex(points) - centre_of(parameters)) * turn.conjugate()
+    wu, wv = foot_directions(own.real, own.imag, a, b)
+    w = _complex(wu, wv)
+    n = _complex(wu / a, wv / b)
     n /= np.abs(n)
-    signed = (u - a * wu) * n.real + (v - b * wv) * n.imag
-    return signed, as_vectors(n * turn), as_vectors((wu + 1j * wv) * turn)
+    signed = ((own - _complex(a * wu, b * wv)) * n.conj()).real
+    return signed, n * turn, w * turn
 
 
 def radial_comparison(
     points: Points, parameters: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+) -> tuple[FloatArray, ComplexArray, ComplexArray]:
     """The same along the ray from the centre: the paper's r_j (Eq. 4).
 
     Returns
     -------
     signed : (n,) ndarray
         Units: mm.
-    normals, w : (n, 2) ndarray
+    normals, w : (n,) complex ndarray
         The normal divided by its cosine with the ray, so that -n d(c + E w) is again the
         derivative of the residual; unit vector of the point on the ray.
     """
     a, b, turn = axes_of(parameters)
-    own = in_own_frame(points, parameters, turn)
-    w = own.real / a + 1j * (own.imag / b)
+    own = (as_complex(points) - centre_of(parameters)) * turn.conjugate()
+    w = _complex(own.real / a, own.imag / b)
     rho, scaled = np.abs(own), np.abs(w)
     w /= scaled
-    gradient = w.real / a + 1j * (w.imag / b)
+    gradient = _complex(w.real / a, w.imag / b)
     along_ray = (gradient * own.conj()).real / rho
-    return rho - rho / scaled, as_vectors(gradient * (turn / along_ray)), as_vectors(w * turn)
+    return rho - rho / scaled, gradient * (turn / along_ray), w * turn
 
 
-def parameter_rows(normals: FloatArray, w: FloatArray) -> FloatArray:
+def parameter_rows(normals: ComplexArray, w: ComplexArray) -> FloatArray:
     """How far each point of the ellipse moves along its normal, by each parameter: (5, n)."""
-    n, v = normals.view(complex)[:, 0], w.view(complex)[:, 0]
-    along, deviating = n * v.conj(), n * v
-    return np.array([n.real, n.imag, along.real, deviating.real, deviating.imag])
+    along, deviating = normals * w.conj(), normals * w
+    return np.array([normals.real, normals.imag, along.real, deviating.real, deviating.imag])
 
 
-def in_own_frame(points: Points, parameters: FloatArray, turn: complex) -> ComplexArray:
-    """Points in the ellipse's own frame, u + iv: complex numbers turn all of them at once."""
-    offset: ComplexArray = (points - parameters[:2]).view(complex)[:, 0]
-    return offset * turn.conjugate()
-
-
-def as_vectors(numbers: ComplexArray) -> FloatArray:
-    """Complex numbers x + iy as vectors (x, y): (n, 2), the same memory."""
-    vectors: FloatArray = numbers.view(float).reshape(-1, 2)
-    return vectors
+def centre_of(parameters: FloatArray) -> complex:
+    """Centre as x + iy. Units: mm."""
+    return complex(parameters[0], parameters[1])
 
 
 def parameters_of(ellipse: Ellipse) -> FloatArray:
@@ -140,6 +131,12 @@ def axes_of(parameters: FloatArray) -> tuple[float, float, complex]:
     h = math.hypot(p, q)
     theta = 0.5 * math.atan2(q, p)
     return abs(m + h), max(abs(m - h), 1e-12), complex(math.cos(theta), math.sin(theta))
+
+
+def _complex(real: FloatArray, imaginary: FloatArray) -> ComplexArray:
+    numbers = np.empty(len(real), dtype=complex)
+    numbers.real, numbers.imag = real, imaginary
+    return numbers
 
 
 def _deviator_direction(parameters: FloatArray) -> tuple[float, float]:

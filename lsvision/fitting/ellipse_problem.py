@@ -3,12 +3,14 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from lsvision.errors import FitFailed, TooFewPoints
 from lsvision.fitting.ellipse_parameters import (
     PARAMETERS,
+    centre_of,
     orthogonal_comparison,
     parameter_rows,
     radial_comparison,
@@ -17,6 +19,7 @@ from lsvision.fitting.ellipse_parameters import (
 )
 from lsvision.fitting.known_phi import KnownPhi
 from lsvision.shapes import FloatArray, Points
+from lsvision.shapes.noisy_points import as_complex
 
 MOST_EVALUATIONS = 100
 EXACT_RADIUS_STD = 1e-6
@@ -90,33 +93,46 @@ class ArcProblem:
         """
         compare = orthogonal_comparison if self.residual == "orthogonal" else radial_comparison
         signed, n, w = compare(self.points, parameters)
-        count = len(signed)
-        rows = count + self.prior_rows
-        residuals, jacobian = np.empty(rows), np.empty((rows, PARAMETERS))
-        body = jacobian[:count]
-        body[:] = parameter_rows(n, w).T
+        rows = parameter_rows(n, w)
         if self.residual == "radial":
             # The ray turns as the centre moves: n counts where it meets the ellipse, and the
             # rest of the residual lies along the ray.
-            ray = self.points - parameters[:2]
-            share = (signed / (ray[:, 0] ** 2 + ray[:, 1] ** 2))[:, None]
-            body[:, :2] += share * (ray - n * np.hypot(ray[:, 0], ray[:, 1])[:, None])
-        body /= -self.stds[:, None]
-        residuals[:count] = signed / self.stds
+            ray = as_complex(self.points) - centre_of(parameters)
+            length = np.abs(ray)
+            turning = (ray - n * length) * (signed / length**2)
+            rows[0] += turning.real
+            rows[1] += turning.imag
+        rows /= -self.stds
+        residuals, jacobian = signed / self.stds, rows.T
+        if self.prior_rows == 0:
+            return residuals, jacobian
+        prior = self._prior(parameters)
+        return np.concatenate([residuals, prior[0]]), np.concatenate([jacobian, prior[1]])
+
+    def _prior(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+        residuals, jacobian = np.empty(self.prior_rows), np.empty((self.prior_rows, PARAMETERS))
         if self.known_phi is not None:
-            tilt = slice(count, count + self.known_phi.count)
+            tilt = slice(0, self.known_phi.count)
             residuals[tilt], jacobian[tilt] = self.known_phi.rows(parameters)
         if self.known_radius is not None:
-            prior = self.known_radius
-            residuals[-1] = (semi_minor(parameters) - prior.radius) / prior.weight_std
-            jacobian[-1] = semi_minor_gradient(parameters) / prior.weight_std
+            known = self.known_radius
+            residuals[-1] = (semi_minor(parameters) - known.radius) / known.weight_std
+            jacobian[-1] = semi_minor_gradient(parameters) / known.weight_std
         return residuals, jacobian
+
+
+class Solution(NamedTuple):
+    """Least squares' parameters (k,), and residuals (n,) and Jacobian (n, k) there."""
+
+    parameters: FloatArray
+    residuals: FloatArray
+    jacobian: FloatArray
 
 
 def minimise(
     problem: ArcProblem, start: FloatArray, most_evaluations: int = MOST_EVALUATIONS
-) -> FloatArray:
-    """Parameters of least squares, by Levenberg-Marquardt (MINPACK) with analytic Jacobian.
+) -> Solution:
+    """The ellipse of least squares, by Levenberg-Marquardt (MINPACK) with analytic Jacobian.
 
     Raises
     ------
@@ -126,10 +142,10 @@ def minimise(
     rows = len(problem.points) + problem.prior_rows
     if rows < PARAMETERS:
         raise TooFewPoints("an arc", rows, PARAMETERS, "scan slower or nearer")
-    parameters = least_squares(problem.evaluate, start, most_evaluations)
-    if not np.isfinite(parameters).all():
+    solution = least_squares(problem.evaluate, start, most_evaluations)
+    if not np.isfinite(solution.parameters).all():
         raise FitFailed("the ellipse fit left the finite numbers: the points lie on no ellipse")
-    return parameters
+    return solution
 
 
 Evaluation = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
@@ -137,8 +153,8 @@ Evaluation = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 def least_squares(
     evaluate: Evaluation, start: FloatArray, most_evaluations: int = MOST_EVALUATIONS
-) -> FloatArray:
-    """Parameters of least squares by Levenberg-Marquardt (MINPACK) with analytic Jacobian.
+) -> Solution:
+    """Least squares by Levenberg-Marquardt (MINPACK) with analytic Jacobian.
 
     Parameters
     ----------
@@ -157,8 +173,7 @@ def least_squares(
             lambda x: remembered(x)[0], start, Dfun=lambda x: remembered(x)[1],
             xtol=1e-7, ftol=1e-10, maxfev=most_evaluations, full_output=True,
         )  # fmt: skip
-    parameters: FloatArray = found
-    return parameters
+        return Solution(found, *remembered(found))
 
 
 def remembering_last(evaluate: Evaluation) -> Evaluation:

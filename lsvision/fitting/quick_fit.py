@@ -5,17 +5,20 @@ to a needle recognises nothing. Here a weak prior (few pipes are tilted by more 
 holds the difference of the semi-axes; on a long arc the data overrule it.
 """
 
-import math
+from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg.lapack import dposv
 
-from lsvision.fitting.ellipse_parameters import as_vectors, axes_of, in_own_frame, parameter_rows
+from lsvision.fitting.ellipse_parameters import PARAMETERS, centre_of, parameter_rows
 from lsvision.fitting.scatter import MAD_TO_STD, median
-from lsvision.shapes import FloatArray, Points
+from lsvision.shapes import FloatArray
+from lsvision.shapes.noisy_points import ComplexArray, NoisyPoints
 
 TILT_STD = 0.15
 """One sigma of (a - b) / (a + b) before the data speak: 0.13 is a tilt of 40 deg."""
 TINY = 1e-300
+IDENTITY = np.eye(PARAMETERS)
 LARGEST_STEP = 0.1
 """Damping: a step of this share of the size is as dear as a misfit of one sigma."""
 CAUCHY_SIGMAS = 3.0
@@ -24,49 +27,56 @@ NORMAL_SLACK = 0.05
 """Share of the total variance that counts along any normal: one 13 deg off."""
 
 
-def normal_residuals(
-    points: Points, parameters: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """First-order orthogonal distance, unit normals, and w where the ray meets the ellipse.
+@dataclass(frozen=True, eq=False, slots=True)
+class Comparison:
+    """Points compared with an ellipse, to first order.
 
-    Returns
-    -------
+    Parameters
+    ----------
     signed : (n,) ndarray
-        Positive outside; exact at the ellipse, right to second order near it. Units: mm.
-    normals, w : (n, 2) ndarray
-        Outward unit normal and unit vector of c + E w.
+        Orthogonal distance, positive outside; exact at the ellipse, right to second order near
+        it. Units: mm.
+    normals, w : (n,) complex ndarray
+        Outward unit normal, and unit vector of c + E w, where the ray from the centre meets the
+        ellipse.
+    variances : (n,) ndarray
+        Of the points' errors along these normals, n' Sigma n. Units: mm^2.
+    tolerant : (n,) ndarray
+        The same where a normal is itself not yet known well: at a grazing flank n' Sigma n
+        almost vanishes, and a normal a few degrees off would give that point all the weight;
+        `NORMAL_SLACK` of the total variance is added. Units: mm^2.
     """
-    a, b, turn = axes_of(parameters)
-    own = in_own_frame(points, parameters, turn)
-    w = own.real / a + 1j * (own.imag / b)
+
+    signed: FloatArray
+    normals: ComplexArray
+    w: ComplexArray
+    variances: FloatArray
+    tolerant: FloatArray
+
+    def rows(self) -> FloatArray:
+        """How far the ellipse moves along each normal, by each parameter: (5, n)."""
+        return parameter_rows(self.normals, self.w)
+
+
+def compare(points: NoisyPoints, parameters: FloatArray) -> Comparison:
+    """Points compared with an ellipse (see `lsvision.fitting.ellipse_parameters`).
+
+    The symmetric matrix E acts on w as m w + d conj(w), with d = p + iq, and its adjugate, which
+    the inverse and the normals are made of, as m w - d conj(w).
+    """
+    m, d = float(parameters[2]), complex(parameters[3], parameters[4])
+    offset = points.z - centre_of(parameters)
+    w = m * offset - d * offset.conj()
     size = np.maximum(np.abs(w), TINY)
     w /= size
-    n = w.real / a + 1j * (w.imag / b)
+    n = m * w - d * w.conj()
     steepness = np.abs(n)
     n /= steepness
-    # Along the ray from the centre the ellipse is at 1 / size; times the ray's cosine with n.
-    return (size - 1) / steepness, as_vectors(n * turn), as_vectors(w * turn)
-
-
-def normal_variances(normals: FloatArray, covariances: FloatArray) -> FloatArray:
-    """Variance n' Sigma n of each point's error along the normal. Units: mm^2."""
-    nx, ny = normals[:, 0], normals[:, 1]
-    variances: FloatArray = (
-        nx * nx * covariances[:, 0, 0]
-        + 2 * nx * ny * covariances[:, 0, 1]
-        + ny * ny * covariances[:, 1, 1]
-    )
-    return variances
-
-
-def tolerant_variances(normals: FloatArray, covariances: FloatArray) -> FloatArray:
-    """Variance along a normal that is itself not yet known well. Units: mm^2.
-
-    At a grazing flank n' Sigma n almost vanishes, and a normal a few degrees off would give
-    that point all the weight; `NORMAL_SLACK` of the total variance is added.
-    """
-    total = covariances[:, 0, 0] + covariances[:, 1, 1]
-    return normal_variances(normals, covariances) + NORMAL_SLACK * total
+    # Along the ray the ellipse is at det / size; times the ray's cosine with n.
+    signed = (size - (m * m - abs(d) ** 2)) / steepness
+    variances = points.variances_along(n)
+    tolerant = variances + (2 * NORMAL_SLACK) * points.variance
+    return Comparison(signed, n, w, variances, tolerant)
 
 
 def robust_variances(signed: FloatArray, variances: FloatArray) -> FloatArray:
@@ -81,20 +91,18 @@ def robust_variances(signed: FloatArray, variances: FloatArray) -> FloatArray:
 
 
 def refine_quickly(
-    points: Points, covariances: FloatArray, parameters: FloatArray, steps: int
+    points: NoisyPoints, parameters: FloatArray, steps: int
 ) -> tuple[FloatArray, FloatArray]:
     """A few Gauss-Newton steps of the robust weighted fit, the tilt held by its prior.
 
     Parameters
     ----------
-    points : (n, 2) ndarray
-        Units: mm.
-    covariances : (n, 2, 2) ndarray
-        Units: mm^2.
+    points : NoisyPoints
+        Of the arc.
     parameters : (5,) ndarray
         Start; see `lsvision.fitting.ellipse_parameters`. Units: mm.
     steps : int
-        Gauss-Newton steps.
+        Gauss-Newton steps, at least one.
 
     Returns
     -------
@@ -103,23 +111,21 @@ def refine_quickly(
     covariance : (5, 5) ndarray
         Of the parameters, before the last step. Units: mm^2.
     """
-    covariance = np.full((5, 5), np.nan)
-    for step in range(steps):
-        signed, n, w = normal_residuals(points, parameters)
-        J = parameter_rows(n, w)
-        weighted = J / robust_variances(signed, tolerant_variances(n, covariances))
-        information, right = weighted @ J.T, weighted @ signed
+    for _ in range(steps):
+        compared = compare(points, parameters)
+        rows = compared.rows()
+        weighted = rows / robust_variances(compared.signed, compared.tolerant)
+        information, right = weighted @ rows.T, weighted @ compared.signed
         held = 1 / (TILT_STD * 2 * parameters[2]) ** 2
         information[3, 3] += held
         information[4, 4] += held
         right[3:] -= held * parameters[3:]
-        if not math.isfinite(float(information.sum())):
-            return np.full(5, np.nan), covariance
-        try:
-            if step == steps - 1:
-                covariance = np.linalg.inv(information)
-            information.flat[::6] += 1 / (LARGEST_STEP * parameters[2]) ** 2
-            parameters = parameters + np.linalg.solve(information, right)
-        except np.linalg.LinAlgError:
-            return np.full(5, np.nan), covariance
-    return parameters, covariance
+        damping = 1 / (LARGEST_STEP * parameters[2]) ** 2
+        parameters = parameters + solve_positive(information + damping * IDENTITY, right)
+    return parameters, solve_positive(information, IDENTITY)
+
+
+def solve_positive(matrix: FloatArray, right: FloatArray) -> FloatArray:
+    """Solution of a symmetric positive definite system; NaN where the matrix is none."""
+    _, solution, failed = dposv(matrix, right)
+    return np.full_like(solution, np.nan) if failed else solution

@@ -17,8 +17,6 @@ from lsvision.shapes import FloatArray, Points
 
 NODES = 32
 """Places where the local quadratic is evaluated: a window of 30 % has no finer detail."""
-HANKEL = np.add.outer(np.arange(3), np.arange(3))
-"""Which moment stands where in the normal equations of a quadratic."""
 TINY = float(np.finfo(float).tiny)
 BISQUARE = 4.685
 """Tukey's constant: 95 % efficiency at the normal distribution."""
@@ -117,15 +115,15 @@ def _powers(u: FloatArray, kernel: FloatArray) -> FloatArray:
 
 def _local_quadratic(windows: FloatArray, weights: FloatArray, residual: FloatArray) -> FloatArray:
     """Value at u = 0 of the weighted quadratic of each window."""
-    moments = windows @ weights
-    right = windows[:3] @ (weights * residual)
-    matrix = moments[HANKEL].transpose(2, 0, 1)
+    m0, m1, m2, m3, m4 = windows @ weights
+    r0, r1, r2 = windows[:3] @ (weights * residual)
     # A little ridge: a window with two points has a line, one without any the ellipse itself.
-    ridge = 1e-9 * moments[0] + 1e-12 * moments[0].max() + TINY
-    value: FloatArray = np.linalg.solve(
-        matrix + ridge[:, None, None] * np.eye(3), right.T[..., None]
-    )
-    return value[:, 0, 0]
+    ridge = 1e-9 * m0 + 1e-12 * m0.max() + TINY
+    d0, d2, d4 = m0 + ridge, m2 + ridge, m4 + ridge
+    # First row of the normal equations' inverse, by Cramer's rule.
+    c0, c1, c2 = d2 * d4 - m3 * m3, m2 * m3 - m1 * d4, m1 * m3 - m2 * d2
+    value: FloatArray = (c0 * r0 + c1 * r1 + c2 * r2) / (c0 * d0 + c1 * m1 + c2 * m2)
+    return value
 
 
 def smooth_profile_literally(points: Points, window_fraction: float = 0.3) -> Points:

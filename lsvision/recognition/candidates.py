@@ -13,7 +13,6 @@ import cv2
 import numpy as np
 
 from lsvision.profile import Arc, WeighedProfile
-from lsvision.recognition.range_image import typical_pitch
 from lsvision.recognition.windows import WindowCircles, fit_window_circles, lattice
 from lsvision.shapes import BoolArray, Ellipse, FloatArray, IntArray, Points
 
@@ -106,12 +105,10 @@ def find_candidates(
     """
     if not components:
         return []
-    points, noise_std = profile.points, profile.noise_std
-    components = [_without_spikes(profile, c, settings.smallest_span) for c in components]
-    sequence = np.concatenate(components)
-    sizes = np.array([len(component) for component in components])
+    noise_std = profile.noise_std
+    sequence, sizes = _without_spikes(profile, components, settings.smallest_span)
     starts, stops = lattice(sizes, settings.smallest_span, settings.span_growth)
-    circles = fit_window_circles(points[sequence], starts, stops)
+    circles = fit_window_circles(profile.points[sequence], starts, stops)
     good = _curves_like_a_pipe(circles, stops - starts, noise_std, radius_range, settings)
     limit = settings.sigmas * noise_std + settings.roundness * circles.radius
     with np.errstate(invalid="ignore", over="ignore"):
@@ -122,13 +119,31 @@ def find_candidates(
     return [_candidate(sequence[starts[i] : stops[i]], circles, int(i)) for i in order]
 
 
-def _without_spikes(profile: WeighedProfile, component: IntArray, smallest: int) -> IntArray:
-    """A component without jumps too small to be cut off: far from the median of five."""
-    y = profile.points[component, 1]
-    five = np.sort(np.lib.stride_tricks.sliding_window_view(np.pad(y, 2, mode="edge"), 5), axis=1)
-    pitch = typical_pitch(profile.points[component])
-    near = np.abs(y - five[:, 2]) <= SPIKE_SIGMAS * profile.noise_std + SPIKE_PITCHES * pitch
-    return component[near] if near.sum() >= smallest else component
+def _without_spikes(
+    profile: WeighedProfile, components: list[IntArray], smallest: int
+) -> tuple[IntArray, IntArray]:
+    """All components in a row, and their sizes, without jumps too small to be cut off.
+
+    Such a jump is far from the median of five; of a component that would be left with fewer
+    than `smallest` points nothing is dropped.
+    """
+    sequence = np.concatenate(components)
+    sizes = np.array([len(component) for component in components])
+    first = np.cumsum(sizes) - sizes
+    points = profile.points[sequence]
+    limit = SPIKE_SIGMAS * profile.noise_std + SPIKE_PITCHES * profile.pitch
+    # Each component's end points thrice, so that no median reaches into its neighbours.
+    times = np.ones(len(sequence), dtype=int)
+    times[first] = times[first + sizes - 1] = 3
+    padded = np.repeat(points[:, 1] - points[0, 1], times).astype(np.float32)
+    middle = cv2.medianBlur(padded[None], 5)[0]
+    place = np.cumsum(times) - times
+    place[first] += 2
+    near = np.abs(padded[place] - middle[place]) <= limit
+    left = np.add.reduceat(near, first)
+    spared = left < smallest
+    near |= np.repeat(spared, sizes)
+    return sequence[near], np.where(spared, sizes, left)
 
 
 def _unlike_better_ones(starts: IntArray, stops: IntArray, overlap: float) -> IntArray:

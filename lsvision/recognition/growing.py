@@ -5,14 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.fitting.ellipse_parameters import is_ellipse, parameter_rows
-from lsvision.fitting.quick_fit import (
-    normal_residuals,
-    refine_quickly,
-    tolerant_variances,
-)
-from lsvision.fitting.scatter import robust_std
-from lsvision.shapes import BoolArray, FloatArray, IntArray, Points
+from lsvision.fitting.ellipse_parameters import is_ellipse
+from lsvision.fitting.quick_fit import compare, refine_quickly
+from lsvision.fitting.scatter import MAD_TO_STD, median
+from lsvision.shapes import BoolArray, FloatArray, IntArray
+from lsvision.shapes.noisy_points import NoisyPoints
 
 FARTHEST_NORMAL = -0.5
 """Smallest y of an outward normal that a sensor with a fan of +/- 30 deg can still light."""
@@ -66,29 +63,25 @@ class IdentificationSettings:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class WeighedSpan:
-    """Points around an arc, their covariances, and how much more they may scatter.
+    """Points around an arc, and how much more they may scatter than their covariances say.
 
     Parameters
     ----------
-    points : (n, 2) ndarray
-        Units: mm.
-    covariances : (n, 2, 2) ndarray
-        Units: mm^2.
+    points : NoisyPoints
+        In order along the line.
     largest_misfit : float
         See `WeighedProfile`.
     radius : float
         Of the candidate. Units: mm.
     """
 
-    points: Points
-    covariances: FloatArray
+    points: NoisyPoints
     largest_misfit: float
     radius: float
 
     def part(self, start: int, stop: int) -> "WeighedSpan":
         """The points [start, stop)."""
-        points, covariances = self.points[start:stop], self.covariances[start:stop]
-        return WeighedSpan(points, covariances, self.largest_misfit, self.radius)
+        return WeighedSpan(self.points[start:stop], self.largest_misfit, self.radius)
 
     def step_outwards(self, inside: IntArray, fraction: float) -> tuple[int, int]:
         """The span of the points inside, wider by a share of itself at either end."""
@@ -98,13 +91,13 @@ class WeighedSpan:
 
     def distance(self, i: int, j: int) -> float:
         """Between two points. Units: mm."""
-        return math.dist(self.points[i], self.points[j])
+        return float(abs(self.points.z[i] - self.points.z[j]))
 
     def refine(
         self, inside: IntArray, parameters: FloatArray, steps: int
     ) -> tuple[FloatArray, FloatArray]:
         """Ellipse of the points inside, and its covariance: see `refine_quickly`."""
-        return refine_quickly(self.points[inside], self.covariances[inside], parameters, steps)
+        return refine_quickly(self.points[inside], parameters, steps)
 
 
 def grow_arc(
@@ -209,15 +202,15 @@ def _on_ellipse(
 
     The first goes so far out carefully, the second as far as the ellipse is unsure.
     """
-    signed, normals, w = normal_residuals(near.points, parameters)
-    variances = tolerant_variances(normals, near.covariances)
-    scatter = robust_std((signed / np.sqrt(variances))[inside])
+    compared = compare(near.points, parameters)
+    variances, squares = compared.tolerant, compared.signed * compared.signed
+    scatter = MAD_TO_STD * math.sqrt(median((squares / variances)[inside]))
     limit = settings.sensor_error_sigmas * min(max(scatter, 1.0), near.largest_misfit)
-    rows = parameter_rows(normals, w)
+    rows = compared.rows()
     extrapolated = settings.correlation * ((unsure @ rows) * rows).sum(axis=0)
     careful = np.minimum(extrapolated, settings.largest_extrapolation * variances)
-    lit = normals[:, 1] > FARTHEST_NORMAL
-    squares = (signed / limit) ** 2
+    lit = compared.normals.imag > FARTHEST_NORMAL
+    squares /= limit**2
     return lit & (squares < variances + careful), lit & (squares < variances + extrapolated)
 
 
@@ -227,7 +220,9 @@ def _run_around(good: BoolArray, inside: IntArray, settings: IdentificationSetti
     if len(members) == 0:
         return members
     middle = (int(inside[0]) + int(inside[-1]) + 1) // 2
-    cuts = np.flatnonzero(np.diff(members) > settings.ending_points) + 1
+    cuts = np.flatnonzero(members[1:] - members[:-1] > settings.ending_points) + 1
+    if len(cuts) == 0:
+        return members
     bounds = [0, *cuts.tolist(), len(members)]
     firsts = [int(members[i]) for i in bounds[:-1]]
     stops = [int(members[i - 1]) + 1 for i in bounds[1:]]

@@ -66,8 +66,7 @@ def identify_arc(
     if len(inside) < settings.fewest_points:
         return None
     around = WeighedSpan(
-        profile.points[free],
-        profile.covariances[free],
+        profile.noisy[free],
         profile.largest_misfit(candidate.radius),
         candidate.radius,
     )

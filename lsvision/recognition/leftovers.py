@@ -1,7 +1,8 @@
 """Every stretch of a profile that holds no cylinder, with one reason: never silence."""
 
-import math
+import cmath
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -10,6 +11,7 @@ from lsvision.profile import Arc, WeighedProfile
 from lsvision.recognition.verdict import Rejection
 from lsvision.recognition.windows import WindowCircles, fit_window_circles
 from lsvision.shapes import BoolArray, IntArray, Points
+from lsvision.shapes.noisy_points import as_complex
 
 LARGEST_COMMON_SHARE = 0.5
 """A rejection that shares more of its points with a cylinder or another rejection is left out."""
@@ -73,8 +75,10 @@ def explain_leftovers(
 
 def _untold(component: IntArray, told: BoolArray) -> list[IntArray]:
     """The stretches of a component of which nothing was said."""
-    untold = np.flatnonzero(~told[component])
-    stretches = np.split(untold, np.flatnonzero(np.diff(untold) > 1) + 1)
+    untold = (~told[component]).nonzero()[0]
+    cuts = (untold[1:] - untold[:-1] > 1).nonzero()[0] + 1
+    bounds = [0, *cuts.tolist(), len(untold)]
+    stretches = [untold[start:stop] for start, stop in pairwise(bounds)]
     return [component[stretch] for stretch in stretches if len(stretch) >= FEWEST_POINTS]
 
 
@@ -92,13 +96,21 @@ def reasons_for_leftovers(
     radius_range : tuple of float
         Units: mm.
     """
+    flat = [flatness_of(run, noise_std) for run in runs]
+    curved = [run for run, reason in zip(runs, flat, strict=True) if reason is None]
+    circled = iter(_reasons_of_circles(curved, noise_std, radius_range))
+    return [reason or next(circled) for reason in flat]
+
+
+def _reasons_of_circles(
+    runs: list[Points], noise_std: float, radius_range: tuple[float, float]
+) -> list[str]:
     if not runs:
         return []
     stops = np.cumsum([len(run) for run in runs])
     circles = fit_window_circles(np.concatenate(runs), np.append(0, stops[:-1]), stops)
     return [
-        flatness_of(run, noise_std)
-        or _reason_of_circle(
+        _reason_of_circle(
             circles, i, 20 * float(np.ptp(run, axis=0).max()), noise_std, radius_range
         )
         for i, run in enumerate(runs)
@@ -133,10 +145,10 @@ def flatness_of(own: Points, noise_std: float) -> str | None:
     noise_std : float
         Units: mm.
     """
-    centred = own - own.mean(axis=0)
-    xx, xy, yy = (float(centred[:, a] @ centred[:, b]) for a, b in ((0, 0), (0, 1), (1, 1)))
-    along = 0.5 * math.atan2(2 * xy, xx - yy)
-    across = np.abs(centred @ (-math.sin(along), math.cos(along)))
+    z = as_complex(own)
+    centred = z - z.sum() / len(z)
+    along = cmath.phase(centred @ centred) / 2
+    across = np.abs((centred * cmath.rect(1.0, -along)).imag)
     # The largest tenth may be jumps; nine tenths of a normal distribution lie in 1.645 sigma.
     rank = int(0.9 * len(across))
     rms = float(np.partition(across, rank)[rank]) / 1.645

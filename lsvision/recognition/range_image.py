@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from lsvision.fitting.scatter import median
 from lsvision.profile import WeighedProfile
 from lsvision.shapes import FloatArray, IntArray, Points
 
@@ -83,7 +82,7 @@ def rasterise(
     if len(indices) < 2:
         return RangeImage(np.zeros((1, 1), np.uint8), indices[:0], np.empty((0, 2), int), 1.0)
     points = profile.points[indices]
-    pitch = typical_pitch(points)
+    pitch = profile.pitch
     low = points.min(axis=0)
     extent = float((points.max(axis=0) - low).max())
     pixel = max(pitch / PIXELS_PER_POINT, extent / LARGEST_SIDE)
@@ -116,27 +115,19 @@ def connected_components(range_image: RangeImage, smallest: int) -> list[IntArra
     return sorted((c for c in components if len(c) >= smallest), key=lambda c: int(c[0]))
 
 
-def typical_pitch(points: Points) -> float:
-    """Median spacing of neighbouring points along X. Units: mm; tiny but positive always."""
-    spacing = np.abs(np.diff(points[:, 0]))
-    spacing = spacing[spacing > 0]
-    if len(spacing) == 0:
-        spread = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
-        return max(spread / max(len(points), 1), 1e-9)
-    return median(spacing)
-
-
 def _indices_within_reach(profile: WeighedProfile) -> IntArray:
     valid = profile.order
     if len(valid) < 2:
         return valid
-    points = profile.points[valid]
-    ordered = np.sort(points, axis=0)
-    outermost = len(points) // 100
-    low, high = ordered[outermost], ordered[-1 - outermost]
-    margin = (high - low) + 10 * typical_pitch(points)
-    within: IntArray = valid[((points >= low - margin) & (points <= high + margin)).all(axis=1)]
-    return within
+    z = profile.noisy.z[valid]
+    outermost = len(z) // 100
+    within = np.ones(len(z), dtype=bool)
+    for values in (z.real, z.imag):
+        ordered = np.partition(values, (outermost, len(z) - 1 - outermost))
+        low, high = float(ordered[outermost]), float(ordered[-1 - outermost])
+        margin = (high - low) + 10 * profile.pitch
+        within &= (values >= low - margin) & (values <= high + margin)
+    return valid[within]
 
 
 def _strokes(

@@ -13,18 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.fitting.correlation import correlation_factor
-from lsvision.fitting.ellipse_parameters import (
-    ellipse_of,
-    is_ellipse,
-    parameter_rows,
-    parameters_of,
-)
-from lsvision.fitting.quick_fit import (
-    normal_residuals,
-    normal_variances,
-    refine_quickly,
-    tolerant_variances,
-)
+from lsvision.fitting.ellipse_parameters import ellipse_of, is_ellipse, parameters_of
+from lsvision.fitting.quick_fit import IDENTITY, compare, refine_quickly, solve_positive
 from lsvision.fitting.scatter import robust_std
 from lsvision.profile import Arc, WeighedProfile
 from lsvision.recognition.identification import IdentifiedArc
@@ -137,14 +127,14 @@ class _MiddlePart:
 
 
 def _fit_middle(profile: WeighedProfile, part: IntArray, start: Ellipse) -> _MiddlePart | None:
-    own, covariances = profile.points[part], profile.covariances[part]
-    parameters, covariance = refine_quickly(own, covariances, parameters_of(start), steps=2)
+    own = profile.noisy[part]
+    parameters, covariance = refine_quickly(own, parameters_of(start), steps=2)
     if not is_ellipse(parameters):
         return None
-    signed, n, _ = normal_residuals(own, parameters)
-    z = signed / np.sqrt(normal_variances(n, covariances))
     excess, correlation = 1.0, 1.0
     if not profile.noise_known:
+        compared = compare(own, parameters)
+        z = compared.signed / np.sqrt(compared.variances)
         excess = max(1.0, robust_std(z) ** 2)
         correlation = correlation_factor(np.clip(z, -3 * excess, 3 * excess))
     return _MiddlePart(parameters, covariance * excess * correlation, excess, correlation)
@@ -161,9 +151,9 @@ def _on_ellipse(
     """The points of an end part, given from the outside in, that lie on the middle's ellipse."""
     if len(part) == 0:
         return part
-    signed, n, w = normal_residuals(profile.points[part], middle.parameters)
-    rows = parameter_rows(n, w)
-    own = middle.excess * tolerant_variances(n, profile.covariances[part])
+    compared = compare(profile.noisy[part], middle.parameters)
+    signed, rows = compared.signed, compared.rows()
+    own = middle.excess * compared.tolerant
     unsure = ((middle.covariance @ rows) * rows).sum(axis=0)
     single: BoolArray = signed**2 < settings.sensor_error_sigmas**2 * (own + unsure)
     for first in range(len(part)):
@@ -193,8 +183,9 @@ class _Gaps:
     def chi2(self) -> float:
         """Of all of them, by Woodbury: as many unknowns as the ellipse has, not as points."""
         over = self.rows / self.own
-        inner, pull = np.linalg.inv(self.parameters) + over @ self.rows.T, over @ self.signed
-        return float(self.signed @ (self.signed / self.own) - pull @ np.linalg.solve(inner, pull))
+        known = solve_positive(self.parameters, IDENTITY)
+        inner, pull = known + over @ self.rows.T, over @ self.signed
+        return float(self.signed @ (self.signed / self.own) - pull @ solve_positive(inner, pull))
 
     def covariance(self, count: int) -> FloatArray:
         """(count, count) of the outermost."""
@@ -214,7 +205,7 @@ def _leaves(gaps: _Gaps, sigmas: float) -> bool:
     for count in OUTERMOST:
         if count > len(gaps.signed):
             return False
-        weights = np.linalg.solve(covariance[:count, :count], np.ones(count))
+        weights = solve_positive(covariance[:count, :count], np.ones(count))
         if float(weights @ gaps.signed[:count]) > sigmas * math.sqrt(float(weights.sum())):
             return True
     return False

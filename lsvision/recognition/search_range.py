@@ -6,7 +6,6 @@ import numpy as np
 
 from lsvision.fitting.ellipse_problem import KnownRadius
 from lsvision.profile import WeighedProfile
-from lsvision.recognition.range_image import typical_pitch
 
 NOMINAL_SPREAD = 0.2
 """A nominal radius is searched within this share of itself."""
@@ -58,7 +57,6 @@ def search_range(
     if len(points) < 2:
         return 1.0, 2.0
     extent = float(np.ptp(points, axis=0).max())
-    spacing = typical_pitch(points)
-    dust = min(DUST_SHARE * extent, DUST_PITCHES * spacing)
-    low = max(SMALLEST_RADIUS_PITCHES * spacing, dust, 1e-9)
+    dust = min(DUST_SHARE * extent, DUST_PITCHES * profile.pitch)
+    low = max(SMALLEST_RADIUS_PITCHES * profile.pitch, dust, 1e-9)
     return low, max(LARGEST_RADIUS_EXTENTS * extent, 2 * low)

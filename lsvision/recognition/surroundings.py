@@ -1,18 +1,19 @@
 """What the line does beyond the ends of an arc."""
 
-import math
-
 import numpy as np
 
 from lsvision.fitting.scatter import median
 from lsvision.profile import WeighedProfile
-from lsvision.shapes import FloatArray, IntArray, Points
+from lsvision.shapes import IntArray
+from lsvision.shapes.noisy_points import ComplexArray
 
 REACH_PITCHES = 3.0
 """A next point further away than this many pitches of the arc's own end no longer follows."""
 
 
-def followers(profile: WeighedProfile, indices: IntArray, count: int) -> tuple[Points, Points]:
+def followers(
+    profile: WeighedProfile, indices: IntArray, count: int
+) -> tuple[ComplexArray, ComplexArray]:
     """The connected points before the start and after the end of an arc.
 
     Parameters
@@ -26,24 +27,25 @@ def followers(profile: WeighedProfile, indices: IntArray, count: int) -> tuple[P
 
     Returns
     -------
-    before, after : (m, 2) ndarray
-        Outwards from the arc, each within reach of the one before; jumps are left out.
+    before, after : (m,) complex ndarray
+        x + iy, outwards from the arc, each within reach of the one before; jumps are left out.
+        Units: mm.
     """
-    first = int(np.searchsorted(profile.order, indices[0]))
-    last = int(np.searchsorted(profile.order, indices[-1]))
-    before = profile.points[profile.order[max(0, first - count) : first]][::-1]
-    after = profile.points[profile.order[last + 1 : last + 1 + count]]
-    own = profile.points[indices]
+    first, last = np.searchsorted(profile.order, indices[[0, -1]]).tolist()
+    z = profile.noisy.z
+    before = z[profile.order[max(0, first - count) : first]][::-1]
+    after = z[profile.order[last + 1 : last + 1 + count]]
+    own = z[indices]
     return _chain(own[::-1], before), _chain(own, after)
 
 
-def _chain(own: Points, beyond: Points) -> Points:
+def _chain(own: ComplexArray, beyond: ComplexArray) -> ComplexArray:
     steps = own[-12:]
-    pitch = median(np.hypot(*(steps[1:] - steps[:-1]).T))
-    last = own[-1]
-    chain: list[FloatArray] = []
-    for point in beyond:
-        if math.dist(point, last) <= REACH_PITCHES * pitch * (1.0 if chain else 1.5):
+    reach = REACH_PITCHES * median(np.abs(steps[1:] - steps[:-1]))
+    last = complex(own[-1])
+    chain: list[complex] = []
+    for point in beyond.tolist():
+        if abs(point - last) <= reach * (1.0 if chain else 1.5):
             chain.append(point)
             last = point
-    return np.array(chain).reshape(-1, 2)
+    return np.array(chain, dtype=complex)

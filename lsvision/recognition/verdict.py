@@ -1,16 +1,20 @@
 """Is an arc a cylinder's? If not, the reason in words and numbers."""
 
+import cmath
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
 from lsvision.fitting.ellipse_parameters import parameters_of
-from lsvision.fitting.quick_fit import normal_residuals, normal_variances
+from lsvision.fitting.quick_fit import Comparison, compare
 from lsvision.profile import Arc, WeighedProfile
 from lsvision.recognition.identification import IdentifiedArc
 from lsvision.recognition.surroundings import followers
-from lsvision.shapes import Ellipse, FloatArray, Points
+from lsvision.shapes import Ellipse, FloatArray
+from lsvision.shapes.noisy_points import ComplexArray, NoisyPoints
 
 LARGE_SHARE, LARGE_SIGMAS = 0.3, 4.0
 """A radius over this share of the view must be known to this many sigmas."""
@@ -90,39 +94,57 @@ def reason_against(
     slack : float
         By which the largest misfit is widened, for an arc whose ends are not screened yet.
     """
-    points = profile.points
-    own = points[arc.indices]
-    ellipse = arc.ellipse
-    signed, normals, _ = normal_residuals(own, parameters_of(ellipse))
-    z = signed / np.sqrt(normal_variances(normals, profile.covariances[arc.indices]))
-    misfit = float(np.sqrt(np.mean(z * z)))
-    coverage_deg = math.degrees(coverage(normals))
-    span = np.isfinite(points[arc.arc.start : arc.arc.stop, 0]).sum()
-    sagitta = float(np.ptp(own @ normals.mean(axis=0))) / max(
-        math.hypot(*normals.mean(axis=0)), 0.1
-    )
-    noise = float(np.sqrt(np.mean((signed / np.maximum(np.abs(z), 1e-12)) ** 2)))
+    compared = compare(profile.noisy[arc.indices], parameters_of(arc.ellipse))
     low, high = radius_range
-    limit = profile.largest_misfit(ellipse.radius)
-    checks = (
-        (len(own) < settings.fewest_points,
-         f"only {len(own)} points on an ellipse, needs {settings.fewest_points}"),
-        (normals[:, 1].mean() <= 0, "concave towards the sensor"),
-        (not low <= ellipse.radius <= high,
-         f"radius {ellipse.radius:.3g} mm outside {low:.3g} to {high:.3g} mm"),
-        (ellipse.phi > math.radians(settings.max_tilt_deg),
-         f"tilt {math.degrees(ellipse.phi):.0f} deg over {settings.max_tilt_deg:.0f} deg"),
-        (coverage_deg < settings.least_coverage_deg,
-         f"arc covers {coverage_deg:.0f} deg, needs {settings.least_coverage_deg:.0f} deg"),
-        (misfit > slack * limit,
-         f"residual rms {misfit:.1f} times the noise, limit {limit:.1f}"
-         + (": is the sensor's noise right?" if profile.noise_known else "")),
-        (sagitta < settings.least_sagitta_sigmas * noise / math.sqrt(len(own)),
-         f"flat: rises {sagitta:.2f} mm over its chord at {noise:.2f} mm noise"),
-        (len(own) < settings.least_density * span,
-         f"only {len(own)} of {span} points of the span lie on the ellipse"),
-    )  # fmt: skip
-    return next((reason for against, reason in checks if against), None)
+    objections = chain(
+        _against_shape(arc.ellipse, compared.normals, low, high, settings),
+        _against_points(profile, arc, compared, slack, settings),
+    )
+    return next(objections, None)
+
+
+def _against_shape(
+    ellipse: Ellipse, normals: ComplexArray, low: float, high: float, settings: VerdictSettings
+) -> Iterator[str]:
+    """Few points, wrong way round, too small or large, too tilted, too short."""
+    if len(normals) < settings.fewest_points:
+        yield f"only {len(normals)} points on an ellipse, needs {settings.fewest_points}"
+    if normals.imag.sum() <= 0:
+        yield "concave towards the sensor"
+    if not low <= ellipse.radius <= high:
+        yield f"radius {ellipse.radius:.3g} mm outside {low:.3g} to {high:.3g} mm"
+    tilt_deg = math.degrees(ellipse.phi)
+    if tilt_deg > settings.max_tilt_deg:
+        yield f"tilt {tilt_deg:.0f} deg over {settings.max_tilt_deg:.0f} deg"
+    coverage_deg = math.degrees(coverage(normals))
+    if coverage_deg < settings.least_coverage_deg:
+        yield f"arc covers {coverage_deg:.0f} deg, needs {settings.least_coverage_deg:.0f} deg"
+
+
+def _against_points(
+    profile: WeighedProfile,
+    arc: IdentifiedArc,
+    compared: Comparison,
+    slack: float,
+    settings: VerdictSettings,
+) -> Iterator[str]:
+    """Beside the ellipse, flat within the noise, or with too many strangers among them."""
+    count = len(compared.signed)
+    squares = compared.signed * compared.signed
+    misfit = math.sqrt((squares / compared.variances).sum() / count)
+    limit = profile.largest_misfit(arc.ellipse.radius)
+    if misfit > slack * limit:
+        asked = ": is the sensor's noise right?" if profile.noise_known else ""
+        yield f"residual rms {misfit:.1f} times the noise, limit {limit:.1f}{asked}"
+    middle = complex(compared.normals.sum()) / count
+    heights = (profile.noisy.z[arc.indices] * middle.conjugate()).real
+    sagitta = _extent(heights) / max(abs(middle), 0.1)
+    noise = math.sqrt(compared.variances.sum() / count)
+    if sagitta < settings.least_sagitta_sigmas * noise / math.sqrt(count):
+        yield f"flat: rises {sagitta:.2f} mm over its chord at {noise:.2f} mm noise"
+    span = int(np.isfinite(profile.points[arc.arc.start : arc.arc.stop, 0]).sum())
+    if count < settings.least_density * span:
+        yield f"only {count} of {span} points of the span lie on the ellipse"
 
 
 def reason_of_size(profile: WeighedProfile, radius: float, radius_std: float) -> str | None:
@@ -138,20 +160,24 @@ def reason_of_size(profile: WeighedProfile, radius: float, radius_std: float) ->
     radius, radius_std : float
         Units: mm.
     """
+    if radius >= LARGE_SIGMAS * radius_std:
+        return None
     said = f"radius {radius:.3g} +/- {radius_std:.2g} mm"
     if radius < radius_std:
         return f"{said}: the arc is too short or too noisy to have one"
     view = float(np.ptp(profile.points[profile.order], axis=0).max())
-    if radius > LARGE_SHARE * view and radius < LARGE_SIGMAS * radius_std:
+    if radius > LARGE_SHARE * view:
         return f"{said}: any gentle curve in a view of {view:.0f} mm"
     return None
 
 
-def coverage(normals: FloatArray) -> float:
+def coverage(normals: ComplexArray) -> float:
     """Angle of the fan of an arc's normals. Units: rad."""
-    middle = normals.mean(axis=0)
-    angles = np.arctan2(normals @ (-middle[1], middle[0]), normals @ middle)
-    return float(np.ptp(angles))
+    return _extent(np.angle(normals * normals.sum().conj()))
+
+
+def _extent(values: FloatArray) -> float:
+    return float(values.max() - values.min())
 
 
 def reason_in_surroundings(
@@ -173,7 +199,7 @@ def reason_in_surroundings(
     """
     ahead = max(6, len(arc.indices) // 8)
     before, after = followers(profile, arc.indices, ahead)
-    own = profile.points[arc.indices]
+    own = profile.noisy[arc.indices]
     fewest = max(5, ahead // 2)
     turns = sorted(
         math.degrees(turn)
@@ -189,19 +215,20 @@ def reason_in_surroundings(
     return None
 
 
-def _turn(own: Points, beyond: Points, ellipse: Ellipse, fewest: int) -> float:
+def _turn(own: NoisyPoints, beyond: ComplexArray, ellipse: Ellipse, fewest: int) -> float:
     """Angle between the tangent at the last point of `own` and the line that follows it.
 
     pi where fewer than `fewest` points follow: the arc's own frayed end. Units: rad.
     """
     if len(beyond) < fewest:
         return math.pi
-    _, normals, _ = normal_residuals(own[-1:], parameters_of(ellipse))
-    tangent = np.array([-normals[0, 1], normals[0, 0]])
-    if tangent @ (own[-1] - own[-min(len(own), 6)]) < 0:
+    tangent = 1j * complex(compare(own[-1:], parameters_of(ellipse)).normals[0])
+    ahead = complex(own.z[-1] - own.z[-min(len(own), 6)])
+    if (tangent * ahead.conjugate()).real < 0:
         tangent = -tangent
-    direction = np.linalg.svd(beyond - beyond.mean(axis=0), full_matrices=False)[2][0]
-    if direction @ (beyond[-1] - beyond[0]) < 0:
+    # The principal axis of points has half the angle of the sum of their squares.
+    centred = beyond - beyond.sum() / len(beyond)
+    direction = cmath.sqrt(complex((centred * centred).sum()))
+    if (direction * complex(beyond[-1] - beyond[0]).conjugate()).real < 0:
         direction = -direction
-    cross = float(tangent[0] * direction[1] - tangent[1] * direction[0])
-    return math.atan2(abs(cross), float(tangent @ direction))
+    return abs(cmath.phase(direction * tangent.conjugate()))

@@ -7,6 +7,7 @@ import numpy as np
 from lsvision.fitting.scatter import median
 from lsvision.profile import NoiseModel, Profile, WeighedProfile
 from lsvision.shapes import FloatArray, IntArray, Points
+from lsvision.shapes.noisy_points import NoisyPoints
 
 MOST_POINTS = 20_000
 """Denser profiles (no sensor has more than 4096 columns) are thinned evenly to this."""
@@ -36,15 +37,30 @@ def weigh_profile(profile: Profile, noise: NoiseModel | None) -> WeighedProfile:
     columns = _columns_along_line(profile.points)
     columns = columns[:: 1 + len(columns) // MOST_POINTS]
     points = profile.points[columns]
-    order = np.flatnonzero(np.abs(points).max(axis=1) < FARTHEST_MM)
+    order = (np.maximum(np.abs(points[:, 0]), np.abs(points[:, 1])) < FARTHEST_MM).nonzero()[0]
+    pitch = typical_pitch(points[order])
     if noise is None:
         std = estimate_noise_std(points[order])
         covariances = np.broadcast_to(np.eye(2) * std**2, (len(points), 2, 2))
-        return WeighedProfile(points, covariances, order, columns, std, noise_known=False)
+        noisy = NoisyPoints.of(points, covariances)
+        return WeighedProfile(
+            points, covariances, noisy, order, columns, std, pitch, noise_known=False
+        )
     covariances = noise.covariances(profile.points)[columns]
-    variances = covariances[order, 0, 0] + covariances[order, 1, 1]
-    std = math.sqrt(median(variances)) if len(order) else 0.0
-    return WeighedProfile(points, covariances, order, columns, std, noise_known=True)
+    noisy = NoisyPoints.of(points, covariances)
+    std = math.sqrt(2 * median(noisy.variance[order])) if len(order) else 0.0
+    return WeighedProfile(points, covariances, noisy, order, columns, std, pitch, noise_known=True)
+
+
+def typical_pitch(points: Points) -> float:
+    """Median spacing of neighbouring points along X. Units: mm; tiny but positive always."""
+    x = points[:, 0]
+    spacing = np.abs(x[1:] - x[:-1])
+    spacing = spacing[spacing > 0]
+    if len(spacing) == 0:
+        spread = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
+        return max(spread / max(len(points), 1), 1e-9)
+    return median(spacing)
 
 
 def estimate_noise_std(points: Points) -> float:

@@ -1,10 +1,12 @@
 """Circles through many overlapping windows of ordered points at once, from running moments."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from lsvision.shapes import BoolArray, FloatArray, IntArray, Points
+from lsvision.shapes.noisy_points import as_complex, as_vectors
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -50,22 +52,22 @@ def lattice(sizes: IntArray, smallest: int, growth: float) -> tuple[IntArray, In
     Returns
     -------
     starts, stops : (w,) int ndarray
-        Half open. No window crosses from one component into the next.
+        Half open. No window crosses from one component into the next; the last ones are the
+        components themselves.
     """
-    starts, stops = [], []
-    first = 0
-    for size in sizes:
-        length = float(smallest)
-        while length < size:
-            count = int(length)
-            begin = np.append(np.arange(0, size - count, max(1, count // 4)), size - count)
-            starts.append(first + begin)
-            stops.append(first + begin + count)
-            length *= growth
-        starts.append(np.array([first]))
-        stops.append(np.array([first + size]))
-        first += int(size)
-    return np.concatenate(starts), np.concatenate(stops)
+    levels = math.ceil(max(math.log(sizes.max() / smallest, growth), 0.0))
+    lengths = (smallest * growth ** np.arange(levels)).astype(int)
+    component, level = np.nonzero(lengths < sizes[:, None])
+    first = np.cumsum(sizes) - sizes
+    # A row of windows: those of one length in one component, the last of them at its end.
+    length = lengths[level]
+    step, room = np.maximum(length // 4, 1), sizes[component] - length
+    windows = -(-room // step) + 1
+    row = np.repeat(np.arange(len(windows)), windows)
+    place = np.arange(len(row)) - (np.cumsum(windows) - windows)[row]
+    starts = first[component][row] + np.minimum(place * step[row], room[row])
+    stops = starts + length[row]
+    return np.concatenate([starts, first]), np.concatenate([stops, first + sizes])
 
 
 def fit_window_circles(points: Points, starts: IntArray, stops: IntArray) -> WindowCircles:
@@ -83,33 +85,29 @@ def fit_window_circles(points: Points, starts: IntArray, stops: IntArray) -> Win
     WindowCircles
         Biased small on short noisy arcs: to choose windows by, never a result.
     """
-    origin = points.mean(axis=0)
-    x, y = (points - origin).T
-    z = x * x + y * y
-    columns = np.stack([x, y, z, x * x, x * y, y * y, x * z, y * z, z * z])
-    running = np.zeros((len(columns), len(points) + 1))
-    np.cumsum(columns, axis=1, out=running[:, 1:])
-    moments = (running[:, stops] - running[:, starts]) / (stops - starts)
-    mx, my, mz = moments[:3]
-    sxx, sxy, syy = moments[3] - mx * mx, moments[4] - mx * my, moments[5] - my * my
-    sxz, syz, szz = moments[6] - mx * mz, moments[7] - my * mz, moments[8] - mz * mz
-    with np.errstate(divide="ignore", invalid="ignore"):
-        det = sxx * syy - sxy * sxy
-        cx = (sxz * syy - syz * sxy) / (2 * det)
-        cy = (syz * sxx - sxz * sxy) / (2 * det)
-        radius = np.sqrt(mz + cx * cx + cy * cy - 2 * (cx * mx + cy * my))
-        rms = np.sqrt(np.maximum(szz - 2 * (cx * sxz + cy * syz), 0.0)) / (2 * radius)
-        chord = points[stops - 1] - points[starts]
-        half = np.hypot(chord[:, 0], chord[:, 1]) / (2 * radius)
-    radius = np.where(np.isfinite(radius), radius, np.inf)
-    coverage = 2 * np.arcsin(np.clip(np.nan_to_num(half), 0.0, 1.0))
-    # Past 180 deg the chord shrinks again: the mean then lies beyond the centre.
-    towards = my - cy
-    middle = points[(starts + stops) // 2]
-    centre = np.stack([cx, cy], axis=1) + origin
-    past = ((middle - centre) * (points[starts] - centre)).sum(axis=1) < 0
-    coverage = np.where(past & (coverage > 0), 2 * np.pi - coverage, coverage)
-    rms = np.where(np.isfinite(rms), rms, np.inf)
-    flat = (sxx + syy) / 2 - np.hypot((sxx - syy) / 2, sxy)
-    flat_rms = np.sqrt(np.maximum(flat, 0.0))
-    return WindowCircles(centre, radius, rms, flat_rms, coverage, towards > 0)
+    origin = complex(as_complex(points).mean())
+    z = as_complex(points) - origin
+    q = z.real**2 + z.imag**2
+    running = np.zeros((4, len(z) + 1), dtype=complex)
+    running[:, 1:] = z, z * z, q * z, q + 1j * (q * q)
+    np.cumsum(running, axis=1, out=running)
+    mean, zz, qz, qq = (running[:, stops] - running[:, starts]) / (stops - starts)
+    # Covariances of z with its conjugate, with z, and of q = |z|^2 with z and with q.
+    spread, slant = qq.real - np.abs(mean) ** 2, zz - mean * mean
+    pull, square = qz - qq.real * mean, qq.imag - qq.real**2
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        centre = (spread * pull - slant * pull.conj()) / (spread**2 - np.abs(slant) ** 2)
+        inner = (centre * (centre - 2 * mean).conj()).real
+        radius = np.sqrt(qq.real + inner)
+        radius[~np.isfinite(radius)] = np.inf
+        misfit = square - 2 * (centre.conj() * pull).real
+        rms = np.sqrt(np.maximum(misfit, 0.0)) / (2 * radius)
+        rms[~np.isfinite(rms)] = np.inf
+        first, last, middle = z[starts], z[stops - 1], z[(starts + stops) // 2]
+        coverage = 2 * np.arcsin(np.minimum(np.abs(last - first) / (2 * radius), 1.0))
+        # Past 180 deg the chord shrinks again: the middle then lies beyond the centre.
+        past = ((middle - centre) * (first - centre).conj()).real < 0
+    coverage[past] = 2 * np.pi - coverage[past]
+    flat_rms = np.sqrt(np.maximum(spread - np.abs(slant), 0.0) / 2)
+    convex = (mean - centre).imag > 0
+    return WindowCircles(as_vectors(centre + origin), radius, rms, flat_rms, coverage, convex)

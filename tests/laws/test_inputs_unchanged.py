@@ -24,6 +24,7 @@ from lsvision.recognition.weighing import weigh_profile
 from lsvision.recognition.windows import fit_window_circles
 from lsvision.shapes import orthogonal_residuals, radial_residuals
 from lsvision.shapes.ellipse import foot_points
+from lsvision.shapes.noisy_points import NoisyPoints
 from tests.fitting.arcs import SENSOR, pipe, upper_arc
 from tests.recognition.scenes import dome, flat, line
 
@@ -53,7 +54,7 @@ STEPS = {
         [Rejection(Arc(0, 20), "flat")], RANGE,
     ),
     "fit_window_circles": (fit_window_circles, POINTS, np.array([0]), np.array([70])),
-    "condition_arc": (condition_arc, POINTS, COVARIANCES, CIRCLE),
+    "condition_arc": (condition_arc, NoisyPoints.of(POINTS, COVARIANCES), CIRCLE),
     "smooth_residual": (smooth_residual, LENGTH, np.sin(LENGTH), np.ones(70)),
     "homogenise": (homogenise, LENGTH, POINTS),
     "smooth_profile_literally": (smooth_profile_literally, POINTS),

@@ -22,6 +22,7 @@ from lsvision.measure import Settings, measure_cylinders
 from lsvision.planning import section_bound
 from lsvision.sensor.profile_sensor import ProfileSensor
 from lsvision.shapes import Ellipse, orthogonal_residuals
+from lsvision.shapes.noisy_points import NoisyPoints
 from lsvision.simulate import Scene, SectionSettings, Tube, random_section, simulate_section
 
 PAPER_SENSOR = ProfileSensor(
@@ -80,7 +81,7 @@ def weighted(pipe):
 def equally_weighted(points, start, residual):
     """The paper's Eq. (5): every point counts alike, whatever the residuals look like."""
     problem = ArcProblem(points, np.ones(len(points)), None, residual)
-    return ellipse_of(minimise(problem, parameters_of(start)))
+    return ellipse_of(minimise(problem, parameters_of(start)).parameters)
 
 
 def evenly(ellipse, start_deg, stop_deg, count=120):
@@ -217,7 +218,7 @@ def test_smoothing_the_residual_along_the_arc_is_unbiased(theta_deg, phi_deg):
 
 def test_homogenised_points_of_a_noise_free_arc_lie_on_it():
     pipe = SeenPipe(19.0, 20, 20, noise_factor=0.0)
-    even = condition_arc(pipe.exact, pipe.covariances, pipe.ellipse).points
+    even = condition_arc(NoisyPoints.of(pipe.exact, pipe.covariances), pipe.ellipse).points
     assert np.abs(orthogonal_residuals(even, pipe.ellipse)).max() < 1e-3  # mm
 
 

@@ -6,7 +6,6 @@ from lsvision.recognition.range_image import (
     LARGEST_SIDE,
     connected_components,
     rasterise,
-    typical_pitch,
 )
 from lsvision.recognition.weighing import weigh_profile
 from tests.recognition.scenes import PITCH, flat, line
@@ -92,17 +91,3 @@ def test_small_components_are_left_out():
     profile = line(flat(0, 30), flat(30, 33, y=-420), flat(33, 60))
     assert len(components_of(profile, smallest=3)) == 3
     assert len(components_of(profile, smallest=10)) == 2
-
-
-@pytest.mark.parametrize(
-    ("points", "pitch"),
-    [
-        (np.empty((0, 2)), 1e-9),
-        (np.array([[3.0, 4.0]] * 5), 1e-9),
-        (np.array([[0.0, 0.0], [0.0, 9.0], [0.0, 10.0]]), 10 / 3),
-        (np.array([[0.0, 0.0], [2.0, 9.0], [4.0, 1.0], [4.0, 1.0]]), 2.0),
-    ],
-    ids=["nothing", "one place", "upright", "duplicate"],
-)
-def test_the_pitch_is_positive_always(points, pitch):
-    assert typical_pitch(points) == pytest.approx(pitch)

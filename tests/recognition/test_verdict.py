@@ -89,9 +89,7 @@ def test_an_unscreened_arc_may_scatter_more():
 
 def test_coverage_is_the_fan_of_the_normals():
     turn = np.radians(np.linspace(30, 190, 50))
-    assert coverage(np.column_stack([np.cos(turn), np.sin(turn)])) == pytest.approx(
-        math.radians(160)
-    )
+    assert coverage(np.exp(1j * turn)) == pytest.approx(math.radians(160))
 
 
 def smooth_crest():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lsvision import Profile, ProfileSensor
-from lsvision.recognition.weighing import estimate_noise_std, weigh_profile
+from lsvision.recognition.weighing import estimate_noise_std, typical_pitch, weigh_profile
 from tests.recognition.scenes import dome, flat
 
 NAN = math.nan
@@ -67,3 +67,17 @@ def test_without_a_model_noise_is_isotropic():
 
 def test_an_all_lost_profile_with_a_model_has_no_noise():
     assert weigh_profile(Profile([[NAN, NAN]] * 3), ProfileSensor()).noise_std == 0.0
+
+
+@pytest.mark.parametrize(
+    ("points", "pitch"),
+    [
+        (np.empty((0, 2)), 1e-9),
+        (np.array([[3.0, 4.0]] * 5), 1e-9),
+        (np.array([[0.0, 0.0], [0.0, 9.0], [0.0, 10.0]]), 10 / 3),
+        (np.array([[0.0, 0.0], [2.0, 9.0], [4.0, 1.0], [4.0, 1.0]]), 2.0),
+    ],
+    ids=["nothing", "one place", "upright", "duplicate"],
+)
+def test_the_pitch_is_positive_always(points, pitch):
+    assert typical_pitch(points) == pytest.approx(pitch)

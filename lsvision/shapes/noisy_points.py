@@ -1,0 +1,67 @@
+"""Points of a plane with the covariances of their errors, in complex numbers.
+
+A point is ``z = x + iy``. A covariance is the mean of its two principal variances and a complex
+number, its deviator, that says how much more it is along one direction than across it. What in
+matrices takes products and sums of components is here one multiplication of whole arrays.
+"""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+
+from lsvision.shapes.arrays import FloatArray, Points
+
+ComplexArray = npt.NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class NoisyPoints:
+    """Points and their noise.
+
+    Parameters
+    ----------
+    z : (n,) complex ndarray
+        x + iy. Units: mm.
+    variance : (n,) ndarray
+        Half the trace of the covariance. Units: mm^2.
+    deviator : (n,) complex ndarray
+        (Sigma_xx - Sigma_yy) / 2 + i Sigma_xy. Units: mm^2.
+    """
+
+    z: ComplexArray
+    variance: FloatArray
+    deviator: ComplexArray
+
+    @classmethod
+    def of(cls, points: Points, covariances: FloatArray) -> Self:
+        """Points (n, 2) in mm and their covariances (n, 2, 2) in mm^2."""
+        xx, yy = covariances[:, 0, 0], covariances[:, 1, 1]
+        deviator = (xx - yy) / 2 + 1j * covariances[:, 0, 1]
+        return cls(as_complex(points), (xx + yy) / 2, deviator)
+
+    def __len__(self) -> int:
+        return len(self.z)
+
+    def __getitem__(self, which: npt.NDArray[np.generic] | slice) -> Self:
+        """Those of a slice, of indices or of a mask."""
+        return type(self)(self.z[which], self.variance[which], self.deviator[which])
+
+    def variances_along(self, normals: ComplexArray) -> FloatArray:
+        """N' Sigma n of each point, for unit normals (n,). Units: mm^2."""
+        twice = normals * normals
+        along: FloatArray = self.variance + (self.deviator * twice.conj()).real
+        return along
+
+
+def as_complex(vectors: FloatArray) -> ComplexArray:
+    """Vectors (x, y), (n, 2), as complex numbers x + iy, (n,)."""
+    numbers: ComplexArray = np.ascontiguousarray(vectors, dtype=float).view(complex)[:, 0]
+    return numbers
+
+
+def as_vectors(numbers: ComplexArray) -> FloatArray:
+    """Complex numbers x + iy, (n,), as vectors (x, y): (n, 2)."""
+    vectors: FloatArray = np.ascontiguousarray(numbers).view(float).reshape(-1, 2)
+    return vectors
