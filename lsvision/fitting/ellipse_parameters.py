@@ -16,6 +16,8 @@ from lsvision.shapes.ellipse import foot_directions
 from lsvision.shapes.noisy_points import ComplexArray, as_complex
 
 PARAMETERS = 5
+FOOT_CLOSE = 3e-3
+"""Nearest points to some 1e-5 rad: then the distance, stationary there, is right to 1e-9 mm."""
 NEEDLE = 1e-3
 """Thinner than this an ellipse is a straight line that lost its way."""
 
@@ -34,7 +36,7 @@ def orthogonal_comparison(
     """
     a, b, turn = axes_of(parameters)
     own = (as_complex(points) - centre_of(parameters)) * turn.conjugate()
-    wu, wv = foot_directions(own.real, own.imag, a, b)
+    wu, wv = foot_directions(own.real, own.imag, a, b, FOOT_CLOSE)
     w = _complex(wu, wv)
     n = _complex(wu / a, wv / b)
     n /= np.abs(n)
@@ -73,7 +75,7 @@ def parameter_rows(normals: ComplexArray, w: ComplexArray) -> FloatArray:
 
 def centre_of(parameters: FloatArray) -> complex:
     """Centre as x + iy. Units: mm."""
-    return complex(parameters[0], parameters[1])
+    return complex(*parameters[:2].tolist())
 
 
 def parameters_of(ellipse: Ellipse) -> FloatArray:
@@ -103,9 +105,10 @@ def ellipse_of(parameters: FloatArray) -> Ellipse:
 
 
 def is_ellipse(parameters: FloatArray) -> bool:
-    """Whether parameters are finite and of an ellipse that is no needle."""
-    a, b, _ = axes_of(parameters)
-    return bool(np.isfinite(parameters).all()) and NEEDLE * a < b <= a
+    """Whether parameters are finite and of an ellipse that is no needle, 0 < m - h."""
+    x, y, m, p, q = parameters.tolist()
+    h = math.hypot(p, q)
+    return math.isfinite(x + y + m + h) and NEEDLE * (m + h) < m - h
 
 
 def semi_minor(parameters: FloatArray) -> float:
@@ -127,7 +130,7 @@ def semi_major_gradient(parameters: FloatArray) -> FloatArray:
 
 def axes_of(parameters: FloatArray) -> tuple[float, float, complex]:
     """a, |b| in mm, cos theta + i sin theta of (centre_x, centre_y, m, p, q)."""
-    m, p, q = float(parameters[2]), float(parameters[3]), float(parameters[4])
+    _, _, m, p, q = parameters.tolist()
     h = math.hypot(p, q)
     theta = 0.5 * math.atan2(q, p)
     return abs(m + h), max(abs(m - h), 1e-12), complex(math.cos(theta), math.sin(theta))

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg.lapack import dposv
 
-from lsvision.fitting.ellipse_parameters import PARAMETERS, centre_of, parameter_rows
+from lsvision.fitting.ellipse_parameters import PARAMETERS, is_ellipse, parameter_rows
 from lsvision.fitting.scatter import MAD_TO_STD, median
 from lsvision.shapes import FloatArray
 from lsvision.shapes.noisy_points import ComplexArray, NoisyPoints
@@ -64,8 +64,8 @@ def compare(points: NoisyPoints, parameters: FloatArray) -> Comparison:
     The symmetric matrix E acts on w as m w + d conj(w), with d = p + iq, and its adjugate, which
     the inverse and the normals are made of, as m w - d conj(w).
     """
-    m, d = float(parameters[2]), complex(parameters[3], parameters[4])
-    offset = points.z - centre_of(parameters)
+    x, y, m, p, q = parameters.tolist()
+    d, offset = complex(p, q), points.z - complex(x, y)
     w = m * offset - d * offset.conj()
     size = np.maximum(np.abs(w), TINY)
     w /= size
@@ -116,12 +116,15 @@ def refine_quickly(
         rows = compared.rows()
         weighted = rows / robust_variances(compared.signed, compared.tolerant)
         information, right = weighted @ rows.T, weighted @ compared.signed
-        held = 1 / (TILT_STD * 2 * parameters[2]) ** 2
+        m = float(parameters[2])
+        held = 1 / (TILT_STD * 2 * m) ** 2
         information[3, 3] += held
         information[4, 4] += held
         right[3:] -= held * parameters[3:]
-        damping = 1 / (LARGEST_STEP * parameters[2]) ** 2
-        parameters = parameters + solve_positive(information + damping * IDENTITY, right)
+        damped = information + IDENTITY / (LARGEST_STEP * m) ** 2
+        parameters = parameters + solve_positive(damped, right)
+        if not is_ellipse(parameters):
+            return np.full(PARAMETERS, np.nan), np.full((PARAMETERS, PARAMETERS), np.nan)
     return parameters, solve_positive(information, IDENTITY)
 
 

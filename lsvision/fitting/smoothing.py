@@ -17,6 +17,7 @@ from lsvision.shapes import FloatArray, Points
 
 NODES = 32
 """Places where the local quadratic is evaluated: a window of 30 % has no finer detail."""
+EVENLY = np.linspace(0, 1, NODES)
 TINY = float(np.finfo(float).tiny)
 BISQUARE = 4.685
 """Tukey's constant: 95 % efficiency at the normal distribution."""
@@ -86,7 +87,7 @@ def smooth_residual(
     round is replaced by quadratics, as the paper's own text has them.
     """
     span = float(length[-1] - length[0])
-    nodes = np.linspace(length[0], length[-1], NODES)
+    nodes = length[0] + span * EVENLY
     half = max(settings.window_fraction * span / 2, 1e-12)
     # At the ends the window is one-sided; it keeps its width by reaching further in.
     reach = np.maximum(half, half + np.maximum(length[0] + half - nodes, nodes + half - length[-1]))

@@ -53,7 +53,8 @@ def identify_arcs(
     free = profile.order
     for candidate in candidates:
         span = candidate.indices
-        if taken[span].mean() > TAKEN_SHARE or failures[span].mean() >= MOST_FAILURES:
+        most_taken, most_failures = TAKEN_SHARE * len(span), MOST_FAILURES * len(span)
+        if taken[span].sum() > most_taken or failures[span].sum() >= most_failures:
             continue
         arc = identify_arc(profile, candidate, free, settings)
         if arc is None:

@@ -213,7 +213,7 @@ def foot_points(own: Points, a: float, b: float) -> Points:
 
 
 def foot_directions(
-    u: FloatArray, v: FloatArray, a: float, b: float
+    u: FloatArray, v: FloatArray, a: float, b: float, close: float = FOOT_POINT_CLOSE
 ) -> tuple[FloatArray, FloatArray]:
     """Cosine and sine of the eccentric anomaly of the nearest point of an ellipse.
 
@@ -226,6 +226,9 @@ def foot_directions(
         Points in the ellipse's own frame. Units: mm.
     a, b : float
         Semi-axes along u and v. Units: mm.
+    close : float
+        A step shorter than this is the last. What remains to the nearest point is of the order
+        of its square, times the gap over the radius of curvature.
 
     Returns
     -------
@@ -250,7 +253,7 @@ def foot_directions(
         cos, sin = _unit(
             np.maximum(ex + dx * stretch, 0.0) * b, np.maximum(ey + dy * stretch, 0.0) * a
         )
-        if np.abs(cos - last).max(initial=0.0) < FOOT_POINT_CLOSE:
+        if np.abs(cos - last).max(initial=0.0) < close:
             break
     return np.copysign(cos, u), np.copysign(sin, v)
 
