@@ -5,12 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.fitting.ellipse_parameters import is_ellipse
 from lsvision.fitting.quick_fit import compare, refine_quickly
 from lsvision.fitting.scatter import MAD_TO_STD, median
 from lsvision.shapes import BoolArray, FloatArray, IntArray
 from lsvision.shapes.noisy_points import NoisyPoints
 
+LARGEST_DEVIATION = 0.45
+"""Of (a - b) / (a + b), a tilt of 68 deg: beyond, an arc winds itself round a corner."""
 FARTHEST_NORMAL = -0.5
 """Smallest y of an outward normal that a sensor with a fan of +/- 30 deg can still light."""
 
@@ -186,9 +187,11 @@ def _join_other_part(
 
 
 def _plausible(parameters: FloatArray, radius: float, largest_change: float) -> bool:
-    """An ellipse, and not quite another size than the circle it began with."""
-    size = float(parameters[2])
-    return is_ellipse(parameters) and radius / largest_change < size < radius * largest_change
+    """An ellipse, not quite another size than the circle it began with, and no needle."""
+    _, _, size, p, q = parameters.tolist()
+    if not radius / largest_change < size < radius * largest_change:
+        return False
+    return math.hypot(p, q) < LARGEST_DEVIATION * size
 
 
 def _on_ellipse(
