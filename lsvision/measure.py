@@ -21,11 +21,13 @@ from lsvision.recognition.candidates import CandidateSettings, find_candidates
 from lsvision.recognition.growing import IdentificationSettings
 from lsvision.recognition.identification import IdentifiedArc
 from lsvision.recognition.leftovers import explain_leftovers
+from lsvision.recognition.parts import without_parts
 from lsvision.recognition.range_image import (
     RangeImageSettings,
     connected_components,
     rasterise,
 )
+from lsvision.recognition.reaching import ReachingSettings, reach_out
 from lsvision.recognition.recognise import identify_arcs
 from lsvision.recognition.screening import ScreeningSettings, screen_arc
 from lsvision.recognition.search_range import search_range
@@ -46,7 +48,7 @@ class Settings:
 
     Parameters
     ----------
-    range_image, candidates, identification, verdict, screening : settings
+    range_image, candidates, identification, verdict, reaching, screening : settings
         Recognition, section 3.2.
     smoothing, homogenising : settings
         Conditioning, section 3.3.
@@ -60,6 +62,7 @@ class Settings:
     candidates: CandidateSettings = CandidateSettings()
     identification: IdentificationSettings = IdentificationSettings()
     verdict: VerdictSettings = VerdictSettings()
+    reaching: ReachingSettings = ReachingSettings()
     screening: ScreeningSettings = ScreeningSettings()
     smoothing: SmoothingSettings = SmoothingSettings()
     homogenising: HomogenisingSettings = HomogenisingSettings()
@@ -170,7 +173,7 @@ def measure_cylinders(
     )
     # Screening, smoothing, homogenising and ellipse fitting, sections 3.2.2, 3.3 and 2.3.
     results = [_measure_arc(weighed, arc, known, radius_range, settings) for arc in arcs]
-    cylinders = [result for result in results if isinstance(result, CylinderSection)]
+    cylinders = without_parts([r for r in results if isinstance(r, CylinderSection)])
     rejections += [result for result in results if isinstance(result, Rejection)]
     rejections = explain_leftovers(weighed, components, cylinders, rejections, radius_range)
     return _in_columns_of_sensor(cylinders, rejections, weighed)
@@ -184,6 +187,7 @@ def _measure_arc(
     settings: Settings,
 ) -> CylinderSection | Rejection:
     """An identified arc made a cylinder, or the reason why it is none."""
+    arc = reach_out(profile, arc, settings.reaching)
     screened = screen_arc(profile, arc, settings.screening)
     reason = reason_in_surroundings(profile, arc, settings.verdict)
     if reason is not None:

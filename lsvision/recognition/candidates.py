@@ -44,6 +44,8 @@ class CandidateSettings:
         Multiple of the noise that the height of a span over its chord must reach.
     overlap : float
         Of two spans that share more than this of their union, the better one is tried.
+    bridged_gap : int
+        Lost or jumped columns that part two components which are tried as one span.
     """
 
     smallest_span: int = 10
@@ -55,6 +57,7 @@ class CandidateSettings:
     sigmas: float = 2.5
     sagitta_sigmas: float = 5.0
     overlap: float = 0.5
+    bridged_gap: int = 10
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -108,6 +111,8 @@ def find_candidates(
     noise_std = profile.noise_std
     sequence, sizes = _without_spikes(profile, components, settings.smallest_span)
     starts, stops = lattice(sizes, settings.smallest_span, settings.span_growth)
+    over = _over_gaps(sequence, sizes, settings.bridged_gap)
+    starts, stops = np.concatenate([starts, over[0]]), np.concatenate([stops, over[1]])
     circles = fit_window_circles(profile.points[sequence], starts, stops)
     good = _curves_like_a_pipe(circles, stops - starts, noise_std, radius_range, settings)
     limit = settings.sigmas * noise_std + settings.roundness * circles.radius
@@ -144,6 +149,14 @@ def _without_spikes(
     spared = left < smallest
     near |= np.repeat(spared, sizes)
     return sequence[near], np.where(spared, sizes, left)
+
+
+def _over_gaps(sequence: IntArray, sizes: IntArray, most_columns: int) -> tuple[IntArray, IntArray]:
+    """Windows over two components in a row that few columns part: jumps may have cut an arc."""
+    stops = np.cumsum(sizes)
+    gaps = sequence[stops[:-1]] - sequence[stops[:-1] - 1] - 1
+    first = np.flatnonzero(gaps <= most_columns)
+    return (stops - sizes)[first], stops[first + 1]
 
 
 def _unlike_better_ones(starts: IntArray, stops: IntArray, overlap: float) -> IntArray:

@@ -37,6 +37,9 @@ class IdentificationSettings:
     largest_extrapolation : float
         What the ellipse does not know further out widens the sensor error by no more than this
         share of the points' own variance.
+    joined_fraction : float
+        Across an interruption shorter than this share of the arc, the other part is tried
+        together with it.
     joined_points : int
         So many points beyond an interruption are tried together with the arc.
     lost_in_joining : float
@@ -55,6 +58,7 @@ class IdentificationSettings:
     bridge_fraction: float = 0.25
     correlation: float = 4.0
     largest_extrapolation: float = 0.5
+    joined_fraction: float = 0.5
     joined_points: int = 6
     lost_in_joining: float = 0.1
     rounds: int = 20
@@ -163,7 +167,7 @@ def _join_other_part(
     miss the other: so they are tried together. A few points prove nothing, jumps least of all.
     """
     run = _run_around(possible, inside, settings)
-    widest = settings.bridge_fraction * near.distance(inside[0], inside[-1])
+    widest = settings.joined_fraction * near.distance(inside[0], inside[-1])
     parts = [
         part
         for part, end in (
@@ -191,7 +195,7 @@ def _plausible(parameters: FloatArray, radius: float, largest_change: float) -> 
     _, _, size, p, q = parameters.tolist()
     if not radius / largest_change < size < radius * largest_change:
         return False
-    return math.hypot(p, q) < LARGEST_DEVIATION * size
+    return bool(math.hypot(p, q) < LARGEST_DEVIATION * size)
 
 
 def _on_ellipse(

@@ -5,80 +5,125 @@ of an ellipse than ten on its crest. Growth stops before them, because a jump mi
 to an ellipse that is unsure of itself so far out; here the ellipse is that of the whole arc.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
+from lsvision.fitting.ellipse_parameters import ellipse_of, is_ellipse, parameters_of
 from lsvision.fitting.quick_fit import compare, refine_quickly
-from lsvision.profile import WeighedProfile
+from lsvision.profile import Arc, WeighedProfile
+from lsvision.recognition.identification import IdentifiedArc
+from lsvision.recognition.surroundings import following
 from lsvision.shapes import BoolArray, FloatArray, IntArray
 
-FARTHEST_COLUMNS = 8
-"""Beyond the end of an arc so many columns are looked at."""
-ROUNDS = 6
-SIGMAS = 3.0
-"""Of the point and the ellipse together; a point further off does not belong to the arc."""
-SUREST = 10.0
-"""The ellipse must be known to so many of the point's own standard deviations: then a jump of 20
-sigma along the ray leaves it by more than `SIGMAS`."""
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ReachingSettings:
+    """How far an arc reaches for its last points.
+
+    Parameters
+    ----------
+    columns : int
+        So many are looked at beyond either end.
+    sigmas : float
+        Of a point and the ellipse together; a point further off does not belong to the arc.
+    surest : float
+        The ellipse must be known to so many of the point's own standard deviations: then a jump
+        of 20 sigma along the ray does not come near enough.
+    contact_points : int
+        So many connected points beyond an end, one of them off the ellipse, tell that the line
+        goes on into something else.
+    followers : int
+        Connected points that are asked for that.
+    rounds : int
+        Each point that is reached makes the ellipse surer of the next.
+    """
+
+    columns: int = 8
+    sigmas: float = 3.0
+    surest: float = 10.0
+    contact_points: int = 3
+    followers: int = 5
+    rounds: int = 6
 
 
 def reach_out(
-    profile: WeighedProfile, kept: IntArray, parameters: FloatArray, free_ends: tuple[bool, bool]
-) -> IntArray:
-    """Points of an arc with those just beyond its free ends that lie on its ellipse.
+    profile: WeighedProfile, arc: IdentifiedArc, settings: ReachingSettings = ReachingSettings()
+) -> IdentifiedArc:
+    """An arc with the points just beyond its ends that lie on its ellipse.
 
     Parameters
     ----------
     profile : WeighedProfile
         The profile.
-    kept : (k,) int ndarray
-        Indices of the arc's points, rising.
-    parameters : (5,) ndarray
-        Of its ellipse; see `lsvision.fitting.ellipse_parameters`. Units: mm.
-    free_ends : (bool, bool)
-        Whether nothing touches the arc at its start, and at its end.
+    arc : IdentifiedArc
+        As far as it grew.
+    settings : ReachingSettings
+        How far, and how sure.
 
     Returns
     -------
-    (m,) int ndarray
-        m >= k.
+    IdentifiedArc
+        With as many points or more. An end stays where it is if the line goes on from there
+        into something else.
     """
-    for _ in range(ROUNDS):
-        beyond = _beyond(profile, kept, free_ends)
-        if len(beyond) == 0 or not _near_ellipse(profile, beyond, parameters).any():
+    kept, parameters = arc.indices, parameters_of(arc.ellipse)
+    for _ in range(settings.rounds):
+        sides = [_beyond(profile, kept, side, settings.columns) for side in (-1, 1)]
+        if not _worth_a_fit(profile, np.concatenate(sides), parameters, settings):
             break
         parameters, unsure = refine_quickly(profile.noisy[kept], parameters, 1)
-        reached = beyond[_on_ellipse(profile, beyond, parameters, unsure)]
-        if len(reached) == 0:
+        if not is_ellipse(parameters):
+            return arc
+        start, stop = (
+            _on_ellipse(profile, own, beyond, (parameters, unsure), settings)
+            for own, beyond in zip((kept[::-1], kept), sides, strict=True)
+        )
+        if len(start) + len(stop) == 0:
             break
-        kept = np.sort(np.concatenate([kept, reached]))
-    return kept
+        kept = np.concatenate([start[::-1], kept, stop])
+    if len(kept) == len(arc.indices):
+        return arc
+    return IdentifiedArc(Arc(int(kept[0]), int(kept[-1]) + 1), kept, ellipse_of(parameters))
 
 
-def _beyond(profile: WeighedProfile, kept: IntArray, free_ends: tuple[bool, bool]) -> IntArray:
-    first, last = np.searchsorted(profile.order, kept[[0, -1]]).tolist()
-    before = profile.order[max(0, first - FARTHEST_COLUMNS) : first] if free_ends[0] else kept[:0]
-    after = profile.order[last + 1 : last + 1 + FARTHEST_COLUMNS] if free_ends[1] else kept[:0]
-    return np.concatenate([
-        before[before >= kept[0] - FARTHEST_COLUMNS], after[after <= kept[-1] + FARTHEST_COLUMNS]
-    ])
+def _beyond(profile: WeighedProfile, kept: IntArray, side: int, columns: int) -> IntArray:
+    """The points that are there in the next columns, outwards; side -1 is the start."""
+    order, end = profile.order[::side], int(kept[::side][-1])
+    first = int(np.searchsorted(side * order, side * end)) + 1
+    beyond: IntArray = order[first : first + columns]
+    return beyond[np.abs(beyond - end) <= columns]
 
 
-def _near_ellipse(
-    profile: WeighedProfile, beyond: IntArray, parameters: FloatArray
-) -> BoolArray:
-    """As near as `SIGMAS` allows to an ellipse that is as unsure as may be."""
+def _worth_a_fit(
+    profile: WeighedProfile,
+    beyond: IntArray,
+    parameters: FloatArray,
+    settings: ReachingSettings,
+) -> bool:
+    """Whether any point is so near that an ellipse as unsure as may be might hold it."""
     compared = compare(profile.noisy[beyond], parameters)
-    near: BoolArray = compared.signed**2 < (2 * SIGMAS) ** 2 * (1 + SUREST**2) * compared.variances
-    return near
+    limit = (2 * settings.sigmas) ** 2 * (1 + settings.surest**2)
+    return bool((compared.signed**2 < limit * compared.variances).any())
 
 
 def _on_ellipse(
-    profile: WeighedProfile, beyond: IntArray, parameters: FloatArray, unsure: FloatArray
-) -> BoolArray:
-    compared = compare(profile.noisy[beyond], parameters)
-    rows, own = compared.rows(), compared.variances
-    of_ellipse = ((unsure @ rows) * rows).sum(axis=0)
-    on_ellipse: BoolArray = (compared.signed**2 < SIGMAS**2 * (own + of_ellipse)) & (
-        of_ellipse < SUREST**2 * own
-    )
-    return on_ellipse
+    profile: WeighedProfile,
+    own: IntArray,
+    beyond: IntArray,
+    fitted: tuple[FloatArray, FloatArray],
+    settings: ReachingSettings,
+) -> IntArray:
+    """Points beyond the end of its own that lie on the ellipse, known with its covariance.
+
+    None where the line goes on beside it.
+    """
+    compared = compare(profile.noisy[beyond], fitted[0])
+    rows, variances = compared.rows(), compared.variances
+    of_ellipse = ((fitted[1] @ rows) * rows).sum(axis=0)
+    near: BoolArray = compared.signed**2 < settings.sigmas**2 * (variances + of_ellipse)
+    chain = following(profile, own, beyond[: settings.followers])
+    if len(chain) >= settings.contact_points and not near[chain].all():
+        return beyond[:0]
+    reached: IntArray = beyond[near & (of_ellipse < settings.surest**2 * variances)]
+    return reached

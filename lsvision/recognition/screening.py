@@ -18,7 +18,6 @@ from lsvision.fitting.quick_fit import IDENTITY, compare, refine_quickly, solve_
 from lsvision.fitting.scatter import robust_std
 from lsvision.profile import Arc, WeighedProfile
 from lsvision.recognition.identification import IdentifiedArc
-from lsvision.recognition.reaching import reach_out
 from lsvision.recognition.surroundings import followers
 from lsvision.shapes import BoolArray, Ellipse, FloatArray, IntArray
 
@@ -106,8 +105,6 @@ def screen_arc(
         for end, contact in zip(ends, contacts, strict=True)
     )
     kept = np.concatenate([start, inner, stop[::-1]])
-    if edge == 0:
-        kept = reach_out(profile, kept, middle.parameters, (not contacts[0], not contacts[1]))
     return IdentifiedArc(Arc(int(kept[0]), int(kept[-1]) + 1), kept, middle.ellipse)
 
 

@@ -32,20 +32,39 @@ def followers(
         Units: mm.
     """
     first, last = np.searchsorted(profile.order, indices[[0, -1]]).tolist()
+    before = profile.order[max(0, first - count) : first][::-1]
+    after = profile.order[last + 1 : last + 1 + count]
     z = profile.noisy.z
-    before = z[profile.order[max(0, first - count) : first]][::-1]
-    after = z[profile.order[last + 1 : last + 1 + count]]
-    own = z[indices]
-    return _chain(own[::-1], before), _chain(own, after)
+    return (
+        z[before[following(profile, indices[::-1], before)]],
+        z[after[following(profile, indices, after)]],
+    )
 
 
-def _chain(own: ComplexArray, beyond: ComplexArray) -> ComplexArray:
-    steps = own[-12:]
+def following(profile: WeighedProfile, own: IntArray, beyond: IntArray) -> IntArray:
+    """Which of the points beyond the last of its own follow an arc, each within reach.
+
+    Parameters
+    ----------
+    profile : WeighedProfile
+        The profile.
+    own : (k,) int ndarray
+        Points of the arc, towards its end.
+    beyond : (n,) int ndarray
+        Points beyond that end, outwards.
+
+    Returns
+    -------
+    (m,) int ndarray
+        Positions in `beyond`.
+    """
+    z = profile.noisy.z
+    steps = z[own[-12:]]
     reach = REACH_PITCHES * median(np.abs(steps[1:] - steps[:-1]))
-    last = complex(own[-1])
-    chain: list[complex] = []
-    for point in beyond.tolist():
+    last = complex(steps[-1])
+    chain: list[int] = []
+    for i, point in enumerate(z[beyond].tolist()):
         if abs(point - last) <= reach * (1.0 if chain else 1.5):
-            chain.append(point)
+            chain.append(i)
             last = point
-    return np.array(chain, dtype=complex)
+    return np.array(chain, dtype=int)

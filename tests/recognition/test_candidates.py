@@ -72,3 +72,16 @@ def test_same_profile_same_candidates():
 
 def test_no_components_have_no_candidates():
     assert find_candidates(line(flat(0, 30)), [], RANGE) == []
+
+
+def test_an_arc_that_jumps_cut_in_two_is_one_candidate():
+    whole = dome(0, 20)
+    middle = len(whole) // 2
+    left, right = whole[: middle - 3], whole[middle + 3 :]
+    lost = np.full((6, 2), np.nan)
+    profile = line(left, lost, right)
+    components = connected_components(rasterise(profile), 10)
+    assert len(components) == 2
+    best = find_candidates(profile, components, RANGE)[0]
+    assert (best.arc.start, best.arc.stop) == (0, len(whole))
+    assert best.radius == pytest.approx(20, abs=0.2)

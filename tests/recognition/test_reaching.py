@@ -1,0 +1,82 @@
+import numpy as np
+import pytest
+
+from lsvision import Profile, ProfileSensor
+from lsvision.profile import Arc
+from lsvision.recognition.identification import IdentifiedArc
+from lsvision.recognition.reaching import ReachingSettings, reach_out
+from lsvision.recognition.weighing import weigh_profile
+from lsvision.shapes import Ellipse
+from tests.recognition.scenes import PITCH, flat
+
+SENSOR = ProfileSensor(range_std=0.05)
+PIPE = Ellipse((0.0, -440.0), 20.0, 20.0, 0.0)
+LAST = 5
+"""Points at the end that growth stopped before."""
+
+
+def upper_arc(half_deg=78.0):
+    reach = 20 * np.sin(np.radians(half_deg))
+    x = np.arange(-reach, reach, PITCH)
+    return np.column_stack([x, -440 + np.sqrt(400 - x * x)])
+
+
+def seen(points, rng):
+    """Points with noise along their rays, as the sensor sees them."""
+    rays = points / np.hypot(*points.T)[:, None]
+    along = np.sqrt(np.einsum("ni,nij,nj->n", rays, SENSOR.covariances(points), rays))
+    return points + (along * rng.normal(size=len(points)))[:, None] * rays
+
+
+def grown(points, stop, start=0):
+    """The profile of the points, and its arc [start, stop) as growth left it."""
+    profile = weigh_profile(Profile(points), SENSOR)
+    indices = profile.order[(profile.order >= start) & (profile.order < stop)]
+    return profile, IdentifiedArc(Arc(int(indices[0]), int(indices[-1]) + 1), indices, PIPE)
+
+
+def test_a_single_point_behind_a_gap_is_reached(rng):
+    points = seen(upper_arc(), rng)
+    points[-LAST:-1] = np.nan
+    profile, arc = grown(points, len(points) - LAST)
+    reached = reach_out(profile, arc)
+    assert reached.indices[-1] == len(points) - 1
+    assert reached.arc.stop == len(points)
+
+
+def test_at_the_start_as_well(rng):
+    points = seen(upper_arc(70.0), rng)
+    points[1:LAST] = np.nan
+    profile, arc = grown(points, len(points), start=LAST)
+    assert reach_out(profile, arc).indices[0] == 0
+
+
+def test_one_point_after_the_other_is_reached(rng):
+    points = seen(upper_arc(), rng)
+    points[-11:-1:2] = np.nan
+    profile, arc = grown(points, len(points) - 11)
+    assert reach_out(profile, arc).indices[-1] == len(points) - 1
+    one_round = reach_out(profile, arc, ReachingSettings(columns=3, rounds=1))
+    assert len(arc.indices) < len(one_round.indices) < len(reach_out(profile, arc).indices)
+
+
+@pytest.mark.parametrize("jump_mm", [-6.0, -2.0, 2.0, 6.0])
+def test_a_jump_is_left_where_it_is(jump_mm, rng):
+    points = seen(upper_arc(60.0), rng)
+    points[-LAST:-1] = np.nan
+    points[-1] *= 1 + jump_mm / np.hypot(*points[-1])
+    profile, arc = grown(points, len(points) - LAST)
+    assert reach_out(profile, arc) is arc
+
+
+def test_where_the_line_goes_on_into_something_else_the_arc_ends(rng):
+    tube = upper_arc(50.0)
+    plate = flat(tube[-1, 0] + PITCH, tube[-1, 0] + 20, y=tube[-1, 1])
+    profile, arc = grown(seen(np.concatenate([tube, plate]), rng), len(tube))
+    assert reach_out(profile, arc) is arc
+
+
+def test_an_arc_that_is_whole_stays_itself(rng):
+    points = seen(upper_arc(), rng)
+    profile, arc = grown(points, len(points))
+    assert reach_out(profile, arc) is arc
