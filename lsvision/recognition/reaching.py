@@ -16,6 +16,9 @@ from lsvision.recognition.identification import IdentifiedArc
 from lsvision.recognition.surroundings import following
 from lsvision.shapes import BoolArray, FloatArray, IntArray
 
+WIDER = 3.0
+"""By which the ellipse of growth may be further off than that of all points."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ReachingSettings:
@@ -27,9 +30,10 @@ class ReachingSettings:
         So many are looked at beyond either end.
     sigmas : float
         Of a point and the ellipse together; a point further off does not belong to the arc.
+    jump_sigmas : float
+        Of the point alone: a point so far along its ray has jumped, however unsure the ellipse.
     surest : float
-        The ellipse must be known to so many of the point's own standard deviations: then a jump
-        of 20 sigma along the ray does not come near enough.
+        The ellipse must be known to so many of the point's own standard deviations.
     contact_points : int
         So many connected points beyond an end, one of them off the ellipse, tell that the line
         goes on into something else.
@@ -40,8 +44,9 @@ class ReachingSettings:
     """
 
     columns: int = 8
-    sigmas: float = 3.0
-    surest: float = 10.0
+    sigmas: float = 4.5
+    jump_sigmas: float = 20.0
+    surest: float = 15.0
     contact_points: int = 3
     followers: int = 5
     rounds: int = 6
@@ -101,9 +106,9 @@ def _worth_a_fit(
     parameters: FloatArray,
     settings: ReachingSettings,
 ) -> bool:
-    """Whether any point is so near that an ellipse as unsure as may be might hold it."""
+    """Whether any point is near enough to the ellipse of growth for that of the whole arc."""
     compared = compare(profile.noisy[beyond], parameters)
-    limit = (2 * settings.sigmas) ** 2 * (1 + settings.surest**2)
+    limit = (WIDER * settings.jump_sigmas) ** 2
     return bool((compared.signed**2 < limit * compared.variances).any())
 
 
@@ -121,9 +126,11 @@ def _on_ellipse(
     compared = compare(profile.noisy[beyond], fitted[0])
     rows, variances = compared.rows(), compared.variances
     of_ellipse = ((fitted[1] @ rows) * rows).sum(axis=0)
-    near: BoolArray = compared.signed**2 < settings.sigmas**2 * (variances + of_ellipse)
+    squares = compared.signed**2
+    near: BoolArray = squares < settings.sigmas**2 * (variances + of_ellipse)
     chain = following(profile, own, beyond[: settings.followers])
     if len(chain) >= settings.contact_points and not near[chain].all():
         return beyond[:0]
-    reached: IntArray = beyond[near & (of_ellipse < settings.surest**2 * variances)]
+    sure = of_ellipse < settings.surest**2 * variances
+    reached: IntArray = beyond[near & sure & (squares < settings.jump_sigmas**2 * variances)]
     return reached
