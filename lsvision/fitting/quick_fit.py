@@ -5,6 +5,7 @@ to a needle recognises nothing. Here a weak prior (few pipes are tilted by more 
 holds the difference of the semi-axes; on a long arc the data overrule it.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,7 @@ from scipy.linalg.lapack import dposv
 
 from lsvision.fitting.ellipse_parameters import PARAMETERS, is_ellipse, parameter_rows
 from lsvision.fitting.scatter import MAD_TO_STD, median
-from lsvision.shapes import FloatArray
+from lsvision.shapes import FloatArray, IntArray
 from lsvision.shapes.noisy_points import ComplexArray, NoisyPoints
 
 TILT_STD = 0.15
@@ -52,6 +53,15 @@ class Comparison:
     w: ComplexArray
     variances: FloatArray
     tolerant: FloatArray
+
+    def __getitem__(self, which: IntArray) -> "Comparison":
+        return Comparison(
+            self.signed[which],
+            self.normals[which],
+            self.w[which],
+            self.variances[which],
+            self.tolerant[which],
+        )
 
     def rows(self) -> FloatArray:
         """How far the ellipse moves along each normal, by each parameter: (5, n)."""
@@ -111,21 +121,29 @@ def refine_quickly(
     covariance : (5, 5) ndarray
         Of the parameters, before the last step. Units: mm^2.
     """
+    covariance = np.full((PARAMETERS, PARAMETERS), np.nan)
     for _ in range(steps):
-        compared = compare(points, parameters)
-        rows = compared.rows()
-        weighted = rows / robust_variances(compared.signed, compared.tolerant)
-        information, right = weighted @ rows.T, weighted @ compared.signed
-        m = float(parameters[2])
-        held = 1 / (TILT_STD * 2 * m) ** 2
-        information[3, 3] += held
-        information[4, 4] += held
-        right[3:] -= held * parameters[3:]
-        damped = information + IDENTITY / (LARGEST_STEP * m) ** 2
-        parameters = parameters + solve_positive(damped, right)
-        if not is_ellipse(parameters):
-            return np.full(PARAMETERS, np.nan), np.full((PARAMETERS, PARAMETERS), np.nan)
-    return parameters, solve_positive(information, IDENTITY)
+        parameters, covariance = step_nearer(compare(points, parameters), parameters)
+        if math.isnan(parameters[0]):
+            break
+    return parameters, covariance
+
+
+def step_nearer(compared: Comparison, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """One Gauss-Newton step of `refine_quickly`, from points compared with the ellipse."""
+    rows = compared.rows()
+    weighted = rows / robust_variances(compared.signed, compared.tolerant)
+    information, right = weighted @ rows.T, weighted @ compared.signed
+    m = float(parameters[2])
+    held = 1 / (TILT_STD * 2 * m) ** 2
+    information[3, 3] += held
+    information[4, 4] += held
+    right[3:] -= held * parameters[3:]
+    damped = information + IDENTITY / (LARGEST_STEP * m) ** 2
+    nearer = parameters + solve_positive(damped, right)
+    if not is_ellipse(nearer):
+        return np.full(PARAMETERS, np.nan), np.full((PARAMETERS, PARAMETERS), np.nan)
+    return nearer, solve_positive(information, IDENTITY)
 
 
 def solve_positive(matrix: FloatArray, right: FloatArray) -> FloatArray:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.fitting.quick_fit import compare, refine_quickly
+from lsvision.fitting.quick_fit import Comparison, compare, refine_quickly, step_nearer
 from lsvision.fitting.scatter import MAD_TO_STD, median
 from lsvision.shapes import BoolArray, FloatArray, IntArray
 from lsvision.shapes.noisy_points import NoisyPoints
@@ -129,13 +129,16 @@ def grow_arc(
         Of the ellipse. None in place of both where the growth breaks down.
     """
     joined, seen = False, set[tuple[int, int]]()
-    for round_ in range(settings.rounds):
-        parameters, unsure = around.refine(inside, parameters, 2 if round_ == 0 else 1)
+    parameters, unsure = around.refine(inside, parameters, 2)
+    for _ in range(settings.rounds):
         if not _plausible(parameters, around.radius, settings.largest_change):
             return None
         low, high = around.step_outwards(inside, settings.window_fraction)
         near = around.part(low, high)
-        on_ellipse, possible = _on_ellipse(near, parameters, unsure, inside - low, settings)
+        compared = compare(near.points, parameters)
+        on_ellipse, possible = _on_ellipse(
+            compared, unsure, inside - low, near.largest_misfit, settings
+        )
         inside = low + _run_around(on_ellipse, inside - low, settings)
         if len(inside) < settings.fewest_points:
             return None
@@ -143,6 +146,7 @@ def grow_arc(
         ends = (int(inside[0]), int(inside[-1]))
         if ends not in seen:
             seen.add(ends)
+            parameters, unsure = step_nearer(compared[inside - low], parameters)
             continue
         if joined:
             break
@@ -150,7 +154,8 @@ def grow_arc(
         both = _join_other_part(near, parameters, inside - low, possible, settings)
         if both is None:
             break
-        inside, parameters = low + both[0], both[1]
+        inside = low + both[0]
+        parameters, unsure = around.refine(inside, both[1], 1)
     return inside, parameters
 
 
@@ -182,7 +187,8 @@ def _join_other_part(
     parameters, unsure = near.refine(together, parameters, 8)
     if not _plausible(parameters, near.radius, settings.largest_change):
         return None
-    on_ellipse, _ = _on_ellipse(near, parameters, unsure, together, settings)
+    compared = compare(near.points, parameters)
+    on_ellipse, _ = _on_ellipse(compared, unsure, together, near.largest_misfit, settings)
     both = _run_around(on_ellipse, inside, settings)
     lost = len(inside) - np.isin(inside, both).sum()
     if len(both) <= len(inside) or lost > settings.lost_in_joining * len(inside):
@@ -199,20 +205,19 @@ def _plausible(parameters: FloatArray, radius: float, largest_change: float) -> 
 
 
 def _on_ellipse(
-    near: WeighedSpan,
-    parameters: FloatArray,
+    compared: Comparison,
     unsure: FloatArray,
     inside: IntArray,
+    largest_misfit: float,
     settings: IdentificationSettings,
 ) -> tuple[BoolArray, BoolArray]:
     """Within the sensor error, widened by what the ellipse does not know further out.
 
     The first goes so far out carefully, the second as far as the ellipse is unsure.
     """
-    compared = compare(near.points, parameters)
     variances, squares = compared.tolerant, compared.signed * compared.signed
     scatter = MAD_TO_STD * math.sqrt(median((squares / variances)[inside]))
-    limit = settings.sensor_error_sigmas * min(max(scatter, 1.0), near.largest_misfit)
+    limit = settings.sensor_error_sigmas * min(max(scatter, 1.0), largest_misfit)
     rows = compared.rows()
     extrapolated = settings.correlation * ((unsure @ rows) * rows).sum(axis=0)
     careful = np.minimum(extrapolated, settings.largest_extrapolation * variances)

@@ -11,6 +11,7 @@ from lsvision.profile import Arc, WeighedProfile
 from lsvision.recognition.verdict import Rejection
 from lsvision.recognition.windows import WindowCircles, fit_window_circles
 from lsvision.shapes import BoolArray, IntArray, Points
+from lsvision.shapes.arrays import extent_of
 from lsvision.shapes.noisy_points import as_complex
 
 LARGEST_COMMON_SHARE = 0.5
@@ -110,9 +111,7 @@ def _reasons_of_circles(
     stops = np.cumsum([len(run) for run in runs])
     circles = fit_window_circles(np.concatenate(runs), np.append(0, stops[:-1]), stops)
     return [
-        _reason_of_circle(
-            circles, i, 20 * float(np.ptp(run, axis=0).max()), noise_std, radius_range
-        )
+        _reason_of_circle(circles, i, 20 * extent_of(run), noise_std, radius_range)
         for i, run in enumerate(runs)
     ]
 

@@ -3,8 +3,6 @@
 from collections.abc import Sequence
 from typing import TypeVar
 
-import numpy as np
-
 from lsvision.recognition.leftovers import Accepted
 
 LARGEST_PART = 0.3
@@ -26,10 +24,11 @@ def without_parts(cylinders: Sequence[Found]) -> list[Found]:
     list
         By falling number of points.
     """
-    taken = np.empty(0, dtype=np.int64)
+    taken: set[int] = set()
     whole: list[Found] = []
     for cylinder in sorted(cylinders, key=lambda cylinder: -len(cylinder.indices)):
-        if np.isin(cylinder.indices, taken).sum() <= LARGEST_PART * len(cylinder.indices):
+        own = set(cylinder.indices.tolist())
+        if len(own & taken) <= LARGEST_PART * len(own):
             whole.append(cylinder)
-            taken = np.concatenate([taken, cylinder.indices])
+            taken |= own
     return whole

@@ -12,7 +12,7 @@ import numpy as np
 from lsvision.profile import WeighedProfile
 from lsvision.shapes import FloatArray, IntArray, Points
 
-LARGEST_SIDE = 512
+LARGEST_SIDE = 384
 """Pixels along X or Y at the most: components are cut by links, not by resolution."""
 PIXELS_PER_POINT = 0.5
 """Pixel columns for each point: links are drawn as lines, so half the resolution loses none."""

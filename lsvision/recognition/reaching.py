@@ -14,7 +14,7 @@ from lsvision.fitting.quick_fit import compare, refine_quickly
 from lsvision.profile import Arc, WeighedProfile
 from lsvision.recognition.identification import IdentifiedArc
 from lsvision.recognition.surroundings import following
-from lsvision.shapes import BoolArray, FloatArray, IntArray
+from lsvision.shapes import FloatArray, IntArray
 
 WIDER = 3.0
 """By which the ellipse of growth may be further off than that of all points."""
@@ -37,6 +37,8 @@ class ReachingSettings:
     contact_points : int
         So many connected points beyond an end, one of them off the ellipse, tell that the line
         goes on into something else.
+    contact_sigmas : float
+        Off the ellipse, of the point and the ellipse together.
     followers : int
         Connected points that are asked for that.
     rounds : int
@@ -48,6 +50,7 @@ class ReachingSettings:
     jump_sigmas: float = 20.0
     surest: float = 15.0
     contact_points: int = 3
+    contact_sigmas: float = 3.0
     followers: int = 5
     rounds: int = 6
 
@@ -121,16 +124,20 @@ def _on_ellipse(
 ) -> IntArray:
     """Points beyond the end of its own that lie on the ellipse, known with its covariance.
 
-    None where the line goes on beside it.
+    None where the line goes on beside it, from there or from the last of them.
     """
     compared = compare(profile.noisy[beyond], fitted[0])
     rows, variances = compared.rows(), compared.variances
     of_ellipse = ((fitted[1] @ rows) * rows).sum(axis=0)
     squares = compared.signed**2
-    near: BoolArray = squares < settings.sigmas**2 * (variances + of_ellipse)
-    chain = following(profile, own, beyond[: settings.followers])
-    if len(chain) >= settings.contact_points and not near[chain].all():
-        return beyond[:0]
+    misfit = squares / (variances + of_ellipse)
     sure = of_ellipse < settings.surest**2 * variances
-    reached: IntArray = beyond[near & sure & (squares < settings.jump_sigmas**2 * variances)]
+    near = (misfit < settings.sigmas**2) & (squares < settings.jump_sigmas**2 * variances)
+    count = int(np.flatnonzero(near & sure).max(initial=-1)) + 1
+    reached: IntArray = beyond[:count][(near & sure)[:count]]
+    for end, start in ((own, 0), (np.concatenate([own, reached]), count)):
+        chain = following(profile, end, beyond[start : start + settings.followers])
+        beside = misfit[start:][chain] > settings.contact_sigmas**2
+        if len(chain) >= settings.contact_points and beside.any():
+            return beyond[:0]
     return reached

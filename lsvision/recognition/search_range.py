@@ -2,10 +2,9 @@
 
 import math
 
-import numpy as np
-
 from lsvision.fitting.ellipse_problem import KnownRadius
 from lsvision.profile import WeighedProfile
+from lsvision.shapes.arrays import extent_of
 
 NOMINAL_SPREAD = 0.2
 """A nominal radius is searched within this share of itself."""
@@ -56,7 +55,7 @@ def search_range(
     points = profile.points[profile.order]
     if len(points) < 2:
         return 1.0, 2.0
-    extent = float(np.ptp(points, axis=0).max())
+    extent = extent_of(points)
     dust = min(DUST_SHARE * extent, DUST_PITCHES * profile.pitch)
     low = max(SMALLEST_RADIUS_PITCHES * profile.pitch, dust, 1e-9)
     return low, max(LARGEST_RADIUS_EXTENTS * extent, 2 * low)

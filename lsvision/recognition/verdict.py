@@ -14,6 +14,7 @@ from lsvision.profile import Arc, WeighedProfile
 from lsvision.recognition.identification import IdentifiedArc
 from lsvision.recognition.surroundings import followers
 from lsvision.shapes import Ellipse, FloatArray
+from lsvision.shapes.arrays import extent_of
 from lsvision.shapes.noisy_points import ComplexArray, NoisyPoints
 
 LARGE_SHARE, LARGE_SIGMAS = 0.3, 4.0
@@ -165,7 +166,7 @@ def reason_of_size(profile: WeighedProfile, radius: float, radius_std: float) ->
     said = f"radius {radius:.3g} +/- {radius_std:.2g} mm"
     if radius < radius_std:
         return f"{said}: the arc is too short or too noisy to have one"
-    view = float(np.ptp(profile.points[profile.order], axis=0).max())
+    view = extent_of(profile.points[profile.order])
     if radius > LARGE_SHARE * view:
         return f"{said}: any gentle curve in a view of {view:.0f} mm"
     return None

@@ -1,13 +1,15 @@
 """Order and noise of a profile, before anything is recognised in it."""
 
 import math
+from statistics import NormalDist
 
 import numpy as np
 
 from lsvision.fitting.scatter import median
 from lsvision.profile import NoiseModel, Profile, WeighedProfile
 from lsvision.shapes import FloatArray, IntArray, Points
-from lsvision.shapes.noisy_points import NoisyPoints
+from lsvision.shapes.arrays import extent_of
+from lsvision.shapes.noisy_points import NoisyPoints, as_complex
 
 MOST_POINTS = 20_000
 """Denser profiles (no sensor has more than 4096 columns) are thinned evenly to this."""
@@ -15,6 +17,8 @@ FARTHEST_MM = 1e9
 """Numbers beyond a thousand kilometres are rubbish of a file, not points."""
 LOW_SHARE = 0.35
 """The smaller offsets tell the noise even where many points are stray."""
+LOW_SIGMAS = NormalDist().inv_cdf((1 + LOW_SHARE) / 2)
+"""That share of a normal distribution's offsets is smaller."""
 ORDERLY = 0.8
 """Share of steps along X in one direction above which the sensor's order is trusted."""
 
@@ -58,8 +62,7 @@ def typical_pitch(points: Points) -> float:
     spacing = np.abs(x[1:] - x[:-1])
     spacing = spacing[spacing > 0]
     if len(spacing) == 0:
-        spread = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
-        return max(spread / max(len(points), 1), 1e-9)
+        return max(extent_of(points) / max(len(points), 1), 1e-9)
     return median(spacing)
 
 
@@ -76,21 +79,26 @@ def estimate_noise_std(points: Points) -> float:
     float
         One sigma; never zero. Too small where neighbours' errors are correlated. Units: mm.
     """
-    from scipy.special import ndtri
-
-    smallest = max(1e-7 * float(np.ptp(points, axis=0).max()) if len(points) else 0.0, 1e-9)
+    smallest = max(1e-7 * extent_of(points), 1e-9)
     if len(points) < 5:
         return smallest
-    y = points[np.append(True, (points[1:] != points[:-1]).any(axis=1)), 1]
+    z, new = as_complex(points), np.ones(len(points), dtype=bool)
+    new[1:] = z[1:] != z[:-1]
+    y = points[new, 1]
     if len(y) < 5:
         return smallest
     offset = np.abs(y[1:-1] - (y[2:] + y[:-2]) / 2)
-    low = float(np.quantile(offset, LOW_SHARE))
+    low = _low(offset)
     if low == 0 and (offset > 0).any():
         # The file rounds its numbers more coarsely than they scatter.
-        low = float(np.quantile(offset[offset > 0], LOW_SHARE))
+        low = _low(offset[offset > 0])
     # The middle of three: variance 1 + 1/4 + 1/4.
-    return max(low / float(ndtri((1 + LOW_SHARE) / 2)) / math.sqrt(1.5), smallest)
+    return max(low / LOW_SIGMAS / math.sqrt(1.5), smallest)
+
+
+def _low(values: FloatArray) -> float:
+    rank = int(LOW_SHARE * len(values))
+    return float(np.partition(values, rank)[rank])
 
 
 def _columns_along_line(points: Points) -> IntArray:

@@ -46,3 +46,17 @@ def locked(values: npt.ArrayLike, shape: tuple[int | str, ...], name: str = "arr
         raise ValueError(f"want {name} of shape ({wanted}), got {array.shape}")
     array.setflags(write=False)
     return array
+
+
+def extent_of(points: Points) -> float:
+    """Longest side of the points' bounding box; 0 without points. Units: as theirs.
+
+    Parameters
+    ----------
+    points : (n, d) ndarray
+        Without NaN.
+    """
+    # A column at a time: numpy reduces along the long axis ten times as fast.
+    return max(
+        (float(column.max() - column.min()) for column in points.T if len(column)), default=0.0
+    )

@@ -80,3 +80,16 @@ def test_an_arc_that_is_whole_stays_itself(rng):
     points = seen(upper_arc(), rng)
     profile, arc = grown(points, len(points))
     assert reach_out(profile, arc) is arc
+
+
+def test_where_another_line_only_begins_on_the_ellipse_it_is_no_last_point(rng):
+    tube = upper_arc(60.0)
+    first = len(tube) - 1
+    plate = flat(tube[-1, 0] + PITCH, tube[-1, 0] + 20, y=tube[-1, 1])
+    points = seen(np.concatenate([tube, plate]), rng)
+    points[first - 1] = np.nan
+    alone = points.copy()
+    alone[first + 1 :] = np.nan
+    assert reach_out(*grown(alone, first - 1)).indices[-1] == first
+    profile, arc = grown(points, first - 1)
+    assert reach_out(profile, arc) is arc
