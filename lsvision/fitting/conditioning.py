@@ -1,5 +1,6 @@
 """Smoothing and homogenising of one arc on the residual to its screened ellipse (paper 3.3)."""
 
+import cmath
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,8 +61,7 @@ def condition_arc(
     parameters = parameters_of(ellipse)
     compared = compare(points, parameters)
     # Counted from the middle, so that the cut of the angle lies off the arc.
-    middle = complex(compared.w.sum())
-    middle /= abs(middle)
+    middle = cmath.rect(1.0, cmath.phase(compared.w.sum()))
     angles = np.angle(compared.w * middle.conjugate())
     order = np.argsort(angles, kind="stable")
     angles, signed = angles[order], compared.signed[order]
