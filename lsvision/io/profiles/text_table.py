@@ -98,12 +98,16 @@ def split_unit(label: str) -> tuple[str, str | None]:
 
 
 def _first_row(lines: Sequence[str]) -> tuple[int, str | None]:
-    for index, line in enumerate(lines[:_HEADER_LINES]):
-        if not line.strip() or line.lstrip().startswith(COMMENT_MARKS):
-            continue
+    preamble = 0
+    for index, line in enumerate(lines):
         separator = _separator(line.strip())
         cells = line.split(separator)
-        if _all_numbers_or_lost(cells) and any(_NUMBER.fullmatch(c.strip()) for c in cells):
+        words = line.strip() and not line.lstrip().startswith(COMMENT_MARKS)
+        if not (words and _all_numbers_or_lost(cells)):
+            preamble += 1  # rows of lost points are none of it, however many
+            if preamble == _HEADER_LINES:
+                break
+        elif any(_NUMBER.fullmatch(cell.strip()) for cell in cells):
             if index == 0 and _counts_points(line, lines[1:2]):
                 continue
             return _with_lost_rows(lines, index, separator), separator

@@ -71,6 +71,11 @@ def test_lost_points_before_the_first_valid_one_keep_their_rows(write, separator
     assert lost.tolist() == [True, True, False, False, True, True]
 
 
+def test_a_long_run_of_lost_points_at_the_start_is_no_preamble(write):
+    (profile,) = read_profiles(write("nan,nan\n" * 500 + "1.5,2\n2,2.5\n"))
+    assert (len(profile), profile.lost) == (502, 500)
+
+
 def test_repeated_zero_pairs_are_lost_and_a_single_one_is_a_point(write):
     assert read_profile(write("0,0\n1,5\n0,0\n2,5\n")).lost == 2
     assert read_profile(write("0,0\n1,5\n2,5\n")).lost == 0
