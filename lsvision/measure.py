@@ -27,7 +27,7 @@ from lsvision.recognition.range_image import (
     connected_components,
     rasterise,
 )
-from lsvision.recognition.reaching import ReachingSettings, reach_out
+from lsvision.recognition.reaching import ReachingSettings
 from lsvision.recognition.recognise import identify_arcs
 from lsvision.recognition.screening import ScreeningSettings, screen_arc
 from lsvision.recognition.search_range import search_range
@@ -48,7 +48,7 @@ class Settings:
 
     Parameters
     ----------
-    range_image, candidates, identification, verdict, reaching, screening : settings
+    range_image, candidates, identification, verdict, screening, reaching : settings
         Recognition, section 3.2.
     smoothing, homogenising : settings
         Conditioning, section 3.3.
@@ -62,8 +62,8 @@ class Settings:
     candidates: CandidateSettings = CandidateSettings()
     identification: IdentificationSettings = IdentificationSettings()
     verdict: VerdictSettings = VerdictSettings()
-    reaching: ReachingSettings = ReachingSettings()
     screening: ScreeningSettings = ScreeningSettings()
+    reaching: ReachingSettings = ReachingSettings()
     smoothing: SmoothingSettings = SmoothingSettings()
     homogenising: HomogenisingSettings = HomogenisingSettings()
     # Conditioned arcs start so near their fit that renewed weights change nothing; pipes need
@@ -187,8 +187,7 @@ def _measure_arc(
     settings: Settings,
 ) -> CylinderSection | Rejection:
     """An identified arc made a cylinder, or the reason why it is none."""
-    arc = reach_out(profile, arc, settings.reaching)
-    screened = screen_arc(profile, arc, settings.screening)
+    screened = screen_arc(profile, arc, settings.screening, settings.reaching)
     reason = reason_in_surroundings(profile, arc, settings.verdict)
     if reason is not None:
         return Rejection(screened.arc, reason)

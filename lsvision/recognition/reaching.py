@@ -45,13 +45,13 @@ class ReachingSettings:
         Each point that is reached makes the ellipse surer of the next.
     """
 
-    columns: int = 8
+    columns: int = 14
     sigmas: float = 4.5
     jump_sigmas: float = 20.0
     surest: float = 15.0
     contact_points: int = 3
     contact_sigmas: float = 3.0
-    followers: int = 5
+    followers: int = 14
     rounds: int = 6
 
 

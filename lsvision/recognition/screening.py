@@ -18,6 +18,7 @@ from lsvision.fitting.quick_fit import IDENTITY, compare, refine_quickly, solve_
 from lsvision.fitting.scatter import robust_std
 from lsvision.profile import Arc, WeighedProfile
 from lsvision.recognition.identification import IdentifiedArc
+from lsvision.recognition.reaching import ReachingSettings, reach_out
 from lsvision.recognition.surroundings import followers
 from lsvision.shapes import BoolArray, Ellipse, FloatArray, IntArray
 
@@ -65,8 +66,12 @@ def screen_arc(
     profile: WeighedProfile,
     arc: IdentifiedArc,
     settings: ScreeningSettings = ScreeningSettings(),
+    reaching: ReachingSettings = ReachingSettings(),
 ) -> IdentifiedArc:
     """Drop the end points that do not lie on the ellipse of the middle part.
+
+    Then the whole of what remains reaches out for last points that do, `reach_out`, where no
+    edge had to be dropped.
 
     Parameters
     ----------
@@ -76,6 +81,8 @@ def screen_arc(
         From rough identification.
     settings : ScreeningSettings
         Sizes of the parts and limits.
+    reaching : ReachingSettings
+        How far it reaches then.
 
     Returns
     -------
@@ -105,7 +112,8 @@ def screen_arc(
         for end, contact in zip(ends, contacts, strict=True)
     )
     kept = np.concatenate([start, inner, stop[::-1]])
-    return IdentifiedArc(Arc(int(kept[0]), int(kept[-1]) + 1), kept, middle.ellipse)
+    screened = IdentifiedArc(Arc(int(kept[0]), int(kept[-1]) + 1), kept, middle.ellipse)
+    return screened if edge > 0 else reach_out(profile, screened, reaching)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -60,7 +60,7 @@ def test_a_laser_off_frame_takes_the_second_line_away(run, rows):
                IMAGES / "clutter_laser_off.png")  # fmt: skip
     assert "second line" not in dark.stdout
     ((_, before),), ((radius, after),) = radii(rows, alone), radii(rows, dark)
-    assert after < before / 2
+    assert after < 0.8 * before  # the second line hides points, and blurs those beside it
     assert abs(radius - 18) < FOUR_SIGMA * after
 
 
