@@ -10,10 +10,11 @@ from typing import NamedTuple
 from lsvision.errors import LsvisionError
 from lsvision.fitting.conditioning import condition_arc
 from lsvision.fitting.cylinder_section import CylinderSection
-from lsvision.fitting.ellipse_fit import FittingSettings, fit_ellipse
+from lsvision.fitting.ellipse_fit import EllipseFit, FittingSettings, fit_ellipse
 from lsvision.fitting.ellipse_problem import KnownRadius
 from lsvision.fitting.homogenising import HomogenisingSettings
 from lsvision.fitting.known_phi import KnownPhi
+from lsvision.fitting.leverage import without_leverage
 from lsvision.fitting.smoothing import SmoothingSettings
 from lsvision.literal import LiteralSettings, measure_literally
 from lsvision.profile import Arc, NoiseModel, Profile, WeighedProfile
@@ -39,7 +40,7 @@ from lsvision.recognition.verdict import (
     reason_of_size,
 )
 from lsvision.recognition.weighing import weigh_profile
-from lsvision.shapes import IntArray
+from lsvision.shapes import Ellipse, IntArray
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -198,16 +199,11 @@ def _measure_arc(
         settings.homogenising,
     )
     indices = screened.indices[conditioned.kept]
-    covariances = profile.covariances[indices] if profile.noise_known else None
     try:
-        fit = fit_ellipse(
-            profile.points[indices],
-            conditioned.ellipse,
-            covariances,
-            known_radius=known.radius,
-            known_phi=known.phi,
-            settings=settings.fitting,
-        )
+        fit = _fit(profile, indices, conditioned.ellipse, known, settings.fitting)
+        if profile.noise_known and not (kept := without_leverage(fit)).all():
+            indices = indices[kept]
+            fit = _fit(profile, indices, fit.ellipse, known, settings.fitting)
     except LsvisionError as failure:
         return Rejection(screened.arc, str(failure))
     fitted = IdentifiedArc(screened.arc, indices, fit.ellipse)
@@ -215,6 +211,23 @@ def _measure_arc(
     reason = reason_against(profile, fitted, radius_range, settings.verdict)
     reason = reason or reason_of_size(profile, section.radius, section.radius_std)
     return section if reason is None else Rejection(screened.arc, reason)
+
+
+def _fit(
+    profile: WeighedProfile,
+    indices: IntArray,
+    start: Ellipse,
+    known: _Known,
+    settings: FittingSettings,
+) -> EllipseFit:
+    return fit_ellipse(
+        profile.points[indices],
+        start,
+        profile.covariances[indices] if profile.noise_known else None,
+        known_radius=known.radius,
+        known_phi=known.phi,
+        settings=settings,
+    )
 
 
 def _in_columns_of_sensor(
