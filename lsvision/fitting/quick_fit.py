@@ -67,6 +67,12 @@ class Comparison:
         """How far the ellipse moves along each normal, by each parameter: (5, n)."""
         return parameter_rows(self.normals, self.w)
 
+    def variances_of_ellipse(self, covariance: FloatArray) -> FloatArray:
+        """What an ellipse of that covariance, (5, 5), does not know along each normal. mm^2."""
+        rows = self.rows()
+        unsure: FloatArray = ((covariance @ rows) * rows).sum(axis=0)
+        return unsure
+
 
 def compare(points: NoisyPoints, parameters: FloatArray) -> Comparison:
     """Points compared with an ellipse (see `lsvision.fitting.ellipse_parameters`).

@@ -218,8 +218,7 @@ def _on_ellipse(
     variances, squares = compared.tolerant, compared.signed * compared.signed
     scatter = MAD_TO_STD * math.sqrt(median((squares / variances)[inside]))
     limit = settings.sensor_error_sigmas * min(max(scatter, 1.0), largest_misfit)
-    rows = compared.rows()
-    extrapolated = settings.correlation * ((unsure @ rows) * rows).sum(axis=0)
+    extrapolated = settings.correlation * compared.variances_of_ellipse(unsure)
     careful = np.minimum(extrapolated, settings.largest_extrapolation * variances)
     lit = compared.normals.imag > FARTHEST_NORMAL
     squares /= limit**2

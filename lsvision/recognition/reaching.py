@@ -13,11 +13,11 @@ from lsvision.fitting.ellipse_parameters import ellipse_of, is_ellipse, paramete
 from lsvision.fitting.quick_fit import compare, refine_quickly
 from lsvision.profile import Arc, WeighedProfile
 from lsvision.recognition.identification import IdentifiedArc
-from lsvision.recognition.surroundings import following
+from lsvision.recognition.surroundings import CONTACT_POINTS, following
 from lsvision.shapes import FloatArray, IntArray
 
 WIDER = 3.0
-"""By which the ellipse of growth may be further off than that of all points."""
+"""By which the ellipse of the middle part may be further off than that of all points."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -49,7 +49,7 @@ class ReachingSettings:
     sigmas: float = 4.5
     jump_sigmas: float = 20.0
     surest: float = 15.0
-    contact_points: int = 3
+    contact_points: int = CONTACT_POINTS
     contact_sigmas: float = 3.0
     followers: int = 14
     rounds: int = 6
@@ -65,7 +65,7 @@ def reach_out(
     profile : WeighedProfile
         The profile.
     arc : IdentifiedArc
-        As far as it grew.
+        Screened; with the ellipse of its middle part.
     settings : ReachingSettings
         How far, and how sure.
 
@@ -109,7 +109,7 @@ def _worth_a_fit(
     parameters: FloatArray,
     settings: ReachingSettings,
 ) -> bool:
-    """Whether any point is near enough to the ellipse of growth for that of the whole arc."""
+    """Whether any point is near enough to the middle part's ellipse for that of the whole arc."""
     compared = compare(profile.noisy[beyond], parameters)
     limit = (WIDER * settings.jump_sigmas) ** 2
     return bool((compared.signed**2 < limit * compared.variances).any())
@@ -127,9 +127,8 @@ def _on_ellipse(
     None where the line goes on beside it, from there or from the last of them.
     """
     compared = compare(profile.noisy[beyond], fitted[0])
-    rows, variances = compared.rows(), compared.variances
-    of_ellipse = ((fitted[1] @ rows) * rows).sum(axis=0)
-    squares = compared.signed**2
+    variances, squares = compared.variances, compared.signed**2
+    of_ellipse = compared.variances_of_ellipse(fitted[1])
     misfit = squares / (variances + of_ellipse)
     sure = of_ellipse < settings.surest**2 * variances
     near = (misfit < settings.sigmas**2) & (squares < settings.jump_sigmas**2 * variances)

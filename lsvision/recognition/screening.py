@@ -19,11 +19,9 @@ from lsvision.fitting.scatter import robust_std
 from lsvision.profile import Arc, WeighedProfile
 from lsvision.recognition.identification import IdentifiedArc
 from lsvision.recognition.reaching import ReachingSettings, reach_out
-from lsvision.recognition.surroundings import followers
+from lsvision.recognition.surroundings import CONTACT_POINTS, followers
 from lsvision.shapes import BoolArray, Ellipse, FloatArray, IntArray
 
-CONTACT_POINTS = 3
-"""So many connected points beyond an end tell a contact: a bead, a neighbour, a plate."""
 OUTERMOST = (1, 2, 3, 4, 6, 8, 12)
 
 
@@ -162,7 +160,7 @@ def _on_ellipse(
     compared = compare(profile.noisy[part], middle.parameters)
     signed, rows = compared.signed, compared.rows()
     own = middle.excess * compared.tolerant
-    unsure = ((middle.covariance @ rows) * rows).sum(axis=0)
+    unsure = compared.variances_of_ellipse(middle.covariance)
     single: BoolArray = signed**2 < settings.sensor_error_sigmas**2 * (own + unsure)
     for first in range(len(part)):
         if not single[first]:

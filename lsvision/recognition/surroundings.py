@@ -7,6 +7,8 @@ from lsvision.profile import WeighedProfile
 from lsvision.shapes import IntArray
 from lsvision.shapes.noisy_points import ComplexArray
 
+CONTACT_POINTS = 3
+"""So many connected points beyond an end tell a contact: a bead, a neighbour, a plate."""
 REACH_PITCHES = 3.0
 """A next point further away than this many pitches of the arc's own end no longer follows."""
 
