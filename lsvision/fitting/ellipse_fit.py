@@ -27,6 +27,7 @@ from lsvision.fitting.ellipse_parameters import (
 )
 from lsvision.fitting.ellipse_problem import (
     MOST_EVALUATIONS,
+    NEGLIGIBLE,
     ArcProblem,
     KnownRadius,
     Solution,
@@ -57,12 +58,16 @@ class FittingSettings:
         How often the weights 1 / (n' Sigma n) are renewed at the fitted ellipse. One is
         enough from a conditioned start; the paper has none.
     most_evaluations : int
-        Of the residuals; then the iteration ends where it is.
+        Of the residuals; then the iteration ends where it is, unsettled.
+    negligible : float
+        A step that mends so small a share of chi^2, or changes the parameters by so small a
+        share of them, is the last.
     """
 
     residual: Literal["orthogonal", "radial"] = "orthogonal"
     reweightings: int = 1
     most_evaluations: int = MOST_EVALUATIONS
+    negligible: float = NEGLIGIBLE
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -89,6 +94,9 @@ class EllipseFit:
         the residuals; more where they are larger, or correlated along the line.
     degrees_of_freedom : float
         Of `variance_factor`; infinite where it comes from the noise model alone.
+    settled : bool
+        Whether the iteration reached its minimum; false for an ellipse that was still on its way
+        to a needle.
     """
 
     ellipse: Ellipse
@@ -99,6 +107,7 @@ class EllipseFit:
     model_covariance: FloatArray
     variance_factor: float
     degrees_of_freedom: float
+    settled: bool
 
     @property
     def regular_covariance(self) -> FloatArray:
@@ -184,7 +193,7 @@ def fit_ellipse(
     for _ in range(1 + settings.reweightings):
         stds = _normal_stds(points, covariances, parameters)
         problem = ArcProblem(points, stds, known_radius, settings.residual, known_phi)
-        solution = minimise(problem, parameters, settings.most_evaluations)
+        solution = minimise(problem, parameters, settings.most_evaluations, settings.negligible)
         parameters = solution.parameters
         if covariances is None:
             break
@@ -192,7 +201,7 @@ def fit_ellipse(
     if covariances is None and correlation.coloured and settings.residual == "orthogonal":
         _, normals, _ = orthogonal_comparison(points, parameters)
         problem = ArcProblem(points, grazing_stds(normals.imag), known_radius, settings.residual)
-        solution = minimise(problem, parameters, settings.most_evaluations)
+        solution = minimise(problem, parameters, settings.most_evaluations, settings.negligible)
         fit, _ = _fit_with_evidence(problem, solution, known_noise=False)
     return fit if problem.prior_rows == 0 else _weighed_against_prior(fit)
 
@@ -226,6 +235,7 @@ def _weighed_against_prior(fit: EllipseFit) -> EllipseFit:
         normalised=residuals / fit.problem.stds,
         model_covariance=_inverse(solution.jacobian.T @ solution.jacobian),
         variance_factor=1.0,
+        settled=solution.settled,
     )
 
 
@@ -274,5 +284,6 @@ def _fit_with_evidence(
         model_covariance=_inverse(solution.jacobian.T @ solution.jacobian),
         variance_factor=factor * correlation.factor,
         degrees_of_freedom=freedom,
+        settled=solution.settled,
     )
     return fit, correlation

@@ -18,6 +18,9 @@ from lsvision.shapes.noisy_points import ComplexArray, as_complex
 PARAMETERS = 5
 FOOT_CLOSE = 3e-3
 """Nearest points to some 1e-5 rad: then the distance, stationary there, is right to 1e-9 mm."""
+FOOT_STEPS = 30
+FAR_TURN = 0.2
+"""A first step of more rad is none of a point near the ellipse."""
 NEEDLE = 1e-3
 """Thinner than this an ellipse is a straight line that lost its way."""
 
@@ -33,15 +36,42 @@ def orthogonal_comparison(
         Positive outside. Units: mm.
     normals, w : (n,) complex ndarray
         Outward unit normal and unit vector of the nearest point.
+
+    Notes
+    -----
+    Newton's steps along the ellipse, from where the ray of each point meets it. That far beside
+    an ellipse may lead to the farthest point: then all start from their nearest.
     """
+    (m, p, q), own = parameters[2:].tolist(), as_complex(points) - centre_of(parameters)
+    d = complex(p, q)
+    side = math.copysign(1.0, m * m - abs(d) ** 2)
+    w = side * (m * own - d * own.conj())
+    w /= np.abs(w)
+    largest = math.inf
+    for step in range(FOOT_STEPS):
+        along, across = m * w, d * w.conj()
+        foot, normals = along + across, along - across
+        gap = own - foot
+        if largest < FOOT_CLOSE:
+            break
+        bending = normals.real**2 + normals.imag**2 + (gap * foot.conj()).real
+        turn = (gap * normals.conj()).imag / bending
+        largest = float(np.abs(turn).max(initial=0.0))
+        if step == 0 and not (largest < FAR_TURN and bending.min() > 0):
+            w = _nearest_directions(own, parameters)
+        else:
+            w *= 1 + 1j * turn
+            w /= np.abs(w)
+    normals *= side / np.abs(normals)
+    return (gap * normals.conj()).real, normals, w
+
+
+def _nearest_directions(own: ComplexArray, parameters: FloatArray) -> ComplexArray:
+    """Unit vectors w of the nearest points E w, wherever the points are; centre at 0."""
     a, b, turn = axes_of(parameters)
-    own = (as_complex(points) - centre_of(parameters)) * turn.conjugate()
-    wu, wv = foot_directions(own.real, own.imag, a, b, FOOT_CLOSE)
-    w = _complex(wu, wv)
-    n = _complex(wu / a, wv / b)
-    n /= np.abs(n)
-    signed = ((own - _complex(a * wu, b * wv)) * n.conj()).real
-    return signed, n * turn, w * turn
+    turned = own * turn.conjugate()
+    cos, sin = foot_directions(turned.real, turned.imag, a, b)
+    return _complex(cos, sin) * turn
 
 
 def radial_comparison(

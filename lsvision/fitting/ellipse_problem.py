@@ -22,6 +22,10 @@ from lsvision.shapes import FloatArray, Points
 from lsvision.shapes.noisy_points import as_complex
 
 MOST_EVALUATIONS = 100
+NEGLIGIBLE = 1e-10
+"""A last step is one of this share of the parameters, or that mends this share of chi^2."""
+OUT_OF_EVALUATIONS = 5
+"""MINPACK's info for that."""
 EXACT_RADIUS_STD = 1e-6
 """Share of a known radius that stands for "exactly": small beside any noise, not singular."""
 
@@ -122,15 +126,22 @@ class ArcProblem:
 
 
 class Solution(NamedTuple):
-    """Least squares' parameters (k,), and residuals (n,) and Jacobian (n, k) there."""
+    """Least squares' parameters (k,), and residuals (n,) and Jacobian (n, k) there.
+
+    `settled` is false where the iteration was still moving when it had to end.
+    """
 
     parameters: FloatArray
     residuals: FloatArray
     jacobian: FloatArray
+    settled: bool
 
 
 def minimise(
-    problem: ArcProblem, start: FloatArray, most_evaluations: int = MOST_EVALUATIONS
+    problem: ArcProblem,
+    start: FloatArray,
+    most_evaluations: int = MOST_EVALUATIONS,
+    negligible: float = NEGLIGIBLE,
 ) -> Solution:
     """The ellipse of least squares, by Levenberg-Marquardt (MINPACK) with analytic Jacobian.
 
@@ -142,7 +153,7 @@ def minimise(
     rows = len(problem.points) + problem.prior_rows
     if rows < PARAMETERS:
         raise TooFewPoints("an arc", rows, PARAMETERS, "scan slower or nearer")
-    solution = least_squares(problem.evaluate, start, most_evaluations)
+    solution = least_squares(problem.evaluate, start, most_evaluations, negligible)
     if not np.isfinite(solution.parameters).all():
         raise FitFailed("the ellipse fit left the finite numbers: the points lie on no ellipse")
     return solution
@@ -152,7 +163,10 @@ Evaluation = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 
 def least_squares(
-    evaluate: Evaluation, start: FloatArray, most_evaluations: int = MOST_EVALUATIONS
+    evaluate: Evaluation,
+    start: FloatArray,
+    most_evaluations: int = MOST_EVALUATIONS,
+    negligible: float = NEGLIGIBLE,
 ) -> Solution:
     """Least squares by Levenberg-Marquardt (MINPACK) with analytic Jacobian.
 
@@ -164,16 +178,18 @@ def least_squares(
         Where to begin.
     most_evaluations : int
         Then the iteration ends where it is.
+    negligible : float
+        A last step is one of this share of the parameters, or that mends this share of chi^2.
     """
     from scipy.optimize import leastsq
 
     remembered = remembering_last(evaluate)
     with np.errstate(all="ignore"):
-        found, *_ = leastsq(
+        found, *_, ending = leastsq(
             lambda x: remembered(x)[0], start, Dfun=lambda x: remembered(x)[1],
-            xtol=1e-7, ftol=1e-10, maxfev=most_evaluations, full_output=True,
+            xtol=negligible, ftol=negligible, maxfev=most_evaluations, full_output=True,
         )  # fmt: skip
-        return Solution(found, *remembered(found))
+        return Solution(found, *remembered(found), settled=ending != OUT_OF_EVALUATIONS)
 
 
 def remembering_last(evaluate: Evaluation) -> Evaluation:

@@ -17,6 +17,8 @@ from lsvision.shapes import BoolArray, FloatArray
 OUTERMOST = 4
 """Points at either end that are tried."""
 MOST_DROPPED = 3
+MOST_EVALUATIONS = 20
+"""Of a fit without one of its points, which begins beside its minimum."""
 TELLING = 16.0
 """By which chi^2 must fall, in units of what it is for each point then: four sigma."""
 
@@ -63,7 +65,9 @@ def _cost_without(
     rest[index] = False
     try:
         solution = minimise(
-            replace(problem, points=problem.points[rest], stds=problem.stds[rest]), parameters
+            replace(problem, points=problem.points[rest], stds=problem.stds[rest]),
+            parameters,
+            MOST_EVALUATIONS,
         )
     except LsvisionError:
         return np.inf, parameters

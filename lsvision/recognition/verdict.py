@@ -8,6 +8,7 @@ from itertools import chain
 
 import numpy as np
 
+from lsvision.fitting.ellipse_fit import EllipseFit
 from lsvision.fitting.ellipse_parameters import parameters_of
 from lsvision.fitting.quick_fit import Comparison, compare
 from lsvision.profile import Arc, WeighedProfile
@@ -146,6 +147,20 @@ def _against_points(
     span = int(np.isfinite(profile.points[arc.arc.start : arc.arc.stop, 0]).sum())
     if count < settings.least_density * span:
         yield f"only {count} of {span} points of the span lie on the ellipse"
+
+
+def reason_unsettled(fit: EllipseFit) -> str | None:
+    """Why a fit without a minimum has no ellipse; None where it settled.
+
+    Parameters
+    ----------
+    fit : EllipseFit
+        To the arc's points.
+    """
+    if fit.settled:
+        return None
+    tilt_deg = math.degrees(fit.ellipse.phi)
+    return f"no ellipse fits best: the thinner the better (the fit came to {tilt_deg:.0f} deg tilt)"
 
 
 def reason_of_size(profile: WeighedProfile, radius: float, radius_std: float) -> str | None:

@@ -69,6 +69,20 @@ def test_the_comparison_gives_the_residuals_of_shapes(compare, residuals, rng):
 
 @PROPERTY
 @given(ellipses(phi_deg=(0.0, 80.0)))
+def test_the_comparison_finds_nearest_points_wherever_the_points_are(ellipse):
+    rng = np.random.default_rng(0)
+    points = ellipse.points_at(rng.uniform(0, 2 * math.pi, 40))
+    points = ellipse.centre + rng.uniform(0.05, 3.0, (40, 1)) * (points - ellipse.centre)
+    signed, normals, w = orthogonal_comparison(points, parameters_of(ellipse))
+    around = ellipse.points_at(np.linspace(0, 2 * math.pi, 20_000))
+    brute = [np.hypot(*(around - point).T).min() for point in points]
+    np.testing.assert_allclose(np.abs(signed), brute, atol=1e-4 * ellipse.semi_major)
+    np.testing.assert_allclose(np.abs(normals), 1, atol=MACHINE)
+    np.testing.assert_allclose(np.abs(w), 1, atol=MACHINE)
+
+
+@PROPERTY
+@given(ellipses(phi_deg=(0.0, 80.0)))
 def test_an_ellipse_comes_back_from_its_parameters(ellipse):
     parameters = parameters_of(ellipse)
     assert_same_ellipse(ellipse_of(parameters), ellipse, atol=MACHINE)
@@ -147,7 +161,7 @@ def test_a_prior_pulls_the_radius_by_its_weight(rng):
     truth = pipe(25.0)
     points = measured(upper_arc(truth), rng)
     problem = problem_of(points, prior=KnownRadius(truth.radius + 0.5, 0.05))
-    _, residuals, jacobian = minimise(problem, parameters_of(truth))
+    _, residuals, jacobian, _ = minimise(problem, parameters_of(truth))
     cancel = jacobian.T @ residuals / np.linalg.norm(jacobian, axis=0)
     np.testing.assert_allclose(cancel, 0, atol=1e3 * DIFFERENCES)
     assert residuals[-1] < 0

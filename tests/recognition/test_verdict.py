@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from lsvision import Ellipse, PointNoise, Profile
+from lsvision.fitting.ellipse_fit import FittingSettings, fit_ellipse
 from lsvision.profile import Arc
 from lsvision.recognition.identification import IdentifiedArc
 from lsvision.recognition.leftovers import reasons_for_leftovers
@@ -16,6 +17,7 @@ from lsvision.recognition.verdict import (
     reason_against,
     reason_in_surroundings,
     reason_of_size,
+    reason_unsettled,
 )
 from lsvision.recognition.weighing import weigh_profile
 from tests.recognition.scenes import bowl, dome, flat, line
@@ -160,3 +162,19 @@ def test_a_radius_that_is_hardly_known_is_none(radius, std, match):
     weighed = weigh_profile(Profile(np.column_stack([x, 0 * x - 400.0])), None)
     assert match in reason_of_size(weighed, radius, std)
     assert reason_of_size(weighed, radius, radius / 10) is None
+
+
+def test_a_parabola_has_no_best_ellipse():
+    """The nearer an ellipse comes to it the longer it is: no fit settles."""
+    x = np.linspace(-20, 20, 60)
+    points = np.column_stack([x, -400.0 - x**2 / 40])
+    start = Ellipse((0.0, -420.0), 20.0, 20.0, 0.0)
+    fit = fit_ellipse(points, start, settings=FittingSettings(most_evaluations=20))
+    assert reason_unsettled(fit).startswith("no ellipse fits best: the thinner the better")
+
+
+def test_a_fit_that_reached_its_minimum_is_an_ellipse():
+    truth = Ellipse((0.0, -420.0), 22.0, 19.0, 0.3)
+    points = truth.points_at(np.linspace(0.3, 2.6, 60))
+    start = Ellipse((0.0, -420.0), 20.0, 20.0, 0.0)
+    assert reason_unsettled(fit_ellipse(points, start)) is None
