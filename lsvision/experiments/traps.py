@@ -170,7 +170,7 @@ def _division() -> Trap:
     beyond = ellipse.points_at(np.radians(np.linspace(190, -30, 120)))
     falling = int((np.diff(beyond[:, 0]) <= 0).sum())
     length = np.append(0.0, np.cumsum(np.hypot(*np.diff(beyond, axis=0).T)))
-    _, even = homogenise(length, beyond)
+    even = np.column_stack([homogenise(length, column)[1] for column in beyond.T])
     return Trap(
         "Eq. (4) divides by x − x₀, and the spline S(x) needs x to rise",
         "A point straight above the centre has no r_j, and an arc past its vertical flank has "

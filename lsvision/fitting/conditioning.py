@@ -63,14 +63,14 @@ def condition_arc(
     # Counted from the middle, so that the cut of the angle lies off the arc.
     middle = cmath.rect(1.0, cmath.phase(compared.w.sum()))
     angles = np.angle(compared.w * middle.conjugate())
-    order = np.argsort(angles, kind="stable")
+    order = angles.argsort(kind="stable")
     angles, signed = angles[order], compared.signed[order]
     stds = np.sqrt(compared.variances[order])
     feet = points.z[order] - signed * compared.normals[order]
-    steps = np.abs(feet[1:] - feet[:-1])
-    # Points may share a foot; arc length must rise all the same.
     length = np.zeros(len(points))
-    np.cumsum(steps + (1e-9 * steps.sum() + 1e-12), out=length[1:])
+    np.abs(feet[1:] - feet[:-1]).cumsum(out=length[1:])
+    # Points may share a foot; arc length must rise all the same.
+    length += (1e-9 * length[-1] + 1e-12) * np.arange(len(points))
     smooth = smooth_residual(length, signed, stds, smoothing)
     even, residual = homogenise(smooth.length, smooth.residual, homogenising)
     w = middle * np.exp(1j * np.interp(even, length, angles))

@@ -64,13 +64,17 @@ def find_correlation(normalised: FloatArray) -> Correlation:
     """
     n = len(normalised)
     factor = correlation_factor(normalised)
-    alike = n >= 8 and _autocorrelation(normalised - normalised.mean(), 1) > ALIKE / math.sqrt(n)
+    alike = n >= 8 and _autocorrelation(_centred(normalised), 1) > ALIKE / math.sqrt(n)
     if n < NEXT.stop + 6:
-        return Correlation(factor, bool(alike))
+        return Correlation(factor, alike)
     from scipy.fft import dct
 
-    power = dct(normalised, norm="ortho") ** 2 / max(float(np.mean(normalised**2)), TINY)
-    slow, following = float(power[SLOW].mean()), float(power[NEXT].mean())
+    waves = dct(normalised, norm="ortho")
+    typical = max(float(normalised @ normalised) / n, TINY)
+    slow, following = (
+        float(waves[part] @ waves[part]) / (part.stop - part.start) / typical
+        for part in (SLOW, NEXT)
+    )
     if not alike and slow < SLOW_EXCESS:
         return Correlation(factor, coloured=False)
     extrapolated = slow * max(1.0, slow / max(following, TINY))
@@ -84,7 +88,7 @@ def correlation_factor(normalised: FloatArray) -> float:
     significant (above 2 / sqrt(n)); 1 for independent errors.
     """
     n = len(normalised)
-    centred = normalised - normalised.mean()
+    centred = _centred(normalised)
     factor, limit = 1.0, 2 / math.sqrt(max(n, 1))
     for lag in range(1, n // 3 if n >= 8 else 0):
         rho = _autocorrelation(centred, lag)
@@ -92,6 +96,11 @@ def correlation_factor(normalised: FloatArray) -> float:
             break
         factor += 2 * (1 - lag / n) * rho
     return factor
+
+
+def _centred(values: FloatArray) -> FloatArray:
+    centred: FloatArray = values - values.sum() / max(len(values), 1)
+    return centred
 
 
 def _autocorrelation(centred: FloatArray, lag: int) -> float:

@@ -36,7 +36,7 @@ def homogenise(
     ----------
     length : (k,) ndarray
         Where `values` are known, strictly rising. Units: mm.
-    values : (k,) or (k, d) ndarray
+    values : (k,) ndarray
         Smoothed values. Units: mm.
     settings : HomogenisingSettings
         Step.
@@ -51,9 +51,8 @@ def homogenise(
 
     span = float(length[-1] - length[0])
     count = min(max(round(span / settings.step_mm) + 1, 8), settings.most_points)
-    even = np.linspace(length[0], length[-1], count)
-    columns = [splev(even, splrep(length, column)) for column in np.atleast_2d(values.T)]
-    return even, np.stack(columns, axis=-1).reshape(count, *values.shape[1:])
+    even = length[0] + span * (np.arange(count) / (count - 1))
+    return even, splev(even, splrep(length, values))
 
 
 def homogenise_profile_literally(points: Points, step_mm: float = 0.5) -> Points:

@@ -77,19 +77,19 @@ class Comparison:
 def compare(points: NoisyPoints, parameters: FloatArray) -> Comparison:
     """Points compared with an ellipse (see `lsvision.fitting.ellipse_parameters`).
 
-    The symmetric matrix E acts on w as m w + d conj(w), with d = p + iq, and its adjugate, which
-    the inverse and the normals are made of, as m w - d conj(w).
+    The symmetric matrix E / m acts on w as w + d conj(w), with d = (p + iq) / m, and its adjugate,
+    which the inverse and the normals are made of, as w - d conj(w).
     """
     x, y, m, p, q = parameters.tolist()
-    d, offset = complex(p, q), points.z - complex(x, y)
-    w = m * offset - d * offset.conj()
+    d, offset = complex(p, q) / m, points.z - complex(x, y)
+    w = offset - d * offset.conj()
     size = np.maximum(np.abs(w), TINY)
     w /= size
-    n = m * w - d * w.conj()
+    n = w - d * w.conj()
     steepness = np.abs(n)
     n /= steepness
-    # Along the ray the ellipse is at det / size; times the ray's cosine with n.
-    signed = (size - (m * m - abs(d) ** 2)) / steepness
+    # Along the ray the ellipse is at m det / size; times the ray's cosine with n.
+    signed = (size - m * (1 - abs(d) ** 2)) / steepness
     variances = points.variances_along(n)
     tolerant = variances + (2 * NORMAL_SLACK) * points.variance
     return Comparison(signed, n, w, variances, tolerant)
@@ -127,11 +127,11 @@ def refine_quickly(
     covariance : (5, 5) ndarray
         Of the parameters, before the last step. Units: mm^2.
     """
-    covariance = np.full((PARAMETERS, PARAMETERS), np.nan)
-    for _ in range(steps):
-        parameters, covariance = step_nearer(compare(points, parameters), parameters)
+    parameters, covariance = step_nearer(compare(points, parameters), parameters)
+    for _ in range(steps - 1):
         if math.isnan(parameters[0]):
             break
+        parameters, covariance = step_nearer(compare(points, parameters), parameters)
     return parameters, covariance
 
 

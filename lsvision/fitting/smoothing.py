@@ -91,8 +91,10 @@ def smooth_residual(
     half = max(settings.window_fraction * span / 2, 1e-12)
     # At the ends the window is one-sided; it keeps its width by reaching further in.
     reach = np.maximum(half, half + np.maximum(length[0] + half - nodes, nodes + half - length[-1]))
-    u = (length - nodes[:, None]) / reach[:, None]
-    tricube = np.maximum(1 - np.abs(u * u * u), 0.0)
+    u = length - nodes[:, None]
+    u /= reach[:, None]
+    tricube = np.abs(u * u * u)
+    np.maximum(np.subtract(1, tricube, out=tricube), 0.0, out=tricube)
     windows = _powers(u, tricube * tricube * tricube / (stds * stds))
     weights = np.ones(len(length))
     smooth = np.zeros(NODES)
@@ -101,23 +103,24 @@ def smooth_residual(
         z = (residual - np.interp(length, nodes, smooth)) / stds
         # Never tighter than the noise model: clean points are no jumps.
         scale = max(robust_std(z), 1.0)
-        weights = np.maximum(1 - (z / (BISQUARE * scale)) ** 2, 0.0) ** 2
+        z *= 1 / (BISQUARE * scale)
+        weights = np.maximum(1 - z * z, 0.0) ** 2
     return SmoothedArc(nodes, smooth, weights)
 
 
 def _powers(u: FloatArray, kernel: FloatArray) -> FloatArray:
-    """Kernel times u^0 to u^4: (5, nodes, points)."""
+    """Kernel times u^0 to u^4: (5 nodes, points)."""
     powers = np.empty((5, *u.shape))
     powers[0] = kernel
     for i in range(1, 5):
         np.multiply(powers[i - 1], u, out=powers[i])
-    return powers
+    return powers.reshape(-1, u.shape[1])
 
 
 def _local_quadratic(windows: FloatArray, weights: FloatArray, residual: FloatArray) -> FloatArray:
     """Value at u = 0 of the weighted quadratic of each window."""
-    m0, m1, m2, m3, m4 = windows @ weights
-    r0, r1, r2 = windows[:3] @ (weights * residual)
+    m0, m1, m2, m3, m4 = (windows @ weights).reshape(5, NODES)
+    r0, r1, r2 = (windows[: 3 * NODES] @ (weights * residual)).reshape(3, NODES)
     # A little ridge: a window with two points has a line, one without any the ellipse itself.
     ridge = 1e-9 * m0 + 1e-12 * m0.max() + TINY
     d0, d2, d4 = m0 + ridge, m2 + ridge, m4 + ridge

@@ -118,10 +118,10 @@ def find_candidates(
     limit = settings.sigmas * noise_std + settings.roundness * circles.radius
     with np.errstate(invalid="ignore", over="ignore"):
         merit = circles.coverage * (1 - (circles.rms / limit) ** 2)
-    order = np.flatnonzero(good)
-    order = order[np.argsort(-merit[order], kind="stable")]
+    order = good.nonzero()[0]
+    order = order[(-merit[order]).argsort(kind="stable")]
     order = order[_unlike_better_ones(starts[order], stops[order], settings.overlap)]
-    return [_candidate(sequence[starts[i] : stops[i]], circles, int(i)) for i in order]
+    return [_candidate(sequence[starts[i] : stops[i]], circles, i) for i in order.tolist()]
 
 
 def _without_spikes(
@@ -134,7 +134,7 @@ def _without_spikes(
     """
     sequence = np.concatenate(components)
     sizes = np.array([len(component) for component in components])
-    first = np.cumsum(sizes) - sizes
+    first = sizes.cumsum() - sizes
     points = profile.points[sequence]
     limit = SPIKE_SIGMAS * profile.noise_std + SPIKE_PITCHES * profile.pitch
     # Each component's end points thrice, so that no median reaches into its neighbours.
@@ -142,7 +142,7 @@ def _without_spikes(
     times[first] = times[first + sizes - 1] = 3
     padded = np.repeat(points[:, 1] - points[0, 1], times).astype(np.float32)
     middle = cv2.medianBlur(padded[None], 5)[0]
-    place = np.cumsum(times) - times
+    place = times.cumsum() - times
     place[first] += 2
     near = np.abs(padded[place] - middle[place]) <= limit
     left = np.add.reduceat(near, first)
@@ -153,9 +153,9 @@ def _without_spikes(
 
 def _over_gaps(sequence: IntArray, sizes: IntArray, most_columns: int) -> tuple[IntArray, IntArray]:
     """Windows over two components in a row that few columns part: jumps may have cut an arc."""
-    stops = np.cumsum(sizes)
+    stops = sizes.cumsum()
     gaps = sequence[stops[:-1]] - sequence[stops[:-1] - 1] - 1
-    first = np.flatnonzero(gaps <= most_columns)
+    first = (gaps <= most_columns).nonzero()[0]
     return (stops - sizes)[first], stops[first + 1]
 
 
@@ -164,11 +164,11 @@ def _unlike_better_ones(starts: IntArray, stops: IntArray, overlap: float) -> In
     kept: list[int] = []
     left = np.arange(len(starts))
     while len(left):
-        best = left[0]
-        kept.append(int(best))
-        common = np.minimum(stops[left], stops[best]) - np.maximum(starts[left], starts[best])
-        union = np.maximum(stops[left], stops[best]) - np.minimum(starts[left], starts[best])
-        left = left[common < overlap * union]
+        kept.append(int(left[0]))
+        common = np.minimum(stops, stops[0]) - np.maximum(starts, starts[0])
+        union = (stops - starts) + (stops[0] - starts[0]) - common
+        unlike = common < overlap * union
+        left, starts, stops = left[unlike], starts[unlike], stops[unlike]
     return np.array(kept, dtype=np.int64)
 
 
@@ -202,7 +202,7 @@ def _curves_like_a_pipe(
 
 
 def _candidate(span: IntArray, circles: WindowCircles, i: int) -> Candidate:
-    x, y = (float(value) for value in circles.centre[i])
+    x, y = circles.centre[i].tolist()
     return Candidate(Arc(int(span[0]), int(span[-1]) + 1), span, (x, y), float(circles.radius[i]))
 
 

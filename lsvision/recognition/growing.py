@@ -227,11 +227,11 @@ def _on_ellipse(
 
 def _run_around(good: BoolArray, inside: IntArray, settings: IdentificationSettings) -> IntArray:
     """The good points around the middle of those inside, over interruptions that some follow."""
-    members = np.flatnonzero(good)
+    members = good.nonzero()[0]
     if len(members) == 0:
         return members
     middle = (int(inside[0]) + int(inside[-1]) + 1) // 2
-    cuts = np.flatnonzero(members[1:] - members[:-1] > settings.ending_points) + 1
+    cuts = (members[1:] - members[:-1] > settings.ending_points).nonzero()[0] + 1
     if len(cuts) == 0:
         return members
     bounds = [0, *cuts.tolist(), len(members)]

@@ -62,7 +62,7 @@ def identify_arc(
     """
     seeded = np.zeros(len(profile.points), dtype=bool)
     seeded[candidate.indices] = True
-    inside = np.flatnonzero(seeded[free])
+    inside = seeded[free].nonzero()[0]
     if len(inside) < settings.fewest_points:
         return None
     around = WeighedSpan(

@@ -20,7 +20,8 @@ from lsvision.profile import Arc, WeighedProfile
 from lsvision.recognition.identification import IdentifiedArc
 from lsvision.recognition.reaching import ReachingSettings, reach_out
 from lsvision.recognition.surroundings import CONTACT_POINTS, followers
-from lsvision.shapes import BoolArray, Ellipse, FloatArray, IntArray
+from lsvision.shapes import Ellipse, FloatArray, IntArray
+from lsvision.shapes.noisy_points import NoisyPoints
 
 OUTERMOST = (1, 2, 3, 4, 6, 8, 12)
 
@@ -104,10 +105,12 @@ def screen_arc(
     if middle is None:
         return arc
     edge = round(settings.edge_share * (middle.correlation - 1))
-    ends = (arc.indices[: parts[0]], arc.indices[::-1][: parts[1]])
+    ends = (arc.indices[edge : parts[0]], arc.indices[::-1][edge : parts[1]])
+    gaps = _gaps_to(middle, profile.noisy[np.concatenate(ends)])
+    sides = (slice(0, len(ends[0])), slice(len(ends[0]), None))
     start, stop = (
-        _on_ellipse(profile, end[edge:], middle, settings, contact=contact)
-        for end, contact in zip(ends, contacts, strict=True)
+        end[_on_ellipse(gaps[side], middle.correlation, settings, contact=contact)]
+        for end, side, contact in zip(ends, sides, contacts, strict=True)
     )
     kept = np.concatenate([start, inner, stop[::-1]])
     screened = IdentifiedArc(Arc(int(kept[0]), int(kept[-1]) + 1), kept, middle.ellipse)
@@ -146,34 +149,6 @@ def _fit_middle(profile: WeighedProfile, part: IntArray, start: Ellipse) -> _Mid
     return _MiddlePart(parameters, covariance * excess * correlation, excess, correlation)
 
 
-def _on_ellipse(
-    profile: WeighedProfile,
-    part: IntArray,
-    middle: _MiddlePart,
-    settings: ScreeningSettings,
-    *,
-    contact: bool,
-) -> IntArray:
-    """The points of an end part, given from the outside in, that lie on the middle's ellipse."""
-    if len(part) == 0:
-        return part
-    compared = compare(profile.noisy[part], middle.parameters)
-    signed, rows = compared.signed, compared.rows()
-    own = middle.excess * compared.tolerant
-    unsure = compared.variances_of_ellipse(middle.covariance)
-    single: BoolArray = signed**2 < settings.sensor_error_sigmas**2 * (own + unsure)
-    for first in range(len(part)):
-        if not single[first]:
-            continue
-        judged = first + np.flatnonzero(single[first:])
-        gaps = _Gaps(signed[judged], own[judged], rows[:, judged], middle.covariance)
-        if _agrees(gaps, middle.correlation, settings) and not (
-            contact and _leaves(gaps, settings.contact_sigmas)
-        ):
-            return part[judged[settings.guard_points if contact else 0 :]]
-    return part[:0]
-
-
 @dataclass(frozen=True, eq=False, slots=True)
 class _Gaps:
     """Distances of end points from the middle's ellipse, from the outside in.
@@ -186,6 +161,15 @@ class _Gaps:
     rows: FloatArray
     parameters: FloatArray
 
+    def __getitem__(self, which: IntArray | slice) -> "_Gaps":
+        return _Gaps(self.signed[which], self.own[which], self.rows[:, which], self.parameters)
+
+    def squares(self) -> FloatArray:
+        """Of the distances, each over its variance."""
+        unsure = ((self.parameters @ self.rows) * self.rows).sum(axis=0)
+        squares: FloatArray = self.signed * self.signed / (self.own + unsure)
+        return squares
+
     def chi2(self) -> float:
         """Of all of them, by Woodbury: as many unknowns as the ellipse has, not as points."""
         over = self.rows / self.own
@@ -197,6 +181,27 @@ class _Gaps:
         """(count, count) of the outermost."""
         rows = self.rows[:, :count]
         return np.diag(self.own[:count]) + rows.T @ self.parameters @ rows
+
+
+def _gaps_to(middle: _MiddlePart, points: NoisyPoints) -> _Gaps:
+    compared = compare(points, middle.parameters)
+    own = middle.excess * compared.tolerant
+    return _Gaps(compared.signed, own, compared.rows(), middle.covariance)
+
+
+def _on_ellipse(
+    gaps: _Gaps, correlation: float, settings: ScreeningSettings, *, contact: bool
+) -> IntArray:
+    """Which points of an end part, given from the outside in, lie on the middle's ellipse."""
+    near = (gaps.squares() < settings.sensor_error_sigmas**2).nonzero()[0]
+    for first in range(len(near)):
+        judged = near[first:]
+        outermost = gaps[judged]
+        if _agrees(outermost, correlation, settings) and not (
+            contact and _leaves(outermost, settings.contact_sigmas)
+        ):
+            return judged[settings.guard_points if contact else 0 :]
+    return near[:0]
 
 
 def _agrees(gaps: _Gaps, correlation: float, settings: ScreeningSettings) -> bool:

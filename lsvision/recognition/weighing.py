@@ -104,8 +104,10 @@ def _low(values: FloatArray) -> float:
 def _columns_along_line(points: Points) -> IntArray:
     """All columns in the sensor's order, or by x where that order is none; lost ones last."""
     columns = np.arange(len(points))
-    steps: FloatArray = np.diff(points[np.isfinite(points[:, 0]), 0])
-    if len(steps) == 0 or max(np.mean(steps >= 0), np.mean(steps <= 0)) >= ORDERLY:
+    x = points[np.isfinite(points[:, 0]), 0]
+    steps = x[1:] - x[:-1]
+    forwards, backwards = np.count_nonzero(steps >= 0), np.count_nonzero(steps <= 0)
+    if max(forwards, backwards) >= ORDERLY * len(steps):
         return columns
     by_x: IntArray = np.argsort(points[:, 0], kind="stable")
     return by_x

@@ -27,7 +27,7 @@ class NoisyPoints:
     variance : (n,) ndarray
         Half the trace of the covariance. Units: mm^2.
     deviator : (n,) complex ndarray
-        (Sigma_xx - Sigma_yy) / 2 + i Sigma_xy. Units: mm^2.
+        (Sigma_xx - Sigma_yy) / 2 - i Sigma_xy. Units: mm^2.
     """
 
     z: ComplexArray
@@ -37,8 +37,9 @@ class NoisyPoints:
     @classmethod
     def of(cls, points: Points, covariances: FloatArray) -> Self:
         """Points (n, 2) in mm and their covariances (n, 2, 2) in mm^2."""
-        xx, yy = covariances[:, 0, 0], covariances[:, 1, 1]
-        deviator = (xx - yy) / 2 + 1j * covariances[:, 0, 1]
+        xx, xy, yy = covariances[:, 0, 0], covariances[:, 0, 1], covariances[:, 1, 1]
+        deviator = np.empty(len(points), dtype=complex)
+        deviator.real, deviator.imag = (xx - yy) / 2, -xy
         return cls(as_complex(points), (xx + yy) / 2, deviator)
 
     def __len__(self) -> int:
@@ -50,8 +51,8 @@ class NoisyPoints:
 
     def variances_along(self, normals: ComplexArray) -> FloatArray:
         """N' Sigma n of each point, for unit normals (n,). Units: mm^2."""
-        twice = normals * normals
-        along: FloatArray = self.variance + (self.deviator * twice.conj()).real
+        along: FloatArray = (self.deviator * (normals * normals)).real
+        along += self.variance
         return along
 
 

@@ -23,12 +23,6 @@ def test_cubics_pass_unchanged():
     np.testing.assert_allclose(values, 1 + even - 0.2 * even**2 + 0.01 * even**3, atol=MACHINE)
 
 
-def test_curves_of_several_columns_are_taken_column_by_column():
-    length = np.linspace(0, 10, 21)
-    even, values = homogenise(length, np.column_stack([length, 3 - length]))
-    np.testing.assert_allclose(values, np.column_stack([even, 3 - even]), atol=MACHINE)
-
-
 @pytest.mark.parametrize(("span", "count"), [(1.0, 8), (30.0, 61), (1000.0, 200)])
 def test_there_are_never_too_few_nor_too_many_points(span, count):
     length = np.linspace(0, span, 40)

@@ -269,7 +269,7 @@ def test_a_spline_over_x_breaks_at_a_vertical_flank_and_one_along_the_arc_does_n
         CubicSpline(beyond[:, 0], beyond[:, 1])
     over_x = homogenise_profile_literally(beyond)
     length = np.append(0.0, np.cumsum(np.hypot(*np.diff(beyond, axis=0).T)))
-    _, along_arc = homogenise(length, beyond)
+    along_arc = np.column_stack([homogenise(length, column)[1] for column in beyond.T])
     assert np.abs(orthogonal_residuals(over_x, ellipse)).max() > 0.05  # mm
     assert np.abs(orthogonal_residuals(along_arc, ellipse)).max() < 1e-4  # mm
     widest = [np.hypot(*np.diff(points, axis=0).T).max() for points in (over_x, along_arc)]
