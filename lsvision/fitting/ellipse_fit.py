@@ -197,12 +197,13 @@ def fit_ellipse(
         parameters = solution.parameters
         if covariances is None:
             break
-    fit, correlation = _fit_with_evidence(problem, solution, known_noise=covariances is not None)
+    correlation = find_correlation(solution.residuals[: len(points)])
     if covariances is None and correlation.coloured and settings.residual == "orthogonal":
         _, normals, _ = orthogonal_comparison(points, parameters)
         problem = ArcProblem(points, grazing_stds(normals.imag), known_radius, settings.residual)
         solution = minimise(problem, parameters, settings.most_evaluations, settings.negligible)
-        fit, _ = _fit_with_evidence(problem, solution, known_noise=False)
+        correlation = find_correlation(solution.residuals[: len(points)])
+    fit = _fit_with_evidence(problem, solution, correlation, known_noise=covariances is not None)
     return fit if problem.prior_rows == 0 else _weighed_against_prior(fit)
 
 
@@ -259,13 +260,12 @@ def _inverse(information: FloatArray) -> FloatArray:
 
 
 def _fit_with_evidence(
-    problem: ArcProblem, solution: Solution, *, known_noise: bool
-) -> tuple[EllipseFit, Correlation]:
+    problem: ArcProblem, solution: Solution, correlation: Correlation, *, known_noise: bool
+) -> EllipseFit:
     normalised = solution.residuals[: len(problem.points)]
     residuals = normalised * problem.stds
     freedom = float(max(len(residuals) - PARAMETERS, 1)) + problem.prior_rows
     excess = float(normalised @ normalised) / freedom
-    correlation = find_correlation(normalised)
     if known_noise:
         surprising = excess > 1 + SURPRISE * np.sqrt(2 / freedom)
         factor, freedom = (excess if surprising else 1.0), np.inf
@@ -275,7 +275,7 @@ def _fit_with_evidence(
         freedom = max(freedom / correlation.factor, 1.0)
     if correlation.coloured:
         freedom = min(freedom, SLOW_FREEDOM)
-    fit = EllipseFit(
+    return EllipseFit(
         ellipse=ellipse_of(solution.parameters),
         problem=problem,
         parameters=solution.parameters,
@@ -286,4 +286,3 @@ def _fit_with_evidence(
         degrees_of_freedom=freedom,
         settled=solution.settled,
     )
-    return fit, correlation

@@ -11,7 +11,6 @@ from lsvision.profile import Arc, WeighedProfile
 from lsvision.recognition.verdict import Rejection
 from lsvision.recognition.windows import WindowCircles, fit_window_circles
 from lsvision.shapes import BoolArray, IntArray, Points
-from lsvision.shapes.arrays import extent_of
 from lsvision.shapes.noisy_points import as_complex
 
 LARGEST_COMMON_SHARE = 0.5
@@ -108,11 +107,13 @@ def _reasons_of_circles(
 ) -> list[str]:
     if not runs:
         return []
-    stops = np.cumsum([len(run) for run in runs])
-    circles = fit_window_circles(np.concatenate(runs), np.append(0, stops[:-1]), stops)
+    points, stops = np.concatenate(runs), np.cumsum([len(run) for run in runs])
+    starts = np.append(0, stops[:-1])
+    circles = fit_window_circles(points, starts, stops)
+    sides = np.maximum.reduceat(points, starts) - np.minimum.reduceat(points, starts)
     return [
-        _reason_of_circle(circles, i, 20 * extent_of(run), noise_std, radius_range)
-        for i, run in enumerate(runs)
+        _reason_of_circle(circles, i, 20 * longest, noise_std, radius_range)
+        for i, longest in enumerate(sides.max(axis=1).tolist())
     ]
 
 

@@ -10,7 +10,8 @@ import cv2
 import numpy as np
 
 from lsvision.profile import WeighedProfile
-from lsvision.shapes import FloatArray, IntArray, Points
+from lsvision.shapes import BoolArray, FloatArray, IntArray, Points
+from lsvision.shapes.arrays import extent_of
 
 LARGEST_SIDE = 384
 """Pixels along X or Y at the most: components are cut by links, not by resolution."""
@@ -83,12 +84,10 @@ def rasterise(
         return RangeImage(np.zeros((1, 1), np.uint8), indices[:0], np.empty((0, 2), int), 1.0)
     points = profile.points[indices]
     pitch = profile.pitch
-    low = points.min(axis=0)
-    extent = float((points.max(axis=0) - low).max())
-    pixel = max(pitch / PIXELS_PER_POINT, extent / LARGEST_SIDE)
-    pixels = np.rint((points - low) / pixel).astype(np.int32) + 1
-    columns, rows = pixels.max(axis=0) + 2
-    image = np.zeros((rows, columns), np.uint8)
+    pixel = max(pitch / PIXELS_PER_POINT, extent_of(points) / LARGEST_SIDE)
+    x, y = points.T
+    pixels = np.rint((points - (x.min(), y.min())) / pixel).astype(np.int32) + 1
+    image = np.zeros((pixels[:, 1].max() + 2, pixels[:, 0].max() + 2), np.uint8)
     step = settings.step_slope * pitch + settings.step_sigmas * profile.noise_std
     image[pixels[:, 1], pixels[:, 0]] = 255
     cv2.polylines(image, _strokes(points, pixels, pitch, step, settings), False, 255)
@@ -111,8 +110,9 @@ def connected_components(range_image: RangeImage, smallest: int) -> list[IntArra
     # for 32 bits it wakes its workers, which takes longer than the image.
     _, labels = cv2.connectedComponents(range_image.image, connectivity=8, ltype=cv2.CV_16U)
     label = labels[range_image.pixels[:, 1], range_image.pixels[:, 0]]
-    order = np.argsort(label, kind="stable")
-    cuts = np.flatnonzero(np.diff(label[order])) + 1
+    order = label.argsort(kind="stable")
+    ordered = label[order]
+    cuts = (ordered[1:] != ordered[:-1]).nonzero()[0] + 1
     components = np.split(range_image.indices[order], cuts)
     return sorted((c for c in components if len(c) >= smallest), key=lambda c: int(c[0]))
 
@@ -137,14 +137,15 @@ def _strokes(
 ) -> list[IntArray]:
     """Polylines through linked neighbours, and bridges over what does not belong."""
 
-    def linked(skip: int) -> np.ndarray:
+    def linked(skip: int) -> BoolArray:
         gap: FloatArray = np.abs(points[skip:] - points[:-skip])
         reach = (settings.bridged_columns + 1.5) * pitch
-        return (gap[:, 0] <= reach) & (gap[:, 1] <= step * max(1, skip - 1))
+        near: BoolArray = (gap[:, 0] <= reach) & (gap[:, 1] <= step * max(1, skip - 1))
+        return near
 
-    neighbours = linked(1)
-    strokes: list[IntArray] = np.split(pixels, np.flatnonzero(~neighbours) + 1)
+    cut = ~linked(1)
+    strokes: list[IntArray] = np.split(pixels, cut.nonzero()[0] + 1)
     for skip in range(2, min(settings.bridged_columns + 1, len(points) - 1) + 1):
-        over_a_cut = np.flatnonzero(linked(skip) & ~neighbours[: len(points) - skip])
-        strokes.extend(pixels[[i, i + skip]] for i in over_a_cut)
+        over_a_cut = (linked(skip) & cut[: len(points) - skip]).nonzero()[0]
+        strokes.extend(pixels[[i, i + skip]] for i in over_a_cut.tolist())
     return strokes

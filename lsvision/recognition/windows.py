@@ -58,13 +58,13 @@ def lattice(sizes: IntArray, smallest: int, growth: float) -> tuple[IntArray, In
     levels = math.ceil(max(math.log(sizes.max() / smallest, growth), 0.0))
     lengths = (smallest * growth ** np.arange(levels)).astype(int)
     component, level = np.nonzero(lengths < sizes[:, None])
-    first = np.cumsum(sizes) - sizes
+    first = sizes.cumsum() - sizes
     # A row of windows: those of one length in one component, the last of them at its end.
     length = lengths[level]
     step, room = np.maximum(length // 4, 1), sizes[component] - length
     windows = -(-room // step) + 1
     row = np.repeat(np.arange(len(windows)), windows)
-    place = np.arange(len(row)) - (np.cumsum(windows) - windows)[row]
+    place = np.arange(len(row)) - (windows.cumsum() - windows)[row]
     starts = first[component][row] + np.minimum(place * step[row], room[row])
     stops = starts + length[row]
     return np.concatenate([starts, first]), np.concatenate([stops, first + sizes])
@@ -85,13 +85,17 @@ def fit_window_circles(points: Points, starts: IntArray, stops: IntArray) -> Win
     WindowCircles
         Biased small on short noisy arcs: to choose windows by, never a result.
     """
-    origin = complex(as_complex(points).mean())
-    z = as_complex(points) - origin
+    z = as_complex(points)
+    origin = complex(z.sum()) / len(z)
+    z = z - origin
     q = z.real**2 + z.imag**2
     running = np.zeros((4, len(z) + 1), dtype=complex)
     running[:, 1:] = z, z * z, q * z, q + 1j * (q * q)
     np.cumsum(running, axis=1, out=running)
-    mean, zz, qz, qq = (running[:, stops] - running[:, starts]) / (stops - starts)
+    moments = running.take(stops, axis=1)
+    moments -= running.take(starts, axis=1)
+    moments /= stops - starts
+    mean, zz, qz, qq = moments
     # Covariances of z with its conjugate, with z, and of q = |z|^2 with z and with q.
     spread, slant = qq.real - np.abs(mean) ** 2, zz - mean * mean
     pull, square = qz - qq.real * mean, qq.imag - qq.real**2
