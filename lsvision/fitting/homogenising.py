@@ -46,13 +46,14 @@ def homogenise(
     length, values : ndarray
         At equal steps from the first to the last length.
     """
-    # FITPACK's interpolating spline is CubicSpline's, in a tenth of the time.
-    from scipy.interpolate import splev, splrep
+    # The same spline as CubicSpline's, in a quarter of the time. `splrep` would take half of
+    # this, but it keeps its workspace for the next call: threads would share it.
+    from scipy.interpolate import InterpolatedUnivariateSpline
 
     span = float(length[-1] - length[0])
     count = min(max(round(span / settings.step_mm) + 1, 8), settings.most_points)
     even = length[0] + span * (np.arange(count) / (count - 1))
-    return even, splev(even, splrep(length, values))
+    return even, InterpolatedUnivariateSpline(length, values)(even)
 
 
 def homogenise_profile_literally(points: Points, step_mm: float = 0.5) -> Points:

@@ -16,7 +16,10 @@ from lsvision.recognition.identification import IdentifiedArc
 from lsvision.recognition.surroundings import CONTACT_POINTS, following
 from lsvision.shapes import FloatArray, IntArray
 
-WIDER = 3.0
+LEAST_FACING = 0.05
+"""Cosine of the incidence, 87 deg, from which on no sensor sees a surface: a jump may look like
+the last point of an arc, but on its dark side."""
+WIDER = 10.0
 """By which the ellipse of the middle part may be further off than that of all points."""
 
 
@@ -132,6 +135,7 @@ def _on_ellipse(
     misfit = squares / (variances + of_ellipse)
     sure = of_ellipse < settings.surest**2 * variances
     near = (misfit < settings.sigmas**2) & (squares < settings.jump_sigmas**2 * variances)
+    near &= profile.noisy[beyond].facing(compared.normals) > LEAST_FACING
     count = int(np.flatnonzero(near & sure).max(initial=-1)) + 1
     reached: IntArray = beyond[:count][(near & sure)[:count]]
     for end, start in ((own, 0), (np.concatenate([own, reached]), count)):

@@ -18,9 +18,9 @@ from lsvision.fitting.quick_fit import IDENTITY, compare, refine_quickly, solve_
 from lsvision.fitting.scatter import robust_std
 from lsvision.profile import Arc, WeighedProfile
 from lsvision.recognition.identification import IdentifiedArc
-from lsvision.recognition.reaching import ReachingSettings, reach_out
+from lsvision.recognition.reaching import LEAST_FACING, ReachingSettings, reach_out
 from lsvision.recognition.surroundings import CONTACT_POINTS, followers
-from lsvision.shapes import Ellipse, FloatArray, IntArray
+from lsvision.shapes import BoolArray, Ellipse, FloatArray, IntArray
 from lsvision.shapes.noisy_points import NoisyPoints
 
 OUTERMOST = (1, 2, 3, 4, 6, 8, 12)
@@ -160,9 +160,16 @@ class _Gaps:
     own: FloatArray
     rows: FloatArray
     parameters: FloatArray
+    lit: BoolArray
 
     def __getitem__(self, which: IntArray | slice) -> "_Gaps":
-        return _Gaps(self.signed[which], self.own[which], self.rows[:, which], self.parameters)
+        return _Gaps(
+            self.signed[which],
+            self.own[which],
+            self.rows[:, which],
+            self.parameters,
+            self.lit[which],
+        )
 
     def squares(self) -> FloatArray:
         """Of the distances, each over its variance."""
@@ -186,14 +193,15 @@ class _Gaps:
 def _gaps_to(middle: _MiddlePart, points: NoisyPoints) -> _Gaps:
     compared = compare(points, middle.parameters)
     own = middle.excess * compared.tolerant
-    return _Gaps(compared.signed, own, compared.rows(), middle.covariance)
+    lit = points.facing(compared.normals) > LEAST_FACING
+    return _Gaps(compared.signed, own, compared.rows(), middle.covariance, lit)
 
 
 def _on_ellipse(
     gaps: _Gaps, correlation: float, settings: ScreeningSettings, *, contact: bool
 ) -> IntArray:
     """Which points of an end part, given from the outside in, lie on the middle's ellipse."""
-    near = (gaps.squares() < settings.sensor_error_sigmas**2).nonzero()[0]
+    near = (gaps.lit & (gaps.squares() < settings.sensor_error_sigmas**2)).nonzero()[0]
     for first in range(len(near)):
         judged = near[first:]
         outermost = gaps[judged]

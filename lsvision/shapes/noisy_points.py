@@ -5,6 +5,8 @@ number, its deviator, that says how much more it is along one direction than acr
 matrices takes products and sums of components is here one multiplication of whole arrays.
 """
 
+import cmath
+import math
 from dataclasses import dataclass
 from typing import Self
 
@@ -14,6 +16,11 @@ import numpy.typing as npt
 from lsvision.shapes.arrays import FloatArray, Points
 
 ComplexArray = npt.NDArray[np.complex128]
+TINY = 1e-300
+FAN = cmath.rect(1.0, math.radians(60))
+"""Direction to the sensor of the outermost ray that is still usual, 30 deg off +Y."""
+LEAST_ALONG_Y = 0.25
+"""(Sigma_yy - Sigma_xx) over their sum: a ray of an error without width 38 deg off +Y."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -54,6 +61,20 @@ class NoisyPoints:
         along: FloatArray = (self.deviator * (normals * normals)).real
         along += self.variance
         return along
+
+    def facing(self, normals: ComplexArray) -> FloatArray:
+        """Cosine between unit normals, (n,), and the direction to the sensor.
+
+        No sensor sees a point where it is negative. The ray is taken as the direction of the
+        point's largest error; where that does not lie towards +Y, as the one of a fan of
+        +/- 30 deg about +Y that sees the point best.
+        """
+        rays = np.sqrt(self.deviator.conj())  # half the deviator's angle
+        rays = np.where(rays.imag < 0, -rays, rays)
+        rays /= np.maximum(np.abs(rays), TINY)
+        in_fan = FAN.imag * normals.imag + FAN.real * np.abs(normals.real)
+        told = -self.deviator.real > LEAST_ALONG_Y * self.variance
+        return np.where(told, (normals * rays.conj()).real, in_fan)
 
 
 def as_complex(vectors: FloatArray) -> ComplexArray:

@@ -56,7 +56,7 @@ STEPS = {
     "fit_window_circles": (fit_window_circles, POINTS, np.array([0]), np.array([70])),
     "condition_arc": (condition_arc, NoisyPoints.of(POINTS, COVARIANCES), CIRCLE),
     "smooth_residual": (smooth_residual, LENGTH, np.sin(LENGTH), np.ones(70)),
-    "homogenise": (homogenise, LENGTH, POINTS),
+    "homogenise": (homogenise, LENGTH, POINTS[:, 1]),
     "smooth_profile_literally": (smooth_profile_literally, POINTS),
     "homogenise_profile_literally": (homogenise_profile_literally, POINTS[POINTS[:, 0].argsort()]),
     "fit_ellipse": (fit_ellipse, POINTS, CIRCLE, COVARIANCES),

@@ -69,6 +69,18 @@ def test_a_jump_is_left_where_it_is(jump_mm, rng):
     assert reach_out(profile, arc) is arc
 
 
+def test_a_point_on_the_dark_side_of_the_pipe_is_none_of_its_points(rng):
+    """It lies on the very ellipse, but no sensor sees a surface that turns away from it."""
+    points = upper_arc(60.0)
+    lit, dark = (PIPE.points_at(np.array([np.radians(90 - turn)])) for turn in (78, 97))
+    arcs = []
+    for last in (lit, dark):
+        profile, arc = grown(seen(np.concatenate([points, last]), rng), len(points))
+        arcs.append((arc, reach_out(profile, arc)))
+    assert len(arcs[0][1].indices) == len(points) + 1
+    assert arcs[1][1] is arcs[1][0]
+
+
 def test_where_the_line_goes_on_into_something_else_the_arc_ends(rng):
     tube = upper_arc(50.0)
     plate = flat(tube[-1, 0] + PITCH, tube[-1, 0] + 20, y=tube[-1, 1])

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from lsvision import ProfileSensor
 from lsvision.shapes.noisy_points import NoisyPoints, as_complex, as_vectors
 from tests.tolerances import MACHINE
 
@@ -32,3 +33,28 @@ def test_a_part_keeps_points_and_covariances_together(which, rng):
 def test_vectors_come_back_from_complex_numbers(rng):
     vectors = rng.normal(size=(9, 4))[:, ::2]  # not in one piece
     np.testing.assert_array_equal(as_vectors(as_complex(vectors)), vectors)
+
+
+def fan(count=61, half_deg=30.0):
+    """Points below a sensor at the origin, and their rays towards it."""
+    directions = np.radians(np.linspace(-90 - half_deg, -90 + half_deg, count))
+    points = 400 * np.column_stack([np.cos(directions), np.sin(directions)])
+    return points, -as_complex(points) / 400
+
+
+def test_a_surface_faces_the_sensor_by_the_cosine_of_its_incidence(rng):
+    points, rays = fan()
+    noisy = NoisyPoints.of(points, ProfileSensor().covariances(points))
+    incidence = rng.uniform(-np.pi, np.pi, len(points))
+    found = noisy.facing(rays * np.exp(1j * incidence))
+    np.testing.assert_allclose(found, np.cos(incidence), atol=1e-12)
+
+
+@pytest.mark.parametrize("ratio", [0.8, 1.0, 3.0], ids=lambda ratio: f"x over y {ratio}")
+def test_an_error_that_tells_no_ray_leaves_the_whole_fan_open(ratio):
+    points, _ = fan(1)
+    noisy = NoisyPoints.of(points, np.diag([ratio, 1.0])[None] ** 2)
+    angles_deg = np.array([0, 59, 61, 119, 121, 180])  # of the normal, off +Y
+    normals = np.exp(1j * np.radians(90 - angles_deg))
+    seen = [noisy.facing(normal[None])[0] > 0 for normal in normals]
+    assert seen == [True, True, True, True, False, False]
