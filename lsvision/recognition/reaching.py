@@ -14,13 +14,12 @@ from lsvision.fitting.quick_fit import compare, refine_quickly
 from lsvision.profile import Arc, WeighedProfile
 from lsvision.recognition.identification import IdentifiedArc
 from lsvision.recognition.surroundings import CONTACT_POINTS, following
-from lsvision.shapes import FloatArray, IntArray
+from lsvision.shapes import BoolArray, FloatArray, IntArray
+from lsvision.shapes.noisy_points import ComplexArray
 
 LEAST_FACING = 0.05
 """Cosine of the incidence, 87 deg, from which on no sensor sees a surface: a jump may look like
 the last point of an arc, but on its dark side."""
-WIDER = 10.0
-"""By which the ellipse of the middle part may be further off than that of all points."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -59,7 +58,10 @@ class ReachingSettings:
 
 
 def reach_out(
-    profile: WeighedProfile, arc: IdentifiedArc, settings: ReachingSettings = ReachingSettings()
+    profile: WeighedProfile,
+    arc: IdentifiedArc,
+    covariance: FloatArray,
+    settings: ReachingSettings = ReachingSettings(),
 ) -> IdentifiedArc:
     """An arc with the points just beyond its ends that lie on its ellipse.
 
@@ -69,6 +71,8 @@ def reach_out(
         The profile.
     arc : IdentifiedArc
         Screened; with the ellipse of its middle part.
+    covariance : (5, 5) ndarray
+        Of that ellipse; see `lsvision.fitting.ellipse_parameters`. Units: mm^2.
     settings : ReachingSettings
         How far, and how sure.
 
@@ -79,68 +83,114 @@ def reach_out(
         into something else.
     """
     kept, parameters = arc.indices, parameters_of(arc.ellipse)
-    for _ in range(settings.rounds):
-        sides = [_beyond(profile, kept, side, settings.columns) for side in (-1, 1)]
-        if not _worth_a_fit(profile, np.concatenate(sides), parameters, settings):
-            break
-        parameters, unsure = refine_quickly(profile.noisy[kept], parameters, 1)
+    fitted = (parameters, covariance)
+    sides = [
+        side
+        for side in (-1, 1)
+        if len(_beyond(profile, kept, side, settings.columns))
+        and _may_be_reached(_look(profile, kept, side, fitted, settings))
+    ]
+    for _ in range(settings.rounds if sides else 0):
+        parameters, covariance = refine_quickly(profile.noisy[kept], parameters, 1)
         if not is_ellipse(parameters):
             return arc
-        start, stop = (
-            _on_ellipse(profile, own, beyond, (parameters, unsure), settings)
-            for own, beyond in zip((kept[::-1], kept), sides, strict=True)
-        )
-        if len(start) + len(stop) == 0:
+        fitted = (parameters, covariance)
+        reached = [_on_ellipse(_look(profile, kept, side, fitted, settings)) for side in sides]
+        if not any(map(len, reached)):
             break
-        kept = np.concatenate([start[::-1], kept, stop])
+        kept = np.sort(np.concatenate([kept, *reached]))
     if len(kept) == len(arc.indices):
         return arc
     return IdentifiedArc(Arc(int(kept[0]), int(kept[-1]) + 1), kept, ellipse_of(parameters))
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class _Look:
+    """The points beyond an end, outwards, compared with an ellipse.
+
+    `own` is the square of a point's distance, `unsure` the ellipse's variance there, both over
+    the variance of the point itself.
+    """
+
+    profile: WeighedProfile
+    end: IntArray
+    beyond: IntArray
+    own: FloatArray
+    unsure: FloatArray
+    normals: ComplexArray
+    settings: ReachingSettings
+
+    @property
+    def lit(self) -> BoolArray:
+        """Whether a sensor could see a point there on the ellipse."""
+        facing = self.profile.noisy[self.beyond].facing(self.normals)
+        lit: BoolArray = facing > LEAST_FACING
+        return lit
+
+    @property
+    def misfit(self) -> FloatArray:
+        """Square of the distance over the variance of point and ellipse together."""
+        return self.own / (1 + self.unsure)
+
+    def goes_on(self, reached: IntArray, count: int) -> bool:
+        """Whether the line goes on beside the ellipse, from the end and the points reached.
+
+        Those are among the first `count` that were looked at.
+        """
+        end, settings = np.concatenate([self.end, reached]), self.settings
+        next_ones = slice(count, count + settings.followers)
+        chain = following(self.profile, end, self.beyond[next_ones])
+        beside = self.misfit[next_ones][chain] > settings.contact_sigmas**2
+        return len(chain) >= settings.contact_points and bool(beside.any())
+
+
 def _beyond(profile: WeighedProfile, kept: IntArray, side: int, columns: int) -> IntArray:
     """The points that are there in the next columns, outwards; side -1 is the start."""
-    order, end = profile.order[::side], int(kept[::side][-1])
-    first = int(np.searchsorted(side * order, side * end)) + 1
-    beyond: IntArray = order[first : first + columns]
-    return beyond[np.abs(beyond - end) <= columns]
+    order, last = profile.order, int(kept[::side][-1])
+    place = int(np.searchsorted(order, last))
+    beyond = order[place + 1 : place + 1 + columns]
+    if side < 0:
+        beyond = order[max(place - columns, 0) : place][::-1]
+    return beyond[np.abs(beyond - last) <= columns]
 
 
-def _worth_a_fit(
+def _look(
     profile: WeighedProfile,
-    beyond: IntArray,
-    parameters: FloatArray,
-    settings: ReachingSettings,
-) -> bool:
-    """Whether any point is near enough to the middle part's ellipse for that of the whole arc."""
-    compared = compare(profile.noisy[beyond], parameters)
-    limit = (WIDER * settings.jump_sigmas) ** 2
-    return bool((compared.signed**2 < limit * compared.variances).any())
-
-
-def _on_ellipse(
-    profile: WeighedProfile,
-    own: IntArray,
-    beyond: IntArray,
+    kept: IntArray,
+    side: int,
     fitted: tuple[FloatArray, FloatArray],
     settings: ReachingSettings,
-) -> IntArray:
-    """Points beyond the end of its own that lie on the ellipse, known with its covariance.
-
-    None where the line goes on beside it, from there or from the last of them.
-    """
+) -> _Look:
+    """What lies beyond an end, and an ellipse with its covariance; side -1 is the start."""
+    beyond = _beyond(profile, kept, side, settings.columns)
     compared = compare(profile.noisy[beyond], fitted[0])
-    variances, squares = compared.variances, compared.signed**2
-    of_ellipse = compared.variances_of_ellipse(fitted[1])
-    misfit = squares / (variances + of_ellipse)
-    sure = of_ellipse < settings.surest**2 * variances
-    near = (misfit < settings.sigmas**2) & (squares < settings.jump_sigmas**2 * variances)
-    near &= profile.noisy[beyond].facing(compared.normals) > LEAST_FACING
-    count = int(np.flatnonzero(near & sure).max(initial=-1)) + 1
-    reached: IntArray = beyond[:count][(near & sure)[:count]]
-    for end, start in ((own, 0), (np.concatenate([own, reached]), count)):
-        chain = following(profile, end, beyond[start : start + settings.followers])
-        beside = misfit[start:][chain] > settings.contact_sigmas**2
-        if len(chain) >= settings.contact_points and beside.any():
-            return beyond[:0]
-    return reached
+    variances = compared.variances
+    return _Look(
+        profile,
+        kept[::side][-12:],
+        beyond,
+        compared.signed**2 / variances,
+        compared.variances_of_ellipse(fitted[1]) / variances,
+        compared.normals,
+        settings,
+    )
+
+
+def _may_be_reached(look: _Look) -> bool:
+    """Whether the ellipse of the middle part leaves it possible: then that of all points tells."""
+    near = look.misfit < look.settings.sigmas**2
+    return bool(near.any()) and not look.goes_on(look.beyond[:0], 0)
+
+
+def _on_ellipse(look: _Look) -> IntArray:
+    """The points beyond an end that lie on the ellipse of the whole arc.
+
+    None where the line goes on beside it, from the end or from the last of them.
+    """
+    settings = look.settings
+    near = look.lit & (look.misfit < settings.sigmas**2) & (look.own < settings.jump_sigmas**2)
+    on_ellipse = (near & (look.unsure < settings.surest**2)).nonzero()[0]
+    if len(on_ellipse) == 0 or look.goes_on(look.beyond[:0], 0):
+        return look.beyond[:0]
+    reached: IntArray = look.beyond[on_ellipse]
+    return look.beyond[:0] if look.goes_on(reached, int(on_ellipse[-1]) + 1) else reached

@@ -114,7 +114,7 @@ def screen_arc(
     )
     kept = np.concatenate([start, inner, stop[::-1]])
     screened = IdentifiedArc(Arc(int(kept[0]), int(kept[-1]) + 1), kept, middle.ellipse)
-    return screened if edge > 0 else reach_out(profile, screened, reaching)
+    return screened if edge > 0 else reach_out(profile, screened, middle.covariance, reaching)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

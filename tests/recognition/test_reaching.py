@@ -2,9 +2,12 @@ import numpy as np
 import pytest
 
 from lsvision import Profile, ProfileSensor
+from lsvision.fitting.ellipse_parameters import parameters_of
+from lsvision.fitting.quick_fit import refine_quickly
 from lsvision.profile import Arc
 from lsvision.recognition.identification import IdentifiedArc
-from lsvision.recognition.reaching import ReachingSettings, reach_out
+from lsvision.recognition.reaching import ReachingSettings
+from lsvision.recognition.reaching import reach_out as reach_out_with
 from lsvision.recognition.weighing import weigh_profile
 from lsvision.shapes import Ellipse
 from tests.recognition.scenes import PITCH, flat
@@ -33,6 +36,14 @@ def grown(points, stop, start=0):
     profile = weigh_profile(Profile(points), SENSOR)
     indices = profile.order[(profile.order >= start) & (profile.order < stop)]
     return profile, IdentifiedArc(Arc(int(indices[0]), int(indices[-1]) + 1), indices, PIPE)
+
+
+def reach_out(profile, arc, settings=ReachingSettings()):
+    """With the covariance of an ellipse of the arc's middle three quarters."""
+    eighth = len(arc.indices) // 8
+    middle = profile.noisy[arc.indices[eighth:-eighth]]
+    _, covariance = refine_quickly(middle, parameters_of(arc.ellipse), 1)
+    return reach_out_with(profile, arc, covariance, settings)
 
 
 def test_a_single_point_behind_a_gap_is_reached(rng):
