@@ -63,8 +63,9 @@ def find_correlation(normalised: FloatArray) -> Correlation:
         those that the fit absorbs, whichever is more; below 40 points the former.
     """
     n = len(normalised)
-    factor = correlation_factor(normalised)
-    alike = n >= 8 and _autocorrelation(_centred(normalised), 1) > ALIKE / math.sqrt(n)
+    centred = _centred(normalised)
+    factor = _factor_of(centred)
+    alike = n >= 8 and _autocorrelation(centred, 1) > ALIKE / math.sqrt(n)
     if n < NEXT.stop + 6:
         return Correlation(factor, alike)
     from scipy.fft import dct
@@ -87,8 +88,11 @@ def correlation_factor(normalised: FloatArray) -> float:
     Definition: 1 + 2 sum_k (1 - k / n) rho_k over the first lags whose autocorrelation rho_k is
     significant (above 2 / sqrt(n)); 1 for independent errors.
     """
-    n = len(normalised)
-    centred = _centred(normalised)
+    return _factor_of(_centred(normalised))
+
+
+def _factor_of(centred: FloatArray) -> float:
+    n = len(centred)
     factor, limit = 1.0, 2 / math.sqrt(max(n, 1))
     for lag in range(1, n // 3 if n >= 8 else 0):
         rho = _autocorrelation(centred, lag)

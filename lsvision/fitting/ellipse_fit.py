@@ -251,7 +251,7 @@ def _normal_stds(
 
 def _inverse(information: FloatArray) -> FloatArray:
     """Inverse of the information after scaling; huge variances where it is singular."""
-    scale = 1 / np.sqrt(np.maximum(np.diag(information), 1e-300))
+    scale = 1 / np.sqrt(np.maximum(information.diagonal(), 1e-300))
     both = scale[:, None] * scale
     values, vectors = np.linalg.eigh(information * both)
     inverse: FloatArray = (vectors / np.maximum(values, 1e-14)) @ vectors.T

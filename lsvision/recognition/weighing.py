@@ -38,9 +38,9 @@ def weigh_profile(profile: Profile, noise: NoiseModel | None) -> WeighedProfile:
     -------
     WeighedProfile
     """
-    columns = _columns_along_line(profile.points)
-    columns = columns[:: 1 + len(columns) // MOST_POINTS]
-    points = profile.points[columns]
+    along_line = _along_line(profile.points)
+    points = profile.points[along_line]
+    columns = np.arange(len(profile))[along_line]
     order = (np.maximum(np.abs(points[:, 0]), np.abs(points[:, 1])) < FARTHEST_MM).nonzero()[0]
     pitch = typical_pitch(points[order])
     if noise is None:
@@ -50,7 +50,7 @@ def weigh_profile(profile: Profile, noise: NoiseModel | None) -> WeighedProfile:
         return WeighedProfile(
             points, covariances, noisy, order, columns, std, pitch, noise_known=False
         )
-    covariances = noise.covariances(profile.points)[columns]
+    covariances = noise.covariances(profile.points)[along_line]
     noisy = NoisyPoints.of(points, covariances)
     std = math.sqrt(2 * median(noisy.variance[order])) if len(order) else 0.0
     return WeighedProfile(points, covariances, noisy, order, columns, std, pitch, noise_known=True)
@@ -101,13 +101,13 @@ def _low(values: FloatArray) -> float:
     return float(np.partition(values, rank)[rank])
 
 
-def _columns_along_line(points: Points) -> IntArray:
-    """All columns in the sensor's order, or by x where that order is none; lost ones last."""
-    columns = np.arange(len(points))
+def _along_line(points: Points) -> slice | IntArray:
+    """Columns in the sensor's order, or by x where that order is none, lost ones last; thinned."""
+    step = 1 + len(points) // MOST_POINTS
     x = points[np.isfinite(points[:, 0]), 0]
     steps = x[1:] - x[:-1]
     forwards, backwards = np.count_nonzero(steps >= 0), np.count_nonzero(steps <= 0)
     if max(forwards, backwards) >= ORDERLY * len(steps):
-        return columns
+        return slice(None, None, step)
     by_x: IntArray = np.argsort(points[:, 0], kind="stable")
-    return by_x
+    return by_x[::step]

@@ -88,7 +88,7 @@ class ProfileSensor:
         (n, 2, 2) ndarray
             Units: mm^2.
         """
-        rays = np.clip(np.asarray(points, dtype=np.float64) - self.origin, -FAR, FAR)
+        rays = np.minimum(np.maximum(points - np.array(self.origin), -FAR), FAR)
         ranges = np.maximum(np.hypot(rays[:, 0], rays[:, 1]), NEAR * self.reference_range)
         std = self.range_std * (ranges / self.reference_range) ** 2
         along = rays * (std / ranges)[:, None]

@@ -47,7 +47,7 @@ class Ellipse:
 
     def __post_init__(self) -> None:
         numbers = (*self.centre, self.semi_major, self.semi_minor, self.theta)
-        if not all(math.isfinite(number) for number in numbers):
+        if not all(map(math.isfinite, numbers)):
             raise ValueError(f"want finite numbers, got {numbers}")
         if not self.semi_major >= self.semi_minor > 0:
             raise ValueError(
