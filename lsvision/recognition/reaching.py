@@ -178,7 +178,7 @@ def _look(
 
 def _may_be_reached(look: _Look) -> bool:
     """Whether the ellipse of the middle part leaves it possible: then that of all points tells."""
-    near = look.misfit < look.settings.sigmas**2
+    near = look.lit & (look.misfit < look.settings.sigmas**2)
     return bool(near.any()) and not look.goes_on(look.beyond[:0], 0)
 
 
