@@ -34,7 +34,7 @@ from lsvision.fitting.ellipse_problem import (
     minimise,
 )
 from lsvision.fitting.known_phi import KnownPhi
-from lsvision.fitting.quick_fit import compare
+from lsvision.fitting.quick_fit import IDENTITY, compare, solve_positive
 from lsvision.shapes import Ellipse, FloatArray, Points
 from lsvision.shapes.noisy_points import NoisyPoints
 
@@ -253,8 +253,10 @@ def _inverse(information: FloatArray) -> FloatArray:
     """Inverse of the information after scaling; huge variances where it is singular."""
     scale = 1 / np.sqrt(np.maximum(information.diagonal(), 1e-300))
     both = scale[:, None] * scale
-    values, vectors = np.linalg.eigh(information * both)
-    inverse: FloatArray = (vectors / np.maximum(values, 1e-14)) @ vectors.T
+    inverse = solve_positive(information * both, IDENTITY)
+    if np.isnan(inverse[0, 0]):
+        values, vectors = np.linalg.eigh(information * both)
+        inverse = (vectors / np.maximum(values, 1e-14)) @ vectors.T
     with np.errstate(over="ignore"):  # all points at one place: infinite variances
         return inverse * both
 

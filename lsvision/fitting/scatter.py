@@ -16,8 +16,9 @@ def median(values: FloatArray) -> float:
     values : (n,) ndarray
         At least one.
     """
-    middle = len(values) // 2
-    return float(np.partition(values, middle)[middle])
+    middle, ordered = len(values) // 2, values.copy()
+    ordered.partition(middle)
+    return float(ordered[middle])
 
 
 def robust_std(values: FloatArray) -> float:
