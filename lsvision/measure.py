@@ -28,7 +28,7 @@ from lsvision.recognition.range_image import (
     connected_components,
     rasterise,
 )
-from lsvision.recognition.reaching import ReachingSettings
+from lsvision.recognition.reaching import ReachingSettings, reach_out
 from lsvision.recognition.recognise import identify_arcs
 from lsvision.recognition.screening import ScreeningSettings, screen_arc
 from lsvision.recognition.search_range import search_range
@@ -41,7 +41,7 @@ from lsvision.recognition.verdict import (
     reason_unsettled,
 )
 from lsvision.recognition.weighing import weigh_profile
-from lsvision.shapes import Ellipse, IntArray
+from lsvision.shapes import IntArray
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -200,33 +200,46 @@ def _measure_arc(
         settings.smoothing,
         settings.homogenising,
     )
-    indices = screened.indices[conditioned.kept]
+    jumpless = screened.indices[conditioned.kept]
+    start = IdentifiedArc(screened.arc, jumpless, conditioned.ellipse)
     try:
-        fit = _fit(profile, indices, conditioned.ellipse, known, settings.fitting)
-        if profile.noise_known and fit.settled and not (kept := without_leverage(fit)).all():
-            indices = indices[kept]
-            fit = _fit(profile, indices, fit.ellipse, known, settings.fitting)
+        fit, fitted = _refine_geometrically(profile, start, known, settings)
     except LsvisionError as failure:
         return Rejection(screened.arc, str(failure))
-    fitted = IdentifiedArc(screened.arc, indices, fit.ellipse)
-    section = CylinderSection(fit, screened.arc, indices)
+    section = CylinderSection(fit, fitted.arc, fitted.indices)
     reason = reason_against(profile, fitted, radius_range, settings.verdict)
     reason = reason or reason_unsettled(fit)
     reason = reason or reason_of_size(profile, section.radius, section.radius_std)
     return section if reason is None else Rejection(screened.arc, reason)
 
 
+def _refine_geometrically(
+    profile: WeighedProfile, arc: IdentifiedArc, known: _Known, settings: Settings
+) -> tuple[EllipseFit, IdentifiedArc]:
+    """The fit to an arc (section 2.3), and the arc with the points it was fitted to.
+
+    Where the noise is known a fit tells which last points beyond the arc belong to it, and
+    which one, if any, alone spoils it.
+    """
+    fit = _fit(profile, arc, known, settings.fitting)
+    if profile.noise_known and fit.settled:
+        fitted = IdentifiedArc(arc.arc, arc.indices, fit.ellipse)
+        arc = reach_out(profile, fitted, fit.regular_covariance, settings.reaching)
+        if arc is not fitted:
+            fit = _fit(profile, arc, known, settings.fitting)
+        if not (kept := without_leverage(fit)).all():
+            arc = IdentifiedArc(arc.arc, arc.indices[kept], fit.ellipse)
+            fit = _fit(profile, arc, known, settings.fitting)
+    return fit, IdentifiedArc(arc.arc, arc.indices, fit.ellipse)
+
+
 def _fit(
-    profile: WeighedProfile,
-    indices: IntArray,
-    start: Ellipse,
-    known: _Known,
-    settings: FittingSettings,
+    profile: WeighedProfile, arc: IdentifiedArc, known: _Known, settings: FittingSettings
 ) -> EllipseFit:
     return fit_ellipse(
-        profile.points[indices],
-        start,
-        profile.covariances[indices] if profile.noise_known else None,
+        profile.points[arc.indices],
+        arc.ellipse,
+        profile.covariances[arc.indices] if profile.noise_known else None,
         known_radius=known.radius,
         known_phi=known.phi,
         settings=settings,

@@ -5,6 +5,7 @@ of an ellipse than ten on its crest. Growth stops before them, because a jump mi
 to an ellipse that is unsure of itself so far out; here the ellipse is that of the whole arc.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,6 @@ from lsvision.profile import Arc, WeighedProfile
 from lsvision.recognition.identification import IdentifiedArc
 from lsvision.recognition.surroundings import CONTACT_POINTS, following
 from lsvision.shapes import BoolArray, FloatArray, IntArray
-from lsvision.shapes.noisy_points import ComplexArray
 
 LEAST_FACING = 0.05
 """Cosine of the incidence, 87 deg, from which on no sensor sees a surface: a jump may look like
@@ -50,7 +50,7 @@ class ReachingSettings:
     columns: int = 14
     sigmas: float = 4.5
     jump_sigmas: float = 20.0
-    surest: float = 15.0
+    surest: float = 30.0
     contact_points: int = CONTACT_POINTS
     contact_sigmas: float = 3.0
     followers: int = 14
@@ -83,19 +83,14 @@ def reach_out(
         into something else.
     """
     kept, parameters = arc.indices, parameters_of(arc.ellipse)
-    fitted = (parameters, covariance)
-    sides = [
-        side
-        for side in (-1, 1)
-        if len(_beyond(profile, kept, side, settings.columns))
-        and _may_be_reached(_look(profile, kept, side, fitted, settings))
-    ]
+    looks = _look_beyond(profile, kept, (-1, 1), (parameters, covariance), settings)
+    sides = [look.side for look in looks if _may_be_reached(look)]
     for _ in range(settings.rounds if sides else 0):
         parameters, covariance = refine_quickly(profile.noisy[kept], parameters, 1)
         if not is_ellipse(parameters):
             return arc
-        fitted = (parameters, covariance)
-        reached = [_on_ellipse(_look(profile, kept, side, fitted, settings)) for side in sides]
+        looks = _look_beyond(profile, kept, sides, (parameters, covariance), settings)
+        reached = [_on_ellipse(look) for look in looks]
         if not any(map(len, reached)):
             break
         kept = np.sort(np.concatenate([kept, *reached]))
@@ -109,23 +104,17 @@ class _Look:
     """The points beyond an end, outwards, compared with an ellipse.
 
     `own` is the square of a point's distance, `unsure` the ellipse's variance there, both over
-    the variance of the point itself.
+    the variance of the point itself; `lit` whether a sensor could see it on the ellipse.
     """
 
     profile: WeighedProfile
+    side: int
     end: IntArray
     beyond: IntArray
     own: FloatArray
     unsure: FloatArray
-    normals: ComplexArray
+    lit: BoolArray
     settings: ReachingSettings
-
-    @property
-    def lit(self) -> BoolArray:
-        """Whether a sensor could see a point there on the ellipse."""
-        facing = self.profile.noisy[self.beyond].facing(self.normals)
-        lit: BoolArray = facing > LEAST_FACING
-        return lit
 
     @property
     def misfit(self) -> FloatArray:
@@ -154,26 +143,29 @@ def _beyond(profile: WeighedProfile, kept: IntArray, side: int, columns: int) ->
     return beyond[np.abs(beyond - last) <= columns]
 
 
-def _look(
+def _look_beyond(
     profile: WeighedProfile,
     kept: IntArray,
-    side: int,
+    sides: Sequence[int],
     fitted: tuple[FloatArray, FloatArray],
     settings: ReachingSettings,
-) -> _Look:
-    """What lies beyond an end, and an ellipse with its covariance; side -1 is the start."""
-    beyond = _beyond(profile, kept, side, settings.columns)
-    compared = compare(profile.noisy[beyond], fitted[0])
-    variances = compared.variances
-    return _Look(
-        profile,
-        kept[::side][-12:],
-        beyond,
-        compared.signed**2 / variances,
-        compared.variances_of_ellipse(fitted[1]) / variances,
-        compared.normals,
-        settings,
-    )
+) -> list[_Look]:
+    """What lies beyond the ends, where anything does, and an ellipse with its covariance."""
+    parts = [(side, _beyond(profile, kept, side, settings.columns)) for side in sides]
+    points = profile.noisy[np.concatenate([part for _, part in parts])]
+    if len(points) == 0:
+        return []
+    compared = compare(points, fitted[0])
+    own = compared.signed**2 / compared.variances
+    unsure = compared.variances_of_ellipse(fitted[1]) / compared.variances
+    lit = points.facing(compared.normals) > LEAST_FACING
+    looks, first = [], 0
+    for side, part in parts:
+        own_part = slice(first, first + len(part))
+        first = own_part.stop
+        numbers = (own[own_part], unsure[own_part], lit[own_part])
+        looks.append(_Look(profile, side, kept[::side][-12:], part, *numbers, settings))
+    return [look for look in looks if len(look.beyond)]
 
 
 def _may_be_reached(look: _Look) -> bool:
