@@ -43,6 +43,9 @@ from lsvision.recognition.verdict import (
 from lsvision.recognition.weighing import weigh_profile
 from lsvision.shapes import IntArray
 
+MOST_REFITS = 3
+"""To an arc that has reached out further. Each end it reaches makes the fit surer of the other."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Settings:
@@ -222,15 +225,20 @@ def _refine_geometrically(
     which one, if any, alone spoils it.
     """
     fit = _fit(profile, arc, known, settings.fitting)
-    if profile.noise_known and fit.settled:
-        fitted = IdentifiedArc(arc.arc, arc.indices, fit.ellipse)
+    fitted = IdentifiedArc(arc.arc, arc.indices, fit.ellipse)
+    if not (profile.noise_known and fit.settled):
+        return fit, fitted
+    for _ in range(MOST_REFITS):
         arc = reach_out(profile, fitted, fit.regular_covariance, settings.reaching)
-        if arc is not fitted:
-            fit = _fit(profile, arc, known, settings.fitting)
-        if not (kept := without_leverage(fit)).all():
-            arc = IdentifiedArc(arc.arc, arc.indices[kept], fit.ellipse)
-            fit = _fit(profile, arc, known, settings.fitting)
-    return fit, IdentifiedArc(arc.arc, arc.indices, fit.ellipse)
+        if arc is fitted:
+            break
+        fit = _fit(profile, arc, known, settings.fitting)
+        fitted = IdentifiedArc(arc.arc, arc.indices, fit.ellipse)
+    if not (kept := without_leverage(fit)).all():
+        arc = IdentifiedArc(arc.arc, arc.indices[kept], fit.ellipse)
+        fit = _fit(profile, arc, known, settings.fitting)
+        fitted = IdentifiedArc(arc.arc, arc.indices, fit.ellipse)
+    return fit, fitted
 
 
 def _fit(
