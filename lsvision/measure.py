@@ -5,16 +5,14 @@ takes planes for huge ellipses; `Settings.paper` runs the paper's chain without 
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from lsvision.errors import LsvisionError
 from lsvision.fitting.conditioning import condition_arc
 from lsvision.fitting.cylinder_section import CylinderSection
-from lsvision.fitting.ellipse_fit import EllipseFit, FittingSettings, fit_ellipse
+from lsvision.fitting.ellipse_fit import FittingSettings
 from lsvision.fitting.ellipse_problem import KnownRadius
 from lsvision.fitting.homogenising import HomogenisingSettings
 from lsvision.fitting.known_phi import KnownPhi
-from lsvision.fitting.leverage import without_leverage
 from lsvision.fitting.smoothing import SmoothingSettings
 from lsvision.literal import LiteralSettings, measure_literally
 from lsvision.profile import Arc, NoiseModel, Profile, WeighedProfile
@@ -28,7 +26,7 @@ from lsvision.recognition.range_image import (
     connected_components,
     rasterise,
 )
-from lsvision.recognition.reaching import ReachingSettings, reach_out
+from lsvision.recognition.reaching import ReachingSettings
 from lsvision.recognition.recognise import identify_arcs
 from lsvision.recognition.screening import ScreeningSettings, screen_arc
 from lsvision.recognition.search_range import search_range
@@ -41,10 +39,8 @@ from lsvision.recognition.verdict import (
     reason_unsettled,
 )
 from lsvision.recognition.weighing import weigh_profile
+from lsvision.refinement import Known, refine_arc
 from lsvision.shapes import IntArray
-
-MOST_REFITS = 3
-"""To an arc that has reached out further. Each end it reaches makes the fit surer of the other."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -97,13 +93,6 @@ class Measurement:
 
     cylinders: tuple[CylinderSection, ...]
     rejections: tuple[Rejection, ...]
-
-
-class _Known(NamedTuple):
-    """Priors of the fit."""
-
-    radius: KnownRadius | None
-    phi: KnownPhi | None
 
 
 def measure_cylinders(
@@ -163,7 +152,7 @@ def measure_cylinders(
     >>> abs(pipe.radius - truth.radius) < 4 * pipe.radius_std
     True
     """
-    known = _Known(_known_radius(known_radius), _known_phi(known_phi))
+    known = Known(_known_radius(known_radius), _known_phi(known_phi))
     weighed = weigh_profile(profile, sensor or profile.noise)
     radius_range = search_range(radius, known.radius, weighed)
     if settings.literal is not None:
@@ -188,7 +177,7 @@ def measure_cylinders(
 def _measure_arc(
     profile: WeighedProfile,
     arc: IdentifiedArc,
-    known: _Known,
+    known: Known,
     radius_range: tuple[float, float],
     settings: Settings,
 ) -> CylinderSection | Rejection:
@@ -206,7 +195,9 @@ def _measure_arc(
     jumpless = screened.indices[conditioned.kept]
     start = IdentifiedArc(screened.arc, jumpless, conditioned.ellipse)
     try:
-        fit, fitted = _refine_geometrically(profile, start, known, settings)
+        fit, fitted = refine_arc(
+            profile, start, known, settings.fitting, settings.reaching, settings.verdict
+        )
     except LsvisionError as failure:
         return Rejection(screened.arc, str(failure))
     section = CylinderSection(fit, fitted.arc, fitted.indices)
@@ -214,44 +205,6 @@ def _measure_arc(
     reason = reason or reason_unsettled(fit)
     reason = reason or reason_of_size(profile, section.radius, section.radius_std)
     return section if reason is None else Rejection(screened.arc, reason)
-
-
-def _refine_geometrically(
-    profile: WeighedProfile, arc: IdentifiedArc, known: _Known, settings: Settings
-) -> tuple[EllipseFit, IdentifiedArc]:
-    """The fit to an arc (section 2.3), and the arc with the points it was fitted to.
-
-    Where the noise is known a fit tells which last points beyond the arc belong to it, and
-    which one, if any, alone spoils it.
-    """
-    fit = _fit(profile, arc, known, settings.fitting)
-    fitted = IdentifiedArc(arc.arc, arc.indices, fit.ellipse)
-    if not (profile.noise_known and fit.settled):
-        return fit, fitted
-    for _ in range(MOST_REFITS):
-        arc = reach_out(profile, fitted, fit.regular_covariance, settings.reaching)
-        if arc is fitted:
-            break
-        fit = _fit(profile, arc, known, settings.fitting)
-        fitted = IdentifiedArc(arc.arc, arc.indices, fit.ellipse)
-    if not (kept := without_leverage(fit)).all():
-        arc = IdentifiedArc(arc.arc, arc.indices[kept], fit.ellipse)
-        fit = _fit(profile, arc, known, settings.fitting)
-        fitted = IdentifiedArc(arc.arc, arc.indices, fit.ellipse)
-    return fit, fitted
-
-
-def _fit(
-    profile: WeighedProfile, arc: IdentifiedArc, known: _Known, settings: FittingSettings
-) -> EllipseFit:
-    return fit_ellipse(
-        profile.points[arc.indices],
-        arc.ellipse,
-        profile.covariances[arc.indices] if profile.noise_known else None,
-        known_radius=known.radius,
-        known_phi=known.phi,
-        settings=settings,
-    )
 
 
 def _in_columns_of_sensor(

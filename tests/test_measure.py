@@ -17,10 +17,8 @@ from lsvision import (
     measure_cylinders,
     read_profile,
 )
-from lsvision.recognition.reaching import ReachingSettings
 from lsvision.simulate import Scene, SectionSettings, Tube, simulate_section
 from tests.alike import turn_between
-from tests.bench.single_section import ROUGH, random_tube
 from tests.tolerances import FOUR_SIGMA
 
 FIXTURES = Path(__file__).parents[1] / "fixtures"
@@ -271,18 +269,6 @@ def test_noise_free_points_give_the_pipe_to_the_micrometre():
     assert pipe.phi == pytest.approx(truth.phi, abs=1e-6)
     assert turn_between(pipe.theta, truth.theta) == pytest.approx(0, abs=1e-6)
     assert isinstance(pipe.ellipse, Ellipse)
-
-
-def test_each_end_that_a_fit_reaches_makes_it_surer_of_the_other():
-    """Jumps in a row next to a lost line: growth leaves six last points at either end."""
-    scene, sensor = random_tube(888_000, (15.0, 40.0))
-    section = simulate_section(scene, sensor, ROUGH, rng=np.random.default_rng([888_000, 49]))
-    own = np.flatnonzero(section.truth.labels == 1)
-    (whole,) = measure_cylinders(section.profile).cylinders
-    grown = Settings(reaching=ReachingSettings(rounds=0))
-    (part,) = measure_cylinders(section.profile, settings=grown).cylinders
-    assert len(part.indices) <= len(own) - 12
-    np.testing.assert_array_equal(whole.indices, own)
 
 
 def test_a_pipe_seen_square_on_has_no_theta_and_phi_from_zero():
