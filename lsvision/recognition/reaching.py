@@ -37,7 +37,7 @@ class ReachingSettings:
     surest : float
         The ellipse must be known to so many of the point's own standard deviations.
     contact_points : int
-        So many connected points beyond an end, one of them off the ellipse, tell that the line
+        So many connected points beyond an end, two of them off the ellipse, tell that the line
         goes on into something else.
     contact_sigmas : float
         Off the ellipse, of the point and the ellipse together.
@@ -52,7 +52,7 @@ class ReachingSettings:
     jump_sigmas: float = 20.0
     surest: float = 30.0
     contact_points: int = CONTACT_POINTS
-    contact_sigmas: float = 3.0
+    contact_sigmas: float = 4.0
     followers: int = 14
     rounds: int = 6
 
@@ -130,7 +130,7 @@ class _Look:
         next_ones = slice(count, count + settings.followers)
         chain = following(self.profile, end, self.beyond[next_ones])
         beside = self.misfit[next_ones][chain] > settings.contact_sigmas**2
-        return len(chain) >= settings.contact_points and bool(beside.any())
+        return len(chain) >= settings.contact_points and int(beside.sum()) > 1
 
 
 def _beyond(profile: WeighedProfile, kept: IntArray, side: int, columns: int) -> IntArray:
