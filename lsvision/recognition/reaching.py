@@ -52,7 +52,7 @@ class ReachingSettings:
     jump_sigmas: float = 20.0
     surest: float = 30.0
     contact_points: int = CONTACT_POINTS
-    contact_sigmas: float = 4.0
+    contact_sigmas: float = 3.0
     followers: int = 14
     rounds: int = 6
 
