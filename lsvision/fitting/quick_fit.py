@@ -69,9 +69,13 @@ class Comparison:
 
     def variances_of_ellipse(self, covariance: FloatArray) -> FloatArray:
         """What an ellipse of that covariance, (5, 5), does not know along each normal. mm^2."""
-        rows = self.rows()
-        unsure: FloatArray = ((covariance @ rows) * rows).sum(axis=0)
-        return unsure
+        return variances_along_rows(self.rows(), covariance)
+
+
+def variances_along_rows(rows: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Variance of each column of rows, (5, n), times parameters of that covariance."""
+    variances: FloatArray = ((covariance @ rows) * rows).sum(axis=0)
+    return variances
 
 
 def compare(points: NoisyPoints, parameters: FloatArray) -> Comparison:

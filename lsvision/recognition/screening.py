@@ -14,7 +14,13 @@ import numpy as np
 
 from lsvision.fitting.correlation import correlation_factor
 from lsvision.fitting.ellipse_parameters import ellipse_of, is_ellipse, parameters_of
-from lsvision.fitting.quick_fit import IDENTITY, compare, refine_quickly, solve_positive
+from lsvision.fitting.quick_fit import (
+    IDENTITY,
+    compare,
+    refine_quickly,
+    solve_positive,
+    variances_along_rows,
+)
 from lsvision.fitting.scatter import robust_std
 from lsvision.profile import Arc, WeighedProfile
 from lsvision.recognition.identification import IdentifiedArc
@@ -173,7 +179,7 @@ class _Gaps:
 
     def squares(self) -> FloatArray:
         """Of the distances, each over its variance."""
-        unsure = ((self.parameters @ self.rows) * self.rows).sum(axis=0)
+        unsure = variances_along_rows(self.rows, self.parameters)
         squares: FloatArray = self.signed * self.signed / (self.own + unsure)
         return squares
 
