@@ -1,6 +1,6 @@
 """Radius and orientation of cylinders from a light section, each number with its uncertainty.
 
-The public names, in the order of the data flow. Each is imported from its room on first use,
+The public names, in the order of the data flow. Each is imported from its module on first use,
 so that ``lsvision --help`` does not wait for numpy, OpenCV and scipy.
 """
 
@@ -26,13 +26,14 @@ if TYPE_CHECKING:
     from lsvision.calibrate.target import ChArUco as ChArUco
     from lsvision.calibrate.target import Chessboard as Chessboard
     from lsvision.calibrate.target import CircleGrid as CircleGrid
+    from lsvision.cylinder.fit import fit_cylinder as fit_cylinder
+    from lsvision.cylinder.robot_frame import PlacedCylinder as PlacedCylinder
+    from lsvision.cylinder.robot_frame import place_section as place_section
+    from lsvision.detection.acceptance import Rejection as Rejection
     from lsvision.draw import draw_measurement as draw_measurement
     from lsvision.draw import draw_overlay as draw_overlay
+    from lsvision.ellipse.section import CylinderSection as CylinderSection
     from lsvision.errors import LsvisionError as LsvisionError
-    from lsvision.fitting.cylinder_fit import fit_cylinder as fit_cylinder
-    from lsvision.fitting.cylinder_section import CylinderSection as CylinderSection
-    from lsvision.fitting.placing import PlacedCylinder as PlacedCylinder
-    from lsvision.fitting.placing import place_section as place_section
     from lsvision.io.hand_eye_file import load_hand_eye as load_hand_eye
     from lsvision.io.hand_eye_file import save_hand_eye as save_hand_eye
     from lsvision.io.profiles import inspect_profiles as inspect_profiles
@@ -49,7 +50,6 @@ if TYPE_CHECKING:
     from lsvision.profile import NoiseModel as NoiseModel
     from lsvision.profile import PointNoise as PointNoise
     from lsvision.profile import Profile as Profile
-    from lsvision.recognition.verdict import Rejection as Rejection
     from lsvision.scan import ScanMeasurement as ScanMeasurement
     from lsvision.scan import ScannedCylinder as ScannedCylinder
     from lsvision.scan import ScanSettings as ScanSettings
@@ -68,7 +68,7 @@ if TYPE_CHECKING:
     from lsvision.shapes import Plane as Plane
     from lsvision.shapes import Pose as Pose
 
-_ROOMS = {
+_PUBLIC_NAMES = {
     "Pose": "lsvision.shapes",
     "Plane": "lsvision.shapes",
     "Ellipse": "lsvision.shapes",
@@ -91,16 +91,16 @@ _ROOMS = {
     "measure_cylinders": "lsvision.measure",
     "Measurement": "lsvision.measure",
     "Settings": "lsvision.measure",
-    "CylinderSection": "lsvision.fitting.cylinder_section",
-    "Rejection": "lsvision.recognition.verdict",
-    "place_section": "lsvision.fitting.placing",
-    "PlacedCylinder": "lsvision.fitting.placing",
+    "CylinderSection": "lsvision.ellipse.section",
+    "Rejection": "lsvision.detection.acceptance",
+    "place_section": "lsvision.cylinder.robot_frame",
+    "PlacedCylinder": "lsvision.cylinder.robot_frame",
     "measure_scan": "lsvision.scan",
     "measure_shape": "lsvision.scan",
     "ScanMeasurement": "lsvision.scan",
     "ScannedCylinder": "lsvision.scan",
     "ScanSettings": "lsvision.scan",
-    "fit_cylinder": "lsvision.fitting.cylinder_fit",
+    "fit_cylinder": "lsvision.cylinder.fit",
     "plan_section": "lsvision.planning",
     "plan_scan": "lsvision.planning",
     "sections_needed": "lsvision.planning",
@@ -125,15 +125,15 @@ _ROOMS = {
     "LsvisionError": "lsvision.errors",
 }
 
-__all__ = [*_ROOMS, "simulate"]  # noqa: PLE0604 - one table, not two lists to keep alike
+__all__ = [*_PUBLIC_NAMES, "simulate"]  # noqa: PLE0604 - one table, not two lists to keep alike
 
 
 def __getattr__(name: str) -> Any:
     if name == "simulate":
         return importlib.import_module("lsvision.simulate")
-    if name not in _ROOMS:
+    if name not in _PUBLIC_NAMES:
         raise AttributeError(f"module 'lsvision' has no attribute '{name}'")
-    return getattr(importlib.import_module(_ROOMS[name]), name)
+    return getattr(importlib.import_module(_PUBLIC_NAMES[name]), name)
 
 
 def __dir__() -> list[str]:

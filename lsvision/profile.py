@@ -5,10 +5,10 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from lsvision.shapes import FloatArray, IntArray, Points, locked
+from lsvision.shapes import FloatArray, IntArray, Points, as_readonly_array
 from lsvision.shapes.noisy_points import NoisyPoints
 
-FORM_SHARE = 8e-4
+RELATIVE_FORM_ERROR = 8e-4
 """Rms form error of pipes, and of profile sensors that look at them, over the radius."""
 
 
@@ -38,14 +38,18 @@ class PointNoise:
 
     Parameters
     ----------
-    values : (n, 2, 2) array_like
+    point_covariances : (n, 2, 2) array_like
         Covariance of each point, in the order of the profile. Units: mm^2.
     """
 
-    values: FloatArray
+    point_covariances: FloatArray
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "values", locked(self.values, ("n", 2, 2), "covariances"))
+        object.__setattr__(
+            self,
+            "point_covariances",
+            as_readonly_array(self.point_covariances, ("n", 2, 2), "covariances"),
+        )
 
     def covariances(self, points: Points) -> FloatArray:
         """The covariances as given; one for each of `points`.
@@ -55,9 +59,9 @@ class PointNoise:
         ValueError
             If there are not as many as points.
         """
-        if len(points) != len(self.values):
-            raise ValueError(f"want {len(self.values)} points, got {len(points)}")
-        return self.values
+        if len(points) != len(self.point_covariances):
+            raise ValueError(f"want {len(self.point_covariances)} points, got {len(points)}")
+        return self.point_covariances
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,9 +93,9 @@ class Profile:
     noise: NoiseModel | None = None
 
     def __post_init__(self) -> None:
-        points = np.array(locked(self.points, ("n", 2), "points"))
+        points = np.array(as_readonly_array(self.points, ("n", 2), "points"))
         points[~np.isfinite(points).all(axis=1)] = np.nan
-        object.__setattr__(self, "points", locked(points, ("n", 2)))
+        object.__setattr__(self, "points", as_readonly_array(points, ("n", 2)))
 
     def __len__(self) -> int:
         return len(self.points)
@@ -103,8 +107,8 @@ class Profile:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class WeighedProfile:
-    """A profile with its noise written out: what recognition works on.
+class PreparedProfile:
+    """A profile with its noise written out: what the detection of arcs works on.
 
     Parameters
     ----------
@@ -112,11 +116,11 @@ class WeighedProfile:
         As in `Profile`, but in their order along the line. Units: mm.
     covariances : (n, 2, 2) ndarray
         Of the points' errors, NaN where lost. Units: mm^2.
-    noisy : NoisyPoints
+    noisy_points : NoisyPoints
         The same points and covariances once more, in complex numbers.
-    order : (k,) int ndarray
+    valid_indices : (k,) int ndarray
         Which of `points` are there, rising.
-    columns : (n,) int ndarray
+    sensor_columns : (n,) int ndarray
         Index that each of `points` has in the `Profile`.
     noise_std : float
         Typical standard deviation of a point across the line. Units: mm.
@@ -129,14 +133,14 @@ class WeighedProfile:
 
     points: Points
     covariances: FloatArray
-    noisy: NoisyPoints
-    order: IntArray
-    columns: IntArray
+    noisy_points: NoisyPoints
+    valid_indices: IntArray
+    sensor_columns: IntArray
     noise_std: float
     pitch: float
     noise_known: bool
 
-    def largest_misfit(self, radius: float) -> float:
+    def max_noise_factor(self, radius: float) -> float:
         """How many times larger than `covariances` say the scatter about an ellipse may be.
 
         A given noise model is taken at its word; one estimated from neighbours is up to four
@@ -144,7 +148,7 @@ class WeighedProfile:
         the form error of a real pipe of that radius (mm).
         """
         modelled = 3.0 if self.noise_known else 4.0
-        return max(modelled, FORM_SHARE * radius / max(self.noise_std, 1e-12))
+        return max(modelled, RELATIVE_FORM_ERROR * radius / max(self.noise_std, 1e-12))
 
 
 @dataclass(frozen=True, slots=True)

@@ -75,7 +75,7 @@ def test_an_image_is_small_and_its_truth_names_seed_and_command(name):
 @each_name
 def test_the_line_lies_where_the_rig_sees_the_true_sections(name, rig):
     v = np.array([math.nan if x is None else x for x in truth(name)["line_v_px"]])
-    points = rig.points_of(np.column_stack([np.arange(len(v)), v]))
+    points = rig.points_from_pixels(np.column_stack([np.arange(len(v)), v]))
     for tube in truth(name)["tubes"]:
         turn, relative = tube["theta_rad"], points - tube["centre_mm"]
         along = relative @ (math.cos(turn), math.sin(turn))

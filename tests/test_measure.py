@@ -218,7 +218,7 @@ def test_the_profiles_own_noise_is_used_and_a_given_sensor_goes_first():
 def test_a_profile_without_a_pipe_has_no_cylinders(points, sensor, settings):
     measurement = measure_cylinders(Profile(points), sensor=sensor, settings=settings)
     # The paper's chain has no gate against huge ellipses on lines; it must not break, though.
-    assert measurement.cylinders == () or settings.literal is not None
+    assert measurement.cylinders == () or settings.paper_settings is not None
 
 
 def test_every_point_twice_gives_the_same_pipe():
@@ -248,14 +248,14 @@ def test_same_input_same_bytes_also_in_threads(kind):
 def test_the_papers_chain_runs_and_is_as_biased_as_its_smoothing():
     profile = look(noise_factor=0.0).profile
     (pipe,) = measure_cylinders(profile, radius=(10, 40), settings=Settings.paper()).cylinders
-    # 0.4 to 0.8 mm on arcs of 140 deg (design.md, section 5); more on this one of 160 deg.
+    # 0.4 to 0.8 mm on arcs of 140 deg (`lsvision.ellipse.smoothing`); more on this one of 160 deg.
     assert 0.3 < abs(pipe.radius - 19.0) < 1.6
 
 
 def test_a_step_setting_reaches_its_step():
-    from lsvision.recognition.verdict import VerdictSettings
+    from lsvision.detection.acceptance import AcceptanceSettings
 
-    strict = Settings(verdict=VerdictSettings(fewest_points=300))
+    strict = Settings(acceptance=AcceptanceSettings(min_points=300))
     measurement = measure_cylinders(look().profile, settings=strict)
     assert measurement.cylinders == ()
     assert "needs 300" in measurement.rejections[0].reason

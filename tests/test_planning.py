@@ -7,16 +7,16 @@ from scipy.optimize import least_squares
 
 from lsvision.errors import DegenerateGeometry, TooFewPoints
 from lsvision.planning import (
+    AccuracyTarget,
     Feed,
-    Target,
-    View,
+    SensorView,
     plan_scan,
     plan_section,
     scan_bound,
     section_bound,
     sections_needed,
 )
-from lsvision.planning.view import normals_of, see_cylinder
+from lsvision.planning.sensor_view import cylinder_normals, visible_points
 from lsvision.sensor.profile_sensor import LATERAL_FRACTION, LPS36HI, ProfileSensor
 from lsvision.shapes import Cylinder, Ellipse, Pose
 
@@ -27,7 +27,7 @@ RUNS = 400  # Monte Carlo: RMSE known to 1 / sqrt(2 * 400) = 3.5 %, one sigma
 FOUR_SIGMA = 4 / math.sqrt(2 * RUNS)
 
 FINE = ProfileSensor(range_std=0.05, reference_range=400.0)
-VIEW = View(sensor=FINE, pitch=0.6)
+VIEW = SensorView(sensor=FINE, pitch=0.6)
 CASES = [
     pytest.param(19.0, 10, 30, id="steep"),
     pytest.param(15.0, 100, 25, id="major axis towards the sensor"),
@@ -66,7 +66,7 @@ def scan_rays(pipe, feed):
     """Rays of all points of a scan, and the origins they start from, in the scan's frame."""
     rays, origins = [], []
     for shift in feed.shifts:
-        seen = see_cylinder(pipe.seen_from(Pose(translation=-shift)), VIEW)
+        seen = visible_points(pipe.transformed(Pose(translation=-shift)), VIEW)
         rays.append(rays_to(np.column_stack([seen, np.zeros(len(seen))]))[0])
         origins.append(np.tile(shift, (len(seen), 1)))
     return np.concatenate(rays), np.concatenate(origins)
@@ -97,7 +97,7 @@ def pipe_and_points(radius, theta_deg, phi_deg, view=VIEW):
     unknowns = np.array([view.offset, -view.standoff, radius, theta, phi])
     axis = (math.sin(phi) * math.cos(theta), math.sin(phi) * math.sin(theta), math.cos(phi))
     pipe = Cylinder((view.offset, -view.standoff, 0.0), axis, radius)
-    return unknowns, pipe, see_cylinder(pipe, view)
+    return unknowns, pipe, visible_points(pipe, view)
 
 
 @pytest.mark.parametrize(("radius", "theta_deg", "phi_deg"), CASES)
@@ -134,12 +134,12 @@ def test_every_point_seen_lies_on_the_near_side_of_the_pipe():
     _, pipe, points = pipe_and_points(19.0, 20, 20)
     surface = np.column_stack([points, np.zeros(len(points))])
     np.testing.assert_allclose(pipe.signed_distances(surface), 0.0, atol=ROUNDING)
-    incidence = -np.sum(normals_of(pipe, points)[:, :2] * rays_to(points)[0], axis=1)
+    incidence = -np.sum(cylinder_normals(pipe, points)[:, :2] * rays_to(points)[0], axis=1)
     assert (incidence >= math.cos(VIEW.incidence_limit)).all()
 
 
 def test_columns_of_the_sensor_have_its_pitch():
-    pitch = np.diff(see_cylinder(Cylinder((0, -600, 0), (0, 0, 1), 30.0), View())[:, 0])
+    pitch = np.diff(visible_points(Cylinder((0, -600, 0), (0, 0, 1), 30.0), SensorView())[:, 0])
     # 140 mm in 239 steps at 600 mm; the pipe's face is 5 % nearer.
     assert 0.90 < pitch.mean() / (140 / 239) < 1.0
 
@@ -204,7 +204,7 @@ def test_moving_the_frame_keeps_the_sigmas_of_a_cylinder():
     points = 19.0 * radial + np.outer(along, pipe.direction)
     quarter = Pose([[0, -1, 0], [1, 0, 0], [0, 0, 1]], (5.0, 6.0, 7.0))
     plain = scan_bound(pipe, points, np.full(200, 0.01))
-    moved = scan_bound(pipe.seen_from(quarter), quarter.apply(points), np.full(200, 0.01))
+    moved = scan_bound(pipe.transformed(quarter), quarter.apply(points), np.full(200, 0.01))
     np.testing.assert_allclose(moved.covariance, plain.covariance, atol=1e-12)
     assert moved.direction_std == pytest.approx(plain.direction_std, rel=ROUNDING)
 
@@ -263,7 +263,7 @@ def test_brute_force_fit_of_a_scan_reaches_the_bound():
     rays, origins = rays_to(np.tile(np.column_stack([points, 0 * points[:, 0]]), (3, 1)))
     origins = origins + shifts
     hits = origins + rays * ray_ranges(unknowns, rays, origins)[:, None]
-    variances = (0.05 * np.sum(normals_of(pipe, hits) * rays, axis=1)) ** 2
+    variances = (0.05 * np.sum(cylinder_normals(pipe, hits) * rays, axis=1)) ** 2
     rmse = rmse_of_brute_force(unknowns, rays, origins, 0.05)
     predicted = sigmas(scan_bound(pipe, hits, variances))
     np.testing.assert_allclose(rmse / predicted, 1.0, atol=FOUR_SIGMA)
@@ -371,7 +371,7 @@ def test_phi_is_not_capped_where_the_linear_bound_holds():
 
 @pytest.mark.parametrize("spacing", [0.5, 5.0])
 def test_sections_needed_is_the_least_number_that_reaches_the_target(spacing):
-    target, feed = Target(phi_std=math.radians(0.05)), Feed(spacing=spacing)
+    target, feed = AccuracyTarget(phi_std=math.radians(0.05)), Feed(spacing=spacing)
     answer = sections_needed(19.0, 0.3, 0.3, target=target, feed=feed)
     fewer = plan_scan(19.0, 0.3, 0.3, feed=replace(feed, sections=answer.sections - 1))
     assert answer.phi_std <= target.phi_std < fewer.phi_std
@@ -383,21 +383,29 @@ REFUSALS = [
     (lambda: plan_section(19.0, 0.3, math.pi / 2), ValueError, "want phi in"),
     (lambda: plan_section(19.0, math.nan, 0.3), ValueError, "finite theta"),
     (lambda: plan_section(19.0, 0.3, 0.3, known_radius_std=-1.0), ValueError, "known_radius_std"),
-    (lambda: plan_section(19.0, 0.3, 0.3, view=View(standoff=900.0)), TooFewPoints, "standoff"),
-    (lambda: plan_scan(19.0, 0.3, 0.3, view=View(offset=500.0)), TooFewPoints, "has 0 points"),
-    (lambda: View(standoff=0.0), ValueError, "positive standoff"),
-    (lambda: View(offset=math.inf), ValueError, "finite offset"),
-    (lambda: View(pitch=-0.6), ValueError, "positive pitch"),
-    (lambda: View(incidence_limit=2.0), ValueError, "incidence_limit"),
+    (
+        lambda: plan_section(19.0, 0.3, 0.3, view=SensorView(standoff=900.0)),
+        TooFewPoints,
+        "standoff",
+    ),
+    (
+        lambda: plan_scan(19.0, 0.3, 0.3, view=SensorView(offset=500.0)),
+        TooFewPoints,
+        "has 0 points",
+    ),
+    (lambda: SensorView(standoff=0.0), ValueError, "positive standoff"),
+    (lambda: SensorView(offset=math.inf), ValueError, "finite offset"),
+    (lambda: SensorView(pitch=-0.6), ValueError, "positive pitch"),
+    (lambda: SensorView(incidence_limit=2.0), ValueError, "incidence_limit"),
     (lambda: Feed(sections=0), ValueError, "sections >= 1"),
     (lambda: Feed(spacing=0.0), ValueError, "positive spacing"),
     (lambda: Feed(direction=(0.0, 0.0, 0.0)), ValueError, "feed direction"),
     (lambda: Feed(pose_std=-1.0), ValueError, "pose_std"),
-    (Target, ValueError, "at least one target"),
-    (lambda: Target(phi_std=0.0), ValueError, "positive"),
+    (AccuracyTarget, ValueError, "at least one target"),
+    (lambda: AccuracyTarget(phi_std=0.0), ValueError, "positive"),
     (
         lambda: sections_needed(
-            19.0, 0.3, 0.3, target=Target(phi_std=1e-4), feed=Feed(feed_std=0.01)
+            19.0, 0.3, 0.3, target=AccuracyTarget(phi_std=1e-4), feed=Feed(feed_std=0.01)
         ),
         DegenerateGeometry,
         "know the poses better",
@@ -431,4 +439,4 @@ def test_refusal_says_what_is_wanted(call, error, words):
 
 
 def test_preset_is_the_default_view():
-    assert View().sensor is LPS36HI
+    assert SensorView().sensor is LPS36HI

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lsvision import Arc, NoiseModel, PointNoise, Profile, ProfileSensor
-from lsvision.profile import FORM_SHARE, WeighedProfile
+from lsvision.profile import RELATIVE_FORM_ERROR, PreparedProfile
 from lsvision.shapes.noisy_points import NoisyPoints
 
 NAN, INF = math.nan, math.inf
@@ -118,17 +118,17 @@ def test_noise_models_are_known_by_what_they_can():
 
 def misfit(radius, noise_known, noise_std=0.1):
     nothing = {"points": np.empty((0, 2)), "covariances": np.empty((0, 2, 2))}
-    nothing["noisy"] = NoisyPoints.of(**nothing)
+    nothing["noisy_points"] = NoisyPoints.of(**nothing)
     order = columns = np.empty(0, dtype=int)
-    profile = WeighedProfile(
+    profile = PreparedProfile(
         **nothing,
-        order=order,
-        columns=columns,
+        valid_indices=order,
+        sensor_columns=columns,
         noise_std=noise_std,
         pitch=0.6,
         noise_known=noise_known,
     )
-    return profile.largest_misfit(radius)
+    return profile.max_noise_factor(radius)
 
 
 def test_estimated_noise_may_be_more_wrong_than_a_known_model():
@@ -136,5 +136,5 @@ def test_estimated_noise_may_be_more_wrong_than_a_known_model():
 
 
 def test_a_pipe_may_leave_its_ellipse_by_its_form_error_whatever_the_noise():
-    assert misfit(100.0, True, noise_std=1e-3) * 1e-3 == pytest.approx(FORM_SHARE * 100.0)
+    assert misfit(100.0, True, noise_std=1e-3) * 1e-3 == pytest.approx(RELATIVE_FORM_ERROR * 100.0)
     assert np.isfinite(misfit(100.0, True, noise_std=0.0))

@@ -3,11 +3,11 @@
 import numpy as np
 
 from lsvision import Settings, measure_cylinders
-from lsvision.recognition.reaching import ReachingSettings
+from lsvision.detection.end_extension import EndExtensionSettings
 from lsvision.simulate import random_section, simulate_section
 from tests.bench.single_section import ROUGH, random_tube
 
-UNREACHING = Settings(reaching=ReachingSettings(rounds=0))
+UNREACHING = Settings(end_extension=EndExtensionSettings(max_iterations=0))
 
 
 def test_each_end_that_a_fit_reaches_makes_it_surer_of_the_other():

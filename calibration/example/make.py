@@ -28,10 +28,10 @@ from lsvision.simulate import Scene, SectionSettings, Tube, simulate_section
 from lsvision.simulate.hand_eye import (
     SectionView,
     TargetMotion,
-    reported_pose,
+    noisy_pose,
+    rotation_from_vector,
     section_poses_about,
     sphere_profile,
-    turn,
 )
 from lsvision.simulate.imaging_rig import ImagingRig
 from lsvision.simulate.rays import Rays
@@ -51,7 +51,7 @@ SUPER = 3
 SHEET, BLUR, NOISE = 0.25, 0.6, 1.5
 """One sigma of the sheet of light (mm), of the lens's blur (px) and of the pixels (DN)."""
 
-FLANGE_FROM_SECTION = Pose(turn(np.array([0.35, -0.2, 1.4])), (35.0, -60.0, 210.0))
+FLANGE_FROM_SECTION = Pose(rotation_from_vector(np.array([0.35, -0.2, 1.4])), (35.0, -60.0, 210.0))
 BALL, RADIUS = np.array([820.0, 110.0, 250.0]), 20.0
 PIPE = Cylinder((800.0, 60.0, 240.0), (0.35, 0.9, 0.12), 15.0)
 ROBOT_STD = (0.02, math.radians(0.005))
@@ -78,8 +78,8 @@ def board_poses(rng: np.random.Generator) -> list[Pose]:
     for number in range(BOARDS):
         way = 2 * np.pi * number / BOARDS * 3
         tilt = math.radians(32 if number % 3 else 8)
-        lean = turn(tilt * np.array([np.cos(way), np.sin(way), 0.0]))
-        spin = turn(np.array([0.0, 0.0, rng.uniform(-0.3, 0.3)]))
+        lean = rotation_from_vector(tilt * np.array([np.cos(way), np.sin(way), 0.0]))
+        spin = rotation_from_vector(np.array([0.0, 0.0, rng.uniform(-0.3, 0.3)]))
         depth = rng.uniform(275, 345)
         aside = 0.11 * depth * np.array([math.cos(2.4 * number), 0.55 * math.sin(2.4 * number)])
         rotation = lean @ spin
@@ -155,7 +155,7 @@ def write_sphere(folder: Path, rng: np.random.Generator) -> None:
             continue
         write_profile(folder / "sphere" / f"pose_{number:02d}.csv", profile, "sphere of 20 mm")
         flange = section @ FLANGE_FROM_SECTION.inverse()
-        flanges.append(reported_pose(flange, *ROBOT_STD, rng))
+        flanges.append(noisy_pose(flange, *ROBOT_STD, rng))
         number += 1
     write_poses(folder / "sphere_poses.csv", flanges)
 
@@ -174,7 +174,7 @@ def write_pipe(folder: Path, rng: np.random.Generator) -> None:
     flanges = []
     for number in range(6):
         middle = PIPE.point + (number - 2.5) * 12.0 * axis
-        rotation = turn(rng.uniform(-0.2, 0.2, 3)) @ np.column_stack(
+        rotation = rotation_from_vector(rng.uniform(-0.2, 0.2, 3)) @ np.column_stack(
             [across, up, np.cross(across, up)]
         )
         section = Pose(rotation, middle - rotation @ (0.0, STANDOFF, 0.0))
@@ -182,7 +182,7 @@ def write_pipe(folder: Path, rng: np.random.Generator) -> None:
             Scene((Tube(PIPE),)), sensor, SectionSettings(), rng=rng, base_from_section=section
         )
         write_profile(folder / "pipe" / f"pipe_{number}.csv", seen.profile, "pipe of 15 mm")
-        flanges.append(reported_pose(section @ FLANGE_FROM_SECTION.inverse(), *ROBOT_STD, rng))
+        flanges.append(noisy_pose(section @ FLANGE_FROM_SECTION.inverse(), *ROBOT_STD, rng))
     write_poses(folder / "pipe_poses.csv", flanges)
 
 

@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.calibrate.board_pose import camera_from_board_start
-from lsvision.calibrate.board_sighting import see_board
+from lsvision.calibrate.board_pose_estimation import estimate_board_pose
+from lsvision.calibrate.board_pose_initial_guess import guess_camera_from_board
 from lsvision.calibrate.target import Target, TargetView, find_target
 from lsvision.errors import DegenerateGeometry
 from lsvision.sensor.camera import Camera
@@ -73,10 +73,10 @@ def calibrate_board_in_plane(
     """
     seen = find_target(image, target)
     if camera is None:
-        camera, pose = _stand_in(seen)
+        camera, pose = _equivalent_pinhole_camera(seen)
         method = "board in the laser plane; camera unknown, a stand-in"
     else:
-        pose = see_board(seen.pixels, seen.points, camera).camera_from_board
+        pose = estimate_board_pose(seen.pixels, seen.points, camera).camera_from_board
         method = "board in the laser plane; camera given"
     normal = pose.rotation[:, 2]
     plane = Plane(normal, float(normal @ pose.translation))
@@ -84,7 +84,7 @@ def calibrate_board_in_plane(
     return BoardInPlane(LightSection(camera, plane, {"method": method}), residuals)
 
 
-def _stand_in(seen: TargetView) -> tuple[Camera, Pose]:
+def _equivalent_pinhole_camera(seen: TargetView) -> tuple[Camera, Pose]:
     """A pinhole camera and board pose that together are the photo's homography."""
     homography, _ = cv2.findHomography(
         np.ascontiguousarray(seen.points[:, :2]), np.ascontiguousarray(seen.pixels)
@@ -115,7 +115,7 @@ def _camera_centre(homography: FloatArray, seen: TargetView) -> FloatArray:
     if inverse_square > 0:
         focal = float(np.clip(inverse_square**-0.5, focal / 4, focal * 4))
     middle = (seen.pixels - (np.array([width, height]) - 1) / 2) / focal
-    pose = camera_from_board_start(seen, np.column_stack([middle, np.ones(len(middle))]))
+    pose = guess_camera_from_board(seen, np.column_stack([middle, np.ones(len(middle))]))
     return pose.inverse().translation
 
 

@@ -5,14 +5,14 @@ from typing import Literal
 
 import numpy as np
 
+from lsvision.calibrate.observations import FlangePoses
 from lsvision.calibrate.rotations import cross_matrices, rotation_vectors
-from lsvision.calibrate.sightings import FlangePoses
 from lsvision.errors import DegenerateGeometry
 from lsvision.shapes import FloatArray, Pose
 
 Mounting = Literal["eye_in_hand", "eye_to_hand"]
 
-MIN_TURN = np.radians(2.0)
+MIN_ROTATION = np.radians(2.0)
 """A flange that turns less did not turn: a robot's error in orientation is 0.01 deg and up."""
 MIN_SECOND_AXIS = 0.03
 """Least share of turning about a second axis; a tilt of 1 deg beside spins of 30 deg."""
@@ -48,7 +48,7 @@ def stack_flange_poses(
     return FlangePoses(inverse, -(inverse @ t[..., None])[..., 0], covariances)
 
 
-def require_turning(base_from_flanges: Sequence[Pose]) -> None:
+def require_rotation(base_from_flanges: Sequence[Pose]) -> None:
     """Refuse poses whose flange does not turn, or turns about one axis only.
 
     Raises
@@ -60,7 +60,7 @@ def require_turning(base_from_flanges: Sequence[Pose]) -> None:
     first, second = np.triu_indices(len(R), k=1)
     turns = rotation_vectors(np.swapaxes(R[first], -1, -2) @ R[second])
     largest = float(np.linalg.norm(turns, axis=1).max())
-    if largest < MIN_TURN:
+    if largest < MIN_ROTATION:
         raise DegenerateGeometry(
             f"the flange was only moved, never turned (by {np.degrees(largest):.2g} deg at most): "
             "the sensor's position cannot be found; add poses tilted 20 to 35 deg about two axes"

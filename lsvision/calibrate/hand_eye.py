@@ -2,7 +2,7 @@
 
 No guess is asked for. What each pose shows is reduced to a few numbers with a covariance;
 many starts and random selections of poses find the answer and the poses that are wrong; the
-solution treats the robot's poses as noisy (`noisy_poses`) and carries an honest covariance.
+solution treats the robot's poses as noisy (`errors_in_variables`) and carries an honest covariance.
 Data that cannot determine the answer are refused with the motion that is missing.
 """
 
@@ -12,20 +12,25 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.calibrate.board_poses import BoardSightings
+from lsvision.calibrate.board_observations import BoardObservations
+from lsvision.calibrate.errors_in_variables import NOMINAL_ROBOT_STD
 from lsvision.calibrate.flange_poses import Mounting, stack_flange_poses
 from lsvision.calibrate.hand_eye_result import HandEye, RejectedPose, Sphere
-from lsvision.calibrate.hand_eye_solution import HandEyeSettings, Story, result_of, solve
-from lsvision.calibrate.noisy_poses import ROBOT_SHAPE
+from lsvision.calibrate.hand_eye_solver import (
+    HandEyeSettings,
+    ResultContext,
+    build_hand_eye,
+    solve_hand_eye,
+)
 from lsvision.calibrate.plane_line import PlaneLine, find_plane_line
-from lsvision.calibrate.plane_poses import PlaneSightings
+from lsvision.calibrate.plane_observations import PlaneObservations
 from lsvision.calibrate.sphere_arc import SphereArc, find_sphere_arc
-from lsvision.calibrate.sphere_poses import SphereSightings
+from lsvision.calibrate.sphere_observations import SphereObservations
 from lsvision.errors import CalibrationFailed, DegenerateGeometry, TooFewPoints
 from lsvision.profile import Profile
-from lsvision.shapes import FloatArray, Plane, Pose, locked
+from lsvision.shapes import FloatArray, Plane, Pose, as_readonly_array
 
-EXACT_RADIUS = 1e-4
+EXACT_RADIUS_STD = 1e-4
 """One sigma of a radius that is given. Units: mm."""
 MIN_OFFSET = 0.15
 """Least root mean square distance of the cuts from the sphere's centre, in radii."""
@@ -68,7 +73,7 @@ def calibrate_hand_eye_sphere(
     -------
     HandEye
         `flange_from_section` (or `base_from_section`), covariance, residuals, rejected poses,
-        and `height_factor`, which tells a sensor whose heights are too long or too short.
+        and `height_scale`, which tells a sensor whose heights are too long or too short.
 
     Raises
     ------
@@ -93,7 +98,7 @@ def calibrate_hand_eye_sphere(
     >>> found = calibrate_hand_eye_sphere(profiles, flanges)
     >>> found.flange_from_section.translation.round(0) + 0.0
     array([  0.,  80., 120.])
-    >>> found.rejected, found.working_std < 0.02
+    >>> found.rejected, found.working_point_std < 0.02
     ((), True)
     """
     _require_pairs(len(profiles), len(base_from_flanges), "profiles")
@@ -110,24 +115,24 @@ def calibrate_hand_eye_sphere(
     _require_count(len(seen), need, "a sphere in its profile", lost)
     poses = [base_from_flanges[index] for index in seen]
     largest = max(float(arcs[index].circle[2]) for index in seen)
-    sightings = SphereSightings(
+    sightings = SphereObservations(
         np.array([arcs[index].circle for index in seen]),
         _covariances([arcs[index] for index in seen]),
-        _common_stretches([arcs[index] for index in seen]),
-        stack_flange_poses(poses, mounting, settings.robot_std or ROBOT_SHAPE),
-        (largest, np.inf) if radius is None else (radius, EXACT_RADIUS),
+        _common_height_scale_gradients([arcs[index] for index in seen]),
+        stack_flange_poses(poses, mounting, settings.robot_std or NOMINAL_ROBOT_STD),
+        (largest, np.inf) if radius is None else (radius, EXACT_RADIUS_STD),
         np.zeros(len(seen), dtype=np.int64),
     )
-    _require_cuts(sightings.circles, radius)
-    doubted = solve(sightings, poses, need, settings)
-    state = doubted.refined.states
-    radius_std, height_std = np.sqrt(np.diag(doubted.refined.covariance)[9:11]).tolist()
+    _require_distinct_cuts(sightings.circles, radius)
+    doubted = solve_hand_eye(sightings, poses, need, settings)
+    state = doubted.fit.states
+    radius_std, height_std = np.sqrt(np.diag(doubted.fit.covariance)[9:11]).tolist()
     *centre, found, stretch = state.targets[0, 0].tolist()
     target = Sphere(np.array(centre), found, radius_std if radius is None else 0.0)
     working = np.append(sightings.circles[:, :2].mean(axis=0), 0.0)
-    story = Story(seen, lost, working, mounting, "section", settings)
-    result = result_of(sightings, doubted, target, story)
-    return replace(result, height_factor=(1 + stretch, height_std))
+    story = ResultContext(seen, lost, working, mounting, "section", settings)
+    result = build_hand_eye(sightings, doubted, target, story)
+    return replace(result, height_scale=(1 + stretch, height_std))
 
 
 def calibrate_hand_eye_plane(
@@ -171,20 +176,23 @@ def calibrate_hand_eye_plane(
     seen = sorted(lines)
     _require_count(len(seen), 8, "a straight line in its profile", lost)
     poses = [base_from_flanges[index] for index in seen]
-    sightings = PlaneSightings(
-        np.array([lines[index].middle for index in seen]),
+    sightings = PlaneObservations(
+        np.array([lines[index].midpoint for index in seen]),
         np.array([lines[index].direction for index in seen]),
         np.array([lines[index].half_length for index in seen]),
         _covariances([lines[index] for index in seen]),
-        stack_flange_poses(poses, mounting, settings.robot_std or ROBOT_SHAPE),
+        stack_flange_poses(poses, mounting, settings.robot_std or NOMINAL_ROBOT_STD),
         np.zeros(len(seen), dtype=np.int64),
     )
-    doubted = solve(sightings, poses, 6, settings)
-    normal_distance = doubted.refined.states.targets[0, 0]
+    doubted = solve_hand_eye(sightings, poses, 6, settings)
+    normal_distance = doubted.fit.states.targets[0, 0]
     target = Plane(normal_distance[:3], float(normal_distance[3]))
-    working = sightings.middles.mean(axis=0)
-    return result_of(
-        sightings, doubted, target, Story(seen, lost, working, mounting, "section", settings)
+    working = sightings.midpoints.mean(axis=0)
+    return build_hand_eye(
+        sightings,
+        doubted,
+        target,
+        ResultContext(seen, lost, working, mounting, "section", settings),
     )
 
 
@@ -201,12 +209,12 @@ def calibrate_hand_eye_board(
     Parameters
     ----------
     camera_from_boards : sequence of Pose
-        The board in each image; `see_board` gives it from corners.
+        The board in each image; `estimate_board_pose` gives it from corners.
     base_from_flanges : sequence of Pose
         Where the flange stood.
     covariances : (n, 6, 6) array_like, optional
-        Of the boards' origins (mm) and left-hand rotations (rad), from `see_board`. Without
-        them all errors are put down to the robot.
+        Of the boards' origins (mm) and left-hand rotations (rad), from
+        `estimate_board_pose`. Without them all errors are put down to the robot.
     mounting, settings
         As in `calibrate_hand_eye_sphere`.
 
@@ -224,30 +232,30 @@ def calibrate_hand_eye_board(
     _require_pairs(count, len(base_from_flanges), "boards")
     _require_count(count, 4, "a board in its image", [])
     given = np.full((count, 6, 6), 1e-12) * np.eye(6) if covariances is None else covariances
-    sightings = BoardSightings(
+    sightings = BoardObservations(
         np.array([pose.rotation for pose in camera_from_boards]),
         np.array([pose.translation for pose in camera_from_boards]),
-        locked(given, (count, 6, 6), "covariances"),
-        stack_flange_poses(base_from_flanges, mounting, settings.robot_std or ROBOT_SHAPE),
+        as_readonly_array(given, (count, 6, 6), "covariances"),
+        stack_flange_poses(base_from_flanges, mounting, settings.robot_std or NOMINAL_ROBOT_STD),
         np.zeros(count, dtype=np.int64),
     )
-    doubted = solve(sightings, base_from_flanges, 3, settings)
-    board = doubted.refined.states.targets[0, 0]
+    doubted = solve_hand_eye(sightings, base_from_flanges, 3, settings)
+    board = doubted.fit.states.targets[0, 0]
     target = Pose(board[3:].reshape(3, 3), board[:3])
     working = sightings.origins.mean(axis=0)
-    story = Story(list(range(count)), [], working, mounting, "camera", settings)
-    return result_of(sightings, doubted, target, story)
+    story = ResultContext(list(range(count)), [], working, mounting, "camera", settings)
+    return build_hand_eye(sightings, doubted, target, story)
 
 
 def _covariances(found: Sequence[SphereArc] | Sequence[PlaneLine]) -> FloatArray:
     """Of circles or lines, neighbours erring as much alike as they do over all profiles."""
-    likeness = float(np.mean([each.likeness for each in found]))
+    likeness = float(np.mean([each.autocorrelation_time for each in found]))
     return likeness * np.array([each.covariance for each in found])
 
 
-def _common_stretches(arcs: Sequence[SphereArc]) -> FloatArray:
+def _common_height_scale_gradients(arcs: Sequence[SphereArc]) -> FloatArray:
     """Changes of the circles with heights that grow about the mean height of all."""
-    stretches = np.array([arc.stretch for arc in arcs])
+    stretches = np.array([arc.height_scale_gradient for arc in arcs])
     heights = np.array([arc.circle[1] for arc in arcs])
     stretches[:, 0, 1] += heights - heights.mean()
     return stretches
@@ -269,7 +277,7 @@ def _require_count(got: int, need: int, what: str, lost: list[RejectedPose]) -> 
         )
 
 
-def _require_cuts(circles: FloatArray, radius: float | None) -> None:
+def _require_distinct_cuts(circles: FloatArray, radius: float | None) -> None:
     """Refuse cuts that are all alike: through the centre, or at one place of the view."""
     largest = radius if radius is not None else float(circles[:, 2].max())
     drop = float(np.sqrt(np.mean(np.clip(1 - (circles[:, 2] / largest) ** 2, 0, None))))

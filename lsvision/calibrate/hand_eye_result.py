@@ -9,13 +9,13 @@ import numpy.typing as npt
 
 from lsvision.calibrate.flange_poses import Mounting
 from lsvision.calibrate.rotations import cross_matrices
-from lsvision.shapes import FloatArray, Plane, Pose, locked
+from lsvision.shapes import FloatArray, Plane, Pose, as_readonly_array
 
 Sensor = Literal["section", "camera"]
 
-SURELY = 4.0
+HEIGHT_SCALE_SIGMAS = 4.0
 """Sigmas from which on heights that are too long are no chance."""
-NOTABLE_HEIGHTS = 0.005
+MIN_HEIGHT_SCALE_ERROR = 0.005
 """Error of the heights' scale from which on a person is told."""
 
 
@@ -38,7 +38,7 @@ class Sphere:
     radius_std: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "centre", locked(self.centre, (3,), "centre"))
+        object.__setattr__(self, "centre", as_readonly_array(self.centre, (3,), "centre"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,7 @@ class HandEye:
     residuals : (n,) array_like
         Length of each pose's residual, seen minus expected; NaN where nothing was seen.
         Units: mm.
-    held_out : (n,) array_like
+    leave_one_out_residuals : (n,) array_like
         The same had the pose not taken part in the calibration. Units: mm.
     rejected : tuple of RejectedPose
         Poses left out.
@@ -85,18 +85,18 @@ class HandEye:
     robot_std : tuple of float
         One sigma of the robot in each axis of position (mm) and orientation (rad), stated or
         found from the residuals.
-    ambiguity : float
+    ambiguity_ratio : float
         Cost of the second-best minimum over the best's; near 1 the answer may be another.
-    weakness : float
+    least_determined_std : float
         One sigma in the weakest direction at the nominal or stated robot; a radian counts
         100 mm. Units: mm.
-    weakest : str
+    least_determined_direction : str
         That direction in words.
     mounting : {"eye_in_hand", "eye_to_hand"}
         What carries the sensor.
     sensor : {"section", "camera"}
         What the sensor's frame is.
-    height_factor : tuple of float, optional
+    height_scale : tuple of float, optional
         What the profiles' heights must be multiplied by, about the working point, to be true,
         and its one sigma; a check on the sensor, 1 where it measures right. None where the
         target does not tell.
@@ -105,26 +105,26 @@ class HandEye:
     mount_from_sensor: Pose
     covariance: FloatArray
     residuals: FloatArray
-    held_out: FloatArray
+    leave_one_out_residuals: FloatArray
     rejected: tuple[RejectedPose, ...]
     target: Sphere | Plane | Pose
     working_point: FloatArray
     robot_std: tuple[float, float]
-    ambiguity: float
-    weakness: float
-    weakest: str
+    ambiguity_ratio: float
+    least_determined_std: float
+    least_determined_direction: str
     mounting: Mounting
     sensor: Sensor
-    height_factor: tuple[float, float] | None = None
+    height_scale: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         for name, shape in (
             ("covariance", (6, 6)),
             ("residuals", ("n",)),
-            ("held_out", ("n",)),
+            ("leave_one_out_residuals", ("n",)),
             ("working_point", (3,)),
         ):
-            object.__setattr__(self, name, locked(getattr(self, name), shape, name))
+            object.__setattr__(self, name, as_readonly_array(getattr(self, name), shape, name))
 
     @property
     def flange_from_section(self) -> Pose:
@@ -159,17 +159,17 @@ class HandEye:
         return self._rms(self.residuals)
 
     @property
-    def held_out_rms(self) -> float:
+    def leave_one_out_rms(self) -> float:
         """Of the believed poses, each had it not taken part. Units: mm."""
-        return self._rms(self.held_out)
+        return self._rms(self.leave_one_out_residuals)
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """What a person should know before using the result."""
-        if self.height_factor is None:
+        if self.height_scale is None:
             return ()
-        factor, std = self.height_factor
-        if abs(factor - 1) < max(SURELY * std, NOTABLE_HEIGHTS):
+        factor, std = self.height_scale
+        if abs(factor - 1) < max(HEIGHT_SCALE_SIGMAS * std, MIN_HEIGHT_SCALE_ERROR):
             return ()
         return (
             f"the sensor's heights want to be multiplied by {factor:.3f} +/- {std:.3f}: is their "
@@ -178,7 +178,7 @@ class HandEye:
         )
 
     @property
-    def working_std(self) -> float:
+    def working_point_std(self) -> float:
         """`std_at` the working point. Units: mm."""
         return self.std_at(self.working_point)
 

@@ -14,8 +14,8 @@ from lsvision.calibrate.target import Target, TargetView, find_target
 from lsvision.calibrate.views import (
     RejectedView,
     ViewSources,
-    found_views,
-    outlying_views,
+    collect_views,
+    outlier_views,
     require_tilted,
     require_views,
 )
@@ -23,7 +23,7 @@ from lsvision.errors import CalibrationFailed
 from lsvision.sensor.camera import Camera
 from lsvision.shapes import FloatArray, Pose
 
-LEAST_VIEWS = 3
+MIN_VIEWS = 3
 """Two views leave a full camera matrix undetermined (Zhang 2000, section 3.1)."""
 
 OUTLIER_FACTOR = 2.5
@@ -163,7 +163,7 @@ def calibrate_camera(
         If all boards are parallel.
     """
     _check_sizes(images)
-    seen, sources = found_views(images, lambda image: find_target(image, target))
+    seen, sources = collect_views(images, lambda image: find_target(image, target))
     return fit_camera(seen, settings, sources)
 
 
@@ -189,7 +189,7 @@ def fit_camera(
         See `calibrate_camera`, also for the errors.
     """
     sources = sources or ViewSources()
-    require_views(len(seen), LEAST_VIEWS, "the target", "add images of the board", sources)
+    require_views(len(seen), MIN_VIEWS, "the target", "add images of the board", sources)
     matrix, distortion, std, poses = _solve(seen, settings or CameraSettings())
     camera = Camera(matrix, distortion, seen[0].size)
     require_tilted(poses, "the focal length")
@@ -197,7 +197,7 @@ def fit_camera(
         CalibratedView(index, view, pose, camera.project(pose.apply(view.points)) - view.pixels)
         for index, view, pose in zip(sources.names(len(seen)), seen, poses, strict=True)
     )
-    outliers = outlying_views(
+    outliers = outlier_views(
         [view.index for view in views],
         [view.rms_px for view in views],
         OUTLIER_FACTOR,

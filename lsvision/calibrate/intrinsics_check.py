@@ -8,16 +8,16 @@ from lsvision.calibrate.target import TargetView
 from lsvision.sensor.camera import Camera
 from lsvision.shapes import FloatArray, Pose
 
-GOOD_VIEWS = 10
+RECOMMENDED_VIEWS = 10
 """Views of a good set."""
 
-GOOD_TILT = np.radians(25.0)
+RECOMMENDED_TILT = np.radians(25.0)
 """Tilt from the mean board of a good set: at 15 deg errors double, at 5 deg they grow tenfold."""
 
 CELLS = 5
 """The image is divided into this many cells each way, to see where corners were."""
 
-GOOD_COVERAGE = 0.6
+RECOMMENDED_COVERAGE = 0.6
 """Share of the cells that a good set fills."""
 
 PLAUSIBLE_DISTANCE = (20.0, 20_000.0)
@@ -26,7 +26,7 @@ PLAUSIBLE_DISTANCE = (20.0, 20_000.0)
 PLAUSIBLE_ASPECT = 0.02
 """Departure of fx / fy from 1 that square pixels and a true print never show."""
 
-GOOD_FOCAL_STD = 0.005
+RECOMMENDED_FOCAL_STD = 0.005
 """One sigma of the focal length of a good set, as a fraction of it."""
 
 
@@ -69,9 +69,9 @@ def tilt_of(poses: Sequence[Pose]) -> float:
 
 def _views(count: int, tilt: float) -> list[str]:
     found = []
-    if count < GOOD_VIEWS:
-        found.append(f"{count} views: take {GOOD_VIEWS} and more, best 15 to 20")
-    if tilt < GOOD_TILT:
+    if count < RECOMMENDED_VIEWS:
+        found.append(f"{count} views: take {RECOMMENDED_VIEWS} and more, best 15 to 20")
+    if tilt < RECOMMENDED_TILT:
         found.append(
             f"boards tilted by {np.degrees(tilt):.0f} deg at most: the focal length is weakly "
             "determined; tilt by 25 deg and more to all sides"
@@ -83,7 +83,7 @@ def _coverage(camera: Camera, seen: Sequence[TargetView]) -> list[str]:
     pixels = np.concatenate([view.pixels for view in seen])
     cells = np.floor(pixels / camera.size * CELLS).clip(0, CELLS - 1)
     covered = len(np.unique(cells, axis=0)) / CELLS**2
-    if covered >= GOOD_COVERAGE:
+    if covered >= RECOMMENDED_COVERAGE:
         return []
     return [
         f"corners cover {100 * covered:.0f} % of the image: the lens is extrapolated elsewhere; "
@@ -112,7 +112,7 @@ def _scale(camera: Camera, poses: Sequence[Pose]) -> list[str]:
 def _model(camera: Camera, std: FloatArray) -> list[str]:
     found = []
     focal = camera.focal_length
-    if std[0] > GOOD_FOCAL_STD * focal:
+    if std[0] > RECOMMENDED_FOCAL_STD * focal:
         found.append(
             f"the focal length is known to {100 * std[0] / focal:.1f} % only: add tilted views"
         )

@@ -11,28 +11,28 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.calibrate.boards_in_view import BoardsSolution, solve_boards
-from lsvision.calibrate.boards_state import BoardsState, LaserView
+from lsvision.calibrate.bundle_adjustment import BundleAdjustmentResult, adjust_bundle
+from lsvision.calibrate.bundle_adjustment_state import BundleAdjustmentState, LaserView
 from lsvision.calibrate.intrinsics_check import tilt_of
+from lsvision.calibrate.laser_line_on_board import LineOnBoardSettings, find_laser_views
+from lsvision.calibrate.laser_plane_initial_guess import (
+    OUTLIER_DISTANCE_PX,
+    fit_plane,
+    guess_board_poses,
+    laser_points_on_boards,
+    plane_inlier_views,
+)
 from lsvision.calibrate.laser_plane_result import (
     CalibratedLaserView,
     LaserPlaneCalibration,
     rms,
 )
-from lsvision.calibrate.laser_plane_start import (
-    STRAY_PX,
-    agreeing_views,
-    lit_on_boards,
-    plane_through,
-    start_poses,
-)
-from lsvision.calibrate.lens_blur import blur_of_views
-from lsvision.calibrate.line_on_board import LineOnBoardSettings, find_laser_views
+from lsvision.calibrate.lens_blur import estimate_blur_from_views
 from lsvision.calibrate.target import Target
 from lsvision.calibrate.views import (
     RejectedView,
     ViewSources,
-    outlying_views,
+    outlier_views,
     require_tilted,
     require_views,
 )
@@ -42,13 +42,13 @@ from lsvision.sensor.light_section import LightSection
 from lsvision.shapes import FloatArray
 from lsvision.shapes.arrays import BoolArray
 
-GOOD_TILT = np.radians(25.0)
+RECOMMENDED_TILT = np.radians(25.0)
 """Tilt from the mean board that a good set reaches: at 5 deg the error is 7 times larger."""
 
-ON_PATTERN = 0.6
+MIN_ON_PATTERN_FRACTION = 0.6
 """Share of the line's points between the corners from which on a bow can be fitted."""
 
-NOTABLE_BOW = 0.02
+MIN_REPORTED_BOW_MM = 0.02
 """mm; a board that is bent by less needs no mention."""
 
 OUTLIER_FACTOR = 3.0
@@ -150,13 +150,13 @@ def fit_laser_plane(
         sources,
     )
     names = sources.names(len(views))
-    poses = start_poses(camera, views)
-    lit = lit_on_boards(camera, poses, views)
-    agree, misfits = agreeing_views(lit, camera.focal_length)
+    poses = guess_board_poses(camera, views)
+    lit = laser_points_on_boards(camera, poses, views)
+    agree, misfits = plane_inlier_views(lit, camera.focal_length)
     kept = np.flatnonzero(agree).tolist()
-    strays = _strays(names, agree, misfits)
-    plane = plane_through(np.concatenate([lit[k] for k in kept]))
-    start = BoardsState(camera, plane, tuple(poses[k] for k in kept), np.zeros(2))
+    strays = _rejected_views(names, agree, misfits)
+    plane = fit_plane(np.concatenate([lit[k] for k in kept]))
+    start = BundleAdjustmentState(camera, plane, tuple(poses[k] for k in kept), np.zeros(2))
     refine = (
         len(kept) >= settings.refine_camera_from,
         len(kept) >= settings.fit_bow_from and _on_pattern([views[k] for k in kept]),
@@ -164,7 +164,7 @@ def fit_laser_plane(
     if refine[0]:
         require_tilted(start.camera_from_boards, "camera and distance")
     tilt = tilt_of(start.camera_from_boards)
-    solution = solve_boards([views[k] for k in kept], start, refine)
+    solution = adjust_bundle([views[k] for k in kept], start, refine)
     seen = _calibrated_views([names[k] for k in kept], solution)
     _require_one_plane(seen)
     return LaserPlaneCalibration(
@@ -190,10 +190,10 @@ def _on_pattern(views: Sequence[LaserView]) -> bool:
         hull = cv2.convexHull(view.pixels.astype(np.float32))
         for u, v in view.line_pixels:
             inside.append(cv2.pointPolygonTest(hull, (float(u), float(v)), False) >= 0)
-    return float(np.mean(inside)) > ON_PATTERN
+    return float(np.mean(inside)) > MIN_ON_PATTERN_FRACTION
 
 
-def _strays(
+def _rejected_views(
     names: Sequence[int], agree: BoolArray, misfits: FloatArray
 ) -> tuple[RejectedView, ...]:
     return tuple(
@@ -212,7 +212,7 @@ def _with_line_blur(
     """The rig with its blur along the line, or a word on why it is not known."""
     spans = np.median([np.ptp(view.line_pixels, axis=0) for view in views], axis=0)
     try:
-        blur = blur_of_views(images, views, "u" if spans[0] >= spans[1] else "v")
+        blur = estimate_blur_from_views(images, views, "u" if spans[0] >= spans[1] else "v")
     except CalibrationFailed as reason:
         word = f"the blur along the line is not known and not corrected for: {reason}"
         return replace(found, warnings=(*found.warnings, word))
@@ -220,7 +220,7 @@ def _with_line_blur(
 
 
 def _calibrated_views(
-    names: Sequence[int], solution: BoardsSolution
+    names: Sequence[int], solution: BundleAdjustmentResult
 ) -> tuple[CalibratedLaserView, ...]:
     each = zip(
         names,
@@ -235,7 +235,7 @@ def _calibrated_views(
 def _require_one_plane(views: Sequence[CalibratedLaserView]) -> None:
     """Refuse lines that lie in no plane."""
     usual = float(np.median([rms(view.line_residuals) for view in views]))
-    if usual > STRAY_PX:
+    if usual > OUTLIER_DISTANCE_PX:
         raise CalibrationFailed(
             f"the laser lines of {len(views)} views lie in no one plane, but {usual:.0f} px off "
             "the best: are board and line images shuffled, did laser and camera move against "
@@ -252,27 +252,27 @@ def _outliers(views: Sequence[CalibratedLaserView]) -> tuple[RejectedView, ...]:
             ("laser line", [rms(view.line_residuals) for view in views]),
             ("corners", [rms(view.corner_residuals) for view in views]),
         )
-        for outlier in outlying_views(names, sizes, OUTLIER_FACTOR, (f"{what} off by ", mend))
+        for outlier in outlier_views(names, sizes, OUTLIER_FACTOR, (f"{what} off by ", mend))
     ]
     return tuple(sorted(found, key=lambda view: view.index))
 
 
-def _warnings(solution: BoardsSolution, count: int, tilt: float) -> list[str]:
+def _warnings(solution: BundleAdjustmentResult, count: int, tilt: float) -> list[str]:
     found = []
     if count < 10:
         found.append(f"{count} views; 15 halve the error of 4")
-    if tilt < GOOD_TILT:
+    if tilt < RECOMMENDED_TILT:
         found.append(
             f"boards tilted by {np.degrees(tilt):.0f} deg at most; want 25 deg and more: "
             "camera and distance are weakly determined"
         )
-    if solution.discord:
+    if solution.line_inconsistent:
         found.append(
             "the laser line contradicts the boards and was not allowed to move them: let it fall "
             "on the flat pattern itself, not saturated, and keep the board still between images"
         )
     bow, std = solution.state.bow, solution.bow_std
-    if np.any((np.abs(bow) > NOTABLE_BOW) & (np.abs(bow) > 3 * std)):
+    if np.any((np.abs(bow) > MIN_REPORTED_BOW_MM) & (np.abs(bow) > 3 * std)):
         found.append(
             f"the board is bowed by {bow[0]:+.3f} mm along x and {bow[1]:+.3f} mm along y; the "
             "result allows for it, a flat board is better"

@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.calibrate.boards_state import LaserView
+from lsvision.calibrate.bundle_adjustment_state import LaserView
 from lsvision.calibrate.grey_image import grey_image
 from lsvision.calibrate.target import Target, TargetView, find_target
 from lsvision.errors import CalibrationFailed, LsvisionError
@@ -19,25 +19,25 @@ from lsvision.shapes import FloatArray, Points
 
 ALONG_SHARE = 0.3
 """Of an edge's length: looked at to each side of its middle."""
-ACROSS_SHARES = (0.25, 0.09)
+ACROSS_FRACTIONS = (0.25, 0.09)
 """Looked at across the edge: wide; and, where that holds more than the edge, no farther than to
 the marker in a ChArUco board's square."""
-FARTHEST = 8.0
+MAX_HALF_WIDTH_PX = 8.0
 """Across an edge. Units: px."""
-SHORTEST = 12.0
+MIN_EDGE_LENGTH_PX = 12.0
 """Length of an edge, corner to corner. Units: px."""
-LEAST_CONTRAST = 20.0
+MIN_CONTRAST = 20.0
 """Between the two sides of an edge. Units: DN of 255."""
-FULL_SCALE = 250.0
+SATURATION_LEVEL = 250.0
 """A side as bright as this may be cut off, which sharpens its edge. Units: DN of 255."""
-MOST_MISFIT = 0.06
+MAX_RELATIVE_RMS = 0.06
 """Rms of the pixels about a blurred edge, as a share of its contrast: more is no plain edge."""
-LEAST_EDGES = 20
-MOST_EDGES = 40
+MIN_EDGES = 20
+MAX_EDGES_PER_IMAGE = 40
 """Of each image."""
-WIDEST_SHARE = 0.4
+MAX_SIGMA_FRACTION = 0.4
 """Of the width looked at: a blur as wide as that has no plateau left to be measured by."""
-MAD = 1.4826
+MAD_TO_STD = 1.4826
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,10 +100,10 @@ def measure_lens_blur(
         except LsvisionError:
             continue
         seen.append(image)
-    return blur_of_views(seen, views, along)
+    return estimate_blur_from_views(seen, views, along)
 
 
-def blur_of_views(
+def estimate_blur_from_views(
     images: Sequence[npt.ArrayLike],
     views: Sequence[TargetView | LaserView],
     along: Literal["u", "v"] = "u",
@@ -120,14 +120,14 @@ def blur_of_views(
         for image, view in zip(images, views, strict=True)
         for sigma in _edge_sigmas(image, view, along)
     ]
-    if len(sigmas) < LEAST_EDGES:
+    if len(sigmas) < MIN_EDGES:
         raise CalibrationFailed(
             f"{len(sigmas)} edges of squares are sharp enough to measure the blur and "
-            f"{LEAST_EDGES} are needed: want squares of {SHORTEST:.0f} px and more, not "
+            f"{MIN_EDGES} are needed: want squares of {MIN_EDGE_LENGTH_PX:.0f} px and more, not "
             "overexposed, on a chessboard or ChArUco board"
         )
     middle = float(np.median(sigmas))
-    scatter = MAD * float(np.median(np.abs(np.array(sigmas) - middle)))
+    scatter = MAD_TO_STD * float(np.median(np.abs(np.array(sigmas) - middle)))
     # A median is 1.25 times as uncertain as a mean.
     return LensBlur(middle, 1.25 * scatter / len(sigmas) ** 0.5, len(sigmas))
 
@@ -135,8 +135,8 @@ def blur_of_views(
 def _edge_sigmas(image: npt.ArrayLike, view: TargetView | LaserView, along: str) -> Iterable[float]:
     grey = grey_image(image).astype(np.float64)
     chords = _chords(view, 0 if along == "u" else 1)
-    for start, stop in chords[:: max(1, len(chords) // MOST_EDGES)]:
-        tried = (_edge_sigma(grey, start, stop, share) for share in ACROSS_SHARES)
+    for start, stop in chords[:: max(1, len(chords) // MAX_EDGES_PER_IMAGE)]:
+        tried = (_edge_sigma(grey, start, stop, share) for share in ACROSS_FRACTIONS)
         sigma = next((one for one in tried if one is not None), None)
         if sigma is not None:
             yield sigma
@@ -149,7 +149,9 @@ def _chords(seen: TargetView | LaserView, axis: int) -> FloatArray:
     first, second = np.nonzero(np.triu(np.abs(gaps - pitch) < 0.1 * pitch))
     chords = np.stack([seen.pixels[first], seen.pixels[second]], axis=1)
     runs = np.abs(chords[:, 1] - chords[:, 0])
-    chosen: FloatArray = chords[(runs[:, 1 - axis] > runs[:, axis]) & (runs.max(axis=1) > SHORTEST)]
+    chosen: FloatArray = chords[
+        (runs[:, 1 - axis] > runs[:, axis]) & (runs.max(axis=1) > MIN_EDGE_LENGTH_PX)
+    ]
     return chosen
 
 
@@ -164,7 +166,7 @@ def _edge_sigma(grey: FloatArray, start: Points, stop: Points, share: float) -> 
     if min(len(side) for side in sides) < 5:
         return None
     low, high = (float(np.median(side)) for side in sides)
-    if abs(high - low) < LEAST_CONTRAST or max(low, high) > FULL_SCALE:
+    if abs(high - low) < MIN_CONTRAST or max(low, high) > SATURATION_LEVEL:
         return None
 
     def misfit(free: FloatArray) -> FloatArray:
@@ -176,7 +178,7 @@ def _edge_sigma(grey: FloatArray, start: Points, stop: Points, share: float) -> 
     guess = [low, high - low, 0.0, 0.0, 0.8]
     found, *_ = leastsq(misfit, guess, maxfev=120, full_output=True)
     rms, sigma = float(np.sqrt(np.mean(misfit(found) ** 2))), abs(float(found[4]))
-    plain = rms < MOST_MISFIT * abs(found[1]) and 0.1 < sigma < WIDEST_SHARE * reach
+    plain = rms < MAX_RELATIVE_RMS * abs(found[1]) and 0.1 < sigma < MAX_SIGMA_FRACTION * reach
     return sigma if plain else None
 
 
@@ -196,7 +198,7 @@ def _pixels_beside(
     """
     length = float(np.hypot(*(stop - start)))
     direction, middle = (stop - start) / length, (start + stop) / 2
-    size = ALONG_SHARE * length, min(FARTHEST, share * length)
+    size = ALONG_SHARE * length, min(MAX_HALF_WIDTH_PX, share * length)
     corners = np.ceil(np.abs(direction) * size[0] + np.abs(direction[::-1]) * size[1])
     low = np.maximum(np.floor(middle - corners), 0).astype(int)
     high = np.minimum(np.ceil(middle + corners) + 1, grey.shape[::-1]).astype(int)

@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.calibrate.like_neighbours import points_per_independent
+from lsvision.calibrate.autocorrelation import autocorrelation_time
 from lsvision.errors import TooFewPoints
 from lsvision.profile import Profile
 from lsvision.shapes import BoolArray, FloatArray
 
-GATE = 3.5
+OUTLIER_SIGMAS = 3.5
 """Robust standard deviations beyond which a point is none of the plane's."""
 MIN_POINTS = 20
 
@@ -20,21 +20,21 @@ class PlaneLine:
 
     Parameters
     ----------
-    middle, direction : (3,) ndarray
+    midpoint, direction : (3,) ndarray
         Section frame (z = 0); a unit vector. Units: mm.
     half_length : float
         Root mean square distance of the points from the middle. Units: mm.
     covariance : (2, 2) ndarray
         Of offset (mm) and slope (rad), were each point's error its own.
-    likeness : float
+    autocorrelation_time : float
         As of `SphereArc`.
     """
 
-    middle: FloatArray
+    midpoint: FloatArray
     direction: FloatArray
     half_length: float
     covariance: FloatArray
-    likeness: float
+    autocorrelation_time: float
 
 
 def find_plane_line(profile: Profile) -> PlaneLine:
@@ -53,12 +53,12 @@ def find_plane_line(profile: Profile) -> PlaneLine:
     points = profile.points[np.isfinite(profile.points[:, 0])]
     if len(points) < MIN_POINTS:
         raise TooFewPoints("profile of the plane", len(points), MIN_POINTS, "is it in view?")
-    keep = _near_some_line(points)
+    keep = _least_median_inliers(points)
     for _ in range(20):
         middle, along, across = _line_through(points[keep])
         distance = (points - middle) @ across
         spread = 1.4826 * float(np.median(np.abs(distance[keep])))
-        previous, keep = keep, np.abs(distance) <= max(GATE * spread, 1e-6)
+        previous, keep = keep, np.abs(distance) <= max(OUTLIER_SIGMAS * spread, 1e-6)
         if keep.sum() < MIN_POINTS:
             raise TooFewPoints("line of the plane", int(keep.sum()), MIN_POINTS, "is it in view?")
         if np.array_equal(previous, keep):
@@ -68,11 +68,11 @@ def find_plane_line(profile: Profile) -> PlaneLine:
     variance = float((distance**2).sum()) / (len(s) - 2) + 1e-12
     covariance = variance * np.diag([1 / len(s), 1 / float((s**2).sum())])
     half = float(np.sqrt((s**2).mean()))
-    likeness = points_per_independent(distance, 2)
+    likeness = autocorrelation_time(distance, 2)
     return PlaneLine(np.append(middle, 0.0), np.append(along, 0.0), half, covariance, likeness)
 
 
-def _near_some_line(points: FloatArray) -> BoolArray:
+def _least_median_inliers(points: FloatArray) -> BoolArray:
     """Points nearest the best of the lines through pairs some way apart (least median)."""
     rng = np.random.default_rng(0)
     first = rng.integers(0, len(points), 200)
@@ -83,7 +83,7 @@ def _near_some_line(points: FloatArray) -> BoolArray:
     distance = np.abs(np.einsum("kij,kj->ki", points[None] - points[first][:, None], across))
     median = np.median(distance, axis=1)
     best = int(median.argmin())
-    keep: BoolArray = distance[best] <= max(GATE * 1.4826 * median[best], 1e-6)
+    keep: BoolArray = distance[best] <= max(OUTLIER_SIGMAS * 1.4826 * median[best], 1e-6)
     return keep
 
 

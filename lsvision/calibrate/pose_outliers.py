@@ -10,14 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.calibrate.adjustment import adjust, lever_whitening
-from lsvision.calibrate.noisy_poses import Refined, refine
-from lsvision.calibrate.sightings import Sightings, States
+from lsvision.calibrate.batched_least_squares import search_whitening, solve_least_squares
+from lsvision.calibrate.errors_in_variables import ErrorsInVariablesFit, fit_errors_in_variables
+from lsvision.calibrate.observations import Observations, States
 from lsvision.shapes import FloatArray
 
-ROUGH_STD = 0.2
+SEARCH_ROBOT_STD_MM = 0.2
 """Robot error assumed while searching. Units: mm."""
-GROSS = 5.0
+GROSS_OUTLIER_FACTOR = 5.0
 """Medians of the trusted poses' residuals beyond which a pose is grossly wrong."""
 
 
@@ -27,11 +27,11 @@ class OutlierSettings:
 
     Parameters
     ----------
-    max_share : float
+    max_outlier_fraction : float
         Largest share of poses that may be wrong.
-    level : float
+    significance : float
         Chance of calling a good pose wrong, over all poses of a calibration.
-    selection : int
+    sample_size : int
         Poses in a random selection.
     trials : int
         Random selections; 40 of 7 poses find a clean one among 12 with two wrong ones in
@@ -40,89 +40,97 @@ class OutlierSettings:
         Of the selections.
     """
 
-    max_share: float = 0.3
-    level: float = 0.01
-    selection: int = 7
+    max_outlier_fraction: float = 0.3
+    significance: float = 0.01
+    sample_size: int = 7
     trials: int = 40
     seed: int = 0
 
 
 @dataclass(frozen=True, eq=False)
-class Doubted:
+class RobustHandEyeFit:
     """Solution on the poses that are believed.
 
     Parameters
     ----------
-    refined : Refined
+    fit : ErrorsInVariablesFit
         Its mask says which poses are believed.
-    chances : (n,) ndarray
+    outlier_p_values : (n,) ndarray
         For poses not believed, the chance of so large a residual in a good one.
     """
 
-    refined: Refined
-    chances: FloatArray
+    fit: ErrorsInVariablesFit
+    outlier_p_values: FloatArray
 
 
-def believe_poses(
-    sightings: Sightings, settings: OutlierSettings, *, need: int, estimate: bool
-) -> Doubted:
+def fit_with_outlier_rejection(
+    sightings: Observations, settings: OutlierSettings, *, min_poses: int, estimate_robot_std: bool
+) -> RobustHandEyeFit:
     """Solve without a guess and without trusting every pose.
 
     Parameters
     ----------
-    sightings : Sightings
+    sightings : Observations
         What was seen.
     settings : OutlierSettings
         See there.
-    need : int
+    min_poses : int
         Fewest poses that determine the problem.
-    estimate : bool
-        See `refine`.
+    estimate_robot_std : bool
+        See `fit_errors_in_variables`.
 
     Returns
     -------
-    Doubted
-        With the believed poses in `refined.mask`.
+    RobustHandEyeFit
+        With the believed poses in `fit.mask`.
     """
-    state = _trusted_start(sightings, settings, need)
-    mask = _without_gross(sightings, state)
-    refined = refine(sightings, state, mask, estimate=estimate)
-    refined = _drop_small(sightings, refined, settings, need=need, estimate=estimate)
-    refined = _readmit(sightings, refined, settings, estimate=estimate)
-    return Doubted(refined, _chances(refined))
+    state = _least_trimmed_squares_guess(sightings, settings, min_poses)
+    mask = _reject_gross_outliers(sightings, state)
+    refined = fit_errors_in_variables(sightings, state, mask, estimate_robot_std=estimate_robot_std)
+    refined = _reject_outliers(
+        sightings, refined, settings, need=min_poses, estimate=estimate_robot_std
+    )
+    refined = _restore_inliers(sightings, refined, settings, estimate=estimate_robot_std)
+    return RobustHandEyeFit(refined, _outlier_p_values(refined))
 
 
-def multi_start(sightings: Sightings, mask: FloatArray) -> tuple[States, FloatArray]:
+def multi_start(sightings: Observations, mask: FloatArray) -> tuple[States, FloatArray]:
     """Minima from every start over the masked poses, best first, and their costs."""
     masks = mask[None]
-    states = sightings.starts(masks)
-    found = adjust(sightings, states, lever_whitening(sightings, masks, ROUGH_STD))
+    states = sightings.initial_guesses(masks)
+    found = solve_least_squares(
+        sightings, states, search_whitening(sightings, masks, SEARCH_ROBOT_STD_MM)
+    )
     order = np.argsort(found.costs)
-    return found.states.taken(order), found.costs[order]
+    return found.states.select(order), found.costs[order]
 
 
-def _trusted_start(sightings: Sightings, settings: OutlierSettings, need: int) -> States:
+def _least_trimmed_squares_guess(
+    sightings: Observations, settings: OutlierSettings, need: int
+) -> States:
     """State with the least sum of its smallest pose residuals (least trimmed squares)."""
     count = len(sightings.flanges)
-    trusted = max(need, count - int(settings.max_share * count))
+    trusted = max(need, count - int(settings.max_outlier_fraction * count))
     masks = _selections(count, settings, need)
-    states = sightings.starts(masks)
+    states = sightings.initial_guesses(masks)
     repeated = np.repeat(masks, len(states) // len(masks), axis=0)
-    states = adjust(sightings, states, lever_whitening(sightings, repeated, ROUGH_STD), 12).states
-    states = states.taken(np.argsort(_trimmed(sightings, states, trusted))[:8])
+    states = solve_least_squares(
+        sightings, states, search_whitening(sightings, repeated, SEARCH_ROBOT_STD_MM), 12
+    ).states
+    states = states.select(np.argsort(_trimmed_inliers(sightings, states, trusted))[:8])
     for _ in range(4):
         order = np.argsort(_pose_residuals(sightings, states), axis=1)
         masks = np.zeros((len(states), count))
         np.put_along_axis(masks, order[:, :trusted], 1.0, axis=1)
-        whitening = lever_whitening(sightings, masks, ROUGH_STD)
-        states = adjust(sightings, states, whitening).states
-    return states.taken(np.argsort(_trimmed(sightings, states, trusted))[:1])
+        whitening = search_whitening(sightings, masks, SEARCH_ROBOT_STD_MM)
+        states = solve_least_squares(sightings, states, whitening).states
+    return states.select(np.argsort(_trimmed_inliers(sightings, states, trusted))[:1])
 
 
 def _selections(count: int, settings: OutlierSettings, need: int) -> FloatArray:
     """All poses, each left out once where few, and random selections; (q, n) of 0 and 1."""
     rng = np.random.default_rng(settings.seed)
-    size = min(max(settings.selection, need), max(count - 1, need))
+    size = min(max(settings.sample_size, need), max(count - 1, need))
     rows = [np.ones(count)]
     for _ in range(settings.trials if count > need else 0):
         row = np.zeros(count)
@@ -131,59 +139,74 @@ def _selections(count: int, settings: OutlierSettings, need: int) -> FloatArray:
     return np.array(rows)
 
 
-def _pose_residuals(sightings: Sightings, states: States) -> FloatArray:
+def _pose_residuals(sightings: Observations, states: States) -> FloatArray:
     """(s, n) length of each pose's residual in rough sigmas."""
-    whitening = lever_whitening(sightings, np.ones((1, len(sightings.flanges))), ROUGH_STD)
-    white = (whitening @ sightings.linearised(states).residuals[..., None])[..., 0]
+    whitening = search_whitening(
+        sightings, np.ones((1, len(sightings.flanges))), SEARCH_ROBOT_STD_MM
+    )
+    white = (whitening @ sightings.linearise(states).residuals[..., None])[..., 0]
     lengths: FloatArray = np.linalg.norm(white, axis=-1)
     return lengths
 
 
-def _trimmed(sightings: Sightings, states: States, trusted: int) -> FloatArray:
+def _trimmed_inliers(sightings: Observations, states: States, trusted: int) -> FloatArray:
     squares = np.sort(_pose_residuals(sightings, states) ** 2, axis=1)
     total: FloatArray = squares[:, :trusted].sum(axis=1)
     return total
 
 
-def _without_gross(sightings: Sightings, state: States) -> FloatArray:
+def _reject_gross_outliers(sightings: Observations, state: States) -> FloatArray:
     lengths = _pose_residuals(sightings, state)[0]
     # Residuals below a rough sigma are no gross error, however exact the others are.
-    limit = GROSS * max(float(np.median(lengths)), 0.4)
+    limit = GROSS_OUTLIER_FACTOR * max(float(np.median(lengths)), 0.4)
     mask: FloatArray = (lengths <= limit).astype(np.float64)
     return mask
 
 
-def _drop_small(
-    sightings: Sightings, refined: Refined, settings: OutlierSettings, *, need: int, estimate: bool
-) -> Refined:
-    fewest = max(need, int(np.ceil(len(refined.mask) * (1 - settings.max_share))))
+def _reject_outliers(
+    sightings: Observations,
+    refined: ErrorsInVariablesFit,
+    settings: OutlierSettings,
+    *,
+    need: int,
+    estimate: bool,
+) -> ErrorsInVariablesFit:
+    fewest = max(need, int(np.ceil(len(refined.mask) * (1 - settings.max_outlier_fraction))))
     while refined.mask.sum() > fewest:
-        chances = np.where(refined.mask > 0, _chances(refined), 1.0)
+        chances = np.where(refined.mask > 0, _outlier_p_values(refined), 1.0)
         worst = int(chances.argmin())
-        if chances[worst] * refined.mask.sum() > settings.level:
+        if chances[worst] * refined.mask.sum() > settings.significance:
             break
         mask = refined.mask.copy()
         mask[worst] = 0.0
-        refined = refine(sightings, refined.states, mask, estimate=estimate)
+        refined = fit_errors_in_variables(
+            sightings, refined.states, mask, estimate_robot_std=estimate
+        )
     return refined
 
 
-def _readmit(
-    sightings: Sightings, refined: Refined, settings: OutlierSettings, *, estimate: bool
-) -> Refined:
+def _restore_inliers(
+    sightings: Observations,
+    refined: ErrorsInVariablesFit,
+    settings: OutlierSettings,
+    *,
+    estimate: bool,
+) -> ErrorsInVariablesFit:
     """Take back, best first, poses whose residual a good one could have."""
     while not refined.mask.all():
-        chances = np.where(refined.mask > 0, 0.0, _chances(refined))
+        chances = np.where(refined.mask > 0, 0.0, _outlier_p_values(refined))
         best = int(chances.argmax())
-        if chances[best] * len(refined.mask) <= settings.level:
+        if chances[best] * len(refined.mask) <= settings.significance:
             break
         mask = refined.mask.copy()
         mask[best] = 1.0
-        refined = refine(sightings, refined.states, mask, estimate=estimate)
+        refined = fit_errors_in_variables(
+            sightings, refined.states, mask, estimate_robot_std=estimate
+        )
     return refined
 
 
-def _chances(refined: Refined) -> FloatArray:
+def _outlier_p_values(refined: ErrorsInVariablesFit) -> FloatArray:
     """Chance of so large a residual in a good pose, by the F test of leaving it out."""
     from scipy.special import fdtrc
 

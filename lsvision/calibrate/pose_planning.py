@@ -6,18 +6,22 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.calibrate.adjustment import normal_system
+from lsvision.calibrate.batched_least_squares import whitened_jacobian_and_residuals
+from lsvision.calibrate.errors_in_variables import NOMINAL_ROBOT_STD, robot_whitening
 from lsvision.calibrate.flange_poses import stack_flange_poses
-from lsvision.calibrate.noisy_poses import ROBOT_SHAPE, robot_whitening
+from lsvision.calibrate.observations import States
+from lsvision.calibrate.planning_targets import (
+    PlanePlanningTarget,
+    PlanningTarget,
+    SpherePlanningTarget,
+)
 from lsvision.calibrate.rotations import cross_matrices, rotations_of
-from lsvision.calibrate.sightings import States
-from lsvision.calibrate.targets_ahead import PlaneAhead, SphereAhead, TargetAhead
 from lsvision.errors import DegenerateGeometry
-from lsvision.shapes import BoolArray, FloatArray, IntArray, Plane, Pose, locked
+from lsvision.shapes import BoolArray, FloatArray, IntArray, Plane, Pose, as_readonly_array
 
 UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """``base_from_section`` with the section's Y up, from which tilts are counted."""
-START_STD = (1000.0, 1000.0, 1000.0, 1.0, 1.0, 1.0)
+PRIOR_STD = (1000.0, 1000.0, 1000.0, 1.0, 1.0, 1.0)
 """What is known of the sensor's place (mm) and turn (rad) beforehand: next to nothing."""
 
 
@@ -27,11 +31,11 @@ class PosePlanSettings:
 
     Parameters
     ----------
-    tilt, spin : float
+    max_tilt, max_spin : float
         Largest tilt about two axes, and turn about the section's upright Y. Units: rad.
-    sideways, depth : float
+    max_lateral_offset, max_depth_offset : float
         Largest offset of the target along the section's X and Y. Units: mm.
-    offset : float
+    max_cut_offset : float
         Largest distance of the cut from the sphere's centre, in radii.
     standoff : float
         y of the target in the middle of the sensor's range. Units: mm.
@@ -49,15 +53,15 @@ class PosePlanSettings:
         Of the random poses.
     """
 
-    tilt: float = np.radians(35.0)
-    spin: float = np.pi
-    sideways: float = 30.0
-    depth: float = 45.0
-    offset: float = 0.75
+    max_tilt: float = np.radians(35.0)
+    max_spin: float = np.pi
+    max_lateral_offset: float = 30.0
+    max_depth_offset: float = 45.0
+    max_cut_offset: float = 0.75
     standoff: float = 0.0
     circle_std: float = 0.01
     line_std: tuple[float, float] = (0.005, 2e-4)
-    robot_std: tuple[float, float] = ROBOT_SHAPE
+    robot_std: tuple[float, float] = NOMINAL_ROBOT_STD
     count: int = 12
     candidates: int = 150
     seed: int = 0
@@ -87,11 +91,11 @@ class PosePlan:
 
     def __post_init__(self) -> None:
         for name in ("predicted_std", "predicted_origin_std"):
-            object.__setattr__(self, name, locked(getattr(self, name), ("k",), name))
+            object.__setattr__(self, name, as_readonly_array(getattr(self, name), ("k",), name))
 
 
-DEFAULT = PosePlanSettings()
-PLATE = PosePlanSettings(tilt=np.radians(40.0))
+SPHERE_DEFAULTS = PosePlanSettings()
+PLANE_DEFAULTS = PosePlanSettings(max_tilt=np.radians(40.0))
 """A plate shows more when it leans more."""
 
 
@@ -102,7 +106,7 @@ def plan_hand_eye_poses(
     *,
     measured: Sequence[Pose] = (),
     candidates: Sequence[Pose] | None = None,
-    settings: PosePlanSettings = DEFAULT,
+    settings: PosePlanSettings = SPHERE_DEFAULTS,
 ) -> PosePlan:
     """Next best flange poses before a sphere (greedy, A-optimal).
 
@@ -140,8 +144,11 @@ def plan_hand_eye_poses(
     count = settings.count
     if not (radius > 0 and count > 0):
         raise ValueError(f"want a positive radius and count, got {radius} mm and {count}")
-    ahead = SphereAhead(
-        locked(centre, (3,), "centre"), radius, settings.circle_std, settings.offset
+    ahead = SpherePlanningTarget(
+        as_readonly_array(centre, (3,), "centre"),
+        radius,
+        settings.circle_std,
+        settings.max_cut_offset,
     )
     return _plan(ahead, flange_from_section, measured, candidates, settings)
 
@@ -153,7 +160,7 @@ def plan_hand_eye_poses_plane(
     *,
     measured: Sequence[Pose] = (),
     candidates: Sequence[Pose] | None = None,
-    settings: PosePlanSettings = PLATE,
+    settings: PosePlanSettings = PLANE_DEFAULTS,
 ) -> PosePlan:
     """Next best flange poses before a plate; otherwise as `plan_hand_eye_poses`.
 
@@ -184,7 +191,7 @@ def plan_hand_eye_poses_plane(
     Examples
     --------
     >>> mount, table = Pose(translation=(0.0, 80.0, 120.0)), Plane((0, 0, 1), 300.0)
-    >>> six = PosePlanSettings(tilt=np.radians(40), standoff=-150.0, count=6)
+    >>> six = PosePlanSettings(max_tilt=np.radians(40), standoff=-150.0, count=6)
     >>> plan = plan_hand_eye_poses_plane(mount, table, (800, 0, 300), settings=six)
     >>> len(plan.base_from_flanges), bool(plan.predicted_std[-1] < 0.5)
     (6, True)
@@ -194,14 +201,14 @@ def plan_hand_eye_poses_plane(
     facing = [(pose @ flange_from_section).rotation[:, 1] @ plane.normal for pose in measured]
     if sum(np.sign(facing)) < 0:
         plane = Plane(-plane.normal, -plane.distance)
-    centre = locked(point, (3,), "point")
+    centre = as_readonly_array(point, (3,), "point")
     centre = centre - plane.signed_distances(centre) * plane.normal
-    ahead = PlaneAhead(plane, centre, settings.line_std)
+    ahead = PlanePlanningTarget(plane, centre, settings.line_std)
     return _plan(ahead, flange_from_section, measured, candidates, settings)
 
 
 def _plan(
-    ahead: TargetAhead,
+    ahead: PlanningTarget,
     nominal: Pose,
     measured: Sequence[Pose],
     candidates: Sequence[Pose] | None,
@@ -210,16 +217,16 @@ def _plan(
     if candidates is None:
         candidates = _candidates(ahead, nominal, settings)
     count, pool = settings.count, [*measured, *candidates]
-    places, usable = ahead.seen([pose @ nominal for pose in pool])
+    places, usable = ahead.visibility([pose @ nominal for pose in pool])
     free = usable & (np.arange(len(pool)) >= len(measured))
     if free.sum() < count:
         raise DegenerateGeometry(
-            f"{int(free.sum())} candidate poses {ahead.needs} and {count} are "
+            f"{int(free.sum())} candidate poses {ahead.requirement} and {count} are "
             "asked for: give more candidates, or a better nominal pose of the sensor"
         )
     informations = _informations(ahead, places, pool, nominal, settings.robot_std)
     informations = informations * usable[:, None, None]
-    start = np.diag(np.array([*START_STD, *ahead.start_std]) ** -2)
+    start = np.diag(np.array([*PRIOR_STD, *ahead.prior_std]) ** -2)
     total = start + informations[: len(measured)].sum(axis=0)
     arm = nominal.rotation @ places[usable].mean(axis=0)
     chosen, promised = _greedy(total, informations, free, count, arm)
@@ -227,18 +234,18 @@ def _plan(
     return PosePlan(tuple(pool[index] for index in chosen), indices, *np.array(promised).T)
 
 
-def _candidates(ahead: TargetAhead, nominal: Pose, settings: PosePlanSettings) -> list[Pose]:
+def _candidates(ahead: PlanningTarget, nominal: Pose, settings: PosePlanSettings) -> list[Pose]:
     rng = np.random.default_rng(settings.seed)
     size = settings.candidates
-    spin = rng.uniform(-settings.spin, settings.spin, size)
-    tilts = rng.uniform(-settings.tilt, settings.tilt, (size, 2))
+    spin = rng.uniform(-settings.max_spin, settings.max_spin, size)
+    tilts = rng.uniform(-settings.max_tilt, settings.max_tilt, (size, 2))
     zero = np.zeros(size)
-    turned = ahead.outward @ rotations_of(np.column_stack([zero, zero, spin]))
+    turned = ahead.viewing_rotation @ rotations_of(np.column_stack([zero, zero, spin]))
     rotations = turned @ rotations_of(np.column_stack([tilts, zero])) @ UPRIGHT
     seen = rng.uniform(-1, 1, (size, 3)) * (
-        settings.sideways,
-        settings.depth,
-        ahead.across,
+        settings.max_lateral_offset,
+        settings.max_depth_offset,
+        ahead.max_plane_offset,
     ) + (0.0, settings.standoff, 0.0)
     back = nominal.inverse()
     return [
@@ -248,7 +255,7 @@ def _candidates(ahead: TargetAhead, nominal: Pose, settings: PosePlanSettings) -
 
 
 def _informations(
-    ahead: TargetAhead,
+    ahead: PlanningTarget,
     places: FloatArray,
     pool: Sequence[Pose],
     nominal: Pose,
@@ -256,9 +263,11 @@ def _informations(
 ) -> FloatArray:
     """(n, p, p) information of each pose on the sensor (6) and the target."""
     flanges = stack_flange_poses(pool, "eye_in_hand", robot_std)
-    sightings = ahead.sightings(places, [pose @ nominal for pose in pool], flanges)
+    sightings = ahead.predict_observations(places, [pose @ nominal for pose in pool], flanges)
     state = States(nominal.rotation[None], nominal.translation[None], ahead.state[None, None])
-    jacobian = normal_system(sightings, state, robot_whitening(sightings, state, 1.0))[0][0]
+    jacobian = whitened_jacobian_and_residuals(
+        sightings, state, robot_whitening(sightings, state, 1.0)
+    )[0][0]
     information: FloatArray = np.swapaxes(jacobian, -1, -2) @ jacobian
     return information
 

@@ -1,6 +1,6 @@
 """The arc that a sphere shows in one profile, found in clutter and fitted as a circle.
 
-Written apart from `recognition` and `fitting`: a calibration does not rest on what it is to
+Written apart from `detection` and `ellipse`: a calibration does not rest on what it is to
 calibrate. Every section of a sphere is a circle, so three points make a hypothesis.
 """
 
@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.calibrate.like_neighbours import points_per_independent
+from lsvision.calibrate.autocorrelation import autocorrelation_time
 from lsvision.errors import TooFewPoints
 from lsvision.profile import Profile
-from lsvision.shapes import BoolArray, FloatArray, IntArray, Points, locked
+from lsvision.shapes import BoolArray, FloatArray, IntArray, Points, as_readonly_array
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -26,7 +26,7 @@ class SphereArcSettings:
     max_incidence : float
         Points whose normal leans further from the sensor's Y are left out: flanks are seen at
         a glance and lie. Units: rad.
-    min_cover : float
+    min_coverage : float
         Smallest angle of circle an arc must cover. Units: rad.
     min_points : int
         Fewest points of an arc.
@@ -40,7 +40,7 @@ class SphereArcSettings:
 
     tolerance: float = 0.3
     max_incidence: float = math.radians(70)
-    min_cover: float = math.radians(30)
+    min_coverage: float = math.radians(30)
     min_points: int = 20
     min_radius: float = 1.0
     trials: int = 600
@@ -57,10 +57,10 @@ class SphereArc:
         Centre x, y and radius, section frame. Units: mm.
     covariance : (3, 3) array_like
         Of `circle`, were each point's error its own. Units: mm^2.
-    stretch : (2, 3) array_like
+    height_scale_gradient : (2, 3) array_like
         Change of `circle` when heights are multiplied by 1 + s about its centre: first row
         times s plus second row times s^2. Units: mm.
-    likeness : float
+    autocorrelation_time : float
         Points that say as much as one whose error is its own; 1 where neighbours do not err
         alike. A single arc tells it roughly: take the mean of many, and multiply `covariance`.
     indices : tuple of int
@@ -71,22 +71,28 @@ class SphereArc:
 
     circle: FloatArray
     covariance: FloatArray
-    stretch: FloatArray
-    likeness: float
+    height_scale_gradient: FloatArray
+    autocorrelation_time: float
     indices: tuple[int, ...]
     residual_std: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "circle", locked(self.circle, (3,), "circle"))
-        object.__setattr__(self, "covariance", locked(self.covariance, (3, 3), "covariance"))
-        object.__setattr__(self, "stretch", locked(self.stretch, (2, 3), "stretch"))
+        object.__setattr__(self, "circle", as_readonly_array(self.circle, (3,), "circle"))
+        object.__setattr__(
+            self, "covariance", as_readonly_array(self.covariance, (3, 3), "covariance")
+        )
+        object.__setattr__(
+            self,
+            "height_scale_gradient",
+            as_readonly_array(self.height_scale_gradient, (2, 3), "height_scale_gradient"),
+        )
 
 
 DEFAULT = SphereArcSettings()
-SCORED_POINTS = 700
-STRETCH = 0.1
+MAX_SCORED_POINTS = 700
+HEIGHT_SCALE_STEP = 0.1
 """Relative change of the heights at which a circle's change with them is read off."""
-GATE = 3.5
+OUTLIER_SIGMAS = 3.5
 """Robust standard deviations beyond which a point is none of the sphere's."""
 
 
@@ -133,8 +139,8 @@ def find_sphere_arc(
         _require(points, circle, keep, settings)
         previous, variances = keep, _normal_variances(profile, indices, circle)
         circle = _fit_circle(points[keep], circle, variances[keep])
-        spread = _robust_std(_residuals(points[keep], circle))
-        tolerance = min(settings.tolerance, max(GATE * spread, 1e-6))
+        spread = _mad_std(_residuals(points[keep], circle))
+        tolerance = min(settings.tolerance, max(OUTLIER_SIGMAS * spread, 1e-6))
         keep = _on_arc(points, circle, tolerance, settings)
         if np.array_equal(keep, previous):
             break
@@ -154,7 +160,7 @@ def _best_hypothesis(
     fits = np.isfinite(circles).all(axis=1)
     fits &= (circles[:, 2] >= settings.min_radius) & (circles[:, 2] <= limit)
     circles = circles[fits]
-    sample = points[:: max(1, len(points) // SCORED_POINTS)]
+    sample = points[:: max(1, len(points) // MAX_SCORED_POINTS)]
     offset = sample[None] - circles[:, None, :2]
     distance = np.hypot(offset[..., 0], offset[..., 1])
     cost = np.minimum(((distance - circles[:, 2:]) / settings.tolerance) ** 2, 1.0)
@@ -162,9 +168,9 @@ def _best_hypothesis(
     support = np.where(facing, 1.0 - cost, 0.0).sum(axis=1)
     for index in np.argsort(-support):
         keep = _on_arc(points, circles[index], settings.tolerance, settings)
-        if keep.sum() >= settings.min_points and _cover(points[keep], circles[index]) >= (
-            settings.min_cover
-        ):
+        if keep.sum() >= settings.min_points and _angular_coverage(
+            points[keep], circles[index]
+        ) >= (settings.min_coverage):
             best: FloatArray = circles[index]
             return best
     raise TooFewPoints("best arc of the sphere", 0, settings.min_points, _HINT)
@@ -208,7 +214,7 @@ def _on_arc(
     return keep
 
 
-def _cover(points: Points, circle: FloatArray) -> float:
+def _angular_coverage(points: Points, circle: FloatArray) -> float:
     """Angle between the outer percentiles: a few stray points cover nothing."""
     angles = np.arctan2(points[:, 0] - circle[0], points[:, 1] - circle[1])
     low, high = np.percentile(angles, [2, 98])
@@ -222,7 +228,10 @@ def _require(
     settings: SphereArcSettings,
 ) -> None:
     count = int(keep.sum())
-    if count < settings.min_points or _cover(points[keep], circle) < settings.min_cover:
+    if (
+        count < settings.min_points
+        or _angular_coverage(points[keep], circle) < settings.min_coverage
+    ):
         raise TooFewPoints("best arc of the sphere", count, settings.min_points, _HINT)
 
 
@@ -256,7 +265,7 @@ def _fit_circle(points: Points, start: FloatArray, variances: FloatArray) -> Flo
     return circle
 
 
-def _robust_std(residuals: FloatArray) -> float:
+def _mad_std(residuals: FloatArray) -> float:
     return 1.4826 * float(np.median(np.abs(residuals)))
 
 
@@ -271,14 +280,16 @@ def _as_arc(
     information = jacobian.T @ (jacobian / variances[:, None])
     covariance = scale * np.linalg.inv(information) + 1e-12 * np.eye(3)
     std = math.sqrt(float((residuals**2).sum()) / dof)
-    stretch = _stretch(points, circle, variances)
-    likeness = points_per_independent(residuals / np.sqrt(variances), 3)
+    stretch = _height_scale_gradient(points, circle, variances)
+    likeness = autocorrelation_time(residuals / np.sqrt(variances), 3)
     return SphereArc(circle, covariance, stretch, likeness, tuple(int(i) for i in indices), std)
 
 
-def _stretch(points: Points, circle: FloatArray, variances: FloatArray) -> FloatArray:
+def _height_scale_gradient(points: Points, circle: FloatArray, variances: FloatArray) -> FloatArray:
     low, high = (
         _fit_circle(circle[:2] + (points - circle[:2]) * (1.0, 1.0 + s), circle, variances)
-        for s in (-STRETCH, STRETCH)
+        for s in (-HEIGHT_SCALE_STEP, HEIGHT_SCALE_STEP)
     )
-    return np.stack([(high - low) / (2 * STRETCH), ((high + low) / 2 - circle) / STRETCH**2])
+    return np.stack(
+        [(high - low) / (2 * HEIGHT_SCALE_STEP), ((high + low) / 2 - circle) / HEIGHT_SCALE_STEP**2]
+    )

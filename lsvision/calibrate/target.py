@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from lsvision.calibrate.grey_image import grey_image
 from lsvision.errors import CalibrationFailed
-from lsvision.shapes import FloatArray, Points, locked
+from lsvision.shapes import FloatArray, Points, as_readonly_array
 
 REFINEMENT_STEPS = 30
 """Steps of the corner refinement at most."""
@@ -46,8 +46,8 @@ class TargetView:
     size: tuple[int, int]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "points", locked(self.points, ("n", 3), "board points"))
-        object.__setattr__(self, "pixels", locked(self.pixels, ("n", 2), "pixels"))
+        object.__setattr__(self, "points", as_readonly_array(self.points, ("n", 3), "board points"))
+        object.__setattr__(self, "pixels", as_readonly_array(self.pixels, ("n", 2), "pixels"))
         if len(self.points) != len(self.pixels):
             raise ValueError(f"want {len(self.points)} pixels, got {len(self.pixels)}")
 

@@ -54,7 +54,7 @@ class ViewSources:
         return list(range(count)) if self.indices is None else list(self.indices)
 
 
-def found_views(
+def collect_views(
     images: Iterable[Image], find: Callable[[Image], View]
 ) -> tuple[list[View], ViewSources]:
     """What `find` finds in each image; images in which it fails are rejected by their number."""
@@ -118,7 +118,7 @@ def require_tilted(camera_from_boards: Sequence[Pose], undetermined: str) -> Non
         )
 
 
-def outlying_views(
+def outlier_views(
     indices: Sequence[int], sizes: Sequence[float], factor: float, words: tuple[str, str]
 ) -> list[RejectedView]:
     """Views whose residual is `factor` times the median view's and more.

@@ -10,7 +10,7 @@ from typer.core import TyperGroup
 from lsvision.cli.calibrate import calibrate
 from lsvision.cli.line import line
 from lsvision.cli.measure import measure
-from lsvision.cli.messages import FAILED, complain, internal_error
+from lsvision.cli.messages import FAILED, internal_error, print_error
 from lsvision.cli.paper import paper
 from lsvision.cli.plan import plan
 from lsvision.cli.scan import scan
@@ -33,9 +33,9 @@ class _OneLineErrors(TyperGroup):
         try:
             return super().invoke(ctx)
         except LsvisionError as error:
-            complain(str(error), debug=ctx.params["debug"])
+            print_error(str(error), debug=ctx.params["debug"])
         except MemoryError:
-            complain("out of memory: measure fewer files at once", debug=ctx.params["debug"])
+            print_error("out of memory: measure fewer files at once", debug=ctx.params["debug"])
         raise typer.Exit(FAILED)
 
 
@@ -96,5 +96,5 @@ def main() -> None:
     try:
         app(prog_name="lsvision")
     except Exception as error:  # noqa: BLE001 - the last place that can turn a bug into a line
-        complain(internal_error(error), debug="--debug" in sys.argv)
+        print_error(internal_error(error), debug="--debug" in sys.argv)
         sys.exit(FAILED)

@@ -8,19 +8,25 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from lsvision.cli.image_sources import ImageFile, Imaging, LiveCamera, is_image, read_image_source
-from lsvision.cli.measuring import doubt_of_range
-from lsvision.cli.messages import complain, internal_error
+from lsvision.cli.image_sources import (
+    ImageFile,
+    ImagingOptions,
+    LiveCamera,
+    is_image,
+    read_image_source,
+)
+from lsvision.cli.measure_options import range_warning
+from lsvision.cli.messages import internal_error, print_error
 from lsvision.cli.outputs import Pictures
-from lsvision.cli.placing import Placing, placed_lines
 from lsvision.cli.progress import Progress
+from lsvision.cli.robot_frame import RobotFrame, robot_frame_table
 from lsvision.cli.robot_poses import read_poses
-from lsvision.cli.section_table import verdict_lines
+from lsvision.cli.section_table import measurement_lines
 from lsvision.cli.sources import read_source
 from lsvision.errors import LsvisionError, UnreadableFile
 
 if TYPE_CHECKING:
-    from lsvision.fitting.placing import PlacedCylinder
+    from lsvision.cylinder.robot_frame import PlacedCylinder
     from lsvision.io.profiles import ProfileFile, ReadOptions
     from lsvision.io.results import Record
     from lsvision.measure import Measurement
@@ -28,12 +34,12 @@ if TYPE_CHECKING:
     from lsvision.sensor.profile_sensor import ProfileSensor
     from lsvision.shapes import Pose
 
-ENOUGH_FOR_A_HINT = 20_000
+MAX_FLIP_CHECK_POINTS = 20_000
 """Points of a profile that are looked at upside down."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Batch:
+class BatchOptions:
     """What is done with each file.
 
     Parameters
@@ -44,9 +50,9 @@ class Batch:
         That `measuring` weighs the points by.
     reading : ReadOptions
         What the user says of the files.
-    imaging : Imaging, optional
+    imaging : ImagingOptions, optional
         How images become profiles; without it they are refused.
-    placing : Placing, optional
+    placing : RobotFrame, optional
         How cylinders come to the robot's frame; without it they stay in the section's.
     plot : Path, optional
         Picture of each profile; see `Pictures`.
@@ -59,15 +65,15 @@ class Batch:
     measuring: "Callable[[Profile], Measurement]"
     sensor: "ProfileSensor | None" = None
     reading: "ReadOptions" = field(default_factory=dict)  # type: ignore[assignment] # all optional
-    imaging: Imaging | None = None
-    placing: Placing | None = None
+    imaging: ImagingOptions | None = None
+    placing: RobotFrame | None = None
     plot: Path | None = None
     verbose: bool = False
     debug: bool = False
 
 
 def measure_sources(
-    sources: Sequence[Path | LiveCamera], batch: Batch
+    sources: Sequence[Path | LiveCamera], batch: BatchOptions
 ) -> "tuple[list[Record], int]":
     """Measure files in their order, print what each holds, and draw it.
 
@@ -75,7 +81,7 @@ def measure_sources(
     ----------
     sources : sequence of Path or LiveCamera
         The files.
-    batch : Batch
+    batch : BatchOptions
         What is done with each.
 
     Returns
@@ -106,11 +112,11 @@ def measure_sources(
             records += _records(*sections)
         except LsvisionError as error:
             progress.clear()
-            complain(str(error), debug=batch.debug)
+            print_error(str(error), debug=batch.debug)
             failed += 1
         except Exception as error:  # noqa: BLE001 - a bug met by one file must not cost the batch
             progress.clear()
-            complain(f"{source}: {internal_error(error)}", debug=batch.debug)
+            print_error(f"{source}: {internal_error(error)}", debug=batch.debug)
             failed += 1
         else:
             progress.clear()
@@ -130,7 +136,7 @@ class _Section:
 
 
 def _read_ahead(
-    sources: Sequence[Path | LiveCamera], batch: Batch
+    sources: Sequence[Path | LiveCamera], batch: BatchOptions
 ) -> "dict[int, tuple[ProfileFile | ImageFile, list[Pose]]]":
     """Files by their number with the robot's pose of each profile; none without poses."""
     if batch.placing is None or batch.placing.rows is None:
@@ -144,7 +150,7 @@ def _read_ahead(
 
 def _sections(
     source: Path | LiveCamera,
-    batch: Batch,
+    batch: BatchOptions,
     show: Callable[[int, int], None],
     ahead: "tuple[ProfileFile | ImageFile, list[Pose]] | None",
 ) -> "tuple[ProfileFile | ImageFile, list[_Section]]":
@@ -172,16 +178,16 @@ def _sections(
     return file, sections
 
 
-def _read(source: Path | LiveCamera, batch: Batch) -> "ProfileFile | ImageFile":
+def _read(source: Path | LiveCamera, batch: BatchOptions) -> "ProfileFile | ImageFile":
     if isinstance(source, LiveCamera) or is_image(source):
         return read_image_source(source, batch.imaging)
     return read_source(source, batch.reading)
 
 
-def _holds_cylinders_upside_down(profile: "Profile", batch: Batch) -> bool:
+def _holds_cylinders_upside_down(profile: "Profile", batch: BatchOptions) -> bool:
     from lsvision.profile import Profile
 
-    step = 1 + len(profile) // ENOUGH_FOR_A_HINT
+    step = 1 + len(profile) // MAX_FLIP_CHECK_POINTS
     mirrored = Profile(profile.points[::step] * (1.0, -1.0))
     try:
         return bool(batch.measuring(mirrored).cylinders)
@@ -189,18 +195,20 @@ def _holds_cylinders_upside_down(profile: "Profile", batch: Batch) -> bool:
         return False
 
 
-def _lines(file: "ProfileFile | ImageFile", sections: list[_Section], batch: Batch) -> list[str]:
-    doubts = [doubt_of_range(section.profile, batch.sensor) for section in sections]
+def _lines(
+    file: "ProfileFile | ImageFile", sections: list[_Section], batch: BatchOptions
+) -> list[str]:
+    doubts = [range_warning(section.profile, batch.sensor) for section in sections]
     notes = [*file.notes, *dict.fromkeys(doubt for doubt in doubts if doubt)]
     lines = [f"{file.path}: {file.summary}", *(f"  note: {note}" for note in notes)]
     turn = "--no-flip" if file.flipped else "--flip"
     for section in sections:
-        verdict = verdict_lines(section.measurement, section.profile, verbose=batch.verbose)
+        verdict = measurement_lines(section.measurement, section.profile, verbose=batch.verbose)
         if len(file.profiles) > 1:
             head = f"{_part(file)} {section.number}:"
             found = bool(section.measurement.cylinders)
             verdict = [head, *verdict] if found else [f"{head} {verdict[0]}", *verdict[1:]]
-        lines += [f"  {line}" for line in (*verdict, *placed_lines(section.placed or ()))]
+        lines += [f"  {line}" for line in (*verdict, *robot_frame_table(section.placed or ()))]
         if section.upside_down:
             lines.append(f"  upside down it holds cylinders: do its heights grow the other way? "
                          f"then say {turn}")  # fmt: skip
@@ -222,10 +230,13 @@ def _records(file: "ProfileFile | ImageFile", sections: list[_Section]) -> "list
 
 
 def _draw(
-    file: "ProfileFile | ImageFile", sections: list[_Section], pictures: Pictures, batch: Batch
+    file: "ProfileFile | ImageFile",
+    sections: list[_Section],
+    pictures: Pictures,
+    batch: BatchOptions,
 ) -> None:
-    from lsvision.draw import draw_measurement, draw_overlay, picture_bytes
-    from lsvision.io.whole_files import write_whole
+    from lsvision.draw import draw_measurement, draw_overlay, figure_bytes
+    from lsvision.io.atomic_files import write_atomic
 
     parts = len(file.profiles)
     for section in sections:
@@ -237,7 +248,7 @@ def _draw(
         else:
             figure = draw_measurement(*found, title=title)
         path = pictures.path_of(file.path, section.number, parts)
-        write_whole(path, picture_bytes(figure, path.suffix[1:].lower()))
+        write_atomic(path, figure_bytes(figure, path.suffix[1:].lower()))
 
 
 def _part(file: "ProfileFile | ImageFile") -> str:

@@ -7,12 +7,18 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 import typer
 
 from lsvision.cli.calibrate_hand_eye import hand_eye
-from lsvision.cli.calibrate_inputs import Report, image_files, naming, read_images, read_line_images
+from lsvision.cli.calibrate_inputs import (
+    Report,
+    image_files,
+    prefix_file_names,
+    read_images,
+    read_line_images,
+)
 from lsvision.cli.calibrate_tables import (
     camera_rows,
-    doubt_lines,
     laser_plane_rows,
     value_lines,
+    warning_lines,
 )
 from lsvision.cli.outputs import check_outputs
 from lsvision.cli.target_options import (
@@ -21,7 +27,7 @@ from lsvision.cli.target_options import (
     Marker,
     Square,
     TargetName,
-    target_of,
+    parse_target,
 )
 from lsvision.errors import UnreadableFile
 
@@ -62,16 +68,16 @@ def target(
     """  # noqa: D301 - the backspace tells click to leave the lines as they are
     if out.suffix.lower() not in (".svg", ".pdf"):
         raise typer.BadParameter(f"want --out F.svg or F.pdf, got {out.name!r}")
-    board = target_of(target_name, counts, square, marker, dictionary)
+    board = parse_target(target_name, counts, square, marker, dictionary)
     check_outputs((out,), ())
-    from lsvision.calibrate.target_print import draw_target, draw_target_pdf
-    from lsvision.io.whole_files import write_whole
+    from lsvision.calibrate.target_files import target_pdf, target_svg
+    from lsvision.io.atomic_files import write_atomic
 
     try:
-        page = draw_target(board) if out.suffix.lower() == ".svg" else draw_target_pdf(board)
+        page = target_svg(board) if out.suffix.lower() == ".svg" else target_pdf(board)
     except ValueError as slip:
         raise typer.BadParameter(str(slip)) from None
-    write_whole(out, page)
+    write_atomic(out, page)
     typer.echo(f"{out}: {board}; print at 100 %, then check the bar of 100 mm with a ruler")
 
 
@@ -111,7 +117,7 @@ def camera(
       lsvision calibrate camera 'shots/*.png' --target chessboard --counts 9x6 --square 25 \\
         --out camera.json --ros-yaml camera.yaml --report camera.html
     """  # noqa: D301 - the backspace tells click to leave the lines as they are
-    board = target_of(target_name, counts, square, marker, dictionary)
+    board = parse_target(target_name, counts, square, marker, dictionary)
     files = image_files(images)
     check_outputs((out, ros_yaml, report), files)
     from lsvision.calibrate.intrinsics import CameraSettings, calibrate_camera
@@ -120,16 +126,16 @@ def camera(
 
     names = [file.name for file in files]
     model = CameraSettings(radial_terms=radial_terms, fixed_aspect=fixed_aspect, tilted=tilted)
-    with naming(image=names):
+    with prefix_file_names(image=names):
         found = calibrate_camera(read_images(files), board, model)
     rows = camera_rows(found)
-    doubts = doubt_lines(names, found.rejected, found.outliers, found.warnings)
+    doubts = warning_lines(names, found.rejected, found.outliers, found.warnings)
     provenance = provenance_of(f"{len(found.views)} views of {board}", files)
     if report is not None:
-        from lsvision.draw.calibration_report import Page, camera_page
-        from lsvision.io.whole_files import write_whole
+        from lsvision.draw.calibration_report import ReportContent, camera_page
+        from lsvision.io.atomic_files import write_atomic
 
-        write_whole(report, camera_page(found, Page(rows, doubts, names, provenance)))
+        write_atomic(report, camera_page(found, ReportContent(rows, doubts, names, provenance)))
     write_calibration(out, found, provenance)
     if ros_yaml is not None:
         write_camera_yaml(ros_yaml, found.camera)
@@ -194,7 +200,7 @@ def laser_plane(
       lsvision calibrate laser-plane --camera camera.json --boards shots --lines shots \\
         --target chessboard --counts 6x8 --square 40 --laser green --out rig.json
     """  # noqa: D301 - the backspace tells click to leave the lines as they are
-    board = target_of(target_name, counts, square, marker, dictionary)
+    board = parse_target(target_name, counts, square, marker, dictionary)
     board_files, line_files = image_files(boards), image_files(lines)
     _require_pairs(board_files, line_files)
     files = [camera_file, *board_files, *line_files]
@@ -203,23 +209,25 @@ def laser_plane(
     from dataclasses import replace
 
     from lsvision.calibrate.laser_plane import calibrate_laser_plane
-    from lsvision.draw.calibration_report import Page, laser_plane_page
+    from lsvision.draw.calibration_report import ReportContent, laser_plane_page
+    from lsvision.io.atomic_files import write_atomic
     from lsvision.io.calibration import provenance_of, write_calibration
     from lsvision.io.camera_file import read_camera
-    from lsvision.io.whole_files import write_whole
 
     names = [file.name for file in board_files]
     view = read_camera(camera_file)
     shots, line_shots = read_images(board_files), read_line_images(line_files, laser)
-    with naming(image=names, board_image=names, line_image=[file.name for file in line_files]):
+    with prefix_file_names(
+        image=names, board_image=names, line_image=[file.name for file in line_files]
+    ):
         found = calibrate_laser_plane(view, board, shots, line_shots, settings)
     method = f"laser line on {board} in {len(found.views)} poses"
     provenance = provenance_of(method, dict.fromkeys(files))
     rows = laser_plane_rows(found)
-    doubts = doubt_lines(names, found.rejected, found.outliers, found.warnings)
+    doubts = warning_lines(names, found.rejected, found.outliers, found.warnings)
     if report is not None:
-        page = Page(rows, doubts, names, provenance)
-        write_whole(report, laser_plane_page(found, board.points, page))
+        page = ReportContent(rows, doubts, names, provenance)
+        write_atomic(report, laser_plane_page(found, board.points, page))
     replace(found.light_section, provenance=provenance).save(out)
     if details is not None:
         write_calibration(details, found, provenance)
@@ -228,8 +236,8 @@ def laser_plane(
 
 
 def _line_settings(laser: str, margin: float) -> "LaserPlaneSettings":
+    from lsvision.calibrate.laser_line_on_board import LineOnBoardSettings
     from lsvision.calibrate.laser_plane import LaserPlaneSettings
-    from lsvision.calibrate.line_on_board import LineOnBoardSettings
     from lsvision.sensor.laser_line import LineSettings
 
     try:

@@ -6,19 +6,19 @@ from typing import Annotated
 
 import typer
 
-from lsvision.cli.calibrate_inputs import Report, image_files, naming, read_flanges
-from lsvision.cli.hand_eye_job import (
+from lsvision.cli.calibrate_inputs import Report, image_files, prefix_file_names, read_flanges
+from lsvision.cli.hand_eye_command import (
     FRAMES,
-    boards_seen,
     check_files,
     check_plan,
-    job_of,
-    next_poses,
-    profiles_seen,
-    tell,
-    tell_plan,
+    estimate_board_poses,
+    parse_hand_eye_options,
+    plan_next_poses,
+    read_target_profiles,
+    report_hand_eye,
+    report_pose_plan,
 )
-from lsvision.cli.measuring import reading_of
+from lsvision.cli.measure_options import parse_read_options
 from lsvision.cli.profile_options import Columns, FileFormat, Flip, Units
 from lsvision.cli.target_options import (
     Counts,
@@ -26,7 +26,7 @@ from lsvision.cli.target_options import (
     Marker,
     Square,
     TargetName,
-    target_of,
+    parse_target,
 )
 
 hand_eye = typer.Typer(
@@ -115,22 +115,24 @@ def sphere(
     Where to drive next:
       lsvision calibrate hand-eye sphere ... --out hand_eye.json --plan-poses 6 --plan-out next.csv
     """  # noqa: D301 - the backspace tells click to leave the lines as they are
-    job = job_of(poses, convention, mounting, robot_std, out, (easy_handeye, frames, report))
+    job = parse_hand_eye_options(
+        poses, convention, mounting, robot_std, out, (easy_handeye, frames, report)
+    )
     if radius is not None and not (math.isfinite(radius) and radius > 0):
         raise typer.BadParameter(f"want --radius above 0 mm, got {radius:g}")
     check_plan(job, plan_poses, plan_out)
-    reading = reading_of(format=file_format, columns=columns, units=units, flip=flip)
-    seen = profiles_seen(job, profiles, reading, plan_out)
+    reading = parse_read_options(format=file_format, columns=columns, units=units, flip=flip)
+    seen = read_target_profiles(job, profiles, reading, plan_out)
     from lsvision.calibrate.hand_eye import calibrate_hand_eye_sphere
 
-    with naming(pose=seen.names):
+    with prefix_file_names(pose=seen.names):
         found = calibrate_hand_eye_sphere(
             seen.profiles, seen.flanges, radius, mounting=job.mounting, settings=job.settings
         )
-        plan = next_poses(found, seen.flanges, plan_poses) if plan_poses else None
-    tell(found, seen.flanges, seen.names, job, seen.files)
+        plan = plan_next_poses(found, seen.flanges, plan_poses) if plan_poses else None
+    report_hand_eye(found, seen.flanges, seen.names, job, seen.files)
     if plan is not None:
-        tell_plan(plan, plan_out)
+        report_pose_plan(plan, plan_out)
 
 
 @hand_eye.command()
@@ -162,20 +164,22 @@ def plane(
       lsvision calibrate hand-eye plane plate/ --poses poses.csv --convention ur \\
         --out hand_eye.json --plan-poses 6 --plan-out next.csv
     """  # noqa: D301 - the backspace tells click to leave the lines as they are
-    job = job_of(poses, convention, mounting, robot_std, out, (easy_handeye, frames, report))
+    job = parse_hand_eye_options(
+        poses, convention, mounting, robot_std, out, (easy_handeye, frames, report)
+    )
     check_plan(job, plan_poses, plan_out)
-    reading = reading_of(format=file_format, columns=columns, units=units, flip=flip)
-    seen = profiles_seen(job, profiles, reading, plan_out)
+    reading = parse_read_options(format=file_format, columns=columns, units=units, flip=flip)
+    seen = read_target_profiles(job, profiles, reading, plan_out)
     from lsvision.calibrate.hand_eye import calibrate_hand_eye_plane
 
-    with naming(pose=seen.names):
+    with prefix_file_names(pose=seen.names):
         found = calibrate_hand_eye_plane(
             seen.profiles, seen.flanges, mounting=job.mounting, settings=job.settings
         )
-        plan = next_poses(found, seen.flanges, plan_poses) if plan_poses else None
-    tell(found, seen.flanges, seen.names, job, seen.files)
+        plan = plan_next_poses(found, seen.flanges, plan_poses) if plan_poses else None
+    report_hand_eye(found, seen.flanges, seen.names, job, seen.files)
     if plan is not None:
-        tell_plan(plan, plan_out)
+        report_pose_plan(plan, plan_out)
 
 
 @hand_eye.command()
@@ -205,17 +209,19 @@ def board(
       lsvision calibrate hand-eye board shots/ --camera camera.json --poses poses.csv \\
         --convention fanuc --out hand_eye.json
     """  # noqa: D301 - the backspace tells click to leave the lines as they are
-    job = job_of(poses, convention, mounting, robot_std, out, (easy_handeye, frames, report))
-    pattern = target_of(target_name, counts, square, marker, dictionary)
+    job = parse_hand_eye_options(
+        poses, convention, mounting, robot_std, out, (easy_handeye, frames, report)
+    )
+    pattern = parse_target(target_name, counts, square, marker, dictionary)
     files = image_files(images)
     check_files(job, [*files, camera])
     from lsvision.calibrate.hand_eye import calibrate_hand_eye_board
 
     names = [file.name for file in files]
     flanges = read_flanges(poses, convention, names)
-    boards, covariances = boards_seen(files, pattern, camera)
-    with naming(pose=names):
+    boards, covariances = estimate_board_poses(files, pattern, camera)
+    with prefix_file_names(pose=names):
         found = calibrate_hand_eye_board(
             boards, flanges, covariances=covariances, mounting=job.mounting, settings=job.settings
         )
-    tell(found, flanges, names, job, [camera, *files])
+    report_hand_eye(found, flanges, names, job, [camera, *files])

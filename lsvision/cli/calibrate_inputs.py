@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from lsvision.cli.image_options import check_colours
-from lsvision.cli.messages import FAILED, complain
+from lsvision.cli.messages import FAILED, print_error
 from lsvision.cli.sources import IMAGE_SUFFIXES, PROFILE_SUFFIXES, find_sources, read_source
 from lsvision.errors import LsvisionError, UnreadableFile
 
@@ -60,7 +60,7 @@ def read_line_images(paths: Sequence[Path], laser: str) -> list[Any]:
     return images
 
 
-def read_sightings(
+def read_named_profiles(
     paths: Sequence[Path], options: "ReadOptions"
 ) -> "tuple[list[Profile], list[str]]":
     """Profiles of all files in their order, one a pose, and a name for each.
@@ -111,7 +111,7 @@ def read_flanges(path: Path, convention: str, names: Sequence[str]) -> "list[Pos
 
 
 @contextmanager
-def naming(**names: Sequence[str]) -> Iterator[None]:
+def prefix_file_names(**names: Sequence[str]) -> Iterator[None]:
     """Put file names beside the numbers in a refusal.
 
     Parameters
@@ -128,15 +128,15 @@ def naming(**names: Sequence[str]) -> Iterator[None]:
     try:
         yield
     except LsvisionError as error:
-        raise LsvisionError(named(str(error), **names)) from error
+        raise LsvisionError(replace_image_numbers(str(error), **names)) from error
 
 
-def named(text: str, **names: Sequence[str]) -> str:
+def replace_image_numbers(text: str, **names: Sequence[str]) -> str:
     """A message in which ``image 3`` is followed by the file's name.
 
     Examples
     --------
-    >>> named("image 1 is blurred", image=["a.png", "b.png"])
+    >>> replace_image_numbers("image 1 is blurred", image=["a.png", "b.png"])
     'image 1 (b.png) is blurred'
     """
     for kind, every in sorted(names.items(), key=lambda item: -len(item[0])):
@@ -159,7 +159,7 @@ def _found(words: Sequence[str], suffixes: frozenset[str]) -> list[Path]:
         if not file.is_file()
     ]
     for failure in missing:
-        complain(str(failure))
+        print_error(str(failure))
     if missing:
         raise typer.Exit(FAILED)
     return files

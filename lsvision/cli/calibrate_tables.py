@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
-from lsvision.cli.calibrate_inputs import named
+from lsvision.cli.calibrate_inputs import replace_image_numbers
 
 if TYPE_CHECKING:
     from lsvision.calibrate.hand_eye_result import HandEye
@@ -19,7 +19,7 @@ Row = tuple[str, str, str]
 
 def camera_rows(found: "CameraCalibration") -> list[Row]:
     """Intrinsics with one sigma."""
-    from lsvision.draw import with_sigma
+    from lsvision.draw import format_value
 
     matrix, lens = found.camera.matrix, found.camera.distortion
     values = [matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2], *lens]
@@ -27,13 +27,13 @@ def camera_rows(found: "CameraCalibration") -> list[Row]:
     for value, (name, std) in zip(values, found.std.items(), strict=False):
         if std > 0:
             unit = "px" if name in ("fx", "fy", "cx", "cy") else ""
-            rows.append((name, with_sigma(float(value), std), unit))
+            rows.append((name, format_value(float(value), std), unit))
     return [*rows, ("residual, rms", f"{found.rms_px:.3f}", "px")]
 
 
 def laser_plane_rows(found: "LaserPlaneCalibration") -> list[Row]:
     """The plane with one sigma, and residuals."""
-    from lsvision.draw import with_sigma
+    from lsvision.draw import format_value
 
     tilt_x, tilt_y, distance = (math.sqrt(value) for value in found.covariance.diagonal())
     normal = ", ".join(f"{value:.6f}" for value in found.plane.normal)
@@ -41,13 +41,13 @@ def laser_plane_rows(found: "LaserPlaneCalibration") -> list[Row]:
         ("normal, camera frame", f"({normal})", ""),
         ("its tilt about X, one sigma", f"{math.degrees(tilt_x):.4f}", "deg"),
         ("its tilt about Y, one sigma", f"{math.degrees(tilt_y):.4f}", "deg"),
-        ("distance from the camera", with_sigma(found.plane.distance, distance), "mm"),
+        ("distance from the camera", format_value(found.plane.distance, distance), "mm"),
         ("laser line, rms", f"{found.line_rms:.3f}", "px"),
         ("corners, rms", f"{found.corner_rms:.3f}", "px"),
     ]
     if found.board_bow_std.any():
         rows += [
-            (f"board's bow along {axis}", with_sigma(float(bow), float(std)), "mm")
+            (f"board's bow along {axis}", format_value(float(bow), float(std)), "mm")
             for axis, bow, std in zip("xy", found.board_bow, found.board_bow_std, strict=True)
         ]
     return rows
@@ -58,7 +58,7 @@ def hand_eye_rows(found: "HandEye") -> list[Row]:
     from scipy.spatial.transform import Rotation
 
     from lsvision.calibrate.hand_eye_result import Sphere
-    from lsvision.draw import with_sigma
+    from lsvision.draw import format_value
 
     mount = "flange" if found.mounting == "eye_in_hand" else "base"
     std = [math.sqrt(value) for value in found.covariance.diagonal()]
@@ -66,23 +66,23 @@ def hand_eye_rows(found: "HandEye") -> list[Row]:
     vector = Rotation.from_matrix(pose.rotation).as_rotvec()
     x, y, z = (f"{value:.1f}" for value in found.working_point)
     rows: list[Row] = [
-        *((f"{mount}_from_{found.sensor} {axis}", with_sigma(float(value), sigma), "mm")
+        *((f"{mount}_from_{found.sensor} {axis}", format_value(float(value), sigma), "mm")
           for axis, value, sigma in zip("xyz", pose.translation, std[:3], strict=True)),
-        *((f"rotation vector {axis}", with_sigma(float(value) * deg, sigma * deg), "deg")
+        *((f"rotation vector {axis}", format_value(float(value) * deg, sigma * deg), "deg")
           for axis, value, sigma in zip("xyz", vector, std[3:], strict=True)),
-        (f"error at the working point ({x}, {y}, {z})", f"{found.working_std:.3f}", "mm"),
+        (f"error at the working point ({x}, {y}, {z})", f"{found.working_point_std:.3f}", "mm"),
         ("residual, rms", f"{found.residual_rms:.3f}", "mm"),
-        ("the same, held out", f"{found.held_out_rms:.3f}", "mm"),
+        ("the same, held out", f"{found.leave_one_out_rms:.3f}", "mm"),
         ("robot, one sigma", f"{found.robot_std[0]:.3f}", "mm"),
         ("robot, one sigma", f"{found.robot_std[1] * deg:.4f}", "deg"),
     ]  # fmt: skip
     if isinstance(found.target, Sphere):
         ball = found.target
         free = ball.radius_std > 0
-        told = with_sigma(ball.radius, ball.radius_std) if free else f"{ball.radius:g}"
+        told = format_value(ball.radius, ball.radius_std) if free else f"{ball.radius:g}"
         rows.append(("sphere's radius", told, "mm" if free else "mm (given)"))
-    if found.height_factor is not None:
-        rows.append(("heights to be multiplied by", with_sigma(*found.height_factor), ""))
+    if found.height_scale is not None:
+        rows.append(("heights to be multiplied by", format_value(*found.height_scale), ""))
     return rows
 
 
@@ -92,7 +92,7 @@ def pose_rows(found: "HandEye", names: Sequence[str]) -> list[tuple[str, str, st
     return [
         (name, _mm(residual), _mm(held_out), "left out" if index in left_out else "")
         for index, (name, residual, held_out) in enumerate(
-            zip(names, found.residuals, found.held_out, strict=True)
+            zip(names, found.residuals, found.leave_one_out_residuals, strict=True)
         )
     ]
 
@@ -128,7 +128,7 @@ def value_lines(rows: Sequence[Row]) -> list[str]:
     return [f"{name.ljust(width)}  {value} {unit}".rstrip() for name, value, unit in rows]
 
 
-def doubt_lines(
+def warning_lines(
     names: Sequence[str],
     rejected: "Sequence[RejectedView]",
     outliers: "Sequence[RejectedView]",
@@ -137,7 +137,7 @@ def doubt_lines(
     """What was left out, what fits badly, and what makes the set weak; each by name."""
     lines = [f"left out: {names[view.index]}: {view.reason}" for view in rejected]
     lines += [f"fits badly: {names[view.index]}: {view.reason}" for view in outliers]
-    return lines + [f"warning: {named(text, image=names)}" for text in warnings]
+    return lines + [f"warning: {replace_image_numbers(text, image=names)}" for text in warnings]
 
 
 def _mm(value: float) -> str:

@@ -8,7 +8,7 @@ import typer
 from lsvision.errors import UnreadableFile
 
 if TYPE_CHECKING:
-    from lsvision.cli.image_sources import Imaging
+    from lsvision.cli.image_sources import ImagingOptions
     from lsvision.sensor.line_settings import LineSettings
 
 LightSectionFile = Annotated[
@@ -40,7 +40,7 @@ LaserOff = Annotated[
 ]
 
 
-def line_settings_of(laser: str, method: str) -> "LineSettings":
+def parse_line_settings(laser: str, method: str) -> "LineSettings":
     """How to look for the line.
 
     Raises
@@ -73,9 +73,9 @@ def check_colours(image: Any, laser: str, where: str = "it") -> None:
         raise UnreadableFile(f"{where} has no colours: leave --laser {laser} out")
 
 
-def imaging_of(
+def parse_imaging(
     light_section: Path | None, line: "LineSettings", laser_off: Path | None, **more: Any
-) -> "Imaging | None":
+) -> "ImagingOptions | None":
     """How images become profiles; None without a rig.
 
     Parameters
@@ -87,7 +87,7 @@ def imaging_of(
     laser_off : Path, optional
         The frame without the laser.
     **more
-        Other fields of `Imaging`.
+        Other fields of `ImagingOptions`.
 
     Raises
     ------
@@ -96,12 +96,12 @@ def imaging_of(
     """
     if light_section is None:
         return None
-    from lsvision.cli.image_sources import Imaging
+    from lsvision.cli.image_sources import ImagingOptions
     from lsvision.sensor.light_section import LightSection
 
     rig = LightSection.load(light_section)
     dark = read_laser_off(laser_off, rig.camera.size)
-    return Imaging(light_section=rig, line=line, laser_off=dark, **more)
+    return ImagingOptions(light_section=rig, line=line, laser_off=dark, **more)
 
 
 def read_laser_off(path: Path | None, size: tuple[int, int]) -> Any:

@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from lsvision.sensor.light_section import LightSection
     from lsvision.sensor.line_settings import LineSettings
 
-SECOND_LINE = 0.2
+MAX_SECOND_LINE_FRACTION = 0.2
 """Share of the columns in which a rival line is followed, from which on it is told."""
-MOSTLY_SATURATED = 0.2
+MAX_SATURATED_FRACTION = 0.2
 """Share of the line at full scale, from which on it is told."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Imaging:
+class ImagingOptions:
     """How images become profiles.
 
     Parameters
@@ -102,7 +102,7 @@ def is_image(source: Path) -> bool:
     return source.suffix.lower() in IMAGE_SUFFIXES | VIDEO_SUFFIXES
 
 
-def read_image_source(source: Path | LiveCamera, imaging: Imaging | None) -> ImageFile:
+def read_image_source(source: Path | LiveCamera, imaging: ImagingOptions | None) -> ImageFile:
     """Profiles of an image, a video, or what a camera sends.
 
     Raises
@@ -133,22 +133,22 @@ def _images_of(source: Path | LiveCamera, most: int | None) -> Iterable[Any]:
     return [read_image(source)]
 
 
-def _profiles_of(source: Path, images: Iterable[Any], imaging: Imaging) -> ImageFile:
+def _profiles_of(source: Path, images: Iterable[Any], imaging: ImagingOptions) -> ImageFile:
     """Profiles of images, one each; see `read_image_source`."""
     found: list[tuple[Profile, Any, LaserLine | None]] = []
     failure: NoLaserLine | None = None
     for number, image in enumerate(images):
         try:
-            with _told(f"{source}, frame {number}" if number else str(source)):
+            with _prefix_errors(f"{source}, frame {number}" if number else str(source)):
                 found.append(_measured(image, imaging))
         except NoLaserLine as error:
             failure = failure or error
-            found.append((_nothing_seen(imaging), image if imaging.keep_images else None, None))
+            found.append((_empty_profile(imaging), image if imaging.keep_images else None, None))
     lines = [line for _, _, line in found if line is not None]
     if failure is not None and not lines:
         raise failure
     profiles, kept, _ = zip(*found, strict=True)
-    summary, notes = _summary(lines, len(found)), tuple(_doubts(lines, len(found)))
+    summary, notes = _summary(lines, len(found)), tuple(_warnings(lines, len(found)))
     return ImageFile(path=source, profiles=profiles, images=kept, summary=summary, notes=notes)
 
 
@@ -162,13 +162,13 @@ def extract_from(source: Path, image: Any, settings: "LineSettings", dark: Any) 
     """
     from lsvision.sensor.laser_line import extract_laser_line
 
-    with _told(str(source)):
+    with _prefix_errors(str(source)):
         check_colours(image, settings.channel)
         return extract_laser_line(image, settings, dark)
 
 
 @contextmanager
-def _told(where: str) -> Iterator[None]:
+def _prefix_errors(where: str) -> Iterator[None]:
     """Put a file's name before what is wrong with its image."""
     try:
         yield
@@ -178,14 +178,16 @@ def _told(where: str) -> Iterator[None]:
         raise LsvisionError(f"{where}: {error}") from error
 
 
-def _measured(image: Any, imaging: Imaging) -> "tuple[Profile, Any, LaserLine]":
+def _measured(image: Any, imaging: ImagingOptions) -> "tuple[Profile, Any, LaserLine]":
     check_colours(image, imaging.line.channel)
     line = imaging.light_section.line(image, imaging.line, imaging.laser_off)
-    profile = _roughened(imaging.light_section.profile_of(line), imaging.surface_std)
+    profile = _with_surface_noise(
+        imaging.light_section.profile_from_line(line), imaging.surface_std
+    )
     return profile, image if imaging.keep_images else None, line
 
 
-def _roughened(profile: "Profile", surface_std: float) -> "Profile":
+def _with_surface_noise(profile: "Profile", surface_std: float) -> "Profile":
     """The profile with a surface's roughness in its noise."""
     if not surface_std:
         return profile
@@ -200,7 +202,7 @@ def _roughened(profile: "Profile", surface_std: float) -> "Profile":
     return Profile(profile.points, PointNoise(covariances))
 
 
-def _nothing_seen(imaging: Imaging) -> "Profile":
+def _empty_profile(imaging: ImagingOptions) -> "Profile":
     import numpy as np
 
     from lsvision.profile import Profile
@@ -218,20 +220,20 @@ def _summary(lines: "list[LaserLine]", frames: int) -> str:
     return ", ".join([*parts, f"{std:.2g} px"])
 
 
-def _doubts(lines: "list[LaserLine]", frames: int) -> "list[str]":
+def _warnings(lines: "list[LaserLine]", frames: int) -> "list[str]":
     import numpy as np
 
     notes = []
     if len(lines) < frames:
         notes.append(f"{frames - len(lines)} of {frames} frames hold no laser line")
-    second = max(line.second_line for line in lines)
-    if second > SECOND_LINE:
+    second = max(line.second_line_fraction for line in lines)
+    if second > MAX_SECOND_LINE_FRACTION:
         notes.append(
             f"a second line runs through {second:.0%} of the image: see lsvision line --plot "
             "which one was taken; --laser-off takes away what is not the laser's"
         )
     saturated = float(np.mean([line.saturated.mean() for line in lines]))
-    if saturated > MOSTLY_SATURATED:
+    if saturated > MAX_SATURATED_FRACTION:
         notes.append(
             f"{saturated:.0%} of the line is at full scale: expose shorter, or --method gaussian"
         )

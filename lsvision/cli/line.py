@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from lsvision.cli.image_options import Laser, LaserOff, Method, line_settings_of, read_laser_off
+from lsvision.cli.image_options import Laser, LaserOff, Method, parse_line_settings, read_laser_off
 from lsvision.cli.outputs import check_outputs, check_picture
 
 
@@ -35,20 +35,20 @@ def line(
       lsvision line photo.jpg --laser red --method gaussian --csv line.csv
     """  # noqa: D301 - the backspace tells click to leave the lines as they are
     check_picture(plot)
-    settings = line_settings_of(laser, method)
+    settings = parse_line_settings(laser, method)
     check_outputs((plot, csv_file), [image_file])
     from lsvision.cli.image_sources import extract_from
-    from lsvision.draw import draw_laser_line, line_summary, picture_bytes
+    from lsvision.draw import draw_laser_line, figure_bytes, line_summary
+    from lsvision.io.atomic_files import write_atomic
     from lsvision.io.images import read_image
     from lsvision.io.laser_lines import line_csv
-    from lsvision.io.whole_files import write_whole
 
     image = read_image(image_file)
     height, width = image.shape[:2]
     found = extract_from(image_file, image, settings, read_laser_off(laser_off, (width, height)))
     if plot is not None:
         figure = draw_laser_line(image, found, title=str(image_file))
-        write_whole(plot, picture_bytes(figure, plot.suffix[1:].lower()))
+        write_atomic(plot, figure_bytes(figure, plot.suffix[1:].lower()))
     if csv_file is not None:
-        write_whole(csv_file, line_csv(found))
+        write_atomic(csv_file, line_csv(found))
     typer.echo(f"{image_file}: {line_summary(found)}")

@@ -5,20 +5,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lsvision.cli.batch import Batch, measure_sources
+from lsvision.cli.batch import BatchOptions, measure_sources
 from lsvision.cli.image_options import (
     Laser,
     LaserOff,
     LightSectionFile,
     Method,
-    imaging_of,
-    line_settings_of,
+    parse_imaging,
+    parse_line_settings,
 )
 from lsvision.cli.image_sources import LiveCamera
-from lsvision.cli.measuring import measuring_of, reading_of, sensor_of
-from lsvision.cli.messages import FAILED, complain
+from lsvision.cli.measure_options import build_measure_function, parse_read_options, parse_sensor
+from lsvision.cli.messages import FAILED, print_error
 from lsvision.cli.outputs import check_outputs, check_picture
-from lsvision.cli.placing import placing_of
 from lsvision.cli.profile_options import (
     Columns,
     Convention,
@@ -35,6 +34,7 @@ from lsvision.cli.profile_options import (
     Units,
     Verbose,
 )
+from lsvision.cli.robot_frame import parse_robot_frame
 from lsvision.cli.sources import MEASURED_SUFFIXES, PROFILE_SUFFIXES, find_sources
 
 if TYPE_CHECKING:
@@ -150,20 +150,20 @@ def measure(
     if not files and camera is None:
         raise typer.BadParameter("want files or folders to measure, or --camera INDEX, got none")
     check_picture(plot)
-    imaging = imaging_of(
-        light_section, line_settings_of(laser, method), laser_off,
+    imaging = parse_imaging(
+        light_section, parse_line_settings(laser, method), laser_off,
         surface_std=surface_std, frames=frames, keep_images=plot is not None,
     )  # fmt: skip
-    noise = sensor_of(sensor, range_std, reference_range)
-    batch = Batch(
-        measuring=measuring_of(radius, known_radius, known_phi_deg, noise, paper=paper),
+    noise = parse_sensor(sensor, range_std, reference_range)
+    batch = BatchOptions(
+        measuring=build_measure_function(radius, known_radius, known_phi_deg, noise, paper=paper),
         sensor=noise,
-        reading=reading_of(
+        reading=parse_read_options(
             format=file_format, columns=columns, units=units, flip=flip,
             x0=x0, dx=dx, x_start=x_start, x_pitch=x_pitch, z_unit=z_unit,
         ),
         imaging=imaging,
-        placing=placing_of(poses, convention, flange_from_section),
+        placing=parse_robot_frame(poses, convention, flange_from_section),
         plot=plot,
         verbose=verbose,
         debug=ctx.find_root().params.get("debug", False),
@@ -176,14 +176,14 @@ def measure(
     if camera is not None:
         sources.append(LiveCamera(camera, frames or 1))
     for failure in missing:
-        complain(str(failure))
+        print_error(str(failure))
     if missing and poses is not None:  # which pose belongs to which profile is then open
         raise typer.Exit(FAILED)
     records, failed = measure_sources(sources, batch)
     _write(records, json_file, csv_file)
     failed, total = failed + len(missing), len(sources) + len(missing)
     if failed and total > 1:
-        complain(f"{failed} of {total} could not be measured")
+        print_error(f"{failed} of {total} could not be measured")
     if failed:
         raise typer.Exit(FAILED)
 

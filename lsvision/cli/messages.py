@@ -9,7 +9,7 @@ FAILED = 1
 """Exit code for data that cannot be measured, or output that cannot be written; usage is 2."""
 
 
-def complain(message: str, *, debug: bool = False) -> None:
+def print_error(message: str, *, debug: bool = False) -> None:
     """Write one line on stderr; with `debug` the traceback of the current exception before it."""
     if debug and sys.exc_info()[0] is not None:
         traceback.print_exc(file=sys.stderr)

@@ -36,7 +36,7 @@ def check_outputs(outputs: Sequence[Path | None], sources: Sequence[Path]) -> No
         if place in taken:
             raise typer.BadParameter(f"want another file than {output}: it is {taken[place]} too")
         taken[place] = "an output"
-        trouble = _trouble(place)
+        trouble = _write_problem(place)
         if trouble:
             raise UnwritableFile(f"{output}: {trouble}")
 
@@ -88,7 +88,7 @@ class Pictures:
         return path
 
 
-def _trouble(place: Path) -> str | None:
+def _write_problem(place: Path) -> str | None:
     if place.is_dir():
         return "a directory: name a file in it"
     if not place.parent.is_dir():

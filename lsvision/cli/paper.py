@@ -40,19 +40,19 @@ def paper(
       lsvision paper --noise-mm 0.02 --out quiet.html
     """  # noqa: D301 - the backspace tells click to leave the lines as they are
     check_outputs([out, json], [])
-    from lsvision.experiments import Effort, report_json, report_page, run_experiments
-    from lsvision.io.whole_files import write_whole
+    from lsvision.experiments import ExperimentSizes, report_json, report_page, run_experiments
+    from lsvision.io.atomic_files import write_atomic
 
-    effort = Effort.full() if full else Effort.quick()
-    report = run_experiments(effort, noise_mm=noise_mm, seed=seed, say=_say)
-    _say("drawing the page")
-    write_whole(out, report_page(report))
+    effort = ExperimentSizes.full() if full else ExperimentSizes.quick()
+    report = run_experiments(effort, noise_mm=noise_mm, seed=seed, say=_log_progress)
+    _log_progress("drawing the page")
+    write_atomic(out, report_page(report))
     if json is not None:
-        write_whole(json, report_json(report))
+        write_atomic(json, report_json(report))
     typer.echo(f"{out}" if json is None else f"{out} and {json}")
 
 
-def _say(what: str) -> None:
+def _log_progress(what: str) -> None:
     """One line on stderr, so that a minute of silence is none."""
     sys.stderr.write(f"{what}\n")
     sys.stderr.flush()

@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from lsvision.planning import Feed, Prediction, ScanPrediction, Target, View
+    from lsvision.planning import (
+        AccuracyTarget,
+        Feed,
+        ScanPrediction,
+        SectionPrediction,
+        SensorView,
+    )
 
 SPACINGS_MM = (0.5, 1.0, 2.0, 5.0, 10.0)
 """Offered to who asks for a target without a spacing."""
@@ -89,7 +95,7 @@ def plan(
             pose_std=pose_std,
             feed_std=math.radians(feed_std_deg),
         )
-        ask = _Question(
+        ask = _PlanRequest(
             (radius_mm, math.radians(theta_deg), math.radians(phi_deg)),
             view,
             0.0 if known_radius else None,
@@ -110,14 +116,14 @@ def plan(
 
 
 @dataclass(frozen=True)
-class _Question:
+class _PlanRequest:
     """The pipe (radius, theta, phi), how it is seen, and what is known of its radius."""
 
     pipe: tuple[float, float, float]
-    view: "View"
+    view: "SensorView"
     known: float | None
 
-    def expected(self, feed: "Feed") -> "list[Prediction | ScanPrediction]":
+    def expected(self, feed: "Feed") -> "list[SectionPrediction | ScanPrediction]":
         """Of one section, and of the scan if it has more."""
         from lsvision.planning import plan_scan, plan_section
 
@@ -128,8 +134,8 @@ class _Question:
         return [one, scan]
 
     def needed(
-        self, target: "Target", feed: "Feed", spacings: tuple[float, ...]
-    ) -> "list[Prediction | ScanPrediction]":
+        self, target: "AccuracyTarget", feed: "Feed", spacings: tuple[float, ...]
+    ) -> "list[SectionPrediction | ScanPrediction]":
         """The shortest scan at each spacing."""
         from lsvision.planning import sections_needed
 
@@ -147,8 +153,8 @@ class _Question:
 
 def _view(
     sensor: str | None, range_std: float | None, standoff: float, pitch: float | None
-) -> "View":
-    from lsvision.planning import View
+) -> "SensorView":
+    from lsvision.planning import SensorView
     from lsvision.sensor.profile_sensor import LPS36, LPS36HI, ProfileSensor
 
     presets = {"lps36hi": LPS36HI, "lps36": LPS36}
@@ -156,7 +162,7 @@ def _view(
         name = (sensor or "lps36hi").lower()
         if name not in presets:
             raise ValueError(f"want --sensor {' or '.join(presets)}, got {sensor}")
-        return View(sensor=presets[name], standoff=standoff, pitch=pitch)
+        return SensorView(sensor=presets[name], standoff=standoff, pitch=pitch)
     if sensor is not None:
         raise ValueError("want --sensor or --range-std, got both")
     bare = ProfileSensor(
@@ -167,15 +173,17 @@ def _view(
         max_range=2 * standoff,
         width_at_max_range=2 * standoff,
     )
-    return View(sensor=bare, standoff=standoff, pitch=DEFAULT_PITCH_MM if pitch is None else pitch)
+    return SensorView(
+        sensor=bare, standoff=standoff, pitch=DEFAULT_PITCH_MM if pitch is None else pitch
+    )
 
 
-def _target(phi_deg: float | None, radius_mm: float | None) -> "Target | None":
-    from lsvision.planning import Target
+def _target(phi_deg: float | None, radius_mm: float | None) -> "AccuracyTarget | None":
+    from lsvision.planning import AccuracyTarget
 
     if phi_deg is None and radius_mm is None:
         return None
-    return Target(
+    return AccuracyTarget(
         phi_std=math.inf if phi_deg is None else math.radians(phi_deg),
         radius_std=math.inf if radius_mm is None else radius_mm,
     )
@@ -184,7 +192,7 @@ def _target(phi_deg: float | None, radius_mm: float | None) -> "Target | None":
 _HEADER = ("sections", "spacing mm", "length mm", "points", "radius mm", "theta deg", "phi deg")
 
 
-def _table(predictions: "list[Prediction | ScanPrediction]") -> str:
+def _table(predictions: "list[SectionPrediction | ScanPrediction]") -> str:
     rows = [_HEADER, *(_row(prediction) for prediction in predictions)]
     widths = [max(len(row[column]) for row in rows) for column in range(len(_HEADER))]
     return "\n".join(
@@ -193,8 +201,8 @@ def _table(predictions: "list[Prediction | ScanPrediction]") -> str:
     )
 
 
-def _row(prediction: "Prediction | ScanPrediction") -> tuple[str, ...]:
-    from lsvision.draw import sigma_text
+def _row(prediction: "SectionPrediction | ScanPrediction") -> tuple[str, ...]:
+    from lsvision.draw import format_std
     from lsvision.planning import ScanPrediction
 
     sections, spacing, length = 1, "-", 0.0
@@ -207,7 +215,7 @@ def _row(prediction: "Prediction | ScanPrediction") -> tuple[str, ...]:
         spacing,
         f"{length:g}",
         str(prediction.points),
-        sigma_text(prediction.radius_std),
-        sigma_text(theta_deg) if theta_deg < UNDETERMINED_DEG else "not determinable",
-        sigma_text(math.degrees(prediction.phi_std)),
+        format_std(prediction.radius_std),
+        format_std(theta_deg) if theta_deg < UNDETERMINED_DEG else "not determinable",
+        format_std(math.degrees(prediction.phi_std)),
     )

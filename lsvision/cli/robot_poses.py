@@ -14,14 +14,14 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class PoseRows:
+class PoseFile:
     """``--poses`` and ``--convention``."""
 
     path: Path
     convention: str
 
 
-def pose_rows_of(poses: Path | None, convention: str | None) -> PoseRows | None:
+def parse_pose_file(poses: Path | None, convention: str | None) -> PoseFile | None:
     """What the options say of the robot's poses; None without any.
 
     Raises
@@ -39,10 +39,10 @@ def pose_rows_of(poses: Path | None, convention: str | None) -> PoseRows | None:
         raise typer.BadParameter(
             f"want --convention {', '.join(CONVENTIONS)} beside --poses, got {convention}"
         )
-    return PoseRows(poses, convention)
+    return PoseFile(poses, convention)
 
 
-def read_poses(rows: PoseRows, count: int) -> "list[Pose]":
+def read_poses(rows: PoseFile, count: int) -> "list[Pose]":
     """The poses, one a profile.
 
     Raises
@@ -82,7 +82,7 @@ def read_calibration(path: Path) -> "HandEye":
     return calibration
 
 
-def sigma_words(*, calibrated: bool, in_base: bool) -> str:
+def uncertainty_caption(*, calibrated: bool, in_base: bool) -> str:
     """What the errors of a table are, of a sensor on a robot."""
     if not calibrated:
         return "one sigma, the sensor's place on the robot taken as exact"

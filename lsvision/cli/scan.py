@@ -7,8 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lsvision.cli.measuring import known_radius_of, reading_of, search_range_of, sensor_of
-from lsvision.cli.messages import FAILED, complain
+from lsvision.cli.measure_options import (
+    parse_known_radius,
+    parse_read_options,
+    parse_search_range,
+    parse_sensor,
+)
+from lsvision.cli.messages import FAILED, print_error
 from lsvision.cli.outputs import check_outputs, check_picture
 from lsvision.cli.profile_options import (
     Columns,
@@ -27,7 +32,7 @@ from lsvision.cli.profile_options import (
     Verbose,
 )
 from lsvision.cli.progress import Progress
-from lsvision.cli.scan_poses import Robot, motion_of, scan_poses, sigma_of
+from lsvision.cli.scan_poses import Robot, motion_uncertainty_caption, parse_motion, scan_poses
 from lsvision.cli.scan_table import scan_lines
 from lsvision.cli.sources import find_sources, read_source
 
@@ -112,24 +117,24 @@ def scan(
     0.1 mm of radius with the same residuals. --feed-std-deg puts that into the errors.
     """  # noqa: D301 - the backspace tells click to leave the lines as they are
     check_picture(plot)
-    motion = motion_of(feed, step, poses, convention, flange_from_section)
-    reading = reading_of(format=file_format, columns=columns, units=units, flip=flip)
-    noise = sensor_of(sensor, range_std, reference_range)
-    search, known = search_range_of(radius), known_radius_of(known_radius)
+    motion = parse_motion(feed, step, poses, convention, flange_from_section)
+    reading = parse_read_options(format=file_format, columns=columns, units=units, flip=flip)
+    noise = parse_sensor(sensor, range_std, reference_range)
+    search, known = parse_search_range(radius), parse_known_radius(known_radius)
     sources, missing = find_sources(files)
     inputs = [*sources, *filter(None, (poses, flange_from_section))]
     check_outputs((json_file, plot, points_ply, surfaces_ply), inputs)
     for failure in missing:
-        complain(str(failure))
+        print_error(str(failure))
     if missing:
         raise typer.Exit(FAILED)
 
-    from lsvision.scan import PoseErrors, join_sections
+    from lsvision.scan import PoseErrors, fit_sections_jointly
 
     profiles, names = _read_all(sources, reading)
     base_from_sections = scan_poses(motion, len(profiles))
     measurements = _measure_all(profiles, names, search, known, noise)
-    found = join_sections(
+    found = fit_sections_jointly(
         profiles, base_from_sections, measurements, known_radius=known, sensor=noise,
         pose_errors=PoseErrors(
             pose_std=pose_std, feed_std=math.radians(feed_std_deg),
@@ -137,7 +142,9 @@ def scan(
         ),
     )  # fmt: skip
     shapes = _shapes(found)
-    typer.echo("\n".join(scan_lines(found, shapes, sigma_of(motion), verbose=verbose)))
+    typer.echo(
+        "\n".join(scan_lines(found, shapes, motion_uncertainty_caption(motion), verbose=verbose))
+    )
     if json_file is not None:
         from lsvision.io.scan_results import scan_record, write_scan_json
 
@@ -183,10 +190,10 @@ def _measure_all(
 
 def _shapes(found: "ScanMeasurement") -> "list[TubeShape | None]":
     from lsvision.scan import measure_shape
-    from lsvision.scan.shape import FEWEST_SECTIONS
+    from lsvision.scan.shape import MIN_SECTIONS
 
     return [
-        measure_shape(tube) if len(tube.sections) >= FEWEST_SECTIONS else None
+        measure_shape(tube) if len(tube.sections) >= MIN_SECTIONS else None
         for tube in found.cylinders
     ]
 
@@ -210,12 +217,12 @@ def _write_views(
     """The picture, the points and the surfaces, each where it is wanted."""
     picture, points_ply, surfaces_ply = outputs
     if picture is not None:
-        from lsvision.draw import picture_bytes
+        from lsvision.draw import figure_bytes
         from lsvision.draw.scan import draw_scan
-        from lsvision.io.whole_files import write_whole
+        from lsvision.io.atomic_files import write_atomic
 
         figure = draw_scan(found, points, title=" ".join(files))
-        write_whole(picture, picture_bytes(figure, picture.suffix[1:].lower()))
+        write_atomic(picture, figure_bytes(figure, picture.suffix[1:].lower()))
     if points_ply is None and surfaces_ply is None:
         return
     from lsvision.draw.scan_ply import coloured_points, coloured_surfaces

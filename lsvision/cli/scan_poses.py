@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import typer
 
 from lsvision.cli.robot_poses import (
-    PoseRows,
-    pose_rows_of,
+    PoseFile,
+    parse_pose_file,
     read_calibration,
     read_poses,
-    sigma_words,
+    uncertainty_caption,
 )
 
 if TYPE_CHECKING:
@@ -32,11 +32,11 @@ class Encoder:
 class Robot:
     """``--poses``, ``--convention`` and what ``--flange-from-section`` holds."""
 
-    rows: PoseRows
+    rows: PoseFile
     calibration: "HandEye | None"
 
 
-def motion_of(
+def parse_motion(
     feed: str | None,
     step: float | None,
     poses: Path | None,
@@ -54,7 +54,7 @@ def motion_of(
     """
     if poses is not None and (feed is not None or step is not None):
         raise typer.BadParameter("want --feed with --step, or --poses, got both")
-    rows = pose_rows_of(poses, convention)
+    rows = parse_pose_file(poses, convention)
     if rows is not None:
         return Robot(rows, None if hand_eye is None else read_calibration(hand_eye))
     if hand_eye is not None:
@@ -75,7 +75,7 @@ def scan_poses(motion: Encoder | Robot, count: int) -> "list[Pose]":
     Parameters
     ----------
     motion : Encoder or Robot
-        From `motion_of`.
+        From `parse_motion`.
     count : int
         Number of profiles.
 
@@ -94,11 +94,11 @@ def scan_poses(motion: Encoder | Robot, count: int) -> "list[Pose]":
     return [flange @ motion.calibration.flange_from_section for flange in flanges]
 
 
-def sigma_of(motion: Encoder | Robot) -> str:
+def motion_uncertainty_caption(motion: Encoder | Robot) -> str:
     """What the errors of the table are."""
     if isinstance(motion, Encoder):
         return "one sigma"
-    return sigma_words(calibrated=motion.calibration is not None, in_base=True)
+    return uncertainty_caption(calibrated=motion.calibration is not None, in_base=True)
 
 
 def _direction(text: str) -> tuple[float, float, float]:

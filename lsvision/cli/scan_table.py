@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from lsvision.scan import ScanMeasurement, ScannedCylinder, TubeShape
-    from lsvision.scan.shape import Deviation
+    from lsvision.scan.shape import FormDeviation
 
 HEADER = (
     "",
@@ -18,7 +18,7 @@ HEADER = (
     "sections",
     "points",
 )
-SURE = 0.01
+SIGNIFICANCE = 0.01
 """Level of the tests of shape."""
 
 
@@ -38,7 +38,7 @@ def scan_lines(
     shapes : sequence of TubeShape or None
         Of each cylinder.
     sigma : str
-        What the errors are, from `sigma_of`.
+        What the errors are, from `motion_uncertainty_caption`.
     verbose : bool
         List what was refused; else it is only counted if nothing was found.
     """
@@ -67,23 +67,23 @@ def _table(cylinders: "Sequence[ScannedCylinder]") -> list[str]:
 
 
 def _row(number: int, tube: "ScannedCylinder") -> tuple[str, ...]:
-    from lsvision.draw import decimals_for, sigma_text, with_sigma
+    from lsvision.draw import decimals_for, format_std, format_value
 
     places, point_places = decimals_for(tube.direction_std), decimals_for(tube.position_std)
     return (
         str(number),
-        with_sigma(tube.radius, tube.radius_std),
+        format_value(tube.radius, tube.radius_std),
         " ".join(f"{part:+.{places}f}" for part in tube.direction),
-        sigma_text(math.degrees(tube.direction_std)),
+        format_std(math.degrees(tube.direction_std)),
         " ".join(f"{part:.{point_places}f}" for part in tube.point),
-        sigma_text(tube.position_std),
+        format_std(tube.position_std),
         _spans(tube.sections),
         str(len(tube.points)),
     )
 
 
 def _remarks(tube: "ScannedCylinder", shape: "TubeShape | None") -> list[str]:
-    low, high = tube.ends
+    low, high = tube.axial_range
     remarks = [f"seen from {low:.1f} to {high:.1f} mm along the axis from its point"]
     if tube.twin is not None:
         x, y, z = tube.twin.direction
@@ -97,23 +97,25 @@ def _remarks(tube: "ScannedCylinder", shape: "TubeShape | None") -> list[str]:
 
 
 def _shape_lines(shape: "TubeShape") -> list[str]:
-    from lsvision.draw import with_sigma
+    from lsvision.draw import format_value
 
-    bow = f"{with_sigma(shape.bow.size, shape.bow.size_std)} mm over {2 * shape.half_length:.0f} mm"
-    if shape.bow.is_significant(SURE):
-        bow += f", a radius of {with_sigma(shape.bow_radius / 1e3, shape.bow_radius_std / 1e3)} m"
+    bow = (
+        f"{format_value(shape.bow.size, shape.bow.size_std)} mm over {2 * shape.half_length:.0f} mm"
+    )
+    if shape.bow.is_significant(SIGNIFICANCE):
+        bow += f", a radius of {format_value(shape.bow_radius / 1e3, shape.bow_radius_std / 1e3)} m"
     slope = 1e3 * shape.taper_slope
     slope_std = 1e3 * shape.taper.size_std / shape.half_length
-    ovality = with_sigma(100 * shape.ovality, 100 * shape.ovality_std)
+    ovality = format_value(100 * shape.ovality, 100 * shape.ovality_std)
     return [
         f"bow {bow} ({_verdict(shape.bow)})",
-        f"taper {with_sigma(slope, slope_std)} mm/m ({_verdict(shape.taper)})",
+        f"taper {format_value(slope, slope_std)} mm/m ({_verdict(shape.taper)})",
         f"ovality {ovality} % ({_verdict(shape.ovality_terms)})",
     ]
 
 
-def _verdict(deviation: "Deviation") -> str:
-    return "significant" if deviation.is_significant(SURE) else "not significant"
+def _verdict(deviation: "FormDeviation") -> str:
+    return "significant" if deviation.is_significant(SIGNIFICANCE) else "not significant"
 
 
 def _spans(sections: Sequence[int]) -> str:

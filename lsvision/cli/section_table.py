@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from lsvision.fitting.cylinder_section import CylinderSection
+    from lsvision.detection.acceptance import Rejection
+    from lsvision.ellipse.section import CylinderSection
     from lsvision.measure import Measurement
     from lsvision.profile import Profile
-    from lsvision.recognition.verdict import Rejection
 
 HEADER = ("", "radius mm", "theta deg", "phi deg", "centre x mm", "centre y mm", "points")
 LEVEL = 0.95
@@ -26,7 +26,9 @@ def cylinder_table(cylinders: Sequence["CylinderSection"]) -> list[str]:
     ]
 
 
-def verdict_lines(measurement: "Measurement", profile: "Profile", *, verbose: bool) -> list[str]:
+def measurement_lines(
+    measurement: "Measurement", profile: "Profile", *, verbose: bool
+) -> list[str]:
     """What a profile holds: the table, or that there is nothing; and what was refused.
 
     Parameters
@@ -78,11 +80,11 @@ def _interval(cylinder: "CylinderSection", quantity: str, scale: float) -> tuple
 
 
 def _with_sigma(value: float, std: float, interval: tuple[float, float]) -> tuple[str, str]:
-    from lsvision.draw import decimals_for, with_sigma
+    from lsvision.draw import decimals_for, format_value
 
     low, high = interval
     places = decimals_for(std)
-    return with_sigma(value, std), f"{low:.{places}f} .. {high:.{places}f}"
+    return format_value(value, std), f"{low:.{places}f} .. {high:.{places}f}"
 
 
 def _refusal(rejection: "Rejection", profile: "Profile") -> str:

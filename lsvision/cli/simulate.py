@@ -57,9 +57,9 @@ def simulate(
     A single pipe tilted by 20 to 30 deg, almost without noise:
       lsvision simulate single --phi-deg 20:30 --noise-mm 0.005 --lost 0 --jumps 0 --out .
     """  # noqa: D301 - the backspace tells click to leave the lines as they are
-    from lsvision.io.whole_files import write_whole
+    from lsvision.io.atomic_files import write_atomic
     from lsvision.simulate import SCENE_KINDS, random_section
-    from lsvision.simulate.text import profile_text, truth_text
+    from lsvision.simulate.text_export import profile_text, truth_text
 
     if kind not in SCENE_KINDS:
         raise typer.BadParameter(f"want one of {', '.join(SCENE_KINDS)}, got {kind!r}")
@@ -72,8 +72,8 @@ def simulate(
         source = {"kind": kind, "seed": number, "command": _command(kind, number, section, tubes)}
         stem = out / f"{kind}_{number:04d}"
         title = f"simulated light section, {kind}, seed {number}"
-        write_whole(f"{stem}.csv", profile_text(section, title))
-        write_whole(f"{stem}.truth.json", truth_text(section, source))
+        write_atomic(f"{stem}.csv", profile_text(section, title))
+        write_atomic(f"{stem}.truth.json", truth_text(section, source))
     first, last = f"{kind}_{seed:04d}.csv", f"{kind}_{seed + count - 1:04d}.csv"
     typer.echo(f"{out}: {first}{'' if count == 1 else f' to {last}'}, each with its .truth.json")
 

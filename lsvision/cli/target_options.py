@@ -29,7 +29,7 @@ Marker = Annotated[
 Dictionary = Annotated[str, typer.Option(metavar="NAME", help="Of a ChArUco board's markers.")]
 
 
-def target_of(
+def parse_target(
     name: str, counts: str | None, square: float | None, marker: float | None, dictionary: str
 ) -> "Target":
     """The target that the options describe.

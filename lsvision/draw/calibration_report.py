@@ -15,20 +15,20 @@ from lsvision.draw.calibration_figures import (
     draw_poses,
     view_sizes,
 )
+from lsvision.draw.figure_files import figure_bytes
 from lsvision.draw.html_page import footer, heading, html_page, paragraph, picture, table
-from lsvision.draw.picture import picture_bytes
 from lsvision.shapes import Points, Pose
 
 
 @dataclass(frozen=True)
-class Page:
+class ReportContent:
     """What every page shows beside its pictures.
 
     Parameters
     ----------
     rows : sequence of (str, str, str)
         Name, number with one sigma, unit.
-    doubts : sequence of str
+    warnings : sequence of str
         What was left out, fits badly, or makes the set weak.
     names : sequence of str
         Of the images or poses, in the order of their indices.
@@ -37,19 +37,19 @@ class Page:
     """
 
     rows: Sequence[tuple[str, str, str]]
-    doubts: Sequence[str]
+    warnings: Sequence[str]
     names: Sequence[str]
     provenance: Mapping[str, str]
 
 
-def camera_page(found: CameraCalibration, page: Page) -> str:
+def camera_page(found: CameraCalibration, page: ReportContent) -> str:
     """A camera calibration as a page.
 
     Parameters
     ----------
     found : CameraCalibration
         The calibration.
-    page : Page
+    page : ReportContent
         Its numbers and names.
 
     Returns
@@ -62,12 +62,12 @@ def camera_page(found: CameraCalibration, page: Page) -> str:
     sizes = [view.rms_px for view in found.views]
     pictures = [
         picture(
-            picture_bytes(draw_coverage(found), "svg"),
+            figure_bytes(draw_coverage(found), "svg"),
             "Good: the points fill the image into its corners, and the residuals are one round "
             "cloud. A gap is where the lens is guessed.",
         ),
         picture(
-            picture_bytes(draw_bars(names, [("rms", sizes)], bad, "rms, px"), "svg"),
+            figure_bytes(draw_bars(names, [("rms", sizes)], bad, "rms, px"), "svg"),
             "Residual of each view. Good: all alike, 0.05 to 0.3 px. Orange fits badly: blurred, "
             "moved, or wrongly found.",
         ),
@@ -75,7 +75,9 @@ def camera_page(found: CameraCalibration, page: Page) -> str:
     return _page("Camera calibration", page, pictures)
 
 
-def laser_plane_page(found: LaserPlaneCalibration, board_points: Points, page: Page) -> str:
+def laser_plane_page(
+    found: LaserPlaneCalibration, board_points: Points, page: ReportContent
+) -> str:
     """A laser-plane calibration as a page; see `camera_page`.
 
     Parameters
@@ -84,7 +86,7 @@ def laser_plane_page(found: LaserPlaneCalibration, board_points: Points, page: P
         The calibration.
     board_points : (n, 3) ndarray
         Points of the board, board frame. Units: mm.
-    page : Page
+    page : ReportContent
         Its numbers and names.
     """
     names = [page.names[view.index] for view in found.views]
@@ -93,12 +95,12 @@ def laser_plane_page(found: LaserPlaneCalibration, board_points: Points, page: P
     bars = draw_bars(names, [("laser line", line), ("corners", corners)], bad, "rms, px")
     pictures = [
         picture(
-            picture_bytes(draw_laser_plane(found, _outline(board_points)), "svg"),
+            figure_bytes(draw_laser_plane(found, _outline(board_points)), "svg"),
             "Good: the boards lean to all sides and fill the depth in which will be measured. "
             "The triangle is the camera.",
         ),
         picture(
-            picture_bytes(bars, "svg"),
+            figure_bytes(bars, "svg"),
             "Residual of each view, laser line dark and corners light. Good: all alike, the line "
             "0.1 to 0.3 px. A line much worse than that on every view: a bowed or glossy board.",
         ),
@@ -106,7 +108,7 @@ def laser_plane_page(found: LaserPlaneCalibration, board_points: Points, page: P
     return _page("Laser plane calibration", page, pictures)
 
 
-def hand_eye_page(found: HandEye, flanges: Sequence[Pose], page: Page) -> str:
+def hand_eye_page(found: HandEye, flanges: Sequence[Pose], page: ReportContent) -> str:
     """A sensor-to-robot calibration as a page; see `camera_page`.
 
     Parameters
@@ -115,19 +117,22 @@ def hand_eye_page(found: HandEye, flanges: Sequence[Pose], page: Page) -> str:
         The calibration.
     flanges : sequence of Pose
         ``base_from_flange``, one a pose.
-    page : Page
+    page : ReportContent
         Its numbers and names.
     """
     bad = [pose.index for pose in found.rejected]
-    series = [("residual", found.residuals.tolist()), ("held out", found.held_out.tolist())]
+    series = [
+        ("residual", found.residuals.tolist()),
+        ("held out", found.leave_one_out_residuals.tolist()),
+    ]
     pictures = [
         picture(
-            picture_bytes(draw_poses(found, flanges), "svg"),
+            figure_bytes(draw_poses(found, flanges), "svg"),
             "Good: the sensor looks from many sides and turned all around; the target lies left, "
             "right, near and far in its view, and on both sides of the laser plane.",
         ),
         picture(
-            picture_bytes(draw_bars(page.names, series, bad, "mm"), "svg"),
+            figure_bytes(draw_bars(page.names, series, bad, "mm"), "svg"),
             "Residual of each pose (dark), and had the pose not taken part (light). Good: about "
             "the robot's own accuracy. Orange was left out.",
         ),
@@ -135,8 +140,8 @@ def hand_eye_page(found: HandEye, flanges: Sequence[Pose], page: Page) -> str:
     return _page("Sensor to robot", page, pictures)
 
 
-def _page(title: str, page: Page, pictures: Sequence[str]) -> str:
-    doubts = [paragraph(text, "doubt") for text in page.doubts]
+def _page(title: str, page: ReportContent, pictures: Sequence[str]) -> str:
+    doubts = [paragraph(text, "doubt") for text in page.warnings]
     if not doubts:
         doubts = [paragraph("Nothing left out, nothing to doubt.", "fine")]
     source = page.provenance

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SIZE_INCH, DPI = (13.0, 14.0), 100
-SHOWN = 99.0
+AXIS_PERCENTILE = 99.0
 """Percentile of a curve that still fits its axes."""
 COLOUR, SATURATED = "#00B7EB", "#D55E00"
 
@@ -32,7 +32,7 @@ def draw_laser_line(image: npt.ArrayLike, line: LaserLine, *, title: str = "") -
     Returns
     -------
     matplotlib.figure.Figure
-        Save it with its ``savefig`` or `picture_bytes`. Its first axes hold the photo.
+        Save it with its ``savefig`` or `figure_bytes`. Its first axes hold the photo.
 
     Examples
     --------
@@ -76,7 +76,7 @@ def line_summary(line: LaserLine) -> str:
     return (
         f"{len(line)} {line.direction}, {line.lost} lost, std {np.median(line.std[found]):.2g} px, "
         f"width {np.median(line.width[found]):.1f} px, {line.saturated[found].mean():.0%} at full "
-        f"scale, second line in {line.second_line:.0%}"
+        f"scale, second line in {line.second_line_fraction:.0%}"
     )
 
 
@@ -91,7 +91,7 @@ def _draw_curves(figure: "Figure", line: LaserLine) -> None:
         axes.set_ylabel(name, fontsize=8)
         axes.grid(visible=True, lw=0.4, alpha=0.5)
         axes.set_xlim(0, len(line) - 1)
-        axes.set_ylim(0, 1.1 * float(np.nanpercentile(values, SHOWN)))
+        axes.set_ylim(0, 1.1 * float(np.nanpercentile(values, AXIS_PERCENTILE)))
         if place < 2:
             axes.tick_params(labelbottom=False)
         else:

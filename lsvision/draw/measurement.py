@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lsvision.draw.panel import colour_of, draw_panel
-from lsvision.draw.refused import RefusedArc, refused_arcs
-from lsvision.fitting.cylinder_section import CylinderSection
+from lsvision.draw.rejected import RejectedArc, rejected_arcs
+from lsvision.ellipse.section import CylinderSection
 from lsvision.measure import Measurement
 from lsvision.profile import Profile
 from lsvision.shapes import FloatArray, Points
@@ -23,9 +23,9 @@ MARGIN = 0.05
 """Share of the drawing left free around what it shows."""
 LABEL_GAP_PX = 22.0
 """Least distance between the letters of refused arcs."""
-MANY_POINTS = 20_000
+RASTERISE_POINTS = 20_000
 """From here on an SVG holds the points as an image."""
-LAST_DRAWN = "\u058f"
+LAST_SUPPORTED_CHARACTER = "\u058f"
 """Matplotlib's own font has no glyphs for most scripts beyond Armenian."""
 
 
@@ -44,7 +44,7 @@ def draw_measurement(profile: Profile, measurement: Measurement, *, title: str =
     Returns
     -------
     matplotlib.figure.Figure
-        With a canvas of its own. Save it with its ``savefig`` or `picture_bytes`.
+        With a canvas of its own. Save it with its ``savefig`` or `figure_bytes`.
 
     Examples
     --------
@@ -59,8 +59,8 @@ def draw_measurement(profile: Profile, measurement: Measurement, *, title: str =
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0.065, 0.085, 0.605, 0.785))
     draw_on_axes(axes, profile, measurement)
-    refused = refused_arcs(profile.points, measurement)
-    shown = headline(len(measurement.cylinders), len(refused), title)
+    refused = rejected_arcs(profile.points, measurement)
+    shown = summary_title(len(measurement.cylinders), len(refused), title)
     figure.suptitle(shown, x=0.065, y=0.96, ha="left", fontsize=13,
                     parse_math=False)  # fmt: skip
     draw_panel(figure, measurement.cylinders, refused)
@@ -80,9 +80,9 @@ def draw_on_axes(axes: "Axes", profile: Profile, measurement: Measurement) -> No
         What was found in it.
     """
     points = profile.points
-    refused = refused_arcs(points, measurement)
+    refused = rejected_arcs(points, measurement)
     axes.plot(*points.T, ".", color="0.55", ms=2.5, label="measured points",
-              rasterized=len(points) > MANY_POINTS)  # fmt: skip
+              rasterized=len(points) > RASTERISE_POINTS)  # fmt: skip
     for arc in refused:
         axes.plot(*points[arc.indices].T, "x", color=arc.colour, ms=4, mew=0.9, zorder=3,
                   label=_once(axes, "refused arc"))  # fmt: skip
@@ -90,7 +90,7 @@ def draw_on_axes(axes: "Axes", profile: Profile, measurement: Measurement) -> No
         _draw_cylinder(axes, points, cylinder, number)
     axes.margins(MARGIN)
     axes.set_aspect("equal", adjustable="datalim")
-    _label_refused(axes, points, refused)
+    _label_rejected(axes, points, refused)
     axes.set_xlabel("X / mm (along the laser line)")
     axes.set_ylabel("Y / mm (up: towards the sensor)")
     axes.grid(visible=True, lw=0.4, alpha=0.5)
@@ -114,7 +114,7 @@ def _draw_cylinder(axes: "Axes", points: Points, cylinder: CylinderSection, numb
               va="center", zorder=6, clip_on=True, bbox=badge)  # fmt: skip
 
 
-def _label_refused(axes: "Axes", points: Points, refused: Sequence[RefusedArc]) -> None:
+def _label_rejected(axes: "Axes", points: Points, refused: Sequence[RejectedArc]) -> None:
     """Letters above the arcs, each moved up until it is clear of those before it."""
     axes.autoscale_view()
     axes.apply_aspect()
@@ -139,12 +139,12 @@ def _once(axes: "Axes", label: str) -> str | None:
     return None if label in axes.get_legend_handles_labels()[1] else label
 
 
-def headline(cylinders: int, refused: int, title: str) -> str:
+def summary_title(cylinders: int, refused: int, title: str) -> str:
     """What a picture holds, in a line behind its title; both counted."""
     verdict = f"{cylinders or 'no'} cylinder{'' if cylinders in {0, 1} else 's'}"
     if refused:
         verdict += f", {refused} arc{'' if refused == 1 else 's'} refused"
-    shown = "".join(c if c.isprintable() and c <= LAST_DRAWN else "?" for c in title)
+    shown = "".join(c if c.isprintable() and c <= LAST_SUPPORTED_CHARACTER else "?" for c in title)
     if len(shown) > TITLE_COLUMNS:
         shown = "..." + shown[-TITLE_COLUMNS:]
     return f"{shown}: {verdict}" if shown else verdict

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.draw.measurement import draw_on_axes, headline
+from lsvision.draw.measurement import draw_on_axes, summary_title
 from lsvision.draw.panel import colour_of, draw_panel
 from lsvision.draw.photo import show_photo
-from lsvision.draw.refused import refused_arcs
-from lsvision.fitting.cylinder_section import CylinderSection
+from lsvision.draw.rejected import rejected_arcs
+from lsvision.ellipse.section import CylinderSection
 from lsvision.measure import Measurement
 from lsvision.profile import Profile
 from lsvision.sensor.light_section import LightSection
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SIZE_INCH, DPI = (13.0, 15.0), 100
-SHARES = (8.0, 7.0)
+HEIGHT_RATIOS = (8.0, 7.0)
 """Heights of the photo and of the drawing in mm below it."""
 OUTLINE_STEPS = 721
 
@@ -52,7 +52,7 @@ def draw_overlay(
     Returns
     -------
     matplotlib.figure.Figure
-        Save it with its ``savefig`` or `picture_bytes`. Its first axes hold the photo in px,
+        Save it with its ``savefig`` or `figure_bytes`. Its first axes hold the photo in px,
         its second the section in mm.
 
     Examples
@@ -61,7 +61,7 @@ def draw_overlay(
     >>> from lsvision.shapes import Plane
     >>> camera = Camera([[600, 0, 32], [0, 600, 24], [0, 0, 1]], [], (64, 48))
     >>> rig = LightSection(camera, Plane((0.0, 0.866, 0.5), 150.0))
-    >>> profile = Profile(rig.points_of([[10.0, 20.0], [50.0, 20.0]]))
+    >>> profile = Profile(rig.points_from_pixels([[10.0, 20.0], [50.0, 20.0]]))
     >>> photo = np.zeros((48, 64), np.uint8)
     >>> len(draw_overlay(photo, rig, profile, Measurement((), ())).axes)
     2
@@ -71,12 +71,12 @@ def draw_overlay(
 
     figure = Figure(figsize=SIZE_INCH, dpi=DPI, facecolor="white")
     FigureCanvasAgg(figure)
-    above, below = figure.subfigures(2, 1, height_ratios=SHARES)
+    above, below = figure.subfigures(2, 1, height_ratios=HEIGHT_RATIOS)
     photo = above.add_axes((0.065, 0.06, 0.915, 0.87))
     show_photo(photo, image)
     draw_on_photo(photo, light_section, profile, measurement)
-    refused = refused_arcs(profile.points, measurement)
-    figure.suptitle(headline(len(measurement.cylinders), len(refused), title),
+    refused = rejected_arcs(profile.points, measurement)
+    figure.suptitle(summary_title(len(measurement.cylinders), len(refused), title),
                     x=0.065, y=0.985, ha="left", fontsize=13, parse_math=False)  # fmt: skip
     section = below.add_axes((0.065, 0.085, 0.605, 0.785))
     draw_on_axes(section, profile, measurement)
@@ -101,9 +101,9 @@ def draw_on_photo(
         What was found in the profile.
     """
     limits = axes.axis()
-    seen = light_section.pixels_of(profile.points)
+    seen = light_section.project(profile.points)
     axes.plot(*seen.T, ",", color="#00B7EB", zorder=2)
-    for arc in refused_arcs(profile.points, measurement):
+    for arc in rejected_arcs(profile.points, measurement):
         axes.plot(*seen[arc.indices].T, ".", color=arc.colour, ms=1.5, zorder=3)
         u, v = seen[arc.indices[len(arc.indices) // 2]]
         axes.annotate(arc.letter, (u, v), xytext=(0, 14), textcoords="offset points",
@@ -119,11 +119,11 @@ def _draw_cylinder(
     axes: "Axes", light_section: LightSection, seen: Points, cylinder: CylinderSection, number: int
 ) -> None:
     colour, ellipse = colour_of(number), cylinder.ellipse
-    outline = light_section.pixels_of(ellipse.points_at(np.linspace(0, 2 * math.pi, OUTLINE_STEPS)))
+    outline = light_section.project(ellipse.points_at(np.linspace(0, 2 * math.pi, OUTLINE_STEPS)))
     for width, shade in ((3.4, "white"), (1.6, colour)):  # readable on any photo
         axes.plot(*outline.T, "-", color=shade, lw=width, zorder=4)
     axes.plot(*seen[cylinder.indices].T, ".", color="yellow", ms=1.2, zorder=5)
     badge = {"boxstyle": "circle,pad=0.25", "fc": colour, "ec": "white"}
-    u, v = light_section.pixels_of([ellipse.centre])[0]
+    u, v = light_section.project([ellipse.centre])[0]
     axes.text(u, v, str(number), color="white", fontsize=11, weight="bold", ha="center",
               va="center", zorder=6, clip_on=True, bbox=badge)  # fmt: skip

@@ -5,9 +5,9 @@ import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from lsvision.draw.numbers import with_sigma
-from lsvision.draw.refused import RefusedArc
-from lsvision.fitting.cylinder_section import CylinderSection
+from lsvision.draw.number_format import format_value
+from lsvision.draw.rejected import RejectedArc
+from lsvision.ellipse.section import CylinderSection
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -19,7 +19,7 @@ LEFT, TOP, LINE = 0.685, 0.865, 0.0208
 """Place of the panel and height of its lines, as shares of the figure."""
 COLUMNS, LINES = 48, 34
 """Characters of a line, and lines, that fit."""
-MOST_IN_FULL = 4
+MAX_FULL_CYLINDERS = 4
 """More cylinders get two lines each."""
 
 LEGEND = (
@@ -35,7 +35,7 @@ def colour_of(number: int) -> str:
 
 
 def draw_panel(
-    figure: "Figure", cylinders: Sequence[CylinderSection], refused: Sequence[RefusedArc]
+    figure: "Figure", cylinders: Sequence[CylinderSection], refused: Sequence[RejectedArc]
 ) -> None:
     """Write the panel into the right third of a figure.
 
@@ -45,10 +45,10 @@ def draw_panel(
         The figure.
     cylinders : sequence of CylinderSection
         Numbered from 1 in this order.
-    refused : sequence of RefusedArc
+    refused : sequence of RejectedArc
         In the order of their letters.
     """
-    lines = [*_cylinder_lines(cylinders), *_refused_lines(refused)]
+    lines = [*_cylinder_lines(cylinders), *_rejected_lines(refused)]
     if len(lines) > LINES:
         left_out = len(lines) - LINES + 1
         lines = [
@@ -68,29 +68,29 @@ def _cylinder_lines(cylinders: Sequence[CylinderSection]) -> list[tuple[str, str
     lines = [("Cylinders", HEADING)]
     for number, cylinder in enumerate(cylinders, 1):
         texts = _description(cylinder)
-        if len(cylinders) > MOST_IN_FULL:
+        if len(cylinders) > MAX_FULL_CYLINDERS:
             texts = [f"{texts[0]}, {texts[2]}", texts[1]]
         heads = [f"{number:<3}", *["   "] * (len(texts) - 1)]
         colour = colour_of(number)
         lines += [(f"{head} {text}", colour) for head, text in zip(heads, texts, strict=True)]
-        if len(cylinders) <= MOST_IN_FULL:
+        if len(cylinders) <= MAX_FULL_CYLINDERS:
             lines.append(("", HEADING))
-    return lines if len(cylinders) <= MOST_IN_FULL else [*lines, ("", HEADING)]
+    return lines if len(cylinders) <= MAX_FULL_CYLINDERS else [*lines, ("", HEADING)]
 
 
 def _description(cylinder: CylinderSection) -> list[str]:
     deg = math.degrees(1.0)
-    theta = f"θ = {with_sigma(cylinder.theta * deg, cylinder.theta_std * deg)}°"
+    theta = f"θ = {format_value(cylinder.theta * deg, cylinder.theta_std * deg)}°"
     x, y = cylinder.centre
     return [
-        f"r = {with_sigma(cylinder.radius, cylinder.radius_std)} mm",
+        f"r = {format_value(cylinder.radius, cylinder.radius_std)} mm",
         theta if cylinder.theta_determined else "θ not determinable",
-        f"φ = {with_sigma(cylinder.phi * deg, cylinder.phi_std * deg)}°",
+        f"φ = {format_value(cylinder.phi * deg, cylinder.phi_std * deg)}°",
         f"centre ({x:.2f}, {y:.2f}) mm, {len(cylinder.indices)} points",
     ]
 
 
-def _refused_lines(refused: Sequence[RefusedArc]) -> list[tuple[str, str]]:
+def _rejected_lines(refused: Sequence[RejectedArc]) -> list[tuple[str, str]]:
     lines = [("Refused arcs", HEADING)] if refused else []
     for arc in refused:
         wrapped = textwrap.wrap(arc.reason, COLUMNS - 4)

@@ -8,7 +8,7 @@ import numpy.typing as npt
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-BRIGHTEST = 99.9
+WHITE_PERCENTILE = 99.9
 """Percentile of an image deeper than 8 bit that is shown white."""
 
 
@@ -25,7 +25,7 @@ def show_photo(axes: "Axes", image: npt.ArrayLike) -> None:
     """
     array = np.asarray(image)
     if array.dtype != np.uint8:
-        top = max(float(np.percentile(array, BRIGHTEST)), 1.0)
+        top = max(float(np.percentile(array, WHITE_PERCENTILE)), 1.0)
         array = (np.clip(array / top, 0, 1) * 255).astype(np.uint8)
     shown = array if array.ndim == 2 else array[..., ::-1]
     axes.imshow(shown, cmap="gray", vmin=0, vmax=255, interpolation="nearest")

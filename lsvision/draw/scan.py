@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D
 
 SIZE_INCH, DPI = (13.0, 8.0), 110
-MOST_POINTS = 6000
+MAX_POINTS = 6000
 """Of the scan; more only make one blot."""
 FACETS = 40
 ELEVATION_DEG, AZIMUTH_DEG = 25.0, -60.0
@@ -74,7 +74,7 @@ def _about_cylinders(points: Points, scan: ScanMeasurement) -> Points:
 
 
 def _draw_points(axes: "Axes3D", points: Points) -> None:
-    few = points[:: max(1, len(points) // MOST_POINTS)]
+    few = points[:: max(1, len(points) // MAX_POINTS)]
     axes.plot(*few.T, ".", color="0.6", ms=1.2, zorder=1)
 
 
@@ -94,7 +94,7 @@ def _draw_tube(axes: "Axes3D", tube: ScannedCylinder, number: int) -> None:
 
 def _ends(tube: ScannedCylinder, beyond: float) -> FloatArray:
     """(2, 3) ends of the axis as seen, and so much of its length more."""
-    low, high = tube.ends
+    low, high = tube.axial_range
     more = beyond * (high - low)
     return tube.point + np.outer([low - more, high + more], tube.direction)
 
@@ -114,14 +114,14 @@ def _draw_numbers(figure: "Figure", scan: ScanMeasurement) -> None:
 
 
 def _numbers_of(tube: ScannedCylinder) -> str:
-    from lsvision.draw.numbers import with_sigma
+    from lsvision.draw.number_format import format_value
 
     x, y, z = tube.direction
     sections = f"{len(tube.sections)} section{'' if len(tube.sections) == 1 else 's'}"
     text = (
-        f"radius {with_sigma(tube.radius, tube.radius_std)} mm\n"
+        f"radius {format_value(tube.radius, tube.radius_std)} mm\n"
         f"axis ({x:+.4f}, {y:+.4f}, {z:+.4f})\n"
         f"     ± {np.degrees(tube.direction_std):.2g}°\n"
-        f"seen over {tube.ends[1] - tube.ends[0]:.1f} mm in {sections}"
+        f"seen over {tube.axial_range[1] - tube.axial_range[0]:.1f} mm in {sections}"
     )
     return f"{text}\none of two twins" if tube.ambiguous else text

@@ -1,12 +1,12 @@
 """The paper's tables and figures, run again on the simulator and told honestly."""
 
 from lsvision.experiments.accuracy import readme_table
+from lsvision.experiments.json_report import report_json
 from lsvision.experiments.page import report_page
-from lsvision.experiments.record import report_json
-from lsvision.experiments.report import Effort, PaperReport, run_experiments
+from lsvision.experiments.report import ExperimentSizes, PaperReport, run_experiments
 
 __all__ = [
-    "Effort",
+    "ExperimentSizes",
     "PaperReport",
     "readme_table",
     "report_json",

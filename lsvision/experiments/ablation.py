@@ -12,28 +12,28 @@ from statistics import NormalDist
 
 import numpy as np
 
+from lsvision.detection.arc_detection import identify_arcs
+from lsvision.detection.candidates import find_candidates, seed_ellipse
+from lsvision.detection.identification import IdentifiedArc
+from lsvision.detection.profile_preparation import prepare_profile
+from lsvision.detection.range_image import connected_components, rasterise
 from lsvision.errors import LsvisionError
-from lsvision.experiments.variants import VARIANTS, ArcInHand, Variant
+from lsvision.experiments.variants import VARIANTS, AblationArc, Variant
 from lsvision.planning import section_bound
-from lsvision.recognition.candidates import find_candidates, seed_ellipse
-from lsvision.recognition.identification import IdentifiedArc
-from lsvision.recognition.range_image import connected_components, rasterise
-from lsvision.recognition.recognise import identify_arcs
-from lsvision.recognition.weighing import weigh_profile
 from lsvision.shapes import FloatArray, IntArray
 from lsvision.simulate import SimulatedSection, TubeRanges, TubeTruth, random_section
 
 KINDS = ("single", "welded_pair", "complex")
 TUBES = TubeRanges(radius_mm=(15.0, 29.0), phi_deg=(15.0, 30.0))
 RADIUS_RANGE = (10.0, 40.0)
-SMALLEST_SPAN = 10
+MIN_WINDOW_POINTS = 10
 TYPICAL = NormalDist().inv_cdf(0.75)
 """Median of the modulus of a standard normal number."""
-NINETEEN_OF_TWENTY = NormalDist().inv_cdf(0.975)
+QUANTILE_95 = NormalDist().inv_cdf(0.975)
 
 
 @dataclass(frozen=True, slots=True)
-class Cost:
+class AblationResult:
     """What a variant costs.
 
     Parameters
@@ -56,9 +56,9 @@ class Cost:
     worst: tuple[float, float, float]
 
 
-def ablate(
+def run_ablation(
     scenes: int, *, noise_mm: float, seed: int = 0, say: Callable[[str], None] = lambda _: None
-) -> tuple[Cost, ...]:
+) -> tuple[AblationResult, ...]:
     """Cost of every variant on the same random sections.
 
     Parameters
@@ -84,20 +84,20 @@ def ablate(
     return tuple(_cost(variant, errors[variant.name]) for variant in VARIANTS)
 
 
-def _arcs_in_hand(section: SimulatedSection) -> list[tuple[TubeTruth, ArcInHand]]:
-    """Each pipe that recognition finds, with its arc and the candidate that seeded it."""
-    profile = weigh_profile(section.profile, section.profile.noise)
-    components = connected_components(rasterise(profile), SMALLEST_SPAN)
+def _arcs_in_hand(section: SimulatedSection) -> list[tuple[TubeTruth, AblationArc]]:
+    """Each pipe that detection finds, with its arc and the candidate that seeded it."""
+    profile = prepare_profile(section.profile, section.profile.noise)
+    components = connected_components(rasterise(profile), MIN_WINDOW_POINTS)
     candidates = find_candidates(profile, components, RADIUS_RANGE)
     arcs, _ = identify_arcs(profile, candidates, RADIUS_RANGE)
     seeds = [IdentifiedArc(c.arc, c.indices, seed_ellipse(profile, c)) for c in candidates]
-    labels = section.truth.labels[profile.columns]
+    labels = section.truth.labels[profile.sensor_columns]
     found = []
     for tube in section.truth.tubes:
         arc = next((a for a in arcs if _mostly(labels, a.indices, tube.label)), None)
         seed = next((s for s in seeds if _mostly(labels, s.indices, tube.label)), None)
         if arc is not None and seed is not None:
-            found.append((tube, ArcInHand(profile, arc, seed)))
+            found.append((tube, AblationArc(profile, arc, seed)))
     return found
 
 
@@ -113,7 +113,7 @@ def _bound(section: SimulatedSection, tube: TubeTruth) -> FloatArray:
 
 
 def _error(
-    variant: Variant, arc: ArcInHand, tube: TubeTruth, sigmas: FloatArray
+    variant: Variant, arc: AblationArc, tube: TubeTruth, sigmas: FloatArray
 ) -> FloatArray | None:
     """Moduli over the bound; None where there is no ellipse."""
     try:
@@ -126,12 +126,12 @@ def _error(
     return scaled
 
 
-def _cost(variant: Variant, errors: Sequence[FloatArray | None]) -> Cost:
+def _cost(variant: Variant, errors: Sequence[FloatArray | None]) -> AblationResult:
     values = np.array([error for error in errors if error is not None]).reshape(-1, 3)
     failed = len(errors) - len(values)
     if len(values) == 0:
         values = np.full((1, 3), np.nan)
     typical = np.median(values, axis=0) / TYPICAL
-    worst = np.quantile(values, 0.95, axis=0) / NINETEEN_OF_TWENTY
-    return Cost(variant.group, variant.name, len(errors), failed,
+    worst = np.quantile(values, 0.95, axis=0) / QUANTILE_95
+    return AblationResult(variant.group, variant.name, len(errors), failed,
                 tuple(typical.tolist()), tuple(worst.tolist()))  # fmt: skip

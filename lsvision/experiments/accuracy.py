@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 
 from lsvision.experiments.html import digits
-from lsvision.experiments.printed import QUANTITIES
-from lsvision.experiments.tables import TableRow, pool
-from lsvision.experiments.ways import WAYS
+from lsvision.experiments.methods import METHODS
+from lsvision.experiments.published_results import QUANTITIES
+from lsvision.experiments.tables import TableRow, pool_errors
 
 HEAD = ("Paper's Table", "", "Radius, mm", "θ, °", "φ, °")
 KNOWN = 1e-4
@@ -34,8 +34,8 @@ def readme_table(rows: Sequence[TableRow]) -> str:
             for quantity in QUANTITIES
         ]
         lines.append(_line(_name(own), "largest error printed", printed))
-        for info, way in zip(WAYS.values(), WAYS, strict=True):
-            spread = pool([row.spreads[way] for row in own])
+        for info, way in zip(METHODS.values(), METHODS, strict=True):
+            spread = pool_errors([row.spreads[way] for row in own])
             cells = [
                 _cell(getattr(spread.rms, quantity), getattr(spread.bound, quantity))
                 for quantity in QUANTITIES

@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from lsvision.experiments.printed import PRINTED_ROWS, PrintedRow
+from lsvision.experiments.published_results import PUBLISHED_ROWS, PublishedRow
 from lsvision.sensor.profile_sensor import ProfileSensor
 from lsvision.shapes import Ellipse, Pose
 from lsvision.simulate import Scene, SectionSettings, SimulatedSection, Tube, simulate_scan
@@ -24,7 +24,7 @@ INCIDENCE_LIMIT_DEG = 70.0
 BEAD_LEG = 0.5
 """Reach of the bead of a welded pair up each pipe, in radii."""
 
-LOOK = SectionSettings(
+SECTION_SETTINGS = SectionSettings(
     rays="parallel",
     lost_fraction=0,
     jump_fraction=0,
@@ -52,11 +52,11 @@ class Case:
 
     Parameters
     ----------
-    rows : tuple of PrintedRow
+    rows : tuple of PublishedRow
         One for each pipe, left to right; the k-th has label k in the scene.
     """
 
-    rows: tuple[PrintedRow, ...]
+    rows: tuple[PublishedRow, ...]
 
     @property
     def radius_mm(self) -> float:
@@ -84,16 +84,16 @@ class Case:
 
 def paper_cases() -> tuple[Case, ...]:
     """The twelve pipes of Tables 1-3 and the three pairs of Table 4."""
-    singles = [Case((row,)) for row in PRINTED_ROWS if row.table < 4]
+    singles = [Case((row,)) for row in PUBLISHED_ROWS if row.table < 4]
     pairs = [
         Case((first, second))
-        for first, second in pairwise(PRINTED_ROWS)
+        for first, second in pairwise(PUBLISHED_ROWS)
         if first.table == 4 and first.number == 1
     ]
     return (*singles, *pairs)
 
 
-def look_at(
+def simulate_case(
     case: Case,
     seed: int,
     poses: tuple[Pose, ...],
@@ -116,14 +116,14 @@ def look_at(
     row = case.rows[0]
     numbers = [seed, row.table, row.number, round(row.phi_deg), len(poses)]
     rng = np.random.default_rng(numbers)
-    return simulate_scan(case.scene, poses, paper_sensor(noise_mm), LOOK, rng=rng)
+    return simulate_scan(case.scene, poses, paper_sensor(noise_mm), SECTION_SETTINGS, rng=rng)
 
 
-def _section(row: PrintedRow) -> Ellipse:
+def _section(row: PublishedRow) -> Ellipse:
     phi = math.radians(row.phi_deg)
     major = row.radius_mm / math.cos(phi)
     return Ellipse((0.0, 0.0), major, row.radius_mm, math.radians(row.theta_deg))
 
 
-def _tube(row: PrintedRow, centre: tuple[float, float]) -> Tube:
+def _tube(row: PublishedRow, centre: tuple[float, float]) -> Tube:
     return Tube.of(row.radius_mm, math.radians(row.theta_deg), math.radians(row.phi_deg), centre)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lsvision.experiments.ablation import Cost
+from lsvision.experiments.ablation import AblationResult
 from lsvision.experiments.html import (
     digits,
     figure,
@@ -13,6 +13,7 @@ from lsvision.experiments.html import (
     page,
     paragraph,
 )
+from lsvision.experiments.page_summary import glossary, summary_sections
 from lsvision.experiments.page_tables import (
     ablation_table,
     error_tables,
@@ -23,14 +24,13 @@ from lsvision.experiments.page_tables import (
     timing_table,
     trap_table,
 )
-from lsvision.experiments.page_verdict import verdict, words
-from lsvision.experiments.printed import PRINTED_AXIS_MM, PRINTED_BOX_MM
+from lsvision.experiments.published_results import PUBLISHED_AXIS_MM, PUBLISHED_BOX_MM
 from lsvision.experiments.repeatability import POSITION, Repeatability, phi_std_of_axes
 from lsvision.experiments.report import PaperReport
 from lsvision.experiments.result_pictures import draw_repeatability, draw_scene, draw_tables
 from lsvision.experiments.step_pictures import draw_recognition, draw_screening, draw_smoothing
 
-FREE = 1.1
+MAX_FREE_RATIO = 1.1
 """A variant whose errors all stay below this multiple of the whole chain's costs nothing."""
 TITLE = "The paper’s experiments, run again"
 
@@ -51,8 +51,8 @@ def report_page(report: PaperReport) -> str:
             "table and figure of it on a simulator, where the truth is known, and says what can "
             "be believed. Every number here was computed when the page was made."
         ),
-        *verdict(report),
-        *words(),
+        *summary_sections(report),
+        *glossary(),
         *_tables(report),
         *_times(report),
         *_pictures(report),
@@ -155,15 +155,15 @@ def _repeatability(report: PaperReport) -> list[str]:
 
 def _on_the_box(repeated: Repeatability, noise_mm: float) -> str:
     width, height = repeated.box_mm
-    of_axes = phi_std_of_axes(PRINTED_AXIS_MM / 2, POSITION.radius_mm, 10.0)
+    of_axes = phi_std_of_axes(PUBLISHED_AXIS_MM / 2, POSITION.radius_mm, 10.0)
     return (
         f"The centres fill a box of {digits(width)} × {digits(height)} mm; the paper’s is "
-        f"{PRINTED_BOX_MM:g} × {PRINTED_BOX_MM:g} mm. At {noise_mm:g} mm noise a section knows a "
-        "pipe’s place along the line well and its depth badly: a deeper and wider ellipse fits "
+        f"{PUBLISHED_BOX_MM:g} × {PUBLISHED_BOX_MM:g} mm. At {noise_mm:g} mm noise a section knows "
+        "a pipe’s place along the line well and its depth badly: a deeper and wider ellipse fits "
         "almost as well. The best possible method fills the paper’s box at a noise of "
         f"{digits(repeated.noise_of_printed_box_mm)} mm; compare the noise that the printed "
         "angles would take, in the table of what one section can give. And axes that vary by "
-        f"{PRINTED_AXIS_MM:g} mm, as the paper has them, mean {digits(of_axes)}° in φ at 10° if "
+        f"{PUBLISHED_AXIS_MM:g} mm, as the paper has them, mean {digits(of_axes)}° in φ at 10° if "
         "19 of 20 stay within and they vary each by itself: not the 0.2° of its Table 3."
     )
 
@@ -183,16 +183,16 @@ def _ablation(report: PaperReport) -> list[str]:
     ]  # fmt: skip
 
 
-def _on_what_is_free(costs: Sequence[Cost]) -> str:
+def _on_what_is_free(costs: Sequence[AblationResult]) -> str:
     whole = np.array([*costs[0].typical, *costs[0].worst])
     free = [
         cost.name
         for cost in costs[1:]
-        if (np.array([*cost.typical, *cost.worst]) < FREE * whole).all()
+        if (np.array([*cost.typical, *cost.worst]) < MAX_FREE_RATIO * whole).all()
     ]
     named = "; ".join(free) or "nothing"
     return (
-        f"Changed or left out at a cost of under {100 * (FREE - 1):.0f} % here: {named}. "
+        f"Changed or left out at a cost of under {100 * (MAX_FREE_RATIO - 1):.0f} % here: {named}. "
         "lsvision’s rough identification stops at points beyond the noise, so that little is "
         "left to screening and to the search for jumps; homogenised points only start its fit, "
         "which weighs every point by its error and so minds no uneven spacing."

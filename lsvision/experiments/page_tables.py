@@ -3,17 +3,17 @@
 import math
 from collections.abc import Sequence
 
-from lsvision.experiments.ablation import Cost
+from lsvision.experiments.ablation import AblationResult
 from lsvision.experiments.accuracy import KNOWN
+from lsvision.experiments.achievability import Achievability
 from lsvision.experiments.html import digits, table
-from lsvision.experiments.printed import PRINTED_AXIS_MM, PRINTED_BOX_MM, QUANTITIES
-from lsvision.experiments.reach import Reach
+from lsvision.experiments.methods import METHODS
+from lsvision.experiments.paper_pitfalls import Pitfall
+from lsvision.experiments.published_results import PUBLISHED_AXIS_MM, PUBLISHED_BOX_MM, QUANTITIES
 from lsvision.experiments.repeatability import Repeatability
 from lsvision.experiments.report import PaperReport
-from lsvision.experiments.scenes import PicturedScene
+from lsvision.experiments.scenes import SceneFigure
 from lsvision.experiments.timing import Timing
-from lsvision.experiments.traps import Trap
-from lsvision.experiments.ways import WAYS
 
 NAMES = {
     "radius_mm": "Radius error, mm",
@@ -29,7 +29,7 @@ def error_tables(report: PaperReport) -> list[str]:
     return [_error_table(report, number) for number in tables]
 
 
-def reach_table(reaches: Sequence[Reach]) -> str:
+def reach_table(reaches: Sequence[Achievability]) -> str:
     """Which printed figures one section can give, and what it would take."""
     rows: list[list[str]] = []
     for number in sorted({reach.table for reach in reaches}):
@@ -68,7 +68,7 @@ def recognition_table(timings: Sequence[Timing]) -> str:
     return table("Pipes found, and results that are no pipe", head, rows)
 
 
-def scene_table(scene: PicturedScene) -> str:
+def scene_table(scene: SceneFigure) -> str:
     """What is true of the pipes of a scene, and what was found."""
     rows = []
     for number, pipe in enumerate(scene.pipes, 1):
@@ -85,7 +85,7 @@ def repeatability_table(repeated: Repeatability) -> str:
     names = ("centre X", "centre Y", "long semi-axis a", "short semi-axis b (the radius)")
     boxes = (*repeated.box_mm, None, None)
     expected = (*repeated.expected_box_mm, None, None)
-    limits = (PRINTED_BOX_MM, PRINTED_BOX_MM, PRINTED_AXIS_MM, PRINTED_AXIS_MM)
+    limits = (PUBLISHED_BOX_MM, PUBLISHED_BOX_MM, PUBLISHED_AXIS_MM, PUBLISHED_AXIS_MM)
     rows = []
     for number, name in enumerate(names):
         box, best = boxes[number], expected[number]
@@ -99,7 +99,7 @@ def repeatability_table(repeated: Repeatability) -> str:
     return table(f"{len(repeated.ellipses)} measurements of one position", head, rows)
 
 
-def ablation_table(costs: Sequence[Cost]) -> str:
+def ablation_table(costs: Sequence[AblationResult]) -> str:
     """What every variant costs."""
     rows: list[list[str]] = []
     group = ""
@@ -114,7 +114,7 @@ def ablation_table(costs: Sequence[Cost]) -> str:
     return table(f"Error over the best possible, {costs[0].pipes} pipes", head, rows)
 
 
-def trap_table(trap: Trap) -> str:
+def trap_table(trap: Pitfall) -> str:
     """The numbers that show a trap."""
     rows = []
     for check in trap.checks:
@@ -140,7 +140,7 @@ def _error_table(report: PaperReport, number: int) -> str:
                 cells.append(("given" if rms < KNOWN else digits(rms)) + missed)
             rows.append(cells)
     head = ("Pipe", "Printed error", "Best possible, one section",
-            *(f"({info.letter}) {info.short}" for info in WAYS.values()))  # fmt: skip
+            *(f"({info.letter}) {info.short}" for info in METHODS.values()))  # fmt: skip
     first = own[0].printed
     title = f"single pipes, θ = {first.theta_deg:g}°, φ = {first.phi_deg:g}°"
     if number == 4:
@@ -148,7 +148,7 @@ def _error_table(report: PaperReport, number: int) -> str:
     return table(f"Table {number}: {title}. Typical errors", head, rows)
 
 
-def _reach_row(reach: Reach) -> list[str]:
+def _reach_row(reach: Achievability) -> list[str]:
     unit = reach.quantity.rsplit("_", 1)[1]
     chance = reach.chance
     said = f"{100 * chance:.0f} %" if chance >= 0.01 else "under 1 in 100,000"

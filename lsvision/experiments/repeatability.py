@@ -5,14 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.experiments.cases import Case, look_at
-from lsvision.experiments.printed import PRINTED_BOX_MM, PrintedRow, Triple
-from lsvision.experiments.ways import WAYS
+from lsvision.experiments.cases import Case, simulate_case
+from lsvision.experiments.methods import METHODS
+from lsvision.experiments.published_results import PUBLISHED_BOX_MM, PublishedRow, Triple
 from lsvision.measure import measure_cylinders
 from lsvision.planning import section_bound
-from lsvision.shapes import FloatArray, locked
+from lsvision.shapes import FloatArray, as_readonly_array
 
-POSITION = Case((PrintedRow(0, 1, 19.0, 20.0, 20.0, Triple(0.0, 0.0, 0.0)),))
+POSITION = Case((PublishedRow(0, 1, 19.0, 20.0, 20.0, Triple(0.0, 0.0, 0.0)),))
 """Radius of the paper's welded pipes, middle of its angles; the paper does not say which."""
 
 
@@ -41,8 +41,8 @@ class Repeatability:
     noise_of_printed_box_mm: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "ellipses", locked(self.ellipses, ("n", 4), "ellipses"))
-        object.__setattr__(self, "bound", locked(self.bound, (4, 4), "bound"))
+        object.__setattr__(self, "ellipses", as_readonly_array(self.ellipses, ("n", 4), "ellipses"))
+        object.__setattr__(self, "bound", as_readonly_array(self.bound, (4, 4), "bound"))
 
     @property
     def box_mm(self) -> tuple[float, float]:
@@ -73,12 +73,12 @@ def measure_repeatedly(repeats: int, *, noise_mm: float, seed: int = 0) -> Repea
     seed : int
         Of the first measurement.
     """
-    poses = WAYS["section"].poses
-    truth = look_at(POSITION, seed, poses, noise_mm=noise_mm)[0]
+    poses = METHODS["section"].poses
+    truth = simulate_case(POSITION, seed, poses, noise_mm=noise_mm)[0]
     wanted = truth.truth.tubes[0].ellipse
     errors = []
     for number in range(seed, seed + repeats):
-        (section,) = look_at(POSITION, number, poses, noise_mm=noise_mm)
+        (section,) = simulate_case(POSITION, number, poses, noise_mm=noise_mm)
         found = measure_cylinders(section.profile, radius=POSITION.radius_mm).cylinders
         if len(found) != 1:
             continue
@@ -98,7 +98,7 @@ def measure_repeatedly(repeats: int, *, noise_mm: float, seed: int = 0) -> Repea
         missed=repeats - len(errors),
         bound=bound,
         expected_box_mm=(float(sides[0]), float(sides[1])),
-        noise_of_printed_box_mm=noise_mm * PRINTED_BOX_MM / float(sides.max()),
+        noise_of_printed_box_mm=noise_mm * PUBLISHED_BOX_MM / float(sides.max()),
     )
 
 

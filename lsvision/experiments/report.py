@@ -4,16 +4,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Self
 
-from lsvision.experiments.ablation import Cost, ablate
+from lsvision.experiments.ablation import AblationResult, run_ablation
+from lsvision.experiments.achievability import Achievability, compare_with_bound
 from lsvision.experiments.cases import paper_cases
-from lsvision.experiments.reach import Reach, judge_tables
+from lsvision.experiments.methods import METHODS, Method
+from lsvision.experiments.paper_pitfalls import Pitfall, check_pitfalls
 from lsvision.experiments.repeatability import Repeatability, measure_repeatedly
-from lsvision.experiments.scenes import PicturedScene, picture_scenes
-from lsvision.experiments.steps import StepExample, follow_steps
+from lsvision.experiments.scenes import SceneFigure, measure_scenes
+from lsvision.experiments.steps import StepExample, run_steps
 from lsvision.experiments.tables import TableRow, measure_tables
 from lsvision.experiments.timing import Timing, time_conditions
-from lsvision.experiments.traps import Trap, check_traps
-from lsvision.experiments.ways import WAYS, Way
 
 PAPER_NOISE_MM = 0.1
 """One sigma along the ray at 400 mm that goes with the paper's sensor. Units: mm."""
@@ -22,12 +22,12 @@ LEAST_NOISE_MM, LARGEST_NOISE_MM = 0.001, 0.3
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Effort:
+class ExperimentSizes:
     """How often everything is measured.
 
     Parameters
     ----------
-    runs : mapping of Way to int
+    runs : mapping of Method to int
         Measurements of each pipe of Tables 1-4.
     timing_scenes : int
         Scenes of each condition of Table 5.
@@ -37,7 +37,7 @@ class Effort:
         Scenes of each kind.
     """
 
-    runs: Mapping[Way, int]
+    runs: Mapping[Method, int]
     timing_scenes: int
     repeats: int
     ablation_scenes: int
@@ -63,40 +63,40 @@ class PaperReport:
     ----------
     noise_mm : float
         One sigma along the ray at 400 mm. Units: mm.
-    effort : Effort
+    effort : ExperimentSizes
         How often everything was measured.
     rows : tuple of TableRow
         Tables 1-4.
-    reaches : tuple of Reach
+    reaches : tuple of Achievability
         Which of their figures one section can give.
     timings : tuple of Timing
         Table 5; the only part that differs from run to run.
     steps : StepExample
         Figures 5-10.
-    scenes : tuple of PicturedScene
+    scenes : tuple of SceneFigure
         Figures 14 and 15.
     repeatability : Repeatability
         Figure 16.
-    costs : tuple of Cost
+    costs : tuple of AblationResult
         The ablation.
-    traps : tuple of Trap
+    traps : tuple of Pitfall
         Of the paper's wording.
     """
 
     noise_mm: float
-    effort: Effort
+    effort: ExperimentSizes
     rows: tuple[TableRow, ...]
-    reaches: tuple[Reach, ...]
+    reaches: tuple[Achievability, ...]
     timings: tuple[Timing, ...]
     steps: StepExample
-    scenes: tuple[PicturedScene, ...]
+    scenes: tuple[SceneFigure, ...]
     repeatability: Repeatability
-    costs: tuple[Cost, ...]
-    traps: tuple[Trap, ...]
+    costs: tuple[AblationResult, ...]
+    traps: tuple[Pitfall, ...]
 
 
 def run_experiments(
-    effort: Effort,
+    effort: ExperimentSizes,
     *,
     noise_mm: float = PAPER_NOISE_MM,
     seed: int = 0,
@@ -106,7 +106,7 @@ def run_experiments(
 
     Parameters
     ----------
-    effort : Effort
+    effort : ExperimentSizes
         How often everything is measured.
     noise_mm : float
         One sigma along the ray at 400 mm. Units: mm.
@@ -131,12 +131,12 @@ def run_experiments(
     timings = time_conditions(effort.timing_scenes, noise_mm=noise_mm, seed=seed, say=say)
     rows = measure_tables(paper_cases(), effort.runs, noise_mm=noise_mm, seed=seed, say=say)
     say("which figures one section can give")
-    reaches = judge_tables(rows, noise_mm=noise_mm)
+    reaches = compare_with_bound(rows, noise_mm=noise_mm)
     say("figures 5-10, 14 and 15")
-    steps, scenes = follow_steps(noise_mm=noise_mm), picture_scenes(noise_mm=noise_mm)
+    steps, scenes = run_steps(noise_mm=noise_mm), measure_scenes(noise_mm=noise_mm)
     say(f"figure 16: {effort.repeats} measurements of one position")
     repeatability = measure_repeatedly(effort.repeats, noise_mm=noise_mm, seed=seed)
-    costs = ablate(effort.ablation_scenes, noise_mm=noise_mm, seed=seed, say=say)
+    costs = run_ablation(effort.ablation_scenes, noise_mm=noise_mm, seed=seed, say=say)
     return PaperReport(
         noise_mm=noise_mm,
         effort=effort,
@@ -147,10 +147,10 @@ def run_experiments(
         scenes=scenes,
         repeatability=repeatability,
         costs=costs,
-        traps=check_traps(),
+        traps=check_pitfalls(),
     )
 
 
-def _checked(runs: Mapping[str, int]) -> dict[Way, int]:
-    """One number for each way, in the order of `WAYS`."""
-    return {way: runs[way] for way in WAYS}
+def _checked(runs: Mapping[str, int]) -> dict[Method, int]:
+    """One number for each way, in the order of `METHODS`."""
+    return {way: runs[way] for way in METHODS}

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lsvision.draw import draw_on_axes
-from lsvision.experiments.printed import PRINTED_BOX_MM, QUANTITIES, PrintedRow
+from lsvision.experiments.methods import METHODS, Method
+from lsvision.experiments.published_results import PUBLISHED_BOX_MM, QUANTITIES, PublishedRow
 from lsvision.experiments.repeatability import Repeatability
-from lsvision.experiments.scenes import PicturedScene
+from lsvision.experiments.scenes import SceneFigure
 from lsvision.experiments.svg import BLUE, GREEN, GREY, ORANGE, PURPLE, inline_svg, new_figure
-from lsvision.experiments.tables import TableRow, pool
-from lsvision.experiments.ways import WAYS, Way
+from lsvision.experiments.tables import TableRow, pool_errors
 from lsvision.shapes import FloatArray
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 NAMES = {"radius_mm": "radius / mm", "theta_deg": "θ / °", "phi_deg": "φ / °"}
 """Of the quantities, as axes show them."""
-COLOURS: dict[Way, str] = {
+COLOURS: dict[Method, str] = {
     "paper": ORANGE, "section": BLUE, "known": PURPLE, "two": GREEN, "twenty": "black",
 }  # fmt: skip
 SIGMAS_DRAWN = 3.0
@@ -56,8 +56,8 @@ def _draw_table(axes: "Axes", own: Sequence[TableRow], quantity: str, place: int
     printed = [abs(getattr(row.printed.errors, quantity)) for row in own]
     axes.plot([place - 0.36] * len(own), printed, "_", color="red", ms=12, mew=1.6,
               label="printed in the paper" if named else None)  # fmt: skip
-    for step, (way, info) in enumerate(WAYS.items()):
-        spread = pool([row.spreads[way] for row in own])
+    for step, (way, info) in enumerate(METHODS.items()):
+        spread = pool_errors([row.spreads[way] for row in own])
         at = place - 0.2 + 0.14 * step
         rms, bound = getattr(spread.rms, quantity), getattr(spread.bound, quantity)
         if bound > 0:
@@ -68,17 +68,17 @@ def _draw_table(axes: "Axes", own: Sequence[TableRow], quantity: str, place: int
                   label=f"({info.letter}) {info.name}" if named else None)  # fmt: skip
 
 
-def _under(printed: PrintedRow) -> str:
+def _under(printed: PublishedRow) -> str:
     kind = "welded" if printed.table == 4 else f"φ = {printed.phi_deg:g}°"
     return f"Table {printed.table}\n{kind}"
 
 
-def draw_scene(scene: PicturedScene, number: int) -> str:
+def draw_scene(scene: SceneFigure, number: int) -> str:
     """A scene of Figures 14 and 15 with what was found in it.
 
     Parameters
     ----------
-    scene : PicturedScene
+    scene : SceneFigure
         The scene.
     number : int
         Its place on the page.
@@ -102,7 +102,7 @@ def draw_repeatability(repeatability: Repeatability) -> str:
               label="best possible, three sigma")  # fmt: skip
     low, high = centres.min(axis=0), centres.max(axis=0)
     axes.plot(*_box(low, high).T, "--", color=GREY, lw=1, label="box of all centres")
-    half = PRINTED_BOX_MM / 2
+    half = PUBLISHED_BOX_MM / 2
     axes.plot(*_box(np.full(2, -half), np.full(2, half)).T, "-", color="red", lw=1.2,
               label="the paper's box, 0.6 mm")  # fmt: skip
     axes.set_aspect("equal")

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from lsvision.experiments.printed import PRINTED_TIMES
+from lsvision.experiments.published_results import PUBLISHED_TIMES
 from lsvision.experiments.timing import SEARCHED_MM, TUBES, count_matches
 from lsvision.measure import Measurement, measure_cylinders
 from lsvision.simulate import SimulatedSection, TubeTruth, random_section
@@ -13,7 +13,7 @@ SEED = 0
 
 
 @dataclass(frozen=True, slots=True)
-class PicturedPipe:
+class ScenePipe:
     """A pipe in a pictured scene: what is true, and what was found of it.
 
     Parameters
@@ -33,7 +33,7 @@ class PicturedPipe:
 
 
 @dataclass(frozen=True, eq=False)
-class PicturedScene:
+class SceneFigure:
     """One scene of Figures 14 and 15, measured.
 
     Parameters
@@ -44,7 +44,7 @@ class PicturedScene:
         The scene, seen.
     measurement : Measurement
         What lsvision finds in it.
-    pipes : tuple of PicturedPipe
+    pipes : tuple of ScenePipe
         In the order of the truth.
     false : int
         Results that are no pipe.
@@ -53,11 +53,11 @@ class PicturedScene:
     title: str
     section: SimulatedSection
     measurement: Measurement
-    pipes: tuple[PicturedPipe, ...]
+    pipes: tuple[ScenePipe, ...]
     false: int
 
 
-def picture_scenes(*, noise_mm: float) -> tuple[PicturedScene, ...]:
+def measure_scenes(*, noise_mm: float) -> tuple[SceneFigure, ...]:
     """Measure one scene of each kind that the paper shows.
 
     Parameters
@@ -66,25 +66,25 @@ def picture_scenes(*, noise_mm: float) -> tuple[PicturedScene, ...]:
         One sigma along the ray at 400 mm. Units: mm.
     """
     scenes = []
-    for printed in PRINTED_TIMES[1:]:
+    for printed in PUBLISHED_TIMES[1:]:
         section = random_section(printed.kind, SEED, noise_mm=noise_mm, tubes=TUBES)
         measurement = measure_cylinders(section.profile, radius=SEARCHED_MM)
         pipes = tuple(_pipe(tube, section, measurement) for tube in section.truth.tubes)
         _, false = count_matches(measurement, section.truth)
-        scenes.append(PicturedScene(printed.condition, section, measurement, pipes, false))
+        scenes.append(SceneFigure(printed.condition, section, measurement, pipes, false))
     return tuple(scenes)
 
 
-def _pipe(tube: TubeTruth, section: SimulatedSection, measurement: Measurement) -> PicturedPipe:
+def _pipe(tube: TubeTruth, section: SimulatedSection, measurement: Measurement) -> ScenePipe:
     deg = math.degrees(1.0)
     truth = (tube.radius, tube.theta * deg, tube.phi * deg)
     labels = section.truth.labels
     for c in measurement.cylinders:
         if (labels[c.indices] == tube.label).mean() > 0.5:
-            return PicturedPipe(
+            return ScenePipe(
                 *truth,
                 (c.radius, c.radius_std),
                 (c.theta * deg, c.theta_std * deg),
                 (c.phi * deg, c.phi_std * deg),
             )
-    return PicturedPipe(*truth, None, None, None)
+    return ScenePipe(*truth, None, None, None)

@@ -7,7 +7,7 @@ import numpy as np
 from lsvision.draw import draw_on_axes
 from lsvision.experiments.steps import StepExample
 from lsvision.experiments.svg import BLUE, GREEN, GREY, ORANGE, PURPLE, inline_svg, new_figure
-from lsvision.literal import LiteralSettings
+from lsvision.paper_pipeline import PaperSettings
 from lsvision.shapes import Points, orthogonal_residuals
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def draw_recognition(steps: StepExample) -> str:
                  bbox_to_anchor=(0.5, 1.0))  # fmt: skip
     x, worst = steps.windows.T
     below.plot(x, np.minimum(worst, HIGHEST_MM), "-", color=GREY, lw=0.8)
-    limit = LiteralSettings().sensor_error_mm
+    limit = PaperSettings().sensor_error_mm
     passed = worst < limit
     below.plot(x[passed], worst[passed], ".", color=ORANGE, ms=4,
                label="passes for an ellipse")  # fmt: skip
@@ -61,7 +61,7 @@ def draw_screening(steps: StepExample) -> str:
     axes.plot(points[kept, 0], residuals[kept], ".", color=BLUE, label="kept")
     axes.plot(points[~kept, 0], residuals[~kept], "D", color=ORANGE, ms=4,
               label="dropped by screening")  # fmt: skip
-    limit = LiteralSettings().sensor_error_mm
+    limit = PaperSettings().sensor_error_mm
     for value in (-limit, limit):
         axes.axhline(value, color=PURPLE, lw=1, ls="--",
                      label="the paper's limit, 0.9 mm" if value > 0 else None)  # fmt: skip
@@ -79,7 +79,7 @@ def draw_smoothing(steps: StepExample) -> str:
     figure = new_figure(3.4)
     axes = figure.subplots()
     points = steps.profile.points[steps.screened.indices]
-    kept = steps.conditioned.kept
+    kept = steps.conditioned.inliers
     truth = min(
         (tube.ellipse for tube in steps.section.truth.tubes),
         key=lambda ellipse: float(np.abs(orthogonal_residuals(points, ellipse)).mean()),

@@ -4,20 +4,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lsvision.detection.arc_detection import identify_arcs
+from lsvision.detection.candidates import find_candidates
+from lsvision.detection.identification import IdentifiedArc
+from lsvision.detection.profile_preparation import prepare_profile
+from lsvision.detection.range_image import connected_components, rasterise
+from lsvision.detection.screening import screen_arc
+from lsvision.ellipse.conditioning import ConditionedArc, condition_arc
+from lsvision.ellipse.fit import FittingSettings, fit_ellipse
+from lsvision.ellipse.homogenising import homogenise_profile_paper
+from lsvision.ellipse.smoothing import smooth_profile_paper
 from lsvision.errors import LsvisionError
-from lsvision.fitting.conditioning import ConditionedArc, condition_arc
-from lsvision.fitting.ellipse_fit import FittingSettings, fit_ellipse
-from lsvision.fitting.homogenising import homogenise_profile_literally
-from lsvision.fitting.smoothing import smooth_profile_literally
-from lsvision.literal import LiteralSettings, initial_ellipse
 from lsvision.measure import Measurement, measure_cylinders
-from lsvision.profile import WeighedProfile
-from lsvision.recognition.candidates import find_candidates
-from lsvision.recognition.identification import IdentifiedArc
-from lsvision.recognition.range_image import connected_components, rasterise
-from lsvision.recognition.recognise import identify_arcs
-from lsvision.recognition.screening import screen_arc
-from lsvision.recognition.weighing import weigh_profile
+from lsvision.paper_pipeline import PaperSettings, initial_ellipse
+from lsvision.profile import PreparedProfile
 from lsvision.shapes import FloatArray, Points
 from lsvision.simulate import SimulatedSection, TubeRanges, random_section
 
@@ -41,8 +41,8 @@ class StepExample:
         The section with its truth.
     measurement : Measurement
         lsvision's result.
-    profile : WeighedProfile
-        What recognition works on.
+    profile : PreparedProfile
+        What the detection of arcs works on.
     windows : (k, 2) ndarray
         Middle of each window of the paper's rough identification (x) and its largest abs(r_j);
         inf where no ellipse fits. Units: mm.
@@ -56,7 +56,7 @@ class StepExample:
 
     section: SimulatedSection
     measurement: Measurement
-    profile: WeighedProfile
+    profile: PreparedProfile
     windows: FloatArray
     identified: IdentifiedArc
     screened: IdentifiedArc
@@ -64,7 +64,7 @@ class StepExample:
     literal: Points
 
 
-def follow_steps(*, noise_mm: float) -> StepExample:
+def run_steps(*, noise_mm: float) -> StepExample:
     """Follow the steps on one welded pair among clutter.
 
     Parameters
@@ -78,18 +78,18 @@ def follow_steps(*, noise_mm: float) -> StepExample:
         If so much noise hides both pipes.
     """
     section = random_section(KIND, SEED, noise_mm=noise_mm, tubes=TUBES)
-    profile = weigh_profile(section.profile, section.profile.noise)
+    profile = prepare_profile(section.profile, section.profile.noise)
     components = connected_components(rasterise(profile), SMALLEST_SPAN)
     candidates = find_candidates(profile, components, RADIUS_RANGE)
     arcs, _ = identify_arcs(profile, candidates, RADIUS_RANGE)
-    labels = section.truth.labels[profile.columns]
+    labels = section.truth.labels[profile.sensor_columns]
     ours = [arc for arc in arcs if (labels[arc.indices] > 0).mean() > 0.5]
     if not ours:
         raise ValueError(f"want noise in which the example's pipes are found, got {noise_mm} mm")
     identified = max(ours, key=lambda arc: len(arc.indices))
     screened = screen_arc(profile, identified)
     own = profile.points[screened.indices]
-    conditioned = condition_arc(profile.noisy[screened.indices], screened.ellipse)
+    conditioned = condition_arc(profile.noisy_points[screened.indices], screened.ellipse)
     by_x = own[np.argsort(own[:, 0], kind="stable")]
     return StepExample(
         section=section,
@@ -99,13 +99,13 @@ def follow_steps(*, noise_mm: float) -> StepExample:
         identified=identified,
         screened=screened,
         conditioned=conditioned,
-        literal=homogenise_profile_literally(smooth_profile_literally(by_x)),
+        literal=homogenise_profile_paper(smooth_profile_paper(by_x)),
     )
 
 
-def _windows(profile: WeighedProfile) -> FloatArray:
+def _windows(profile: PreparedProfile) -> FloatArray:
     """Largest r_j of the paper's windows along the line, Figure 6."""
-    points, literal = profile.points[profile.order], LiteralSettings()
+    points, literal = profile.points[profile.valid_indices], PaperSettings()
     num = max(6, round(literal.window_fraction * len(points)))
     radius = float(np.sqrt(RADIUS_RANGE[0] * RADIUS_RANGE[1]))
     worst = []

@@ -6,16 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.experiments.cases import Case
-from lsvision.experiments.printed import QUANTITIES, PrintedRow, Triple
-from lsvision.experiments.ways import WAYS, Way, bound_of, error_of, measure_case
+from lsvision.experiments.methods import METHODS, Method, case_bound, case_errors, measure_case
+from lsvision.experiments.published_results import QUANTITIES, PublishedRow, Triple
 from lsvision.shapes import FloatArray
 
-Say = Callable[[str], None]
+ProgressCallback = Callable[[str], None]
 """Takes a line about what is being worked on."""
 
 
 @dataclass(frozen=True, slots=True)
-class Spread:
+class ErrorStatistics:
     """Errors of one way on one pipe.
 
     Parameters
@@ -43,23 +43,23 @@ class TableRow:
 
     Parameters
     ----------
-    printed : PrintedRow
+    printed : PublishedRow
         What the paper says.
-    spreads : mapping of Way to Spread
-        In the order of `WAYS`.
+    spreads : mapping of Method to ErrorStatistics
+        In the order of `METHODS`.
     """
 
-    printed: PrintedRow
-    spreads: Mapping[Way, Spread]
+    printed: PublishedRow
+    spreads: Mapping[Method, ErrorStatistics]
 
 
 def measure_tables(
     cases: Sequence[Case],
-    runs: Mapping[Way, int],
+    runs: Mapping[Method, int],
     *,
     noise_mm: float,
     seed: int = 0,
-    say: Say = lambda _: None,
+    say: ProgressCallback = lambda _: None,
 ) -> tuple[TableRow, ...]:
     """Measure the pipes of the paper's tables many times in every way.
 
@@ -67,7 +67,7 @@ def measure_tables(
     ----------
     cases : sequence of Case
         As from `paper_cases`.
-    runs : mapping of Way to int
+    runs : mapping of Method to int
         How often each way measures each case.
     noise_mm : float
         One sigma along the ray. Units: mm.
@@ -86,13 +86,13 @@ def measure_tables(
         row = case.rows[0]
         say(f"table {row.table}: radius {row.radius_mm:g} mm, phi {row.phi_deg:g} deg")
         spreads = {way: _spreads(case, way, range(seed, seed + runs[way]), noise_mm)
-                   for way in WAYS}  # fmt: skip
+                   for way in METHODS}  # fmt: skip
         for pipe, printed in enumerate(case.rows):
-            rows.append(TableRow(printed, {way: spreads[way][pipe] for way in WAYS}))
+            rows.append(TableRow(printed, {way: spreads[way][pipe] for way in METHODS}))
     return tuple(rows)
 
 
-def pool(spreads: Sequence[Spread]) -> Spread:
+def pool_errors(spreads: Sequence[ErrorStatistics]) -> ErrorStatistics:
     """Several pipes as one: root mean squares of rms and bound, mean of the bias."""
     found = np.array([float(spread.runs - spread.missed) for spread in spreads])
     every = np.ones(len(spreads))
@@ -105,13 +105,13 @@ def pool(spreads: Sequence[Spread]) -> Spread:
 
     runs = sum(spread.runs for spread in spreads)
     missed = sum(spread.missed for spread in spreads)
-    return Spread(runs, missed, mean("bias", 1, found), mean("rms", 2, found),
+    return ErrorStatistics(runs, missed, mean("bias", 1, found), mean("rms", 2, found),
                   mean("bound", 2, every))  # fmt: skip
 
 
-def _spreads(case: Case, way: Way, seeds: range, noise_mm: float) -> tuple[Spread, ...]:
+def _spreads(case: Case, way: Method, seeds: range, noise_mm: float) -> tuple[ErrorStatistics, ...]:
     measured = [measure_case(case, way, seed, noise_mm=noise_mm) for seed in seeds]
-    bounds = bound_of(case, way, noise_mm=noise_mm)
+    bounds = case_bound(case, way, noise_mm=noise_mm)
     return tuple(
         _spread([found[pipe] for found in measured], case, pipe, bounds[pipe])
         for pipe in range(len(case.rows))
@@ -120,16 +120,16 @@ def _spreads(case: Case, way: Way, seeds: range, noise_mm: float) -> tuple[Sprea
 
 def _spread(
     measured: Sequence[tuple[float, float, float] | None], case: Case, pipe: int, bound: Triple
-) -> Spread:
-    errors = [_numbers(error_of(found, case, pipe)) for found in measured if found is not None]
+) -> ErrorStatistics:
+    errors = [_numbers(case_errors(found, case, pipe)) for found in measured if found is not None]
     missed = len(measured) - len(errors)
     if not errors:
         nothing = Triple(np.nan, np.nan, np.nan)
-        return Spread(len(measured), missed, nothing, nothing, bound)
+        return ErrorStatistics(len(measured), missed, nothing, nothing, bound)
     values = np.array(errors)
     bias = Triple(*values.mean(axis=0).tolist())
     rms = Triple(*np.sqrt((values**2).mean(axis=0)).tolist())
-    return Spread(len(measured), missed, bias, rms, bound)
+    return ErrorStatistics(len(measured), missed, bias, rms, bound)
 
 
 def _numbers(triple: Triple) -> list[float]:

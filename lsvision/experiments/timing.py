@@ -7,7 +7,7 @@ from statistics import median
 
 import numpy as np
 
-from lsvision.experiments.printed import PRINTED_TIMES, PrintedTime
+from lsvision.experiments.published_results import PUBLISHED_TIMES, PublishedTime
 from lsvision.measure import Measurement, Settings, measure_cylinders
 from lsvision.simulate import SectionTruth, SimulatedSection, TubeRanges, random_section
 
@@ -18,12 +18,12 @@ SEARCHED_MM = (10.0, 40.0)
 """Neither chain is told the radius; the paper's starts its fits from the middle, 20 mm."""
 REPEATS = 5
 """Of the fast chain on each scene; the median counts."""
-SAME_TUBE = 0.5
+MIN_IOU = 0.5
 """Least intersection over union of the points for a result to be the pipe."""
 
 
 @dataclass(frozen=True, slots=True)
-class Chain:
+class PipelineTiming:
     """What one chain did under one condition.
 
     Parameters
@@ -47,19 +47,19 @@ class Timing:
 
     Parameters
     ----------
-    printed : PrintedTime
+    printed : PublishedTime
         What the paper says.
     scenes, pipes : int
         Scenes measured, and pipes in them.
-    paper, section : Chain
+    paper, section : PipelineTiming
         The paper's chain, and lsvision, on the same profiles.
     """
 
-    printed: PrintedTime
+    printed: PublishedTime
     scenes: int
     pipes: int
-    paper: Chain
-    section: Chain
+    paper: PipelineTiming
+    section: PipelineTiming
 
     @property
     def ratio(self) -> float:
@@ -84,7 +84,7 @@ def time_conditions(
         Told of each condition.
     """
     timings = []
-    for printed in PRINTED_TIMES:
+    for printed in PUBLISHED_TIMES:
         say(f"table 5: {printed.condition.lower()}")
         sections = [
             random_section(printed.kind, number, noise_mm=noise_mm, tubes=TUBES)
@@ -121,10 +121,12 @@ def count_matches(measurement: Measurement, truth: SectionTruth) -> tuple[int, i
 
 
 def _same(got: np.ndarray, wanted: np.ndarray) -> bool:
-    return bool((got & wanted).sum() > SAME_TUBE * (got | wanted).sum())
+    return bool((got & wanted).sum() > MIN_IOU * (got | wanted).sum())
 
 
-def _time_chain(sections: list[SimulatedSection], settings: Settings, repeats: int) -> Chain:
+def _time_chain(
+    sections: list[SimulatedSection], settings: Settings, repeats: int
+) -> PipelineTiming:
     seconds: list[float] = []
     found = false = 0
     for section in sections:
@@ -136,4 +138,4 @@ def _time_chain(sections: list[SimulatedSection], settings: Settings, repeats: i
         seconds.append(median(runs))
         more_found, more_false = count_matches(measurement, section.truth)
         found, false = found + more_found, false + more_false
-    return Chain(median(seconds), found, false)
+    return PipelineTiming(median(seconds), found, false)

@@ -8,26 +8,26 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from lsvision.fitting.conditioning import ConditionedArc, condition_arc
-from lsvision.fitting.ellipse_fit import FittingSettings, fit_ellipse
-from lsvision.fitting.homogenising import homogenise_profile_literally
-from lsvision.fitting.smoothing import smooth_profile_literally
-from lsvision.literal import LiteralSettings
-from lsvision.profile import Arc, WeighedProfile
-from lsvision.recognition.identification import IdentifiedArc
-from lsvision.recognition.screening import screen_arc
+from lsvision.detection.identification import IdentifiedArc
+from lsvision.detection.screening import screen_arc
+from lsvision.ellipse.conditioning import ConditionedArc, condition_arc
+from lsvision.ellipse.fit import FittingSettings, fit_ellipse
+from lsvision.ellipse.homogenising import homogenise_profile_paper
+from lsvision.ellipse.smoothing import smooth_profile_paper
+from lsvision.paper_pipeline import PaperSettings
+from lsvision.profile import Arc, PreparedProfile
 from lsvision.shapes import Ellipse, IntArray, Points, radial_residuals
 
 RADIAL = FittingSettings(residual="radial")
 
 
 @dataclass(frozen=True, eq=False)
-class ArcInHand:
+class AblationArc:
     """A pipe's arc before screening, with what the steps make of it.
 
     Parameters
     ----------
-    profile : WeighedProfile
+    profile : PreparedProfile
         The section's.
     arc : IdentifiedArc
         From rough identification.
@@ -35,7 +35,7 @@ class ArcInHand:
         The candidate it grew from.
     """
 
-    profile: WeighedProfile
+    profile: PreparedProfile
     arc: IdentifiedArc
     seed: IdentifiedArc
 
@@ -46,7 +46,7 @@ class ArcInHand:
 
     def condition(self, arc: IdentifiedArc) -> ConditionedArc:
         """Smoothed and homogenised."""
-        return condition_arc(self.profile.noisy[arc.indices], arc.ellipse)
+        return condition_arc(self.profile.noisy_points[arc.indices], arc.ellipse)
 
     def points(self, indices: IntArray) -> Points:
         """(k, 2) points of the profile. Units: mm."""
@@ -56,7 +56,7 @@ class ArcInHand:
     def finish(self, arc: IdentifiedArc) -> Ellipse:
         """Condition and fit: the end of the chain, from any arc."""
         conditioned = self.condition(arc)
-        return self.fit(arc.indices[conditioned.kept], conditioned.ellipse)
+        return self.fit(arc.indices[conditioned.inliers], conditioned.ellipse)
 
     def fit(self, indices: IntArray, start: Ellipse) -> Ellipse:
         """The weighted orthogonal fit."""
@@ -75,29 +75,29 @@ class Variant:
     name : str
         In plain words.
     ellipse_of : callable
-        Makes an ellipse of an `ArcInHand`.
+        Makes an ellipse of an `AblationArc`.
     """
 
     group: str
     name: str
-    ellipse_of: Callable[[ArcInHand], Ellipse]
+    ellipse_of: Callable[[AblationArc], Ellipse]
 
 
-def _without_smoothing(arc: ArcInHand) -> Ellipse:
+def _without_smoothing(arc: AblationArc) -> Ellipse:
     return arc.fit(arc.screened.indices, arc.screened.ellipse)
 
 
-def _without_homogenising(arc: ArcInHand) -> Ellipse:
-    kept = arc.condition(arc.screened).kept
+def _without_homogenising(arc: AblationArc) -> Ellipse:
+    kept = arc.condition(arc.screened).inliers
     return arc.fit(arc.screened.indices[kept], arc.screened.ellipse)
 
 
-def _kept(arc: ArcInHand) -> IntArray:
-    indices: IntArray = arc.screened.indices[arc.condition(arc.screened).kept]
+def _kept(arc: AblationArc) -> IntArray:
+    indices: IntArray = arc.screened.indices[arc.condition(arc.screened).inliers]
     return indices
 
 
-def _direct_fit(arc: ArcInHand) -> Ellipse:
+def _direct_fit(arc: AblationArc) -> Ellipse:
     """OpenCV's algebraic fit, about the centroid because it works in float32."""
     points = arc.points(_kept(arc))
     middle = points.mean(axis=0)
@@ -109,17 +109,17 @@ def _direct_fit(arc: ArcInHand) -> Ellipse:
     return Ellipse.from_axes(centre, first / 2, second / 2, math.radians(turn_deg))
 
 
-def _equal_weights(arc: ArcInHand) -> Ellipse:
+def _equal_weights(arc: AblationArc) -> Ellipse:
     return fit_ellipse(arc.points(_kept(arc)), arc.screened.ellipse).ellipse
 
 
-def _radial(arc: ArcInHand) -> Ellipse:
+def _radial(arc: AblationArc) -> Ellipse:
     return fit_ellipse(arc.points(_kept(arc)), arc.screened.ellipse, settings=RADIAL).ellipse
 
 
-def _fixed_sensor_error(arc: ArcInHand) -> Ellipse:
+def _fixed_sensor_error(arc: AblationArc) -> Ellipse:
     """Screening with one limit in mm, Figure 9."""
-    literal, indices = LiteralSettings(), arc.arc.indices
+    literal, indices = PaperSettings(), arc.arc.indices
     part = max(1, round(literal.end_part_fraction * len(indices)))
     middle = fit_ellipse(arc.points(indices[part:-part]), arc.arc.ellipse, settings=RADIAL).ellipse
     kept = np.abs(radial_residuals(arc.points(indices), middle)) < literal.sensor_error_mm
@@ -128,20 +128,20 @@ def _fixed_sensor_error(arc: ArcInHand) -> Ellipse:
     return arc.finish(IdentifiedArc(span, indices[kept], middle))
 
 
-def _smoothed_over_x(arc: ArcInHand) -> Ellipse:
-    smooth = smooth_profile_literally(_by_x(arc.points(_kept(arc))))
+def _smoothed_over_x(arc: AblationArc) -> Ellipse:
+    smooth = smooth_profile_paper(_by_x(arc.points(_kept(arc))))
     return fit_ellipse(smooth, arc.screened.ellipse).ellipse
 
 
-def _homogenised_over_x(arc: ArcInHand) -> Ellipse:
-    even = homogenise_profile_literally(_by_x(arc.points(_kept(arc))))
+def _homogenised_over_x(arc: AblationArc) -> Ellipse:
+    even = homogenise_profile_paper(_by_x(arc.points(_kept(arc))))
     return fit_ellipse(even, arc.screened.ellipse).ellipse
 
 
-def _all_of_it(arc: ArcInHand) -> Ellipse:
+def _all_of_it(arc: AblationArc) -> Ellipse:
     """Sections 3.3 and 2.3 to the letter, on an arc that is found and screened as ours."""
-    smooth = smooth_profile_literally(_by_x(arc.points(arc.screened.indices)))
-    even = homogenise_profile_literally(smooth)
+    smooth = smooth_profile_paper(_by_x(arc.points(arc.screened.indices)))
+    even = homogenise_profile_paper(smooth)
     return fit_ellipse(even, arc.screened.ellipse, settings=RADIAL).ellipse
 
 

@@ -1,1 +1,1 @@
-"""The only rooms that touch files."""
+"""The only modules that read and write files."""

@@ -12,7 +12,7 @@ from lsvision.calibrate.intrinsics import CameraCalibration
 from lsvision.calibrate.laser_plane_result import LaserPlaneCalibration
 from lsvision.calibrate.views import RejectedView
 from lsvision.errors import UnreadableFile, UnwritableFile
-from lsvision.io.whole_files import write_whole
+from lsvision.io.atomic_files import write_atomic
 from lsvision.sensor import rig_file
 from lsvision.sensor.rig_file import camera_as_json, plane_as_json
 
@@ -55,7 +55,7 @@ def write_calibration(
         text = rig_file.json_text(schema, {**values, **evidence})
     except ValueError as error:
         raise UnwritableFile(f"{path}: the calibration holds numbers that are none") from error
-    write_whole(path, text)
+    write_atomic(path, text)
 
 
 def _camera_values(calibration: CameraCalibration) -> dict[str, Any]:

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from lsvision.errors import UnreadableFile
+from lsvision.io.atomic_files import write_atomic
 from lsvision.io.calibration import CAMERA_SCHEMA, LASER_PLANE_SCHEMA
-from lsvision.io.whole_files import write_whole
 from lsvision.sensor import rig_file
 from lsvision.sensor.camera import Camera
 from lsvision.sensor.rig_file import camera_from_json, read_json
@@ -81,7 +81,7 @@ def write_camera_yaml(path: str | os.PathLike[str], camera: Camera) -> None:
         rows, columns = values.shape
         lines += [f"{key}: !!opencv-matrix", f"   rows: {rows}", f"   cols: {columns}"]
         lines += ["   dt: d", f"   data: [ {numbers} ]"]
-    write_whole(path, "\n".join(lines) + "\n")
+    write_atomic(path, "\n".join(lines) + "\n")
 
 
 def _own_json(source: Path) -> dict[str, Any]:

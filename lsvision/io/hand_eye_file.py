@@ -9,7 +9,7 @@ import numpy as np
 
 from lsvision.calibrate.hand_eye_result import HandEye, RejectedPose, Sphere
 from lsvision.errors import UnreadableFile
-from lsvision.io.whole_files import write_whole
+from lsvision.io.atomic_files import write_atomic
 from lsvision.shapes import Plane, Pose
 
 SCHEMA = "lsvision/hand-eye/1"
@@ -44,18 +44,18 @@ def save_hand_eye(
         "mount_from_sensor": hand_eye.mount_from_sensor.matrix.tolist(),
         "covariance": hand_eye.covariance.tolist(),
         "working_point": hand_eye.working_point.tolist(),
-        "working_std": hand_eye.working_std,
+        "working_std": hand_eye.working_point_std,
         "residuals": _with_nulls(hand_eye.residuals),
-        "held_out": _with_nulls(hand_eye.held_out),
+        "held_out": _with_nulls(hand_eye.leave_one_out_residuals),
         "rejected": [{"index": r.index, "reason": r.reason} for r in hand_eye.rejected],
         "target": _target_document(hand_eye.target),
         "robot_std": list(hand_eye.robot_std),
-        "ambiguity": hand_eye.ambiguity if np.isfinite(hand_eye.ambiguity) else None,
-        "weakness": hand_eye.weakness,
-        "weakest": hand_eye.weakest,
-        "height_factor": hand_eye.height_factor,
+        "ambiguity": hand_eye.ambiguity_ratio if np.isfinite(hand_eye.ambiguity_ratio) else None,
+        "weakness": hand_eye.least_determined_std,
+        "weakest": hand_eye.least_determined_direction,
+        "height_factor": hand_eye.height_scale,
     }
-    write_whole(path, json.dumps(document, indent=2) + "\n")
+    write_atomic(path, json.dumps(document, indent=2) + "\n")
 
 
 def load_hand_eye(path: str | Path) -> HandEye:
@@ -121,7 +121,7 @@ def export_easy_handeye(
         f"  x: {x:.9f}\n  y: {y:.9f}\n  z: {z:.9f}\n"
         f"  qx: {qx:.12f}\n  qy: {qy:.12f}\n  qz: {qz:.12f}\n  qw: {qw:.12f}\n"
     )
-    write_whole(path, text)
+    write_atomic(path, text)
 
 
 def _hand_eye_of(document: dict[str, Any]) -> HandEye:
@@ -131,17 +131,17 @@ def _hand_eye_of(document: dict[str, Any]) -> HandEye:
         mount_from_sensor=Pose.from_matrix(document["mount_from_sensor"]),
         covariance=document["covariance"],
         residuals=np.array(document["residuals"], dtype=np.float64),
-        held_out=np.array(document["held_out"], dtype=np.float64),
+        leave_one_out_residuals=np.array(document["held_out"], dtype=np.float64),
         rejected=tuple(RejectedPose(r["index"], r["reason"]) for r in document["rejected"]),
         target=_target_of(document["target"]),
         working_point=document["working_point"],
         robot_std=(float(position), float(rotation)),
-        ambiguity=float("inf") if ambiguity is None else float(ambiguity),
-        weakness=float(document["weakness"]),
-        weakest=document["weakest"],
+        ambiguity_ratio=float("inf") if ambiguity is None else float(ambiguity),
+        least_determined_std=float(document["weakness"]),
+        least_determined_direction=document["weakest"],
         mounting=document["mounting"],
         sensor=document["sensor"],
-        height_factor=_height_factor_of(document.get("height_factor")),
+        height_scale=_height_factor_of(document.get("height_factor")),
     )
 
 

@@ -5,7 +5,7 @@ import os
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.io.whole_files import write_whole
+from lsvision.io.atomic_files import write_atomic
 from lsvision.shapes import FloatArray, IntArray, Points
 
 _VERTEX = np.dtype(
@@ -50,7 +50,7 @@ def write_ply(
     if faces.size and not (faces.min() >= 0 and faces.max() < len(points)):
         raise ValueError(f"want triangles of rows below {len(points)}, got {faces.max()}")
     header = _header(len(points), None if triangles is None else len(faces))
-    write_whole(path, header + _vertices(points, colours) + _faces(faces))
+    write_atomic(path, header + _vertices(points, colours) + _faces(faces))
 
 
 def _header(points: int, triangles: int | None) -> bytes:

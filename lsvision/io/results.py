@@ -8,12 +8,12 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from lsvision.io.whole_files import write_whole
+from lsvision.io.atomic_files import write_atomic
 
 if TYPE_CHECKING:
-    from lsvision.fitting.cylinder_section import CylinderSection
-    from lsvision.fitting.intervals import Quantity
-    from lsvision.fitting.placing import PlacedCylinder
+    from lsvision.cylinder.robot_frame import PlacedCylinder
+    from lsvision.ellipse.intervals import Quantity
+    from lsvision.ellipse.section import CylinderSection
     from lsvision.measure import Measurement
 
 RECORD_SCHEMA = "lsvision.measurement/1"
@@ -91,7 +91,7 @@ def write_json(path: str | os.PathLike[str], records: Sequence[Record]) -> None:
         If the file cannot be written.
     """
     document = {"schema": FILE_SCHEMA, "measurements": list(records)}
-    write_whole(path, json.dumps(document, indent=2, allow_nan=False) + "\n")
+    write_atomic(path, json.dumps(document, indent=2, allow_nan=False) + "\n")
 
 
 def write_csv(path: str | os.PathLike[str], records: Sequence[Record]) -> None:
@@ -116,7 +116,7 @@ def write_csv(path: str | os.PathLike[str], records: Sequence[Record]) -> None:
     writer = csv.DictWriter(text, columns, lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
-    write_whole(path, text.getvalue())
+    write_atomic(path, text.getvalue())
 
 
 def _cylinder_record(cylinder: "CylinderSection") -> Record:
@@ -150,8 +150,8 @@ def _placed_record(twins: "tuple[PlacedCylinder, PlacedCylinder]") -> Record:
             {
                 "direction": twin.direction.tolist(),
                 "direction_std_deg": math.degrees(twin.direction_std),
-                "e_phi": twin.across[0].tolist(),
-                "e_theta": twin.across[1].tolist(),
+                "e_phi": twin.tangent_basis[0].tolist(),
+                "e_theta": twin.tangent_basis[1].tolist(),
                 "covariance": twin.covariance.tolist(),
             }
             for twin in twins

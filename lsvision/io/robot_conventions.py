@@ -17,8 +17,8 @@ from lsvision.shapes import FloatArray, Pose
 LengthUnit = Literal["mm", "m"]
 AngleUnit = Literal["deg", "rad"]
 
-MM_IN: dict[str, float] = {"mm": 1.0, "m": 1000.0}
-RAD_IN: dict[str, float] = {"deg": math.pi / 180, "rad": 1.0}
+MM_PER_UNIT: dict[str, float] = {"mm": 1.0, "m": 1000.0}
+RAD_PER_UNIT: dict[str, float] = {"deg": math.pi / 180, "rad": 1.0}
 
 UNIT_QUATERNION = 1e-3
 """Largest departure of a quaternion's norm from 1: files carry as few as four digits."""
@@ -138,10 +138,10 @@ def pose_from_numbers(
         )
     if not np.isfinite(values).all():
         raise ValueError(f"want finite numbers, got {values}")
-    mm = MM_IN[length_unit or rule.length_unit]
+    mm = MM_PER_UNIT[length_unit or rule.length_unit]
     if rule.rotation == "matrix":
         return _pose_from_matrix(values.reshape(4, 4), mm)
-    rad = RAD_IN[angle_unit or rule.angle_unit]
+    rad = RAD_PER_UNIT[angle_unit or rule.angle_unit]
     return Pose(_rotation(values[3:], rule.rotation, rad), values[:3] * mm)
 
 

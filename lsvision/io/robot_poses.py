@@ -21,11 +21,11 @@ REACH_MM = 20_000.0
 """No flange stands further from its base; millimetres read as metres do."""
 SPREAD_MM = 5_000.0
 """No calibration or scan moves a flange further."""
-CLOSE_MM = 5.0
+MIN_POSITION_MM = 5.0
 """A flange always nearer than this to its base's origin was written in metres."""
-STILL_MM, STILL_RAD = 0.01, 1e-5
+SAME_POSE_MM, SAME_POSE_RAD = 0.01, 1e-5
 """Poses that differ by less are one pose."""
-TURN = 2 * np.pi * 1.001
+MAX_ANGLE_RAD = 2 * np.pi * 1.001
 
 
 def read_robot_poses(
@@ -84,8 +84,8 @@ def read_robot_poses(
             raise UnreadableFile(f"{path}: pose {number}: {error}") from error
         poses.append(pose)
     for complaint in (
-        _angle_complaint(np.array(rows), rule, angle_unit),
-        _motion_complaint(poses, length_unit),
+        _angle_error(np.array(rows), rule, angle_unit),
+        _motion_error(poses, length_unit),
     ):
         if complaint:
             raise UnreadableFile(f"{path}: {complaint}")
@@ -128,7 +128,7 @@ def encoder_poses(
     return [Pose.along(direction, index * step) @ first for index in range(count)]
 
 
-def _angle_complaint(
+def _angle_error(
     rows: npt.NDArray[np.float64], rule: PoseConvention, stated: AngleUnit | None
 ) -> str | None:
     if rule.rotation.startswith(("quaternion", "matrix")) or stated is not None:
@@ -136,9 +136,9 @@ def _angle_complaint(
     largest = float(np.abs(rows[:, 3:]).max())
     if rule.rotation == "rotvec":
         turns = float(np.linalg.norm(rows[:, 3:], axis=1).max())
-        if turns > TURN:
+        if turns > MAX_ANGLE_RAD:
             return f"rotation vector of length {turns:.4g} rad: degrees? Say angle_unit='deg'"
-    elif np.radians(1) < largest <= TURN and len(rows) > 1:
+    elif np.radians(1) < largest <= MAX_ANGLE_RAD and len(rows) > 1:
         return (
             f"no angle above {largest:.4g}: these look like radians where {rule.name!r} has "
             "degrees; say angle_unit='rad', or angle_unit='deg' if they really are so small"
@@ -146,7 +146,7 @@ def _angle_complaint(
     return None
 
 
-def _motion_complaint(poses: Iterable[Pose], stated: LengthUnit | None) -> str | None:
+def _motion_error(poses: Iterable[Pose], stated: LengthUnit | None) -> str | None:
     origins = np.array([pose.translation for pose in poses])
     rotations = np.array([pose.rotation for pose in poses])
     reach = float(np.linalg.norm(origins, axis=1).max())
@@ -156,12 +156,12 @@ def _motion_complaint(poses: Iterable[Pose], stated: LengthUnit | None) -> str |
             f"the flange would stand {reach / 1000:.4g} m from its base and move "
             f"{spread / 1000:.4g} m: millimetres read as metres? Say length_unit='mm'"
         )
-    if stated is None and reach < CLOSE_MM:
+    if stated is None and reach < MIN_POSITION_MM:
         return (
             f"the flange would never be more than {reach:.4g} mm from its base: metres read as "
             "millimetres? Say length_unit='m' (or 'mm' if it is really so)"
         )
     turned = float(np.abs(rotations - rotations[0]).max())
-    if len(origins) > 1 and spread < STILL_MM and turned < STILL_RAD:
-        return f"all {len(origins)} poses are the same to {STILL_MM} mm: the robot did not move"
+    if len(origins) > 1 and spread < SAME_POSE_MM and turned < SAME_POSE_RAD:
+        return f"all {len(origins)} poses are the same to {SAME_POSE_MM} mm: the robot did not move"
     return None

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lsvision.io.whole_files import write_whole
+from lsvision.io.atomic_files import write_atomic
 
 if TYPE_CHECKING:
     from lsvision.scan import ScanMeasurement, ScannedCylinder, TubeShape
@@ -63,7 +63,7 @@ def write_scan_json(path: str | os.PathLike[str], record: Record) -> None:
     UnwritableFile
         If the file cannot be written.
     """
-    write_whole(path, json.dumps(record, indent=2, allow_nan=False) + "\n")
+    write_atomic(path, json.dumps(record, indent=2, allow_nan=False) + "\n")
 
 
 def _cylinder_record(tube: "ScannedCylinder", shape: "TubeShape | None") -> Record:
@@ -78,10 +78,10 @@ def _cylinder_record(tube: "ScannedCylinder", shape: "TubeShape | None") -> Reco
         "covariance_order": "point along e_phi, e_theta (mm), direction along them (rad), radius",
         "covariance": [_numbers(row) for row in tube.covariance],
         "includes_calibration": tube.includes_calibration,
-        "e_phi": _numbers(tube.fit.across[0]),
-        "e_theta": _numbers(tube.fit.across[1]),
-        "ends_mm": list(tube.ends),
-        "ends_std_mm": list(tube.ends_std),
+        "e_phi": _numbers(tube.fit.tangent_basis[0]),
+        "e_theta": _numbers(tube.fit.tangent_basis[1]),
+        "ends_mm": list(tube.axial_range),
+        "ends_std_mm": list(tube.axial_range_std),
         "sections": list(tube.sections),
         "section_residuals_mean_mm": _numbers(residuals[:, 0]),
         "section_residuals_rms_mm": _numbers(residuals[:, 1]),

@@ -7,7 +7,7 @@ import numpy as np
 from lsvision.errors import DegenerateGeometry, TooFewPoints
 from lsvision.shapes import FloatArray
 
-SINGULAR = 1e-13
+SINGULARITY_TOLERANCE = 1e-13
 """Smallest eigenvalue of the information, its diagonal scaled to 1, that still is one."""
 
 UNIFORM_THETA = math.pi / math.sqrt(12)
@@ -87,7 +87,7 @@ def _invert(matrix: FloatArray) -> FloatArray:
     if not (scale > 0).all():
         raise DegenerateGeometry(_FREE)
     values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
-    if values[0] < SINGULAR:
+    if values[0] < SINGULARITY_TOLERANCE:
         raise DegenerateGeometry(_FREE)
     inverse: FloatArray = (vectors / values) @ vectors.T / np.outer(scale, scale)
     return inverse

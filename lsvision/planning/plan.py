@@ -7,8 +7,8 @@ import numpy as np
 
 from lsvision.errors import TooFewPoints
 from lsvision.planning.scan_bound import Feed, ScanPrediction, scan_bound
-from lsvision.planning.section_bound import Prediction, section_bound
-from lsvision.planning.view import View, normals_of, see_cylinder
+from lsvision.planning.section_bound import SectionPrediction, section_bound
+from lsvision.planning.sensor_view import SensorView, cylinder_normals, visible_points
 from lsvision.shapes import Cylinder, FloatArray, IntArray, Points, Pose
 
 
@@ -17,9 +17,9 @@ def plan_section(
     theta: float,
     phi: float,
     *,
-    view: View | None = None,
+    view: SensorView | None = None,
     known_radius_std: float | None = None,
-) -> Prediction:
+) -> SectionPrediction:
     """One-sigma errors to expect of a pipe from one section.
 
     The steep flanks say most, so where the outermost point falls within a pitch moves the
@@ -32,14 +32,14 @@ def plan_section(
     theta, phi : float
         Direction of the major axis, and angle between the pipe and the laser plane's normal.
         Units: rad.
-    view : View, optional
-        Sensor, standoff, pitch; None = ``View()``, an LPS 36 HI at 400 mm.
+    view : SensorView, optional
+        Sensor, standoff, pitch; None = ``SensorView()``, an LPS 36 HI at 400 mm.
     known_radius_std : float, optional
         One sigma of a radius known beforehand; 0 = exactly. Units: mm.
 
     Returns
     -------
-    Prediction
+    SectionPrediction
         One sigma of radius, theta, phi and centre.
 
     Raises
@@ -57,9 +57,9 @@ def plan_section(
     >>> f"radius {sigma.radius_std:.2f} mm, phi {math.degrees(sigma.phi_std):.1f} deg"
     'radius 0.39 mm, phi 1.9 deg'
     """
-    view = View() if view is None else view
+    view = SensorView() if view is None else view
     pipe = _pipe(radius, theta, phi, view)
-    points = see_cylinder(pipe, view)
+    points = visible_points(pipe, view)
     _require_points(len(points))
     covariances = view.sensor.covariances(points)
     return section_bound(pipe.section(), points, covariances, known_radius_std)
@@ -70,7 +70,7 @@ def plan_scan(
     theta: float,
     phi: float,
     *,
-    view: View | None = None,
+    view: SensorView | None = None,
     feed: Feed | None = None,
     known_radius_std: float | None = None,
 ) -> ScanPrediction:
@@ -107,7 +107,7 @@ def plan_scan(
     >>> f"radius {sigma.radius_std:.3f} mm, phi {math.degrees(sigma.phi_std):.3f} deg"
     'radius 0.008 mm, phi 0.025 deg'
     """
-    view = View() if view is None else view
+    view = SensorView() if view is None else view
     feed = Feed() if feed is None else feed
     pipe = _pipe(radius, theta, phi, view)
     sections = [_see_section(pipe, view, shift) for shift in feed.shifts]
@@ -120,12 +120,12 @@ def plan_scan(
         points,
         variances,
         known_radius_std=known_radius_std,
-        shared_errors=_pose_errors(normals_of(pipe, points), owners, feed),
+        shared_errors=_pose_errors(cylinder_normals(pipe, points), owners, feed),
     )
     return replace(prediction, sections=feed.sections, length=feed.length)
 
 
-def _pipe(radius: float, theta: float, phi: float, view: View) -> Cylinder:
+def _pipe(radius: float, theta: float, phi: float, view: SensorView) -> Cylinder:
     """The pipe in the section frame, its axis through the view's centre."""
     if not 0 <= phi < math.pi / 2:
         raise ValueError(f"want phi in [0, pi/2) rad, got {phi}")
@@ -136,12 +136,12 @@ def _pipe(radius: float, theta: float, phi: float, view: View) -> Cylinder:
     return Cylinder(np.array([view.offset, -view.standoff, 0.0]), direction, radius)
 
 
-def _see_section(pipe: Cylinder, view: View, shift: FloatArray) -> tuple[Points, FloatArray]:
+def _see_section(pipe: Cylinder, view: SensorView, shift: FloatArray) -> tuple[Points, FloatArray]:
     """Points (n, 3) in the frame of the scan's middle, and their variances along the normal."""
     scan_from_section = Pose(translation=shift)
-    seen_pipe = pipe.seen_from(scan_from_section.inverse())
-    points = see_cylinder(seen_pipe, view)
-    normals = normals_of(seen_pipe, points)[:, :2]
+    seen_pipe = pipe.transformed(scan_from_section.inverse())
+    points = visible_points(seen_pipe, view)
+    normals = cylinder_normals(seen_pipe, points)[:, :2]
     variances = np.einsum("ni,nij,nj->n", normals, view.sensor.covariances(points), normals)
     return scan_from_section.apply(points), variances
 

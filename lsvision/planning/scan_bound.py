@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.planning.information import UNIFORM_THETA, information, invert_information
-from lsvision.planning.view import normals_of
-from lsvision.shapes import Cylinder, FloatArray, Points, locked
+from lsvision.planning.sensor_view import cylinder_normals
+from lsvision.shapes import Cylinder, FloatArray, Points, as_readonly_array
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -108,7 +108,9 @@ class ScanPrediction:
     length: float = 0.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "covariance", locked(self.covariance, (5, 5), "covariance"))
+        object.__setattr__(
+            self, "covariance", as_readonly_array(self.covariance, (5, 5), "covariance")
+        )
 
 
 def scan_bound(
@@ -151,17 +153,17 @@ def scan_bound(
     ValueError
         If shapes do not match or a variance is not positive.
     """
-    points = locked(points, ("n", 3), "points")
-    variances = locked(variances, (len(points),), "variances")
+    points = as_readonly_array(points, ("n", 3), "points")
+    variances = as_readonly_array(variances, (len(points),), "variances")
     axes = _tilt_axes(cylinder.direction)
-    normals = normals_of(cylinder, points)
+    normals = cylinder_normals(cylinder, points)
     along = (points - cylinder.point) @ cylinder.direction
     across = normals @ axes.T
     gradients = np.column_stack([across, along[:, None] * across, np.ones(len(points))])
     known = None if known_radius_std is None else (4, known_radius_std)
     bound = invert_information(information(gradients, variances), known)
     if shared_errors is not None:
-        bound = bound + _carried(bound, gradients, variances, shared_errors)
+        bound = bound + _propagated_covariance(bound, gradients, variances, shared_errors)
     return _prediction(cylinder, bound, len(points))
 
 
@@ -173,11 +175,11 @@ def _tilt_axes(direction: FloatArray) -> FloatArray:
     return np.stack([np.cross(theta_way, direction), theta_way])
 
 
-def _carried(
+def _propagated_covariance(
     bound: FloatArray, gradients: FloatArray, variances: FloatArray, shared_errors: FloatArray
 ) -> FloatArray:
     """Covariance that errors common to many points add, through the fit's own linear response."""
-    errors = locked(shared_errors, (len(gradients), "k"), "shared_errors")
+    errors = as_readonly_array(shared_errors, (len(gradients), "k"), "shared_errors")
     response: FloatArray = bound @ ((gradients / variances[:, None]).T @ errors)
     return response @ response.T
 

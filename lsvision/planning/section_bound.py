@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.planning.information import UNIFORM_THETA, information, invert_information
-from lsvision.shapes import Ellipse, FloatArray, Points, locked
+from lsvision.shapes import Ellipse, FloatArray, Points, as_readonly_array
 
 
 @dataclass(frozen=True, eq=False)
-class Prediction:
+class SectionPrediction:
     """One-sigma errors to expect from one section; what an efficient fit reaches.
 
     Parameters
@@ -42,7 +42,9 @@ class Prediction:
     points: int
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "covariance", locked(self.covariance, (5, 5), "covariance"))
+        object.__setattr__(
+            self, "covariance", as_readonly_array(self.covariance, (5, 5), "covariance")
+        )
 
 
 def section_bound(
@@ -50,7 +52,7 @@ def section_bound(
     points: Points,
     covariances: FloatArray,
     known_radius_std: float | None = None,
-) -> Prediction:
+) -> SectionPrediction:
     """Cramer-Rao bound of radius, theta, phi and centre from points of one section.
 
     Parameters
@@ -68,7 +70,7 @@ def section_bound(
 
     Returns
     -------
-    Prediction
+    SectionPrediction
         One sigma of each number.
 
     Raises
@@ -93,8 +95,8 @@ def section_bound(
     >>> f"radius {sigma.radius_std:.2f} mm, phi {math.degrees(sigma.phi_std):.1f} deg"
     'radius 0.47 mm, phi 2.2 deg'
     """
-    points = locked(points, ("n", 2), "points")
-    covariances = locked(covariances, (len(points), 2, 2), "covariances")
+    points = as_readonly_array(points, ("n", 2), "points")
+    covariances = as_readonly_array(covariances, (len(points), 2, 2), "covariances")
     seen = np.isfinite(points).all(axis=1)
     gradients, normals = _gradients(ellipse, points[seen])
     variances = np.einsum("ni,nij,nj->n", normals, covariances[seen], normals)
@@ -106,18 +108,18 @@ def section_bound(
 def _gradients(ellipse: Ellipse, points: Points) -> tuple[FloatArray, FloatArray]:
     """Change of the signed distance by (centre, a, b, eta), and the outward normals."""
     a, b = ellipse.semi_major, ellipse.semi_minor
-    u, v = ellipse.to_own_frame(points).T
+    u, v = ellipse.to_ellipse_frame(points).T
     t = np.arctan2(v / b, u / a)
     cos, sin = np.cos(t), np.sin(t)
     length = np.hypot(b * cos, a * sin)
     own_normals = np.column_stack([b * cos, a * sin]) / length[:, None]
-    normals = ellipse.from_own_frame(own_normals) - ellipse.centre
+    normals = ellipse.from_ellipse_frame(own_normals) - ellipse.centre
     by_a, by_b = own_normals[:, 0] * cos, own_normals[:, 1] * sin
     by_eta = (a + b) * sin * cos / length
     return np.column_stack([normals, by_a, by_b, by_eta]), normals
 
 
-def _prediction(ellipse: Ellipse, bound: FloatArray, points: int) -> Prediction:
+def _prediction(ellipse: Ellipse, bound: FloatArray, points: int) -> SectionPrediction:
     a, b = ellipse.semi_major, ellipse.semi_minor
     centre_x_std, centre_y_std, _, radius_std, eta_std = np.sqrt(np.diag(bound))
     by_axes = np.array([-b / a**2, 1 / a])
@@ -127,7 +129,7 @@ def _prediction(ellipse: Ellipse, bound: FloatArray, points: int) -> Prediction:
     covariance[4, :4] = covariance[:4, 4] = bound[4, :4] / gap if gap > 0 else 0.0
     covariance[4, 4] = (eta_std / gap) ** 2 if gap > 0 else math.inf
     phi_linear = ratio_std / sin_phi if sin_phi > 0 else math.inf
-    return Prediction(
+    return SectionPrediction(
         radius_std=float(radius_std),
         theta_std=min(math.sqrt(covariance[4, 4]), UNIFORM_THETA),
         phi_std=min(phi_linear, math.sqrt(2 * ratio_std)),

@@ -1,8 +1,13 @@
 """Several sections with poses: cylinders in 3D, jointly from all their points."""
 
 from lsvision.scan.pose_errors import PoseErrors
-from lsvision.scan.scanned import ScanMeasurement, ScannedCylinder, ScanRejection
-from lsvision.scan.scanning import ScanSettings, join_sections, measure_scan, measure_section
+from lsvision.scan.scan_pipeline import (
+    ScanSettings,
+    fit_sections_jointly,
+    measure_scan,
+    measure_section,
+)
+from lsvision.scan.scan_result import ScanMeasurement, ScannedCylinder, ScanRejection
 from lsvision.scan.shape import TubeShape, measure_shape
 
 __all__ = [
@@ -12,7 +17,7 @@ __all__ = [
     "ScanSettings",
     "ScannedCylinder",
     "TubeShape",
-    "join_sections",
+    "fit_sections_jointly",
     "measure_scan",
     "measure_section",
     "measure_shape",

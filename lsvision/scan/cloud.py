@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lsvision.detection.profile_preparation import prepare_profile
 from lsvision.errors import DegenerateGeometry
 from lsvision.profile import NoiseModel, Profile
-from lsvision.recognition.weighing import weigh_profile
 from lsvision.shapes import FloatArray, IntArray, Points, Pose
 
-STILL_MM, STILL_RAD = 1e-6, 1e-9
+SAME_POSE_MM, SAME_POSE_RAD = 1e-6, 1e-9
 """Sections that differ by less lie in one plane."""
 
 
@@ -24,11 +24,11 @@ class ScanCloud:
         Base frame, none lost. Units: mm.
     covariances : (n, 3, 3) ndarray
         Base frame. Units: mm^2.
-    owners : (n,) int ndarray
+    point_sections : (n,) int ndarray
         Index of each point's profile.
     indices : (n,) int ndarray
         Index of the point in its profile.
-    noise_is_known : bool
+    noise_known : bool
         Whether the covariances are a noise model's, not estimates.
     poses : tuple of Pose
         ``base_from_section``, one a profile.
@@ -36,9 +36,9 @@ class ScanCloud:
 
     points: Points
     covariances: FloatArray
-    owners: IntArray
+    point_sections: IntArray
     indices: IntArray
-    noise_is_known: bool
+    noise_known: bool
     poses: tuple[Pose, ...]
 
     @property
@@ -49,30 +49,33 @@ class ScanCloud:
     def __len__(self) -> int:
         return len(self.points)
 
-    def find(self, section: int, indices: IntArray) -> IntArray:
+    def rows_of(self, section: int, indices: IntArray) -> IntArray:
         """Rows of the cloud that hold the given points of a profile."""
-        first, last = np.searchsorted(self.owners, [section, section + 1])
+        first, last = np.searchsorted(self.point_sections, [section, section + 1])
         found: IntArray = first + np.flatnonzero(np.isin(self.indices[first:last], indices))
         return found
 
-    def only(self, rows: IntArray) -> "ScanCloud":
+    def subset(self, rows: IntArray) -> "ScanCloud":
         """The cloud of some rows."""
         return replace(
             self,
             points=self.points[rows],
             covariances=self.covariances[rows],
-            owners=self.owners[rows],
+            point_sections=self.point_sections[rows],
             indices=self.indices[rows],
         )
 
-    def without(self, other: "ScanCloud") -> "ScanCloud":
+    def excluding(self, other: "ScanCloud") -> "ScanCloud":
         """The cloud less the points of another."""
         stride = int(max(self.indices.max(initial=0), other.indices.max(initial=0))) + 1
-        taken = np.isin(self.owners * stride + self.indices, other.owners * stride + other.indices)
-        return self.only(np.flatnonzero(~taken))
+        taken = np.isin(
+            self.point_sections * stride + self.indices,
+            other.point_sections * stride + other.indices,
+        )
+        return self.subset(np.flatnonzero(~taken))
 
 
-def gather_cloud(
+def build_cloud(
     profiles: Sequence[Profile], base_from_sections: Sequence[Pose], sensor: NoiseModel | None
 ) -> ScanCloud:
     """Bring the points of all profiles to the base frame.
@@ -89,8 +92,8 @@ def gather_cloud(
     known = sensor is not None or all(profile.noise is not None for profile in profiles)
     parts = []
     for owner, (profile, pose) in enumerate(zip(profiles, base_from_sections, strict=True)):
-        weighed = weigh_profile(profile, (sensor or profile.noise) if known else None)
-        plane, order = pose.rotation[:, :2], weighed.order
+        weighed = prepare_profile(profile, (sensor or profile.noise) if known else None)
+        plane, order = pose.rotation[:, :2], weighed.valid_indices
         covariances = plane @ weighed.covariances[order] @ plane.T
         parts.append(
             (pose.apply(weighed.points[order]), covariances, np.full(len(order), owner), order)
@@ -101,7 +104,7 @@ def gather_cloud(
     return ScanCloud(points, covariances, owners, indices, known, tuple(base_from_sections))
 
 
-def refuse_one_plane(base_from_sections: Sequence[Pose]) -> None:
+def require_noncoplanar_sections(base_from_sections: Sequence[Pose]) -> None:
     """Refuse two or more sections that all lie in one plane.
 
     Raises
@@ -115,7 +118,7 @@ def refuse_one_plane(base_from_sections: Sequence[Pose]) -> None:
     normal = first.rotation[:, 2]
     turn = max(np.linalg.norm(np.cross(p.rotation[:, 2], normal)) for p in base_from_sections)
     step = max(abs(normal @ (p.translation - first.translation)) for p in base_from_sections)
-    if turn < STILL_RAD and step < STILL_MM:
+    if turn < SAME_POSE_RAD and step < SAME_POSE_MM:
         raise DegenerateGeometry(
             f"all {len(base_from_sections)} sections lie in one plane (poses identical, or moved "
             "along the plane only), which leaves the twins of each axis apart by nothing: move "

@@ -5,14 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.fitting.cylinder_evidence import CylinderFit, variance_factor
-from lsvision.fitting.cylinder_problem import (
+from lsvision.cylinder.fit_result import CylinderFit, variance_factor
+from lsvision.cylinder.problem import (
     PARAMETERS,
     axis_distances,
-    parameters_in,
+    parameters_from_cylinder,
     tangent_frame,
 )
-from lsvision.fitting.placing import SectionMount, motion_gradients, robot_covariance
+from lsvision.cylinder.robot_frame import SectionMount, rigid_motion_jacobian, robot_covariance
 from lsvision.scan.cloud import ScanCloud
 from lsvision.shapes import FloatArray, Pose
 
@@ -46,12 +46,12 @@ class PoseErrors:
                 raise ValueError(f"want {what} >= 0, got {value}")
 
     @property
-    def none(self) -> bool:
+    def is_zero(self) -> bool:
         """Whether the poses are taken as exact."""
         return self.pose_std == 0 and self.feed_std == 0 and self.calibration is None
 
 
-def carried_covariance(fit: CylinderFit, cloud: ScanCloud, errors: PoseErrors) -> FloatArray:
+def propagate_pose_errors(fit: CylinderFit, cloud: ScanCloud, errors: PoseErrors) -> FloatArray:
     """Covariance of a joint fit with the errors of the poses carried through it.
 
     Parameters
@@ -68,35 +68,37 @@ def carried_covariance(fit: CylinderFit, cloud: ScanCloud, errors: PoseErrors) -
     (5, 5) ndarray
         In the order of ``fit.covariance``, at ``fit.point``. Units: mm, rad.
     """
-    if errors.none:
+    if errors.is_zero:
         return fit.covariance
-    if len(np.unique(cloud.owners)) == 1:
-        moved = _motion_of_lone(fit, cloud.poses[cloud.owners[0]], errors)
+    if len(np.unique(cloud.point_sections)) == 1:
+        moved = _single_section_jacobian(fit, cloud.poses[cloud.point_sections[0]], errors)
         alone: FloatArray = fit.covariance + moved @ moved.T
         return alone
     frame, stds = tangent_frame(fit.direction), fit.stds[:, None]
-    parameters = parameters_in(frame, fit.cylinder)
+    parameters = parameters_from_cylinder(frame, fit.cylinder)
     _, normals, _ = axis_distances(cloud.points @ frame.T, parameters)
     along = (cloud.points - fit.point) @ fit.direction
     design = np.vstack([normals[:2], along * normals[:2], np.ones(len(cloud))]).T / stds
     shared, own = (
         columns(normals.T @ frame, cloud, errors) / stds
-        for columns in (shared_columns, own_columns)
+        for columns in (common_error_jacobian, section_error_jacobian)
     )
     model = fit.covariance / fit.variance_factor
     # Least squares answers columns of changes of the distances by these of the parameters.
     response = model @ (design.T @ shared)
-    starts = np.unique(cloud.owners, return_index=True)[1]
+    starts = np.unique(cloud.point_sections, return_index=True)[1]
     own_response = model @ np.add.reduceat(design[:, :, None] * own[:, None, :], starts)
     covariance: FloatArray = (
-        model * _factor(fit, design, shared, own, cloud)
+        model * _remaining_variance_factor(fit, design, shared, own, cloud)
         + response @ response.T
         + np.einsum("sik,sjk->ij", own_response, own_response)
     )
     return covariance
 
 
-def shared_columns(directions: FloatArray, cloud: ScanCloud, errors: PoseErrors) -> FloatArray:
+def common_error_jacobian(
+    directions: FloatArray, cloud: ScanCloud, errors: PoseErrors
+) -> FloatArray:
     """Change of each point along a direction by one sigma of each error that sections share.
 
     Parameters
@@ -115,21 +117,25 @@ def shared_columns(directions: FloatArray, cloud: ScanCloud, errors: PoseErrors)
     """
     columns = [np.zeros((len(cloud), 0))]
     if errors.feed_std > 0:
-        feed, steps = feed_of(cloud.poses)
+        feed, steps = feed_direction(cloud.poses)
         across = np.linalg.svd(feed[None])[2][1:]
-        columns.append(errors.feed_std * steps[cloud.owners][:, None] * (directions @ across.T))
+        columns.append(
+            errors.feed_std * steps[cloud.point_sections][:, None] * (directions @ across.T)
+        )
     if errors.calibration is not None:
         flange_from_section = errors.calibration.flange_from_section
         axes = np.array([p.rotation @ flange_from_section.rotation.T for p in cloud.poses])
         pivots = np.array([pose.translation for pose in cloud.poses])
-        turned = axes[cloud.owners]
+        turned = axes[cloud.point_sections]
         shifts, turns = _shifts_and_turns(directions, cloud, pivots)
         both = [np.einsum("ni,nij->nj", vectors, turned) for vectors in (shifts, turns)]
-        columns.append(np.hstack(both) @ _root(errors.calibration.covariance))
+        columns.append(np.hstack(both) @ _covariance_root(errors.calibration.covariance))
     return np.hstack(columns)
 
 
-def own_columns(directions: FloatArray, cloud: ScanCloud, errors: PoseErrors) -> FloatArray:
+def section_error_jacobian(
+    directions: FloatArray, cloud: ScanCloud, errors: PoseErrors
+) -> FloatArray:
     """The same by one sigma of each error that each section has for itself: (n, 0, 3 or 6)."""
     if errors.calibration is None:
         return errors.pose_std * directions[:, : 3 * (errors.pose_std > 0)]
@@ -144,36 +150,36 @@ def _shifts_and_turns(
 ) -> tuple[FloatArray, FloatArray]:
     """Change along a direction by shifts along the base's axes, and turns about a pivot."""
     # d . (w x arm) = w . (arm x d)
-    return directions, np.cross(cloud.points - pivots[cloud.owners], directions)
+    return directions, np.cross(cloud.points - pivots[cloud.point_sections], directions)
 
 
 def _flange_origin(base_from_section: Pose, calibration: SectionMount) -> FloatArray:
     return base_from_section.apply_one(calibration.flange_from_section.inverse().translation)
 
 
-def _root(covariance: FloatArray) -> FloatArray:
+def _covariance_root(covariance: FloatArray) -> FloatArray:
     """Columns of independent errors that make the covariance, which may be singular."""
     values, vectors = np.linalg.eigh(covariance)
     root: FloatArray = vectors * np.sqrt(np.maximum(values, 0.0))
     return root
 
 
-def _motion_of_lone(fit: CylinderFit, pose: Pose, errors: PoseErrors) -> FloatArray:
+def _single_section_jacobian(fit: CylinderFit, pose: Pose, errors: PoseErrors) -> FloatArray:
     """(5, k) change of a cylinder that one section alone shows: it moves with the section."""
     columns = [errors.pose_std * np.eye(7, 3)]
     calibration = errors.calibration
     if calibration is not None:
         axes = pose.rotation @ calibration.flange_from_section.rotation.T
-        by_mount = motion_gradients(fit.cylinder, pose.translation, axes)
+        by_mount = rigid_motion_jacobian(fit.cylinder, pose.translation, axes)
         pivot = _flange_origin(pose, calibration)
-        by_robot = motion_gradients(fit.cylinder, pivot, np.eye(3))
-        columns.append(by_mount @ _root(calibration.covariance))
-        columns.append(by_robot @ _root(robot_covariance(calibration)))
+        by_robot = rigid_motion_jacobian(fit.cylinder, pivot, np.eye(3))
+        columns.append(by_mount @ _covariance_root(calibration.covariance))
+        columns.append(by_robot @ _covariance_root(robot_covariance(calibration)))
     moved = np.hstack(columns)
-    return np.vstack([fit.across @ moved[:3], fit.across @ moved[3:6], moved[6]])
+    return np.vstack([fit.tangent_basis @ moved[:3], fit.tangent_basis @ moved[3:6], moved[6]])
 
 
-def _factor(
+def _remaining_variance_factor(
     fit: CylinderFit, design: FloatArray, shared: FloatArray, own: FloatArray, cloud: ScanCloud
 ) -> float:
     """Variance factor of what the errors of the poses leave unexplained of the residuals.
@@ -185,8 +191,8 @@ def _factor(
         return fit.variance_factor
     both = np.hstack([design, shared])
     lighter, rest, explained = both.copy(), fit.normalised.copy(), 0.0
-    for section in np.unique(cloud.owners):
-        mine = cloud.owners == section
+    for section in np.unique(cloud.point_sections):
+        mine = cloud.point_sections == section
         inner = np.linalg.inv(np.eye(own.shape[1]) + own[mine].T @ own[mine])
         for values in (lighter, rest):
             # (I + C C')^-1 v = v - C (I + C'C)^-1 C' v
@@ -195,11 +201,11 @@ def _factor(
     known = np.repeat([0.0, 1.0], [PARAMETERS, shared.shape[1]])
     rest -= lighter @ np.linalg.solve(both.T @ lighter + np.diag(known), lighter.T @ fit.normalised)
     freedom = round(len(rest) - PARAMETERS - explained)
-    factor, _, spread = variance_factor(rest, freedom, known_noise=cloud.noise_is_known)
+    factor, _, spread = variance_factor(rest, freedom, known_noise=cloud.noise_known)
     return factor * spread**2
 
 
-def feed_of(base_from_sections: Sequence[Pose]) -> tuple[FloatArray, FloatArray]:
+def feed_direction(base_from_sections: Sequence[Pose]) -> tuple[FloatArray, FloatArray]:
     """Unit vector from the first section's origin to the last's, and each one's place on it.
 
     Parameters

@@ -6,7 +6,7 @@ import numpy as np
 
 from lsvision.shapes import FloatArray, IntArray
 
-STEPS = 6
+GAUSS_NEWTON_ITERATIONS = 6
 """Gauss-Newton steps for a centre; a millimetre off, four are enough."""
 
 
@@ -45,7 +45,7 @@ class SectionCentres:
         return np.sqrt(np.diagonal(self.deviation_covariances, axis1=1, axis2=2))
 
 
-def centres_along(
+def fit_section_centres(
     owners: IntArray, places: FloatArray, stds: FloatArray, radius: float
 ) -> SectionCentres:
     """Fit a circle to the points of each section as seen along the axis.
@@ -84,7 +84,7 @@ def _fit_circles(
     unknowns = np.zeros((count, 3))
     # An arc too short for its own circle says nothing: it keeps the tube's, within its radius.
     prior = np.eye(free) / radius**2
-    for _ in range(STEPS):
+    for _ in range(GAUSS_NEWTON_ITERATIONS):
         from_centre = across - unknowns[place, :2].T
         distance = np.hypot(*from_centre)
         design = np.column_stack([(from_centre / distance).T, np.ones(len(stds))])[:, :free]

@@ -11,20 +11,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lsvision.cylinder.fit_result import variance_factor
+from lsvision.cylinder.problem import tangent_frame
 from lsvision.errors import DegenerateGeometry
-from lsvision.fitting.cylinder_evidence import variance_factor
-from lsvision.fitting.cylinder_problem import tangent_frame
-from lsvision.scan.scanned import ScannedCylinder
-from lsvision.scan.section_centres import SectionCentres, centres_along
+from lsvision.scan.scan_result import ScannedCylinder
+from lsvision.scan.section_centres import SectionCentres, fit_section_centres
 from lsvision.shapes import FloatArray
 
-UNKNOWNS = 10
+PARAMETERS = 10
 """Point and direction across the axis, radius; bow (2), taper, ovality (2)."""
-FEWEST_SECTIONS = 3
+MIN_SECTIONS = 3
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Deviation:
+class FormDeviation:
     """One way in which a tube differs from a straight round cylinder.
 
     Parameters
@@ -65,12 +65,12 @@ class TubeShape:
     ----------
     centres : SectionCentres
         Centre and radius of each section, beside the straight axis.
-    bow : Deviation
+    bow : FormDeviation
         How far the axis lies beside its middle's tangent at both ends of the stretch seen,
         along e_phi and e_theta of the fit.
-    taper : Deviation
+    taper : FormDeviation
         Growth of the radius from the middle to the end of the stretch seen.
-    ovality_terms : Deviation
+    ovality_terms : FormDeviation
         o1 and o2.
     radius : float
         Mean radius of the deviating tube. Units: mm.
@@ -79,9 +79,9 @@ class TubeShape:
     """
 
     centres: SectionCentres
-    bow: Deviation
-    taper: Deviation
-    ovality_terms: Deviation
+    bow: FormDeviation
+    taper: FormDeviation
+    ovality_terms: FormDeviation
     radius: float
     half_length: float
 
@@ -136,26 +136,26 @@ def measure_shape(tube: ScannedCylinder) -> TubeShape:
     covariance says so, and the test finds nothing. The poses are taken as exact; a feed that
     wavers bends every tube alike.
     """
-    if len(tube.sections) < FEWEST_SECTIONS:
+    if len(tube.sections) < MIN_SECTIONS:
         raise DegenerateGeometry(
-            f"the shape of a tube needs {FEWEST_SECTIONS} sections of it, got "
+            f"the shape of a tube needs {MIN_SECTIONS} sections of it, got "
             f"{len(tube.sections)}: scan more of it"
         )
     view = _view(tube)
     found, information, residuals = _fit_deviations(view)
     known_noise = math.isinf(tube.fit.degrees_of_freedom)
-    freedom = max(len(residuals) - UNKNOWNS, 1)
+    freedom = max(len(residuals) - PARAMETERS, 1)
     factor, weight, spread = variance_factor(residuals, freedom, known_noise=known_noise)
     covariance = factor * spread**2 * np.asarray(np.linalg.inv(information), dtype=np.float64)
     bow, taper, ovality = (
-        _deviation(found[part], covariance[part, part], weight)
+        _form_deviation(found[part], covariance[part, part], weight)
         for part in (slice(5, 7), slice(7, 8), slice(8, 10))
     )
     # The straight line of the joint fit stays the reference; only the radius is the tube's own.
-    places = view.points + np.array([[0.0], [0.0], [sum(tube.ends) / 2]])
+    places = view.points + np.array([[0.0], [0.0], [sum(tube.axial_range) / 2]])
     stds = view.stds * spread * math.sqrt(factor)
     return TubeShape(
-        centres=centres_along(tube.owners, places, stds, float(found[4])),
+        centres=fit_section_centres(tube.point_sections, places, stds, float(found[4])),
         bow=bow,
         taper=taper,
         ovality_terms=ovality,
@@ -165,7 +165,7 @@ def measure_shape(tube: ScannedCylinder) -> TubeShape:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class _View:
+class _AxisFramePoints:
     """Points in the axis' frame, from the middle of the stretch seen."""
 
     points: FloatArray  # (3, n)
@@ -180,24 +180,26 @@ class _View:
         return along
 
 
-def _view(tube: ScannedCylinder) -> _View:
+def _view(tube: ScannedCylinder) -> _AxisFramePoints:
     fit = tube.fit
-    middle = fit.point + fit.direction * sum(tube.ends) / 2
+    middle = fit.point + fit.direction * sum(tube.axial_range) / 2
     points = tangent_frame(fit.direction) @ (tube.points - middle).T
     offsets = fit.residuals - fit.normalised * fit.stds
-    return _View(points, fit.stds, offsets, fit.radius, (tube.ends[1] - tube.ends[0]) / 2)
+    return _AxisFramePoints(
+        points, fit.stds, offsets, fit.radius, (tube.axial_range[1] - tube.axial_range[0]) / 2
+    )
 
 
-def _fit_deviations(view: _View) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _fit_deviations(view: _AxisFramePoints) -> tuple[FloatArray, FloatArray, FloatArray]:
     """The unknowns, their information, and the residuals over their deviations."""
     from scipy.optimize import leastsq
 
-    start = np.zeros(UNKNOWNS)
+    start = np.zeros(PARAMETERS)
     start[4] = view.radius
     found, *_ = leastsq(
         lambda x: _residuals(view, x), start, xtol=1e-10, ftol=1e-12, epsfcn=1e-11, maxfev=400
     )
-    steps = 1e-5 * np.eye(UNKNOWNS) * view.radius
+    steps = 1e-5 * np.eye(PARAMETERS) * view.radius
     columns = [
         (_residuals(view, found + step) - _residuals(view, found - step)) / (2 * step.max())
         for step in steps
@@ -207,7 +209,7 @@ def _fit_deviations(view: _View) -> tuple[FloatArray, FloatArray, FloatArray]:
     return unknowns, weighted.T @ weighted, _residuals(view, unknowns)
 
 
-def _residuals(view: _View, unknowns: FloatArray) -> FloatArray:
+def _residuals(view: _AxisFramePoints, unknowns: FloatArray) -> FloatArray:
     """Distances from the bent, tapering, oval tube over their standard deviations.
 
     All unknowns are lengths at the end of the stretch seen, t = 1, so that they are alike.
@@ -226,7 +228,7 @@ def _residuals(view: _View, unknowns: FloatArray) -> FloatArray:
     return residuals
 
 
-def _deviation(values: FloatArray, covariance: FloatArray, freedom: float) -> Deviation:
+def _form_deviation(values: FloatArray, covariance: FloatArray, freedom: float) -> FormDeviation:
     """With its test: F, or chi^2 where the noise is known."""
     from scipy.stats import chi2, f
 
@@ -234,4 +236,4 @@ def _deviation(values: FloatArray, covariance: FloatArray, freedom: float) -> De
     statistic = float(values @ np.linalg.solve(covariance, values))
     known = math.isinf(freedom)
     p_value = chi2.sf(statistic, count) if known else f.sf(statistic / count, count, freedom)
-    return Deviation(values, covariance, float(p_value))
+    return FormDeviation(values, covariance, float(p_value))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lsvision.scan.scanned import ScannedCylinder
+from lsvision.scan.scan_result import ScannedCylinder
 from lsvision.shapes import IntArray, Points
 
 FACETS = 96
@@ -26,10 +26,10 @@ def tube_surface(tube: ScannedCylinder, facets: int = FACETS) -> tuple[Points, I
     triangles : (2 * facets, 3) ndarray of int
         Rows of `points`, counter-clockwise seen from outside.
     """
-    first, second = tube.fit.across
+    first, second = tube.fit.tangent_basis
     turns = np.linspace(0.0, 2 * np.pi, facets, endpoint=False)
     ring = tube.radius * (np.outer(np.cos(turns), first) + np.outer(np.sin(turns), second))
-    rings = [tube.point + end * tube.direction + ring for end in tube.ends]
+    rings = [tube.point + end * tube.direction + ring for end in tube.axial_range]
     here = np.arange(facets)
     onward = (here + 1) % facets
     lower = np.column_stack([here, onward, onward + facets])

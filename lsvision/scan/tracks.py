@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.fitting.cylinder_section import CylinderSection
+from lsvision.ellipse.section import CylinderSection
 from lsvision.shapes import FloatArray, Pose
 
 
@@ -22,7 +22,7 @@ class TrackSettings:
 
     Parameters
     ----------
-    gate, widest_gate : float
+    gate, max_gate : float
         Largest distance of a centre from the predicted axis, without and with all
         uncertainty. Units: radii.
     radius_gate : float
@@ -34,14 +34,14 @@ class TrackSettings:
     """
 
     gate: float = 0.3
-    widest_gate: float = 0.6
+    max_gate: float = 0.6
     radius_gate: float = 0.12
     sigmas: float = 4.0
     window: int = 10
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Sighting:
+class ArcObservation:
     """One arc of one section, in the base frame.
 
     Parameters
@@ -76,10 +76,10 @@ class Sighting:
         return self.arc.radius
 
 
-Track = tuple[Sighting, ...]
+Track = tuple[ArcObservation, ...]
 
 
-def see_sighting(section: int, arc: CylinderSection, pose: Pose) -> Sighting:
+def transform_arc_to_base(section: int, arc: CylinderSection, pose: Pose) -> ArcObservation:
     """Bring an arc to the base frame.
 
     Parameters
@@ -93,7 +93,7 @@ def see_sighting(section: int, arc: CylinderSection, pose: Pose) -> Sighting:
     """
     covariance = arc.covariance
     sideways = math.sin(arc.phi) * arc.theta_std
-    return Sighting(
+    return ArcObservation(
         section=section,
         arc=arc,
         centre=pose.apply_one([*arc.centre, 0.0]),
@@ -104,14 +104,14 @@ def see_sighting(section: int, arc: CylinderSection, pose: Pose) -> Sighting:
     )
 
 
-def chain_tracks(
-    sightings: Sequence[Sighting], settings: TrackSettings = TrackSettings()
+def associate_arcs(
+    sightings: Sequence[ArcObservation], settings: TrackSettings = TrackSettings()
 ) -> tuple[Track, ...]:
     """Chain arcs of different sections to tracks, one a cylinder.
 
     Parameters
     ----------
-    sightings : sequence of Sighting
+    sightings : sequence of ArcObservation
         In the order of the sections.
     settings : TrackSettings
         Gates.
@@ -122,14 +122,15 @@ def chain_tracks(
         Each holds at most one arc a section; in order of their first. A pipe of which one
         section shows two arcs leaves two tracks here; they meet again at the joint fit.
     """
-    tracks: list[list[Sighting]] = []
+    tracks: list[list[ArcObservation]] = []
     for section in sorted({sighting.section for sighting in sightings}):
         here = [sighting for sighting in sightings if sighting.section == section]
         pairs = sorted(
             (score, t, s)
             for t, track in enumerate(tracks)
             for s, sighting in enumerate(here)
-            if (score := _misplacement(track[-settings.window :], sighting, settings)) < 1
+            if (score := _normalised_gate_distance(track[-settings.window :], sighting, settings))
+            < 1
         )
         taken_tracks: set[int] = set()
         taken: set[int] = set()
@@ -142,27 +143,29 @@ def chain_tracks(
     return tuple(tuple(track) for track in tracks)
 
 
-def _misplacement(recent: Sequence[Sighting], new: Sighting, settings: TrackSettings) -> float:
+def _normalised_gate_distance(
+    recent: Sequence[ArcObservation], new: ArcObservation, settings: TrackSettings
+) -> float:
     """Distance of a centre from where a track predicts it, in gates; 1 and more is outside."""
     radius = float(np.median([sighting.radius for sighting in recent]))
     radius_std = min(sighting.radius_std for sighting in recent)
     allowed = settings.sigmas * math.hypot(radius_std, new.radius_std)
     if abs(new.radius - radius) > allowed + settings.radius_gate * radius:
         return math.inf
-    start, directions, direction_std = predicted_axes(recent)
+    start, directions, direction_std = predict_axes(recent)
     ahead = new.centre - start
     gaps = np.linalg.norm(ahead - (directions @ ahead)[:, None] * directions, axis=1)
     loose = settings.sigmas * new.centre_std + 2 * direction_std * float(np.linalg.norm(ahead))
-    gate = min(settings.gate * radius + loose, settings.widest_gate * radius)
+    gate = min(settings.gate * radius + loose, settings.max_gate * radius)
     return float(gaps.min()) / gate
 
 
-def predicted_axes(recent: Sequence[Sighting]) -> tuple[FloatArray, FloatArray, float]:
+def predict_axes(recent: Sequence[ArcObservation]) -> tuple[FloatArray, FloatArray, float]:
     """Where the axis of a few sightings runs.
 
     Parameters
     ----------
-    recent : sequence of Sighting
+    recent : sequence of ArcObservation
         One or more.
 
     Returns

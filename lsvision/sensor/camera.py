@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.sensor.distortion import COEFFICIENTS, distort, inverse_of, undistort
-from lsvision.shapes import FloatArray, Points, locked
+from lsvision.sensor.distortion import COEFFICIENTS, distort, invert_2x2, undistort
+from lsvision.shapes import FloatArray, Points, as_readonly_array
 
 LENGTHS = (0, 4, 5, 8, 12, 14)
 """Counts of distortion coefficients that OpenCV knows."""
@@ -48,7 +48,7 @@ class Camera:
     _coefficients: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        matrix = locked(self.matrix, (3, 3), "camera matrix")
+        matrix = as_readonly_array(self.matrix, (3, 3), "camera matrix")
         _check_matrix(matrix)
         distortion = np.array(self.distortion, dtype=np.float64).reshape(-1)
         if len(distortion) not in LENGTHS or not np.isfinite(distortion).all():
@@ -61,9 +61,9 @@ class Camera:
             raise ValueError(f"want a size (width, height) in px, got {self.size}")
         padded = np.pad(distortion, (0, COEFFICIENTS - len(distortion)))
         object.__setattr__(self, "matrix", matrix)
-        object.__setattr__(self, "distortion", locked(distortion, ("k",)))
+        object.__setattr__(self, "distortion", as_readonly_array(distortion, ("k",)))
         object.__setattr__(self, "size", (width, height))
-        object.__setattr__(self, "_coefficients", locked(padded, (COEFFICIENTS,)))
+        object.__setattr__(self, "_coefficients", as_readonly_array(padded, (COEFFICIENTS,)))
 
     @property
     def focal_length(self) -> float:
@@ -88,13 +88,13 @@ class Camera:
 
     def rays_with_jacobian(self, pixels: npt.ArrayLike) -> tuple[Points, FloatArray]:
         """Rays as `rays` gives them, and d(x / z, y / z) / d(u, v) of each, (n, 2, 2)."""
-        array = locked(pixels, ("n", 2), "pixels")
+        array = as_readonly_array(pixels, ("n", 2), "pixels")
         from_sensor = np.linalg.inv(self.matrix[:2, :2])
         distorted = (array - self.matrix[:2, 2]) @ from_sensor.T
         normalised, jacobian = undistort(distorted, self._coefficients)
         rays = np.column_stack([normalised, np.ones(len(array))])
         rays[np.isnan(normalised[:, 0])] = np.nan
-        return rays, inverse_of(jacobian) @ from_sensor
+        return rays, invert_2x2(jacobian) @ from_sensor
 
     def project(self, points: npt.ArrayLike) -> Points:
         """Pixels in which points appear.
@@ -110,7 +110,7 @@ class Camera:
             u, v; also outside of the image. NaN for points not in front of the camera.
             Units: px.
         """
-        array = locked(points, ("n", 3), "points")
+        array = as_readonly_array(points, ("n", 3), "points")
         depth = np.where(array[:, 2] > 0, array[:, 2], np.nan)
         distorted, _ = distort(array[:, :2] / depth[:, None], self._coefficients)
         pixels: Points = distorted @ self.matrix[:2, :2].T + self.matrix[:2, 2]

@@ -17,7 +17,7 @@ COEFFICIENTS = 14
 NEWTON_STEPS = 25
 """Newton doubles the digits each step; 25 also covers the slow start beside a fold."""
 
-CONVERGED = 1e-13
+NEWTON_TOLERANCE = 1e-13
 """Largest misfit of an inverted point in units of the focal length: 1e-9 px at f = 10000 px."""
 
 
@@ -87,17 +87,17 @@ def undistort(distorted: Points, coefficients: FloatArray) -> tuple[Points, Floa
         image, jacobian = distort(normalised, coefficients)
         misfit = image - distorted
         largest = np.abs(misfit).max(axis=1)
-        if not np.any(largest > CONVERGED):
+        if not np.any(largest > NEWTON_TOLERANCE):
             break
-        step = np.einsum("nij,nj->ni", inverse_of(jacobian), misfit)
+        step = np.einsum("nij,nj->ni", invert_2x2(jacobian), misfit)
         normalised = normalised - np.clip(step, -0.5, 0.5)
     # Beyond the fold the model turns the picture inside out.
-    good = (largest <= CONVERGED) & (_determinants(jacobian) > 0)
+    good = (largest <= NEWTON_TOLERANCE) & (_determinants(jacobian) > 0)
     normalised[~good], jacobian[~good] = np.nan, np.nan
     return normalised, jacobian
 
 
-def inverse_of(matrices: FloatArray) -> FloatArray:
+def invert_2x2(matrices: FloatArray) -> FloatArray:
     """Inverses of (n, 2, 2) matrices; zero where there is none, NaN where lost."""
     determinants = _determinants(matrices)
     safe = np.where(np.abs(determinants) < 1e-12, np.inf, determinants)

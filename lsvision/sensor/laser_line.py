@@ -7,21 +7,21 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.errors import NoLaserLine
-from lsvision.sensor.derivative_line import derivative_stripes
-from lsvision.sensor.gaussian_line import gaussian_stripes
+from lsvision.sensor.derivative_of_gaussian import locate_by_derivative
+from lsvision.sensor.gaussian_fit import locate_by_gaussian_fit
+from lsvision.sensor.line_detection import DetectedLine, find_direction, find_line
 from lsvision.sensor.line_image import Direction, LineImage, prepare_line_image
-from lsvision.sensor.line_noise import SLOPE_SPAN, unexplained_variance
-from lsvision.sensor.line_search import FoundLine, find_direction, find_line
+from lsvision.sensor.line_noise import SLOPE_SPAN, excess_variance
 from lsvision.sensor.line_settings import LineSettings
-from lsvision.sensor.ridge_line import ridge_stripes
+from lsvision.sensor.steger_ridge import locate_by_steger
 from lsvision.sensor.stripe_windows import Stripes, cut_windows
-from lsvision.shapes import BoolArray, FloatArray, IntArray, Points, locked
+from lsvision.shapes import BoolArray, FloatArray, IntArray, Points, as_readonly_array
 
-MOST_SATURATED = 0.5
+MAX_SATURATED_FRACTION = 0.5
 """Share of the image at full scale from which it is overexposed as a whole."""
-SATURATED_WIDENING = 2.0
+SATURATED_SIGMA_FACTOR = 2.0
 """A saturated stripe is wider than its light: its filter is widened by this."""
-BORDER = 1.5
+BORDER_SIGMAS = 1.5
 """Sigmas from the image's border within which the line's flank is cut off."""
 
 __all__ = ["LaserLine", "LineSettings", "extract_laser_line"]
@@ -46,7 +46,7 @@ class LaserLine:
         Whether the line is at full scale there.
     direction : {"columns", "rows"}
         What the points stand for.
-    second_line : float
+    second_line_fraction : float
         Share of the columns in which a second line, as strong and apart from this one, can be
         followed: above about 0.2, look whether the right one was taken.
     """
@@ -57,12 +57,14 @@ class LaserLine:
     width: FloatArray
     saturated: BoolArray
     direction: Direction
-    second_line: float
+    second_line_fraction: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "pixels", locked(self.pixels, ("n", 2), "pixels"))
+        object.__setattr__(self, "pixels", as_readonly_array(self.pixels, ("n", 2), "pixels"))
         for name in ("std", "intensity", "width"):
-            object.__setattr__(self, name, locked(getattr(self, name), (len(self.pixels),), name))
+            object.__setattr__(
+                self, name, as_readonly_array(getattr(self, name), (len(self.pixels),), name)
+            )
 
     def __len__(self) -> int:
         return len(self.pixels)
@@ -108,8 +110,8 @@ def extract_laser_line(
     -----
     Candidates in each column (matched filter), the cheapest path through them, and the zero
     crossing of a derivative-of-Gaussian filter around it. Of two lines the longer unbroken one
-    is taken, however bright the other; `LaserLine.second_line` tells of it. Points next to the
-    end of a line, the edge of a step, or where a bright streak crosses err by more than `std`.
+    is taken, however bright the other; `LaserLine.second_line_fraction` tells of it. Points next to
+    the end of a line, the edge of a step, or where a bright streak crosses err by more than `std`.
 
     Examples
     --------
@@ -136,27 +138,27 @@ def extract_laser_line(
 
 
 def _refuse_glare(image: LineImage) -> None:
-    share = float((image.recorded[::4, ::4] >= image.full_scale).mean())
-    if share > MOST_SATURATED:
+    share = float((image.raw_channel[::4, ::4] >= image.full_scale).mean())
+    if share > MAX_SATURATED_FRACTION:
         raise NoLaserLine(
             f"{share:.0%} of the image is at its full scale of {image.full_scale:g} and "
-            f"{MOST_SATURATED:.0%} at most can be: shorten the exposure until only the line is "
-            "bright"
+            f"{MAX_SATURATED_FRACTION:.0%} at most can be: shorten the exposure until only the "
+            "line is bright"
         )
 
 
-def _located(image: LineImage, found: FoundLine, settings: LineSettings) -> Stripes:
+def _located(image: LineImage, found: DetectedLine, settings: LineSettings) -> Stripes:
     """The line's places by the method asked for."""
     if settings.method == "gaussian":
-        return gaussian_stripes(found.windows, found.stripes, found.variances)
+        return locate_by_gaussian_fit(found.windows, found.stripes, found.variances)
     if settings.method == "steger":
-        return ridge_stripes(
+        return locate_by_steger(
             image.signal, found.windows, found.stripes, found.variances, found.sigma
         )
     return _widened_where_saturated(image, found)
 
 
-def _widened_where_saturated(image: LineImage, found: FoundLine) -> Stripes:
+def _widened_where_saturated(image: LineImage, found: DetectedLine) -> Stripes:
     """The line's places; where saturated by a wider filter, in the laser's own channel.
 
     Where that finds nothing, a white-hot line of a coloured laser is lost, because its rim has
@@ -166,12 +168,12 @@ def _widened_where_saturated(image: LineImage, found: FoundLine) -> Stripes:
     if not clipped.any():
         return found.stripes
     start = found.stripes.pixels[clipped, 1]
-    sigma = SATURATED_WIDENING * found.sigma
-    windows = cut_windows(image, image.own, found.windows.columns[clipped], start, sigma)
+    sigma = SATURATED_SIGMA_FACTOR * found.sigma
+    windows = cut_windows(image, image.channel_signal, found.windows.columns[clipped], start, sigma)
     brightest = found.variances[clipped].max(axis=1, keepdims=True)
     variances = np.broadcast_to(brightest, windows.values.shape)
-    wider = derivative_stripes(windows, start, variances, sigma)
-    taken = wider.found | (image.own is not image.signal)
+    wider = locate_by_derivative(windows, start, variances, sigma)
+    taken = wider.found | (image.channel_signal is not image.signal)
     at = np.flatnonzero(clipped)[taken]
     merged = found.stripes
     for name in ("pixels", "std", "heights", "sigmas"):
@@ -181,25 +183,25 @@ def _widened_where_saturated(image: LineImage, found: FoundLine) -> Stripes:
     return merged
 
 
-def _near_border(image: LineImage, found: FoundLine) -> BoolArray:
-    margin = BORDER * found.sigma
-    rows = found.windows.middles
+def _near_border(image: LineImage, found: DetectedLine) -> BoolArray:
+    margin = BORDER_SIGMAS * found.sigma
+    rows = found.windows.centre_rows
     near: BoolArray = (rows < margin) | (rows > image.signal.shape[0] - 1 - margin)
     return near
 
 
-def _refuse_border(image: LineImage, found: FoundLine) -> None:
+def _refuse_border(image: LineImage, found: DetectedLine) -> None:
     near = _near_border(image, found)
     if near.mean() > 0.5:
         raise NoLaserLine(
-            f"the line runs within {BORDER * found.sigma:.0f} px of the image's border in "
+            f"the line runs within {BORDER_SIGMAS * found.sigma:.0f} px of the image's border in "
             f"{near.mean():.0%} of its columns, where half of it is cut off: move the camera, "
             "the laser or the region of interest until the whole line is in view"
         )
 
 
 def _assembled(
-    image: LineImage, found: FoundLine, stripes: Stripes, settings: LineSettings
+    image: LineImage, found: DetectedLine, stripes: Stripes, settings: LineSettings
 ) -> LaserLine:
     """One entry for each column; u and v still lie as in `image`."""
     good = stripes.found & ~_near_border(image, found)
@@ -207,7 +209,7 @@ def _assembled(
     places, noise = _in_their_columns(stripes.pixels[good], columns), stripes.std[good]
     # The ridge's smoothing along the line makes neighbours err alike.
     lag = None if settings.method != "steger" else math.ceil(4 * found.sigma)
-    excess = unexplained_variance(columns, places, noise, lag)
+    excess = excess_variance(columns, places, noise, lag)
     width = image.signal.shape[1]
     pixels = np.full((width, 2), np.nan)
     pixels[columns] = stripes.pixels[good]
@@ -218,7 +220,7 @@ def _assembled(
     saturated = np.zeros(width, dtype=bool)
     saturated[columns] = found.windows.saturated[good].any(axis=1)
     std, heights, sigmas = numbers
-    return LaserLine(pixels, std, heights, sigmas, saturated, "columns", found.second)
+    return LaserLine(pixels, std, heights, sigmas, saturated, "columns", found.second_line_fraction)
 
 
 def _in_their_columns(pixels: Points, columns: IntArray) -> FloatArray:

@@ -16,9 +16,9 @@ import numpy.typing as npt
 
 from lsvision.errors import DegenerateGeometry, LsvisionError
 from lsvision.profile import PointNoise, Profile
-from lsvision.sensor.blur_along import without_blur_along
 from lsvision.sensor.camera import Camera
 from lsvision.sensor.laser_line import LaserLine, LineSettings, extract_laser_line
+from lsvision.sensor.line_blur import correct_line_blur
 from lsvision.sensor.rig_file import read_rig, write_rig
 from lsvision.shapes import FloatArray, Plane, Points, Pose
 
@@ -58,7 +58,7 @@ class LightSection:
     line_blur_px : float
         One sigma of lens and pixel along the laser line, where it was measured; 0 leaves the
         line as it was extracted. A lens blur of 0.7 px makes a pipe of 25 mm at 300 mm 16 um
-        too large; see `without_blur_along`. Units: px.
+        too large; see `correct_line_blur`. Units: px.
 
     Raises
     ------
@@ -72,7 +72,7 @@ class LightSection:
     --------
     >>> camera = Camera([[2264, 0, 640], [0, 2264, 512], [0, 0, 1]], [], (1280, 1024))
     >>> section = LightSection(camera, Plane((0.0, 0.866, 0.5), 150.0))
-    >>> section.points_of([[640.0, 512.0], [840.0, 512.0]]).round(1)
+    >>> section.points_from_pixels([[640.0, 512.0], [840.0, 512.0]]).round(1)
     array([[   0. , -259.8],
            [  26.5, -259.8]])
     """
@@ -139,7 +139,7 @@ class LightSection:
         NoLaserLine
             If no line is found.
         """
-        return self.profile_of(self.line(image, settings, laser_off))
+        return self.profile_from_line(self.line(image, settings, laser_off))
 
     def line(
         self,
@@ -166,9 +166,9 @@ class LightSection:
                 f"the image is {got} px and the rig's camera {width} x {height} px: take "
                 "images with the size of the calibration, uncropped and unscaled"
             )
-        return without_blur_along(extract_laser_line(array, settings, laser_off), self.line_blur_px)
+        return correct_line_blur(extract_laser_line(array, settings, laser_off), self.line_blur_px)
 
-    def profile_of(self, line: LaserLine) -> Profile:
+    def profile_from_line(self, line: LaserLine) -> Profile:
         """Profile of an extracted laser line: its points in the section, with their noise.
 
         Parameters
@@ -186,11 +186,11 @@ class LightSection:
         covariances = jacobians @ _pixel_covariances(line) @ jacobians.transpose(0, 2, 1)
         return Profile(points, PointNoise(covariances))
 
-    def points_of(self, pixels: npt.ArrayLike) -> Points:
+    def points_from_pixels(self, pixels: npt.ArrayLike) -> Points:
         """Points of the section seen in (n, 2) pixels; NaN rows where there is none. Units: mm."""
         return self._section_points(np.asarray(pixels, dtype=np.float64))[0]
 
-    def pixels_of(self, points: npt.ArrayLike) -> Points:
+    def project(self, points: npt.ArrayLike) -> Points:
         """Pixels in which (n, 2) points of the section appear, for overlays. Units: px."""
         return self.camera.project(self.camera_from_section.apply(points))
 

@@ -11,14 +11,14 @@ from lsvision.shapes import FloatArray, IntArray
 
 FIXED_POINT = 32
 """Steps of the integer filter in one DN of an 8-bit image; twice the response fits 16 bit."""
-NOISE_SHARE = 4.5
+DETECTION_SIGMAS = 4.5
 """Noise sigmas of the filtered image below which a maximum is noise: about one in 10^6."""
 NOISE_SAMPLE = 7
 """Every so many-th row and column is looked at for the noise; a prime, to miss patterns."""
 
 
 @dataclass(frozen=True, eq=False)
-class Candidates:
+class LineCandidates:
     """Local maxima, ordered by column, then row.
 
     Parameters
@@ -44,9 +44,9 @@ class Candidates:
     def __len__(self) -> int:
         return len(self.columns)
 
-    def chosen(self, which: np.ndarray) -> "Candidates":
+    def select(self, which: np.ndarray) -> "LineCandidates":
         """Those that an index or mask names, in order."""
-        return Candidates(
+        return LineCandidates(
             self.columns[which], self.rows[which], self.scores[which], self.threshold, self.shape
         )
 
@@ -62,7 +62,7 @@ def matched_kernel(sigma: float) -> FloatArray:
 
 def find_line_candidates(
     signal: Image, sigma: float, least_score: float, per_column: int
-) -> Candidates:
+) -> LineCandidates:
     """Local maxima down each column of the matched-filtered image.
 
     Parameters
@@ -78,13 +78,13 @@ def find_line_candidates(
 
     Returns
     -------
-    Candidates
+    LineCandidates
         Maybe none.
     """
     response, unit = _filtered(signal, sigma)
     sample = np.abs(response[::NOISE_SAMPLE, ::NOISE_SAMPLE])
     noise = 1.4826 * float(np.median(sample))
-    threshold = max(least_score * unit, NOISE_SHARE * noise)
+    threshold = max(least_score * unit, DETECTION_SIGMAS * noise)
     reach = 2 * max(1, round(sigma)) + 1
     highest = cv2.dilate(response, np.ones((reach, 1), np.uint8))
     peak = cv2.compare(response, highest, cv2.CMP_EQ)
@@ -96,8 +96,8 @@ def find_line_candidates(
     kept = order[rank < per_column]
     kept = kept[np.lexsort((rows[kept], columns[kept]))]
     shape = (signal.shape[0], signal.shape[1])
-    tops = _tops(response, columns[kept], rows[kept])
-    return Candidates(columns[kept], tops, scores[kept], threshold / unit, shape)
+    tops = _subpixel_peaks(response, columns[kept], rows[kept])
+    return LineCandidates(columns[kept], tops, scores[kept], threshold / unit, shape)
 
 
 def _filtered(signal: Image, sigma: float) -> tuple[Image, float]:
@@ -109,7 +109,7 @@ def _filtered(signal: Image, sigma: float) -> tuple[Image, float]:
     return cv2.sepFilter2D(signal, cv2.CV_32F, np.ones(1, np.float32), kernel), 1.0
 
 
-def _tops(response: Image, columns: IntArray, rows: IntArray) -> FloatArray:
+def _subpixel_peaks(response: Image, columns: IntArray, rows: IntArray) -> FloatArray:
     above, below = np.maximum(rows - 1, 0), np.minimum(rows + 1, len(response) - 1)
     before, at, after = (response[row, columns].astype(np.float64) for row in (above, rows, below))
     bend = 2 * at - before - after

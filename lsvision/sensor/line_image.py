@@ -19,7 +19,7 @@ MIXTURES: dict[str, tuple[float, float, float]] = {
     "blue": (1.0, -0.5, -0.5),
     "white": (1 / 3, 1 / 3, 1 / 3),
 }
-DEPTHS = (1023, 4095, 16383, 65535)
+FULL_SCALES = (1023, 4095, 16383, 65535)
 """Full scales of 10, 12, 14 and 16 bit."""
 
 
@@ -32,26 +32,30 @@ class LineImage:
     signal : (height, width) ndarray
         uint8, int16 or float32; the laser's light, in colour images the excess of its colour.
         Units: DN.
-    own : (height, width) ndarray
+    channel_signal : (height, width) ndarray
         The same without regard to the other colours: where a line is white-hot its colour is
         lost, and its shape is only here. Units: DN.
-    recorded : (height, width) ndarray
+    raw_channel : (height, width) ndarray
         The laser's own channel as recorded, for saturation. Units: DN.
     full_scale : float
         Largest recordable number. Units: DN.
     """
 
     signal: Image
-    own: Image
-    recorded: Image
+    channel_signal: Image
+    raw_channel: Image
     full_scale: float
 
     def transposed(self) -> "LineImage":
         """Rows for columns."""
         turned = np.ascontiguousarray(self.signal.T)
-        own = turned if self.own is self.signal else np.ascontiguousarray(self.own.T)
-        same = self.recorded is self.signal
-        recorded = turned if same else np.ascontiguousarray(self.recorded.T)
+        own = (
+            turned
+            if self.channel_signal is self.signal
+            else np.ascontiguousarray(self.channel_signal.T)
+        )
+        same = self.raw_channel is self.signal
+        recorded = turned if same else np.ascontiguousarray(self.raw_channel.T)
         return LineImage(turned, own, recorded, self.full_scale)
 
 
@@ -132,7 +136,7 @@ def _full_scale(array: Image, stated: float | None) -> float:
         return 255.0
     if array.dtype == np.uint16:
         brightest = int(array.max())
-        return float(next(depth for depth in DEPTHS if depth >= brightest))
+        return float(next(depth for depth in FULL_SCALES if depth >= brightest))
     raise TypeError(
         "want full_scale beside a float image (its largest recordable number), got None: "
         "LineSettings(full_scale=...)"

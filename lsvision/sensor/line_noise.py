@@ -13,20 +13,20 @@ from lsvision.sensor.line_image import Image
 from lsvision.sensor.stripe_windows import Windows
 from lsvision.shapes import FloatArray, IntArray
 
-FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / np.sqrt(70.0)
+FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / np.sqrt(70.0)
 """Fourth difference, unit variance on white noise: blind to whatever runs smoothly."""
-THIRD = np.array([1.0, -3.0, 3.0, -1.0]) / np.sqrt(20.0)
-FIFTH = np.array([1.0, -5.0, 10.0, -10.0, 5.0, -1.0]) / np.sqrt(252.0)
+THIRD_DIFFERENCE = np.array([1.0, -3.0, 3.0, -1.0]) / np.sqrt(20.0)
+FIFTH_DIFFERENCE = np.array([1.0, -5.0, 10.0, -10.0, 5.0, -1.0]) / np.sqrt(252.0)
 """Blind to the bend of a pipe also over tens of columns."""
-INDEPENDENT = 3
+INDEPENDENT_LAG = 3
 """Columns apart from which points found column by column err independently: the speckle of
 neighbours is alike."""
-SMOOTH = 2.5
-"""Scatter over that between neighbours from which on errors run on beyond `INDEPENDENT` columns:
-1.0 in read noise, 1.6 to 1.9 in speckle, 2.6 to 4 in enlarged photographs."""
-LONGER, RISING = (6, 12), 1.25
+MAX_SCATTER_RATIO = 2.5
+"""Scatter over that between neighbours from which on errors run on beyond `INDEPENDENT_LAG`
+columns: 1.0 in read noise, 1.6 to 1.9 in speckle, 2.6 to 4 in enlarged photographs."""
+LONGER_LAGS, MIN_SCATTER_GROWTH = (6, 12), 1.25
 """Columns that are tried then, for as long as the scatter rises so much."""
-WHOLE = 20
+MIN_LENGTH_RATIO = 20
 """Times as long as the differences the line must be: most of them then lie on one surface."""
 SLOPE_SPAN = 6
 """Columns to each side over which a line's slope is taken."""
@@ -34,10 +34,10 @@ BINS = 12
 COLUMNS = 250
 PIXELS = 9
 """Columns, and rows of each window, that are looked at for the noise."""
-MAD = 1.4826
-QUANTUM = 1 / 12
+MAD_TO_STD = 1.4826
+QUANTISATION_VARIANCE = 1 / 12
 """DN^2; rounding to whole numbers, the least noise there is."""
-NEEDED = 40
+MIN_SAMPLES = 40
 """Points below which the scatter says nothing."""
 
 
@@ -59,7 +59,7 @@ class PixelNoise:
     def variances(self, values: FloatArray) -> FloatArray:
         """Variance of pixels of these values, at least that of rounding. Units: DN^2."""
         variances: FloatArray = self.read_variance + self.gain * np.maximum(values, 0.0)
-        return np.maximum(variances, QUANTUM)
+        return np.maximum(variances, QUANTISATION_VARIANCE)
 
 
 def estimate_pixel_noise(signal: Image, windows: Windows) -> PixelNoise:
@@ -85,15 +85,17 @@ def estimate_pixel_noise(signal: Image, windows: Windows) -> PixelNoise:
     inside = np.flatnonzero((windows.columns >= 2) & (windows.columns < signal.shape[1] - 2))
     inside = inside[:: max(1, len(inside) // COLUMNS)]
     offsets = windows.offsets[:: max(1, len(windows.offsets) // PIXELS)]
-    down = np.clip(windows.middles[inside, None] + offsets, 0, signal.shape[0] - 1)
+    down = np.clip(windows.centre_rows[inside, None] + offsets, 0, signal.shape[0] - 1)
     at = windows.columns[inside, None]
     along = np.stack([signal[down, at + shift] for shift in range(-2, 3)]).astype(np.float64)
     level = along.mean(axis=0).ravel()
-    scatter = np.abs(np.tensordot(FOURTH, along, axes=1).ravel())
+    scatter = np.abs(np.tensordot(FOURTH_DIFFERENCE, along, axes=1).ravel())
     # Whole bins only: the few brightest pixels beyond are left out.
     order = np.argsort(level)[: len(level) // BINS * BINS].reshape(BINS, -1)
     means = level[order].mean(axis=1)
-    variances = np.maximum((MAD * np.median(scatter[order], axis=1)) ** 2, QUANTUM)
+    variances = np.maximum(
+        (MAD_TO_STD * np.median(scatter[order], axis=1)) ** 2, QUANTISATION_VARIANCE
+    )
     # Relative residuals: a bin's variance is known to a share of itself.
     design = np.column_stack([np.ones_like(means), np.maximum(means, 0.0)]) / variances[:, None]
     from scipy.optimize import nnls
@@ -102,7 +104,7 @@ def estimate_pixel_noise(signal: Image, windows: Windows) -> PixelNoise:
     return PixelNoise(float(read_variance), float(gain))
 
 
-def unexplained_variance(
+def excess_variance(
     columns: IntArray, rows: FloatArray, std: FloatArray, lag: int | None = None
 ) -> FloatArray:
     """Variance of a line's places beyond what their predicted noise explains.
@@ -127,15 +129,18 @@ def unexplained_variance(
     Speckle and roughness move the line across itself; down a column that is by
     sqrt(1 + slope^2) more, and so much larger is the variance on a flank.
     """
-    steepness = 1 + slopes_of(columns, rows) ** 2
+    steepness = 1 + line_slopes(columns, rows) ** 2
     width = int(columns.max()) + 1 if len(columns) else 0
     places, stretch = np.full((2, width), np.nan)
     places[columns], stretch[columns] = rows, np.sqrt(steepness)
-    seen = _scatter(places, stretch, THIRD, lag or INDEPENDENT)
-    if lag is None and seen > SMOOTH * _scatter(places, stretch, THIRD, 1):
-        for longer in LONGER:
-            further = _scatter(places, stretch, FIFTH, longer)
-            if len(columns) < WHOLE * longer * (len(FIFTH) - 1) or further < RISING * seen:
+    seen = _scatter(places, stretch, THIRD_DIFFERENCE, lag or INDEPENDENT_LAG)
+    if lag is None and seen > MAX_SCATTER_RATIO * _scatter(places, stretch, THIRD_DIFFERENCE, 1):
+        for longer in LONGER_LAGS:
+            further = _scatter(places, stretch, FIFTH_DIFFERENCE, longer)
+            if (
+                len(columns) < MIN_LENGTH_RATIO * longer * (len(FIFTH_DIFFERENCE) - 1)
+                or further < MIN_SCATTER_GROWTH * seen
+            ):
                 break
             seen = further
     explained = float(np.median(std**2 / steepness)) if len(std) else 0.0
@@ -143,7 +148,7 @@ def unexplained_variance(
     return excess
 
 
-def slopes_of(columns: IntArray, rows: FloatArray) -> FloatArray:
+def line_slopes(columns: IntArray, rows: FloatArray) -> FloatArray:
     """Slope of a line at each of its points, the gentler of those to its two sides.
 
     Beside a jump that is the line's own. (n,), 0 for a point alone. Units: 1.
@@ -166,4 +171,4 @@ def _scatter(places: FloatArray, stretch: FloatArray, weights: FloatArray, lag: 
     differences = sum(weight * places[lag * k :][:count] for k, weight in enumerate(weights))
     scatter = np.abs(differences / stretch[lag * order // 2 :][:count])
     scatter = scatter[np.isfinite(scatter)]
-    return MAD * float(np.median(scatter)) if len(scatter) >= NEEDED else 0.0
+    return MAD_TO_STD * float(np.median(scatter)) if len(scatter) >= MIN_SAMPLES else 0.0

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.sensor.line_candidates import Candidates
+from lsvision.sensor.line_candidates import LineCandidates
 from lsvision.shapes import FloatArray, IntArray
 
 
@@ -22,27 +22,27 @@ class PathSettings:
     ----------
     candidates : int
         Strongest maxima looked at in each column.
-    saturation : float
+    max_score_ratio : float
         Multiple of the detection threshold from which a score counts no more.
-    steepness : float
+    slope_cost : float
         Price of a step of one px from column to column; grows with its square.
-    reach : int
+    max_row_step : int
         Longest step from column to column; beyond it the line starts anew. Units: px.
-    skip : int
+    max_missing_columns : int
         Columns that may be missing without a new start.
-    restart : float
+    restart_cost : float
         Price of a new start, in columns; shorter pieces of line are not worth one.
-    empty : float
+    empty_column_cost : float
         Price of an empty column; taking a candidate costs between 0 and this.
     """
 
     candidates: int = 12
-    saturation: float = 1.2
-    steepness: float = 0.1
-    reach: int = 4
-    skip: int = 3
-    restart: float = 30.0
-    empty: float = 0.95
+    max_score_ratio: float = 1.2
+    slope_cost: float = 0.1
+    max_row_step: int = 4
+    max_missing_columns: int = 3
+    restart_cost: float = 30.0
+    empty_column_cost: float = 0.95
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,23 +53,23 @@ class LinePath:
     ----------
     indices : (k,) ndarray of int
         Into the candidates, by column.
-    pieces : (k,) ndarray of int
+    segment_labels : (k,) ndarray of int
         0, 1, ...: which unbroken piece of the line each belongs to.
-    saved : float
+    cost_reduction : float
         Price of an empty image less the line's: its worth, in columns.
     """
 
     indices: IntArray
-    pieces: IntArray
-    saved: float
+    segment_labels: IntArray
+    cost_reduction: float
 
 
-def choose_line_path(candidates: Candidates, settings: PathSettings) -> LinePath:
+def shortest_line_path(candidates: LineCandidates, settings: PathSettings) -> LinePath:
     """The cheapest path through the candidates, at most one in each column.
 
     Parameters
     ----------
-    candidates : Candidates
+    candidates : LineCandidates
         Ordered by column, then row.
     settings : PathSettings
         The prices.
@@ -96,39 +96,43 @@ def choose_line_path(candidates: Candidates, settings: PathSettings) -> LinePath
     # A price of 0 is no edge to a sparse matrix.
     graph = csr_array((price + 1e-9, (start, stop)), shape=(nodes, nodes))
     costs, before = dijkstra(graph, indices=count, return_predecessors=True)
-    indices = _traced(before.tolist(), count, width)
-    saved = width * settings.empty - float(costs[count + width])
-    return LinePath(indices, _pieces(candidates, indices, settings), saved)
+    indices = _backtrack(before.tolist(), count, width)
+    saved = width * settings.empty_column_cost - float(costs[count + width])
+    return LinePath(indices, _segment_labels(candidates, indices, settings), saved)
 
 
-def _edges(candidates: Candidates, settings: PathSettings) -> tuple[IntArray, IntArray, FloatArray]:
+def _edges(
+    candidates: LineCandidates, settings: PathSettings
+) -> tuple[IntArray, IntArray, FloatArray]:
     """Start, stop and price of every edge; node ``count + c`` is "no line in column c"."""
     count, width = len(candidates), candidates.shape[1]
     columns = candidates.columns
-    own = settings.empty * (
-        1 - np.minimum(candidates.scores / (settings.saturation * candidates.threshold), 1.0)
+    own = settings.empty_column_cost * (
+        1 - np.minimum(candidates.scores / (settings.max_score_ratio * candidates.threshold), 1.0)
     )
     here = np.arange(count)
     none = count + np.arange(width)
     starts = [none, none[columns], here]
     stops = [none + 1, here, count + columns + 1]
     prices = [
-        np.full(width, settings.empty),
-        settings.restart / 2 + own,
-        np.full(count, settings.restart / 2),
+        np.full(width, settings.empty_column_cost),
+        settings.restart_cost / 2 + own,
+        np.full(count, settings.restart_cost / 2),
     ]
-    for step in range(1, settings.skip + 2):
-        first, second = _neighbours(candidates, step, settings.reach)
+    for step in range(1, settings.max_missing_columns + 2):
+        first, second = _neighbours(candidates, step, settings.max_row_step)
         rise = candidates.rows[second] - candidates.rows[first]
         starts.append(first)
         stops.append(second)
         prices.append(
-            settings.steepness * rise**2 / step + own[second] + settings.empty * (step - 1)
+            settings.slope_cost * rise**2 / step
+            + own[second]
+            + settings.empty_column_cost * (step - 1)
         )
     return np.concatenate(starts), np.concatenate(stops), np.concatenate(prices)
 
 
-def _neighbours(candidates: Candidates, step: int, reach: int) -> tuple[IntArray, IntArray]:
+def _neighbours(candidates: LineCandidates, step: int, reach: int) -> tuple[IntArray, IntArray]:
     """Pairs of candidates `step` columns apart and at most `reach` rows a column."""
     span = candidates.shape[0] + 2 * reach * (step + 1)  # no reach touches the next column
     keys = candidates.columns * span + candidates.rows
@@ -143,7 +147,7 @@ def _neighbours(candidates: Candidates, step: int, reach: int) -> tuple[IntArray
     return first, second
 
 
-def _traced(before: list[int], count: int, width: int) -> IntArray:
+def _backtrack(before: list[int], count: int, width: int) -> IntArray:
     """Candidates met on the way back from the last column."""
     taken, node = [], count + width
     while node != count:
@@ -153,9 +157,11 @@ def _traced(before: list[int], count: int, width: int) -> IntArray:
     return np.array(taken[::-1], dtype=np.int64)
 
 
-def _pieces(candidates: Candidates, indices: IntArray, settings: PathSettings) -> IntArray:
+def _segment_labels(
+    candidates: LineCandidates, indices: IntArray, settings: PathSettings
+) -> IntArray:
     steps = np.diff(candidates.columns[indices])
     rises = np.abs(np.diff(candidates.rows[indices]))
-    broken = (steps > settings.skip + 1) | (rises > settings.reach * steps)
+    broken = (steps > settings.max_missing_columns + 1) | (rises > settings.max_row_step * steps)
     pieces: IntArray = np.concatenate([[0], np.cumsum(broken)]).astype(np.int64)
     return pieces[: len(indices)]

@@ -34,7 +34,7 @@ class LineSettings:
     full_scale : float, optional
         Largest number the camera records; by default that of the image's depth, see
         `prepare_line_image`. Units: DN.
-    least_contrast : float
+    min_contrast : float
         Height above its surroundings that a line needs, as a share of the full scale.
     read_noise : float, optional
         One sigma; estimated from the image by default. Units: DN.
@@ -55,7 +55,7 @@ class LineSettings:
     direction: Direction | None = None
     channel: Channel = "grey"
     full_scale: float | None = None
-    least_contrast: float = 0.02
+    min_contrast: float = 0.02
     read_noise: float | None = None
     gain: float | None = None
     path: PathSettings = field(default_factory=PathSettings)
@@ -69,7 +69,7 @@ class LineSettings:
             raise ValueError(
                 f"want direction in {get_args(Direction)} or None, got {self.direction!r}"
             )
-        for name in ("sigma", "full_scale", "least_contrast"):
+        for name in ("sigma", "full_scale", "min_contrast"):
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise ValueError(f"want a positive {name}, got {value}")

@@ -11,7 +11,7 @@ import numpy as np
 
 from lsvision.shapes import FloatArray, Points
 
-NEAR, FAR = 1e-3, 1e12
+MIN_RANGE_FRACTION, MAX_RANGE_MM = 1e-3, 1e12
 """Rubbish points are given a covariance, not an overflow: at this share of the reference range,
 and at so many mm."""
 LATERAL_FRACTION = 0.05
@@ -88,8 +88,10 @@ class ProfileSensor:
         (n, 2, 2) ndarray
             Units: mm^2.
         """
-        rays = np.minimum(np.maximum(points - np.array(self.origin), -FAR), FAR)
-        ranges = np.maximum(np.hypot(rays[:, 0], rays[:, 1]), NEAR * self.reference_range)
+        rays = np.minimum(np.maximum(points - np.array(self.origin), -MAX_RANGE_MM), MAX_RANGE_MM)
+        ranges = np.maximum(
+            np.hypot(rays[:, 0], rays[:, 1]), MIN_RANGE_FRACTION * self.reference_range
+        )
         std = self.range_std * (ranges / self.reference_range) ** 2
         along = rays * (std / ranges)[:, None]
         across = (LATERAL_FRACTION * std) ** 2 + self.quantum**2 / 12

@@ -56,7 +56,7 @@ def plane_from_json(values: Mapping[str, Any]) -> Plane:
 
 
 def json_text(schema: str, values: Mapping[str, Any]) -> str:
-    """Text of a JSON file of a schema, in the house's units.
+    """Text of a JSON file of a schema, in the package's units.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def json_text(schema: str, values: Mapping[str, Any]) -> str:
 
 
 def read_json(path: str | os.PathLike[str], schema: str) -> dict[str, Any]:
-    """Read a JSON file of one schema in the house's units.
+    """Read a JSON file of one schema in the package's units.
 
     Raises
     ------

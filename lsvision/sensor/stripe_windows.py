@@ -8,11 +8,11 @@ import numpy as np
 from lsvision.sensor.line_image import Image, LineImage
 from lsvision.shapes import BoolArray, FloatArray, IntArray
 
-REACH = 3.5
+HALF_WIDTH_SIGMAS = 3.5
 """Half width of a window, in sigmas of the filter."""
-CLIPPING = 0.008
+CLIPPING_STD_PX = 0.008
 """px by which each clipped pixel moves a stripe (measured at 1.2 to 4 times full scale)."""
-MOST_CLIPPED = 5
+MAX_CLIPPED_PIXELS = 5
 """Clipped pixels from which more of them make no difference: the flanks are as steep as edges."""
 END_PIXELS = 2
 """Pixels at each end of a window that tell the level of the surroundings."""
@@ -24,7 +24,7 @@ class Windows:
 
     Parameters
     ----------
-    columns, middles : (n,) ndarray of int
+    columns, centre_rows : (n,) ndarray of int
         Pixels of the line. Units: px.
     offsets : (w,) ndarray of int
         Rows of a window's pixels from its middle. Units: px.
@@ -35,13 +35,13 @@ class Windows:
     """
 
     columns: IntArray
-    middles: IntArray
+    centre_rows: IntArray
     offsets: IntArray
     values: FloatArray
     saturated: BoolArray
 
     @property
-    def above(self) -> FloatArray:
+    def background_subtracted(self) -> FloatArray:
         """Values above the surroundings, which the outermost pixels tell. Units: DN."""
         ends = np.hstack([self.values[:, :END_PIXELS], self.values[:, -END_PIXELS:]])
         above: FloatArray = self.values - ends.mean(axis=1, keepdims=True)
@@ -54,15 +54,15 @@ class Windows:
         The two ends of the plateau fall anywhere within their pixels; the more pixels it has,
         the steeper is what is left of the flanks, and the more that weighs.
         """
-        clipped = np.minimum(self.saturated.sum(axis=1), MOST_CLIPPED)
-        std: FloatArray = CLIPPING * clipped
+        clipped = np.minimum(self.saturated.sum(axis=1), MAX_CLIPPED_PIXELS)
+        std: FloatArray = CLIPPING_STD_PX * clipped
         return std
 
-    def chosen(self, which: BoolArray) -> "Windows":
+    def select(self, which: BoolArray) -> "Windows":
         """Those columns that a mask names."""
         return Windows(
             self.columns[which],
-            self.middles[which],
+            self.centre_rows[which],
             self.offsets,
             self.values[which],
             self.saturated[which],
@@ -113,10 +113,10 @@ def cut_windows(
     sigma : float
         Of the filter that will look at them. Units: px.
     """
-    reach = math.ceil(REACH * sigma)
+    reach = math.ceil(HALF_WIDTH_SIGMAS * sigma)
     offsets = np.arange(-reach, reach + 1)
     middles = np.rint(rows).astype(np.int64)
     down = np.clip(middles[:, None] + offsets, 0, signal.shape[0] - 1)
     at = down, columns[:, None]
     values = signal[at].astype(np.float64)
-    return Windows(columns, middles, offsets, values, image.recorded[at] >= image.full_scale)
+    return Windows(columns, middles, offsets, values, image.raw_channel[at] >= image.full_scale)

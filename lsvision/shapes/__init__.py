@@ -1,6 +1,6 @@
 """Frozen geometric values: pose, plane, ellipse, cylinder. numpy only."""
 
-from lsvision.shapes.arrays import BoolArray, FloatArray, IntArray, Points, locked
+from lsvision.shapes.arrays import BoolArray, FloatArray, IntArray, Points, as_readonly_array
 from lsvision.shapes.cylinder import Cylinder
 from lsvision.shapes.ellipse import Ellipse, orthogonal_residuals, radial_residuals
 from lsvision.shapes.plane import Plane
@@ -15,7 +15,7 @@ __all__ = [
     "Plane",
     "Points",
     "Pose",
-    "locked",
+    "as_readonly_array",
     "orthogonal_residuals",
     "radial_residuals",
 ]

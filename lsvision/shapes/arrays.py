@@ -10,7 +10,9 @@ Points = FloatArray
 """(n, 2) or (n, 3) points, one a row. Units: mm."""
 
 
-def locked(values: npt.ArrayLike, shape: tuple[int | str, ...], name: str = "array") -> FloatArray:
+def as_readonly_array(
+    values: npt.ArrayLike, shape: tuple[int | str, ...], name: str = "array"
+) -> FloatArray:
     """Copy of an array as read-only float64, its shape checked.
 
     Parameters
@@ -34,7 +36,7 @@ def locked(values: npt.ArrayLike, shape: tuple[int | str, ...], name: str = "arr
 
     Examples
     --------
-    >>> locked([[1, 2]], ("n", 2)).flags.writeable
+    >>> as_readonly_array([[1, 2]], ("n", 2)).flags.writeable
     False
     """
     array = np.array(values, dtype=np.float64)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.shapes.arrays import FloatArray, locked
+from lsvision.shapes.arrays import FloatArray, as_readonly_array
 from lsvision.shapes.ellipse import Ellipse
 from lsvision.shapes.pose import Pose
 
@@ -37,16 +37,16 @@ class Cylinder:
     radius: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "point", locked(self.point, (3,), "point"))
-        direction = locked(self.direction, (3,), "direction")
+        object.__setattr__(self, "point", as_readonly_array(self.point, (3,), "point"))
+        direction = as_readonly_array(self.direction, (3,), "direction")
         length = float(np.linalg.norm(direction))
         if not (np.isfinite(length) and length > 0):
             raise ValueError(f"want a direction with a length, got {direction}")
-        object.__setattr__(self, "direction", locked(direction / length, (3,)))
+        object.__setattr__(self, "direction", as_readonly_array(direction / length, (3,)))
         if not (math.isfinite(self.radius) and self.radius > 0):
             raise ValueError(f"want a positive radius in mm, got {self.radius}")
 
-    def seen_from(self, a_from_b: Pose) -> "Cylinder":
+    def transformed(self, a_from_b: Pose) -> "Cylinder":
         """The same cylinder of frame b in the coordinates of frame a."""
         return Cylinder(
             a_from_b.apply_one(self.point), a_from_b.rotation @ self.direction, self.radius

@@ -9,8 +9,8 @@ import numpy as np
 from lsvision.shapes.arrays import FloatArray, Points
 
 TINY = 1e-300
-FOOT_POINT_STEPS = 30
-FOOT_POINT_CLOSE = 1e-5
+MAX_FOOT_POINT_ITERATIONS = 30
+FOOT_POINT_TOLERANCE = 1e-5
 """The search gains about two digits a step near the ellipse and stops after this change of the
 direction (rad), which a distance feels by its square only; far from it it needs more steps."""
 
@@ -122,13 +122,13 @@ class Ellipse:
         along = np.column_stack(
             [self.semi_major * np.cos(parameter), self.semi_minor * np.sin(parameter)]
         )
-        return self.from_own_frame(along)
+        return self.from_ellipse_frame(along)
 
-    def to_own_frame(self, points: Points) -> Points:
+    def to_ellipse_frame(self, points: Points) -> Points:
         """(k, 2) points of the section frame in the frame of the ellipse's own axes. Units: mm."""
         return (points - self.centre) @ self._rotation
 
-    def from_own_frame(self, points: Points) -> Points:
+    def from_ellipse_frame(self, points: Points) -> Points:
         """(k, 2) points of the ellipse's own axes in the section frame. Units: mm."""
         return points @ self._rotation.T + self.centre
 
@@ -154,7 +154,7 @@ def radial_residuals(points: Points, ellipse: Ellipse) -> FloatArray:
         Positive outside. Units: mm. The paper's r_j (Eq. 4) without its modulus; -b at the
         centre itself, where the ray has no direction.
     """
-    u, v = ellipse.to_own_frame(points).T
+    u, v = ellipse.to_ellipse_frame(points).T
     a, b = ellipse.semi_major, ellipse.semi_minor
     # Eq. (4) divides by x_j - x_0; in the ellipse's own frame only the centre is special.
     rho = np.hypot(u, v)
@@ -185,7 +185,7 @@ def orthogonal_residuals(points: Points, ellipse: Ellipse) -> FloatArray:
     >>> orthogonal_residuals(np.array([[0.0, 12.0], [9.0, 0.0]]), circle)
     array([ 2., -1.])
     """
-    own = ellipse.to_own_frame(points)
+    own = ellipse.to_ellipse_frame(points)
     foot = foot_points(own, ellipse.semi_major, ellipse.semi_minor)
     u, v = own.T
     outside = np.hypot(u / ellipse.semi_major, v / ellipse.semi_minor) >= 1
@@ -213,7 +213,7 @@ def foot_points(own: Points, a: float, b: float) -> Points:
 
 
 def foot_directions(
-    u: FloatArray, v: FloatArray, a: float, b: float, close: float = FOOT_POINT_CLOSE
+    u: FloatArray, v: FloatArray, a: float, b: float, close: float = FOOT_POINT_TOLERANCE
 ) -> tuple[FloatArray, FloatArray]:
     """Cosine and sine of the eccentric anomaly of the nearest point of an ellipse.
 
@@ -244,7 +244,7 @@ def foot_directions(
         # Within the evolute the ray from the centre may lead to the farthest point.
         cos, sin = np.where(within, math.sqrt(0.5), cos), np.where(within, math.sqrt(0.5), sin)
     ca, cb = (a * a - b * b) / a, (b * b - a * a) / b
-    for _ in range(FOOT_POINT_STEPS if a != b else 0):
+    for _ in range(MAX_FOOT_POINT_ITERATIONS if a != b else 0):
         # Centre of curvature (on the evolute) of the foot point found so far.
         ex, ey = ca * (cos * cos * cos), cb * (sin * sin * sin)
         dx, dy = p - ex, q - ey

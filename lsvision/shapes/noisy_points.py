@@ -17,9 +17,9 @@ from lsvision.shapes.arrays import FloatArray, Points
 
 ComplexArray = npt.NDArray[np.complex128]
 TINY = 1e-300
-FAN = cmath.rect(1.0, math.radians(60))
+FAN_EDGE_DIRECTION = cmath.rect(1.0, math.radians(60))
 """Direction to the sensor of the outermost ray that is still usual, 30 deg off +Y."""
-LEAST_ALONG_Y = 0.25
+MIN_RANGE_ANISOTROPY = 0.25
 """(Sigma_yy - Sigma_xx) over their sum: a ray of an error without width 38 deg off +Y."""
 
 
@@ -31,14 +31,14 @@ class NoisyPoints:
     ----------
     z : (n,) complex ndarray
         x + iy. Units: mm.
-    variance : (n,) ndarray
+    mean_variance : (n,) ndarray
         Half the trace of the covariance. Units: mm^2.
     deviator : (n,) complex ndarray
         (Sigma_xx - Sigma_yy) / 2 - i Sigma_xy. Units: mm^2.
     """
 
     z: ComplexArray
-    variance: FloatArray
+    mean_variance: FloatArray
     deviator: ComplexArray
 
     @classmethod
@@ -54,15 +54,15 @@ class NoisyPoints:
 
     def __getitem__(self, which: npt.NDArray[np.generic] | slice) -> Self:
         """Those of a slice, of indices or of a mask."""
-        return type(self)(self.z[which], self.variance[which], self.deviator[which])
+        return type(self)(self.z[which], self.mean_variance[which], self.deviator[which])
 
-    def variances_along(self, normals: ComplexArray) -> FloatArray:
+    def normal_variances(self, normals: ComplexArray) -> FloatArray:
         """N' Sigma n of each point, for unit normals (n,). Units: mm^2."""
         along: FloatArray = (self.deviator * (normals * normals)).real
-        along += self.variance
+        along += self.mean_variance
         return along
 
-    def facing(self, normals: ComplexArray) -> FloatArray:
+    def incidence_cosines(self, normals: ComplexArray) -> FloatArray:
         """Cosine between unit normals, (n,), and the direction to the sensor.
 
         No sensor sees a point where it is negative. The ray is taken as the direction of the
@@ -72,8 +72,10 @@ class NoisyPoints:
         rays = np.sqrt(self.deviator.conj())  # half the deviator's angle
         rays = np.where(rays.imag < 0, -rays, rays)
         rays /= np.maximum(np.abs(rays), TINY)
-        in_fan = FAN.imag * normals.imag + FAN.real * np.abs(normals.real)
-        told = -self.deviator.real > LEAST_ALONG_Y * self.variance
+        in_fan = FAN_EDGE_DIRECTION.imag * normals.imag + FAN_EDGE_DIRECTION.real * np.abs(
+            normals.real
+        )
+        told = -self.deviator.real > MIN_RANGE_ANISOTROPY * self.mean_variance
         return np.where(told, (normals * rays.conj()).real, in_fan)
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.shapes.arrays import FloatArray, locked
+from lsvision.shapes.arrays import FloatArray, as_readonly_array
 from lsvision.shapes.pose import Pose
 
 
@@ -30,13 +30,13 @@ class Plane:
     distance: float
 
     def __post_init__(self) -> None:
-        normal = locked(self.normal, (3,), "normal")
+        normal = as_readonly_array(self.normal, (3,), "normal")
         length = float(np.linalg.norm(normal))
         if not (np.isfinite(length) and length > 0 and np.isfinite(self.distance)):
             raise ValueError(
                 f"want a normal with a length, got {normal} and distance {self.distance}"
             )
-        object.__setattr__(self, "normal", locked(normal / length, (3,)))
+        object.__setattr__(self, "normal", as_readonly_array(normal / length, (3,)))
         object.__setattr__(self, "distance", float(self.distance) / length)
 
     def signed_distances(self, points: npt.ArrayLike) -> FloatArray:
@@ -44,7 +44,7 @@ class Plane:
         distances: FloatArray = np.asarray(points, dtype=np.float64) @ self.normal - self.distance
         return distances
 
-    def seen_from(self, a_from_b: Pose) -> "Plane":
+    def transformed(self, a_from_b: Pose) -> "Plane":
         """The same plane of frame b in the coordinates of frame a."""
         normal = a_from_b.rotation @ self.normal
         return Plane(normal, self.distance + float(normal @ a_from_b.translation))

@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.shapes.arrays import FloatArray, Points, locked
+from lsvision.shapes.arrays import FloatArray, Points, as_readonly_array
 
 ORTHONORMAL = 1e-6
 """Largest entry of R'R - I that still counts as a rotation (poses are written with 6 digits)."""
@@ -43,14 +43,16 @@ class Pose:
     translation: FloatArray = field(default_factory=lambda: np.zeros(3))
 
     def __post_init__(self) -> None:
-        rotation = locked(self.rotation, (3, 3), "rotation")
+        rotation = as_readonly_array(self.rotation, (3, 3), "rotation")
         defect = np.abs(rotation.T @ rotation - np.eye(3)).max()
         if not defect <= ORTHONORMAL:
             raise ValueError(f"want an orthonormal rotation, got R'R off by {defect:.3g}")
         if np.linalg.det(rotation) < 0:
             raise ValueError("want a proper rotation, got determinant -1: it mirrors")
         object.__setattr__(self, "rotation", rotation)
-        object.__setattr__(self, "translation", locked(self.translation, (3,), "translation"))
+        object.__setattr__(
+            self, "translation", as_readonly_array(self.translation, (3,), "translation")
+        )
         if not np.isfinite(self.translation).all():
             raise ValueError(f"want a finite translation in mm, got {self.translation}")
 
@@ -65,7 +67,7 @@ class Pose:
         distance : float
             Feed. Units: mm.
         """
-        axis = locked(direction, (3,), "direction")
+        axis = as_readonly_array(direction, (3,), "direction")
         length = float(np.linalg.norm(axis))
         if not (np.isfinite(length) and length > 0):
             raise ValueError(f"want a feed direction with a length, got {tuple(axis)}")
@@ -80,7 +82,7 @@ class Pose:
         ValueError
             If the last row is not ``0 0 0 1`` or the rotation is none.
         """
-        homogeneous = locked(matrix, (4, 4), "matrix")
+        homogeneous = as_readonly_array(matrix, (4, 4), "matrix")
         if not np.allclose(homogeneous[3], (0, 0, 0, 1), rtol=0, atol=ORTHONORMAL):
             raise ValueError(f"want last row 0 0 0 1, got {homogeneous[3]}")
         return cls(homogeneous[:3, :3], homogeneous[:3, 3])

@@ -156,7 +156,7 @@ def _line_on_board(scene: BoardScene, pose: Pose) -> Points | None:
     corners = _corners(scene)
     low, high = corners[:, :2].min(axis=0), corners[:, :2].max(axis=0)
     x = np.linspace(low[0], high[0], scene.line_points)
-    plane = scene.plane.seen_from(pose.inverse())
+    plane = scene.plane.transformed(pose.inverse())
     y = np.zeros_like(x)
     for _ in range(50):
         # Fixed point: the bow is flat compared with the angle between board and plane.

@@ -16,15 +16,15 @@ from scipy.interpolate import CubicSpline
 from lsvision.shapes import FloatArray
 from lsvision.simulate.prism import Prism
 
-PIECE = 0.3
+SEGMENT_LENGTH_MM = 0.3
 """Length along X of the straight pieces of a curve. Units: mm."""
-LARGEST_CORNER = 5.0
+MAX_CORNER_RADIUS = 5.0
 """Largest radius of a rounded corner; pipes start at twice that. Units: mm."""
 
 Centre = tuple[float, float]
 
 
-def placed(outline: npt.ArrayLike, centre: Centre, tilt: float = 0.0) -> Prism:
+def place_outline(outline: npt.ArrayLike, centre: Centre, tilt: float = 0.0) -> Prism:
     """Prism of an outline drawn around (0, 0), turned and moved to its place.
 
     Parameters
@@ -43,7 +43,7 @@ def placed(outline: npt.ArrayLike, centre: Centre, tilt: float = 0.0) -> Prism:
 
 def ground(width: float, centre: Centre, tilt: float = 0.0) -> Prism:
     """Plane under the scene."""
-    return placed([[-width / 2, 0.0], [width / 2, 0.0]], centre, tilt)
+    return place_outline([[-width / 2, 0.0], [width / 2, 0.0]], centre, tilt)
 
 
 def bar(width: float, thickness: float, centre: Centre, tilt: float = 0.0) -> Prism:
@@ -56,7 +56,7 @@ def bar(width: float, thickness: float, centre: Centre, tilt: float = 0.0) -> Pr
     """
     x = width / 2
     corners = [[-x, 0.0], [x, 0.0], [x, -thickness], [-x, -thickness], [-x, 0.0]]
-    return placed(corners, centre, tilt)
+    return place_outline(corners, centre, tilt)
 
 
 def rounded_box(
@@ -69,13 +69,13 @@ def rounded_box(
     ValueError
         If the corner is a pipe: over 5 mm, or more than the box holds.
     """
-    if not 0 < corner <= min(LARGEST_CORNER, width / 2, height):
-        raise ValueError(f"want a corner in (0, {LARGEST_CORNER:g}] mm, got {corner}")
+    if not 0 < corner <= min(MAX_CORNER_RADIUS, width / 2, height):
+        raise ValueError(f"want a corner in (0, {MAX_CORNER_RADIUS:g}] mm, got {corner}")
     turn = np.linspace(0.0, math.pi / 2, 25)
     x, y = width / 2 - corner + corner * np.sin(turn), corner * (np.cos(turn) - 1)
     right = np.vstack([np.column_stack([x, y]), [[width / 2, -height]]])
     left = right[::-1] * [-1.0, 1.0]
-    return placed(np.vstack([left, right]), centre, tilt)
+    return place_outline(np.vstack([left, right]), centre, tilt)
 
 
 def v_groove(
@@ -84,7 +84,7 @@ def v_groove(
     """Plate with a V groove for a weld."""
     x, half = width / 2, opening / 2
     outline = [[-x, 0.0], [-half, 0.0], [0.0, -depth], [half, 0.0], [x, 0.0]]
-    return placed(outline, centre, tilt)
+    return place_outline(outline, centre, tilt)
 
 
 def angle_iron(leg: float, thickness: float, centre: Centre, tilt: float = 0.0) -> Prism:
@@ -92,7 +92,7 @@ def angle_iron(leg: float, thickness: float, centre: Centre, tilt: float = 0.0) 
     reach, edge = leg / math.sqrt(2), thickness / math.sqrt(2)
     inside = [[reach - edge, -reach - edge], [0.0, -2 * edge], [-reach + edge, -reach - edge]]
     outline = [[-reach, -reach], [0.0, 0.0], [reach, -reach], *inside, [-reach, -reach]]
-    return placed(outline, centre, tilt)
+    return place_outline(outline, centre, tilt)
 
 
 def sine_sheet(
@@ -100,8 +100,8 @@ def sine_sheet(
 ) -> Prism:
     """Corrugated sheet."""
     x = _abscissae(width)
-    return placed(np.column_stack([x, amplitude * np.sin(2 * math.pi * x / wavelength)]), centre,
-                  tilt)  # fmt: skip
+    wave = amplitude * np.sin(2 * math.pi * x / wavelength)
+    return place_outline(np.column_stack([x, wave]), centre, tilt)
 
 
 def gaussian_bumps(width: float, bumps: npt.ArrayLike, centre: Centre, tilt: float = 0.0) -> Prism:
@@ -119,13 +119,13 @@ def gaussian_bumps(width: float, bumps: npt.ArrayLike, centre: Centre, tilt: flo
     x = _abscissae(width)
     position, height, spread = np.asarray(bumps, dtype=np.float64).T[:, :, None]
     y = (height * np.exp(-0.5 * ((x - position) / spread) ** 2)).sum(axis=0)
-    return placed(np.column_stack([x, y]), centre, tilt)
+    return place_outline(np.column_stack([x, y]), centre, tilt)
 
 
 def parabola(width: float, depth: float, centre: Centre, tilt: float = 0.0) -> Prism:
     """Trough (negative depth) or ridge whose section is a parabola."""
     x = _abscissae(width)
-    return placed(np.column_stack([x, -depth * (2 * x / width) ** 2]), centre, tilt)
+    return place_outline(np.column_stack([x, -depth * (2 * x / width) ** 2]), centre, tilt)
 
 
 def spline_sheet(knots: npt.ArrayLike, centre: Centre, tilt: float = 0.0) -> Prism:
@@ -140,9 +140,9 @@ def spline_sheet(knots: npt.ArrayLike, centre: Centre, tilt: float = 0.0) -> Pri
     """
     x, y = np.asarray(knots, dtype=np.float64).T
     curve = CubicSpline(x, y, bc_type="natural")
-    fine = np.arange(x[0], x[-1] + PIECE / 2, PIECE)
-    return placed(np.column_stack([fine, curve(fine)]), centre, tilt)
+    fine = np.arange(x[0], x[-1] + SEGMENT_LENGTH_MM / 2, SEGMENT_LENGTH_MM)
+    return place_outline(np.column_stack([fine, curve(fine)]), centre, tilt)
 
 
 def _abscissae(width: float) -> FloatArray:
-    return np.linspace(-width / 2, width / 2, math.ceil(width / PIECE) + 1)
+    return np.linspace(-width / 2, width / 2, math.ceil(width / SEGMENT_LENGTH_MM) + 1)

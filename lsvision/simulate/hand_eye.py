@@ -3,7 +3,7 @@
 Assumptions, one by one: the sensor's columns are equally spaced in x; the laser plane is z = 0
 of the section; a column returns the point nearest to the sensor (largest y); the error of a
 point lies along y and is normal, its own or shared with its neighbours (`correlation`); all
-heights may be too long by one factor (`height_scale`); a flank that leans more than `max_lean`
+heights may be too long by one factor (`height_scale`); a flank that leans more than `max_slope`
 from y returns nothing; the robot reports a pose that departs from where it stands by
 independent Gaussian errors in each axis of position and rotation.
 """
@@ -31,7 +31,7 @@ class SectionView:
         Lowest and highest y that returns a point. Units: mm.
     range_std : float
         One sigma along y. Units: mm.
-    max_lean : float
+    max_slope : float
         Steepest surface that returns light. Units: rad.
     correlation : float
         One sigma of the Gaussian by which the errors of neighbours are averaged (and then
@@ -44,7 +44,7 @@ class SectionView:
     width: float = 80.0
     depth: tuple[float, float] = (-400.0, 400.0)
     range_std: float = 0.05
-    max_lean: float = math.radians(65)
+    max_slope: float = math.radians(65)
     correlation: float = 0.0
     height_scale: float = 1.0
 
@@ -88,7 +88,7 @@ def sphere_profile(
     cut2 = radius**2 - cz**2
     rise2 = cut2 - (x - cx) ** 2
     # A flank's lean in the section: sin = |x - cx| / r of the cut circle.
-    seen = (rise2 > 0) & (np.abs(x - cx) <= math.sin(view.max_lean) * math.sqrt(max(cut2, 0.0)))
+    seen = (rise2 > 0) & (np.abs(x - cx) <= math.sin(view.max_slope) * math.sqrt(max(cut2, 0.0)))
     y = cy + np.sqrt(np.where(seen, rise2, 0.0))
     return _noisy_profile(x, y, seen, view, rng)
 
@@ -97,7 +97,7 @@ def plane_profile(plane: Plane, view: SectionView, rng: np.random.Generator) -> 
     """Profile of a plane given in the section frame; see `sphere_profile`."""
     x = view.x
     nx, ny, _ = plane.normal
-    if abs(ny) < math.cos(view.max_lean) * math.hypot(nx, ny):
+    if abs(ny) < math.cos(view.max_slope) * math.hypot(nx, ny):
         return _noisy_profile(x, x, np.zeros(len(x), dtype=bool), view, rng)
     y = (plane.distance - nx * x) / ny
     return _noisy_profile(x, y, np.ones(len(x), dtype=bool), view, rng)
@@ -110,13 +110,16 @@ def _noisy_profile(
     view: SectionView,
     rng: np.random.Generator,
 ) -> Profile:
-    noisy = view.height_scale * y + _alike(rng.normal(0.0, 1.0, len(x)), view) * view.range_std
+    noisy = (
+        view.height_scale * y
+        + _correlated_unit_noise(rng.normal(0.0, 1.0, len(x)), view) * view.range_std
+    )
     seen = seen & (noisy >= view.depth[0]) & (noisy <= view.depth[1])
     points = np.where(seen[:, None], np.column_stack([x, noisy]), np.nan)
     return Profile(points)
 
 
-def _alike(noise: FloatArray, view: SectionView) -> FloatArray:
+def _correlated_unit_noise(noise: FloatArray, view: SectionView) -> FloatArray:
     """Unit noise whose neighbours are alike."""
     if not view.correlation > 0:
         return noise
@@ -128,7 +131,7 @@ def _alike(noise: FloatArray, view: SectionView) -> FloatArray:
     return alike
 
 
-def turn(vector: FloatArray) -> FloatArray:
+def rotation_from_vector(vector: FloatArray) -> FloatArray:
     """Rotation about a vector by its length in rad (Rodrigues), one at a time."""
     angle = float(np.linalg.norm(vector))
     if angle == 0:
@@ -141,7 +144,7 @@ def turn(vector: FloatArray) -> FloatArray:
     return rotation
 
 
-def reported_pose(
+def noisy_pose(
     pose: Pose, position_std: float, rotation_std: float, rng: np.random.Generator
 ) -> Pose:
     """What a robot with errors says of where it stands.
@@ -155,7 +158,7 @@ def reported_pose(
     rng : numpy.random.Generator
         Of the errors.
     """
-    error = turn(rng.normal(0.0, 1.0, 3) * rotation_std)
+    error = rotation_from_vector(rng.normal(0.0, 1.0, 3) * rotation_std)
     shift = rng.normal(0.0, 1.0, 3) * position_std
     return Pose(error @ pose.rotation, pose.translation + shift)
 
@@ -208,9 +211,9 @@ def section_poses_about(
     upright = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # section Y up
     poses = []
     for _ in range(count):
-        spin = turn(np.array([0, 0, rng.uniform(-motion.spin, motion.spin)]))
-        lean = turn(np.array([rng.uniform(-motion.tilt, motion.tilt), 0, 0]))
-        roll = turn(np.array([0, rng.uniform(-motion.tilt, motion.tilt), 0]))
+        spin = rotation_from_vector(np.array([0, 0, rng.uniform(-motion.spin, motion.spin)]))
+        lean = rotation_from_vector(np.array([rng.uniform(-motion.tilt, motion.tilt), 0, 0]))
+        roll = rotation_from_vector(np.array([0, rng.uniform(-motion.tilt, motion.tilt), 0]))
         rotation = spin @ lean @ roll @ upright
         seen_at = np.array(
             [

@@ -27,9 +27,9 @@ from lsvision.simulate.stray_light import StrayLight, glint_gain, stray_light
 SUB_ROWS = 3
 CELL = 4
 """px; the scene is looked over in cells of this size for where the sheet may be seen."""
-DARK = 5.0
+SHEET_CUTOFF_SIGMAS = 5.0
 """Sheet sigmas from its middle beyond which the light is left out (4e-6 of the peak)."""
-JUMP = 2.0
+MAX_DEPTH_STEP_MM = 2.0
 """mm of depth between two samples from which they lie on different surfaces."""
 SHADOW_BIAS = 1e-6
 """Share of the way to the laser that a point may lie inside its own surface by rounding."""
@@ -165,7 +165,7 @@ def _sampled(scene: Scene, rig: ImagingRig, sheet_sigma: float) -> _Samples:
     depth = np.where(met, hits.distances, 0.0)
     points = rays.origins + depth[:, None] * rays.directions
     heights = points[:, 2]
-    near = met & (np.abs(heights) < DARK * sheet_sigma)
+    near = met & (np.abs(heights) < SHEET_CUTOFF_SIGMAS * sheet_sigma)
     light = np.zeros(len(u))
     light[near] = _irradiance(scene, rig, points[near], hits.normals[near])
     truth = _crossings(u, v, np.where(light > 0, heights, np.nan), depth, labels)
@@ -192,7 +192,9 @@ def _where_lit(scene: Scene, rig: ImagingRig, sheet_sigma: float) -> BoolArray:
     around = np.ones((3, 3), np.uint8)
     top = cv2.dilate(np.where(met, heights, -np.inf), around)
     bottom = cv2.erode(np.where(met, heights, np.inf), around)
-    cells = (top > -DARK * sheet_sigma) & (bottom < DARK * sheet_sigma)
+    cells = (top > -SHEET_CUTOFF_SIGMAS * sheet_sigma) & (
+        bottom < SHEET_CUTOFF_SIGMAS * sheet_sigma
+    )
     pixels: BoolArray = cells.repeat(CELL, axis=0).repeat(CELL, axis=1)[:height, :width]
     return pixels
 
@@ -215,7 +217,7 @@ def _crossings(
     crossed = (before >= 0) != (after >= 0)
     same = (u[:-1] == u[1:]) & (np.diff(v) < 1.5 / SUB_ROWS) & (labels[:-1] == labels[1:])
     at = np.flatnonzero(
-        crossed & same & np.isfinite(before + after) & (np.abs(np.diff(depth)) < JUMP)
+        crossed & same & np.isfinite(before + after) & (np.abs(np.diff(depth)) < MAX_DEPTH_STEP_MM)
     )
     share = before[at] / (before[at] - after[at])
     return np.column_stack([u[at], v[at] + share * (v[at + 1] - v[at])])

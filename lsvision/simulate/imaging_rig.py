@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.shapes import FloatArray, Plane, Points, Pose, locked
+from lsvision.shapes import FloatArray, Plane, Points, Pose, as_readonly_array
 from lsvision.simulate.rays import Rays
 
 UNDISTORT_STEPS = 60
@@ -45,8 +45,10 @@ class ImagingRig:
     laser_origin: tuple[float, float] = (0.0, 100.0)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "matrix", locked(self.matrix, (3, 3), "camera matrix"))
-        object.__setattr__(self, "distortion", locked(self.distortion, ("k",), "distortion"))
+        object.__setattr__(self, "matrix", as_readonly_array(self.matrix, (3, 3), "camera matrix"))
+        object.__setattr__(
+            self, "distortion", as_readonly_array(self.distortion, ("k",), "distortion")
+        )
         if len(self.distortion) > 5:
             raise ValueError(
                 f"want up to 5 distortion coefficients (k1 k2 p1 p2 k3), got {len(self.distortion)}"
@@ -94,7 +96,7 @@ class ImagingRig:
     @property
     def laser_plane(self) -> Plane:
         """The laser plane in the camera frame. Units: mm."""
-        return Plane(np.array([0.0, 0.0, 1.0]), 0.0).seen_from(self.camera_from_section)
+        return Plane(np.array([0.0, 0.0, 1.0]), 0.0).transformed(self.camera_from_section)
 
     def rays(self, pixels: Points) -> Rays:
         """Rays through (n, 2) pixels, section frame; a distance along them is the depth in mm."""

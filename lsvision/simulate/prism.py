@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.shapes import FloatArray, IntArray, Points, locked
+from lsvision.shapes import FloatArray, IntArray, Points, as_readonly_array
 from lsvision.simulate.rays import NO_HIT, Hits, Rays
 
 
@@ -32,7 +32,7 @@ class Prism:
     along: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "outline", locked(self.outline, ("n", 2), "outline"))
+        object.__setattr__(self, "outline", as_readonly_array(self.outline, ("n", 2), "outline"))
         if len(self.outline) < 2 or not np.isfinite(self.outline).all():
             raise ValueError(f"want two finite corners or more, got {self.outline.tolist()}")
         if abs(self.along[2]) < 1e-6 * math.hypot(*self.along):

@@ -15,7 +15,7 @@ from lsvision.simulate import clutter
 from lsvision.simulate.clutter import Centre
 from lsvision.simulate.prism import Prism
 
-LARGEST_SLOPE = math.tan(math.radians(24.0))
+MAX_SLOPE = math.tan(math.radians(24.0))
 """Largest slope of a wavy sheet."""
 FIELD = 0.27
 """Half width of the field over the range, a little less than the sensor's."""
@@ -38,7 +38,7 @@ def clutter_around(tubes: list[Ellipse], draw: DrawShape, rng: np.random.Generat
     rng : numpy.random.Generator
         Same state, same clutter.
     """
-    shapes = [_stood(draw(rng), tubes, rng) for _ in range(rng.integers(2, 5))]
+    shapes = [_place_shape(draw(rng), tubes, rng) for _ in range(rng.integers(2, 5))]
     if rng.random() < 0.6:
         depth = min([-FARTHEST, *(tube.centre[1] - tube.semi_major for tube in tubes)])
         shapes.append(clutter.ground(500.0, (0.0, depth), rng.uniform(-0.05, 0.05)))
@@ -68,7 +68,7 @@ def draw_mixed(rng: np.random.Generator) -> Place:
     return kinds[rng.integers(len(kinds))](rng)
 
 
-def _stood(place: Place, tubes: list[Ellipse], rng: np.random.Generator) -> Prism:
+def _place_shape(place: Place, tubes: list[Ellipse], rng: np.random.Generator) -> Prism:
     """A shape at a random place: beside the tubes at any range, else behind or against them."""
     low, high = _extent(place((0.0, 0.0)).outline)
     top = rng.uniform(NEAREST, FARTHEST - 40.0)
@@ -91,7 +91,7 @@ def _sine(rng: np.random.Generator) -> Place:
         wavelength, amplitude = rng.uniform(9.0, 14.0), rng.uniform(1.5, 3.0)
     else:
         wavelength = rng.uniform(22.0, 70.0)
-        amplitude = wavelength * LARGEST_SLOPE * rng.uniform(0.3, 1.0) / (2 * math.pi)
+        amplitude = wavelength * MAX_SLOPE * rng.uniform(0.3, 1.0) / (2 * math.pi)
     return lambda at: clutter.sine_sheet(width, amplitude, wavelength, at, tilt)
 
 
@@ -101,7 +101,7 @@ def _bumps(rng: np.random.Generator) -> Place:
     bumps = []
     for position in np.arange(-width / 2 + 18.0, width / 2 - 10.0, 36.0):
         spread = rng.uniform(4.0, 10.0)
-        steepest = LARGEST_SLOPE * spread * math.sqrt(math.e)
+        steepest = MAX_SLOPE * spread * math.sqrt(math.e)
         height = rng.choice([-1.0, 1.0]) * rng.uniform(0.3, 0.95) * steepest
         bumps.append((position, height, spread))
     return lambda at: clutter.gaussian_bumps(width, bumps, at, tilt)
@@ -130,14 +130,14 @@ def _spline(rng: np.random.Generator) -> Place:
     y = rng.uniform(-1.0, 1.0, count)
     drawn = clutter.spline_sheet(np.column_stack([x, y]), (0.0, 0.0)).outline
     steepest = np.abs(np.diff(drawn[:, 1]) / np.diff(drawn[:, 0])).max()
-    knots = np.column_stack([x, y * LARGEST_SLOPE * rng.uniform(0.4, 1.0) / steepest])
+    knots = np.column_stack([x, y * MAX_SLOPE * rng.uniform(0.4, 1.0) / steepest])
     return lambda at: clutter.spline_sheet(knots, at, tilt)
 
 
 def _rounded_box(rng: np.random.Generator) -> Place:
     """Square tube, corners 2-5 mm."""
     width, height, tilt = rng.uniform(20.0, 70.0), rng.uniform(12.0, 50.0), rng.uniform(-0.5, 0.5)
-    corner = rng.uniform(2.0, clutter.LARGEST_CORNER)
+    corner = rng.uniform(2.0, clutter.MAX_CORNER_RADIUS)
     return lambda at: clutter.rounded_box(width, height, corner, at, tilt)
 
 

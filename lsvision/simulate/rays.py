@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from lsvision.shapes import FloatArray, Points, Pose, locked
+from lsvision.shapes import FloatArray, Points, Pose, as_readonly_array
 
 NO_HIT = math.inf
 """Distance of a ray that meets nothing."""
@@ -25,9 +25,11 @@ class Rays:
     directions: FloatArray
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "origins", locked(self.origins, ("n", 3), "origins"))
+        object.__setattr__(self, "origins", as_readonly_array(self.origins, ("n", 3), "origins"))
         shape = self.origins.shape
-        object.__setattr__(self, "directions", locked(self.directions, shape, "directions"))
+        object.__setattr__(
+            self, "directions", as_readonly_array(self.directions, shape, "directions")
+        )
 
     def seen_from(self, a_from_b: Pose) -> "Rays":
         """The same rays of frame b in the coordinates of frame a."""

@@ -16,16 +16,16 @@ from lsvision.profile import NoiseModel, PointNoise, Profile
 from lsvision.sensor.profile_sensor import LATERAL_FRACTION, ProfileSensor
 from lsvision.shapes import FloatArray, Points, Pose
 from lsvision.shapes.arrays import BoolArray
-from lsvision.simulate.mishaps import (
+from lsvision.simulate.rays import Hits, Rays
+from lsvision.simulate.scene import NOTHING, Scene
+from lsvision.simulate.sensor_errors import (
     SectionSettings,
+    correlated_unit_noise,
     jumps_along,
     lost_columns,
     noise_std,
-    survives_grazing,
-    unit_errors,
+    visible_at_incidence,
 )
-from lsvision.simulate.rays import Hits, Rays
-from lsvision.simulate.scene import NOTHING, Scene
 from lsvision.simulate.truth import SectionTruth, tube_truths
 
 SAME_SURFACE = 1e-6
@@ -95,7 +95,7 @@ def simulate_section(
     pose = base_from_section or Pose()
     rays = column_rays(sensor, settings)
     hits, labels = scene.first_hits(rays.seen_from(pose))
-    seen = _in_range(hits, rays, sensor) & survives_grazing(
+    seen = _in_range(hits, rays, sensor) & visible_at_incidence(
         hits, rays.seen_from(pose), settings, rng
     )
     exact = rays.origins + np.where(seen, hits.distances, np.nan)[:, None] * rays.directions
@@ -106,7 +106,9 @@ def simulate_section(
     exact = np.where(seen[:, None], exact, np.nan)[:, :2]
     std = noise_std(exact, sensor)
     jumps = jumps_along(sensor.columns, settings, rng)
-    error = settings.noise_factor * std * unit_errors(sensor.columns, settings, rng) + jumps
+    error = (
+        settings.noise_factor * std * correlated_unit_noise(sensor.columns, settings, rng) + jumps
+    )
     points = exact + error[:, None] * rays.directions[:, :2]
     if sensor.quantum > 0:
         points = np.round(points / sensor.quantum) * sensor.quantum

@@ -109,7 +109,7 @@ def tube_truths(
         cylinder = tube.local_cylinder(base_from_section)
         if cylinder is None:
             continue
-        cylinder = cylinder.seen_from(base_from_section.inverse())
+        cylinder = cylinder.transformed(base_from_section.inverse())
         ellipse = cylinder.section()
         run = longest_run(labels, label)
         arc = _covered(points[run], ellipse)
@@ -140,7 +140,7 @@ def _covered(points: Points, ellipse: Ellipse) -> float:
     """Angle about the cylinder's axis from the first point to the last. Units: rad."""
     if len(points) < 2:
         return 0.0
-    own = ellipse.to_own_frame(points)
+    own = ellipse.to_ellipse_frame(points)
     # The eccentric anomaly is the angle about the axis: the section seen along it is a circle.
     anomaly: FloatArray = np.unwrap(
         np.arctan2(own[:, 1] / ellipse.semi_minor, own[:, 0] / ellipse.semi_major)

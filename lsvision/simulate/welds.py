@@ -112,7 +112,11 @@ def weld_bead(
     """
     contact = np.asarray(contact_point(first, second))
     feet = [_foot(ellipse, contact, leg) for ellipse in (first, second)]
-    crown = _crown(feet, contact) if bulge == 0 else _pushed_out(feet, contact, bulge)
+    crown = (
+        _fillet_control_point(feet, contact)
+        if bulge == 0
+        else _bulged_control_point(feet, contact, bulge)
+    )
     t = np.linspace(0.0, 1.0, CURVE_STEPS + 1)[:, None]
     (start, _), (stop, _) = feet
     curve = (1 - t) ** 2 * start + 2 * t * (1 - t) * crown + t**2 * stop
@@ -140,7 +144,7 @@ def _touching(fixed: Ellipse, moved: Ellipse, direction: float) -> tuple[float, 
 
 def _shape(ellipse: Ellipse) -> FloatArray:
     """Matrix S of the support width sqrt(u' S u)."""
-    axes = ellipse.from_own_frame(np.diag([ellipse.semi_major, ellipse.semi_minor]))
+    axes = ellipse.from_ellipse_frame(np.diag([ellipse.semi_major, ellipse.semi_minor]))
     axes = axes - ellipse.centre
     shape: FloatArray = axes.T @ axes
     return shape
@@ -148,7 +152,7 @@ def _shape(ellipse: Ellipse) -> FloatArray:
 
 def _foot(ellipse: Ellipse, contact: FloatArray, leg: float) -> tuple[FloatArray, FloatArray]:
     """Point of an ellipse `leg` away from the contact on the sensor's side, and its tangent."""
-    own = ellipse.to_own_frame(contact[None])[0]
+    own = ellipse.to_ellipse_frame(contact[None])[0]
     at = math.atan2(own[1] / ellipse.semi_minor, own[0] / ellipse.semi_major)
     walk = np.linspace(0.0, math.pi, 2000)
     ways = [ellipse.points_at(at + sign * walk) for sign in (1.0, -1.0)]
@@ -159,7 +163,9 @@ def _foot(ellipse: Ellipse, contact: FloatArray, leg: float) -> tuple[FloatArray
     return up[index], tangent / np.linalg.norm(tangent)
 
 
-def _crown(feet: list[tuple[FloatArray, FloatArray]], contact: FloatArray) -> FloatArray:
+def _fillet_control_point(
+    feet: list[tuple[FloatArray, FloatArray]], contact: FloatArray
+) -> FloatArray:
     """Control point of the fillet: where the tangents of both feet meet."""
     (start, start_tangent), (stop, stop_tangent) = feet
     sides = np.column_stack([start_tangent, -stop_tangent])
@@ -169,7 +175,7 @@ def _crown(feet: list[tuple[FloatArray, FloatArray]], contact: FloatArray) -> Fl
     return crown
 
 
-def _pushed_out(
+def _bulged_control_point(
     feet: list[tuple[FloatArray, FloatArray]], contact: FloatArray, bulge: float
 ) -> Points:
     """Control point of a bead whose crown stands over the line between its feet."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.calibrate.board_sighting import see_board
+from lsvision.calibrate.board_pose_estimation import estimate_board_pose
 from lsvision.calibrate.hand_eye import (
     HandEyeSettings,
     calibrate_hand_eye_board,
@@ -19,11 +19,11 @@ from lsvision.shapes import Plane, Pose
 from lsvision.simulate.hand_eye import (
     SectionView,
     TargetMotion,
+    noisy_pose,
     plane_profile,
-    reported_pose,
+    rotation_from_vector,
     section_poses_about,
     sphere_profile,
-    turn,
 )
 
 RADIUS = 20.0
@@ -56,11 +56,13 @@ class Case:
     def reported(self, flange, rng):
         """What the robot says; a standing sensor's target goes the inverse way."""
         stood = flange if self.mounting == "eye_in_hand" else flange.inverse()
-        return reported_pose(stood, self.position, np.radians(self.rotation_deg), rng)
+        return noisy_pose(stood, self.position, np.radians(self.rotation_deg), rng)
 
 
 def any_mount(rng):
-    return Pose(turn(rng.normal(size=3) * 2), rng.uniform((-100, -100, 50), (100, 100, 250)))
+    return Pose(
+        rotation_from_vector(rng.normal(size=3) * 2), rng.uniform((-100, -100, 50), (100, 100, 250))
+    )
 
 
 def sphere_data(rng, case, motion=None):
@@ -83,14 +85,14 @@ def plane_data(rng, case):
     plane = Plane((0.1, -0.05, 1.0), 310.0)
     motion = TargetMotion(tilt=np.radians(40), standoff=WORK[1], offset=0.0)
     sections = section_poses_about(TARGET, case.count, motion, rng)
-    profiles = [plane_profile(plane.seen_from(s.inverse()), case.view, rng) for s in sections]
+    profiles = [plane_profile(plane.transformed(s.inverse()), case.view, rng) for s in sections]
     return mount, profiles, [case.reported(s @ mount.inverse(), rng) for s in sections]
 
 
 def planned_data(rng, case):
     """Poses chosen with a nominal mount that is 1 mm and 0.5 deg wrong per axis, as drawn."""
     mount = any_mount(rng)
-    nominal = reported_pose(mount, 1.0, np.radians(0.5), rng)
+    nominal = noisy_pose(mount, 1.0, np.radians(0.5), rng)
     plan = plan_hand_eye_poses(
         nominal,
         TARGET,
@@ -167,7 +169,8 @@ def report_wrong_pose(name, shift_mm, turn_deg, goal, runs, case=Case(0.05, 0.01
         axis = rng.normal(size=3)
         direction = rng.normal(size=3)
         poses[bad] = Pose(
-            turn(axis / np.linalg.norm(axis) * np.radians(turn_deg)) @ poses[bad].rotation,
+            rotation_from_vector(axis / np.linalg.norm(axis) * np.radians(turn_deg))
+            @ poses[bad].rotation,
             poses[bad].translation + direction / np.linalg.norm(direction) * shift_mm,
         )
         found = calibrate_hand_eye_sphere(profiles, poses)
@@ -198,7 +201,7 @@ def board_run(rng, case, corner_std=0.1):
     centre = BOARD.mean(axis=0)
     sightings, poses = [], []
     while len(poses) < case.count:
-        lean = turn(rng.uniform(-1, 1, 3) * np.radians([35, 35, 180]))
+        lean = rotation_from_vector(rng.uniform(-1, 1, 3) * np.radians([35, 35, 180]))
         away = np.array([rng.uniform(-30, 30), rng.uniform(-30, 30), rng.uniform(300, 420)])
         flip = np.diag([1.0, -1.0, -1.0])
         camera_from_board = Pose(lean @ flip, away - lean @ flip @ centre)
@@ -206,8 +209,8 @@ def board_run(rng, case, corner_std=0.1):
         if (pixels < 0).any() or (pixels > [1279, 1023]).any():
             continue
         noisy = pixels + rng.normal(0, corner_std, pixels.shape)
-        sightings.append(see_board(noisy, BOARD, CAMERA))
-        base_from_board = Pose(turn(np.array([0.2, -0.1, 0.4])), TARGET)
+        sightings.append(estimate_board_pose(noisy, BOARD, CAMERA))
+        base_from_board = Pose(rotation_from_vector(np.array([0.2, -0.1, 0.4])), TARGET)
         flange = base_from_board @ camera_from_board.inverse() @ mount.inverse()
         poses.append(case.reported(flange, rng))
     found = calibrate_hand_eye_board(

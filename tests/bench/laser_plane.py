@@ -13,7 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from lsvision.calibrate.boards_state import LaserView
+from lsvision.calibrate.bundle_adjustment_state import LaserView
 from lsvision.calibrate.intrinsics import calibrate_camera, fit_camera
 from lsvision.calibrate.laser_plane import calibrate_laser_plane, fit_laser_plane
 from lsvision.calibrate.target import ChArUco, TargetView
@@ -47,7 +47,7 @@ def errors(scene, found):
     zero = np.zeros(3)
     pixels, _ = cv2.projectPoints(truth, zero, zero, scene.matrix, scene.distortion)
     section = found.light_section
-    seen = section.camera_from_section.apply(section.points_of(pixels.reshape(-1, 2)))
+    seen = section.camera_from_section.apply(section.points_from_pixels(pixels.reshape(-1, 2)))
     a, b = seen - seen.mean(axis=0), truth - truth.mean(axis=0)
     left, _, right = np.linalg.svd(a.T @ b)
     aligned = a @ left @ np.diag([1, 1, np.linalg.det(left @ right)]) @ right

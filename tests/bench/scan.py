@@ -49,7 +49,7 @@ def centred_tube(radius: float, theta_deg: float, phi_deg: float, length: float)
     """Tube that crosses the middle of the view in the middle of the scan."""
     tube = Tube.of(radius, math.radians(theta_deg), math.radians(phi_deg), (0.0, -400.0))
     return dataclasses.replace(
-        tube, cylinder=tube.cylinder.seen_from(Pose(translation=(0.0, 0.0, length / 2)))
+        tube, cylinder=tube.cylinder.transformed(Pose(translation=(0.0, 0.0, length / 2)))
     )
 
 
@@ -75,7 +75,7 @@ def bound_covariance(
 
 def judge(found: ScannedCylinder, truth: Cylinder, bound: FloatArray) -> Outcome:
     direction = truth.direction * np.sign(truth.direction @ found.direction)
-    off = (found.direction - direction) @ found.fit.across.T
+    off = (found.direction - direction) @ found.fit.tangent_basis.T
     errors = np.array([*off, found.radius - truth.radius])
     own = found.covariance[2:, 2:]
     axis_deg = math.degrees(float(np.linalg.norm(off)))
@@ -117,7 +117,7 @@ def run(scene: Scene, poses: list[Pose], noise: float, rng: np.random.Generator)
 
 def is_near(found: ScannedCylinder, truth: Cylinder) -> bool:
     """Whether the axis found passes the true one within a radius where it was seen."""
-    middle = found.point + found.direction * sum(found.ends) / 2
+    middle = found.point + found.direction * sum(found.axial_range) / 2
     apart = middle - truth.point
     apart = apart - (apart @ truth.direction) * truth.direction
     return float(np.linalg.norm(apart)) < truth.radius

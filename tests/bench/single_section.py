@@ -22,8 +22,8 @@ from lsvision.simulate import (
     TubeRanges,
     simulate_section,
 )
-from lsvision.simulate.kinds import NOISE_MM
-from lsvision.simulate.mishaps import noise_std
+from lsvision.simulate.scene_kinds import NOISE_MM
+from lsvision.simulate.sensor_errors import noise_std
 from tests.bench.goals import Number
 from tests.bench.matching import match_tubes
 from tests.bench.progress import counted

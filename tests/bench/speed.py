@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from scipy.optimize import least_squares
 
-from lsvision.fitting.ellipse_fit import fit_ellipse
+from lsvision.ellipse.fit import fit_ellipse
 from lsvision.io.profiles import read_profile
 from lsvision.measure import Settings, measure_cylinders
 from lsvision.shapes import Ellipse
@@ -160,7 +160,7 @@ def time_measuring(what, profiles, repeats, settings=Settings()):
 def _literal_times(kind, profiles, repeats):
     ours = time_measuring("for the ratio", profiles, repeats)
     paper = time_measuring("Settings.paper()", profiles, 1, Settings.paper())
-    with mock.patch("lsvision.literal.fit_ellipse", _fit_as_typed):
+    with mock.patch("lsvision.paper_pipeline.fit_ellipse", _fit_as_typed):
         typed = time_measuring("literal chain as typed", profiles, 1, Settings.paper())
     return LiteralTimes(kind, ours, paper, typed)
 

@@ -44,7 +44,7 @@ def test_lengths_in_the_plane_are_true(turn, camera):
     image, R = photo(turn)
     found = calibrate_board_in_plane(image, TARGET, camera)
     pixels = np.array([[250.0, 180.0], [400.0, 200.0], [300.0, 300.0], [380.0, 290.0]])
-    points, truth = found.light_section.points_of(pixels), in_board(pixels, R)
+    points, truth = found.light_section.points_from_pixels(pixels), in_board(pixels, R)
     gaps = [np.linalg.norm(p[:, None] - p[None], axis=2) for p in (points, truth)]
     np.testing.assert_allclose(*gaps, rtol=0, atol=RENDERED)
     assert found.rms_px < 0.1
@@ -62,7 +62,9 @@ def test_rig_of_a_board_survives_saving(tmp_path):
     section.save(tmp_path / "rig.json")
     loaded = type(section).load(tmp_path / "rig.json")
     pixels = [[300.0, 200.0]]
-    np.testing.assert_allclose(loaded.points_of(pixels), section.points_of(pixels), atol=1e-9)
+    np.testing.assert_allclose(
+        loaded.points_from_pixels(pixels), section.points_from_pixels(pixels), atol=1e-9
+    )
 
 
 def test_photo_without_board_is_refused():
@@ -88,7 +90,7 @@ def test_drill_core_has_its_diameter():
     section = calibrate_board_in_plane(board, Chessboard(6, 6, 16.0)).light_section
     # The line is white-hot: the method that censors saturated pixels.
     profile = section.profile(image, LineSettings(channel="red", method="gaussian"))
-    pixels = section.pixels_of(profile.points)
+    pixels = section.project(profile.points)
     # On the core, as seen in the photo: columns 900 to 1340, the line above row 790.
     on_core = (pixels[:, 0] > 900) & (pixels[:, 0] < 1340) & (pixels[:, 1] < 790)
     assert on_core.sum() > 400

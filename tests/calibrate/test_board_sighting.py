@@ -2,21 +2,24 @@
 
 import numpy as np
 
-from lsvision.calibrate.board_sighting import see_board
+from lsvision.calibrate.board_pose_estimation import estimate_board_pose
 from lsvision.sensor.camera import Camera
 from lsvision.shapes import Pose
-from lsvision.simulate.hand_eye import turn
+from lsvision.simulate.hand_eye import rotation_from_vector
 from tests.calibrate.hand_eye_scenes import pose_errors
 
 CAMERA = Camera([[2264.0, 0, 640], [0, 2264, 512], [0, 0, 1]], [-0.12, 0.1, 0, 0, 0], (1280, 1024))
 BOARD = np.array([[12.0 * i, 12.0 * j, 0.0] for j in range(7) for i in range(9)])
-TRUTH = Pose(turn(np.array([0.3, -0.4, 0.2])) @ np.diag([1.0, -1, -1]), (-40.0, 30.0, 350.0))
+TRUTH = Pose(
+    rotation_from_vector(np.array([0.3, -0.4, 0.2])) @ np.diag([1.0, -1, -1]), (-40.0, 30.0, 350.0)
+)
 EXACT_MM, EXACT_RAD = 1e-5, 1e-7  # the undistortion of OpenCV's solver
 
 
 def test_a_board_is_found_where_it_is():
     error = pose_errors(
-        see_board(CAMERA.project(TRUTH.apply(BOARD)), BOARD, CAMERA).camera_from_board, TRUTH
+        estimate_board_pose(CAMERA.project(TRUTH.apply(BOARD)), BOARD, CAMERA).camera_from_board,
+        TRUTH,
     )
     assert np.abs(error[:3]).max() < EXACT_MM
     assert np.abs(error[3:]).max() < EXACT_RAD
@@ -26,7 +29,7 @@ def test_the_covariance_of_a_board_is_that_of_its_errors():
     rng, pixels = np.random.default_rng(1), CAMERA.project(TRUTH.apply(BOARD))
     scores = []
     for _ in range(60):
-        seen = see_board(pixels + rng.normal(0, 0.1, pixels.shape), BOARD, CAMERA)
+        seen = estimate_board_pose(pixels + rng.normal(0, 0.1, pixels.shape), BOARD, CAMERA)
         error = pose_errors(seen.camera_from_board, TRUTH)
         scores.append(error @ np.linalg.solve(seen.covariance, error) / 6)
     # The mean of 360 squared normal numbers has one sigma 0.075.

@@ -12,7 +12,7 @@ from lsvision.calibrate.hand_eye import (
     calibrate_hand_eye_sphere,
 )
 from lsvision.shapes import Pose
-from lsvision.simulate.hand_eye import reported_pose
+from lsvision.simulate.hand_eye import noisy_pose
 from tests.calibrate.hand_eye_scenes import (
     MOUNT,
     QUIET,
@@ -107,7 +107,7 @@ def test_the_error_of_a_standing_sensor_lies_within_its_covariance(target):
     seen, flanges = scene(20, robot=PERFECT)
     rng = np.random.default_rng(21)
     # The robot errs in what it says of the flange, not in what is left after inverting.
-    said = [reported_pose(p, 0.05, np.radians(0.01), rng) for p in as_eye_to_hand(flanges)]
+    said = [noisy_pose(p, 0.05, np.radians(0.01), rng) for p in as_eye_to_hand(flanges)]
     assert normalised_error(calibrate(seen, said, mounting="eye_to_hand")) < FAR_OUT
 
 
@@ -122,7 +122,7 @@ def test_a_stated_robot_that_is_too_good_is_widened():
 def test_the_error_at_the_working_point_is_smaller_than_at_the_origin():
     found = calibrate_hand_eye_sphere(*sphere_scene(8))
     assert found.working_point[1] == pytest.approx(STANDOFF, abs=45)
-    assert found.working_std < 0.6 * found.std_at((0, 0))
+    assert found.working_point_std < 0.6 * found.std_at((0, 0))
 
 
 def test_turning_the_base_turns_the_target_and_leaves_the_sensor():
@@ -179,8 +179,8 @@ def test_held_out_residuals_are_those_of_a_calibration_without_the_pose():
     points = profiles[0].points[~np.isnan(profiles[0].points[:, 0])]
     # To first order the mean misfit of the points along their normals is that of the circle.
     gaps = np.linalg.norm(np.column_stack([points, np.zeros(len(points))]) - centre, axis=1)
-    assert whole.held_out[0] > whole.residuals[0]
-    assert np.abs(np.mean(gaps - part.sphere.radius)) < 2 * whole.held_out[0] + 0.01
+    assert whole.leave_one_out_residuals[0] > whole.residuals[0]
+    assert np.abs(np.mean(gaps - part.sphere.radius)) < 2 * whole.leave_one_out_residuals[0] + 0.01
 
 
 LONG = 1.07
@@ -190,7 +190,7 @@ SIGMAS = 4.0  # of one number; chance 6e-5
 def test_heights_that_are_too_long_are_told_and_leave_the_radius_right():
     profiles, flanges = sphere_scene(17, view=replace(USUAL, height_scale=LONG))
     found = calibrate_hand_eye_sphere(profiles, flanges)
-    factor, std = found.height_factor
+    factor, std = found.height_scale
     assert abs(factor - 1 / LONG) < SIGMAS * std
     assert abs(found.sphere.radius - RADIUS) < SIGMAS * found.sphere.radius_std
     assert "heights want to be multiplied by 0.93" in found.warnings[0]
@@ -198,7 +198,7 @@ def test_heights_that_are_too_long_are_told_and_leave_the_radius_right():
 
 def test_heights_that_are_right_raise_no_doubt():
     found = calibrate_hand_eye_sphere(*sphere_scene(18))
-    factor, std = found.height_factor
+    factor, std = found.height_scale
     assert abs(factor - 1) < SIGMAS * std
     assert found.warnings == ()
 
@@ -213,7 +213,7 @@ def test_neighbours_that_err_alike_widen_the_covariance(scene):
         profiles, flanges = scene(19, view=view, robot=PERFECT)
         found.append(calibrate[scene](profiles, flanges, settings=stated))
         assert normalised_error(found[-1]) < FAR_OUT
-    assert found[1].working_std > 2 * found[0].working_std
+    assert found[1].working_point_std > 2 * found[0].working_point_std
 
 
 def test_only_the_name_that_fits_gives_the_pose():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from lsvision.calibrate.board_sighting import see_board
+from lsvision.calibrate.board_pose_estimation import estimate_board_pose
 from lsvision.calibrate.hand_eye import calibrate_hand_eye_board, calibrate_hand_eye_sphere
 from lsvision.calibrate.sphere_arc import find_sphere_arc
 from lsvision.io.robot_poses import read_robot_poses
@@ -79,7 +79,7 @@ SIGMAS = 2.6  # of one radius; 99 %
 def test_a_ball_measured_by_a_sensor_whose_heights_are_too_long_tells_so():
     profiles, flanges, _ = sphere_set("ball", "{}_3C_line.yml", 10)
     found = calibrate_hand_eye_sphere(profiles, flanges)
-    factor, std = found.height_factor
+    factor, std = found.height_scale
     assert abs(found.sphere.radius - 12.7) < SIGMAS * found.sphere.radius_std
     assert factor < 1 - 5 * std
     assert "heights want to be multiplied by 0.93" in found.warnings[0]
@@ -125,7 +125,7 @@ def test_an_abbs_camera_is_found_where_it_was_published():
         points, pixels, (1280, 1024), guess, None, flags=flags
     )
     camera = Camera(matrix, np.asarray(lens).ravel()[:5], (1280, 1024))
-    boards = [see_board(corners, BOARD, camera) for corners in seen.values()]
+    boards = [estimate_board_pose(corners, BOARD, camera) for corners in seen.values()]
     names = [path.with_name(path.name.replace("frame", "pose")) for path in seen]
     flanges = [read_robot_poses(name.with_suffix(".txt"), "ros")[0] for name in names]
     found = calibrate_hand_eye_board(

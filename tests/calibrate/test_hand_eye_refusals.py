@@ -5,13 +5,13 @@ import re
 import numpy as np
 import pytest
 
-from lsvision.calibrate.board_sighting import see_board
+from lsvision.calibrate.board_pose_estimation import estimate_board_pose
 from lsvision.calibrate.hand_eye import (
     calibrate_hand_eye_board,
     calibrate_hand_eye_plane,
     calibrate_hand_eye_sphere,
 )
-from lsvision.calibrate.hand_eye_solution import HandEyeSettings
+from lsvision.calibrate.hand_eye_solver import HandEyeSettings
 from lsvision.errors import CalibrationFailed, DegenerateGeometry
 from lsvision.io.robot_conventions import pose_from_numbers
 from lsvision.sensor.camera import Camera
@@ -143,13 +143,13 @@ def test_poses_read_in_another_convention_are_found_implausible():
 
 
 def test_poses_that_determine_too_little_name_the_weakest_direction():
-    strict = HandEyeSettings(max_weakness=0.01)
+    strict = HandEyeSettings(max_least_determined_std=0.01)
     with pytest.raises(DegenerateGeometry, match=r"leave the sensor free by .* the sensor's own"):
         calibrate_hand_eye_sphere(*sphere_scene(9, 8), settings=strict)
 
 
 def test_a_second_answer_that_fits_as_well_is_refused():
-    strict = HandEyeSettings(min_ambiguity=1e9)
+    strict = HandEyeSettings(min_ambiguity_ratio=1e9)
     with pytest.raises(DegenerateGeometry, match="another answer fits nearly as well"):
         calibrate_hand_eye_sphere(*sphere_scene(14, 6), settings=strict)
 
@@ -169,9 +169,9 @@ UNSEEN = {
 def test_corners_that_give_no_pose_are_refused(case):
     points, pixels, message = UNSEEN[case]
     with pytest.raises(CalibrationFailed, match=message):
-        see_board(pixels, points, CAMERA)
+        estimate_board_pose(pixels, points, CAMERA)
 
 
 def test_corners_that_were_not_found_must_be_left_out():
     with pytest.raises(ValueError, match="finite corners"):
-        see_board(np.full((8, 2), np.nan), POINTS, CAMERA)
+        estimate_board_pose(np.full((8, 2), np.nan), POINTS, CAMERA)

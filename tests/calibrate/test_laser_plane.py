@@ -3,12 +3,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lsvision.calibrate.boards_state import LaserView
+from lsvision.calibrate.bundle_adjustment_state import LaserView
 from lsvision.calibrate.laser_plane import (
     LaserPlaneSettings,
     fit_laser_plane,
 )
-from lsvision.calibrate.laser_plane_start import plane_through
+from lsvision.calibrate.laser_plane_initial_guess import fit_plane
 from lsvision.calibrate.views import ViewSources
 from lsvision.errors import CalibrationFailed, DegenerateGeometry
 from lsvision.sensor.camera import Camera
@@ -156,6 +156,6 @@ def test_views_of_nonsense_are_refused(change, match):
 def test_plane_through_points_is_the_one_they_lie_in():
     rng = np.random.default_rng(1)
     points = rng.normal(0, 30, (50, 3)) * (1, 1, 0) + (0, 0, 200)
-    found = plane_through(points)
+    found = fit_plane(points)
     np.testing.assert_allclose(found.signed_distances(points), 0, atol=1e-9)
     assert found.distance == pytest.approx(200)

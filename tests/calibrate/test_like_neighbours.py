@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lsvision.calibrate.like_neighbours import points_per_independent
+from lsvision.calibrate.autocorrelation import autocorrelation_time
 
 COUNT, RUNS = 400, 60
 ROUGHLY = 0.15  # of the mean over 60 runs; a single one is off by a third
@@ -25,10 +25,10 @@ def fitted_noise(length, seed):
 def test_decaying_errors_are_counted_as_their_theory_says(length):
     keep = np.exp(-1 / length) if length else 0.0
     truth = (1 + keep) / (1 - keep)
-    found = [points_per_independent(fitted_noise(length, seed), 3) for seed in range(RUNS)]
+    found = [autocorrelation_time(fitted_noise(length, seed), 3) for seed in range(RUNS)]
     assert np.mean(found) == pytest.approx(truth, rel=ROUGHLY)
 
 
 def test_exact_points_and_alternating_ones_count_each():
-    assert points_per_independent(np.zeros(50), 3) == 1.0
-    assert points_per_independent(np.tile([1.0, -1.0], 40), 3) == 1.0
+    assert autocorrelation_time(np.zeros(50), 3) == 1.0
+    assert autocorrelation_time(np.tile([1.0, -1.0], 40), 3) == 1.0

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from lsvision.calibrate.intrinsics import calibrate_camera
+from lsvision.calibrate.laser_line_on_board import LineOnBoardSettings
 from lsvision.calibrate.laser_plane import LaserPlaneSettings, calibrate_laser_plane
-from lsvision.calibrate.line_on_board import LineOnBoardSettings
 from lsvision.calibrate.target import Chessboard
 from lsvision.errors import CalibrationFailed
 from lsvision.sensor.camera import Camera
@@ -88,8 +88,8 @@ def test_points_on_the_edges_of_what_is_printed_in_the_squares_are_left_out(imag
     marks = np.where((u // 20 % 2 == 0) & (v // 14 % 2 == 0), 0.2, 1.0)
     boards, lines = images[0], [(image * marks).astype(np.uint8) for image in images[1]]
     marked = [(image * (0.7 + 0.3 * marks)).astype(np.uint8) for image in boards]
-    blind = replace(HELD, line=LineOnBoardSettings(evenness=9.0))
-    seeing = replace(HELD, line=LineOnBoardSettings(evenness=0.1))
+    blind = replace(HELD, line=LineOnBoardSettings(max_background_variation=9.0))
+    seeing = replace(HELD, line=LineOnBoardSettings(max_background_variation=0.1))
     rms = [
         calibrate_laser_plane(CAMERA, TARGET, marked, lines, settings).line_rms
         for settings in (blind, seeing)

@@ -25,7 +25,7 @@ def line_with_clutter(std, rng):
 def test_the_longest_line_is_found_beside_a_step_and_strays(seed):
     line = find_plane_line(line_with_clutter(0.05, np.random.default_rng(seed)))
     across = np.array([-SLOPE, 1.0]) / np.hypot(SLOPE, 1)
-    offset = across @ (line.middle[:2] - (0, HEIGHT))
+    offset = across @ (line.midpoint[:2] - (0, HEIGHT))
     slope = across @ line.direction[:2]
     stds = np.sqrt(np.diag(line.covariance))
     assert abs(offset) < 5 * stds[0]

@@ -7,7 +7,7 @@ from lsvision.calibrate.hand_eye import calibrate_hand_eye_sphere
 from lsvision.calibrate.pose_planning import PosePlanSettings, plan_hand_eye_poses
 from lsvision.errors import DegenerateGeometry
 from lsvision.shapes import Pose
-from lsvision.simulate.hand_eye import reported_pose, sphere_profile
+from lsvision.simulate.hand_eye import noisy_pose, sphere_profile
 from tests.calibrate.hand_eye_scenes import MOUNT, RADIUS, STANDOFF, TARGET, USUAL, pose_errors
 
 SETTINGS = PosePlanSettings(standoff=STANDOFF, count=6)
@@ -42,7 +42,7 @@ def test_planned_poses_calibrate_as_well_as_promised():
     for flange in plan.base_from_flanges:
         centre = (flange @ MOUNT).inverse().apply_one(TARGET)
         profiles.append(sphere_profile(centre, RADIUS, USUAL, rng))
-        flanges.append(reported_pose(flange, 0.05, np.radians(0.01), rng))
+        flanges.append(noisy_pose(flange, 0.05, np.radians(0.01), rng))
     found = calibrate_hand_eye_sphere(profiles, flanges)
     error = found.flange_from_section.apply_one(found.working_point) - MOUNT.apply_one(
         found.working_point

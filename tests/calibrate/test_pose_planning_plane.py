@@ -9,25 +9,27 @@ import pytest
 from lsvision.calibrate.flange_poses import stack_flange_poses
 from lsvision.calibrate.hand_eye import calibrate_hand_eye_plane
 from lsvision.calibrate.plane_line import find_plane_line
-from lsvision.calibrate.pose_planning import PLATE, plan_hand_eye_poses_plane
-from lsvision.calibrate.targets_ahead import PlaneAhead
+from lsvision.calibrate.planning_targets import PlanePlanningTarget
+from lsvision.calibrate.pose_planning import PLANE_DEFAULTS, plan_hand_eye_poses_plane
 from lsvision.errors import DegenerateGeometry
 from lsvision.shapes import Plane, Pose
 from lsvision.simulate.hand_eye import (
     TargetMotion,
+    noisy_pose,
     plane_profile,
-    reported_pose,
+    rotation_from_vector,
     section_poses_about,
-    turn,
 )
 from tests.calibrate.hand_eye_scenes import MOUNT, QUIET, STANDOFF, TARGET, USUAL
 
-SETTINGS = replace(PLATE, standoff=STANDOFF, count=6)
+SETTINGS = replace(PLANE_DEFAULTS, standoff=STANDOFF, count=6)
 PLANE = Plane((0.1, -0.05, 1.0), 310.0)
 POINT = TARGET - PLANE.signed_distances(TARGET) * PLANE.normal
 MOTION = TargetMotion(tilt=np.radians(40), standoff=STANDOFF, offset=0.0)
 WORK = np.array([0.0, STANDOFF, 0.0])
-NOMINAL = Pose(turn(np.array([0.0, 0.008, 0.0])) @ MOUNT.rotation, MOUNT.translation + 1.0)
+NOMINAL = Pose(
+    rotation_from_vector(np.array([0.0, 0.008, 0.0])) @ MOUNT.rotation, MOUNT.translation + 1.0
+)
 SAME = 1e-9  # mm or mm of prediction; the same numbers by another way
 SAME_SHARE = 1e-4  # of a prediction; what is taken for known beforehand weighs less
 AS_PREDICTED = 4.0  # sigmas of an error in three axes
@@ -42,8 +44,8 @@ def flanges_about(count, motion, rng):
 def taken(flanges, rng, view=USUAL):
     """Profiles and what the robot reports."""
     sections = [flange @ MOUNT for flange in flanges]
-    profiles = [plane_profile(PLANE.seen_from(s.inverse()), view, rng) for s in sections]
-    return profiles, [reported_pose(flange, *ROBOT, rng) for flange in flanges]
+    profiles = [plane_profile(PLANE.transformed(s.inverse()), view, rng) for s in sections]
+    return profiles, [noisy_pose(flange, *ROBOT, rng) for flange in flanges]
 
 
 def calibrated(*sets):
@@ -71,13 +73,13 @@ def test_six_planned_poses_beat_six_random_ones_in_real_calibrations():
     for seed in range(12):
         rng = np.random.default_rng([9, seed])
         first = taken(flanges_about(8, MOTION, rng), rng)
-        nominal = reported_pose(MOUNT, 1.0, np.radians(0.5), rng)
+        nominal = noisy_pose(MOUNT, 1.0, np.radians(0.5), rng)
         plan = plan_hand_eye_poses_plane(
             nominal, PLANE, POINT, measured=first[1], settings=replace(SETTINGS, seed=seed)
         )
         ways = (plan.base_from_flanges, flanges_about(6, MOTION, rng))
         found = [calibrated(first, taken(way, rng)) for way in ways]
-        stds.append([each.working_std for each in found])
+        stds.append([each.working_point_std for each in found])
         errors.append([error_at_work(each) for each in found])
     (planned_std, random_std), (planned, random) = (
         np.median(stds, axis=0),
@@ -108,19 +110,24 @@ def test_planned_poses_bring_the_motion_whose_lack_was_refused(case):
     found = calibrated(first, taken(plan.base_from_flanges, rng))
     assert found.rejected == ()
     assert error_at_work(found) < AS_PREDICTED * plan.predicted_std[-1]
-    assert found.working_std < 2 * plan.predicted_std[-1]
+    assert found.working_point_std < 2 * plan.predicted_std[-1]
 
 
 def test_lines_ahead_are_those_that_profiles_show():
     rng = np.random.default_rng(2)
     flanges = flanges_about(5, replace(MOTION, sideways=0.0), rng)
     profiles, _ = taken(flanges, rng, QUIET)
-    ahead, sections = PlaneAhead(PLANE, POINT, PLATE.line_std), [pose @ MOUNT for pose in flanges]
-    places, shows = ahead.seen(sections)
-    lines = ahead.sightings(places, sections, stack_flange_poses(flanges, "eye_in_hand", ROBOT))
-    for profile, middle, along in zip(profiles, lines.middles, lines.directions, strict=True):
+    ahead, sections = (
+        PlanePlanningTarget(PLANE, POINT, PLANE_DEFAULTS.line_std),
+        [pose @ MOUNT for pose in flanges],
+    )
+    places, shows = ahead.visibility(sections)
+    lines = ahead.predict_observations(
+        places, sections, stack_flange_poses(flanges, "eye_in_hand", ROBOT)
+    )
+    for profile, middle, along in zip(profiles, lines.midpoints, lines.directions, strict=True):
         seen = find_plane_line(profile)
-        np.testing.assert_allclose(seen.middle, middle, rtol=0, atol=SAME)
+        np.testing.assert_allclose(seen.midpoint, middle, rtol=0, atol=SAME)
         np.testing.assert_allclose(abs(seen.direction @ along), 1.0, rtol=0, atol=SAME)
     assert shows.all()
 
@@ -132,7 +139,9 @@ def test_a_plate_on_a_wall_or_a_ceiling_is_looked_at_from_its_front(normal):
     for flange in plan.base_from_flanges:
         section = flange @ NOMINAL
         assert plate.signed_distances(section.translation) > 0
-        assert section.rotation[:, 1] @ plate.normal > np.cos(np.hypot(PLATE.tilt, PLATE.tilt))
+        assert section.rotation[:, 1] @ plate.normal > np.cos(
+            np.hypot(PLANE_DEFAULTS.max_tilt, PLANE_DEFAULTS.max_tilt)
+        )
 
 
 def test_the_side_is_the_one_that_was_measured():
@@ -147,11 +156,14 @@ def test_the_side_is_the_one_that_was_measured():
 
 def test_a_plan_turns_with_the_world():
     rng = np.random.default_rng(5)
-    flanges, turned = flanges_about(40, MOTION, rng), Pose(turn(rng.normal(size=3)), (50, 9, -70))
+    flanges, turned = (
+        flanges_about(40, MOTION, rng),
+        Pose(rotation_from_vector(rng.normal(size=3)), (50, 9, -70)),
+    )
     first, second = (
         plan_hand_eye_poses_plane(
             MOUNT,
-            PLANE.seen_from(world),
+            PLANE.transformed(world),
             world.apply_one(POINT),
             # Without poses before, the little that is taken for known does not turn.
             measured=[world @ pose for pose in flanges[:8]],

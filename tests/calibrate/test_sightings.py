@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from lsvision.calibrate.board_poses import BoardSightings
+from lsvision.calibrate.board_observations import BoardObservations
 from lsvision.calibrate.flange_poses import stack_flange_poses
-from lsvision.calibrate.plane_poses import PlaneSightings
+from lsvision.calibrate.observations import FlangePoses, States
+from lsvision.calibrate.plane_observations import PlaneObservations
 from lsvision.calibrate.rotations import rotations_of
-from lsvision.calibrate.sightings import FlangePoses, States
-from lsvision.calibrate.sphere_poses import SphereSightings
+from lsvision.calibrate.sphere_observations import SphereObservations
 from tests.calibrate.hand_eye_scenes import MOUNT, RADIUS, TARGET, sphere_scene
 
 STEP = 1e-4  # mm and rad: truncation 1e-8 of the second derivative, rounding 1e-9
@@ -23,7 +23,7 @@ def sphere():
     circles = np.column_stack([rng.normal(size=(COUNT, 2)), np.full(COUNT, 15.0)])
     stretches = rng.normal(size=(COUNT, 2, 3))
     covariances = np.tile(np.eye(3), (COUNT, 1, 1))
-    sightings = SphereSightings(circles, covariances, stretches, FLANGES, (20, np.inf), GROUPS)
+    sightings = SphereObservations(circles, covariances, stretches, FLANGES, (20, np.inf), GROUPS)
     return sightings, np.array([*TARGET, RADIUS, 0.1])
 
 
@@ -37,7 +37,7 @@ def plane():
     middles = flat * ((distance - origins @ normal)[:, None] / widths**2)
     directions = np.cross(flat / widths, (0, 0, 1))
     sizes, covariances = np.full(COUNT, 20.0), np.tile(np.eye(2), (COUNT, 1, 1))
-    sightings = PlaneSightings(middles, directions, sizes, covariances, FLANGES, GROUPS)
+    sightings = PlaneObservations(middles, directions, sizes, covariances, FLANGES, GROUPS)
     return sightings, np.append(normal, distance)
 
 
@@ -49,7 +49,7 @@ def board():
     seen = np.swapaxes(base_from_mount, -1, -2)
     at = (seen @ (TARGET - origins)[..., None])[..., 0]
     covariances = np.tile(np.eye(6), (COUNT, 1, 1))
-    sightings = BoardSightings(seen @ rotation, at, covariances, FLANGES, GROUPS)
+    sightings = BoardObservations(seen @ rotation, at, covariances, FLANGES, GROUPS)
     return sightings, np.concatenate([TARGET, rotation.ravel()])
 
 
@@ -80,26 +80,26 @@ def differences(residuals_after, size):
 def test_derivatives_are_those_of_the_residuals(kind):
     sightings, target = kind()
     state = state_of(target)
-    lin = sightings.linearised(state)
-    by_mount = differences(lambda s: sightings.linearised(moved_mount(state, s)).residuals, 6)
+    lin = sightings.linearise(state)
+    by_mount = differences(lambda s: sightings.linearise(moved_mount(state, s)).residuals, 6)
     by_flange = differences(
-        lambda s: sightings.with_flanges(moved_flanges(s)).linearised(state).residuals, 6
+        lambda s: sightings.with_flange_poses(moved_flanges(s)).linearise(state).residuals, 6
     )
     by_target = differences(
         lambda s: (
-            sightings.linearised(
+            sightings.linearise(
                 States(
                     state.rotations,
                     state.translations,
-                    sightings.moved(state.targets, s[None, None]),
+                    sightings.update_targets(state.targets, s[None, None]),
                 )
             ).residuals
         ),
-        lin.by_target.shape[-1],
+        lin.target_jacobian.shape[-1],
     )
     for found, expected in (
-        (lin.by_mount, by_mount),
-        (lin.by_flange, by_flange),
-        (lin.by_target, by_target),
+        (lin.mount_jacobian, by_mount),
+        (lin.flange_jacobian, by_flange),
+        (lin.target_jacobian, by_target),
     ):
         np.testing.assert_allclose(found, expected, rtol=0, atol=TOLERANCE * np.abs(expected).max())

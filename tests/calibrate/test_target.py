@@ -5,7 +5,7 @@ import cv2
 import numpy as np
 import pytest
 
-from lsvision.calibrate.board_pose import camera_from_board_start
+from lsvision.calibrate.board_pose_initial_guess import guess_camera_from_board
 from lsvision.calibrate.grey_image import grey_image
 from lsvision.calibrate.target import (
     ChArUco,
@@ -16,12 +16,12 @@ from lsvision.calibrate.target import (
     TargetView,
     find_target,
 )
-from lsvision.calibrate.target_page import (
+from lsvision.calibrate.target_files import target_pdf, target_svg
+from lsvision.calibrate.target_layout import (
     Disc,
     Rectangle,
-    page_of,
+    layout_target,
 )
-from lsvision.calibrate.target_print import draw_target, draw_target_pdf
 from lsvision.shapes import Pose
 
 PRINTED = 0.05  # px: corners of a rendered board, seen straight on (camera.md, section 2)
@@ -56,7 +56,7 @@ def rasterised(page):
 
 @each_target
 def test_printed_page_shows_the_target_at_true_scale(target):
-    view = find_target(rasterised(page_of(target)), target)
+    view = find_target(rasterised(layout_target(target)), target)
     assert len(view.points) == len(target.points)
     in_mm = (view.pixels + 0.5) / PER_MM
     shift = in_mm - view.points[:, :2]
@@ -92,7 +92,7 @@ def test_targets_keep_the_protocol(target):
 @pytest.mark.parametrize("scale", [1, 16, 257], ids=["8 bit in 16", "12 bit", "16 bit"])
 def test_deep_and_coloured_images_are_read_like_grey_ones(scale):
     target = TARGETS["chessboard"]
-    grey = rasterised(page_of(target))
+    grey = rasterised(layout_target(target))
     want = find_target(grey, target).pixels
     deep = grey.astype(np.uint16) * scale
     np.testing.assert_allclose(find_target(deep, target).pixels, want, atol=PRINTED)
@@ -138,13 +138,13 @@ def test_pose_of_a_board_follows_from_its_rays():
     board = Chessboard(9, 6, 10.0).points
     seen = truth.apply(board)
     view = TargetView(board, np.zeros((54, 2)), (9, 9))
-    found = camera_from_board_start(view, seen / seen[:, 2:])
+    found = guess_camera_from_board(view, seen / seen[:, 2:])
     np.testing.assert_allclose(found.matrix, truth.matrix, rtol=0, atol=START)
 
 
 @each_target
 def test_page_fits_its_sheet_with_a_ruler_of_100_mm(target):
-    page = page_of(target)
+    page = layout_target(target)
     assert (page.width, page.height) in [(210, 297), (297, 210)]
     bar = next(shape for shape in page.shapes if getattr(shape, "width", 0) == 100)
     for shape in page.shapes:
@@ -160,16 +160,16 @@ def test_page_fits_its_sheet_with_a_ruler_of_100_mm(target):
 
 def test_svg_is_sized_in_mm_and_draws_every_shape():
     target = TARGETS["chessboard"]
-    svg = draw_target(target)
+    svg = target_svg(target)
     assert 'width="210mm" height="297mm" viewBox="0 0 210 297"' in svg
     assert svg.count("h15v15h-15z") == 35
-    assert draw_target(TARGETS["circles"]).count('r="4.5"') == 28
+    assert target_svg(TARGETS["circles"]).count('r="4.5"') == 28
 
 
 def test_pdf_is_sized_in_points_and_its_table_points_at_its_objects():
-    pdf = draw_target_pdf(TARGETS["charuco"]).decode("latin-1")
+    pdf = target_pdf(TARGETS["charuco"]).decode("latin-1")
     box = [float(value) for value in re.search(r"MediaBox \[(.*?)\]", pdf)[1].split()]
-    page = page_of(TARGETS["charuco"])
+    page = layout_target(TARGETS["charuco"])
     np.testing.assert_allclose(np.array(box[2:]) * 25.4 / 72, (page.width, page.height), atol=1e-3)
     offsets = [int(value) for value in re.findall(r"(\d{10}) 00000 n", pdf)]
     for number, offset in enumerate(offsets, start=1):
@@ -181,7 +181,7 @@ def test_pdf_is_sized_in_points_and_its_table_points_at_its_objects():
 
 def test_unknown_targets_cannot_be_drawn():
     with pytest.raises(TypeError, match="want a ChArUco, Chessboard or CircleGrid, got 5"):
-        page_of(5)
+        layout_target(5)
 
 
 def test_asymmetric_circles_lie_on_a_diagonal_grid():

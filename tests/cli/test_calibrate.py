@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from lsvision.calibrate.target import ChArUco, find_target
-from lsvision.cli.calibrate_inputs import named
-from lsvision.cli.target_options import target_of
+from lsvision.cli.calibrate_inputs import replace_image_numbers
+from lsvision.cli.target_options import parse_target
 from lsvision.io.hand_eye_file import load_hand_eye
 from lsvision.io.images import read_image
 from lsvision.io.robot_poses import read_robot_poses
@@ -20,8 +20,8 @@ from lsvision.simulate.hand_eye import (
     SectionView,
     TargetMotion,
     plane_profile,
+    rotation_from_vector,
     section_poses_about,
-    turn,
 )
 
 EXAMPLE = Path(__file__).parents[2] / "calibration" / "example"
@@ -81,7 +81,9 @@ def test_printed_target_is_the_one_that_is_looked_for(run, tmp_path):
         assert run("calibrate", "target", "--out", tmp_path / name).exit_code == 0
         assert (tmp_path / name).stat().st_size > 10_000
     picture = ChArUco().board.generateImage((660, 480), marginSize=20)
-    assert len(find_target(picture, target_of("charuco", None, None, None, "DICT_4X4_100")).points)
+    assert len(
+        find_target(picture, parse_target("charuco", None, None, None, "DICT_4X4_100")).points
+    )
 
 
 def test_circle_grid_and_chessboard_need_counts_and_square(run, tmp_path):
@@ -320,8 +322,11 @@ def test_output_that_cannot_be_written_costs_no_work(run, out, tmp_path):
 
 def test_numbers_in_a_refusal_get_the_names_of_files():
     names = {"image": ["a.png", "b.png"], "line_image": ["l.png", "m.png"]}
-    assert named("line image 1 and image 0", **names) == "line image 1 (m.png) and image 0 (a.png)"
-    assert named("image 7", **names) == "image 7"
+    assert (
+        replace_image_numbers("line image 1 and image 0", **names)
+        == "line image 1 (m.png) and image 0 (a.png)"
+    )
+    assert replace_image_numbers("image 7", **names) == "image 7"
 
 
 def test_image_keeps_its_depth_and_loses_transparency(tmp_path):
@@ -341,8 +346,8 @@ def recipe():
     return module
 
 
-MOUNT = Pose(turn(np.array([0.2, -0.1, 1.0])), (20.0, 30.0, 120.0))
-BASE_FROM_TARGET = Pose(turn(np.array([0.1, 0.2, 0.3])), (700.0, 50.0, 200.0))
+MOUNT = Pose(rotation_from_vector(np.array([0.2, -0.1, 1.0])), (20.0, 30.0, 120.0))
+BASE_FROM_TARGET = Pose(rotation_from_vector(np.array([0.1, 0.2, 0.3])), (700.0, 50.0, 200.0))
 
 
 def assert_found(found, truth):
@@ -404,7 +409,7 @@ def plate_words(out, tmp_path):
     folder = tmp_path / "plate"
     folder.mkdir()
     for number, pose in enumerate(sections):
-        profile = plane_profile(plate.seen_from(pose.inverse()), SectionView(range_std=0.02), rng)
+        profile = plane_profile(plate.transformed(pose.inverse()), SectionView(range_std=0.02), rng)
         np.savetxt(folder / f"p{number:02d}.csv", profile.points, delimiter=",", fmt="%.4f")
     poses = write_flanges(tmp_path / "poses.csv", [pose @ MOUNT.inverse() for pose in sections])
     return ("calibrate", "hand-eye", "plane", folder, "--poses", poses, "--convention",

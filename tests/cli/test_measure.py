@@ -12,7 +12,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-import lsvision.measure as room
+import lsvision.measure as measure_module
 from lsvision.cli.profile_options import READERS
 from lsvision.io.profiles import FORMATS
 
@@ -161,11 +161,11 @@ def test_paper_measures_with_the_settings_of_the_paper(run, written, pipe, monke
 
     def measure(profile, *, settings, **_):
         seen.append(settings)
-        return room.Measurement((), ())
+        return measure_module.Measurement((), ())
 
-    monkeypatch.setattr(room, "measure_cylinders", measure)
+    monkeypatch.setattr(measure_module, "measure_cylinders", measure)
     assert run("measure", written(pipe), "--paper").exit_code == 0
-    assert set(seen) == {room.Settings.paper()} != {room.Settings()}
+    assert set(seen) == {measure_module.Settings.paper()} != {measure_module.Settings()}
 
 
 def test_reading_can_be_overridden(run, rows, tmp_path, pipe):

@@ -6,7 +6,7 @@ import time
 import numpy as np
 import pytest
 
-import lsvision.measure as room
+import lsvision.measure as measure_module
 
 FAILED, USAGE = 1, 2
 MILLION_SECONDS = 10.0
@@ -80,9 +80,9 @@ def test_bug_met_by_one_file_does_not_cost_the_others(run, written, pipe, monkey
     def measure(profile, **_):
         if len(profile) == 30:
             raise ZeroDivisionError("thirty")
-        return room.Measurement((), ())
+        return measure_module.Measurement((), ())
 
-    monkeypatch.setattr(room, "measure_cylinders", measure)
+    monkeypatch.setattr(measure_module, "measure_cylinders", measure)
     words = written(pipe[:30], "a.csv"), written(pipe, "b.csv")
     result = run("measure", *words)
     assert result.exit_code == FAILED

@@ -25,9 +25,11 @@ def calibration(mounting="eye_in_hand", sensor="section"):
     """The example's truth, with the errors that its robot and such a calibration have."""
     return HandEye(
         mount_from_sensor=Pose.from_matrix(TRUTH["flange_from_section"]),
-        covariance=np.diag([0.01**2] * 3 + [2e-5**2] * 3), residuals=[0.1], held_out=[0.1],
-        rejected=(), target=Pose(), working_point=(0, -260, 0), robot_std=(0.02, 8.7e-5),
-        ambiguity=9.0, weakness=0.1, weakest="none", mounting=mounting, sensor=sensor,
+        covariance=np.diag([0.01**2] * 3 + [2e-5**2] * 3), residuals=[0.1],
+        leave_one_out_residuals=[0.1], rejected=(), target=Pose(), working_point=(0, -260, 0),
+        robot_std=(0.02, 8.7e-5),
+        ambiguity_ratio=9.0, least_determined_std=0.1, least_determined_direction="none",
+        mounting=mounting, sensor=sensor,
     )  # fmt: skip
 
 

@@ -8,15 +8,15 @@ import pytest
 
 from lsvision.calibrate.hand_eye import calibrate_hand_eye_board
 from lsvision.calibrate.hand_eye_result import RejectedPose
-from lsvision.draw.calibration_figures import BAD, draw_bars, draw_poses
-from lsvision.draw.calibration_report import Page, hand_eye_page
+from lsvision.draw.calibration_figures import OUTLIER_COLOUR, draw_bars, draw_poses
+from lsvision.draw.calibration_report import ReportContent, hand_eye_page
 from lsvision.draw.html_page import html_page, paragraph, table
 from lsvision.shapes import Pose
-from lsvision.simulate.hand_eye import turn
+from lsvision.simulate.hand_eye import rotation_from_vector
 
 VOID = {"meta", "br"}
-MOUNT = Pose(turn(np.array([0.2, -0.1, 1.0])), (20.0, 30.0, 120.0))
-BOARD = Pose(turn(np.array([0.1, 0.2, 0.3])), (700.0, 50.0, 200.0))
+MOUNT = Pose(rotation_from_vector(np.array([0.2, -0.1, 1.0])), (20.0, 30.0, 120.0))
+BOARD = Pose(rotation_from_vector(np.array([0.1, 0.2, 0.3])), (700.0, 50.0, 200.0))
 
 
 class Balance(HTMLParser):
@@ -38,7 +38,8 @@ class Balance(HTMLParser):
 def solved():
     rng = np.random.default_rng(5)
     seen = [
-        Pose(turn(rng.uniform(-0.6, 0.6, 3)), (*rng.uniform(-40, 40, 2), 350.0)) for _ in range(8)
+        Pose(rotation_from_vector(rng.uniform(-0.6, 0.6, 3)), (*rng.uniform(-40, 40, 2), 350.0))
+        for _ in range(8)
     ]
     flanges = [BOARD @ pose.inverse() @ MOUNT.inverse() for pose in seen]
     found = calibrate_hand_eye_board(seen, flanges)
@@ -47,7 +48,7 @@ def solved():
 
 def test_page_is_whole_and_well_formed(solved):
     names = [f"shot_{number}<&>.png" for number in range(8)]
-    page = Page([("x", "1.0 ± 0.1", "mm")], ["left out: <b>"], names, {"method": "a & b"})
+    page = ReportContent([("x", "1.0 ± 0.1", "mm")], ["left out: <b>"], names, {"method": "a & b"})
     text = hand_eye_page(*solved, page)
     reader = Balance()
     reader.feed(text)
@@ -58,7 +59,7 @@ def test_page_is_whole_and_well_formed(solved):
 
 
 def test_page_without_doubts_says_so(solved):
-    text = hand_eye_page(*solved, Page([], [], ["p"] * 8, {}))
+    text = hand_eye_page(*solved, ReportContent([], [], ["p"] * 8, {}))
     assert "Nothing left out, nothing to doubt." in text
 
 
@@ -83,7 +84,7 @@ def test_view_shows_the_board_where_the_camera_saw_it(solved):
     sensors = [flange @ MOUNT for flange in flanges]
     expected = [pose.inverse().apply_one(BOARD.translation)[:2] for pose in sensors]
     np.testing.assert_allclose(offsets, expected, atol=1e-3)
-    assert [text.get_color() for text in view.texts].count(BAD) == 1
+    assert [text.get_color() for text in view.texts].count(OUTLIER_COLOUR) == 1
 
 
 def test_text_is_escaped_everywhere():

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from matplotlib.colors import same_color
 
-from lsvision.draw import draw_measurement, picture_bytes
+from lsvision.detection.acceptance import Rejection
+from lsvision.draw import draw_measurement, figure_bytes
 from lsvision.draw.measurement import LABEL_GAP_PX
 from lsvision.draw.panel import LINES
-from lsvision.draw.refused import refused_arcs
+from lsvision.draw.rejected import rejected_arcs
 from lsvision.measure import Measurement, measure_cylinders
 from lsvision.profile import Arc, Profile
-from lsvision.recognition.verdict import Rejection
 
 PIXEL_PER_MM = 1e-6
 """Relative difference of the two scales: rounding."""
@@ -88,7 +88,7 @@ def test_ellipses_and_dashed_major_axis_are_those_measured(scene, figure):
     tilted, upright = scene[1].cylinders
     outlines = [line for line in lines(figure, "-") if len(line.get_xdata()) > 2]
     for outline, cylinder in zip(outlines, (tilted, upright), strict=True):
-        own = cylinder.ellipse.to_own_frame(outline.get_xydata())
+        own = cylinder.ellipse.to_ellipse_frame(outline.get_xydata())
         scaled = own / (cylinder.ellipse.semi_major, cylinder.ellipse.semi_minor)
         np.testing.assert_allclose(np.hypot(*scaled.T), 1.0, rtol=1e-9)
     (axis,) = lines(figure, "--")
@@ -118,7 +118,7 @@ def test_refused_arcs_have_letters_reasons_and_one_colour_each(figure):
 
 def test_refused_arcs_go_left_to_right_without_repetition_or_points_of_cylinders(scene):
     profile, measurement = scene
-    arcs = refused_arcs(profile.points, measurement)
+    arcs = rejected_arcs(profile.points, measurement)
     assert [arc.letter for arc in arcs] == ["A", "B"]
     assert [arc.reason[:4] for arc in arcs] == ["tilt", "flat"]
     taken = np.concatenate([cylinder.indices for cylinder in measurement.cylinders])
@@ -158,7 +158,7 @@ def test_lines_of_the_panel_stay_within_the_figure():
 @pytest.mark.parametrize("points", [np.full((5, 2), np.nan), np.empty((0, 2)), [[1.0, -400.0]]])
 def test_profile_without_points_can_be_drawn(points):
     figure = draw_measurement(Profile(points), Measurement((), ()), title="nothing")
-    assert picture_bytes(figure, "png").startswith(b"\x89PNG")
+    assert figure_bytes(figure, "png").startswith(b"\x89PNG")
     assert "No cylinder found" in words(figure)
 
 
@@ -167,12 +167,12 @@ def test_title_is_shown_as_it_is_or_with_question_marks():
     for title, shown in (("a$b$_^.csv", "a$b$_^.csv"), ("管.csv\n", "?.csv?"), ("\udcff", "?")):
         figure = draw_measurement(Profile([[0.0, 0.0]]), empty, title=title)
         assert figure.get_suptitle() == f"{shown}: no cylinder"
-        assert picture_bytes(figure, "svg")
+        assert figure_bytes(figure, "svg")
 
 
 def test_same_scene_gives_the_same_bytes_also_from_threads(scene):
     def pictures(_):
-        return [picture_bytes(draw_measurement(*scene), kind) for kind in ("png", "svg")]
+        return [figure_bytes(draw_measurement(*scene), kind) for kind in ("png", "svg")]
 
     alone = pictures(0)
     assert ET.fromstring(alone[1]).tag.endswith("svg")
@@ -182,15 +182,15 @@ def test_same_scene_gives_the_same_bytes_also_from_threads(scene):
 
 def test_other_formats_are_refused(figure):
     with pytest.raises(ValueError, match="want a format among png, svg, got 'pdf'"):
-        picture_bytes(figure, "pdf")
+        figure_bytes(figure, "pdf")
 
 
 def test_pyplot_is_never_imported():
     code = (
-        "import sys; from lsvision.draw import draw_measurement, picture_bytes\n"
+        "import sys; from lsvision.draw import draw_measurement, figure_bytes\n"
         "from lsvision.measure import Measurement; from lsvision.profile import Profile\n"
         "print('matplotlib' in sys.modules)\n"
-        "picture_bytes(draw_measurement(Profile([[0, 0]]), Measurement((), ())), 'svg')\n"
+        "figure_bytes(draw_measurement(Profile([[0, 0]]), Measurement((), ())), 'svg')\n"
         "print('matplotlib.pyplot' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from lsvision.draw import decimals_for, with_sigma
+from lsvision.draw import decimals_for, format_value
 
 
 @pytest.mark.parametrize(
@@ -20,5 +20,5 @@ from lsvision.draw import decimals_for, with_sigma
     ],
 )
 def test_two_digits_of_the_sigma_decide_the_decimals(value, std, text):
-    assert with_sigma(value, std) == text
+    assert format_value(value, std) == text
     assert len(text.split(" ")[0].partition(".")[2]) == decimals_for(std)

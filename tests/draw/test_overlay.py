@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lsvision.draw import draw_laser_line, draw_overlay, picture_bytes
+from lsvision.draw import draw_laser_line, draw_overlay, figure_bytes
 from lsvision.draw.panel import colour_of
 from lsvision.io.images import read_image
 from lsvision.measure import Measurement, measure_cylinders
@@ -64,7 +64,7 @@ def test_an_image_without_a_cylinder_is_drawn_all_the_same(pair):
     image, rig, profile, _ = pair
     empty = draw_overlay(image, rig, profile, Measurement((), ()))
     assert empty.get_suptitle() == "no cylinder"
-    assert picture_bytes(empty, "png").startswith(b"\x89PNG")
+    assert figure_bytes(empty, "png").startswith(b"\x89PNG")
 
 
 def test_colours_and_deep_images_are_shown_as_they_are(pair):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lsvision.draw.picture import picture_bytes
+from lsvision.draw.figure_files import figure_bytes
 from lsvision.draw.scan import draw_scan
 from lsvision.draw.scan_ply import GREY, coloured_points, coloured_surfaces, rgb_of
 from lsvision.scan import ScanMeasurement, measure_scan
@@ -31,7 +31,7 @@ def test_the_picture_names_every_cylinder(seen) -> None:
     words = "\n".join(text.get_text() for text in figure.texts)
     assert figure.get_suptitle() == "two tubes: 2 cylinders"
     assert words.count("radius") == 2
-    assert picture_bytes(figure, "png").startswith(b"\x89PNG")
+    assert figure_bytes(figure, "png").startswith(b"\x89PNG")
 
 
 def test_a_scan_without_cylinders_is_drawn() -> None:

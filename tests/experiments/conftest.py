@@ -2,20 +2,20 @@
 
 import pytest
 
-from lsvision.experiments.ablation import ablate
+from lsvision.experiments.ablation import run_ablation
+from lsvision.experiments.achievability import compare_with_bound
 from lsvision.experiments.cases import paper_cases
-from lsvision.experiments.printed import PRINTED_TIMES
-from lsvision.experiments.reach import judge_tables
+from lsvision.experiments.paper_pitfalls import check_pitfalls
+from lsvision.experiments.published_results import PUBLISHED_TIMES
 from lsvision.experiments.repeatability import measure_repeatedly
-from lsvision.experiments.report import Effort, PaperReport
-from lsvision.experiments.scenes import picture_scenes
-from lsvision.experiments.steps import follow_steps
+from lsvision.experiments.report import ExperimentSizes, PaperReport
+from lsvision.experiments.scenes import measure_scenes
+from lsvision.experiments.steps import run_steps
 from lsvision.experiments.tables import measure_tables
-from lsvision.experiments.timing import Chain, Timing
-from lsvision.experiments.traps import check_traps
+from lsvision.experiments.timing import PipelineTiming, Timing
 
 NOISE = 0.1  # mm
-FEW = Effort(
+FEW = ExperimentSizes(
     runs={"paper": 0, "section": 2, "known": 1, "two": 1, "twenty": 1},
     timing_scenes=1,
     repeats=40,
@@ -35,18 +35,24 @@ def report():
     """Everything but the times, which are made up: 0.02 s against 2 s."""
     rows = measure_tables(paper_cases(), FEW.runs, noise_mm=NOISE)
     timings = [
-        Timing(printed, 1, printed.pipes, Chain(2.0, 0, 7), Chain(0.02, printed.pipes, 0))
-        for printed in PRINTED_TIMES
+        Timing(
+            printed,
+            1,
+            printed.pipes,
+            PipelineTiming(2.0, 0, 7),
+            PipelineTiming(0.02, printed.pipes, 0),
+        )
+        for printed in PUBLISHED_TIMES
     ]
     return PaperReport(
         noise_mm=NOISE,
         effort=FEW,
         rows=rows,
-        reaches=judge_tables(rows, noise_mm=NOISE),
+        reaches=compare_with_bound(rows, noise_mm=NOISE),
         timings=tuple(timings),
-        steps=follow_steps(noise_mm=NOISE),
-        scenes=picture_scenes(noise_mm=NOISE),
+        steps=run_steps(noise_mm=NOISE),
+        scenes=measure_scenes(noise_mm=NOISE),
         repeatability=measure_repeatedly(FEW.repeats, noise_mm=NOISE),
-        costs=ablate(FEW.ablation_scenes, noise_mm=NOISE),
-        traps=check_traps(),
+        costs=run_ablation(FEW.ablation_scenes, noise_mm=NOISE),
+        traps=check_pitfalls(),
     )

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from lsvision.experiments.cases import PITCH_MM, look_at, paper_cases
-from lsvision.experiments.printed import PRINTED_ROWS, PRINTED_TIMES
+from lsvision.experiments.cases import PITCH_MM, paper_cases, simulate_case
+from lsvision.experiments.published_results import PUBLISHED_ROWS, PUBLISHED_TIMES
 from lsvision.shapes import Pose
 
 NOISE = 0.1  # mm
@@ -15,24 +15,24 @@ pytestmark = pytest.mark.paper
 
 def test_the_paper_has_twelve_single_pipes_and_three_pairs():
     assert [len(case.rows) for case in paper_cases()] == [1] * 12 + [2] * 3
-    assert len(PRINTED_ROWS) == 18
+    assert len(PUBLISHED_ROWS) == 18
 
 
 @pytest.mark.parametrize(("table", "phi_error"), [(1, 0.1253), (2, 0.1626), (3, 0.2140)])
 def test_the_largest_printed_error_of_phi_is_the_one_the_text_names(table, phi_error):
     """Section 4.1 names the largest for each phi."""
-    errors = [abs(row.errors.phi_deg) for row in PRINTED_ROWS if row.table == table]
+    errors = [abs(row.errors.phi_deg) for row in PUBLISHED_ROWS if row.table == table]
     assert max(errors) == phi_error
-    assert all(abs(row.errors.radius_mm) < 0.4 for row in PRINTED_ROWS)
+    assert all(abs(row.errors.radius_mm) < 0.4 for row in PUBLISHED_ROWS)
 
 
 def test_the_printed_times_of_pairs_are_for_two_pipes():
-    assert [time.pipes for time in PRINTED_TIMES] == [1, 2, 1, 1, 2]
+    assert [time.pipes for time in PUBLISHED_TIMES] == [1, 2, 1, 1, 2]
 
 
 @pytest.mark.parametrize("case", paper_cases(), ids=lambda case: f"{case.rows[0]}"[:40])
 def test_the_pipes_of_a_scene_are_those_of_its_rows(case):
-    (section,) = look_at(case, 0, HERE, noise_mm=NOISE)
+    (section,) = simulate_case(case, 0, HERE, noise_mm=NOISE)
     for row, tube in zip(case.rows, section.truth.tubes, strict=True):
         truth = [tube.radius, *np.degrees([tube.theta, tube.phi])]
         np.testing.assert_allclose(truth, [row.radius_mm, row.theta_deg, row.phi_deg], atol=1e-9)
@@ -40,7 +40,7 @@ def test_the_pipes_of_a_scene_are_those_of_its_rows(case):
 
 
 def test_the_points_are_as_far_apart_as_the_papers():
-    (section,) = look_at(paper_cases()[0], 0, HERE, noise_mm=NOISE)
+    (section,) = simulate_case(paper_cases()[0], 0, HERE, noise_mm=NOISE)
     x = section.truth.points[section.truth.labels == 1, 0]
     np.testing.assert_allclose(np.diff(x), PITCH_MM, rtol=0, atol=1e-9)
 
@@ -48,7 +48,7 @@ def test_the_points_are_as_far_apart_as_the_papers():
 def test_another_measurement_has_other_noise_and_the_same_one_the_same():
     case = paper_cases()[0]
     first, again, other = (
-        look_at(case, seed, HERE, noise_mm=NOISE)[0].profile.points for seed in (0, 0, 1)
+        simulate_case(case, seed, HERE, noise_mm=NOISE)[0].profile.points for seed in (0, 0, 1)
     )
     np.testing.assert_array_equal(first, again)
     assert np.nanmax(np.abs(first - other)) > NOISE

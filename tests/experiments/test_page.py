@@ -6,7 +6,13 @@ from html.parser import HTMLParser
 
 import pytest
 
-from lsvision.experiments import Effort, readme_table, report_json, report_page, run_experiments
+from lsvision.experiments import (
+    ExperimentSizes,
+    readme_table,
+    report_json,
+    report_page,
+    run_experiments,
+)
 from lsvision.experiments.html import digits, table
 
 VOID = {"meta", "br", "hr", "img", "link", "path", "use", "stop", "rect", "circle"}
@@ -129,4 +135,4 @@ def test_the_readmes_table_has_a_line_for_each_table_and_way(bounds):
 @pytest.mark.parametrize("noise_mm", [0.0, -1.0, 0.5, float("nan")])
 def test_noise_with_nothing_to_compare_is_refused(noise_mm):
     with pytest.raises(ValueError, match=r"want noise_mm in \[0.001, 0.3\]"):
-        run_experiments(Effort.quick(), noise_mm=noise_mm)
+        run_experiments(ExperimentSizes.quick(), noise_mm=noise_mm)

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from lsvision.experiments.paper_pitfalls import printed_equation_four
 from lsvision.experiments.repeatability import expected_range, phi_std_of_axes
 from lsvision.experiments.timing import TUBES, count_matches
-from lsvision.experiments.traps import printed_equation_four
 from lsvision.measure import Measurement, Settings, measure_cylinders
 from lsvision.shapes import Ellipse, radial_residuals
 from lsvision.simulate import random_section

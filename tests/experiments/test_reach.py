@@ -4,9 +4,9 @@ import math
 
 import pytest
 
+from lsvision.experiments.achievability import compare_with_bound
 from lsvision.experiments.cases import paper_sensor
-from lsvision.experiments.reach import judge_tables
-from lsvision.planning import Feed, View, plan_scan
+from lsvision.planning import Feed, SensorView, plan_scan
 
 NOISE = 0.1  # mm
 
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.paper
 
 @pytest.fixture(scope="module")
 def reaches(bounds):
-    return judge_tables(bounds, noise_mm=NOISE)
+    return compare_with_bound(bounds, noise_mm=NOISE)
 
 
 def test_the_printed_angles_cannot_come_from_one_section(reaches):
@@ -32,7 +32,7 @@ def test_the_printed_radii_of_single_pipes_can(reaches):
 
 def test_the_sections_needed_reach_the_printed_error_and_one_less_does_not(reaches, bounds):
     reach = next(r for r in reaches if (r.table, r.quantity) == (2, "phi_deg"))
-    view = View(sensor=paper_sensor(NOISE), pitch=0.6, incidence_limit=math.radians(70))
+    view = SensorView(sensor=paper_sensor(NOISE), pitch=0.6, incidence_limit=math.radians(70))
 
     def worst(sections):
         pipes = {row.printed.radius_mm for row in bounds if row.printed.table == 2}
@@ -57,6 +57,6 @@ def test_chances_grow_as_the_bound_shrinks(report, reaches):
         replace(row, spreads={**row.spreads, "section": row.spreads["twenty"]})
         for row in report.rows
     ]
-    many = judge_tables(rows, noise_mm=NOISE)
+    many = compare_with_bound(rows, noise_mm=NOISE)
     assert all(a.chance > b.chance for a, b in zip(many, reaches, strict=True))
     assert sum(reach.reachable for reach in many) >= 11

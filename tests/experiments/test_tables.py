@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 from lsvision.experiments.cases import Case, paper_cases
-from lsvision.experiments.printed import PRINTED_ROWS, QUANTITIES, Triple
-from lsvision.experiments.tables import Spread, measure_tables, pool
-from lsvision.experiments.ways import WAYS, bound_of, error_of, measure_case
+from lsvision.experiments.methods import METHODS, case_bound, case_errors, measure_case
+from lsvision.experiments.published_results import PUBLISHED_ROWS, QUANTITIES, Triple
+from lsvision.experiments.tables import ErrorStatistics, measure_tables, pool_errors
 from tests.tolerances import CONVERGED, spread_of_rms
 
 NOISE = 0.1  # mm
 QUIET = 0.001  # mm: a hundredth of the paper's
 RUNS = 60
-NO_RUNS = dict.fromkeys(WAYS, 0)
-PIPE = Case((PRINTED_ROWS[2],))  # 18.5 mm, theta 10, phi 30 deg
-OURS = [way for way in WAYS if way != "paper"]
+NO_RUNS = dict.fromkeys(METHODS, 0)
+PIPE = Case((PUBLISHED_ROWS[2],))  # 18.5 mm, theta 10, phi 30 deg
+OURS = [way for way in METHODS if way != "paper"]
 
 
 def sigmas(triple):
@@ -26,15 +26,15 @@ def sigmas(triple):
 @pytest.mark.parametrize("way", OURS)
 def test_every_way_of_ours_finds_the_truth_when_the_noise_is_small(way):
     (found,) = measure_case(PIPE, way, 0, noise_mm=QUIET)
-    (bound,) = bound_of(PIPE, way, noise_mm=QUIET)
-    assert (np.abs(sigmas(error_of(found, PIPE, 0))) <= 5 * sigmas(bound) + CONVERGED).all()
+    (bound,) = case_bound(PIPE, way, noise_mm=QUIET)
+    assert (np.abs(sigmas(case_errors(found, PIPE, 0))) <= 5 * sigmas(bound) + CONVERGED).all()
 
 
 @pytest.mark.paper
 def test_the_papers_chain_is_off_even_when_the_noise_is_small():
     (found,) = measure_case(PIPE, "paper", 0, noise_mm=QUIET)
-    (bound,) = bound_of(PIPE, "paper", noise_mm=QUIET)
-    error = error_of(found, PIPE, 0)
+    (bound,) = case_bound(PIPE, "paper", noise_mm=QUIET)
+    error = case_errors(found, PIPE, 0)
     assert abs(error.radius_mm) > 0.3  # mm: the bias of its smoothing, tests/paper
     assert (np.abs(sigmas(error)) > 50 * sigmas(bound)).all()
 
@@ -53,7 +53,7 @@ def test_the_bounds_are_those_of_the_design(bounds):
     """Section 5: radius 0.02 mm from two sections, 0.007 mm from twenty; phi 0.07-0.09, 0.02."""
     single = [row.spreads for row in bounds if row.printed.table < 4]
     for way, radius, phi in (("two", 0.02, 0.09), ("twenty", 0.007, 0.02)):
-        pooled = pool([spreads[way] for spreads in single])
+        pooled = pool_errors([spreads[way] for spreads in single])
         assert pooled.bound.radius_mm == pytest.approx(radius, rel=0.45)  # points even in X: +35 %
         assert pooled.bound.phi_deg == pytest.approx(phi, rel=0.45)
 
@@ -66,12 +66,12 @@ def test_a_known_radius_leaves_nothing_of_its_error_and_less_of_phis(bounds):
 
 
 def test_more_noise_gives_a_bound_as_much_larger():
-    (low,), (high,) = (bound_of(PIPE, "two", noise_mm=noise) for noise in (0.05, 0.1))
+    (low,), (high,) = (case_bound(PIPE, "two", noise_mm=noise) for noise in (0.05, 0.1))
     np.testing.assert_allclose(2 * sigmas(low), sigmas(high), rtol=1e-9)
 
 
 def test_theta_is_off_by_at_most_a_quarter_turn():
-    error = error_of((18.5, math.radians(175), math.radians(30)), PIPE, 0)
+    error = case_errors((18.5, math.radians(175), math.radians(30)), PIPE, 0)
     assert error.theta_deg == pytest.approx(-15)
 
 
@@ -84,13 +84,15 @@ def test_both_pipes_of_a_pair_are_told_apart():
 
 def test_pooled_spreads_are_root_mean_squares_weighed_by_what_was_found():
     one, three = Triple(1, 1, 1), Triple(3, 3, 3)
-    pooled = pool([Spread(4, 0, one, one, one), Spread(8, 4, three, three, three)])
+    pooled = pool_errors(
+        [ErrorStatistics(4, 0, one, one, one), ErrorStatistics(8, 4, three, three, three)]
+    )
     assert (pooled.runs, pooled.missed) == (12, 4)
     assert pooled.bias.radius_mm == 2.0
     assert pooled.rms.phi_deg == pytest.approx(math.sqrt(5))
 
 
 def test_what_is_never_found_has_no_error(bounds):
-    pooled = pool([row.spreads["section"] for row in bounds])
+    pooled = pool_errors([row.spreads["section"] for row in bounds])
     assert math.isnan(pooled.rms.radius_mm)
     assert pooled.bound.radius_mm > 0

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from lsvision.calibrate.boards_state import LaserView
+from lsvision.calibrate.bundle_adjustment_state import LaserView
 from lsvision.calibrate.intrinsics import CameraSettings, fit_camera
 from lsvision.calibrate.laser_plane import fit_laser_plane
 from lsvision.calibrate.target import TargetView

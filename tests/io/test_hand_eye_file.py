@@ -24,17 +24,17 @@ def hand_eye(target=TARGETS["sphere"], mounting="eye_in_hand"):
         mount_from_sensor=Pose(QUARTER, (10, 20, 30)),
         covariance=np.diag([1, 2, 3, 4, 5, 6]) * 1e-4,
         residuals=np.array([0.1, np.nan, 0.2]),
-        held_out=np.array([0.2, np.nan, 0.3]),
+        leave_one_out_residuals=np.array([0.2, np.nan, 0.3]),
         rejected=(RejectedPose(1, "no sphere found"),),
         target=target,
         working_point=(0, -150, 0),
         robot_std=(0.05, 1e-4),
-        ambiguity=float("inf"),
-        weakness=0.2,
-        weakest="turning about the sensor's own Y",
+        ambiguity_ratio=float("inf"),
+        least_determined_std=0.2,
+        least_determined_direction="turning about the sensor's own Y",
         mounting=mounting,
         sensor="section",
-        height_factor=(0.993, 0.001) if isinstance(target, Sphere) else None,
+        height_scale=(0.993, 0.001) if isinstance(target, Sphere) else None,
     )
 
 
@@ -47,13 +47,13 @@ def test_a_calibration_survives_its_file(tmp_path, kind):
     np.testing.assert_array_equal(after.mount_from_sensor.matrix, before.mount_from_sensor.matrix)
     np.testing.assert_array_equal(after.covariance, before.covariance)
     np.testing.assert_array_equal(after.residuals, before.residuals)
-    assert (after.rejected, after.robot_std, after.ambiguity) == (
+    assert (after.rejected, after.robot_std, after.ambiguity_ratio) == (
         before.rejected,
         before.robot_std,
-        before.ambiguity,
+        before.ambiguity_ratio,
     )
     assert type(after.target) is type(before.target)
-    assert after.height_factor == before.height_factor
+    assert after.height_scale == before.height_scale
 
 
 def test_the_file_says_units_and_where_it_comes_from(tmp_path):

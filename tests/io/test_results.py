@@ -8,10 +8,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from lsvision.cylinder.robot_frame import place_section
+from lsvision.detection.acceptance import Rejection
+from lsvision.ellipse.fit import fit_ellipse
+from lsvision.ellipse.section import CylinderSection
 from lsvision.errors import UnwritableFile
-from lsvision.fitting.cylinder_section import CylinderSection
-from lsvision.fitting.ellipse_fit import fit_ellipse
-from lsvision.fitting.placing import place_section
 from lsvision.io.results import (
     FILE_SCHEMA,
     RECORD_SCHEMA,
@@ -21,7 +22,6 @@ from lsvision.io.results import (
 )
 from lsvision.measure import Measurement
 from lsvision.profile import Arc
-from lsvision.recognition.verdict import Rejection
 from lsvision.shapes import Ellipse, Pose
 
 NOISE_MM = 0.02

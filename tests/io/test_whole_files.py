@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 
 from lsvision.errors import UnwritableFile
-from lsvision.io.whole_files import write_whole
+from lsvision.io.atomic_files import write_atomic
 
 
 def test_text_and_bytes_are_written_as_they_are(tmp_path):
-    write_whole(tmp_path / "text", "r = 19 µm\r\n")
-    write_whole(tmp_path / "bytes", b"\x00\xff")
+    write_atomic(tmp_path / "text", "r = 19 µm\r\n")
+    write_atomic(tmp_path / "bytes", b"\x00\xff")
     assert (tmp_path / "text").read_bytes() == "r = 19 µm\r\n".encode()
     assert (tmp_path / "bytes").read_bytes() == b"\x00\xff"
 
@@ -20,21 +20,21 @@ def test_an_old_file_is_replaced_and_keeps_its_permissions(tmp_path):
     path = tmp_path / "result.json"
     path.write_text("a long old content")
     path.chmod(0o640)
-    write_whole(path, "new")
+    write_atomic(path, "new")
     assert path.read_text() == "new"
     assert path.stat().st_mode & 0o777 == 0o640
 
 
 def test_a_new_file_gets_the_permissions_of_any_new_file(tmp_path):
     (tmp_path / "plain").write_text("")
-    write_whole(tmp_path / "whole", "")
+    write_atomic(tmp_path / "whole", "")
     assert (tmp_path / "whole").stat().st_mode == (tmp_path / "plain").stat().st_mode
 
 
 def test_a_link_stays_a_link(tmp_path):
     (tmp_path / "target").write_text("old")
     (tmp_path / "link").symlink_to(tmp_path / "target")
-    write_whole(tmp_path / "link", "new")
+    write_atomic(tmp_path / "link", "new")
     assert (tmp_path / "link").is_symlink()
     assert (tmp_path / "target").read_text() == "new"
 
@@ -48,14 +48,14 @@ def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(tmp_path, monke
 
     monkeypatch.setattr(os, "fsync", disk_is_full)
     with pytest.raises(UnwritableFile, match=r"result.json: cannot be written \(No space left"):
-        write_whole(path, "new")
+        write_atomic(path, "new")
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
 
 
 @pytest.mark.skipif(not Path("/dev/null").exists(), reason="no such device here")
 def test_a_device_is_written_to_not_replaced():
-    write_whole("/dev/null", "gone")
+    write_atomic("/dev/null", "gone")
     assert not Path("/dev/null").is_file()
 
 
@@ -71,7 +71,7 @@ def test_a_device_is_written_to_not_replaced():
 def test_a_path_that_takes_no_file_is_refused_with_the_mend(tmp_path, name, message):
     (tmp_path / "file").write_text("")
     with pytest.raises(UnwritableFile, match=message):
-        write_whole(f"{tmp_path}/{name}", "content")
+        write_atomic(f"{tmp_path}/{name}", "content")
 
 
 def test_a_folder_without_permission_is_named(tmp_path, monkeypatch):
@@ -80,4 +80,4 @@ def test_a_folder_without_permission_is_named(tmp_path, monkeypatch):
 
     monkeypatch.setattr("pathlib.Path.open", refuse)
     with pytest.raises(UnwritableFile, match="no permission to write there: name another folder"):
-        write_whole(tmp_path / "result.json", "content")
+        write_atomic(tmp_path / "result.json", "content")

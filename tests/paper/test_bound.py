@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from lsvision.planning import scan_bound, section_bound
-from lsvision.planning.view import normals_of
+from lsvision.planning.sensor_view import cylinder_normals
 from lsvision.shapes import Cylinder, Pose
 
 RADIUS, PITCH, NOISE, ARC = 19.0, 0.6, 0.1, math.radians(140)  # mm, mm, mm, rad
@@ -34,7 +34,7 @@ def pipe_at(theta_deg, phi_deg):
 def arc_points(pipe):
     ellipse = pipe.section()
     anomaly = np.linspace(0, 2 * np.pi, 20000, endpoint=False)
-    normals = normals_of(pipe, ellipse.points_at(anomaly))
+    normals = cylinder_normals(pipe, ellipse.points_at(anomaly))
     from_y = np.arctan2(normals[:, 0], normals[:, 1])
     order = np.argsort(from_y)
     anomaly = np.unwrap(anomaly[order][np.abs(from_y[order]) <= ARC / 2])
@@ -54,10 +54,10 @@ def scan(theta_deg, phi_deg, sections, length):
     pipe = pipe_at(theta_deg, phi_deg)
     points, variances = [], []
     for z in np.linspace(-length / 2, length / 2, sections):
-        seen = pipe.seen_from(Pose(translation=(0, 0, -z)))
+        seen = pipe.transformed(Pose(translation=(0, 0, -z)))
         flat = arc_points(seen)
         points.append(np.column_stack([flat, np.full(len(flat), z)]))
-        variances.append((NOISE * normals_of(seen, flat)[:, 1]) ** 2)
+        variances.append((NOISE * cylinder_normals(seen, flat)[:, 1]) ** 2)
     return scan_bound(pipe, np.concatenate(points), np.concatenate(variances))
 
 

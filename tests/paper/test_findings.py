@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from lsvision.fitting.conditioning import condition_arc
-from lsvision.fitting.ellipse_fit import FittingSettings, fit_ellipse
-from lsvision.fitting.ellipse_parameters import ellipse_of, parameters_of
-from lsvision.fitting.ellipse_problem import ArcProblem, KnownRadius, minimise
-from lsvision.fitting.homogenising import homogenise, homogenise_profile_literally
-from lsvision.fitting.smoothing import smooth_profile_literally, smooth_residual
+from lsvision.ellipse.conditioning import condition_arc
+from lsvision.ellipse.fit import FittingSettings, fit_ellipse
+from lsvision.ellipse.homogenising import homogenise, homogenise_profile_paper
+from lsvision.ellipse.parameters import ellipse_from_parameters, parameters_from_ellipse
+from lsvision.ellipse.problem import EllipseProblem, RadiusPrior, minimise
+from lsvision.ellipse.smoothing import smooth_profile_paper, smooth_residual
 from lsvision.measure import Settings, measure_cylinders
 from lsvision.planning import section_bound
 from lsvision.sensor.profile_sensor import ProfileSensor
@@ -80,8 +80,8 @@ def weighted(pipe):
 
 def equally_weighted(points, start, residual):
     """The paper's Eq. (5): every point counts alike, whatever the residuals look like."""
-    problem = ArcProblem(points, np.ones(len(points)), None, residual)
-    return ellipse_of(minimise(problem, parameters_of(start)).parameters)
+    problem = EllipseProblem(points, np.ones(len(points)), None, residual)
+    return ellipse_from_parameters(minimise(problem, parameters_from_ellipse(start)).parameters)
 
 
 def evenly(ellipse, start_deg, stop_deg, count=120):
@@ -106,7 +106,7 @@ def test_the_papers_tables_are_too_good_for_one_section(theta_deg, phi_deg, thet
 @pytest.mark.parametrize(("theta_deg", "phi_deg"), [(10, 30), (20, 20)])
 def test_a_known_radius_shrinks_the_error_of_phi_three_to_ten_times(theta_deg, phi_deg):
     def known(pipe):
-        radius = KnownRadius(pipe.ellipse.radius)
+        radius = RadiusPrior(pipe.ellipse.radius)
         return fit_ellipse(pipe.points, pipe.ellipse, pipe.covariances, known_radius=radius).ellipse
 
     free_error, known_error = rms_errors(theta_deg, phi_deg, weighted, known)
@@ -165,9 +165,9 @@ def test_algebraic_direct_fits_shrink_noisy_arcs(radius, half_arc_deg, noise, lo
 )
 def test_smoothing_y_of_x_spoils_even_a_noise_free_arc(theta_deg, phi_deg, too_large):
     pipe = SeenPipe(19.0, theta_deg, phi_deg, noise_factor=0.0)
-    once = smooth_profile_literally(pipe.exact)
+    once = smooth_profile_paper(pipe.exact)
     radius, theta, phi = pipe.errors(equally_weighted(once, pipe.ellipse, "radial"))
-    twice = equally_weighted(smooth_profile_literally(once), pipe.ellipse, "radial")
+    twice = equally_weighted(smooth_profile_paper(once), pipe.ellipse, "radial")
     assert too_large < radius < too_large + 0.4  # mm; too large, never too small
     assert abs(theta) > math.radians(3)
     assert abs(phi) > math.radians(2.5)
@@ -176,7 +176,7 @@ def test_smoothing_y_of_x_spoils_even_a_noise_free_arc(theta_deg, phi_deg, too_l
 
 def test_the_papers_radial_fit_weighs_all_points_alike():
     pipe = SeenPipe(19.0, 10, 30, noise_factor=0.0)
-    literal = smooth_profile_literally(pipe.exact)
+    literal = smooth_profile_paper(pipe.exact)
     fit = fit_ellipse(literal, pipe.ellipse, settings=RADIAL)
     wanted = equally_weighted(literal, pipe.ellipse, "radial")
     assert abs(fit.ellipse.radius - wanted.radius) < 1e-3  # mm
@@ -184,7 +184,7 @@ def test_the_papers_radial_fit_weighs_all_points_alike():
 
 def smooth_on_residual(points, screened):
     """The library's smoothing at the points themselves: feet and normals are written out here."""
-    u, v = (screened.to_own_frame(points) / [screened.semi_major, screened.semi_minor]).T
+    u, v = (screened.to_ellipse_frame(points) / [screened.semi_major, screened.semi_minor]).T
     w = np.arctan2(v, u)
     for _ in range(30):  # Newton's steps on the angle of the foot point
         feet = screened.points_at(w)
@@ -211,7 +211,7 @@ def test_smoothing_the_residual_along_the_arc_is_unbiased(theta_deg, phi_deg):
     pipe = SeenPipe(19.0, theta_deg, phi_deg, noise_factor=0.0)
     smooth = smooth_on_residual(pipe.exact, moved_off(pipe.ellipse, SCREENED_OFF))
     off = np.abs(orthogonal_residuals(smooth, pipe.ellipse)).max()
-    literal = np.abs(orthogonal_residuals(smooth_profile_literally(pipe.exact), pipe.ellipse)).max()
+    literal = np.abs(orthogonal_residuals(smooth_profile_paper(pipe.exact), pipe.ellipse)).max()
     assert off < 0.01 * SCREENED_OFF
     assert literal > 0.1  # mm: as much as the noise
 
@@ -267,7 +267,7 @@ def test_a_spline_over_x_breaks_at_a_vertical_flank_and_one_along_the_arc_does_n
     beyond = evenly(ellipse, 190, -30)  # left to right, past both vertical tangents
     with pytest.raises(ValueError, match="increasing"):
         CubicSpline(beyond[:, 0], beyond[:, 1])
-    over_x = homogenise_profile_literally(beyond)
+    over_x = homogenise_profile_paper(beyond)
     length = np.append(0.0, np.cumsum(np.hypot(*np.diff(beyond, axis=0).T)))
     along_arc = np.column_stack([homogenise(length, column)[1] for column in beyond.T])
     assert np.abs(orthogonal_residuals(over_x, ellipse)).max() > 0.05  # mm

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from lsvision.fitting.cylinder_section import CylinderSection
-from lsvision.fitting.placing import place_section
+from lsvision.cylinder.robot_frame import place_section
+from lsvision.ellipse.section import CylinderSection
 from lsvision.measure import measure_cylinders
 from lsvision.profile import Profile
 from lsvision.scan import PoseErrors, ScannedCylinder, measure_scan
 from lsvision.shapes import Pose
 from lsvision.simulate import Scene, Tube
-from lsvision.simulate.hand_eye import reported_pose
+from lsvision.simulate.hand_eye import noisy_pose
 from tests.scan.scans import feed, profiles_of
 
 RUNS = 24
@@ -101,7 +101,7 @@ def sections_about(tilt: float, count: int = 4) -> list[Pose]:
 
 def error_of(found: ScannedCylinder, truth: Tube) -> np.ndarray:
     """Point and direction across the axis, radius."""
-    axis, across = truth.cylinder, found.fit.across
+    axis, across = truth.cylinder, found.fit.tangent_basis
     away = found.point - axis.point
     away = away - axis.direction * (away @ axis.direction)
     turn = found.direction - axis.direction * np.sign(found.direction @ axis.direction)
@@ -116,7 +116,7 @@ def test_the_calibrations_covariance_foretells_what_its_error_does(
     rng, squared, sections = np.random.default_rng(4), [], sections_about(tilt)
     for run in range(CALIBRATED):
         wrong = miscalibrated(rng, robot_std)
-        flanges = [reported_pose(pose @ MOUNT.inverse(), *robot_std, rng) for pose in sections]
+        flanges = [noisy_pose(pose @ MOUNT.inverse(), *robot_std, rng) for pose in sections]
         poses = [flange @ wrong.flange_from_section for flange in flanges]
         profiles = profiles_of(Scene((pipe,)), sections, seed=run)
         (found,) = measure_scan(profiles, poses, calibration=wrong).cylinders
@@ -131,8 +131,8 @@ def test_a_lone_section_moves_with_its_calibration(pipe: Tube) -> None:
     (found,) = measure_scan([profile], [Pose()], calibration=mount).cylinders
     placed, _ = place_section(found_alone(profile), mount, MOUNT.inverse())
     across = np.zeros((5, 6))
-    across[:2, :3], across[2:, 3:] = found.fit.across, np.eye(3)
-    there = found.fit.at(placed.point).covariance
+    across[:2, :3], across[2:, 3:] = found.fit.tangent_basis, np.eye(3)
+    there = found.fit.with_reference_point(placed.point).covariance
     np.testing.assert_allclose(there, across @ placed.covariance @ across.T, rtol=1e-6, atol=1e-12)
     assert found.includes_calibration
 
@@ -147,4 +147,4 @@ def test_ends_along_the_axis_know_of_the_calibration(pipe: Tube) -> None:
     (exact,) = measure_scan(profiles, feed(3, 10.0)).cylinders
     (found,) = measure_scan(profiles, feed(3, 10.0), calibration=calibration()).cylinders
     assert not exact.includes_calibration
-    assert min(found.ends_std) > 0.1 + max(exact.ends_std)
+    assert min(found.axial_range_std) > 0.1 + max(exact.axial_range_std)

@@ -9,7 +9,7 @@ import pytest
 from lsvision.errors import DegenerateGeometry
 from lsvision.measure import Measurement
 from lsvision.profile import Profile
-from lsvision.scan import ScannedCylinder, join_sections, measure_scan, measure_section
+from lsvision.scan import ScannedCylinder, fit_sections_jointly, measure_scan, measure_section
 from lsvision.sensor.profile_sensor import ProfileSensor
 from lsvision.shapes import Pose
 from lsvision.simulate import SCENE_SENSOR, Scene, Tube
@@ -135,7 +135,7 @@ def test_a_robot_may_carry_the_scan_anywhere(pipe: Tube) -> None:
     base = base @ Pose([[1, 0, 0], [0, cos, -sin], [0, sin, cos]])
     (here,) = measure_scan(profiles, still).cylinders
     (there,) = measure_scan(profiles, [base @ pose for pose in still]).cylinders
-    expected = here.cylinder.seen_from(base)
+    expected = here.cylinder.transformed(base)
     np.testing.assert_allclose(there.direction, expected.direction, rtol=0, atol=MACHINE)
     np.testing.assert_allclose(there.point, expected.point, rtol=0, atol=100 * MACHINE)
     assert abs(there.direction_std - here.direction_std) < 1e-3 * here.direction_std
@@ -205,7 +205,7 @@ def test_what_passes_for_a_pipe_only_now_and_then_is_refused(pipe: Tube) -> None
     profiles, poses = profiles_of(Scene((pipe,)), feed(6, 4.0)), feed(6, 4.0)
     measurements = [measure_section(profile) for profile in profiles]
     unseen = [m if k < 2 else Measurement((), ()) for k, m in enumerate(measurements)]
-    scan = join_sections(profiles, poses, unseen)
+    scan = fit_sections_jointly(profiles, poses, unseen)
     assert not scan.cylinders
     assert scan.rejections[0].reason.startswith("recognised in 2 of 6 sections")
 
@@ -214,6 +214,6 @@ def test_points_that_fit_no_cylinder_are_refused_with_the_misfit(pipe: Tube) -> 
     profiles, poses = profiles_of(Scene((pipe,)), feed(4, 4.0), noise=0.3), feed(4, 4.0)
     boast = [Profile(p.points, ProfileSensor(range_std=0.01)) for p in profiles]
     measurements = [measure_section(profile) for profile in profiles]
-    scan = join_sections(boast, poses, measurements)
+    scan = fit_sections_jointly(boast, poses, measurements)
     assert not scan.cylinders
     assert "times the noise, limit 4.0" in scan.rejections[0].reason

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from lsvision.sensor.blur_along import WINDOW, without_blur_along
 from lsvision.sensor.laser_line import extract_laser_line
+from lsvision.sensor.line_blur import SLOPE_WINDOW, correct_line_blur
 
 BLUR = 0.8  # px
 FADE = 160.0  # px
@@ -34,7 +34,7 @@ def test_the_known_blur_is_taken_back(turned):
     image = blurred_line().astype(np.float32)
     image = (100 * (image.T if turned else image)).round().astype(np.uint16)
     line = extract_laser_line(image)
-    before, after = errors(line), errors(without_blur_along(line, BLUR))
+    before, after = errors(line), errors(correct_line_blur(line, BLUR))
     assert abs(before.mean()) > 4 * abs(after.mean())
 
 
@@ -43,19 +43,19 @@ def test_the_pull_is_as_the_formula_says():
     slope, bend, fall = (U - 20) / 600, 1 / 600, -1 / FADE
     expected = (BLUR**2 * (slope * fall + bend / 2))[MIDDLE]
     np.testing.assert_allclose(errors(line), expected, rtol=0, atol=2e-3)
-    np.testing.assert_allclose(errors(without_blur_along(line, BLUR)), 0, rtol=0, atol=2e-3)
+    np.testing.assert_allclose(errors(correct_line_blur(line, BLUR)), 0, rtol=0, atol=2e-3)
 
 
 def test_without_blur_nothing_moves():
     line = extract_laser_line(blurred_line().round().astype(np.uint8))
-    np.testing.assert_array_equal(without_blur_along(line, 0.0).pixels, line.pixels)
+    np.testing.assert_array_equal(correct_line_blur(line, 0.0).pixels, line.pixels)
 
 
 def test_all_but_the_places_stays_and_gaps_stay_gaps():
     image = blurred_line()
     image[:, 200:230] = 5
     line = extract_laser_line(image.round().astype(np.uint8))
-    moved = without_blur_along(line, BLUR)
+    moved = correct_line_blur(line, BLUR)
     np.testing.assert_array_equal(np.isnan(moved.pixels), np.isnan(line.pixels))
     np.testing.assert_array_equal(moved.pixels[:, 0], line.pixels[:, 0])
     np.testing.assert_array_equal(moved.std, line.std)
@@ -64,6 +64,6 @@ def test_all_but_the_places_stays_and_gaps_stay_gaps():
 def test_stretches_shorter_than_the_window_stay():
     line = extract_laser_line(blurred_line().round().astype(np.uint8))
     pixels = line.pixels.copy()
-    pixels[:: WINDOW - 1] = np.nan
+    pixels[:: SLOPE_WINDOW - 1] = np.nan
     pieces = replace(line, pixels=pixels)
-    np.testing.assert_array_equal(without_blur_along(pieces, BLUR).pixels, pixels)
+    np.testing.assert_array_equal(correct_line_blur(pieces, BLUR).pixels, pixels)

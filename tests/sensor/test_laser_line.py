@@ -106,8 +106,8 @@ def test_a_brighter_shorter_ghost_does_not_win_and_is_told():
     ghost[300:303, 200:900] = 250
     line = extract_laser_line(ghost)
     assert np.abs(errors_of(line, image)).max() < FALSE
-    assert line.second_line == pytest.approx(700 / 1280, abs=0.02)
-    assert extract_laser_line(image.image).second_line == 0
+    assert line.second_line_fraction == pytest.approx(700 / 1280, abs=0.02)
+    assert extract_laser_line(image.image).second_line_fraction == 0
 
 
 def test_a_hidden_stretch_is_lost_and_keeps_its_columns():

@@ -28,7 +28,7 @@ each_plane = pytest.mark.parametrize("plane", PLANES.values(), ids=PLANES.keys()
 
 @dataclass
 class Line:
-    """What `profile_of` needs of a LaserLine."""
+    """What `profile_from_line` needs of a LaserLine."""
 
     pixels: np.ndarray
     std: np.ndarray
@@ -51,10 +51,10 @@ def pixels_by_cv2(points):
 def test_pixels_lead_back_to_the_points_of_the_plane(plane):
     truth = points_in(plane)
     section = LightSection(CAMERA, plane)
-    found = section.points_of(pixels_by_cv2(truth))
+    found = section.points_from_pixels(pixels_by_cv2(truth))
     back = section.camera_from_section.apply(found)
     np.testing.assert_allclose(back, truth, rtol=0, atol=1e3 * MACHINE)
-    np.testing.assert_allclose(section.pixels_of(found), pixels_by_cv2(truth), rtol=0, atol=1e-6)
+    np.testing.assert_allclose(section.project(found), pixels_by_cv2(truth), rtol=0, atol=1e-6)
 
 
 @each_plane
@@ -68,7 +68,9 @@ def test_section_frame_keeps_its_conventions(plane):
     # Y towards the camera: farther points have smaller y.
     section = LightSection(CAMERA, plane)
     truth = points_in(plane)
-    depth_along_y = np.polyfit(section.points_of(pixels_by_cv2(truth))[:, 1], truth[:, 2], 1)[0]
+    depth_along_y = np.polyfit(
+        section.points_from_pixels(pixels_by_cv2(truth))[:, 1], truth[:, 2], 1
+    )[0]
     assert depth_along_y < 0
     assert y[2] < 0
     # X along the line on a facing surface, growing with u (or v).
@@ -78,7 +80,7 @@ def test_section_frame_keeps_its_conventions(plane):
 
 def test_a_point_nearer_to_the_sensor_has_a_larger_y():
     section = LightSection(CAMERA, PLANES["level line"])
-    near, far = section.points_of(pixels_by_cv2(points_in(section.laser_plane))[[0, 1]])
+    near, far = section.points_from_pixels(pixels_by_cv2(points_in(section.laser_plane))[[0, 1]])
     depths = section.camera_from_section.apply(np.stack([near, far]))[:, 2]
     assert (near[1] > far[1]) == (depths[0] < depths[1])
     assert max(near[1], far[1]) < 0
@@ -98,19 +100,20 @@ def test_covariance_is_that_of_pixels_shaken(plane):
     # Found row by row: v is whole and exact, u errs.
     pixel[:, 0] += 0.3
     shaken = pixel + rng.normal(0, 0.2, (20000, 1)) * (1, 0)
-    predicted = section.profile_of(Line(pixel, np.array([0.2]), "rows")).noise.values[0]
-    measured = np.cov(section.points_of(shaken).T)
+    profile = section.profile_from_line(Line(pixel, np.array([0.2]), "rows"))
+    predicted = profile.noise.point_covariances[0]
+    measured = np.cov(section.points_from_pixels(shaken).T)
     np.testing.assert_allclose(predicted, measured, rtol=0, atol=0.05 * np.trace(measured))
 
 
 def test_noise_lies_along_v_for_a_line_found_column_by_column():
     section = LightSection(CAMERA, PLANES["level line"])
     line = Line(np.array([[500.0, 480.25], [640.0, 500.5]]), np.array([0.1, 0.2]))
-    profile = section.profile_of(line)
+    profile = section.profile_from_line(line)
     covariance = profile.noise.covariances(profile.points)
     assert (covariance[:, 1, 1] > 50 * covariance[:, 0, 0]).all()
     # dz = Z dv / (f sin 30 deg) at 300 mm: 0.1 px are 0.027 mm (camera.md, section 2).
-    middle = section.points_of([[639.5, 511.5]])
+    middle = section.points_from_pixels([[639.5, 511.5]])
     assert middle[0, 1] == pytest.approx(-300 * math.cos(math.pi / 6), abs=1e-6)
     assert math.sqrt(covariance[0, 1, 1]) == pytest.approx(0.027, rel=0.1)
 
@@ -118,7 +121,7 @@ def test_noise_lies_along_v_for_a_line_found_column_by_column():
 def test_lost_points_stay_lost_in_their_place():
     section = LightSection(CAMERA, PLANES["level line"])
     pixels = np.array([[np.nan, np.nan], [640.0, 500.5], [641.0, np.nan]])
-    profile = section.profile_of(Line(pixels, np.full(3, 0.1)))
+    profile = section.profile_from_line(Line(pixels, np.full(3, 0.1)))
     assert len(profile) == 3
     assert profile.lost == 2
     assert np.isfinite(profile.points[1]).all()
@@ -126,7 +129,7 @@ def test_lost_points_stay_lost_in_their_place():
 
 def test_rays_that_miss_the_plane_are_lost():
     section = LightSection(CAMERA, Plane((1.0, 0.0, 0.005), 40.0))
-    points = section.points_of([[1000.0, 500.0], [300.0, 500.0]])
+    points = section.points_from_pixels([[1000.0, 500.0], [300.0, 500.0]])
     assert np.isnan(points[:, 0]).tolist() == [False, True]
 
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 
 from lsvision.sensor.laser_line import extract_laser_line
-from lsvision.sensor.line_noise import slopes_of, unexplained_variance
+from lsvision.sensor.line_noise import excess_variance, line_slopes
 from lsvision.simulate.scene import Scene
 from lsvision.simulate.tube import Tube
 from tests.sensor.line_scenes import STAND_OFF, rendered
@@ -20,7 +20,7 @@ RADIUS = 235.0  # px; a pipe of 47 mm half filling the image
 
 
 def std_of(rows, std=0.01, columns=COLUMNS):
-    return np.sqrt(unexplained_variance(columns, rows, np.full(len(rows), std)))
+    return np.sqrt(excess_variance(columns, rows, np.full(len(rows), std)))
 
 
 def test_white_noise_is_seen_at_its_size_and_what_is_predicted_is_taken_off(rng):
@@ -54,13 +54,13 @@ def test_across_a_slope_the_line_errs_more_down_its_columns(rng):
 
 def test_beside_a_jump_the_slope_is_that_of_the_line():
     rows = np.where(np.arange(60) < 30, 0.5 * np.arange(60), 200.0)
-    slopes = slopes_of(np.arange(60), rows)
+    slopes = line_slopes(np.arange(60), rows)
     np.testing.assert_allclose(slopes[:30], 0.5)
     np.testing.assert_allclose(slopes[30:], 0.0)
 
 
 def test_a_point_alone_is_level_and_a_short_line_has_no_scatter():
-    assert slopes_of(np.array([7]), np.array([3.0])) == 0
+    assert line_slopes(np.array([7]), np.array([3.0])) == 0
     assert (std_of(np.array([3.0, 8.0, 1.0]), columns=np.arange(3)) == 0).all()
     assert std_of(np.empty(0), columns=np.empty(0, dtype=int)).shape == (0,)
 

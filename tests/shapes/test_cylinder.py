@@ -51,7 +51,7 @@ def test_both_twins_have_the_section_they_come_from(ellipse):
 @given(cylinders(), poses())
 def test_a_cylinder_seen_from_another_frame_keeps_its_surface(cylinder, a_from_b):
     points = np.array([[1.0, 2.0, 3.0], [-100.0, 50.0, 7.0]])
-    seen = cylinder.seen_from(a_from_b).signed_distances(a_from_b.apply(points))
+    seen = cylinder.transformed(a_from_b).signed_distances(a_from_b.apply(points))
     np.testing.assert_allclose(seen, cylinder.signed_distances(points), atol=MACHINE)
 
 

@@ -44,7 +44,7 @@ def test_theta_is_the_direction_of_the_major_axis_not_what_eqs_1_and_4_print():
     at_theta = tip(TILTED, TILTED.theta)
     np.testing.assert_allclose(TILTED.points_at(np.zeros(1)), [at_theta], atol=MACHINE)
     assert radial_residuals(np.array([at_theta]), TILTED)[0] == pytest.approx(0, abs=MACHINE)
-    # As printed, Eqs. (1) and (4) put a at theta + 90 deg: reference/style.md, trap 1.
+    # As printed, Eqs. (1) and (4) put a at theta + 90 deg: README, Conventions, trap 1.
     at_90 = tip(TILTED, TILTED.theta + math.pi / 2)
     assert paper_eq_1(*at_theta, TILTED) == pytest.approx(20**2 / 15**2)
     assert paper_eq_4(*at_theta, TILTED) == pytest.approx(20 - 15)
@@ -109,7 +109,7 @@ def test_twin_axes_are_unit_vectors_at_phi_from_the_normal(ellipse):
 @given(ellipses())
 def test_own_frame_and_section_frame_are_each_others_inverse(ellipse):
     points = np.array([[1.0, 2.0], [-300.0, 40.0]])
-    back = ellipse.from_own_frame(ellipse.to_own_frame(points))
+    back = ellipse.from_ellipse_frame(ellipse.to_ellipse_frame(points))
     np.testing.assert_allclose(back, points, atol=MACHINE)
 
 
@@ -158,7 +158,7 @@ def test_orthogonal_residual_is_the_distance_to_the_nearest_point(ellipse, seed)
     a, b = ellipse.semi_major, ellipse.semi_minor
     own = rng.normal(size=(4, 2)) * rng.choice([0.3, 1.0, 3.0]) * (a, b)
     expected = [nearest_by_grid(point, a, b) for point in own]
-    found = orthogonal_residuals(ellipse.from_own_frame(own), ellipse)
+    found = orthogonal_residuals(ellipse.from_ellipse_frame(own), ellipse)
     np.testing.assert_allclose(np.abs(found), expected, rtol=BRUTE_FORCE, atol=BRUTE_FORCE)
     inside = (own[:, 0] / a) ** 2 + (own[:, 1] / b) ** 2 < 1
     np.testing.assert_array_equal(found < 0, inside & (found != 0))

@@ -16,7 +16,7 @@ def test_the_variance_along_a_normal_is_that_of_the_matrix(rng):
     normals = np.exp(1j * rng.uniform(0, 2 * np.pi, len(points)))
     n = as_vectors(normals)
     expected = np.einsum("ni,nij,nj->n", n, covariances, n)
-    found = NoisyPoints.of(points, covariances).variances_along(normals)
+    found = NoisyPoints.of(points, covariances).normal_variances(normals)
     np.testing.assert_allclose(found, expected, rtol=MACHINE)
 
 
@@ -26,7 +26,7 @@ def test_a_part_keeps_points_and_covariances_together(which, rng):
     part = NoisyPoints.of(points, covariances)[which]
     same = NoisyPoints.of(points[which], covariances[which])
     assert len(part) == len(points[which])
-    for name in ("z", "variance", "deviator"):
+    for name in ("z", "mean_variance", "deviator"):
         np.testing.assert_array_equal(getattr(part, name), getattr(same, name))
 
 
@@ -46,7 +46,7 @@ def test_a_surface_faces_the_sensor_by_the_cosine_of_its_incidence(rng):
     points, rays = fan()
     noisy = NoisyPoints.of(points, ProfileSensor().covariances(points))
     incidence = rng.uniform(-np.pi, np.pi, len(points))
-    found = noisy.facing(rays * np.exp(1j * incidence))
+    found = noisy.incidence_cosines(rays * np.exp(1j * incidence))
     np.testing.assert_allclose(found, np.cos(incidence), atol=1e-12)
 
 
@@ -56,5 +56,5 @@ def test_an_error_that_tells_no_ray_leaves_the_whole_fan_open(ratio):
     noisy = NoisyPoints.of(points, np.diag([ratio, 1.0])[None] ** 2)
     angles_deg = np.array([0, 59, 61, 119, 121, 180])  # of the normal, off +Y
     normals = np.exp(1j * np.radians(90 - angles_deg))
-    seen = [noisy.facing(normal[None])[0] > 0 for normal in normals]
+    seen = [noisy.incidence_cosines(normal[None])[0] > 0 for normal in normals]
     assert seen == [True, True, True, True, False, False]

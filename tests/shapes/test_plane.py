@@ -26,7 +26,7 @@ def test_distance_is_positive_on_the_side_of_the_normal():
 def test_a_plane_seen_from_another_frame_keeps_its_distances(normal, distance, a_from_b):
     plane = Plane(normal, distance)
     points = np.array([[1.0, 2.0, 3.0], [-100.0, 50.0, 7.0]])
-    seen = plane.seen_from(a_from_b).signed_distances(a_from_b.apply(points))
+    seen = plane.transformed(a_from_b).signed_distances(a_from_b.apply(points))
     np.testing.assert_allclose(seen, plane.signed_distances(points), atol=MACHINE)
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from lsvision.simulate import TubeRanges, clutter
-from lsvision.simulate.kinds import welded_pair
 from lsvision.simulate.prism import Prism
 from lsvision.simulate.random_clutter import draw_mixed
+from lsvision.simulate.scene_kinds import welded_pair
 
 PIPE_CURVATURES = (10.0 * math.cos(math.radians(40)), 40.0 / math.cos(math.radians(40)) ** 2)
 """Radii of curvature of sections of pipes of 10-40 mm tilted by 0-40 deg: b^2/a to a^2/b, mm."""

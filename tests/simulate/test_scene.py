@@ -107,7 +107,7 @@ def test_points_of_a_tube_lie_on_the_ellipse_of_its_section(seed):
     met = np.isfinite(distances)
     points = (distances[met, None] * rays.directions[met])[:, :2]
     section = cylinder.section()
-    own = section.to_own_frame(points) / [section.semi_major, section.semi_minor]
+    own = section.to_ellipse_frame(points) / [section.semi_major, section.semi_minor]
     np.testing.assert_allclose(np.hypot(*own.T), 1.0, rtol=0, atol=MACHINE)
 
 

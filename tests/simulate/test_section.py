@@ -48,7 +48,7 @@ def standard_errors(settings, seeds=40):
 def test_without_errors_the_profile_is_the_truth():
     section = look()
     np.testing.assert_array_equal(section.profile.points, section.truth.points)
-    own = section.truth.tubes[0].ellipse.to_own_frame(
+    own = section.truth.tubes[0].ellipse.to_ellipse_frame(
         section.profile.points[section.truth.labels == 1]
     )
     np.testing.assert_allclose(
@@ -68,7 +68,7 @@ def test_parallel_columns_have_equal_pitch_and_noise_along_y_only():
     assert np.abs(np.diff(section.profile.points[:, 0]) - 0.9).max() < MACHINE
     assert np.abs(x).max() == 0.0
     assert isinstance(section.profile.noise, PointNoise)
-    sigma = np.sqrt(section.profile.noise.values[:, 1, 1])
+    sigma = np.sqrt(section.profile.noise.point_covariances[:, 1, 1])
     assert np.std(y / sigma) == pytest.approx(1.0, abs=FIVE_SIGMA / math.sqrt(2 * 401))
 
 
@@ -218,7 +218,7 @@ def test_the_longest_run_bridges_losses_but_no_other_object():
 def test_a_moved_sensor_sees_the_moved_scene():
     turn = Pose([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]], (5.0, -7.0, 30.0))
     local = TUBE.cylinder
-    moved = Scene((Tube(local.seen_from(turn)),))
+    moved = Scene((Tube(local.transformed(turn)),))
     here, there = look(Scene((TUBE,))), look(moved, pose=turn)
     np.testing.assert_allclose(here.profile.points, there.profile.points, rtol=0, atol=1e-8)
     assert there.truth.tubes[0].ellipse.centre == pytest.approx(TUBE.cylinder.section().centre)

@@ -10,7 +10,7 @@ from lsvision.shapes import Pose
 from lsvision.simulate import SCENE_SENSOR, Scene, SectionSettings, Tube, random_section
 from lsvision.simulate.rays import Hits
 from lsvision.simulate.section import simulate_section
-from lsvision.simulate.text import profile_text, scan_truth_text, truth_text
+from lsvision.simulate.text_export import profile_text, scan_truth_text, truth_text
 
 
 def test_the_profile_comes_back_column_by_column():

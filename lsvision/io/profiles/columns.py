@@ -47,7 +47,7 @@ def profiles_from_table(table: TextTable, settings: ReadSettings) -> RawProfiles
     UnreadableFile
         If the columns cannot be told, or those asked for are not there.
     """
-    choice = _asked(table, settings) or _named(table) or _placed(table)
+    choice = _requested_columns(table, settings) or _named(table) or _placed(table)
     points = table.values[:, [choice.x, choice.height]]
     units = table.units or (None,) * table.values.shape[1]
     sections: Sequence[FloatArray] = [points]
@@ -67,12 +67,12 @@ def profiles_from_table(table: TextTable, settings: ReadSettings) -> RawProfiles
     )
 
 
-def role_of(name: str) -> str:
+def column_role(name: str) -> str:
     """What a column of this name holds: x, y, height, range, scan, angle, or the name itself."""
     return _ROLES.get(name, name)
 
 
-def _asked(table: TextTable, settings: ReadSettings) -> _Choice | None:
+def _requested_columns(table: TextTable, settings: ReadSettings) -> _Choice | None:
     if settings.columns is None:
         return None
     indices = [_index(table, column) for column in settings.columns]
@@ -96,7 +96,7 @@ def _index(table: TextTable, column: int | str) -> int:
 def _named(table: TextTable) -> _Choice | None:
     place: dict[str, int] = {}
     for index, name in enumerate(table.names):
-        place.setdefault(role_of(name), index)
+        place.setdefault(column_role(name), index)
     away = "range" in place and "height" not in place
     in_order = [place[role] for role in ("x", "y", "range" if away else "height") if role in place]
     if "angle" in place and "x" not in place:
@@ -110,7 +110,7 @@ def _named(table: TextTable) -> _Choice | None:
     in_plane = _in_plane(values)
     if in_plane:
         return _Choice(x, in_order[in_plane.height], away=away, notes=in_plane.notes)
-    if not _tells_apart(table.values[:, y]):
+    if not _is_profile_key(table.values[:, y]):
         _refuse(table, y)
     return _Choice(x, height, y, away)
 
@@ -129,9 +129,9 @@ def _placed(table: TextTable) -> _Choice:
     in_plane = _in_plane(values[:, :3])
     if in_plane:
         return _Choice(0, in_plane.height, notes=notes + in_plane.notes)
-    if _whole(values[:, 2]) and not _whole(values[:, 1]) and not _tells_apart(values[:, 1]):
+    if _whole(values[:, 2]) and not _whole(values[:, 1]) and not _is_profile_key(values[:, 1]):
         return _Choice(0, 1, notes=(*notes, "column 2 is whole numbers: taken for a label"))
-    if not _tells_apart(values[:, 1]):
+    if not _is_profile_key(values[:, 1]):
         _refuse(table, 1)
     return _Choice(0, 2, 1, notes=notes)
 
@@ -165,7 +165,7 @@ def _whole(column: FloatArray) -> bool:
     return bool(np.all(known == np.round(known)))
 
 
-def _tells_apart(column: FloatArray) -> bool:
+def _is_profile_key(column: FloatArray) -> bool:
     """True where each value stands in one run of points, long enough for a profile."""
     key = _without_gaps(column)
     runs = 1 + np.count_nonzero(np.diff(key))

@@ -3,7 +3,7 @@
 import re
 
 from lsvision.errors import UnreadableFile
-from lsvision.io.profiles.matrix import FEWEST_COLUMNS
+from lsvision.io.profiles.matrix import MIN_COLUMNS
 from lsvision.io.profiles.text_table import decode_text
 
 _MAGIC = (
@@ -100,4 +100,4 @@ def _table_format(content: bytes) -> str:
     cells = re.split(r"[,;\t]|\s+", line)
     if len(cells) in _KEYENCE_WIDTHS and all(cell.isdecimal() for cell in cells):
         return "keyence-raw"
-    return "matrix" if len(cells) >= FEWEST_COLUMNS else "text"
+    return "matrix" if len(cells) >= MIN_COLUMNS else "text"

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from lsvision.errors import UnreadableFile
-from lsvision.io.profiles.columns import profiles_from_table, role_of
+from lsvision.io.profiles.columns import column_role, profiles_from_table
 from lsvision.io.profiles.matrix import column_positions
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.text_table import TextTable, split_unit
@@ -31,7 +31,7 @@ def profiles_from_named(columns: Mapping[str, _Column], settings: ReadSettings) 
         If no column is a height or a range, or lengths do not agree.
     """
     labels = {label: split_unit(label) for label in columns}
-    by_role = {role_of(name): label for label, (name, _) in reversed(labels.items())}
+    by_role = {column_role(name): label for label, (name, _) in reversed(labels.items())}
     height = by_role.get("height", by_role.get("range", by_role.get("y")))
     if height is None:
         raise UnreadableFile(

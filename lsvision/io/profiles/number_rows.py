@@ -11,7 +11,7 @@ from lsvision.shapes import FloatArray
 COMMENT_MARKS = ("#", "%", "//")
 """What a line begins with that holds no data."""
 
-LOST_WORDS = frozenset(
+MISSING_VALUES = frozenset(
     [
         *("", "-", "--", "---", "na", "n/a", "#n/a", "null", "none", "invalid"),
         *("nan", "-nan", "+nan", ".nan", "nan(ind)", "-nan(ind)", "1.#qnan", "-1.#ind"),
@@ -117,7 +117,7 @@ def _parse_carefully(rows: Sequence[str], first: int, separator: str | None) -> 
 
 def _number(cell: str) -> float:
     word = cell.strip()
-    if word.lower() in LOST_WORDS:
+    if word.lower() in MISSING_VALUES:
         return float("nan")
     try:
         return float(word)

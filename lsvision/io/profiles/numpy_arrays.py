@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from lsvision.errors import UnreadableFile
 from lsvision.io.profiles.columns import profiles_from_table
-from lsvision.io.profiles.matrix import FEWEST_COLUMNS, profiles_from_matrix
+from lsvision.io.profiles.matrix import MIN_COLUMNS, profiles_from_matrix
 from lsvision.io.profiles.named_columns import profiles_from_named
 from lsvision.io.profiles.number_rows import floats_from
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
@@ -87,9 +87,9 @@ def _profiles_from_array(array: npt.NDArray[np.generic], settings: ReadSettings)
         values = values.reshape(1, -1)
     if values.ndim != 2 or values.size == 0:
         raise UnreadableFile(f"an array of shape {array.shape}: want points of shape (n, 2)")
-    if values.shape[0] in (2, 3) and values.shape[1] >= FEWEST_COLUMNS and settings.dx is None:
+    if values.shape[0] in (2, 3) and values.shape[1] >= MIN_COLUMNS and settings.dx is None:
         values = values.T
     table = TextTable(values)
-    if values.shape[1] >= FEWEST_COLUMNS or len(values) == 1:
+    if values.shape[1] >= MIN_COLUMNS or len(values) == 1:
         return profiles_from_matrix(table, settings)
     return profiles_from_table(table, settings)

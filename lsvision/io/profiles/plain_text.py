@@ -1,7 +1,7 @@
 """Plain text: x and height (or x, y and z) of one point a line."""
 
 from lsvision.io.profiles.columns import profiles_from_table
-from lsvision.io.profiles.matrix import FEWEST_COLUMNS, profiles_from_matrix
+from lsvision.io.profiles.matrix import MIN_COLUMNS, profiles_from_matrix
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.text_table import decode_text, parse_table
 
@@ -18,7 +18,7 @@ def read_plain_text(content: bytes, settings: ReadSettings) -> RawProfiles:
     table = parse_table(decode_text(content))
     width = table.values.shape[1]
     if settings.columns is None and (
-        width >= FEWEST_COLUMNS or (width == 1 and settings.dx is not None)
+        width >= MIN_COLUMNS or (width == 1 and settings.dx is not None)
     ):
         return profiles_from_matrix(table, settings)
     return profiles_from_table(table, settings)

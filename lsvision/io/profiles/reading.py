@@ -152,12 +152,12 @@ def _content(file: Path) -> bytes:
     try:
         return file.read_bytes()
     except OSError as error:
-        raise UnreadableFile(_mend(error)) from None
+        raise UnreadableFile(_hint(error)) from None
     except ValueError:  # a null in it
         raise UnreadableFile("no file can have such a name: check it") from None
 
 
-def _mend(error: OSError) -> str:
+def _hint(error: OSError) -> str:
     if isinstance(error, FileNotFoundError):
         return "no such file: check the name"
     if isinstance(error, IsADirectoryError):
@@ -188,7 +188,7 @@ def _in_section_frame(
         units_assumed=None in units,
         flipped=away,
         positions=raw.positions and tuple(p * x_scale for p in raw.positions),
-        notes=raw.notes + _doubts(profiles),
+        notes=raw.notes + _warnings(profiles),
     )
 
 
@@ -210,7 +210,7 @@ def _check_points(profiles: tuple[Profile, ...]) -> None:
         raise UnreadableFile("one valid point in it, no profile: check exposure, or --columns")
 
 
-def _doubts(profiles: tuple[Profile, ...]) -> tuple[str, ...]:
+def _warnings(profiles: tuple[Profile, ...]) -> tuple[str, ...]:
     points = np.concatenate([profile.points for profile in profiles])
     low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
     farthest = float(np.abs([low, high]).max())

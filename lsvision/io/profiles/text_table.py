@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from lsvision.errors import UnreadableFile
-from lsvision.io.profiles.number_rows import COMMENT_MARKS, LOST_WORDS, parse_rows
+from lsvision.io.profiles.number_rows import COMMENT_MARKS, MISSING_VALUES, parse_rows
 from lsvision.shapes import FloatArray
 
 _HEADER_LINES = 200  # the longest preamble looked through for the first line of numbers
@@ -137,7 +137,7 @@ def _separator(line: str) -> str | None:
             return mark
     words = line.split()
     if len(words) > 1 and all(
-        w.lower() in LOST_WORDS or _DECIMAL_COMMA.fullmatch(w) for w in words
+        w.lower() in MISSING_VALUES or _DECIMAL_COMMA.fullmatch(w) for w in words
     ):
         return None
     return "," if "," in line else None
@@ -145,7 +145,7 @@ def _separator(line: str) -> str | None:
 
 def _all_numbers_or_lost(cells: Sequence[str]) -> bool:
     words = [cell.strip() for cell in cells]
-    return all(word.lower() in LOST_WORDS or _NUMBER.fullmatch(word) for word in words)
+    return all(word.lower() in MISSING_VALUES or _NUMBER.fullmatch(word) for word in words)
 
 
 def _header(

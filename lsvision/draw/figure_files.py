@@ -1,0 +1,55 @@
+"""A figure as the content of a file."""
+
+import io
+import threading
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FORMATS = ("png", "svg")
+
+_SALT_LOCK = threading.Lock()
+
+
+def figure_bytes(figure: "Figure", picture_format: str) -> bytes:
+    """A figure as a PNG or SVG file; the same figure gives the same bytes.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        As `draw_measurement` returns it.
+    picture_format : {"png", "svg"}
+        What the file is to be.
+
+    Returns
+    -------
+    bytes
+        The whole file.
+
+    Raises
+    ------
+    ValueError
+        For another format.
+    """
+    if picture_format not in FORMATS:
+        raise ValueError(f"want a format among {', '.join(FORMATS)}, got {picture_format!r}")
+    content = io.BytesIO()
+    if picture_format == "png":
+        figure.savefig(content, format="png")
+    else:
+        _save_svg(figure, content)
+    return content.getvalue()
+
+
+def _save_svg(figure: "Figure", content: io.BytesIO) -> None:
+    import matplotlib as mpl
+
+    # The names inside an SVG are random unless this setting, a global one, has a value.
+    with _SALT_LOCK:
+        salt = mpl.rcParams["svg.hashsalt"]
+        mpl.rcParams["svg.hashsalt"] = "lsvision"
+        try:
+            figure.savefig(content, format="svg", metadata={"Date": None})
+        finally:
+            mpl.rcParams["svg.hashsalt"] = salt

@@ -1,0 +1,1 @@
+"""Ellipse of an arc: parameters, smoothing, fit, priors, intervals and the result."""

@@ -1,0 +1,179 @@
+"""An ellipse in parameters that stay regular at a circle, and points compared with it.
+
+The ellipse is ``c + E w`` for all unit vectors w, with the symmetric matrix
+``E = [[m + p, q], [q, m - p]]``; so ``a = m + h``, ``b = m - h``, ``h = |(p, q)|`` and
+``theta = atan2(q, p) / 2``. In (a, b, theta) a circle (a pipe seen square on) is a singular
+point; in (m, p, q) it is a point like any other.
+"""
+
+import math
+
+import numpy as np
+
+from lsvision.errors import FitFailed
+from lsvision.shapes import Ellipse, FloatArray, Points
+from lsvision.shapes.ellipse import foot_directions
+from lsvision.shapes.noisy_points import ComplexArray, as_complex
+
+PARAMETERS = 5
+FOOT_TOLERANCE = 3e-3
+"""Nearest points to some 1e-5 rad: then the distance, stationary there, is right to 1e-9 mm."""
+MAX_FOOT_ITERATIONS = 30
+MAX_FIRST_STEP = 0.2
+"""A first step of more rad is none of a point near the ellipse."""
+MIN_AXIS_RATIO = 1e-3
+"""Thinner than this an ellipse is a straight line that lost its way."""
+
+
+def orthogonal_residuals_and_normals(
+    points: Points, parameters: FloatArray
+) -> tuple[FloatArray, ComplexArray, ComplexArray]:
+    """Signed distance to the nearest point c + E w, and n, w there, with d' = -n d(c + E w).
+
+    Returns
+    -------
+    signed : (n,) ndarray
+        Positive outside. Units: mm.
+    normals, w : (n,) complex ndarray
+        Outward unit normal and unit vector of the nearest point.
+
+    Notes
+    -----
+    Newton's steps along the ellipse, from where the ray of each point meets it. That far beside
+    an ellipse may lead to the farthest point: then all start from their nearest.
+    """
+    (m, p, q), own = parameters[2:].tolist(), as_complex(points) - centre_of(parameters)
+    d = complex(p, q)
+    side = math.copysign(1.0, m * m - abs(d) ** 2)
+    w = side * (m * own - d * own.conj())
+    w /= np.abs(w)
+    largest = math.inf
+    for step in range(MAX_FOOT_ITERATIONS):
+        along, across = m * w, d * w.conj()
+        foot, normals = along + across, along - across
+        gap = own - foot
+        if largest < FOOT_TOLERANCE:
+            break
+        bending = normals.real**2 + normals.imag**2 + (gap * foot.conj()).real
+        turn = (gap * normals.conj()).imag / bending
+        largest = float(np.abs(turn).max(initial=0.0))
+        if step == 0 and not (largest < MAX_FIRST_STEP and bending.min() > 0):
+            w = _nearest_directions(own, parameters)
+        else:
+            w *= 1 + 1j * turn
+            w /= np.abs(w)
+    normals *= side / np.abs(normals)
+    return (gap * normals.conj()).real, normals, w
+
+
+def _nearest_directions(own: ComplexArray, parameters: FloatArray) -> ComplexArray:
+    """Unit vectors w of the nearest points E w, wherever the points are; centre at 0."""
+    a, b, turn = axes_of(parameters)
+    turned = own * turn.conjugate()
+    cos, sin = foot_directions(turned.real, turned.imag, a, b)
+    return _complex(cos, sin) * turn
+
+
+def radial_residuals_and_normals(
+    points: Points, parameters: FloatArray
+) -> tuple[FloatArray, ComplexArray, ComplexArray]:
+    """The same along the ray from the centre: the paper's r_j (Eq. 4).
+
+    Returns
+    -------
+    signed : (n,) ndarray
+        Units: mm.
+    normals, w : (n,) complex ndarray
+        The normal divided by its cosine with the ray, so that -n d(c + E w) is again the
+        derivative of the residual; unit vector of the point on the ray.
+    """
+    a, b, turn = axes_of(parameters)
+    own = (as_complex(points) - centre_of(parameters)) * turn.conjugate()
+    w = _complex(own.real / a, own.imag / b)
+    rho, scaled = np.abs(own), np.abs(w)
+    w /= scaled
+    gradient = _complex(w.real / a, w.imag / b)
+    along_ray = (gradient * own.conj()).real / rho
+    return rho - rho / scaled, gradient * (turn / along_ray), w * turn
+
+
+def parameter_jacobian(normals: ComplexArray, w: ComplexArray) -> FloatArray:
+    """How far each point of the ellipse moves along its normal, by each parameter: (5, n)."""
+    along, deviating = normals * w.conj(), normals * w
+    return np.array([normals.real, normals.imag, along.real, deviating.real, deviating.imag])
+
+
+def centre_of(parameters: FloatArray) -> complex:
+    """Centre as x + iy. Units: mm."""
+    return complex(*parameters[:2].tolist())
+
+
+def parameters_from_ellipse(ellipse: Ellipse) -> FloatArray:
+    """(centre_x, centre_y, m, p, q) of an ellipse. Units: mm."""
+    m = (ellipse.semi_major + ellipse.semi_minor) / 2
+    h = (ellipse.semi_major - ellipse.semi_minor) / 2
+    p, q = h * math.cos(2 * ellipse.theta), h * math.sin(2 * ellipse.theta)
+    return np.array([*ellipse.centre, m, p, q])
+
+
+def ellipse_from_parameters(parameters: FloatArray) -> Ellipse:
+    """Ellipse of (centre_x, centre_y, m, p, q).
+
+    Raises
+    ------
+    FitFailed
+        If the parameters are no ellipse: not finite, or an axis of no length.
+    """
+    a, b, turn = axes_of(parameters)
+    if not is_ellipse(parameters):
+        raise FitFailed(
+            f"the points have no ellipse (semi-axes {a:.3g} and {b:.3g} mm): they lie on a "
+            "straight line or on two; leave them out"
+        )
+    centre = (float(parameters[0]), float(parameters[1]))
+    return Ellipse(centre, a, b, math.atan2(turn.imag, turn.real))
+
+
+def is_ellipse(parameters: FloatArray) -> bool:
+    """Whether parameters are finite and of an ellipse that is no needle, 0 < m - h."""
+    x, y, m, p, q = parameters.tolist()
+    h = math.hypot(p, q)
+    return math.isfinite(x + y + m + h) and MIN_AXIS_RATIO * (m + h) < m - h
+
+
+def semi_minor(parameters: FloatArray) -> float:
+    """Semi-minor axis b = m - h. Units: mm."""
+    return float(parameters[2]) - math.hypot(parameters[3], parameters[4])
+
+
+def semi_minor_gradient(parameters: FloatArray) -> FloatArray:
+    """Derivative of b by the parameters, (5,); at a circle in the direction p > 0."""
+    direction = _deviator_direction(parameters)
+    return np.array([0.0, 0.0, 1.0, -direction[0], -direction[1]])
+
+
+def semi_major_gradient(parameters: FloatArray) -> FloatArray:
+    """Derivative of a by the parameters, (5,); at a circle in the direction p > 0."""
+    direction = _deviator_direction(parameters)
+    return np.array([0.0, 0.0, 1.0, direction[0], direction[1]])
+
+
+def axes_of(parameters: FloatArray) -> tuple[float, float, complex]:
+    """a, |b| in mm, cos theta + i sin theta of (centre_x, centre_y, m, p, q)."""
+    _, _, m, p, q = parameters.tolist()
+    h = math.hypot(p, q)
+    theta = 0.5 * math.atan2(q, p)
+    return abs(m + h), max(abs(m - h), 1e-12), complex(math.cos(theta), math.sin(theta))
+
+
+def _complex(real: FloatArray, imaginary: FloatArray) -> ComplexArray:
+    numbers = np.empty(len(real), dtype=complex)
+    numbers.real, numbers.imag = real, imaginary
+    return numbers
+
+
+def _deviator_direction(parameters: FloatArray) -> tuple[float, float]:
+    h = math.hypot(parameters[3], parameters[4])
+    if h == 0:
+        return 1.0, 0.0
+    return float(parameters[3]) / h, float(parameters[4]) / h

@@ -1,0 +1,127 @@
+"""What is known of the tilt of a cylinder before the measurement: a prior on phi in the fit.
+
+In the fit's parameters (centre, m, p, q) the tilt is ``tan^2(phi / 2) = h / m`` with
+``h = |(p, q)|``; how the axis lies, theta, stays open.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lsvision.shapes import FloatArray
+
+EXACT_PHI_STD = 1e-6
+"""One sigma that stands for "exactly": small beside any noise, not singular. Units: rad."""
+PERPENDICULAR_PHI_STD = 1e-3
+"""The same about a circle, where phi^2 counts: a millionth of the radius. Units: rad."""
+CIRCLE_SIGMAS = 2.0
+"""Sigmas of a known phi within which the section may be a circle."""
+PHI_RANGE = math.pi / 2
+TINY = 1e-12
+
+
+@dataclass(frozen=True, slots=True)
+class PhiPrior:
+    """A tilt that is known beforehand, because the laser or the part was set up so.
+
+    Parameters
+    ----------
+    phi : float
+        Angle between the cylinder's axis and the normal of the laser plane. Units: rad, from 0
+        to below pi / 2. At 0 the section is a circle.
+    std : float
+        One sigma; ``std = 0`` means exactly known. Units: rad.
+
+    Notes
+    -----
+    More than two sigmas from 0 the prior is normal on phi. It leaves (p, q) a ring to turn on,
+    so `fit_ellipse` uses it only where the points themselves tell theta.
+
+    Nearer, the section may be a circle, where phi is no regular parameter: a cost of
+    (phi / std)^2 has a cusp there, the fit would stick to the circle and call it certain. There
+    (p, q) / m gets a normal prior about zero with the second moments that it has where phi is
+    the modulus of a normal variable and theta uniform:
+    E h^2 / m^2 = (phi^4 + 6 phi^2 std^2 + 3 std^4) / 16. The linear estimate and its covariance
+    need no more.
+
+    Raises
+    ------
+    ValueError
+        If phi is not in [0, pi / 2) or the std is negative.
+
+    Examples
+    --------
+    >>> square_on = PhiPrior(0.0, math.radians(2.0))
+    >>> residuals, _ = square_on.residuals_and_jacobian(np.array([0.0, -400.0, 20.0, 0.0, 0.0]))
+    >>> residuals
+    array([0., 0.])
+    """
+
+    phi: float
+    std: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.phi < PHI_RANGE:
+            raise ValueError(f"want a known phi from 0 to below pi / 2 rad, got {self.phi}")
+        if not (math.isfinite(self.std) and self.std >= 0):
+            raise ValueError(f"want a known phi with std >= 0 rad, got {self.std}")
+
+    @property
+    def includes_circle(self) -> bool:
+        """Whether a circle lies within two sigmas."""
+        return self.phi <= CIRCLE_SIGMAS * self.std or self.phi < EXACT_PHI_STD
+
+    @property
+    def residual_count(self) -> int:
+        """Number of residuals."""
+        return 2 if self.includes_circle else 1
+
+    @property
+    def deviator_std(self) -> float:
+        """One sigma of p / m and of q / m about a circle."""
+        s = max(self.std, PERPENDICULAR_PHI_STD)
+        fourth = self.phi**4 + 6 * (self.phi * s) ** 2 + 3 * s**4
+        return math.sqrt(fourth / 32)
+
+    def max_likelihood_ratio(self, level: float) -> float:
+        """Likelihood ratio, under the prior alone, that the circle's neighbours stay below.
+
+        Definition: (h / m)^2 / deviator_std^2 at the phi below which the modulus of a normal
+        variable stays with probability `level`. More than chi^2 gives: h goes with phi^2.
+        """
+        from scipy.optimize import brentq
+        from scipy.special import ndtr
+
+        s = max(self.std, PERPENDICULAR_PHI_STD)
+        phi = self.phi / s
+        upper = brentq(lambda x: ndtr(x - phi) - ndtr(-x - phi) - level, 0.0, phi + 40.0)
+        return float((upper * s) ** 4 / (16 * self.deviator_std**2))
+
+    def residuals_and_jacobian(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Residuals of the prior over their standard deviations, and their derivative.
+
+        Returns
+        -------
+        residuals : (k,) ndarray
+            Two near a circle, else one.
+        jacobian : (k, 5) ndarray
+            By (centre_x, centre_y, m, p, q). Units: 1/mm.
+        """
+        m, p, q = (float(value) for value in parameters[2:])
+        # Steps of the iteration may leave the ellipses; the tilt they have then must not matter.
+        m = max(m, TINY)
+        jacobian = np.zeros((self.residual_count, 5))
+        if self.includes_circle:
+            std = self.deviator_std
+            residuals = np.array([p, q]) / (m * std)
+            jacobian[:, 2] = -residuals / m
+            jacobian[0, 3] = jacobian[1, 4] = 1 / (m * std)
+            return residuals, jacobian
+        h = max(math.hypot(p, q), TINY * m)
+        root = math.sqrt(h / m)
+        std = max(self.std, EXACT_PHI_STD)
+        # phi = 2 arctan(sqrt(h / m)).
+        slope = 1 / (root * (1 + h / m) * m * std)
+        jacobian[0, 2:] = -slope * h / m, slope * p / h, slope * q / h
+        return np.array([(2 * math.atan(root) - self.phi) / std]), jacobian

@@ -1,1 +1,0 @@
-"""Points to ellipse and cylinder: conditioning and maximum likelihood. No cv2."""

@@ -1,1 +1,0 @@
-"""Profile to arcs: range image, candidates, rough identification, accurate screening."""

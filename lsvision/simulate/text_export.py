@@ -1,0 +1,184 @@
+"""A simulated section as text: the profile a sensor's software would export, and its truth.
+
+The profile is two columns, x along the laser line and z = height growing towards the sensor
+(our Y), one row a column of the sensor, ``nan`` where it measured nothing. The truth is JSON with
+the unit in each name. Both hold rounded numbers only, so that they come out alike byte for byte
+wherever the same section is simulated.
+"""
+
+import dataclasses
+import json
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from lsvision.sensor.profile_sensor import ProfileSensor
+from lsvision.shapes import Pose
+from lsvision.simulate.bent_tube import BentTube
+from lsvision.simulate.scene import Scene, TubeSolid
+from lsvision.simulate.section import SimulatedSection
+from lsvision.simulate.truth import TubeTruth
+from lsvision.simulate.tube import Tube
+
+TRUTH_SCHEMA = "lsvision.simulated_section/1"
+"""Name and version of a truth file."""
+SCAN_SCHEMA = "lsvision.simulated_scan/1"
+"""Name and version of the truth file of a scan."""
+LABEL_MEANING = "-1 lost or jump, 0 clutter, k >= 1 the k-th tube"
+DECIMALS = 6
+"""Decimals of the truth's mm and rad; far below any sensor's noise."""
+RAW_DECIMALS = 4
+"""Decimals of the profile of a sensor that does not round its own numbers."""
+
+
+def profile_text(section: SimulatedSection, title: str) -> str:
+    """The profile as comma-separated text with a header.
+
+    Parameters
+    ----------
+    section : SimulatedSection
+        Its profile only.
+    title : str
+        What it shows and where it comes from; the first line.
+
+    Examples
+    --------
+    >>> from lsvision.simulate import random_section
+    >>> section = random_section("single", 1, noise_mm=0.05)
+    >>> profile_text(section, "single, seed 1").splitlines()[3]
+    'x [mm],z [mm]'
+    """
+    sensor = section.sensor
+    decimals = (
+        RAW_DECIMALS if sensor.quantum == 0 else max(0, -math.floor(math.log10(sensor.quantum)))
+    )
+    lines = [
+        f"# {title}",
+        f"# sensor: {sensor.name}, noise {_rounded(sensor.range_std)} mm along the ray at "
+        f"{sensor.reference_range:g} mm",
+        "# z is the height, growing towards the sensor; nan where nothing was measured",
+        "x [mm],z [mm]",
+    ]
+    lines += [f"{x:.{decimals}f},{y:.{decimals}f}" for x, y in section.profile.points]
+    return "\n".join(lines) + "\n"
+
+
+def truth_text(section: SimulatedSection, source: dict[str, Any]) -> str:
+    """The truth as JSON, one line a key.
+
+    Parameters
+    ----------
+    section : SimulatedSection
+        All but its profile.
+    source : dict
+        How it was made (kind, seed, command); stands first.
+    """
+    record = {
+        "schema": TRUTH_SCHEMA,
+        **source,
+        "frame": "section: X along the laser line, Y towards the sensor (z of the csv), mm",
+        "sensor": _sensor_record(section.sensor),
+        "settings": dataclasses.asdict(section.settings),
+        "tubes": [_tube_record(tube) for tube in section.truth.tubes],
+        "label_meaning": LABEL_MEANING,
+        "labels": section.truth.labels.tolist(),
+    }
+    return _json_lines(record)
+
+
+def scan_truth_text(
+    scene: Scene,
+    base_from_sections: Sequence[Pose],
+    sections: Sequence[SimulatedSection],
+    source: dict[str, Any],
+) -> str:
+    """The truth of a scan as JSON, one line a key.
+
+    Parameters
+    ----------
+    scene : Scene
+        Base frame.
+    base_from_sections : sequence of Pose
+        One a section.
+    sections : sequence of SimulatedSection
+        As `simulate_scan` gave them.
+    source : dict
+        How it was made (seed, command, feed); stands first.
+    """
+    record = {
+        "schema": SCAN_SCHEMA,
+        **source,
+        "frame": "base; a section's own frame has X along the laser line, Y towards the sensor, mm",
+        "sensor": _sensor_record(sections[0].sensor),
+        "settings": dataclasses.asdict(sections[0].settings),
+        "tubes_in_base": [
+            {"label": label, **_solid_record(tube)} for label, tube in enumerate(scene.tubes, 1)
+        ],
+        "base_from_sections": [
+            [[_rounded(value) for value in row] for row in pose.matrix]
+            for pose in base_from_sections
+        ],
+        "tubes_by_section": [
+            [_tube_record(tube) for tube in section.truth.tubes] for section in sections
+        ],
+        "label_meaning": LABEL_MEANING,
+        "labels_by_section": [section.truth.labels.tolist() for section in sections],
+    }
+    return _json_lines(record)
+
+
+def _json_lines(record: dict[str, Any]) -> str:
+    lines = [f"{json.dumps(key)}: {json.dumps(value)}" for key, value in record.items()]
+    return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def _solid_record(tube: TubeSolid) -> dict[str, Any]:
+    """What a solid tube is made of: each number of it, each vector as a list."""
+    if isinstance(tube, Tube):
+        record = {"point_mm": tube.cylinder.point, "direction": tube.cylinder.direction,
+                  "radius_mm": tube.cylinder.radius, "span_mm": tube.span}  # fmt: skip
+    elif isinstance(tube, BentTube):
+        record = {"bend_centre_mm": tube.bend_centre, "bend_normal": tube.bend_normal,
+                  "bend_radius_mm": tube.bend_radius, "radius_mm": tube.radius}  # fmt: skip
+    else:
+        raise TypeError(f"want a Tube or a BentTube, got {type(tube).__name__}")
+    return {
+        key: [_rounded(part) for part in value] if np.iterable(value) else value
+        for key, value in record.items()
+    }
+
+
+def _tube_record(tube: TubeTruth) -> dict[str, Any]:
+    return {
+        "label": tube.label,
+        "radius_mm": _rounded(tube.radius),
+        "theta_rad": _rounded(tube.theta),
+        "phi_rad": _rounded(tube.phi),
+        "centre_mm": [_rounded(value) for value in tube.centre],
+        "axis": [_rounded(value) for value in tube.cylinder.direction],
+        "points": tube.points,
+        "arc_points": tube.arc_points,
+        "arc_rad": _rounded(tube.arc),
+        "visible": tube.visible,
+    }
+
+
+def _sensor_record(sensor: ProfileSensor) -> dict[str, Any]:
+    return {
+        "name": sensor.name,
+        "range_std_mm": _rounded(sensor.range_std),
+        "reference_range_mm": sensor.reference_range,
+        "origin_mm": list(sensor.origin),
+        "quantum_mm": sensor.quantum,
+        "columns": sensor.columns,
+        "min_range_mm": sensor.min_range,
+        "max_range_mm": sensor.max_range,
+        "width_at_max_range_mm": sensor.width_at_max_range,
+    }
+
+
+def _rounded(value: float) -> float:
+    # Adding 0.0 turns -0.0, which depends on the order of a sum, into 0.0.
+    return round(float(value), DECIMALS) + 0.0

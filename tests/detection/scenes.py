@@ -1,0 +1,34 @@
+"""Lines drawn by hand, so that a test of one step knows what lies where."""
+
+import math
+
+import numpy as np
+
+from lsvision import Profile
+from lsvision.detection.profile_preparation import prepare_profile
+
+PITCH = 0.6  # mm
+
+
+def line(*pieces, noise_mm=0.02, rng=None):
+    """Pieces of (n, 2) points one behind the other, as a weighed profile."""
+    points = np.concatenate(pieces)
+    rng = rng or np.random.default_rng(5)
+    return prepare_profile(Profile(points + noise_mm * rng.normal(size=points.shape)), None)
+
+
+def flat(start, stop, y=-440.0, slope=0.0):
+    x = np.arange(start, stop, PITCH)
+    return np.column_stack([x, y + slope * (x - start)])
+
+
+def dome(centre, radius, half_deg=75.0, y=-440.0):
+    """Upper arc of a circle, columns at equal steps of x; its centre at `y`."""
+    reach = radius * math.sin(math.radians(half_deg))
+    x = np.arange(centre - reach, centre + reach, PITCH)
+    return np.column_stack([x, y + np.sqrt(radius**2 - (x - centre) ** 2)])
+
+
+def bowl(centre, radius, half_deg=75.0, y=-400.0):
+    x, up = dome(centre, radius, half_deg, 0.0).T
+    return np.column_stack([x, y - up])

@@ -1,0 +1,89 @@
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from lsvision.detection.windows import fit_window_circles, multiscale_windows
+from tests.detection.scenes import bowl, dome, flat
+
+
+def circle_of(points):
+    return fit_window_circles(points, np.array([0]), np.array([len(points)]))
+
+
+@pytest.mark.parametrize("half_deg", [20.0, 60.0, 80.0])
+def test_a_clean_arc_has_its_circle(half_deg):
+    circle = circle_of(dome(12.0, 25.0, half_deg))
+    np.testing.assert_allclose(circle.centre[0], (12, -440), atol=1e-6)
+    assert circle.radius[0] == pytest.approx(25, abs=1e-6)
+    assert circle.rms[0] < 1e-4
+    # One pitch less at the end, where the flank is steep.
+    assert circle.coverage[0] == pytest.approx(math.radians(2 * half_deg), rel=0.1)
+    assert circle.convex[0]
+
+
+def test_each_window_has_its_own_circle(rng):
+    points = np.concatenate([dome(0, 20), dome(60, 30)]) + 0.01 * rng.normal(size=(1, 2))
+    count = len(dome(0, 20))
+    both = fit_window_circles(points, np.array([0, count]), np.array([count, len(points)]))
+    np.testing.assert_allclose(both.radius, (20, 30), atol=1e-6)
+
+
+def test_the_circle_is_kasas(rng):
+    points = dome(12.0, 25.0) + 0.2 * rng.normal(size=dome(12.0, 25.0).shape)
+
+    def algebraic(free):
+        x, y, r = free
+        return ((points - (x, y)) ** 2).sum(axis=1) - r * r
+
+    x, y, radius = least_squares(algebraic, (10, -430, 20), xtol=1e-14, ftol=1e-14).x
+    circle = circle_of(points)
+    np.testing.assert_allclose((*circle.centre[0], circle.radius[0]), (x, y, radius), atol=1e-4)
+    rms = np.sqrt(np.mean((np.hypot(*(points - (x, y)).T) - radius) ** 2))
+    assert circle.rms[0] == pytest.approx(rms, rel=0.05)
+
+
+def test_a_bowl_is_not_convex_towards_the_sensor():
+    assert not circle_of(bowl(0, 20)).convex[0]
+
+
+def test_past_180_deg_coverage_goes_on_growing():
+    turn = np.radians(np.linspace(-20, 200, 60))
+    coverage = circle_of(20 * np.column_stack([np.cos(turn), np.sin(turn)])).coverage[0]
+    assert coverage == pytest.approx(math.radians(220), abs=0.01)
+
+
+def test_a_straight_window_has_a_huge_or_endless_radius():
+    circle = circle_of(flat(0, 30))
+    assert circle.radius[0] > 1e4
+    assert circle.coverage[0] < 0.01
+
+
+@pytest.mark.parametrize("points", [np.zeros((12, 2)), np.repeat([[1.0, 2], [3, 4]], 6, axis=0)])
+def test_windows_without_a_circle_give_no_nan_radius(points):
+    circle = circle_of(points)
+    assert not np.isnan(circle.radius).any()
+    assert not np.isnan(circle.rms).any()
+
+
+def test_no_window_crosses_into_the_next_component():
+    sizes = np.array([30, 11, 57])
+    starts, stops = multiscale_windows(sizes, 10, 1.5)
+    ends = np.cumsum(sizes)
+    owner = np.searchsorted(ends, starts, side="right")
+    assert (stops <= ends[owner]).all()
+    assert ((stops - starts) >= 10).all()
+
+
+def test_every_component_has_a_window_over_all_of_it():
+    starts, stops = multiscale_windows(np.array([30, 11]), 10, 1.5)
+    windows = set(zip(starts.tolist(), stops.tolist(), strict=True))
+    assert {(0, 30), (30, 41)} <= windows
+
+
+def test_windows_overlap_so_that_no_stretch_is_without_one():
+    starts, stops = multiscale_windows(np.array([300]), 10, 1.5)
+    shortest = np.sort(starts[stops - starts == 10])
+    assert shortest[0] == 0
+    assert np.diff(shortest).max() <= 3

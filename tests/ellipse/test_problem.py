@@ -1,0 +1,217 @@
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from scipy.optimize import approx_fprime, least_squares
+
+from lsvision import Ellipse
+from lsvision.ellipse.fit import FittingSettings, fit_ellipse
+from lsvision.ellipse.parameters import (
+    ellipse_from_parameters,
+    orthogonal_residuals_and_normals,
+    parameters_from_ellipse,
+    radial_residuals_and_normals,
+    semi_major_gradient,
+    semi_minor,
+    semi_minor_gradient,
+)
+from lsvision.ellipse.problem import EllipseProblem, RadiusPrior, minimise
+from lsvision.ellipse.problem import least_squares as levenberg_marquardt
+from lsvision.errors import FitFailed, TooFewPoints
+from lsvision.shapes import orthogonal_residuals, radial_residuals
+from tests.alike import assert_same_ellipse
+from tests.ellipse.arcs import about, measured, pipe, upper_arc
+from tests.strategies import PROPERTY, ellipses
+from tests.tolerances import BRUTE_FORCE, DIFFERENCES, MACHINE, PUBLISHED
+
+GANDER = Path(__file__).parents[2] / "../shared/real/gander1994/gander1994.json"
+PRIOR = RadiusPrior(19.0, 0.1)
+
+
+def problem_of(points, residual="orthogonal", prior=None):
+    return EllipseProblem(points, np.linspace(0.5, 2.0, len(points)), prior, residual)
+
+
+@pytest.mark.parametrize("phi_deg", [0.0, 0.01, 10.0, 60.0], ids=lambda phi: f"phi {phi}")
+@pytest.mark.parametrize("residual", ["orthogonal", "radial"])
+def test_the_jacobian_is_the_derivative(residual, phi_deg, rng):
+    points = upper_arc(pipe(phi_deg)) + 0.3 * rng.normal(size=(70, 2))
+    prior = PRIOR if phi_deg > 1 else None  # at a circle b has no derivative, the rest has
+    problem, at = problem_of(points, residual, prior), parameters_from_ellipse(pipe(phi_deg))
+    step = 1e-5
+    differences = np.column_stack([
+        (problem.evaluate(at + step * unit)[0] - problem.evaluate(at - step * unit)[0]) / (2 * step)
+        for unit in np.eye(5)
+    ])  # fmt: skip
+    scale = np.abs(differences).max()
+    np.testing.assert_allclose(problem.evaluate(at)[1], differences, atol=DIFFERENCES * scale)
+
+
+def test_an_exact_radius_counts_as_a_prior_of_a_millionth():
+    assert RadiusPrior(20.0).effective_std == pytest.approx(2e-5)
+    assert RadiusPrior(20.0, 0.5).effective_std == 0.5
+
+
+@pytest.mark.parametrize(
+    ("compare", "residuals"),
+    [
+        (orthogonal_residuals_and_normals, orthogonal_residuals),
+        (radial_residuals_and_normals, radial_residuals),
+    ],
+    ids=["orthogonal", "radial"],
+)
+def test_the_comparison_gives_the_residuals_of_shapes(compare, residuals, rng):
+    points = upper_arc(pipe(40.0)) + rng.normal(size=(70, 2))
+    signed, _, w = compare(points, parameters_from_ellipse(pipe(40.0)))
+    np.testing.assert_allclose(signed, residuals(points, pipe(40.0)), atol=MACHINE)
+    np.testing.assert_allclose(np.abs(w), 1, atol=MACHINE)
+
+
+@PROPERTY
+@given(ellipses(phi_deg=(0.0, 80.0)))
+def test_the_comparison_finds_nearest_points_wherever_the_points_are(ellipse):
+    rng = np.random.default_rng(0)
+    points = ellipse.points_at(rng.uniform(0, 2 * math.pi, 40))
+    points = ellipse.centre + rng.uniform(0.05, 3.0, (40, 1)) * (points - ellipse.centre)
+    signed, normals, w = orthogonal_residuals_and_normals(points, parameters_from_ellipse(ellipse))
+    around = ellipse.points_at(np.linspace(0, 2 * math.pi, 20_000))
+    brute = [np.hypot(*(around - point).T).min() for point in points]
+    np.testing.assert_allclose(np.abs(signed), brute, atol=1e-4 * ellipse.semi_major)
+    np.testing.assert_allclose(np.abs(normals), 1, atol=MACHINE)
+    np.testing.assert_allclose(np.abs(w), 1, atol=MACHINE)
+
+
+@PROPERTY
+@given(ellipses(phi_deg=(0.0, 80.0)))
+def test_an_ellipse_comes_back_from_its_parameters(ellipse):
+    parameters = parameters_from_ellipse(ellipse)
+    assert_same_ellipse(ellipse_from_parameters(parameters), ellipse, atol=MACHINE)
+    assert semi_minor(parameters) == pytest.approx(ellipse.semi_minor, rel=MACHINE)
+
+
+@pytest.mark.parametrize("phi_deg", [1.0, 30.0])
+def test_the_gradients_of_the_semi_axes_are_derivatives(phi_deg):
+    at = parameters_from_ellipse(pipe(phi_deg))
+    minor = approx_fprime(at, lambda p: ellipse_from_parameters(p).semi_minor, 1e-7)
+    major = approx_fprime(at, lambda p: ellipse_from_parameters(p).semi_major, 1e-7)
+    np.testing.assert_allclose(semi_minor_gradient(at), minor, atol=1e-4)
+    np.testing.assert_allclose(semi_major_gradient(at), major, atol=1e-4)
+
+
+def orthogonal_oracle(points, start):
+    """Ellipse and one anomaly for each point, all free at once: no nearest point is searched."""
+
+    def gaps(free):
+        x, y, a, b, theta = free[:5]
+        cos, sin, t = math.cos(theta), math.sin(theta), free[5:]
+        u, v = a * np.cos(t), b * np.sin(t)
+        return np.concatenate([points[:, 0] - x - u * cos + v * sin,
+                               points[:, 1] - y - u * sin - v * cos])  # fmt: skip
+
+    own = start.to_ellipse_frame(points)
+    t = np.arctan2(own[:, 1] / start.semi_minor, own[:, 0] / start.semi_major)
+    axes = (*start.centre, start.semi_major, start.semi_minor, start.theta)
+    x, y, a, b, theta = least_squares(gaps, [*axes, *t], xtol=1e-12, ftol=1e-14).x[:5]
+    return Ellipse.from_axes((x, y), a, b, theta)
+
+
+def radial_oracle(points, start):
+    """The paper's J over raw parameters by numeric differences, Eq. (4) with theta along a."""
+
+    def residuals(free):
+        x, y, a, b, theta = free
+        rho, turn = np.hypot(*(points - (x, y)).T), np.arctan2(points[:, 1] - y, points[:, 0] - x)
+        return rho - a * b / np.hypot(b * np.cos(turn - theta), a * np.sin(turn - theta))
+
+    axes = (*start.centre, start.semi_major, start.semi_minor, start.theta)
+    found = least_squares(residuals, axes, jac="3-point", xtol=1e-13, ftol=1e-15, gtol=1e-13)
+    x, y, a, b, theta = found.x
+    return Ellipse.from_axes((x, y), a, b, theta)
+
+
+@pytest.mark.parametrize(
+    ("residual", "oracle"),
+    [("orthogonal", orthogonal_oracle), ("radial", radial_oracle)],
+    ids=["orthogonal", "radial"],
+)
+def test_the_minimum_is_that_of_brute_force(residual, oracle, rng):
+    truth = pipe(35.0)
+    points = upper_arc(truth, degrees=200, count=30) + 0.05 * rng.normal(size=(30, 2))
+    found = fit_ellipse(points, about(truth), settings=FittingSettings(residual=residual)).ellipse
+    assert_same_ellipse(found, oracle(points, truth), atol=10 * BRUTE_FORCE)
+
+
+def test_gander_golub_and_strebels_ellipse_comes_out_to_their_four_decimals():
+    if not GANDER.exists():
+        pytest.skip("../shared/real is not here")
+    data = json.loads(GANDER.read_text())
+    published = data["ellipse_geometric_best_fit_published_4dp"]
+    truth = Ellipse(tuple(published["center"]), published["a"], published["b"],
+                    published["alpha_rad"])  # fmt: skip
+    points = np.array(data["ellipse_points"], dtype=float)
+    found = fit_ellipse(points, Ellipse((4.84, 4.98), 4.3, 3.3, 0.6)).ellipse
+    np.testing.assert_allclose(found.centre, truth.centre, atol=PUBLISHED)
+    assert found.semi_major == pytest.approx(truth.semi_major, abs=PUBLISHED)
+    assert found.semi_minor == pytest.approx(truth.semi_minor, abs=PUBLISHED)
+    assert found.theta == pytest.approx(truth.theta, abs=PUBLISHED)
+
+
+def test_a_prior_pulls_the_radius_by_its_weight(rng):
+    """With one prior the minimum is where the gradients of data and prior cancel."""
+    truth = pipe(25.0)
+    points = measured(upper_arc(truth), rng)
+    problem = problem_of(points, prior=RadiusPrior(truth.radius + 0.5, 0.05))
+    _, residuals, jacobian, _ = minimise(problem, parameters_from_ellipse(truth))
+    cancel = jacobian.T @ residuals / np.linalg.norm(jacobian, axis=0)
+    np.testing.assert_allclose(cancel, 0, atol=1e3 * DIFFERENCES)
+    assert residuals[-1] < 0
+
+
+@pytest.mark.parametrize("residual", ["orthogonal", "radial"])
+def test_residuals_and_jacobian_have_a_row_more_with_a_prior(residual):
+    points, at = upper_arc(pipe(20.0), count=9), parameters_from_ellipse(pipe(20.0))
+    without = problem_of(points, residual).evaluate(at)
+    assert [part.shape for part in without] == [(9,), (9, 5)]
+    with_prior = problem_of(points, residual, PRIOR).evaluate(at)
+    assert [part.shape for part in with_prior] == [(10,), (10, 5)]
+
+
+def test_least_squares_solves_a_problem_of_any_size():
+    wanted = np.array([3.0, -2.0])
+    found = levenberg_marquardt(lambda x: (x - wanted, np.eye(2)), np.zeros(2)).parameters
+    np.testing.assert_allclose(found, wanted, atol=MACHINE)
+
+
+@pytest.mark.parametrize("count", [0, 1, 4])
+def test_too_few_rows_are_refused(count):
+    problem = problem_of(upper_arc(pipe(20.0))[:count])
+    with pytest.raises(TooFewPoints, match=f"an arc has {count} points and needs 5: scan slower"):
+        minimise(problem, parameters_from_ellipse(pipe(20.0)))
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [(0, 0, math.nan, 0, 0), (0, 0, 5, 5, 0), (math.inf, 0, 5, 1, 0)],
+    ids=["nan", "flat", "endless"],
+)
+def test_parameters_without_an_ellipse_are_refused(parameters):
+    with pytest.raises(FitFailed, match="the points have no ellipse"):
+        ellipse_from_parameters(np.array(parameters, dtype=float))
+
+
+@pytest.mark.parametrize(
+    ("radius", "std", "message"),
+    [
+        (0.0, 0.0, "positive known radius in mm, got 0"),
+        (-19.0, 0.1, "got -19"),
+        (math.nan, 0.1, "got nan"),
+        (19.0, -0.1, "std >= 0 mm, got -0.1"),
+        (19.0, math.inf, "got inf"),
+    ],
+)
+def test_what_is_no_radius_is_refused(radius, std, message):
+    with pytest.raises(ValueError, match=message):
+        RadiusPrior(radius, std)

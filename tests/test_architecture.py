@@ -1,0 +1,168 @@
+"""Rules of the architecture and of the style, checked on the source text."""
+
+import ast
+import importlib
+import inspect
+import pkgutil
+from pathlib import Path
+
+import pytest
+
+import lsvision
+from lsvision import errors
+
+ROOT = Path(lsvision.__file__).parent
+MODULES = sorted(ROOT.rglob("*.py"))
+MAX_MODULE_LINES, MAX_BODY_LINES = 400, 40
+FORBIDDEN = {
+    "simulate": ("detection", "ellipse", "cylinder", "measure", "scan", "paper_pipeline"),
+    "calibrate": ("detection", "ellipse", "cylinder", "measure", "scan", "paper_pipeline"),
+    "shapes": ("cv2",),
+    "profile": ("cv2",),
+    "statistics": ("cv2",),
+    "ellipse": ("cv2",),
+    "cylinder": ("cv2",),
+    "measure": ("cv2",),
+}
+
+
+def name_of(path):
+    return str(path.relative_to(ROOT))
+
+
+def tree_of(path):
+    return ast.parse(path.read_text(), name_of(path))
+
+
+def functions_of(path):
+    kinds = (ast.FunctionDef, ast.AsyncFunctionDef)
+    return [node for node in ast.walk(tree_of(path)) if isinstance(node, kinds)]
+
+
+def body_lines(function):
+    """Lines from the first statement after the docstring to the end."""
+    body = function.body[1:] if ast.get_docstring(function) else function.body
+    return function.end_lineno - body[0].lineno + 1 if body else 0
+
+
+def imports_of(path):
+    for node in ast.walk(tree_of(path)):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        if isinstance(node, ast.ImportFrom) and node.module:
+            yield node.module
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def test_nothing_prints():
+    prints = [
+        f"{name_of(path)}:{node.lineno}"
+        for path in MODULES
+        for node in ast.walk(tree_of(path))
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "print"
+    ]
+    assert prints == []
+
+
+def test_nothing_is_left_to_do_later():
+    words = ("TODO", "FIXME", "XXX", "HACK")
+    assert [name_of(p) for p in MODULES if any(word in p.read_text() for word in words)] == []
+
+
+def test_modules_are_no_longer_than_the_limit():
+    lines = {name_of(path): len(path.read_text().splitlines()) for path in MODULES}
+    assert {name: count for name, count in lines.items() if count > MAX_MODULE_LINES} == {}
+
+
+def test_function_bodies_are_no_longer_than_the_limit():
+    lines = {f"{name_of(p)} {f.name}": body_lines(f) for p in MODULES for f in functions_of(p)}
+    assert {name: count for name, count in lines.items() if count > MAX_BODY_LINES} == {}
+
+
+def public_nodes(path):
+    """Public functions and classes of a module, and the public methods of the latter."""
+    kinds = (ast.FunctionDef, ast.ClassDef)
+    for node in tree_of(path).body:
+        if isinstance(node, kinds) and not node.name.startswith("_"):
+            yield node.name, node
+            for member in node.body if isinstance(node, ast.ClassDef) else ():
+                if isinstance(member, ast.FunctionDef) and not member.name.startswith("_"):
+                    yield f"{node.name}.{member.name}", member
+
+
+def test_everything_public_is_documented():
+    silent = [name_of(p) for p in MODULES if not ast.get_docstring(tree_of(p))]
+    silent += [
+        f"{name_of(path)} {name}"
+        for path in MODULES
+        for name, node in public_nodes(path)
+        if not ast.get_docstring(node)
+    ]
+    assert silent == []
+
+
+@pytest.mark.parametrize("package", FORBIDDEN)
+def test_a_package_does_not_import_what_is_forbidden(package):
+    forbidden = [name if name == "cv2" else f"lsvision.{name}" for name in FORBIDDEN[package]]
+    for path in MODULES:
+        if path.relative_to(ROOT).with_suffix("").parts[0] == package:
+            for imported in imports_of(path):
+                met = [n for n in forbidden if imported == n or imported.startswith(n + ".")]
+                assert not met, f"{name_of(path)} imports {imported}"
+
+
+@pytest.mark.parametrize("name", lsvision.__all__)
+def test_a_public_name_is_there_and_documented(name):
+    thing = getattr(lsvision, name)
+    if not isinstance(thing, lsvision.ProfileSensor):
+        assert inspect.getdoc(thing)
+
+
+def test_what_is_not_public_is_not_there():
+    with pytest.raises(AttributeError, match="module 'lsvision' has no attribute 'Nothing'"):
+        _ = lsvision.Nothing
+    assert set(lsvision.__all__) <= set(dir(lsvision))
+
+
+@pytest.mark.parametrize(
+    "module",
+    # Importing lsvision.__main__ runs the command line.
+    [
+        m.name
+        for m in pkgutil.walk_packages([str(ROOT)], "lsvision.")
+        if m.name != "lsvision.__main__"
+    ],
+)
+def test_every_module_can_be_imported_and_has_what_its_all_names(module):
+    imported = importlib.import_module(module)
+    for name in getattr(imported, "__all__", ()):
+        assert hasattr(imported, name), name
+
+
+def raised_without_words(path):
+    names = {name for name in vars(errors) if isinstance(getattr(errors, name), type)}
+    for node in ast.walk(tree_of(path)):
+        if isinstance(node, ast.Raise):
+            called = node.exc
+            bare = isinstance(called, ast.Name) and called.id in names
+            wordless = isinstance(called, ast.Call) and not called.args and not called.keywords
+            if bare or (wordless and getattr(called.func, "id", "") in names):
+                yield node.lineno
+
+
+def test_every_error_says_something():
+    silent = {name_of(path): list(raised_without_words(path)) for path in MODULES}
+    assert {name: lines for name, lines in silent.items() if lines} == {}
+
+
+def test_every_error_is_one_of_ours():
+    ours = [kind for kind in vars(errors).values() if isinstance(kind, type)]
+    assert all(issubclass(kind, errors.LsvisionError) for kind in ours)
+    assert not issubclass(errors.LsvisionError, ValueError)
+    assert all(inspect.getdoc(kind) for kind in ours)
+
+
+def test_too_few_points_says_what_got_need_and_the_mend():
+    error = errors.TooFewPoints("an arc", 4, 6, "scan slower")
+    assert str(error) == "an arc has 4 points and needs 6: scan slower"
+    assert (error.got, error.need) == (4, 6)
