@@ -1,7 +1,11 @@
-"""Every number that issue 2 asks for, beside its goal: ``python -m tests.bench [--quick]``."""
+"""Every number that issue 2 asks for, beside its goal: ``python -m tests.bench [--quick]``.
+
+``python -m tests.bench core`` measures the core alone, of any commit: `tests.bench.core`.
+"""
 
 import argparse
 import os
+import sys
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -90,6 +94,10 @@ BENCHES: dict[str, Callable[[Effort], Iterable[Number]]] = {
 def main():
     for variable in ONE_THREAD:
         os.environ[variable] = "1"  # before numpy is imported: its pools are made on import
+    if sys.argv[1:2] == ["core"]:
+        from tests.bench.core.command import main as measure_core
+
+        return measure_core(sys.argv[2:])
     parser = argparse.ArgumentParser(prog="python -m tests.bench", description=__doc__)
     parser.add_argument("only", nargs="*", help=f"of {', '.join(BENCHES)}; all without")
     parser.add_argument("--quick", action="store_true", help="a few minutes instead of many")
@@ -110,7 +118,8 @@ def main():
     print(f"\n{len(short)} goals not reached")
     for row in short:
         print(f"  {row}")
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())
