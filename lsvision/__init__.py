@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from lsvision.cylinder.fit import fit_cylinder as fit_cylinder
     from lsvision.cylinder.robot_frame import PlacedCylinder as PlacedCylinder
     from lsvision.cylinder.robot_frame import place_section as place_section
-    from lsvision.detection.acceptance import Rejection as Rejection
+    from lsvision.detection.arcs import Rejection as Rejection
     from lsvision.draw import draw_measurement as draw_measurement
     from lsvision.draw import draw_overlay as draw_overlay
     from lsvision.ellipse.section import CylinderSection as CylinderSection
@@ -92,7 +92,7 @@ _PUBLIC_NAMES = {
     "Measurement": "lsvision.measure",
     "Settings": "lsvision.measure",
     "CylinderSection": "lsvision.ellipse.section",
-    "Rejection": "lsvision.detection.acceptance",
+    "Rejection": "lsvision.detection.arcs",
     "place_section": "lsvision.cylinder.robot_frame",
     "PlacedCylinder": "lsvision.cylinder.robot_frame",
     "measure_scan": "lsvision.scan",

@@ -6,20 +6,11 @@ takes planes for huge ellipses; `Settings.paper` runs the paper's chain without 
 
 from dataclasses import dataclass
 
-from lsvision.arc_refinement import Priors, refine_arc
-from lsvision.detection.acceptance import (
-    AcceptanceSettings,
-    Rejection,
-    convergence_rejection_reason,
-    neighbourhood_rejection_reason,
-    radius_rejection_reason,
-    rejection_reason,
-)
-from lsvision.detection.arc_detection import identify_arcs
-from lsvision.detection.arc_growing import IdentificationSettings
+from lsvision.detection.acceptance import AcceptanceSettings, rejection_reason
+from lsvision.detection.arcs import IdentifiedArc, Rejection
 from lsvision.detection.candidates import CandidateSettings, find_candidates
-from lsvision.detection.end_extension import EndExtensionSettings
-from lsvision.detection.identification import IdentifiedArc
+from lsvision.detection.end_condition import tangential_end_reason
+from lsvision.detection.identification import identify_arcs
 from lsvision.detection.overlap_suppression import suppress_overlapping
 from lsvision.detection.profile_preparation import prepare_profile
 from lsvision.detection.range_image import (
@@ -28,15 +19,15 @@ from lsvision.detection.range_image import (
     rasterise,
 )
 from lsvision.detection.rejections import complete_rejections
-from lsvision.detection.screening import ScreeningSettings, screen_arc
+from lsvision.detection.screening import screen_arc
 from lsvision.detection.search_range import search_range
-from lsvision.ellipse.conditioning import condition_arc
 from lsvision.ellipse.fit import FittingSettings
-from lsvision.ellipse.homogenising import HomogenisingSettings
+from lsvision.ellipse.homogenising import homogenise_arc
 from lsvision.ellipse.phi_prior import PhiPrior
 from lsvision.ellipse.problem import RadiusPrior
+from lsvision.ellipse.refinement import Priors, refine_arc
 from lsvision.ellipse.section import CylinderSection
-from lsvision.ellipse.smoothing import SmoothingSettings
+from lsvision.ellipse.smoothing import smooth_arc
 from lsvision.errors import LsvisionError
 from lsvision.paper_pipeline import PaperSettings, measure_paper_pipeline
 from lsvision.profile import Arc, NoiseModel, PreparedProfile, Profile
@@ -45,29 +36,24 @@ from lsvision.shapes import IntArray
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Settings:
-    """One settings value for each step, in the order of the steps.
+    """What a user may want to set, in the order of the steps.
 
     Parameters
     ----------
-    range_image, candidates, identification, acceptance, screening, end_extension : settings
-        Detection, section 3.2.
-    smoothing, homogenising : settings
-        Conditioning, section 3.3.
+    range_image, candidates : settings
+        Before rough identification.
+    acceptance : AcceptanceSettings
+        What counts as a cylinder.
     fitting : FittingSettings
-        Section 2.3.
+        Geometric refinement, section 2.3.
     paper_settings : PaperSettings or None
         Not None: the paper's own chain instead of all the above.
     """
 
     range_image: RangeImageSettings = RangeImageSettings()
     candidates: CandidateSettings = CandidateSettings()
-    identification: IdentificationSettings = IdentificationSettings()
     acceptance: AcceptanceSettings = AcceptanceSettings()
-    screening: ScreeningSettings = ScreeningSettings()
-    end_extension: EndExtensionSettings = EndExtensionSettings()
-    smoothing: SmoothingSettings = SmoothingSettings()
-    homogenising: HomogenisingSettings = HomogenisingSettings()
-    # Conditioned arcs start so near their fit that renewed weights change nothing, and each step
+    # Homogenised arcs start so near their fit that renewed weights change nothing, and each step
     # is a hundredth of the one before: the one after a millionth of chi^2 is 1e-4 sigma. Pipes
     # need 3 to 14 evaluations, and what needs more runs off to a needle.
     fitting: FittingSettings = FittingSettings(reweightings=0, max_evaluations=20, tolerance=1e-6)
@@ -120,16 +106,16 @@ def measure_cylinders(
         makes circles of the sections, and so a radius of an arc too short for an ellipse; see
         `PhiPrior`. Units: rad.
     sensor : NoiseModel, optional
-        Noise of the points; that of the profile without; where neither is given the noise is
-        taken as isotropic and estimated from the residuals.
+        Noise of the points; that of the profile without; where neither is given its size is
+        estimated from the residuals, and its direction taken along Y within some 11 deg.
     settings : Settings
         One value for each step.
 
     Returns
     -------
     Measurement
-        Same input and settings, same numbers out. A profile without cylinders, or without
-        points, gives an empty one.
+        Same input and settings, same numbers out. A profile without cylinders has at least one
+        rejection with its reason.
 
     Raises
     ------
@@ -152,59 +138,61 @@ def measure_cylinders(
     >>> abs(pipe.radius - truth.radius) < 4 * pipe.radius_std
     True
     """
-    known = Priors(_known_radius(known_radius), _known_phi(known_phi))
-    weighed = prepare_profile(profile, sensor or profile.noise)
-    radius_range = search_range(radius, known.radius, weighed)
+    priors = Priors(_known_radius(known_radius), _known_phi(known_phi))
+    prepared = prepare_profile(profile, sensor or profile.noise)
+    radius_range = search_range(radius, priors.radius, prepared)
     if settings.paper_settings is not None:
-        found, refused = measure_paper_pipeline(weighed, radius_range, settings.paper_settings)
-        return _to_sensor_indices(list(found), list(refused), weighed)
+        found, refused = measure_paper_pipeline(prepared, radius_range, settings.paper_settings)
+        return _to_sensor_indices(list(found), list(refused), prepared)
 
-    # Recognition, section 3.2.
-    range_image = rasterise(weighed, settings.range_image)
-    components = connected_components(range_image, settings.candidates.min_window_points)
-    candidates = find_candidates(weighed, components, radius_range, settings.candidates)
-    arcs, rejections = identify_arcs(
-        weighed, candidates, radius_range, settings.identification, settings.acceptance
-    )
-    # Screening, smoothing, homogenising and ellipse fitting, sections 3.2.2, 3.3 and 2.3.
-    results = [_measure_arc(weighed, arc, known, radius_range, settings) for arc in arcs]
+    range_image = rasterise(prepared, settings.range_image)
+    components = connected_components(range_image, settings.candidates.min_span_points)
+    candidates = find_candidates(prepared, components, radius_range, settings.candidates)
+    # Rough identification, section 3.2.1.
+    arcs, rejections = identify_arcs(prepared, candidates, radius_range, settings.acceptance)
+    results = [_measure_arc(prepared, arc, priors, radius_range, settings) for arc in arcs]
     cylinders = suppress_overlapping([r for r in results if isinstance(r, CylinderSection)])
     rejections += [result for result in results if isinstance(result, Rejection)]
-    rejections = complete_rejections(weighed, components, cylinders, rejections, radius_range)
-    return _to_sensor_indices(cylinders, rejections, weighed)
+    rejections = complete_rejections(
+        prepared,
+        components,
+        cylinders,
+        rejections,
+        radius_range,
+        settings.candidates.min_span_points,
+    )
+    return _to_sensor_indices(cylinders, rejections, prepared)
 
 
 def _measure_arc(
     profile: PreparedProfile,
     arc: IdentifiedArc,
-    known: Priors,
+    priors: Priors,
     radius_range: tuple[float, float],
     settings: Settings,
 ) -> CylinderSection | Rejection:
-    """An identified arc made a cylinder, or the reason why it is none."""
-    screened = screen_arc(profile, arc, settings.screening, settings.end_extension)
-    reason = neighbourhood_rejection_reason(profile, arc, settings.acceptance)
+    """The cylinder of an identified arc, or the reason why there is none."""
+    # Accurate screening, section 3.2.2.
+    screened = screen_arc(profile, arc)
+    if screened is None:
+        return Rejection(arc.arc, "no ellipse fits the middle part of the arc")
+    noise_std = profile.noise_std * screened.variance_factor**0.5
+    reason = tangential_end_reason(profile, arc, screened, noise_std)
     if reason is not None:
-        return Rejection(screened.arc, reason)
-    conditioned = condition_arc(
-        profile.noisy_points[screened.indices],
-        screened.ellipse,
-        settings.smoothing,
-        settings.homogenising,
-    )
-    jumpless = screened.indices[conditioned.inliers]
-    start = IdentifiedArc(screened.arc, jumpless, conditioned.ellipse)
+        return Rejection(arc.arc, reason)
+    # Smoothing and homogenising, section 3.3.
+    smoothed = smooth_arc(screened.points, screened.ellipse)
+    homogenised = homogenise_arc(smoothed)
+    # Ellipse fitting, section 2.3.
+    points, indices = screened.points[smoothed.inliers], screened.indices[smoothed.inliers]
+    estimated_std = profile.noise_std if profile.noise_is_estimated else None
     try:
-        fit, fitted = refine_arc(
-            profile, start, known, settings.fitting, settings.end_extension, settings.acceptance
-        )
+        fit = refine_arc(points, homogenised.ellipse, priors, settings.fitting, estimated_std)
     except LsvisionError as failure:
-        return Rejection(screened.arc, str(failure))
-    section = CylinderSection(fit, fitted.arc, fitted.indices)
-    reason = rejection_reason(profile, fitted, radius_range, settings.acceptance)
-    reason = reason or convergence_rejection_reason(fit)
-    reason = reason or radius_rejection_reason(profile, section.radius, section.radius_std)
-    return section if reason is None else Rejection(screened.arc, reason)
+        return Rejection(arc.arc, str(failure))
+    section = CylinderSection(fit, Arc(int(indices[0]), int(indices[-1]) + 1), indices)
+    reason = rejection_reason(profile, section, radius_range, settings.acceptance)
+    return section if reason is None else Rejection(section.arc, reason)
 
 
 def _to_sensor_indices(

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.detection.acceptance import Rejection
+from lsvision.detection.arcs import Rejection
 from lsvision.ellipse.fit import FittingSettings, fit_ellipse
 from lsvision.ellipse.homogenising import homogenise_profile_paper
 from lsvision.ellipse.section import CylinderSection

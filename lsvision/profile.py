@@ -1,5 +1,6 @@
 """The waist of the hourglass: what every sensor gives and every measurement starts from."""
 
+import math
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -8,8 +9,14 @@ import numpy as np
 from lsvision.shapes import FloatArray, IntArray, Points, as_readonly_array
 from lsvision.shapes.noisy_points import NoisyPoints
 
-RELATIVE_FORM_ERROR = 8e-4
-"""Rms form error of pipes, and of profile sensors that look at them, over the radius."""
+MAX_COORDINATE_MM = 1e9
+"""A thousand kilometres: larger numbers of a file are no points, and their squares overflow."""
+MAX_NOISE_FACTOR, MAX_ESTIMATED_NOISE_FACTOR = 3.0, 4.0
+"""Scatter about an ellipse over the standard deviation of a noise model, and over an estimated
+one, which is too small where a sensor smooths along the line."""
+MAX_RELATIVE_SCATTER = 1e-2
+"""Scatter over the radius that is always allowed: form error of pipes (below 1e-3), and errors
+that neighbours share, which no difference of neighbours shows (0.1 mm at a radius of 10 mm)."""
 
 
 @runtime_checkable
@@ -72,8 +79,8 @@ class Profile:
     ----------
     points : (n, 2) array_like
         Section frame: X along the laser line, Y towards the sensor. Index = column of the
-        sensor, order kept; a lost point is a NaN row (infinite values count as lost, and a
-        row with one lost coordinate is lost whole). Units: mm.
+        sensor, order kept; a lost point is a NaN row (values that are infinite or beyond 1e9 mm
+        count as lost, and a row with one lost coordinate is lost whole). Units: mm.
     noise : NoiseModel, optional
         What the sensor knows of its own errors.
 
@@ -94,7 +101,7 @@ class Profile:
 
     def __post_init__(self) -> None:
         points = np.array(as_readonly_array(self.points, ("n", 2), "points"))
-        points[~np.isfinite(points).all(axis=1)] = np.nan
+        points[~(np.abs(points) < MAX_COORDINATE_MM).all(axis=1)] = np.nan
         object.__setattr__(self, "points", as_readonly_array(points, ("n", 2)))
 
     def __len__(self) -> int:
@@ -108,47 +115,51 @@ class Profile:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PreparedProfile:
-    """A profile with its noise written out: what the detection of arcs works on.
+    """A profile in its order along the line, with the noise of its points.
 
     Parameters
     ----------
     points : (n, 2) ndarray
         As in `Profile`, but in their order along the line. Units: mm.
-    covariances : (n, 2, 2) ndarray
-        Of the points' errors, NaN where lost. Units: mm^2.
     noisy_points : NoisyPoints
-        The same points and covariances once more, in complex numbers.
+        The same points with the covariances of their errors, in complex numbers.
     valid_indices : (k,) int ndarray
-        Which of `points` are there, rising.
+        Which of `points` are not lost, rising.
     sensor_columns : (n,) int ndarray
         Index that each of `points` has in the `Profile`.
     noise_std : float
-        Typical standard deviation of a point across the line. Units: mm.
+        Typical standard deviation of a point along its largest error. Units: mm.
     pitch : float
         Typical spacing of neighbouring points along X; positive always. Units: mm.
-    noise_known : bool
-        Whether the covariances come from a noise model or were estimated from neighbours,
-        which makes them too small where neighbours' errors are alike.
+    min_variance_factor : float
+        The points' variances may be so many times smaller than `noisy_points` says, not more:
+        1 for a given noise model, less for an estimated one.
     """
 
     points: Points
-    covariances: FloatArray
     noisy_points: NoisyPoints
     valid_indices: IntArray
     sensor_columns: IntArray
     noise_std: float
     pitch: float
-    noise_known: bool
+    min_variance_factor: float
+
+    @property
+    def noise_is_estimated(self) -> bool:
+        """Whether the noise was estimated from neighbours; else it comes from a noise model."""
+        return self.min_variance_factor < 1
 
     def max_noise_factor(self, radius: float) -> float:
-        """How many times larger than `covariances` say the scatter about an ellipse may be.
+        """How many times larger than the noise the scatter about an ellipse may be.
 
-        A given noise model is taken at its word; one estimated from neighbours is up to four
-        times too small on real sensors, which smooth along the line. Either may be exceeded by
-        the form error of a real pipe of that radius (mm).
+        Parameters
+        ----------
+        radius : float
+            Of the cylinder. Units: mm.
         """
-        modelled = 3.0 if self.noise_known else 4.0
-        return max(modelled, RELATIVE_FORM_ERROR * radius / max(self.noise_std, 1e-12))
+        modelled = MAX_ESTIMATED_NOISE_FACTOR if self.noise_is_estimated else MAX_NOISE_FACTOR
+        scatter = MAX_RELATIVE_SCATTER * radius
+        return max(modelled, scatter / self.noise_std) if self.noise_std else math.inf
 
 
 @dataclass(frozen=True, slots=True)

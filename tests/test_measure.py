@@ -18,8 +18,10 @@ from lsvision import (
     read_profile,
 )
 from lsvision.simulate import Scene, SectionSettings, Tube, simulate_section
+from lsvision.simulate.scene_kinds import random_section
 from tests.alike import turn_between
-from tests.tolerances import FOUR_SIGMA
+from tests.other_scenes import other_scene
+from tests.tolerances import FIVE_SIGMA, FOUR_SIGMA, spread_of_share
 
 FIXTURES = Path(__file__).parents[1] / "fixtures"
 KINDS = ["single", "welded_pair", "planar", "complex", "welded_complex", "three_stacked", "empty"]
@@ -259,6 +261,149 @@ def test_a_step_setting_reaches_its_step():
     measurement = measure_cylinders(look().profile, settings=strict)
     assert measurement.cylinders == ()
     assert "needs 300" in measurement.rejections[0].reason
+
+
+BOTH_PATHS = pytest.mark.parametrize("known", [False, True], ids=["estimated", "known"])
+ROUGH = SectionSettings(lost_fraction=0.10, jump_fraction=0.05)
+
+
+@BOTH_PATHS
+@pytest.mark.parametrize("seed", [924, 925, 928])
+def test_a_pipe_whose_line_jumps_in_a_row_is_found_whole(seed, known):
+    """Four jumps and lost columns between the two parts of one arc."""
+    section = random_section("single", seed, settings=ROUGH)
+    on_tube = np.flatnonzero(section.truth.labels == 1)
+    noise = section.profile.noise if known else None
+    (pipe,) = measure_cylinders(Profile(section.profile.points), sensor=noise).cylinders
+    assert abs(pipe.radius - section.truth.tubes[0].radius) < FOUR_SIGMA * pipe.radius_std
+    assert len(np.intersect1d(pipe.indices, on_tube)) >= 0.95 * len(on_tube)
+    assert len(np.setdiff1d(pipe.indices, on_tube)) == 0
+
+
+def test_radii_of_welded_tubes_in_clutter_have_honest_intervals():
+    """Another simulator, no noise model given: none beyond 5 sigma, 95 % intervals hold."""
+    off, held = [], []
+    for seed in range(60):
+        rng = np.random.default_rng([2024, seed])
+        points, _, tubes = other_scene(rng, 2, welded=True, cluttered=True)
+        cylinders = measure_cylinders(Profile(points)).cylinders
+        for tube in tubes:
+            nearest = min(cylinders, key=lambda c: math.dist(c.centre, (tube.x, tube.y)))
+            if math.dist(nearest.centre, (tube.x, tube.y)) < tube.radius / 4:
+                off.append(abs(nearest.radius - tube.radius) / nearest.radius_std)
+                low, high = nearest.interval("radius")
+                held.append(low <= tube.radius <= high)
+    print(f"{len(off)} of 120 found, {np.mean(held):.1%} intervals hold, worst {max(off):.1f}")
+    assert len(off) >= 117
+    assert max(off) < FIVE_SIGMA
+    assert np.mean(held) >= 0.95 - spread_of_share(0.95, len(held))
+
+
+def rectangular_tube(rng, width, corner, *, tilt_deg, pitch, noise):
+    """A rectangular tube with rounded corners on a plate, as columns along Y see it."""
+    x = np.arange(-60.0, 60.0, pitch)
+    turn, half = math.radians(tilt_deg), width / 2 - corner
+    heights = np.linspace(-width, width, 2000)
+    # Distance of a point from the tube is that from a smaller square less the corner's radius.
+    along = np.abs(x[:, None] * math.cos(turn) + heights * math.sin(turn)) - half
+    up = np.abs(heights * math.cos(turn) - x[:, None] * math.sin(turn)) - half
+    outside = np.hypot(np.maximum(along, 0), np.maximum(up, 0)) + np.minimum(
+        np.maximum(along, up), 0
+    )
+    inside = outside <= corner
+    top = np.where(inside.any(axis=1), heights[inside.shape[1] - 1 - inside[:, ::-1].argmax(1)],
+                   -width / 2)  # fmt: skip
+    y = top - 250.0 + noise * rng.normal(size=len(x))
+    y[np.abs(np.gradient(top, x)) > math.tan(math.radians(75))] = np.nan
+    return np.column_stack([x, y])
+
+
+TUBES = [
+    (width, corner, tilt, pitch)
+    for width, corner in ((30, 6), (40, 15), (50, 12), (60, 6))
+    for tilt, pitch in ((0, 0.1), (0, 0.25), (8, 0.25), (15, 0.4), (8, 0.6))
+]
+
+
+@pytest.mark.parametrize(("width", "corner", "tilt_deg", "pitch"), TUBES)
+def test_the_corners_of_a_rectangular_tube_are_no_pipes(width, corner, tilt_deg, pitch, rng):
+    points = rectangular_tube(rng, width, corner, tilt_deg=tilt_deg, pitch=pitch, noise=0.03)
+    measurement = measure_cylinders(Profile(points))
+    assert measurement.cylinders == ()
+    assert measurement.rejections
+
+
+def test_a_corner_is_told_as_one(rng):
+    points = rectangular_tube(rng, 50, 12, tilt_deg=0.0, pitch=0.25, noise=0.03)
+    told = [r for r in measure_cylinders(Profile(points)).rejections if "corner" in r.reason]
+    assert len(told) == 2
+    for rejection, side in zip(told, (-1, 1), strict=True):
+        x = points[(rejection.arc.start + rejection.arc.stop) // 2, 0]
+        assert 25 - 12 < side * x < 25
+
+
+def corrugated(rng, pitch=0.3):
+    x = np.arange(-60.0, 60.0, pitch)
+    y = -400 + 6 * np.cos(x / 5) + 0.03 * rng.normal(size=len(x))
+    return np.column_stack([x, y])
+
+
+def bent_sheet(rng, pitch=0.3):
+    """Flanks of 35 deg that a bend of 20 mm joins."""
+    x, reach = np.arange(-40.0, 40.0, pitch), 20 * math.sin(math.radians(35))
+    bend = np.sqrt(np.maximum(400 - x**2, 0))
+    flank = 20 * math.cos(math.radians(35)) - math.tan(math.radians(35)) * (np.abs(x) - reach)
+    y = np.where(np.abs(x) < reach, bend, flank) - 400
+    return np.column_stack([x, y + 0.03 * rng.normal(size=len(x))])
+
+
+@pytest.mark.parametrize("shape", [corrugated, bent_sheet])
+def test_sheets_are_no_pipes(shape, rng):
+    for _ in range(4):
+        assert measure_cylinders(Profile(shape(rng))).cylinders == ()
+
+
+@pytest.mark.parametrize("spread_deg", [360.0, 240.0, 200.0])
+def test_a_closed_section_is_measured(spread_deg, rng):
+    """All around, as several sensors see it."""
+    turn = np.radians(90 + np.linspace(-spread_deg / 2, spread_deg / 2, 400, endpoint=False))
+    points = 20 * np.column_stack([np.cos(turn), np.sin(turn)]) - (0, 100)
+    points = points + 0.05 * rng.normal(size=points.shape)
+    (pipe,) = measure_cylinders(Profile(points)).cylinders
+    assert abs(pipe.radius - 20) < FOUR_SIGMA * pipe.radius_std
+
+
+def test_a_second_return_in_the_same_columns_does_not_hide_the_pipe(rng):
+    x = np.arange(-60.0, 60.0, 0.25)
+    y = np.where(np.abs(x) < 19.5, np.sqrt(np.maximum(400 - x**2, 0)), -20) - 150
+    first = np.column_stack([x, y + 0.03 * rng.normal(size=len(x))])
+    second = first[np.abs(x) < 15] * (1, 0.4) - (0, 120)  # flatter, 20 mm and more below it
+    points = np.concatenate([first, second])
+    points = points[np.argsort(points[:, 0], kind="stable")]
+    (pipe,) = measure_cylinders(Profile(points)).cylinders
+    assert abs(pipe.radius - 20) < FOUR_SIGMA * pipe.radius_std
+
+
+def test_eight_points_are_too_few_and_told_so(rng):
+    turn = np.linspace(0.3, 2.84, 8)
+    points = 20 * np.column_stack([np.cos(turn), np.sin(turn)]) - (0, 100)
+    measurement = measure_cylinders(Profile(points[::-1]))
+    assert measurement.cylinders == ()
+    (rejection,) = measurement.rejections
+    assert "too few points: 8" in rejection.reason
+
+
+def test_a_short_arc_is_refused_with_the_interval_of_its_radius(rng):
+    turn = np.radians(90 - np.linspace(-22.5, 22.5, 40))
+    points = 20 * np.column_stack([np.cos(turn), np.sin(turn)]) - (0, 400)
+    points[:, 1] += 0.2 * rng.normal(size=40)
+    sensor = ProfileSensor(range_std=0.2)
+    measurement = measure_cylinders(Profile(points), sensor=sensor)
+    assert measurement.cylinders == ()
+    (rejection,) = measurement.rejections
+    assert rejection.reason.startswith(("radius not determinable: ", "tilt ", "radius "))
+    (pipe,) = measure_cylinders(Profile(points), sensor=sensor, known_phi=0.0).cylinders
+    assert abs(pipe.radius - 20) < FOUR_SIGMA * pipe.radius_std
 
 
 def test_noise_free_points_give_the_pipe_to_the_micrometre():

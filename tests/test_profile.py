@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lsvision import Arc, NoiseModel, PointNoise, Profile, ProfileSensor
-from lsvision.profile import RELATIVE_FORM_ERROR, PreparedProfile
+from lsvision.profile import PreparedProfile
 from lsvision.shapes.noisy_points import NoisyPoints
 
 NAN, INF = math.nan, math.inf
@@ -116,25 +116,33 @@ def test_noise_models_are_known_by_what_they_can():
     assert not isinstance(Profile(THREE), NoiseModel)
 
 
-def misfit(radius, noise_known, noise_std=0.1):
-    nothing = {"points": np.empty((0, 2)), "covariances": np.empty((0, 2, 2))}
-    nothing["noisy_points"] = NoisyPoints.of(**nothing)
-    order = columns = np.empty(0, dtype=int)
+@pytest.mark.parametrize(("value", "lost"), [(0.8e9, 0), (1.2e9, 1), (-1.2e9, 1)])
+def test_a_point_further_away_than_a_thousand_kilometres_is_lost(value, lost):
+    assert Profile([[0.0, -400.0], [value, -400.0], [0.0, 0.0]]).lost == lost
+    assert Profile([[0.0, -400.0], [0.0, value]]).lost == lost
+
+
+def max_noise_factor(radius, min_variance_factor, noise_std=0.1):
+    nothing = np.empty((0, 2))
     profile = PreparedProfile(
-        **nothing,
-        valid_indices=order,
-        sensor_columns=columns,
+        points=nothing,
+        noisy_points=NoisyPoints.of(nothing, np.empty((0, 2, 2))),
+        valid_indices=np.empty(0, dtype=int),
+        sensor_columns=np.empty(0, dtype=int),
         noise_std=noise_std,
         pitch=0.6,
-        noise_known=noise_known,
+        min_variance_factor=min_variance_factor,
     )
+    assert profile.noise_is_estimated == (min_variance_factor < 1)
     return profile.max_noise_factor(radius)
 
 
-def test_estimated_noise_may_be_more_wrong_than_a_known_model():
-    assert 1 < misfit(20.0, noise_known=True) < misfit(20.0, noise_known=False)
+def test_estimated_noise_may_be_more_wrong_than_a_given_model():
+    assert max_noise_factor(1.0, min_variance_factor=1.0) == 3.0
+    assert max_noise_factor(1.0, min_variance_factor=0.25) == 4.0
 
 
-def test_a_pipe_may_leave_its_ellipse_by_its_form_error_whatever_the_noise():
-    assert misfit(100.0, True, noise_std=1e-3) * 1e-3 == pytest.approx(RELATIVE_FORM_ERROR * 100.0)
-    assert np.isfinite(misfit(100.0, True, noise_std=0.0))
+def test_points_may_leave_their_ellipse_by_a_hundredth_of_the_radius_whatever_the_noise():
+    assert max_noise_factor(100.0, 1.0, noise_std=1e-3) * 1e-3 == pytest.approx(1.0)
+    assert max_noise_factor(100.0, 0.25, noise_std=1e-3) * 1e-3 == pytest.approx(1.0)
+    assert max_noise_factor(100.0, 1.0, noise_std=0.0) == math.inf

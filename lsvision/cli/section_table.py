@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from lsvision.detection.acceptance import Rejection
+    from lsvision.detection.arcs import Rejection
     from lsvision.ellipse.section import CylinderSection
     from lsvision.measure import Measurement
     from lsvision.profile import Profile
@@ -38,7 +38,8 @@ def measurement_lines(
     profile : Profile
         Where it was found.
     verbose : bool
-        List the refused arcs from left to right; else they are only counted if nothing was found.
+        Say which residuals are correlated, and list the refused arcs from left to right; else
+        they are only counted if nothing was found.
     """
     rejections = sorted(measurement.rejections, key=lambda r: (r.arc.start, r.arc.stop))
     refused = f"{len(rejections)} arc{'' if len(rejections) == 1 else 's'} refused"
@@ -46,9 +47,20 @@ def measurement_lines(
     if not measurement.cylinders:
         hint = f" ({refused}: -v says why)" if rejections and not verbose else ""
         lines = [f"no cylinder found{hint}"]
+    if verbose:
+        lines += _correlation_notes(measurement.cylinders)
     if verbose and rejections:
         lines += [f"{refused}:", *(_refusal(rejection, profile) for rejection in rejections)]
     return lines
+
+
+def _correlation_notes(cylinders: Sequence["CylinderSection"]) -> list[str]:
+    return [
+        f"  {number}: residuals correlated along the line, {cylinder.residual_correlation:.1f} "
+        "points count as one: intervals widened (sensor smooths, or no exact cylinder)"
+        for number, cylinder in enumerate(cylinders, 1)
+        if cylinder.residual_correlation > 1
+    ]
 
 
 def _rows(number: int, cylinder: "CylinderSection") -> list[tuple[str, ...]]:

@@ -18,6 +18,7 @@ Frame = Literal["base", "flange"]
 
 MIN_SIN_PHI = 1e-6
 """Of phi: below, the direction's errors are limited by those that the section states."""
+TINY_MM = 1e-300
 
 
 class SectionMount(Protocol):
@@ -186,8 +187,8 @@ def twin_jacobian(section: CylinderSection, sign: float) -> FloatArray:
     Returns
     -------
     (7, 5) ndarray
-        Rows: point (3), direction (3), radius. Near phi = 0, where the linear errors grow
-        without limit, the direction's are those of ``phi_std`` and ``theta_std``.
+        Rows: point (3), direction (3), radius. Near phi = 0, where the linear errors are wrong,
+        the direction's are those of ``phi_std`` and ``theta_std``, the radius' is ``radius_std``.
     """
     a, b = section.ellipse.semi_major, section.ellipse.semi_minor
     phi, theta = section.phi, section.theta
@@ -202,7 +203,8 @@ def twin_jacobian(section: CylinderSection, sign: float) -> FloatArray:
     phi_way = sign * math.cos(phi) * major - math.sin(phi) * np.array([0.0, 0.0, 1.0])
     theta_way = sign * np.array([-math.sin(theta), math.cos(theta), 0.0])
     gradients = np.zeros((7, 5))
-    gradients[0, 0] = gradients[1, 1] = gradients[6, 3] = 1.0
+    gradients[0, 0] = gradients[1, 1] = 1.0
+    gradients[6, 3] = section.radius_std / max(math.sqrt(section.covariance[3, 3]), TINY_MM)
     gradients[3:6] = np.outer(phi_way, phi_by) + np.outer(theta_way, theta_by)
     return gradients
 

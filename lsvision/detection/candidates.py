@@ -1,9 +1,9 @@
-"""Seeds of arcs: local spans of a component that an ellipse fits.
+"""Seeds of arcs: windows of a component that a circle fits, and an ellipse through each.
 
 Where the paper fits an ellipse to every window of 10 % of the profile, and so finds huge
-ellipses on flat bars, here spans of many lengths are first judged together by the circle
+ellipses on flat bars, here windows of many lengths are first judged together by the circle
 through their moments; the few that curve like a pipe get an ellipse (``cv2.fitEllipse*``).
-The spans are a fixed lattice instead of random draws: same profile, same seeds.
+The windows are a fixed lattice instead of random draws: same profile, same seeds.
 """
 
 import math
@@ -16,53 +16,38 @@ from lsvision.detection.windows import WindowCircles, fit_window_circles, multis
 from lsvision.profile import Arc, PreparedProfile
 from lsvision.shapes import BoolArray, Ellipse, FloatArray, IntArray, Points
 
-SPIKE_SIGMAS, SPIKE_PITCHES = 5.0, 0.5
-"""A point further from the median of five is a jump: noise, and the bend of a narrow crest."""
+MAX_AXIS_RATIO = 2.0
+"""Semi-major over semi-minor axis of an ellipse that arcs start from: a tilt of 60 deg."""
+MAX_RMS_SIGMAS, MAX_RELATIVE_RMS = 2.5, 0.012
+"""Rms distance of points from their circle or line, as a multiple of the noise; and over the
+radius, for ellipses: 90 deg of any section of a pipe tilted by 50 deg leave 1.2 % at most."""
+MIN_LINE_RMS_RATIO = 1.5
+"""Rms distance from a line over that from the circle: noise alone bends a straight window, and an
+arc as high as 4 sigma of its points has 1.5."""
+MIN_COVERAGE_POINTS = 15.7
+"""Angle that a window covers (rad) times its points, 25 deg at 36 points: few points curve by
+chance."""
+MAX_OVERLAP = 0.5
+"""Of two windows that share more than this of their union, the one that covers more is tried; what
+shares more than this of its points with a cylinder needs no reason of its own."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class CandidateSettings:
-    """What a seed must look like.
+    """What is tried as a seed.
 
     Parameters
     ----------
-    min_window_points : int
-        Points of the shortest span that is tried.
-    window_growth : float
-        Ratio of successive lengths of spans.
-    min_coverage_deg : float
-        Smallest angle of a seed's arc around its centre. Units: deg.
-    max_tilt_deg : float
-        Largest phi that counts as a pipe. Units: deg.
-    full_coverage_points : int
-        Spans of fewer points must cover more, in proportion: a few points curve by chance.
-    max_circle_deviation : float
-        Share of the radius by which an elliptic span may leave its circle.
-    sigmas : float
-        Multiple of the noise by which a span may leave its circle.
-    sagitta_sigmas : float
-        Multiple of the noise that the height of a span over its chord must reach.
-    max_overlap : float
-        Of two spans that share more than this of their union, the better one is tried.
-    bridged_gap : int
-        Lost or jumped columns that part two components which are tried as one span.
+    min_span_points : int
+        Points of the shortest window, and of the smallest component: fewer curve by chance.
     """
 
-    min_window_points: int = 10
-    window_growth: float = 1.5
-    min_coverage_deg: float = 25.0
-    full_coverage_points: int = 36
-    max_tilt_deg: float = 60.0
-    max_circle_deviation: float = 0.012
-    sigmas: float = 2.5
-    sagitta_sigmas: float = 5.0
-    max_overlap: float = 0.5
-    bridged_gap: int = 10
+    min_span_points: int = 10
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Candidate:
-    """An index span that curves like a pipe, unproven.
+    """A window that curves like a pipe, unproven.
 
     Parameters
     ----------
@@ -88,7 +73,7 @@ def find_candidates(
     radius_range: tuple[float, float],
     settings: CandidateSettings = CandidateSettings(),
 ) -> list[Candidate]:
-    """Spans of all components that curve like a pipe, the most telling first.
+    """Windows of all components that curve like a pipe, by falling angle covered.
 
     Parameters
     ----------
@@ -99,123 +84,78 @@ def find_candidates(
     radius_range : tuple of float
         Smallest and largest radius of a cylinder. Units: mm.
     settings : CandidateSettings
-        Gates.
+        Length of the shortest window.
 
     Returns
     -------
     list of Candidate
-        By falling angle covered, spans with large residuals later.
+        The same whichever end the points are listed from.
     """
     if not components:
         return []
-    noise_std = profile.noise_std
-    sequence, sizes = _reject_spikes(profile, components, settings.min_window_points)
-    starts, stops = multiscale_windows(sizes, settings.min_window_points, settings.window_growth)
-    over = _windows_across_gaps(sequence, sizes, settings.bridged_gap)
-    starts, stops = np.concatenate([starts, over[0]]), np.concatenate([stops, over[1]])
+    sequence, sizes = np.concatenate(components), np.array([len(own) for own in components])
+    starts, stops = multiscale_windows(sizes, settings.min_span_points)
     circles = fit_window_circles(profile.points[sequence], starts, stops)
-    good = _passes_circle_gates(circles, stops - starts, noise_std, radius_range, settings)
-    limit = settings.sigmas * noise_std + settings.max_circle_deviation * circles.radius
-    with np.errstate(invalid="ignore", over="ignore"):
-        merit = circles.coverage * (1 - (circles.rms / limit) ** 2)
-    order = good.nonzero()[0]
-    order = order[(-merit[order]).argsort(kind="stable")]
-    order = order[_non_maximum_suppression(starts[order], stops[order], settings.max_overlap)]
-    return [_candidate(sequence[starts[i] : stops[i]], circles, i) for i in order.tolist()]
-
-
-def _reject_spikes(
-    profile: PreparedProfile, components: list[IntArray], smallest: int
-) -> tuple[IntArray, IntArray]:
-    """All components in a row, and their sizes, without jumps too small to be cut off.
-
-    Such a jump is far from the median of five; of a component that would be left with fewer
-    than `smallest` points nothing is dropped.
-    """
-    sequence = np.concatenate(components)
-    sizes = np.array([len(component) for component in components])
-    first = sizes.cumsum() - sizes
-    points = profile.points[sequence]
-    limit = SPIKE_SIGMAS * profile.noise_std + SPIKE_PITCHES * profile.pitch
-    # Each component's end points thrice, so that no median reaches into its neighbours.
-    times = np.ones(len(sequence), dtype=int)
-    times[first] = times[first + sizes - 1] = 3
-    padded = np.repeat(points[:, 1] - points[0, 1], times).astype(np.float32)
-    middle = cv2.medianBlur(padded[None], 5)[0]
-    place = times.cumsum() - times
-    place[first] += 2
-    near = np.abs(padded[place] - middle[place]) <= limit
-    left = np.add.reduceat(near, first)
-    spared = left < smallest
-    near |= np.repeat(spared, sizes)
-    return sequence[near], np.where(spared, sizes, left)
-
-
-def _windows_across_gaps(
-    sequence: IntArray, sizes: IntArray, most_columns: int
-) -> tuple[IntArray, IntArray]:
-    """Windows over two components in a row that few columns part: jumps may have cut an arc."""
-    stops = sizes.cumsum()
-    gaps = sequence[stops[:-1]] - sequence[stops[:-1] - 1] - 1
-    first = (gaps <= most_columns).nonzero()[0]
-    return (stops - sizes)[first], stops[first + 1]
-
-
-def _non_maximum_suppression(starts: IntArray, stops: IntArray, overlap: float) -> IntArray:
-    """Positions of the windows that share less than `overlap` with every better one kept."""
-    kept: list[int] = []
-    left = np.arange(len(starts))
-    while len(left):
-        kept.append(int(left[0]))
-        common = np.minimum(stops, stops[0]) - np.maximum(starts, starts[0])
-        union = (stops - starts) + (stops[0] - starts[0]) - common
-        unlike = common < overlap * union
-        left, starts, stops = left[unlike], starts[unlike], stops[unlike]
-    return np.array(kept, dtype=np.int64)
-
-
-def _passes_circle_gates(
-    circles: WindowCircles,
-    points: IntArray,
-    noise_std: float,
-    radius_range: tuple[float, float],
-    settings: CandidateSettings,
-) -> BoolArray:
-    """Gates: radius range, convexity towards the sensor, arc coverage, residual, sagitta."""
-    # The radius of curvature of a tilted section lies between b^2 / a at its sharp ends and
-    # a^2 / b; what is seen of it also holds more than a sharp end.
-    stretch = 1 / math.cos(math.radians(settings.max_tilt_deg))
-    low, high = radius_range[0] / math.sqrt(stretch), radius_range[1] * stretch**2
-    # Straight windows have an infinite radius, and neither sagitta nor limit.
-    radius = np.where(np.isfinite(circles.radius), circles.radius, 0.0)
-    sagitta = radius * (1 - np.cos(circles.coverage / 2))
-    passed: BoolArray = (
-        (circles.radius >= low)
-        & (circles.radius <= high)
-        & circles.convex
-        # Noise alone bends a straight window: its circle is small by bias, and fits worse.
-        & (circles.rms < circles.line_rms)
-        & (circles.coverage >= math.radians(settings.min_coverage_deg))
-        & (
-            circles.coverage * points
-            >= math.radians(settings.min_coverage_deg) * settings.full_coverage_points
+    good = _passes_gates(circles, stops - starts, profile.noise_std, radius_range).nonzero()[0]
+    # Among equals, whose order rounding would choose, the leftmost first.
+    order = good[np.lexsort((circles.centre[good, 0], -circles.coverage[good].round(9)))]
+    kept = order[_non_maximum_suppression(starts[order], stops[order])]
+    return [
+        Candidate(Arc(int(span[0]), int(span[-1]) + 1), span, (x, y), radius)
+        for span, (x, y), radius in zip(
+            [sequence[starts[i] : stops[i]] for i in kept],
+            circles.centre[kept].tolist(),
+            circles.radius[kept].tolist(),
+            strict=True,
         )
-        & (circles.rms <= settings.sigmas * noise_std + settings.max_circle_deviation * radius)
-        & (sagitta >= settings.sagitta_sigmas * noise_std)
+    ]
+
+
+def _passes_gates(
+    circles: WindowCircles, counts: IntArray, noise_std: float, radius_range: tuple[float, float]
+) -> BoolArray:
+    """Gates: radius range, convexity towards the sensor, arc coverage, residual."""
+    passed: BoolArray = (
+        # Radius of curvature of an ellipse: from b^2 / a at its sharp ends to a^2 / b.
+        (circles.radius >= radius_range[0] / MAX_AXIS_RATIO)
+        & (circles.radius <= radius_range[1] * MAX_AXIS_RATIO**2)
+        & circles.convex
+        & (circles.coverage * counts >= MIN_COVERAGE_POINTS)
+        & (MIN_LINE_RMS_RATIO * circles.rms <= circles.line_rms)
+        & (circles.rms <= max_circle_rms(circles.radius, noise_std))
     )
     return passed
 
 
-def _candidate(span: IntArray, circles: WindowCircles, i: int) -> Candidate:
-    x, y = circles.centre[i].tolist()
-    return Candidate(Arc(int(span[0]), int(span[-1]) + 1), span, (x, y), float(circles.radius[i]))
+def max_circle_rms(radius: FloatArray, noise_std: float) -> FloatArray:
+    """Largest rms distance of a section's points from their circle. Units: mm.
+
+    Parameters
+    ----------
+    radius : (w,) ndarray
+        Of the circles. Units: mm.
+    noise_std : float
+        Units: mm.
+    """
+    return MAX_RMS_SIGMAS * noise_std + MAX_RELATIVE_RMS * radius
 
 
-def seed_ellipse(
-    profile: PreparedProfile,
-    candidate: Candidate,
-    settings: CandidateSettings = CandidateSettings(),
-) -> Ellipse:
+def _non_maximum_suppression(starts: IntArray, stops: IntArray) -> list[int]:
+    """Positions of the windows that no better one kept before overlaps."""
+    kept: list[int] = []
+    spans: list[tuple[int, int]] = []
+    for i, (start, stop) in enumerate(zip(starts.tolist(), stops.tolist(), strict=True)):
+        for first, last in spans:
+            common = min(stop, last) - max(start, first)
+            if common > MAX_OVERLAP * (stop - start + last - first - common):
+                break
+        else:
+            kept.append(i)
+            spans.append((start, stop))
+    return kept
+
+
+def seed_ellipse(profile: PreparedProfile, candidate: Candidate) -> Ellipse:
     """Algebraic ellipse of a candidate's points, or its circle where that is no pipe.
 
     Parameters
@@ -224,8 +164,6 @@ def seed_ellipse(
         The profile.
     candidate : Candidate
         A span with its circle.
-    settings : CandidateSettings
-        Largest tilt.
 
     Returns
     -------
@@ -236,9 +174,9 @@ def seed_ellipse(
     ellipse = _algebraic_ellipse(profile.points[candidate.indices])
     if (
         ellipse is not None
-        and ellipse.phi <= math.radians(settings.max_tilt_deg)
+        and ellipse.semi_major <= MAX_AXIS_RATIO * min(radius, ellipse.semi_minor)
+        and radius <= MAX_AXIS_RATIO * ellipse.semi_minor
         and math.dist(ellipse.centre, circle) <= radius
-        and radius / 2 <= ellipse.semi_minor <= ellipse.semi_major <= 2 * radius
     ):
         return ellipse
     return Ellipse(circle, radius, radius, 0.0)

@@ -1,21 +1,23 @@
 """Every stretch of a profile that holds no cylinder, with one reason: never silence."""
 
-import cmath
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
 
-from lsvision.detection.acceptance import Rejection
-from lsvision.detection.windows import WindowCircles, fit_window_circles
+from lsvision.detection.arcs import Rejection
+from lsvision.detection.candidates import (
+    MAX_OVERLAP,
+    MAX_RMS_SIGMAS,
+    CandidateSettings,
+    max_circle_rms,
+)
+from lsvision.detection.windows import fit_window_circles
 from lsvision.profile import Arc, PreparedProfile
 from lsvision.shapes import BoolArray, IntArray, Points
 from lsvision.shapes.noisy_points import as_complex
-
-MAX_OVERLAP = 0.5
-"""A rejection that shares more of its points with a cylinder or another rejection is left out."""
-MIN_POINTS = 8
+from lsvision.statistics.robust import mad_std
 
 
 class HasIndices(Protocol):
@@ -33,6 +35,7 @@ def complete_rejections(
     cylinders: Sequence[HasIndices],
     rejections: list[Rejection],
     radius_range: tuple[float, float],
+    min_span_points: int = CandidateSettings().min_span_points,
 ) -> list[Rejection]:
     """Rejections without repetition, and one for each stretch nothing was said of yet.
 
@@ -48,11 +51,13 @@ def complete_rejections(
         What was tried in vain, the most telling first.
     radius_range : tuple of float
         Units: mm.
+    min_span_points : int
+        Shorter stretches are left out; where there is no longer one, that is the reason.
 
     Returns
     -------
     list of Rejection
-        In the order of the profile.
+        In the order of the profile; empty only where there are cylinders or no columns.
     """
     told = np.zeros(len(profile.points), dtype=bool)
     for cylinder in cylinders:
@@ -61,95 +66,67 @@ def complete_rejections(
     for rejection in rejections:
         span = slice(rejection.arc.start, rejection.arc.stop)
         if told[span].mean() <= MAX_OVERLAP:
-            own = profile.points[span][np.isfinite(profile.points[span, 0])]
-            flat = flatness_reason(own, profile.noise_std)
+            flat = _flatness_reason(profile.points[span], profile.noise_std)
             kept.append(Rejection(rejection.arc, flat or rejection.reason))
             told[span] = True
-    runs = [run for component in components for run in _unexplained_runs(component, told)]
-    points = [profile.points[run] for run in runs]
-    reasons = unassigned_run_reasons(points, profile.noise_std, radius_range)
-    for run, reason in zip(runs, reasons, strict=True):
+    runs = [run for component in components for run in _untold_runs(component, told)]
+    for run in [run for run in runs if len(run) >= min_span_points]:
+        reason = run_rejection_reason(profile.points[run], profile.noise_std, radius_range)
         kept.append(Rejection(Arc(int(run[0]), int(run[-1]) + 1), reason))
+    if not kept and not cylinders and len(told):
+        reason = _few_points_reason(len(profile.valid_indices), min_span_points)
+        kept.append(Rejection(Arc(0, len(told)), reason))
     return sorted(kept, key=lambda rejection: rejection.arc.start)
 
 
-def _unexplained_runs(component: IntArray, told: BoolArray) -> list[IntArray]:
+def _untold_runs(component: IntArray, told: BoolArray) -> list[IntArray]:
     """The stretches of a component of which nothing was said."""
     untold = (~told[component]).nonzero()[0]
     cuts = (untold[1:] - untold[:-1] > 1).nonzero()[0] + 1
     bounds = [0, *cuts.tolist(), len(untold)]
-    stretches = [untold[start:stop] for start, stop in pairwise(bounds)]
-    return [component[stretch] for stretch in stretches if len(stretch) >= MIN_POINTS]
+    return [component[untold[start:stop]] for start, stop in pairwise(bounds)]
 
 
-def unassigned_run_reasons(
-    runs: list[Points], noise_std: float, radius_range: tuple[float, float]
-) -> list[str]:
-    """Why runs of points that seeded no arc are no cylinders: flat, concave, wrong radius.
+def run_rejection_reason(run: Points, noise_std: float, radius_range: tuple[float, float]) -> str:
+    """Why a run of points that seeded no arc is no cylinder: flat, concave, wrong radius.
 
     Parameters
     ----------
-    runs : list of (n, 2) ndarray
-        At least 3 points each. Units: mm.
+    run : (n, 2) ndarray
+        At least 3 points. Units: mm.
     noise_std : float
         Units: mm.
     radius_range : tuple of float
         Units: mm.
     """
-    flat = [flatness_reason(run, noise_std) for run in runs]
-    curved = [run for run, reason in zip(runs, flat, strict=True) if reason is None]
-    circled = iter(_circle_fit_reasons(curved, noise_std, radius_range))
-    return [reason or next(circled) for reason in flat]
-
-
-def _circle_fit_reasons(
-    runs: list[Points], noise_std: float, radius_range: tuple[float, float]
-) -> list[str]:
-    if not runs:
-        return []
-    points, stops = np.concatenate(runs), np.cumsum([len(run) for run in runs])
-    starts = np.append(0, stops[:-1])
-    circles = fit_window_circles(points, starts, stops)
-    sides = np.maximum.reduceat(points, starts) - np.minimum.reduceat(points, starts)
-    return [
-        _circle_fit_reason(circles, i, 20 * longest, noise_std, radius_range)
-        for i, longest in enumerate(sides.max(axis=1).tolist())
-    ]
-
-
-def _circle_fit_reason(
-    circles: WindowCircles,
-    i: int,
-    straight: float,
-    noise_std: float,
-    radius_range: tuple[float, float],
-) -> str:
-    radius, rms = float(circles.radius[i]), float(circles.rms[i])
-    if radius > straight:
-        return f"flat: radius over {straight:.0f} mm"
-    if not circles.convex[i]:
-        return "concave towards the sensor"
+    flat = _flatness_reason(run, noise_std)
+    if flat is not None:
+        return flat
+    circle = fit_window_circles(run, np.array([0]), np.array([len(run)]))
+    fits = bool((circle.rms <= max_circle_rms(circle.radius, noise_std))[0])
+    radius, rms, line_rms = float(circle.radius[0]), float(circle.rms[0]), float(circle.line_rms[0])
     low, high = radius_range
-    if not low <= radius <= high and rms < max(5 * noise_std, 0.02 * radius):
+    if not rms < line_rms:
+        return f"no arc: {line_rms:.2f} mm rms from a straight line"
+    if not circle.convex[0]:
+        return "concave towards the sensor"
+    if fits and not low <= radius <= high:
         return f"radius {radius:.3g} mm outside {low:.3g} to {high:.3g} mm"
     return f"no ellipse: best circle leaves {rms:.2f} mm rms at {noise_std:.2f} mm noise"
 
 
-def flatness_reason(own: Points, noise_std: float) -> str | None:
-    """How flat points are that lie on a straight line within their noise; None if they do not.
+def _flatness_reason(run: Points, noise_std: float) -> str | None:
+    """How flat points are that lie on a straight line within their noise; None if they do not."""
+    z = as_complex(run)
+    centred = z - z.mean()
+    along = np.exp(0.5j * np.angle(centred @ centred))
+    rms = mad_std((centred * along.conj()).imag)
+    if rms >= MAX_RMS_SIGMAS * noise_std:
+        return None
+    return f"flat: {rms:.2f} mm rms from a straight line"
 
-    Parameters
-    ----------
-    own : (n, 2) ndarray
-        Units: mm.
-    noise_std : float
-        Units: mm.
-    """
-    z = as_complex(own)
-    centred = z - z.sum() / len(z)
-    along = cmath.phase(centred @ centred) / 2
-    across = np.abs((centred * cmath.rect(1.0, -along)).imag)
-    # The largest tenth may be jumps; nine tenths of a normal distribution lie in 1.645 sigma.
-    rank = int(0.9 * len(across))
-    rms = float(np.partition(across, rank)[rank]) / 1.645
-    return f"flat: {rms:.2f} mm rms from a straight line" if rms < 2.5 * noise_std else None
+
+def _few_points_reason(valid: int, least: int) -> str:
+    if not valid:
+        return "all points are lost"
+    return f"too few points: {valid}, of which no {least} are connected"

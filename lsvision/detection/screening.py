@@ -1,82 +1,120 @@
-"""Accurate screening: do the end points of an arc lie on the ellipse of its middle part.
+"""Accurate screening: which points at the ends of an arc lie on its ellipse (section 3.2.2).
 
-(Paper section 3.2.2.)
-
-The paper compares r_j with the sensor error. A weld bead leaves a tube so gently that its first
-points pass that test one by one; so here the outermost few points are also judged together,
-and the limit grows by what the ellipse of the middle part itself does not know at the ends.
+As in the paper, an ellipse is fitted to the middle part of the arc and the points at both ends are
+compared with it. Here the comparison is a posterior probability (`lsvision.detection.end_points`),
+and it is repeated with the inliers of the other end in the fit, so that both ends count alike and
+the order of the points does not matter.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lsvision.detection.arc_neighbours import MIN_CONTACT_POINTS, neighbours_beyond_ends
-from lsvision.detection.end_extension import MIN_INCIDENCE_COSINE, EndExtensionSettings, extend_ends
-from lsvision.detection.identification import IdentifiedArc
-from lsvision.ellipse.parameters import ellipse_from_parameters, is_ellipse, parameters_from_ellipse
+from lsvision.detection.arcs import IdentifiedArc
+from lsvision.detection.end_condition import connected_beyond
+from lsvision.detection.end_points import (
+    PREDECESSORS,
+    WINDOW_BEYOND,
+    EndInliers,
+    EndPoints,
+    Prediction,
+    departure_free_probability,
+    find_end_inliers,
+)
+from lsvision.ellipse.arc_noise import ArcNoise, estimate_arc_noise, smoothed_noise
+from lsvision.ellipse.parameters import (
+    ellipse_from_parameters,
+    is_ellipse,
+    parameters_from_ellipse,
+)
 from lsvision.ellipse.robust_gauss_newton import (
     IDENTITY,
+    EllipseResiduals,
+    NormalEquations,
+    WeightedSystem,
     ellipse_residuals,
-    propagated_variances,
     refine_ellipse,
     solve_positive_definite,
 )
-from lsvision.profile import Arc, PreparedProfile
-from lsvision.shapes import BoolArray, Ellipse, FloatArray, IntArray
+from lsvision.profile import PreparedProfile
+from lsvision.shapes import Ellipse, FloatArray, IntArray
 from lsvision.shapes.noisy_points import NoisyPoints
-from lsvision.statistics.correlation import autocorrelation_time
-from lsvision.statistics.robust import mad_std
 
-END_GROUP_SIZES = (1, 2, 3, 4, 6, 8, 12)
+MIDDLE_FRACTION = 0.7
+"""Share of the arc's points in its middle part."""
+MIN_MIDDLE_POINTS = 8
+"""In the middle part; with fewer an arc is not screened."""
+POINTS_BEYOND, FRACTION_BEYOND = 14, 0.33
+"""Points beyond the ends among which more of the arc is looked for: so many, or this share of the
+arc's points. Growth stops early where the seed's ellipse bends away from a tilted section. An arc
+that turns out to go on as far as was looked is screened once more."""
+MAX_END_POINTS = 100
+"""Of either of these: the filter of an end takes time with the cube of its points."""
+MAX_ITERATIONS = 3
+"""Of fit and comparison: more change no inlier that matters."""
+MIN_INCIDENCE_COSINE = 0.05
+"""Cosine of the incidence, 87 deg, from which on no sensor sees a surface."""
+GUARD_POINTS = 1
+"""Inliers dropped at a contact: the last one was chosen by its own residual, and with a model of
+the sensor 4 % of the intervals would miss the radius for it. Two cost accuracy and gain nothing."""
+MIN_CONTACT_POINTS = 3
+"""Connected points beyond an end that make it a contact: a bead, a neighbour, a plate."""
+EDGE_POINTS_PER_CORRELATION = 1.7
+"""Points dropped at each end for each unit of the autocorrelation time over 1: before an edge, a
+sensor that smooths along the line mixes in what lies beyond."""
+TINY_MM = 1e-9
+"""Points may share a foot; arc length must rise all the same."""
+NO_INLIERS = EndInliers(np.empty(0, dtype=np.int64), np.empty(0), np.empty(0))
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class ScreeningSettings:
-    """Accurate screening, section 3.2.2.
+@dataclass(frozen=True, eq=False, slots=True)
+class ScreenedArc:
+    """An arc with its inliers and the noise that they show.
 
     Parameters
     ----------
-    end_part_fraction : float
-        Share of the arc's points in its start part, and in its end part.
-    contact_part_fraction : float
-        The same at an end where the line goes on into something else.
-    contact_sigmas : float
-        There, outermost points that together lie this far outside are dropped.
-    guard_points : int
-        And so many more: the foot of a bead lies within the noise, and one such point at a
-        flank, where points weigh most, already costs the interval its level.
-    sensor_error_sigmas : float
-        A single end point further out is dropped, with all beyond it that fail too.
-    chi2_sigmas : float
-        End points whose chi^2 together exceeds its mean by more standard deviations lose the
-        outermost, until they agree.
-    edge_points_per_correlation : float
-        Where neighbours' errors are alike, the sensor has smoothed along the line, and before
-        an edge it mixes in what lies beyond: so many points are dropped at each end, times
-        the correlation factor less one.
+    indices : (n,) int ndarray
+        The inliers, rising.
+    points : NoisyPoints
+        The same points, with the noise model of a smoothing sensor where they show one.
+    ellipse : Ellipse
+        Units: mm, rad.
+    variance_factor : float
+        Of their residuals over the noise model of the profile.
     """
 
-    end_part_fraction: float = 0.12
-    contact_part_fraction: float = 0.2
-    contact_sigmas: float = 1.7
-    guard_points: int = 2
-    sensor_error_sigmas: float = 3.5
-    chi2_sigmas: float = 3.5
-    edge_points_per_correlation: float = 1.7
+    indices: IntArray
+    points: NoisyPoints
+    ellipse: Ellipse
+    variance_factor: float
 
 
-def screen_arc(
-    profile: PreparedProfile,
-    arc: IdentifiedArc,
-    settings: ScreeningSettings = ScreeningSettings(),
-    reaching: EndExtensionSettings = EndExtensionSettings(),
-) -> IdentifiedArc:
-    """Drop the end points that do not lie on the ellipse of the middle part.
+@dataclass(frozen=True, eq=False, slots=True)
+class _Line:
+    """The middle part of an arc, and what lies before and beyond it.
 
-    Then the whole of what remains reaches out for last points that do, `extend_ends`, where no
-    edge had to be dropped.
+    `ends` holds the positions in `indices` of the points outwards from the middle part, after two
+    of the middle part itself.
+    """
+
+    indices: IntArray
+    points: NoisyPoints
+    middle: slice
+    ends: tuple[IntArray, IntArray]
+    smoothed: bool = False
+
+    def rows(self) -> IntArray:
+        """Positions in `indices` of the middle part."""
+        return np.arange(self.middle.start, self.middle.stop)
+
+    def inlier_rows(self, side: int, inliers: EndInliers) -> IntArray:
+        """Positions in `indices` of the inliers of an end."""
+        return self.ends[side][inliers.members + PREDECESSORS]
+
+
+def screen_arc(profile: PreparedProfile, arc: IdentifiedArc) -> ScreenedArc | None:
+    """Find the inliers at both ends of an arc.
 
     Parameters
     ----------
@@ -84,158 +122,152 @@ def screen_arc(
         The profile.
     arc : IdentifiedArc
         From rough identification.
-    settings : ScreeningSettings
-        Sizes of the parts and limits.
-    reaching : EndExtensionSettings
-        How far it reaches then.
 
     Returns
     -------
-    IdentifiedArc
-        With the points that remain and the ellipse of the middle part; the arc itself where it
-        has too few points to be judged.
+    ScreenedArc or None
+        None where no ellipse fits the middle part; an arc with too few points to be screened
+        comes back as it is.
     """
-    count = len(arc.indices)
-    before, after = neighbours_beyond_ends(profile, arc.indices, MIN_CONTACT_POINTS + 2)
-    contacts = [len(beyond) >= MIN_CONTACT_POINTS for beyond in (before, after)]
-    parts = [
-        max(2, round(settings.contact_part_fraction * count))
-        if contact
-        else max(2, round(settings.end_part_fraction * count))
-        for contact in contacts
-    ]
-    inner = arc.indices[parts[0] : count - parts[1]]
-    if len(inner) < 8:
-        return arc
-    middle = _fit_middle(profile, inner, arc.ellipse)
-    if middle is None:
-        return arc
-    edge = round(settings.edge_points_per_correlation * (middle.autocorrelation_time - 1))
-    ends = (arc.indices[edge : parts[0]], arc.indices[::-1][edge : parts[1]])
-    gaps = _end_residuals(middle, profile.noisy_points[np.concatenate(ends)])
-    sides = (slice(0, len(ends[0])), slice(len(ends[0]), None))
-    start, stop = (
-        end[_ellipse_inliers(gaps[side], middle.autocorrelation_time, settings, contact=contact)]
-        for end, side, contact in zip(ends, sides, contacts, strict=True)
+    line = _split_arc(profile, arc)
+    if line is None:
+        return ScreenedArc(arc.indices, profile.noisy_points[arc.indices], arc.ellipse, 1.0)
+    fitted = _fit_middle(profile, line, parameters_from_ellipse(arc.ellipse))
+    if fitted is None:
+        return None
+    line, parameters, compared, noise = fitted
+    inliers = [NO_INLIERS, NO_INLIERS]
+    for _ in range(MAX_ITERATIONS):
+        before = inliers
+        system = WeightedSystem.of(compared, noise.variance_factor)
+        middle = system.normal_equations(line.middle).with_flattening_prior(parameters)
+        known = [system.normal_equations(line.inlier_rows(i, before[i])) for i in (0, 1)]
+        predictions = [_predict(middle + known[1 - i], noise, parameters) for i in (0, 1)]
+        if not all(math.isfinite(p.covariance[0, 0]) for p in predictions):
+            return None
+        ends = _end_points(line, compared, system.jacobian, noise)
+        inliers = [find_end_inliers(*pair) for pair in zip(ends, predictions, strict=True)]
+        found = [system.normal_equations(line.inlier_rows(i, inliers[i])) for i in (0, 1)]
+        parameters = parameters + (middle + found[0] + found[1]).damped_step(parameters)
+        if not is_ellipse(parameters):
+            return None
+        if all(map(np.array_equal, _members(inliers), _members(before))):
+            break
+        compared = ellipse_residuals(line.points, parameters)
+    rows = [line.inlier_rows(0, inliers[0])[::-1], line.rows(), line.inlier_rows(1, inliers[1])]
+    wider = IdentifiedArc.of(
+        line.indices[np.concatenate(rows)], ellipse_from_parameters(parameters)
     )
-    kept = np.concatenate([start, inner, stop[::-1]])
-    screened = IdentifiedArc(Arc(int(kept[0]), int(kept[-1]) + 1), kept, middle.ellipse)
-    return screened if edge > 0 else extend_ends(profile, screened, middle.covariance, reaching)
+    if _reaches_limit(profile, arc, wider, line):
+        return screen_arc(profile, wider)
+    kept = [_keep(line, i, ends[i], predictions[i], inliers[i], noise) for i in (0, 1)]
+    chosen = np.concatenate([kept[0][::-1], line.rows(), kept[1]])
+    return ScreenedArc(
+        line.indices[chosen],
+        line.points[chosen],
+        ellipse_from_parameters(parameters),
+        noise.variance_factor,
+    )
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _MiddleFit:
-    """Ellipse of the middle part with its covariance (mm^2), and how the points scatter.
-
-    `variance_factor` is the variance over the noise model's, `autocorrelation_time` how many
-    neighbours in a row say the same; both 1 for a true model and independent errors.
-    """
-
-    parameters: FloatArray
-    covariance: FloatArray
-    variance_factor: float
-    autocorrelation_time: float
-
-    @property
-    def ellipse(self) -> Ellipse:
-        return ellipse_from_parameters(self.parameters)
+def _members(inliers: list[EndInliers]) -> tuple[IntArray, IntArray]:
+    return inliers[0].members, inliers[1].members
 
 
-def _fit_middle(profile: PreparedProfile, part: IntArray, start: Ellipse) -> _MiddleFit | None:
-    own = profile.noisy_points[part]
-    parameters, covariance = refine_ellipse(own, parameters_from_ellipse(start), steps=2)
+def _reaches_limit(
+    profile: PreparedProfile, arc: IdentifiedArc, wider: IdentifiedArc, line: _Line
+) -> bool:
+    """Whether an arc has grown as far as was looked, and the line goes on beyond."""
+    first, last = profile.valid_indices[[0, -1]]
+    start, stop = wider.indices[[0, -1]]
+    return bool(
+        (arc.indices[0] > start == line.indices[0] > first)
+        or (arc.indices[-1] < stop == line.indices[-1] < last)
+    )
+
+
+def _split_arc(profile: PreparedProfile, arc: IdentifiedArc) -> _Line | None:
+    """The inliers of the middle part, and all points from there to beyond the ends."""
+    count, valid = len(arc.indices), profile.valid_indices
+    part = min(max(2, round((1 - MIDDLE_FRACTION) / 2 * count)), MAX_END_POINTS)
+    inner = arc.indices[part : count - part]
+    if len(inner) < MIN_MIDDLE_POINTS:
+        return None
+    beyond = min(max(POINTS_BEYOND, int(FRACTION_BEYOND * count)), MAX_END_POINTS)
+    first, last = np.searchsorted(valid, inner[[0, -1]]).tolist()
+    start, _ = np.searchsorted(valid, arc.indices[[0, -1]] - beyond).tolist()
+    _, stop = np.searchsorted(valid, arc.indices[[0, -1]] + beyond, "right").tolist()
+    indices = np.concatenate([valid[start:first], inner, valid[last + 1 : stop]])
+    begin, end = first - start, first - start + len(inner)
+    rows = np.arange(len(indices))
+    ends = (rows[: begin + PREDECESSORS][::-1], rows[end - PREDECESSORS :])
+    return _Line(indices, profile.noisy_points[indices], slice(begin, end), ends)
+
+
+def _fit_middle(
+    profile: PreparedProfile, line: _Line, initial_guess: FloatArray
+) -> tuple[_Line, FloatArray, EllipseResiduals, ArcNoise] | None:
+    """Ellipse of the middle part and the noise that it shows; the points with that noise."""
+    parameters, _ = refine_ellipse(line.points[line.middle], initial_guess, steps=2)
     if not is_ellipse(parameters):
         return None
-    excess, correlation = 1.0, 1.0
-    if not profile.noise_known:
-        compared = ellipse_residuals(own, parameters)
-        z = compared.residuals / np.sqrt(compared.variances)
-        excess = max(1.0, mad_std(z) ** 2)
-        correlation = autocorrelation_time(np.clip(z, -3 * excess, 3 * excess))
-    return _MiddleFit(parameters, covariance * excess * correlation, excess, correlation)
+    compared = ellipse_residuals(line.points, parameters)
+    noise = estimate_arc_noise(compared[line.middle], profile.min_variance_factor)
+    if not noise.smoothed or line.smoothed:
+        return line, parameters, compared, noise
+    points = smoothed_noise(line.points, compared.normals, profile.noise_std)
+    return _fit_middle(profile, replace(line, points=points, smoothed=True), parameters)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _EndResiduals:
-    """Distances of end points from the middle's ellipse, from the outside in.
+def _predict(known: NormalEquations, noise: ArcNoise, parameters: FloatArray) -> Prediction:
+    covariance = solve_positive_definite(known.information, IDENTITY)
+    return Prediction(
+        covariance @ known.gradient,
+        covariance * noise.low_frequency_time,
+        noise.autocorrelation_time,
+        float(parameters[2]),
+    )
 
-    Their covariance is diag(own) + rows' C rows, with C that of the middle's parameters.
-    """
 
-    residuals: FloatArray
-    point_variances: FloatArray
-    jacobian: FloatArray
-    parameter_covariance: FloatArray
-    faces_sensor: BoolArray
-
-    def __getitem__(self, which: IntArray | slice) -> "_EndResiduals":
-        return _EndResiduals(
-            self.residuals[which],
-            self.point_variances[which],
-            self.jacobian[:, which],
-            self.parameter_covariance,
-            self.faces_sensor[which],
+def _end_points(
+    line: _Line, compared: EllipseResiduals, jacobian: FloatArray, noise: ArcNoise
+) -> list[EndPoints]:
+    feet = line.points.z - compared.residuals * compared.normals
+    steps = np.maximum(np.abs(feet[1:] - feet[:-1]), TINY_MM)
+    positions = np.concatenate([[0.0], steps.cumsum()])
+    visible = line.points.incidence_cosines(compared.normals) > MIN_INCIDENCE_COSINE
+    variances = compared.inflated_variances * noise.variance_factor
+    return [
+        EndPoints(
+            compared.residuals[rows],
+            variances[rows],
+            jacobian[:, rows],
+            visible[rows],
+            np.abs(positions[rows] - positions[rows[0]]),
         )
-
-    def normalised_squares(self) -> FloatArray:
-        """Of the distances, each over its variance."""
-        unsure = propagated_variances(self.jacobian, self.parameter_covariance)
-        squares: FloatArray = self.residuals * self.residuals / (self.point_variances + unsure)
-        return squares
-
-    def chi2(self) -> float:
-        """Of all of them, by Woodbury: as many unknowns as the ellipse has, not as points."""
-        over = self.jacobian / self.point_variances
-        known = solve_positive_definite(self.parameter_covariance, IDENTITY)
-        inner, pull = known + over @ self.jacobian.T, over @ self.residuals
-        return float(
-            self.residuals @ (self.residuals / self.point_variances)
-            - pull @ solve_positive_definite(inner, pull)
-        )
-
-    def covariance(self, count: int) -> FloatArray:
-        """(count, count) of the outermost."""
-        rows = self.jacobian[:, :count]
-        return np.diag(self.point_variances[:count]) + rows.T @ self.parameter_covariance @ rows
+        for rows in line.ends
+    ]
 
 
-def _end_residuals(middle: _MiddleFit, points: NoisyPoints) -> _EndResiduals:
-    compared = ellipse_residuals(points, middle.parameters)
-    own = middle.variance_factor * compared.inflated_variances
-    lit = points.incidence_cosines(compared.normals) > MIN_INCIDENCE_COSINE
-    return _EndResiduals(compared.residuals, own, compared.jacobian(), middle.covariance, lit)
-
-
-def _ellipse_inliers(
-    gaps: _EndResiduals, correlation: float, settings: ScreeningSettings, *, contact: bool
-) -> IntArray:
-    """Which points of an end part, given from the outside in, lie on the middle's ellipse."""
-    near = (
-        gaps.faces_sensor & (gaps.normalised_squares() < settings.sensor_error_sigmas**2)
-    ).nonzero()[0]
-    for first in range(len(near)):
-        judged = near[first:]
-        outermost = gaps[judged]
-        if _passes_chi2_test(outermost, correlation, settings) and not (
-            contact and _deviates_outwards(outermost, settings.contact_sigmas)
-        ):
-            return judged[settings.guard_points if contact else 0 :]
-    return near[:0]
-
-
-def _passes_chi2_test(gaps: _EndResiduals, correlation: float, settings: ScreeningSettings) -> bool:
-    """Chi^2 of end points together, given the middle; correlated ones tell less each."""
-    count = len(gaps.residuals)
-    return gaps.chi2() <= correlation * (count + settings.chi2_sigmas * math.sqrt(2 * count))
-
-
-def _deviates_outwards(gaps: _EndResiduals, sigmas: float) -> bool:
-    """Whether the outermost few points together lie outside, as the foot of a weld bead does."""
-    covariance = gaps.covariance(END_GROUP_SIZES[-1])
-    for count in END_GROUP_SIZES:
-        if count > len(gaps.residuals):
-            return False
-        weights = solve_positive_definite(covariance[:count, :count], np.ones(count))
-        if float(weights @ gaps.residuals[:count]) > sigmas * math.sqrt(float(weights.sum())):
-            return True
-    return False
+def _keep(
+    line: _Line, side: int, end: EndPoints, prediction: Prediction, found: EndInliers,
+    noise: ArcNoise,
+) -> IntArray:  # fmt: skip
+    """Rows of the inliers of an end that are kept, outwards."""
+    rows = line.ends[side]
+    z = line.points.z[rows]
+    if len(found.members) == 0:
+        return rows[:0]
+    last = PREDECESSORS + int(found.members[-1])
+    inside = z[np.append(np.arange(PREDECESSORS), found.members + PREDECESSORS)]
+    following = found.members[-1] + 1 + connected_beyond(inside, z[last + 1 :], WINDOW_BEYOND)
+    probability = found.odds / (1 + found.odds)
+    if len(following):
+        probability *= departure_free_probability(end, prediction, found.members, following)
+    # A wrong inlier may shift the ellipse by the square root of its leverage, in its own sigmas.
+    kept = found.members[probability > np.sqrt(found.leverages) * (1 - probability)]
+    dropped = round(EDGE_POINTS_PER_CORRELATION * (noise.autocorrelation_time - 1))
+    # Connected points beyond the last inlier, or from the last one kept on, make it a contact.
+    if len(following) >= MIN_CONTACT_POINTS or len(found.members) - len(kept) >= MIN_CONTACT_POINTS:
+        dropped += GUARD_POINTS
+    return rows[kept[: max(0, len(kept) - dropped)] + PREDECESSORS]

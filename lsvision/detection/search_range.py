@@ -7,7 +7,7 @@ from lsvision.profile import PreparedProfile
 from lsvision.shapes.arrays import extent_of
 
 NOMINAL_SPREAD = 0.2
-"""A nominal radius is searched within this share of itself."""
+"""A nominal radius is searched within this share of itself, a known one never below the share."""
 MIN_RADIUS_PITCHES = 3.0
 MIN_RADIUS_VIEW_FRACTION, MIN_RADIUS_VIEW_PITCHES = 1 / 75, 20.0
 """A smaller pipe has under ten points; or is dust, 1/75 of the field of view or 20 pitches
@@ -51,11 +51,11 @@ def search_range(
         return (1 - NOMINAL_SPREAD) * radius, (1 + NOMINAL_SPREAD) * radius
     if known is not None:
         spread = NOMINAL_SPREAD * known.radius + 3 * known.std
-        return max(known.radius - spread, known.radius / 10), known.radius + spread
+        return max(known.radius - spread, NOMINAL_SPREAD * known.radius), known.radius + spread
     points = profile.points[profile.valid_indices]
     if len(points) < 2:
         return 1.0, 2.0
     extent = extent_of(points)
     dust = min(MIN_RADIUS_VIEW_FRACTION * extent, MIN_RADIUS_VIEW_PITCHES * profile.pitch)
-    low = max(MIN_RADIUS_PITCHES * profile.pitch, dust, 1e-9)
+    low = max(MIN_RADIUS_PITCHES * profile.pitch, dust)
     return low, max(MAX_RADIUS_EXTENTS * extent, 2 * low)

@@ -1,12 +1,16 @@
 """Circles through many overlapping windows of ordered points at once, from running moments."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from lsvision.shapes import BoolArray, FloatArray, IntArray, Points
 from lsvision.shapes.noisy_points import as_complex, as_vectors
+
+WINDOW_GROWTH = 2
+"""Ratio of successive lengths."""
+SHIFTS_PER_WINDOW = 3
+"""Windows of one length are no more than this part of it apart."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -20,7 +24,8 @@ class WindowCircles:
     radius : (w,) ndarray
         Infinite where the window is straight. Units: mm.
     rms : (w,) ndarray
-        Root mean square distance of the points from the circle, to first order. Units: mm.
+        Root mean square distance of the points from the circle, to first order; 0 or NaN where
+        the window is straight. Units: mm.
     line_rms : (w,) ndarray
         The same from the best straight line. Units: mm.
     coverage : (w,) ndarray
@@ -37,17 +42,15 @@ class WindowCircles:
     convex: BoolArray
 
 
-def multiscale_windows(sizes: IntArray, smallest: int, growth: float) -> tuple[IntArray, IntArray]:
-    """Windows of geometrically growing length, each shifted by a quarter of itself.
+def multiscale_windows(sizes: IntArray, smallest: int) -> tuple[IntArray, IntArray]:
+    """Windows of growing length, evenly spread, the same from either end of a component.
 
     Parameters
     ----------
     sizes : (c,) int ndarray
         Points of the components, which lie one behind the other.
     smallest : int
-        Length of the shortest window.
-    growth : float
-        Ratio of successive lengths.
+        Points of the shortest window.
 
     Returns
     -------
@@ -55,19 +58,21 @@ def multiscale_windows(sizes: IntArray, smallest: int, growth: float) -> tuple[I
         Half open. No window crosses from one component into the next; the last ones are the
         components themselves.
     """
-    levels = math.ceil(max(math.log(sizes.max() / smallest, growth), 0.0))
-    lengths = (smallest * growth ** np.arange(levels)).astype(int)
-    component, level = np.nonzero(lengths < sizes[:, None])
+    lengths, longest = [smallest], int(sizes.max())
+    while lengths[-1] < longest:
+        lengths.append(lengths[-1] * WINDOW_GROWTH)
+    component, level = np.nonzero(np.array(lengths) < sizes[:, None])
     first = sizes.cumsum() - sizes
-    # A row of windows: those of one length in one component, the last of them at its end.
-    length = lengths[level]
-    step, room = np.maximum(length // 4, 1), sizes[component] - length
-    windows = -(-room // step) + 1
-    row = np.repeat(np.arange(len(windows)), windows)
-    place = np.arange(len(row)) - (windows.cumsum() - windows)[row]
-    starts = first[component][row] + np.minimum(place * step[row], room[row])
-    stops = starts + length[row]
-    return np.concatenate([starts, first]), np.concatenate([stops, first + sizes])
+    # A row of windows: those of one length in one component, half of them from either end.
+    length = np.array(lengths)[level]
+    room, step = sizes[component] - length, length // SHIFTS_PER_WINDOW
+    half = (room + step - 1) // (2 * step) + 1
+    row = np.repeat(np.arange(len(half)), half)
+    place = np.arange(len(row)) - (half.cumsum() - half)[row]
+    away = place * room[row] // (2 * half - 1)[row]
+    begin = first[component][row]
+    starts = np.concatenate([begin + away, begin + room[row] - away, first])
+    return starts, starts + np.concatenate([length[row], length[row], sizes])
 
 
 def fit_window_circles(points: Points, starts: IntArray, stops: IntArray) -> WindowCircles:
@@ -86,32 +91,33 @@ def fit_window_circles(points: Points, starts: IntArray, stops: IntArray) -> Win
         Biased small on short noisy arcs: to choose windows by, never a result.
     """
     z = as_complex(points)
-    origin = complex(z.sum()) / len(z)
+    origin = (z[0] + z[-1]) / 2  # so that squares keep their digits
     z = z - origin
-    q = z.real**2 + z.imag**2
     running = np.zeros((4, len(z) + 1), dtype=complex)
-    running[:, 1:] = z, z * z, q * z, q + 1j * (q * q)
+    q = running[3, 1:].real = z.real**2 + z.imag**2
+    running[0, 1:], running[1, 1:], running[2, 1:] = z, z * z, q * z
+    running[3, 1:].imag = q * q
     np.cumsum(running, axis=1, out=running)
     moments = running.take(stops, axis=1)
     moments -= running.take(starts, axis=1)
     moments /= stops - starts
     mean, zz, qz, qq = moments
     # Covariances of z with its conjugate, with z, and of q = |z|^2 with z and with q.
-    spread, slant = qq.real - np.abs(mean) ** 2, zz - mean * mean
+    spread, slant = qq.real - (mean * mean.conj()).real, zz - mean * mean
     pull, square = qz - qq.real * mean, qq.imag - qq.real**2
+    size = np.abs(slant)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        centre = (spread * pull - slant * pull.conj()) / (spread**2 - np.abs(slant) ** 2)
-        inner = (centre * (centre - 2 * mean).conj()).real
-        radius = np.sqrt(qq.real + inner)
-        radius[~np.isfinite(radius)] = np.inf
-        misfit = square - 2 * (centre.conj() * pull).real
-        rms = np.sqrt(np.maximum(misfit, 0.0)) / (2 * radius)
-        rms[~np.isfinite(rms)] = np.inf
-        first, last, middle = z[starts], z[stops - 1], z[(starts + stops) // 2]
+        centre = (spread * pull - slant * pull.conj()) / (spread**2 - size**2)
+        from_mean = centre - mean
+        radius = np.sqrt(spread + (from_mean * from_mean.conj()).real)
+        radius[~(radius < np.inf)] = np.inf
+        rms = np.sqrt(np.maximum(square - 2 * (centre.conj() * pull).real, 0.0)) / (2 * radius)
+        first, last = z[starts], z[stops - 1]
         coverage = 2 * np.arcsin(np.minimum(np.abs(last - first) / (2 * radius), 1.0))
-        # Past 180 deg the chord shrinks again: the middle then lies beyond the centre.
-        past = ((middle - centre) * (first - centre).conj()).real < 0
+        # Past 180 deg the chord lies beyond the centre.
+        past = (from_mean * (2 * centre - first - last).conj()).real < 0
     coverage[past] = 2 * np.pi - coverage[past]
-    flat_rms = np.sqrt(np.maximum(spread - np.abs(slant), 0.0) / 2)
-    convex = (mean - centre).imag > 0
-    return WindowCircles(as_vectors(centre + origin), radius, rms, flat_rms, coverage, convex)
+    line_rms = np.sqrt(np.maximum(spread - size, 0.0) / 2)
+    return WindowCircles(
+        as_vectors(centre + origin), radius, rms, line_rms, coverage, from_mean.imag < 0
+    )

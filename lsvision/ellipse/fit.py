@@ -15,7 +15,6 @@ import numpy as np
 from lsvision.ellipse.parameters import (
     PARAMETERS,
     ellipse_from_parameters,
-    orthogonal_residuals_and_normals,
     parameters_from_ellipse,
 )
 from lsvision.ellipse.phi_prior import PhiPrior
@@ -34,12 +33,11 @@ from lsvision.ellipse.robust_gauss_newton import (
 )
 from lsvision.errors import TooFewPoints
 from lsvision.shapes import Ellipse, FloatArray, Points
-from lsvision.shapes.noisy_points import NoisyPoints
+from lsvision.shapes.noisy_points import ComplexArray, NoisyPoints, as_complex, as_vectors
 from lsvision.statistics.correlation import (
     LOW_FREQUENCY_DOF,
     Correlation,
     estimate_correlation,
-    incidence_std_factor,
 )
 
 CHI2_TEST_SIGMAS = 3.3
@@ -66,12 +64,16 @@ class FittingSettings:
     tolerance : float
         A step that mends so small a share of chi^2, or changes the parameters by so small a
         share of them, is the last.
+    variance : {"given", "estimated"}
+        Whether the covariances of the points are known, or only up to a common factor, which is
+        then estimated from the residuals.
     """
 
     residual: Literal["orthogonal", "radial"] = "orthogonal"
     reweightings: int = 1
     max_evaluations: int = MAX_EVALUATIONS
     tolerance: float = DEFAULT_TOLERANCE
+    variance: Literal["given", "estimated"] = "given"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -91,6 +93,8 @@ class EllipseFit:
     normalised : (n,) ndarray
         Residuals over their predicted standard deviation (over their rms where no noise
         model is given).
+    normals : (n,) complex ndarray
+        Outward unit normals of the ellipse at the points.
     unscaled_covariance : (5, 5) ndarray
         Of the parameters, if the points' weights are right. Units: mm^2.
     variance_factor : float
@@ -98,6 +102,8 @@ class EllipseFit:
         the residuals; more where they are larger, or correlated along the line.
     degrees_of_freedom : float
         Of `variance_factor`; infinite where it comes from the noise model alone.
+    correlation : Correlation
+        Of the residuals along the line.
     converged : bool
         Whether the iteration reached its minimum; false for an ellipse that was still on its way
         to a needle.
@@ -108,9 +114,11 @@ class EllipseFit:
     parameters: FloatArray
     residuals: FloatArray
     normalised: FloatArray
+    normals: ComplexArray
     unscaled_covariance: FloatArray
     variance_factor: float
     degrees_of_freedom: float
+    correlation: Correlation
     converged: bool
 
     @property
@@ -182,53 +190,61 @@ def fit_ellipse(
     >>> f"{fit.ellipse.radius:.6f} mm"
     '19.000000 mm'
     """
+    noisy = None if covariances is None else NoisyPoints.of(points, covariances)
+    if noisy is None:
+        settings = replace(settings, variance="estimated")
+        no_noise = np.zeros(len(points), dtype=complex)
+        noisy = NoisyPoints(as_complex(points), np.ones(len(points)), no_noise)
+    return fit_noisy_points(noisy, initial_guess, known_radius, known_phi, settings)
+
+
+def fit_noisy_points(
+    points: NoisyPoints,
+    initial_guess: Ellipse,
+    known_radius: RadiusPrior | None = None,
+    known_phi: PhiPrior | None = None,
+    settings: FittingSettings = FittingSettings(),
+) -> EllipseFit:
+    """`fit_ellipse` for points that carry their covariances: same parameters, errors and notes."""
     if len(points) <= PARAMETERS:
         raise TooFewPoints(
             "an arc", len(points), PARAMETERS + 1, "scan slower or nearer, or lower the pitch"
         )
     if known_phi is not None and not known_phi.includes_circle:
-        free = fit_ellipse(
-            points, initial_guess, covariances, known_radius=known_radius, settings=settings
-        )
+        free = fit_noisy_points(points, initial_guess, known_radius, None, settings)
         if not free.is_noncircular:
             return free
         initial_guess = free.ellipse
     parameters = parameters_from_ellipse(initial_guess)
-    if covariances is None and (known_radius is not None or known_phi is not None):
-        covariances = _estimate_isotropic_covariances(points, parameters, settings)
+    has_prior = known_radius is not None or known_phi is not None
+    if has_prior and settings.variance == "estimated":
+        points = _scale_by_free_fit(points, parameters, settings)
+    vectors = as_vectors(points.z)
     for _ in range(1 + settings.reweightings):
-        stds = _normal_stds(points, covariances, parameters)
-        problem = EllipseProblem(points, stds, known_radius, settings.residual, known_phi)
+        stds = np.sqrt(ellipse_residuals(points, parameters).variances)
+        problem = EllipseProblem(vectors, stds, known_radius, settings.residual, known_phi)
         solution = minimise(problem, parameters, settings.max_evaluations, settings.tolerance)
         parameters = solution.parameters
-        if covariances is None:
-            break
-    correlation = estimate_correlation(solution.residuals[: len(points)])
-    if covariances is None and correlation.coloured and settings.residual == "orthogonal":
-        _, normals, _ = orthogonal_residuals_and_normals(points, parameters)
-        problem = EllipseProblem(
-            points, incidence_std_factor(normals.imag), known_radius, settings.residual
-        )
-        solution = minimise(problem, parameters, settings.max_evaluations, settings.tolerance)
-        correlation = estimate_correlation(solution.residuals[: len(points)])
-    fit = _build_fit(problem, solution, correlation, known_noise=covariances is not None)
-    return fit if problem.prior_residual_count == 0 else _refit_with_scaled_stds(fit)
+    fit = _build_fit(problem, solution, known_noise=settings.variance == "given")
+    return _refit_with_scaled_stds(fit) if has_prior else fit
 
 
-def _estimate_isotropic_covariances(
-    points: Points, start: FloatArray, settings: FittingSettings
-) -> FloatArray:
-    """A prior needs the noise's size: take it from a fit that has none."""
-    free = EllipseProblem(points, np.ones(len(points)), None, settings.residual)
-    residuals = minimise(free, start).residuals
+def _scale_by_free_fit(
+    points: NoisyPoints, initial_guess: FloatArray, settings: FittingSettings
+) -> NoisyPoints:
+    """The points with the variance that a fit without priors finds: a prior needs its size."""
+    vectors = as_vectors(points.z)
+    stds = np.sqrt(ellipse_residuals(points, initial_guess).variances)
+    residuals = minimise(
+        EllipseProblem(vectors, stds, None, settings.residual), initial_guess
+    ).residuals
     variance = float(residuals @ residuals) / (len(points) - PARAMETERS)
     variance = max(variance, np.finfo(float).tiny)
-    covariances: FloatArray = np.broadcast_to(np.eye(2) * variance, (len(points), 2, 2))
-    return covariances
+    return NoisyPoints(points.z, points.mean_variance * variance, points.deviator * variance)
 
 
 def _refit_with_scaled_stds(fit: EllipseFit) -> EllipseFit:
-    """The fit with points that weigh what they are found to; the prior is as sure as before."""
+    """Refit with the points' standard deviations scaled to the residuals; the prior is not."""
     factor = fit.variance_factor
     if factor == 1:
         return fit
@@ -248,17 +264,6 @@ def _refit_with_scaled_stds(fit: EllipseFit) -> EllipseFit:
     )
 
 
-def _normal_stds(
-    points: Points, covariances: FloatArray | None, parameters: FloatArray
-) -> FloatArray:
-    if covariances is None:
-        return np.ones(len(points))
-    stds: FloatArray = np.sqrt(
-        ellipse_residuals(NoisyPoints.of(points, covariances), parameters).variances
-    )
-    return stds
-
-
 def _inverse(information: FloatArray) -> FloatArray:
     """Inverse of the information after scaling; huge variances where it is singular."""
     scale = 1 / np.sqrt(np.maximum(information.diagonal(), 1e-300))
@@ -271,12 +276,13 @@ def _inverse(information: FloatArray) -> FloatArray:
         return inverse * both
 
 
-def _build_fit(
-    problem: EllipseProblem, solution: Solution, correlation: Correlation, *, known_noise: bool
-) -> EllipseFit:
-    normalised = solution.residuals[: len(problem.points)]
+def _build_fit(problem: EllipseProblem, solution: Solution, *, known_noise: bool) -> EllipseFit:
+    count = len(problem.points)
+    normalised = solution.residuals[:count]
     residuals = normalised * problem.stds
-    freedom = float(max(len(residuals) - PARAMETERS, 1)) + problem.prior_residual_count
+    normals = -as_complex(solution.jacobian[:count, :2])
+    correlation = estimate_correlation(normalised)
+    freedom = float(max(count - PARAMETERS, 1)) + problem.prior_residual_count
     excess = float(normalised @ normalised) / freedom
     if known_noise:
         surprising = excess > 1 + CHI2_TEST_SIGMAS * np.sqrt(2 / freedom)
@@ -293,8 +299,10 @@ def _build_fit(
         parameters=solution.parameters,
         residuals=residuals,
         normalised=normalised,
+        normals=normals / np.maximum(np.abs(normals), np.finfo(float).tiny),
         unscaled_covariance=_inverse(solution.jacobian.T @ solution.jacobian),
         variance_factor=factor * correlation.autocorrelation_time,
         degrees_of_freedom=freedom,
+        correlation=correlation,
         converged=solution.converged,
     )

@@ -1,45 +1,60 @@
 """Intervals from the profile likelihood: right also where the linear approximation is not.
 
-For a value of the quantity everything else is fitted anew; the interval holds the values whose
-likelihood ratio stays below a critical one. For radius and centre that is chi^2 with one degree
-of freedom. Phi and theta are polar coordinates of the deviator e = (p, q), whose origin is the
-circle: within an error or two of it their ratio is no chi^2, and its quantile is computed, in
-the normal approximation of e alone (which is regular there), by quadrature.
+With F the weighted sum of squares over the variance factor, the interval of a quantity g holds the
+values v with min {F : g = v} - min F <= c. Its ends are the extrema of g over {F <= min F + c}, and
+those of all quantities are found together (`lsvision.ellipse.interval_ends`).
+
+For radius and centre c is the quantile of chi^2 with one degree of freedom. Phi and theta are polar
+coordinates of d = (p, q), whose origin is the circle: within a few sigmas of it their ratio is no
+chi^2, and its quantile is computed in the normal approximation of d alone, which is regular there.
 """
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Literal, get_args
+from dataclasses import replace
+from functools import lru_cache
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
-from lsvision.ellipse.constrained import (
-    Constraint,
-    circle_constraint,
-    constrained_cost,
-    fixed_centre,
-    fixed_phi,
-    fixed_radius,
-    fixed_theta,
-)
-from lsvision.ellipse.fit import NONCIRCULAR_SIGMAS, EllipseFit
+from lsvision.ellipse import region_extrema as rows
+from lsvision.ellipse.critical_ratio import CriticalRatios
+from lsvision.ellipse.fit import EllipseFit
+from lsvision.ellipse.interval_ends import EndPoints, find_end_points
 from lsvision.ellipse.parameters import semi_minor_gradient
-from lsvision.shapes import FloatArray, Points
+from lsvision.ellipse.phi_prior import EXACT_PHI_STD
+from lsvision.shapes import BoolArray
 
 Quantity = Literal["radius", "theta", "phi", "centre_x", "centre_y"]
+Interval = tuple[float, float]
+
 THETA_LEVEL, THETA_MAX_ERROR = 0.99, math.radians(30.0)
 """Confidence at which a theta that counts as determined is no further off."""
 CIRCLE_LEVEL = 0.999
 """Confidence at which a section must be no circle before its theta counts as determined."""
 MAX_PHI = math.radians(88.0)
-INTERVAL_PRECISION = 0.01
-"""An interval's ends are found to this share of a sigma."""
+"""Largest phi of an interval."""
 MIN_RADIUS_FACTOR, MAX_RADIUS_FACTOR = 0.02, 50.0
+"""Limits of an interval of the radius, in radii; the second, in semi-major axes, of the centre."""
+PRIOR_SHARE = 0.995
+"""Sigma of a known quantity, over that of its prior, above which the points tell nothing of it."""
+MIN_NOISE = 1e-9
+"""Least noise of points that counts, over m: below it F is rounding errors."""
+CACHED_FITS = 64
+"""Fits and levels whose intervals are kept: several profiles' worth."""
 
 
-def interval(fit: EllipseFit, quantity: Quantity, level: float = 0.95) -> tuple[float, float]:
-    """Interval that holds the true value with probability `level`.
+class Intervals(NamedTuple):
+    """Intervals (low, high) of all quantities. Units: mm, rad."""
+
+    radius: Interval
+    theta: Interval
+    phi: Interval
+    centre_x: Interval
+    centre_y: Interval
+
+
+def interval(fit: EllipseFit, quantity: Quantity, level: float = 0.95) -> Interval:
+    """Interval that holds the true value of one quantity with probability `level`.
 
     Parameters
     ----------
@@ -53,226 +68,158 @@ def interval(fit: EllipseFit, quantity: Quantity, level: float = 0.95) -> tuple[
     Returns
     -------
     low, high : float
-        Units: mm or rad. Theta runs from low to high and may leave [0, pi) to do so; (0, pi)
-        if every direction is possible. Phi stays in [0, 88 deg].
+        See `intervals`.
 
     Raises
     ------
     ValueError
         If the quantity is none of these or the level is no probability.
+    """
+    if quantity not in get_args(Quantity):
+        raise ValueError(f"want one of {', '.join(get_args(Quantity))}, got {quantity!r}")
+    ends: Interval = getattr(intervals(fit, level), quantity)
+    return ends
+
+
+def intervals(fit: EllipseFit, level: float = 0.95) -> Intervals:
+    """Intervals of all quantities, each of which holds the true value with probability `level`.
+
+    Parameters
+    ----------
+    fit : EllipseFit
+        The fit. Asked again, the intervals are not computed again.
+    level : float
+        Between 0 and 1.
+
+    Returns
+    -------
+    Intervals
+        Units: mm or rad. Theta runs from low to high and may leave [0, pi) to do so; (0, pi) if
+        every direction is possible. Phi stays in [0, 88 deg], the radius between 0.02 and 50
+        times the estimate: those limits are the intervals where the region has no end that the
+        search reaches, as on arcs of less than 60 deg.
+
+    Raises
+    ------
+    ValueError
+        If the level is no probability.
 
     References
     ----------
     Chuang and Lai, Hybrid resampling methods for confidence intervals, Statistica Sinica 10,
     2000 (the idea of the computed quantile).
     """
-    if quantity not in get_args(Quantity):
-        raise ValueError(f"want one of {', '.join(get_args(Quantity))}, got {quantity!r}")
     if not 0 < level < 1:
         raise ValueError(f"want a level between 0 and 1, got {level}")
-    likelihood = _ProfileLikelihood(fit, level)
-    if quantity == "phi":
-        return _phi_interval(likelihood)
-    if quantity == "theta":
-        return _theta_interval(likelihood)
-    if quantity == "radius":
-        radius = fit.ellipse.radius
-        limits = MIN_RADIUS_FACTOR * radius, MAX_RADIUS_FACTOR * radius
-        step = likelihood.std(semi_minor_gradient(fit.parameters))
-        return likelihood.interval_around(fixed_radius, radius, step, limits)
-    axis = 0 if quantity == "centre_x" else 1
-    far = MAX_RADIUS_FACTOR * fit.ellipse.semi_major
-    value = fit.ellipse.centre[axis]
-    step = likelihood.std(np.eye(5)[axis])
-    limits = value - far, value + far
-    return likelihood.interval_around(lambda v: fixed_centre(axis, v), value, step, limits)
+    return _compute_intervals(fit, float(level))
 
 
+@lru_cache(maxsize=CACHED_FITS)
 def theta_is_determined(fit: EllipseFit) -> bool:
     """Whether theta means something: no circle, at 99.9 %, and not 30 deg off, at 99 %."""
-    if _is_theta_undetermined(_ProfileLikelihood(fit, CIRCLE_LEVEL)):
+    fit = _with_noise(fit)
+    ratios = CriticalRatios.of(fit, CIRCLE_LEVEL)
+    circle = find_end_points(fit, ratios, _mask(rows.CIRCLE))
+    if not circle.reliable or ratios.leaves_theta_open(circle.circle_ratio):
         return False
-    surplus = _theta_excess_ratio(_ProfileLikelihood(fit, THETA_LEVEL))
-    return all(surplus(fit.ellipse.theta + off) > 0 for off in (-THETA_MAX_ERROR, THETA_MAX_ERROR))
+    ratios = CriticalRatios.of(fit, THETA_LEVEL)
+    ends = find_end_points(fit, ratios, _mask(rows.THETA_LOW, rows.THETA_HIGH))
+    low, high = _theta_interval(fit, ends)
+    furthest = max(high - fit.ellipse.theta, fit.ellipse.theta - low)
+    return ends.reliable and furthest < THETA_MAX_ERROR
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _ProfileLikelihood:
-    """Likelihood ratios of a fit, in units of its own variance factor."""
-
-    fit: EllipseFit
-    level: float
-
-    def ratio(self, constraint: Constraint) -> float:
-        """-2 log of the likelihood with the constraint over that without."""
-        best = self.fit.problem.evaluate(self.fit.parameters)[0]
-        cost = constrained_cost(self.fit.problem, constraint, self.fit.parameters)
-        return max(0.0, cost - float(best @ best)) / self.fit.variance_factor
-
-    @property
-    def critical_ratio_1d(self) -> float:
-        """Critical ratio of one quantity; that of Student where the noise was estimated."""
-        from scipy.special import fdtri
-
-        if math.isinf(self.fit.degrees_of_freedom):
-            return _chi2_of_one(self.level)
-        return float(fdtri(1, self.fit.degrees_of_freedom, self.level))
-
-    @property
-    def critical_ratio_2d(self) -> float:
-        """Critical ratio of both components of the deviator."""
-        from scipy.special import chdtri, fdtri
-
-        if math.isinf(self.fit.degrees_of_freedom):
-            return float(chdtri(2, 1 - self.level))
-        return 2 * float(fdtri(2, self.fit.degrees_of_freedom, self.level))
-
-    def std(self, gradient: FloatArray) -> float:
-        """One sigma of a quantity in the linear approximation."""
-        return math.sqrt(float(gradient @ self.fit.parameter_covariance @ gradient))
-
-    def interval_around(
-        self,
-        constrain: Callable[[float], Constraint],
-        value: float,
-        step: float,
-        limits: tuple[float, float],
-    ) -> tuple[float, float]:
-        """Ends of the region around the estimate where the ratio stays below chi^2 of one."""
-        critical = self.critical_ratio_1d
-
-        def surplus(at: float) -> float:
-            return self.ratio(constrain(at)) - critical
-
-        return _find_sign_change(surplus, value, limits[0], step), _find_sign_change(
-            surplus, value, limits[1], step
-        )
-
-    def critical_near_circle(self, at: FloatArray, alternatives: Points) -> float:
-        """Quantile of the squared distance of e-hat from the nearest of the alternatives.
-
-        `at` is the true deviator, `alternatives` the deviators that share its phi (or theta).
-        """
-        covariance = self.fit.parameter_covariance[3:, 3:]
-        whiten = np.linalg.inv(np.linalg.cholesky(covariance))
-        if math.hypot(*(whiten @ at)) > NONCIRCULAR_SIGMAS:
-            return self.critical_ratio_1d
-        drawn = _normal_grid() + whiten @ at
-        others = alternatives @ whiten.T
-        squares = (drawn**2).sum(axis=1)[:, None] + (others**2).sum(axis=1) - 2 * drawn @ others.T
-        nearest = np.sort(squares.min(axis=1))
-        quantile = float(np.interp(self.level * len(nearest), np.arange(len(nearest)), nearest))
-        one, two = _chi2_of_one(self.level), -2 * math.log(1 - self.level)
-        share = min(max((quantile - one) / (two - one), 0.0), 1.0)
-        # Between one and two dimensions; Student's where the noise was estimated.
-        return (1 - share) * self.critical_ratio_1d + share * self.critical_ratio_2d
+@lru_cache(maxsize=CACHED_FITS)  # a fit is equal to itself alone
+def _compute_intervals(fit: EllipseFit, level: float) -> Intervals:
+    fit = _with_noise(fit)
+    ratios = CriticalRatios.of(fit, level)
+    known = _known_quantities(fit, math.sqrt(ratios.one))
+    wanted = np.ones(rows.ROWS, dtype=bool)
+    if "radius" in known:
+        wanted[[rows.RADIUS_LOW, rows.RADIUS_HIGH, rows.RADIUS_LOW_2]] = False
+    if "phi" in known:
+        wanted[[rows.PHI_LOW, rows.PHI_HIGH, rows.PHI_HIGH_2]] = False
+    ends = find_end_points(fit, ratios, wanted)
+    found = _intervals_between(fit, ratios, ends) if ends.reliable else _limits(fit)
+    return found._replace(**known)
 
 
-def _is_theta_undetermined(likelihood: _ProfileLikelihood) -> bool:
-    known = likelihood.fit.problem.known_phi
-    if known is not None and not known.includes_circle:
-        return False  # Used only where the points tell theta.
-    return likelihood.ratio(circle_constraint()) <= likelihood.critical_ratio_2d
+def _with_noise(fit: EllipseFit) -> EllipseFit:
+    """The fit with at least the noise that F can resolve."""
+    least = (MIN_NOISE * float(fit.parameters[2]) / float(fit.problem.stds.min())) ** 2
+    return fit if fit.variance_factor >= least else replace(fit, variance_factor=least)
 
 
-def _chi2_of_one(level: float) -> float:
-    from scipy.special import chdtri
+def _known_quantities(fit: EllipseFit, sigmas: float) -> dict[str, Interval]:
+    """Intervals of quantities of which the points tell nothing: those of their priors."""
+    covariance, ellipse, problem = fit.parameter_covariance, fit.ellipse, fit.problem
+    known = {}
+    if problem.known_radius is not None:
+        gradient = semi_minor_gradient(fit.parameters)
+        std = math.sqrt(float(gradient @ covariance @ gradient))
+        if std > PRIOR_SHARE * problem.known_radius.effective_std:
+            known["radius"] = ellipse.radius - sigmas * std, ellipse.radius + sigmas * std
+    if problem.known_phi is not None and not problem.known_phi.includes_circle:
+        _, (gradient,) = problem.known_phi.residuals_and_jacobian(fit.parameters)
+        share = math.sqrt(float(gradient @ covariance @ gradient))
+        if share > PRIOR_SHARE:
+            std = share * max(problem.known_phi.std, EXACT_PHI_STD)
+            known["phi"] = ellipse.phi - sigmas * std, ellipse.phi + sigmas * std
+    return known
 
-    return float(chdtri(1, 1 - level))
+
+def _intervals_between(fit: EllipseFit, ratios: CriticalRatios, ends: EndPoints) -> Intervals:
+    """Intervals between end points, within their limits."""
+    x, y, m, p, q = ends.parameters.T
+    h = np.hypot(p, q)
+    radii, phis = m - h, 2 * np.arctan(np.sqrt(np.minimum(h / m, 1.0)))
+    low, high = (
+        [row for row in pair if ends.wanted[row]] or [pair[0]] for pair in rows.SECOND_ROWS.items()
+    )
+    circle = ends.circle_ratio <= ratios.of_circle
+    limits = _limits(fit)
+    found = Intervals(
+        radius=(radii[low].min(), radii[rows.RADIUS_HIGH]),
+        theta=_theta_interval(fit, ends),
+        phi=(0.0 if circle else phis[rows.PHI_LOW], phis[high].max()),
+        centre_x=(x[rows.X_LOW], x[rows.X_HIGH]),
+        centre_y=(y[rows.Y_LOW], y[rows.Y_HIGH]),
+    )
+    if ratios.leaves_theta_open(ends.circle_ratio):
+        found = found._replace(theta=limits.theta)
+    clipped = {
+        name: (max(float(low), least), min(float(high), most))
+        for name, (low, high), (least, most) in zip(found._fields, found, limits, strict=True)
+        if name != "theta"
+    }
+    return found._replace(**clipped)
 
 
-def _phi_interval(likelihood: _ProfileLikelihood) -> tuple[float, float]:
-    fit = likelihood.fit
-    m, theta = float(fit.parameters[2]), fit.ellipse.theta
-    angles = np.linspace(0, 2 * np.pi, 48, endpoint=False)
-    ring = np.column_stack([np.cos(angles), np.sin(angles)])
-    share, of_prior = _prior_weight(likelihood)
+def _theta_interval(fit: EllipseFit, ends: EndPoints) -> Interval:
+    """Theta between its end points, at most 90 deg to either side of the estimate."""
+    theta, quarter = fit.ellipse.theta, math.pi / 2
+    turns = []
+    for row in (rows.THETA_LOW, rows.THETA_HIGH):
+        p, q = ends.parameters[row, 3:].tolist()
+        turns.append(math.remainder(math.atan2(q, p) / 2 - theta, math.pi))
+    low, high = turns
+    return theta + (low if low <= 0 else -quarter), theta + (high if high >= 0 else quarter)
 
-    def surplus(phi: float) -> float:
-        h = m * (1 - math.cos(phi)) / (1 + math.cos(phi))
-        at = h * np.array([math.cos(2 * theta), math.sin(2 * theta)])
-        critical = likelihood.critical_near_circle(at, h * ring)
-        critical += share * max(of_prior - critical, 0.0)
-        constraint = fixed_phi(phi) if phi > 0 else circle_constraint()
-        return likelihood.ratio(constraint) - critical
 
-    phi = fit.ellipse.phi
-    # h = m (1 - cos phi) / (1 + cos phi), about m phi^2 / 4.
-    std = math.sqrt(float(np.trace(fit.parameter_covariance[3:, 3:]))) / m
-    step = min(2 * std / max(phi, 1e-9), 2 * math.sqrt(std), 0.5)
-    return _find_sign_change(surplus, phi, 0.0, step), _find_sign_change(
-        surplus, phi, MAX_PHI, step
+def _limits(fit: EllipseFit) -> Intervals:
+    """The widest intervals that are reported."""
+    ellipse, (x, y) = fit.ellipse, fit.ellipse.centre
+    far = MAX_RADIUS_FACTOR * ellipse.semi_major
+    return Intervals(
+        radius=(MIN_RADIUS_FACTOR * ellipse.radius, MAX_RADIUS_FACTOR * ellipse.radius),
+        theta=(0.0, math.pi),
+        phi=(0.0, MAX_PHI),
+        centre_x=(x - far, x + far),
+        centre_y=(y - far, y + far),
     )
 
 
-def _prior_weight(likelihood: _ProfileLikelihood) -> tuple[float, float]:
-    """How much of what is known of (p, q) near a circle is the prior, and its critical ratio."""
-    fit = likelihood.fit
-    known = fit.problem.known_phi
-    if known is None or not known.includes_circle:
-        return 0.0, 0.0
-    posterior = float(np.trace(fit.parameter_covariance[3:, 3:])) / float(fit.parameters[2]) ** 2
-    share = min(posterior / (2 * known.deviator_std**2), 1.0)
-    return share, known.max_likelihood_ratio(likelihood.level)
-
-
-def _theta_excess_ratio(likelihood: _ProfileLikelihood) -> Callable[[float], float]:
-    """Likelihood ratio of a theta less its critical value: positive outside the interval."""
-    h = max(math.hypot(*likelihood.fit.parameters[3:]), 1e-12)
-    away = np.concatenate([[0.0], np.geomspace(0.03, 10.0, 40)]) * h
-
-    def surplus(at: float) -> float:
-        direction = np.array([math.cos(2 * at), math.sin(2 * at)])
-        critical = likelihood.critical_near_circle(h * direction, away[:, None] * direction)
-        return likelihood.ratio(fixed_theta(at)) - critical
-
-    return surplus
-
-
-def _theta_interval(likelihood: _ProfileLikelihood) -> tuple[float, float]:
-    fit = likelihood.fit
-    p, q = fit.parameters[3:]
-    h = max(math.hypot(p, q), 1e-12)
-    theta, surplus = fit.ellipse.theta, _theta_excess_ratio(likelihood)
-    quarter = math.pi / 2
-    if _is_theta_undetermined(likelihood):
-        return 0.0, math.pi
-    step = min(likelihood.std(np.array([0, 0, 0, -q, p])) / (2 * h * h), 0.3)
-    return (
-        _find_sign_change(surplus, theta, theta - quarter, step),
-        _find_sign_change(surplus, theta, theta + quarter, step),
-    )
-
-
-def _find_sign_change(
-    surplus: Callable[[float], float], inside: float, limit: float, step: float
-) -> float:
-    """Where a function that is negative at `inside` turns positive; `limit` if it does not.
-
-    Steps grow from one and a half until the sign turns, then Brent.
-    """
-    from scipy.optimize import brentq
-
-    sign = math.copysign(1.0, limit - inside)
-    last, reach = inside, 1.5 * step
-    while last != limit:
-        at = inside + sign * reach
-        if (limit - at) * sign <= 0:
-            at = limit
-        if surplus(at) > 0:
-            if last == inside and surplus(inside) >= 0:
-                return inside  # noise-free: no width that numbers could show
-            tolerance = max(INTERVAL_PRECISION * step, 1e-12)
-            return float(brentq(surplus, last, at, xtol=tolerance, rtol=1e-12, maxiter=30))
-        last, reach = at, 1.7 * reach
-    return limit
-
-
-def _normal_grid(radii: int = 28, angles: int = 24) -> Points:
-    """Equally probable points of the standard normal distribution of the plane."""
-    share = (np.arange(radii) + 0.5) / radii
-    radius = np.sqrt(-2 * np.log(1 - share))
-    turn = 2 * np.pi * (np.arange(angles) + 0.5) / angles
-    grid = radius[:, None, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1)[None]
-    points: Points = grid.reshape(-1, 2)
-    return points
+def _mask(*wanted: int) -> BoolArray:
+    mask = np.zeros(rows.ROWS, dtype=bool)
+    mask[list(wanted)] = True
+    return mask

@@ -100,7 +100,10 @@ def radial_residuals_and_normals(
 def parameter_jacobian(normals: ComplexArray, w: ComplexArray) -> FloatArray:
     """How far each point of the ellipse moves along its normal, by each parameter: (5, n)."""
     along, deviating = normals * w.conj(), normals * w
-    return np.array([normals.real, normals.imag, along.real, deviating.real, deviating.imag])
+    jacobian = np.empty((PARAMETERS, len(w)))
+    jacobian[0], jacobian[1] = normals.real, normals.imag
+    jacobian[2], jacobian[3], jacobian[4] = along.real, deviating.real, deviating.imag
+    return jacobian
 
 
 def centre_of(parameters: FloatArray) -> complex:

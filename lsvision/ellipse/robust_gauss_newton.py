@@ -7,6 +7,7 @@ holds the difference of the semi-axes; on a long arc the data overrule it.
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg.lapack import dposv
@@ -16,8 +17,8 @@ from lsvision.shapes import FloatArray, IntArray
 from lsvision.shapes.noisy_points import ComplexArray, NoisyPoints
 from lsvision.statistics.robust import MAD_TO_STD, upper_median
 
-FLATTENING_PRIOR_STD = 0.15
-"""One sigma of (a - b) / (a + b) before the data speak: 0.13 is a tilt of 40 deg."""
+FLATTENING_PRIOR_STD = 0.3
+"""Standard deviation of (a - b) / (a + b) before the data speak: a tilt of 57 deg."""
 TINY = 1e-300
 IDENTITY = np.eye(PARAMETERS)
 MAX_RELATIVE_STEP = 0.1
@@ -54,7 +55,7 @@ class EllipseResiduals:
     variances: FloatArray
     inflated_variances: FloatArray
 
-    def __getitem__(self, which: IntArray) -> "EllipseResiduals":
+    def __getitem__(self, which: IntArray | slice) -> "EllipseResiduals":
         return EllipseResiduals(
             self.residuals[which],
             self.normals[which],
@@ -90,7 +91,7 @@ def ellipse_residuals(points: NoisyPoints, parameters: FloatArray) -> EllipseRes
     size = np.maximum(np.abs(w), TINY)
     w /= size
     n = w - d * w.conj()
-    steepness = np.abs(n)
+    steepness = np.maximum(np.abs(n), TINY)
     n /= steepness
     # Along the ray the ellipse is at m det / size; times the ray's cosine with n.
     signed = (size - m * (1 - abs(d) ** 2)) / steepness
@@ -99,15 +100,55 @@ def ellipse_residuals(points: NoisyPoints, parameters: FloatArray) -> EllipseRes
     return EllipseResiduals(signed, n, w, variances, tolerant)
 
 
-def cauchy_variances(signed: FloatArray, variances: FloatArray) -> FloatArray:
-    """Variances that grow with the square of the residual: Cauchy's weights. Units: mm^2.
+class NormalEquations(NamedTuple):
+    """Normal equations of an ellipse: information (5, 5) and gradient (5,)."""
 
-    The foot of a weld bead at a flank, where n' Sigma n is small, would else pull the whole
-    ellipse to itself, and the next step far beyond. The median tells the scatter of the rest.
-    """
-    squares = signed * signed
-    scatter = max(upper_median(squares / variances) * MAD_TO_STD**2, 1.0)
-    return variances + squares / (CAUCHY_SCALE_SIGMAS**2 * scatter)
+    information: FloatArray
+    gradient: FloatArray
+
+    def __add__(self, other: "NormalEquations") -> "NormalEquations":  # type: ignore[override]
+        """Of both sets of points."""
+        return NormalEquations(self.information + other.information, self.gradient + other.gradient)
+
+    def with_flattening_prior(self, parameters: FloatArray) -> "NormalEquations":
+        """With the weak prior that few pipes are tilted by more than 60 deg."""
+        information, gradient = self.information.copy(), self.gradient.copy()
+        weight = 1 / (FLATTENING_PRIOR_STD * float(parameters[2])) ** 2
+        information[3, 3] += weight
+        information[4, 4] += weight
+        gradient[3:] -= weight * parameters[3:]
+        return NormalEquations(information, gradient)
+
+    def damped_step(self, parameters: FloatArray) -> FloatArray:
+        """Step (5,) towards the minimum, damped on the scale of the ellipse; NaN if singular."""
+        damping = 1 / (MAX_RELATIVE_STEP * float(parameters[2])) ** 2
+        return solve_positive_definite(self.information + damping * IDENTITY, self.gradient)
+
+
+class WeightedSystem(NamedTuple):
+    """Jacobian (5, n), weights (n,) and residuals (n,) of points compared with an ellipse."""
+
+    jacobian: FloatArray
+    weights: FloatArray
+    residuals: FloatArray
+
+    @classmethod
+    def of(cls, compared: EllipseResiduals, variance_factor: float) -> "WeightedSystem":
+        """Cauchy's weights: scaled variances that grow with the square of the residual.
+
+        The foot of a weld bead at a flank, where n' Sigma n is small, would else pull the whole
+        ellipse to itself, and the next step far beyond.
+        """
+        squares = compared.residuals * compared.residuals
+        squares *= 1 / CAUCHY_SCALE_SIGMAS**2
+        weights = 1 / (variance_factor * compared.inflated_variances + squares)
+        return cls(compared.jacobian(), weights, compared.residuals)
+
+    def normal_equations(self, which: slice | IntArray) -> NormalEquations:
+        """Normal equations of some of the points."""
+        rows = self.jacobian[:, which]
+        weighted = rows * self.weights[which]
+        return NormalEquations(weighted @ rows.T, weighted @ self.residuals[which])
 
 
 def refine_ellipse(
@@ -145,19 +186,13 @@ def gauss_newton_step(
     compared: EllipseResiduals, parameters: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """One Gauss-Newton step of `refine_ellipse`, from points compared with the ellipse."""
-    rows = compared.jacobian()
-    weighted = rows / cauchy_variances(compared.residuals, compared.inflated_variances)
-    information, right = weighted @ rows.T, weighted @ compared.residuals
-    m = float(parameters[2])
-    held = 1 / (FLATTENING_PRIOR_STD * 2 * m) ** 2
-    information[3, 3] += held
-    information[4, 4] += held
-    right[3:] -= held * parameters[3:]
-    damped = information + IDENTITY / (MAX_RELATIVE_STEP * m) ** 2
-    nearer = parameters + solve_positive_definite(damped, right)
+    squares = compared.residuals * compared.residuals / compared.inflated_variances
+    system = WeightedSystem.of(compared, max(upper_median(squares) * MAD_TO_STD**2, 1.0))
+    equations = system.normal_equations(slice(None)).with_flattening_prior(parameters)
+    nearer = parameters + equations.damped_step(parameters)
     if not is_ellipse(nearer):
         return np.full(PARAMETERS, np.nan), np.full((PARAMETERS, PARAMETERS), np.nan)
-    return nearer, solve_positive_definite(information, IDENTITY)
+    return nearer, solve_positive_definite(equations.information, IDENTITY)
 
 
 def solve_positive_definite(matrix: FloatArray, right: FloatArray) -> FloatArray:

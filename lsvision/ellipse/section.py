@@ -80,8 +80,18 @@ class CylinderSection:
 
     @property
     def radius_std(self) -> float:
-        """One sigma of the radius. Units: mm."""
-        return self._std(semi_minor_gradient(self.fit.parameters))
+        """Standard uncertainty of the radius. Units: mm.
+
+        Definition: rms change of b over the distribution of (m, p, q), by the six points of a
+        rule of third degree. That is the linear approximation where the section is surely no
+        circle; near one, b = m - |(p, q)| has a kink that the linear approximation does not see.
+        """
+        covariance = self.fit.parameter_covariance[2:, 2:]
+        variances, axes = np.linalg.eigh(covariance)
+        steps = axes * np.sqrt(3 * np.maximum(variances, 0.0))
+        shifted = self.fit.parameters[2:, None] + np.concatenate([steps, -steps], axis=1)
+        radii = shifted[0] - np.hypot(shifted[1], shifted[2])
+        return math.sqrt(float(((radii - self.radius) ** 2).sum()) / 6)
 
     @property
     def theta_std(self) -> float:
@@ -101,6 +111,16 @@ class CylinderSection:
         ratio_std = self._std(ratio)
         linear = ratio_std / max(math.sin(self.phi), 1e-12)
         return min(linear, math.acos(max(1 - ratio_std, 0.0)))
+
+    @property
+    def residual_correlation(self) -> float:
+        """Points for each independent one among the residuals; 1 for independent errors.
+
+        Above 1 the residuals are not random at the level of the noise: the sensor smooths along
+        the line, or the surface is no cylinder's to that level. The covariance and the intervals
+        are wider by as much already.
+        """
+        return self.fit.correlation.autocorrelation_time
 
     @property
     def theta_determined(self) -> bool:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lsvision.experiments.ablation import AblationResult
+from lsvision.experiments.ablation import SECTION_SETTINGS, AblationResult
 from lsvision.experiments.html import (
     digits,
     figure,
@@ -130,8 +130,8 @@ def _pictures(report: PaperReport) -> list[str]:
                "line. So lsvision first looks for spans that curve like a pipe."),
         figure(draw_screening(report.steps), "Figures 8 and 9. Accurate screening: the ellipse "
                "of an arc’s middle part decides which end points stay. The paper’s limit of "
-               "0.9 mm lets the first points of a weld bead in; lsvision’s is 3.5 times the "
-               "noise of each point, wider where the middle part itself says little."),
+               "0.9 mm lets the first points of a weld bead in; lsvision compares each point "
+               "with its own noise, and with what the middle part leaves open there."),
         figure(draw_smoothing(report.steps), "Figure 10. Smoothing y over x bends the steep "
                "flanks, and the flanks are what tells a long axis from a short one. Smoothed "
                "along the arc, as the distance from the screened ellipse, they stay."),
@@ -172,10 +172,12 @@ def _ablation(report: PaperReport) -> list[str]:
     return [
         heading("What each step is worth"),
         paragraph(
-            "Pipes alone, welded and among clutter, with 3 % of the points lost and 2 % jumping; "
-            "every line measures the same arcs with one thing changed. Errors are in multiples "
-            "of what the best possible method has on the same pipe: 1 is ideal, 2 is twice the "
-            "error. “Typical” is the middle error, “worst” the one that 19 of 20 stay below. "
+            "Pipes alone, welded and among clutter, with 3 % of the points lost and "
+            f"{100 * SECTION_SETTINGS.jump_fraction:.0f} % jumping; every line measures the same "
+            "arcs with one thing changed. Errors are in multiples of what the best possible "
+            "method has on the same pipe: 1 is ideal, 2 is twice the error. “Typical” is the "
+            "middle error, “worst” the one that 19 of 20 stay below; “evaluations” is how often "
+            "the iterative fit computes its residuals, on average. "
             "What finding the pipes is worth shows in Table 5: the paper has no candidates."
         ),
         ablation_table(report.costs),
@@ -193,9 +195,10 @@ def _on_what_is_free(costs: Sequence[AblationResult]) -> str:
     named = "; ".join(free) or "nothing"
     return (
         f"Changed or left out at a cost of under {100 * (MAX_FREE_RATIO - 1):.0f} % here: {named}. "
-        "lsvision’s rough identification stops at points beyond the noise, so that little is "
-        "left to screening and to the search for jumps; homogenised points only start its fit, "
-        "which weighs every point by its error and so minds no uneven spacing."
+        "lsvision’s rough identification leaves out points beyond the sensor error, also inside "
+        "the arc, and smoothing finds the same jumps by its robust weights: one of the two is "
+        "needed, not both. Homogenised points only give the initial guess of the fit, which "
+        "weighs every point by its error; what they save is in the number of evaluations."
     )
 
 

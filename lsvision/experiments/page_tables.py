@@ -108,9 +108,9 @@ def ablation_table(costs: Sequence[AblationResult]) -> str:
             group = cost.group
             rows.append([group[0].upper() + group[1:]])
         rows.append([cost.name, *(digits(value) for value in (*cost.typical, *cost.worst)),
-                     str(cost.failed)])  # fmt: skip
+                     digits(cost.evaluations), str(cost.failed)])  # fmt: skip
     head = ("Chain", "radius, typical", "θ, typical", "φ, typical", "radius, worst", "θ, worst",
-            "φ, worst", "no ellipse")  # fmt: skip
+            "φ, worst", "evaluations", "no ellipse")  # fmt: skip
     return table(f"Error over the best possible, {costs[0].pipes} pipes", head, rows)
 
 

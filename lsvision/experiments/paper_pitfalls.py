@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.ellipse.homogenising import homogenise
 from lsvision.experiments.cases import Case, paper_sensor, simulate_case
 from lsvision.experiments.methods import METHODS
 from lsvision.experiments.published_results import PublishedRow, Triple
@@ -15,6 +14,8 @@ from lsvision.shapes import Ellipse, FloatArray, Points, orthogonal_residuals, r
 
 NOISE_MM = 0.05
 """Of the section that is turned upside down. Units: mm."""
+SPLINE_STEP_MM = 0.5
+"""Spacing of homogenised points, as in the paper's section 3.3.2. Units: mm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,8 +170,7 @@ def _division() -> Pitfall:
     top = np.array([[0.0, -400.0 + 1 / up]])
     beyond = ellipse.points_at(np.radians(np.linspace(190, -30, 120)))
     falling = int((np.diff(beyond[:, 0]) <= 0).sum())
-    length = np.append(0.0, np.cumsum(np.hypot(*np.diff(beyond, axis=0).T)))
-    even = np.column_stack([homogenise(length, column)[1] for column in beyond.T])
+    even = _spline_along_arc(beyond)
     return Pitfall(
         "Eq. (4) divides by x − x₀, and the spline S(x) needs x to rise",
         "A point straight above the centre has no r_j, and an arc past its vertical flank has "
@@ -181,10 +181,19 @@ def _division() -> Pitfall:
                 printed_equation_four(top, ellipse, ellipse.theta - math.pi / 2)[0])),
             Check("lsvision's radial residual there, mm", float(radial_residuals(top, ellipse)[0])),
             Check("points of 120 on an arc past both flanks where x does not rise", falling),
-            Check("homogenised along that arc: farthest from the ellipse, mm", float(
+            Check("a spline along that arc instead: farthest from the ellipse, mm", float(
                 np.abs(orthogonal_residuals(even, ellipse)).max())),
         ),
     )  # fmt: skip
+
+
+def _spline_along_arc(points: Points) -> Points:
+    """Points at equal steps of arc length, by one spline for each coordinate."""
+    from scipy.interpolate import CubicSpline
+
+    length = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
+    even: Points = CubicSpline(length, points)(np.arange(0.0, length[-1], SPLINE_STEP_MM))
+    return even
 
 
 def _which_way_is_y() -> Pitfall:

@@ -79,7 +79,7 @@ def draw_smoothing(steps: StepExample) -> str:
     figure = new_figure(3.4)
     axes = figure.subplots()
     points = steps.profile.points[steps.screened.indices]
-    kept = steps.conditioned.inliers
+    kept = steps.smoothed.inliers
     truth = min(
         (tube.ellipse for tube in steps.section.truth.tubes),
         key=lambda ellipse: float(np.abs(orthogonal_residuals(points, ellipse)).mean()),
@@ -91,7 +91,7 @@ def draw_smoothing(steps: StepExample) -> str:
     show(axes, points[kept], ".", color=GREY, ms=4, label="measured")
     if not kept.all():
         show(axes, points[~kept], "x", color=PURPLE, label="left out as jumps")
-    show(axes, steps.conditioned.points, "-", color=BLUE, lw=1.6,
+    show(axes, steps.homogenised.points, "-", color=BLUE, lw=1.6,
          label="smoothed along the arc (lsvision)")  # fmt: skip
     show(axes, steps.literal, "-", color=ORANGE, lw=1.6,
          label="smoothed as y over x (the paper's text)")  # fmt: skip

@@ -4,16 +4,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.detection.arc_detection import identify_arcs
+from lsvision.detection.arcs import IdentifiedArc
 from lsvision.detection.candidates import find_candidates
-from lsvision.detection.identification import IdentifiedArc
+from lsvision.detection.identification import identify_arcs
 from lsvision.detection.profile_preparation import prepare_profile
 from lsvision.detection.range_image import connected_components, rasterise
-from lsvision.detection.screening import screen_arc
-from lsvision.ellipse.conditioning import ConditionedArc, condition_arc
+from lsvision.detection.screening import ScreenedArc, screen_arc
 from lsvision.ellipse.fit import FittingSettings, fit_ellipse
-from lsvision.ellipse.homogenising import homogenise_profile_paper
-from lsvision.ellipse.smoothing import smooth_profile_paper
+from lsvision.ellipse.homogenising import (
+    HomogenisedArc,
+    homogenise_arc,
+    homogenise_profile_paper,
+)
+from lsvision.ellipse.smoothing import SmoothedArc, smooth_arc, smooth_profile_paper
 from lsvision.errors import LsvisionError
 from lsvision.measure import Measurement, measure_cylinders
 from lsvision.paper_pipeline import PaperSettings, initial_ellipse
@@ -46,10 +49,14 @@ class StepExample:
     windows : (k, 2) ndarray
         Middle of each window of the paper's rough identification (x) and its largest abs(r_j);
         inf where no ellipse fits. Units: mm.
-    identified, screened : IdentifiedArc
-        The first pipe's arc before and after accurate screening.
-    conditioned : ConditionedArc
-        The same, smoothed and homogenised.
+    identified : IdentifiedArc
+        The longer pipe's arc before accurate screening.
+    screened : ScreenedArc
+        The same after accurate screening.
+    smoothed : SmoothedArc
+        The same, smoothed.
+    homogenised : HomogenisedArc
+        The same, homogenised.
     literal : (m, 2) ndarray
         The arc smoothed and homogenised over x, as the paper's text has it. Units: mm.
     """
@@ -59,8 +66,9 @@ class StepExample:
     profile: PreparedProfile
     windows: FloatArray
     identified: IdentifiedArc
-    screened: IdentifiedArc
-    conditioned: ConditionedArc
+    screened: ScreenedArc
+    smoothed: SmoothedArc
+    homogenised: HomogenisedArc
     literal: Points
 
 
@@ -84,12 +92,12 @@ def run_steps(*, noise_mm: float) -> StepExample:
     arcs, _ = identify_arcs(profile, candidates, RADIUS_RANGE)
     labels = section.truth.labels[profile.sensor_columns]
     ours = [arc for arc in arcs if (labels[arc.indices] > 0).mean() > 0.5]
-    if not ours:
+    identified = max(ours, key=lambda arc: len(arc.indices), default=None)
+    screened = None if identified is None else screen_arc(profile, identified)
+    if identified is None or screened is None:
         raise ValueError(f"want noise in which the example's pipes are found, got {noise_mm} mm")
-    identified = max(ours, key=lambda arc: len(arc.indices))
-    screened = screen_arc(profile, identified)
+    smoothed = smooth_arc(screened.points, screened.ellipse)
     own = profile.points[screened.indices]
-    conditioned = condition_arc(profile.noisy_points[screened.indices], screened.ellipse)
     by_x = own[np.argsort(own[:, 0], kind="stable")]
     return StepExample(
         section=section,
@@ -98,7 +106,8 @@ def run_steps(*, noise_mm: float) -> StepExample:
         windows=_windows(profile),
         identified=identified,
         screened=screened,
-        conditioned=conditioned,
+        smoothed=smoothed,
+        homogenised=homogenise_arc(smoothed),
         literal=homogenise_profile_paper(smooth_profile_paper(by_x)),
     )
 

@@ -2,23 +2,45 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import cv2
 import numpy as np
 
-from lsvision.detection.identification import IdentifiedArc
-from lsvision.detection.screening import screen_arc
-from lsvision.ellipse.conditioning import ConditionedArc, condition_arc
-from lsvision.ellipse.fit import FittingSettings, fit_ellipse
-from lsvision.ellipse.homogenising import homogenise_profile_paper
-from lsvision.ellipse.smoothing import smooth_profile_paper
+from lsvision.detection.arcs import IdentifiedArc
+from lsvision.detection.screening import ScreenedArc, screen_arc
+from lsvision.ellipse.fit import EllipseFit, fit_ellipse, fit_noisy_points
+from lsvision.ellipse.homogenising import homogenise_arc, homogenise_profile_paper
+from lsvision.ellipse.parameters import parameters_from_ellipse
+from lsvision.ellipse.problem import least_squares
+from lsvision.ellipse.smoothing import SmoothedArc, smooth_arc, smooth_profile_paper
+from lsvision.errors import FitFailed
+from lsvision.measure import Settings
 from lsvision.paper_pipeline import PaperSettings
-from lsvision.profile import Arc, PreparedProfile
-from lsvision.shapes import Ellipse, IntArray, Points, radial_residuals
+from lsvision.profile import PreparedProfile
+from lsvision.shapes import Ellipse, FloatArray, Points, radial_residuals
+from lsvision.shapes.noisy_points import NoisyPoints, as_vectors
 
-RADIAL = FittingSettings(residual="radial")
+FITTING = Settings().fitting
+"""Every variant ends in the fit of lsvision's own chain, but for what the variant changes."""
+RADIAL = replace(FITTING, residual="radial")
+
+
+@dataclass(frozen=True, slots=True)
+class VariantFit:
+    """What a variant makes of an arc.
+
+    Parameters
+    ----------
+    ellipse : Ellipse
+        Units: mm, rad.
+    evaluations : int
+        Of the residuals in its iterative fit; 0 without one.
+    """
+
+    ellipse: Ellipse
+    evaluations: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,28 +62,45 @@ class AblationArc:
     seed: IdentifiedArc
 
     @cached_property
-    def screened(self) -> IdentifiedArc:
+    def screened(self) -> ScreenedArc:
         """After accurate screening."""
-        return screen_arc(self.profile, self.arc)
+        return self.screen(self.arc)
 
-    def condition(self, arc: IdentifiedArc) -> ConditionedArc:
-        """Smoothed and homogenised."""
-        return condition_arc(self.profile.noisy_points[arc.indices], arc.ellipse)
+    @cached_property
+    def smoothed(self) -> SmoothedArc:
+        """After smoothing."""
+        return smooth_arc(self.screened.points, self.screened.ellipse)
 
-    def points(self, indices: IntArray) -> Points:
-        """(k, 2) points of the profile. Units: mm."""
-        points: Points = self.profile.points[indices]
-        return points
+    @property
+    def inliers(self) -> NoisyPoints:
+        """Screened points that are no jumps."""
+        return self.screened.points[self.smoothed.inliers]
 
-    def finish(self, arc: IdentifiedArc) -> Ellipse:
-        """Condition and fit: the end of the chain, from any arc."""
-        conditioned = self.condition(arc)
-        return self.fit(arc.indices[conditioned.inliers], conditioned.ellipse)
+    @property
+    def initial_guess(self) -> Ellipse:
+        """After homogenising."""
+        return homogenise_arc(self.smoothed).ellipse
 
-    def fit(self, indices: IntArray, start: Ellipse) -> Ellipse:
-        """The weighted orthogonal fit."""
-        covariances = self.profile.covariances[indices]
-        return fit_ellipse(self.points(indices), start, covariances).ellipse
+    def screen(self, arc: IdentifiedArc) -> ScreenedArc:
+        """Accurate screening of any arc."""
+        screened = screen_arc(self.profile, arc)
+        if screened is None:
+            raise FitFailed("no ellipse fits the middle part of the arc")
+        return screened
+
+    @cached_property
+    def with_jumps(self) -> "AblationArc":
+        """The same arc with every point of its span, jumps too."""
+        valid = self.profile.valid_indices
+        inside = (valid >= self.arc.arc.start) & (valid < self.arc.arc.stop)
+        whole = IdentifiedArc.of(valid[inside], self.arc.ellipse)
+        return AblationArc(self.profile, whole, self.seed)
+
+    def take(self, arc: IdentifiedArc) -> ScreenedArc:
+        """An arc as it is, without screening."""
+        return ScreenedArc(
+            arc.indices, self.profile.noisy_points[arc.indices], arc.ellipse, variance_factor=1.0
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,75 +113,103 @@ class Variant:
         "as it is", "left out" or "as the paper has it".
     name : str
         In plain words.
-    ellipse_of : callable
-        Makes an ellipse of an `AblationArc`.
+    fit_of : callable
+        Makes a `VariantFit` of an `AblationArc`.
     """
 
     group: str
     name: str
-    ellipse_of: Callable[[AblationArc], Ellipse]
+    fit_of: Callable[[AblationArc], VariantFit]
 
 
-def _without_smoothing(arc: AblationArc) -> Ellipse:
-    return arc.fit(arc.screened.indices, arc.screened.ellipse)
+def _finish(screened: ScreenedArc) -> VariantFit:
+    """Smooth, homogenise and fit: the end of the chain, from any arc."""
+    smoothed = smooth_arc(screened.points, screened.ellipse)
+    return _fit(screened.points[smoothed.inliers], homogenise_arc(smoothed).ellipse)
 
 
-def _without_homogenising(arc: AblationArc) -> Ellipse:
-    kept = arc.condition(arc.screened).inliers
-    return arc.fit(arc.screened.indices[kept], arc.screened.ellipse)
+def _fit(points: NoisyPoints, initial_guess: Ellipse) -> VariantFit:
+    """The weighted orthogonal fit."""
+    fit = fit_noisy_points(points, initial_guess, settings=FITTING)
+    return _with_evaluations(fit, initial_guess)
 
 
-def _kept(arc: AblationArc) -> IntArray:
-    indices: IntArray = arc.screened.indices[arc.condition(arc.screened).inliers]
-    return indices
+def _with_evaluations(fit: EllipseFit, initial_guess: Ellipse) -> VariantFit:
+    """The fit, repeated with its evaluations counted; one without a minimum has failed."""
+    if not fit.converged:
+        raise FitFailed("no ellipse fits best")
+    evaluations = 0
+
+    def evaluate(parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+        nonlocal evaluations
+        evaluations += 1
+        return fit.problem.evaluate(parameters)
+
+    start = parameters_from_ellipse(initial_guess)
+    least_squares(evaluate, start, FITTING.max_evaluations, FITTING.tolerance)
+    return VariantFit(fit.ellipse, evaluations)
 
 
-def _direct_fit(arc: AblationArc) -> Ellipse:
+def _without_smoothing(arc: AblationArc) -> VariantFit:
+    return _fit(arc.screened.points, arc.screened.ellipse)
+
+
+def _without_homogenising(arc: AblationArc) -> VariantFit:
+    return _fit(arc.inliers, arc.screened.ellipse)
+
+
+def _direct_fit(arc: AblationArc) -> VariantFit:
     """OpenCV's algebraic fit, about the centroid because it works in float32."""
-    points = arc.points(_kept(arc))
+    points = as_vectors(arc.inliers.z)
     middle = points.mean(axis=0)
     fitted = cv2.fitEllipseDirect((points - middle).astype(np.float32))
     (x, y), (first, second), turn_deg = fitted
     centre = (float(x + middle[0]), float(y + middle[1]))
     if not (math.isfinite(first) and min(first, second) > 0):
-        return arc.screened.ellipse
-    return Ellipse.from_axes(centre, first / 2, second / 2, math.radians(turn_deg))
+        return VariantFit(arc.screened.ellipse, 0)
+    return VariantFit(Ellipse.from_axes(centre, first / 2, second / 2, math.radians(turn_deg)), 0)
 
 
-def _equal_weights(arc: AblationArc) -> Ellipse:
-    return fit_ellipse(arc.points(_kept(arc)), arc.screened.ellipse).ellipse
+def _equal_weights(arc: AblationArc) -> VariantFit:
+    return _unweighted(as_vectors(arc.inliers.z), arc.initial_guess)
 
 
-def _radial(arc: AblationArc) -> Ellipse:
-    return fit_ellipse(arc.points(_kept(arc)), arc.screened.ellipse, settings=RADIAL).ellipse
+def _unweighted(points: Points, initial_guess: Ellipse) -> VariantFit:
+    fit = fit_ellipse(points, initial_guess, settings=FITTING)
+    return _with_evaluations(fit, initial_guess)
 
 
-def _fixed_sensor_error(arc: AblationArc) -> Ellipse:
+def _radial(arc: AblationArc) -> VariantFit:
+    fit = fit_ellipse(as_vectors(arc.inliers.z), arc.initial_guess, settings=RADIAL)
+    return _with_evaluations(fit, arc.initial_guess)
+
+
+def _fixed_sensor_error(arc: AblationArc) -> VariantFit:
     """Screening with one limit in mm, Figure 9."""
     literal, indices = PaperSettings(), arc.arc.indices
+    points: Points = arc.profile.points[indices]
     part = max(1, round(literal.end_part_fraction * len(indices)))
-    middle = fit_ellipse(arc.points(indices[part:-part]), arc.arc.ellipse, settings=RADIAL).ellipse
-    kept = np.abs(radial_residuals(arc.points(indices), middle)) < literal.sensor_error_mm
+    middle = fit_ellipse(points[part:-part], arc.arc.ellipse, settings=RADIAL).ellipse
+    kept = np.abs(radial_residuals(points, middle)) < literal.sensor_error_mm
     kept[part:-part] = True
-    span = Arc(int(indices[kept][0]), int(indices[kept][-1]) + 1)
-    return arc.finish(IdentifiedArc(span, indices[kept], middle))
+    return _finish(arc.take(IdentifiedArc.of(indices[kept], middle)))
 
 
-def _smoothed_over_x(arc: AblationArc) -> Ellipse:
-    smooth = smooth_profile_paper(_by_x(arc.points(_kept(arc))))
-    return fit_ellipse(smooth, arc.screened.ellipse).ellipse
+def _smoothed_over_x(arc: AblationArc) -> VariantFit:
+    smooth = smooth_profile_paper(_by_x(as_vectors(arc.inliers.z)))
+    return _unweighted(smooth, arc.initial_guess)
 
 
-def _homogenised_over_x(arc: AblationArc) -> Ellipse:
-    even = homogenise_profile_paper(_by_x(arc.points(_kept(arc))))
-    return fit_ellipse(even, arc.screened.ellipse).ellipse
+def _homogenised_over_x(arc: AblationArc) -> VariantFit:
+    even = homogenise_profile_paper(_by_x(as_vectors(arc.inliers.z)))
+    return _unweighted(even, arc.initial_guess)
 
 
-def _all_of_it(arc: AblationArc) -> Ellipse:
+def _all_of_it(arc: AblationArc) -> VariantFit:
     """Sections 3.3 and 2.3 to the letter, on an arc that is found and screened as ours."""
-    smooth = smooth_profile_paper(_by_x(arc.points(arc.screened.indices)))
-    even = homogenise_profile_paper(smooth)
-    return fit_ellipse(even, arc.screened.ellipse, settings=RADIAL).ellipse
+    smooth = smooth_profile_paper(_by_x(as_vectors(arc.screened.points.z)))
+    fit = fit_ellipse(homogenise_profile_paper(smooth), arc.initial_guess, settings=RADIAL)
+    return _with_evaluations(fit, arc.initial_guess)
 
 
 def _by_x(points: Points) -> Points:
@@ -152,11 +219,15 @@ def _by_x(points: Points) -> Points:
 
 LEFT_OUT, AS_PAPER = "left out", "as the paper has it"
 VARIANTS = (
-    Variant("as it is", "every step, as lsvision does it", lambda arc: arc.finish(arc.screened)),
+    Variant("as it is", "every step, as lsvision does it", lambda arc: _finish(arc.screened)),
     Variant(LEFT_OUT, "rough identification: the first candidate is the arc",
-            lambda arc: arc.finish(screen_arc(arc.profile, arc.seed))),
-    Variant(LEFT_OUT, "accurate screening", lambda arc: arc.finish(arc.arc)),
+            lambda arc: _finish(arc.screen(arc.seed))),
+    Variant(LEFT_OUT, "accurate screening", lambda arc: _finish(arc.take(arc.arc))),
     Variant(LEFT_OUT, "smoothing", _without_smoothing),
+    Variant(LEFT_OUT, "sensor error of rough identification inside the arc",
+            lambda arc: _finish(arc.with_jumps.screened)),
+    Variant(LEFT_OUT, "that sensor error and smoothing",
+            lambda arc: _without_smoothing(arc.with_jumps)),
     Variant(LEFT_OUT, "homogenising", _without_homogenising),
     Variant(LEFT_OUT, "iterative fit: a direct algebraic one instead", _direct_fit),
     Variant(AS_PAPER, "screening with one sensor error of 0.9 mm", _fixed_sensor_error),

@@ -94,10 +94,9 @@ def build_cloud(
     for owner, (profile, pose) in enumerate(zip(profiles, base_from_sections, strict=True)):
         weighed = prepare_profile(profile, (sensor or profile.noise) if known else None)
         plane, order = pose.rotation[:, :2], weighed.valid_indices
-        covariances = plane @ weighed.covariances[order] @ plane.T
-        parts.append(
-            (pose.apply(weighed.points[order]), covariances, np.full(len(order), owner), order)
-        )
+        covariances = plane @ weighed.noisy_points[order].covariances @ plane.T
+        points, columns = pose.apply(weighed.points[order]), weighed.sensor_columns[order]
+        parts.append((points, covariances, np.full(len(order), owner), columns))
     points, covariances, owners, indices = (
         np.concatenate(part) for part in zip(*parts, strict=True)
     )

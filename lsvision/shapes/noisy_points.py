@@ -49,6 +49,21 @@ class NoisyPoints:
         deviator.real, deviator.imag = (xx - yy) / 2, -xy
         return cls(as_complex(points), (xx + yy) / 2, deviator)
 
+    @classmethod
+    def alike(cls, z: ComplexArray, x_std: float, y_std: float) -> Self:
+        """Points x + iy with the same independent errors of x and y. Units: mm."""
+        mean, deviator = (x_std**2 + y_std**2) / 2, (x_std**2 - y_std**2) / 2
+        return cls(z, np.full(len(z), mean), np.full(len(z), complex(deviator)))
+
+    @property
+    def covariances(self) -> FloatArray:
+        """(n, 2, 2) covariances of x and y. Units: mm^2."""
+        matrices = np.empty((len(self.z), 2, 2))
+        matrices[:, 0, 0] = self.mean_variance + self.deviator.real
+        matrices[:, 1, 1] = self.mean_variance - self.deviator.real
+        matrices[:, 0, 1] = matrices[:, 1, 0] = -self.deviator.imag
+        return matrices
+
     def __len__(self) -> int:
         return len(self.z)
 

@@ -1,34 +1,36 @@
 """How much less correlated errors tell than independent ones: the effective number of points.
 
-Real profile sensors smooth along the line and have errors of form that many neighbours share.
-A fit of five parameters hides the slowest of them from its own residuals, so their size is
-read off the slow waves just above, and off how fast the spectrum rises towards them.
+Real profile sensors smooth along the line and have form errors that many neighbours share. A fit
+of five parameters absorbs the lowest frequencies of such errors, so their size is estimated from
+the lowest frequencies that it leaves, and from how fast the spectrum rises towards them.
 """
 
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from lsvision.shapes import FloatArray
 
 TINY = 1e-300
-LOW_FREQUENCY_BAND = slice(4, 12)
-"""Half waves along the arc that five parameters do not absorb, and still are slow."""
+LOW_FREQUENCY_BAND = slice(4, 8)
+"""Half waves along the arc that five parameters do not absorb, the lowest four."""
 REFERENCE_BAND = slice(12, 34)
-MAX_LOW_FREQUENCY_POWER = 2.75
-"""Power of the slow waves, over independent errors', that chance reaches once in 200 arcs."""
-LOW_FREQUENCY_DOF = 4.0
-"""Degrees of freedom of a variance that is extrapolated from so few waves."""
-GRAZING_INCIDENCE_DEG = 45.0
-"""Incidence at which a smoothing sensor's error has grown by sqrt(2), the spot lying across an
-ever longer stretch of the surface. Units: deg. From the real arcs of spheres: their errors have
-the same sign from about 55 deg on."""
-
-
+"""Half waves with which the lowest are compared."""
+MIN_WAVES = REFERENCE_BAND.stop + 6
+"""Points below which there is no reference band."""
+LOW_FREQUENCY_DOF = float(LOW_FREQUENCY_BAND.stop - LOW_FREQUENCY_BAND.start)
+"""Degrees of freedom of a variance that is estimated from the low-frequency band."""
+MAX_LOW_FREQUENCY_POWER = 2.786
+"""Mean power of the low-frequency band, over that of independent errors, that chance exceeds once
+in 40 arcs: the 97.5 % quantile of chi^2 with 4 degrees of freedom over 4."""
+MAX_SMOOTHED_RISE = 2.0
+"""A sensor that smooths attenuates the reference band too: the rise towards low frequencies then
+counts no more than this. Without the limit the interval of smoothed data is far too wide, without
+the rise one real sphere in ten has an interval of phi that does not reach 0."""
 LAG1_SIGMAS = 3.5
-"""Standard errors by which the correlation of neighbours must exceed zero to tell a sensor that
-smooths along the line."""
+"""Standard errors by which the correlation of neighbours must exceed zero to show a sensor that
+smooths along the line: one arc in 4000 by chance."""
+LAG_SIGMAS = 2.0
+"""Standard errors above which the correlation at a lag counts in the autocorrelation time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,12 +42,15 @@ class Correlation:
     autocorrelation_time : float
         Points over effective points; 1 for independent errors.
     coloured : bool
-        Whether the errors are those of a sensor that smooths along the line: neighbours are
-        significantly alike, or slow waves stand out.
+        Whether `autocorrelation_time` rests on the low-frequency band, and so on its few degrees
+        of freedom: neighbours are correlated, or the lowest frequencies stand out.
+    neighbours_correlated : bool
+        Whether neighbours are significantly correlated: a sensor that smooths along the line.
     """
 
     autocorrelation_time: float
     coloured: bool
+    neighbours_correlated: bool
 
 
 def estimate_correlation(normalised: FloatArray) -> Correlation:
@@ -59,27 +64,44 @@ def estimate_correlation(normalised: FloatArray) -> Correlation:
     Returns
     -------
     Correlation
-        The factor is what neighbours share, or the power of the slow waves extrapolated to
-        those that the fit absorbs, whichever is more; below 40 points the former.
+        Below 40 points neighbours alone are compared.
     """
     n = len(normalised)
     centred = _centred(normalised)
-    factor = _autocorrelation_time(centred)
-    alike = n >= 8 and _autocorrelation(centred, 1) > LAG1_SIGMAS / math.sqrt(n)
-    if n < REFERENCE_BAND.stop + 6:
-        return Correlation(factor, alike)
+    time = _autocorrelation_time(centred)
+    neighbours = neighbours_correlated(normalised)
+    if n < MIN_WAVES:
+        return Correlation(time, neighbours, neighbours)
+    low, reference = _band_powers(normalised)
+    if not neighbours and low < MAX_LOW_FREQUENCY_POWER:
+        return Correlation(time, coloured=False, neighbours_correlated=False)
+    rise = max(low / max(reference, TINY), 1.0)
+    if neighbours:
+        rise = min(rise, MAX_SMOOTHED_RISE)
+    return Correlation(max(time, reference, low * rise), True, neighbours)
+
+
+def _band_powers(normalised: FloatArray) -> tuple[float, float]:
+    """Mean power of the low-frequency and reference bands, over that of independent errors."""
     from scipy.fft import dct
 
     waves = dct(normalised, norm="ortho")
-    typical = max(float(normalised @ normalised) / n, TINY)
-    slow, following = (
-        float(waves[part] @ waves[part]) / (part.stop - part.start) / typical
-        for part in (LOW_FREQUENCY_BAND, REFERENCE_BAND)
-    )
-    if not alike and slow < MAX_LOW_FREQUENCY_POWER:
-        return Correlation(factor, coloured=False)
-    extrapolated = slow * max(1.0, slow / max(following, TINY))
-    return Correlation(max(factor, following, extrapolated), coloured=True)
+    typical = max(float(normalised @ normalised) / len(normalised), TINY)
+    bands = (waves[LOW_FREQUENCY_BAND], waves[REFERENCE_BAND])
+    low, reference = (float(band @ band) / len(band) / typical for band in bands)
+    return low, reference
+
+
+def neighbours_correlated(normalised: FloatArray) -> bool:
+    """Whether neighbours are significantly correlated: a sensor that smooths along the line.
+
+    Parameters
+    ----------
+    normalised : (n,) ndarray
+        Residuals over their standard deviations, in order along the line; never below 8.
+    """
+    n = len(normalised)
+    return n >= 8 and _autocorrelation(_centred(normalised), 1) > LAG1_SIGMAS / math.sqrt(n)
 
 
 def autocorrelation_time(normalised: FloatArray) -> float:
@@ -93,13 +115,13 @@ def autocorrelation_time(normalised: FloatArray) -> float:
 
 def _autocorrelation_time(centred: FloatArray) -> float:
     n = len(centred)
-    factor, limit = 1.0, 2 / math.sqrt(max(n, 1))
+    time, limit = 1.0, LAG_SIGMAS / math.sqrt(max(n, 1))
     for lag in range(1, n // 3 if n >= 8 else 0):
         rho = _autocorrelation(centred, lag)
         if rho < limit:
             break
-        factor += 2 * (1 - lag / n) * rho
-    return factor
+        time += 2 * (1 - lag / n) * rho
+    return time
 
 
 def _centred(values: FloatArray) -> FloatArray:
@@ -109,13 +131,3 @@ def _centred(values: FloatArray) -> FloatArray:
 
 def _autocorrelation(centred: FloatArray, lag: int) -> float:
     return float(centred[lag:] @ centred[:-lag]) / max(float(centred @ centred), TINY)
-
-
-def incidence_std_factor(towards: FloatArray) -> FloatArray:
-    """Relative error of a smoothing sensor by incidence; 1 where square on. (n,).
-
-    `towards` is the component of the unit normals towards the sensor, +Y.
-    """
-    incidence = np.degrees(np.arccos(np.clip(towards, -1, 1)))
-    stds: FloatArray = np.sqrt(1 + (incidence / GRAZING_INCIDENCE_DEG) ** 8)
-    return stds

@@ -129,6 +129,15 @@ def test_of_a_circle_the_direction_is_known_as_well_as_phi():
         assert section.phi_std / 2 < placed.direction_std < 2 * section.phi_std + section.phi
 
 
+def test_of_a_circle_the_radius_is_known_as_well_as_in_its_section():
+    """Where the linear approximation does not see the kink of b = m - |(p, q)|."""
+    truth = pipe(0.0)
+    section = section_of(measured(upper_arc(truth), np.random.default_rng(2)), truth)
+    assert section.radius_std != pytest.approx(math.sqrt(section.covariance[3, 3]), rel=0.02)
+    for placed in place_section(section, SECTION, FLANGE):
+        assert placed.radius_std == pytest.approx(section.radius_std)
+
+
 def test_a_calibration_of_something_else_is_refused():
     camera = HandEye(
         mount_from_sensor=SECTION, covariance=np.eye(6), residuals=[0.0],

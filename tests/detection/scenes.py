@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 
-from lsvision import Profile
+from lsvision import Ellipse, PointNoise, Profile
+from lsvision.detection.arcs import IdentifiedArc
 from lsvision.detection.profile_preparation import prepare_profile
 
 PITCH = 0.6  # mm
@@ -32,3 +33,31 @@ def dome(centre, radius, half_deg=75.0, y=-440.0):
 def bowl(centre, radius, half_deg=75.0, y=-400.0):
     x, up = dome(centre, radius, half_deg, 0.0).T
     return np.column_stack([x, y - up])
+
+
+def exact(points, std=0.01):
+    """Points without errors as a prepared profile that takes each as known to `std` mm."""
+    noise = PointNoise(np.tile(std**2 * np.eye(2), (len(points), 1, 1)))
+    return prepare_profile(Profile(points), noise)
+
+
+def arc_points(angles_deg, radius=20.0, centre=(0.0, -440.0)):
+    """Points of a circle at angles from the top, positive to the right."""
+    angles = np.radians(angles_deg)
+    return np.column_stack([np.sin(angles), np.cos(angles)]) * radius + centre
+
+
+def walk(start, headings_deg, step):
+    """Points one step after the other from `start`, each step in its own direction from +X."""
+    headings = np.radians(headings_deg)
+    steps = step * np.column_stack([np.cos(headings), np.sin(headings)])
+    return start + np.cumsum(steps, axis=0)
+
+
+def circle(radius=20.0, centre=(0.0, -440.0)):
+    return Ellipse(centre, radius, radius, 0.0)
+
+
+def identified(start, stop, ellipse):
+    """The arc of all points [start, stop)."""
+    return IdentifiedArc.of(np.arange(start, stop), ellipse)

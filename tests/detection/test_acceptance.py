@@ -1,92 +1,72 @@
-"""Each reason has an arc that earns it, and the arc beside it that does not."""
+"""Each reason has a section that earns it, and the section beside it that does not."""
 
 import math
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from lsvision import Ellipse, PointNoise, Profile
+from lsvision import Ellipse, PointNoise, Profile, ProfileSensor
 from lsvision.detection.acceptance import (
     AcceptanceSettings,
-    convergence_rejection_reason,
     coverage,
-    neighbourhood_rejection_reason,
-    radius_rejection_reason,
     rejection_reason,
+    shape_rejection_reason,
+    undeterminable_radius_reason,
 )
-from lsvision.detection.identification import IdentifiedArc
 from lsvision.detection.profile_preparation import prepare_profile
-from lsvision.detection.rejections import unassigned_run_reasons
-from lsvision.ellipse.fit import FittingSettings, fit_ellipse
+from lsvision.ellipse.fit import FittingSettings
+from lsvision.ellipse.phi_prior import PhiPrior
+from lsvision.ellipse.problem import RadiusPrior
+from lsvision.ellipse.refinement import Priors, refine_arc
+from lsvision.ellipse.section import CylinderSection
 from lsvision.profile import Arc
-from tests.detection.scenes import bowl, dome, flat, line
+from tests.detection.scenes import arc_points, circle, exact
 
 RANGE = (5.0, 60.0)
-STEEPEST = AcceptanceSettings().max_tilt_deg
+SETTINGS = FittingSettings(reweightings=0, max_evaluations=20, tolerance=1e-6)
 
 
-def circle(radius, y=-440.0):
-    return Ellipse((0.0, y), radius, radius, 0.0)
+def fan(degrees, count=100, middle_deg=90.0):
+    """Normals of an arc."""
+    return np.exp(1j * np.radians(middle_deg + np.linspace(-degrees / 2, degrees / 2, count)))
 
 
-def arc_of(profile, ellipse, indices=None):
-    indices = profile.valid_indices if indices is None else np.asarray(indices)
-    return IdentifiedArc(Arc(int(indices[0]), int(indices[-1]) + 1), indices, ellipse)
-
-
-def against(points, ellipse, indices=None, noise_mm=0.02):
-    profile = line(points, noise_mm=noise_mm)
-    return rejection_reason(profile, arc_of(profile, ellipse, indices), RANGE)
-
-
-def test_nothing_speaks_against_a_dome():
-    assert against(dome(0, 20), circle(20)) is None
-
-
-def needle(points=120):
-    """A pipe tilted by 70 deg, its major axis along X."""
-    ellipse = Ellipse((0.0, -440.0), 20 / math.cos(math.radians(70)), 20.0, 0.0)
-    return ellipse.points_at(np.radians(np.linspace(170, 10, points))), ellipse
+def tilted(phi_deg, radius=20.0):
+    return Ellipse((0.0, -440.0), radius / math.cos(math.radians(phi_deg)), radius, 0.0)
 
 
 @pytest.mark.parametrize(
-    ("points", "ellipse", "indices", "reason"),
+    ("ellipse", "normals", "reason"),
     [
-        pytest.param(dome(0, 20), circle(20), range(0, 60, 6),
-                     "only 10 points on an ellipse, needs 12", id="few points"),
-        pytest.param(bowl(0, 20, y=-440), circle(20), None, "concave towards the sensor",
+        pytest.param(circle(20), fan(120, 12), None, id="twelve points"),
+        pytest.param(circle(20), fan(120, 11), "only 11 points on an ellipse, needs 12",
+                     id="eleven points"),
+        pytest.param(circle(20), fan(120, middle_deg=5), None, id="a left flank"),
+        pytest.param(circle(20), fan(120, middle_deg=-5), "concave towards the sensor",
                      id="concave"),
-        pytest.param(dome(0, 80), circle(80), None, r"radius 80 mm outside 5 to 60 mm",
-                     id="too large"),
-        pytest.param(dome(0, 4.5, 85), circle(4.5), None, "radius 4.5 mm outside 5 to 60 mm",
-                     id="too small"),
-        pytest.param(*needle(), None, f"tilt 70 deg over {STEEPEST:.0f} deg", id="needle"),
-        pytest.param(dome(0, 50, 15), circle(50), None, r"arc covers (29|30|31) deg, needs 38 deg",
-                     id="short"),
-        pytest.param(dome(0, 20), circle(20.3), None,
-                     r"residual rms \d+\.\d times the noise, limit \d+\.\d", id="off"),
-        pytest.param(dome(0, 20), circle(20), range(0, 64, 2),
-                     r"only 32 of 63 points of the span lie on the ellipse", id="thin"),
+        pytest.param(circle(59), fan(120), None, id="large enough"),
+        pytest.param(circle(80), fan(120), "radius 80 mm outside 5 to 60 mm", id="too large"),
+        pytest.param(circle(5.1), fan(120), None, id="small enough"),
+        pytest.param(circle(4.9), fan(120), "radius 4.9 mm outside 5 to 60 mm", id="too small"),
+        pytest.param(tilted(59.5), fan(120), None, id="tilted"),
+        pytest.param(tilted(60.6), fan(120), "tilt 61 deg over 60 deg", id="needle"),
+        pytest.param(circle(20), fan(38.2), None, id="long enough"),
+        pytest.param(circle(20), fan(37.4), "arc covers 37 deg, needs 38 deg", id="short"),
     ],
 )  # fmt: skip
-def test_each_reason_has_an_arc_that_earns_it(points, ellipse, indices, reason):
-    assert re.fullmatch(reason, against(points, ellipse, indices))
+def test_each_limit_of_the_shape_has_an_arc_on_either_side(ellipse, normals, reason):
+    assert shape_rejection_reason(ellipse, normals, RANGE) == reason
 
 
-def test_a_dome_that_rises_less_than_its_noise_is_flat():
-    points = dome(0, 11, 21) + 0.01 * np.sin(np.arange(14))[:, None]
-    noise = PointNoise(np.tile(0.4**2 * np.eye(2), (len(points), 1, 1)))
-    profile = prepare_profile(Profile(points), noise)
-    found = rejection_reason(profile, arc_of(profile, circle(11)), RANGE)
-    assert re.fullmatch(r"flat: rises 0\.7\d mm over its chord at 0\.(39|40) mm noise", found)
-
-
-def test_an_unscreened_arc_may_scatter_more():
-    profile = line(dome(0, 20))
-    off = arc_of(profile, circle(20.12))
-    assert "residual rms" in rejection_reason(profile, off, RANGE)
-    assert rejection_reason(profile, off, RANGE, noise_factor_scale=10.0) is None
+def test_limits_of_the_shape_can_be_set():
+    strict = AcceptanceSettings(min_points=50, max_tilt_deg=30, min_coverage_deg=100)
+    for ellipse, normals in (
+        (circle(20), fan(120, 49)), (tilted(31), fan(120)), (circle(20), fan(99)),
+    ):  # fmt: skip
+        assert shape_rejection_reason(ellipse, normals, RANGE) is None
+        assert shape_rejection_reason(ellipse, normals, RANGE, strict) is not None
 
 
 def test_coverage_is_the_fan_of_the_normals():
@@ -94,91 +74,218 @@ def test_coverage_is_the_fan_of_the_normals():
     assert coverage(np.exp(1j * turn)) == pytest.approx(math.radians(160))
 
 
-def smooth_crest():
-    """A dome of 2 x 30 deg that goes on along its tangents."""
-    crest = dome(0, 20, 30)
-    slope = math.tan(math.radians(30))
-    right = flat(10, 30, y=crest[-1, 1], slope=-slope)
-    left = right[::-1] * (-1, 1)
-    return np.concatenate([left, crest, right]), len(left), len(left) + len(crest)
+def test_coverage_knows_no_cut_at_180_deg():
+    turn = np.radians(np.linspace(150, 210, 50))
+    assert coverage(np.exp(1j * turn)) == pytest.approx(math.radians(60))
 
 
-def test_the_crest_of_a_bent_sheet_goes_on_smoothly():
-    points, start, stop = smooth_crest()
-    profile = line(points)
-    crest = arc_of(profile, circle(20), np.arange(start, stop))
-    assert "goes on smoothly at both ends (turns " in neighbourhood_rejection_reason(profile, crest)
+def fitted(profile, start_ellipse, rows=None, *, radius=None, phi=None, settings=SETTINGS):
+    """The section of some rows of a profile."""
+    rows = profile.valid_indices if rows is None else np.asarray(rows)
+    std = profile.noise_std if profile.noise_is_estimated else None
+    points = profile.noisy_points[rows]
+    fit = refine_arc(points, start_ellipse, Priors(radius, phi), settings, std)
+    return CylinderSection(fit, Arc(int(rows[0]), int(rows[-1]) + 1), rows)
 
 
-def test_a_pipe_on_a_plate_ends_in_a_kink():
-    left, pipe = flat(-50, -20), dome(0, 20)
-    profile = line(left, pipe, flat(20, 50))
-    arc = arc_of(profile, circle(20), np.arange(len(left), len(left) + len(pipe)))
-    assert neighbourhood_rejection_reason(profile, arc) is None
+def reason_of(points, std, rows=None, ellipse=None, **priors):
+    profile = exact(points, std)
+    section = fitted(profile, circle() if ellipse is None else ellipse, rows, **priors)
+    return rejection_reason(profile, section, RANGE)
 
 
-def test_a_pipe_alone_has_free_ends():
-    profile = line(dome(0, 20))
-    assert neighbourhood_rejection_reason(profile, arc_of(profile, circle(20))) is None
+ANGLES = np.arange(-70.0, 70.1, 2.0)  # 71 of them
 
 
-def test_a_rounded_edge_goes_on_smoothly_at_one_end():
-    edge = dome(0, 5, 85)
-    edge = edge[edge[:, 0] >= 0]
-    profile = line(flat(-20, 0, y=-435), edge)
-    start = len(flat(-20, 0))
-    arc = arc_of(profile, circle(5), np.arange(start, start + len(edge)))
-    assert neighbourhood_rejection_reason(profile, arc).startswith(
-        f"rounded edge: {len(edge)} points"
+def test_nothing_speaks_against_a_circle():
+    assert reason_of(arc_points(ANGLES), 0.02) is None
+
+
+def test_the_shape_is_that_of_the_fit():
+    assert reason_of(arc_points(ANGLES, radius=80.0), 0.02, ellipse=circle(80)) == (
+        "radius 80 mm outside 5 to 60 mm"
     )
 
 
-@pytest.mark.parametrize(
-    ("points", "reason"),
-    [
-        pytest.param(flat(0, 60), "flat: 0.0", id="bar"),
-        pytest.param(flat(0, 60, slope=0.7), "flat: 0.0", id="sloping bar"),
-        pytest.param(bowl(0, 20), "concave towards the sensor", id="bowl"),
-        pytest.param(dome(0, 80, 40), "radius 80 mm outside 5 to 60 mm", id="large"),
-        pytest.param(np.concatenate([flat(0, 20), flat(20, 40, y=-430), flat(40, 60)]),
-                     "no ellipse: best circle leaves ", id="box"),
-    ],
-)  # fmt: skip
-def test_leftovers_have_their_reason(points, reason, rng):
-    noisy = points + 0.02 * rng.normal(size=points.shape)
-    assert unassigned_run_reasons([noisy], 0.02, RANGE)[0].startswith(reason)
+def wavy(amplitude, waves=36.0):
+    """A circle with waves too short for an ellipse: rms amplitude / sqrt(2)."""
+    wave = amplitude * np.sin(np.radians(waves * ANGLES + 20))[:, None]
+    return arc_points(ANGLES) + wave * arc_points(ANGLES, 1.0, (0.0, 0.0))
 
 
-def test_points_at_one_place_are_left_over_without_breaking():
-    profile = prepare_profile(Profile(np.zeros((9, 2))), None)
-    (reason,) = unassigned_run_reasons([profile.points], profile.noise_std, RANGE)
-    assert reason.startswith("flat: 0.00 mm")
+@pytest.mark.parametrize(("rms", "refused"), [(2.5, False), (2.9, False), (3.1, True), (4.0, True)])
+def test_residuals_of_three_times_the_given_noise_are_too_large(rms, refused):
+    """Variances along the normal and across it add up to twice the mean variance."""
+    std = 0.1  # 3 std are more than a hundredth of the radius
+    reason = reason_of(wavy(2 * std * rms), std, phi=PhiPrior(0.0))
+    if refused:
+        assert re.fullmatch(
+            rf"residual rms {rms:.1f} times the noise, limit 3\.0: is the sensor's noise right\?",
+            reason,
+        )
+    else:
+        assert reason is None
 
 
-@pytest.mark.parametrize(
-    ("radius", "std", "match"),
-    [(19.0, 21.0, "too short or too noisy"), (90.0, 40.0, "any gentle curve in a view of 200 mm")],
-)
-def test_a_radius_that_is_hardly_known_is_none(radius, std, match):
-    x = np.linspace(-100, 100, 300)
-    weighed = prepare_profile(Profile(np.column_stack([x, 0 * x - 400.0])), None)
-    assert match in radius_rejection_reason(weighed, radius, std)
-    assert radius_rejection_reason(weighed, radius, radius / 10) is None
+def test_residuals_of_a_hundredth_of_the_radius_are_never_too_large():
+    """20 mm: 0.2 mm, however small the noise."""
+    std = 0.01
+    assert reason_of(wavy(math.sqrt(2) * 0.19), std) is None
+    assert "residual rms" in reason_of(wavy(math.sqrt(2) * 0.21), std)
+
+
+def test_estimated_noise_is_not_blamed_on_the_sensor(rng):
+    points = wavy(1.0, waves=9.0) + 0.01 * rng.normal(size=(71, 2))
+    profile = prepare_profile(Profile(points), None)
+    reason = rejection_reason(profile, fitted(profile, circle()), RANGE)
+    assert re.fullmatch(r"residual rms \d+\.\d times the noise, limit \d+\.\d", reason)
+
+
+@pytest.mark.parametrize("angles", [ANGLES, ANGLES - 25.0], ids=["upright", "a flank"])
+def test_an_arc_that_rises_by_less_than_20_sigma_of_its_mean_is_flat(angles):
+    """Its sagitta is 20 (1 - cos 70 deg) = 13.16 mm; sigma of the mean of 71 is 0.119 sigma."""
+    limit = 20 * (1 - math.cos(math.radians(70))) / 20 * math.sqrt(71)
+    # Errors of rounding alone would be correlated by chance.
+    points = arc_points(angles)
+    points[::2] *= 1 + 1e-9
+    assert reason_of(points, 0.98 * limit, phi=PhiPrior(0.0)) is None
+    assert reason_of(points, 1.02 * limit, phi=PhiPrior(0.0)) == (
+        f"flat: rises 13.16 mm over its chord at {1.02 * limit:.2f} mm noise"
+    )
+
+
+def test_seven_of_ten_points_of_the_span_must_lie_on_it():
+    for count, refused in ((51, False), (50, False), (49, True), (40, True)):
+        # 71 points; the first and the last count.
+        rows = np.unique(np.round(np.linspace(0, 70, count)).astype(int))
+        assert len(rows) == count
+        reason = reason_of(arc_points(ANGLES), 0.02, rows)
+        expected = f"only {count} of 71 points of the span lie on the ellipse"
+        assert reason == (expected if refused else None)
+
+
+def test_lost_points_are_no_points_of_the_span():
+    profile = exact(arc_points(ANGLES), 0.02)
+    rows = np.arange(0, 71, 2)
+    lost = np.setdiff1d(np.arange(1, 70), rows)[:33]
+    points = profile.points.copy()
+    points[lost] = np.nan
+    section = fitted(profile, circle(), rows)
+    assert rejection_reason(profile, section, RANGE) is not None
+    thinned = SimpleNamespace(
+        points=points,
+        noisy_points=profile.noisy_points,
+        max_noise_factor=profile.max_noise_factor,
+        noise_is_estimated=False,
+    )
+    assert rejection_reason(thinned, section, RANGE) is None
 
 
 def test_a_parabola_has_no_best_ellipse():
-    """The nearer an ellipse comes to it the longer it is: no fit settles."""
+    """The nearer an ellipse comes to it the longer it is: no fit converges."""
     x = np.linspace(-20, 20, 60)
     points = np.column_stack([x, -400.0 - x**2 / 40])
-    start = Ellipse((0.0, -420.0), 20.0, 20.0, 0.0)
-    fit = fit_ellipse(points, start, settings=FittingSettings(max_evaluations=20))
-    assert convergence_rejection_reason(fit).startswith(
-        "no ellipse fits best: the thinner the better"
+    profile = exact(points, 0.02)
+    few = FittingSettings(reweightings=0, max_evaluations=7, tolerance=1e-6)
+    section = fitted(profile, circle(20, (0.0, -420.0)), settings=few)
+    wide = AcceptanceSettings(max_tilt_deg=89.0)
+    reason = rejection_reason(profile, section, (1.0, 1000.0), wide)
+    assert re.fullmatch(
+        r"no ellipse fits best: the flatter the better \(the fit stopped at \d\d deg\)", reason
     )
 
 
-def test_a_fit_that_reached_its_minimum_is_an_ellipse():
-    truth = Ellipse((0.0, -420.0), 22.0, 19.0, 0.3)
-    points = truth.points_at(np.linspace(0.3, 2.6, 60))
-    start = Ellipse((0.0, -420.0), 20.0, 20.0, 0.0)
-    assert convergence_rejection_reason(fit_ellipse(points, start)) is None
+def section_of(low, high, *, radius=20.0, std=5.0, known_radius=None, known_phi=None):
+    problem = SimpleNamespace(known_radius=known_radius, known_phi=known_phi)
+    return SimpleNamespace(
+        fit=SimpleNamespace(problem=problem),
+        radius=radius,
+        radius_std=std,
+        interval=lambda quantity: {"radius": (low, high)}[quantity],
+    )
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "refused"),
+    [
+        (15.0, 30.0, False),
+        (10.1, 30.0, False),
+        (9.9, 30.0, True),
+        (8.0, 30.0, True),
+        (15.0, 39.0, False),
+        (15.0, 41.0, True),
+        (15.0, math.inf, True),
+    ],
+)
+def test_a_radius_must_be_bounded_within_a_factor_of_two(low, high, refused):
+    reason = undeterminable_radius_reason(section_of(low, high))
+    expected = f"radius not determinable: {low:.3g} to {high:.3g} mm (95 %); a longer arc is needed"
+    assert reason == (expected if refused else None)
+
+
+@pytest.mark.parametrize("known", [{"known_radius": 20.0}, {"known_phi": 0.0}])
+def test_what_is_known_bounds_the_radius(known):
+    assert undeterminable_radius_reason(section_of(5.0, 100.0, **known)) is None
+
+
+@pytest.mark.parametrize(
+    ("sigmas", "reason"),
+    [
+        (1.5, "radius not determinable: 20 +/- 13 mm; a longer arc is needed"),
+        (1.9, "radius not determinable: 20 +/- 11 mm; a longer arc is needed"),
+        (2.1, "radius not determinable: 5 to 100 mm (95 %); a longer arc is needed"),
+        (5.9, "radius not determinable: 5 to 100 mm (95 %); a longer arc is needed"),
+        (6.1, None),
+        (8.0, None),
+    ],
+)
+def test_a_radius_of_two_to_six_sigma_needs_its_interval(sigmas, reason):
+    """Profile-likelihood intervals take time: fewer sigma are too few, more are enough."""
+    assert undeterminable_radius_reason(section_of(5.0, 100.0, std=20 / sigmas)) == reason
+
+
+SENSOR = ProfileSensor(range_std=0.25)
+
+
+def short_arc(seed, degrees):
+    """An arc of a circle of 20 mm under the sensor, with errors along the rays."""
+    rng = np.random.default_rng([45, seed])
+    points = arc_points(np.linspace(-degrees / 2, degrees / 2, 40), centre=(0.0, -400.0))
+    ranges = np.hypot(*points.T)
+    return points * (1 + 0.25 * (ranges / 400) ** 2 / ranges * rng.normal(size=40))[:, None]
+
+
+@pytest.mark.parametrize("sensor", [SENSOR, None], ids=["sensor", "estimated"])
+def test_the_radius_of_45_deg_with_noise_is_not_determinable(sensor):
+    refused = 0
+    for seed in range(12):
+        profile = prepare_profile(Profile(short_arc(seed, 45)), sensor)
+        start = circle(20.0, (0.0, -400.0))
+        reason = undeterminable_radius_reason(fitted(profile, start))
+        for known in ({"radius": RadiusPrior(20.0)}, {"phi": PhiPrior(0.0)}):
+            assert undeterminable_radius_reason(fitted(profile, start, **known)) is None
+        if reason is not None:
+            refused += 1
+            assert re.fullmatch(
+                r"radius not determinable: (\S+ to \S+ mm \(95 %\)|\S+ \+/- \S+ mm); "
+                "a longer arc is needed",
+                reason,
+            )
+    assert refused >= 10
+
+
+def test_the_radius_of_150_deg_is_determinable():
+    for seed in range(5):
+        profile = prepare_profile(Profile(short_arc(seed, 150)), SENSOR)
+        assert undeterminable_radius_reason(fitted(profile, circle(20.0, (0.0, -400.0)))) is None
+
+
+def test_points_with_noise_of_their_own_are_judged_by_it():
+    """Twice as many sigmas where each point's own standard deviation is halved."""
+    noise = PointNoise(np.tile(0.05**2 * np.eye(2), (71, 1, 1)))
+    profile = prepare_profile(Profile(wavy(0.6)), noise)
+    section = fitted(profile, circle())
+    assert "residual rms" in rejection_reason(profile, section, RANGE)
+    coarse = PointNoise(np.tile(0.2**2 * np.eye(2), (71, 1, 1)))
+    profile = prepare_profile(Profile(wavy(0.6)), coarse)
+    assert rejection_reason(profile, fitted(profile, circle()), RANGE) is None

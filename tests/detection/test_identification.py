@@ -1,16 +1,23 @@
+"""What a candidate grows to, on lines without errors where the last point can be told by hand."""
+
+import math
+
 import numpy as np
 import pytest
 
-from lsvision.detection.arc_detection import identify_arcs
+from lsvision import Ellipse, Profile
+from lsvision.detection import identification
 from lsvision.detection.candidates import Candidate, find_candidates
-from lsvision.detection.identification import identify_arc
+from lsvision.detection.identification import connected_inliers, grow_arc, identify_arcs
 from lsvision.detection.profile_preparation import prepare_profile
 from lsvision.detection.range_image import connected_components, rasterise
 from lsvision.detection.search_range import search_range
 from lsvision.profile import Arc
+from lsvision.shapes.noisy_points import NoisyPoints, as_complex
 from lsvision.simulate import SectionSettings
 from lsvision.simulate.scene_kinds import random_section
-from tests.detection.scenes import dome, flat, line
+from tests.detection.scenes import arc_points, dome, exact, flat, line
+from tests.other_scenes import other_scene
 
 RANGE = (5.0, 60.0)
 LEFT, PIPE, RIGHT = flat(-50, -20), dome(0, 20), flat(20, 50)
@@ -18,54 +25,69 @@ FIRST, STOP = len(LEFT), len(LEFT) + len(PIPE)
 
 
 def best_candidate(profile):
-    return find_candidates(profile, connected_components(rasterise(profile), 10), RANGE)[0]
+    components = connected_components(rasterise(profile), 10)
+    return find_candidates(profile, components, RANGE)[0]
 
 
-def middle_of(profile, start, stop):
-    """A small candidate in the middle of what lies at [start, stop)."""
-    return Candidate(Arc(start, stop), np.arange(start, stop), (0.0, -440.0), 20.0)
+def seed_at(start, stop, *, radius=20.0, centre=(0.0, -440.0)):
+    """The candidate of all points [start, stop)."""
+    return Candidate(Arc(start, stop), np.arange(start, stop), centre, radius)
 
 
-def arcs_of(section):
-    """Columns of all arcs that a simulated section's candidates grow to."""
-    profile = prepare_profile(section.profile, section.profile.noise)
+def grown(profile, candidate, free=None):
+    free = profile.valid_indices if free is None else free
+    arc, compared = grow_arc(profile, candidate, free)
+    assert len(compared.residuals) == len(arc.indices)
+    return arc
+
+
+def arcs_of(points, noise=None):
+    """Columns of all arcs that the candidates of a profile grow to."""
+    profile = prepare_profile(points, noise)
     radii = search_range(None, None, profile)
-    candidates = find_candidates(profile, connected_components(rasterise(profile), 10), radii)
-    arcs, _ = identify_arcs(profile, candidates, radii)
-    return [profile.sensor_columns[arc.indices] for arc in arcs]
+    components = connected_components(rasterise(profile), 10)
+    arcs, _ = identify_arcs(profile, find_candidates(profile, components, radii), radii)
+    return [np.sort(profile.sensor_columns[arc.indices]) for arc in arcs]
 
 
 def test_a_candidate_grows_to_the_whole_arc():
     profile = line(LEFT, PIPE, RIGHT)
     centre = (FIRST + STOP) // 2
-    arc = identify_arc(profile, middle_of(profile, centre - 12, centre + 12), profile.valid_indices)
+    arc = grown(profile, seed_at(centre - 12, centre + 12))
     # Points of the ground may lie on the flank's prolongation, by chance.
     assert abs(arc.arc.start - FIRST) <= 2
     assert abs(arc.arc.stop - STOP) <= 2
     np.testing.assert_allclose(arc.ellipse.centre, (0, -440), atol=0.3)
 
 
-def test_jumps_and_lost_lines_do_not_end_an_arc_and_jumps_are_not_on_it():
-    bad = [FIRST + 15, FIRST + 30, FIRST + 31]
+def test_jumps_do_not_end_an_arc_and_are_not_on_it():
+    jumps = [FIRST + 15, FIRST + 30, FIRST + 31]
     pipe = PIPE.copy()
     pipe[[15, 30, 31], 1] += 4.0
-    pipe[40] = np.nan
     profile = line(LEFT, pipe, RIGHT)
-    arc = identify_arc(profile, best_candidate(profile), profile.valid_indices)
+    arc = grown(profile, best_candidate(profile))
     assert arc.arc.start <= FIRST + 2
     assert arc.arc.stop >= STOP - 2
-    assert not set(bad) & set(arc.indices.tolist())
-    assert FIRST + 40 not in arc.indices
+    assert not set(jumps) & set(arc.indices.tolist())
 
 
-@pytest.mark.parametrize("seed", [924, 928])
-def test_an_arc_that_jumps_in_a_row_cut_in_two_is_found_whole(seed):
+def test_an_arc_that_jumps_in_a_row_cut_in_two_is_found_whole():
     rough = SectionSettings(lost_fraction=0.10, jump_fraction=0.05)
-    section = random_section("single", seed, settings=rough)
+    section = random_section("single", 928, settings=rough)
     on_tube = np.flatnonzero(section.truth.labels == 1)
-    (arc,) = arcs_of(section)
-    assert len(np.intersect1d(arc, on_tube)) >= 0.95 * len(on_tube)
-    assert len(np.setdiff1d(arc, on_tube)) == 0
+    (arc,) = arcs_of(section.profile, section.profile.noise)
+    np.testing.assert_array_equal(np.intersect1d(arc, on_tube), on_tube)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_each_tube_of_another_simulator_has_an_arc(seed):
+    points, labels, tubes = other_scene(np.random.default_rng([17, seed]), 2, welded=True)
+    arcs = arcs_of(Profile(points))
+    for label in range(1, len(tubes) + 1):
+        on_tube = np.flatnonzero(labels == label)
+        best = max(arcs, key=lambda arc: len(np.intersect1d(arc, on_tube)))
+        common, either = np.intersect1d(best, on_tube), np.union1d(best, on_tube)
+        assert len(common) >= 0.85 * len(either)
 
 
 def test_another_pipe_behind_an_interruption_is_not_joined():
@@ -74,14 +96,14 @@ def test_another_pipe_behind_an_interruption_is_not_joined():
     gap = np.column_stack([np.linspace(-1.8, 1.8, 7), np.linspace(-416, -413, 7)])
     near, far = near[near[:, 0] < -2], far[far[:, 0] > 2]
     profile = line(near, gap, far)
-    arc = identify_arc(profile, middle_of(profile, 4, len(near) - 2), profile.valid_indices)
+    arc = grown(profile, seed_at(4, len(near) - 2))
     assert arc.arc.stop <= len(near) + 2
 
 
 def test_the_foot_of_a_bead_at_a_flank_does_not_pull_the_ellipse_to_itself():
     """The seed holds a bead's points, which weigh much: n' Sigma n is small there."""
     section = random_section("welded_pair", 6010)
-    arcs = arcs_of(section)
+    arcs = arcs_of(section.profile, section.profile.noise)
     for label in (1, 2):
         on_tube = np.flatnonzero(section.truth.labels == label)
         assert max(len(np.intersect1d(arc, on_tube)) for arc in arcs) >= 0.9 * len(on_tube)
@@ -90,21 +112,231 @@ def test_the_foot_of_a_bead_at_a_flank_does_not_pull_the_ellipse_to_itself():
 def test_an_arc_takes_only_free_points():
     profile = line(LEFT, PIPE, RIGHT)
     free = profile.valid_indices[profile.valid_indices < STOP - 15]
-    arc = identify_arc(profile, best_candidate(profile), free)
+    arc = grown(profile, best_candidate(profile), free)
     assert arc.indices.max() < STOP - 15
 
 
-def test_a_candidate_without_free_points_gives_no_arc():
-    profile = line(LEFT, PIPE, RIGHT)
-    assert identify_arc(profile, best_candidate(profile), profile.valid_indices[:5]) is None
+def test_fewer_than_eight_free_points_grow_to_nothing():
+    points = arc_points(np.arange(-40, 40, 2.0))
+    profile = exact(points)
+    for count, fails in ((7, True), (8, False)):
+        found = grow_arc(profile, seed_at(10, 30), np.arange(10, 10 + count))
+        assert (found is None) == fails
+
+
+def jumping(offset_mm, *, std=0.1, at=30):
+    """An exact circle with one point outside by so much, and the noise that it is known to."""
+    points = arc_points(np.arange(-60, 61, 2.0))
+    points[at] += offset_mm * arc_points(np.arange(-60, 61, 2.0), 1.0, (0.0, 0.0))[at]
+    return exact(points, std)
+
+
+@pytest.mark.parametrize(
+    ("sigmas", "inside"), [(2.9, True), (3.8, True), (4.4, False), (5.3, False)]
+)
+@pytest.mark.parametrize("side", [-1, 1])
+def test_the_sensor_error_is_four_sigma(sigmas, inside, side):
+    """A twentieth of the total variance is added along any normal: sigma^2 times 1.1."""
+    profile = jumping(side * sigmas * math.sqrt(1.1) * 0.1)
+    assert (30 in grown(profile, seed_at(20, 45)).indices) == inside
+
+
+@pytest.mark.parametrize(("scale", "inside"), [(2.0, 7.5), (2.9, 11.0)])
+def test_the_sensor_error_grows_with_the_scatter_of_the_arc(scale, inside):
+    """Where most points lie `scale` sigma off, twice four sigma are still the arc's."""
+    angles = np.arange(-60, 61, 2.0)
+    out = arc_points(angles, 1.0, (0.0, 0.0))
+    sigma = math.sqrt(1.1) * 0.1
+    points = arc_points(angles) + (scale / 1.4826 * sigma * (-1) ** np.arange(61))[:, None] * out
+    for sigmas, kept in ((inside, True), (1.3 * inside, False)):
+        off = points.copy()
+        off[30] = (arc_points(angles) + sigmas * sigma * out)[30]
+        arc = grown(exact(off, 0.1), seed_at(15, 46))
+        assert (30 in arc.indices) == kept
+
+
+def test_the_scatter_counts_up_to_the_largest_that_an_arc_may_have():
+    """A given sigma may be three times too small, and 1 % of the radius too: 0.2 mm here."""
+    angles = np.arange(-60, 61, 2.0)
+    out = arc_points(angles, 1.0, (0.0, 0.0))
+    points = arc_points(angles) + (0.5 * (-1) ** np.arange(61))[:, None] * out
+    points[20:41] = arc_points(angles)[20:41]
+    arc = grown(exact(points, 0.02), seed_at(20, 41))
+    np.testing.assert_array_equal(arc.indices, np.arange(20, 41))
+
+
+def turned_away(last_deg):
+    """A circle seen far over its horizon, in its order along the line."""
+    points = arc_points(np.arange(-60.0, last_deg, 0.5))
+    count = len(points)
+    noisy = NoisyPoints.alike(as_complex(points), 0.01, 0.01)
+    columns = np.arange(count)
+    profile = exact(arc_points(np.linspace(-60, 60, count)))
+    return type(profile)(points, noisy, columns, columns, 0.01, 0.1, 1.0)
+
+
+def test_a_normal_120_deg_from_the_sensor_is_the_last_that_is_seen():
+    profile = turned_away(170.0)
+    arc = grown(profile, seed_at(60, 200))
+    last_deg = -60 + 0.5 * arc.indices[-1]
+    assert 118 < last_deg < 120.5
+
+
+def gap_of(inside, gap, beyond):
+    """Points on a circle, as many jumps, and points on it again; errors of 0.01 mm are known."""
+    points = arc_points(np.linspace(-60, 60, inside + gap + beyond))
+    points[inside : inside + gap, 1] += 5.0
+    return exact(points)
+
+
+@pytest.mark.parametrize(("gap", "bridged"), [(2, True), (6, True), (9, True), (10, False)])
+def test_an_arc_grows_by_half_of_its_points_at_once(gap, bridged):
+    """40 points see 20 more: 9 jumps and 11 points, which are more; 10 and 10 are not."""
+    arc = grown(gap_of(40, gap, 40), seed_at(0, 40))
+    assert (arc.arc.stop > 40) == bridged
+    if bridged:
+        assert arc.arc.stop == 80 + gap
+
+
+def runs(*lengths):
+    """Inliers and others in turn, the first run the arc so far."""
+    inliers = np.concatenate([np.full(n, i % 2 == 0) for i, n in enumerate(lengths)])
+    return inliers, np.arange(lengths[0])
+
+
+def connected(*lengths):
+    """Whether the last run belongs to the first."""
+    inliers, inside = runs(*lengths)
+    return bool(connected_inliers(inliers, inside)[-1] == len(inliers) - 1)
+
+
+def test_two_outliers_in_a_row_do_not_interrupt_and_four_do():
+    assert connected(40, 2, 3)
+    assert not connected(40, 4, 3)
+
+
+def test_an_interruption_of_a_quarter_of_the_arc_is_bridged():
+    for gap, bridged in ((8, True), (10, True), (11, False), (13, False)):
+        assert connected(40, gap, 30) == bridged
+
+
+def test_only_a_run_longer_than_the_interruption_is_worth_bridging_it():
+    assert connected(40, 8, 9)
+    assert not connected(40, 8, 8)
+
+
+def test_only_a_run_of_six_points_is_worth_bridging_an_interruption():
+    assert connected(40, 4, 6)
+    assert not connected(40, 4, 5)
+
+
+def test_bridges_are_built_to_both_sides_and_one_behind_the_other():
+    inliers = np.concatenate([np.full(n, i % 2 == 0) for i, n in enumerate((8, 5, 40, 6, 9, 5, 9))])
+    everything = connected_inliers(inliers, np.arange(13, 53))
+    np.testing.assert_array_equal(everything, inliers.nonzero()[0])
+    np.testing.assert_array_equal(
+        connected_inliers(inliers[::-1], np.arange(29, 69)), inliers[::-1].nonzero()[0]
+    )
+
+
+def test_the_run_around_the_middle_of_the_arc_is_the_arcs():
+    inliers = np.concatenate([np.full(n, i % 2 == 0) for i, n in enumerate((20, 30, 20))])
+    np.testing.assert_array_equal(connected_inliers(inliers, np.arange(20)), np.arange(20))
+    np.testing.assert_array_equal(connected_inliers(inliers, np.arange(45, 70)), np.arange(50, 70))
+
+
+def test_a_seed_at_one_end_of_ten_thousand_points_reaches_the_other():
+    """Each step adds half: 10 points are 10 000 after 18 steps."""
+    profile = exact(arc_points(np.linspace(-60, 60, 10_000)), 1e-5)
+    arc = grown(profile, seed_at(0, 10))
+    assert arc.arc == Arc(0, 10_000)
+
+
+def is_plausible(size, flattening, radius):
+    """For an ellipse of a mean semi-axis and (a - b) / (a + b), and its candidate's radius."""
+    for turn in np.radians(np.arange(0, 360, 45)):
+        h = flattening * size
+        parameters = np.array([3.0, -440.0, size, h * math.cos(turn), h * math.sin(turn)])
+        yield identification._is_plausible(parameters, radius)
+
+
+@pytest.mark.parametrize(("flattening", "plausible"), [(0.0, True), (0.44, True), (0.46, False)])
+def test_an_ellipse_flatter_than_a_tilt_of_68_deg_is_none_of_a_pipe(flattening, plausible):
+    assert set(is_plausible(20.0, flattening, 20.0)) == {plausible}
+
+
+@pytest.mark.parametrize(
+    ("ratio", "plausible"),
+    [(0.32, False), (0.34, True), (1.0, True), (2.9, True), (3.1, False), (math.nan, False)],
+)
+def test_an_ellipse_of_three_times_the_size_of_its_candidate_is_another_thing(ratio, plausible):
+    assert set(is_plausible(20.0 * ratio, 0.0, 20.0)) == {plausible}
+
+
+@pytest.mark.parametrize(("flattening", "grows"), [(0.25, True), (0.43, True), (0.47, False)])
+def test_growth_fails_where_the_ellipse_is_not_plausible(flattening, grows):
+    ellipse = Ellipse((0.0, -440.0), 20 * (1 + flattening), 20 * (1 - flattening), 0.0)
+    profile = exact(ellipse.points_at(np.radians(np.linspace(165, 15, 90))), 1e-4)
+    seed = seed_at(20, 70, radius=20 * (1 + flattening) ** 2 / (1 - flattening) / 2)
+    assert (grow_arc(profile, seed, profile.valid_indices) is not None) == grows
+
+
+def two_pipes():
+    """Two circles that touch, without errors: 61 points each."""
+    angles = np.arange(-60, 61, 2.0)
+    return exact(np.concatenate([arc_points(angles), arc_points(angles, 20.0, (36.0, -440.0))]))
+
+
+@pytest.mark.parametrize(("taken", "tried"), [(5, True), (11, True), (13, False), (16, False)])
+def test_a_candidate_of_which_three_tenths_are_taken_is_none(taken, tried):
+    first = seed_at(10, 50)
+    second = seed_at(61 - taken, 101 - taken, centre=(36.0, -440.0))
+    arcs, rejections = identify_arcs(two_pipes(), [first, second], RANGE)
+    assert [(arc.arc.start, arc.arc.stop) for arc in arcs] == [(0, 61), (61, 122)][: 1 + tried]
+    assert rejections == []
+
+
+def test_points_that_failed_twice_seed_no_other(monkeypatch):
+    tried = []
+    monkeypatch.setattr(identification, "grow_arc", lambda _, seed, __: tried.append(seed))
+    seeds = [seed_at(0, 40), seed_at(0, 40), seed_at(2, 40), seed_at(30, 70)]
+    assert identify_arcs(two_pipes(), seeds, RANGE) == ([], [])
+    assert tried == [seeds[0], seeds[1], seeds[3]]
+
+
+def test_an_arc_without_the_shape_of_a_pipe_is_told_once():
+    """It failed as a seed and as an arc."""
+    arcs, rejections = identify_arcs(two_pipes(), [seed_at(10, 50)] * 3, (30.0, 60.0))
+    assert arcs == []
+    (rejection,) = rejections
+    assert rejection.reason == "radius 20 mm outside 30 to 60 mm"
+    assert (rejection.arc.start, rejection.arc.stop) == (0, 61)
 
 
 def test_two_touching_pipes_are_two_arcs_without_common_points():
     profile = line(dome(0, 20, 85), dome(40, 20, 85))
-    candidates = find_candidates(profile, connected_components(rasterise(profile), 10), RANGE)
-    arcs, _ = identify_arcs(profile, candidates, RANGE)
+    components = connected_components(rasterise(profile), 10)
+    arcs, _ = identify_arcs(profile, find_candidates(profile, components, RANGE), RANGE)
     assert len(arcs) == 2
     assert not set(arcs[0].indices.tolist()) & set(arcs[1].indices.tolist())
     assert sorted(arc.ellipse.centre[0] for arc in arcs) == [
         pytest.approx(0, abs=0.5), pytest.approx(40, abs=0.5),
     ]  # fmt: skip
+
+
+def test_the_arc_so_far_may_lie_anywhere_in_the_profile():
+    """Positions of growth are those in its window; these runs lie far from the first point."""
+    points = arc_points(np.linspace(-60, 60, 300))
+    points[[100, 101, 102, 103, 204, 205, 206, 207], 1] += 5.0
+    arc = grown(exact(points), seed_at(140, 170))
+    assert arc.arc == Arc(0, 300)
+    assert len(arc.indices) == 292
+
+
+def test_a_run_of_the_arc_counts_from_its_own_first_point():
+    """Bridges are as long as a quarter of the run in the middle, wherever it lies."""
+    inliers = np.concatenate([np.full(n, i % 2 == 0) for i, n in enumerate((30, 11, 40, 9, 30))])
+    kept = connected_inliers(inliers, np.arange(45, 75))
+    np.testing.assert_array_equal(kept, np.r_[41:81, 90:120])
+    kept = connected_inliers(inliers[::-1], np.arange(45, 75))
+    np.testing.assert_array_equal(kept, np.r_[0:30, 39:79])

@@ -1,6 +1,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+import pytest
 
 from lsvision.detection.overlap_suppression import suppress_overlapping
 
@@ -19,9 +20,10 @@ def test_of_two_that_hold_the_same_points_the_larger_stays():
     assert suppress_overlapping([half, whole]) == [whole]
 
 
-def test_neighbours_that_share_a_few_points_both_stay():
-    left, right = spans((0, 50), (45, 80))
-    assert suppress_overlapping([right, left]) == [left, right]
+@pytest.mark.parametrize(("common", "both"), [(5, True), (11, True), (13, False), (17, False)])
+def test_two_of_which_three_tenths_are_common_are_one(common, both):
+    left, right = spans((0, 50), (50 - common, 90 - common))
+    assert suppress_overlapping([right, left]) == ([left, right] if both else [left])
 
 
 def test_nothing_is_nothing():

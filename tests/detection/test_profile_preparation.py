@@ -9,7 +9,8 @@ from lsvision.detection.profile_preparation import (
     prepare_profile,
     typical_pitch,
 )
-from tests.detection.scenes import dome, flat
+from lsvision.shapes.noisy_points import as_vectors
+from tests.detection.scenes import PITCH, dome, flat
 
 NAN = math.nan
 
@@ -17,21 +18,46 @@ NAN = math.nan
 @pytest.mark.parametrize("make", [flat(0, 600), dome(0, 400)], ids=["flat", "curved"])
 def test_the_noise_of_a_line_is_estimated(make, rng):
     noisy = make + 0.05 * rng.normal(size=make.shape)
-    assert estimate_noise_std(noisy) == pytest.approx(0.05, rel=0.15)
+    assert estimate_noise_std(noisy, PITCH) == pytest.approx(0.05, rel=0.15)
 
 
 def test_steps_and_jumps_do_not_count_as_noise(rng):
     points = np.concatenate([flat(0, 300), flat(300, 600, y=-420)])
     points = points + 0.05 * rng.normal(size=points.shape)
     points[::40, 1] += 9.0
-    assert estimate_noise_std(points) == pytest.approx(0.05, rel=0.35)
+    assert estimate_noise_std(points, PITCH) == pytest.approx(0.05, rel=0.35)
+
+
+def test_a_fifth_of_jumps_little_more_than_doubles_the_estimate(rng):
+    points = flat(0, 6000) + 0.05 * rng.normal(size=(10_000, 2))
+    points[rng.random(10_000) < 0.2, 1] += 9.0
+    assert 0.1 < estimate_noise_std(points, PITCH) < 0.12
+
+
+def test_a_stretch_that_was_interpolated_does_not_hide_the_noise(rng):
+    points = flat(0, 6000) + 0.05 * rng.normal(size=(10_000, 2))
+    points[:2800, 1] = 1e-6 * rng.normal(size=2800)
+    assert estimate_noise_std(points, PITCH) > 0.2 * 0.05
+
+
+@pytest.mark.parametrize("columns", [2, 3, 4])
+def test_heights_held_over_columns_do_not_hide_the_noise(columns, rng):
+    points = flat(0, 600)
+    points[:, 1] = np.repeat(0.05 * rng.normal(size=len(points)), columns)[: len(points)]
+    assert estimate_noise_std(points, PITCH) > 0.4 * 0.05
+
+
+def test_points_listed_twice_have_the_noise_of_one(rng):
+    points = flat(0, 600) + 0.05 * rng.normal(size=(1000, 2))
+    twice = estimate_noise_std(np.repeat(points, 2, axis=0), PITCH)
+    assert twice == estimate_noise_std(points, PITCH)
 
 
 @pytest.mark.parametrize(
     "points", [np.empty((0, 2)), np.zeros((1, 2)), np.zeros((50, 2)), flat(0, 9)]
 )
 def test_the_estimate_is_never_zero(points):
-    assert estimate_noise_std(points) > 0
+    assert estimate_noise_std(points, PITCH) == pytest.approx(1e-5 * PITCH, rel=0.1)
 
 
 @pytest.mark.parametrize(
@@ -42,31 +68,55 @@ def test_the_estimate_is_never_zero(points):
         ([0, NAN, 2, 3], [0, 2, 3]),
         ([2, 0, 3, 1], [1, 3, 0, 2]),
         ([1, 1, 1, 1], [0, 1, 2, 3]),
+        ([1e300, 0, 1], [1, 2]),
         ([], []),
         ([NAN, NAN], []),
     ],
-    ids=["rising", "falling", "lost", "unsorted", "one column", "empty", "all lost"],
+    ids=["rising", "falling", "lost", "unsorted", "one column", "huge", "empty", "all lost"],
 )
 def test_the_sensors_order_is_kept_where_it_is_one(x, columns):
     profile = Profile(np.column_stack([np.array(x, dtype=float), np.zeros(len(x))]))
-    weighed = prepare_profile(profile, None)
-    np.testing.assert_array_equal(weighed.sensor_columns[weighed.valid_indices], columns)
-    np.testing.assert_array_equal(weighed.points, profile.points[weighed.sensor_columns])
+    prepared = prepare_profile(profile, None)
+    np.testing.assert_array_equal(prepared.sensor_columns[prepared.valid_indices], columns)
+    np.testing.assert_array_equal(prepared.points, profile.points[prepared.sensor_columns])
+    np.testing.assert_array_equal(as_vectors(prepared.noisy_points.z), prepared.points)
 
 
-def test_a_noise_model_is_written_out_point_by_point():
+def test_a_given_noise_model_is_not_undercut():
     sensor = ProfileSensor(range_std=0.05)
-    profile = Profile(flat(0, 30))
-    weighed = prepare_profile(profile, sensor)
-    assert weighed.noise_known
-    np.testing.assert_array_equal(weighed.covariances, sensor.covariances(profile.points))
-    assert weighed.noise_std == pytest.approx(0.05 * 1.1**2, rel=0.05)
+    points = flat(0, 30)
+    points[7] = NAN
+    prepared = prepare_profile(Profile(points), sensor)
+    assert not prepared.noise_is_estimated
+    assert prepared.min_variance_factor == 1
+    expected = sensor.covariances(points[prepared.sensor_columns])
+    np.testing.assert_allclose(prepared.noisy_points.covariances, expected, atol=1e-15)
+    assert prepared.noise_std == pytest.approx(0.05 * 1.1**2, rel=0.05)
 
 
-def test_without_a_model_noise_is_isotropic():
-    weighed = prepare_profile(Profile(flat(0, 30)), None)
-    assert not weighed.noise_known
-    np.testing.assert_allclose(weighed.covariances[3], weighed.noise_std**2 * np.eye(2))
+def test_without_a_model_noise_lies_along_y_and_may_be_half_as_large(rng):
+    prepared = prepare_profile(Profile(flat(0, 600) + 0.05 * rng.normal(size=(1000, 2))), None)
+    assert prepared.noise_is_estimated
+    assert prepared.min_variance_factor == 0.5**2
+    assert prepared.noise_std == pytest.approx(0.05, rel=0.15)
+    expected = np.diag([(0.2 * prepared.noise_std) ** 2, prepared.noise_std**2])
+    np.testing.assert_allclose(prepared.noisy_points.covariances, [expected] * 1000)
+
+
+@pytest.mark.parametrize(("count", "kept"), [(19_000, 19_000), (21_000, 10_500), (21_001, 10_500)])
+def test_more_points_than_a_sensor_has_are_thinned_from_both_ends_alike(count, kept):
+    points = np.column_stack([np.arange(float(count)), np.zeros(count)])
+    columns = prepare_profile(Profile(points), None).sensor_columns
+    assert len(columns) == kept
+    np.testing.assert_array_equal(columns, count - 1 - columns[::-1])
+
+
+def test_lost_columns_are_no_points():
+    points = np.repeat(flat(0, 30), 2, axis=0)
+    points[::2] = NAN
+    prepared = prepare_profile(Profile(points), None)
+    np.testing.assert_array_equal(prepared.points, flat(0, 30))
+    np.testing.assert_array_equal(prepared.sensor_columns, np.arange(1, 100, 2))
 
 
 def test_an_all_lost_profile_with_a_model_has_no_noise():

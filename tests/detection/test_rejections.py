@@ -1,16 +1,18 @@
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
-from lsvision import Rejection
+from lsvision import Profile, Rejection
+from lsvision.detection.profile_preparation import prepare_profile
 from lsvision.detection.range_image import connected_components, rasterise
-from lsvision.detection.rejections import complete_rejections
+from lsvision.detection.rejections import complete_rejections, run_rejection_reason
 from lsvision.profile import Arc
-from tests.detection.scenes import dome, flat, line
+from tests.detection.scenes import bowl, dome, flat, line
 
 RANGE = (5.0, 60.0)
 PROFILE = line(flat(0, 30), flat(30, 60, y=-420))  # two bars of 50 points each
-COMPONENTS = connected_components(rasterise(PROFILE), 8)
+COMPONENTS = connected_components(rasterise(PROFILE), 10)
 
 
 def explained(cylinders=(), rejections=()):
@@ -57,5 +59,63 @@ def test_the_order_is_that_of_the_profile():
     assert starts == sorted(starts)
 
 
-def test_a_profile_without_components_has_nothing_to_explain():
-    assert complete_rejections(line(dome(0, 20)), [], [], [], RANGE) == []
+@pytest.mark.parametrize(("stop", "kept"), [(42, True), (50, False)])
+def test_a_rejection_mostly_inside_a_cylinder_is_left_out(stop, kept):
+    told = explained([found_at(0, stop)], [Rejection(Arc(20, 70), "tried in vain")])
+    assert any(rejection.arc == Arc(20, 70) for rejection in told) == kept
+
+
+def reasons_of(points):
+    profile = prepare_profile(Profile(points), None)
+    components = connected_components(rasterise(profile), 10)
+    return [r.reason for r in complete_rejections(profile, components, [], [], RANGE)]
+
+
+@pytest.mark.parametrize(
+    ("points", "reason"),
+    [
+        pytest.param(dome(0, 20)[:9], "too few points: 9, of which no 10 are connected", id="9"),
+        pytest.param(np.zeros((1, 2)), "too few points: 1,", id="one"),
+        pytest.param(np.full((4, 2), np.nan), "all points are lost", id="lost"),
+        pytest.param(np.column_stack([np.arange(40.0) + 20 * (np.arange(40) // 5), np.zeros(40)]),
+                     "too few points: 40, of which no 10", id="apart"),
+        pytest.param(dome(0, 20)[:11], "no ellipse: ", id="11"),
+    ],
+)  # fmt: skip
+def test_a_profile_without_a_line_has_a_reason_too(points, reason):
+    (only,) = reasons_of(points)
+    assert only.startswith(reason)
+
+
+def test_no_columns_have_no_reason():
+    assert reasons_of(np.empty((0, 2))) == []
+
+
+@pytest.mark.parametrize(
+    ("points", "reason"),
+    [
+        pytest.param(flat(0, 60), "flat: 0.0", id="bar"),
+        pytest.param(flat(0, 60, slope=0.7), "flat: 0.0", id="sloping bar"),
+        pytest.param(bowl(0, 20), "concave towards the sensor", id="bowl"),
+        pytest.param(dome(0, 80, 40), "radius 80 mm outside 5 to 60 mm", id="large"),
+        pytest.param(np.concatenate([flat(0, 20), flat(20, 40, y=-430), flat(40, 60)]),
+                     "no ellipse: best circle leaves ", id="box"),
+        pytest.param(np.concatenate([flat(0, 20), flat(20, 40, y=-430)]),
+                     "no arc: 2", id="step"),
+    ],
+)  # fmt: skip
+def test_a_run_has_its_reason(points, reason, rng):
+    noisy = points + 0.02 * rng.normal(size=points.shape)
+    assert run_rejection_reason(noisy, 0.02, RANGE).startswith(reason)
+
+
+@pytest.mark.parametrize(("sigmas", "flat_"), [(2.1, True), (2.9, False)])
+def test_flat_is_what_scatters_by_less_than_two_and_a_half_sigma(sigmas, flat_, rng):
+    bar = flat(0, 600) + (0.02 * sigmas * rng.normal(size=(1000, 2))) * (0, 1)
+    assert run_rejection_reason(bar, 0.02, RANGE).startswith("flat: ") == flat_
+
+
+def test_points_at_one_place_are_flat():
+    assert run_rejection_reason(np.zeros((9, 2)), 1e-9, RANGE) == (
+        "flat: 0.00 mm rms from a straight line"
+    )

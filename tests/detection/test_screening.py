@@ -1,71 +1,448 @@
+"""Which points at the ends of an arc are its own, where that is known."""
+
+import math
+
 import numpy as np
+import pytest
 
-from lsvision.detection.identification import IdentifiedArc
+from lsvision import Ellipse, PointNoise, Profile, ProfileSensor
+from lsvision.detection import screening
+from lsvision.detection.arcs import IdentifiedArc
+from lsvision.detection.candidates import find_candidates
+from lsvision.detection.end_points import EndInliers, find_end_inliers
+from lsvision.detection.identification import identify_arcs
+from lsvision.detection.profile_preparation import prepare_profile
+from lsvision.detection.range_image import connected_components, rasterise
 from lsvision.detection.screening import screen_arc
-from lsvision.profile import Arc
-from lsvision.shapes import Ellipse
-from tests.detection.scenes import dome, line
+from lsvision.ellipse.arc_noise import ArcNoise
+from lsvision.ellipse.parameters import parameters_from_ellipse
+from lsvision.ellipse.robust_gauss_newton import refine_ellipse
+from tests.detection.scenes import arc_points, circle, exact, identified, walk
+from tests.other_scenes import other_scene
 
-CIRCLE = Ellipse((0.0, -440.0), 20.0, 20.0, 0.0)
-
-
-def arc_of(profile, start=0, stop=None):
-    indices = profile.valid_indices[start:stop]
-    return IdentifiedArc(Arc(int(indices[0]), int(indices[-1]) + 1), indices, CIRCLE)
-
-
-BEAD = 0.02 * np.arange(1, 7) ** 2  # mm: a bead leaves the tube gently, 0.02 to 0.72 mm
+STEP_DEG = 1.5
+STEP = 2 * 20 * math.sin(math.radians(STEP_DEG / 2))  # mm
+ANGLES = np.arange(-60.0, 60.1, STEP_DEG)  # 81 points
+STD = 0.02  # mm
 
 
-def with_bead():
-    """Six points more and more outside, along the normal, at the right end."""
-    points = dome(0, 20)
-    outward = points[-6:] - CIRCLE.centre
-    points[-6:] += outward / 20 * BEAD[:, None]
-    return points
+def along_y(points, std=STD, rng=None):
+    """A profile whose points have errors along Y and are known to."""
+    noise = PointNoise(np.tile(np.diag([(0.05 * std) ** 2, std**2]), (len(points), 1, 1)))
+    errors = 0 if rng is None else std * rng.normal(size=(len(points), 1)) * (0, 1)
+    return prepare_profile(Profile(points + errors), noise)
 
 
-def test_a_clean_arc_keeps_its_points():
-    profile = line(dome(0, 20))
-    screened = screen_arc(profile, arc_of(profile))
-    assert len(screened.indices) >= len(profile.valid_indices) - 1
+def screened(profile, start, stop, ellipse=None):
+    """The inliers of the arc of all points [start, stop)."""
+    found = screen_arc(profile, identified(start, stop, circle() if ellipse is None else ellipse))
+    return found.indices
 
 
-def test_points_of_a_weld_bead_are_screened_out():
-    profile = line(with_bead(), noise_mm=0.01)
-    kept = screen_arc(profile, arc_of(profile)).indices
-    # The gentlest two of its six points lie within a few sigma and may stay.
-    assert kept.max() < len(profile.points) - 4
-    np.testing.assert_array_equal(kept[:50], np.arange(50))
+def outside(points, mm):
+    """The points of a circle so far outside it."""
+    return points + mm * (points - (0.0, -440.0)) / 20
 
 
-def test_a_bead_at_the_start_is_screened_out_as_well():
-    profile = line(with_bead()[::-1], noise_mm=0.01)
-    assert screen_arc(profile, arc_of(profile)).indices.min() >= 4
+def test_a_whole_arc_keeps_all_its_points():
+    points = arc_points(ANGLES)
+    np.testing.assert_array_equal(screened(exact(points), 0, 81), np.arange(81))
 
 
-def test_the_middle_part_is_not_touched():
-    points = dome(0, 20)
-    points[30, 1] += 0.5
-    profile = line(points)
-    assert 30 in screen_arc(profile, arc_of(profile)).indices
+def test_the_middle_part_is_seven_tenths_and_not_judged():
+    """81 points: 12 at each end are judged, the 57 between them are not."""
+    points = arc_points(ANGLES)
+    for outlier, judged in ((11, True), (12, False), (68, False), (69, True)):
+        spoiled = points.copy()
+        spoiled[outlier] = outside(points, 0.5)[outlier]
+        kept = screened(exact(spoiled), 0, 81)
+        assert (outlier in kept) != judged
+        assert len(kept) == 81 - judged
 
 
-def test_the_screened_ellipse_is_that_of_the_middle_part():
-    points = dome(0, 20)
-    clean = screen_arc(line(points), arc_of(line(points))).ellipse
-    points[-4:, 1] += 3.0
-    bent = screen_arc(line(points), arc_of(line(points))).ellipse
-    np.testing.assert_allclose(bent.centre, clean.centre, atol=0.02)
+@pytest.mark.parametrize(("count", "judged"), [(11, False), (12, True)])
+def test_an_arc_with_fewer_than_eight_points_in_its_middle_comes_back_as_it_is(count, judged):
+    """Of 12 points two at each end are judged."""
+    points = arc_points(np.linspace(-60, 60, count))
+    points[-1] = outside(points, 3.0)[-1]
+    profile = exact(points)
+    found = screen_arc(profile, identified(0, count, circle()))
+    assert (count - 1 in found.indices) != judged
+    if not judged:
+        np.testing.assert_array_equal(found.indices, np.arange(count))
+        assert found.ellipse == circle()
+        assert found.variance_factor == 1.0
+        np.testing.assert_array_equal(found.points.z, profile.noisy_points.z)
 
 
-def test_an_arc_too_short_to_be_judged_stays_as_it_is():
-    profile = line(dome(0, 20))
-    arc = arc_of(profile, 0, 11)
-    assert screen_arc(profile, arc) is arc
+@pytest.mark.parametrize("count", [41, 100])
+def test_an_arc_that_goes_on_is_found_to_its_ends(count):
+    points = arc_points(np.linspace(-80, 80, 3 * count))
+    np.testing.assert_array_equal(screened(exact(points), count, 2 * count), np.arange(3 * count))
 
 
-def test_the_arc_holds_exactly_the_points_kept():
-    profile = line(dome(0, 20))
-    screened = screen_arc(profile, arc_of(profile))
-    assert screened.arc == Arc(int(screened.indices[0]), int(screened.indices[-1]) + 1)
+@pytest.mark.parametrize(("count", "looked_at"), [(30, 14), (100, 33)])
+def test_the_arc_is_looked_for_behind_so_many_outliers(count, looked_at):
+    """14 points beyond a short arc, a third of its points beyond a long one."""
+    for outliers, found in ((looked_at - 3, True), (looked_at + 1, False)):
+        points = arc_points(np.linspace(-60, 60, count + outliers + 12))
+        between = slice(count, count + outliers)
+        points[between] = outside(points, 9.0)[between]
+        points[between][::2] = outside(points, 3.0)[between][::2]
+        assert (count + outliers + 1 in screened(exact(points), 0, count)) == found
+
+
+@pytest.mark.parametrize("last", [True, False])
+def test_an_end_behind_a_gap_is_found(last):
+    """Eight jumps, and four points of the circle behind them."""
+    points = arc_points(ANGLES)
+    jumps = [4.0, -2.0, 3.0, 0.7, -5.0, 2.0, -1.0, 6.0]
+    points[69:77] = [outside(points, mm)[69 + i] for i, mm in enumerate(jumps)]
+    expected = np.setdiff1d(np.arange(81), np.arange(69, 77))
+    if last:
+        np.testing.assert_array_equal(screened(exact(points), 0, 69), expected)
+    else:
+        found = screened(exact(points[::-1]), 12, 81)
+        np.testing.assert_array_equal(np.sort(80 - found), expected)
+
+
+@pytest.mark.parametrize("off_mm", [-3.0, -0.3, 0.3, 3.0])
+@pytest.mark.parametrize("at", [0, 1, 3, 77, 79, 80])
+def test_single_outliers_near_an_end_are_left_out(off_mm, at):
+    points = arc_points(ANGLES)
+    points[at] = outside(points, off_mm)[at]
+    np.testing.assert_array_equal(
+        screened(exact(points, STD), 0, 81), np.setdiff1d(np.arange(81), [at])
+    )
+
+
+def test_a_surface_at_87_deg_to_the_ray_is_not_seen():
+    """A column of rays along Y; points lie on the very ellipse."""
+    for last_deg, seen in ((84.0, True), (86.5, True), (87.7, False), (89.0, False)):
+        points = arc_points([*np.arange(-75, 75.1, STEP_DEG), last_deg])
+        kept = screened(along_y(points), 0, len(points) - 1)
+        assert (len(points) - 1 in kept) == seen
+
+
+def contact(count, *, step=STEP):
+    """The arc, and so many points of a line that rises beside it."""
+    arc = arc_points(ANGLES)
+    return np.concatenate([arc, walk(arc[-1], [10.0] * count, step)])
+
+
+@pytest.mark.parametrize(
+    ("count", "kept"), [(0, 81), (1, 81), (2, 81), (3, 80), (4, 80), (12, 80), (40, 80)]
+)
+def test_a_contact_costs_its_last_inlier(count, kept):
+    """Three connected points beyond an end are a contact."""
+    profile = exact(contact(count))
+    np.testing.assert_array_equal(screened(profile, 0, 81), np.arange(kept))
+
+
+def test_a_contact_at_the_start_costs_one_as_well():
+    profile = exact(contact(12)[::-1] * (-1, 1))
+    np.testing.assert_array_equal(screened(profile, 12, 93), np.arange(13, 93))
+
+
+def test_a_line_beyond_a_gap_is_no_contact():
+    """Three steps are connected, four are not."""
+    arc = arc_points(ANGLES)
+    first = walk(arc[-1], [10.0], 4 * STEP)
+    points = np.concatenate([arc, first, walk(first[-1], [10.0] * 12, STEP)])
+    np.testing.assert_array_equal(screened(exact(points), 0, 81), np.arange(81))
+
+
+@pytest.mark.parametrize(("time", "dropped"), [(1.0, 0), (2.0, 2), (3.0, 3), (5.0, 7)])
+def test_before_an_edge_a_sensor_that_smooths_costs_points(monkeypatch, time, dropped):
+    """1.7 for each correlated neighbour."""
+    noise = ArcNoise(1.0, time, time, smoothed=False)
+    monkeypatch.setattr(screening, "estimate_arc_noise", lambda *_: noise)
+    kept = screened(exact(arc_points(ANGLES)), 0, 81)
+    np.testing.assert_array_equal(kept, np.arange(dropped, 81 - dropped))
+
+
+FEET = [(curvature, seed) for curvature in (0.8, 1.3, 2.0) for seed in range(4)]
+
+
+def with_foot(curvature, *, begins_deg=45.0):
+    """The foot of a weld bead: from an angle on the line bends towards the sensor.
+
+    Returns the points, the first of the foot, and the distance of each from the circle.
+    """
+    arc = arc_points(np.arange(-60.0, begins_deg + 0.1, STEP_DEG))
+    turns = curvature * STEP_DEG * (np.arange(16) + 0.5)
+    foot = walk(arc[-1], turns - begins_deg, STEP)
+    points = np.concatenate([arc, foot])
+    return points, len(arc), np.hypot(*(points - (0.0, -440.0)).T) - 20
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize(("curvature", "seed"), FEET)
+def test_the_foot_of_a_weld_bead_is_left_out(curvature, seed, mirrored):
+    """It leaves tangentially: its first points cannot be told, those of 3 sigma can."""
+    points, first, away = with_foot(curvature)
+    beside = np.flatnonzero(away > 3 * STD)
+    if mirrored:
+        points = points[::-1] * (-1, 1)
+        beside, first = len(points) - 1 - beside, len(points) - 1 - first
+    rng = np.random.default_rng([3, seed])
+    # Growth has taken four points of the foot.
+    arc = (first - 3, len(points)) if mirrored else (0, first + 4)
+    kept = screened(along_y(points, rng=rng), *arc)
+    assert not np.isin(beside, kept).any()
+    own = np.arange(first + 1, len(points)) if mirrored else np.arange(first)
+    assert len(np.setdiff1d(own, kept)) <= 5
+
+
+def test_many_feet_do_not_move_the_ellipse():
+    """Normalised errors of a circle's centre and radius in 60 arcs with two feet of beads."""
+    errors = []
+    for seed in range(60):
+        right = with_foot(1.3)[0][40:]  # from the top
+        points = np.concatenate([right[:0:-1] * (-1, 1), right])
+        profile = along_y(points, rng=np.random.default_rng([9, seed]))
+        found = screen_arc(profile, identified(12, len(points) - 12, circle()))
+        parameters, covariance = refine_ellipse(
+            found.points, parameters_from_ellipse(found.ellipse), 3
+        )
+        errors.append((parameters - [0, -440, 20, 0, 0]) / np.sqrt(np.diag(covariance)))
+    assert np.abs(np.mean(errors, axis=0)).max() < 1
+
+
+SCENES = range(8)
+
+
+def cluttered(seed):
+    """A circle between a plate and the foot of a bead, with jumps: sensor's points and the arc."""
+    rng = np.random.default_rng([21, seed])
+    points, _, _ = with_foot(1.3)
+    plate = walk(points[0], [178.0] * 20, STEP)[::-1]
+    points = np.concatenate([plate, points])
+    points = points + STD * rng.normal(size=(len(points), 1)) * (0, 1)
+    jumps = rng.integers(22, len(points), 4)
+    points[jumps, 1] += rng.choice([-1, 1], 4) * rng.uniform(0.3, 5, 4)
+    return points, identified(20, len(points) - 10, circle())
+
+
+@pytest.fixture(params=[None, ProfileSensor(range_std=STD)], ids=["estimated", "sensor"])
+def sensor(request):
+    return request.param
+
+
+@pytest.mark.parametrize("seed", SCENES)
+def test_reversed_points_have_the_same_inliers(seed, sensor):
+    points, arc = cluttered(seed)
+    count = len(points)
+    expected = screen_arc(prepare_profile(Profile(points), sensor), arc)
+    back = IdentifiedArc.of(count - 1 - arc.indices[::-1], arc.ellipse)
+    found = screen_arc(prepare_profile(Profile(points[::-1]), sensor), back)
+    np.testing.assert_array_equal(np.sort(count - 1 - found.indices), expected.indices)
+    assert_alike(found.ellipse, expected.ellipse)
+
+
+@pytest.mark.parametrize("seed", SCENES)
+def test_mirrored_points_have_the_same_inliers(seed, sensor):
+    points, arc = cluttered(seed)
+    expected = screen_arc(prepare_profile(Profile(points), sensor), arc)
+    found = screen_arc(prepare_profile(Profile(points * (-1, 1)), sensor), arc)
+    np.testing.assert_array_equal(found.indices, expected.indices)
+    x, y = found.ellipse.centre
+    mirrored = Ellipse(
+        (-x, y), found.ellipse.semi_major, found.ellipse.semi_minor, -found.ellipse.theta
+    )
+    assert_alike(mirrored, expected.ellipse)
+
+
+@pytest.mark.parametrize("seed", SCENES)
+def test_lost_rows_between_the_columns_change_no_inlier(seed, sensor, rng):
+    points, arc = cluttered(seed)
+    expected = screen_arc(prepare_profile(Profile(points), sensor), arc)
+    rows = np.insert(np.arange(len(points)), rng.integers(0, len(points), 30), -1)
+    profile = prepare_profile(Profile(np.where((rows < 0)[:, None], np.nan, points[rows])), sensor)
+    found = screen_arc(profile, arc)
+    np.testing.assert_array_equal(rows[profile.sensor_columns[found.indices]], expected.indices)
+    assert found.ellipse == expected.ellipse
+
+
+def assert_alike(found, expected):
+    np.testing.assert_allclose(found.centre, expected.centre, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(found.semi_minor, expected.semi_minor, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(found.semi_major, expected.semi_major, rtol=0, atol=1e-8)
+
+
+def test_what_was_cut_off_on_one_side_is_judged_with_the_other_side():
+    """Both ends at once: the left end is known from the right one, and the other way round."""
+    points = arc_points(ANGLES)
+    profile = exact(points, STD)
+    both = screen_arc(profile, identified(10, 71, circle()))
+    np.testing.assert_array_equal(both.indices, np.arange(81))
+
+
+def test_a_tube_whose_first_fit_misses_its_end_is_whole_after_the_second():
+    points, labels, _ = other_scene(np.random.default_rng([33, 0]), 2, welded=True, cluttered=True)
+    profile = prepare_profile(Profile(points), None)
+    components = connected_components(rasterise(profile), 10)
+    candidates = find_candidates(profile, components, (5.0, 60.0))
+    arcs, _ = identify_arcs(profile, candidates, (5.0, 60.0))
+    kept = [set(profile.sensor_columns[screen_arc(profile, arc).indices].tolist()) for arc in arcs]
+    for label in (1, 2):
+        assert set(np.flatnonzero(labels == label).tolist()) in kept
+
+
+def test_inliers_that_alternate_are_compared_three_times(monkeypatch):
+    """Two ends each time."""
+    found = [EndInliers(np.arange(n), np.full(n, 1e6), np.ones(n)) for n in (4, 5)]
+    calls = []
+
+    def alternate(*_):
+        calls.append(None)
+        return found[(len(calls) - 1) // 2 % 2]
+
+    monkeypatch.setattr(screening, "find_end_inliers", alternate)
+    screen_arc(exact(arc_points(ANGLES)), identified(0, 81, circle()))
+    assert len(calls) == 6
+
+
+def test_inliers_that_stay_are_compared_twice(monkeypatch):
+    calls = []
+
+    def count(*end):
+        calls.append(None)
+        return find_end_inliers(*end)
+
+    monkeypatch.setattr(screening, "find_end_inliers", count)
+    screen_arc(exact(arc_points(ANGLES)), identified(0, 81, circle()))
+    assert len(calls) == 4
+
+
+def test_estimated_noise_is_that_of_the_residuals():
+    """The profile's noise is held to be too small by its smooth ground."""
+    rng = np.random.default_rng(11)
+    points = arc_points(np.arange(-60, 60.1, 0.5)) + rng.normal(size=(241, 1)) * (0, 0.06)
+    x = np.arange(-200.0, -25.0, 0.2)
+    ground = np.column_stack([x, -445 + 0.02 * rng.normal(size=len(x))])
+    profile = prepare_profile(Profile(np.concatenate([ground, points])), None)
+    found = screen_arc(profile, identified(len(ground), len(ground) + 241, circle()))
+    std = profile.noise_std * math.sqrt(found.variance_factor)
+    assert 0.045 < std < 0.075
+    assert profile.noise_std < 0.04
+
+
+def test_no_ellipse_in_the_middle_part_is_no_arc(monkeypatch):
+    lost = np.full(5, np.nan), np.full((5, 5), np.nan)
+    monkeypatch.setattr(screening, "refine_ellipse", lambda *_, **__: lost)
+    assert screen_arc(exact(arc_points(ANGLES)), identified(0, 81, circle())) is None
+
+
+def test_another_line_that_runs_beside_the_circle_is_none_of_its_points():
+    """Eight points 0.5 mm further out, one behind the other, and the circle behind them."""
+    points = arc_points(ANGLES)
+    points[69:77] = outside(points, 0.5)[69:77]
+    kept = screened(exact(points), 0, 81)
+    assert not np.isin(np.arange(69, 77), kept).any()
+    assert np.isin(np.arange(68), kept).all()
+
+
+def test_a_hundred_points_at_an_end_are_judged_at_the_most():
+    points = arc_points(np.linspace(-60, 60, 1000))
+    for outlier, judged in ((95, True), (105, False), (894, False), (904, True)):
+        spoiled = points.copy()
+        spoiled[outlier] = outside(points, 0.5)[outlier]
+        assert (outlier in screened(exact(spoiled), 0, 1000)) != judged
+
+
+def test_the_arc_is_looked_for_among_a_hundred_points_at_the_most():
+    for outliers, found in ((95, True), (102, False)):
+        points = arc_points(np.linspace(-60, 60, 500 + outliers + 12))
+        between = slice(500, 500 + outliers)
+        points[between] = outside(points, 9.0)[between]
+        points[between][::2] = outside(points, 3.0)[between][::2]
+        assert (500 + outliers + 1 in screened(exact(points), 0, 500)) == found
+
+
+def watched(monkeypatch, name, points, arc, noise=ArcNoise(1.0, 1.0, 1.0, smoothed=False)):
+    """What a step of screening is given in its first two calls: left end, right end."""
+    step, given = getattr(screening, name), []
+
+    def watch(*values):
+        given.append(values)
+        return step(*values)
+
+    monkeypatch.setattr(screening, "estimate_arc_noise", lambda *_: noise)
+    monkeypatch.setattr(screening, name, watch)
+    screen_arc(exact(points, STD), identified(*arc, circle()))
+    return given
+
+
+def test_the_points_of_an_end_run_outwards_with_their_residuals(monkeypatch):
+    """With two of the middle part first; a twentieth of the total variance is added: 1.1."""
+    points = arc_points(ANGLES)
+    points[[2, 75]] = outside(points, 0.5)[[2, 75]]
+    noise = ArcNoise(4.0, 1.0, 1.0, smoothed=False)
+    (left, _), (right, _) = watched(monkeypatch, "find_end_inliers", points, (0, 81), noise)[:2]
+    for end in (left, right):
+        assert len(end.residuals) == 14
+        np.testing.assert_allclose(np.delete(end.residuals, [8, 11]), 0, atol=1e-9)
+        np.testing.assert_allclose(end.variances, 4 * 1.1 * STD**2)
+        # On the ellipse, whatever a jump does.
+        np.testing.assert_allclose(end.positions, STEP * np.arange(14), atol=1e-9)
+        assert end.visible.all()
+    assert left.residuals[11] == pytest.approx(0.5, abs=1e-9)
+    assert right.residuals[8] == pytest.approx(0.5, abs=1e-9)
+    # Of the distance outwards by centre_x: the sine of the angle from the top.
+    np.testing.assert_allclose(right.jacobian[0], np.sin(np.radians(ANGLES[67:])), atol=1e-9)
+    np.testing.assert_allclose(left.jacobian[0], np.sin(np.radians(ANGLES[13::-1])), atol=1e-9)
+
+
+def test_correlated_errors_widen_the_prediction(monkeypatch):
+    points = arc_points(ANGLES)
+    (_, single), _ = watched(monkeypatch, "find_end_inliers", points, (0, 81))[:2]
+    noise = ArcNoise(1.0, 2.5, 4.0, smoothed=False)
+    (_, wide), _ = watched(monkeypatch, "find_end_inliers", points, (0, 81), noise)[:2]
+    np.testing.assert_allclose(wide.covariance, 4.0 * single.covariance)
+    assert (single.autocorrelation_time, wide.autocorrelation_time) == (1.0, 2.5)
+    assert single.radius == pytest.approx(20.0)
+
+
+def test_a_departure_is_looked_for_with_the_eight_points_that_follow(monkeypatch):
+    """12 points at the end are inliers, and a line begins beyond them; at the start none does."""
+    given = watched(monkeypatch, "departure_free_probability", contact(12), (0, 81))
+    ((_, _, members, following),) = given
+    np.testing.assert_array_equal(members, np.arange(12))
+    np.testing.assert_array_equal(following, np.arange(12, 20))
+
+
+ODDS = np.array([1e9, 3.0, 3.0, 1.2, 0.9, 1e9])
+LEVERAGES = np.array([1.0, 8.0, 10.0, 1.0, 1.0, 30.0])
+
+
+def test_an_inlier_that_decides_much_must_be_the_more_probable(monkeypatch):
+    """Its odds must exceed the square root of its leverage: 3 > 2.8, but not 3.2."""
+    members = np.r_[0:5, 11]
+    found = EndInliers(members, ODDS, LEVERAGES)
+    monkeypatch.setattr(screening, "find_end_inliers", lambda *_: found)
+    kept = screened(exact(arc_points(ANGLES)), 0, 81)
+    np.testing.assert_array_equal(kept[kept > 68], 69 + np.array([0, 1, 3, 11]))
+    np.testing.assert_array_equal(kept[kept < 12], 11 - np.array([11, 3, 1, 0]))
+
+
+def test_an_inlier_beyond_a_departure_is_none(monkeypatch):
+    """The probability of none multiplies that of an inlier: .95 x .6 > .5, .6 x .6 is not."""
+    free = np.array([1.0] * 9 + [0.6, 0.6, 0.4])
+    odds = np.array([1e9] * 9 + [19.0, 1.5, 1e9])
+    found = EndInliers(np.arange(12), odds, np.ones(12))
+    monkeypatch.setattr(screening, "find_end_inliers", lambda *_: found)
+    monkeypatch.setattr(screening, "departure_free_probability", lambda *_: free)
+    monkeypatch.setattr(screening, "GUARD_POINTS", 0)
+    np.testing.assert_array_equal(screened(exact(contact(12)), 0, 81), np.arange(79))
+
+
+def test_the_ellipse_is_that_of_the_inliers():
+    """A tenth of its standard deviations from what more steps of the same fit would give."""
+    rng = np.random.default_rng(4)
+    profile = along_y(arc_points(np.arange(-70, 70.1, STEP_DEG)), rng=rng)
+    start = Ellipse((0.3, -440.2), 20.6, 19.9, 0.4)
+    found = screen_arc(profile, identified(0, len(profile.points), start))
+    parameters = parameters_from_ellipse(found.ellipse)
+    best, covariance = refine_ellipse(found.points, parameters, 5)
+    assert (np.abs(best - parameters) < 0.1 * np.sqrt(np.diag(covariance))).all()

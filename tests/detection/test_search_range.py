@@ -20,7 +20,7 @@ LINE = prepare_profile(Profile(flat(0, 150)), None)
         pytest.param(20, None, (16.0, 24.0), id="whole number"),
         pytest.param(None, RadiusPrior(20.0), (16.0, 24.0), id="known exactly"),
         pytest.param(None, RadiusPrior(20.0, 1.0), (13.0, 27.0), id="known about"),
-        pytest.param(None, RadiusPrior(20.0, 50.0), (2.0, 174.0), id="known hardly"),
+        pytest.param(None, RadiusPrior(20.0, 50.0), (4.0, 174.0), id="known hardly"),
         pytest.param((10.0, 40.0), RadiusPrior(5.0), (10.0, 40.0), id="range before known"),
     ],
 )
@@ -32,6 +32,19 @@ def test_without_a_wish_the_range_follows_the_profile():
     low, high = search_range(None, None, LINE)
     assert low == pytest.approx(150 / 75, rel=0.01)
     assert high == pytest.approx(225, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("pitch", "width", "low"),
+    [
+        pytest.param(0.1, 450, 2.0, id="20 pitches, where these are less than 1/75 of the view"),
+        pytest.param(1.0, 150, 3.0, id="3 pitches"),
+    ],
+)
+def test_the_smallest_radius_follows_the_pitch(pitch, width, low):
+    x = np.arange(0, width + pitch / 2, pitch)
+    profile = prepare_profile(Profile(np.column_stack([x, 0 * x])), None)
+    assert search_range(None, None, profile)[0] == pytest.approx(low, rel=0.01)
 
 
 @pytest.mark.parametrize("points", [np.empty((0, 2)), [[1.0, 2.0]], [[1.0, 2.0]] * 5])

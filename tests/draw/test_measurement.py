@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import same_color
 
-from lsvision.detection.acceptance import Rejection
+from lsvision.detection.arcs import Rejection
 from lsvision.draw import draw_measurement, figure_bytes
 from lsvision.draw.measurement import LABEL_GAP_PX
 from lsvision.draw.panel import LINES
@@ -49,7 +49,7 @@ def scene():
         Rejection(Arc(start + 30, start + 60), "flat: rises 0.01 mm over its chord"),
         Rejection(Arc(start, start + 30), "tilt 80 deg over 65 deg"),
         Rejection(Arc(start, start + 30), "tried once more"),
-        Rejection(Arc(10, 60), "grew into a cylinder in the end"),
+        Rejection(Arc(60, 110), "grew into a cylinder in the end"),
     )
     return profile, Measurement(cylinders, rejections)
 

@@ -1,20 +1,25 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
+from scipy.optimize import approx_fprime, least_squares
+from scipy.stats import chi2
 
-from lsvision.ellipse.fit import FittingSettings, fit_ellipse
+from lsvision.ellipse.fit import FittingSettings, fit_ellipse, fit_noisy_points
+from lsvision.ellipse.phi_prior import PhiPrior
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.ellipse.section import CylinderSection
 from lsvision.errors import FitFailed, TooFewPoints
 from lsvision.planning import section_bound
 from lsvision.profile import Arc
-from lsvision.statistics.correlation import autocorrelation_time
+from lsvision.shapes import Ellipse, orthogonal_residuals
+from lsvision.shapes.noisy_points import NoisyPoints
 from tests.alike import assert_same_ellipse, turn_between
 from tests.ellipse.arcs import SENSOR, about, measured, pipe, upper_arc
 from tests.strategies import PROPERTY, arcs_with_noise
-from tests.tolerances import CONVERGED, FIVE_SIGMA, spread_of_rms
+from tests.tolerances import CONVERGED, FIVE_SIGMA, spread_of_rms, spread_of_share
 
 RUNS = 300
 
@@ -120,23 +125,6 @@ def test_without_a_noise_model_the_covariance_comes_from_the_residuals(rng):
     assert 0 < fit.degrees_of_freedom <= 195
 
 
-@pytest.mark.parametrize("rho", [0.5, 0.8])
-def test_correlation_along_the_line_is_estimated(rho, rng):
-    series = np.zeros(4000)
-    for i in range(1, len(series)):
-        series[i] = rho * series[i - 1] + rng.normal()
-    # Of a first-order process; the cut at insignificant lags leaves a little out.
-    assert autocorrelation_time(series) == pytest.approx((1 + rho) / (1 - rho), rel=0.2)
-
-
-@pytest.mark.parametrize(
-    "series", [np.zeros(50), np.ones(50), np.array([1.0, -1.0] * 20), np.arange(7.0)],
-    ids=["zero", "constant", "alternating", "short"],
-)  # fmt: skip
-def test_series_without_positive_correlation_count_in_full(series):
-    assert autocorrelation_time(series) == 1.0
-
-
 def test_correlated_errors_widen_the_covariance(rng):
     truth, exact = pipe(30.0), upper_arc(pipe(30.0), count=300)
     white = rng.normal(size=340)
@@ -145,6 +133,191 @@ def test_correlated_errors_widen_the_covariance(rng):
     points = exact + 0.05 * smooth * toward
     fit = fit_ellipse(points, truth, SENSOR.covariances(points))
     assert fit.variance_factor > 4  # nine neighbours say the same
+
+
+ESTIMATED = FittingSettings(variance="estimated", reweightings=0)
+
+
+def noisy(points, variance_ratio=1.0):
+    return NoisyPoints.of(points, variance_ratio * SENSOR.covariances(points))
+
+
+def ellipse_of(values):
+    """From centre, semi-minor axis, a - b and theta."""
+    x, y, minor, excess, theta = values
+    return Ellipse.from_axes((x, y), minor + excess, minor, theta)
+
+
+def least_squares_by_scipy(points, stds, truth, further=lambda _: ()):
+    """Ellipse of least squares in its own axes, with numerical derivatives."""
+
+    def residuals(values):
+        off = orthogonal_residuals(points, ellipse_of(values)) / stds
+        return np.append(off, further(ellipse_of(values)))
+
+    start = (*truth.centre, truth.semi_minor, truth.semi_major - truth.semi_minor, truth.theta)
+    best = least_squares(residuals, start, x_scale=(1, 1, 1, 1, 0.1), xtol=1e-14, ftol=1e-14)
+    return ellipse_of(best.x), best
+
+
+def ray_stds(points, ellipse, std=0.05):
+    """Along the ellipse's normals, of errors along rays from the origin that grow with range^2."""
+    u, v = ellipse.to_ellipse_frame(points).T
+    gradient = np.column_stack([u / ellipse.semi_major**2, v / ellipse.semi_minor**2])
+    normals = ellipse.from_ellipse_frame(gradient) - ellipse.centre
+    normals /= np.hypot(*normals.T)[:, None]
+    matrices = SENSOR.covariances(points)
+    return np.sqrt(np.einsum("ni,nij,nj->n", normals, matrices, normals)) * std / 0.05
+
+
+def test_the_fit_is_the_weighted_least_squares_of_another_solver(rng):
+    truth = pipe(30.0)
+    points = measured(upper_arc(truth), rng)
+    wanted, _ = least_squares_by_scipy(points, ray_stds(points, truth), truth)
+    fit = fit_noisy_points(noisy(points), truth, settings=FittingSettings(reweightings=0))
+    assert_same_ellipse(fit.ellipse, wanted, atol=1e-5)
+
+
+def test_an_estimated_variance_leaves_the_ellipse_and_scales_the_covariance(rng):
+    points = measured(upper_arc(pipe(30.0), count=200), rng)
+    given = fit_noisy_points(noisy(points), pipe(30.0), settings=FittingSettings(reweightings=0))
+    for ratio in (1.0, 1e-4, 1e4):
+        fit = fit_noisy_points(noisy(points, ratio), pipe(30.0), settings=ESTIMATED)
+        assert_same_ellipse(fit.ellipse, given.ellipse, atol=CONVERGED)
+        misfit = given.residuals / ray_stds(points, pipe(30.0))
+        scatter = float(misfit @ misfit) / 195
+        assert fit.variance_factor * ratio == pytest.approx(
+            scatter * fit.correlation.autocorrelation_time, rel=1e-6
+        )
+        np.testing.assert_allclose(
+            fit.parameter_covariance,
+            scatter * fit.correlation.autocorrelation_time * given.unscaled_covariance,
+            rtol=1e-5,
+        )
+
+
+def test_an_estimated_variance_follows_chi_square(rng):
+    """65 degrees of freedom, and without correlation said to be so many."""
+    truth, factors = pipe(30.0), []
+    for _ in range(RUNS):
+        points = measured(upper_arc(truth), rng)
+        fit = fit_noisy_points(noisy(points), truth, settings=ESTIMATED)
+        if fit.correlation.autocorrelation_time == 1:
+            assert fit.degrees_of_freedom == 65
+            factors.append(fit.variance_factor)
+    below = np.mean(65 * np.array(factors) < chi2.median(65))
+    assert abs(below - 0.5) < spread_of_share(0.5, len(factors))
+
+
+def test_a_low_frequency_variance_has_four_degrees_of_freedom(rng):
+    """A form error of five half waves, which the ellipse cannot follow."""
+    exact = upper_arc(pipe(30.0), count=200)
+    outwards = exact - pipe(30.0).centre
+    outwards /= np.hypot(*outwards.T)[:, None]
+    wave = 0.01 * np.cos(np.linspace(0, 5 * math.pi, 200))[:, None]
+    points = measured(exact, rng) + wave * outwards
+    for settings in (ESTIMATED, FittingSettings()):
+        fit = fit_noisy_points(noisy(points), pipe(30.0), settings=settings)
+        assert fit.correlation.coloured
+        assert fit.degrees_of_freedom == 4
+        assert fit.variance_factor > 2
+
+
+def chi_square_of(fit):
+    return float(fit.normalised @ fit.normalised)
+
+
+@pytest.mark.parametrize(("sigmas", "believed"), [(-5, True), (3, True), (3.6, False), (5, False)])
+def test_a_noise_model_is_believed_up_to_3_3_sigma_of_chi_square(sigmas, believed):
+    truth = pipe(30.0)
+    points = measured(upper_arc(truth, count=200), np.random.default_rng(3))
+    fit = fit_noisy_points(noisy(points), truth)
+    assert fit.correlation.autocorrelation_time == 1
+    wanted = 1 + sigmas * math.sqrt(2 / 195)
+    ratio = chi_square_of(fit) / 195 / wanted
+    again = fit_noisy_points(noisy(points, ratio), truth)
+    assert chi_square_of(again) / 195 == pytest.approx(wanted, rel=1e-3)
+    assert again.variance_factor == (1.0 if believed else pytest.approx(wanted, rel=1e-3))
+    assert math.isinf(again.degrees_of_freedom)
+
+
+@pytest.mark.parametrize(
+    ("sigmas", "surely"), [(4.0, False), (4.9, False), (5.1, True), (6.0, True)]
+)
+def test_an_ellipse_is_surely_no_circle_from_five_sigma_on(sigmas, surely, rng):
+    fit = fit_ellipse(measured(upper_arc(pipe(30.0)), rng), pipe(30.0))
+    h = math.hypot(*fit.parameters[3:])
+    largest = np.linalg.norm(fit.unscaled_covariance[3:, 3:], 2)
+    told = replace(fit, variance_factor=(h / sigmas) ** 2 / largest)
+    assert told.is_noncircular is surely
+
+
+def test_normals_point_outwards_across_the_ellipse(rng):
+    truth = pipe(30.0)
+    fit = fit_ellipse(measured(upper_arc(truth), rng), truth)
+    np.testing.assert_allclose(np.abs(fit.normals), 1.0, atol=1e-12)
+    for point, normal in zip(fit.problem.points, fit.normals, strict=True):
+        slope = approx_fprime(
+            point, lambda xy: orthogonal_residuals(xy[None], fit.ellipse)[0], 1e-6
+        )
+        assert abs(complex(*slope) - normal) < 1e-4
+
+
+def test_the_correlation_of_the_residuals_comes_with_the_fit(rng):
+    exact = upper_arc(pipe(30.0), count=300)
+    averaged = np.convolve(rng.normal(size=304), np.ones(5) / math.sqrt(5), mode="valid")
+    toward = exact / np.linalg.norm(exact, axis=1)[:, None]
+    fit = fit_noisy_points(noisy(exact + 0.05 * averaged[:, None] * toward), pipe(30.0))
+    assert fit.correlation.neighbours_correlated
+    # A fit of five parameters takes a little of it away.
+    assert 3 < fit.correlation.autocorrelation_time < 25
+    assert fit.variance_factor == pytest.approx(fit.correlation.autocorrelation_time, rel=0.5)
+
+
+@pytest.mark.parametrize("assumed", [1e-4, 1.0, 1e4], ids=["too small", "right", "too large"])
+def test_a_known_radius_weighs_as_its_std_says_whatever_the_assumed_noise(assumed):
+    """The size of the noise is estimated: only the points' relative weights are given."""
+    truth, std = pipe(30.0), 0.1
+    points = measured(upper_arc(truth, count=200), np.random.default_rng(1))
+    known = RadiusPrior(truth.radius + 0.3, std)
+    fit = fit_noisy_points(noisy(points, assumed), truth, known, settings=ESTIMATED)
+    stds = ray_stds(points, truth)
+    free, solution = least_squares_by_scipy(points, stds, truth)
+    size = math.sqrt(2 * solution.cost / 195)
+    wanted, _ = least_squares_by_scipy(
+        points, size * stds, truth, lambda e: (e.semi_minor - known.radius) / std
+    )
+    assert truth.radius < free.radius + 0.3 * std
+    assert abs(free.radius - wanted.radius) > 0.1 * std
+    # Of the noise, which the second scaling takes from the fit with the prior: 1 in 400.
+    assert_same_ellipse(fit.ellipse, wanted, atol=0.02 * abs(free.radius - wanted.radius))
+
+
+def test_a_known_tilt_weighs_as_its_std_says_whatever_the_assumed_noise():
+    truth, std = pipe(30.0), math.radians(0.5)
+    points = measured(upper_arc(truth, count=200), np.random.default_rng(1))
+    known = PhiPrior(math.radians(32.0), std)
+    stds = ray_stds(points, truth)
+    free, solution = least_squares_by_scipy(points, stds, truth)
+    size = math.sqrt(2 * solution.cost / 195)
+    wanted, _ = least_squares_by_scipy(
+        points, size * stds, truth, lambda e: (e.phi - known.phi) / std
+    )
+    assert wanted.phi - free.phi > 0.1 * std
+    for assumed in (1e-4, 1e4):
+        fit = fit_noisy_points(noisy(points, assumed), truth, None, known, ESTIMATED)
+        assert fit.ellipse.phi == pytest.approx(wanted.phi, abs=0.03 * (wanted.phi - free.phi))
+
+
+def test_a_tilt_known_to_be_none_makes_a_circle_of_an_arc_with_estimated_noise(rng):
+    truth = pipe(0.0)
+    points = measured(upper_arc(truth, 70.0), rng)
+    fit = fit_noisy_points(noisy(points, 1e-4), truth, None, PhiPrior(0.0), ESTIMATED)
+    free = fit_noisy_points(noisy(points, 1e-4), truth, settings=ESTIMATED)
+    assert fit.ellipse.phi < math.radians(0.2)
+    stds = [CylinderSection(each, Arc(0, 70), np.arange(70)).radius_std for each in (fit, free)]
+    assert stds[0] < stds[1] / 3
+    assert abs(fit.ellipse.radius - truth.radius) < 4 * stds[0]
 
 
 def test_the_fit_forgets_its_start(rng):

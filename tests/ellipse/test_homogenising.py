@@ -1,32 +1,112 @@
+import math
+
 import numpy as np
 import pytest
 
-from lsvision.ellipse.homogenising import (
-    HomogenisingSettings,
-    homogenise,
-    homogenise_profile_paper,
-)
+from lsvision import Ellipse
+from lsvision.ellipse.homogenising import homogenise_arc, homogenise_profile_paper
+from lsvision.ellipse.smoothing import smooth_arc
+from lsvision.shapes import orthogonal_residuals
+from lsvision.shapes.noisy_points import NoisyPoints
+from tests.alike import assert_same_ellipse
+from tests.ellipse.arcs import SENSOR, measured, pipe, upper_arc
 from tests.tolerances import MACHINE
 
-
-def test_new_points_stand_at_equal_steps_from_end_to_end():
-    length = np.array([0.0, 1.0, 4.0, 5.0, 9.0, 20.0])
-    even, _ = homogenise(length, length)
-    assert (even[0], even[-1]) == (0.0, 20.0)
-    np.testing.assert_allclose(np.diff(even), 0.5, atol=MACHINE)
+TRUTH = pipe(25.0)
+SLIGHTLY_OFF = Ellipse((5.2, -400.1), TRUTH.semi_major + 0.2, TRUTH.semi_minor + 0.1, 0.55)
 
 
-def test_cubics_pass_unchanged():
-    length = np.sort(np.concatenate([[0, 10], np.linspace(0.3, 9.1, 17) ** 1.01]))
-    cubic = 1 + length - 0.2 * length**2 + 0.01 * length**3
-    even, values = homogenise(length, cubic)
-    np.testing.assert_allclose(values, 1 + even - 0.2 * even**2 + 0.01 * even**3, atol=MACHINE)
+def homogenised(points, screened):
+    noisy = NoisyPoints.of(points, SENSOR.covariances(points))
+    return homogenise_arc(smooth_arc(noisy, screened))
 
 
-@pytest.mark.parametrize(("span", "count"), [(1.0, 8), (30.0, 61), (1000.0, 200)])
-def test_there_are_never_too_few_nor_too_many_points(span, count):
-    length = np.linspace(0, span, 40)
-    assert len(homogenise(length, length, HomogenisingSettings(step_mm=0.5))[0]) == count
+def steps_between(points):
+    return np.hypot(*np.diff(points, axis=0).T)
+
+
+def crowded_at_one_flank(count=150):
+    """Three points on one half of the arc for each one on the other."""
+    share = np.linspace(0, 1, count) ** 2
+    top = math.pi / 2 - TRUTH.theta
+    return TRUTH.points_at(top + math.radians(70) * (1 - 2 * share))
+
+
+@pytest.mark.parametrize("degrees", [60.0, 140.0, 200.0])
+def test_points_stand_at_equal_steps_along_the_arc(degrees):
+    steps = steps_between(homogenised(upper_arc(TRUTH, degrees), TRUTH).points)
+    np.testing.assert_allclose(steps, steps.mean(), rtol=0.03)
+
+
+def test_a_short_arc_has_a_point_every_half_millimetre():
+    steps = steps_between(homogenised(upper_arc(TRUTH, 45.0), TRUTH).points)
+    np.testing.assert_allclose(steps, 0.5, rtol=0.05)
+
+
+def test_a_flank_that_was_sampled_densely_counts_no_more():
+    points = crowded_at_one_flank()
+    before, after = (steps_between(p) for p in (points, homogenised(points, TRUTH).points))
+    assert before.max() > 20 * before.min()
+    assert after.max() < 1.1 * after.min()
+
+
+def test_clean_arcs_stay_where_they_are_though_the_screened_ellipse_is_off():
+    even = homogenised(upper_arc(TRUTH), SLIGHTLY_OFF)
+    # The residual to an ellipse 0.2 mm off is no exact quadratic; 0.4 mm is what y(x) does.
+    assert np.abs(orthogonal_residuals(even.points, TRUTH)).max() < 0.02
+
+
+def test_the_initial_guess_is_nearer_than_the_screened_ellipse(rng):
+    errors = []
+    for _ in range(100):
+        found = homogenised(measured(upper_arc(TRUTH), rng), SLIGHTLY_OFF).ellipse
+        errors.append(
+            [abs(e.semi_major - TRUTH.semi_major) for e in (found, SLIGHTLY_OFF)]
+            + [math.dist(e.centre, TRUTH.centre) for e in (found, SLIGHTLY_OFF)]
+        )
+    major, screened_major, centre, screened_centre = np.mean(errors, axis=0)
+    assert major < screened_major
+    assert centre < screened_centre
+
+
+def test_without_noise_the_initial_guess_lies_on_the_points():
+    """What one step leaves in depth and size cancels along the arc."""
+    points = upper_arc(TRUTH)
+    found = homogenised(points, SLIGHTLY_OFF).ellipse
+    before, after = (np.abs(orthogonal_residuals(points, e)).max() for e in (SLIGHTLY_OFF, found))
+    assert before > 0.2
+    assert after < 0.1 * before
+
+
+def test_jumps_do_not_move_the_initial_guess(rng):
+    points = measured(upper_arc(TRUTH), rng)
+    clean = homogenised(points, SLIGHTLY_OFF).ellipse
+    points[[10, 33, 34], 1] += (3.0, -2.0, 5.0)
+    assert_same_ellipse(homogenised(points, SLIGHTLY_OFF).ellipse, clean, atol=0.2)
+
+
+@pytest.mark.parametrize("order", ["reverse", "random"])
+def test_the_order_of_the_points_does_not_matter(order, rng):
+    points = measured(upper_arc(TRUTH), rng)
+    turn = np.arange(70)[::-1] if order == "reverse" else rng.permutation(70)
+    there, back = homogenised(points, TRUTH).ellipse, homogenised(points[turn], TRUTH).ellipse
+    assert_same_ellipse(back, there, atol=1e-6)
+
+
+@pytest.mark.parametrize("theta", [0.0, math.pi / 2, math.pi - 1e-6], ids=["0", "90", "180"])
+def test_the_seam_of_theta_does_not_cut_an_arc(theta):
+    truth = pipe(25.0, theta=theta)
+    even = homogenised(upper_arc(truth, degrees=200), truth).points
+    # Between two points they lie on the chord: its sagitta is step^2 / (8 r).
+    step = steps_between(upper_arc(truth, degrees=200)).max()
+    sagitta = step**2 / 8 / (19.0**2 / truth.semi_major)
+    assert np.abs(orthogonal_residuals(even, truth)).max() < 1.1 * sagitta
+
+
+def test_duplicate_points_are_homogenised_too():
+    even = homogenised(np.repeat(upper_arc(TRUTH, count=20), 3, axis=0), SLIGHTLY_OFF)
+    assert np.isfinite(even.points).all()
+    assert_same_ellipse(even.ellipse, TRUTH, atol=0.1)
 
 
 def test_the_literal_step_runs_over_x_and_leaves_out_what_does_not_rise():

@@ -1,16 +1,32 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
+from scipy.stats import chi2
 
+from lsvision import Arc, CylinderSection, Ellipse
+from lsvision.ellipse import intervals as module
 from lsvision.ellipse.fit import fit_ellipse
-from lsvision.ellipse.intervals import MAX_PHI, interval, theta_is_determined
+from lsvision.ellipse.intervals import MAX_PHI, interval, intervals, theta_is_determined
+from lsvision.ellipse.phi_prior import PhiPrior
+from lsvision.ellipse.problem import RadiusPrior
 from tests.ellipse.arcs import SENSOR, measured, pipe, upper_arc
 from tests.tolerances import spread_of_share
 
 RUNS = {"radius": 80, "centre_x": 80, "centre_y": 60, "theta": 60, "phi": 40}
 FAR, NEAR, CIRCLE = 35.0, 8.0, 0.0
 SHORT_ARCS = 120
+PENALTY = 1e5  # 1/mm, 1/rad: a violation of 1e-5 costs as much as one sigma
+ISOTROPIC = 0.0025 * np.eye(2)  # mm^2
+HELD = {  # what must vanish for a value v, as a function of (x, y, a, b, theta)
+    "centre_x": lambda v, x, y, a, b, theta: x - v,
+    "centre_y": lambda v, x, y, a, b, theta: y - v,
+    "radius": lambda v, x, y, a, b, theta: min(a, b) - v,
+    "phi": lambda v, x, y, a, b, theta: min(a, b) - max(a, b) * math.cos(v),
+    "theta": lambda v, x, y, a, b, theta: math.sin(theta - v),
+}
 
 
 def fit_of(phi_deg, rng, covariances=True):
@@ -23,6 +39,41 @@ def value_of(ellipse, quantity):
     x, y = ellipse.centre
     values = {"radius": ellipse.radius, "theta": ellipse.theta, "phi": ellipse.phi}
     return {**values, "centre_x": x, "centre_y": y}[quantity]
+
+
+def least_cost(fit, starts, violation=lambda *values: 0.0):
+    """Least F under a constraint: raw parameters, one anomaly a point, a steep penalty."""
+    points, stds = fit.problem.points, fit.problem.stds
+
+    def gaps(free):
+        x, y, a, b, theta = free[:5]
+        cos, sin, t = math.cos(theta), math.sin(theta), free[5:]
+        u, v = a * np.cos(t), b * np.sin(t)
+        across = [points[:, 0] - x - u * cos + v * sin, points[:, 1] - y - u * sin - v * cos]
+        penalty = [PENALTY * violation(*free[:5])]
+        return np.concatenate([*(gap / stds for gap in across), penalty])
+
+    costs = []
+    for ellipse in starts:
+        own = ellipse.to_ellipse_frame(points)
+        t = np.arctan2(own[:, 1] / ellipse.semi_minor, own[:, 0] / ellipse.semi_major)
+        axes = (*ellipse.centre, ellipse.semi_major, ellipse.semi_minor, ellipse.theta)
+        costs.append(2 * least_squares(gaps, [*axes, *t], xtol=1e-12, ftol=1e-12).cost)
+    return min(costs)
+
+
+@pytest.mark.parametrize("level", [0.68, 0.99])
+@pytest.mark.parametrize("quantity", HELD)
+def test_at_both_ends_the_best_other_parameters_are_worse_by_the_quantile(quantity, level, rng):
+    truth = pipe(25.0)
+    points = measured(upper_arc(truth, count=30), rng)
+    fit = fit_ellipse(points, truth, np.tile(ISOTROPIC, (len(points), 1, 1)))
+    least = least_cost(fit, [fit.ellipse])
+    for end in interval(fit, quantity, level):
+        starts = [fit.ellipse]
+        held = least_cost(fit, starts, lambda *values, v=end: HELD[quantity](v, *values))
+        ratio = (held - least) / fit.variance_factor
+        assert ratio == pytest.approx(chi2.ppf(level, 1), rel=0.02)
 
 
 @pytest.mark.parametrize("phi_deg", [NEAR, FAR])
@@ -44,6 +95,201 @@ def test_intervals_hold_the_estimate_and_grow_with_the_level(quantity, rng):
     value = value_of(fit.ellipse, quantity)
     (low, high), (lower, higher) = (interval(fit, quantity, level) for level in (0.68, 0.99))
     assert lower < low < value < high < higher
+
+
+@pytest.mark.parametrize("phi_deg", [CIRCLE, NEAR, FAR])
+def test_a_higher_level_never_has_a_narrower_interval(phi_deg, rng):
+    fit = fit_of(phi_deg, rng)
+    all_levels = [intervals(fit, level) for level in (0.5, 0.68, 0.8, 0.9, 0.95, 0.99, 0.999)]
+    for quantity in RUNS:
+        widths = np.array([high - low for low, high in (getattr(i, quantity) for i in all_levels)])
+        assert (np.diff(widths) >= 0).all()
+
+
+def moved(ellipse, turn=0.0, scale=1.0, shift=(0.0, 0.0)):
+    x, y = ellipse.centre
+    cos, sin = math.cos(turn), math.sin(turn)
+    centre = (scale * (x * cos - y * sin) + shift[0], scale * (x * sin + y * cos) + shift[1])
+    axes = scale * ellipse.semi_major, scale * ellipse.semi_minor
+    return Ellipse(centre, *axes, ellipse.theta + turn)
+
+
+def moved_fit(fit, turn=0.0, scale=1.0, shift=(0.0, 0.0)):
+    """The fit of the same points in other coordinates."""
+    cos, sin = math.cos(turn), math.sin(turn)
+    rotation = np.array([[cos, -sin], [sin, cos]])
+    points = scale * fit.problem.points @ rotation.T + np.array(shift)
+    problem = replace(fit.problem, points=points, stds=scale * fit.problem.stds)
+    x, y = scale * rotation @ fit.parameters[:2] + np.array(shift)
+    d = scale * complex(*fit.parameters[3:]) * np.exp(2j * turn)
+    double = np.array([[math.cos(2 * turn), -math.sin(2 * turn)],
+                       [math.sin(2 * turn), math.cos(2 * turn)]])  # fmt: skip
+    turns = np.zeros((5, 5))
+    turns[:2, :2], turns[2, 2], turns[3:, 3:] = scale * rotation, scale, scale * double
+    return replace(
+        fit,
+        ellipse=moved(fit.ellipse, turn, scale, shift),
+        problem=problem,
+        parameters=np.array([x, y, scale * fit.parameters[2], d.real, d.imag]),
+        unscaled_covariance=turns @ fit.unscaled_covariance @ turns.T,
+    )
+
+
+@pytest.mark.parametrize("phi_deg", [CIRCLE, 4.0, NEAR, FAR])
+def test_a_rotation_turns_theta_and_nothing_else(phi_deg, rng):
+    fit = fit_of(phi_deg, rng)
+    before, after = intervals(fit), intervals(moved_fit(fit, turn=0.7))
+    np.testing.assert_allclose(after.radius, before.radius, rtol=0, atol=0.002)
+    np.testing.assert_allclose(after.phi, before.phi, rtol=0, atol=5e-4)
+    if before.theta == (0.0, math.pi):
+        assert after.theta == (0.0, math.pi)
+    else:
+        turn = np.array(after.theta) - before.theta
+        expected = 0.7 if fit.ellipse.theta + 0.7 < math.pi else 0.7 - math.pi
+        np.testing.assert_allclose(turn, expected, rtol=0, atol=0.003)
+    assert theta_is_determined(moved_fit(fit, turn=0.7)) == theta_is_determined(fit)
+
+
+@pytest.mark.parametrize("phi_deg", [CIRCLE, NEAR, FAR])
+def test_lengths_scale_and_the_centre_moves_with_the_points(phi_deg, rng):
+    fit = fit_of(phi_deg, rng)
+    before, after = intervals(fit), intervals(moved_fit(fit, scale=3.0, shift=(100.0, 50.0)))
+    np.testing.assert_allclose(after.radius, 3 * np.array(before.radius), rtol=1e-4)
+    np.testing.assert_allclose(after.centre_x, 3 * np.array(before.centre_x) + 100, atol=0.003)
+    np.testing.assert_allclose(after.centre_y, 3 * np.array(before.centre_y) + 50, atol=0.003)
+    np.testing.assert_allclose(after.phi, before.phi, atol=1e-4)
+    np.testing.assert_allclose(after.theta, before.theta, atol=1e-3)
+
+
+@pytest.mark.parametrize("quarters", [1, 2, 3])
+@pytest.mark.parametrize("phi_deg", [CIRCLE, 3.0])
+def test_a_quarter_turn_exchanges_the_ends_of_the_centre(phi_deg, quarters, rng):
+    """With an exactly known radius and nearly a circle, where some of these ends are circles."""
+    fit = prior_fit(phi_deg, rng, known_radius=RadiusPrior(19.0))
+    before, after = intervals(fit), intervals(moved_fit(fit, turn=quarters * math.pi / 2))
+    (left, right), (low, high) = before.centre_x, before.centre_y
+    corners = np.exp(0.5j * math.pi * quarters) * np.array(
+        [complex(left, low), complex(right, high)]
+    )
+    np.testing.assert_allclose(after.centre_x, np.sort(corners.real), atol=0.001)
+    np.testing.assert_allclose(after.centre_y, np.sort(corners.imag), atol=0.001)
+    assert after.centre_x[1] - after.centre_x[0] < 1.0
+
+
+def test_all_five_are_computed_once(rng, monkeypatch):
+    calls = []
+    find = module.find_end_points
+    monkeypatch.setattr(module, "find_end_points", lambda *args: calls.append(1) or find(*args))
+    fit = fit_of(FAR, rng)
+    section = CylinderSection(fit, Arc(0, 70), np.arange(70))
+    found = {quantity: section.interval(quantity) for quantity in RUNS}
+    assert len(calls) == 1
+    assert found == intervals(fit, 0.95)._asdict()
+    section.interval("radius", 0.9)
+    assert len(calls) == 2
+    intervals(replace(fit))  # equal to itself alone
+    assert len(calls) == 3
+
+
+def test_the_intervals_that_are_kept_are_few(rng):
+    fits = [fit_of(FAR, rng) for _ in range(3)]
+    for fit in fits:
+        intervals(fit)
+    information = module._compute_intervals.cache_info()
+    assert 16 <= information.maxsize <= 256
+    assert theta_is_determined.cache_info().maxsize <= 256
+
+
+def test_an_arc_that_tells_no_radius_has_the_limits_for_intervals(rng):
+    truth = pipe(20.0)
+    points = measured(upper_arc(truth, 35.0, count=25), rng)
+    fit = fit_ellipse(points, truth, SENSOR.covariances(points))
+    found, ellipse = intervals(fit, 0.99), fit.ellipse
+    (x, y), far = ellipse.centre, 50 * ellipse.semi_major
+    np.testing.assert_allclose(found.radius, (0.02 * ellipse.radius, 50 * ellipse.radius))
+    np.testing.assert_allclose(found.phi, (0.0, math.radians(88)))
+    np.testing.assert_allclose(found.theta, (0.0, math.pi))
+    np.testing.assert_allclose((found.centre_x, found.centre_y), ((x - far, x + far),
+                                                                  (y - far, y + far)))  # fmt: skip
+    assert not theta_is_determined(fit)
+
+
+def prior_fit(phi_deg, rng, degrees=120.0, **known):
+    truth = pipe(phi_deg)
+    points = measured(upper_arc(truth, degrees), rng)
+    return fit_ellipse(points, truth, SENSOR.covariances(points), **known)
+
+
+@pytest.mark.parametrize("phi_deg", [CIRCLE, 3.0, FAR])
+def test_an_exactly_known_radius_narrows_what_is_left(phi_deg, rng):
+    known = prior_fit(phi_deg, rng, known_radius=RadiusPrior(19.0))
+    free = replace(known, problem=replace(known.problem, known_radius=None))
+    low, high = interval(known, "radius")
+    assert high - low == pytest.approx(2 * 1.96 * 19e-6, rel=0.01)
+    assert (low + high) / 2 == pytest.approx(19.0, abs=1e-4)
+    for quantity in ("centre_x", "centre_y", "phi"):
+        low, high = interval(known, quantity)
+        assert 0 < high - low < 1.0
+    fit = fit_ellipse(known.problem.points, known.ellipse, None)
+    assert free.problem.known_radius is None
+    low, high = interval(known, "centre_y")
+    wide = interval(fit, "centre_y")
+    assert high - low < wide[1] - wide[0]
+
+
+def test_an_exactly_known_phi_is_its_own_interval(rng):
+    phi = math.radians(FAR)
+    low, high = interval(prior_fit(FAR, rng, known_phi=PhiPrior(phi)), "phi")
+    assert high - low == pytest.approx(2 * 1.96e-6, rel=0.02)
+    assert low <= phi <= high
+
+
+def test_an_exactly_known_circle_has_any_theta_and_hardly_a_phi(rng):
+    fit = prior_fit(CIRCLE, rng, known_phi=PhiPrior(0.0))
+    found = intervals(fit)
+    assert found.theta == (0.0, math.pi)
+    assert found.phi[0] == 0
+    assert found.phi[1] == pytest.approx(1.96e-3, rel=0.05)
+    assert not theta_is_determined(fit)
+
+
+def test_a_weakly_known_radius_is_still_told_by_the_points(rng):
+    """Its posterior is narrower than its prior, by more than the share that counts as nothing."""
+    free = prior_fit(FAR, rng)
+    std = CylinderSection(free, Arc(0, 70), np.arange(70)).radius_std
+    fit = prior_fit(FAR, rng, known_radius=RadiusPrior(19.0, std / 4))
+    assert module._known_quantities(fit, 2.0) == {}
+    surely = prior_fit(FAR, rng, known_radius=RadiusPrior(19.0, std / 40))
+    low, high = module._known_quantities(surely, 2.0)["radius"]
+    assert high - low == pytest.approx(4 * std / 40, rel=0.01)
+
+
+@pytest.mark.parametrize("phi_deg", [NEAR, FAR])
+def test_noise_free_points_have_hardly_a_width(phi_deg):
+    fit = fit_ellipse(upper_arc(pipe(phi_deg)), pipe(phi_deg))
+    for quantity in RUNS:
+        low, high = interval(fit, quantity)
+        assert low <= value_of(pipe(phi_deg), quantity) <= high
+        assert 1e-9 < high - low < 1e-5
+    assert theta_is_determined(fit)
+
+
+def test_theta_is_determined_by_two_intervals(rng):
+    """No circle, at 99.9 %, and not 30 deg off, at 99 %: on sections at both borders."""
+    seen = set()
+    for phi_deg, degrees in ((12.0, 120.0), (28.0, 85.0), (33.0, 85.0), (3.5, 300.0)):
+        for _ in range(20):
+            fit = prior_fit(phi_deg, rng, degrees)
+            open_999 = intervals(fit, 0.999).theta == (0.0, math.pi)
+            low, high = intervals(fit, 0.99).theta
+            off = max(high - fit.ellipse.theta, fit.ellipse.theta - low)
+            if abs(off - math.radians(30)) < 0.01 or intervals(fit, 0.99).phi[1] == MAX_PHI:
+                continue
+            expected = not open_999 and off < math.radians(30)
+            assert theta_is_determined(fit) == expected
+            seen.add((open_999, off < math.radians(30)))
+    print(seen)
+    assert {(False, True), (False, False), (True, True)} <= seen
 
 
 def test_far_from_a_circle_the_interval_is_that_of_the_covariance(rng):

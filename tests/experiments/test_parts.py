@@ -48,6 +48,24 @@ def test_the_whole_chain_is_near_the_ideal_and_literal_smoothing_is_not(report):
     assert all(bad > good for bad, good in zip(literal.typical, whole.typical, strict=True))
 
 
+def test_smoothing_finds_the_jumps_inside_an_arc(report):
+    """One point in twenty jumps: left in, they spoil the fit; smoothing leaves them out."""
+    costs = {cost.name: cost for cost in report.costs}
+    whole = costs["every step, as lsvision does it"]
+    found = costs["sensor error of rough identification inside the arc"]
+    left_in = costs["that sensor error and smoothing"]
+    assert found.failed == 0
+    assert max(found.typical) < 1.3 * max(whole.typical)
+    assert min(left_in.worst) > 3 * max(found.worst)
+
+
+def test_a_good_initial_guess_saves_evaluations(report):
+    costs = {cost.name: cost for cost in report.costs}
+    whole = costs["every step, as lsvision does it"]
+    assert 2 < whole.evaluations < costs["homogenising"].evaluations + 0.2  # a dozen pipes
+    assert costs["iterative fit: a direct algebraic one instead"].evaluations == 0
+
+
 def test_the_five_traps_are_sprung(report):
     theta, distance, twins, division, which_way = (trap.checks for trap in report.traps)
     assert [round(check.value, 9) for check in theta] == [1.777777778, 5.0, 1.0, 0.0]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from lsvision.cylinder.robot_frame import place_section
-from lsvision.detection.acceptance import Rejection
+from lsvision.detection.arcs import Rejection
 from lsvision.ellipse.fit import fit_ellipse
 from lsvision.ellipse.section import CylinderSection
 from lsvision.errors import UnwritableFile

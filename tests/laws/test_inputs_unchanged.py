@@ -7,69 +7,92 @@ import numpy as np
 import pytest
 
 from lsvision import Ellipse, Profile, ProfileSensor, measure_cylinders
-from lsvision.detection.acceptance import (
-    Rejection,
-    neighbourhood_rejection_reason,
-    rejection_reason,
-)
-from lsvision.detection.arc_detection import identify_arcs
+from lsvision.detection.acceptance import rejection_reason, shape_rejection_reason
+from lsvision.detection.arcs import Rejection
 from lsvision.detection.candidates import find_candidates, seed_ellipse
-from lsvision.detection.identification import IdentifiedArc, identify_arc
+from lsvision.detection.end_condition import connected_beyond, tangential_end_reason
+from lsvision.detection.end_points import (
+    EndPoints,
+    Prediction,
+    departure_free_probability,
+    find_end_inliers,
+)
+from lsvision.detection.identification import connected_inliers, grow_arc, identify_arcs
+from lsvision.detection.line_order import order_along_line
 from lsvision.detection.profile_preparation import prepare_profile
 from lsvision.detection.range_image import connected_components, rasterise
 from lsvision.detection.rejections import complete_rejections
 from lsvision.detection.screening import screen_arc
 from lsvision.detection.windows import fit_window_circles
-from lsvision.ellipse.conditioning import condition_arc
-from lsvision.ellipse.fit import fit_ellipse
-from lsvision.ellipse.homogenising import homogenise, homogenise_profile_paper
-from lsvision.ellipse.smoothing import smooth_profile_paper, smooth_residual
+from lsvision.ellipse.fit import FittingSettings, fit_ellipse
+from lsvision.ellipse.homogenising import homogenise_arc, homogenise_profile_paper
+from lsvision.ellipse.refinement import Priors, refine_arc
+from lsvision.ellipse.section import CylinderSection
+from lsvision.ellipse.smoothing import smooth_arc, smooth_profile_paper, smooth_residual
 from lsvision.profile import Arc
 from lsvision.shapes import orthogonal_residuals, radial_residuals
 from lsvision.shapes.ellipse import foot_points
-from lsvision.shapes.noisy_points import NoisyPoints
-from lsvision.statistics.correlation import autocorrelation_time
+from lsvision.statistics.correlation import autocorrelation_time, estimate_correlation
 from tests.detection.scenes import dome, flat, line
 from tests.ellipse.arcs import SENSOR, pipe, upper_arc
 
 RANGE = (5.0, 60.0)
-WEIGHED = line(flat(-50, -20), dome(0, 20), flat(20, 50))
-COMPONENTS = connected_components(rasterise(WEIGHED), 10)
-CANDIDATES = find_candidates(WEIGHED, COMPONENTS, RANGE)
-ARC = identify_arc(WEIGHED, CANDIDATES[0], WEIGHED.valid_indices)
+PREPARED = line(flat(-50, -20), dome(0, 20), flat(20, 50))
+COMPONENTS = connected_components(rasterise(PREPARED), 10)
+CANDIDATES = find_candidates(PREPARED, COMPONENTS, RANGE)
+ARC, COMPARED = grow_arc(PREPARED, CANDIDATES[0], PREPARED.valid_indices)
+SCREENED = screen_arc(PREPARED, ARC)
 POINTS = upper_arc(pipe(30.0))
 COVARIANCES = SENSOR.covariances(POINTS)
 CIRCLE = Ellipse((5.0, -400.0), 19.0, 19.0, 0.0)
 LENGTH = np.linspace(0, 50, 70)
+END = EndPoints(
+    0.02 * np.sin(LENGTH[:12]), np.full(12, 4e-4), np.cos(np.outer(np.arange(5), LENGTH[:12])),
+    np.ones(12, dtype=bool), LENGTH[:12],
+)  # fmt: skip
+PREDICTION = Prediction(np.full(5, 1e-3), 1e-4 * np.eye(5), 1.5, 20.0)
+FIT = refine_arc(SCREENED.points, SCREENED.ellipse, Priors(None, None), FittingSettings(), 0.02)
 
 STEPS = {
     "prepare_profile": (prepare_profile, Profile(POINTS), ProfileSensor()),
-    "rasterise": (rasterise, WEIGHED),
-    "connected_components": (connected_components, rasterise(WEIGHED), 10),
-    "find_candidates": (find_candidates, WEIGHED, COMPONENTS, RANGE),
-    "seed_ellipse": (seed_ellipse, WEIGHED, CANDIDATES[0]),
-    "identify_arc": (identify_arc, WEIGHED, CANDIDATES[0], WEIGHED.valid_indices.copy()),
-    "identify_arcs": (identify_arcs, WEIGHED, CANDIDATES, RANGE),
-    "screen_arc": (screen_arc, WEIGHED, ARC),
-    "rejection_reason": (rejection_reason, WEIGHED, ARC, RANGE),
-    "neighbourhood_rejection_reason": (neighbourhood_rejection_reason, WEIGHED, ARC),
+    "order_along_line": (order_along_line, POINTS[::2]),
+    "rasterise": (rasterise, PREPARED),
+    "connected_components": (connected_components, rasterise(PREPARED), 10),
+    "find_candidates": (find_candidates, PREPARED, COMPONENTS, RANGE),
+    "seed_ellipse": (seed_ellipse, PREPARED, CANDIDATES[0]),
+    "grow_arc": (grow_arc, PREPARED, CANDIDATES[0], PREPARED.valid_indices.copy()),
+    "connected_inliers": (connected_inliers, np.sin(LENGTH) > 0, np.arange(20, 30)),
+    "identify_arcs": (identify_arcs, PREPARED, CANDIDATES, RANGE),
+    "screen_arc": (screen_arc, PREPARED, ARC),
+    "find_end_inliers": (find_end_inliers, END, PREDICTION),
+    "departure_free_probability": (
+        departure_free_probability, END, PREDICTION, np.arange(7), np.arange(7, 10),
+    ),
+    "tangential_end_reason": (tangential_end_reason, PREPARED, ARC, SCREENED, 0.02),
+    "connected_beyond": (connected_beyond, np.arange(9) + 0j, np.arange(9, 12) + 0j, 3),
+    "smooth_arc": (smooth_arc, SCREENED.points, SCREENED.ellipse),
+    "smooth_residual": (smooth_residual, LENGTH, np.sin(LENGTH), np.ones(70), LENGTH[::7]),
+    "homogenise_arc": (homogenise_arc, smooth_arc(SCREENED.points, SCREENED.ellipse)),
+    "refine_arc": (
+        refine_arc, SCREENED.points, SCREENED.ellipse, Priors(None, None), FittingSettings(), 0.02,
+    ),
+    "shape_rejection_reason": (shape_rejection_reason, ARC.ellipse, COMPARED.normals, RANGE),
+    "rejection_reason": (
+        rejection_reason, PREPARED, CylinderSection(FIT, ARC.arc, SCREENED.indices), RANGE,
+    ),
     "complete_rejections": (
-        complete_rejections, WEIGHED, COMPONENTS,
-        [IdentifiedArc(ARC.arc, ARC.indices, ARC.ellipse)],
-        [Rejection(Arc(0, 20), "flat")], RANGE,
+        complete_rejections, PREPARED, COMPONENTS, [ARC], [Rejection(Arc(0, 20), "flat")], RANGE,
     ),
     "fit_window_circles": (fit_window_circles, POINTS, np.array([0]), np.array([70])),
-    "condition_arc": (condition_arc, NoisyPoints.of(POINTS, COVARIANCES), CIRCLE),
-    "smooth_residual": (smooth_residual, LENGTH, np.sin(LENGTH), np.ones(70)),
-    "homogenise": (homogenise, LENGTH, POINTS[:, 1]),
     "smooth_profile_paper": (smooth_profile_paper, POINTS),
     "homogenise_profile_paper": (homogenise_profile_paper, POINTS[POINTS[:, 0].argsort()]),
     "fit_ellipse": (fit_ellipse, POINTS, CIRCLE, COVARIANCES),
     "autocorrelation_time": (autocorrelation_time, np.sin(LENGTH)),
+    "estimate_correlation": (estimate_correlation, np.sin(LENGTH)),
     "foot_points": (foot_points, POINTS, 20.0, 15.0),
     "radial_residuals": (radial_residuals, POINTS, CIRCLE),
     "orthogonal_residuals": (orthogonal_residuals, POINTS, CIRCLE),
-    "measure_cylinders": (measure_cylinders, Profile(WEIGHED.points)),
+    "measure_cylinders": (measure_cylinders, Profile(PREPARED.points)),
 }  # fmt: skip
 
 

@@ -30,6 +30,20 @@ def test_a_part_keeps_points_and_covariances_together(which, rng):
         np.testing.assert_array_equal(getattr(part, name), getattr(same, name))
 
 
+def test_covariances_come_back(rng):
+    points, covariances = noisy_points(rng)
+    found = NoisyPoints.of(points, covariances).covariances
+    np.testing.assert_allclose(found, covariances, atol=1e-12)
+
+
+def test_points_alike_have_one_covariance(rng):
+    points, _ = noisy_points(rng)
+    alike = NoisyPoints.alike(as_complex(points), 0.2, 0.5)
+    one_by_one = NoisyPoints.of(points, np.tile(np.diag([0.04, 0.25]), (7, 1, 1)))
+    for name in ("z", "mean_variance", "deviator"):
+        np.testing.assert_allclose(getattr(alike, name), getattr(one_by_one, name), atol=1e-15)
+
+
 def test_vectors_come_back_from_complex_numbers(rng):
     vectors = rng.normal(size=(9, 4))[:, ::2]  # not in one piece
     np.testing.assert_array_equal(as_vectors(as_complex(vectors)), vectors)
@@ -58,3 +72,12 @@ def test_an_error_that_tells_no_ray_leaves_the_whole_fan_open(ratio):
     normals = np.exp(1j * np.radians(90 - angles_deg))
     seen = [noisy.incidence_cosines(normal[None])[0] > 0 for normal in normals]
     assert seen == [True, True, True, True, False, False]
+
+
+@pytest.mark.parametrize(("ray_deg", "told"), [(0, True), (36.5, True), (39, False), (90, False)])
+def test_a_ray_within_38_degrees_of_y_is_told_by_its_error(ray_deg, told):
+    ray = np.exp(1j * np.radians(90 - ray_deg))
+    along = np.array([ray.real, ray.imag])
+    noisy = NoisyPoints.of(np.zeros((1, 2)), np.outer(along, along)[None])
+    facing = noisy.incidence_cosines(np.array([ray * np.exp(1j * np.radians(80))]))[0]
+    assert (facing == pytest.approx(np.cos(np.radians(80)))) == told

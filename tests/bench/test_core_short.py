@@ -68,5 +68,6 @@ def test_no_pipe_in_rectangular_tubes(score):
 def test_processed_data_are_measured(score):
     own = score("D")
     inside = sum(pipe.inside for pipe in own.pipes)
-    assert own.missed <= 1, own.faults
-    assert inside >= binom.ppf(CHANCE, own.scenes, 0.95) - 1, own.faults
+    # Where 98 of 100 are found, more than 2 of 32 are missed by chance in 3 cases of 100.
+    assert own.missed <= 2, own.faults
+    assert inside >= binom.ppf(CHANCE, own.scenes, 0.95) - 2, own.faults

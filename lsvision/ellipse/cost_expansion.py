@@ -1,0 +1,192 @@
+"""The cost of an ellipse fit to second order about many ellipses at once.
+
+F is the weighted sum of squares of the residuals, priors included, over the variance factor. About
+parameters (centre_x, centre_y, m, p, q) it is F + 2 b' delta + delta' A delta, with b = J' r and
+A = J' J + sum r Hess r.
+"""
+
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from lsvision.ellipse.fit import EllipseFit
+from lsvision.ellipse.parameters import PARAMETERS, semi_minor, semi_minor_gradient
+from lsvision.ellipse.problem import EllipseProblem
+from lsvision.shapes import BoolArray, FloatArray, IntArray
+from lsvision.shapes.noisy_points import ComplexArray, as_complex
+
+FOOT_TOLERANCE, MAX_FOOT_ITERATIONS = 1e-4, 20
+"""Nearest points are found to the square of this angle (rad), by at most so many Newton steps."""
+STRAIN_SIGNS = np.array([0.0, 0.0, 1.0, -1.0, -1.0])[:, None]
+"""How each parameter turns the tangent, as a multiple of its tangential displacement."""
+DIFFERENCE_STEP = 1e-4
+"""Step of central differences of the priors, as a share of h (of m at a circle, squared)."""
+RIDGE = 1e-12
+"""Share of its diagonal, and of 1, added to A: invertible also where points tell nothing."""
+
+SecondOrder = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+"""Sum of squares (k,), J'r (k, 5), J'J and sum r Hess r (k, 5, 5)."""
+
+
+class Expansion(NamedTuple):
+    """F about k rows of parameters.
+
+    cost (k,): F; gradient (k, 5): b; information, covariance (k, 5, 5): A and its inverse. Those
+    of the points are without the priors.
+    """
+
+    cost: FloatArray
+    gradient: FloatArray
+    information: FloatArray
+    covariance: FloatArray
+    cost_of_points: FloatArray
+    gradient_of_points: FloatArray
+    information_of_points: FloatArray
+
+    def replaced(self, rows: IntArray, values: "Expansion", chosen: BoolArray) -> "Expansion":
+        """Copy with `values` (of the rows) in those of the rows that are chosen."""
+        copies = [field.copy() for field in self]
+        for field, value in zip(copies, values, strict=True):
+            field[rows[chosen]] = value[chosen]
+        return Expansion(*copies)
+
+
+def expand_cost(fit: EllipseFit, parameters: FloatArray) -> Expansion:
+    """Expand F to second order.
+
+    Parameters
+    ----------
+    fit : EllipseFit
+        Its problem and variance factor.
+    parameters : (k, 5) ndarray
+        Where. Units: mm.
+
+    Returns
+    -------
+    Expansion
+        The Gauss-Newton approximation A = J'J has the place of an indefinite A; an infinite cost
+        marks parameters where there is no finite one.
+    """
+    problem, s2 = fit.problem, fit.variance_factor
+    of_points = _orthogonal if problem.residual == "orthogonal" else _radial
+    squares, slope, gauss_newton, curvature = of_points(problem, parameters)
+    points = squares.copy() / s2, slope / s2, (gauss_newton + curvature) / s2
+    if problem.prior_residual_count:
+        slope = slope.copy()
+        for k, row in enumerate(parameters):
+            residuals, jacobian = _prior(problem, row)
+            squares[k] += residuals @ residuals
+            slope[k] += jacobian.T @ residuals
+            gauss_newton[k] += jacobian.T @ jacobian
+            curvature[k] += _prior_curvature(problem, row, residuals)
+    information = gauss_newton + curvature
+    lost = ~np.isfinite(information).all(axis=(1, 2))
+    information[lost], squares[lost], points[0][lost] = np.eye(PARAMETERS), np.inf, np.inf
+    indefinite = ~(np.linalg.eigvalsh(information)[:, 0] > 0)
+    information[indefinite] = gauss_newton[indefinite]
+    information += RIDGE * (information + 1.0) * np.eye(PARAMETERS)
+    covariance = np.asarray(s2 * np.linalg.inv(information), dtype=np.float64)
+    return Expansion(squares / s2, slope / s2, information / s2, covariance, *points)
+
+
+def _orthogonal(problem: EllipseProblem, parameters: FloatArray) -> SecondOrder:
+    """Of the orthogonal distances.
+
+    Parameter i moves the ellipse by X_i = (1, i, w, conj w, i conj w), with normal and tangential
+    components N_i and T_i. The distance has the derivative -N_i and the second
+    derivative kappa T_i T_j - a_i T_j - a_j T_i, with kappa the curvature and a_i the turn of the
+    tangent; terms in distance times curvature are left out.
+    """
+    distances, steepness, normals, w = _nearest_points(problem, parameters)
+    m, d = parameters[:, 2:3], flattening(parameters)[:, None]
+    normals = normals.conj()
+    across = w.conj() * normals
+    moves = np.stack([normals, 1j * normals, w * normals, across, 1j * across], axis=1)
+    N, T = moves.real, moves.imag
+    weights = 1 / problem.stds**2
+    weighted = distances * weights
+    half_kappa = (m * m - np.abs(d) ** 2) / (2 * steepness**3)
+    half = T * (weighted[:, None] * (half_kappa[:, None] - STRAIN_SIGNS / steepness[:, None]))
+    curvature = half @ T.transpose(0, 2, 1)
+    return (
+        (distances * weighted).sum(axis=1),
+        -apply(N, weighted),
+        (N * weights) @ N.transpose(0, 2, 1),
+        curvature + curvature.transpose(0, 2, 1),
+    )
+
+
+def _nearest_points(
+    problem: EllipseProblem, parameters: FloatArray
+) -> tuple[FloatArray, FloatArray, ComplexArray, ComplexArray]:
+    """Distances, |m w - d conj(w)|, unit normals and w of the nearest points, (k, n) each."""
+    own = as_complex(problem.points) - (parameters[:, 0] + 1j * parameters[:, 1])[:, None]
+    m, d = parameters[:, 2:3], flattening(parameters)[:, None]
+    w = m * own - d * own.conj()
+    w /= np.abs(w)
+    for _ in range(MAX_FOOT_ITERATIONS):
+        along, across = m * w, d * w.conj()
+        foot, normals = along + across, along - across
+        gap = own - foot
+        bending = normals.real**2 + normals.imag**2 + (gap * foot.conj()).real
+        turn = (gap * normals.conj()).imag / bending
+        if np.abs(turn).max() < FOOT_TOLERANCE:
+            break
+        w *= 1 + 1j * turn
+        w /= np.abs(w)
+    steepness = np.abs(normals)
+    normals /= steepness
+    return (gap * normals.conj()).real, steepness, normals, w
+
+
+def _radial(problem: EllipseProblem, parameters: FloatArray) -> SecondOrder:
+    """Of the paper's radial residuals, without their second derivative."""
+    points = replace(problem, known_radius=None, known_phi=None)
+    rows = [points.evaluate(row) for row in parameters]
+    return (
+        np.array([residuals @ residuals for residuals, _ in rows]),
+        np.array([jacobian.T @ residuals for residuals, jacobian in rows]),
+        np.array([jacobian.T @ jacobian for _, jacobian in rows]),
+        np.zeros((len(rows), PARAMETERS, PARAMETERS)),
+    )
+
+
+def _prior(problem: EllipseProblem, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Residuals (j,) and Jacobian (j, 5) of what is known beforehand."""
+    residuals, jacobian = np.empty(0), np.empty((0, PARAMETERS))
+    if problem.known_phi is not None:
+        residuals, jacobian = problem.known_phi.residuals_and_jacobian(parameters)
+    if problem.known_radius is not None:
+        known = problem.known_radius
+        residual = (semi_minor(parameters) - known.radius) / known.effective_std
+        row = semi_minor_gradient(parameters) / known.effective_std
+        residuals, jacobian = np.append(residuals, residual), np.vstack([jacobian, row])
+    return residuals, jacobian
+
+
+def _prior_curvature(
+    problem: EllipseProblem, parameters: FloatArray, residuals: FloatArray
+) -> FloatArray:
+    """Sum of residual times second derivative of the priors, (5, 5), by central differences."""
+    m, p, q = parameters[2:].tolist()
+    step = DIFFERENCE_STEP * max(math.hypot(p, q), DIFFERENCE_STEP * m)
+    curvature = np.zeros((PARAMETERS, PARAMETERS))
+    for i in range(2, PARAMETERS):
+        shift = step * np.eye(PARAMETERS)[i]
+        ahead, behind = (_prior(problem, parameters + s * shift)[1] for s in (1, -1))
+        curvature[i] = (ahead - behind).T @ residuals / (2 * step)
+    return (curvature + curvature.T) / 2
+
+
+def flattening(parameters: FloatArray) -> ComplexArray:
+    """D = p + iq of (k, 5) parameters. Units: mm."""
+    d: ComplexArray = parameters[:, 3] + 1j * parameters[:, 4]
+    return d
+
+
+def apply(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
+    """Each of (k, i, j) times each of (k, j)."""
+    product: FloatArray = (matrices @ vectors[:, :, None])[:, :, 0]
+    return product

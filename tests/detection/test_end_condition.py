@@ -1,0 +1,232 @@
+"""Corners and sheets go on tangentially; pipes end, kink, or have a fillet."""
+
+import math
+
+import numpy as np
+import pytest
+
+from lsvision import Profile
+from lsvision.detection.end_condition import connected_beyond, tangential_end_reason
+from lsvision.detection.profile_preparation import prepare_profile
+from tests.detection.scenes import arc_points, circle, exact, identified, walk
+
+STEP_DEG = 2.0
+STEP = 2 * 20 * math.sin(math.radians(STEP_DEG / 2))  # mm, chord of the arcs' steps
+
+
+def sides(left_deg, right_deg, half_deg=60.0, step_deg=STEP_DEG):
+    """An arc of 20 mm radius; each side goes on in steps that turn by so much from its tangent.
+
+    A positive turn is a turn towards the sensor, as that of a fillet.
+    """
+    angles = np.arange(-half_deg, half_deg + step_deg / 2, step_deg)
+    step = 2 * 20 * math.sin(math.radians(step_deg / 2))
+    arc = arc_points(angles)
+    right = walk(arc[-1], np.asarray(right_deg, float) - half_deg, step)
+    left = walk(arc[-1], np.asarray(left_deg, float) - half_deg, step)[::-1] * (-1, 1)
+    return np.concatenate([left, arc, right]), len(left), len(left) + len(angles)
+
+
+def reason_of(points, start, stop, *, screened=None, std=0.01):
+    arc = identified(start, stop, circle())
+    kept = arc if screened is None else identified(*screened, circle())
+    return tangential_end_reason(exact(points), arc, kept, std)
+
+
+def reason(left_deg, right_deg, **arc):
+    return reason_of(*sides(left_deg, right_deg, **arc))
+
+
+KINK, NOTHING = [90.0] * 20, []
+
+
+@pytest.mark.parametrize("turn_deg", [-1, 1])
+@pytest.mark.parametrize("other", [KINK, NOTHING], ids=["kink", "nothing"])
+def test_an_end_that_turns_less_than_20_deg_goes_on_tangentially(turn_deg, other):
+    for deg, refused in ((0, True), (17, True), (19.4, True), (20.5, False), (23, False)):
+        line = [turn_deg * deg] * 20
+        for first, second in ((line, other), (other, line)):
+            found = reason(first, second)
+            assert (found is not None) == refused, (deg, found)
+            if refused:
+                expected = (
+                    f"goes on tangentially at one end (turns {deg:.0f} deg): a rounded corner"
+                )
+                assert found == expected
+
+
+@pytest.mark.parametrize(("first", "second"), [(KINK, KINK), (NOTHING, NOTHING), (KINK, NOTHING)])
+def test_a_kink_or_nothing_at_both_ends_is_a_pipes(first, second):
+    assert reason(first, second) is None
+
+
+def test_where_both_ends_turn_less_than_35_deg_it_is_a_sheet():
+    for deg, refused in ((25, True), (30, True), (34.5, True), (35.5, False), (40, False)):
+        found = reason([deg] * 20, [-25.0] * 20)
+        assert (found is not None) == refused, (deg, found)
+    assert reason([30] * 20, [-25] * 20) == (
+        "goes on tangentially at both ends (turns 25 and 30 deg)"
+    )
+    assert reason([30] * 20, KINK) is None
+
+
+def test_fewer_than_five_points_beyond_are_nothing():
+    for count, refused in ((4, False), (5, True)):
+        assert (reason([0] * count, NOTHING) is not None) == refused
+
+
+def test_the_turn_of_a_short_arc_is_measured_over_six_points():
+    """Of 41 points, an eighth is less."""
+    short = {"half_deg": 40.0}
+    assert reason([-15] * 6 + [-49] * 9, KINK, **short) is not None
+    assert reason([40] * 4 + [10] * 2 + [-20] * 9, KINK, **short) is None
+
+
+def test_the_turn_of_a_long_arc_is_measured_over_an_eighth_of_its_points():
+    """96 points, 12 beyond: not over fewer, nor over more."""
+    long = {"half_deg": 47.5, "step_deg": 1.0}
+    assert reason([-18] * 12 + [-42] * 12, KINK, **long) is not None
+    assert reason([-30] * 8 + [30] * 4, KINK, **long) is not None
+    assert reason([-30] * 8, KINK, **long) is None
+
+
+def test_points_beyond_a_gap_are_another_thing():
+    for step, refused in ((2.5 * STEP, True), (3.5 * STEP, False)):
+        arc = arc_points(np.arange(-60, 61, STEP_DEG))
+        first = walk(arc[-1], [-60.0], step)
+        beyond = walk(first[-1], [-60.0] * 15, STEP)
+        found = reason_of(np.concatenate([arc, first, beyond]), 0, len(arc))
+        assert (found is not None) == refused
+
+
+def test_jumps_between_the_points_beyond_do_not_hide_that_they_go_on():
+    points, start, stop = sides([], [0] * 20)
+    points[stop + 1 : stop + 6 : 2, 1] += 9.0
+    assert reason_of(points, start, stop).startswith("goes on tangentially at one end")
+
+
+def fillet(radius_ratio, count):
+    """Turns of a line that curves towards the sensor with so many radii of the arc."""
+    return STEP_DEG / radius_ratio * (np.arange(count) + 0.5)
+
+
+def test_a_fillet_is_a_pipes():
+    assert reason(fillet(1 / 1.3, 20), KINK) is None
+    assert reason(KINK, fillet(1 / 1.3, 20)) is None
+
+
+def test_the_same_bent_the_other_way_is_a_corners():
+    assert reason(-fillet(1 / 1.3, 20), KINK) is not None
+
+
+def test_a_fillet_has_half_the_curvature_of_the_cylinder_at_least():
+    for ratio, refused in ((0.36, True), (0.45, True), (0.56, False), (0.65, False)):
+        found = reason(fillet(1 / ratio, 20), KINK)
+        assert (found is not None) == refused, (ratio, found)
+
+
+def curvature_std(count, step, noise):
+    """Of the parabola through equally spaced points: var c = sigma^2 180 / h^4 n(n^2-1)(n^2-4)."""
+    return 2 * noise * math.sqrt(180 / (count * (count**2 - 1) * (count**2 - 4))) / step**2
+
+
+@pytest.mark.parametrize(("count", "shorter"), [(6, None), (9, 6), (14, 9), (20, 14)])
+def test_noise_hides_a_fillet_that_is_too_short(count, shorter):
+    """Its curvature is told from 3 sigma, over 6, 9, 14 or 20 points."""
+    points, start, stop = sides(fillet(1.0, count), KINK)
+    chord = math.dist(points[0], points[count - 1]) / (count - 1)
+    for sigmas, refused in ((2.2, True), (2.8, True), (3.2, False), (3.8, False)):
+        noise = 1 / 20 / sigmas / curvature_std(count, chord, 1.0)
+        assert (reason_of(points, start, stop, std=noise) is not None) == refused
+        assert shorter is None or 3 * curvature_std(shorter, STEP, noise) > 1.05 / 20
+        assert reason_of(points[1:], start - 1, stop - 1, std=noise) is not None
+
+
+def test_the_scatter_of_a_line_hides_its_curvature_as_noise_does():
+    """Errors across it without share in a parabola; s^2 = their squares / (9 - 3)."""
+    points, start, stop = sides(fillet(1.0, 9), KINK)
+    across = np.array([1, -1, 0, -1, 0, 1, 0, 1, -1])[:, None] * [-math.sin(0.87), math.cos(0.87)]
+    limit = 1 / 20 / 3 / curvature_std(9, STEP, 1.0)
+    for scatter, refused in ((0.9 * limit, False), (1.15 * limit, True)):
+        rough = points.copy()
+        rough[:start] += scatter * across
+        assert (reason_of(rough, start, stop, std=0.001) is not None) == refused
+
+
+def test_the_turn_is_that_of_the_end_before_screening():
+    """A pipe that screening cut short goes on there, and ends in a kink all the same."""
+    points, start, stop = sides(KINK, KINK)
+    assert reason_of(points, start, stop, screened=(start + 6, stop - 6)) is None
+
+
+def test_a_fillet_begins_where_screening_ended():
+    """Growth took two of its points, and with 18 its bend does not stand out from the noise."""
+    points, start, stop = sides(NOTHING, fillet(1.0, 20))
+    noise = 1 / 20 / 3.3 / curvature_std(20, STEP, 1.0)
+    assert reason_of(points, start, stop + 2, screened=(start, stop), std=noise) is None
+    assert reason_of(points, start, stop + 2, std=noise) is not None
+
+
+def corner(radius, pitch, rng, *, last_deg=75.0, noise=0.02):
+    """A plate at columns `pitch` apart whose right edge is rounded; the edge's points."""
+    x = np.arange(-3 * radius, radius * math.sin(math.radians(last_deg)), pitch)
+    y = np.where(x < 0, radius, np.sqrt(radius**2 - np.maximum(x, 0) ** 2)) - 440
+    edge = np.flatnonzero(x >= 0)
+    return np.column_stack([x, y + noise * rng.normal(size=len(x))]), edge
+
+
+@pytest.mark.parametrize("pitch", [0.1, 0.2, 0.35, 0.6])
+@pytest.mark.parametrize("count", [10, 20, 50, 120, 400])
+@pytest.mark.parametrize("mirror", [1, -1])
+def test_a_rounded_corner_is_one_at_any_pitch_and_size(pitch, count, mirror, rng):
+    radius = count * pitch / math.sin(math.radians(75))
+    points, edge = corner(radius, pitch, rng, noise=0.02 * min(radius / 10, 1))
+    points *= (mirror, 1)
+    profile = prepare_profile(Profile(points), None)
+    arc = identified(edge[0], edge[-1] + 1, circle(radius))
+    found = tangential_end_reason(profile, arc, arc, 0.02)
+    assert found.startswith("goes on tangentially at one end (turns ")
+    assert found.endswith(": a rounded corner")
+
+
+@pytest.mark.parametrize("pitch", [0.1, 0.3, 0.6])
+@pytest.mark.parametrize("half_deg", [25.0, 40.0, 60.0])
+def test_the_crest_of_a_bent_sheet_goes_on_at_both_ends(pitch, half_deg, rng):
+    reach, slope = 20 * math.sin(math.radians(half_deg)), math.tan(math.radians(half_deg))
+    x = np.arange(-reach - 15, reach + 15, pitch)
+    crest = np.sqrt(np.maximum(400 - x**2, 0))
+    flank = 20 * math.cos(math.radians(half_deg)) - slope * (np.abs(x) - reach)
+    y = np.where(np.abs(x) < reach, crest, flank) - 440 + 0.02 * rng.normal(size=len(x))
+    edge = np.flatnonzero(np.abs(x) < reach)
+    profile = prepare_profile(Profile(np.column_stack([x, y])), None)
+    arc = identified(edge[0], edge[-1] + 1, circle())
+    assert tangential_end_reason(profile, arc, arc, 0.02).startswith(
+        "goes on tangentially at both ends (turns "
+    )
+
+
+def real_line(*steps):
+    return np.concatenate([[0.0], np.cumsum(steps)]).astype(complex)
+
+
+def test_a_point_within_three_steps_is_connected():
+    own = real_line(*[1.0] * 15)
+    for gap, connected in ((2.2, 1), (2.9, 1), (3.1, 0), (3.8, 0)):
+        assert len(connected_beyond(own, np.array([15 + gap + 0j]), 9)) == connected
+
+
+def test_the_last_twelve_points_tell_the_step():
+    """Their median, the upper one of two: six of eleven are needed."""
+    far = np.array([25.0 + 0j])
+    short = real_line(*[10.0] * 9, *[1.0] * 6)
+    assert len(connected_beyond(short - short[-1], far, 9)) == 0
+    long = real_line(*[10.0] * 9, *[1.0] * 5)
+    assert len(connected_beyond(long - long[-1], far, 9)) == 1
+
+
+def test_the_chain_leaves_out_what_is_out_of_reach_and_ends_in_time():
+    own = real_line(*[1.0] * 5) - 5
+    beyond = np.array([1, 2 + 9j, 3, 4, 9, 5, 6], dtype=complex)
+    np.testing.assert_array_equal(connected_beyond(own, beyond, 9), [0, 2, 3, 5, 6])
+    np.testing.assert_array_equal(connected_beyond(own, beyond, 3), [0, 2, 3])
+    assert len(connected_beyond(own, beyond[:0], 3)) == 0

@@ -1,0 +1,159 @@
+"""Series whose spectrum is set wave by wave: what of it counts as correlation is then exact."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.fft import dct, idct
+from scipy.stats import chi2, norm
+
+from lsvision.statistics.correlation import autocorrelation_time, estimate_correlation
+from tests.tolerances import ROUNDING, spread_of_share
+
+COUNT = 400
+
+
+def series(powers, seed=0):
+    """A series with the given power of each half wave, and no other regularity."""
+    signs = np.random.default_rng(seed).choice([-1.0, 1.0], len(powers))
+    return idct(np.sqrt(powers) * signs, norm="ortho")
+
+
+def raised(where, power, count=COUNT):
+    """A flat spectrum but for some waves."""
+    powers = np.ones(count)
+    powers[where] = power
+    return powers
+
+
+def power_for(ratio, waves=4, count=COUNT):
+    """Power of so many waves that makes their share `ratio` times that of independent errors."""
+    return ratio * (count - waves) / (count - waves * ratio)
+
+
+def lag_one_sigmas(values):
+    """Correlation of neighbours in its standard errors."""
+    centred = values - values.mean()
+    rho = np.correlate(centred[1:], centred[:-1])[0] / np.sum(centred**2)
+    return float(rho) * math.sqrt(len(values))
+
+
+def smoothed_by(share, seed=4, count=COUNT):
+    """White noise with a share of the neighbour's value added."""
+    white = np.random.default_rng(seed).normal(size=count + 1)
+    return white[1:] + share * white[:-1]
+
+
+@pytest.mark.parametrize("rho", [0.5, 0.8])
+def test_the_autocorrelation_time_is_that_of_a_first_order_process(rho, rng):
+    values = np.zeros(4000)
+    for i in range(1, len(values)):
+        values[i] = rho * values[i - 1] + rng.normal()
+    # The cut at insignificant lags leaves a little out.
+    assert autocorrelation_time(values) == pytest.approx((1 + rho) / (1 - rho), rel=0.2)
+
+
+@pytest.mark.parametrize(
+    "values", [np.zeros(50), np.ones(50), np.array([1.0, -1.0] * 20), np.arange(7.0)],
+    ids=["zero", "constant", "alternating", "short"],
+)  # fmt: skip
+def test_series_without_positive_correlation_count_in_full(values):
+    assert autocorrelation_time(values) == 1.0
+
+
+def test_chance_passes_for_correlation_as_often_as_two_sigma_allow():
+    runs = 4000
+    values = np.random.default_rng(1).normal(size=(runs, 1000))
+    share = np.mean([autocorrelation_time(row) > 1 for row in values])
+    assert abs(share - norm.sf(2)) < spread_of_share(norm.sf(2), runs)
+
+
+def test_independent_errors_count_in_full():
+    found = estimate_correlation(series(np.ones(COUNT)))
+    assert not found.coloured
+    assert not found.neighbours_correlated
+    assert found.autocorrelation_time == 1.0
+
+
+@pytest.mark.parametrize(("wave", "counts"), [(3, False), (4, True), (7, True), (8, False)])
+def test_the_four_lowest_waves_that_five_parameters_leave_are_looked_at(wave, counts):
+    assert estimate_correlation(series(raised(wave, 20.0))).coloured is counts
+
+
+@pytest.mark.parametrize("factor", [0.8, 0.97, 1.03, 1.2])
+def test_low_waves_stand_out_where_chance_would_do_it_once_in_40(factor):
+    ratio = factor * chi2.isf(1 / 40, 4) / 4
+    found = estimate_correlation(series(raised(slice(4, 8), power_for(ratio))))
+    assert found.coloured is (factor > 1)
+
+
+def test_one_arc_in_40_of_independent_errors_is_called_coloured():
+    runs = 4000
+    values = np.random.default_rng(2).normal(size=(runs, 120))
+    share = np.mean([estimate_correlation(row).coloured for row in values])
+    assert abs(share - 1 / 40) < spread_of_share(1 / 40, runs)
+
+
+def test_the_rise_towards_low_waves_is_extrapolated():
+    powers = raised(slice(4, 8), 6.0)
+    powers[12:34] = np.linspace(0.2, 0.9, 22)
+    powers[[8, 9, 10, 11, *range(34, 44)]] = 3.0  # between the bands and beyond: not compared
+    found = estimate_correlation(series(powers))
+    low = 6.0 / powers.mean()
+    assert not found.neighbours_correlated
+    assert found.autocorrelation_time == pytest.approx(
+        low * 6.0 / powers[12:34].mean(), rel=ROUNDING
+    )
+
+
+def test_low_waves_below_the_reference_are_not_extrapolated_downwards():
+    powers = raised(slice(4, 8), 6.0)
+    powers[12:34] = 9.0
+    found = estimate_correlation(series(powers))
+    assert found.autocorrelation_time == pytest.approx(9.0 / powers.mean(), rel=ROUNDING)
+
+
+def test_the_rise_counts_twice_at_most_where_the_sensor_smooths():
+    powers = np.where(np.arange(COUNT) < COUNT // 3, 1.0, 0.2)
+    powers[4:8] = 8.0
+    values = series(powers)
+    found = estimate_correlation(values)
+    waves = dct(values, norm="ortho") ** 2
+    assert found.neighbours_correlated
+    assert found.coloured
+    assert waves[4:8].mean() > 4 * waves[12:34].mean()
+    assert found.autocorrelation_time == pytest.approx(2 * waves[4:8].mean() / waves.mean())
+
+
+@pytest.mark.parametrize(("count", "has_bands"), [(39, False), (40, True)])
+def test_forty_points_have_a_reference_band(count, has_bands):
+    values = series(raised(slice(4, 8), power_for(3.0, count=count), count))
+    found = estimate_correlation(values)
+    assert not found.neighbours_correlated
+    assert found.coloured is has_bands
+
+
+def test_below_forty_points_neighbours_tell_alone():
+    blocks = np.repeat([1.0, -1.0, 1.0, -1.0, 1.0], 7)
+    found = estimate_correlation(blocks)
+    assert found.neighbours_correlated
+    assert found.coloured
+    assert found.autocorrelation_time == autocorrelation_time(blocks) > 3
+
+
+def test_neighbours_are_correlated_where_chance_would_do_it_once_in_4000():
+    limit = norm.isf(1 / 4000)  # 3.48
+    every = [smoothed_by(share) for share in np.linspace(0.05, 0.3, 60)]
+    sigmas = np.array([lag_one_sigmas(values) for values in every])
+    assert sigmas.min() < limit - 1 < limit + 1 < sigmas.max()
+    clear = np.abs(sigmas - limit) > 0.1
+    found = np.array([estimate_correlation(values).neighbours_correlated for values in every])
+    np.testing.assert_array_equal(found[clear], sigmas[clear] > limit)
+
+
+def test_correlation_is_the_same_from_either_end():
+    values = smoothed_by(0.8)
+    there, back = estimate_correlation(values), estimate_correlation(values[::-1])
+    assert there.autocorrelation_time == pytest.approx(back.autocorrelation_time, rel=ROUNDING)
+    assert (there.coloured, there.neighbours_correlated) == (True, True)
+    assert (back.coloured, back.neighbours_correlated) == (True, True)
