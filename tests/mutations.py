@@ -26,9 +26,9 @@ CHANGE = 1.3
 """Factor on a constant, or its inverse."""
 TIMEOUT_S = 400.0
 TURNED = {ast.Lt: ">=", ast.LtE: ">", ast.Gt: "<=", ast.GtE: "<", ast.Eq: "!=", ast.NotEq: "=="}
-UNUSED = ("TINY", "IDENTITY", "MAX_POINTS", "EXCLUDED")
-"""Parts of names of constants whose size has no effect by design: guards against division by
-zero, limits of memory."""
+NUMERICAL = ("TINY", "IDENTITY", "MAX_POINTS", "EXCLUDED", "TOLERANCE", "EVALUATIONS", "PRECISION")
+"""Parts of names of constants whose size changes no result by design: guards against division by
+zero, limits of memory and time, convergence tolerances."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def find_mutations(rng):
 def _constants(path, tree, rng):
     for node in tree.body:
         if not isinstance(node, ast.Assign) or any(
-            u in ast.unparse(node.targets[0]) for u in UNUSED
+            u in ast.unparse(node.targets[0]) for u in NUMERICAL
         ):
             continue
         for part in ast.walk(node.value):

@@ -299,70 +299,6 @@ def test_radii_of_welded_tubes_in_clutter_have_honest_intervals():
     assert np.mean(held) >= 0.95 - spread_of_share(0.95, len(held))
 
 
-def rectangular_tube(rng, width, corner, *, tilt_deg, pitch, noise):
-    """A rectangular tube with rounded corners on a plate, as columns along Y see it."""
-    x = np.arange(-60.0, 60.0, pitch)
-    turn, half = math.radians(tilt_deg), width / 2 - corner
-    heights = np.linspace(-width, width, 2000)
-    # Distance of a point from the tube is that from a smaller square less the corner's radius.
-    along = np.abs(x[:, None] * math.cos(turn) + heights * math.sin(turn)) - half
-    up = np.abs(heights * math.cos(turn) - x[:, None] * math.sin(turn)) - half
-    outside = np.hypot(np.maximum(along, 0), np.maximum(up, 0)) + np.minimum(
-        np.maximum(along, up), 0
-    )
-    inside = outside <= corner
-    top = np.where(inside.any(axis=1), heights[inside.shape[1] - 1 - inside[:, ::-1].argmax(1)],
-                   -width / 2)  # fmt: skip
-    y = top - 250.0 + noise * rng.normal(size=len(x))
-    y[np.abs(np.gradient(top, x)) > math.tan(math.radians(75))] = np.nan
-    return np.column_stack([x, y])
-
-
-TUBES = [
-    (width, corner, tilt, pitch)
-    for width, corner in ((30, 6), (40, 15), (50, 12), (60, 6))
-    for tilt, pitch in ((0, 0.1), (0, 0.25), (8, 0.25), (15, 0.4), (8, 0.6))
-]
-
-
-@pytest.mark.parametrize(("width", "corner", "tilt_deg", "pitch"), TUBES)
-def test_the_corners_of_a_rectangular_tube_are_no_pipes(width, corner, tilt_deg, pitch, rng):
-    points = rectangular_tube(rng, width, corner, tilt_deg=tilt_deg, pitch=pitch, noise=0.03)
-    measurement = measure_cylinders(Profile(points))
-    assert measurement.cylinders == ()
-    assert measurement.rejections
-
-
-def test_a_corner_is_told_as_one(rng):
-    points = rectangular_tube(rng, 50, 12, tilt_deg=0.0, pitch=0.25, noise=0.03)
-    told = [r for r in measure_cylinders(Profile(points)).rejections if "corner" in r.reason]
-    assert len(told) == 2
-    for rejection, side in zip(told, (-1, 1), strict=True):
-        x = points[(rejection.arc.start + rejection.arc.stop) // 2, 0]
-        assert 25 - 12 < side * x < 25
-
-
-def corrugated(rng, pitch=0.3):
-    x = np.arange(-60.0, 60.0, pitch)
-    y = -400 + 6 * np.cos(x / 5) + 0.03 * rng.normal(size=len(x))
-    return np.column_stack([x, y])
-
-
-def bent_sheet(rng, pitch=0.3):
-    """Flanks of 35 deg that a bend of 20 mm joins."""
-    x, reach = np.arange(-40.0, 40.0, pitch), 20 * math.sin(math.radians(35))
-    bend = np.sqrt(np.maximum(400 - x**2, 0))
-    flank = 20 * math.cos(math.radians(35)) - math.tan(math.radians(35)) * (np.abs(x) - reach)
-    y = np.where(np.abs(x) < reach, bend, flank) - 400
-    return np.column_stack([x, y + 0.03 * rng.normal(size=len(x))])
-
-
-@pytest.mark.parametrize("shape", [corrugated, bent_sheet])
-def test_sheets_are_no_pipes(shape, rng):
-    for _ in range(4):
-        assert measure_cylinders(Profile(shape(rng))).cylinders == ()
-
-
 @pytest.mark.parametrize("spread_deg", [360.0, 240.0, 200.0])
 def test_a_closed_section_is_measured(spread_deg, rng):
     """All around, as several sensors see it."""
@@ -424,3 +360,16 @@ def test_a_pipe_seen_square_on_has_no_theta_and_phi_from_zero():
     assert not pipe.theta_determined
     assert pipe.interval("theta") == (0.0, math.pi)
     assert pipe.interval("phi")[0] == 0.0
+
+
+@pytest.mark.parametrize("span_deg", [200, 240, 280, 300, 320, 340, 360])
+@pytest.mark.parametrize("order", [1, -1], ids=["left first", "right first"])
+def test_an_open_or_closed_ring_is_measured(span_deg, order, rng):
+    """Points all around a pipe, in the order of the angle: no sensor of one side gives them."""
+    angles = np.radians(90 + np.linspace(-span_deg / 2, span_deg / 2, span_deg))
+    ring = np.array([3.0, -140.0]) + 20 * np.column_stack([np.cos(angles), np.sin(angles)])
+    points = ring + 0.03 * rng.normal(size=ring.shape)
+    (pipe,) = measure_cylinders(Profile(points[::order])).cylinders
+    assert abs(pipe.radius - 20) < 0.2
+    low, high = pipe.interval("radius", 0.999)
+    assert low < 20 < high

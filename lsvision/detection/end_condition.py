@@ -26,6 +26,9 @@ MIN_TURN_DEG = 20.0
 """An end that turns less goes on tangentially. Units: deg."""
 MIN_TURN_EITHER_END_DEG = 35.0
 """Where both ends turn less the arc is the crest of a bent or corrugated sheet. Units: deg."""
+HORIZON_NORMAL_Y = -0.2
+"""Component towards the sensor of the normal at an end: below, the end is beyond the horizon, and
+what follows is the far side of the same ring."""
 MIN_POINTS_BEYOND = 6
 """Points beyond an end over which its turn is measured: so many, or this share of the arc's."""
 BEYOND_FRACTION = 1 / 8
@@ -120,12 +123,15 @@ def _lines_beyond(
 def _end_turn(points: NoisyPoints, beyond: ComplexArray, ellipse: Ellipse, fewest: int) -> float:
     """Angle between the tangent at the last point and the line beyond it. Units: rad.
 
-    pi where fewer than `fewest` points follow: nothing goes on.
+    pi where fewer than `fewest` points follow, or only the far side of a ring: nothing goes on.
     """
     if len(beyond) < fewest:
         return math.pi
     compared = ellipse_residuals(points[-1:], parameters_from_ellipse(ellipse))
-    tangent = 1j * complex(compared.normals[0])
+    normal = complex(compared.normals[0])
+    if normal.imag < HORIZON_NORMAL_Y:
+        return math.pi
+    tangent = 1j * normal
     ahead = complex(points.z[-1] - points.z[-min(len(points), 6)])
     if (tangent * ahead.conjugate()).real < 0:
         tangent = -tangent

@@ -31,7 +31,7 @@ GROWTH_FRACTION = 0.5
 MIN_GROWTH_POINTS = 4
 """Points by which it may grow in any case."""
 MAX_OUTLIER_RUN = 3
-"""More than so many points in a row beyond the sensor error interrupt an arc."""
+"""So many points in a row beyond the sensor error interrupt an arc."""
 MAX_GAP_FRACTION = 0.25
 """An interruption shorter than this share of the arc is bridged where more inliers follow."""
 MAX_ITERATIONS = 20

@@ -9,6 +9,8 @@ from lsvision.detection.arcs import IdentifiedArc
 from lsvision.detection.profile_preparation import prepare_profile
 
 PITCH = 0.6  # mm
+STEP_DEG = 1.5
+STEP = 2 * 20 * math.sin(math.radians(STEP_DEG / 2))  # mm, on a circle of 20 mm
 
 
 def line(*pieces, noise_mm=0.02, rng=None):
@@ -61,3 +63,15 @@ def circle(radius=20.0, centre=(0.0, -440.0)):
 def identified(start, stop, ellipse):
     """The arc of all points [start, stop)."""
     return IdentifiedArc.of(np.arange(start, stop), ellipse)
+
+
+def with_foot(curvature, *, begins_deg=45.0):
+    """The foot of a weld bead: from an angle on the line bends towards the sensor.
+
+    Returns the points, the first of the foot, and the distance of each from the circle.
+    """
+    arc = arc_points(np.arange(-60.0, begins_deg + 0.1, STEP_DEG))
+    turns = curvature * STEP_DEG * (np.arange(16) + 0.5)
+    foot = walk(arc[-1], turns - begins_deg, STEP)
+    points = np.concatenate([arc, foot])
+    return points, len(arc), np.hypot(*(points - (0.0, -440.0)).T) - 20

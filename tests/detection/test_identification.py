@@ -198,6 +198,14 @@ def test_an_arc_grows_by_half_of_its_points_at_once(gap, bridged):
         assert arc.arc.stop == 80 + gap
 
 
+def test_towards_the_start_it_grows_by_as_many():
+    """The same from the other end: 10 jumps and 10 points are not bridged."""
+    for gap, bridged in ((9, True), (10, False)):
+        profile = gap_of(40, gap, 40)
+        arc = grown(profile, seed_at(40 + gap, 80 + gap))
+        assert (arc.arc.start < 40) == bridged
+
+
 def runs(*lengths):
     """Inliers and others in turn, the first run the arc so far."""
     inliers = np.concatenate([np.full(n, i % 2 == 0) for i, n in enumerate(lengths)])

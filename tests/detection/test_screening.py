@@ -5,9 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from lsvision import Ellipse, PointNoise, Profile, ProfileSensor
+from lsvision import Ellipse, PointNoise, Profile
 from lsvision.detection import screening
-from lsvision.detection.arcs import IdentifiedArc
 from lsvision.detection.candidates import find_candidates
 from lsvision.detection.end_points import EndInliers, find_end_inliers
 from lsvision.detection.identification import identify_arcs
@@ -17,11 +16,18 @@ from lsvision.detection.screening import screen_arc
 from lsvision.ellipse.arc_noise import ArcNoise
 from lsvision.ellipse.parameters import parameters_from_ellipse
 from lsvision.ellipse.robust_gauss_newton import refine_ellipse
-from tests.detection.scenes import arc_points, circle, exact, identified, walk
+from tests.detection.scenes import (
+    STEP,
+    STEP_DEG,
+    arc_points,
+    circle,
+    exact,
+    identified,
+    walk,
+    with_foot,
+)
 from tests.other_scenes import other_scene
 
-STEP_DEG = 1.5
-STEP = 2 * 20 * math.sin(math.radians(STEP_DEG / 2))  # mm
 ANGLES = np.arange(-60.0, 60.1, STEP_DEG)  # 81 points
 STD = 0.02  # mm
 
@@ -79,6 +85,13 @@ def test_an_arc_with_fewer_than_eight_points_in_its_middle_comes_back_as_it_is(c
 def test_an_arc_that_goes_on_is_found_to_its_ends(count):
     points = arc_points(np.linspace(-80, 80, 3 * count))
     np.testing.assert_array_equal(screened(exact(points), count, 2 * count), np.arange(3 * count))
+
+
+@pytest.mark.parametrize("count", [41, 100])
+def test_an_arc_that_goes_on_at_one_side_only_is_found_to_its_end(count):
+    profile = exact(arc_points(np.linspace(-80, 80, 3 * count)))
+    np.testing.assert_array_equal(screened(profile, 0, count), np.arange(3 * count))
+    np.testing.assert_array_equal(screened(profile, 2 * count, 3 * count), np.arange(3 * count))
 
 
 @pytest.mark.parametrize(("count", "looked_at"), [(30, 14), (100, 33)])
@@ -164,18 +177,6 @@ def test_before_an_edge_a_sensor_that_smooths_costs_points(monkeypatch, time, dr
 FEET = [(curvature, seed) for curvature in (0.8, 1.3, 2.0) for seed in range(4)]
 
 
-def with_foot(curvature, *, begins_deg=45.0):
-    """The foot of a weld bead: from an angle on the line bends towards the sensor.
-
-    Returns the points, the first of the foot, and the distance of each from the circle.
-    """
-    arc = arc_points(np.arange(-60.0, begins_deg + 0.1, STEP_DEG))
-    turns = curvature * STEP_DEG * (np.arange(16) + 0.5)
-    foot = walk(arc[-1], turns - begins_deg, STEP)
-    points = np.concatenate([arc, foot])
-    return points, len(arc), np.hypot(*(points - (0.0, -440.0)).T) - 20
-
-
 @pytest.mark.parametrize("mirrored", [False, True])
 @pytest.mark.parametrize(("curvature", "seed"), FEET)
 def test_the_foot_of_a_weld_bead_is_left_out(curvature, seed, mirrored):
@@ -195,79 +196,19 @@ def test_the_foot_of_a_weld_bead_is_left_out(curvature, seed, mirrored):
 
 
 def test_many_feet_do_not_move_the_ellipse():
-    """Normalised errors of a circle's centre and radius in 60 arcs with two feet of beads."""
+    """Errors of 200 circles with two feet of beads each, in their standard deviations."""
     errors = []
-    for seed in range(60):
+    for seed in range(200):
         right = with_foot(1.3)[0][40:]  # from the top
         points = np.concatenate([right[:0:-1] * (-1, 1), right])
-        profile = along_y(points, rng=np.random.default_rng([9, seed]))
+        profile = along_y(points, rng=np.random.default_rng([10, seed]))
         found = screen_arc(profile, identified(12, len(points) - 12, circle()))
         parameters, covariance = refine_ellipse(
             found.points, parameters_from_ellipse(found.ellipse), 3
         )
         errors.append((parameters - [0, -440, 20, 0, 0]) / np.sqrt(np.diag(covariance)))
-    assert np.abs(np.mean(errors, axis=0)).max() < 1
-
-
-SCENES = range(8)
-
-
-def cluttered(seed):
-    """A circle between a plate and the foot of a bead, with jumps: sensor's points and the arc."""
-    rng = np.random.default_rng([21, seed])
-    points, _, _ = with_foot(1.3)
-    plate = walk(points[0], [178.0] * 20, STEP)[::-1]
-    points = np.concatenate([plate, points])
-    points = points + STD * rng.normal(size=(len(points), 1)) * (0, 1)
-    jumps = rng.integers(22, len(points), 4)
-    points[jumps, 1] += rng.choice([-1, 1], 4) * rng.uniform(0.3, 5, 4)
-    return points, identified(20, len(points) - 10, circle())
-
-
-@pytest.fixture(params=[None, ProfileSensor(range_std=STD)], ids=["estimated", "sensor"])
-def sensor(request):
-    return request.param
-
-
-@pytest.mark.parametrize("seed", SCENES)
-def test_reversed_points_have_the_same_inliers(seed, sensor):
-    points, arc = cluttered(seed)
-    count = len(points)
-    expected = screen_arc(prepare_profile(Profile(points), sensor), arc)
-    back = IdentifiedArc.of(count - 1 - arc.indices[::-1], arc.ellipse)
-    found = screen_arc(prepare_profile(Profile(points[::-1]), sensor), back)
-    np.testing.assert_array_equal(np.sort(count - 1 - found.indices), expected.indices)
-    assert_alike(found.ellipse, expected.ellipse)
-
-
-@pytest.mark.parametrize("seed", SCENES)
-def test_mirrored_points_have_the_same_inliers(seed, sensor):
-    points, arc = cluttered(seed)
-    expected = screen_arc(prepare_profile(Profile(points), sensor), arc)
-    found = screen_arc(prepare_profile(Profile(points * (-1, 1)), sensor), arc)
-    np.testing.assert_array_equal(found.indices, expected.indices)
-    x, y = found.ellipse.centre
-    mirrored = Ellipse(
-        (-x, y), found.ellipse.semi_major, found.ellipse.semi_minor, -found.ellipse.theta
-    )
-    assert_alike(mirrored, expected.ellipse)
-
-
-@pytest.mark.parametrize("seed", SCENES)
-def test_lost_rows_between_the_columns_change_no_inlier(seed, sensor, rng):
-    points, arc = cluttered(seed)
-    expected = screen_arc(prepare_profile(Profile(points), sensor), arc)
-    rows = np.insert(np.arange(len(points)), rng.integers(0, len(points), 30), -1)
-    profile = prepare_profile(Profile(np.where((rows < 0)[:, None], np.nan, points[rows])), sensor)
-    found = screen_arc(profile, arc)
-    np.testing.assert_array_equal(rows[profile.sensor_columns[found.indices]], expected.indices)
-    assert found.ellipse == expected.ellipse
-
-
-def assert_alike(found, expected):
-    np.testing.assert_allclose(found.centre, expected.centre, rtol=0, atol=1e-8)
-    np.testing.assert_allclose(found.semi_minor, expected.semi_minor, rtol=0, atol=1e-8)
-    np.testing.assert_allclose(found.semi_major, expected.semi_major, rtol=0, atol=1e-8)
+    assert np.abs(np.mean(errors, axis=0)).max() < 4 / math.sqrt(200)
+    assert np.abs(np.std(errors, axis=0) - 1).max() < 4 / math.sqrt(400)
 
 
 def test_what_was_cut_off_on_one_side_is_judged_with_the_other_side():
@@ -355,8 +296,8 @@ def test_the_arc_is_looked_for_among_a_hundred_points_at_the_most():
     for outliers, found in ((95, True), (102, False)):
         points = arc_points(np.linspace(-60, 60, 500 + outliers + 12))
         between = slice(500, 500 + outliers)
-        points[between] = outside(points, 9.0)[between]
-        points[between][::2] = outside(points, 3.0)[between][::2]
+        points[between] = outside(points, 0.5)[between]
+        points[between][::2] = outside(points, -0.5)[between][::2]
         assert (500 + outliers + 1 in screened(exact(points), 0, 500)) == found
 
 
