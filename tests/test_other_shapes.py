@@ -70,3 +70,30 @@ def bent_sheet(rng, pitch=0.3):
 def test_sheets_are_no_pipes(shape, rng):
     for _ in range(4):
         assert measure_cylinders(Profile(shape(rng))).cylinders == ()
+
+
+def pipe_with_fillets(rng, radius, begin_deg, curvature_ratio, pitch=0.25):
+    """A pipe on a plate, a concave fillet welded to either side, from its crest outwards."""
+    step = pitch / radius
+    on_pipe = np.arange(0.0, math.radians(begin_deg), step)
+    on_fillet = on_pipe[-1] - np.arange(0.0, on_pipe[-1], curvature_ratio * step)
+    slopes = np.concatenate([on_pipe, on_fillet, np.zeros(80)])
+    right = np.cumsum(pitch * np.column_stack([np.cos(slopes), -np.sin(slopes)]), axis=0)
+    points = np.concatenate([right[::-1] * (-1, 1), [[0.0, 0.0]], right]) - (0.0, 300.0)
+    points[:, 1] += 0.03 * rng.normal(size=len(points))
+    return points
+
+
+@pytest.mark.parametrize("radius", [10.0, 20.0, 30.0])
+@pytest.mark.parametrize("begin_deg", [65, 80])
+def test_a_pipe_with_a_tight_fillet_on_both_sides_is_measured(radius, begin_deg, rng):
+    points = pipe_with_fillets(rng, radius, begin_deg, 2.5)
+    (pipe,) = measure_cylinders(Profile(points)).cylinders
+    assert abs(pipe.radius - radius) < 4 * pipe.radius_std
+    assert pipe.radius_std < 0.03 * radius
+
+
+@pytest.mark.parametrize("radius", [10.0, 20.0, 30.0])
+def test_a_wave_whose_valleys_are_as_round_as_its_crest_is_no_pipe(radius, rng):
+    points = pipe_with_fillets(rng, radius, 65, 1.0)
+    assert measure_cylinders(Profile(points)).cylinders == ()

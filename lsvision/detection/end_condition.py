@@ -44,6 +44,8 @@ FILLET_SIGMAS = 3.0
 MIN_FILLET_CURVATURE = 0.5
 """Its curvature over that of the cylinder; feet of weld beads have 0.9 to 1.6, the line beyond a
 rounded corner at most 0."""
+MIN_DOUBLE_FILLET_CURVATURE = 1.5
+"""The same where both ends go on tangentially: the valleys of a corrugated sheet have up to 1."""
 
 
 def tangential_end_reason(
@@ -70,14 +72,18 @@ def tangential_end_reason(
         math.degrees(_end_turn(points[::side], beyond, arc.ellipse, max(5, ahead // 2)))
         for side, beyond in zip((-1, 1), _lines_beyond(profile, widest, ahead), strict=True)
     ]
-    if max(turns_deg) < MIN_TURN_EITHER_END_DEG:
+    if min(turns_deg) >= MIN_TURN_DEG and max(turns_deg) >= MIN_TURN_EITHER_END_DEG:
+        return None
+    both = max(turns_deg) < MIN_TURN_EITHER_END_DEG
+    curvature = MIN_DOUBLE_FILLET_CURVATURE if both else MIN_FILLET_CURVATURE
+    curvature /= screened.ellipse.radius
+    lines = _lines_beyond(profile, screened.indices, FILLET_WINDOWS[-1])
+    fillets = [_is_fillet(line, curvature, noise_std) for line in lines]
+    if both and not all(fillets):
         first, second = sorted(turns_deg)
         return f"goes on tangentially at both ends (turns {first:.0f} and {second:.0f} deg)"
-    if min(turns_deg) >= MIN_TURN_DEG:
-        return None
-    lines = _lines_beyond(profile, screened.indices, FILLET_WINDOWS[-1])
-    for turn_deg, line in zip(turns_deg, lines, strict=True):
-        if turn_deg < MIN_TURN_DEG and not _is_fillet(line, screened.ellipse.radius, noise_std):
+    for turn_deg, fillet in zip(turns_deg, fillets, strict=True):
+        if turn_deg < MIN_TURN_DEG and not fillet:
             return f"goes on tangentially at one end (turns {turn_deg:.0f} deg): a rounded corner"
     return None
 
@@ -143,13 +149,13 @@ def _end_turn(points: NoisyPoints, beyond: ComplexArray, ellipse: Ellipse, fewes
     return abs(cmath.phase(direction * tangent.conjugate()))
 
 
-def _is_fillet(line: ComplexArray, radius: float, noise_std: float) -> bool:
+def _is_fillet(line: ComplexArray, min_curvature: float, noise_std: float) -> bool:
     """Whether the line beyond an end is significantly concave to the sensor, over any window."""
     for count in FILLET_WINDOWS:
         if len(line) < count:
             break
         curvature, std = _curvature(line[:count], noise_std)
-        if curvature > max(FILLET_SIGMAS * std, MIN_FILLET_CURVATURE / radius):
+        if curvature > max(FILLET_SIGMAS * std, min_curvature):
             return True
     return False
 
