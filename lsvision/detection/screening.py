@@ -65,7 +65,6 @@ EDGE_POINTS_PER_CORRELATION = 1.7
 sensor that smooths along the line mixes in what lies beyond."""
 TINY_MM = 1e-9
 """Points may share a foot; arc length must rise all the same."""
-NO_INLIERS = EndInliers(np.empty(0, dtype=np.int64), np.empty(0), np.empty(0))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -136,7 +135,7 @@ def screen_arc(profile: PreparedProfile, arc: IdentifiedArc) -> ScreenedArc | No
     if fitted is None:
         return None
     line, parameters, compared, noise = fitted
-    inliers = [NO_INLIERS, NO_INLIERS]
+    inliers = [_grown_inliers(line, arc, side) for side in (0, 1)]
     for _ in range(MAX_ITERATIONS):
         before = inliers
         system = WeightedSystem.of(compared, noise.variance_factor)
@@ -184,6 +183,12 @@ def _reaches_limit(
         (arc.indices[0] > start == line.indices[0] > first)
         or (arc.indices[-1] < stop == line.indices[-1] < last)
     )
+
+
+def _grown_inliers(line: _Line, arc: IdentifiedArc, side: int) -> EndInliers:
+    """Points of an end that growth found: what the other end knows of it at first."""
+    grown = np.isin(line.indices[line.ends[side][PREDECESSORS:]], arc.indices)
+    return EndInliers(grown.nonzero()[0], np.empty(0), np.empty(0))
 
 
 def _split_arc(profile: PreparedProfile, arc: IdentifiedArc) -> _Line | None:
