@@ -7,7 +7,9 @@ the order of the points does not matter.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -103,13 +105,46 @@ class _Line:
     ends: tuple[IntArray, IntArray]
     smoothed: bool = False
 
-    def rows(self) -> IntArray:
-        """Positions in `indices` of the middle part."""
-        return np.arange(self.middle.start, self.middle.stop)
+    def end_rows(self, side: int, members: IntArray) -> IntArray:
+        """Positions in `indices` of members of an end, outwards."""
+        return self.ends[side][members + PREDECESSORS]
 
-    def inlier_rows(self, side: int, inliers: EndInliers) -> IntArray:
-        """Positions in `indices` of the inliers of an end."""
-        return self.ends[side][inliers.members + PREDECESSORS]
+    def rows_with(self, members: Sequence[IntArray]) -> IntArray:
+        """Positions in `indices` of the middle part and the members of both ends, rising."""
+        middle = np.arange(self.middle.start, self.middle.stop)
+        return np.concatenate(
+            [self.end_rows(0, members[0])[::-1], middle, self.end_rows(1, members[1])]
+        )
+
+    def members_of(self, side: int, arc: IdentifiedArc) -> IntArray:
+        """Positions among the points of an end that are an arc's."""
+        indices = self.indices[self.ends[side][PREDECESSORS:]]
+        members: IntArray = np.isin(indices, arc.indices).nonzero()[0]
+        return members
+
+
+class _MiddleFit(NamedTuple):
+    """Ellipse of the middle part, all points compared with it, and the noise that they show."""
+
+    line: _Line
+    parameters: FloatArray
+    compared: EllipseResiduals
+    noise: ArcNoise
+
+
+class _ComparedEnd(NamedTuple):
+    """The points of an end, what predicts them, and which are inliers."""
+
+    points: EndPoints
+    prediction: Prediction
+    found: EndInliers
+
+
+class _Comparison(NamedTuple):
+    """Ellipse of the middle part and the inliers of both ends."""
+
+    ellipse: Ellipse
+    ends: tuple[_ComparedEnd, ...]
 
 
 def screen_arc(profile: PreparedProfile, arc: IdentifiedArc) -> ScreenedArc | None:
@@ -132,45 +167,44 @@ def screen_arc(profile: PreparedProfile, arc: IdentifiedArc) -> ScreenedArc | No
     if line is None:
         return ScreenedArc(arc.indices, profile.noisy_points[arc.indices], arc.ellipse, 1.0)
     fitted = _fit_middle(profile, line, parameters_from_ellipse(arc.ellipse))
-    if fitted is None:
+    compared = None if fitted is None else _compare_ends(fitted, arc)
+    if fitted is None or compared is None:
         return None
+    line, noise = fitted.line, fitted.noise
+    members = [end.found.members for end in compared.ends]
+    wider = IdentifiedArc.of(line.indices[line.rows_with(members)], compared.ellipse)
+    if _reaches_limit(profile, arc, wider, line):
+        return screen_arc(profile, wider)
+    rows = line.rows_with([_keep(line, i, compared.ends[i], noise) for i in (0, 1)])
+    return ScreenedArc(
+        line.indices[rows], line.points[rows], compared.ellipse, noise.variance_factor
+    )
+
+
+def _compare_ends(fitted: _MiddleFit, arc: IdentifiedArc) -> _Comparison | None:
+    """Compare the points of both ends with the ellipse of all others, until no inlier changes."""
     line, parameters, compared, noise = fitted
-    inliers = [_grown_inliers(line, arc, side) for side in (0, 1)]
+    members = [line.members_of(side, arc) for side in (0, 1)]
     for _ in range(MAX_ITERATIONS):
-        before = inliers
+        before = members
         system = WeightedSystem.of(compared, noise.variance_factor)
         middle = system.normal_equations(line.middle).with_flattening_prior(parameters)
-        known = [system.normal_equations(line.inlier_rows(i, before[i])) for i in (0, 1)]
+        known = [system.normal_equations(line.end_rows(i, before[i])) for i in (0, 1)]
         predictions = [_predict(middle + known[1 - i], noise, parameters) for i in (0, 1)]
         if not all(math.isfinite(p.covariance[0, 0]) for p in predictions):
             return None
-        ends = _end_points(line, compared, system.jacobian, noise)
-        inliers = [find_end_inliers(*pair) for pair in zip(ends, predictions, strict=True)]
-        found = [system.normal_equations(line.inlier_rows(i, inliers[i])) for i in (0, 1)]
-        parameters = parameters + (middle + found[0] + found[1]).damped_step(parameters)
+        points = _end_points(line, compared, system.jacobian, noise)
+        found = [find_end_inliers(*pair) for pair in zip(points, predictions, strict=True)]
+        members = [end.members for end in found]
+        updated = [system.normal_equations(line.end_rows(i, members[i])) for i in (0, 1)]
+        parameters = parameters + (middle + updated[0] + updated[1]).damped_step(parameters)
         if not is_ellipse(parameters):
             return None
-        if all(map(np.array_equal, _members(inliers), _members(before))):
+        if all(map(np.array_equal, members, before)):
             break
         compared = ellipse_residuals(line.points, parameters)
-    rows = [line.inlier_rows(0, inliers[0])[::-1], line.rows(), line.inlier_rows(1, inliers[1])]
-    wider = IdentifiedArc.of(
-        line.indices[np.concatenate(rows)], ellipse_from_parameters(parameters)
-    )
-    if _reaches_limit(profile, arc, wider, line):
-        return screen_arc(profile, wider)
-    kept = [_keep(line, i, ends[i], predictions[i], inliers[i], noise) for i in (0, 1)]
-    chosen = np.concatenate([kept[0][::-1], line.rows(), kept[1]])
-    return ScreenedArc(
-        line.indices[chosen],
-        line.points[chosen],
-        ellipse_from_parameters(parameters),
-        noise.variance_factor,
-    )
-
-
-def _members(inliers: list[EndInliers]) -> tuple[IntArray, IntArray]:
-    return inliers[0].members, inliers[1].members
+    ends = tuple(map(_ComparedEnd, points, predictions, found))
+    return _Comparison(ellipse_from_parameters(parameters), ends)
 
 
 def _reaches_limit(
@@ -183,12 +217,6 @@ def _reaches_limit(
         (arc.indices[0] > start == line.indices[0] > first)
         or (arc.indices[-1] < stop == line.indices[-1] < last)
     )
-
-
-def _grown_inliers(line: _Line, arc: IdentifiedArc, side: int) -> EndInliers:
-    """Points of an end that growth found: what the other end knows of it at first."""
-    grown = np.isin(line.indices[line.ends[side][PREDECESSORS:]], arc.indices)
-    return EndInliers(grown.nonzero()[0], np.empty(0), np.empty(0))
 
 
 def _split_arc(profile: PreparedProfile, arc: IdentifiedArc) -> _Line | None:
@@ -211,7 +239,7 @@ def _split_arc(profile: PreparedProfile, arc: IdentifiedArc) -> _Line | None:
 
 def _fit_middle(
     profile: PreparedProfile, line: _Line, initial_guess: FloatArray
-) -> tuple[_Line, FloatArray, EllipseResiduals, ArcNoise] | None:
+) -> _MiddleFit | None:
     """Ellipse of the middle part and the noise that it shows; the points with that noise."""
     parameters, _ = refine_ellipse(line.points[line.middle], initial_guess, steps=1)
     if not is_ellipse(parameters):
@@ -219,7 +247,7 @@ def _fit_middle(
     compared = ellipse_residuals(line.points, parameters)
     noise = estimate_arc_noise(compared[line.middle], profile.min_variance_factor)
     if not noise.smoothed or line.smoothed:
-        return line, parameters, compared, noise
+        return _MiddleFit(line, parameters, compared, noise)
     points = smoothed_noise(line.points, compared.normals, profile.noise_std)
     return _fit_middle(profile, replace(line, points=points, smoothed=True), parameters)
 
@@ -254,25 +282,23 @@ def _end_points(
     ]
 
 
-def _keep(
-    line: _Line, side: int, end: EndPoints, prediction: Prediction, found: EndInliers,
-    noise: ArcNoise,
-) -> IntArray:  # fmt: skip
-    """Rows of the inliers of an end that are kept, outwards."""
-    rows = line.ends[side]
-    z = line.points.z[rows]
+def _keep(line: _Line, side: int, end: _ComparedEnd, noise: ArcNoise) -> IntArray:
+    """Members of an end that are kept: before a departure, and worth more than they may spoil."""
+    found, z = end.found, line.points.z[line.ends[side]]
     if len(found.members) == 0:
-        return rows[:0]
-    last = PREDECESSORS + int(found.members[-1])
-    inside = z[np.append(np.arange(PREDECESSORS), found.members + PREDECESSORS)]
-    following = found.members[-1] + 1 + connected_beyond(inside, z[last + 1 :], WINDOW_BEYOND)
+        return found.members
+    inside = np.append(np.arange(PREDECESSORS), found.members + PREDECESSORS)
+    following = connected_beyond(z[inside], z[inside[-1] + 1 :], WINDOW_BEYOND)
+    following += found.members[-1] + 1
     probability = found.odds / (1 + found.odds)
     if len(following):
-        probability *= departure_free_probability(end, prediction, found.members, following)
+        probability *= departure_free_probability(
+            end.points, end.prediction, found.members, following
+        )
     # A wrong inlier may shift the ellipse by the square root of its leverage, in its own sigmas.
     kept = found.members[probability > np.sqrt(found.leverages) * (1 - probability)]
     dropped = round(EDGE_POINTS_PER_CORRELATION * (noise.autocorrelation_time - 1))
     # Connected points beyond the last inlier, or from the last one kept on, make it a contact.
     if len(following) >= MIN_CONTACT_POINTS or len(found.members) - len(kept) >= MIN_CONTACT_POINTS:
         dropped += GUARD_POINTS
-    return rows[kept[: max(0, len(kept) - dropped)] + PREDECESSORS]
+    return kept[: max(0, len(kept) - dropped)]
