@@ -17,7 +17,7 @@ from lsvision import (
     measure_cylinders,
     read_profile,
 )
-from lsvision.simulate import Scene, SectionSettings, Tube, simulate_section
+from lsvision.simulate import Scene, SectionSettings, Tube, TubeRanges, simulate_section
 from lsvision.simulate.scene_kinds import random_section
 from tests.alike import turn_between
 from tests.other_scenes import other_scene
@@ -112,6 +112,17 @@ def test_a_known_radius_is_used_and_makes_phi_more_certain():
     assert known.radius == pytest.approx(19.0, abs=1e-3)
     assert known.phi_std < about.phi_std < free.phi_std
     assert abs(known.phi - math.radians(25)) < FOUR_SIGMA * known.phi_std
+
+
+@pytest.mark.parametrize("seed", [50076, 50251])
+def test_a_pipe_of_exactly_known_radius_is_found_where_the_fit_takes_long(seed):
+    tubes = TubeRanges(radius_mm=(15, 25), phi_deg=(5, 15))
+    section = random_section("complex", seed, noise_mm=0.1, tubes=tubes)
+    (tube,) = section.truth.tubes
+    (pipe,) = measure_cylinders(section.profile, known_radius=tube.radius).cylinders
+    assert pipe.radius == pytest.approx(tube.radius, abs=1e-3)
+    low, high = pipe.interval("phi", 0.999)
+    assert low < tube.phi < high
 
 
 def test_a_known_tilt_is_used_and_makes_the_radius_more_certain():

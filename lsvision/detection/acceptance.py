@@ -101,7 +101,8 @@ def rejection_reason(
     fit = section.fit
     reason = shape_rejection_reason(fit.ellipse, fit.normals, radius_range, settings)
     reason = reason or next(_objections_of_points(profile, section, settings), None)
-    if reason is None and not fit.converged:
+    # With a known radius the fit cannot run off to a needle: it stops at the kink of b at a circle.
+    if reason is None and not fit.converged and fit.problem.known_radius is None:
         tilt_deg = math.degrees(fit.ellipse.phi)
         reason = (
             f"no ellipse fits best: the flatter the better (the fit stopped at {tilt_deg:.0f} deg)"
