@@ -133,7 +133,7 @@ def grow_arc(
     points = profile.noisy_points[free]
     max_scatter = profile.max_noise_factor(candidate.radius)
     parameters = parameters_from_ellipse(seed_ellipse(profile, candidate))
-    parameters, _ = refine_ellipse(points[inside], parameters, 2)
+    parameters = refine_ellipse(points[inside], parameters, 2)
     seen: set[tuple[int, int]] = set()
     for _ in range(MAX_ITERATIONS):
         if not _is_plausible(parameters, candidate.radius):
@@ -150,7 +150,7 @@ def grow_arc(
         if ends in seen:
             break
         seen.add(ends)
-        parameters, _ = gauss_newton_step(compared[run], parameters)
+        parameters = gauss_newton_step(compared[run], parameters)
     indices = free[inside]
     return IdentifiedArc.of(indices, ellipse_from_parameters(parameters)), compared[run]
 

@@ -26,21 +26,22 @@ from lsvision.detection.end_points import (
 )
 from lsvision.ellipse.arc_noise import ArcNoise, estimate_arc_noise, smoothed_noise
 from lsvision.ellipse.parameters import (
+    PARAMETERS,
     ellipse_from_parameters,
     is_ellipse,
     parameters_from_ellipse,
 )
 from lsvision.ellipse.robust_gauss_newton import (
-    IDENTITY,
     EllipseResiduals,
-    NormalEquations,
     WeightedSystem,
+    add_flattening_prior,
+    damped_step,
     ellipse_residuals,
+    inverse_information,
     refine_ellipse,
-    solve_positive_definite,
 )
 from lsvision.profile import PreparedProfile
-from lsvision.shapes import Ellipse, FloatArray, IntArray
+from lsvision.shapes import BoolArray, Ellipse, FloatArray, IntArray
 from lsvision.shapes.noisy_points import NoisyPoints
 
 MIDDLE_FRACTION = 0.7
@@ -96,13 +97,14 @@ class _Line:
     """The middle part of an arc, and what lies before and beyond it.
 
     `ends` holds the positions in `indices` of the points outwards from the middle part, after two
-    of the middle part itself.
+    of the middle part itself; `identified` says which of `indices` are the arc's so far.
     """
 
     indices: IntArray
     points: NoisyPoints
     middle: slice
     ends: tuple[IntArray, IntArray]
+    identified: BoolArray
     smoothed: bool = False
 
     def end_rows(self, side: int, members: IntArray) -> IntArray:
@@ -116,10 +118,9 @@ class _Line:
             [self.end_rows(0, members[0])[::-1], middle, self.end_rows(1, members[1])]
         )
 
-    def members_of(self, side: int, arc: IdentifiedArc) -> IntArray:
-        """Positions among the points of an end that are an arc's."""
-        indices = self.indices[self.ends[side][PREDECESSORS:]]
-        members: IntArray = np.isin(indices, arc.indices).nonzero()[0]
+    def identified_members(self, side: int) -> IntArray:
+        """Positions among the points of an end that are the arc's so far."""
+        members: IntArray = self.identified[self.ends[side][PREDECESSORS:]].nonzero()[0]
         return members
 
 
@@ -167,7 +168,7 @@ def screen_arc(profile: PreparedProfile, arc: IdentifiedArc) -> ScreenedArc | No
     if line is None:
         return ScreenedArc(arc.indices, profile.noisy_points[arc.indices], arc.ellipse, 1.0)
     fitted = _fit_middle(profile, line, parameters_from_ellipse(arc.ellipse))
-    compared = None if fitted is None else _compare_ends(fitted, arc)
+    compared = None if fitted is None else _compare_ends(fitted)
     if fitted is None or compared is None:
         return None
     line, noise = fitted.line, fitted.noise
@@ -181,26 +182,28 @@ def screen_arc(profile: PreparedProfile, arc: IdentifiedArc) -> ScreenedArc | No
     )
 
 
-def _compare_ends(fitted: _MiddleFit, arc: IdentifiedArc) -> _Comparison | None:
+def _compare_ends(fitted: _MiddleFit) -> _Comparison | None:
     """Compare the points of both ends with the ellipse of all others, until no inlier changes."""
     line, parameters, compared, noise = fitted
-    members = [line.members_of(side, arc) for side in (0, 1)]
+    members = [line.identified_members(side) for side in (0, 1)]
     for _ in range(MAX_ITERATIONS):
-        before = members
         system = WeightedSystem.of(compared, noise.variance_factor)
-        middle = system.normal_equations(line.middle).with_flattening_prior(parameters)
-        known = [system.normal_equations(line.end_rows(i, before[i])) for i in (0, 1)]
+        middle = system.normal_equations(line.middle)
+        add_flattening_prior(middle, parameters)
+        known = [system.normal_equations(line.end_rows(i, members[i])) for i in (0, 1)]
         predictions = [_predict(middle + known[1 - i], noise, parameters) for i in (0, 1)]
         if not all(math.isfinite(p.covariance[0, 0]) for p in predictions):
             return None
-        points = _end_points(line, compared, system.jacobian, noise)
+        points = _end_points(line, compared, system.rows, noise)
         found = [find_end_inliers(*pair) for pair in zip(points, predictions, strict=True)]
-        members = [end.members for end in found]
-        updated = [system.normal_equations(line.end_rows(i, members[i])) for i in (0, 1)]
-        parameters = parameters + (middle + updated[0] + updated[1]).damped_step(parameters)
+        before, members = members, [end.members for end in found]
+        settled = all(map(np.array_equal, members, before))
+        if not settled:
+            known = [system.normal_equations(line.end_rows(i, members[i])) for i in (0, 1)]
+        parameters = parameters + damped_step(middle + known[0] + known[1], parameters)
         if not is_ellipse(parameters):
             return None
-        if all(map(np.array_equal, members, before)):
+        if settled:
             break
         compared = ellipse_residuals(line.points, parameters)
     ends = tuple(map(_ComparedEnd, points, predictions, found))
@@ -234,14 +237,17 @@ def _split_arc(profile: PreparedProfile, arc: IdentifiedArc) -> _Line | None:
     begin, end = first - start, first - start + len(inner)
     rows = np.arange(len(indices))
     ends = (rows[: begin + PREDECESSORS][::-1], rows[end - PREDECESSORS :])
-    return _Line(indices, profile.noisy_points[indices], slice(begin, end), ends)
+    identified = np.zeros(len(profile.points), dtype=bool)
+    identified[arc.indices] = True
+    points = profile.noisy_points[indices]
+    return _Line(indices, points, slice(begin, end), ends, identified[indices])
 
 
 def _fit_middle(
     profile: PreparedProfile, line: _Line, initial_guess: FloatArray
 ) -> _MiddleFit | None:
     """Ellipse of the middle part and the noise that it shows; the points with that noise."""
-    parameters, _ = refine_ellipse(line.points[line.middle], initial_guess, steps=2)
+    parameters = refine_ellipse(line.points[line.middle], initial_guess, steps=2)
     if not is_ellipse(parameters):
         return None
     compared = ellipse_residuals(line.points, parameters)
@@ -252,10 +258,10 @@ def _fit_middle(
     return _fit_middle(profile, replace(line, points=points, smoothed=True), parameters)
 
 
-def _predict(known: NormalEquations, noise: ArcNoise, parameters: FloatArray) -> Prediction:
-    covariance = solve_positive_definite(known.information, IDENTITY)
+def _predict(known: FloatArray, noise: ArcNoise, parameters: FloatArray) -> Prediction:
+    covariance = inverse_information(known)
     return Prediction(
-        covariance @ known.gradient,
+        covariance @ known[:, -1],
         covariance * noise.low_frequency_time,
         noise.autocorrelation_time,
         float(parameters[2]),
@@ -263,7 +269,7 @@ def _predict(known: NormalEquations, noise: ArcNoise, parameters: FloatArray) ->
 
 
 def _end_points(
-    line: _Line, compared: EllipseResiduals, jacobian: FloatArray, noise: ArcNoise
+    line: _Line, compared: EllipseResiduals, system_rows: FloatArray, noise: ArcNoise
 ) -> list[EndPoints]:
     feet = line.points.z - compared.residuals * compared.normals
     steps = np.maximum(np.abs(feet[1:] - feet[:-1]), TINY_MM)
@@ -274,7 +280,7 @@ def _end_points(
         EndPoints(
             compared.residuals[rows],
             variances[rows],
-            jacobian[:, rows],
+            system_rows[:PARAMETERS, rows],
             visible[rows],
             np.abs(positions[rows] - positions[rows[0]]),
         )

@@ -15,9 +15,8 @@ from lsvision.ellipse.robust_gauss_newton import EllipseResiduals
 from lsvision.shapes import FloatArray
 from lsvision.shapes.noisy_points import ComplexArray, NoisyPoints
 from lsvision.statistics.correlation import (
-    autocorrelation_time,
     estimate_correlation,
-    neighbours_correlated,
+    neighbour_correlation,
 )
 from lsvision.statistics.robust import mad_std
 
@@ -80,8 +79,8 @@ def estimate_arc_noise(compared: EllipseResiduals, min_variance_factor: float) -
         return ArcNoise(factor, 1.0, 1.0, smoothed=False)
     limit = CLIPPED_SIGMAS * scale
     clipped = np.minimum(np.maximum(normalised, -limit), limit)
-    time = autocorrelation_time(clipped)
-    if not neighbours_correlated(clipped):
+    time, smoothed = neighbour_correlation(clipped)
+    if not smoothed:
         return ArcNoise(factor, time, time, smoothed=False)
     low_frequency_time = estimate_correlation(clipped).autocorrelation_time
     return ArcNoise(factor, time, low_frequency_time, smoothed=True)

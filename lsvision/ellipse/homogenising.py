@@ -56,7 +56,7 @@ def homogenise_arc(smoothed: SmoothedArc) -> HomogenisedArc:
     normals = along - across
     z = along + across + centre_of(parameters) + normals * (smoothed.residuals / np.abs(normals))
     points = NoisyPoints(z, smoothed.stds**2, np.zeros(len(z), dtype=complex))
-    found, _ = refine_ellipse(points, parameters, steps=1)
+    found = refine_ellipse(points, parameters, steps=1)
     return HomogenisedArc(
         as_vectors(z), ellipse_from_parameters(found if is_ellipse(found) else parameters)
     )

@@ -97,12 +97,15 @@ def radial_residuals_and_normals(
     return rho - rho / scaled, gradient * (turn / along_ray), w * turn
 
 
-def parameter_jacobian(normals: ComplexArray, w: ComplexArray) -> FloatArray:
+def parameter_jacobian(
+    normals: ComplexArray, w: ComplexArray, out: FloatArray | None = None
+) -> FloatArray:
     """How far each point of the ellipse moves along its normal, by each parameter: (5, n)."""
-    along, deviating = normals * w.conj(), normals * w
-    jacobian = np.empty((PARAMETERS, len(w)))
+    jacobian = np.empty((PARAMETERS, len(w))) if out is None else out
+    deviating = normals * w
     jacobian[0], jacobian[1] = normals.real, normals.imag
-    jacobian[2], jacobian[3], jacobian[4] = along.real, deviating.real, deviating.imag
+    jacobian[2] = (normals * w.conj()).real
+    jacobian[3], jacobian[4] = deviating.real, deviating.imag
     return jacobian
 
 

@@ -64,20 +64,6 @@ class EllipseResiduals:
             self.inflated_variances[which],
         )
 
-    def jacobian(self) -> FloatArray:
-        """How far the ellipse moves along each normal, by each parameter: (5, n)."""
-        return parameter_jacobian(self.normals, self.w)
-
-    def prediction_variances(self, covariance: FloatArray) -> FloatArray:
-        """What an ellipse of that covariance, (5, 5), does not know along each normal. mm^2."""
-        return propagated_variances(self.jacobian(), covariance)
-
-
-def propagated_variances(rows: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Variance of each column of rows, (5, n), times parameters of that covariance."""
-    variances: FloatArray = ((covariance @ rows) * rows).sum(axis=0)
-    return variances
-
 
 def ellipse_residuals(points: NoisyPoints, parameters: FloatArray) -> EllipseResiduals:
     """Points compared with an ellipse (see `lsvision.ellipse.parameters`).
@@ -100,37 +86,19 @@ def ellipse_residuals(points: NoisyPoints, parameters: FloatArray) -> EllipseRes
     return EllipseResiduals(signed, n, w, variances, tolerant)
 
 
-class NormalEquations(NamedTuple):
-    """Normal equations of an ellipse: information (5, 5) and gradient (5,)."""
-
-    information: FloatArray
-    gradient: FloatArray
-
-    def __add__(self, other: "NormalEquations") -> "NormalEquations":  # type: ignore[override]
-        """Of both sets of points."""
-        return NormalEquations(self.information + other.information, self.gradient + other.gradient)
-
-    def with_flattening_prior(self, parameters: FloatArray) -> "NormalEquations":
-        """With the weak prior that few pipes are tilted by more than 60 deg."""
-        information, gradient = self.information.copy(), self.gradient.copy()
-        weight = 1 / (FLATTENING_PRIOR_STD * float(parameters[2])) ** 2
-        information[3, 3] += weight
-        information[4, 4] += weight
-        gradient[3:] -= weight * parameters[3:]
-        return NormalEquations(information, gradient)
-
-    def damped_step(self, parameters: FloatArray) -> FloatArray:
-        """Step (5,) towards the minimum, damped on the scale of the ellipse; NaN if singular."""
-        damping = 1 / (MAX_RELATIVE_STEP * float(parameters[2])) ** 2
-        return solve_positive_definite(self.information + damping * IDENTITY, self.gradient)
-
-
 class WeightedSystem(NamedTuple):
-    """Jacobian (5, n), weights (n,) and residuals (n,) of points compared with an ellipse."""
+    """Linearised least squares of points compared with an ellipse.
 
-    jacobian: FloatArray
+    Parameters
+    ----------
+    rows : (6, n) ndarray
+        Jacobian (5, n), then the residuals.
+    weights : (n,) ndarray
+        Inverse variances. Units: 1/mm^2.
+    """
+
+    rows: FloatArray
     weights: FloatArray
-    residuals: FloatArray
 
     @classmethod
     def of(cls, compared: EllipseResiduals, variance_factor: float) -> "WeightedSystem":
@@ -139,21 +107,42 @@ class WeightedSystem(NamedTuple):
         The foot of a weld bead at a flank, where n' Sigma n is small, would else pull the whole
         ellipse to itself, and the next step far beyond.
         """
-        squares = compared.residuals * compared.residuals
-        squares *= 1 / CAUCHY_SCALE_SIGMAS**2
-        weights = 1 / (variance_factor * compared.inflated_variances + squares)
-        return cls(compared.jacobian(), weights, compared.residuals)
+        rows = np.empty((PARAMETERS + 1, len(compared.residuals)))
+        parameter_jacobian(compared.normals, compared.w, out=rows[:PARAMETERS])
+        rows[PARAMETERS] = compared.residuals
+        variances = compared.residuals * compared.residuals
+        variances *= 1 / CAUCHY_SCALE_SIGMAS**2
+        variances += variance_factor * compared.inflated_variances
+        return cls(rows, 1 / variances)
 
-    def normal_equations(self, which: slice | IntArray) -> NormalEquations:
-        """Normal equations of some of the points."""
-        rows = self.jacobian[:, which]
-        weighted = rows * self.weights[which]
-        return NormalEquations(weighted @ rows.T, weighted @ self.residuals[which])
+    def normal_equations(self, which: slice | IntArray = slice(None)) -> FloatArray:
+        """Normal equations of some of the points: information and gradient side by side, (5, 6)."""
+        rows = self.rows[:, which]
+        equations: FloatArray = (rows[:PARAMETERS] * self.weights[which]) @ rows.T
+        return equations
 
 
-def refine_ellipse(
-    points: NoisyPoints, parameters: FloatArray, steps: int
-) -> tuple[FloatArray, FloatArray]:
+def add_flattening_prior(equations: FloatArray, parameters: FloatArray) -> None:
+    """Add the weak prior that few pipes are tilted by more than 60 deg, in place."""
+    weight = 1 / (FLATTENING_PRIOR_STD * float(parameters[2])) ** 2
+    for i in (3, 4):
+        equations[i, i] += weight
+        equations[i, PARAMETERS] -= weight * float(parameters[i])
+
+
+def damped_step(equations: FloatArray, parameters: FloatArray) -> FloatArray:
+    """Step (5,) towards the minimum, damped on the scale of the ellipse; NaN if singular."""
+    damping = 1 / (MAX_RELATIVE_STEP * float(parameters[2])) ** 2
+    damped = equations[:, :PARAMETERS] + damping * IDENTITY
+    return solve_positive_definite(damped, equations[:, PARAMETERS])
+
+
+def inverse_information(equations: FloatArray) -> FloatArray:
+    """Covariance (5, 5) of the parameters; NaN if singular. Units: mm^2."""
+    return solve_positive_definite(equations[:, :PARAMETERS], IDENTITY)
+
+
+def refine_ellipse(points: NoisyPoints, parameters: FloatArray, steps: int) -> FloatArray:
     """A few Gauss-Newton steps of the robust weighted fit, the tilt held by its prior.
 
     Parameters
@@ -163,36 +152,28 @@ def refine_ellipse(
     parameters : (5,) ndarray
         Start; see `lsvision.ellipse.parameters`. Units: mm.
     steps : int
-        Gauss-Newton steps, at least one.
+        Gauss-Newton steps.
 
     Returns
     -------
-    parameters : (5,) ndarray
+    (5,) ndarray
         NaN where the iteration breaks down.
-    covariance : (5, 5) ndarray
-        Of the parameters, before the last step. Units: mm^2.
     """
-    parameters, covariance = gauss_newton_step(ellipse_residuals(points, parameters), parameters)
-    for _ in range(steps - 1):
+    for _ in range(steps):
         if math.isnan(parameters[0]):
             break
-        parameters, covariance = gauss_newton_step(
-            ellipse_residuals(points, parameters), parameters
-        )
-    return parameters, covariance
+        parameters = gauss_newton_step(ellipse_residuals(points, parameters), parameters)
+    return parameters
 
 
-def gauss_newton_step(
-    compared: EllipseResiduals, parameters: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def gauss_newton_step(compared: EllipseResiduals, parameters: FloatArray) -> FloatArray:
     """One Gauss-Newton step of `refine_ellipse`, from points compared with the ellipse."""
     squares = compared.residuals * compared.residuals / compared.inflated_variances
-    system = WeightedSystem.of(compared, max(upper_median(squares) * MAD_TO_STD**2, 1.0))
-    equations = system.normal_equations(slice(None)).with_flattening_prior(parameters)
-    nearer = parameters + equations.damped_step(parameters)
-    if not is_ellipse(nearer):
-        return np.full(PARAMETERS, np.nan), np.full((PARAMETERS, PARAMETERS), np.nan)
-    return nearer, solve_positive_definite(equations.information, IDENTITY)
+    factor = max(upper_median(squares) * MAD_TO_STD**2, 1.0)
+    equations = WeightedSystem.of(compared, factor).normal_equations()
+    add_flattening_prior(equations, parameters)
+    nearer = parameters + damped_step(equations, parameters)
+    return nearer if is_ellipse(nearer) else np.full(PARAMETERS, np.nan)
 
 
 def solve_positive_definite(matrix: FloatArray, right: FloatArray) -> FloatArray:

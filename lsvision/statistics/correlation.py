@@ -8,6 +8,8 @@ the lowest frequencies that it leaves, and from how fast the spectrum rises towa
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from lsvision.shapes import FloatArray
 
 TINY = 1e-300
@@ -26,6 +28,8 @@ MAX_SMOOTHED_RISE = 2.0
 """A sensor that smooths attenuates the reference band too: the rise towards low frequencies then
 counts no more than this. Without the limit the interval of smoothed data is far too wide, without
 the rise one real sphere in ten has an interval of phi that does not reach 0."""
+MIN_POINTS = 8
+"""Below which no correlation is estimated."""
 LAG1_SIGMAS = 3.5
 """Standard errors by which the correlation of neighbours must exceed zero to show a sensor that
 smooths along the line: one arc in 4000 by chance."""
@@ -67,9 +71,7 @@ def estimate_correlation(normalised: FloatArray) -> Correlation:
         Below 40 points neighbours alone are compared.
     """
     n = len(normalised)
-    centred = _centred(normalised)
-    time = _autocorrelation_time(centred)
-    neighbours = neighbours_correlated(normalised)
+    time, neighbours = neighbour_correlation(normalised)
     if n < MIN_WAVES:
         return Correlation(time, neighbours, neighbours)
     low, reference = _band_powers(normalised)
@@ -83,51 +85,47 @@ def estimate_correlation(normalised: FloatArray) -> Correlation:
 
 def _band_powers(normalised: FloatArray) -> tuple[float, float]:
     """Mean power of the low-frequency and reference bands, over that of independent errors."""
-    from scipy.fft import dct
+    n = len(normalised)
+    # Half waves by the Fourier transform of the residuals and their mirror image.
+    waves = np.fft.rfft(np.concatenate([normalised, normalised[::-1]]))[: REFERENCE_BAND.stop]
+    powers = (waves.real**2 + waves.imag**2) / (2 * n)
+    typical = max(float(normalised @ normalised) / n, TINY)
+    low, reference = (float(powers[band].mean()) for band in (LOW_FREQUENCY_BAND, REFERENCE_BAND))
+    return low / typical, reference / typical
 
-    waves = dct(normalised, norm="ortho")
-    typical = max(float(normalised @ normalised) / len(normalised), TINY)
-    bands = (waves[LOW_FREQUENCY_BAND], waves[REFERENCE_BAND])
-    low, reference = (float(band @ band) / len(band) / typical for band in bands)
-    return low, reference
 
-
-def neighbours_correlated(normalised: FloatArray) -> bool:
-    """Whether neighbours are significantly correlated: a sensor that smooths along the line.
+def neighbour_correlation(normalised: FloatArray) -> tuple[float, bool]:
+    """How many neighbours say the same, and whether that is significant.
 
     Parameters
     ----------
     normalised : (n,) ndarray
-        Residuals over their standard deviations, in order along the line; never below 8.
+        Residuals over their standard deviations, in order along the line.
+
+    Returns
+    -------
+    time : float
+        Autocorrelation time: points over effective points, 1 + 2 sum_k (1 - k / n) rho_k over the
+        first lags whose autocorrelation rho_k exceeds 2 / sqrt(n); 1 for independent errors.
+    correlated : bool
+        rho_1 exceeds 3.5 / sqrt(n): the sensor smooths along the line. Never below 8 points.
     """
     n = len(normalised)
-    return n >= 8 and _autocorrelation(_centred(normalised), 1) > LAG1_SIGMAS / math.sqrt(n)
+    if n < MIN_POINTS:
+        return 1.0, False
+    centred = normalised - normalised.sum() / n
+    scale = math.sqrt(n) / max(float(centred @ centred), TINY)
+    time, correlated = 1.0, False
+    for lag in range(1, n // 3):
+        sigmas = scale * float(centred[lag:] @ centred[:-lag])
+        if lag == 1:
+            correlated = sigmas > LAG1_SIGMAS
+        if sigmas < LAG_SIGMAS:
+            break
+        time += 2 * (1 - lag / n) * sigmas / math.sqrt(n)
+    return time, correlated
 
 
 def autocorrelation_time(normalised: FloatArray) -> float:
-    """How many neighbours say the same: points over effective points.
-
-    Definition: 1 + 2 sum_k (1 - k / n) rho_k over the first lags whose autocorrelation rho_k is
-    significant (above 2 / sqrt(n)); 1 for independent errors.
-    """
-    return _autocorrelation_time(_centred(normalised))
-
-
-def _autocorrelation_time(centred: FloatArray) -> float:
-    n = len(centred)
-    time, limit = 1.0, LAG_SIGMAS / math.sqrt(max(n, 1))
-    for lag in range(1, n // 3 if n >= 8 else 0):
-        rho = _autocorrelation(centred, lag)
-        if rho < limit:
-            break
-        time += 2 * (1 - lag / n) * rho
-    return time
-
-
-def _centred(values: FloatArray) -> FloatArray:
-    centred: FloatArray = values - values.sum() / max(len(values), 1)
-    return centred
-
-
-def _autocorrelation(centred: FloatArray, lag: int) -> float:
-    return float(centred[lag:] @ centred[:-lag]) / max(float(centred @ centred), TINY)
+    """The first of `neighbour_correlation`."""
+    return neighbour_correlation(normalised)[0]

@@ -5,6 +5,11 @@ import math
 import numpy as np
 
 from lsvision import Ellipse, ProfileSensor
+from lsvision.ellipse.robust_gauss_newton import (
+    WeightedSystem,
+    ellipse_residuals,
+    inverse_information,
+)
 
 SENSOR = ProfileSensor(range_std=0.05)
 
@@ -31,3 +36,9 @@ def about(ellipse):
     return Ellipse(
         (x + 2, y - 1), ellipse.radius * 1.15, ellipse.radius * 1.05, ellipse.theta + 0.3
     )
+
+
+def parameter_stds(points, parameters):
+    """Standard deviations of an ellipse's parameters, from noisy points that lie on it."""
+    system = WeightedSystem.of(ellipse_residuals(points, parameters), 1.0)
+    return np.sqrt(np.diag(inverse_information(system.normal_equations())))
