@@ -54,9 +54,9 @@ class Settings:
     candidates: CandidateSettings = CandidateSettings()
     acceptance: AcceptanceSettings = AcceptanceSettings()
     # Homogenised arcs start so near their fit that renewed weights change nothing, and each step
-    # is a hundredth of the one before: the one after a millionth of chi^2 is 1e-4 sigma. Pipes
-    # need 3 to 14 evaluations, and what needs more runs off to a needle.
-    fitting: FittingSettings = FittingSettings(reweightings=0, max_evaluations=20, tolerance=1e-6)
+    # is a hundredth of the one before: after one of 1e-3 of chi^2, some 0.2 sigma, what is left
+    # is 0.002 sigma. Pipes need 2 to 14 evaluations, and what needs more runs off to a needle.
+    fitting: FittingSettings = FittingSettings(reweightings=0, max_evaluations=20, tolerance=1e-3)
     paper_settings: PaperSettings | None = None
 
     @classmethod

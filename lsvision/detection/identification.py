@@ -133,7 +133,7 @@ def grow_arc(
     points = profile.noisy_points[free]
     max_scatter = profile.max_noise_factor(candidate.radius)
     parameters = parameters_from_ellipse(seed_ellipse(profile, candidate))
-    parameters = refine_ellipse(points[inside], parameters, 2)
+    parameters = refine_ellipse(points[inside], parameters, 1)
     seen: set[tuple[int, int]] = set()
     for _ in range(MAX_ITERATIONS):
         if not _is_plausible(parameters, candidate.radius):

@@ -43,6 +43,7 @@ from lsvision.statistics.correlation import (
 CHI2_TEST_SIGMAS = 3.3
 """Standard deviations of chi^2 beyond which a noise model is held to be too optimistic."""
 
+TINY = 1e-300
 NONCIRCULAR_SIGMAS = 5.0
 """Sigmas of (p, q) beyond which phi and theta have errors as normal as any."""
 
@@ -62,8 +63,7 @@ class FittingSettings:
     max_evaluations : int
         Of the residuals; then the iteration ends where it is, unsettled.
     tolerance : float
-        A step that mends so small a share of chi^2, or changes the parameters by so small a
-        share of them, is the last.
+        A step that reduces chi^2 by so small a share is the last.
     variance : {"given", "estimated"}
         Whether the covariances of the points are known, or only up to a common factor, which is
         then estimated from the residuals.
@@ -239,7 +239,7 @@ def _scale_by_free_fit(
         EllipseProblem(vectors, stds, None, settings.residual), initial_guess
     ).residuals
     variance = float(residuals @ residuals) / (len(points) - PARAMETERS)
-    variance = max(variance, np.finfo(float).tiny)
+    variance = max(variance, TINY)
     return NoisyPoints(points.z, points.mean_variance * variance, points.deviator * variance)
 
 
@@ -266,7 +266,7 @@ def _refit_with_scaled_stds(fit: EllipseFit) -> EllipseFit:
 
 def _inverse(information: FloatArray) -> FloatArray:
     """Inverse of the information after scaling; huge variances where it is singular."""
-    scale = 1 / np.sqrt(np.maximum(information.diagonal(), 1e-300))
+    scale = 1 / np.sqrt(np.maximum(information.diagonal(), TINY))
     both = scale[:, None] * scale
     inverse = solve_positive_definite(information * both, IDENTITY)
     if np.isnan(inverse[0, 0]):
@@ -288,7 +288,7 @@ def _build_fit(problem: EllipseProblem, solution: Solution, *, known_noise: bool
         surprising = excess > 1 + CHI2_TEST_SIGMAS * np.sqrt(2 / freedom)
         factor, freedom = (excess if surprising else 1.0), np.inf
     else:
-        factor = max(excess, np.finfo(float).tiny)
+        factor = max(excess, TINY)
         normalised = normalised / np.sqrt(factor)
         freedom = max(freedom / correlation.autocorrelation_time, 1.0)
     if correlation.coloured:
@@ -299,7 +299,7 @@ def _build_fit(problem: EllipseProblem, solution: Solution, *, known_noise: bool
         parameters=solution.parameters,
         residuals=residuals,
         normalised=normalised,
-        normals=normals / np.maximum(np.abs(normals), np.finfo(float).tiny),
+        normals=normals / np.maximum(np.abs(normals), TINY),
         unscaled_covariance=_inverse(solution.jacobian.T @ solution.jacobian),
         variance_factor=factor * correlation.autocorrelation_time,
         degrees_of_freedom=freedom,

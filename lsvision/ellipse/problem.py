@@ -23,7 +23,10 @@ from lsvision.shapes.noisy_points import as_complex
 
 MAX_EVALUATIONS = 100
 DEFAULT_TOLERANCE = 1e-10
-"""A last step is one of this share of the parameters, or that mends this share of chi^2."""
+"""The last step is one that reduces chi^2 by this share."""
+STEP_TOLERANCE = 1e-10
+"""Or one of this share of the parameters: rounding; a larger share would be a length that depends
+on how far away the origin is."""
 MINPACK_MAXFEV_REACHED = 5
 """MINPACK's info for that."""
 EXACT_RADIUS_STD = 1e-6
@@ -186,7 +189,7 @@ def least_squares(
     max_evaluations : int
         Then the iteration ends where it is.
     tolerance : float
-        A last step is one of this share of the parameters, or that mends this share of chi^2.
+        The last step is one that reduces chi^2 by this share.
     """
     from scipy.optimize import leastsq
 
@@ -194,7 +197,7 @@ def least_squares(
     with np.errstate(all="ignore"):
         found, *_, ending = leastsq(
             lambda x: remembered(x)[0], initial_guess, Dfun=lambda x: remembered(x)[1],
-            xtol=tolerance, ftol=tolerance, maxfev=max_evaluations, full_output=True,
+            xtol=STEP_TOLERANCE, ftol=tolerance, maxfev=max_evaluations, full_output=True,
         )  # fmt: skip
         return Solution(found, *remembered(found), converged=ending != MINPACK_MAXFEV_REACHED)
 

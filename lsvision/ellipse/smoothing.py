@@ -26,10 +26,9 @@ the residual itself: the screened ellipse is near, and no jump has moved it. A f
 without weights follows jumps: it misses one in twelve, and takes clean neighbours for jumps."""
 TUKEY_CONSTANT = 4.685
 """Tukey's constant: 95 % efficiency at the normal distribution."""
-STEP_MM = 0.5
-"""Spacing of the positions at which the local quadratic is evaluated (paper section 3.3.2)."""
-MIN_POSITIONS, MAX_POSITIONS = 8, 32
-"""A window of 30 % has no detail that more positions would show."""
+POSITIONS = 16
+"""Positions at equal steps of arc length (paper section 3.3.2) at which the local quadratic is
+evaluated: five in a window of 30 %, which has no detail that more would show."""
 TINY = float(np.finfo(float).tiny)
 
 
@@ -84,8 +83,7 @@ def smooth_arc(points: NoisyPoints, ellipse: Ellipse) -> SmoothedArc:
     np.abs(feet[1:] - feet[:-1]).cumsum(out=length[1:])
     # Points may share a foot; arc length must rise all the same.
     length += (1e-9 * length[-1] + 1e-12) * np.arange(len(points))
-    count = min(max(round(length[-1] / STEP_MM) + 1, MIN_POSITIONS), MAX_POSITIONS)
-    even = np.linspace(0.0, length[-1], count)
+    even = np.linspace(0.0, length[-1], POSITIONS)
     smooth, weights = smooth_residual(length, residuals, stds, even)
     inliers = np.empty(len(points), dtype=bool)
     inliers[order] = weights > 0

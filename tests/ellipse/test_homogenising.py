@@ -38,11 +38,6 @@ def test_points_stand_at_equal_steps_along_the_arc(degrees):
     np.testing.assert_allclose(steps, steps.mean(), rtol=0.03)
 
 
-def test_a_short_arc_has_a_point_every_half_millimetre():
-    steps = steps_between(homogenised(upper_arc(TRUTH, 45.0), TRUTH).points)
-    np.testing.assert_allclose(steps, 0.5, rtol=0.05)
-
-
 def test_a_flank_that_was_sampled_densely_counts_no_more():
     points = crowded_at_one_flank()
     before, after = (steps_between(p) for p in (points, homogenised(points, TRUTH).points))

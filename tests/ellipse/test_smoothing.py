@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 
 from lsvision import Ellipse
-from lsvision.ellipse.smoothing import smooth_arc, smooth_profile_paper, smooth_residual
+from lsvision.ellipse.smoothing import (
+    POSITIONS,
+    smooth_arc,
+    smooth_profile_paper,
+    smooth_residual,
+)
 from lsvision.shapes import orthogonal_residuals
 from lsvision.shapes.noisy_points import NoisyPoints, as_vectors
 from tests.ellipse.arcs import SENSOR, measured, pipe, upper_arc
@@ -151,13 +156,13 @@ def test_a_jump_takes_no_clean_neighbours_with_it(jump):
     np.testing.assert_array_equal(np.flatnonzero(~inliers), [jump])
 
 
-@pytest.mark.parametrize(
-    ("degrees", "count"), [(5.0, 8), (27.0, 19), (150.0, 32)], ids=["least", "0.5 mm", "most"]
-)
-def test_the_residual_is_given_at_every_half_millimetre(degrees, count):
-    circle = pipe(0.0)
-    points = upper_arc(circle, degrees)
-    assert len(smooth_arc(noisy(points), circle).residuals) == count
+def test_a_wave_as_long_as_the_window_keeps_its_shape_between_the_positions():
+    """More positions follow it no better: what is lost is what a local quadratic loses."""
+    residual = 0.2 * np.sin(LENGTH / 60.0 * 2 * math.pi)
+    positions = np.linspace(0.0, 60.0, POSITIONS)
+    few, _ = smooth_residual(LENGTH, residual, STDS, positions)
+    many, _ = smooth_residual(LENGTH, residual, STDS, LENGTH)
+    assert np.abs(np.interp(LENGTH, positions, few) - many).max() < 0.2 * 0.025
 
 
 def test_an_arc_is_smoothed_from_its_first_to_its_last_point():
