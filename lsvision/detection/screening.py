@@ -247,7 +247,7 @@ def _fit_middle(
     profile: PreparedProfile, line: _Line, initial_guess: FloatArray
 ) -> _MiddleFit | None:
     """Ellipse of the middle part and the noise that it shows; the points with that noise."""
-    parameters = refine_ellipse(line.points[line.middle], initial_guess, steps=2)
+    parameters = refine_ellipse(line.points[line.middle], initial_guess, steps=1)
     if not is_ellipse(parameters):
         return None
     compared = ellipse_residuals(line.points, parameters)
