@@ -348,7 +348,9 @@ def test_a_short_arc_is_refused_with_the_interval_of_its_radius(rng):
     measurement = measure_cylinders(Profile(points), sensor=sensor)
     assert measurement.cylinders == ()
     (rejection,) = measurement.rejections
-    assert rejection.reason.startswith(("radius not determinable: ", "tilt ", "radius ", "no ellipse fits best"))
+    assert rejection.reason.startswith(
+        ("radius not determinable: ", "tilt ", "radius ", "no ellipse fits best")
+    )
     (pipe,) = measure_cylinders(Profile(points), sensor=sensor, known_phi=0.0).cylinders
     assert abs(pipe.radius - 20) < FOUR_SIGMA * pipe.radius_std
 

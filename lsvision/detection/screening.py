@@ -197,7 +197,7 @@ def _compare_ends(fitted: _MiddleFit) -> _Comparison | None:
         points = _end_points(line, compared, system.rows, noise)
         found = [find_end_inliers(*pair) for pair in zip(points, predictions, strict=True)]
         before, members = members, [end.members for end in found]
-        settled = all(map(np.array_equal, members, before))
+        settled = all(a.tobytes() == b.tobytes() for a, b in zip(members, before, strict=True))
         if not settled:
             known = [system.normal_equations(line.end_rows(i, members[i])) for i in (0, 1)]
         parameters = parameters + damped_step(middle + known[0] + known[1], parameters)

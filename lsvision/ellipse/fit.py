@@ -265,15 +265,15 @@ def _refit_with_scaled_stds(fit: EllipseFit) -> EllipseFit:
 
 
 def _inverse(information: FloatArray) -> FloatArray:
-    """Inverse of the information after scaling; huge variances where it is singular."""
-    scale = 1 / np.sqrt(np.maximum(information.diagonal(), TINY))
-    both = scale[:, None] * scale
-    inverse = solve_positive_definite(information * both, IDENTITY)
-    if np.isnan(inverse[0, 0]):
-        values, vectors = np.linalg.eigh(information * both)
-        inverse = (vectors / np.maximum(values, 1e-14)) @ vectors.T
-    with np.errstate(over="ignore"):  # all points at one place: infinite variances
-        return inverse * both
+    """Inverse of the information; huge variances where it is singular."""
+    inverse = solve_positive_definite(information, IDENTITY)
+    if math.isnan(inverse[0, 0]):
+        scale = 1 / np.sqrt(np.maximum(information.diagonal(), TINY))
+        scales = scale[:, None] * scale
+        values, vectors = np.linalg.eigh(information * scales)
+        with np.errstate(over="ignore"):  # all points at one place: infinite variances
+            inverse = (vectors / np.maximum(values, 1e-14)) @ vectors.T * scales
+    return inverse
 
 
 def _build_fit(problem: EllipseProblem, solution: Solution, *, known_noise: bool) -> EllipseFit:

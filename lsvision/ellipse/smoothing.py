@@ -20,10 +20,6 @@ from lsvision.statistics.robust import mad_std
 
 WINDOW_FRACTION = 0.3
 """Width of the local regression as a share of the arc (paper: 30 % of the points)."""
-ROBUST_ITERATIONS = 2
-"""Local regressions, each with the robust weights of the one before, and the first with those of
-the residual itself: the screened ellipse is near, and no jump has moved it. A first regression
-without weights follows jumps: it misses one in twelve, and takes clean neighbours for jumps."""
 TUKEY_CONSTANT = 4.685
 """Tukey's constant: 95 % efficiency at the normal distribution."""
 POSITIONS = 16
@@ -121,12 +117,11 @@ def smooth_residual(
     missing = np.maximum(length[0] + half - even, even + half - length[-1])
     u = (length - even[:, None]) / (half + np.maximum(missing, 0.0))[:, None]
     tricube = np.maximum(1 - np.abs(u * u * u), 0.0)
-    windows = _kernel_powers(u, tricube * tricube * tricube / (stds * stds))
-    weights = _bisquare_weights(residuals / stds)
-    for _ in range(ROBUST_ITERATIONS):
-        smooth = _local_quadratic(windows, weights, residuals)
-        weights = _bisquare_weights((residuals - np.interp(length, even, smooth)) / stds)
-    return smooth, weights
+    # The screened ellipse is near, and no jump has moved it: a regression whose first weights do
+    # not come from the residual itself follows jumps, and takes clean neighbours for jumps.
+    weights = _bisquare_weights(residuals / stds) / (stds * stds)
+    smooth = _local_quadratics(u, tricube * tricube * tricube * weights, residuals)
+    return smooth, _bisquare_weights((residuals - np.interp(length, even, smooth)) / stds)
 
 
 def _bisquare_weights(normalised: FloatArray) -> FloatArray:
@@ -137,23 +132,16 @@ def _bisquare_weights(normalised: FloatArray) -> FloatArray:
     return weights
 
 
-def _kernel_powers(u: FloatArray, kernel: FloatArray) -> FloatArray:
-    """Kernel times u^0 to u^4: (5 k, n)."""
-    powers = np.empty((5, *u.shape))
-    powers[0] = kernel
-    for i in range(1, 5):
-        np.multiply(powers[i - 1], u, out=powers[i])
-    return powers.reshape(-1, u.shape[1])
-
-
-def _local_quadratic(windows: FloatArray, weights: FloatArray, residuals: FloatArray) -> FloatArray:
-    """Value at u = 0 of the weighted quadratic of each window."""
-    count = len(windows) // 5
-    m0, m1, m2, m3, m4 = (windows @ weights).reshape(5, count)
-    r0, r1, r2 = (windows[: 3 * count] @ (weights * residuals)).reshape(3, count)
+def _local_quadratics(u: FloatArray, weights: FloatArray, residuals: FloatArray) -> FloatArray:
+    """Value at u = 0 of the weighted quadratic of each of k windows; u and weights (k, n)."""
+    first = weights * u
+    second = first * u
+    third = second * u
+    m0, m1, m2, m3 = (moment.sum(axis=1) for moment in (weights, first, second, third))
+    r0, r1, r2 = weights @ residuals, first @ residuals, second @ residuals
     # A little ridge: a window with two points has a line, one without any the ellipse itself.
     ridge = 1e-9 * m0 + 1e-12 * m0.max() + TINY
-    d0, d2, d4 = m0 + ridge, m2 + ridge, m4 + ridge
+    d0, d2, d4 = m0 + ridge, m2 + ridge, (third * u).sum(axis=1) + ridge
     # First row of the normal equations' inverse, by Cramer's rule.
     c0, c1, c2 = d2 * d4 - m3 * m3, m2 * m3 - m1 * d4, m1 * m3 - m2 * d2
     value: FloatArray = (c0 * r0 + c1 * r1 + c2 * r2) / (c0 * d0 + c1 * m1 + c2 * m2)

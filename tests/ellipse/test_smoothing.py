@@ -48,13 +48,10 @@ def bisquare(normalised):
     return np.clip(1 - (normalised / (4.685 * scale)) ** 2, 0, None) ** 2
 
 
-def robust_quadratic(length, residuals, stds, even, rounds):
-    """Rounds of the above, each with the weights of the one before."""
-    weights = bisquare(residuals / stds)
-    for _ in range(rounds):
-        smooth = local_quadratic(length, residuals, stds, even, weights)
-        weights = bisquare((residuals - np.interp(length, even, smooth)) / stds)
-    return smooth, weights
+def robust_quadratic(length, residuals, stds, even):
+    """With the weights of the residual itself, and the weights of what it leaves."""
+    smooth = local_quadratic(length, residuals, stds, even, bisquare(residuals / stds))
+    return smooth, bisquare((residuals - np.interp(length, even, smooth)) / stds)
 
 
 @pytest.mark.parametrize("factor", [0.7, 3.0], ids=["within the noise", "beyond it"])
@@ -63,7 +60,7 @@ def test_it_is_a_robust_local_quadratic_regression(factor, rng):
     residuals = np.sin(LENGTH / 9) + factor * stds * rng.normal(size=121)
     residuals[[20, 77, 78]] += (1.0, -2.0, 3.0)
     smooth, weights = smooth_residual(LENGTH, residuals, stds, EVEN)
-    wanted, wanted_weights = robust_quadratic(LENGTH, residuals, stds, EVEN, rounds=2)
+    wanted, wanted_weights = robust_quadratic(LENGTH, residuals, stds, EVEN)
     np.testing.assert_allclose(smooth, wanted, atol=1e-6)  # of the ridge
     np.testing.assert_allclose(weights, wanted_weights, atol=1e-5)
 
