@@ -12,8 +12,12 @@ import numpy as np
 
 from lsvision.detection.acceptance import AcceptanceSettings, shape_rejection_reason
 from lsvision.detection.arcs import IdentifiedArc, Rejection
-from lsvision.detection.candidates import Candidate, seed_ellipse
-from lsvision.ellipse.parameters import ellipse_from_parameters, parameters_from_ellipse
+from lsvision.detection.candidates import MAX_OVERLAP, Candidate, seed_ellipse
+from lsvision.ellipse.parameters import (
+    ellipse_from_parameters,
+    is_ellipse,
+    parameters_from_ellipse,
+)
 from lsvision.ellipse.robust_gauss_newton import (
     EllipseResiduals,
     ellipse_residuals,
@@ -21,33 +25,21 @@ from lsvision.ellipse.robust_gauss_newton import (
     refine_ellipse,
 )
 from lsvision.profile import PreparedProfile
-from lsvision.shapes import BoolArray, FloatArray, IntArray
+from lsvision.shapes import BoolArray, IntArray
 from lsvision.statistics.robust import MAD_TO_STD, upper_median
 
 SENSOR_ERROR_SIGMAS = 4.0
 """The paper's sensor error, in standard deviations of a point along the normal."""
-GROWTH_FRACTION = 0.5
-"""Share of the arc by which it may grow at each end in one step."""
-MIN_GROWTH_POINTS = 4
-"""Points by which it may grow in any case."""
 MAX_OUTLIER_RUN = 3
 """So many points in a row beyond the sensor error interrupt an arc."""
 MAX_GAP_FRACTION = 0.25
 """An interruption shorter than this share of the arc is bridged where more inliers follow."""
+MIN_NORMAL_Y = -0.5
+"""Smallest y of an outward normal that a sensor with a fan of +/- 30 deg can still see."""
 MAX_ITERATIONS = 20
 """A seed of ten points needs more than ten steps to the ends of a wide pipe."""
 MIN_POINTS = 8
 """Inliers below which the growth has failed."""
-MAX_SIZE_RATIO = 3.0
-"""Of the ellipse to the candidate's circle, or its inverse."""
-MAX_FLATTENING = 0.45
-"""Of (a - b) / (a + b), a tilt of 68 deg: beyond, an ellipse winds itself round a corner."""
-MIN_NORMAL_Y = -0.5
-"""Smallest y of an outward normal that a sensor with a fan of +/- 30 deg can still see."""
-MAX_ASSIGNED_FRACTION = 0.3
-"""A candidate with a larger share of points in an arc already found is that arc's."""
-MAX_FAILURES = 2
-"""Points that so many failed arcs held seed no other."""
 
 
 def identify_arcs(
@@ -76,30 +68,24 @@ def identify_arcs(
     rejections : list of Rejection
         Arcs that grew, and have not the shape of a cylinder's.
     """
-    taken = np.zeros(len(profile.points), dtype=bool)
-    failures: FloatArray = np.zeros(len(profile.points))
+    explained = np.zeros(len(profile.points), dtype=bool)
     arcs: list[IdentifiedArc] = []
     rejections: list[Rejection] = []
     free = profile.valid_indices
     for candidate in candidates:
-        span = candidate.indices
-        most_taken, most_failures = MAX_ASSIGNED_FRACTION * len(span), MAX_FAILURES * len(span)
-        if taken[span].sum() > most_taken or failures[span].sum() >= most_failures:
+        if explained[candidate.indices].mean() > MAX_OVERLAP:
             continue
         grown = grow_arc(profile, candidate, free)
         if grown is None:
-            failures[span] += 1
             continue
         arc, compared = grown
+        explained[arc.arc.start : arc.arc.stop] = True
         reason = shape_rejection_reason(arc.ellipse, compared.normals, radius_range, settings)
         if reason is not None:
             rejections.append(Rejection(arc.arc, reason))
-            failures[span] += 1
-            failures[arc.indices] += 1
             continue
         arcs.append(arc)
-        taken[arc.arc.start : arc.arc.stop] = True
-        free = free[~taken[free]]
+        free = free[(free < arc.arc.start) | (free >= arc.arc.stop)]
     return arcs, rejections
 
 
@@ -136,7 +122,7 @@ def grow_arc(
     parameters = refine_ellipse(points[inside], parameters, 1)
     seen: set[tuple[int, int]] = set()
     for _ in range(MAX_ITERATIONS):
-        if not _is_plausible(parameters, candidate.radius):
+        if not is_ellipse(parameters):
             return None
         low, high = _expand(inside, len(points))
         compared = ellipse_residuals(points[low:high], parameters)
@@ -156,18 +142,10 @@ def grow_arc(
 
 
 def _expand(inside: IntArray, count: int) -> tuple[int, int]:
-    """The span of the points inside, wider by a share of itself at either end."""
+    """The span of the points inside, wider by half of itself at either end."""
     start, stop = int(inside[0]), int(inside[-1]) + 1
-    step = max(MIN_GROWTH_POINTS, int(GROWTH_FRACTION * (stop - start)))
+    step = (stop - start + 1) // 2
     return max(0, start - step), min(count, stop + step)
-
-
-def _is_plausible(parameters: FloatArray, radius: float) -> bool:
-    """Whether it is an ellipse, about the size of the circle it began with, and not too flat."""
-    _, _, size, p, q = parameters.tolist()
-    if not radius / MAX_SIZE_RATIO < size < radius * MAX_SIZE_RATIO:
-        return False
-    return bool(math.hypot(p, q) < MAX_FLATTENING * size)
 
 
 def _within_sensor_error(
@@ -202,7 +180,7 @@ def connected_inliers(inliers: BoolArray, inside: IntArray) -> IntArray:
     bridge = MAX_GAP_FRACTION * (int(runs[first][-1]) + 1 - int(runs[first][0]))
 
     def bridged(gap: int, run: IntArray) -> bool:
-        return gap <= bridge and int(run[-1]) + 1 - int(run[0]) > max(gap, MIN_GROWTH_POINTS + 1)
+        return gap <= bridge and int(run[-1]) + 1 - int(run[0]) > gap
 
     while first > 0 and bridged(runs[first][0] - runs[first - 1][-1] - 1, runs[first - 1]):
         first -= 1

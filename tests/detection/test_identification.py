@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from lsvision import Ellipse, Profile
+from lsvision import Profile
 from lsvision.detection import identification
 from lsvision.detection.candidates import Candidate, find_candidates
 from lsvision.detection.identification import connected_inliers, grow_arc, identify_arcs
@@ -233,11 +233,6 @@ def test_only_a_run_longer_than_the_interruption_is_worth_bridging_it():
     assert not connected(40, 8, 8)
 
 
-def test_only_a_run_of_six_points_is_worth_bridging_an_interruption():
-    assert connected(40, 4, 6)
-    assert not connected(40, 4, 5)
-
-
 def test_bridges_are_built_to_both_sides_and_one_behind_the_other():
     inliers = np.concatenate([np.full(n, i % 2 == 0) for i, n in enumerate((8, 5, 40, 6, 9, 5, 9))])
     everything = connected_inliers(inliers, np.arange(13, 53))
@@ -260,33 +255,10 @@ def test_a_seed_at_one_end_of_ten_thousand_points_reaches_the_other():
     assert arc.arc == Arc(0, 10_000)
 
 
-def is_plausible(size, flattening, radius):
-    """For an ellipse of a mean semi-axis and (a - b) / (a + b), and its candidate's radius."""
-    for turn in np.radians(np.arange(0, 360, 45)):
-        h = flattening * size
-        parameters = np.array([3.0, -440.0, size, h * math.cos(turn), h * math.sin(turn)])
-        yield identification._is_plausible(parameters, radius)
-
-
-@pytest.mark.parametrize(("flattening", "plausible"), [(0.0, True), (0.44, True), (0.46, False)])
-def test_an_ellipse_flatter_than_a_tilt_of_68_deg_is_none_of_a_pipe(flattening, plausible):
-    assert set(is_plausible(20.0, flattening, 20.0)) == {plausible}
-
-
-@pytest.mark.parametrize(
-    ("ratio", "plausible"),
-    [(0.32, False), (0.34, True), (1.0, True), (2.9, True), (3.1, False), (math.nan, False)],
-)
-def test_an_ellipse_of_three_times_the_size_of_its_candidate_is_another_thing(ratio, plausible):
-    assert set(is_plausible(20.0 * ratio, 0.0, 20.0)) == {plausible}
-
-
-@pytest.mark.parametrize(("flattening", "grows"), [(0.25, True), (0.40, True), (0.47, False)])
-def test_growth_fails_where_the_ellipse_is_not_plausible(flattening, grows):
-    ellipse = Ellipse((0.0, -440.0), 20 * (1 + flattening), 20 * (1 - flattening), 0.0)
-    profile = exact(ellipse.points_at(np.radians(np.linspace(165, 15, 90))), 1e-4)
-    seed = seed_at(20, 70, radius=20 * (1 + flattening) ** 2 / (1 - flattening) / 2)
-    assert (grow_arc(profile, seed, profile.valid_indices) is not None) == grows
+def test_growth_fails_where_the_fit_runs_off(monkeypatch):
+    monkeypatch.setattr(identification, "gauss_newton_step", lambda *_: np.full(5, np.nan))
+    profile = exact(arc_points(np.linspace(-60, 60, 90)))
+    assert grow_arc(profile, seed_at(20, 70), profile.valid_indices) is None
 
 
 def two_pipes():
@@ -295,21 +267,13 @@ def two_pipes():
     return exact(np.concatenate([arc_points(angles), arc_points(angles, 20.0, (36.0, -440.0))]))
 
 
-@pytest.mark.parametrize(("taken", "tried"), [(5, True), (11, True), (13, False), (16, False)])
-def test_a_candidate_of_which_three_tenths_are_taken_is_none(taken, tried):
+@pytest.mark.parametrize(("taken", "tried"), [(5, True), (19, True), (21, False), (28, False)])
+def test_a_candidate_of_which_more_than_half_is_explained_is_none(taken, tried):
     first = seed_at(10, 50)
     second = seed_at(61 - taken, 101 - taken, centre=(36.0, -440.0))
     arcs, rejections = identify_arcs(two_pipes(), [first, second], RANGE)
     assert [(arc.arc.start, arc.arc.stop) for arc in arcs] == [(0, 61), (61, 122)][: 1 + tried]
     assert rejections == []
-
-
-def test_points_that_failed_twice_seed_no_other(monkeypatch):
-    tried = []
-    monkeypatch.setattr(identification, "grow_arc", lambda _, seed, __: tried.append(seed))
-    seeds = [seed_at(0, 40), seed_at(0, 40), seed_at(2, 40), seed_at(30, 70)]
-    assert identify_arcs(two_pipes(), seeds, RANGE) == ([], [])
-    assert tried == [seeds[0], seeds[1], seeds[3]]
 
 
 def test_an_arc_without_the_shape_of_a_pipe_is_told_once():
