@@ -48,12 +48,12 @@ MIDDLE_FRACTION = 0.7
 """Share of the arc's points in its middle part."""
 MIN_MIDDLE_POINTS = 8
 """In the middle part; with fewer an arc is not screened."""
-POINTS_BEYOND, FRACTION_BEYOND = 14, 0.33
-"""Points beyond the ends among which more of the arc is looked for: so many, or this share of the
-arc's points. Growth stops early where the seed's ellipse bends away from a tilted section. An arc
-that turns out to go on as far as was looked is screened once more."""
+POINTS_BEYOND = 14
+"""Points beyond the ends among which more of the arc is looked for: growth stops early where the
+seed's ellipse bends away from a tilted section. An arc that turns out to go on as far as was
+looked is screened once more."""
 MAX_END_POINTS = 100
-"""Of either of these: the filter of an end takes time with the cube of its points."""
+"""Points of an end of the arc: the filter of an end takes time with the cube of its points."""
 MAX_ITERATIONS = 3
 """Of fit and comparison: more change no inlier that matters."""
 MIN_INCIDENCE_COSINE = 0.05
@@ -229,10 +229,9 @@ def _split_arc(profile: PreparedProfile, arc: IdentifiedArc) -> _Line | None:
     inner = arc.indices[part : count - part]
     if len(inner) < MIN_MIDDLE_POINTS:
         return None
-    beyond = min(max(POINTS_BEYOND, int(FRACTION_BEYOND * count)), MAX_END_POINTS)
     first, last = np.searchsorted(valid, inner[[0, -1]]).tolist()
-    start, _ = np.searchsorted(valid, arc.indices[[0, -1]] - beyond).tolist()
-    _, stop = np.searchsorted(valid, arc.indices[[0, -1]] + beyond, "right").tolist()
+    start, _ = np.searchsorted(valid, arc.indices[[0, -1]] - POINTS_BEYOND).tolist()
+    _, stop = np.searchsorted(valid, arc.indices[[0, -1]] + POINTS_BEYOND, "right").tolist()
     indices = np.concatenate([valid[start:first], inner, valid[last + 1 : stop]])
     begin, end = first - start, first - start + len(inner)
     rows = np.arange(len(indices))
