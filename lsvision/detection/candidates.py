@@ -8,28 +8,33 @@ The windows are a fixed lattice instead of random draws: same profile, same seed
 
 import math
 from dataclasses import dataclass
+from typing import TypeVar
 
 import cv2
 import numpy as np
 
-from lsvision.detection.windows import WindowCircles, fit_window_circles, multiscale_windows
-from lsvision.profile import Arc, PreparedProfile
+from lsvision.detection.windows import (
+    WindowCircles,
+    arc_coverage,
+    fit_window_circles,
+    multiscale_windows,
+)
+from lsvision.profile import MAX_RELATIVE_SCATTER, Arc, PreparedProfile
 from lsvision.shapes import BoolArray, Ellipse, FloatArray, IntArray, Points
 
 MAX_AXIS_RATIO = 2.0
 """Semi-major over semi-minor axis of an ellipse that arcs start from: a tilt of 60 deg."""
-MAX_RMS_SIGMAS, MAX_RELATIVE_RMS = 2.5, 0.012
-"""Rms distance of points from their circle or line, as a multiple of the noise; and over the
-radius, for ellipses: 90 deg of any section of a pipe tilted by 50 deg leave 1.2 % at most."""
-MIN_LINE_RMS_RATIO = 1.5
-"""Rms distance from a line over that from the circle: noise alone bends a straight window, and an
-arc as high as 4 sigma of its points has 1.5."""
+MAX_RMS_SIGMAS = 2.5
+"""Rms distance of points from their line, or from their circle (plus `MAX_RELATIVE_SCATTER` of its
+radius: 90 deg of a section tilted by 50 deg leave 1.2 %), as a multiple of the noise."""
 MIN_COVERAGE_POINTS = 15.7
 """Angle that a window covers (rad) times its points, 25 deg at 36 points: few points curve by
 chance."""
 MAX_OVERLAP = 0.5
 """Of two windows that share more than this of their union, the one that covers more is tried; what
 shares more than this of its points with a cylinder needs no reason of its own."""
+
+FloatOrArray = TypeVar("FloatOrArray", float, FloatArray)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -75,69 +80,50 @@ def find_candidates(
 ) -> list[Candidate]:
     """Windows of all components that curve like a pipe, by falling angle covered.
 
-    Parameters
-    ----------
-    profile : PreparedProfile
-        The profile that the components are of.
-    components : list of (k,) int ndarray
-        Connected points, in order.
-    radius_range : tuple of float
-        Smallest and largest radius of a cylinder. Units: mm.
-    settings : CandidateSettings
-        Length of the shortest window.
-
-    Returns
-    -------
-    list of Candidate
-        The same whichever end the points are listed from.
+    The same whichever end the points are listed from.
     """
     if not components:
         return []
     sequence, sizes = np.concatenate(components), np.array([len(own) for own in components])
+    points = profile.points[sequence]
     starts, stops = multiscale_windows(sizes, settings.min_span_points)
-    circles = fit_window_circles(profile.points[sequence], starts, stops)
-    good = _passes_gates(circles, stops - starts, profile.noise_std, radius_range).nonzero()[0]
+    circles = fit_window_circles(points, starts, stops)
+    passed = _passes_gates(circles, profile.noise_std, radius_range).nonzero()[0]
+    starts, stops, centres = starts[passed], stops[passed], circles.centre[passed]
+    coverage = arc_coverage(points, starts, stops, centres)
     # Among equals, whose order rounding would choose, the leftmost first.
-    order = good[np.lexsort((circles.centre[good, 0], -circles.coverage[good].round(9)))]
+    order = np.lexsort((centres[:, 0], -coverage.astype(np.float32)))
+    order = order[(coverage * (stops - starts) >= MIN_COVERAGE_POINTS)[order]]
     kept = order[_non_maximum_suppression(starts[order], stops[order])]
     return [
         Candidate(Arc(int(span[0]), int(span[-1]) + 1), span, (x, y), radius)
         for span, (x, y), radius in zip(
             [sequence[starts[i] : stops[i]] for i in kept],
-            circles.centre[kept].tolist(),
-            circles.radius[kept].tolist(),
+            centres[kept].tolist(),
+            circles.radius[passed[kept]].tolist(),
             strict=True,
         )
     ]
 
 
 def _passes_gates(
-    circles: WindowCircles, counts: IntArray, noise_std: float, radius_range: tuple[float, float]
+    circles: WindowCircles, noise_std: float, radius_range: tuple[float, float]
 ) -> BoolArray:
-    """Gates: radius range, convexity towards the sensor, arc coverage, residual."""
+    """Gates: radius range, convexity towards the sensor, residuals."""
     passed: BoolArray = (
         # Radius of curvature of an ellipse: from b^2 / a at its sharp ends to a^2 / b.
         (circles.radius >= radius_range[0] / MAX_AXIS_RATIO)
         & (circles.radius <= radius_range[1] * MAX_AXIS_RATIO**2)
         & circles.convex
-        & (circles.coverage * counts >= MIN_COVERAGE_POINTS)
-        & (MIN_LINE_RMS_RATIO * circles.rms <= circles.line_rms)
+        & (circles.rms < circles.line_rms)
         & (circles.rms <= max_circle_rms(circles.radius, noise_std))
     )
     return passed
 
 
-def max_circle_rms(radius: FloatArray, noise_std: float) -> FloatArray:
-    """Largest rms distance of a section's points from their circle. Units: mm.
-
-    Parameters
-    ----------
-    radius : (w,) ndarray
-        Of the circles. Units: mm.
-    noise_std : float
-        Units: mm.
-    """
-    return MAX_RMS_SIGMAS * noise_std + MAX_RELATIVE_RMS * radius
+def max_circle_rms(radius: FloatOrArray, noise_std: float) -> FloatOrArray:
+    """Largest rms distance of a section's points from circles of these radii. Units: mm."""
+    return MAX_RMS_SIGMAS * noise_std + MAX_RELATIVE_SCATTER * radius
 
 
 def _non_maximum_suppression(starts: IntArray, stops: IntArray) -> list[int]:

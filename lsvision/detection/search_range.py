@@ -19,26 +19,10 @@ MAX_RADIUS_EXTENTS = 1.5
 def search_range(
     radius: float | tuple[float, float] | None, known: RadiusPrior | None, profile: PreparedProfile
 ) -> tuple[float, float]:
-    """Smallest and largest radius that a measurement looks for.
+    """Smallest and largest radius that a measurement looks for. Units: mm.
 
-    Parameters
-    ----------
-    radius : float, (float, float) or None
-        Nominal radius, or a range. Units: mm.
-    known : RadiusPrior or None
-        Its radius counts as nominal where `radius` is None.
-    profile : PreparedProfile
-        Where both are None: from the smallest that is no dust to 1.5 times the extent.
-
-    Returns
-    -------
-    low, high : float
-        Units: mm.
-
-    Raises
-    ------
-    ValueError
-        If a radius is not positive or the range is reversed.
+    `radius` is a nominal one or a range; without one that of `known` is nominal; without either
+    the range follows the profile. Raises ValueError if `radius` is not positive or reversed.
     """
     if isinstance(radius, tuple):
         low, high = (float(value) for value in radius)
@@ -52,10 +36,9 @@ def search_range(
     if known is not None:
         spread = NOMINAL_SPREAD * known.radius + 3 * known.std
         return max(known.radius - spread, NOMINAL_SPREAD * known.radius), known.radius + spread
-    points = profile.points[profile.valid_indices]
-    if len(points) < 2:
+    if len(profile.valid_indices) == 0:
         return 1.0, 2.0
-    extent = extent_of(points)
+    extent = extent_of(profile.points)
     dust = min(MIN_RADIUS_VIEW_FRACTION * extent, MIN_RADIUS_VIEW_PITCHES * profile.pitch)
     low = max(MIN_RADIUS_PITCHES * profile.pitch, dust)
     return low, max(MAX_RADIUS_EXTENTS * extent, 2 * low)

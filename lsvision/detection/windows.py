@@ -9,7 +9,7 @@ from lsvision.shapes.noisy_points import as_complex, as_vectors
 
 WINDOW_GROWTH = 2
 """Ratio of successive lengths."""
-SHIFTS_PER_WINDOW = 3
+SHIFTS_PER_WINDOW = 2
 """Windows of one length are no more than this part of it apart."""
 
 
@@ -28,8 +28,6 @@ class WindowCircles:
         the window is straight. Units: mm.
     line_rms : (w,) ndarray
         The same from the best straight line. Units: mm.
-    coverage : (w,) ndarray
-        Angle of the chord seen from the centre. Units: rad.
     convex : (w,) bool ndarray
         The middle bulges towards the sensor.
     """
@@ -38,7 +36,6 @@ class WindowCircles:
     radius: FloatArray
     rms: FloatArray
     line_rms: FloatArray
-    coverage: FloatArray
     convex: BoolArray
 
 
@@ -63,32 +60,21 @@ def multiscale_windows(sizes: IntArray, smallest: int) -> tuple[IntArray, IntArr
         lengths.append(lengths[-1] * WINDOW_GROWTH)
     component, level = np.nonzero(np.array(lengths) < sizes[:, None])
     first = sizes.cumsum() - sizes
-    # A row of windows: those of one length in one component, half of them from either end.
+    # A row holds the windows of one length in one component.
     length = np.array(lengths)[level]
-    room, step = sizes[component] - length, length // SHIFTS_PER_WINDOW
-    half = (room + step - 1) // (2 * step) + 1
-    row = np.repeat(np.arange(len(half)), half)
-    place = np.arange(len(row)) - (half.cumsum() - half)[row]
-    away = place * room[row] // (2 * half - 1)[row]
-    begin = first[component][row]
-    starts = np.concatenate([begin + away, begin + room[row] - away, first])
-    return starts, starts + np.concatenate([length[row], length[row], sizes])
+    room = sizes[component] - length
+    # An odd number of steps: rounded to the nearest point there are no ties, so no preferred end.
+    steps = -(-room // (length // SHIFTS_PER_WINDOW)) | 1
+    row = np.repeat(np.arange(len(steps)), steps + 1)
+    step = np.arange(len(row)) - (steps + 1).cumsum()[row] + steps[row] + 1
+    starts = first[component][row] + (2 * step * room[row] + steps[row]) // (2 * steps[row])
+    return np.append(starts, first), np.append(starts + length[row], first + sizes)
 
 
 def fit_window_circles(points: Points, starts: IntArray, stops: IntArray) -> WindowCircles:
-    """Kasa's circle of each window: linear least squares in x^2 + y^2.
+    """Kasa's circle of each window [start, stop): linear least squares in x^2 + y^2.
 
-    Parameters
-    ----------
-    points : (n, 2) ndarray
-        Ordered. Units: mm.
-    starts, stops : (w,) int ndarray
-        Half-open windows of at least 3 points.
-
-    Returns
-    -------
-    WindowCircles
-        Biased small on short noisy arcs: to choose windows by, never a result.
+    Biased small on short noisy arcs: to choose windows by, never a result.
     """
     z = as_complex(points)
     origin = (z[0] + z[-1]) / 2  # so that squares keep their digits
@@ -100,7 +86,7 @@ def fit_window_circles(points: Points, starts: IntArray, stops: IntArray) -> Win
     np.cumsum(running, axis=1, out=running)
     moments = running.take(stops, axis=1)
     moments -= running.take(starts, axis=1)
-    moments /= stops - starts
+    moments /= np.maximum(stops - starts, 1)
     mean, zz, qz, qq = moments
     # Covariances of z with its conjugate, with z, and of q = |z|^2 with z and with q.
     spread, slant = qq.real - (mean * mean.conj()).real, zz - mean * mean
@@ -112,12 +98,15 @@ def fit_window_circles(points: Points, starts: IntArray, stops: IntArray) -> Win
         radius = np.sqrt(spread + (from_mean * from_mean.conj()).real)
         radius[~(radius < np.inf)] = np.inf
         rms = np.sqrt(np.maximum(square - 2 * (centre.conj() * pull).real, 0.0)) / (2 * radius)
-        first, last = z[starts], z[stops - 1]
-        coverage = 2 * np.arcsin(np.minimum(np.abs(last - first) / (2 * radius), 1.0))
-        # Past 180 deg the chord lies beyond the centre.
-        past = (from_mean * (2 * centre - first - last).conj()).real < 0
-    coverage[past] = 2 * np.pi - coverage[past]
     line_rms = np.sqrt(np.maximum(spread - size, 0.0) / 2)
-    return WindowCircles(
-        as_vectors(centre + origin), radius, rms, line_rms, coverage, from_mean.imag < 0
-    )
+    return WindowCircles(as_vectors(centre + origin), radius, rms, line_rms, from_mean.imag < 0)
+
+
+def arc_coverage(
+    points: Points, starts: IntArray, stops: IntArray, centres: FloatArray
+) -> FloatArray:
+    """Angle from the first to the last point of each window over the top of its circle. rad."""
+    z, from_top = as_complex(points), -1j
+    first, last = ((z[i] - as_complex(centres)) * from_top for i in (starts, stops - 1))
+    coverage: FloatArray = np.abs(np.angle(first) - np.angle(last))
+    return coverage
