@@ -84,9 +84,9 @@ def find_candidates(
     """
     if not components:
         return []
-    sequence, sizes = np.concatenate(components), np.array([len(own) for own in components])
+    sequence = np.concatenate(components)
     points = profile.points[sequence]
-    starts, stops = multiscale_windows(sizes, settings.min_span_points)
+    starts, stops = multiscale_windows([len(own) for own in components], settings.min_span_points)
     circles = fit_window_circles(points, starts, stops)
     passed = _passes_gates(circles, profile.noise_std, radius_range).nonzero()[0]
     starts, stops, centres = starts[passed], stops[passed], circles.centre[passed]
@@ -128,17 +128,15 @@ def max_circle_rms(radius: FloatOrArray, noise_std: float) -> FloatOrArray:
 
 def _non_maximum_suppression(starts: IntArray, stops: IntArray) -> list[int]:
     """Positions of the windows that no better one kept before overlaps."""
-    kept: list[int] = []
-    spans: list[tuple[int, int]] = []
+    kept: dict[int, tuple[int, int]] = {}
     for i, (start, stop) in enumerate(zip(starts.tolist(), stops.tolist(), strict=True)):
-        for first, last in spans:
-            common = min(stop, last) - max(start, first)
+        for first, last in kept.values():
+            common = (stop if stop < last else last) - (start if start > first else first)
             if common > MAX_OVERLAP * (stop - start + last - first - common):
                 break
         else:
-            kept.append(i)
-            spans.append((start, stop))
-    return kept
+            kept[i] = (start, stop)
+    return list(kept)
 
 
 def seed_ellipse(profile: PreparedProfile, candidate: Candidate) -> Ellipse:

@@ -1,5 +1,6 @@
 """Circles through many overlapping windows of ordered points at once, from running moments."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,36 +40,27 @@ class WindowCircles:
     convex: BoolArray
 
 
-def multiscale_windows(sizes: IntArray, smallest: int) -> tuple[IntArray, IntArray]:
-    """Windows of growing length, evenly spread, the same from either end of a component.
+def multiscale_windows(sizes: Sequence[int], smallest: int) -> tuple[IntArray, IntArray]:
+    """Starts and stops of windows of growing length, the same from either end of a component.
 
-    Parameters
-    ----------
-    sizes : (c,) int ndarray
-        Points of the components, which lie one behind the other.
-    smallest : int
-        Points of the shortest window.
-
-    Returns
-    -------
-    starts, stops : (w,) int ndarray
-        Half open. No window crosses from one component into the next; the last ones are the
-        components themselves.
+    `sizes` are those of the components, which lie one behind the other. No window crosses from
+    one into the next; the last one of each is the component itself.
     """
-    lengths, longest = [smallest], int(sizes.max())
-    while lengths[-1] < longest:
-        lengths.append(lengths[-1] * WINDOW_GROWTH)
-    component, level = np.nonzero(np.array(lengths) < sizes[:, None])
-    first = sizes.cumsum() - sizes
-    # A row holds the windows of one length in one component.
-    length = np.array(lengths)[level]
-    room = sizes[component] - length
-    # An odd number of steps: rounded to the nearest point there are no ties, so no preferred end.
-    steps = -(-room // (length // SHIFTS_PER_WINDOW)) | 1
-    row = np.repeat(np.arange(len(steps)), steps + 1)
-    step = np.arange(len(row)) - (steps + 1).cumsum()[row] + steps[row] + 1
-    starts = first[component][row] + (2 * step * room[row] + steps[row]) // (2 * steps[row])
-    return np.append(starts, first), np.append(starts + length[row], first + sizes)
+    starts, stops, first = [], [], 0
+    for size in sizes:
+        length = smallest
+        while length < size:
+            room = size - length
+            # An odd number of steps: rounding to the nearest point then has no ties, so no side.
+            steps = -(-room // (length // SHIFTS_PER_WINDOW)) | 1
+            row = [first + (2 * k * room + steps) // (2 * steps) for k in range(steps + 1)]
+            starts += row
+            stops += [start + length for start in row]
+            length *= WINDOW_GROWTH
+        starts.append(first)
+        first += size
+        stops.append(first)
+    return np.array(starts), np.array(stops)
 
 
 def fit_window_circles(points: Points, starts: IntArray, stops: IntArray) -> WindowCircles:

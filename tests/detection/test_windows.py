@@ -74,7 +74,7 @@ def test_windows_without_a_circle_give_no_nan_radius(points):
 
 def test_no_window_crosses_into_the_next_component():
     sizes = np.array([30, 11, 57])
-    starts, stops = multiscale_windows(sizes, 10)
+    starts, stops = multiscale_windows(sizes.tolist(), 10)
     ends = np.cumsum(sizes)
     owner = np.searchsorted(ends, starts, side="right")
     assert (stops <= ends[owner]).all()
@@ -82,19 +82,19 @@ def test_no_window_crosses_into_the_next_component():
 
 
 def test_every_component_has_a_window_over_all_of_it():
-    starts, stops = multiscale_windows(np.array([30, 11]), 10)
+    starts, stops = multiscale_windows([30, 11], 10)
     windows = set(zip(starts.tolist(), stops.tolist(), strict=True))
     assert {(0, 30), (30, 41)} <= windows
 
 
 def test_lengths_double():
-    starts, stops = multiscale_windows(np.array([300]), 10)
+    starts, stops = multiscale_windows([300], 10)
     assert set((stops - starts).tolist()) == {10, 20, 40, 80, 160, 300}
 
 
 @pytest.mark.parametrize("length", [10, 40, 160])
 def test_windows_are_half_of_themselves_apart(length):
-    starts, stops = multiscale_windows(np.array([997]), 10)
+    starts, stops = multiscale_windows([997], 10)
     own = np.sort(starts[stops - starts == length])
     assert (own[0], own[-1]) == (0, 997 - length)
     assert np.diff(own).max() <= length // 2
@@ -104,8 +104,8 @@ def test_windows_are_half_of_themselves_apart(length):
 def test_windows_are_the_same_from_either_end(rng):
     for _ in range(20):
         sizes = rng.integers(10, 400, rng.integers(1, 6))
-        starts, stops = multiscale_windows(sizes, 10)
-        back_starts, back_stops = multiscale_windows(sizes[::-1], 10)
+        starts, stops = multiscale_windows(sizes.tolist(), 10)
+        back_starts, back_stops = multiscale_windows(sizes[::-1].tolist(), 10)
         mirrored = sizes.sum() - np.column_stack([back_stops, back_starts])
         assert set(zip(starts.tolist(), stops.tolist(), strict=True)) == set(
             map(tuple, mirrored.tolist())
