@@ -8,12 +8,11 @@ from lsvision.shapes.arrays import extent_of
 
 NOMINAL_SPREAD = 0.2
 """A nominal radius is searched within this share of itself, a known one never below the share."""
-MIN_RADIUS_PITCHES = 3.0
-MIN_RADIUS_VIEW_FRACTION, MIN_RADIUS_VIEW_PITCHES = 1 / 75, 20.0
-"""A smaller pipe has under ten points; or is dust, 1/75 of the field of view or 20 pitches
-small, whichever is less: give a range to find those."""
+MIN_RADIUS_FRACTION = 1 / 3
+"""Of the geometric mean of the extent and the pitch: 4 pitches where a profile has 150 points, 7
+where it has 400, 21 where it has 4000. A smaller pipe has under twelve points, or is dust."""
 MAX_RADIUS_EXTENTS = 1.5
-"""A larger pipe would be seen as a few tens of degrees of an arc."""
+"""A larger pipe would be seen as less than 38 deg of an arc, the least that is accepted."""
 
 
 def search_range(
@@ -36,9 +35,8 @@ def search_range(
     if known is not None:
         spread = NOMINAL_SPREAD * known.radius + 3 * known.std
         return max(known.radius - spread, NOMINAL_SPREAD * known.radius), known.radius + spread
-    if len(profile.valid_indices) == 0:
+    extent = extent_of(profile.points) if len(profile.valid_indices) else 0.0
+    if extent == 0:
         return 1.0, 2.0
-    extent = extent_of(profile.points)
-    dust = min(MIN_RADIUS_VIEW_FRACTION * extent, MIN_RADIUS_VIEW_PITCHES * profile.pitch)
-    low = max(MIN_RADIUS_PITCHES * profile.pitch, dust)
+    low = MIN_RADIUS_FRACTION * math.sqrt(extent * profile.pitch)
     return low, max(MAX_RADIUS_EXTENTS * extent, 2 * low)
