@@ -46,10 +46,7 @@ def shape_rejection_reason(
     radius_range: tuple[float, float],
     settings: AcceptanceSettings = AcceptanceSettings(),
 ) -> str | None:
-    """Why an ellipse has not the shape of a cylinder's section; None if it has.
-
-    `normals` are the outward unit normals at its points, (n,).
-    """
+    """Why an ellipse with these normals at its points is none of a cylinder; None if it may be."""
     low, high = radius_range
     if len(normals) < settings.min_points:
         return f"only {len(normals)} points on an ellipse, needs {settings.min_points}"
@@ -88,10 +85,8 @@ def rejection_reason(
         return f"residual rms {scatter:.1f} times the noise, limit {limit:.1f}{hint}"
     # With a known radius the fit cannot run off to a needle: it stops at the kink of b at a circle.
     if not fit.converged and fit.problem.known_radius is None:
-        tilt_deg = math.degrees(fit.ellipse.phi)
-        return (
-            f"no ellipse fits best: the flatter the better (the fit stopped at {tilt_deg:.0f} deg)"
-        )
+        tilt = f"the fit stopped at {math.degrees(fit.ellipse.phi):.0f} deg"
+        return f"no ellipse fits best: the flatter the better ({tilt})"
     return undeterminable_radius_reason(section)
 
 

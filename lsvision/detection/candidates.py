@@ -8,17 +8,11 @@ The windows are a fixed lattice instead of random draws: same profile, same seed
 
 import math
 from dataclasses import dataclass
-from typing import TypeVar
 
 import cv2
 import numpy as np
 
-from lsvision.detection.windows import (
-    WindowCircles,
-    arc_coverage,
-    fit_window_circles,
-    multiscale_windows,
-)
+from lsvision.detection import windows
 from lsvision.profile import MAX_RELATIVE_SCATTER, Arc, PreparedProfile
 from lsvision.shapes import BoolArray, Ellipse, FloatArray, IntArray, Points
 
@@ -33,8 +27,6 @@ chance."""
 MAX_OVERLAP = 0.5
 """Of two windows that share more than this of their union, the one that covers more is tried; what
 shares more than this of its points with a cylinder needs no reason of its own."""
-
-FloatOrArray = TypeVar("FloatOrArray", float, FloatArray)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -52,19 +44,7 @@ class CandidateSettings:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Candidate:
-    """A window that curves like a pipe, unproven.
-
-    Parameters
-    ----------
-    arc : Arc
-        The span.
-    indices : (k,) int ndarray
-        The connected points in it.
-    centre : tuple of float
-        Of the circle through them. Units: mm.
-    radius : float
-        Units: mm.
-    """
+    """A window that curves like a pipe: its span, its connected points, and their circle in mm."""
 
     arc: Arc
     indices: IntArray
@@ -86,42 +66,38 @@ def find_candidates(
         return []
     sequence = np.concatenate(components)
     points = profile.points[sequence]
-    starts, stops = multiscale_windows([len(own) for own in components], settings.min_span_points)
-    circles = fit_window_circles(points, starts, stops)
+    sizes = [len(component) for component in components]
+    starts, stops = windows.multiscale_windows(sizes, settings.min_span_points)
+    circles = windows.fit_window_circles(points, starts, stops)
     passed = _passes_gates(circles, profile.noise_std, radius_range).nonzero()[0]
     starts, stops, centres = starts[passed], stops[passed], circles.centre[passed]
-    coverage = arc_coverage(points, starts, stops, centres)
+    coverage = windows.arc_coverage(points, starts, stops, centres)
     # Among equals, whose order rounding would choose, the leftmost first.
     order = np.lexsort((centres[:, 0], -coverage.astype(np.float32)))
     order = order[(coverage * (stops - starts) >= MIN_COVERAGE_POINTS)[order]]
     kept = order[_non_maximum_suppression(starts[order], stops[order])]
+    spans = [sequence[starts[i] : stops[i]] for i in kept]
+    circle_parameters = np.column_stack([centres, circles.radius[passed]])[kept].tolist()
     return [
         Candidate(Arc(int(span[0]), int(span[-1]) + 1), span, (x, y), radius)
-        for span, (x, y), radius in zip(
-            [sequence[starts[i] : stops[i]] for i in kept],
-            centres[kept].tolist(),
-            circles.radius[passed[kept]].tolist(),
-            strict=True,
-        )
+        for span, (x, y, radius) in zip(spans, circle_parameters, strict=True)
     ]
 
 
 def _passes_gates(
-    circles: WindowCircles, noise_std: float, radius_range: tuple[float, float]
+    circles: windows.WindowCircles, noise_std: float, radius_range: tuple[float, float]
 ) -> BoolArray:
-    """Gates: radius range, convexity towards the sensor, residuals."""
-    passed: BoolArray = (
-        # Radius of curvature of an ellipse: from b^2 / a at its sharp ends to a^2 / b.
-        (circles.radius >= radius_range[0] / MAX_AXIS_RATIO)
-        & (circles.radius <= radius_range[1] * MAX_AXIS_RATIO**2)
-        & circles.convex
-        & (circles.rms < circles.line_rms)
-        & (circles.rms <= max_circle_rms(circles.radius, noise_std))
-    )
+    """Gates: radius of curvature, convexity towards the sensor, residuals."""
+    low, high = radius_range
+    passed: BoolArray = circles.convex & (circles.rms < circles.line_rms)
+    # Radius of curvature of an ellipse: from b^2 / a at its sharp ends to a^2 / b.
+    passed &= circles.radius >= low / MAX_AXIS_RATIO
+    passed &= circles.radius <= high * MAX_AXIS_RATIO**2
+    passed &= circles.rms <= max_circle_rms(circles.radius, noise_std)
     return passed
 
 
-def max_circle_rms(radius: FloatOrArray, noise_std: float) -> FloatOrArray:
+def max_circle_rms(radius: FloatArray, noise_std: float) -> FloatArray:
     """Largest rms distance of a section's points from circles of these radii. Units: mm."""
     return MAX_RMS_SIGMAS * noise_std + MAX_RELATIVE_SCATTER * radius
 
@@ -140,20 +116,7 @@ def _non_maximum_suppression(starts: IntArray, stops: IntArray) -> list[int]:
 
 
 def seed_ellipse(profile: PreparedProfile, candidate: Candidate) -> Ellipse:
-    """Algebraic ellipse of a candidate's points, or its circle where that is no pipe.
-
-    Parameters
-    ----------
-    profile : PreparedProfile
-        The profile.
-    candidate : Candidate
-        A span with its circle.
-
-    Returns
-    -------
-    Ellipse
-        Units: mm, rad.
-    """
+    """Algebraic ellipse of a candidate's points, or its circle where that is no pipe."""
     circle, radius = candidate.centre, candidate.radius
     ellipse = _algebraic_ellipse(profile.points[candidate.indices])
     if (

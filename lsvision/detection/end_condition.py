@@ -48,21 +48,21 @@ def tangential_end_reason(
         math.degrees(_end_turn(*end, arc.ellipse, max(POINTS_BEYOND, count // 2)))
         for end in _ends(profile, widest, count)
     ]
-    tangential = [turn_deg < MIN_TURN_DEG for turn_deg in turns_deg]
-    if not any(tangential):
+    if min(turns_deg) >= MIN_TURN_DEG:
         return None
     curvature = MIN_FILLET_CURVATURE / screened.ellipse.radius
-    fillets = [
-        _is_fillet(beyond, curvature, noise_std)
-        for _, beyond in _ends(profile, screened.indices, 2 * POINTS_BEYOND)
+    lines = [beyond for _, beyond in _ends(profile, screened.indices, 2 * POINTS_BEYOND)]
+    bare_deg = [
+        turn_deg
+        for turn_deg, line in zip(turns_deg, lines, strict=True)
+        if turn_deg < MIN_TURN_DEG and not _is_fillet(line, curvature, noise_std)
     ]
-    if all(tangential) and not all(fillets):
+    if not bare_deg:
+        return None
+    if max(turns_deg) < MIN_TURN_DEG:
         first, second = sorted(turns_deg)
         return f"goes on tangentially at both ends (turns {first:.0f} and {second:.0f} deg)"
-    for turn_deg, fillet in zip(turns_deg, fillets, strict=True):
-        if turn_deg < MIN_TURN_DEG and not fillet:
-            return f"goes on tangentially at one end (turns {turn_deg:.0f} deg): a rounded corner"
-    return None
+    return f"goes on tangentially at one end (turns {bare_deg[0]:.0f} deg): a rounded corner"
 
 
 def connected_beyond(own: ComplexArray, beyond: ComplexArray, most: int) -> IntArray:
@@ -110,25 +110,24 @@ def _end_turn(own: ComplexArray, beyond: ComplexArray, ellipse: Ellipse, fewest:
     normal *= along_major
     if normal.imag < 0:
         return math.pi
-    tangent = 1j * normal
-    if (tangent * complex(own[-1] - own[0]).conjugate()).real < 0:
-        tangent = -tangent
+    tangent = _oriented(1j * normal, own)
     # The principal axis of points has half the angle of the sum of their squares.
     centred = beyond - beyond.sum() / len(beyond)
-    direction = cmath.sqrt(complex((centred * centred).sum()))
-    if (direction * complex(beyond[-1] - beyond[0]).conjugate()).real < 0:
-        direction = -direction
+    direction = _oriented(cmath.sqrt(complex((centred * centred).sum())), beyond)
     return abs(cmath.phase(direction * tangent.conjugate()))
+
+
+def _oriented(direction: complex, points: ComplexArray) -> complex:
+    """The direction or its opposite, whichever leads from the first to the last point."""
+    onwards = (direction * complex(points[-1] - points[0]).conjugate()).real >= 0
+    return direction if onwards else -direction
 
 
 def _is_fillet(line: ComplexArray, min_curvature: float, noise_std: float) -> bool:
     """Whether the line beyond an end is significantly concave to the sensor."""
-    return any(
-        curvature > max(FILLET_SIGMAS * std, min_curvature)
-        for count in (POINTS_BEYOND, 2 * POINTS_BEYOND)
-        if count <= len(line)
-        for curvature, std in (_curvature(line[:count], noise_std),)
-    )
+    counts = [n for n in (POINTS_BEYOND, 2 * POINTS_BEYOND) if n <= len(line)]
+    fits = [_curvature(line[:count], noise_std) for count in counts]
+    return any(value > max(FILLET_SIGMAS * std, min_curvature) for value, std in fits)
 
 
 def _curvature(line: ComplexArray, noise_std: float) -> tuple[float, float]:

@@ -5,14 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from lsvision.detection import candidates, windows
 from lsvision.detection.arcs import Rejection
-from lsvision.detection.candidates import (
-    MAX_OVERLAP,
-    MAX_RMS_SIGMAS,
-    CandidateSettings,
-    max_circle_rms,
-)
-from lsvision.detection.windows import WindowCircles, fit_window_circles
 from lsvision.ellipse.section import CylinderSection
 from lsvision.profile import Arc, PreparedProfile
 from lsvision.shapes import BoolArray, IntArray
@@ -24,7 +18,7 @@ def complete_rejections(
     cylinders: Sequence[CylinderSection],
     rejections: list[Rejection],
     radius_range: tuple[float, float],
-    min_span_points: int = CandidateSettings().min_span_points,
+    min_span_points: int = candidates.CandidateSettings().min_span_points,
 ) -> list[Rejection]:
     """Rejections without repetition, and one for each stretch nothing was said of yet.
 
@@ -38,7 +32,7 @@ def complete_rejections(
     kept: list[Rejection] = []
     for rejection in rejections:
         span = slice(rejection.arc.start, rejection.arc.stop)
-        if np.count_nonzero(explained[span]) <= MAX_OVERLAP * len(rejection.arc):
+        if np.count_nonzero(explained[span]) <= candidates.MAX_OVERLAP * len(rejection.arc):
             kept.append(rejection)
             explained[span] = True
     for run in _unexplained_runs(components, ~explained, min_span_points):
@@ -46,8 +40,9 @@ def complete_rejections(
     if kept and components:
         kept = _explain(profile, np.concatenate(components), kept, radius_range)
     if not kept and not cylinders and len(explained):
-        reason = _few_points_reason(len(profile.valid_indices), min_span_points)
-        kept.append(Rejection(Arc(0, len(explained)), reason))
+        valid = len(profile.valid_indices)
+        few = f"too few points: {valid}, of which no {min_span_points} are connected"
+        kept.append(Rejection(Arc(0, len(explained)), few if valid else "all points are lost"))
     return sorted(kept, key=lambda rejection: rejection.arc.start)
 
 
@@ -57,11 +52,10 @@ def _unexplained_runs(
     """The stretches of components of which nothing was said."""
     runs = []
     for component in components:
-        open_ = unexplained[component]
-        edges = (open_[1:] != open_[:-1]).nonzero()[0] + 1
-        for start, stop in pairwise([0, *edges.tolist(), len(component)]):
-            if open_[start] and stop - start >= smallest:
-                runs.append(component[start:stop])
+        left = unexplained[component]
+        edges = (left[1:] != left[:-1]).nonzero()[0] + 1
+        bounds = pairwise([0, *edges.tolist(), len(component)])
+        runs += [component[i:j] for i, j in bounds if left[i] and j - i >= smallest]
     return runs
 
 
@@ -71,41 +65,27 @@ def _explain(
     rejections: list[Rejection],
     radius_range: tuple[float, float],
 ) -> list[Rejection]:
-    """Rejections with the reason why their connected points lie on a line, or on no circle.
-
-    A reason that was given before stays, except where the points lie on a line.
-    """
+    """Rejections with a reason: a line, or the one given before, or what their circle shows."""
     spans = np.array([(rejection.arc.start, rejection.arc.stop) for rejection in rejections])
     starts, stops = np.searchsorted(connected, spans).T
-    circles = fit_window_circles(profile.points[connected], starts, stops)
-    flat = circles.line_rms < MAX_RMS_SIGMAS * profile.noise_std
-    return [
-        Rejection(
-            rejection.arc,
-            f"flat: {circles.line_rms[i]:.2f} mm rms from a straight line"
-            if flat[i]
-            else rejection.reason or _circle_reason(circles, i, profile.noise_std, radius_range),
-        )
-        for i, rejection in enumerate(rejections)
-    ]
-
-
-def _circle_reason(
-    circles: WindowCircles, i: int, noise_std: float, radius_range: tuple[float, float]
-) -> str:
-    """Why a window that seeded no arc is no cylinder."""
-    radius, rms, line_rms = (float(v[i]) for v in (circles.radius, circles.rms, circles.line_rms))
+    circles = windows.fit_window_circles(profile.points[connected], starts, stops)
+    flat = circles.line_rms < candidates.MAX_RMS_SIGMAS * profile.noise_std
+    fits = circles.rms <= candidates.max_circle_rms(circles.radius, profile.noise_std)
     low, high = radius_range
-    if not rms < line_rms:
-        return f"no arc: {line_rms:.2f} mm rms from a straight line"
-    if not circles.convex[i]:
-        return "concave towards the sensor"
-    if rms <= max_circle_rms(radius, noise_std) and not low <= radius <= high:
-        return f"radius {radius:.3g} mm outside {low:.3g} to {high:.3g} mm"
-    return f"no ellipse: best circle leaves {rms:.2f} mm rms at {noise_std:.2f} mm noise"
 
+    def reason(i: int, given: str) -> str:
+        radius, rms, line_rms = circles.radius[i], circles.rms[i], circles.line_rms[i]
+        if flat[i]:
+            return f"flat: {line_rms:.2f} mm rms from a straight line"
+        if given:
+            return given
+        if not rms < line_rms:
+            return f"no arc: {line_rms:.2f} mm rms from a straight line"
+        if not circles.convex[i]:
+            return "concave towards the sensor"
+        if fits[i] and not low <= radius <= high:
+            return f"radius {radius:.3g} mm outside {low:.3g} to {high:.3g} mm"
+        noise = f"{profile.noise_std:.2f} mm noise"
+        return f"no ellipse: best circle leaves {rms:.2f} mm rms at {noise}"
 
-def _few_points_reason(valid: int, smallest: int) -> str:
-    if not valid:
-        return "all points are lost"
-    return f"too few points: {valid}, of which no {smallest} are connected"
+    return [Rejection(r.arc, reason(i, r.reason)) for i, r in enumerate(rejections)]

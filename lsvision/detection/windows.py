@@ -16,21 +16,11 @@ SHIFTS_PER_WINDOW = 2
 
 @dataclass(frozen=True, eq=False, slots=True)
 class WindowCircles:
-    """Circle of each window, w of them.
+    """Circle of each window, w of them. Units: mm.
 
-    Parameters
-    ----------
-    centre : (w, 2) ndarray
-        Units: mm.
-    radius : (w,) ndarray
-        Infinite where the window is straight. Units: mm.
-    rms : (w,) ndarray
-        Root mean square distance of the points from the circle, to first order; 0 or NaN where
-        the window is straight. Units: mm.
-    line_rms : (w,) ndarray
-        The same from the best straight line. Units: mm.
-    convex : (w,) bool ndarray
-        The middle bulges towards the sensor.
+    `radius` is infinite where a window is straight. `rms` is the root mean square distance of the
+    points from the circle, to first order, and 0 or NaN where the window is straight; `line_rms`
+    is that from the best line. A `convex` window bulges towards the sensor.
     """
 
     centre: FloatArray
