@@ -23,8 +23,10 @@ if TYPE_CHECKING:
 MIN_TURN_DEG = 20.0
 """An end that turns less goes on tangentially. Units: deg."""
 POINTS_BEYOND, BEYOND_FRACTION = 6, 1 / 8
-"""Points beyond an end over which its turn is measured: so many, or this share of the arc's. A
-fillet shows over so many or twice as many: it is short, and noise hides it over fewer."""
+"""Points beyond an end over which its turn is measured: so many, or this share of the arc's."""
+FILLET_WINDOWS = (6, 12, 18)
+"""Points beyond an end whose curvature may show a fillet: a fillet is short, and noise hides it
+over too few points."""
 MAX_GAP_STEPS = 3.0
 """A next point further away than so many of the arc's own steps is not connected."""
 FILLET_SIGMAS = 3.0
@@ -51,7 +53,7 @@ def tangential_end_reason(
     if min(turns_deg) >= MIN_TURN_DEG:
         return None
     curvature = MIN_FILLET_CURVATURE / screened.ellipse.radius
-    lines = [beyond for _, beyond in _ends(profile, screened.indices, 2 * POINTS_BEYOND)]
+    lines = [beyond for _, beyond in _ends(profile, screened.indices, FILLET_WINDOWS[-1])]
     bare_deg = [
         turn_deg
         for turn_deg, line in zip(turns_deg, lines, strict=True)
@@ -125,7 +127,7 @@ def _oriented(direction: complex, points: ComplexArray) -> complex:
 
 def _is_fillet(line: ComplexArray, min_curvature: float, noise_std: float) -> bool:
     """Whether the line beyond an end is significantly concave to the sensor."""
-    counts = [n for n in (POINTS_BEYOND, 2 * POINTS_BEYOND) if n <= len(line)]
+    counts = [count for count in FILLET_WINDOWS if count <= len(line)]
     fits = [_curvature(line[:count], noise_std) for count in counts]
     return any(value > max(FILLET_SIGMAS * std, min_curvature) for value, std in fits)
 

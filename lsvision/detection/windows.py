@@ -10,7 +10,7 @@ from lsvision.shapes.noisy_points import as_complex, as_vectors
 
 WINDOW_GROWTH = 2
 """Ratio of successive lengths."""
-SHIFTS_PER_WINDOW = 2
+SHIFTS_PER_WINDOW = 3
 """Windows of one length are no more than this part of it apart."""
 
 

@@ -129,9 +129,9 @@ def curvature_std(count, step, noise):
     return 2 * noise * math.sqrt(180 / (count * (count**2 - 1) * (count**2 - 4))) / step**2
 
 
-@pytest.mark.parametrize(("count", "shorter"), [(6, None), (12, 6)])
+@pytest.mark.parametrize(("count", "shorter"), [(6, None), (12, 6), (18, 12)])
 def test_noise_hides_a_fillet_that_is_too_short(count, shorter):
-    """Its curvature is told from 3 sigma, over 6 or 12 points."""
+    """Its curvature is told from 3 sigma, over 6, 12 or 18 points."""
     points, start, stop = sides(fillet(1.0, count), KINK)
     chord = math.dist(points[0], points[count - 1]) / (count - 1)
     for sigmas, refused in ((2.2, True), (2.8, True), (3.2, False), (3.8, False)):

@@ -93,12 +93,12 @@ def test_lengths_double():
 
 
 @pytest.mark.parametrize("length", [10, 40, 160])
-def test_windows_are_half_of_themselves_apart(length):
+def test_windows_are_a_third_of_themselves_apart(length):
     starts, stops = multiscale_windows([997], 10)
     own = np.sort(starts[stops - starts == length])
     assert (own[0], own[-1]) == (0, 997 - length)
-    assert np.diff(own).max() <= length // 2
-    assert np.diff(own).mean() > 0.85 * (length // 2)
+    assert np.diff(own).max() <= length // 3
+    assert np.diff(own).mean() > 0.85 * (length // 3)
 
 
 def test_windows_are_the_same_from_either_end(rng):
