@@ -6,12 +6,15 @@ takes planes for huge ellipses; `Settings.paper` runs the paper's chain without 
 
 from dataclasses import dataclass
 
-from lsvision.detection.acceptance import AcceptanceSettings, rejection_reason
+from lsvision.detection.acceptance import (
+    AcceptanceSettings,
+    rejection_reason,
+    suppress_overlapping,
+)
 from lsvision.detection.arcs import IdentifiedArc, Rejection
 from lsvision.detection.candidates import CandidateSettings, find_candidates
 from lsvision.detection.end_condition import tangential_end_reason
 from lsvision.detection.identification import identify_arcs
-from lsvision.detection.overlap_suppression import suppress_overlapping
 from lsvision.detection.profile_preparation import prepare_profile
 from lsvision.detection.range_image import (
     RangeImageSettings,

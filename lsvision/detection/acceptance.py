@@ -1,16 +1,18 @@
-"""Whether an arc is a section of a cylinder; if not, the reason in words and numbers."""
+"""Whether an arc is a section of a cylinder, and of two that share their points the one to keep."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from lsvision.ellipse.section import CylinderSection
 from lsvision.profile import PreparedProfile
-from lsvision.shapes import Ellipse, FloatArray
+from lsvision.shapes import Ellipse
 from lsvision.shapes.noisy_points import ComplexArray
 
+MAX_OVERLAP = 0.3
+"""A cylinder with a larger share of its points in a larger cylinder is the same one."""
 MAX_RADIUS_RATIO = 2.0
 """Of an end of a radius' own 95 % interval to the radius, or its inverse: beyond, the radius is
 not determinable."""
@@ -31,17 +33,11 @@ class AcceptanceSettings:
         Angle of the arc, as directions of its normal. Units: deg.
     max_tilt_deg : float
         Largest phi. Units: deg.
-    min_sagitta_sigmas : float
-        Height of the arc over its chord in standard deviations of its mean.
-    min_inlier_fraction : float
-        Share of the span's points that are inliers.
     """
 
     min_points: int = 12
     min_coverage_deg: float = 38.0
     max_tilt_deg: float = 60.0
-    min_sagitta_sigmas: float = 20.0
-    min_inlier_fraction: float = 0.7
 
 
 def shape_rejection_reason(
@@ -50,30 +46,20 @@ def shape_rejection_reason(
     radius_range: tuple[float, float],
     settings: AcceptanceSettings = AcceptanceSettings(),
 ) -> str | None:
-    """Why an ellipse has not the shape of a cylinder's section; None if it has.
-
-    Parameters
-    ----------
-    ellipse : Ellipse
-        Units: mm, rad.
-    normals : (n,) complex ndarray
-        Outward unit normals at its points.
-    radius_range : tuple of float
-        Units: mm.
-    settings : AcceptanceSettings
-        Limits.
-    """
+    """Why an ellipse with these normals at its points is none of a cylinder; None if it may be."""
     low, high = radius_range
     if len(normals) < settings.min_points:
         return f"only {len(normals)} points on an ellipse, needs {settings.min_points}"
-    if normals.imag.sum() <= 0:
+    middle = complex(normals.sum())
+    if middle.imag <= 0:
         return "concave towards the sensor"
     if not low <= ellipse.radius <= high:
         return f"radius {ellipse.radius:.3g} mm outside {low:.3g} to {high:.3g} mm"
     tilt_deg = math.degrees(ellipse.phi)
     if tilt_deg > settings.max_tilt_deg:
         return f"tilt {tilt_deg:.0f} deg over {settings.max_tilt_deg:.0f} deg"
-    coverage_deg = math.degrees(coverage(normals))
+    directions = np.angle(normals * middle.conjugate())
+    coverage_deg = math.degrees(float(directions.max() - directions.min()))
     if coverage_deg < settings.min_coverage_deg:
         return f"arc covers {coverage_deg:.0f} deg, needs {settings.min_coverage_deg:.0f} deg"
     return None
@@ -85,67 +71,39 @@ def rejection_reason(
     radius_range: tuple[float, float],
     settings: AcceptanceSettings = AcceptanceSettings(),
 ) -> str | None:
-    """Why a fitted section is none of a cylinder; None if nothing speaks against it.
-
-    Parameters
-    ----------
-    profile : PreparedProfile
-        The profile.
-    section : CylinderSection
-        With indices of the prepared profile.
-    radius_range : tuple of float
-        Units: mm.
-    settings : AcceptanceSettings
-        Limits.
-    """
+    """Why a section, with indices of the prepared profile, is none of a cylinder; None if it is."""
     fit = section.fit
     reason = shape_rejection_reason(fit.ellipse, fit.normals, radius_range, settings)
-    reason = reason or next(_objections_of_points(profile, section, settings), None)
-    # With a known radius the fit cannot run off to a needle: it stops at the kink of b at a circle.
-    if reason is None and not fit.converged and fit.problem.known_radius is None:
-        tilt_deg = math.degrees(fit.ellipse.phi)
-        reason = (
-            f"no ellipse fits best: the flatter the better (the fit stopped at {tilt_deg:.0f} deg)"
-        )
-    return reason or undeterminable_radius_reason(section)
-
-
-def _objections_of_points(
-    profile: PreparedProfile, section: CylinderSection, settings: AcceptanceSettings
-) -> Iterator[str]:
-    """Beside the ellipse, flat within the noise, or with too many outliers among them."""
-    fit, count = section.fit, len(section.indices)
-    variances = 2 * profile.noisy_points.mean_variance[section.indices]
-    scatter = math.sqrt(float(fit.residuals @ fit.residuals) / variances.sum())
+    if reason is not None:
+        return reason
+    # The variances along the normal and across it add up to twice the mean variance.
+    variance = 2 * float(profile.noisy_points.mean_variance[section.indices].sum())
+    scatter = math.sqrt(float(fit.residuals @ fit.residuals) / variance)
     limit = profile.max_noise_factor(fit.ellipse.radius)
     if scatter > limit:
         hint = "" if profile.noise_is_estimated else ": is the sensor's noise right?"
-        yield f"residual rms {scatter:.1f} times the noise, limit {limit:.1f}{hint}"
-    middle = complex(fit.normals.sum()) / count
-    heights = (profile.noisy_points.z[section.indices] * middle.conjugate()).real
-    sagitta = _extent(heights) / max(abs(middle), 0.1)
-    noise = math.sqrt(float(fit.problem.stds @ fit.problem.stds) / count)
-    if sagitta < settings.min_sagitta_sigmas * noise / math.sqrt(count):
-        yield f"flat: rises {sagitta:.2f} mm over its chord at {noise:.2f} mm noise"
-    span = int(np.isfinite(profile.points[section.arc.start : section.arc.stop, 0]).sum())
-    if count < settings.min_inlier_fraction * span:
-        yield f"only {count} of {span} points of the span lie on the ellipse"
+        return f"residual rms {scatter:.1f} times the noise, limit {limit:.1f}{hint}"
+    # With a known radius the fit cannot run off to a needle: it stops at the kink of b at a circle.
+    if not fit.converged and fit.problem.known_radius is None:
+        tilt = f"the fit stopped at {math.degrees(fit.ellipse.phi):.0f} deg"
+        return f"no ellipse fits best: the flatter the better ({tilt})"
+    return undeterminable_radius_reason(section)
 
 
 def undeterminable_radius_reason(section: CylinderSection) -> str | None:
     """Why a radius is not determinable: its own 95 % interval does not bound it within a factor 2.
 
-    A known radius or tilt bounds it from outside; then nothing is said.
-
-    Parameters
-    ----------
-    section : CylinderSection
-        The fit with its intervals.
+    A known radius or tilt bounds it from outside; then it is None.
     """
     problem = section.fit.problem
     if problem.known_radius is not None or problem.known_phi is not None:
         return None
-    radius, std = section.radius, section.radius_std
+    radius = section.radius
+    # The radius m - |(p, q)| has at most twice the variances of m, p and q together.
+    max_variance = 2 * float(section.fit.parameter_covariance[2:, 2:].trace())
+    if radius > CERTAIN_RADIUS_SIGMAS * math.sqrt(max_variance):
+        return None
+    std = section.radius_std
     if radius > CERTAIN_RADIUS_SIGMAS * std:
         return None
     if radius < MIN_RADIUS_SIGMAS * std:
@@ -156,10 +114,13 @@ def undeterminable_radius_reason(section: CylinderSection) -> str | None:
     return f"radius not determinable: {low:.3g} to {high:.3g} mm (95 %); a longer arc is needed"
 
 
-def coverage(normals: ComplexArray) -> float:
-    """Angle of the fan of an arc's normals. Units: rad."""
-    return _extent(np.angle(normals * normals.sum().conj()))
-
-
-def _extent(values: FloatArray) -> float:
-    return float(values.max() - values.min())
+def suppress_overlapping(cylinders: Sequence[CylinderSection]) -> list[CylinderSection]:
+    """Those that are no part of a cylinder with more points, by falling number of points."""
+    taken: set[int] = set()
+    whole: list[CylinderSection] = []
+    for cylinder in sorted(cylinders, key=lambda cylinder: -len(cylinder.indices)):
+        indices = cylinder.indices.tolist()
+        if len(taken.intersection(indices)) <= MAX_OVERLAP * len(indices):
+            whole.append(cylinder)
+            taken.update(indices)
+    return whole

@@ -9,17 +9,7 @@ from lsvision.shapes import Ellipse, IntArray
 
 @dataclass(frozen=True, eq=False, slots=True)
 class IdentifiedArc:
-    """An arc, the points on it, and their ellipse.
-
-    Parameters
-    ----------
-    arc : Arc
-        The span.
-    indices : (k,) int ndarray
-        The points of the span that lie on the ellipse; jumps and lost ones are missing.
-    ellipse : Ellipse
-        Units: mm, rad.
-    """
+    """An arc, the rising indices of its points that lie on the ellipse, and the ellipse."""
 
     arc: Arc
     indices: IntArray

@@ -12,18 +12,15 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from lsvision.detection.windows import WindowCircles, fit_window_circles, multiscale_windows
-from lsvision.profile import Arc, PreparedProfile
+from lsvision.detection import windows
+from lsvision.profile import MAX_RELATIVE_SCATTER, Arc, PreparedProfile
 from lsvision.shapes import BoolArray, Ellipse, FloatArray, IntArray, Points
 
 MAX_AXIS_RATIO = 2.0
 """Semi-major over semi-minor axis of an ellipse that arcs start from: a tilt of 60 deg."""
-MAX_RMS_SIGMAS, MAX_RELATIVE_RMS = 2.5, 0.012
-"""Rms distance of points from their circle or line, as a multiple of the noise; and over the
-radius, for ellipses: 90 deg of any section of a pipe tilted by 50 deg leave 1.2 % at most."""
-MIN_LINE_RMS_RATIO = 1.5
-"""Rms distance from a line over that from the circle: noise alone bends a straight window, and an
-arc as high as 4 sigma of its points has 1.5."""
+MAX_RMS_SIGMAS = 2.5
+"""Rms distance of points from their line, or from their circle (plus `MAX_RELATIVE_SCATTER` of its
+radius: 90 deg of a section tilted by 50 deg leave 1.2 %), as a multiple of the noise."""
 MIN_COVERAGE_POINTS = 15.7
 """Angle that a window covers (rad) times its points, 25 deg at 36 points: few points curve by
 chance."""
@@ -47,19 +44,7 @@ class CandidateSettings:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Candidate:
-    """A window that curves like a pipe, unproven.
-
-    Parameters
-    ----------
-    arc : Arc
-        The span.
-    indices : (k,) int ndarray
-        The connected points in it.
-    centre : tuple of float
-        Of the circle through them. Units: mm.
-    radius : float
-        Units: mm.
-    """
+    """A window that curves like a pipe: its span, its connected points, and their circle in mm."""
 
     arc: Arc
     indices: IntArray
@@ -75,101 +60,63 @@ def find_candidates(
 ) -> list[Candidate]:
     """Windows of all components that curve like a pipe, by falling angle covered.
 
-    Parameters
-    ----------
-    profile : PreparedProfile
-        The profile that the components are of.
-    components : list of (k,) int ndarray
-        Connected points, in order.
-    radius_range : tuple of float
-        Smallest and largest radius of a cylinder. Units: mm.
-    settings : CandidateSettings
-        Length of the shortest window.
-
-    Returns
-    -------
-    list of Candidate
-        The same whichever end the points are listed from.
+    The same whichever end the points are listed from.
     """
     if not components:
         return []
-    sequence, sizes = np.concatenate(components), np.array([len(own) for own in components])
-    starts, stops = multiscale_windows(sizes, settings.min_span_points)
-    circles = fit_window_circles(profile.points[sequence], starts, stops)
-    good = _passes_gates(circles, stops - starts, profile.noise_std, radius_range).nonzero()[0]
+    sequence = np.concatenate(components)
+    points = profile.points[sequence]
+    sizes = [len(component) for component in components]
+    starts, stops = windows.multiscale_windows(sizes, settings.min_span_points)
+    circles = windows.fit_window_circles(points, starts, stops)
+    passed = _passes_gates(circles, profile.noise_std, radius_range).nonzero()[0]
+    starts, stops, centres = starts[passed], stops[passed], circles.centre[passed]
+    coverage = windows.arc_coverage(points, starts, stops, centres)
     # Among equals, whose order rounding would choose, the leftmost first.
-    order = good[np.lexsort((circles.centre[good, 0], -circles.coverage[good].round(9)))]
+    order = np.lexsort((centres[:, 0], -coverage.astype(np.float32)))
+    order = order[(coverage * (stops - starts) >= MIN_COVERAGE_POINTS)[order]]
     kept = order[_non_maximum_suppression(starts[order], stops[order])]
+    spans = [sequence[starts[i] : stops[i]] for i in kept]
+    circle_parameters = np.column_stack([centres, circles.radius[passed]])[kept].tolist()
     return [
         Candidate(Arc(int(span[0]), int(span[-1]) + 1), span, (x, y), radius)
-        for span, (x, y), radius in zip(
-            [sequence[starts[i] : stops[i]] for i in kept],
-            circles.centre[kept].tolist(),
-            circles.radius[kept].tolist(),
-            strict=True,
-        )
+        for span, (x, y, radius) in zip(spans, circle_parameters, strict=True)
     ]
 
 
 def _passes_gates(
-    circles: WindowCircles, counts: IntArray, noise_std: float, radius_range: tuple[float, float]
+    circles: windows.WindowCircles, noise_std: float, radius_range: tuple[float, float]
 ) -> BoolArray:
-    """Gates: radius range, convexity towards the sensor, arc coverage, residual."""
-    passed: BoolArray = (
-        # Radius of curvature of an ellipse: from b^2 / a at its sharp ends to a^2 / b.
-        (circles.radius >= radius_range[0] / MAX_AXIS_RATIO)
-        & (circles.radius <= radius_range[1] * MAX_AXIS_RATIO**2)
-        & circles.convex
-        & (circles.coverage * counts >= MIN_COVERAGE_POINTS)
-        & (MIN_LINE_RMS_RATIO * circles.rms <= circles.line_rms)
-        & (circles.rms <= max_circle_rms(circles.radius, noise_std))
-    )
+    """Gates: radius of curvature, convexity towards the sensor, residuals."""
+    low, high = radius_range
+    passed: BoolArray = circles.convex & (circles.rms < circles.line_rms)
+    # Radius of curvature of an ellipse: from b^2 / a at its sharp ends to a^2 / b.
+    passed &= circles.radius >= low / MAX_AXIS_RATIO
+    passed &= circles.radius <= high * MAX_AXIS_RATIO**2
+    passed &= circles.rms <= max_circle_rms(circles.radius, noise_std)
     return passed
 
 
 def max_circle_rms(radius: FloatArray, noise_std: float) -> FloatArray:
-    """Largest rms distance of a section's points from their circle. Units: mm.
-
-    Parameters
-    ----------
-    radius : (w,) ndarray
-        Of the circles. Units: mm.
-    noise_std : float
-        Units: mm.
-    """
-    return MAX_RMS_SIGMAS * noise_std + MAX_RELATIVE_RMS * radius
+    """Largest rms distance of a section's points from circles of these radii. Units: mm."""
+    return MAX_RMS_SIGMAS * noise_std + MAX_RELATIVE_SCATTER * radius
 
 
 def _non_maximum_suppression(starts: IntArray, stops: IntArray) -> list[int]:
     """Positions of the windows that no better one kept before overlaps."""
-    kept: list[int] = []
-    spans: list[tuple[int, int]] = []
+    kept: dict[int, tuple[int, int]] = {}
     for i, (start, stop) in enumerate(zip(starts.tolist(), stops.tolist(), strict=True)):
-        for first, last in spans:
-            common = min(stop, last) - max(start, first)
+        for first, last in kept.values():
+            common = (stop if stop < last else last) - (start if start > first else first)
             if common > MAX_OVERLAP * (stop - start + last - first - common):
                 break
         else:
-            kept.append(i)
-            spans.append((start, stop))
-    return kept
+            kept[i] = (start, stop)
+    return list(kept)
 
 
 def seed_ellipse(profile: PreparedProfile, candidate: Candidate) -> Ellipse:
-    """Algebraic ellipse of a candidate's points, or its circle where that is no pipe.
-
-    Parameters
-    ----------
-    profile : PreparedProfile
-        The profile.
-    candidate : Candidate
-        A span with its circle.
-
-    Returns
-    -------
-    Ellipse
-        Units: mm, rad.
-    """
+    """Algebraic ellipse of a candidate's points, or its circle where that is no pipe."""
     circle, radius = candidate.centre, candidate.radius
     ellipse = _algebraic_ellipse(profile.points[candidate.indices])
     if (

@@ -12,11 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lsvision.detection.arcs import IdentifiedArc
-from lsvision.ellipse.parameters import parameters_from_ellipse
-from lsvision.ellipse.robust_gauss_newton import ellipse_residuals
 from lsvision.profile import PreparedProfile
 from lsvision.shapes import Ellipse, IntArray
-from lsvision.shapes.noisy_points import ComplexArray, NoisyPoints
+from lsvision.shapes.noisy_points import ComplexArray
 from lsvision.statistics.robust import upper_median
 
 if TYPE_CHECKING:
@@ -24,28 +22,18 @@ if TYPE_CHECKING:
 
 MIN_TURN_DEG = 20.0
 """An end that turns less goes on tangentially. Units: deg."""
-MIN_TURN_EITHER_END_DEG = 35.0
-"""Where both ends turn less the arc is the crest of a bent or corrugated sheet. Units: deg."""
-HORIZON_NORMAL_Y = -0.2
-"""Component towards the sensor of the normal at an end: below, the end is beyond the horizon, and
-what follows is the far side of the same ring."""
-MIN_POINTS_BEYOND = 6
+POINTS_BEYOND, BEYOND_FRACTION = 6, 1 / 8
 """Points beyond an end over which its turn is measured: so many, or this share of the arc's."""
-BEYOND_FRACTION = 1 / 8
-MAX_GAP_STEPS = 3.0
-"""A next point further away than so many of the arc's own steps is not connected."""
-STEP_POINTS = 12
-"""Points of the arc whose steps count for that."""
-FILLET_WINDOWS = (6, 9, 14, 20)
+FILLET_WINDOWS = (6, 12, 18)
 """Points beyond an end whose curvature may show a fillet: a fillet is short, and noise hides it
 over too few points."""
+MAX_GAP_STEPS = 3.0
+"""A next point further away than so many of the arc's own steps is not connected."""
 FILLET_SIGMAS = 3.0
-"""Standard deviations by which its curvature must be concave."""
+"""Standard deviations by which the curvature of a fillet must be concave."""
 MIN_FILLET_CURVATURE = 0.5
 """Its curvature over that of the cylinder; feet of weld beads have 0.9 to 1.6, the line beyond a
 rounded corner at most 0."""
-MIN_DOUBLE_FILLET_CURVATURE = 1.5
-"""The same where both ends go on tangentially: the valleys of a corrugated sheet have up to 1."""
 
 
 def tangential_end_reason(
@@ -53,54 +41,39 @@ def tangential_end_reason(
 ) -> str | None:
     """Why the line beyond the ends shows that an arc is none of a cylinder; None if it does not.
 
-    Parameters
-    ----------
-    profile : PreparedProfile
-        The profile.
-    arc : IdentifiedArc
-        Before screening: the turn is measured at the outer ends, because screening may cut them
-        short.
-    screened : ScreenedArc
-        After screening: fillets begin at its ends.
-    noise_std : float
-        Standard deviation of a point. Units: mm.
+    The turn is measured at the outer ends of `arc`, because screening may cut them short; fillets
+    begin at the ends of `screened`. `noise_std` is that of a point. Units: mm.
     """
-    ahead = max(MIN_POINTS_BEYOND, int(BEYOND_FRACTION * len(arc.indices)))
     widest = np.union1d(arc.indices, screened.indices)
-    points = profile.noisy_points[widest]
+    count = max(POINTS_BEYOND, int(BEYOND_FRACTION * len(arc.indices)))
     turns_deg = [
-        math.degrees(_end_turn(points[::side], beyond, arc.ellipse, max(5, ahead // 2)))
-        for side, beyond in zip((-1, 1), _lines_beyond(profile, widest, ahead), strict=True)
+        math.degrees(_end_turn(*end, arc.ellipse, max(POINTS_BEYOND, count // 2)))
+        for end in _ends(profile, widest, count)
     ]
-    if min(turns_deg) >= MIN_TURN_DEG and max(turns_deg) >= MIN_TURN_EITHER_END_DEG:
+    if min(turns_deg) >= MIN_TURN_DEG:
         return None
-    both = max(turns_deg) < MIN_TURN_EITHER_END_DEG
-    curvature = MIN_DOUBLE_FILLET_CURVATURE if both else MIN_FILLET_CURVATURE
-    curvature /= screened.ellipse.radius
-    lines = _lines_beyond(profile, screened.indices, FILLET_WINDOWS[-1])
-    fillets = [_is_fillet(line, curvature, noise_std) for line in lines]
-    if both and not all(fillets):
+    curvature = MIN_FILLET_CURVATURE / screened.ellipse.radius
+    lines = [beyond for _, beyond in _ends(profile, screened.indices, FILLET_WINDOWS[-1])]
+    bare_deg = [
+        turn_deg
+        for turn_deg, line in zip(turns_deg, lines, strict=True)
+        if turn_deg < MIN_TURN_DEG and not _is_fillet(line, curvature, noise_std)
+    ]
+    if not bare_deg:
+        return None
+    if max(turns_deg) < MIN_TURN_DEG:
         first, second = sorted(turns_deg)
         return f"goes on tangentially at both ends (turns {first:.0f} and {second:.0f} deg)"
-    for turn_deg, fillet in zip(turns_deg, fillets, strict=True):
-        if turn_deg < MIN_TURN_DEG and not fillet:
-            return f"goes on tangentially at one end (turns {turn_deg:.0f} deg): a rounded corner"
-    return None
+    return f"goes on tangentially at one end (turns {bare_deg[0]:.0f} deg): a rounded corner"
 
 
 def connected_beyond(own: ComplexArray, beyond: ComplexArray, most: int) -> IntArray:
-    """Positions of the points that follow an arc, each within reach of the one before.
+    """Positions of up to `most` points beyond an arc, each within reach of the one before.
 
-    Parameters
-    ----------
-    own : (k,) complex ndarray
-        Points of the arc, towards its end; at least two. Units: mm.
-    beyond : (n,) complex ndarray
-        Points beyond that end, outwards. Units: mm.
-    most : int
-        Of them that are looked for.
+    `own` are at least two points of the arc towards its end, `beyond` those that follow outwards,
+    as x + iy. Units: mm.
     """
-    own = own[-STEP_POINTS:]
+    own = own[-2 * POINTS_BEYOND :]
     reach = MAX_GAP_STEPS * upper_median(np.abs(own[1:] - own[:-1]))
     last, chain = complex(own[-1]), []
     for i, point in enumerate(beyond.tolist()):
@@ -112,62 +85,60 @@ def connected_beyond(own: ComplexArray, beyond: ComplexArray, most: int) -> IntA
     return np.array(chain, dtype=int)
 
 
-def _lines_beyond(
+def _ends(
     profile: PreparedProfile, indices: IntArray, count: int
-) -> tuple[ComplexArray, ComplexArray]:
-    """The connected points before the start and after the end of an arc, outwards."""
+) -> list[tuple[ComplexArray, ComplexArray]]:
+    """Points of an arc towards its start and its end, and those connected beyond, outwards."""
     valid, z = profile.valid_indices, profile.noisy_points.z
     first, last = np.searchsorted(valid, indices[[0, -1]]).tolist()
-    before = z[valid[max(0, first - 2 * count) : first][::-1]]
-    after = z[valid[last + 1 : last + 1 + 2 * count]]
-    return (
-        before[connected_beyond(z[indices[:STEP_POINTS]][::-1], before, count)],
-        after[connected_beyond(z[indices[-STEP_POINTS:]], after, count)],
-    )
+    near = 2 * POINTS_BEYOND
+    sides = [
+        (z[indices[:near]][::-1], z[valid[max(0, first - 2 * count) : first]][::-1]),
+        (z[indices[-near:]], z[valid[last + 1 : last + 1 + 2 * count]]),
+    ]
+    return [(own, beyond[connected_beyond(own, beyond, count)]) for own, beyond in sides]
 
 
-def _end_turn(points: NoisyPoints, beyond: ComplexArray, ellipse: Ellipse, fewest: int) -> float:
+def _end_turn(own: ComplexArray, beyond: ComplexArray, ellipse: Ellipse, fewest: int) -> float:
     """Angle between the tangent at the last point and the line beyond it. Units: rad.
 
     pi where fewer than `fewest` points follow, or only the far side of a ring: nothing goes on.
     """
     if len(beyond) < fewest:
         return math.pi
-    compared = ellipse_residuals(points[-1:], parameters_from_ellipse(ellipse))
-    normal = complex(compared.normals[0])
-    if normal.imag < HORIZON_NORMAL_Y:
+    along_major = cmath.rect(1.0, ellipse.theta)
+    out = (complex(own[-1]) - complex(*ellipse.centre)) * along_major.conjugate()
+    normal = complex(out.real / ellipse.semi_major**2, out.imag / ellipse.semi_minor**2)
+    normal *= along_major
+    if normal.imag < 0:
         return math.pi
-    tangent = 1j * normal
-    ahead = complex(points.z[-1] - points.z[-min(len(points), 6)])
-    if (tangent * ahead.conjugate()).real < 0:
-        tangent = -tangent
+    tangent = _oriented(1j * normal, own)
     # The principal axis of points has half the angle of the sum of their squares.
     centred = beyond - beyond.sum() / len(beyond)
-    direction = cmath.sqrt(complex((centred * centred).sum()))
-    if (direction * complex(beyond[-1] - beyond[0]).conjugate()).real < 0:
-        direction = -direction
+    direction = _oriented(cmath.sqrt(complex((centred * centred).sum())), beyond)
     return abs(cmath.phase(direction * tangent.conjugate()))
 
 
+def _oriented(direction: complex, points: ComplexArray) -> complex:
+    """The direction or its opposite, whichever leads from the first to the last point."""
+    onwards = (direction * complex(points[-1] - points[0]).conjugate()).real >= 0
+    return direction if onwards else -direction
+
+
 def _is_fillet(line: ComplexArray, min_curvature: float, noise_std: float) -> bool:
-    """Whether the line beyond an end is significantly concave to the sensor, over any window."""
-    for count in FILLET_WINDOWS:
-        if len(line) < count:
-            break
-        curvature, std = _curvature(line[:count], noise_std)
-        if curvature > max(FILLET_SIGMAS * std, min_curvature):
-            return True
-    return False
+    """Whether the line beyond an end is significantly concave to the sensor."""
+    counts = [count for count in FILLET_WINDOWS if count <= len(line)]
+    fits = [_curvature(line[:count], noise_std) for count in counts]
+    return any(value > max(FILLET_SIGMAS * std, min_curvature) for value, std in fits)
 
 
 def _curvature(line: ComplexArray, noise_std: float) -> tuple[float, float]:
     """Curvature of a line, positive where concave towards +Y, and its standard deviation. 1/mm."""
     chord = complex(line[-1] - line[0])
     turned = (line - line[0]) * (chord.conjugate() / abs(chord))
-    height = turned.imag if chord.real > 0 else -turned.imag
-    design = np.vander(turned.real, 3, increasing=True)
-    covariance = np.linalg.pinv(design.T @ design)
-    coefficients = covariance @ (design.T @ height)
-    misfit = height - design @ coefficients
-    scatter = max(noise_std, math.sqrt(float(misfit @ misfit) / (len(line) - 3)))
-    return 2 * float(coefficients[2]), 2 * scatter * math.sqrt(float(covariance[2, 2]))
+    x, height = turned.real, turned.imag if chord.real > 0 else -turned.imag
+    parabola, covariance = np.polyfit(x, height, 2, cov="unscaled")
+    misfit = height - np.polyval(parabola, x)
+    dof = len(line) - len(parabola)
+    scatter = max(noise_std, math.sqrt(float(misfit @ misfit) / dof))
+    return 2 * float(parabola[0]), 2 * scatter * math.sqrt(float(covariance[0, 0]))

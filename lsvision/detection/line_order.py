@@ -20,21 +20,13 @@ neighbours, which is 5 sigma where the line is flat."""
 
 
 def order_along_line(points: Points) -> IntArray | None:
-    """Order of points in which each follows its neighbour on the line.
+    """Order of points, none lost, in which each follows its neighbour on the line.
 
-    Parameters
-    ----------
-    points : (n, 2) ndarray
-        As the sensor gives them, none lost. Units: mm.
-
-    Returns
-    -------
-    (n,) int ndarray or None
-        None where the order is kept: x progresses, or the points follow a path that sorting
-        by x would not make much shorter. Two returns a column, and the two sides of a closed
-        section, are two lines, the one nearer to the sensor first.
+    None where the order is kept: x progresses, or the points follow a path that sorting by x
+    would not make much shorter. Two returns a column, and the two sides of a closed section, are
+    two lines, the one nearer to the sensor first.
     """
-    if len(points) < 3:
+    if len(points) <= 2:
         return None
     x = points[:, 0]
     travel = float(np.abs(x[1:] - x[:-1]).sum())

@@ -7,7 +7,7 @@ import numpy as np
 
 from lsvision.detection.line_order import order_along_line
 from lsvision.profile import NoiseModel, PreparedProfile, Profile
-from lsvision.shapes import FloatArray, IntArray, Points
+from lsvision.shapes import IntArray, Points
 from lsvision.shapes.arrays import extent_of
 from lsvision.shapes.noisy_points import NoisyPoints, as_complex
 from lsvision.statistics.robust import upper_median
@@ -16,31 +16,22 @@ MAX_POINTS = 20_000
 """Denser profiles (no sensor has more than 4096 columns) are thinned to so many points at most."""
 NOISE_QUANTILE = 0.35
 """The smaller offsets tell the noise even where many points are outliers."""
-NOISE_QUANTILE_SIGMAS = NormalDist().inv_cdf((1 + NOISE_QUANTILE) / 2) * math.sqrt(1.5)
+NOISE_QUANTILE_SIGMAS = NormalDist().inv_cdf((1 + NOISE_QUANTILE) / 2) * math.sqrt(1 + 1 / 2)
 """That quantile for errors of 1 sigma, of a point less the mean of its two neighbours."""
 LATERAL_FRACTION = 0.2
 """Error along X over the error along Y where no noise model is given: the tangent of 11 deg,
 by which the unknown ray usually leaves Y."""
-MIN_ESTIMATED_VARIANCE_FACTOR = 0.25
+MIN_ESTIMATED_VARIANCE_FACTOR = 0.5**2
 """An estimated standard deviation may be twice the true one: outliers and rounding raise it."""
-MIN_NOISE_PITCHES, MIN_PITCH_MM = 1e-5, 1e-9
-"""Noise in pitches, and pitch in mm, of points that show none: above the rounding of float64."""
+MIN_NOISE_PITCHES = 1e-5
+"""Noise in pitches of points that show none: above the rounding of float64."""
 
 
 def prepare_profile(profile: Profile, noise: NoiseModel | None) -> PreparedProfile:
     """Order a profile's valid points along the line and add their noise.
 
-    Parameters
-    ----------
-    profile : Profile
-        Any order: see `order_along_line`. More than 20 000 points are thinned evenly.
-    noise : NoiseModel or None
-        None: along Y, estimated from how neighbours scatter about their chords.
-
-    Returns
-    -------
-    PreparedProfile
-        Without the lost points; of a profile without any other, with all of them.
+    Without a noise model the noise is along Y, estimated from how neighbours scatter about their
+    chords. More than 20 000 points are thinned evenly. Lost points are left out, unless all are.
     """
     columns = _valid_columns(profile.points)
     points = profile.points[columns]
@@ -71,41 +62,19 @@ def _valid_columns(points: Points) -> IntArray:
 
 
 def typical_pitch(points: Points) -> float:
-    """Median spacing of neighbouring points along X.
-
-    Parameters
-    ----------
-    points : (n, 2) ndarray
-        Ordered, none lost. Units: mm.
-
-    Returns
-    -------
-    float
-        Positive always. Units: mm.
-    """
+    """Median spacing of ordered points along X, or 1 where all are at one place. Units: mm."""
     x = points[:, 0]
     spacing = np.abs(x[1:] - x[:-1])
     spacing = spacing[spacing > 0]
     if len(spacing) == 0:
-        return max(extent_of(points) / max(len(points), 1), MIN_PITCH_MM)
+        return extent_of(points) / max(len(points), 1) or 1.0
     return upper_median(spacing)
 
 
 def estimate_noise_std(points: Points, pitch: float) -> float:
     """Noise of ordered points, from the height of each above the middle of its neighbours.
 
-    Parameters
-    ----------
-    points : (n, 2) ndarray
-        Ordered, none lost. Units: mm.
-    pitch : float
-        Their spacing. Units: mm.
-
-    Returns
-    -------
-    float
-        One sigma along Y; never zero. Too small where neighbours' errors are correlated.
-        Units: mm.
+    One sigma along Y; never zero. Too small where neighbours' errors are correlated. Units: mm.
     """
     z, y = as_complex(points), points[:, 1]
     repeated = z[1:] == z[:-1]
@@ -113,10 +82,9 @@ def estimate_noise_std(points: Points, pitch: float) -> float:
         y = y[np.append(True, ~repeated)]
     offset = np.abs(y[1:-1] - (y[2:] + y[:-2]) / 2)
     # Without zeros: a file may round its numbers, or hold them over several columns.
-    low = _lower_quantile(offset[offset > 0])
-    return max(low / NOISE_QUANTILE_SIGMAS, MIN_NOISE_PITCHES * pitch)
-
-
-def _lower_quantile(values: FloatArray) -> float:
-    rank = int(NOISE_QUANTILE * len(values))
-    return float(np.partition(values, rank)[rank]) if len(values) else 0.0
+    offset = offset[offset > 0]
+    if len(offset) == 0:
+        return MIN_NOISE_PITCHES * pitch
+    rank = int(NOISE_QUANTILE * len(offset))
+    offset.partition(rank)
+    return max(float(offset[rank]) / NOISE_QUANTILE_SIGMAS, MIN_NOISE_PITCHES * pitch)

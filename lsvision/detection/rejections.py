@@ -2,131 +2,90 @@
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Protocol
 
 import numpy as np
 
+from lsvision.detection import candidates, windows
 from lsvision.detection.arcs import Rejection
-from lsvision.detection.candidates import (
-    MAX_OVERLAP,
-    MAX_RMS_SIGMAS,
-    CandidateSettings,
-    max_circle_rms,
-)
-from lsvision.detection.windows import fit_window_circles
+from lsvision.ellipse.section import CylinderSection
 from lsvision.profile import Arc, PreparedProfile
-from lsvision.shapes import BoolArray, IntArray, Points
-from lsvision.shapes.noisy_points import as_complex
-from lsvision.statistics.robust import mad_std
-
-
-class HasIndices(Protocol):
-    """What has been accepted as a cylinder: it rests on points."""
-
-    @property
-    def indices(self) -> IntArray:
-        """Indices of the profile's points."""
-        ...
+from lsvision.shapes import BoolArray, IntArray
 
 
 def complete_rejections(
     profile: PreparedProfile,
     components: list[IntArray],
-    cylinders: Sequence[HasIndices],
+    cylinders: Sequence[CylinderSection],
     rejections: list[Rejection],
     radius_range: tuple[float, float],
-    min_span_points: int = CandidateSettings().min_span_points,
+    min_span_points: int = candidates.CandidateSettings().min_span_points,
 ) -> list[Rejection]:
     """Rejections without repetition, and one for each stretch nothing was said of yet.
 
-    Parameters
-    ----------
-    profile : PreparedProfile
-        The profile.
-    components : list of (k,) int ndarray
-        Connected points.
-    cylinders : sequence
-        What was found.
-    rejections : list of Rejection
-        What was tried in vain, the most telling first.
-    radius_range : tuple of float
-        Units: mm.
-    min_span_points : int
-        Shorter stretches are left out; where there is no longer one, that is the reason.
-
-    Returns
-    -------
-    list of Rejection
-        In the order of the profile; empty only where there are cylinders or no columns.
+    Of `rejections` the most telling comes first. The result is in the order of the profile, and
+    empty only where there are cylinders or no columns. Stretches of fewer than `min_span_points`
+    are left out; where there is no longer one, that is the reason.
     """
-    told = np.zeros(len(profile.points), dtype=bool)
+    explained = np.zeros(len(profile.points), dtype=bool)
     for cylinder in cylinders:
-        told[cylinder.indices[0] : cylinder.indices[-1] + 1] = True
+        explained[cylinder.indices[0] : cylinder.indices[-1] + 1] = True
     kept: list[Rejection] = []
     for rejection in rejections:
         span = slice(rejection.arc.start, rejection.arc.stop)
-        if told[span].mean() <= MAX_OVERLAP:
-            flat = _flatness_reason(profile.points[span], profile.noise_std)
-            kept.append(Rejection(rejection.arc, flat or rejection.reason))
-            told[span] = True
-    runs = [run for component in components for run in _untold_runs(component, told)]
-    for run in [run for run in runs if len(run) >= min_span_points]:
-        reason = run_rejection_reason(profile.points[run], profile.noise_std, radius_range)
-        kept.append(Rejection(Arc(int(run[0]), int(run[-1]) + 1), reason))
-    if not kept and not cylinders and len(told):
-        reason = _few_points_reason(len(profile.valid_indices), min_span_points)
-        kept.append(Rejection(Arc(0, len(told)), reason))
+        if np.count_nonzero(explained[span]) <= candidates.MAX_OVERLAP * len(rejection.arc):
+            kept.append(rejection)
+            explained[span] = True
+    for run in _unexplained_runs(components, ~explained, min_span_points):
+        kept.append(Rejection(Arc(int(run[0]), int(run[-1]) + 1), ""))
+    if kept and components:
+        kept = _explain(profile, np.concatenate(components), kept, radius_range)
+    if not kept and not cylinders and len(explained):
+        valid = len(profile.valid_indices)
+        few = f"too few points: {valid}, of which no {min_span_points} are connected"
+        kept.append(Rejection(Arc(0, len(explained)), few if valid else "all points are lost"))
     return sorted(kept, key=lambda rejection: rejection.arc.start)
 
 
-def _untold_runs(component: IntArray, told: BoolArray) -> list[IntArray]:
-    """The stretches of a component of which nothing was said."""
-    untold = (~told[component]).nonzero()[0]
-    cuts = (untold[1:] - untold[:-1] > 1).nonzero()[0] + 1
-    bounds = [0, *cuts.tolist(), len(untold)]
-    return [component[untold[start:stop]] for start, stop in pairwise(bounds)]
+def _unexplained_runs(
+    components: list[IntArray], unexplained: BoolArray, smallest: int
+) -> list[IntArray]:
+    """The stretches of components of which nothing was said."""
+    runs = []
+    for component in components:
+        left = unexplained[component]
+        edges = (left[1:] != left[:-1]).nonzero()[0] + 1
+        bounds = pairwise([0, *edges.tolist(), len(component)])
+        runs += [component[i:j] for i, j in bounds if left[i] and j - i >= smallest]
+    return runs
 
 
-def run_rejection_reason(run: Points, noise_std: float, radius_range: tuple[float, float]) -> str:
-    """Why a run of points that seeded no arc is no cylinder: flat, concave, wrong radius.
-
-    Parameters
-    ----------
-    run : (n, 2) ndarray
-        At least 3 points. Units: mm.
-    noise_std : float
-        Units: mm.
-    radius_range : tuple of float
-        Units: mm.
-    """
-    flat = _flatness_reason(run, noise_std)
-    if flat is not None:
-        return flat
-    circle = fit_window_circles(run, np.array([0]), np.array([len(run)]))
-    fits = bool((circle.rms <= max_circle_rms(circle.radius, noise_std))[0])
-    radius, rms, line_rms = float(circle.radius[0]), float(circle.rms[0]), float(circle.line_rms[0])
+def _explain(
+    profile: PreparedProfile,
+    connected: IntArray,
+    rejections: list[Rejection],
+    radius_range: tuple[float, float],
+) -> list[Rejection]:
+    """Rejections with a reason: a line, or the one given before, or what their circle shows."""
+    spans = np.array([(rejection.arc.start, rejection.arc.stop) for rejection in rejections])
+    starts, stops = np.searchsorted(connected, spans).T
+    circles = windows.fit_window_circles(profile.points[connected], starts, stops)
+    flat = circles.line_rms < candidates.MAX_RMS_SIGMAS * profile.noise_std
+    fits = circles.rms <= candidates.max_circle_rms(circles.radius, profile.noise_std)
     low, high = radius_range
-    if not rms < line_rms:
-        return f"no arc: {line_rms:.2f} mm rms from a straight line"
-    if not circle.convex[0]:
-        return "concave towards the sensor"
-    if fits and not low <= radius <= high:
-        return f"radius {radius:.3g} mm outside {low:.3g} to {high:.3g} mm"
-    return f"no ellipse: best circle leaves {rms:.2f} mm rms at {noise_std:.2f} mm noise"
 
+    def reason(i: int, given: str) -> str:
+        radius, rms, line_rms = circles.radius[i], circles.rms[i], circles.line_rms[i]
+        if flat[i]:
+            return f"flat: {line_rms:.2f} mm rms from a straight line"
+        if given:
+            return given
+        if not rms < line_rms:
+            return f"no arc: {line_rms:.2f} mm rms from a straight line"
+        if not circles.convex[i]:
+            return "concave towards the sensor"
+        if fits[i] and not low <= radius <= high:
+            return f"radius {radius:.3g} mm outside {low:.3g} to {high:.3g} mm"
+        noise = f"{profile.noise_std:.2f} mm noise"
+        return f"no ellipse: best circle leaves {rms:.2f} mm rms at {noise}"
 
-def _flatness_reason(run: Points, noise_std: float) -> str | None:
-    """How flat points are that lie on a straight line within their noise; None if they do not."""
-    z = as_complex(run)
-    centred = z - z.mean()
-    along = np.exp(0.5j * np.angle(centred @ centred))
-    rms = mad_std((centred * along.conj()).imag)
-    if rms >= MAX_RMS_SIGMAS * noise_std:
-        return None
-    return f"flat: {rms:.2f} mm rms from a straight line"
-
-
-def _few_points_reason(valid: int, least: int) -> str:
-    if not valid:
-        return "all points are lost"
-    return f"too few points: {valid}, of which no {least} are connected"
+    return [Rejection(r.arc, reason(i, r.reason)) for i, r in enumerate(rejections)]

@@ -8,37 +8,20 @@ from lsvision.shapes.arrays import extent_of
 
 NOMINAL_SPREAD = 0.2
 """A nominal radius is searched within this share of itself, a known one never below the share."""
-MIN_RADIUS_PITCHES = 3.0
-MIN_RADIUS_VIEW_FRACTION, MIN_RADIUS_VIEW_PITCHES = 1 / 75, 20.0
-"""A smaller pipe has under ten points; or is dust, 1/75 of the field of view or 20 pitches
-small, whichever is less: give a range to find those."""
+MIN_RADIUS_FRACTION = 1 / 3
+"""Of the geometric mean of the extent and the pitch: 4 pitches where a profile has 150 points, 7
+where it has 400, 21 where it has 4000. A smaller pipe has under twelve points, or is dust."""
 MAX_RADIUS_EXTENTS = 1.5
-"""A larger pipe would be seen as a few tens of degrees of an arc."""
+"""A larger pipe would be seen as less than 38 deg of an arc, the least that is accepted."""
 
 
 def search_range(
     radius: float | tuple[float, float] | None, known: RadiusPrior | None, profile: PreparedProfile
 ) -> tuple[float, float]:
-    """Smallest and largest radius that a measurement looks for.
+    """Smallest and largest radius that a measurement looks for. Units: mm.
 
-    Parameters
-    ----------
-    radius : float, (float, float) or None
-        Nominal radius, or a range. Units: mm.
-    known : RadiusPrior or None
-        Its radius counts as nominal where `radius` is None.
-    profile : PreparedProfile
-        Where both are None: from the smallest that is no dust to 1.5 times the extent.
-
-    Returns
-    -------
-    low, high : float
-        Units: mm.
-
-    Raises
-    ------
-    ValueError
-        If a radius is not positive or the range is reversed.
+    `radius` is a nominal one or a range; without one that of `known` is nominal; without either
+    the range follows the profile. Raises ValueError if `radius` is not positive or reversed.
     """
     if isinstance(radius, tuple):
         low, high = (float(value) for value in radius)
@@ -52,10 +35,8 @@ def search_range(
     if known is not None:
         spread = NOMINAL_SPREAD * known.radius + 3 * known.std
         return max(known.radius - spread, NOMINAL_SPREAD * known.radius), known.radius + spread
-    points = profile.points[profile.valid_indices]
-    if len(points) < 2:
+    extent = extent_of(profile.points) if len(profile.valid_indices) else 0.0
+    if extent == 0:
         return 1.0, 2.0
-    extent = extent_of(points)
-    dust = min(MIN_RADIUS_VIEW_FRACTION * extent, MIN_RADIUS_VIEW_PITCHES * profile.pitch)
-    low = max(MIN_RADIUS_PITCHES * profile.pitch, dust)
+    low = MIN_RADIUS_FRACTION * math.sqrt(extent * profile.pitch)
     return low, max(MAX_RADIUS_EXTENTS * extent, 2 * low)

@@ -1,5 +1,6 @@
 """Circles through many overlapping windows of ordered points at once, from running moments."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,80 +16,47 @@ SHIFTS_PER_WINDOW = 3
 
 @dataclass(frozen=True, eq=False, slots=True)
 class WindowCircles:
-    """Circle of each window, w of them.
+    """Circle of each window, w of them. Units: mm.
 
-    Parameters
-    ----------
-    centre : (w, 2) ndarray
-        Units: mm.
-    radius : (w,) ndarray
-        Infinite where the window is straight. Units: mm.
-    rms : (w,) ndarray
-        Root mean square distance of the points from the circle, to first order; 0 or NaN where
-        the window is straight. Units: mm.
-    line_rms : (w,) ndarray
-        The same from the best straight line. Units: mm.
-    coverage : (w,) ndarray
-        Angle of the chord seen from the centre. Units: rad.
-    convex : (w,) bool ndarray
-        The middle bulges towards the sensor.
+    `radius` is infinite where a window is straight. `rms` is the root mean square distance of the
+    points from the circle, to first order, and 0 or NaN where the window is straight; `line_rms`
+    is that from the best line. A `convex` window bulges towards the sensor.
     """
 
     centre: FloatArray
     radius: FloatArray
     rms: FloatArray
     line_rms: FloatArray
-    coverage: FloatArray
     convex: BoolArray
 
 
-def multiscale_windows(sizes: IntArray, smallest: int) -> tuple[IntArray, IntArray]:
-    """Windows of growing length, evenly spread, the same from either end of a component.
+def multiscale_windows(sizes: Sequence[int], smallest: int) -> tuple[IntArray, IntArray]:
+    """Starts and stops of windows of growing length, the same from either end of a component.
 
-    Parameters
-    ----------
-    sizes : (c,) int ndarray
-        Points of the components, which lie one behind the other.
-    smallest : int
-        Points of the shortest window.
-
-    Returns
-    -------
-    starts, stops : (w,) int ndarray
-        Half open. No window crosses from one component into the next; the last ones are the
-        components themselves.
+    `sizes` are those of the components, which lie one behind the other. No window crosses from
+    one into the next; the last one of each is the component itself.
     """
-    lengths, longest = [smallest], int(sizes.max())
-    while lengths[-1] < longest:
-        lengths.append(lengths[-1] * WINDOW_GROWTH)
-    component, level = np.nonzero(np.array(lengths) < sizes[:, None])
-    first = sizes.cumsum() - sizes
-    # A row of windows: those of one length in one component, half of them from either end.
-    length = np.array(lengths)[level]
-    room, step = sizes[component] - length, length // SHIFTS_PER_WINDOW
-    half = (room + step - 1) // (2 * step) + 1
-    row = np.repeat(np.arange(len(half)), half)
-    place = np.arange(len(row)) - (half.cumsum() - half)[row]
-    away = place * room[row] // (2 * half - 1)[row]
-    begin = first[component][row]
-    starts = np.concatenate([begin + away, begin + room[row] - away, first])
-    return starts, starts + np.concatenate([length[row], length[row], sizes])
+    starts, stops, first = [], [], 0
+    for size in sizes:
+        length = smallest
+        while length < size:
+            room = size - length
+            # An odd number of steps: rounding to the nearest point then has no ties, so no side.
+            steps = -(-room // (length // SHIFTS_PER_WINDOW)) | 1
+            row = [first + (2 * k * room + steps) // (2 * steps) for k in range(steps + 1)]
+            starts += row
+            stops += [start + length for start in row]
+            length *= WINDOW_GROWTH
+        starts.append(first)
+        first += size
+        stops.append(first)
+    return np.array(starts), np.array(stops)
 
 
 def fit_window_circles(points: Points, starts: IntArray, stops: IntArray) -> WindowCircles:
-    """Kasa's circle of each window: linear least squares in x^2 + y^2.
+    """Kasa's circle of each window [start, stop): linear least squares in x^2 + y^2.
 
-    Parameters
-    ----------
-    points : (n, 2) ndarray
-        Ordered. Units: mm.
-    starts, stops : (w,) int ndarray
-        Half-open windows of at least 3 points.
-
-    Returns
-    -------
-    WindowCircles
-        Biased small on short noisy arcs: to choose windows by, never a result.
+    Biased small on short noisy arcs: to choose windows by, never a result.
     """
     z = as_complex(points)
     origin = (z[0] + z[-1]) / 2  # so that squares keep their digits
@@ -100,7 +68,7 @@ def fit_window_circles(points: Points, starts: IntArray, stops: IntArray) -> Win
     np.cumsum(running, axis=1, out=running)
     moments = running.take(stops, axis=1)
     moments -= running.take(starts, axis=1)
-    moments /= stops - starts
+    moments /= np.maximum(stops - starts, 1)
     mean, zz, qz, qq = moments
     # Covariances of z with its conjugate, with z, and of q = |z|^2 with z and with q.
     spread, slant = qq.real - (mean * mean.conj()).real, zz - mean * mean
@@ -112,12 +80,15 @@ def fit_window_circles(points: Points, starts: IntArray, stops: IntArray) -> Win
         radius = np.sqrt(spread + (from_mean * from_mean.conj()).real)
         radius[~(radius < np.inf)] = np.inf
         rms = np.sqrt(np.maximum(square - 2 * (centre.conj() * pull).real, 0.0)) / (2 * radius)
-        first, last = z[starts], z[stops - 1]
-        coverage = 2 * np.arcsin(np.minimum(np.abs(last - first) / (2 * radius), 1.0))
-        # Past 180 deg the chord lies beyond the centre.
-        past = (from_mean * (2 * centre - first - last).conj()).real < 0
-    coverage[past] = 2 * np.pi - coverage[past]
     line_rms = np.sqrt(np.maximum(spread - size, 0.0) / 2)
-    return WindowCircles(
-        as_vectors(centre + origin), radius, rms, line_rms, coverage, from_mean.imag < 0
-    )
+    return WindowCircles(as_vectors(centre + origin), radius, rms, line_rms, from_mean.imag < 0)
+
+
+def arc_coverage(
+    points: Points, starts: IntArray, stops: IntArray, centres: FloatArray
+) -> FloatArray:
+    """Angle from the first to the last point of each window over the top of its circle. rad."""
+    z, from_top = as_complex(points), -1j
+    first, last = ((z[i] - as_complex(centres)) * from_top for i in (starts, stops - 1))
+    coverage: FloatArray = np.abs(np.angle(first) - np.angle(last))
+    return coverage

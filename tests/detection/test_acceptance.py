@@ -2,6 +2,7 @@
 
 import math
 import re
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,9 +11,9 @@ import pytest
 from lsvision import Ellipse, PointNoise, Profile, ProfileSensor
 from lsvision.detection.acceptance import (
     AcceptanceSettings,
-    coverage,
     rejection_reason,
     shape_rejection_reason,
+    suppress_overlapping,
     undeterminable_radius_reason,
 )
 from lsvision.detection.profile_preparation import prepare_profile
@@ -69,14 +70,10 @@ def test_limits_of_the_shape_can_be_set():
         assert shape_rejection_reason(ellipse, normals, RANGE, strict) is not None
 
 
-def test_coverage_is_the_fan_of_the_normals():
-    turn = np.radians(np.linspace(30, 190, 50))
-    assert coverage(np.exp(1j * turn)) == pytest.approx(math.radians(160))
-
-
-def test_coverage_knows_no_cut_at_180_deg():
-    turn = np.radians(np.linspace(150, 210, 50))
-    assert coverage(np.exp(1j * turn)) == pytest.approx(math.radians(60))
+@pytest.mark.parametrize("middle_deg", [90.0, 175.0])
+def test_coverage_knows_no_cut_at_180_deg(middle_deg):
+    reason = shape_rejection_reason(circle(20), fan(30, middle_deg=middle_deg), RANGE)
+    assert reason == "arc covers 30 deg, needs 38 deg"
 
 
 def fitted(profile, start_ellipse, rows=None, *, radius=None, phi=None, settings=SETTINGS):
@@ -141,46 +138,6 @@ def test_estimated_noise_is_not_blamed_on_the_sensor(rng):
     assert re.fullmatch(r"residual rms \d+\.\d times the noise, limit \d+\.\d", reason)
 
 
-@pytest.mark.parametrize("angles", [ANGLES, ANGLES - 25.0], ids=["upright", "a flank"])
-def test_an_arc_that_rises_by_less_than_20_sigma_of_its_mean_is_flat(angles):
-    """Its sagitta is 20 (1 - cos 70 deg) = 13.16 mm; sigma of the mean of 71 is 0.119 sigma."""
-    limit = 20 * (1 - math.cos(math.radians(70))) / 20 * math.sqrt(71)
-    # Errors of rounding alone would be correlated by chance.
-    points = arc_points(angles)
-    points[::2] *= 1 + 1e-9
-    assert reason_of(points, 0.98 * limit, phi=PhiPrior(0.0)) is None
-    assert reason_of(points, 1.02 * limit, phi=PhiPrior(0.0)) == (
-        f"flat: rises 13.16 mm over its chord at {1.02 * limit:.2f} mm noise"
-    )
-
-
-def test_seven_of_ten_points_of_the_span_must_lie_on_it():
-    for count, refused in ((51, False), (50, False), (49, True), (40, True)):
-        # 71 points; the first and the last count.
-        rows = np.unique(np.round(np.linspace(0, 70, count)).astype(int))
-        assert len(rows) == count
-        reason = reason_of(arc_points(ANGLES), 0.02, rows)
-        expected = f"only {count} of 71 points of the span lie on the ellipse"
-        assert reason == (expected if refused else None)
-
-
-def test_lost_points_are_no_points_of_the_span():
-    profile = exact(arc_points(ANGLES), 0.02)
-    rows = np.arange(0, 71, 2)
-    lost = np.setdiff1d(np.arange(1, 70), rows)[:33]
-    points = profile.points.copy()
-    points[lost] = np.nan
-    section = fitted(profile, circle(), rows)
-    assert rejection_reason(profile, section, RANGE) is not None
-    thinned = SimpleNamespace(
-        points=points,
-        noisy_points=profile.noisy_points,
-        max_noise_factor=profile.max_noise_factor,
-        noise_is_estimated=False,
-    )
-    assert rejection_reason(thinned, section, RANGE) is None
-
-
 def test_a_parabola_has_no_best_ellipse():
     """The nearer an ellipse comes to it the longer it is: no fit converges."""
     x = np.linspace(-20, 20, 60)
@@ -198,7 +155,9 @@ def test_a_parabola_has_no_best_ellipse():
 def section_of(low, high, *, radius=20.0, std=5.0, known_radius=None, known_phi=None):
     problem = SimpleNamespace(known_radius=known_radius, known_phi=known_phi)
     return SimpleNamespace(
-        fit=SimpleNamespace(problem=problem),
+        fit=SimpleNamespace(
+            problem=problem, parameter_covariance=np.diag([0, 0, 1, 0, 0]) * std**2
+        ),
         radius=radius,
         radius_std=std,
         interval=lambda quantity: {"radius": (low, high)}[quantity],
@@ -280,6 +239,14 @@ def test_the_radius_of_150_deg_is_determinable():
         assert undeterminable_radius_reason(fitted(profile, circle(20.0, (0.0, -400.0)))) is None
 
 
+def test_a_radius_that_needs_no_interval_is_told_from_a_bound_of_its_std():
+    for degrees in (60, 100, 160):
+        profile = prepare_profile(Profile(short_arc(3, degrees)), SENSOR)
+        section = fitted(profile, circle(20.0, (0.0, -400.0)))
+        bound = 2 * section.fit.parameter_covariance[2:, 2:].trace()
+        assert section.radius_std**2 <= bound
+
+
 def test_points_with_noise_of_their_own_are_judged_by_it():
     """Twice as many sigmas where each point's own standard deviation is halved."""
     noise = PointNoise(np.tile(0.05**2 * np.eye(2), (71, 1, 1)))
@@ -289,3 +256,27 @@ def test_points_with_noise_of_their_own_are_judged_by_it():
     coarse = PointNoise(np.tile(0.2**2 * np.eye(2), (71, 1, 1)))
     profile = prepare_profile(Profile(wavy(0.6)), coarse)
     assert rejection_reason(profile, fitted(profile, circle()), RANGE) is None
+
+
+@dataclass(frozen=True)
+class Found:
+    indices: np.ndarray
+
+
+def spans(*bounds):
+    return [Found(np.arange(start, stop)) for start, stop in bounds]
+
+
+def test_of_two_that_hold_the_same_points_the_larger_stays():
+    half, whole = spans((30, 60), (0, 60))
+    assert suppress_overlapping([half, whole]) == [whole]
+
+
+@pytest.mark.parametrize(("common", "both"), [(5, True), (11, True), (13, False), (17, False)])
+def test_two_of_which_three_tenths_are_common_are_one(common, both):
+    left, right = spans((0, 50), (50 - common, 90 - common))
+    assert suppress_overlapping([right, left]) == ([left, right] if both else [left])
+
+
+def test_nothing_is_nothing():
+    assert suppress_overlapping([]) == []

@@ -126,8 +126,8 @@ def test_an_all_lost_profile_with_a_model_has_no_noise():
 @pytest.mark.parametrize(
     ("points", "pitch"),
     [
-        (np.empty((0, 2)), 1e-9),
-        (np.array([[3.0, 4.0]] * 5), 1e-9),
+        (np.empty((0, 2)), 1.0),
+        (np.array([[3.0, 4.0]] * 5), 1.0),
         (np.array([[0.0, 0.0], [0.0, 9.0], [0.0, 10.0]]), 10 / 3),
         (np.array([[0.0, 0.0], [2.0, 9.0], [4.0, 1.0], [4.0, 1.0]]), 2.0),
     ],

@@ -30,21 +30,17 @@ def test_the_range_is_what_was_asked_for(radius, known, expected):
 
 def test_without_a_wish_the_range_follows_the_profile():
     low, high = search_range(None, None, LINE)
-    assert low == pytest.approx(150 / 75, rel=0.01)
+    assert low == pytest.approx(math.sqrt(150 * 0.6) / 3, rel=0.01)
     assert high == pytest.approx(225, rel=0.01)
 
 
 @pytest.mark.parametrize(
-    ("pitch", "width", "low"),
-    [
-        pytest.param(0.1, 450, 2.0, id="20 pitches, where these are less than 1/75 of the view"),
-        pytest.param(1.0, 150, 3.0, id="3 pitches"),
-    ],
+    ("count", "pitches"), [(150, 4.08), (400, 6.67), (4000, 21.1)], ids=["coarse", "usual", "fine"]
 )
-def test_the_smallest_radius_follows_the_pitch(pitch, width, low):
-    x = np.arange(0, width + pitch / 2, pitch)
+def test_the_smallest_radius_follows_the_number_of_points(count, pitches):
+    x = 0.2 * np.arange(count)
     profile = prepare_profile(Profile(np.column_stack([x, 0 * x])), None)
-    assert search_range(None, None, profile)[0] == pytest.approx(low, rel=0.01)
+    assert search_range(None, None, profile)[0] == pytest.approx(0.2 * pitches, rel=0.01)
 
 
 @pytest.mark.parametrize("points", [np.empty((0, 2)), [[1.0, 2.0]], [[1.0, 2.0]] * 5])
