@@ -10,15 +10,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.ellipse.parameters import (
+    PARAMETERS,
     centre_of,
     ellipse_from_parameters,
     is_ellipse,
+    parameter_jacobian,
     parameters_from_ellipse,
 )
-from lsvision.ellipse.robust_gauss_newton import refine_ellipse
+from lsvision.ellipse.robust_gauss_newton import add_flattening_prior, damped_step
 from lsvision.ellipse.smoothing import SmoothedArc
 from lsvision.shapes import Ellipse, Points
-from lsvision.shapes.noisy_points import NoisyPoints, as_vectors
+from lsvision.shapes.noisy_points import as_vectors
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -50,13 +52,17 @@ def homogenise_arc(smoothed: SmoothedArc) -> HomogenisedArc:
     HomogenisedArc
         Every part of the arc counts alike, however densely the sensor sampled it.
     """
-    parameters = parameters_from_ellipse(smoothed.ellipse)
+    parameters, w = parameters_from_ellipse(smoothed.ellipse), smoothed.directions
     m, d = float(parameters[2]), complex(parameters[3], parameters[4])
-    along, across = m * smoothed.directions, d * smoothed.directions.conj()
+    along, across = m * w, d * w.conj()
     normals = along - across
-    z = along + across + centre_of(parameters) + normals * (smoothed.residuals / np.abs(normals))
-    points = NoisyPoints(z, smoothed.stds**2, np.zeros(len(z), dtype=complex))
-    found = refine_ellipse(points, parameters, steps=1)
+    normals /= np.abs(normals)
+    z = centre_of(parameters) + along + across + normals * smoothed.residuals
+    # The smoothed residual is linear in the change of the parameters: one step fits it.
+    rows = np.concatenate([parameter_jacobian(normals, w), smoothed.residuals[None]])
+    equations = (rows[:PARAMETERS] / smoothed.stds**2) @ rows.T
+    add_flattening_prior(equations, parameters)
+    found = parameters + damped_step(equations, parameters)
     return HomogenisedArc(
         as_vectors(z), ellipse_from_parameters(found if is_ellipse(found) else parameters)
     )
