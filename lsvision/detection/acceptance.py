@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.ellipse.section import CylinderSection
+from lsvision.geometry import Ellipse
+from lsvision.geometry.noisy_points import ComplexArray
 from lsvision.profile import PreparedProfile
-from lsvision.shapes import Ellipse
-from lsvision.shapes.noisy_points import ComplexArray
 
 MAX_OVERLAP = 0.3
 """A cylinder with a larger share of its points in a larger cylinder is the same one."""

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lsvision.detection.arcs import IdentifiedArc
+from lsvision.geometry import Ellipse, IntArray
+from lsvision.geometry.noisy_points import ComplexArray
 from lsvision.profile import PreparedProfile
-from lsvision.shapes import Ellipse, IntArray
-from lsvision.shapes.noisy_points import ComplexArray
 from lsvision.statistics.robust import upper_median
 
 if TYPE_CHECKING:

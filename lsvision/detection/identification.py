@@ -24,8 +24,8 @@ from lsvision.ellipse.robust_gauss_newton import (
     gauss_newton_step,
     refine_ellipse,
 )
+from lsvision.geometry import BoolArray, IntArray
 from lsvision.profile import PreparedProfile
-from lsvision.shapes import BoolArray, IntArray
 from lsvision.statistics.robust import MAD_TO_STD, upper_median
 
 SENSOR_ERROR_SIGMAS = 4.0

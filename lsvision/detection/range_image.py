@@ -10,8 +10,8 @@ from itertools import pairwise
 import cv2
 import numpy as np
 
+from lsvision.geometry import BoolArray, IntArray
 from lsvision.profile import PreparedProfile
-from lsvision.shapes import BoolArray, IntArray
 
 JUMP_SIGMAS = 6.0
 """Multiple of the noise by which no point leaves the line."""

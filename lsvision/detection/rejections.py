@@ -8,8 +8,8 @@ import numpy as np
 from lsvision.detection import candidates, windows
 from lsvision.detection.arcs import Rejection
 from lsvision.ellipse.section import CylinderSection
+from lsvision.geometry import BoolArray, IntArray
 from lsvision.profile import Arc, PreparedProfile
-from lsvision.shapes import BoolArray, IntArray
 
 
 def complete_rejections(

@@ -19,8 +19,8 @@ from lsvision.ellipse.parameters import (
 )
 from lsvision.ellipse.robust_gauss_newton import add_flattening_prior, damped_step
 from lsvision.ellipse.smoothing import SmoothedArc
-from lsvision.shapes import Ellipse, Points
-from lsvision.shapes.noisy_points import as_vectors
+from lsvision.geometry import Ellipse, Points
+from lsvision.geometry.noisy_points import as_vectors
 
 
 @dataclass(frozen=True, eq=False, slots=True)
