@@ -40,9 +40,9 @@ from lsvision.ellipse.robust_gauss_newton import (
     inverse_information,
     refine_ellipse,
 )
+from lsvision.geometry import BoolArray, Ellipse, FloatArray, IntArray
+from lsvision.geometry.noisy_points import NoisyPoints
 from lsvision.profile import PreparedProfile
-from lsvision.shapes import BoolArray, Ellipse, FloatArray, IntArray
-from lsvision.shapes.noisy_points import NoisyPoints
 
 MIDDLE_FRACTION = 0.7
 """Share of the arc's points in its middle part."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.shapes import FloatArray
+from lsvision.geometry import FloatArray
 
 TINY = 1e-300
 LOW_FREQUENCY_BAND = slice(4, 8)

@@ -10,8 +10,8 @@ from lsvision.ellipse.smoothing import (
     smooth_profile_paper,
     smooth_residual,
 )
-from lsvision.shapes import orthogonal_residuals
-from lsvision.shapes.noisy_points import NoisyPoints, as_vectors
+from lsvision.geometry import orthogonal_residuals
+from lsvision.geometry.noisy_points import NoisyPoints, as_vectors
 from tests.ellipse.arcs import SENSOR, measured, pipe, upper_arc
 from tests.tolerances import MACHINE
 
