@@ -8,15 +8,13 @@ import numpy as np
 from lsvision.calibrate.hand_eye_result import HandEye, Sphere
 from lsvision.calibrate.intrinsics import CameraCalibration
 from lsvision.calibrate.laser_plane_result import LaserPlaneCalibration, rms
+from lsvision.draw.palette import BOARD, FRAME_AXES, INLIER, LASER_PLANE, OUTLIER
 from lsvision.shapes import FloatArray, Plane, Pose
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-INLIER_COLOUR, OUTLIER_COLOUR, NEUTRAL_COLOUR, LASER = "#0072B2", "#D55E00", "#999999", "#C8102E"
-AXES = ("#C8102E", "#00805E", "#0072B2")
-"""Of X, Y and Z."""
 MAX_BAR_LABELS = 24
 """Bars beyond which only every few get a name."""
 
@@ -41,7 +39,7 @@ def draw_coverage(found: CameraCalibration) -> "Figure":
     left.set(xlim=(0, width), ylim=(height, 0), xlabel="u px", ylabel="v px", aspect="equal",
              title="Points seen, a colour a view")  # fmt: skip
     residuals = np.concatenate([view.residuals for view in found.views])
-    right.plot(*residuals.T, ".", color=INLIER_COLOUR, markersize=2)
+    right.plot(*residuals.T, ".", color=INLIER, markersize=2)
     reach = 1.1 * float(np.abs(residuals).max()) + 1e-9
     right.set(xlim=(-reach, reach), ylim=(reach, -reach), xlabel="du px", ylabel="dv px",
               aspect="equal", title="Projected minus seen")  # fmt: skip
@@ -72,7 +70,7 @@ def draw_bars(
     place, width = np.arange(len(names)), 0.8 / len(series)
     for number, (name, values) in enumerate(series):
         shade = 1.0 if number == 0 else 0.45
-        colours = [OUTLIER_COLOUR if index in bad else INLIER_COLOUR for index in range(len(names))]
+        colours = [OUTLIER if index in bad else INLIER for index in range(len(names))]
         axes.bar(place + (number + 0.5) * width - 0.4, values, width, color=colours, alpha=shade,
                  label=name)  # fmt: skip
     step = 1 + len(names) // MAX_BAR_LABELS
@@ -100,14 +98,12 @@ def draw_laser_plane(found: LaserPlaneCalibration, board: FloatArray) -> "Figure
     space: Any = figure.add_subplot(1, 2, 2, projection="3d")
     outlines = [view.camera_from_board.apply(board)[[0, 1, 2, 3, 0]] for view in found.views]
     for outline in outlines:
-        side.plot(outline[:, 2], outline[:, 1], color=NEUTRAL_COLOUR, linewidth=0.8)
-        space.plot(
-            outline[:, 0], outline[:, 2], -outline[:, 1], color=NEUTRAL_COLOUR, linewidth=0.8
-        )
+        side.plot(outline[:, 2], outline[:, 1], color=BOARD, linewidth=0.8)
+        space.plot(outline[:, 0], outline[:, 2], -outline[:, 1], color=BOARD, linewidth=0.8)
     sheet = _sheet(found.plane, np.concatenate(outlines))
-    side.plot(sheet[:, 2], sheet[:, 1], color=LASER, linewidth=1.5)
+    side.plot(sheet[:, 2], sheet[:, 1], color=LASER_PLANE, linewidth=1.5)
     closed = sheet[[0, 1, 2, 3, 0]]
-    space.plot(closed[:, 0], closed[:, 2], -closed[:, 1], color=LASER)
+    space.plot(closed[:, 0], closed[:, 2], -closed[:, 1], color=LASER_PLANE)
     side.plot(0, 0, "k^")
     space.scatter(0, 0, 0, color="black", marker="^")
     side.set(xlabel="z mm, along the view", ylabel="y mm, down in the image", aspect="equal",
@@ -128,12 +124,10 @@ def draw_poses(found: HandEye, flanges: Sequence[Pose]) -> "Figure":
     length = 0.25 * float(np.linalg.norm(seen, axis=1).mean())
     for index, pose in enumerate(sensors):
         start = pose.translation
-        for axis, colour in zip(pose.rotation.T, AXES, strict=True):
+        for axis, colour in zip(pose.rotation.T, FRAME_AXES, strict=True):
             space.plot(*np.column_stack([start, start + length * axis]), color=colour,
                        linewidth=1.2)  # fmt: skip
-        space.text(
-            *start, f" {index}", fontsize=7, color=OUTLIER_COLOUR if index in left_out else "black"
-        )
+        space.text(*start, f" {index}", fontsize=7, color=OUTLIER if index in left_out else "black")
     space.scatter(*centre, color="black")
     mount = "robot's base" if found.mounting == "eye_in_hand" else "flange"
     title = f"Sensor (X red, Y green, Z blue) in the\n{mount} frame, mm; target black"
@@ -164,7 +158,7 @@ def _draw_view(axes: "Axes", seen: FloatArray, left_out: set[int], found: HandEy
                         vmax=limits[1], edgecolors="black", s=60)  # fmt: skip
     for index, point in enumerate(seen):
         axes.annotate(str(index), point[:2], xytext=(6, 4), textcoords="offset points", fontsize=8,
-                      color=OUTLIER_COLOUR if index in left_out else "black")  # fmt: skip
+                      color=OUTLIER if index in left_out else "black")  # fmt: skip
     label = "z mm, along the view" if found.sensor == "camera" else "Z mm, beside the laser plane"
     axes.figure.colorbar(dots, ax=axes, label=label)
     axes.set_aspect("equal", adjustable="datalim")

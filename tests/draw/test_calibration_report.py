@@ -8,9 +8,10 @@ import pytest
 
 from lsvision.calibrate.hand_eye import calibrate_hand_eye_board
 from lsvision.calibrate.hand_eye_result import RejectedPose
-from lsvision.draw.calibration_figures import OUTLIER_COLOUR, draw_bars, draw_poses
+from lsvision.draw.calibration_figures import draw_bars, draw_poses
 from lsvision.draw.calibration_report import ReportContent, hand_eye_page
 from lsvision.draw.html_page import html_page, paragraph, table
+from lsvision.draw.palette import OUTLIER
 from lsvision.shapes import Pose
 from lsvision.simulate.hand_eye import rotation_from_vector
 
@@ -84,7 +85,7 @@ def test_view_shows_the_board_where_the_camera_saw_it(solved):
     sensors = [flange @ MOUNT for flange in flanges]
     expected = [pose.inverse().apply_one(BOARD.translation)[:2] for pose in sensors]
     np.testing.assert_allclose(offsets, expected, atol=1e-3)
-    assert [text.get_color() for text in view.texts].count(OUTLIER_COLOUR) == 1
+    assert [text.get_color() for text in view.texts].count(OUTLIER) == 1
 
 
 def test_text_is_escaped_everywhere():
