@@ -1,13 +1,13 @@
 """Sections and cylinders of a scan in space."""
 
 import math
-from itertools import product
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from lsvision.draw.number_format import format_std, format_value, with_minus_signs
 from lsvision.draw.palette import POINTS, cylinder_colour
+from lsvision.draw.space import fit_into, scale_axes
 from lsvision.draw.titles import label_once, summary_title
 from lsvision.scan import ScanMeasurement, ScannedCylinder
 from lsvision.scan.surface import tube_surface
@@ -15,19 +15,14 @@ from lsvision.shapes import FloatArray, Points
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from matplotlib.transforms import Bbox
     from mpl_toolkits.mplot3d import Axes3D
 
 SIZE_INCH, DPI = (13.0, 8.0), 110
 DRAWING = (0.03, 0.03, 0.66, 0.83)
 """Left, bottom, width, height of the drawing with all its labels, as shares of the figure."""
-FIT_ITERATIONS = 3
-"""Times the drawing is scaled into its place; the labels do not scale with it."""
 MAX_POINTS = 6000
 """Of the scan; more only make one blot."""
 FACETS = 40
-MAX_TICKS = 6
-"""On the longest axis; shorter ones get fewer."""
 Vertical = Literal["y", "z"]
 ELEVATION_DEG, AZIMUTH_DEG = 25.0, -55.0
 MIN_FACING = -0.3
@@ -70,8 +65,8 @@ def draw_scan(
     _draw_points(axes, _about_cylinders(points, scan))
     for number, tube in enumerate(scan.cylinders, 1):
         _draw_tube(axes, tube, number)
-    _scale_axes(axes)
-    _fit_into_drawing(figure, axes)
+    scale_axes(axes)
+    fit_into(axes, DRAWING)
     figure.suptitle(summary_title(len(scan.cylinders), 0, title), x=0.03, y=0.96, ha="left",
                     fontsize=13, parse_math=False)  # fmt: skip
     figure.legend(*axes.get_legend_handles_labels(), loc="upper left", bbox_to_anchor=(0.02, 0.925),
@@ -134,48 +129,6 @@ def _ends(tube: ScannedCylinder, beyond: float) -> FloatArray:
     low, high = tube.axial_range
     more = beyond * (high - low)
     return tube.point + np.outer([low - more, high + more], tube.direction)
-
-
-def _scale_axes(axes: "Axes3D") -> None:
-    """The same scale on all axes, with labels and as many ticks as each has room for."""
-    from matplotlib.ticker import MaxNLocator
-
-    lengths = np.array([np.ptp(getattr(axes, f"get_{name}lim")()) for name in "xyz"])
-    axes.set_box_aspect(lengths)
-    for name, share in zip("xyz", lengths / lengths.max(), strict=True):
-        getattr(axes, f"set_{name}label")(f"{name.upper()} / mm", labelpad=13, fontsize=11)
-        axis = getattr(axes, f"{name}axis")
-        axis.set_major_locator(MaxNLocator(max(2, round(MAX_TICKS * share))))
-        axis.set_tick_params(pad=8, labelsize=10)  # a minus sign stands clear of its tick
-
-
-def _fit_into_drawing(figure: "Figure", axes: "Axes3D") -> None:
-    """Scale and move the axes until their drawing with all labels fills its place."""
-    left, bottom, width, height = DRAWING
-    to_shares = figure.transFigure.inverted()
-    for _ in range(FIT_ITERATIONS):
-        figure.draw_without_rendering()
-        drawn = _drawn_box(axes).transformed(to_shares)
-        place = axes.get_position(original=True)
-        factor = min(width / drawn.width, height / drawn.height)
-        across = place.x0 + place.width / 2 + left + width / 2 - (drawn.x0 + drawn.x1) / 2
-        up = place.y0 + place.height / 2 + bottom + height / 2 - (drawn.y0 + drawn.y1) / 2
-        size = factor * place.width, factor * place.height
-        axes.set_position((across - size[0] / 2, up - size[1] / 2, *size))
-
-
-def _drawn_box(axes: "Axes3D") -> "Bbox":
-    """What the axes draw: the corners of their box, ticks and labels, but not the margins."""
-    from matplotlib.transforms import Bbox
-    from mpl_toolkits.mplot3d.proj3d import proj_transform
-
-    limits = (getattr(axes, f"get_{name}lim")() for name in "xyz")
-    corners = np.array(list(product(*limits))).T
-    across, up, _ = proj_transform(*corners, axes.get_proj())
-    box = Bbox.null()
-    box.update_from_data_xy(axes.transData.transform(np.column_stack([across, up])))
-    renderer = axes.figure.canvas.get_renderer()
-    return Bbox.union([box, *(getattr(axes, f"{n}axis").get_tightbbox(renderer) for n in "xyz")])
 
 
 def _draw_numbers(figure: "Figure", scan: ScanMeasurement) -> None:
