@@ -1,4 +1,4 @@
-"""The paper's tables and figures, run again on the simulator and told honestly."""
+"""The paper's tables and figures, run again on the simulator, beside the least possible errors."""
 
 from lsvision.experiments.accuracy import readme_table
 from lsvision.experiments.json_report import report_json
