@@ -112,6 +112,7 @@ def draw_on_photo(
         u, v = seen[arc.indices[len(arc.indices) // 2]]
         axes.annotate(arc.letter, (u, v), xytext=(0, 14), textcoords="offset points",
                       color="white", fontsize=8, weight="bold", ha="center", annotation_clip=True,
+                      zorder=6,  # above the ellipses
                       bbox={"boxstyle": "round,pad=0.15", "fc": arc.colour, "ec": "none"},
                       arrowprops={"arrowstyle": "-", "color": arc.colour, "lw": 0.8})  # fmt: skip
     for number, cylinder in enumerate(measurement.cylinders, 1):
