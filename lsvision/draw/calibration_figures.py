@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lsvision.calibrate.hand_eye_result import HandEye, Sphere
-from lsvision.calibrate.intrinsics import CameraCalibration
-from lsvision.calibrate.laser_plane_result import LaserPlaneCalibration, rms
+from lsvision.calibration.hand_eye_result import HandEye, Sphere
+from lsvision.calibration.intrinsics import CameraCalibration
+from lsvision.calibration.laser_plane_result import LaserPlaneCalibration, rms
 from lsvision.draw.palette import BOARD, FRAME_AXES, INLIER, LASER_PLANE, OUTLIER
 from lsvision.draw.space import fit_into, scale_axes
-from lsvision.shapes import FloatArray, Plane, Pose
+from lsvision.geometry import FloatArray, Plane, Pose
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,9 +11,9 @@ from lsvision.draw.panel import draw_panel
 from lsvision.draw.rejected import RejectedArc, rejected_arcs
 from lsvision.draw.titles import draw_legend, label_once, summary_title
 from lsvision.ellipse.section import CylinderSection
+from lsvision.geometry import FloatArray, Points
 from lsvision.measure import Measurement
 from lsvision.profile import Profile
-from lsvision.shapes import FloatArray, Points
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

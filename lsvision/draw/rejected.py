@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.draw.palette import REJECTED
+from lsvision.geometry import IntArray, Points
 from lsvision.measure import Measurement
-from lsvision.shapes import IntArray, Points
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -9,9 +9,9 @@ from lsvision.draw.number_format import format_std, format_value, with_minus_sig
 from lsvision.draw.palette import POINTS, cylinder_colour
 from lsvision.draw.space import fit_into, scale_axes
 from lsvision.draw.titles import label_once, summary_title
+from lsvision.geometry import FloatArray, Points
 from lsvision.scan import ScanMeasurement, ScannedCylinder
 from lsvision.scan.surface import tube_surface
-from lsvision.shapes import FloatArray, Points
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -10,9 +10,9 @@ from matplotlib.colors import same_color
 from lsvision.draw import draw_laser_line, draw_overlay, figure_bytes
 from lsvision.draw.palette import cylinder_colour
 from lsvision.io.images import read_image
+from lsvision.laser_line.extraction import LineSettings, extract_laser_line
 from lsvision.measure import Measurement, measure_cylinders
-from lsvision.sensor.laser_line import LineSettings, extract_laser_line
-from lsvision.sensor.light_section import LightSection
+from lsvision.sensors.light_section import LightSection
 from tests.draw.borders import has_white_border
 
 IMAGES = Path(__file__).parents[2] / "fixtures" / "images"
