@@ -1,4 +1,4 @@
-"""The waist of the hourglass: what every sensor gives and every measurement starts from."""
+"""A profile: the ordered points of one section in mm, which sensors give and steps take."""
 
 import math
 from dataclasses import dataclass

@@ -1,7 +1,7 @@
 """Joint refinement of camera, laser plane, board poses and board bow, in pixels.
 
 All unknowns at once, because most of a laser plane's error sits in the boards' poses and the
-camera: refining the plane alone is no better than its linear start (camera.md, section 2).
+camera: refining the plane alone is no better than its linear start.
 """
 
 from collections.abc import Sequence

@@ -224,12 +224,12 @@ def _plan(
             f"{int(free.sum())} candidate poses {ahead.requirement} and {count} are "
             "asked for: give more candidates, or a better nominal pose of the sensor"
         )
-    informations = _informations(ahead, places, pool, nominal, settings.robot_std)
-    informations = informations * usable[:, None, None]
+    information_matrices = _information_matrices(ahead, places, pool, nominal, settings.robot_std)
+    information_matrices = information_matrices * usable[:, None, None]
     start = np.diag(np.array([*PRIOR_STD, *ahead.prior_std]) ** -2)
-    total = start + informations[: len(measured)].sum(axis=0)
+    total = start + information_matrices[: len(measured)].sum(axis=0)
     arm = nominal.rotation @ places[usable].mean(axis=0)
-    chosen, promised = _greedy(total, informations, free, count, arm)
+    chosen, promised = _greedy(total, information_matrices, free, count, arm)
     indices = tuple(int(index) - len(measured) for index in chosen)
     return PosePlan(tuple(pool[index] for index in chosen), indices, *np.array(promised).T)
 
@@ -254,7 +254,7 @@ def _candidates(ahead: PlanningTarget, nominal: Pose, settings: PosePlanSettings
     ]
 
 
-def _informations(
+def _information_matrices(
     ahead: PlanningTarget,
     places: FloatArray,
     pool: Sequence[Pose],
@@ -273,18 +273,22 @@ def _informations(
 
 
 def _greedy(
-    total: FloatArray, informations: FloatArray, free: BoolArray, count: int, arm: FloatArray
+    total: FloatArray,
+    information_matrices: FloatArray,
+    free: BoolArray,
+    count: int,
+    arm: FloatArray,
 ) -> tuple[IntArray, list[tuple[float, float]]]:
     free = free.copy()
     weights = np.array([1.0] * 3 + [100.0**2] * 3)
     at_work = np.hstack([np.eye(3), -cross_matrices(arm)])
     chosen, promised = [], []
     for _ in range(count):
-        covariances = np.linalg.inv(total + informations)[:, :6, :6]
+        covariances = np.linalg.inv(total + information_matrices)[:, :6, :6]
         spreads = np.einsum("nii,i->n", covariances, weights)
         best = int(np.where(free, spreads, np.inf).argmin())
         free[best] = False
-        total = total + informations[best]
+        total = total + information_matrices[best]
         chosen.append(best)
         best_covariance = covariances[best]
         work = np.trace(at_work @ best_covariance @ at_work.T)

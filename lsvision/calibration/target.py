@@ -20,7 +20,7 @@ REFINEMENT_STEPS = 30
 
 WINDOW_FRACTION = 1 / 6
 """Half window of the corner refinement, in squares: 0.018 px instead of 0.024 with a fixed
-5 px (camera.md, section 2)."""
+5 px."""
 
 
 class TargetNotFound(CalibrationFailed):

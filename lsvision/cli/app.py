@@ -8,6 +8,7 @@ import typer
 from typer.core import TyperGroup
 
 from lsvision.cli.calibrate import calibrate
+from lsvision.cli.demo import demo
 from lsvision.cli.line import line
 from lsvision.cli.measure import measure
 from lsvision.cli.messages import FAILED, internal_error, print_error
@@ -43,7 +44,6 @@ app = typer.Typer(
     cls=_OneLineErrors,
     name="lsvision",
     no_args_is_help=True,
-    add_completion=False,
     rich_markup_mode=None,  # plain help needs no import of rich and can be piped
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -75,10 +75,11 @@ def _frame(
     """Radius and orientation of cylinders from a light section, each with its uncertainty.
 
     Lengths are in mm and angles in deg; X runs along the laser line, Y towards the sensor.
-    lsvision COMMAND --help shows examples.
+    lsvision demo measures a shipped profile; lsvision COMMAND --help shows examples.
     """
 
 
+app.command()(demo)
 app.command()(measure)
 app.command()(line)
 app.command()(paper)

@@ -149,9 +149,10 @@ def scan(
         from lsvision.io.scan_results import scan_record, write_scan_json
 
         write_scan_json(json_file, scan_record(found, shapes, names))
-    _write_views(
-        found, _all_points(profiles, base_from_sections), (plot, points_ply, surfaces_ply), files
-    )
+    points = _all_points(profiles, base_from_sections)
+    if plot is not None:
+        _draw(plot, found, points, title=" ".join(files), of_robot=isinstance(motion, Robot))
+    _write_clouds(found, points, points_ply, surfaces_ply)
 
 
 def _read_all(sources: Sequence[Path], reading: "ReadOptions") -> "tuple[list[Profile], list[str]]":
@@ -208,21 +209,22 @@ def _all_points(profiles: "Sequence[Profile]", poses: "Sequence[Pose]") -> "Poin
     return seen
 
 
-def _write_views(
-    found: "ScanMeasurement",
-    points: "Points",
-    outputs: tuple[Path | None, Path | None, Path | None],
-    files: Sequence[str],
+def _draw(
+    plot: Path, found: "ScanMeasurement", points: "Points", *, title: str, of_robot: bool
 ) -> None:
-    """The picture, the points and the surfaces, each where it is wanted."""
-    picture, points_ply, surfaces_ply = outputs
-    if picture is not None:
-        from lsvision.draw import figure_bytes
-        from lsvision.draw.scan import draw_scan
-        from lsvision.io.atomic_files import write_atomic
+    """Write the picture: Z upwards in a robot's base frame, else Y, towards the sensor."""
+    from lsvision.draw import figure_bytes
+    from lsvision.draw.scan import draw_scan
+    from lsvision.io.atomic_files import write_atomic
 
-        figure = draw_scan(found, points, title=" ".join(files))
-        write_atomic(picture, figure_bytes(figure, picture.suffix[1:].lower()))
+    figure = draw_scan(found, points, title=title, vertical="z" if of_robot else "y")
+    write_atomic(plot, figure_bytes(figure, plot.suffix[1:].lower()))
+
+
+def _write_clouds(
+    found: "ScanMeasurement", points: "Points", points_ply: Path | None, surfaces_ply: Path | None
+) -> None:
+    """Write the points and the surfaces, each where it is wanted."""
     if points_ply is None and surfaces_ply is None:
         return
     from lsvision.draw.scan_ply import coloured_points, coloured_surfaces

@@ -8,25 +8,26 @@ import numpy as np
 from lsvision.calibration.hand_eye_result import HandEye, Sphere
 from lsvision.calibration.intrinsics import CameraCalibration
 from lsvision.calibration.laser_plane_result import LaserPlaneCalibration, rms
+from lsvision.draw.palette import BOARD, FRAME_AXES, INLIER, LASER_PLANE, OUTLIER
+from lsvision.draw.space import fit_into, scale_axes
 from lsvision.geometry import FloatArray, Plane, Pose
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-INLIER_COLOUR, OUTLIER_COLOUR, NEUTRAL_COLOUR, LASER = "#0072B2", "#D55E00", "#999999", "#C8102E"
-AXES = ("#C8102E", "#00805E", "#0072B2")
-"""Of X, Y and Z."""
+SPACE = (0.54, 0.02, 0.45, 0.82)
+"""Place of a drawing in space beside one in a plane, as shares of the figure."""
 MAX_BAR_LABELS = 24
 """Bars beyond which only every few get a name."""
 
 
-def new_figure(width: float, height: float) -> "Figure":
+def new_figure(width: float, height: float, layout: str = "constrained") -> "Figure":
     """An empty figure with a canvas of its own; inches."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width, height), facecolor="white", layout="constrained")
+    figure = Figure(figsize=(width, height), facecolor="white", layout=layout)
     FigureCanvasAgg(figure)
     return figure
 
@@ -38,12 +39,12 @@ def draw_coverage(found: CameraCalibration) -> "Figure":
     for view in found.views:
         left.plot(*view.seen.pixels.T, ".", markersize=3)
     width, height = found.camera.size
-    left.set(xlim=(0, width), ylim=(height, 0), xlabel="u px", ylabel="v px", aspect="equal",
+    left.set(xlim=(0, width), ylim=(height, 0), xlabel="u / px", ylabel="v / px", aspect="equal",
              title="Points seen, a colour a view")  # fmt: skip
     residuals = np.concatenate([view.residuals for view in found.views])
-    right.plot(*residuals.T, ".", color=INLIER_COLOUR, markersize=2)
+    right.plot(*residuals.T, ".", color=INLIER, markersize=2)
     reach = 1.1 * float(np.abs(residuals).max()) + 1e-9
-    right.set(xlim=(-reach, reach), ylim=(reach, -reach), xlabel="du px", ylabel="dv px",
+    right.set(xlim=(-reach, reach), ylim=(reach, -reach), xlabel="du / px", ylabel="dv / px",
               aspect="equal", title="Projected minus seen")  # fmt: skip
     return figure
 
@@ -72,7 +73,7 @@ def draw_bars(
     place, width = np.arange(len(names)), 0.8 / len(series)
     for number, (name, values) in enumerate(series):
         shade = 1.0 if number == 0 else 0.45
-        colours = [OUTLIER_COLOUR if index in bad else INLIER_COLOUR for index in range(len(names))]
+        colours = [OUTLIER if index in bad else INLIER for index in range(len(names))]
         axes.bar(place + (number + 0.5) * width - 0.4, values, width, color=colours, alpha=shade,
                  label=name)  # fmt: skip
     step = 1 + len(names) // MAX_BAR_LABELS
@@ -80,7 +81,7 @@ def draw_bars(
                     parse_math=False)  # fmt: skip
     axes.set_ylabel(unit)
     if len(series) > 1:
-        axes.legend(frameon=False)
+        axes.legend(frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(series))
     axes.spines[["top", "right"]].set_visible(False)
     return figure
 
@@ -95,51 +96,57 @@ def draw_laser_plane(found: LaserPlaneCalibration, board: FloatArray) -> "Figure
     board : (4, 3) ndarray
         Corners of the pattern, board frame. Units: mm.
     """
-    figure = new_figure(9.5, 4.6)
-    side = figure.add_subplot(1, 2, 1)
-    space: Any = figure.add_subplot(1, 2, 2, projection="3d")
+    figure = new_figure(9.5, 4.6, "none")
+    side = figure.add_axes((0.075, 0.13, 0.4, 0.73))
+    space: Any = figure.add_axes(SPACE, projection="3d")
     outlines = [view.camera_from_board.apply(board)[[0, 1, 2, 3, 0]] for view in found.views]
     for outline in outlines:
-        side.plot(outline[:, 2], outline[:, 1], color=NEUTRAL_COLOUR, linewidth=0.8)
-        space.plot(
-            outline[:, 0], outline[:, 2], -outline[:, 1], color=NEUTRAL_COLOUR, linewidth=0.8
-        )
+        side.plot(outline[:, 2], outline[:, 1], color=BOARD, linewidth=0.8)
+        space.plot(outline[:, 0], outline[:, 2], -outline[:, 1], color=BOARD, linewidth=0.8)
     sheet = _sheet(found.plane, np.concatenate(outlines))
-    side.plot(sheet[:, 2], sheet[:, 1], color=LASER, linewidth=1.5)
+    side.plot(sheet[:, 2], sheet[:, 1], color=LASER_PLANE, linewidth=1.5)
     closed = sheet[[0, 1, 2, 3, 0]]
-    space.plot(closed[:, 0], closed[:, 2], -closed[:, 1], color=LASER)
+    space.plot(closed[:, 0], closed[:, 2], -closed[:, 1], color=LASER_PLANE)
     side.plot(0, 0, "k^")
     space.scatter(0, 0, 0, color="black", marker="^")
-    side.set(xlabel="z mm, along the view", ylabel="y mm, down in the image", aspect="equal",
+    side.set_aspect("equal", adjustable="datalim")
+    side.set(xlabel="z / mm, along the view", ylabel="y / mm, down in the image",
              title="From the side: boards grey, laser red")  # fmt: skip
-    side.set_ylim(side.get_ylim()[::-1] if side.get_ylim()[0] < side.get_ylim()[1] else None)
-    space.set(xlabel="x", ylabel="z", zlabel="-y", title="In space, mm", aspect="equal")
+    side.invert_yaxis()
+    scale_axes(space, ("x / mm", "z / mm", "−y / mm"))
+    fit_into(space, SPACE)
+    _title_space(figure, "In space; triangle: camera")
     return figure
 
 
 def draw_poses(found: HandEye, flanges: Sequence[Pose]) -> "Figure":
     """Where the sensor stood, and where in its view the target was."""
-    figure = new_figure(9.5, 4.6)
-    space: Any = figure.add_subplot(1, 2, 1, projection="3d")
-    view = figure.add_subplot(1, 2, 2)
+    figure = new_figure(9.5, 4.6, "none")
+    space: Any = figure.add_axes(SPACE, projection="3d")
+    view = figure.add_axes((0.075, 0.13, 0.4, 0.73))
     sensors, centre = _sensors(found, flanges), _target_point(found, flanges)
     left_out = {pose.index for pose in found.rejected}
     seen = np.array([pose.inverse().apply_one(centre) for pose in sensors])
     length = 0.25 * float(np.linalg.norm(seen, axis=1).mean())
     for index, pose in enumerate(sensors):
         start = pose.translation
-        for axis, colour in zip(pose.rotation.T, AXES, strict=True):
+        for axis, colour in zip(pose.rotation.T, FRAME_AXES, strict=True):
             space.plot(*np.column_stack([start, start + length * axis]), color=colour,
                        linewidth=1.2)  # fmt: skip
-        space.text(
-            *start, f" {index}", fontsize=7, color=OUTLIER_COLOUR if index in left_out else "black"
-        )
+        space.text(*start, f" {index}", fontsize=7, color=OUTLIER if index in left_out else "black")
     space.scatter(*centre, color="black")
     mount = "robot's base" if found.mounting == "eye_in_hand" else "flange"
-    title = f"Sensor (X red, Y green, Z blue) in the\n{mount} frame, mm; target black"
-    space.set(xlabel="x", ylabel="y", zlabel="z", aspect="equal", title=title)
+    scale_axes(space, ("x / mm", "y / mm", "z / mm"))
+    fit_into(space, SPACE)
+    _title_space(figure, f"Sensor (X red, Y green, Z blue) in the\n{mount} frame; target black")
     _draw_view(view, seen, left_out, found)
     return figure
+
+
+def _title_space(figure: "Figure", title: str) -> None:
+    """A title above the drawing in space; as high as that of the plane drawing beside it."""
+    left, _, width, _ = SPACE
+    figure.text(left + width / 2, 0.885, title, ha="center", va="bottom", fontsize=12)
 
 
 def view_sizes(found: LaserPlaneCalibration) -> tuple[list[float], list[float]]:
@@ -153,20 +160,23 @@ def view_sizes(found: LaserPlaneCalibration) -> tuple[list[float], list[float]]:
 def _draw_view(axes: "Axes", seen: FloatArray, left_out: set[int], found: HandEye) -> None:
     across = float(np.abs(seen[:, 2]).max()) + 1e-9
     if found.sensor == "camera":
-        axes.set(xlabel="x mm", ylabel="y mm", title="Target in the camera's view")
+        axes.set(xlabel="x / mm", ylabel="y / mm", title="Target in the camera's view")
         axes.invert_yaxis()
         colours = seen[:, 2]
         limits: tuple[float, float] = (float(colours.min()), float(colours.max()))
     else:
-        axes.set(xlabel="X mm", ylabel="Y mm", title="Target's centre in the section")
+        axes.set(xlabel="X / mm", ylabel="Y / mm", title="Target's centre in the section")
         colours, limits = seen[:, 2], (-across, across)
     dots = axes.scatter(*seen[:, :2].T, c=colours, cmap="coolwarm", vmin=limits[0],
                         vmax=limits[1], edgecolors="black", s=60)  # fmt: skip
     for index, point in enumerate(seen):
         axes.annotate(str(index), point[:2], xytext=(6, 4), textcoords="offset points", fontsize=8,
-                      color=OUTLIER_COLOUR if index in left_out else "black")  # fmt: skip
-    label = "z mm, along the view" if found.sensor == "camera" else "Z mm, beside the laser plane"
+                      color=OUTLIER if index in left_out else "black")  # fmt: skip
+    label = (
+        "z / mm, along the view" if found.sensor == "camera" else "Z / mm, beside the laser plane"
+    )
     axes.figure.colorbar(dots, ax=axes, label=label)
+    axes.margins(0.12)  # the numbers beside the outermost dots
     axes.set_aspect("equal", adjustable="datalim")
 
 

@@ -5,20 +5,35 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from lsvision.draw.palette import LASER_LINE, SATURATED
 from lsvision.draw.photo import show_photo
+from lsvision.draw.titles import draw_legend, printable
+from lsvision.geometry import BoolArray, FloatArray, Points
 from lsvision.laser_line.extraction import LaserLine
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-SIZE_INCH, DPI = (13.0, 14.0), 100
+DPI = 100
+MAX_PHOTO_INCH = {"columns": (11.7, 9.0), "rows": (7.5, 10.5)}
+"""Largest width and height of the photo, for a line along the columns and along the rows."""
+MIN_WIDTH_INCH = 10.5
+"""Of the figure: the summary above the photo fits."""
+LEFT_INCH, RIGHT_INCH, TOP_INCH, BOTTOM_INCH = 0.95, 0.3, 1.05, 0.65
+CURVE_INCH, CURVE_GAP_INCH, PHOTO_GAP_INCH = 1.45, 0.2, 0.75
+"""Extent of a curve's axes across the line, and the gaps between curves and below the photo."""
 AXIS_PERCENTILE = 99.0
 """Percentile of a curve that still fits its axes."""
-COLOUR, SATURATED = "#00B7EB", "#D55E00"
+Box = tuple[float, float, float, float]
+"""Left, bottom, width, height."""
 
 
 def draw_laser_line(image: npt.ArrayLike, line: LaserLine, *, title: str = "") -> "Figure":
-    """Draw a laser line into its image, with its std, width and brightness below.
+    """Draw a laser line into its image, with its std, width and brightness beside it.
+
+    The curves share the photo's axis along the line: below the photo, a point stands under its
+    column; of a line that runs from top to bottom they stand to the right, a point in its row.
 
     Parameters
     ----------
@@ -32,7 +47,8 @@ def draw_laser_line(image: npt.ArrayLike, line: LaserLine, *, title: str = "") -
     Returns
     -------
     matplotlib.figure.Figure
-        Save it with its ``savefig`` or `figure_bytes`. Its first axes hold the photo.
+        Save it with its ``savefig`` or `figure_bytes`. Its first axes hold the photo, the others
+        the curves.
 
     Examples
     --------
@@ -45,19 +61,24 @@ def draw_laser_line(image: npt.ArrayLike, line: LaserLine, *, title: str = "") -
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=SIZE_INCH, dpi=DPI, facecolor="white")
+    size, photo_box, curve_boxes = _layout(np.shape(image), line.direction)
+    figure = Figure(figsize=size, dpi=DPI, facecolor="white")
     FigureCanvasAgg(figure)
-    photo = figure.add_axes((0.075, 0.4, 0.905, 0.55))
+    photo = figure.add_axes(_shares_of(photo_box, size))
     show_photo(photo, image)
     limits = photo.axis()
-    photo.plot(*line.pixels.T, ".", color=COLOUR, ms=1.5, label="line")
-    photo.plot(*line.pixels[line.saturated].T, ".", color=SATURATED, ms=1.5, label="at full scale")
+    _draw_points(photo, line.pixels, line.saturated)
     photo.axis(limits)
-    photo.legend(loc="upper right", markerscale=6, fontsize=9)
-    name = f"{title}: " if title else ""
-    figure.suptitle(f"{name}{line_summary(line)}", x=0.075, y=0.98, ha="left", fontsize=12,
-                    parse_math=False)  # fmt: skip
-    _draw_curves(figure, line)
+    draw_legend(photo, marker_scale=4)
+    left, top = LEFT_INCH / size[0], 1 - 0.2 / size[1]
+    figure.suptitle(f"{printable(title)}\n{line_summary(line)}".lstrip(), x=left, y=top, ha="left",
+                    va="top", fontsize=11, parse_math=False)  # fmt: skip
+    for row, box in zip(_curves(line), curve_boxes, strict=True):
+        _draw_curve(figure, photo, line, row, _shares_of(box, size))
+    if line.direction == "columns":  # one axis for all: its numbers stand below the last
+        for axes in figure.axes[1:-1]:
+            axes.tick_params(labelbottom=False)
+        figure.axes[-1].set_xlabel("u / px")
     return figure
 
 
@@ -80,19 +101,62 @@ def line_summary(line: LaserLine) -> str:
     )
 
 
-def _draw_curves(figure: "Figure", line: LaserLine) -> None:
-    along = line.pixels[:, 0 if line.direction == "columns" else 1]
-    rows = (("std / px", line.std), ("width / px (one sigma)", line.width),
-            ("brightness / DN", line.intensity))  # fmt: skip
-    for place, (name, values) in enumerate(rows):
-        axes = figure.add_axes((0.075, 0.045 + 0.11 * (2 - place), 0.905, 0.095))
-        axes.plot(along, values, ".", color="0.35", ms=2)
-        axes.plot(along[line.saturated], values[line.saturated], ".", color=SATURATED, ms=2)
-        axes.set_ylabel(name, fontsize=8)
-        axes.grid(visible=True, lw=0.4, alpha=0.5)
-        axes.set_xlim(0, len(line) - 1)
-        axes.set_ylim(0, 1.1 * float(np.nanpercentile(values, AXIS_PERCENTILE)))
-        if place < 2:
-            axes.tick_params(labelbottom=False)
-        else:
-            axes.set_xlabel("u / px" if line.direction == "columns" else "v / px")
+def _layout(
+    shape: tuple[int, ...], direction: str
+) -> tuple[tuple[float, float], Box, tuple[Box, Box, Box]]:
+    """Size of the figure, and the boxes of the photo and of the three curves. Units: inch."""
+    height, width = shape[:2]
+    max_width, max_height = MAX_PHOTO_INCH[direction]
+    scale = min(max_width / width, max_height / height)
+    across, up = scale * width, scale * height
+    curves = 3 * CURVE_INCH + 2 * CURVE_GAP_INCH
+    steps = [number * (CURVE_INCH + CURVE_GAP_INCH) for number in range(3)]
+    if direction == "columns":
+        bottom = BOTTOM_INCH + curves + PHOTO_GAP_INCH
+        size = (LEFT_INCH + across + RIGHT_INCH, bottom + up + TOP_INCH)
+        first, second, third = (
+            (LEFT_INCH, BOTTOM_INCH + step, across, CURVE_INCH) for step in reversed(steps)
+        )
+    else:
+        bottom, start = BOTTOM_INCH, LEFT_INCH + across + CURVE_GAP_INCH
+        size = (start + curves + RIGHT_INCH, bottom + up + TOP_INCH)
+        first, second, third = ((start + step, bottom, CURVE_INCH, up) for step in steps)
+    size = (max(size[0], MIN_WIDTH_INCH), size[1])
+    return size, (LEFT_INCH, bottom, across, up), (first, second, third)
+
+
+def _shares_of(box: Box, size: tuple[float, float]) -> Box:
+    """A box in inches as shares of the figure."""
+    return box[0] / size[0], box[1] / size[1], box[2] / size[0], box[3] / size[1]
+
+
+def _draw_points(axes: "Axes", points: Points, saturated: BoolArray) -> None:
+    axes.plot(*points.T, ".", color=LASER_LINE, ms=2, label="laser line")
+    axes.plot(*points[saturated].T, ".", color=SATURATED, ms=2, label="at full scale")
+
+
+def _curves(line: LaserLine) -> tuple[tuple[str, FloatArray], ...]:
+    """Name with unit, and a value for each point."""
+    return (
+        ("std / px", line.std),
+        ("width / px (1 sigma)", line.width),
+        ("brightness / DN", line.intensity),
+    )
+
+
+def _draw_curve(
+    figure: "Figure", photo: "Axes", line: LaserLine, curve: tuple[str, FloatArray], box: Box
+) -> None:
+    """A quantity of the line's points, on the photo's axis along the line."""
+    name, values = curve
+    limits = (0, 1.1 * float(np.nanpercentile(values, AXIS_PERCENTILE)))
+    if line.direction == "columns":
+        axes = figure.add_axes(box, sharex=photo)
+        _draw_points(axes, np.column_stack([line.pixels[:, 0], values]), line.saturated)
+        axes.set(ylabel=name, ylim=limits)
+    else:
+        axes = figure.add_axes(box, sharey=photo)
+        _draw_points(axes, np.column_stack([values, line.pixels[:, 1]]), line.saturated)
+        axes.set(xlabel=name, xlim=limits)
+        axes.tick_params(labelleft=False)
+    axes.grid(visible=True, lw=0.4, alpha=0.5)

@@ -1,10 +1,25 @@
 """A number as people read it beside its sigma."""
 
 import math
+import re
 
 DEFAULT_DECIMALS = 4
 MAX_DECIMALS = 6
 """Decimals of a number that has no sigma (a radius known exactly), and the most of any."""
+
+
+_HYPHEN_MINUS = re.compile(r"(?<![\w.)])-(?=\.?\d)")
+
+
+def with_minus_signs(text: str) -> str:
+    """A text for a picture: the hyphen before a number becomes a minus sign, wide as the plus.
+
+    Examples
+    --------
+    >>> with_minus_signs("centre (-4.22, -450.08) mm, X-ray 3-5")
+    'centre (−4.22, −450.08) mm, X-ray 3-5'
+    """
+    return _HYPHEN_MINUS.sub("\N{MINUS SIGN}", text)
 
 
 def format_value(value: float, std: float) -> str:

@@ -6,10 +6,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.draw.measurement import draw_on_axes, summary_title
-from lsvision.draw.panel import colour_of, draw_panel
+from lsvision.draw.measurement import draw_on_axes
+from lsvision.draw.palette import POINTS, cylinder_colour
+from lsvision.draw.panel import draw_panel
 from lsvision.draw.photo import show_photo
 from lsvision.draw.rejected import rejected_arcs
+from lsvision.draw.titles import draw_legend, label_once, summary_title
 from lsvision.ellipse.section import CylinderSection
 from lsvision.geometry import Points
 from lsvision.measure import Measurement
@@ -72,8 +74,9 @@ def draw_overlay(
     figure = Figure(figsize=SIZE_INCH, dpi=DPI, facecolor="white")
     FigureCanvasAgg(figure)
     above, below = figure.subfigures(2, 1, height_ratios=HEIGHT_RATIOS)
-    photo = above.add_axes((0.065, 0.06, 0.915, 0.87))
+    photo = above.add_axes((0.065, 0.06, 0.915, 0.84))
     show_photo(photo, image)
+    photo.set_anchor("W")  # its left edge stands above that of the section
     draw_on_photo(photo, light_section, profile, measurement)
     refused = rejected_arcs(profile.points, measurement)
     figure.suptitle(summary_title(len(measurement.cylinders), len(refused), title),
@@ -102,27 +105,34 @@ def draw_on_photo(
     """
     limits = axes.axis()
     seen = light_section.project(profile.points)
-    axes.plot(*seen.T, ",", color="#00B7EB", zorder=2)
+    axes.plot(*seen.T, ".", color=POINTS, ms=2.5, zorder=2, label="measured points")
     for arc in rejected_arcs(profile.points, measurement):
-        axes.plot(*seen[arc.indices].T, ".", color=arc.colour, ms=1.5, zorder=3)
+        axes.plot(*seen[arc.indices].T, "x", color=arc.colour, ms=3, mew=0.8, zorder=3,
+                  label=label_once(axes, "refused arc"))  # fmt: skip
         u, v = seen[arc.indices[len(arc.indices) // 2]]
         axes.annotate(arc.letter, (u, v), xytext=(0, 14), textcoords="offset points",
                       color="white", fontsize=8, weight="bold", ha="center", annotation_clip=True,
+                      zorder=6,  # above the ellipses
                       bbox={"boxstyle": "round,pad=0.15", "fc": arc.colour, "ec": "none"},
                       arrowprops={"arrowstyle": "-", "color": arc.colour, "lw": 0.8})  # fmt: skip
     for number, cylinder in enumerate(measurement.cylinders, 1):
         _draw_cylinder(axes, light_section, seen, cylinder, number)
     axes.axis(limits)
+    draw_legend(axes)
 
 
 def _draw_cylinder(
     axes: "Axes", light_section: LightSection, seen: Points, cylinder: CylinderSection, number: int
 ) -> None:
-    colour, ellipse = colour_of(number), cylinder.ellipse
+    colour, ellipse = cylinder_colour(number), cylinder.ellipse
     outline = light_section.project(ellipse.points_at(np.linspace(0, 2 * math.pi, OUTLINE_STEPS)))
-    for width, shade in ((3.4, "white"), (1.6, colour)):  # readable on any photo
-        axes.plot(*outline.T, "-", color=shade, lw=width, zorder=4)
-    axes.plot(*seen[cylinder.indices].T, ".", color="yellow", ms=1.2, zorder=5)
+    points = seen[cylinder.indices].T
+    axes.plot(*points, "o", color="white", ms=4.4, mew=0, zorder=4)  # readable on any photo
+    axes.plot(*outline.T, "-", color="white", lw=2.4, zorder=4)
+    axes.plot(*points, "o", color=colour, ms=3.2, mew=0, zorder=5,
+              label=label_once(axes, "points of a cylinder"))  # fmt: skip
+    axes.plot(*outline.T, "-", color=colour, lw=1.1, zorder=5,
+              label=label_once(axes, "fitted ellipse"))  # fmt: skip
     badge = {"boxstyle": "circle,pad=0.25", "fc": colour, "ec": "white"}
     u, v = light_section.project([ellipse.centre])[0]
     axes.text(u, v, str(number), color="white", fontsize=11, weight="bold", ha="center",

@@ -5,19 +5,19 @@ import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from lsvision.draw.number_format import format_value
+from lsvision.draw.number_format import format_value, with_minus_signs
+from lsvision.draw.palette import cylinder_colour
 from lsvision.draw.rejected import RejectedArc
 from lsvision.ellipse.section import CylinderSection
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-CYLINDER_COLOURS = ("#0072B2", "#00805E", "#A8457E", "#4B4BC8")
 HEADING = "black"
 
-LEFT, TOP, LINE = 0.685, 0.865, 0.0208
+LEFT, TOP, LINE = 0.685, 0.865, 0.0225
 """Place of the panel and height of its lines, as shares of the figure."""
-COLUMNS, LINES = 48, 34
+COLUMNS, LINES = 48, 31
 """Characters of a line, and lines, that fit."""
 MAX_FULL_CYLINDERS = 4
 """More cylinders get two lines each."""
@@ -27,11 +27,6 @@ LEGEND = (
     "φ: tilt of the cylinder from the laser plane's normal\n"
     "± one sigma"
 )
-
-
-def colour_of(number: int) -> str:
-    """Colour of a cylinder, numbered from 1."""
-    return CYLINDER_COLOURS[(number - 1) % len(CYLINDER_COLOURS)]
 
 
 def draw_panel(
@@ -57,8 +52,8 @@ def draw_panel(
         ]
     for row, (line, colour) in enumerate(lines):
         weight = "bold" if colour == HEADING else "normal"
-        figure.text(LEFT, TOP - row * LINE, line, color=colour, fontsize=9, va="top",
-                    family="monospace", weight=weight, parse_math=False)  # fmt: skip
+        figure.text(LEFT, TOP - row * LINE, with_minus_signs(line), color=colour, fontsize=9,
+                    va="top", family="monospace", weight=weight, parse_math=False)  # fmt: skip
     figure.text(LEFT, 0.085, LEGEND, color="0.3", fontsize=8, va="bottom", parse_math=False)
 
 
@@ -71,7 +66,7 @@ def _cylinder_lines(cylinders: Sequence[CylinderSection]) -> list[tuple[str, str
         if len(cylinders) > MAX_FULL_CYLINDERS:
             texts = [f"{texts[0]}, {texts[2]}", texts[1]]
         heads = [f"{number:<3}", *["   "] * (len(texts) - 1)]
-        colour = colour_of(number)
+        colour = cylinder_colour(number)
         lines += [(f"{head} {text}", colour) for head, text in zip(heads, texts, strict=True)]
         if len(cylinders) <= MAX_FULL_CYLINDERS:
             lines.append(("", HEADING))

@@ -4,12 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lsvision.draw.palette import REJECTED
 from lsvision.geometry import IntArray, Points
 from lsvision.measure import Measurement
-
-COLOURS = ("#D55E00", "#9A6A00")
-"""Vermilion and dark yellow: unlike all colours of cylinders, also to the colour-blind;
-neighbours take turns."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -55,7 +52,7 @@ def rejected_arcs(points: Points, measurement: Measurement) -> tuple[RejectedArc
     for (start, stop), reason in sorted(reasons.items()):
         own = start + np.flatnonzero(free[start:stop])
         if len(own):
-            colour = COLOURS[len(arcs) % len(COLOURS)]
+            colour = REJECTED[len(arcs) % len(REJECTED)]
             arcs.append(RejectedArc(_letter(len(arcs)), own, reason, colour))
     return tuple(arcs)
 

@@ -1,10 +1,14 @@
 """Sections and cylinders of a scan in space."""
 
-from typing import TYPE_CHECKING
+import math
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from lsvision.draw.panel import colour_of
+from lsvision.draw.number_format import format_std, format_value, with_minus_signs
+from lsvision.draw.palette import POINTS, cylinder_colour
+from lsvision.draw.space import fit_into, scale_axes
+from lsvision.draw.titles import label_once, summary_title
 from lsvision.geometry import FloatArray, Points
 from lsvision.scan import ScanMeasurement, ScannedCylinder
 from lsvision.scan.surface import tube_surface
@@ -14,13 +18,23 @@ if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D
 
 SIZE_INCH, DPI = (13.0, 8.0), 110
+DRAWING = (0.03, 0.03, 0.66, 0.83)
+"""Left, bottom, width, height of the drawing with all its labels, as shares of the figure."""
 MAX_POINTS = 6000
 """Of the scan; more only make one blot."""
 FACETS = 40
-ELEVATION_DEG, AZIMUTH_DEG = 25.0, -60.0
+Vertical = Literal["y", "z"]
+ELEVATION_DEG, AZIMUTH_DEG = 25.0, -55.0
+MIN_FACING = -0.3
+"""Cosine between the measured sides and the eye below which the scan is seen from elsewhere."""
+PANEL_LEFT, PANEL_TOP, PANEL_LINE = 0.715, 0.86, 0.024
+MAX_FULL_CYLINDERS, MAX_CYLINDERS = 4, 9
+"""Cylinders of the panel with all their numbers, and with two lines each."""
 
 
-def draw_scan(scan: ScanMeasurement, points: Points, *, title: str = "") -> "Figure":
+def draw_scan(
+    scan: ScanMeasurement, points: Points, *, title: str = "", vertical: Vertical = "y"
+) -> "Figure":
     """Draw all points of a scan, the cylinders found and their axes.
 
     Parameters
@@ -31,35 +45,52 @@ def draw_scan(scan: ScanMeasurement, points: Points, *, title: str = "") -> "Fig
         All points of the scan, base frame. Units: mm.
     title : str
         Above the drawing.
+    vertical : {"y", "z"}
+        Axis that is drawn upwards: Y of a section frame, towards the sensor, or Z of a robot's
+        base frame.
 
     Returns
     -------
     matplotlib.figure.Figure
-        With a canvas of its own. Y is up, as towards the sensor of a section frame. Points far
-        from every cylinder are left out.
+        With a canvas of its own. Points far from every cylinder are left out.
     """
     import mpl_toolkits.mplot3d  # noqa: F401 - registers the projection
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
-    from matplotlib.ticker import MaxNLocator
 
     figure = Figure(figsize=SIZE_INCH, dpi=DPI, facecolor="white")
     FigureCanvasAgg(figure)
-    axes = figure.add_axes((0.0, 0.02, 0.70, 0.9), projection="3d")
-    axes.view_init(ELEVATION_DEG, AZIMUTH_DEG, vertical_axis="y")
+    axes = figure.add_axes(DRAWING, projection="3d")
+    axes.view_init(ELEVATION_DEG, _azimuth(scan, vertical), vertical_axis=vertical)
     _draw_points(axes, _about_cylinders(points, scan))
     for number, tube in enumerate(scan.cylinders, 1):
         _draw_tube(axes, tube, number)
-    for axis in "xyz":
-        getattr(axes, f"set_{axis}label")(f"{axis.upper()} / mm", labelpad=12)
-        getattr(axes, f"{axis}axis").set_major_locator(MaxNLocator(5))
-    axes.set_aspect("equal")
-    count = len(scan.cylinders)
-    found = f"{count or 'no'} cylinder{'' if count in {0, 1} else 's'}"
-    headline = f"{title}: {found}" if title else found
-    figure.suptitle(headline, x=0.03, y=0.97, ha="left", fontsize=13, parse_math=False)
+    scale_axes(axes)
+    fit_into(axes, DRAWING)
+    figure.suptitle(summary_title(len(scan.cylinders), 0, title), x=0.03, y=0.96, ha="left",
+                    fontsize=13, parse_math=False)  # fmt: skip
+    figure.legend(*axes.get_legend_handles_labels(), loc="upper left", bbox_to_anchor=(0.02, 0.925),
+                  ncols=4, frameon=False, fontsize=9, markerscale=2.5)  # fmt: skip
     _draw_numbers(figure, scan)
     return figure
+
+
+def _azimuth(scan: ScanMeasurement, vertical: Vertical) -> float:
+    """Azimuth of the eye: the usual one, unless it looks at the cylinders from behind."""
+    outward = [tube.points.mean(axis=0) - _ends(tube, 0.0).mean(axis=0) for tube in scan.cylinders]
+    if not outward:
+        return AZIMUTH_DEG
+    facing = np.mean([normal / np.linalg.norm(normal) for normal in outward], axis=0)
+    # Matplotlib counts the azimuth from the axis after the vertical one, in the cyclic order xyz.
+    first, second = (facing[2], facing[0]) if vertical == "y" else (facing[0], facing[1])
+
+    def seen(azimuth_deg: float) -> float:
+        angle = math.radians(azimuth_deg)
+        return float(first * math.cos(angle) + second * math.sin(angle))
+
+    if seen(AZIMUTH_DEG) >= MIN_FACING:
+        return AZIMUTH_DEG
+    return max((AZIMUTH_DEG + turn for turn in (90.0, 180.0, 270.0)), key=seen)
 
 
 def _about_cylinders(points: Points, scan: ScanMeasurement) -> Points:
@@ -75,18 +106,19 @@ def _about_cylinders(points: Points, scan: ScanMeasurement) -> Points:
 
 def _draw_points(axes: "Axes3D", points: Points) -> None:
     few = points[:: max(1, len(points) // MAX_POINTS)]
-    axes.plot(*few.T, ".", color="0.6", ms=1.2, zorder=1)
+    axes.plot(*few.T, ".", color=POINTS, ms=1.6, zorder=1, label="measured points")
 
 
 def _draw_tube(axes: "Axes3D", tube: ScannedCylinder, number: int) -> None:
-    colour = colour_of(number)
-    axes.plot(*tube.points.T, ".", color=colour, ms=2.0, zorder=3)
+    colour = cylinder_colour(number)
+    axes.plot(*tube.points.T, ".", color=colour, ms=2.4, zorder=3,
+              label=label_once(axes, "points of a cylinder"))  # fmt: skip
     corners, triangles = tube_surface(tube, FACETS)
     axes.plot_trisurf(
         *corners.T, triangles=triangles, color=colour, alpha=0.18, linewidth=0, zorder=2
     )
     ends = _ends(tube, 0.15)
-    axes.plot(*ends.T, "-.", color=colour, lw=1.5, zorder=4)
+    axes.plot(*ends.T, "-.", color=colour, lw=1.5, zorder=4, label=label_once(axes, "fitted axis"))
     badge = {"boxstyle": "circle,pad=0.25", "fc": colour, "ec": "white"}
     axes.text(*ends[1], str(number), color="white", fontsize=10, weight="bold", ha="center",
               va="center", zorder=6, bbox=badge)  # fmt: skip
@@ -100,28 +132,32 @@ def _ends(tube: ScannedCylinder, beyond: float) -> FloatArray:
 
 
 def _draw_numbers(figure: "Figure", scan: ScanMeasurement) -> None:
-    lines = 0
-    for number, tube in enumerate(scan.cylinders, 1):
-        y = 0.86 - 0.028 * lines
-        badge = {"boxstyle": "circle,pad=0.25", "fc": colour_of(number), "ec": "none"}
-        figure.text(0.715, y, f"{number}", color="white", fontsize=10, weight="bold", va="top",
-                    bbox=badge)  # fmt: skip
-        text = _numbers_of(tube)
-        figure.text(
-            0.74, y + 0.006, text, fontsize=9.5, va="top", family="monospace", parse_math=False
-        )
-        lines += text.count("\n") + 2
+    """The numbers of each cylinder, in a panel to the right."""
+    y = PANEL_TOP
+    full = len(scan.cylinders) <= MAX_FULL_CYLINDERS
+    for number, tube in enumerate(scan.cylinders[:MAX_CYLINDERS], 1):
+        badge = {"boxstyle": "circle,pad=0.25", "fc": cylinder_colour(number), "ec": "none"}
+        figure.text(PANEL_LEFT, y - 0.006, f"{number}", color="white", fontsize=10, weight="bold",
+                    va="top", bbox=badge)  # fmt: skip
+        lines = _numbers_of(tube) if full else _numbers_of(tube)[:2]
+        figure.text(PANEL_LEFT + 0.025, y, with_minus_signs("\n".join(lines)), fontsize=9.5,
+                    va="top", family="monospace", parse_math=False)  # fmt: skip
+        y -= PANEL_LINE * (len(lines) + 1.5)
+    left_out = len(scan.cylinders) - MAX_CYLINDERS
+    if left_out > 0:
+        figure.text(PANEL_LEFT, y, f"... {left_out} more: see the table", fontsize=9.5, va="top")
 
 
-def _numbers_of(tube: ScannedCylinder) -> str:
-    from lsvision.draw.number_format import format_value
-
-    x, y, z = tube.direction
+def _numbers_of(tube: ScannedCylinder) -> list[str]:
+    """Lines of text, the most important first."""
+    direction = ", ".join(f"{value:+.4f}" for value in tube.direction)
+    point = ", ".join(f"{value:.2f}" for value in tube.point)
     sections = f"{len(tube.sections)} section{'' if len(tube.sections) == 1 else 's'}"
-    text = (
-        f"radius {format_value(tube.radius, tube.radius_std)} mm\n"
-        f"axis ({x:+.4f}, {y:+.4f}, {z:+.4f})\n"
-        f"     ± {np.degrees(tube.direction_std):.2g}°\n"
-        f"seen over {tube.axial_range[1] - tube.axial_range[0]:.1f} mm in {sections}"
-    )
-    return f"{text}\none of two twins" if tube.ambiguous else text
+    lines = [
+        f"radius {format_value(tube.radius, tube.radius_std)} mm",
+        f"axis   ({direction})",
+        f"       ± {format_std(float(np.degrees(tube.direction_std)))}°",
+        f"point  ({point}) mm",
+        f"seen over {tube.axial_range[1] - tube.axial_range[0]:.1f} mm in {sections}",
+    ]
+    return [*lines, "one of two twins"] if tube.ambiguous else lines

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lsvision.draw.panel import colour_of
+from lsvision.draw.palette import cylinder_colour
 from lsvision.geometry import FloatArray, IntArray, Points
 from lsvision.scan import ScanMeasurement
 from lsvision.scan.surface import tube_surface
@@ -67,5 +67,5 @@ def rgb_of(number: int) -> tuple[float, float, float]:
     """Colour of a cylinder, numbered from 1, as red, green, blue from 0 to 1."""
     from matplotlib.colors import to_rgb
 
-    red, green, blue = to_rgb(colour_of(number))
+    red, green, blue = to_rgb(cylinder_colour(number))
     return red, green, blue

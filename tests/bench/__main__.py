@@ -1,4 +1,4 @@
-"""Every number that issue 2 asks for, beside its goal: ``python -m tests.bench [--quick]``.
+"""Every figure of accuracy and speed beside its goal: ``python -m tests.bench [--quick]``.
 
 ``python -m tests.bench core`` measures the core alone, of any commit: `tests.bench.core`.
 """

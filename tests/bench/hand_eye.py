@@ -28,7 +28,7 @@ from lsvision.simulate.hand_eye import (
 
 RADIUS = 20.0
 TARGET = np.array([800.0, 100.0, 300.0])
-WORK = np.array([0.0, -150.0, 0.0])  # 150 mm before the sensor's origin, as in camera.md
+WORK = np.array([0.0, -150.0, 0.0])  # 150 mm before the sensor's origin
 CAMERA = Camera(
     [[2264.0, 0, 640], [0, 2264.0, 512], [0, 0, 1]], [-0.12, 0.1, 0, 0, 0], (1280, 1024)
 )
@@ -244,7 +244,7 @@ def main(runs):
     standing = Case(0.05, 0.01, mounting="eye_to_hand")
     report_section("    sphere, sensor standing", standing, "0.28 0.15 0.085", runs)
     report_board("    board, camera standing", "0.11 mm 0.018 deg", runs, standing)
-    # camera.md 3 (ii), one plane tilted by 40 deg: .45/.135/.28 and .29/.085/.18
+    # One plane tilted by 40 deg, goals: .45/.135/.28 and .29/.085/.18
     for count, goal in ((12, ".45 .135 .28"), (20, ".29 .085 .18")):
         for mounting in ("eye_in_hand", "eye_to_hand"):
             case = Case(0.05, 0.01, count=count, mounting=mounting)

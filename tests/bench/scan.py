@@ -1,4 +1,4 @@
-"""Issue 3's numbers, measured: ``python -m tests.bench.scan [--runs N]``."""
+"""Accuracy of scans, measured: ``python -m tests.bench.scan [--runs N]``."""
 
 import argparse
 import dataclasses

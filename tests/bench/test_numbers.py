@@ -1,4 +1,4 @@
-"""The goals of issue 2 as tests, at the quick effort: ``pytest -m slow tests/bench``."""
+"""The goals of accuracy and speed as tests, at the quick effort: ``pytest -m slow tests/bench``."""
 
 import pytest
 

@@ -13,7 +13,7 @@ from lsvision.errors import CalibrationFailed, DegenerateGeometry
 from lsvision.simulate.boards import BoardScene, simulate_boards
 
 SAMPLES = Path(__file__).parents[2] / "../shared/real/opencv-samples"
-PUBLISHED = 0.05  # px: the tolerance on the published focal length
+PUBLISHED = 0.05  # px: tolerance on the published focal length
 EXACT_PX = 2e-3  # px: OpenCV takes the corners as float32
 SIGMAS = 4.5  # of some hundred comparisons none is expected beyond
 

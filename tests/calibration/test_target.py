@@ -24,7 +24,7 @@ from lsvision.calibration.target_layout import (
 )
 from lsvision.geometry import Pose
 
-PRINTED = 0.05  # px: corners of a rendered board, seen straight on (camera.md, section 2)
+PRINTED = 0.05  # px: corners of a rendered board, seen straight on
 MACHINE = 1e-9
 START = 1e-3  # mm: OpenCV finds the homography in single precision
 PER_MM = 6  # px

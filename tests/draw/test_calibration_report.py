@@ -8,11 +8,13 @@ import pytest
 
 from lsvision.calibration.hand_eye import calibrate_hand_eye_board
 from lsvision.calibration.hand_eye_result import RejectedPose
-from lsvision.draw.calibration_figures import OUTLIER_COLOUR, draw_bars, draw_poses
+from lsvision.draw.calibration_figures import draw_bars, draw_poses
 from lsvision.draw.calibration_report import ReportContent, hand_eye_page
 from lsvision.draw.html_page import html_page, paragraph, table
+from lsvision.draw.palette import OUTLIER
 from lsvision.geometry import Pose
 from lsvision.simulate.hand_eye import rotation_from_vector
+from tests.draw.borders import has_white_border
 
 VOID = {"meta", "br"}
 MOUNT = Pose(rotation_from_vector(np.array([0.2, -0.1, 1.0])), (20.0, 30.0, 120.0))
@@ -79,12 +81,16 @@ def test_names_of_many_bars_are_thinned():
 
 def test_view_shows_the_board_where_the_camera_saw_it(solved):
     found, flanges = solved
-    _, view, _ = draw_poses(found, flanges).axes
+    figure = draw_poses(found, flanges)
+    _, view, _ = figure.axes
     offsets = np.asarray(view.collections[0].get_offsets())
     sensors = [flange @ MOUNT for flange in flanges]
     expected = [pose.inverse().apply_one(BOARD.translation)[:2] for pose in sensors]
     np.testing.assert_allclose(offsets, expected, atol=1e-3)
-    assert [text.get_color() for text in view.texts].count(OUTLIER_COLOUR) == 1
+    assert [text.get_color() for text in view.texts].count(OUTLIER) == 1
+    assert has_white_border(figure)
+    space = next(axes for axes in figure.axes if axes.name == "3d")
+    assert len(space.get_xticks()) <= 8
 
 
 def test_text_is_escaped_everywhere():

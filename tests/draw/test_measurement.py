@@ -18,6 +18,7 @@ from lsvision.draw.panel import LINES
 from lsvision.draw.rejected import rejected_arcs
 from lsvision.measure import Measurement, measure_cylinders
 from lsvision.profile import Arc, Profile
+from tests.draw.borders import has_white_border
 
 PIXEL_PER_MM = 1e-6
 """Relative difference of the two scales: rounding."""
@@ -75,6 +76,10 @@ def test_both_axes_have_the_same_scale(figure):
     assert across[0] == pytest.approx(up[1], rel=PIXEL_PER_MM)
     assert "mm" in figure.axes[0].get_xlabel()
     assert "towards the sensor" in figure.axes[0].get_ylabel()
+
+
+def test_nothing_is_cut_at_the_edge(figure):
+    assert has_white_border(figure)
 
 
 def test_everything_measured_lies_within_the_drawing(scene, figure):

@@ -1,15 +1,19 @@
 """What was found in an image, drawn into it where it lies."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.colors import same_color
 
 from lsvision.draw import draw_laser_line, draw_overlay, figure_bytes
-from lsvision.draw.panel import colour_of
+from lsvision.draw.palette import cylinder_colour
 from lsvision.io.images import read_image
+from lsvision.laser_line.extraction import LineSettings, extract_laser_line
 from lsvision.measure import Measurement, measure_cylinders
 from lsvision.sensors.light_section import LightSection
+from tests.draw.borders import has_white_border
 
 IMAGES = Path(__file__).parents[2] / "fixtures" / "images"
 WITHIN = 1.0
@@ -39,7 +43,7 @@ def outlines(figure, colour):
 @pytest.mark.parametrize("number", [1, 2])
 def test_an_ellipse_is_drawn_over_the_light_it_was_found_by(pair, figure, number):
     image, *_, measurement = pair
-    (outline,) = outlines(figure, colour_of(number))
+    (outline,) = outlines(figure, cylinder_colour(number))
     for index in measurement.cylinders[number - 1].indices[10:-10:10]:
         u = int(index)
         brightest = np.average(np.arange(len(image)), weights=(image[:, u] > 60) * image[:, u])
@@ -51,6 +55,10 @@ def test_the_photo_is_whole_and_in_pixels(pair, figure):
     assert figure.axes[0].axis() == (-0.5, width - 0.5, height - 0.5, -0.5)
     assert figure.axes[0].get_xlabel() == "u / px"
     assert "mm" in figure.axes[1].get_xlabel()
+
+
+def test_nothing_is_cut_at_the_edge(figure):
+    assert has_white_border(figure)
 
 
 def test_the_verdict_stands_above_and_the_numbers_beside(figure):
@@ -89,9 +97,59 @@ def test_a_laser_line_is_drawn_on_its_image(pair):
     figure = draw_laser_line(image, line, title="pair.png")
     drawn = figure.axes[0].lines[0].get_xydata()
     np.testing.assert_array_equal(drawn, line.pixels)
-    assert figure.get_suptitle().startswith("pair.png: 800 columns, 7 lost, std 0.13 px")
+    assert figure.get_suptitle().startswith("pair.png\n800 columns, 7 lost, std 0.13 px")
     assert [axes.get_ylabel().split(" /")[0] for axes in figure.axes[1:]] == [
         "std",
         "width",
         "brightness",
     ]
+
+
+def test_curves_of_columns_stand_under_their_columns(pair):
+    image, rig, *_ = pair
+    photo, *curves = draw_laser_line(image, rig.line(image)).axes
+    boxes = aligned_boxes(photo, curves)
+    assert all(axes.get_xlim() == photo.get_xlim() for axes in curves)
+    np.testing.assert_allclose([(box.x0, box.x1) for box in boxes], [boxes[0].intervalx] * 4)
+    assert all(upper.y0 > lower.y1 for upper, lower in pairwise(boxes))
+
+
+def test_curves_of_rows_stand_beside_their_rows(pair):
+    image, *_ = pair
+    upright = np.ascontiguousarray(image.T)
+    line = extract_laser_line(upright)
+    assert line.direction == "rows"
+    photo, *curves = draw_laser_line(upright, line).axes
+    boxes = aligned_boxes(photo, curves)
+    assert all(axes.get_ylim() == photo.get_ylim() for axes in curves)
+    np.testing.assert_allclose([(box.y0, box.y1) for box in boxes], [boxes[0].intervaly] * 4)
+    assert all(right.x0 > left.x1 for left, right in pairwise(boxes))
+    assert [axes.get_xlabel().split(" /")[0] for axes in curves] == ["std", "width", "brightness"]
+
+
+def aligned_boxes(photo, curves):
+    photo.figure.canvas.draw()  # applies the photo's aspect
+    return [axes.get_window_extent() for axes in (photo, *curves)]
+
+
+@pytest.mark.parametrize("shape", [(60, 2000), (600, 800), (3000, 400)])
+def test_a_picture_of_any_shape_holds_all_its_words(shape):
+    rows = np.arange(shape[0])[:, None]
+    image = 10 + 90 * np.exp(-0.5 * ((rows - 30.2) / 1.5) ** 2) * np.ones(shape[1])
+    line = extract_laser_line(image.astype(np.uint8), LineSettings(direction="columns"))
+    figure = draw_laser_line(image.astype(np.uint8), line, title="folder/" * 30 + "a.png")
+    assert max(figure.get_size_inches()) < 18
+    assert has_white_border(figure)
+
+
+def test_photo_and_section_have_one_legend_and_one_set_of_colours(figure):
+    photo, section = ({line.get_label(): line for line in axes.lines} for axes in figure.axes)
+    shared = {"measured points", "refused arc", "points of a cylinder", "fitted ellipse"}
+    assert shared <= set(photo)
+    assert shared <= set(section)
+    for label in shared:
+        assert same_color(photo[label].get_color(), section[label].get_color())
+        assert photo[label].get_marker() == section[label].get_marker()
+    (title,), *legends = [[figure._suptitle], *(axes.get_legend().texts for axes in figure.axes)]
+    figure.canvas.draw()
+    assert all(title.get_window_extent().y0 > text.get_window_extent().y1 for text in legends[0])

@@ -1,15 +1,21 @@
 """Views of a scan: the picture and the coloured clouds show every cylinder."""
 
+import re
+
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+from mpl_toolkits.mplot3d.proj3d import proj_transform
 
 from lsvision.draw.figure_files import figure_bytes
-from lsvision.draw.scan import draw_scan
+from lsvision.draw.scan import MIN_FACING, draw_scan
 from lsvision.draw.scan_ply import GREY, coloured_points, coloured_surfaces, rgb_of
-from lsvision.geometry import Points, Pose
+from lsvision.geometry import FloatArray, Points, Pose
 from lsvision.scan import ScanMeasurement, measure_scan
 from lsvision.scan.surface import tube_surface
 from lsvision.simulate import SCENE_SENSOR, Scene, SectionSettings, Tube, simulate_scan
+from tests.draw.borders import has_white_border
 
 SINGLE = 1e-9  # mm: a mesh is computed in closed form
 
@@ -32,6 +38,76 @@ def test_the_picture_names_every_cylinder(seen) -> None:
     assert figure.get_suptitle() == "two tubes: 2 cylinders"
     assert words.count("radius") == 2
     assert figure_bytes(figure, "png").startswith(b"\x89PNG")
+
+
+def screen(figure: Figure, point: tuple[float, float, float]) -> FloatArray:
+    axes = figure.axes[0]
+    across, up, _ = proj_transform(*point, axes.get_proj())
+    spot: FloatArray = axes.transData.transform((across, up))
+    return spot
+
+
+@pytest.mark.parametrize("vertical", ["y", "z"])
+def test_the_axis_that_is_asked_for_points_upwards(seen, vertical) -> None:
+    figure = draw_scan(*seen, vertical=vertical)
+    middle = np.array([np.mean(getattr(figure.axes[0], f"get_{name}lim")()) for name in "xyz"])
+    unit = 10.0 * np.eye(3)["xyz".index(vertical)]
+    across, up = screen(figure, middle + unit) - screen(figure, middle)
+    assert up > 10 * abs(across)
+
+
+@pytest.mark.parametrize("vertical", ["y", "z"])
+@pytest.mark.parametrize("stretch", [(1, 1, 1), (20, 1, 1), (1, 1, 20)], ids=str)
+def test_nothing_is_cut_at_the_edge_of_the_figure(seen, vertical, stretch) -> None:
+    figure = draw_scan(ScanMeasurement((), (), ()), seen[1] * stretch, vertical=vertical)
+    assert has_white_border(figure)
+
+
+@pytest.mark.parametrize("vertical", ["y", "z"])
+def test_all_axes_have_the_same_scale(seen, vertical) -> None:
+    figure = draw_scan(*seen, vertical=vertical)
+    figure.axes[0].set_proj_type("ortho")
+    figure.draw_without_rendering()  # makes the place of the axes square
+    unit = np.array([screen(figure, end) - screen(figure, (0, 0, 0)) for end in np.eye(3)]).T
+    scaled = unit @ unit.T  # of a rotation seen from anywhere: a multiple of the unit matrix
+    np.testing.assert_allclose(scaled / scaled[0, 0], np.eye(2), atol=SINGLE)
+
+
+def test_negative_numbers_have_a_minus_sign(seen) -> None:
+    figure = draw_scan(*seen)
+    texts = [text.get_text() for text in figure.findobj(Text)]
+    assert any("\N{MINUS SIGN}4" in text for text in texts)
+    assert not any(re.search(r"-\d", text) for text in texts)
+
+
+@pytest.mark.parametrize("count", [4, 5, 30])
+def test_the_panel_stays_within_the_figure(seen, count) -> None:
+    scan, points = seen
+    many = ScanMeasurement((scan.cylinders * count)[:count], (), ())
+    figure = draw_scan(many, points)
+    renderer = figure.canvas.get_renderer()
+    boxes = [text.get_window_extent(renderer) for text in figure.texts]
+    assert min(box.y0 for box in boxes) > 0
+    assert max(box.x1 for box in boxes) < figure.bbox.x1
+    assert ("see the table" in figure.texts[-1].get_text()) == (count > 9)
+
+
+@pytest.mark.parametrize("turn_deg", [0, 90, 180, 270])
+def test_the_measured_side_is_seen(turn_deg) -> None:
+    """The sensor looks along a horizontal direction of the base: at the tube's side."""
+    cos, sin = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
+    base = Pose(rotation=np.array([[0, cos, sin], [0, sin, -cos], [-1, 0, 0]]).round(15))
+    poses = [Pose.along((0, 0, 1), 5.0 * k) for k in range(3)]
+    scene = Scene((Tube.of(19.0, 0.5, 0.3, (0, -400)),))
+    sections = simulate_scan(
+        scene, poses, SCENE_SENSOR, SectionSettings(), rng=np.random.default_rng(2)
+    )
+    scan = measure_scan([section.profile for section in sections], [base @ pose for pose in poses])
+    (tube,) = scan.cylinders
+    axes = draw_scan(scan, tube.points, vertical="z").axes[0]
+    turn = np.radians(axes.azim)
+    towards_sensor = base.rotation[:, 1]
+    assert towards_sensor @ (np.cos(turn), np.sin(turn), 0.0) > MIN_FACING
 
 
 def test_a_scan_without_cylinders_is_drawn() -> None:

@@ -11,7 +11,7 @@ from tests.laser_line.line_scenes import CLUTTER, SMALL_RIG, pipe_on_floor, plan
 from tests.tolerances import ROUNDING
 
 FALSE = 3.0  # px: another thing than the line
-GOALS = {200: 0.016, 100: 0.022, 50: 0.034, 25: 0.055, 12: 0.10}  # DN: px, camera.md G1 and G2
+GOALS = {200: 0.016, 100: 0.022, 50: 0.034, 25: 0.055, 12: 0.10}  # DN: px
 BIAS = 0.003 * 3  # px: the goal, tested on a third of the goal's points
 HONEST = (0.7, 1.4)  # NEES / dof
 GREY = LineSettings(direction="columns")

@@ -18,7 +18,7 @@ from tests.scan.scans import feed, profiles_of
 
 SIGMAS = 4.0
 """Errors may be so many stated sigmas: one wrong alarm in 16 000 for each number."""
-GROSS_DEG, GROSS_RADIUS = 2.0, 0.05  # issue 3: what counts as a gross failure
+GROSS_DEG, GROSS_RADIUS = 2.0, 0.05  # what counts as a gross failure
 MACHINE = 1e-6  # mm, rad: the same data in another frame, through an iteration
 
 

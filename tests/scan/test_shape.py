@@ -10,7 +10,7 @@ from lsvision.scan import TubeShape, measure_scan, measure_shape
 from lsvision.simulate import SCENE_SENSOR, BentTube, Prism, Scene, Tube
 from tests.scan.scans import feed, profiles_of
 
-NOISE = 0.02  # mm, as issue 3 asks
+NOISE = 0.02  # mm
 SIGMAS = 4.0
 
 

@@ -112,7 +112,7 @@ def test_noise_lies_along_v_for_a_line_found_column_by_column():
     profile = section.profile_from_line(line)
     covariance = profile.noise.covariances(profile.points)
     assert (covariance[:, 1, 1] > 50 * covariance[:, 0, 0]).all()
-    # dz = Z dv / (f sin 30 deg) at 300 mm: 0.1 px are 0.027 mm (camera.md, section 2).
+    # dz = Z dv / (f sin 30 deg) at 300 mm: 0.1 px are 0.027 mm.
     middle = section.points_from_pixels([[639.5, 511.5]])
     assert middle[0, 1] == pytest.approx(-300 * math.cos(math.pi / 6), abs=1e-6)
     assert math.sqrt(covariance[0, 1, 1]) == pytest.approx(0.027, rel=0.1)

@@ -1,4 +1,4 @@
-"""The paper's tables and figures, run again on the simulator and told honestly."""
+"""The paper's tables and figures, run again on the simulator, beside the least possible errors."""
 
 from lsvision.studies.chen_liu_2016.accuracy import readme_table
 from lsvision.studies.chen_liu_2016.json_report import report_json

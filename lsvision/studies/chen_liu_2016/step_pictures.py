@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 HIGHEST_MM = 3.0
 """Largest r_j that is drawn to scale; windows without an ellipse lie there too."""
+RESIDUAL_LIMIT_MM = 1.5
+"""Half the height of the picture of accurate screening."""
 
 
 def draw_recognition(steps: StepExample) -> str:
@@ -64,7 +66,8 @@ def draw_screening(steps: StepExample) -> str:
     around = around[(around >= 0) & (around < len(profile.points))]
     beyond = np.setdiff1d(around, before.indices)
     off = orthogonal_residuals(profile.points[beyond], after.ellipse)
-    axes.plot(profile.points[beyond, 0], off, "x", color=GREY, ms=4,
+    near = np.abs(off) < RESIDUAL_LIMIT_MM  # others would stretch the X axis, and not be seen
+    axes.plot(profile.points[beyond[near], 0], off[near], "x", color=GREY, ms=4,
               label="not on the arc (neighbours, jumps)")  # fmt: skip
     axes.plot(points[kept, 0], residuals[kept], ".", color=BLUE, label="kept")
     axes.plot(points[~kept, 0], residuals[~kept], "D", color=ORANGE, ms=4,
@@ -73,7 +76,8 @@ def draw_screening(steps: StepExample) -> str:
     for value in (-limit, limit):
         axes.axhline(value, color=PURPLE, lw=1, ls="--",
                      label="the paper's limit, 0.9 mm" if value > 0 else None)  # fmt: skip
-    axes.set(ylim=(-1.5, 1.5), xlabel="X / mm", ylabel="off the middle part's ellipse / mm")
+    axes.set(ylim=(-RESIDUAL_LIMIT_MM, RESIDUAL_LIMIT_MM), xlabel="X / mm",
+             ylabel="off the middle part's ellipse / mm")  # fmt: skip
     axes.legend(fontsize=7, ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)
     return inline_svg(
         figure, "screening",

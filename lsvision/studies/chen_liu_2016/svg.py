@@ -4,13 +4,15 @@ import io
 import re
 from typing import TYPE_CHECKING
 
+from lsvision.draw.palette import CYLINDERS, REJECTED
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDTH_INCH = 4.6
 """At 72 units an inch a phone shows letters of such a figure at about their own size."""
-BLUE, ORANGE, GREEN, PURPLE, GREY = "#0072B2", "#D55E00", "#00805E", "#A8457E", "0.45"
-"""Told apart by colour-blind readers."""
+BLUE, GREEN, PURPLE, _ = CYLINDERS
+ORANGE, GREY = REJECTED[0], "0.45"
 
 _ID = re.compile(r'(\bid="|url\(#|href="#)')
 _NOTHING = {"Date": None, "Creator": None, "Format": None, "Type": None}

@@ -1,0 +1,98 @@
+"""``lsvision demo``: a shipped profile measured and drawn, to see that everything works."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lsvision.cli.messages import FAILED
+from lsvision.errors import UnwritableFile
+
+DEFAULT_FOLDER = Path("lsvision-demo")
+NEXT_COMMANDS = (
+    ("{profile} -v", "why the other arcs were refused"),
+    ("{profile} --radius 20:30 --range-std 0.05", "with what you know of pipe and sensor"),
+    ("{profile} --json results.json --csv results.csv", "results for other programs"),
+    ("YOUR_PROFILE.csv --plot yours.png", "your own data: x, height in mm, a point a line"),
+)
+"""Words behind ``lsvision measure``, and what they show."""
+
+
+def demo(
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="DIR", help="Folder of profile and picture.")
+    ] = DEFAULT_FOLDER,
+    show: Annotated[bool, typer.Option("--open", help="Open the picture, too.")] = False,
+) -> None:
+    """Measure a profile that comes with lsvision, draw it, and say what to type next.
+
+    The profile shows two welded tubes of 23.7 and 25.3 mm among bars and bent sheets, with noise of
+    0.05 mm. Needs no file and no network; writes DIR/profile.csv and DIR/profile.png.
+
+    \b
+    Into the folder lsvision-demo:
+      lsvision demo
+    Into a folder of yours, and open the picture:
+      lsvision demo --out /tmp/first-look --open
+    """  # noqa: D301 - the backspace tells click to leave the lines as they are
+    from lsvision.cli.batch import BatchOptions, measure_sources
+    from lsvision.cli.measure_options import build_measure_function
+
+    profile, picture = _write_profile(out), out / "profile.png"
+    typer.echo(f"$ lsvision measure {_quoted(profile)} --plot {_quoted(picture)}")
+    measuring = build_measure_function(None, None, None, None, paper=False)
+    _, failed = measure_sources([profile], BatchOptions(measuring=measuring, plot=picture))
+    if failed:
+        raise typer.Exit(FAILED)
+    typer.echo("\n".join(_next_lines(profile, picture)))
+    if show:
+        typer.launch(str(picture))
+
+
+def _write_profile(folder: Path) -> Path:
+    """Write the shipped profile into a folder, which is made; its path.
+
+    Raises
+    ------
+    UnwritableFile
+        If the folder cannot be made, or holds another file of that name.
+    """
+    from importlib import resources
+
+    from lsvision.io.atomic_files import write_atomic
+
+    content = (resources.files("lsvision.cli") / "demo_data" / "profile.csv").read_bytes()
+    profile = folder / "profile.csv"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        foreign = profile.exists() and (not profile.is_file() or profile.read_bytes() != content)
+    except OSError as error:
+        raise UnwritableFile(
+            f"{folder}: cannot be made or read ({error.strerror}): name another with --out"
+        ) from None
+    if foreign:
+        raise UnwritableFile(f"{profile}: is there and no demo: name another folder with --out")
+    write_atomic(profile, content)
+    return profile
+
+
+def _next_lines(profile: Path, picture: Path) -> list[str]:
+    commands = [
+        (f"lsvision measure {words.format(profile=_quoted(profile))}", what)
+        for words, what in NEXT_COMMANDS
+    ]
+    commands.append(("lsvision --help", "scans, camera images, calibration, robots"))
+    return [
+        "",
+        f"The picture shows points, ellipses and refused arcs: {picture}",
+        "",
+        "Next:",
+        *(line for command, what in commands for line in (f"  # {what}", f"  {command}")),
+    ]
+
+
+def _quoted(path: Path) -> str:
+    """A path as it is typed in a shell."""
+    import shlex
+
+    return shlex.quote(str(path))

@@ -1,0 +1,25 @@
+"""The colours of all pictures: a thing has the same colour in a photo, a section and a scan.
+
+Based on the palette of Okabe and Ito, darkened where white letters stand on it; told apart by
+colour-blind readers, on white and on a dark photo.
+"""
+
+CYLINDERS = ("#0072B2", "#00805E", "#A8457E", "#4B4BC8")
+"""Of the cylinders in turn; see `cylinder_colour`."""
+REJECTED = ("#D55E00", "#9A6A00")
+"""Of refused arcs in turn; neighbours differ, and none has the colour of a cylinder."""
+POINTS = "#8C8C8C"
+"""Measured points that belong to nothing found."""
+LASER_LINE, SATURATED = "#0095C8", "#D55E00"
+"""Points of a laser line, and those of them where the sensor is at full scale."""
+INLIER, OUTLIER = "#0072B2", "#D55E00"
+"""Residuals of a calibration: in line with the others, and not."""
+BOARD, LASER_PLANE = "#999999", "#C8102E"
+"""Outlines of calibration targets and of the laser plane."""
+FRAME_AXES = ("#C8102E", "#00805E", "#0072B2")
+"""X, Y and Z of a frame."""
+
+
+def cylinder_colour(number: int) -> str:
+    """Colour of a cylinder, numbered from 1; repeats after the last."""
+    return CYLINDERS[(number - 1) % len(CYLINDERS)]

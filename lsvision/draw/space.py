@@ -1,0 +1,84 @@
+"""Axes in space: one scale for all three, and a drawing that fits its place with its labels."""
+
+from collections.abc import Sequence
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.transforms import Bbox
+    from mpl_toolkits.mplot3d import Axes3D
+
+MAX_TICKS = 6
+"""On the longest axis; shorter ones get fewer."""
+FIT_ITERATIONS = 3
+"""Times the drawing is scaled into its place; the labels do not scale with it."""
+
+
+def scale_axes(
+    axes: "Axes3D",
+    names: Sequence[str] = ("X / mm", "Y / mm", "Z / mm"),
+    *,
+    max_ticks: int = MAX_TICKS,
+) -> None:
+    """Give all axes the same scale, a name, and as many ticks as each has room for.
+
+    Parameters
+    ----------
+    axes : mpl_toolkits.mplot3d.Axes3D
+        With all that is to be drawn in it.
+    names : (3,) sequence of str
+        Of the axes, with units.
+    max_ticks : int
+        On the longest axis.
+    """
+    from matplotlib.ticker import MaxNLocator
+
+    lengths = np.array([np.ptp(getattr(axes, f"get_{letter}lim")()) for letter in "xyz"])
+    axes.set_box_aspect(lengths)
+    shares = lengths / lengths.max()
+    for letter, name, share in zip("xyz", names, shares, strict=True):
+        getattr(axes, f"set_{letter}label")(name, labelpad=13, fontsize=11)
+        axis = getattr(axes, f"{letter}axis")
+        axis.set_major_locator(MaxNLocator(max(2, round(max_ticks * share))))
+        axis.set_tick_params(pad=8, labelsize=10)  # a minus sign stands clear of its tick
+
+
+def fit_into(axes: "Axes3D", place: tuple[float, float, float, float]) -> None:
+    """Scale and move axes until what they draw, with all labels, fills a place.
+
+    Parameters
+    ----------
+    axes : mpl_toolkits.mplot3d.Axes3D
+        In a figure that lays nothing out by itself.
+    place : tuple of float
+        Left, bottom, width, height, as shares of the figure.
+    """
+    left, bottom, width, height = place
+    figure = axes.figure
+    to_shares = figure.transFigure.inverted()
+    for _ in range(FIT_ITERATIONS):
+        figure.draw_without_rendering()
+        drawn = _drawn_box(axes).transformed(to_shares)
+        own = axes.get_position(original=True)
+        factor = min(width / drawn.width, height / drawn.height)
+        across = own.x0 + own.width / 2 + left + width / 2 - (drawn.x0 + drawn.x1) / 2
+        up = own.y0 + own.height / 2 + bottom + height / 2 - (drawn.y0 + drawn.y1) / 2
+        size = factor * own.width, factor * own.height
+        axes.set_position((across - size[0] / 2, up - size[1] / 2, *size))
+
+
+def _drawn_box(axes: "Axes3D") -> "Bbox":
+    """What axes draw: the corners of their box, ticks and labels, without the margins."""
+    from matplotlib.transforms import Bbox
+    from mpl_toolkits.mplot3d.proj3d import proj_transform
+
+    limits = (getattr(axes, f"get_{letter}lim")() for letter in "xyz")
+    corners = np.array(list(product(*limits))).T
+    across, up, _ = proj_transform(*corners, axes.get_proj())
+    box = Bbox.null()
+    box.update_from_data_xy(axes.transData.transform(np.column_stack([across, up])))
+    renderer = axes.figure.canvas.get_renderer()
+    own = (getattr(axes, f"{letter}axis").get_tightbbox(renderer) for letter in "xyz")
+    return Bbox.union([box, *own])
