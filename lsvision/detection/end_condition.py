@@ -34,6 +34,8 @@ FILLET_SIGMAS = 3.0
 MIN_FILLET_CURVATURE = 0.5
 """Its curvature over that of the cylinder; feet of weld beads have 0.9 to 1.6, the line beyond a
 rounded corner at most 0."""
+MIN_DOUBLE_FILLET_CURVATURE = 1.5
+"""The same where both ends go on tangentially: the valleys of a corrugated sheet have up to 1."""
 
 
 def tangential_end_reason(
@@ -52,7 +54,9 @@ def tangential_end_reason(
     ]
     if min(turns_deg) >= MIN_TURN_DEG:
         return None
-    curvature = MIN_FILLET_CURVATURE / screened.ellipse.radius
+    both = max(turns_deg) < MIN_TURN_DEG
+    curvature = MIN_DOUBLE_FILLET_CURVATURE if both else MIN_FILLET_CURVATURE
+    curvature /= screened.ellipse.radius
     lines = [beyond for _, beyond in _ends(profile, screened.indices, FILLET_WINDOWS[-1])]
     bare_deg = [
         turn_deg
@@ -61,7 +65,7 @@ def tangential_end_reason(
     ]
     if not bare_deg:
         return None
-    if max(turns_deg) < MIN_TURN_DEG:
+    if both:
         first, second = sorted(turns_deg)
         return f"goes on tangentially at both ends (turns {first:.0f} and {second:.0f} deg)"
     return f"goes on tangentially at one end (turns {bare_deg[0]:.0f} deg): a rounded corner"

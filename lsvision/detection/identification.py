@@ -13,11 +13,7 @@ import numpy as np
 from lsvision.detection.acceptance import AcceptanceSettings, shape_rejection_reason
 from lsvision.detection.arcs import IdentifiedArc, Rejection
 from lsvision.detection.candidates import MAX_OVERLAP, Candidate, seed_ellipse
-from lsvision.ellipse.parameters import (
-    ellipse_from_parameters,
-    is_ellipse,
-    parameters_from_ellipse,
-)
+from lsvision.ellipse.parameters import ellipse_from_parameters, parameters_from_ellipse
 from lsvision.ellipse.robust_gauss_newton import (
     EllipseResiduals,
     ellipse_residuals,
@@ -122,7 +118,7 @@ def grow_arc(
     parameters = refine_ellipse(points[inside], parameters, 1)
     seen: set[tuple[int, int]] = set()
     for _ in range(MAX_ITERATIONS):
-        if not is_ellipse(parameters):
+        if math.isnan(parameters[0]):
             return None
         low, high = _expand(inside, len(points))
         compared = ellipse_residuals(points[low:high], parameters)
@@ -137,6 +133,8 @@ def grow_arc(
             break
         seen.add(ends)
         parameters = gauss_newton_step(compared[run], parameters)
+    if math.isnan(parameters[0]):
+        return None
     indices = free[inside]
     return IdentifiedArc.of(indices, ellipse_from_parameters(parameters)), compared[run]
 

@@ -255,7 +255,10 @@ def test_a_seed_at_one_end_of_ten_thousand_points_reaches_the_other():
     assert arc.arc == Arc(0, 10_000)
 
 
-def test_growth_fails_where_the_fit_runs_off(monkeypatch):
+@pytest.mark.parametrize("iterations", [1, 20])
+def test_growth_fails_where_the_fit_breaks_down(iterations, monkeypatch):
+    """Also in the last iteration."""
+    monkeypatch.setattr(identification, "MAX_ITERATIONS", iterations)
     monkeypatch.setattr(identification, "gauss_newton_step", lambda *_: np.full(5, np.nan))
     profile = exact(arc_points(np.linspace(-60, 60, 90)))
     assert grow_arc(profile, seed_at(20, 70), profile.valid_indices) is None
