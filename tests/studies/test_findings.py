@@ -13,16 +13,21 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from lsvision.ellipse.fit import FittingSettings, fit_ellipse
-from lsvision.ellipse.homogenising import homogenise_arc, homogenise_profile_paper
+from lsvision.ellipse.homogenising import homogenise_arc
 from lsvision.ellipse.parameters import ellipse_from_parameters, parameters_from_ellipse
 from lsvision.ellipse.problem import EllipseProblem, RadiusPrior, minimise
-from lsvision.ellipse.smoothing import smooth_arc, smooth_profile_paper, smooth_residual
+from lsvision.ellipse.smoothing import smooth_arc, smooth_residual
 from lsvision.geometry import Ellipse, orthogonal_residuals
 from lsvision.geometry.noisy_points import NoisyPoints
-from lsvision.measure import Settings, measure_cylinders
+from lsvision.measure import measure_cylinders
 from lsvision.planning import section_bound
 from lsvision.sensors.profile_sensor import ProfileSensor
 from lsvision.simulate import Scene, SectionSettings, Tube, random_section, simulate_section
+from lsvision.studies.chen_liu_2016.paper_chain import (
+    homogenise_profile_paper,
+    measure_cylinders_paper,
+    smooth_profile_paper,
+)
 
 PAPER_SENSOR = ProfileSensor(
     range_std=0.1, columns=375, min_range=300.0, max_range=500.0, width_at_max_range=224.4
@@ -226,7 +231,7 @@ def test_homogenised_points_of_a_noise_free_arc_lie_on_it():
 def test_rough_identification_alone_takes_planes_for_huge_ellipses():
     section = random_section("planar", 50_001)
     (tube,) = section.truth.tubes
-    reported = measure_cylinders(section.profile, settings=Settings.paper()).cylinders
+    reported = measure_cylinders_paper(section.profile).cylinders
     planes = [c for c in reported if (section.truth.labels[c.indices] == 0).mean() > 0.9]
     assert sum(plane.ellipse.semi_major > HUGE for plane in planes) >= 3
     (found,) = measure_cylinders(section.profile).cylinders

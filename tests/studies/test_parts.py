@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from lsvision.geometry import Ellipse, radial_residuals
-from lsvision.measure import Measurement, Settings, measure_cylinders
+from lsvision.measure import Measurement, measure_cylinders
 from lsvision.simulate import random_section
+from lsvision.studies.chen_liu_2016.paper_chain import measure_cylinders_paper
 from lsvision.studies.chen_liu_2016.paper_pitfalls import printed_equation_four
 from lsvision.studies.chen_liu_2016.repeatability import expected_range, phi_std_of_axes
 from lsvision.studies.chen_liu_2016.timing import TUBES, count_matches
@@ -106,7 +107,7 @@ def test_a_result_counts_as_a_pipe_by_its_points():
 @pytest.mark.paper
 def test_the_papers_chain_reports_flat_things():
     section = random_section("planar", 0, noise_mm=0.1, tubes=TUBES)
-    literal = measure_cylinders(section.profile, radius=(10.0, 40.0), settings=Settings.paper())
+    literal = measure_cylinders_paper(section.profile, radius=(10.0, 40.0))
     assert count_matches(literal, section.truth)[1] >= 1
     ours = measure_cylinders(section.profile, radius=(10.0, 40.0))
     assert count_matches(ours, section.truth) == (1, 0)

@@ -3,11 +3,14 @@
 from lsvision.studies.chen_liu_2016.accuracy import readme_table
 from lsvision.studies.chen_liu_2016.json_report import report_json
 from lsvision.studies.chen_liu_2016.page import report_page
+from lsvision.studies.chen_liu_2016.paper_chain import PaperSettings, measure_cylinders_paper
 from lsvision.studies.chen_liu_2016.report import ExperimentSizes, PaperReport, run_experiments
 
 __all__ = [
     "ExperimentSizes",
     "PaperReport",
+    "PaperSettings",
+    "measure_cylinders_paper",
     "readme_table",
     "report_json",
     "report_page",

@@ -8,14 +8,14 @@ from typing import Literal
 import numpy as np
 
 from lsvision.geometry import Pose
-from lsvision.measure import Settings, measure_cylinders
-from lsvision.paper_pipeline import PaperSettings
+from lsvision.measure import measure_cylinders
 from lsvision.planning import scan_bound, section_bound
 from lsvision.planning.sensor_view import cylinder_normals
 from lsvision.profile import NoiseModel
 from lsvision.scan import measure_scan
 from lsvision.simulate import SimulatedSection
 from lsvision.studies.chen_liu_2016.cases import COLUMNS, Case, simulate_case
+from lsvision.studies.chen_liu_2016.paper_chain import PaperSettings, measure_cylinders_paper
 from lsvision.studies.chen_liu_2016.published_results import Triple
 
 Method = Literal["paper", "section", "known", "two", "twenty"]
@@ -86,12 +86,12 @@ def measure_case(
         return _measure_scan(case, sections, METHODS[way].poses)
     (section,) = sections
     labels = section.truth.labels
-    measurement = measure_cylinders(
-        section.profile,
-        radius=case.radius_mm,
-        known_radius=case.radius_mm if way == "known" else None,
-        settings=_paper_settings(section) if way == "paper" else Settings(),
-    )
+    radius, known_radius = case.radius_mm, case.radius_mm if way == "known" else None
+    if way == "paper":
+        settings = _paper_settings(section)
+        measurement = measure_cylinders_paper(section.profile, radius=radius, settings=settings)
+    else:
+        measurement = measure_cylinders(section.profile, radius=radius, known_radius=known_radius)
     found = [(labels[c.indices], (c.radius, c.theta, c.phi)) for c in measurement.cylinders]
     return _by_label(found, len(case.rows))
 
@@ -125,7 +125,7 @@ def case_errors(found: Found, case: Case, pipe: int) -> Triple:
     return Triple(radius - row.radius_mm, turn, math.degrees(phi) - row.phi_deg)
 
 
-def _paper_settings(section: SimulatedSection) -> Settings:
+def _paper_settings(section: SimulatedSection) -> PaperSettings:
     """The paper's chain with the window it has on a whole line.
 
     10 % of a line full of points, as the paper's sensor gives over a bench. Of the pipe's own
@@ -133,7 +133,7 @@ def _paper_settings(section: SimulatedSection) -> Settings:
     """
     line = COLUMNS / (len(section.profile) - section.profile.lost)
     fraction = PaperSettings().window_fraction * line
-    return Settings(paper_settings=PaperSettings(window_fraction=fraction))
+    return PaperSettings(window_fraction=fraction)
 
 
 def _measure_scan(

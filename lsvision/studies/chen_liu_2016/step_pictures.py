@@ -6,7 +6,7 @@ import numpy as np
 
 from lsvision.draw import draw_on_axes
 from lsvision.geometry import Points, orthogonal_residuals
-from lsvision.paper_pipeline import PaperSettings
+from lsvision.studies.chen_liu_2016.paper_chain import PaperSettings
 from lsvision.studies.chen_liu_2016.steps import StepExample
 from lsvision.studies.chen_liu_2016.svg import (
     BLUE,

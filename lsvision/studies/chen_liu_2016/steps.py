@@ -10,19 +10,18 @@ from lsvision.detection.identification import identify_arcs
 from lsvision.detection.profile_preparation import prepare_profile
 from lsvision.detection.range_image import connected_components, rasterise
 from lsvision.detection.screening import ScreenedArc, screen_arc
-from lsvision.ellipse.fit import FittingSettings, fit_ellipse
-from lsvision.ellipse.homogenising import (
-    HomogenisedArc,
-    homogenise_arc,
-    homogenise_profile_paper,
-)
-from lsvision.ellipse.smoothing import SmoothedArc, smooth_arc, smooth_profile_paper
-from lsvision.errors import LsvisionError
+from lsvision.ellipse.homogenising import HomogenisedArc, homogenise_arc
+from lsvision.ellipse.smoothing import SmoothedArc, smooth_arc
 from lsvision.geometry import FloatArray, Points
 from lsvision.measure import Measurement, measure_cylinders
-from lsvision.paper_pipeline import PaperSettings, initial_ellipse
 from lsvision.profile import PreparedProfile
 from lsvision.simulate import SimulatedSection, TubeRanges, random_section
+from lsvision.studies.chen_liu_2016.paper_chain import (
+    PaperSettings,
+    homogenise_profile_paper,
+    largest_window_residual,
+    smooth_profile_paper,
+)
 
 KIND, SEED = "welded_complex", 2
 """Of the one scene that is followed."""
@@ -31,7 +30,6 @@ RADIUS_RANGE = (10.0, 40.0)
 SMALLEST_SPAN = 10
 WINDOW_STEP = 2
 """Every second window is enough to see."""
-RADIAL = FittingSettings(residual="radial")
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,17 +111,9 @@ def run_steps(*, noise_mm: float) -> StepExample:
 
 
 def _windows(profile: PreparedProfile) -> FloatArray:
-    """Largest r_j of the paper's windows along the line, Figure 6."""
-    points, literal = profile.points[profile.valid_indices], PaperSettings()
-    num = max(6, round(literal.window_fraction * len(points)))
+    """X of the middle and largest abs(r_j) of the paper's windows (k, 2), Figure 6."""
+    points = profile.points[profile.valid_indices]
+    num = PaperSettings().window_points(len(points))
     radius = float(np.sqrt(RADIUS_RANGE[0] * RADIUS_RANGE[1]))
-    worst = []
-    for start in range(0, len(points) - num + 1, WINDOW_STEP):
-        window = points[start : start + num]
-        try:
-            fit = fit_ellipse(window, initial_ellipse(window, radius), settings=RADIAL)
-            largest = float(np.abs(fit.residuals).max())
-        except LsvisionError:
-            largest = np.inf
-        worst.append([float(window[num // 2, 0]), largest])
-    return np.array(worst)
+    windows = [points[i : i + num] for i in range(0, len(points) - num + 1, WINDOW_STEP)]
+    return np.array([[w[num // 2, 0], largest_window_residual(w, radius)] for w in windows])

@@ -4,11 +4,14 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from statistics import median
+from typing import Protocol
 
 import numpy as np
 
-from lsvision.measure import Measurement, Settings, measure_cylinders
+from lsvision.measure import Measurement, measure_cylinders
+from lsvision.profile import Profile
 from lsvision.simulate import SectionTruth, SimulatedSection, TubeRanges, random_section
+from lsvision.studies.chen_liu_2016.paper_chain import measure_cylinders_paper
 from lsvision.studies.chen_liu_2016.published_results import PUBLISHED_TIMES, PublishedTime
 
 RADIUS_MM = 19.0
@@ -91,8 +94,8 @@ def time_conditions(
             for number in range(seed, seed + scenes)
         ]
         pipes = sum(len(section.truth.tubes) for section in sections)
-        paper = _time_chain(sections, Settings.paper(), repeats=1)
-        ours = _time_chain(sections, Settings(), repeats=REPEATS)
+        paper = _time_chain(sections, measure_cylinders_paper, repeats=1)
+        ours = _time_chain(sections, measure_cylinders, repeats=REPEATS)
         timings.append(Timing(printed, scenes, pipes, paper, ours))
     return tuple(timings)
 
@@ -124,8 +127,14 @@ def _same(got: np.ndarray, wanted: np.ndarray) -> bool:
     return bool((got & wanted).sum() > MIN_IOU * (got | wanted).sum())
 
 
+class _MeasureFunction(Protocol):
+    """A chain: `measure_cylinders` or `measure_cylinders_paper`."""
+
+    def __call__(self, profile: Profile, *, radius: tuple[float, float]) -> Measurement: ...
+
+
 def _time_chain(
-    sections: list[SimulatedSection], settings: Settings, repeats: int
+    sections: list[SimulatedSection], measure: _MeasureFunction, repeats: int
 ) -> PipelineTiming:
     seconds: list[float] = []
     found = false = 0
@@ -133,7 +142,7 @@ def _time_chain(
         runs = []
         for _ in range(repeats):
             start = time.perf_counter()
-            measurement = measure_cylinders(section.profile, radius=SEARCHED_MM, settings=settings)
+            measurement = measure(section.profile, radius=SEARCHED_MM)
             runs.append(time.perf_counter() - start)
         seconds.append(median(runs))
         more_found, more_false = count_matches(measurement, section.truth)

@@ -11,16 +11,20 @@ import numpy as np
 from lsvision.detection.arcs import IdentifiedArc
 from lsvision.detection.screening import ScreenedArc, screen_arc
 from lsvision.ellipse.fit import EllipseFit, fit_ellipse, fit_noisy_points
-from lsvision.ellipse.homogenising import homogenise_arc, homogenise_profile_paper
+from lsvision.ellipse.homogenising import homogenise_arc
 from lsvision.ellipse.parameters import parameters_from_ellipse
 from lsvision.ellipse.problem import least_squares
-from lsvision.ellipse.smoothing import SmoothedArc, smooth_arc, smooth_profile_paper
+from lsvision.ellipse.smoothing import SmoothedArc, smooth_arc
 from lsvision.errors import FitFailed
 from lsvision.geometry import Ellipse, FloatArray, Points, radial_residuals
 from lsvision.geometry.noisy_points import NoisyPoints, as_vectors
 from lsvision.measure import Settings
-from lsvision.paper_pipeline import PaperSettings
 from lsvision.profile import PreparedProfile
+from lsvision.studies.chen_liu_2016.paper_chain import (
+    PaperSettings,
+    homogenise_profile_paper,
+    smooth_profile_paper,
+)
 
 FITTING = Settings().fitting
 """Every variant ends in the fit of lsvision's own chain, but for what the variant changes."""
