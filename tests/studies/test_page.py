@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import pytest
@@ -13,7 +14,8 @@ from lsvision.studies.chen_liu_2016 import (
     report_page,
     run_experiments,
 )
-from lsvision.studies.chen_liu_2016.html import digits, table
+from lsvision.studies.chen_liu_2016.paper_pitfalls import Check
+from lsvision.studies.chen_liu_2016.report_tables import format_significant
 
 VOID = {"meta", "br", "hr", "img", "link", "path", "use", "stop", "rect", "circle"}
 UNITS = ("_mm", "_deg", "seconds")
@@ -107,7 +109,7 @@ def test_the_json_has_the_pages_numbers_with_their_units(report, html):
     document = json.loads(report_json(report))
     assert document["schema"] == "lsvision.paper/1"
     row = document["tables_1_to_4"][0]
-    assert digits(row["spreads"]["section"]["rms"]["theta_deg"]) in html
+    assert format_significant(row["spreads"]["section"]["rms"]["theta_deg"]) in html
     plain = (".figure_16.std", ".figure_16.bound", ".figure_16.box", ".figure_16.expected")
     measured = [key for key, _ in leaves(document) if ".spreads." in key or key.startswith(plain)]
     counts = (".runs", ".missed")
@@ -117,13 +119,17 @@ def test_the_json_has_the_pages_numbers_with_their_units(report, html):
 def test_what_was_never_measured_is_null_and_a_dash(report):
     document = json.loads(report_json(report))
     assert document["tables_1_to_4"][0]["spreads"]["paper"]["rms"]["radius_mm"] is None
-    assert digits(float("nan")) == "–"
+    assert format_significant(float("nan")) == "–"
 
 
-def test_text_cannot_break_the_page():
-    cells = table("<b>", ("&",), [["<script>"], ["! bad"]])
-    assert "<script>" not in cells
-    assert "&lt;b&gt;" in cells
+def test_text_cannot_break_the_page(report):
+    check = Check("<b>", 1.0)
+    pitfall = replace(report.pitfalls[0], title="<script>", wording="&", checks=(check,))
+    page = report_page(replace(report, pitfalls=(pitfall,)))
+    assert "<script>" not in page
+    assert "<b>" not in page
+    assert "&lt;b&gt;" in page
+    assert "&amp; Here:" in page
 
 
 def test_the_readmes_table_has_a_line_for_each_table_and_way(bounds):

@@ -11,7 +11,7 @@ from lsvision.simulate import random_section
 from lsvision.studies.chen_liu_2016.paper_chain import measure_cylinders_paper
 from lsvision.studies.chen_liu_2016.paper_pitfalls import printed_equation_four
 from lsvision.studies.chen_liu_2016.repeatability import expected_range, phi_std_of_axes
-from lsvision.studies.chen_liu_2016.timing import TUBES, count_matches
+from lsvision.studies.chen_liu_2016.scenes import TUBES, count_matches
 from tests.tolerances import spread_of_rms
 
 
@@ -40,7 +40,7 @@ def test_axes_that_vary_by_a_quarter_mm_mean_degrees_of_phi():
 
 
 def test_the_whole_chain_is_near_the_ideal_and_literal_smoothing_is_not(report):
-    costs = {cost.name: cost for cost in report.costs}
+    costs = {cost.name: cost for cost in report.ablation}
     whole = costs["every step, as lsvision does it"]
     literal = costs["smoothing y over x"]
     assert whole.failed == 0
@@ -51,7 +51,7 @@ def test_the_whole_chain_is_near_the_ideal_and_literal_smoothing_is_not(report):
 
 def test_smoothing_finds_the_jumps_inside_an_arc(report):
     """One point in twenty jumps: left in, they spoil the fit; smoothing leaves them out."""
-    costs = {cost.name: cost for cost in report.costs}
+    costs = {cost.name: cost for cost in report.ablation}
     whole = costs["every step, as lsvision does it"]
     found = costs["sensor error of rough identification inside the arc"]
     left_in = costs["that sensor error and smoothing"]
@@ -61,14 +61,14 @@ def test_smoothing_finds_the_jumps_inside_an_arc(report):
 
 
 def test_a_good_initial_guess_saves_evaluations(report):
-    costs = {cost.name: cost for cost in report.costs}
+    costs = {cost.name: cost for cost in report.ablation}
     whole = costs["every step, as lsvision does it"]
     assert 2 < whole.evaluations < costs["homogenising"].evaluations + 0.2  # a dozen pipes
     assert costs["iterative fit: a direct algebraic one instead"].evaluations == 0
 
 
 def test_the_five_traps_are_sprung(report):
-    theta, distance, twins, division, which_way = (trap.checks for trap in report.traps)
+    theta, distance, twins, division, which_way = (trap.checks for trap in report.pitfalls)
     assert [round(check.value, 9) for check in theta] == [1.777777778, 5.0, 1.0, 0.0]
     assert distance[2].value > 1.2 > distance[0].value
     assert twins[0].value == pytest.approx(40)

@@ -5,10 +5,10 @@ import json
 import math
 from typing import Any
 
-from lsvision.studies.chen_liu_2016.accuracy import readme_table
 from lsvision.studies.chen_liu_2016.methods import METHODS
 from lsvision.studies.chen_liu_2016.repeatability import Repeatability
 from lsvision.studies.chen_liu_2016.report import PaperReport
+from lsvision.studies.chen_liu_2016.report_tables import readme_table
 from lsvision.studies.chen_liu_2016.scenes import SceneFigure
 
 SCHEMA = "lsvision.paper/1"
@@ -32,20 +32,20 @@ def report_json(report: PaperReport) -> str:
     document = {
         "schema": SCHEMA,
         "noise_mm": report.noise_mm,
-        "effort": _plain(report.effort),
+        "effort": _plain(report.sizes),
         "ways": {key: {"letter": way.letter, "name": way.name, "places_mm": way.places_mm}
                  for key, way in METHODS.items()},
         "tables_1_to_4": [_plain(row) for row in report.rows],
         "readme_table": readme_table(report.rows),
         "reach": [
-            {**_plain(reach), "chance": reach.chance, "reachable": reach.reachable}
-            for reach in report.reaches
+            {**_plain(result), "chance": result.chance, "reachable": result.reachable}
+            for result in report.achievability
         ],
         "table_5": [{**_plain(timing), "ratio": timing.ratio} for timing in report.timings],
         "figures_14_and_15": [_scene(scene) for scene in report.scenes],
         "figure_16": _repeatability(report.repeatability),
-        "ablation_in_units_of_the_bound": [_plain(cost) for cost in report.costs],
-        "traps": [_plain(trap) for trap in report.traps],
+        "ablation_in_units_of_the_bound": [_plain(result) for result in report.ablation],
+        "traps": [_plain(pitfall) for pitfall in report.pitfalls],
     }  # fmt: skip
     return json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 

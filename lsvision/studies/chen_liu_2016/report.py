@@ -10,10 +10,14 @@ from lsvision.studies.chen_liu_2016.cases import paper_cases
 from lsvision.studies.chen_liu_2016.methods import METHODS, Method
 from lsvision.studies.chen_liu_2016.paper_pitfalls import Pitfall, check_pitfalls
 from lsvision.studies.chen_liu_2016.repeatability import Repeatability, measure_repeatedly
-from lsvision.studies.chen_liu_2016.scenes import SceneFigure, measure_scenes
+from lsvision.studies.chen_liu_2016.scenes import (
+    SceneFigure,
+    Timing,
+    measure_scenes,
+    time_conditions,
+)
 from lsvision.studies.chen_liu_2016.steps import StepExample, run_steps
 from lsvision.studies.chen_liu_2016.tables import TableRow, measure_tables
-from lsvision.studies.chen_liu_2016.timing import Timing, time_conditions
 
 PAPER_NOISE_MM = 0.1
 """One sigma along the ray at 400 mm that goes with the paper's sensor. Units: mm."""
@@ -23,7 +27,7 @@ LEAST_NOISE_MM, LARGEST_NOISE_MM = 0.001, 0.3
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ExperimentSizes:
-    """How often everything is measured.
+    """Number of measurements and scenes of each experiment.
 
     Parameters
     ----------
@@ -63,11 +67,11 @@ class PaperReport:
     ----------
     noise_mm : float
         One sigma along the ray at 400 mm. Units: mm.
-    effort : ExperimentSizes
-        How often everything was measured.
+    sizes : ExperimentSizes
+        Number of measurements and scenes.
     rows : tuple of TableRow
         Tables 1-4.
-    reaches : tuple of Achievability
+    achievability : tuple of Achievability
         Which of their figures one section can give.
     timings : tuple of Timing
         Table 5; the only part that differs from run to run.
@@ -77,26 +81,26 @@ class PaperReport:
         Figures 14 and 15.
     repeatability : Repeatability
         Figure 16.
-    costs : tuple of AblationResult
-        The ablation.
-    traps : tuple of Pitfall
-        Of the paper's wording.
+    ablation : tuple of AblationResult
+        Errors with single steps changed or left out.
+    pitfalls : tuple of Pitfall
+        Misleading places in the paper's wording.
     """
 
     noise_mm: float
-    effort: ExperimentSizes
+    sizes: ExperimentSizes
     rows: tuple[TableRow, ...]
-    reaches: tuple[Achievability, ...]
+    achievability: tuple[Achievability, ...]
     timings: tuple[Timing, ...]
     steps: StepExample
     scenes: tuple[SceneFigure, ...]
     repeatability: Repeatability
-    costs: tuple[AblationResult, ...]
-    traps: tuple[Pitfall, ...]
+    ablation: tuple[AblationResult, ...]
+    pitfalls: tuple[Pitfall, ...]
 
 
 def run_experiments(
-    effort: ExperimentSizes,
+    sizes: ExperimentSizes,
     *,
     noise_mm: float = PAPER_NOISE_MM,
     seed: int = 0,
@@ -106,8 +110,8 @@ def run_experiments(
 
     Parameters
     ----------
-    effort : ExperimentSizes
-        How often everything is measured.
+    sizes : ExperimentSizes
+        Number of measurements and scenes.
     noise_mm : float
         One sigma along the ray at 400 mm. Units: mm.
     seed : int
@@ -128,26 +132,26 @@ def run_experiments(
         raise ValueError(
             f"want noise_mm in [{LEAST_NOISE_MM:g}, {LARGEST_NOISE_MM:g}], got {noise_mm:g}"
         )
-    timings = time_conditions(effort.timing_scenes, noise_mm=noise_mm, seed=seed, say=say)
-    rows = measure_tables(paper_cases(), effort.runs, noise_mm=noise_mm, seed=seed, say=say)
+    timings = time_conditions(sizes.timing_scenes, noise_mm=noise_mm, seed=seed, say=say)
+    rows = measure_tables(paper_cases(), sizes.runs, noise_mm=noise_mm, seed=seed, say=say)
     say("which figures one section can give")
-    reaches = compare_with_bound(rows, noise_mm=noise_mm)
+    achievability = compare_with_bound(rows, noise_mm=noise_mm)
     say("figures 5-10, 14 and 15")
     steps, scenes = run_steps(noise_mm=noise_mm), measure_scenes(noise_mm=noise_mm)
-    say(f"figure 16: {effort.repeats} measurements of one position")
-    repeatability = measure_repeatedly(effort.repeats, noise_mm=noise_mm, seed=seed)
-    costs = run_ablation(effort.ablation_scenes, noise_mm=noise_mm, seed=seed, say=say)
+    say(f"figure 16: {sizes.repeats} measurements of one position")
+    repeatability = measure_repeatedly(sizes.repeats, noise_mm=noise_mm, seed=seed)
+    ablation = run_ablation(sizes.ablation_scenes, noise_mm=noise_mm, seed=seed, say=say)
     return PaperReport(
         noise_mm=noise_mm,
-        effort=effort,
+        sizes=sizes,
         rows=rows,
-        reaches=reaches,
+        achievability=achievability,
         timings=timings,
         steps=steps,
         scenes=scenes,
         repeatability=repeatability,
-        costs=costs,
-        traps=check_pitfalls(),
+        ablation=ablation,
+        pitfalls=check_pitfalls(),
     )
 
 
