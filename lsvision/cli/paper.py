@@ -49,7 +49,7 @@ def paper(
     )
 
     sizes = ExperimentSizes.full() if full else ExperimentSizes.quick()
-    report = run_experiments(sizes, noise_mm=noise_mm, seed=seed, say=_log_progress)
+    report = run_experiments(sizes, noise_mm=noise_mm, seed=seed, progress=_log_progress)
     _log_progress("drawing the page")
     write_atomic(out, report_page(report))
     if json is not None:

@@ -94,7 +94,9 @@ def evenly(ellipse, start_deg, stop_deg, count=120):
 
 
 @pytest.mark.parametrize(("theta_deg", "phi_deg", "theta_error", "phi_error"), TABLES)
-def test_the_papers_tables_are_too_good_for_one_section(theta_deg, phi_deg, theta_error, phi_error):
+def test_the_papers_errors_are_too_small_for_one_section(
+    theta_deg, phi_deg, theta_error, phi_error
+):
     by_chance = np.ones(2)
     for radius in PIPES:
         pipe = SeenPipe(radius, theta_deg, phi_deg)
@@ -178,7 +180,7 @@ def test_smoothing_y_of_x_spoils_even_a_noise_free_arc(theta_deg, phi_deg, too_l
     assert pipe.errors(twice)[0] > radius + 0.1
 
 
-def test_the_papers_radial_fit_weighs_all_points_alike():
+def test_the_papers_radial_fit_gives_all_points_equal_weight():
     pipe = SeenPipe(19.0, 10, 30, noise_factor=0.0)
     literal = smooth_profile_paper(pipe.exact)
     fit = fit_ellipse(literal, pipe.ellipse, settings=RADIAL)
@@ -228,7 +230,7 @@ def test_homogenised_points_of_a_noise_free_arc_lie_on_it():
     assert np.abs(orthogonal_residuals(even, pipe.ellipse)).max() < 1e-3  # mm
 
 
-def test_rough_identification_alone_takes_planes_for_huge_ellipses():
+def test_rough_identification_alone_fits_huge_ellipses_to_planes():
     section = random_section("planar", 50_001)
     (tube,) = section.truth.tubes
     reported = measure_cylinders_paper(section.profile).cylinders

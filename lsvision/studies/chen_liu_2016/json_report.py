@@ -1,4 +1,4 @@
-"""The report as JSON: the same numbers as the page, each key with its unit."""
+"""The report as JSON: the numbers of the page; the name of each key ends in its unit."""
 
 import dataclasses
 import json
@@ -16,25 +16,24 @@ SCHEMA = "lsvision.paper/1"
 
 
 def report_json(report: PaperReport) -> str:
-    """The report as JSON text; the same report gives the same bytes.
+    """Return the report as JSON text; the same report gives the same text.
 
     Parameters
     ----------
     report : PaperReport
-        As from `run_experiments`.
+        Result of `run_experiments`.
 
     Returns
     -------
     str
-        Lengths in ``*_mm``, angles in ``*_deg``, times in ``*seconds``; a number that does not
-        exist is null.
+        Lengths in ``*_mm``, angles in ``*_deg``, times in ``*seconds``; NaN and infinity are null.
     """
     document = {
         "schema": SCHEMA,
         "noise_mm": report.noise_mm,
         "effort": _plain(report.sizes),
-        "ways": {key: {"letter": way.letter, "name": way.name, "places_mm": way.places_mm}
-                 for key, way in METHODS.items()},
+        "ways": {key: {"letter": info.letter, "name": info.name, "places_mm": info.places_mm}
+                 for key, info in METHODS.items()},
         "tables_1_to_4": [_plain(row) for row in report.rows],
         "readme_table": readme_table(report.rows),
         "reach": [
@@ -54,21 +53,21 @@ def _scene(scene: SceneFigure) -> dict[str, Any]:
     return {"title": scene.title, "false": scene.false, "pipes": _plain(scene.pipes)}
 
 
-def _repeatability(repeated: Repeatability) -> dict[str, Any]:
+def _repeatability(repeatability: Repeatability) -> dict[str, Any]:
     order = ("centre_x_mm", "centre_y_mm", "semi_major_mm", "semi_minor_mm")
     return {
-        "measurements": len(repeated.ellipses),
-        "missed": repeated.missed,
-        "std": dict(zip(order, repeated.stds_mm, strict=True)),
-        "bound": dict(zip(order, repeated.bound_stds_mm, strict=True)),
-        "box_mm": repeated.box_mm,
-        "expected_box_mm": repeated.expected_box_mm,
-        "noise_of_printed_box_mm": repeated.noise_of_printed_box_mm,
+        "measurements": len(repeatability.ellipses),
+        "missed": repeatability.missed,
+        "std": dict(zip(order, repeatability.stds_mm, strict=True)),
+        "bound": dict(zip(order, repeatability.bound_stds_mm, strict=True)),
+        "box_mm": repeatability.box_mm,
+        "expected_box_mm": repeatability.expected_box_mm,
+        "noise_of_printed_box_mm": repeatability.noise_of_printed_box_mm,
     }
 
 
 def _plain(value: Any) -> Any:
-    """Dataclasses as mappings, NaN and infinity as None."""
+    """Convert dataclasses to dicts, tuples to lists, NaN and infinity to None."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return {f.name: _plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
     if isinstance(value, dict):

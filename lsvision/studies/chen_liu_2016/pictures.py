@@ -27,36 +27,37 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDTH_INCH = 4.6
-"""At 72 units an inch a phone shows letters of such a figure at about their own size."""
+"""Width of a figure; on a phone its letters have about the size of the text. Units: inch."""
 BLUE, ORANGE, GREEN, PURPLE, GREY = "#0072B2", "#D55E00", "#00805E", "#A8457E", "0.45"
-"""Told apart by colour-blind readers."""
+"""Colours that colour-blind readers can distinguish."""
 
-_ID = re.compile(r'(\bid="|url\(#|href="#)')
-_NOTHING = {"Date": None, "Creator": None, "Format": None, "Type": None}
-NAMES = {"radius_mm": "radius / mm", "theta_deg": "θ / °", "phi_deg": "φ / °"}
-"""Of the quantities, as axes show them."""
+_ID_OR_REFERENCE = re.compile(r'(\bid="|url\(#|href="#)')
+_NO_METADATA = {"Date": None, "Creator": None, "Format": None, "Type": None}
+AXIS_NAMES = {"radius_mm": "radius / mm", "theta_deg": "θ / °", "phi_deg": "φ / °"}
+"""Labels of the quantities on the axes."""
 COLOURS: dict[Method, str] = {
     "paper": ORANGE, "section": BLUE, "known": PURPLE, "two": GREEN, "twenty": "black",
 }  # fmt: skip
-SIGMAS_DRAWN = 3.0
-HIGHEST_MM = 3.0
-"""Largest r_j that is drawn to scale; windows without an ellipse lie there too."""
+ELLIPSE_SIGMAS = 3.0
+"""Size of the covariance ellipse of the bound, in standard deviations."""
+MAX_RESIDUAL_MM = 3.0
+"""Upper end of the axis of r_j, at which windows without an ellipse are drawn, too. Units: mm."""
 
 
 def draw_tables(rows: Sequence[TableRow]) -> str:
-    """Root mean square error of each way by table, the printed errors and the bound beside."""
+    """Draw the rms error of each method by table, with the printed errors and the bound."""
     figure = new_figure(6.6)
     panels = figure.subplots(3, 1, sharex=True)
     tables = sorted({row.printed.table for row in rows})
     by_table = [[row for row in rows if row.printed.table == table] for table in tables]
     for axes, quantity in zip(panels, QUANTITIES, strict=True):
-        for place, own in enumerate(by_table):
-            _draw_table(axes, own, quantity, place)
+        for position, table_rows in enumerate(by_table):
+            _draw_table(axes, table_rows, quantity, position)
         axes.set_yscale("log")
         axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
-        axes.set_ylabel(f"error of {NAMES[quantity]}")
+        axes.set_ylabel(f"error of {AXIS_NAMES[quantity]}")
         axes.grid(visible=True, axis="y", lw=0.4, alpha=0.6)
-    names = [_under(own[0].printed) for own in by_table]
+    names = [_tick_label(table_rows[0].printed) for table_rows in by_table]
     panels[-1].set_xticks(range(len(tables)), names)
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=2, fontsize=7.5,
@@ -68,55 +69,56 @@ def draw_tables(rows: Sequence[TableRow]) -> str:
     )  # fmt: skip
 
 
-def _draw_table(axes: "Axes", own: Sequence[TableRow], quantity: str, place: int) -> None:
-    """One table's printed errors, and each way's error on its bound; the first has labels."""
-    named = place == 0
-    printed = [abs(getattr(row.printed.errors, quantity)) for row in own]
-    axes.plot([place - 0.36] * len(own), printed, "_", color="red", ms=12, mew=1.6,
-              label="printed in the paper" if named else None)  # fmt: skip
-    for step, (way, info) in enumerate(METHODS.items()):
-        spread = pool_errors([row.spreads[way] for row in own])
-        at = place - 0.2 + 0.14 * step
-        rms, bound = getattr(spread.rms, quantity), getattr(spread.bound, quantity)
+def _draw_table(axes: "Axes", rows: Sequence[TableRow], quantity: str, position: int) -> None:
+    """Draw one table at an x position; the first one adds the entries of the legend."""
+    first = position == 0
+    printed = [abs(getattr(row.printed.errors, quantity)) for row in rows]
+    axes.plot([position - 0.36] * len(rows), printed, "_", color="red", ms=12, mew=1.6,
+              label="printed in the paper" if first else None)  # fmt: skip
+    for step, (method, info) in enumerate(METHODS.items()):
+        pooled = pool_errors([row.spreads[method] for row in rows])
+        x = position - 0.2 + 0.14 * step
+        rms, bound = getattr(pooled.rms, quantity), getattr(pooled.bound, quantity)
         if bound > 0:
-            axes.plot(at, bound, "_", color="0.3", ms=11, mew=1.2,
-                      label="best possible" if named and step == 0 else None)  # fmt: skip
-        # A radius that is given has no error, and no place on a logarithmic scale.
-        axes.plot(at, rms if bound > 0 else np.nan, "o", color=COLOURS[way], ms=5.5,
-                  label=f"({info.letter}) {info.name}" if named else None)  # fmt: skip
+            axes.plot(x, bound, "_", color="0.3", ms=11, mew=1.2,
+                      label="best possible" if first and step == 0 else None)  # fmt: skip
+        # A given radius has no error, and zero has no place on a logarithmic scale.
+        axes.plot(x, rms if bound > 0 else np.nan, "o", color=COLOURS[method], ms=5.5,
+                  label=f"({info.letter}) {info.name}" if first else None)  # fmt: skip
 
 
-def _under(printed: PublishedRow) -> str:
+def _tick_label(printed: PublishedRow) -> str:
+    """Label of a table on the x axis."""
     kind = "welded" if printed.table == 4 else f"φ = {printed.phi_deg:g}°"
     return f"Table {printed.table}\n{kind}"
 
 
 def draw_scene(scene: SceneFigure, number: int) -> str:
-    """A scene of Figures 14 and 15 with what was found in it.
+    """Draw a scene of Figures 14 and 15 with the pipes found in it.
 
     Parameters
     ----------
     scene : SceneFigure
-        The scene.
+        The measured scene.
     number : int
-        Its place on the page.
+        Number of the scene on the page, which makes its ids unique.
     """
     figure = new_figure(3.8)
     axes = figure.subplots()
     draw_on_axes(axes, scene.section.profile, scene.measurement)
-    axes.margins(y=0.15)  # the letters stand above what they name
+    axes.margins(y=0.15)  # room for the letters above the points
     axes.legend(loc="lower center", fontsize=7, ncols=2, frameon=False, bbox_to_anchor=(0.5, 1.0))
     shown = "measured points and the pipes found, each with its ellipse and major axis"
     return inline_svg(figure, f"scene{number}", f"{scene.title}: {shown}")
 
 
 def draw_repeatability(repeatability: Repeatability) -> str:
-    """Figure 16: centres of repeated measurements, their box, the paper's, and the bound."""
+    """Draw Figure 16: repeated centres, their bounding box, the paper's box, and the bound."""
     figure = new_figure(4.6)
     axes = figure.subplots()
     centres = repeatability.ellipses[:, :2]
     axes.plot(*centres.T, ".", color=BLUE, ms=2.5, alpha=0.6, label="centres measured")
-    axes.plot(*_outline(repeatability.bound[:2, :2]).T, "-", color="black", lw=1.2,
+    axes.plot(*_covariance_ellipse(repeatability.bound[:2, :2]).T, "-", color="black", lw=1.2,
               label="best possible, three sigma")  # fmt: skip
     low, high = centres.min(axis=0), centres.max(axis=0)
     axes.plot(*_box(low, high).T, "--", color=GREY, lw=1, label="box of all centres")
@@ -132,20 +134,22 @@ def draw_repeatability(repeatability: Repeatability) -> str:
                       "the paper's box")  # fmt: skip
 
 
-def _outline(covariance: FloatArray) -> FloatArray:
-    turns = np.linspace(0, 2 * np.pi, 181)
-    circle = np.column_stack([np.cos(turns), np.sin(turns)])
-    outline: FloatArray = SIGMAS_DRAWN * circle @ np.linalg.cholesky(covariance).T
-    return outline
+def _covariance_ellipse(covariance: FloatArray) -> FloatArray:
+    """Points (181, 2) of the ellipse of `ELLIPSE_SIGMAS` of a covariance (2, 2)."""
+    angles = np.linspace(0, 2 * np.pi, 181)
+    circle = np.column_stack([np.cos(angles), np.sin(angles)])
+    ellipse: FloatArray = ELLIPSE_SIGMAS * circle @ np.linalg.cholesky(covariance).T
+    return ellipse
 
 
 def _box(low: FloatArray, high: FloatArray) -> FloatArray:
+    """Closed polygon (5, 2) of a box between two opposite corners."""
     (left, bottom), (right, top) = low, high
     return np.array([[left, bottom], [right, bottom], [right, top], [left, top], [left, bottom]])
 
 
 def draw_recognition(steps: StepExample) -> str:
-    """Figures 5-7: the section above, the largest r_j of the paper's windows below it."""
+    """Draw Figures 5-7: the section, and below it the largest abs(r_j) of the paper's windows."""
     figure = new_figure(5.6)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     draw_on_axes(above, steps.section.profile, steps.measurement)
@@ -154,14 +158,14 @@ def draw_recognition(steps: StepExample) -> str:
     above.set_xlabel("")
     above.legend(loc="lower center", fontsize=7, ncols=2, frameon=False,
                  bbox_to_anchor=(0.5, 1.0))  # fmt: skip
-    x, worst = steps.windows.T
-    below.plot(x, np.minimum(worst, HIGHEST_MM), "-", color=GREY, lw=0.8)
+    x, largest = steps.windows.T
+    below.plot(x, np.minimum(largest, MAX_RESIDUAL_MM), "-", color=GREY, lw=0.8)
     limit = PaperSettings().sensor_error_mm
-    passed = worst < limit
-    below.plot(x[passed], worst[passed], ".", color=ORANGE, ms=4,
+    accepted = largest < limit
+    below.plot(x[accepted], largest[accepted], ".", color=ORANGE, ms=4,
                label="passes for an ellipse")  # fmt: skip
     below.axhline(limit, color=PURPLE, lw=1, ls="--", label="sensor error, 0.9 mm")
-    below.set(ylim=(0, HIGHEST_MM), xlabel="X / mm (along the laser line)",
+    below.set(ylim=(0, MAX_RESIDUAL_MM), xlabel="X / mm (along the laser line)",
               ylabel="largest |rⱼ| of the window / mm")  # fmt: skip
     below.legend(fontsize=8, loc="upper right")
     return inline_svg(
@@ -172,7 +176,7 @@ def draw_recognition(steps: StepExample) -> str:
 
 
 def draw_screening(steps: StepExample) -> str:
-    """Figures 8 and 9: residuals of one arc to the ellipse of its middle part."""
+    """Draw Figures 8 and 9: residuals of one arc from the ellipse of its middle part."""
     figure = new_figure(3.0)
     axes = figure.subplots()
     profile, before, after = steps.profile, steps.identified, steps.screened
@@ -181,9 +185,9 @@ def draw_screening(steps: StepExample) -> str:
     kept = np.isin(before.indices, after.indices)
     around = np.arange(before.arc.start - 12, before.arc.stop + 12)
     around = around[(around >= 0) & (around < len(profile.points))]
-    beyond = np.setdiff1d(around, before.indices)
-    off = orthogonal_residuals(profile.points[beyond], after.ellipse)
-    axes.plot(profile.points[beyond, 0], off, "x", color=GREY, ms=4,
+    neighbours = np.setdiff1d(around, before.indices)
+    neighbour_residuals = orthogonal_residuals(profile.points[neighbours], after.ellipse)
+    axes.plot(profile.points[neighbours, 0], neighbour_residuals, "x", color=GREY, ms=4,
               label="not on the arc (neighbours, jumps)")  # fmt: skip
     axes.plot(points[kept, 0], residuals[kept], ".", color=BLUE, label="kept")
     axes.plot(points[~kept, 0], residuals[~kept], "D", color=ORANGE, ms=4,
@@ -202,7 +206,7 @@ def draw_screening(steps: StepExample) -> str:
 
 
 def draw_smoothing(steps: StepExample) -> str:
-    """Figure 10: measured, smoothed and homogenised points, as their distance from the truth."""
+    """Draw Figure 10: distance of measured and smoothed points from the true ellipse."""
     figure = new_figure(3.4)
     axes = figure.subplots()
     points = steps.profile.points[steps.screened.indices]
@@ -212,15 +216,15 @@ def draw_smoothing(steps: StepExample) -> str:
         key=lambda ellipse: float(np.abs(orthogonal_residuals(points, ellipse)).mean()),
     )
 
-    def show(axes: "Axes", own: Points, style: str, **how: object) -> None:
-        axes.plot(own[:, 0], orthogonal_residuals(own, truth), style, **how)
+    def plot_residuals(points: Points, style: str, **options: object) -> None:
+        axes.plot(points[:, 0], orthogonal_residuals(points, truth), style, **options)
 
-    show(axes, points[kept], ".", color=GREY, ms=4, label="measured")
+    plot_residuals(points[kept], ".", color=GREY, ms=4, label="measured")
     if not kept.all():
-        show(axes, points[~kept], "x", color=PURPLE, label="left out as jumps")
-    show(axes, steps.homogenised.points, "-", color=BLUE, lw=1.6,
+        plot_residuals(points[~kept], "x", color=PURPLE, label="left out as jumps")
+    plot_residuals(steps.homogenised.points, "-", color=BLUE, lw=1.6,
          label="smoothed along the arc (lsvision)")  # fmt: skip
-    show(axes, steps.literal, "-", color=ORANGE, lw=1.6,
+    plot_residuals(steps.literal, "-", color=ORANGE, lw=1.6,
          label="smoothed as y over x (the paper's text)")  # fmt: skip
     axes.axhline(0.0, color=GREEN, lw=0.8, label="the true pipe")
     axes.set(xlabel="X / mm", ylabel="off the true ellipse / mm")
@@ -233,12 +237,12 @@ def draw_smoothing(steps: StepExample) -> str:
 
 
 def new_figure(height_inch: float) -> "Figure":
-    """Empty figure of the page's width, with a canvas of its own.
+    """Create an empty figure of the page's width, without pyplot.
 
     Parameters
     ----------
     height_inch : float
-        Units: inch.
+        Height. Units: inch.
     """
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
@@ -249,25 +253,25 @@ def new_figure(height_inch: float) -> "Figure":
 
 
 def inline_svg(figure: "Figure", name: str, description: str) -> str:
-    """A figure as an ``<svg>`` element; the same figure gives the same text.
+    """Return a figure as an ``<svg>`` element; the same figure gives the same text.
 
     Parameters
     ----------
     figure : matplotlib.figure.Figure
-        As from `new_figure`.
+        Result of `new_figure`.
     name : str
-        Stands before every id, so that figures on one page do not take each other's.
+        Prefix of every id, which makes the ids of all figures on a page unique.
     description : str
-        What the picture shows, for those who cannot see it.
+        Content of the picture, for screen readers.
     """
     import matplotlib as mpl
 
     content = io.StringIO()
-    # Letters stay text: small, sharp, found by a search; ids are else random.
+    # Text as text, which is small and can be searched; a fixed salt, for the same ids each time.
     with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "lsvision"}):
-        figure.savefig(content, format="svg", metadata=_NOTHING)
+        figure.savefig(content, format="svg", metadata=_NO_METADATA)
     text = content.getvalue()
-    text = _ID.sub(rf"\g<1>{name}-", text[text.index("<svg") :])
+    text = _ID_OR_REFERENCE.sub(rf"\g<1>{name}-", text[text.index("<svg") :])
     text = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", text, count=1)
     text = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", text, count=1)
     label = html.escape(description)

@@ -2,13 +2,13 @@
 
 import math
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from statistics import median
 from typing import Protocol
 
 import numpy as np
 
+from lsvision.geometry import BoolArray
 from lsvision.measure import Measurement, measure_cylinders
 from lsvision.profile import Profile
 from lsvision.simulate import (
@@ -20,32 +20,34 @@ from lsvision.simulate import (
 )
 from lsvision.studies.chen_liu_2016.paper_chain import measure_cylinders_paper
 from lsvision.studies.chen_liu_2016.published_results import PUBLISHED_TIMES, PublishedTime
+from lsvision.studies.chen_liu_2016.tables import ProgressCallback
 
 RADIUS_MM = 19.0
 TUBES = TubeRanges(radius_mm=(RADIUS_MM, RADIUS_MM), theta_deg=(0.0, 180.0), phi_deg=(10.0, 30.0))
-"""The paper's welded pipes, at the tilts of its tables."""
+"""Pipes like the paper's welded ones, with the tilts of its tables."""
 SEARCHED_MM = (10.0, 40.0)
-"""Neither chain is told the radius; the paper's starts its fits from the middle, 20 mm."""
+"""Search range of both chains. The fits of the paper's chain start at 20 mm, its geometric mean.
+Units: mm."""
 FIGURE_SEED = 0
 """Seed of the scenes in Figures 14 and 15: the first of each kind, not a chosen one."""
 REPEATS = 5
-"""Of the fast chain on each scene; the median counts."""
+"""Measurements of each scene by the fast chain, of which the median time is used."""
 MIN_IOU = 0.5
-"""Least intersection over union of the points for a result to be the pipe."""
+"""Smallest intersection over union of the points of a result and of the pipe that it matches."""
 
 
 @dataclass(frozen=True, slots=True)
 class PipelineTiming:
-    """What one chain did under one condition.
+    """Time and matches of one chain under one condition.
 
     Parameters
     ----------
     seconds : float
         Median time of one measurement.
     found : int
-        Pipes reported, over all scenes.
+        Number of pipes that were reported, over all scenes.
     false : int
-        Results that are no pipe, over all scenes.
+        Number of results that match no pipe, over all scenes.
     """
 
     seconds: float
@@ -60,9 +62,9 @@ class Timing:
     Parameters
     ----------
     printed : PublishedTime
-        What the paper says.
+        The row as the paper prints it.
     scenes, pipes : int
-        Scenes measured, and pipes in them.
+        Number of scenes, and of pipes in them.
     paper, section : PipelineTiming
         The paper's chain, and lsvision, on the same profiles.
     """
@@ -75,77 +77,78 @@ class Timing:
 
     @property
     def ratio(self) -> float:
-        """How many times faster lsvision is."""
+        """Time of the paper's chain over that of lsvision."""
         return self.paper.seconds / self.section.seconds
 
 
 def time_conditions(
-    scenes: int, *, noise_mm: float, seed: int = 0, say: Callable[[str], None] = lambda _: None
+    scenes: int, *, noise_mm: float, seed: int = 0, progress: ProgressCallback = lambda _: None
 ) -> tuple[Timing, ...]:
     """Time both chains on the same random scenes of each condition.
 
     Parameters
     ----------
     scenes : int
-        Of each condition.
+        Number of scenes of each condition.
     noise_mm : float
-        One sigma along the ray. Units: mm.
+        Standard deviation along the ray. Units: mm.
     seed : int
-        Of the first scene.
-    say : callable
-        Told of each condition.
+        Random seed of the first scene.
+    progress : callable
+        Called before each condition.
     """
     timings = []
     for printed in PUBLISHED_TIMES:
-        say(f"table 5: {printed.condition.lower()}")
+        progress(f"table 5: {printed.condition.lower()}")
         sections = [
             random_section(printed.kind, number, noise_mm=noise_mm, tubes=TUBES)
             for number in range(seed, seed + scenes)
         ]
         pipes = sum(len(section.truth.tubes) for section in sections)
         paper = _time_chain(sections, measure_cylinders_paper, repeats=1)
-        ours = _time_chain(sections, measure_cylinders, repeats=REPEATS)
-        timings.append(Timing(printed, scenes, pipes, paper, ours))
+        lsvision = _time_chain(sections, measure_cylinders, repeats=REPEATS)
+        timings.append(Timing(printed, scenes, pipes, paper, lsvision))
     return tuple(timings)
 
 
 def count_matches(measurement: Measurement, truth: SectionTruth) -> tuple[int, int]:
-    """Pipes reported, and results that are none: a result is a pipe if it has its points.
+    """Count the pipes that were reported, and the results that match no pipe.
 
     Parameters
     ----------
     measurement : Measurement
-        What a chain reports.
+        Result of a chain.
     truth : SectionTruth
-        What is there.
+        True pipes and labels of the points.
     """
-    free = {tube.label for tube in truth.tubes}
+    unmatched = {tube.label for tube in truth.tubes}
     false = 0
     for cylinder in measurement.cylinders:
-        got = np.zeros(len(truth.labels), dtype=bool)
-        got[cylinder.indices] = True
-        hit = next((label for label in sorted(free) if _same(got, truth.labels == label)), None)
-        if hit is None:
-            false += 1
+        points = np.zeros(len(truth.labels), dtype=bool)
+        points[cylinder.indices] = True
+        matches = [label for label in sorted(unmatched) if _match(points, truth.labels == label)]
+        if matches:
+            unmatched.remove(matches[0])
         else:
-            free.remove(hit)
-    return len(truth.tubes) - len(free), false
+            false += 1
+    return len(truth.tubes) - len(unmatched), false
 
 
-def _same(got: np.ndarray, wanted: np.ndarray) -> bool:
-    return bool((got & wanted).sum() > MIN_IOU * (got | wanted).sum())
+def _match(points: BoolArray, pipe: BoolArray) -> bool:
+    """Whether two sets of points overlap by more than `MIN_IOU` (intersection over union)."""
+    return bool((points & pipe).sum() > MIN_IOU * (points | pipe).sum())
 
 
 @dataclass(frozen=True, slots=True)
 class ScenePipe:
-    """A pipe in a pictured scene: what is true, and what was found of it.
+    """True and measured values of a pipe in a scene of Figures 14 and 15.
 
     Parameters
     ----------
     true_radius_mm, true_theta_deg, true_phi_deg : float
-        Units: mm, deg.
+        True values. Units: mm, deg.
     radius_mm, theta_deg, phi_deg : tuple of float or None
-        Value and one sigma; None where the pipe was not found.
+        Value and standard deviation; None where the pipe was not found.
     """
 
     true_radius_mm: float
@@ -165,13 +168,13 @@ class SceneFigure:
     title : str
         The paper's condition.
     section : SimulatedSection
-        The scene, seen.
+        The simulated section.
     measurement : Measurement
-        What lsvision finds in it.
+        Result of lsvision.
     pipes : tuple of ScenePipe
-        In the order of the truth.
+        All pipes of the scene.
     false : int
-        Results that are no pipe.
+        Number of results that match no pipe.
     """
 
     title: str
@@ -182,12 +185,12 @@ class SceneFigure:
 
 
 def measure_scenes(*, noise_mm: float) -> tuple[SceneFigure, ...]:
-    """Measure one scene of each kind that the paper shows.
+    """Measure one scene of each kind in Figures 14 and 15.
 
     Parameters
     ----------
     noise_mm : float
-        One sigma along the ray at 400 mm. Units: mm.
+        Standard deviation along the ray at 400 mm. Units: mm.
     """
     scenes = []
     for printed in PUBLISHED_TIMES[1:]:
@@ -208,6 +211,7 @@ class _MeasureFunction(Protocol):
 def _time_chain(
     sections: list[SimulatedSection], measure: _MeasureFunction, repeats: int
 ) -> PipelineTiming:
+    """Time a chain on sections, and count its matches."""
     seconds: list[float] = []
     found = false = 0
     for section in sections:
@@ -223,6 +227,7 @@ def _time_chain(
 
 
 def _pipe(tube: TubeTruth, section: SimulatedSection, measurement: Measurement) -> ScenePipe:
+    """True and measured values of a pipe; measured by the first result with mostly its points."""
     deg = math.degrees(1.0)
     truth = (tube.radius, tube.theta * deg, tube.phi * deg)
     labels = section.truth.labels
