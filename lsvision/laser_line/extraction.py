@@ -155,7 +155,7 @@ def _check_exposure(image: LineImage) -> None:
 
 
 def _locate_stripes(image: LineImage, detected: DetectedLine, settings: LineSettings) -> Stripes:
-    """Locate the stripes of a detected line by the method of the settings."""
+    """Locate the stripes by the method of the settings; `detected` has those of "derivative"."""
     if settings.method == "gaussian":
         return locate_by_gaussian_fit(detected.windows, detected.stripes, detected.variances)
     if settings.method == "steger":

@@ -143,5 +143,5 @@ def _tilt(
     """Apply the homography of a tilted sensor to points (n, 2) and their Jacobians (n, 2, 2)."""
     mapped = points @ homography[:, :2].T + homography[:, 2]
     tilted = mapped[:, :2] / mapped[:, 2:]
-    rows = homography[None, :2, :2] - tilted[:, :, None] * homography[None, 2:, :2]
-    return tilted, (rows / mapped[:, 2, None, None]) @ jacobian
+    projective_jacobian = homography[None, :2, :2] - tilted[:, :, None] * homography[None, 2:, :2]
+    return tilted, (projective_jacobian / mapped[:, 2, None, None]) @ jacobian
