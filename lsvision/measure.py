@@ -1,7 +1,8 @@
 """The paper on one page: one profile in, cylinders out (Figure 4).
 
 Range image and candidates stand before the paper's steps, because rough identification alone
-takes planes for huge ellipses; `Settings.paper` runs the paper's chain without them.
+takes planes for huge ellipses. The paper's own chain, without them, is
+`lsvision.studies.chen_liu_2016.measure_cylinders_paper`.
 """
 
 from dataclasses import dataclass
@@ -33,7 +34,6 @@ from lsvision.ellipse.section import CylinderSection
 from lsvision.ellipse.smoothing import smooth_arc
 from lsvision.errors import LsvisionError
 from lsvision.geometry import IntArray
-from lsvision.paper_pipeline import PaperSettings, measure_paper_pipeline
 from lsvision.profile import Arc, NoiseModel, PreparedProfile, Profile
 
 
@@ -49,8 +49,6 @@ class Settings:
         What counts as a cylinder.
     fitting : FittingSettings
         Geometric refinement, section 2.3.
-    paper_settings : PaperSettings or None
-        Not None: the paper's own chain instead of all the above.
     """
 
     range_image: RangeImageSettings = RangeImageSettings()
@@ -60,12 +58,6 @@ class Settings:
     # is a hundredth of the one before: after one of 1e-3 of chi^2, some 0.2 sigma, what is left
     # is 0.002 sigma. Pipes need 2 to 14 evaluations, and what needs more runs off to a needle.
     fitting: FittingSettings = FittingSettings(reweightings=0, max_evaluations=20, tolerance=1e-3)
-    paper_settings: PaperSettings | None = None
-
-    @classmethod
-    def paper(cls) -> "Settings":
-        """The paper's chain as literally as its text allows, for side-by-side comparison."""
-        return cls(paper_settings=PaperSettings())
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,8 +121,6 @@ def measure_cylinders(
     -----
     One section leaves the sign of the tilt open (`CylinderSection.axis_twins`), and knows
     little of phi below 10 deg: look at ``interval("phi")``; two sections know both.
-    The paper's chain (`Settings.paper`) has no priors: a known radius sets its search range only,
-    a known phi nothing.
 
     Examples
     --------
@@ -141,13 +131,9 @@ def measure_cylinders(
     >>> abs(pipe.radius - truth.radius) < 4 * pipe.radius_std
     True
     """
-    priors = Priors(_known_radius(known_radius), _known_phi(known_phi))
+    priors = Priors(radius_prior_from_value(known_radius), _phi_prior_from_value(known_phi))
     prepared = prepare_profile(profile, sensor or profile.noise)
     radius_range = search_range(radius, priors.radius, prepared)
-    if settings.paper_settings is not None:
-        found, refused = measure_paper_pipeline(prepared, radius_range, settings.paper_settings)
-        return _to_sensor_indices(list(found), list(refused), prepared)
-
     range_image = rasterise(prepared, settings.range_image)
     components = connected_components(range_image, settings.candidates.min_span_points)
     candidates = find_candidates(prepared, components, radius_range, settings.candidates)
@@ -164,7 +150,7 @@ def measure_cylinders(
         radius_range,
         settings.candidates.min_span_points,
     )
-    return _to_sensor_indices(cylinders, rejections, prepared)
+    return measurement_in_sensor_columns(cylinders, rejections, prepared)
 
 
 def _measure_arc(
@@ -198,10 +184,18 @@ def _measure_arc(
     return section if reason is None else Rejection(section.arc, reason)
 
 
-def _to_sensor_indices(
+def measurement_in_sensor_columns(
     cylinders: list[CylinderSection], rejections: list[Rejection], profile: PreparedProfile
 ) -> Measurement:
-    """The result with the indices of the profile as it came, cylinders from left to right."""
+    """Return the result with the indices of the original profile, cylinders from left to right.
+
+    Parameters
+    ----------
+    cylinders, rejections : list
+        Their indices and arcs refer to the points of `profile`.
+    profile : PreparedProfile
+        Maps its points to the columns of the sensor.
+    """
 
     def arc_of(indices: IntArray) -> Arc:
         return Arc(int(indices.min()), int(indices.max()) + 1)
@@ -211,16 +205,17 @@ def _to_sensor_indices(
         CylinderSection(cylinder.fit, arc_of(columns[cylinder.indices]), columns[cylinder.indices])
         for cylinder in cylinders
     ]
-    refused = [
+    rejected = [
         Rejection(arc_of(columns[rejection.arc.start : rejection.arc.stop]), rejection.reason)
         for rejection in rejections
     ]
     return Measurement(
-        tuple(sorted(sections, key=lambda section: section.centre[0])), tuple(refused)
+        tuple(sorted(sections, key=lambda section: section.centre[0])), tuple(rejected)
     )
 
 
-def _known_radius(known_radius: float | tuple[float, float] | None) -> RadiusPrior | None:
+def radius_prior_from_value(known_radius: float | tuple[float, float] | None) -> RadiusPrior | None:
+    """Prior of a known radius, or of (radius, std); None without one. Units: mm."""
     if known_radius is None:
         return None
     if isinstance(known_radius, tuple):
@@ -228,7 +223,8 @@ def _known_radius(known_radius: float | tuple[float, float] | None) -> RadiusPri
     return RadiusPrior(float(known_radius))
 
 
-def _known_phi(known_phi: float | tuple[float, float] | None) -> PhiPrior | None:
+def _phi_prior_from_value(known_phi: float | tuple[float, float] | None) -> PhiPrior | None:
+    """Prior of a known tilt, or of (tilt, std); None without one. Units: rad."""
     if known_phi is None:
         return None
     if isinstance(known_phi, tuple):

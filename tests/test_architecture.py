@@ -15,8 +15,8 @@ ROOT = Path(lsvision.__file__).parent
 MODULES = sorted(ROOT.rglob("*.py"))
 MAX_MODULE_LINES, MAX_BODY_LINES = 400, 40
 FORBIDDEN = {
-    "simulate": ("detection", "ellipse", "cylinder", "measure", "scan", "paper_pipeline"),
-    "calibration": ("detection", "ellipse", "cylinder", "measure", "scan", "paper_pipeline"),
+    "simulate": ("detection", "ellipse", "cylinder", "measure", "scan"),
+    "calibration": ("detection", "ellipse", "cylinder", "measure", "scan"),
     "geometry": ("cv2",),
     "profile": ("cv2",),
     "statistics": ("cv2",),

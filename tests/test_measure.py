@@ -19,6 +19,7 @@ from lsvision import (
 )
 from lsvision.simulate import Scene, SectionSettings, Tube, TubeRanges, simulate_section
 from lsvision.simulate.scene_kinds import random_section
+from lsvision.studies.chen_liu_2016 import measure_cylinders_paper
 from tests.alike import turn_between
 from tests.other_scenes import other_scene
 from tests.tolerances import FIVE_SIGMA, FOUR_SIGMA, spread_of_share
@@ -226,12 +227,14 @@ def test_the_profiles_own_noise_is_used_and_a_given_sensor_goes_first():
         pytest.param(np.column_stack([np.arange(100.0), np.zeros(100)]), id="exact line"),
     ],
 )
-@pytest.mark.parametrize("settings", [Settings(), Settings.paper()], ids=["best", "paper"])
+@pytest.mark.parametrize(
+    "measure", [measure_cylinders, measure_cylinders_paper], ids=["best", "paper"]
+)
 @pytest.mark.parametrize("sensor", [None, SENSOR], ids=["noise estimated", "noise known"])
-def test_a_profile_without_a_pipe_has_no_cylinders(points, sensor, settings):
-    measurement = measure_cylinders(Profile(points), sensor=sensor, settings=settings)
+def test_a_profile_without_a_pipe_has_no_cylinders(points, sensor, measure):
+    measurement = measure(Profile(points, sensor))
     # The paper's chain has no gate against huge ellipses on lines; it must not break, though.
-    assert measurement.cylinders == () or settings.paper_settings is not None
+    assert measurement.cylinders == () or measure is measure_cylinders_paper
 
 
 def test_every_point_twice_gives_the_same_pipe():
@@ -260,8 +263,8 @@ def test_same_input_same_bytes_also_in_threads(kind):
 
 def test_the_papers_chain_runs_and_is_as_biased_as_its_smoothing():
     profile = look(noise_factor=0.0).profile
-    (pipe,) = measure_cylinders(profile, radius=(10, 40), settings=Settings.paper()).cylinders
-    # 0.4 to 0.8 mm on arcs of 140 deg (`lsvision.ellipse.smoothing`); more on this one of 160 deg.
+    (pipe,) = measure_cylinders_paper(profile, radius=(10, 40)).cylinders
+    # 0.4 to 0.8 mm on arcs of 140 deg (`smooth_profile_paper`); more on this one of 160 deg.
     assert 0.3 < abs(pipe.radius - 19.0) < 1.6
 
 

@@ -28,7 +28,7 @@ def build_measure_function(
     *,
     paper: bool,
 ) -> "Callable[[Profile], Measurement]":
-    """`measure_cylinders` with the options filled in.
+    """`measure_cylinders`, or `measure_cylinders_paper`, with the options filled in.
 
     Parameters
     ----------
@@ -41,22 +41,27 @@ def build_measure_function(
     sensor : ProfileSensor, optional
         Noise of the points.
     paper : bool
-        The paper's chain to the letter.
+        The paper's chain to the letter, which uses the search range alone.
 
     Raises
     ------
     typer.BadParameter
         If a radius is no number, not positive, or the range is reversed; if a tilt is none.
     """
-    from lsvision.measure import Settings, measure_cylinders
+    search_range, known = parse_search_range(radius), parse_known_radius(known_radius)
+    known_phi = parse_known_phi(known_phi_deg)
+    if paper:
+        from lsvision.studies.chen_liu_2016 import measure_cylinders_paper
+
+        return partial(measure_cylinders_paper, radius=search_range, known_radius=known)
+    from lsvision.measure import measure_cylinders
 
     return partial(
         measure_cylinders,
-        radius=parse_search_range(radius),
-        known_radius=parse_known_radius(known_radius),
-        known_phi=parse_known_phi(known_phi_deg),
+        radius=search_range,
+        known_radius=known,
+        known_phi=known_phi,
         sensor=sensor,
-        settings=Settings.paper() if paper else Settings(),
     )
 
 

@@ -48,8 +48,8 @@ def paper(
         run_experiments,
     )
 
-    effort = ExperimentSizes.full() if full else ExperimentSizes.quick()
-    report = run_experiments(effort, noise_mm=noise_mm, seed=seed, say=_log_progress)
+    sizes = ExperimentSizes.full() if full else ExperimentSizes.quick()
+    report = run_experiments(sizes, noise_mm=noise_mm, seed=seed, progress=_log_progress)
     _log_progress("drawing the page")
     write_atomic(out, report_page(report))
     if json is not None:

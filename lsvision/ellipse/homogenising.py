@@ -66,25 +66,3 @@ def homogenise_arc(smoothed: SmoothedArc) -> HomogenisedArc:
     return HomogenisedArc(
         as_vectors(z), ellipse_from_parameters(found if is_ellipse(found) else parameters)
     )
-
-
-def homogenise_profile_paper(points: Points, step_mm: float = 0.5) -> Points:
-    """Points at equal steps of x by the spline y = S(x), as the paper says; for comparison.
-
-    Parameters
-    ----------
-    points : (n, 2) ndarray
-        Smoothed arc. Units: mm. Points whose x does not rise are left out: S(x) needs it.
-    step_mm : float
-        Units: mm.
-
-    Returns
-    -------
-    (m, 2) ndarray
-        Units: mm.
-    """
-    from scipy.interpolate import CubicSpline
-
-    rising = points[np.concatenate([[True], points[1:, 0] > np.maximum.accumulate(points[:-1, 0])])]
-    x = np.arange(rising[0, 0], rising[-1, 0], step_mm)
-    return np.column_stack([x, CubicSpline(rising[:, 0], rising[:, 1])(x)])

@@ -13,8 +13,7 @@ import numpy as np
 
 from lsvision.ellipse.parameters import parameters_from_ellipse
 from lsvision.ellipse.robust_gauss_newton import ellipse_residuals
-from lsvision.errors import FitFailed
-from lsvision.geometry import BoolArray, Ellipse, FloatArray, Points
+from lsvision.geometry import BoolArray, Ellipse, FloatArray
 from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints
 from lsvision.statistics.robust import mad_std
 
@@ -146,30 +145,3 @@ def _local_quadratics(u: FloatArray, weights: FloatArray, residuals: FloatArray)
     c0, c1, c2 = d2 * d4 - m3 * m3, m2 * m3 - m1 * d4, m1 * m3 - m2 * d2
     value: FloatArray = (c0 * r0 + c1 * r1 + c2 * r2) / (c0 * d0 + c1 * m1 + c2 * m2)
     return value
-
-
-def smooth_profile_paper(points: Points, window_fraction: float = 0.3) -> Points:
-    """Smooth y(x) by local quadratics, as the paper's section 3.3.1 says; for comparison only.
-
-    Parameters
-    ----------
-    points : (n, 2) ndarray
-        An arc, ordered by x. Units: mm.
-    window_fraction : float
-        Share of the points in each window.
-
-    Returns
-    -------
-    (n, 2) ndarray
-        Same x, smoothed y. Units: mm. Biased: radius 0.4 to 0.8 mm too large on clean arcs.
-    """
-    if not np.ptp(points[:, 0]) > 0:
-        raise FitFailed("the arc has no width in x: y(x) cannot be smoothed; leave it out")
-    count = len(points)
-    window = min(count, max(3, round(window_fraction * count)))
-    smooth = points.copy()
-    for i in range(count):
-        first = min(max(0, i - window // 2), count - window)
-        x, y = points[first : first + window].T
-        smooth[i, 1] = np.polynomial.Polynomial.fit(x, y, 2)(points[i, 0])
-    return smooth

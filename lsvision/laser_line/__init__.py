@@ -1,1 +1,7 @@
-"""The line that a laser plane draws, located in a camera image to a fraction of a pixel."""
+"""Extraction of a laser line from a camera image to a fraction of a pixel.
+
+In the order of the data flow: `line_image` reduces the image to the laser's channel,
+`candidates` finds ridges in each column, `path_search` connects them to a line, `detection`
+decides whether it is a laser line, `subpixel` locates it in windows around it
+(`stripe_windows`), `noise` estimates its standard deviation. `extraction` calls them all.
+"""

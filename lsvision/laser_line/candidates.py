@@ -1,4 +1,4 @@
-"""Where in each column a laser line might be: local maxima of a matched filter."""
+"""Candidates for a laser line in each column: local maxima of a matched filter."""
 
 import math
 from dataclasses import dataclass
@@ -8,31 +8,34 @@ import numpy as np
 
 from lsvision.geometry import FloatArray, IntArray
 from lsvision.laser_line.line_image import Image
+from lsvision.statistics.robust import MAD_TO_STD
 
 FIXED_POINT = 32
-"""Steps of the integer filter in one DN of an 8-bit image; twice the response fits 16 bit."""
+"""Response of the integer filter to 1 DN of an 8-bit image; 255 DN use half of 16 bit."""
 DETECTION_SIGMAS = 4.5
-"""Noise sigmas of the filtered image below which a maximum is noise: about one in 10^6."""
-NOISE_SAMPLE = 7
-"""Every so many-th row and column is looked at for the noise; a prime, to miss patterns."""
+"""Height of a candidate in standard deviations of the filtered image; noise exceeds it in about
+one of 10^6 pixels."""
+NOISE_SAMPLE_STEP = 7
+"""Step between the rows and columns from which the noise is estimated; prime, so that no regular
+pattern falls on them alone."""
 
 
 @dataclass(frozen=True, eq=False)
 class LineCandidates:
-    """Local maxima, ordered by column, then row.
+    """Candidates for points of a line, ordered by column, then row.
 
     Parameters
     ----------
     columns : (n,) ndarray of int
-        Units: px.
+        Column of each candidate. Units: px.
     rows : (n,) ndarray
-        Top of the parabola through the maximum and its neighbours. Units: px.
+        Vertex of the parabola through the maximum and its two neighbours. Units: px.
     scores : (n,) ndarray
-        Height of a Gaussian stripe, of the filter's sigma, that answers alike. Units: DN.
+        Height of the Gaussian stripe, of the filter's sigma, with the same response. Units: DN.
     threshold : float
-        Score below which maxima were left out. Units: DN.
+        Smallest score of a candidate. Units: DN.
     shape : tuple of int
-        ``(height, width)`` of the image.
+        ``(height, width)`` of the image. Units: px.
     """
 
     columns: IntArray
@@ -45,48 +48,54 @@ class LineCandidates:
         return len(self.columns)
 
     def select(self, which: np.ndarray) -> "LineCandidates":
-        """Those that an index or mask names, in order."""
+        """Return the candidates of an index array or a mask, in its order."""
         return LineCandidates(
             self.columns[which], self.rows[which], self.scores[which], self.threshold, self.shape
         )
 
 
 def matched_kernel(sigma: float) -> FloatArray:
-    """Gaussian without its mean; answers 1 to a stripe of height 1 and the same sigma."""
-    reach = math.ceil(3 * sigma)
-    stripe = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
+    """Return a zero-mean Gaussian kernel whose response to its own stripe of height 1 is 1.
+
+    Parameters
+    ----------
+    sigma : float
+        Standard deviation of stripe and kernel. Units: px.
+    """
+    half_width = math.ceil(3 * sigma)
+    stripe = np.exp(-0.5 * (np.arange(-half_width, half_width + 1) / sigma) ** 2)
     kernel = stripe - stripe.mean()
-    unit: FloatArray = kernel / (kernel @ stripe)
-    return unit
+    normalised: FloatArray = kernel / (kernel @ stripe)
+    return normalised
 
 
 def find_line_candidates(
-    signal: Image, sigma: float, least_score: float, per_column: int
+    signal: Image, sigma: float, min_score: float, per_column: int
 ) -> LineCandidates:
-    """Local maxima down each column of the matched-filtered image.
+    """Find the local maxima of the matched-filtered image in each column.
 
     Parameters
     ----------
     signal : (height, width) ndarray
         uint8, int16 or float32. Units: DN.
     sigma : float
-        Of the filter. Units: px.
-    least_score : float
-        Lower ones are left out; as are those within the image's own noise. Units: DN.
+        Standard deviation of the matched filter. Units: px.
+    min_score : float
+        Smallest score of a candidate; the noise of the image may raise it. Units: DN.
     per_column : int
-        Strongest kept in each column.
+        Largest number of candidates in a column: those with the highest scores.
 
     Returns
     -------
     LineCandidates
-        Maybe none.
+        Empty where no maximum exceeds the threshold.
     """
-    response, unit = _filtered(signal, sigma)
-    sample = np.abs(response[::NOISE_SAMPLE, ::NOISE_SAMPLE])
-    noise = 1.4826 * float(np.median(sample))
-    threshold = max(least_score * unit, DETECTION_SIGMAS * noise)
-    reach = 2 * max(1, round(sigma)) + 1
-    highest = cv2.dilate(response, np.ones((reach, 1), np.uint8))
+    response, unit = _apply_matched_filter(signal, sigma)
+    sample = np.abs(response[::NOISE_SAMPLE_STEP, ::NOISE_SAMPLE_STEP])
+    noise_std = MAD_TO_STD * float(np.median(sample))
+    threshold = max(min_score * unit, DETECTION_SIGMAS * noise_std)
+    neighbourhood = np.ones((2 * max(1, round(sigma)) + 1, 1), np.uint8)
+    highest = cv2.dilate(response, neighbourhood)
     peak = cv2.compare(response, highest, cv2.CMP_EQ)
     peak &= cv2.compare(response, threshold, cv2.CMP_GT)
     rows, columns = _nonzero(peak)
@@ -96,12 +105,12 @@ def find_line_candidates(
     kept = order[rank < per_column]
     kept = kept[np.lexsort((rows[kept], columns[kept]))]
     shape = (signal.shape[0], signal.shape[1])
-    tops = _subpixel_peaks(response, columns[kept], rows[kept])
-    return LineCandidates(columns[kept], tops, scores[kept], threshold / unit, shape)
+    peaks = _subpixel_peaks(response, columns[kept], rows[kept])
+    return LineCandidates(columns[kept], peaks, scores[kept], threshold / unit, shape)
 
 
-def _filtered(signal: Image, sigma: float) -> tuple[Image, float]:
-    """Filter response and its numbers in one DN; integers where they hold it, for speed."""
+def _apply_matched_filter(signal: Image, sigma: float) -> tuple[Image, float]:
+    """Response of the matched filter, and its value for a stripe of 1 DN; integers for speed."""
     kernel = matched_kernel(sigma).astype(np.float32)[:, None]
     if signal.dtype == np.uint8:
         along = np.ones(1, np.float32)
@@ -110,16 +119,18 @@ def _filtered(signal: Image, sigma: float) -> tuple[Image, float]:
 
 
 def _subpixel_peaks(response: Image, columns: IntArray, rows: IntArray) -> FloatArray:
+    """Rows (n,) of the vertices of the parabolas through maxima and their neighbours."""
     above, below = np.maximum(rows - 1, 0), np.minimum(rows + 1, len(response) - 1)
     before, at, after = (response[row, columns].astype(np.float64) for row in (above, rows, below))
-    bend = 2 * at - before - after
-    shift = np.where(bend > 0, 0.5 * (after - before) / np.where(bend > 0, bend, 1.0), 0.0)
-    tops: FloatArray = rows + np.clip(shift, -0.5, 0.5)
-    return tops
+    curvature = 2 * at - before - after
+    curved = curvature > 0
+    shift = np.where(curved, 0.5 * (after - before) / np.where(curved, curvature, 1.0), 0.0)
+    peaks: FloatArray = rows + np.clip(shift, -0.5, 0.5)
+    return peaks
 
 
 def _nonzero(mask: Image) -> tuple[IntArray, IntArray]:
-    """Rows and columns of what is not 0; rows without any, which are most, cost nothing."""
+    """Rows and columns of the nonzero pixels; skips empty rows, which are most of them."""
     full = np.flatnonzero(mask.any(axis=1))
     rows, columns = np.nonzero(mask[full])
     return full[rows], columns

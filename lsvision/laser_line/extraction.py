@@ -1,4 +1,4 @@
-"""The laser line in an image, column by column, to a fraction of a pixel."""
+"""Extraction of a laser line from an image: one sub-pixel point in each column or row."""
 
 import math
 from dataclasses import dataclass, replace
@@ -8,28 +8,35 @@ import numpy.typing as npt
 
 from lsvision.errors import NoLaserLine
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Points, as_readonly_array
-from lsvision.laser_line.derivative_of_gaussian import locate_by_derivative
 from lsvision.laser_line.detection import DetectedLine, find_direction, find_line
-from lsvision.laser_line.gaussian_fit import locate_by_gaussian_fit
 from lsvision.laser_line.line_image import Direction, LineImage, prepare_line_image
 from lsvision.laser_line.noise import SLOPE_SPAN, excess_variance
 from lsvision.laser_line.settings import LineSettings
-from lsvision.laser_line.steger_ridge import locate_by_steger
 from lsvision.laser_line.stripe_windows import Stripes, cut_windows
+from lsvision.laser_line.subpixel import (
+    locate_by_derivative,
+    locate_by_gaussian_fit,
+    locate_by_steger,
+)
 
 MAX_SATURATED_FRACTION = 0.5
-"""Share of the image at full scale from which it is overexposed as a whole."""
+"""Largest fraction of the pixels at full scale; above it the whole image is overexposed."""
 SATURATED_SIGMA_FACTOR = 2.0
-"""A saturated stripe is wider than its light: its filter is widened by this."""
+"""Sigma of the filter at a saturated stripe over that elsewhere: clipping widens a stripe."""
 BORDER_SIGMAS = 1.5
-"""Sigmas from the image's border within which the line's flank is cut off."""
+"""Distance from the image's border, in sigmas of the filter, below which it cuts off a flank of the
+line."""
+MAX_BORDER_FRACTION = 0.5
+"""Largest fraction of a line's columns that may be so near to the border."""
+STEGER_CORRELATION_SIGMAS = 4.0
+"""Distance along the line, in sigmas of Steger's smoothing, from which errors are independent."""
 
 __all__ = ["LaserLine", "LineSettings", "extract_laser_line"]
 
 
 @dataclass(frozen=True, eq=False)
 class LaserLine:
-    """A laser line: one point for each column (or row) of the image, in order.
+    """A laser line: one point for each of the n columns (or rows) of the image, in order.
 
     Parameters
     ----------
@@ -37,18 +44,18 @@ class LaserLine:
         u, v; NaN rows where the line is lost. Pixel (0, 0) is the centre of the top-left
         pixel. Units: px.
     std : (n,) ndarray
-        One sigma across the line (along v for columns, along u for rows). Units: px.
+        Standard deviation along v (columns) or u (rows). Units: px.
     intensity : (n,) ndarray
-        Height above the surroundings. Units: DN.
+        Height above the background. Units: DN.
     width : (n,) ndarray
-        One sigma of the line's section. Units: px.
+        Standard deviation of the Gaussian cross-section. Units: px.
     saturated : (n,) ndarray of bool
         Whether the line is at full scale there.
     direction : {"columns", "rows"}
-        What the points stand for.
+        Whether there is one point for each column or one for each row.
     second_line_fraction : float
-        Share of the columns in which a second line, as strong and apart from this one, can be
-        followed: above about 0.2, look whether the right one was taken.
+        Fraction of the columns in which a second line, as strong and apart from this one, can
+        be followed: above about 0.2, check that this is the right one.
     """
 
     pixels: Points
@@ -80,38 +87,38 @@ def extract_laser_line(
     settings: LineSettings | None = None,
     laser_off: npt.ArrayLike | None = None,
 ) -> LaserLine:
-    """Find the laser line in an image and measure its place in each column.
+    """Extract the laser line from an image to a fraction of a pixel.
 
     Parameters
     ----------
     image : (height, width) or (height, width, 3) array_like
         Raw image: uint8, uint16 or float; colours in OpenCV's order blue, green, red.
     settings : LineSettings, optional
-        How to look.
+        Method, filter and noise; `LineSettings` by default.
     laser_off : array_like, optional
-        The same view without the laser. Takes away all that is not the laser's light: use it
-        where anything else in view looks like a line.
+        The same view without the laser, to be subtracted: for scenes in which something else
+        looks like a line.
 
     Returns
     -------
     LaserLine
-        Its `std` holds what the noise of the pixels explains and, added to that, the scatter
-        along the line that it does not, larger where the line is steep: speckle and the
-        roughness of the surface.
+        The variance `std`^2 is the sum of that predicted from the noise of the pixels and of the
+        excess scatter along the line (speckle, roughness of the surface), which is larger where
+        the line is steep.
 
     Raises
     ------
     NoLaserLine
-        If there is none; if the whole image is overexposed; if the line runs along the border.
+        If there is no line, the whole image is overexposed, or the line runs along the border.
     TypeError, ValueError
-        If it is no image, or colour and ``settings.channel`` disagree.
+        If `image` is not an image, or its colours and ``settings.channel`` disagree.
 
     Notes
     -----
-    Candidates in each column (matched filter), the cheapest path through them, and the zero
-    crossing of a derivative-of-Gaussian filter around it. Of two lines the longer unbroken one
-    is taken, however bright the other; `LaserLine.second_line_fraction` tells of it. Points next to
-    the end of a line, the edge of a step, or where a bright streak crosses err by more than `std`.
+    Steps: candidates in each column (matched filter), the path of lowest cost through them, and
+    the zero crossing of a derivative of Gaussian around it. Of two lines the longer unbroken one
+    is extracted, however bright the other; see `LaserLine.second_line_fraction`. The error exceeds
+    `std` next to the end of a line, at a step, and where a bright streak crosses the line.
 
     Examples
     --------
@@ -121,112 +128,121 @@ def extract_laser_line(
     >>> len(line), line.lost, line.direction, line.pixels[7].round(2)
     (320, 0, 'columns', array([  7.  , 100.25]))
     """
-    chosen = settings or LineSettings()
-    prepared = prepare_line_image(image, laser_off, chosen.channel, chosen.full_scale)
-    _refuse_glare(prepared)
-    direction = chosen.direction or find_direction(prepared, chosen)
-    level = prepared if direction == "columns" else prepared.transposed()
-    found = find_line(level, chosen)
-    stripes = _located(level, found, chosen)
-    _refuse_border(level, found)
-    line = _assembled(level, found, stripes, chosen)
-    return (
-        line
-        if direction == "columns"
-        else replace(line, pixels=line.pixels[:, ::-1], direction="rows")
-    )
+    settings = settings or LineSettings()
+    line_image = prepare_line_image(image, laser_off, settings.channel, settings.full_scale)
+    _check_exposure(line_image)
+    direction = settings.direction or find_direction(line_image, settings)
+    if direction == "rows":
+        line_image = line_image.transposed()
+    detected = find_line(line_image, settings)
+    stripes = _locate_stripes(line_image, detected, settings)
+    _check_border(line_image, detected)
+    line = _build_line(line_image, detected, stripes, settings)
+    if direction == "rows":
+        return replace(line, pixels=line.pixels[:, ::-1], direction="rows")
+    return line
 
 
-def _refuse_glare(image: LineImage) -> None:
-    share = float((image.raw_channel[::4, ::4] >= image.full_scale).mean())
-    if share > MAX_SATURATED_FRACTION:
+def _check_exposure(image: LineImage) -> None:
+    """Raise NoLaserLine if most of the image is at full scale; every fourth pixel is checked."""
+    saturated = float((image.raw_channel[::4, ::4] >= image.full_scale).mean())
+    if saturated > MAX_SATURATED_FRACTION:
         raise NoLaserLine(
-            f"{share:.0%} of the image is at its full scale of {image.full_scale:g} and "
+            f"{saturated:.0%} of the image is at its full scale of {image.full_scale:g} and "
             f"{MAX_SATURATED_FRACTION:.0%} at most can be: shorten the exposure until only the "
             "line is bright"
         )
 
 
-def _located(image: LineImage, found: DetectedLine, settings: LineSettings) -> Stripes:
-    """The line's places by the method asked for."""
+def _locate_stripes(image: LineImage, detected: DetectedLine, settings: LineSettings) -> Stripes:
+    """Locate the stripes by the method of the settings; `detected` has those of "derivative"."""
     if settings.method == "gaussian":
-        return locate_by_gaussian_fit(found.windows, found.stripes, found.variances)
+        return locate_by_gaussian_fit(detected.windows, detected.stripes, detected.variances)
     if settings.method == "steger":
         return locate_by_steger(
-            image.signal, found.windows, found.stripes, found.variances, found.sigma
+            image.signal, detected.windows, detected.stripes, detected.variances, detected.sigma
         )
-    return _widened_where_saturated(image, found)
+    return _relocate_saturated(image, detected)
 
 
-def _widened_where_saturated(image: LineImage, found: DetectedLine) -> Stripes:
-    """The line's places; where saturated by a wider filter, in the laser's own channel.
+def _relocate_saturated(image: LineImage, detected: DetectedLine) -> Stripes:
+    """Replace saturated stripes by those of a wider filter in the laser's own channel.
 
-    Where that finds nothing, a white-hot line of a coloured laser is lost, because its rim has
-    a place of its own; a grey one keeps the narrow filter's place.
+    Where the wider filter has no zero crossing, the stripe of a coloured laser is lost: the excess
+    of its colour is zero in the saturated middle, and the narrow filter locates one of its rims.
+    Without colours the narrow filter's stripe is kept.
     """
-    clipped = found.windows.saturated.any(axis=1) & found.stripes.found
+    clipped = detected.windows.saturated.any(axis=1) & detected.stripes.found
     if not clipped.any():
-        return found.stripes
-    start = found.stripes.pixels[clipped, 1]
-    sigma = SATURATED_SIGMA_FACTOR * found.sigma
-    windows = cut_windows(image, image.channel_signal, found.windows.columns[clipped], start, sigma)
-    brightest = found.variances[clipped].max(axis=1, keepdims=True)
+        return detected.stripes
+    start = detected.stripes.pixels[clipped, 1]
+    sigma = SATURATED_SIGMA_FACTOR * detected.sigma
+    columns = detected.windows.columns[clipped]
+    windows = cut_windows(image, image.channel_signal, columns, start, sigma)
+    brightest = detected.variances[clipped].max(axis=1, keepdims=True)
     variances = np.broadcast_to(brightest, windows.values.shape)
     wider = locate_by_derivative(windows, start, variances, sigma)
-    taken = wider.found | (image.channel_signal is not image.signal)
-    at = np.flatnonzero(clipped)[taken]
-    merged = found.stripes
+    replaced = wider.found | (image.channel_signal is not image.signal)
+    at = np.flatnonzero(clipped)[replaced]
+    merged = detected.stripes
     for name in ("pixels", "std", "heights", "sigmas"):
         values = getattr(merged, name).copy()
-        values[at] = getattr(wider, name)[taken]
+        values[at] = getattr(wider, name)[replaced]
         merged = replace(merged, **{name: values})
     return merged
 
 
-def _near_border(image: LineImage, found: DetectedLine) -> BoolArray:
-    margin = BORDER_SIGMAS * found.sigma
-    rows = found.windows.centre_rows
+def _near_border(image: LineImage, detected: DetectedLine) -> BoolArray:
+    """Whether a window of the line is so near to the upper or lower border that it is cut off."""
+    margin = BORDER_SIGMAS * detected.sigma
+    rows = detected.windows.centre_rows
     near: BoolArray = (rows < margin) | (rows > image.signal.shape[0] - 1 - margin)
     return near
 
 
-def _refuse_border(image: LineImage, found: DetectedLine) -> None:
-    near = _near_border(image, found)
-    if near.mean() > 0.5:
+def _check_border(image: LineImage, detected: DetectedLine) -> None:
+    """Raise NoLaserLine if most of the line is cut off by the border of the image."""
+    near = _near_border(image, detected)
+    if near.mean() > MAX_BORDER_FRACTION:
         raise NoLaserLine(
-            f"the line runs within {BORDER_SIGMAS * found.sigma:.0f} px of the image's border in "
-            f"{near.mean():.0%} of its columns, where half of it is cut off: move the camera, "
+            f"the line runs within {BORDER_SIGMAS * detected.sigma:.0f} px of the image's border "
+            f"in {near.mean():.0%} of its columns, where half of it is cut off: move the camera, "
             "the laser or the region of interest until the whole line is in view"
         )
 
 
-def _assembled(
-    image: LineImage, found: DetectedLine, stripes: Stripes, settings: LineSettings
+def _build_line(
+    image: LineImage, detected: DetectedLine, stripes: Stripes, settings: LineSettings
 ) -> LaserLine:
-    """One entry for each column; u and v still lie as in `image`."""
-    good = stripes.found & ~_near_border(image, found)
-    columns = found.windows.columns[good]
-    places, noise = _in_their_columns(stripes.pixels[good], columns), stripes.std[good]
-    # The ridge's smoothing along the line makes neighbours err alike.
-    lag = None if settings.method != "steger" else math.ceil(4 * found.sigma)
-    excess = excess_variance(columns, places, noise, lag)
+    """Build the line of all columns from its stripes; u and v as in `image`."""
+    good = stripes.found & ~_near_border(image, detected)
+    columns = detected.windows.columns[good]
+    rows, noise_std = _rows_at_columns(stripes.pixels[good], columns), stripes.std[good]
+    # Steger's smoothing along the line correlates the errors of neighbours.
+    lag = (
+        None
+        if settings.method != "steger"
+        else math.ceil(STEGER_CORRELATION_SIGMAS * detected.sigma)
+    )
+    excess = excess_variance(columns, rows, noise_std, lag)
     width = image.signal.shape[1]
     pixels = np.full((width, 2), np.nan)
     pixels[columns] = stripes.pixels[good]
-    numbers = [np.full(width, np.nan) for _ in range(3)]
-    values = np.sqrt(noise**2 + excess), stripes.heights[good], stripes.sigmas[good]
-    for number, value in zip(numbers, values, strict=True):
-        number[columns] = value
+    std, heights, sigmas = np.full((3, width), np.nan)
+    std[columns] = np.sqrt(noise_std**2 + excess)
+    heights[columns] = stripes.heights[good]
+    sigmas[columns] = stripes.sigmas[good]
     saturated = np.zeros(width, dtype=bool)
-    saturated[columns] = found.windows.saturated[good].any(axis=1)
-    std, heights, sigmas = numbers
-    return LaserLine(pixels, std, heights, sigmas, saturated, "columns", found.second_line_fraction)
+    saturated[columns] = detected.windows.saturated[good].any(axis=1)
+    return LaserLine(
+        pixels, std, heights, sigmas, saturated, "columns", detected.second_line_fraction
+    )
 
 
-def _in_their_columns(pixels: Points, columns: IntArray) -> FloatArray:
-    """Rows at which the line crosses its columns; ridge points lie up to a pixel beside them."""
+def _rows_at_columns(pixels: Points, columns: IntArray) -> FloatArray:
+    """Rows (n,) of the line at whole columns; ridge points lie up to 1 px beside them."""
     before, after = np.roll(pixels, SLOPE_SPAN, axis=0), np.roll(pixels, -SLOPE_SPAN, axis=0)
-    run, rise = (after - before).T
-    slopes = np.divide(rise, run, out=np.zeros_like(rise), where=np.abs(run) > 1)
+    du, dv = (after - before).T
+    slopes = np.divide(dv, du, out=np.zeros_like(dv), where=np.abs(du) > 1)
     rows: FloatArray = pixels[:, 1] - slopes * (pixels[:, 0] - columns)
     return rows

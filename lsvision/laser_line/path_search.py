@@ -1,9 +1,9 @@
-"""Which candidates make the laser line: the cheapest way from the first column to the last.
+"""Connect candidates to a laser line: the shortest path from the first column to the last.
 
-Brightness must not buy a jump: a candidate's score counts only up to a little more than the
-threshold of detection, so that a long dim line beats any number of bright glints. Taking a
-candidate costs 1 less its saturated score, leaving a column empty costs nearly 1, moving up or
-down costs by the square of the step, and starting anew elsewhere costs a fixed price.
+A candidate's score counts only up to a little more than the detection threshold, so that bright
+glints cannot pay for jumps and a long dim line has the lower cost. A candidate on the path costs
+less the higher its score, an empty column costs nearly 1, a step between rows costs its square,
+and a new segment elsewhere costs a constant.
 """
 
 from dataclasses import dataclass
@@ -13,27 +13,30 @@ import numpy as np
 from lsvision.geometry import FloatArray, IntArray
 from lsvision.laser_line.candidates import LineCandidates
 
+MIN_EDGE_COST = 1e-9
+"""Added to the cost of every edge; negligible beside `PathSettings.empty_column_cost`."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class PathSettings:
-    """How the line is followed from column to column.
+    """Costs and limits of the path along a laser line.
 
     Parameters
     ----------
     candidates : int
-        Strongest maxima looked at in each column.
+        Largest number of candidates in a column: those with the highest scores.
     max_score_ratio : float
-        Multiple of the detection threshold from which a score counts no more.
+        Score over detection threshold above which a higher score has no effect.
     slope_cost : float
-        Price of a step of one px from column to column; grows with its square.
+        Cost of a step of 1 px from one column to the next; grows with the square of the step.
     max_row_step : int
-        Longest step from column to column; beyond it the line starts anew. Units: px.
+        Largest step from one column to the next within a segment. Units: px.
     max_missing_columns : int
-        Columns that may be missing without a new start.
+        Largest number of consecutive empty columns within a segment.
     restart_cost : float
-        Price of a new start, in columns; shorter pieces of line are not worth one.
+        Cost of a new segment, in empty columns: shorter segments are not used.
     empty_column_cost : float
-        Price of an empty column; taking a candidate costs between 0 and this.
+        Cost of an empty column, and of a candidate whose score is zero.
     """
 
     candidates: int = 12
@@ -47,16 +50,16 @@ class PathSettings:
 
 @dataclass(frozen=True, eq=False)
 class LinePath:
-    """Candidates on the line.
+    """The candidates on a laser line.
 
     Parameters
     ----------
     indices : (k,) ndarray of int
-        Into the candidates, by column.
+        Indices of the candidates, ordered by column.
     segment_labels : (k,) ndarray of int
-        0, 1, ...: which unbroken piece of the line each belongs to.
+        Number 0, 1, ... of the unbroken segment to which each belongs.
     cost_reduction : float
-        Price of an empty image less the line's: its worth, in columns.
+        Cost of an image without a line minus that of the path; about the number of columns.
     """
 
     indices: IntArray
@@ -65,25 +68,24 @@ class LinePath:
 
 
 def shortest_line_path(candidates: LineCandidates, settings: PathSettings) -> LinePath:
-    """The cheapest path through the candidates, at most one in each column.
+    """Find the path of lowest cost with at most one candidate in each column.
 
     Parameters
     ----------
     candidates : LineCandidates
         Ordered by column, then row.
     settings : PathSettings
-        The prices.
+        Costs and limits.
 
     Returns
     -------
     LinePath
-        Empty where no piece of line is worth its price.
+        Empty where every segment costs more than empty columns.
 
     Notes
     -----
     Nodes are the candidates and, for each column, "no line here"; every edge leads to a later
-    column, so the shortest path is exact whatever its order. Dijkstra (scipy) wants no
-    negative price; there is none.
+    column, and no cost is negative, as Dijkstra's algorithm requires.
     """
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import dijkstra
@@ -91,32 +93,32 @@ def shortest_line_path(candidates: LineCandidates, settings: PathSettings) -> Li
     if not len(candidates):
         return LinePath(np.zeros(0, np.int64), np.zeros(0, np.int64), 0.0)
     count, width = len(candidates), candidates.shape[1]
-    start, stop, price = _edges(candidates, settings)
+    start, stop, cost = _edges(candidates, settings)
     nodes = count + width + 1
-    # A price of 0 is no edge to a sparse matrix.
-    graph = csr_array((price + 1e-9, (start, stop)), shape=(nodes, nodes))
-    costs, before = dijkstra(graph, indices=count, return_predecessors=True)
-    indices = _backtrack(before.tolist(), count, width)
-    saved = width * settings.empty_column_cost - float(costs[count + width])
-    return LinePath(indices, _segment_labels(candidates, indices, settings), saved)
+    # A sparse matrix does not store an edge of cost 0.
+    graph = csr_array((cost + MIN_EDGE_COST, (start, stop)), shape=(nodes, nodes))
+    costs, predecessors = dijkstra(graph, indices=count, return_predecessors=True)
+    indices = _backtrack(predecessors.tolist(), count, width)
+    cost_reduction = width * settings.empty_column_cost - float(costs[count + width])
+    return LinePath(indices, _segment_labels(candidates, indices, settings), cost_reduction)
 
 
 def _edges(
     candidates: LineCandidates, settings: PathSettings
 ) -> tuple[IntArray, IntArray, FloatArray]:
-    """Start, stop and price of every edge; node ``count + c`` is "no line in column c"."""
+    """Start, stop and cost of every edge; node ``count + c`` is "no line in column c"."""
     count, width = len(candidates), candidates.shape[1]
     columns = candidates.columns
-    own = settings.empty_column_cost * (
+    candidate_costs = settings.empty_column_cost * (
         1 - np.minimum(candidates.scores / (settings.max_score_ratio * candidates.threshold), 1.0)
     )
-    here = np.arange(count)
-    none = count + np.arange(width)
-    starts = [none, none[columns], here]
-    stops = [none + 1, here, count + columns + 1]
-    prices = [
+    nodes = np.arange(count)
+    empty = count + np.arange(width)
+    starts = [empty, empty[columns], nodes]
+    stops = [empty + 1, nodes, count + columns + 1]
+    costs = [
         np.full(width, settings.empty_column_cost),
-        settings.restart_cost / 2 + own,
+        settings.restart_cost / 2 + candidate_costs,
         np.full(count, settings.restart_cost / 2),
     ]
     for step in range(1, settings.max_missing_columns + 2):
@@ -124,20 +126,23 @@ def _edges(
         rise = candidates.rows[second] - candidates.rows[first]
         starts.append(first)
         stops.append(second)
-        prices.append(
+        costs.append(
             settings.slope_cost * rise**2 / step
-            + own[second]
+            + candidate_costs[second]
             + settings.empty_column_cost * (step - 1)
         )
-    return np.concatenate(starts), np.concatenate(stops), np.concatenate(prices)
+    return np.concatenate(starts), np.concatenate(stops), np.concatenate(costs)
 
 
-def _neighbours(candidates: LineCandidates, step: int, reach: int) -> tuple[IntArray, IntArray]:
-    """Pairs of candidates `step` columns apart and at most `reach` rows a column."""
-    span = candidates.shape[0] + 2 * reach * (step + 1)  # no reach touches the next column
+def _neighbours(
+    candidates: LineCandidates, step: int, max_row_step: int
+) -> tuple[IntArray, IntArray]:
+    """Pairs of candidates `step` columns and at most `max_row_step` rows per column apart."""
+    # Sort keys of two columns are so far apart that no search interval covers both.
+    span = candidates.shape[0] + 2 * max_row_step * (step + 1)
     keys = candidates.columns * span + candidates.rows
     target = keys + step * span
-    half = reach * step
+    half = max_row_step * step
     low = np.searchsorted(keys, target - half)
     high = np.searchsorted(keys, target + half, side="right")
     counts = high - low
@@ -147,21 +152,22 @@ def _neighbours(candidates: LineCandidates, step: int, reach: int) -> tuple[IntA
     return first, second
 
 
-def _backtrack(before: list[int], count: int, width: int) -> IntArray:
-    """Candidates met on the way back from the last column."""
-    taken, node = [], count + width
+def _backtrack(predecessors: list[int], count: int, width: int) -> IntArray:
+    """Candidates on the path (k,), followed back from the last node over each predecessor."""
+    path, node = [], count + width
     while node != count:
         if node < count:
-            taken.append(node)
-        node = before[node]
-    return np.array(taken[::-1], dtype=np.int64)
+            path.append(node)
+        node = predecessors[node]
+    return np.array(path[::-1], dtype=np.int64)
 
 
 def _segment_labels(
     candidates: LineCandidates, indices: IntArray, settings: PathSettings
 ) -> IntArray:
+    """Number of the segment of each candidate (k,): a new one at each gap or large step."""
     steps = np.diff(candidates.columns[indices])
     rises = np.abs(np.diff(candidates.rows[indices]))
     broken = (steps > settings.max_missing_columns + 1) | (rises > settings.max_row_step * steps)
-    pieces: IntArray = np.concatenate([[0], np.cumsum(broken)]).astype(np.int64)
-    return pieces[: len(indices)]
+    labels: IntArray = np.concatenate([[0], np.cumsum(broken)]).astype(np.int64)
+    return labels[: len(indices)]

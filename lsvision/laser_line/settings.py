@@ -1,4 +1,4 @@
-"""How a laser line is looked for and measured in an image."""
+"""Settings of the extraction of a laser line."""
 
 import math
 from dataclasses import dataclass, field
@@ -12,42 +12,42 @@ Method = Literal["derivative", "gaussian", "steger"]
 
 @dataclass(frozen=True, kw_only=True)
 class LineSettings:
-    """How a laser line is looked for and measured in an image.
+    """Settings of `extract_laser_line`.
 
     Parameters
     ----------
     method : {"derivative", "gaussian", "steger"}
-        How the sub-pixel place is found. "derivative": zero crossing of a
+        Sub-pixel method, see `lsvision.laser_line.subpixel`. "derivative": zero crossing of a
         derivative-of-Gaussian filter down each column; fast and without bias. "gaussian": fit
-        of a Gaussian to each column, saturated pixels left out; ten times slower, the choice
-        for overexposed lines. "steger": ridge of the smoothed image, for lines that run
-        steeply in both directions; smooths along the line, too, which biases curves inwards
-        (a radius of 25 mm by -10 um on the rig of the tests) and makes neighbours err alike.
+        of a Gaussian to each column without its saturated pixels; ten times slower, for
+        overexposed lines. "steger": ridge of the smoothed image, for lines that are steep in
+        both directions; its smoothing along the line biases curves inwards (a radius of 25 mm
+        by -10 um on the rig of the tests) and correlates the errors of neighbours.
     sigma : float
-        Of the filter: best at 1 to 1.5 times the line's own. Doubled, up to 8 times, where
-        the line proves wider. Units: px.
+        Standard deviation of the filter: best at 1 to 1.5 times that of the line. Doubled, up
+        to 8 times, where the line is wider. Units: px.
     direction : {"columns", "rows"}, optional
-        One point for each column (a level line), or for each row (an upright one). Found from
-        the image by default.
+        One point for each column (a level line), or for each row (an upright one). Detected
+        by default.
     channel : {"grey", "red", "green", "blue", "white"}
         The laser's colour in a colour image; "grey" for a camera without colours.
     full_scale : float, optional
-        Largest number the camera records; by default that of the image's depth, see
+        Largest value of a pixel; by default that of the image's depth, see
         `prepare_line_image`. Units: DN.
     min_contrast : float
-        Height above its surroundings that a line needs, as a share of the full scale.
+        Smallest height of a line above the background, as a fraction of the full scale.
     read_noise : float, optional
-        One sigma; estimated from the image by default. Units: DN.
+        Standard deviation of a dark pixel; estimated from the image by default. Units: DN.
     gain : float, optional
-        Number per electron: a pixel's variance is read_noise^2 + gain * value. Estimated
+        Conversion gain: a pixel's variance is read_noise^2 + gain * value. Estimated
         from the image by default. Units: DN per electron.
     path : PathSettings
-        How the line is followed among rivals.
+        Costs of the path that connects candidates to a line.
 
     Raises
     ------
     ValueError
-        If a number is not positive, or a word is not one of those listed.
+        If a number is not positive, or a string is not one of those listed.
     """
 
     method: Method = "derivative"
@@ -61,19 +61,21 @@ class LineSettings:
     path: PathSettings = field(default_factory=PathSettings)
 
     def __post_init__(self) -> None:
-        words = {"method": Method, "channel": Channel}
-        for name, allowed in words.items():
+        choices = {"method": Method, "channel": Channel}
+        for name, allowed in choices.items():
             if getattr(self, name) not in get_args(allowed):
-                raise ValueError(f"want {name} in {get_args(allowed)}, got {getattr(self, name)!r}")
+                raise ValueError(
+                    f"expected {name} in {get_args(allowed)}, got {getattr(self, name)!r}"
+                )
         if self.direction not in (None, *get_args(Direction)):
             raise ValueError(
-                f"want direction in {get_args(Direction)} or None, got {self.direction!r}"
+                f"expected direction in {get_args(Direction)} or None, got {self.direction!r}"
             )
         for name in ("sigma", "full_scale", "min_contrast"):
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0):
-                raise ValueError(f"want a positive {name}, got {value}")
+                raise ValueError(f"expected a positive {name}, got {value}")
         for name in ("read_noise", "gain"):
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value >= 0):
-                raise ValueError(f"want {name} >= 0, got {value}")
+                raise ValueError(f"expected {name} >= 0, got {value}")

@@ -1,4 +1,4 @@
-"""The pixels around a laser line, column by column, and what is found in them."""
+"""Windows of pixels around a laser line, one for each column, and the stripes located in them."""
 
 import math
 from dataclasses import dataclass
@@ -9,29 +9,31 @@ from lsvision.geometry import BoolArray, FloatArray, IntArray
 from lsvision.laser_line.line_image import Image, LineImage
 
 HALF_WIDTH_SIGMAS = 3.5
-"""Half width of a window, in sigmas of the filter."""
+"""Half width of a window in standard deviations of the filter."""
 CLIPPING_STD_PX = 0.008
-"""px by which each clipped pixel moves a stripe (measured at 1.2 to 4 times full scale)."""
+"""Standard deviation of a stripe's position for each clipped pixel; measured on stripes of 1.2 to
+4 times full scale. Units: px."""
 MAX_CLIPPED_PIXELS = 5
-"""Clipped pixels from which more of them make no difference: the flanks are as steep as edges."""
+"""Number of clipped pixels above which the error grows no further: the flanks are as steep as edges
+then."""
 END_PIXELS = 2
-"""Pixels at each end of a window that tell the level of the surroundings."""
+"""Pixels at each end of a window whose mean is its background."""
 
 
 @dataclass(frozen=True, eq=False)
 class Windows:
-    """Pixels around the line, a row for each of its columns.
+    """Pixels around a laser line, a row of w pixels for each of its n columns.
 
     Parameters
     ----------
     columns, centre_rows : (n,) ndarray of int
-        Pixels of the line. Units: px.
+        Central pixel of each window. Units: px.
     offsets : (w,) ndarray of int
-        Rows of a window's pixels from its middle. Units: px.
+        Rows of a window's pixels relative to its central pixel. Units: px.
     values : (n, w) ndarray
-        Signal; beyond the border that of the border. Units: DN.
+        Signal; beyond the border of the image that of the nearest pixel. Units: DN.
     saturated : (n, w) ndarray of bool
-        Pixels at full scale.
+        Whether a pixel is at full scale.
     """
 
     columns: IntArray
@@ -42,24 +44,24 @@ class Windows:
 
     @property
     def background_subtracted(self) -> FloatArray:
-        """Values above the surroundings, which the outermost pixels tell. Units: DN."""
+        """Values minus the mean of the outermost pixels of each window (n, w). Units: DN."""
         ends = np.hstack([self.values[:, :END_PIXELS], self.values[:, -END_PIXELS:]])
-        above: FloatArray = self.values - ends.mean(axis=1, keepdims=True)
-        return above
+        subtracted: FloatArray = self.values - ends.mean(axis=1, keepdims=True)
+        return subtracted
 
     @property
     def clipping_std(self) -> FloatArray:
-        """Error of each place by the clipped top of a saturated stripe, one sigma. Units: px.
+        """Standard deviation of each position due to clipping at full scale (n,). Units: px.
 
-        The two ends of the plateau fall anywhere within their pixels; the more pixels it has,
-        the steeper is what is left of the flanks, and the more that weighs.
+        The two ends of the plateau lie anywhere within their pixels; the more pixels are
+        clipped, the steeper are the remaining flanks, and the larger is the error.
         """
         clipped = np.minimum(self.saturated.sum(axis=1), MAX_CLIPPED_PIXELS)
         std: FloatArray = CLIPPING_STD_PX * clipped
         return std
 
     def select(self, which: BoolArray) -> "Windows":
-        """Those columns that a mask names."""
+        """Return the windows of a mask (n,)."""
         return Windows(
             self.columns[which],
             self.centre_rows[which],
@@ -71,18 +73,18 @@ class Windows:
 
 @dataclass(frozen=True, eq=False)
 class Stripes:
-    """What one method finds in each window; NaN where it finds nothing.
+    """Position, height and width of the stripe in each window; NaN where there is none.
 
     Parameters
     ----------
     pixels : (n, 2) ndarray
-        u, v. Units: px.
+        Positions u, v. Units: px.
     std : (n,) ndarray
-        Across the line, predicted from read and shot noise alone. Units: px.
+        Standard deviation across the line, predicted from read and shot noise alone. Units: px.
     heights : (n,) ndarray
-        Above the surroundings. Units: DN.
+        Height above the background. Units: DN.
     sigmas : (n,) ndarray
-        Of the stripe's Gaussian section. Units: px.
+        Standard deviation of the Gaussian cross-section. Units: px.
     """
 
     pixels: FloatArray
@@ -92,7 +94,7 @@ class Stripes:
 
     @property
     def found(self) -> BoolArray:
-        """Where there is a stripe."""
+        """Whether a window has a stripe (n,)."""
         found: BoolArray = np.isfinite(self.pixels).all(axis=1) & np.isfinite(self.std)
         return found
 
@@ -100,23 +102,24 @@ class Stripes:
 def cut_windows(
     image: LineImage, signal: Image, columns: IntArray, rows: FloatArray, sigma: float
 ) -> Windows:
-    """Windows around the points of a line.
+    """Cut windows around the points of a line.
 
     Parameters
     ----------
     image : LineImage
-        With the line from left to right; tells what is saturated.
+        With the line from left to right; its raw channel decides what is saturated.
     signal : (height, width) ndarray
-        One of the image's, to cut the values from. Units: DN.
+        Source of the values: a channel of `image`. Units: DN.
     columns, rows : (n,) ndarray
-        Coarse places. Units: px.
+        Coarse positions of the line. Units: px.
     sigma : float
-        Of the filter that will look at them. Units: px.
+        Standard deviation of the filter, which sets the width of a window. Units: px.
     """
-    reach = math.ceil(HALF_WIDTH_SIGMAS * sigma)
-    offsets = np.arange(-reach, reach + 1)
-    middles = np.rint(rows).astype(np.int64)
-    down = np.clip(middles[:, None] + offsets, 0, signal.shape[0] - 1)
-    at = down, columns[:, None]
+    half_width = math.ceil(HALF_WIDTH_SIGMAS * sigma)
+    offsets = np.arange(-half_width, half_width + 1)
+    centre_rows = np.rint(rows).astype(np.int64)
+    window_rows = np.clip(centre_rows[:, None] + offsets, 0, signal.shape[0] - 1)
+    at = window_rows, columns[:, None]
     values = signal[at].astype(np.float64)
-    return Windows(columns, middles, offsets, values, image.raw_channel[at] >= image.full_scale)
+    saturated = image.raw_channel[at] >= image.full_scale
+    return Windows(columns, centre_rows, offsets, values, saturated)

@@ -1,4 +1,4 @@
-"""A camera with its lens: from pixels to rays, and from points to pixels."""
+"""Camera model with lens distortion: from pixels to rays, and from points to pixels."""
 
 from dataclasses import dataclass, field
 
@@ -8,8 +8,10 @@ import numpy.typing as npt
 from lsvision.geometry import FloatArray, Points, as_readonly_array
 from lsvision.sensors.distortion import COEFFICIENTS, distort, invert_2x2, undistort
 
-LENGTHS = (0, 4, 5, 8, 12, 14)
-"""Counts of distortion coefficients that OpenCV knows."""
+DISTORTION_COUNTS = (0, 4, 5, 8, 12, 14)
+"""Numbers of distortion coefficients in OpenCV's models."""
+HOMOGENEOUS_TOLERANCE = 1e-9
+"""Largest deviation of the lower entries of a camera matrix from 0 and 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,7 +19,7 @@ class Camera:
     """Pinhole camera with lens distortion (OpenCV's model, up to the 14-coefficient tilted one).
 
     Camera frame: origin in the projection centre, x along image u, y along image v (down),
-    z along the view. Pixel (0, 0) is the centre of the top-left pixel.
+    z along the optical axis. Pixel (0, 0) is the centre of the top-left pixel.
 
     Parameters
     ----------
@@ -31,8 +33,8 @@ class Camera:
     Raises
     ------
     ValueError
-        If the matrix is no camera matrix, the count of coefficients is unknown, or the size
-        is not positive.
+        If the matrix has another form, the number of coefficients is none of those, or the
+        size is not positive.
 
     Examples
     --------
@@ -51,14 +53,14 @@ class Camera:
         matrix = as_readonly_array(self.matrix, (3, 3), "camera matrix")
         _check_matrix(matrix)
         distortion = np.array(self.distortion, dtype=np.float64).reshape(-1)
-        if len(distortion) not in LENGTHS or not np.isfinite(distortion).all():
+        if len(distortion) not in DISTORTION_COUNTS or not np.isfinite(distortion).all():
             raise ValueError(
-                f"want {', '.join(map(str, LENGTHS))} finite distortion coefficients in "
-                f"OpenCV's order, got {len(distortion)}: {distortion}"
+                f"expected {', '.join(map(str, DISTORTION_COUNTS))} finite distortion "
+                f"coefficients in OpenCV's order, got {len(distortion)}: {distortion}"
             )
         width, height = (int(length) for length in self.size)
         if not (width > 0 and height > 0):
-            raise ValueError(f"want a size (width, height) in px, got {self.size}")
+            raise ValueError(f"expected a size (width, height) in px, got {self.size}")
         padded = np.pad(distortion, (0, COEFFICIENTS - len(distortion)))
         object.__setattr__(self, "matrix", matrix)
         object.__setattr__(self, "distortion", as_readonly_array(distortion, ("k",)))
@@ -71,23 +73,36 @@ class Camera:
         return float(np.sqrt(self.matrix[0, 0] * self.matrix[1, 1]))
 
     def rays(self, pixels: npt.ArrayLike) -> Points:
-        """Undistorted rays through pixels.
+        """Compute the undistorted rays through pixels.
 
         Parameters
         ----------
         pixels : (n, 2) array_like
-            u, v; NaN rows are lost. Units: px.
+            u, v; NaN rows for lost points. Units: px.
 
         Returns
         -------
         (n, 3) ndarray
-            Camera frame, scaled to z = 1. NaN where the pixel is lost, or lies where the
-            distortion model folds and no ray leads to it.
+            Camera frame, scaled to z = 1. NaN where the pixel is lost, or outside of the range
+            of the distortion model, so that it has no ray.
         """
         return self.rays_with_jacobian(pixels)[0]
 
     def rays_with_jacobian(self, pixels: npt.ArrayLike) -> tuple[Points, FloatArray]:
-        """Rays as `rays` gives them, and d(x / z, y / z) / d(u, v) of each, (n, 2, 2)."""
+        """Compute the rays through pixels and their derivatives.
+
+        Parameters
+        ----------
+        pixels : (n, 2) array_like
+            u, v; NaN rows for lost points. Units: px.
+
+        Returns
+        -------
+        rays : (n, 3) ndarray
+            Result of `rays`.
+        jacobian : (n, 2, 2) ndarray
+            d(x / z, y / z) / d(u, v). Units: 1 / px.
+        """
         array = as_readonly_array(pixels, ("n", 2), "pixels")
         from_sensor = np.linalg.inv(self.matrix[:2, :2])
         distorted = (array - self.matrix[:2, 2]) @ from_sensor.T
@@ -97,7 +112,7 @@ class Camera:
         return rays, invert_2x2(jacobian) @ from_sensor
 
     def project(self, points: npt.ArrayLike) -> Points:
-        """Pixels in which points appear.
+        """Project points into the image.
 
         Parameters
         ----------
@@ -107,7 +122,7 @@ class Camera:
         Returns
         -------
         (n, 2) ndarray
-            u, v; also outside of the image. NaN for points not in front of the camera.
+            u, v, also outside of the image; NaN for points that are not in front of the camera.
             Units: px.
         """
         array = as_readonly_array(points, ("n", 3), "points")
@@ -117,7 +132,7 @@ class Camera:
         return pixels
 
     def sees(self, pixels: Points) -> npt.NDArray[np.bool_]:
-        """Which of (n, 2) pixels lie in the image; lost ones do not."""
+        """Return whether each pixel (n, 2) lies in the image; False for NaN. Units: px."""
         width, height = self.size
         u, v = pixels.T
         inside: npt.NDArray[np.bool_] = (
@@ -127,9 +142,15 @@ class Camera:
 
 
 def _check_matrix(matrix: FloatArray) -> None:
+    """Raise ValueError if a (3, 3) matrix does not have the form of a camera matrix."""
     lower = np.abs([matrix[1, 0], matrix[2, 0], matrix[2, 1], matrix[2, 2] - 1]).max()
-    if not (np.isfinite(matrix).all() and lower < 1e-9 and matrix[0, 0] > 0 and matrix[1, 1] > 0):
+    if not (
+        np.isfinite(matrix).all()
+        and lower < HOMOGENEOUS_TOLERANCE
+        and matrix[0, 0] > 0
+        and matrix[1, 1] > 0
+    ):
         raise ValueError(
-            "want a camera matrix [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] in px, "
+            "expected a camera matrix [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] in px, "
             f"got {matrix.tolist()}"
         )

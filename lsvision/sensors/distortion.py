@@ -1,8 +1,8 @@
 """Lens distortion: OpenCV's model of up to 14 coefficients, and its inverse.
 
-Own, for two reasons: ``cv2.undistortPoints`` stops after five iterations and leaves up to
-0.27 px, with a different cure in OpenCV 4 and 5; and the Jacobian is needed to carry the
-laser line's pixel error into the section.
+Not OpenCV's own functions, for two reasons: ``cv2.undistortPoints`` stops after five iterations
+with errors of up to 0.27 px, and OpenCV 4 and 5 take different arguments to prevent that; and the
+Jacobian is needed to propagate the covariance of a laser line's pixels into the section.
 """
 
 import math
@@ -12,17 +12,20 @@ import numpy as np
 from lsvision.geometry import FloatArray, Points
 
 COEFFICIENTS = 14
-"""k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tau_x tau_y, OpenCV's order."""
-
-NEWTON_STEPS = 25
-"""Newton doubles the digits each step; 25 also covers the slow start beside a fold."""
-
+"""Number of distortion coefficients: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tau_x tau_y in OpenCV's
+order."""
+MAX_NEWTON_ITERATIONS = 25
+"""Newton's method doubles the correct digits in each step, but starts slowly near a fold."""
 NEWTON_TOLERANCE = 1e-13
-"""Largest misfit of an inverted point in units of the focal length: 1e-9 px at f = 10000 px."""
+"""Largest residual of an inverted point in units of the focal length: 1e-9 px at f = 10000 px."""
+MAX_NEWTON_STEP = 0.5
+"""Largest change of a coordinate in one step, against divergence. Units: focal lengths."""
+MIN_DETERMINANT = 1e-12
+"""Smallest modulus of the determinant of a regular Jacobian."""
 
 
 def distort(normalised: Points, coefficients: FloatArray) -> tuple[Points, FloatArray]:
-    """Distorted image coordinates of ideal ones, with the Jacobian.
+    """Distort normalised image coordinates, with the Jacobian.
 
     Parameters
     ----------
@@ -66,41 +69,41 @@ def distort(normalised: Points, coefficients: FloatArray) -> tuple[Points, Float
 
 
 def undistort(distorted: Points, coefficients: FloatArray) -> tuple[Points, FloatArray]:
-    """Inverse of `distort`, converged, with the Jacobian of `distort` there.
+    """Invert `distort` by Newton's method, with the Jacobian of `distort` at the result.
 
     Parameters
     ----------
     distorted : (n, 2) ndarray
         Units: focal lengths. NaN rows stay NaN.
     coefficients : (14,) ndarray
-        As for `distort`.
+        In OpenCV's order, as for `distort`.
 
     Returns
     -------
     normalised : (n, 2) ndarray
-        NaN where no point maps there: the model folds before it reaches it.
+        NaN where no point is mapped to the given one: beyond a fold of the model.
     jacobian : (n, 2, 2) ndarray
         d distorted / d normalised.
     """
     normalised = np.array(distorted)
-    for _ in range(NEWTON_STEPS):
+    for _ in range(MAX_NEWTON_ITERATIONS):
         image, jacobian = distort(normalised, coefficients)
-        misfit = image - distorted
-        largest = np.abs(misfit).max(axis=1)
+        residual = image - distorted
+        largest = np.abs(residual).max(axis=1)
         if not np.any(largest > NEWTON_TOLERANCE):
             break
-        step = np.einsum("nij,nj->ni", invert_2x2(jacobian), misfit)
-        normalised = normalised - np.clip(step, -0.5, 0.5)
-    # Beyond the fold the model turns the picture inside out.
-    good = (largest <= NEWTON_TOLERANCE) & (_determinants(jacobian) > 0)
-    normalised[~good], jacobian[~good] = np.nan, np.nan
+        step = np.einsum("nij,nj->ni", invert_2x2(jacobian), residual)
+        normalised = normalised - np.clip(step, -MAX_NEWTON_STEP, MAX_NEWTON_STEP)
+    # Beyond a fold the model mirrors the image: its determinant is negative.
+    valid = (largest <= NEWTON_TOLERANCE) & (_determinants(jacobian) > 0)
+    normalised[~valid], jacobian[~valid] = np.nan, np.nan
     return normalised, jacobian
 
 
 def invert_2x2(matrices: FloatArray) -> FloatArray:
-    """Inverses of (n, 2, 2) matrices; zero where there is none, NaN where lost."""
+    """Invert matrices (n, 2, 2); singular ones give zero, NaN stays NaN."""
     determinants = _determinants(matrices)
-    safe = np.where(np.abs(determinants) < 1e-12, np.inf, determinants)
+    safe = np.where(np.abs(determinants) < MIN_DETERMINANT, np.inf, determinants)
     adjugates = np.empty_like(matrices)
     adjugates[:, 0, 0], adjugates[:, 1, 1] = matrices[:, 1, 1], matrices[:, 0, 0]
     adjugates[:, 0, 1], adjugates[:, 1, 0] = -matrices[:, 0, 1], -matrices[:, 1, 0]
@@ -109,6 +112,7 @@ def invert_2x2(matrices: FloatArray) -> FloatArray:
 
 
 def _determinants(matrices: FloatArray) -> FloatArray:
+    """Determinants (n,) of matrices (n, 2, 2)."""
     determinants: FloatArray = (
         matrices[:, 0, 0] * matrices[:, 1, 1] - matrices[:, 0, 1] * matrices[:, 1, 0]
     )
@@ -116,7 +120,7 @@ def _determinants(matrices: FloatArray) -> FloatArray:
 
 
 def _tilt_homography(tau_x: float, tau_y: float) -> FloatArray:
-    """Projection onto a sensor tilted by `tau_x` and `tau_y` (Scheimpflug), as in OpenCV."""
+    """Homography (3, 3) of a sensor tilted by `tau_x` and `tau_y` (Scheimpflug), as in OpenCV."""
     about_x = [
         [1.0, 0.0, 0.0],
         [0.0, math.cos(tau_x), math.sin(tau_x)],
@@ -128,16 +132,16 @@ def _tilt_homography(tau_x: float, tau_y: float) -> FloatArray:
         [math.sin(tau_y), 0.0, math.cos(tau_y)],
     ]
     R = np.array(about_y) @ about_x
-    onto = [[R[2, 2], 0.0, -R[0, 2]], [0.0, R[2, 2], -R[1, 2]], [0.0, 0.0, 1.0]]
-    homography: FloatArray = np.array(onto) @ R
+    projection = [[R[2, 2], 0.0, -R[0, 2]], [0.0, R[2, 2], -R[1, 2]], [0.0, 0.0, 1.0]]
+    homography: FloatArray = np.array(projection) @ R
     return homography
 
 
 def _tilt(
     points: Points, jacobian: FloatArray, homography: FloatArray
 ) -> tuple[Points, FloatArray]:
-    """Points and Jacobian after the tilted sensor's homography."""
+    """Apply the homography of a tilted sensor to points (n, 2) and their Jacobians (n, 2, 2)."""
     mapped = points @ homography[:, :2].T + homography[:, 2]
     tilted = mapped[:, :2] / mapped[:, 2:]
-    rows = homography[None, :2, :2] - tilted[:, :, None] * homography[None, 2:, :2]
-    return tilted, (rows / mapped[:, 2, None, None]) @ jacobian
+    projective_jacobian = homography[None, :2, :2] - tilted[:, :, None] * homography[None, 2:, :2]
+    return tilted, (projective_jacobian / mapped[:, 2, None, None]) @ jacobian

@@ -1,7 +1,7 @@
-"""A camera and the plane of light it watches: from an image to a profile in mm.
+"""Light section: a camera and a laser plane, which turn an image into a profile in mm.
 
-The line is extracted on the raw image and its points are undistorted: warping the image
-first would smear the line's intensity over its neighbours.
+The line is extracted from the raw image and its points are undistorted; undistorting the image
+first would blur the line by interpolation.
 """
 
 import math
@@ -17,35 +17,35 @@ import numpy.typing as npt
 from lsvision.errors import DegenerateGeometry, LsvisionError
 from lsvision.geometry import FloatArray, Plane, Points, Pose
 from lsvision.laser_line.extraction import LaserLine, LineSettings, extract_laser_line
+from lsvision.laser_line.line_blur import correct_line_blur
 from lsvision.profile import PointNoise, Profile
 from lsvision.sensors.camera import Camera
-from lsvision.sensors.line_blur import correct_line_blur
 from lsvision.sensors.rig_file import read_rig, write_rig
 
 ALONG_FRACTION = 0.05
-"""Error along the line, of that across it: a column's own place is exact, but a point without
-any error along the line would get an endless weight at a steep flank."""
-
-MIN_BASELINE = 0.1
-"""mm; a plane that passes the camera's centre nearer than this shows no depth."""
-
+"""Standard deviation along the line over that across it. The column of a point is exact, but
+without an error along the line its weight at a steep flank would be infinite."""
+MIN_BASELINE_MM = 0.1
+"""Smallest distance of the laser plane from the camera's centre: a plane through it shows no depth.
+Units: mm."""
 MIN_SLANT = 1e-3
-"""sin of the angle between view and plane (0.06 deg) below which they count as parallel."""
-
-FACING = 0.98
-"""cos of the angle between view and plane's normal (11 deg) from which the plane faces the
-camera and the view no longer tells which way the sensor is."""
+"""Smallest sine of the angle between optical axis and laser plane (0.06 deg)."""
+MIN_FACING_COSINE = 0.98
+"""Cosine of the angle between optical axis and the plane's normal (11 deg), above which the plane
+faces the camera and the optical axis does not determine the direction of Y."""
+GRID = 9
+"""Pixels along each side of the image whose rays are intersected with a plane to check it."""
 
 
 @dataclass(frozen=True, eq=False)
 class LightSection:
-    """A camera and a laser plane; what the plane cuts, the camera measures.
+    """A camera and a laser plane, which measure the section of a scene with the plane.
 
     Section frame: origin at the point of the laser plane nearest to the camera's centre;
-    Y in the plane, against the camera's view; X = the direction of the laser line on a
+    Y in the plane, opposite to the optical axis; X = the direction of the laser line on a
     surface that faces the camera, growing with image u (with v where the line runs nearer to
-    v); Z = X x Y. Where the plane faces the camera (within 11 deg), the view says nothing
-    about Y: then X follows image u and Y points up in the image.
+    v); Z = X x Y. Where the plane faces the camera (within 11 deg), the optical axis does not
+    determine Y: then X follows image u and Y points up in the image.
 
     Parameters
     ----------
@@ -54,19 +54,19 @@ class LightSection:
     laser_plane : Plane
         Camera frame. Units: mm.
     provenance : mapping of str to str, optional
-        Where it comes from (method, date, inputs); kept in the rig file.
+        Origin of the values (method, date, inputs), stored in the rig file.
     line_blur_px : float
-        One sigma of lens and pixel along the laser line, where it was measured; 0 leaves the
-        line as it was extracted. A lens blur of 0.7 px makes a pipe of 25 mm at 300 mm 16 um
-        too large; see `correct_line_blur`. Units: px.
+        Standard deviation of the point spread function along the laser line, if measured; 0 for
+        no correction. A blur of 0.7 px makes the radius of a pipe of 25 mm at 300 mm 16 um too
+        large; see `correct_line_blur`. Units: px.
 
     Raises
     ------
     ValueError
         If the blur is negative or not finite.
     DegenerateGeometry
-        If the plane passes through the camera's centre, is parallel to the view, or is never
-        seen.
+        If the plane passes through the camera's centre, is parallel to the optical axis, or is
+        not in view.
 
     Examples
     --------
@@ -84,29 +84,26 @@ class LightSection:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.line_blur_px) and self.line_blur_px >= 0):
-            raise ValueError(f"want line_blur_px >= 0, got {self.line_blur_px}")
+            raise ValueError(f"expected line_blur_px >= 0, got {self.line_blur_px}")
         object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
         _check_plane(self.camera, self.laser_plane)
 
     @property
     def camera_from_section(self) -> Pose:
-        """Pose of the section frame in the camera's.
-
-        Definition: see the class. Units: mm.
-        """
-        normal, view = self.laser_plane.normal, np.array([0.0, 0.0, 1.0])
-        if abs(normal @ view) > FACING:
-            # The line on a facing surface has no direction: take image u.
+        """Pose of the section frame in the camera frame, as the class defines it. Units: mm."""
+        normal, optical_axis = self.laser_plane.normal, np.array([0.0, 0.0, 1.0])
+        if abs(normal @ optical_axis) > MIN_FACING_COSINE:
+            # The cross product with the optical axis has no reliable direction: take image u.
             x = np.array([1.0, 0.0, 0.0])
             x = x - normal * (normal @ x)
-            towards = np.array([0.0, -1.0, 0.0])
+            upwards = np.array([0.0, -1.0, 0.0])
         else:
-            x = np.cross(normal, view)
+            x = np.cross(normal, optical_axis)
             x = x * np.sign(x[np.argmax(np.abs(x))])
-            towards = -view
+            upwards = -optical_axis
         x = x / np.linalg.norm(x)
         y = np.cross(normal, x)
-        y = y * np.sign(y @ towards)
+        y = y * np.sign(y @ upwards)
         rotation = np.column_stack([x, y, np.cross(x, y)])
         return Pose(rotation, normal * self.laser_plane.distance)
 
@@ -116,16 +113,16 @@ class LightSection:
         settings: LineSettings | None = None,
         laser_off: npt.ArrayLike | None = None,
     ) -> Profile:
-        """Profile of the laser line in an image.
+        """Measure the profile of the laser line in an image.
 
         Parameters
         ----------
         image : (height, width) or (height, width, 3) array_like
             Raw image of the camera, 8 to 16 bit.
         settings : LineSettings, optional
-            Of `extract_laser_line`.
+            Settings of `extract_laser_line`.
         laser_off : array_like, optional
-            The same view without the laser; of `extract_laser_line`.
+            The same view without the laser, to be subtracted.
 
         Returns
         -------
@@ -135,7 +132,7 @@ class LightSection:
         Raises
         ------
         LsvisionError
-            If the image is of another size than the camera's.
+            If the size of the image differs from that of the camera.
         NoLaserLine
             If no line is found.
         """
@@ -147,14 +144,14 @@ class LightSection:
         settings: LineSettings | None = None,
         laser_off: npt.ArrayLike | None = None,
     ) -> LaserLine:
-        """Laser line in an image of this camera: what `profile` rests on, in pixels.
+        """Extract the laser line from an image of this camera and correct its blur.
 
-        That of `extract_laser_line`, without the pull of the rig's `line_blur_px`.
+        Parameters are those of `profile`.
 
         Raises
         ------
         LsvisionError
-            If the image is of another size than the camera's.
+            If the size of the image differs from that of the camera.
         NoLaserLine
             If no line is found.
         """
@@ -169,38 +166,38 @@ class LightSection:
         return correct_line_blur(extract_laser_line(array, settings, laser_off), self.line_blur_px)
 
     def profile_from_line(self, line: LaserLine) -> Profile:
-        """Profile of an extracted laser line: its points in the section, with their noise.
+        """Convert an extracted laser line to a profile with the covariance of its points.
 
         Parameters
         ----------
         line : LaserLine
-            Extracted on the raw image.
+            Extracted from the raw image.
 
         Returns
         -------
         Profile
-            One point for each of the line's; lost where the line is, or where the ray misses
-            the laser plane.
+            One point for each point of the line; lost where the line is lost, or its ray does not
+            meet the laser plane.
         """
         points, jacobians = self._section_points(line.pixels)
         covariances = jacobians @ _pixel_covariances(line) @ jacobians.transpose(0, 2, 1)
         return Profile(points, PointNoise(covariances))
 
     def points_from_pixels(self, pixels: npt.ArrayLike) -> Points:
-        """Points of the section seen in (n, 2) pixels; NaN rows where there is none. Units: mm."""
+        """Convert pixels (n, 2) to section points (n, 2) in mm; NaN where there is none."""
         return self._section_points(np.asarray(pixels, dtype=np.float64))[0]
 
     def project(self, points: npt.ArrayLike) -> Points:
-        """Pixels in which (n, 2) points of the section appear, for overlays. Units: px."""
+        """Project points of the section (n, 2), in mm, into the image (n, 2). Units: px."""
         return self.camera.project(self.camera_from_section.apply(points))
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the rig file (JSON, whole or not at all).
+        """Write the rig file (JSON); an existing file is replaced only when all is written.
 
         Raises
         ------
         UnwritableFile
-            If the folder is missing or refuses.
+            If the folder is missing or not writable.
         """
         write_rig(path, self.camera, self.laser_plane, self.provenance, self.line_blur_px)
 
@@ -211,9 +208,9 @@ class LightSection:
         Raises
         ------
         UnreadableFile
-            If the file is missing, damaged, or of another schema; names the file.
+            If the file is missing, damaged, or of another schema.
         DegenerateGeometry
-            If its plane is of no use; see the class.
+            If its laser plane is rejected; see the class.
         """
         camera, plane, provenance, blur = read_rig(path)
         try:
@@ -222,22 +219,22 @@ class LightSection:
             raise DegenerateGeometry(f"{path}: {error}") from error
 
     def _section_points(self, pixels: Points) -> tuple[Points, FloatArray]:
-        """Section points (n, 2) of pixels and d point / d pixel (n, 2, 2)."""
-        rays, d_rays = self.camera.rays_with_jacobian(pixels)
+        """Section points (n, 2) of pixels, and d point / d pixel (n, 2, 2)."""
+        rays, ray_jacobians = self.camera.rays_with_jacobian(pixels)
         normal, pose = self.laser_plane.normal, self.camera_from_section
         depth = _depths(rays, self.laser_plane)
         axes = pose.rotation[:, :2]
         points = (rays * depth[:, None] - pose.translation) @ axes
         # X = z m with z = D / (n . m), so dX/dm_j = z (e_j - m n_j / (n . m)).
         slant = (rays @ normal)[:, None, None]
-        d_points = depth[:, None, None] * (
+        point_jacobians = depth[:, None, None] * (
             axes[:2].T - (rays @ axes)[:, :, None] * normal[:2] / slant
         )
-        return points, d_points @ d_rays
+        return points, point_jacobians @ ray_jacobians
 
 
 def _pixel_covariances(line: LaserLine) -> FloatArray:
-    """Covariance (n, 2, 2) of each point: across the line as measured, hardly along it."""
+    """Covariance (n, 2, 2) of each point, across and along the line. Units: px^2."""
     along_v = line.direction == "columns"
     fractions = (ALONG_FRACTION, 1.0) if along_v else (1.0, ALONG_FRACTION)
     covariances: FloatArray = line.std[:, None, None] ** 2 * np.diag(np.square(fractions))
@@ -245,7 +242,7 @@ def _pixel_covariances(line: LaserLine) -> FloatArray:
 
 
 def _depths(rays: Points, plane: Plane) -> FloatArray:
-    """Depth z at which rays (z = 1) meet the plane; NaN where they do not. Units: mm."""
+    """Depths z (n,) at which rays (z = 1) meet the plane; NaN where they do not. Units: mm."""
     slant = rays @ plane.normal
     ahead = slant * plane.distance > 0
     depths: FloatArray = np.where(ahead, plane.distance / np.where(ahead, slant, 1.0), np.nan)
@@ -253,23 +250,24 @@ def _depths(rays: Points, plane: Plane) -> FloatArray:
 
 
 def _check_plane(camera: Camera, plane: Plane) -> None:
-    if abs(plane.distance) < MIN_BASELINE:
+    """Raise DegenerateGeometry if the camera cannot measure in the plane."""
+    if abs(plane.distance) < MIN_BASELINE_MM:
         raise DegenerateGeometry(
             f"the laser plane passes {abs(plane.distance):.3g} mm from the camera's centre and "
-            f"needs {MIN_BASELINE:g} mm at least: every depth looks alike from within the "
-            "plane; move the laser sideways and calibrate anew"
+            f"needs at least {MIN_BASELINE_MM:g} mm: from within the plane all depths have the "
+            "same image; move the laser sideways and calibrate again"
         )
     if abs(plane.normal[2]) < MIN_SLANT:
         raise DegenerateGeometry(
-            f"the laser plane is parallel to the view (normal {plane.normal.round(6)}): turn "
-            "the laser so that its plane crosses the camera's axis at the working distance"
+            f"the laser plane is parallel to the optical axis (normal {plane.normal.round(6)}): "
+            "turn the laser so that its plane crosses the optical axis at the working distance"
         )
     width, height = camera.size
-    u, v = np.meshgrid(np.linspace(0, width - 1, 9), np.linspace(0, height - 1, 9))
+    u, v = np.meshgrid(np.linspace(0, width - 1, GRID), np.linspace(0, height - 1, GRID))
     rays = camera.rays(np.column_stack([u.ravel(), v.ravel()]))
     if not np.isfinite(_depths(rays, plane)).any():
         raise DegenerateGeometry(
-            f"the camera never sees the laser plane (normal {plane.normal.round(4)}, distance "
-            f"{plane.distance:.3f} mm): it lies behind or beside the view; check the plane's "
-            "sign (normal . p = distance, z along the view) and calibrate anew"
+            f"the laser plane is not in view (normal {plane.normal.round(4)}, distance "
+            f"{plane.distance:.3f} mm): it lies behind the camera or beside the image; check the "
+            "plane's sign (normal . p = distance, z along the optical axis) and calibrate again"
         )

@@ -1,7 +1,7 @@
-"""Noise of bought profile sensors.
+"""Noise model of commercial laser profile sensors.
 
 The error of a triangulating sensor lies along the ray from the sensor to the point and grows
-with the square of the range (one pixel of the detector spans more and more millimetres).
+with the square of the range, as the length that one pixel of the detector covers does.
 """
 
 import math
@@ -11,34 +11,35 @@ import numpy as np
 
 from lsvision.geometry import FloatArray, Points
 
-MIN_RANGE_FRACTION, MAX_RANGE_MM = 1e-3, 1e12
-"""Rubbish points are given a covariance, not an overflow: at this share of the reference range,
-and at so many mm."""
+MIN_RANGE_FRACTION = 1e-3
+"""Smallest range over the reference range: points nearer to the origin get its covariance."""
+MAX_RANGE_MM = 1e12
+"""Largest coordinate relative to the origin, against overflow at invalid points. Units: mm."""
 LATERAL_FRACTION = 0.05
-"""Smallest share of the range error that is taken to lie across the ray: no real beam is a
-line without width, and a point at a grazing flank must not get an endless weight."""
+"""Standard deviation across the ray over that along it. The beam has a width, and without an error
+across the ray the weight of a point at a grazing flank would be infinite."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ProfileSensor:
-    """A profile sensor as the fit needs to know it; a ``NoiseModel``.
+    """Noise model and measuring range of a profile sensor; a ``NoiseModel``.
 
     Parameters
     ----------
     name : str
-        As a person calls it.
+        Name in messages.
     range_std : float
-        One sigma along the ray at `reference_range`. Units: mm.
+        Standard deviation along the ray at `reference_range`. Units: mm.
     reference_range : float
-        Units: mm.
+        Distance from the origin at which `range_std` holds. Units: mm.
     origin : tuple of float
         Point of the section frame from which the rays fan out. Units: mm.
     quantum : float
-        Step of the sensor's numbers; adds quantum^2 / 12 to both coordinates. Units: mm.
+        Resolution of the sensor's coordinates; adds quantum^2 / 12 to both coordinates. Units: mm.
     columns : int
-        Points in a profile.
+        Number of points in a profile.
     min_range, max_range : float
-        Units: mm.
+        Measuring range. Units: mm.
     width_at_max_range : float
         Length of the measured line at `max_range`. Units: mm.
 
@@ -66,17 +67,17 @@ class ProfileSensor:
     width_at_max_range: float = 600.0
 
     def __post_init__(self) -> None:
-        for what in ("range_std", "reference_range", "min_range", "width_at_max_range"):
-            value = getattr(self, what)
+        for name in ("range_std", "reference_range", "min_range", "width_at_max_range"):
+            value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
-                raise ValueError(f"want a positive {what} in mm, got {value}")
+                raise ValueError(f"expected a positive {name} in mm, got {value}")
         if not self.max_range > self.min_range:
-            raise ValueError(f"want max_range > min_range, got {self.max_range} mm")
+            raise ValueError(f"expected max_range > min_range, got {self.max_range} mm")
         if not self.quantum >= 0:
-            raise ValueError(f"want quantum >= 0 mm, got {self.quantum}")
+            raise ValueError(f"expected quantum >= 0 mm, got {self.quantum}")
 
     def covariances(self, points: Points) -> FloatArray:
-        """Covariance of each point's error: along its ray, growing with range squared.
+        """Compute the covariance of each point: along its ray, growing with range^2 in std.
 
         Parameters
         ----------

@@ -1,6 +1,6 @@
 """The rig file: a light section as JSON with schema, units and provenance.
 
-It stands here and not in ``io`` because `LightSection` saves and loads itself.
+Part of this package and not of ``io`` because `LightSection` has methods to save and load it.
 """
 
 import json
@@ -19,7 +19,7 @@ UNITS = {"length": "mm", "pixel": "px", "angle": "rad"}
 
 
 def camera_as_json(camera: Camera) -> dict[str, Any]:
-    """A camera as plain numbers; see `camera_from_json`."""
+    """Return a camera as JSON values; inverse of `camera_from_json`."""
     return {
         "matrix": camera.matrix.tolist(),
         "distortion": camera.distortion.tolist(),
@@ -28,52 +28,52 @@ def camera_as_json(camera: Camera) -> dict[str, Any]:
 
 
 def camera_from_json(values: Mapping[str, Any]) -> Camera:
-    """The camera that `camera_as_json` wrote.
+    """Return the camera of JSON values; inverse of `camera_as_json`.
 
     Raises
     ------
     KeyError, TypeError, ValueError
-        If `values` is something else.
+        If a key is missing or a value has another type or shape.
     """
     width, height = values["size"]
     return Camera(values["matrix"], values["distortion"], (width, height))
 
 
 def plane_as_json(plane: Plane) -> dict[str, Any]:
-    """A plane as plain numbers; see `plane_from_json`."""
+    """Return a plane as JSON values; inverse of `plane_from_json`."""
     return {"normal": plane.normal.tolist(), "distance": plane.distance}
 
 
 def plane_from_json(values: Mapping[str, Any]) -> Plane:
-    """The plane that `plane_as_json` wrote.
+    """Return the plane of JSON values; inverse of `plane_as_json`.
 
     Raises
     ------
     KeyError, TypeError, ValueError
-        If `values` is something else.
+        If a key is missing or a value has another type or shape.
     """
     return Plane(values["normal"], values["distance"])
 
 
 def json_text(schema: str, values: Mapping[str, Any]) -> str:
-    """Text of a JSON file of a schema, in the package's units.
+    """Format values as the text of a JSON file with schema and units.
 
     Raises
     ------
     ValueError
-        If a number is NaN or infinite, which JSON does not know.
+        If a number is NaN or infinite, which JSON cannot represent.
     """
     content = {"schema": schema, "units": UNITS, **values}
     return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def read_json(path: str | os.PathLike[str], schema: str) -> dict[str, Any]:
-    """Read a JSON file of one schema in the package's units.
+    """Read a JSON file and check its schema and units.
 
     Raises
     ------
     UnreadableFile
-        If there is no such file, it is no JSON, or it has another schema or other units.
+        If the file is missing, is no JSON, or has another schema or other units.
     """
     source = Path(path)
     try:
@@ -81,10 +81,10 @@ def read_json(path: str | os.PathLike[str], schema: str) -> dict[str, Any]:
     except OSError as error:
         raise UnreadableFile(f"{source} cannot be read: {error.strerror}") from error
     except ValueError as error:
-        raise UnreadableFile(f"{source} is no JSON ({error}): want a {schema} file") from error
+        raise UnreadableFile(f"{source} is no JSON ({error}): expected a {schema} file") from error
     got = values.get("schema") if isinstance(values, dict) else None
     if got != schema:
-        raise UnreadableFile(f"{source} has schema {got!r} and needs {schema!r}: calibrate anew")
+        raise UnreadableFile(f"{source} has schema {got!r} and needs {schema!r}: calibrate again")
     if values.get("units") != UNITS:
         raise UnreadableFile(
             f"{source} has units {values.get('units')} and needs {UNITS}: convert its numbers"
@@ -99,12 +99,12 @@ def write_rig(
     provenance: Mapping[str, str],
     line_blur_px: float = 0.0,
 ) -> None:
-    """Write a light section's values, whole or not at all; see `read_rig`.
+    """Write a rig file; an existing file is replaced only when all is written. See `read_rig`.
 
     Raises
     ------
     UnwritableFile
-        If the folder is missing or refuses.
+        If the folder is missing or not writable.
     """
     text = json_text(
         SCHEMA,
@@ -116,12 +116,12 @@ def write_rig(
         },
     )
     target = Path(path)
-    part = target.with_name(f".{target.name}.part")
+    temporary = target.with_name(f".{target.name}.part")
     try:
-        part.write_text(text, encoding="utf-8")
-        part.replace(target)
+        temporary.write_text(text, encoding="utf-8")
+        temporary.replace(target)
     except OSError as error:
-        part.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         raise UnwritableFile(
             f"{target} cannot be written ({error.strerror}): name an existing folder that "
             "you may write to"
@@ -129,12 +129,12 @@ def write_rig(
 
 
 def read_rig(path: str | os.PathLike[str]) -> tuple[Camera, Plane, dict[str, str], float]:
-    """Camera, laser plane (camera frame), provenance and line blur (px) of a rig file.
+    """Read camera, laser plane (camera frame), provenance and line blur (px) of a rig file.
 
     Raises
     ------
     UnreadableFile
-        If the file is missing, damaged, or of another schema; names the file and the mend.
+        If the file is missing, damaged, or of another schema.
     """
     values = read_json(path, SCHEMA)
     try:
@@ -143,8 +143,8 @@ def read_rig(path: str | os.PathLike[str]) -> tuple[Camera, Plane, dict[str, str
         provenance = {str(key): str(text) for key, text in values["provenance"].items()}
         blur = float(values.get("line_blur_px", 0.0))
         if not (math.isfinite(blur) and blur >= 0):
-            raise ValueError(f"want line_blur_px >= 0, got {blur}")
+            raise ValueError(f"expected line_blur_px >= 0, got {blur}")
     except (KeyError, TypeError, ValueError, AttributeError, LsvisionError) as error:
-        what = f"lacks {error}" if isinstance(error, KeyError) else f"is damaged: {error}"
-        raise UnreadableFile(f"{path} {what}; save the light section anew") from error
+        problem = f"lacks {error}" if isinstance(error, KeyError) else f"is damaged: {error}"
+        raise UnreadableFile(f"{path} {problem}; save the light section again") from error
     return camera, plane, provenance, blur

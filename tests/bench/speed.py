@@ -19,7 +19,7 @@ from scipy.optimize import least_squares
 from lsvision.ellipse.fit import fit_ellipse
 from lsvision.geometry import Ellipse
 from lsvision.io.profiles import read_profile
-from lsvision.measure import Settings, measure_cylinders
+from lsvision.measure import measure_cylinders
 from lsvision.simulate import (
     SCENE_KINDS,
     SCENE_SENSOR,
@@ -28,6 +28,7 @@ from lsvision.simulate import (
     random_section,
     simulate_section,
 )
+from lsvision.studies.chen_liu_2016 import measure_cylinders_paper
 from tests.bench.goals import Number
 from tests.bench.matching import match_tubes
 from tests.bench.progress import counted
@@ -67,8 +68,8 @@ class LiteralTimes:
 
     `typed` is the chain as one types it in, its fits left to scipy's `least_squares` as it
     stands: unknowns x_0, y_0, a, b, theta, derivatives by differences. The paper says no more,
-    and the design page's 5 to 6 s a profile are this chain's. `Settings.paper` reaches the same
-    minima with parameters and derivatives of ours.
+    and the design page's 5 to 6 s a profile are this chain's.
+    `measure_cylinders_paper` reaches the same minima with parameters and derivatives of ours.
     """
 
     kind: str
@@ -82,7 +83,7 @@ class LiteralTimes:
         ratio = self.typed.median / self.ours.median
         yield Number(f"times the literal chain as typed, {self.kind}", ratio, 500, note=note)
         ratio = self.paper.median / self.ours.median
-        yield Number(f"times Settings.paper(), {self.kind}", ratio)
+        yield Number(f"times measure_cylinders_paper, {self.kind}", ratio)
 
 
 @dataclass(frozen=True)
@@ -145,23 +146,23 @@ def measure_speed(scenes, repeats):
     )
 
 
-def time_measuring(what, profiles, repeats, settings=Settings()):
+def time_measuring(what, profiles, repeats, measure=measure_cylinders):
     """Each profile `repeats` times after one that is not counted."""
     seconds = []
     for profile in counted(profiles, f"speed, {what}"):
-        measure_cylinders(profile, settings=settings)
+        measure(profile)
         for _ in range(repeats):
             start = time.process_time()
-            measure_cylinders(profile, settings=settings)
+            measure(profile)
             seconds.append(time.process_time() - start)
     return Times(what, np.array(seconds))
 
 
 def _literal_times(kind, profiles, repeats):
     ours = time_measuring("for the ratio", profiles, repeats)
-    paper = time_measuring("Settings.paper()", profiles, 1, Settings.paper())
-    with mock.patch("lsvision.paper_pipeline.fit_ellipse", _fit_as_typed):
-        typed = time_measuring("literal chain as typed", profiles, 1, Settings.paper())
+    paper = time_measuring("measure_cylinders_paper", profiles, 1, measure_cylinders_paper)
+    with mock.patch("lsvision.studies.chen_liu_2016.paper_chain.fit_ellipse", _fit_as_typed):
+        typed = time_measuring("literal chain as typed", profiles, 1, measure_cylinders_paper)
     return LiteralTimes(kind, ours, paper, typed)
 
 

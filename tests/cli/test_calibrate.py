@@ -211,7 +211,7 @@ def test_line_images_without_a_line_are_refused(run, boards, camera_json, out, t
 def test_colour_of_the_laser_is_asked_for(run, boards, camera_json, out, tmp_path):
     words = ("calibrate", "laser-plane", "--boards", boards, "--lines", boards,
              "--camera", camera_json, "--out", out)  # fmt: skip
-    assert "want channel in" in refused(run(*words, "--laser", "pink"), out, 2)
+    assert "expected channel in" in refused(run(*words, "--laser", "pink"), out, 2)
     assert "board_00.jpg has no colours: leave --laser green out" in refused(
         run(*words, "--laser", "green"), out
     )

@@ -15,6 +15,7 @@ import pytest
 import lsvision.measure as measure_module
 from lsvision.cli.profile_options import READERS
 from lsvision.io.profiles import FORMATS
+from lsvision.studies import chen_liu_2016
 
 REPOSITORY = Path(__file__).parents[2]
 PAIR = REPOSITORY / "fixtures" / "welded_pair.csv"
@@ -156,16 +157,21 @@ def test_heights_not_counted_from_the_sensor_are_noted(run, written, pipe):
     assert "from the origin" not in run("measure", written(pipe), "--sensor", "lps36").stdout
 
 
-def test_paper_measures_with_the_settings_of_the_paper(run, written, pipe, monkeypatch):
-    seen = []
+def test_paper_measures_by_the_chain_of_the_paper(run, written, pipe, monkeypatch):
+    calls = []
 
-    def measure(profile, *, settings, **_):
-        seen.append(settings)
+    def measure(profile, **options):
+        calls.append(options)
         return measure_module.Measurement((), ())
 
-    monkeypatch.setattr(measure_module, "measure_cylinders", measure)
-    assert run("measure", written(pipe), "--paper").exit_code == 0
-    assert set(seen) == {measure_module.Settings.paper()} != {measure_module.Settings()}
+    def fail(profile, **_):
+        raise AssertionError("expected measure_cylinders_paper, got measure_cylinders")
+
+    monkeypatch.setattr(chen_liu_2016, "measure_cylinders_paper", measure)
+    monkeypatch.setattr(measure_module, "measure_cylinders", fail)
+    assert run("measure", written(pipe), "--paper", "--radius", "10:40").exit_code == 0
+    assert calls
+    assert all(c == {"radius": (10.0, 40.0), "known_radius": None} for c in calls)
 
 
 def test_reading_can_be_overridden(run, rows, tmp_path, pipe):

@@ -196,14 +196,14 @@ def test_a_laser_off_frame_that_does_not_fit_is_refused(run, single, tmp_path):
     small = saved(tmp_path / "small.png", single[::2, ::2])
     assert "small.png: the laser-off frame is 400 x 300 px" in refusal(run(*words, small))
     deep = saved(tmp_path / "deep.png", single.astype(np.uint16))
-    assert "want a laser_off frame like the image" in refusal(run(*words, deep))
+    assert "expected a laser_off frame like the image" in refusal(run(*words, deep))
 
 
 @pytest.mark.parametrize(
     ("change", "words"),
     [
         ({"distance": 0.0}, "rig.json: the laser plane passes 0 mm from the camera's centre"),
-        ({"normal": [0.0, 1.0, 0.0]}, "rig.json: the laser plane is parallel to the view"),
+        ({"normal": [0.0, 1.0, 0.0]}, "rig.json: the laser plane is parallel to the optical axis"),
     ],
 )
 def test_a_useless_rig_is_refused_by_name(run, tmp_path, change, words):
@@ -217,8 +217,8 @@ def test_a_useless_rig_is_refused_by_name(run, tmp_path, change, words):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--laser", "pink"), "want --laser in"),
-        (("--method", "guess"), "want method in"),
+        (("--laser", "pink"), "expected --laser in"),
+        (("--method", "guess"), "expected method in"),
         (("--surface-std", "-1"), "--surface-std"),
         (("--frames", "0"), "--frames"),
     ],

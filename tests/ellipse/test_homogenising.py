@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 from lsvision import Ellipse
-from lsvision.ellipse.homogenising import homogenise_arc, homogenise_profile_paper
+from lsvision.ellipse.homogenising import homogenise_arc
 from lsvision.ellipse.smoothing import smooth_arc
 from lsvision.geometry import orthogonal_residuals
 from lsvision.geometry.noisy_points import NoisyPoints
 from tests.alike import assert_same_ellipse
 from tests.ellipse.arcs import SENSOR, measured, pipe, upper_arc
-from tests.tolerances import MACHINE
 
 TRUTH = pipe(25.0)
 SLIGHTLY_OFF = Ellipse((5.2, -400.1), TRUTH.semi_major + 0.2, TRUTH.semi_minor + 0.1, 0.55)
@@ -102,10 +101,3 @@ def test_duplicate_points_are_homogenised_too():
     even = homogenised(np.repeat(upper_arc(TRUTH, count=20), 3, axis=0), SLIGHTLY_OFF)
     assert np.isfinite(even.points).all()
     assert_same_ellipse(even.ellipse, TRUTH, atol=0.1)
-
-
-def test_the_literal_step_runs_over_x_and_leaves_out_what_does_not_rise():
-    x = np.array([0.0, 1.0, 2.0, 1.5, 2.0, 3.0])
-    even = homogenise_profile_paper(np.column_stack([x, 2 * x]))
-    np.testing.assert_allclose(even[:, 0], np.arange(0, 3, 0.5), atol=MACHINE)
-    np.testing.assert_allclose(even[:, 1], 2 * even[:, 0], atol=MACHINE)

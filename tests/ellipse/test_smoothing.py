@@ -7,7 +7,6 @@ from lsvision import Ellipse
 from lsvision.ellipse.smoothing import (
     POSITIONS,
     smooth_arc,
-    smooth_profile_paper,
     smooth_residual,
 )
 from lsvision.geometry import orthogonal_residuals
@@ -208,14 +207,6 @@ def test_duplicate_points_are_smoothed_too():
     smoothed = smooth_arc(noisy(points), SLIGHTLY_OFF)
     assert np.isfinite(smoothed.residuals).all()
     assert smoothed.inliers.all()
-
-
-def test_the_literal_step_keeps_parabolas_and_spoils_circles():
-    x = np.linspace(-10, 10, 41)
-    parabola = np.column_stack([x, -0.05 * x * x])
-    np.testing.assert_allclose(smooth_profile_paper(parabola), parabola, atol=MACHINE)
-    arc = upper_arc(pipe(0.0), degrees=150)
-    assert np.abs(smooth_profile_paper(arc) - arc).max() > 0.1
 
 
 def test_smoothed_points_lie_nearer_to_the_truth(rng):

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lsvision import Profile, ProfileSensor, Settings, measure_cylinders
+from lsvision import Profile, ProfileSensor, measure_cylinders
+from lsvision.studies.chen_liu_2016 import measure_cylinders_paper
 from tests.strategies import PROPERTY, random_profiles
 
 SENSORS = st.sampled_from([None, ProfileSensor(), ProfileSensor(range_std=1.0, quantum=0.1)])
@@ -51,7 +52,7 @@ def test_a_search_range_or_known_radius_never_breaks(profile):
 @PROPERTY
 @given(random_profiles())
 def test_the_papers_chain_never_breaks(profile):
-    measure_cylinders(profile, radius=(5.0, 50.0), settings=Settings.paper())
+    measure_cylinders_paper(profile, radius=(5.0, 50.0))
 
 
 def test_a_hundred_thousand_points_are_measured(rng):

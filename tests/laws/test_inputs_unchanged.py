@@ -25,14 +25,18 @@ from lsvision.detection.rejections import complete_rejections
 from lsvision.detection.screening import screen_arc
 from lsvision.detection.windows import fit_window_circles
 from lsvision.ellipse.fit import FittingSettings, fit_ellipse
-from lsvision.ellipse.homogenising import homogenise_arc, homogenise_profile_paper
+from lsvision.ellipse.homogenising import homogenise_arc
 from lsvision.ellipse.refinement import Priors, refine_arc
 from lsvision.ellipse.section import CylinderSection
-from lsvision.ellipse.smoothing import smooth_arc, smooth_profile_paper, smooth_residual
+from lsvision.ellipse.smoothing import smooth_arc, smooth_residual
 from lsvision.geometry import orthogonal_residuals, radial_residuals
 from lsvision.geometry.ellipse import foot_points
 from lsvision.profile import Arc
 from lsvision.statistics.correlation import autocorrelation_time, estimate_correlation
+from lsvision.studies.chen_liu_2016.paper_chain import (
+    homogenise_profile_paper,
+    smooth_profile_paper,
+)
 from tests.detection.scenes import dome, flat, line
 from tests.ellipse.arcs import SENSOR, pipe, upper_arc
 

@@ -86,14 +86,14 @@ def test_points_behind_the_camera_have_no_pixel():
 @pytest.mark.parametrize(
     ("arguments", "match"),
     [
-        ((np.transpose(MATRIX), [], SIZE), "want a camera matrix"),
-        ((np.diag([-5.0, 5.0, 1.0]), [], SIZE), "want a camera matrix"),
+        ((np.transpose(MATRIX), [], SIZE), "expected a camera matrix"),
+        ((np.diag([-5.0, 5.0, 1.0]), [], SIZE), "expected a camera matrix"),
         ((np.eye(4), [], SIZE), r"camera matrix of shape \(3, 3\), got \(4, 4\)"),
         ((MATRIX, [0.1, 0.2], SIZE), "finite distortion coefficients .* got 2"),
         ((MATRIX, [np.nan] * 4, SIZE), "finite distortion coefficients"),
-        ((MATRIX, [], (0, 5)), "want a size"),
+        ((MATRIX, [], (0, 5)), "expected a size"),
     ],
 )
-def test_no_camera_is_made_of_nonsense(arguments, match):
+def test_invalid_arguments_are_rejected(arguments, match):
     with pytest.raises(ValueError, match=match):
         Camera(*arguments)

@@ -48,7 +48,7 @@ def pixels_by_cv2(points):
 
 
 @each_plane
-def test_pixels_lead_back_to_the_points_of_the_plane(plane):
+def test_projected_points_are_recovered_from_their_pixels(plane):
     truth = points_in(plane)
     section = LightSection(CAMERA, plane)
     found = section.points_from_pixels(pixels_by_cv2(truth))
@@ -93,7 +93,7 @@ def test_a_plane_that_faces_the_camera_has_y_up_in_the_image():
 
 
 @each_plane
-def test_covariance_is_that_of_pixels_shaken(plane):
+def test_covariance_is_that_of_pixels_with_simulated_noise(plane):
     rng = np.random.default_rng(3)
     pixel = pixels_by_cv2(points_in(plane))[:1].round()
     section = LightSection(CAMERA, plane)
@@ -106,7 +106,7 @@ def test_covariance_is_that_of_pixels_shaken(plane):
     np.testing.assert_allclose(predicted, measured, rtol=0, atol=0.05 * np.trace(measured))
 
 
-def test_noise_lies_along_v_for_a_line_found_column_by_column():
+def test_noise_lies_along_v_for_a_line_with_a_point_in_each_column():
     section = LightSection(CAMERA, PLANES["level line"])
     line = Line(np.array([[500.0, 480.25], [640.0, 500.5]]), np.array([0.1, 0.2]))
     profile = section.profile_from_line(line)
@@ -140,11 +140,14 @@ def test_rays_that_miss_the_plane_are_lost():
             Plane((0.0, 0.8, 0.6), 0.05),
             r"passes 0\.05 mm from the camera's centre .* move the laser",
         ),
-        (Plane((0.0, 1.0, 0.0), 100.0), "parallel to the view .* turn the laser"),
-        (Plane((0.0, 0.5, 0.866), -150.0), "never sees the laser plane .* check the plane's sign"),
+        (Plane((0.0, 1.0, 0.0), 100.0), "parallel to the optical axis .* turn the laser"),
+        (
+            Plane((0.0, 0.5, 0.866), -150.0),
+            "not in view .* check the plane's sign",
+        ),
     ],
 )
-def test_useless_planes_are_refused_by_name(plane, match):
+def test_unusable_planes_are_rejected_with_a_reason(plane, match):
     with pytest.raises(DegenerateGeometry, match=match):
         LightSection(CAMERA, plane)
 
@@ -153,7 +156,7 @@ def test_nearly_parallel_plane_of_a_real_rig_is_accepted():
     LightSection(CAMERA, Plane((0.99987, 0.01487, 0.00537), -39.34))
 
 
-def test_image_of_another_size_is_refused():
+def test_an_image_of_another_size_is_rejected():
     section = LightSection(CAMERA, PLANES["level line"])
     with pytest.raises(
         LsvisionError, match="image is 640 x 480 px and the rig's camera 1280 x 1024"
@@ -173,7 +176,7 @@ def test_saved_rig_is_the_same_rig(tmp_path):
     assert dict(loaded.provenance) == {"method": "test", "date": "today"}
 
 
-def test_rig_file_tells_schema_and_units(tmp_path):
+def test_rig_file_has_schema_and_units(tmp_path):
     LightSection(CAMERA, PLANES["slanted"]).save(tmp_path / "rig.json")
     values = json.loads((tmp_path / "rig.json").read_text())
     assert values["schema"] == "lsvision/light-section/1"
@@ -204,14 +207,14 @@ def damaged(path, change):
         (lambda v: v["laser_plane"].update(distance=0.0), DegenerateGeometry, "camera's centre"),
     ],
 )
-def test_damaged_rig_files_are_refused_by_name(change, error, match, tmp_path):
+def test_damaged_rig_files_are_rejected_with_their_name(change, error, match, tmp_path):
     path = tmp_path / "rig.json"
     damaged(path, change)
     with pytest.raises(error, match=rf"rig\.json.*{match}"):
         LightSection.load(path)
 
 
-def test_missing_and_foreign_files_are_refused_by_name(tmp_path):
+def test_missing_and_foreign_files_are_rejected_with_their_name(tmp_path):
     with pytest.raises(UnreadableFile, match=r"none\.json cannot be read"):
         LightSection.load(tmp_path / "none.json")
     (tmp_path / "image.json").write_bytes(b"\x89PNG")
@@ -230,7 +233,7 @@ def test_provenance_cannot_be_changed_afterwards():
         section.provenance["method"] = "other"
 
 
-def test_the_line_is_left_alone_unless_the_rig_states_its_blur(tmp_path):
+def test_the_line_is_corrected_only_if_the_rig_has_its_blur(tmp_path):
     camera = Camera([[900, 0, 160], [0, 900, 120], [0, 0, 1]], [], (320, 240))
     plain = LightSection(camera, Plane((0.0, 0.866, 0.5), 150.0))
     stated = replace(plain, line_blur_px=0.7)
@@ -246,7 +249,7 @@ def test_the_line_is_left_alone_unless_the_rig_states_its_blur(tmp_path):
 
 
 @pytest.mark.parametrize("blur", [-0.1, float("nan"), float("inf")])
-def test_a_blur_that_is_none_is_refused(blur):
+def test_an_invalid_blur_is_rejected(blur):
     camera = Camera([[900, 0, 160], [0, 900, 120], [0, 0, 1]], [], (320, 240))
-    with pytest.raises(ValueError, match="want line_blur_px >= 0"):
+    with pytest.raises(ValueError, match="expected line_blur_px >= 0"):
         LightSection(camera, Plane((0.0, 0.866, 0.5), 150.0), {}, blur)

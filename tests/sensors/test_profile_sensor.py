@@ -48,7 +48,7 @@ def test_quantising_adds_a_twelfth_of_the_squared_quantum_to_both_coordinates():
     np.testing.assert_allclose(added, np.tile(0.12**2 / 12 * np.eye(2), (2, 1, 1)), atol=ROUNDING)
 
 
-def test_quantising_adds_what_rounding_really_adds(rng):
+def test_quantisation_variance_is_that_of_simulated_rounding(rng):
     values = rng.uniform(0, 100, 20000)
     error = np.round(values / 0.1) * 0.1 - values
     added = ProfileSensor(quantum=0.1).covariances(np.array([[0.0, -400.0]])) - SENSOR.covariances(
@@ -93,16 +93,16 @@ def test_presets_have_the_pitch_and_ranges_of_the_data_sheet():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"range_std": 0.0}, "want a positive range_std in mm, got 0"),
+        ({"range_std": 0.0}, "expected a positive range_std in mm, got 0"),
         ({"range_std": math.nan}, "got nan"),
         ({"reference_range": -400.0}, "positive reference_range in mm, got -400"),
         ({"min_range": 0.0}, "positive min_range"),
         ({"width_at_max_range": math.inf}, "positive width_at_max_range"),
-        ({"max_range": 100.0}, "want max_range > min_range, got 100"),
-        ({"quantum": -0.1}, "want quantum >= 0 mm, got -0.1"),
-        ({"quantum": math.nan}, "want quantum >= 0 mm, got nan"),
+        ({"max_range": 100.0}, "expected max_range > min_range, got 100"),
+        ({"quantum": -0.1}, "expected quantum >= 0 mm, got -0.1"),
+        ({"quantum": math.nan}, "expected quantum >= 0 mm, got nan"),
     ],
 )
-def test_what_is_no_sensor_is_refused(changes, message):
+def test_invalid_values_are_rejected(changes, message):
     with pytest.raises(ValueError, match=message):
         ProfileSensor(**changes)

@@ -9,10 +9,9 @@ from lsvision.studies.chen_liu_2016.paper_pitfalls import check_pitfalls
 from lsvision.studies.chen_liu_2016.published_results import PUBLISHED_TIMES
 from lsvision.studies.chen_liu_2016.repeatability import measure_repeatedly
 from lsvision.studies.chen_liu_2016.report import ExperimentSizes, PaperReport
-from lsvision.studies.chen_liu_2016.scenes import measure_scenes
+from lsvision.studies.chen_liu_2016.scenes import PipelineTiming, Timing, measure_scenes
 from lsvision.studies.chen_liu_2016.steps import run_steps
 from lsvision.studies.chen_liu_2016.tables import measure_tables
-from lsvision.studies.chen_liu_2016.timing import PipelineTiming, Timing
 
 NOISE = 0.1  # mm
 FEW = ExperimentSizes(
@@ -46,13 +45,13 @@ def report():
     ]
     return PaperReport(
         noise_mm=NOISE,
-        effort=FEW,
+        sizes=FEW,
         rows=rows,
-        reaches=compare_with_bound(rows, noise_mm=NOISE),
+        achievability=compare_with_bound(rows, noise_mm=NOISE),
         timings=tuple(timings),
         steps=run_steps(noise_mm=NOISE),
         scenes=measure_scenes(noise_mm=NOISE),
         repeatability=measure_repeatedly(FEW.repeats, noise_mm=NOISE),
-        costs=run_ablation(FEW.ablation_scenes, noise_mm=NOISE),
-        traps=check_pitfalls(),
+        ablation=run_ablation(FEW.ablation_scenes, noise_mm=NOISE),
+        pitfalls=check_pitfalls(),
     )

@@ -81,7 +81,9 @@ def test_one_section_cannot_give_the_papers_angles(theta_deg, phi_deg, theta_std
         pytest.param(50, 50, 0.004, (0.01, 0.03), 0.006, id="fifty over 50 mm"),
     ],
 )
-def test_several_sections_go_past_the_paper(sections, length, radius_std, theta_deg, phi_deg):
+def test_the_bound_of_several_sections_is_below_the_papers_errors(
+    sections, length, radius_std, theta_deg, phi_deg
+):
     bounds = [scan(*angles, sections, length) for angles in GRID]
     # Where the figure is one number for the whole grid, it is read as the worst of the grid.
     radius = max(bound.radius_std for bound in bounds)

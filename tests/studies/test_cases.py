@@ -19,7 +19,7 @@ def test_the_paper_has_twelve_single_pipes_and_three_pairs():
 
 
 @pytest.mark.parametrize(("table", "phi_error"), [(1, 0.1253), (2, 0.1626), (3, 0.2140)])
-def test_the_largest_printed_error_of_phi_is_the_one_the_text_names(table, phi_error):
+def test_the_largest_printed_error_of_phi_is_that_of_the_text(table, phi_error):
     """Section 4.1 names the largest for each phi."""
     errors = [abs(row.errors.phi_deg) for row in PUBLISHED_ROWS if row.table == table]
     assert max(errors) == phi_error

@@ -13,16 +13,21 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from lsvision.ellipse.fit import FittingSettings, fit_ellipse
-from lsvision.ellipse.homogenising import homogenise_arc, homogenise_profile_paper
+from lsvision.ellipse.homogenising import homogenise_arc
 from lsvision.ellipse.parameters import ellipse_from_parameters, parameters_from_ellipse
 from lsvision.ellipse.problem import EllipseProblem, RadiusPrior, minimise
-from lsvision.ellipse.smoothing import smooth_arc, smooth_profile_paper, smooth_residual
+from lsvision.ellipse.smoothing import smooth_arc, smooth_residual
 from lsvision.geometry import Ellipse, orthogonal_residuals
 from lsvision.geometry.noisy_points import NoisyPoints
-from lsvision.measure import Settings, measure_cylinders
+from lsvision.measure import measure_cylinders
 from lsvision.planning import section_bound
 from lsvision.sensors.profile_sensor import ProfileSensor
 from lsvision.simulate import Scene, SectionSettings, Tube, random_section, simulate_section
+from lsvision.studies.chen_liu_2016.paper_chain import (
+    homogenise_profile_paper,
+    measure_cylinders_paper,
+    smooth_profile_paper,
+)
 
 PAPER_SENSOR = ProfileSensor(
     range_std=0.1, columns=375, min_range=300.0, max_range=500.0, width_at_max_range=224.4
@@ -89,7 +94,9 @@ def evenly(ellipse, start_deg, stop_deg, count=120):
 
 
 @pytest.mark.parametrize(("theta_deg", "phi_deg", "theta_error", "phi_error"), TABLES)
-def test_the_papers_tables_are_too_good_for_one_section(theta_deg, phi_deg, theta_error, phi_error):
+def test_the_papers_errors_are_too_small_for_one_section(
+    theta_deg, phi_deg, theta_error, phi_error
+):
     by_chance = np.ones(2)
     for radius in PIPES:
         pipe = SeenPipe(radius, theta_deg, phi_deg)
@@ -173,7 +180,7 @@ def test_smoothing_y_of_x_spoils_even_a_noise_free_arc(theta_deg, phi_deg, too_l
     assert pipe.errors(twice)[0] > radius + 0.1
 
 
-def test_the_papers_radial_fit_weighs_all_points_alike():
+def test_the_papers_radial_fit_gives_all_points_equal_weight():
     pipe = SeenPipe(19.0, 10, 30, noise_factor=0.0)
     literal = smooth_profile_paper(pipe.exact)
     fit = fit_ellipse(literal, pipe.ellipse, settings=RADIAL)
@@ -223,10 +230,10 @@ def test_homogenised_points_of_a_noise_free_arc_lie_on_it():
     assert np.abs(orthogonal_residuals(even, pipe.ellipse)).max() < 1e-3  # mm
 
 
-def test_rough_identification_alone_takes_planes_for_huge_ellipses():
+def test_rough_identification_alone_fits_huge_ellipses_to_planes():
     section = random_section("planar", 50_001)
     (tube,) = section.truth.tubes
-    reported = measure_cylinders(section.profile, settings=Settings.paper()).cylinders
+    reported = measure_cylinders_paper(section.profile).cylinders
     planes = [c for c in reported if (section.truth.labels[c.indices] == 0).mean() > 0.9]
     assert sum(plane.ellipse.semi_major > HUGE for plane in planes) >= 3
     (found,) = measure_cylinders(section.profile).cylinders

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import pytest
@@ -13,7 +14,8 @@ from lsvision.studies.chen_liu_2016 import (
     report_page,
     run_experiments,
 )
-from lsvision.studies.chen_liu_2016.html import digits, table
+from lsvision.studies.chen_liu_2016.paper_pitfalls import Check
+from lsvision.studies.chen_liu_2016.report_tables import format_significant
 
 VOID = {"meta", "br", "hr", "img", "link", "path", "use", "stop", "rect", "circle"}
 UNITS = ("_mm", "_deg", "seconds")
@@ -68,7 +70,7 @@ def test_the_page_fetches_nothing_and_runs_nothing(html, outline):
     assert len(html.encode()) < LARGEST_PAGE
 
 
-def test_the_page_is_well_formed_and_no_picture_takes_anothers_marks(outline):
+def test_the_page_is_well_formed_and_its_ids_are_unique(outline):
     assert outline.open == []
     pictures = [name for name in outline.ids if "-" in name]
     assert len(set(pictures)) == len(pictures)
@@ -107,32 +109,36 @@ def test_the_json_has_the_pages_numbers_with_their_units(report, html):
     document = json.loads(report_json(report))
     assert document["schema"] == "lsvision.paper/1"
     row = document["tables_1_to_4"][0]
-    assert digits(row["spreads"]["section"]["rms"]["theta_deg"]) in html
+    assert format_significant(row["spreads"]["section"]["rms"]["theta_deg"]) in html
     plain = (".figure_16.std", ".figure_16.bound", ".figure_16.box", ".figure_16.expected")
     measured = [key for key, _ in leaves(document) if ".spreads." in key or key.startswith(plain)]
     counts = (".runs", ".missed")
     assert all(key.endswith(UNITS) or key.endswith(counts) for key in measured)
 
 
-def test_what_was_never_measured_is_null_and_a_dash(report):
+def test_missing_results_are_null_in_the_json_and_a_dash_in_the_page(report):
     document = json.loads(report_json(report))
     assert document["tables_1_to_4"][0]["spreads"]["paper"]["rms"]["radius_mm"] is None
-    assert digits(float("nan")) == "–"
+    assert format_significant(float("nan")) == "–"
 
 
-def test_text_cannot_break_the_page():
-    cells = table("<b>", ("&",), [["<script>"], ["! bad"]])
-    assert "<script>" not in cells
-    assert "&lt;b&gt;" in cells
+def test_text_is_escaped(report):
+    check = Check("<b>", 1.0)
+    pitfall = replace(report.pitfalls[0], title="<script>", wording="&", checks=(check,))
+    page = report_page(replace(report, pitfalls=(pitfall,)))
+    assert "<script>" not in page
+    assert "<b>" not in page
+    assert "&lt;b&gt;" in page
+    assert "&amp; Here:" in page
 
 
-def test_the_readmes_table_has_a_line_for_each_table_and_way(bounds):
+def test_the_readmes_table_has_a_line_for_each_table_and_method(bounds):
     lines = readme_table(bounds).splitlines()
     assert len(lines) == 2 + 4 * 6
     assert all(line.count("|") == 6 for line in lines)
 
 
 @pytest.mark.parametrize("noise_mm", [0.0, -1.0, 0.5, float("nan")])
-def test_noise_with_nothing_to_compare_is_refused(noise_mm):
-    with pytest.raises(ValueError, match=r"want noise_mm in \[0.001, 0.3\]"):
+def test_noise_out_of_range_is_rejected(noise_mm):
+    with pytest.raises(ValueError, match=r"expected noise_mm in \[0.001, 0.3\]"):
         run_experiments(ExperimentSizes.quick(), noise_mm=noise_mm)

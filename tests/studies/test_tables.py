@@ -24,14 +24,14 @@ def sigmas(triple):
 
 
 @pytest.mark.parametrize("way", OURS)
-def test_every_way_of_ours_finds_the_truth_when_the_noise_is_small(way):
+def test_every_method_of_lsvision_finds_the_true_values_at_little_noise(way):
     (found,) = measure_case(PIPE, way, 0, noise_mm=QUIET)
     (bound,) = case_bound(PIPE, way, noise_mm=QUIET)
     assert (np.abs(sigmas(case_errors(found, PIPE, 0))) <= 5 * sigmas(bound) + CONVERGED).all()
 
 
 @pytest.mark.paper
-def test_the_papers_chain_is_off_even_when_the_noise_is_small():
+def test_the_papers_chain_is_biased_at_little_noise():
     (found,) = measure_case(PIPE, "paper", 0, noise_mm=QUIET)
     (bound,) = case_bound(PIPE, "paper", noise_mm=QUIET)
     error = case_errors(found, PIPE, 0)
@@ -49,7 +49,7 @@ def test_one_section_reaches_the_bound():
 
 
 @pytest.mark.paper
-def test_the_bounds_are_those_of_the_design(bounds):
+def test_the_bounds_are_those_of_the_design_page(bounds):
     """Section 5: radius 0.02 mm from two sections, 0.007 mm from twenty; phi 0.07-0.09, 0.02."""
     single = [row.spreads for row in bounds if row.printed.table < 4]
     for way, radius, phi in (("two", 0.02, 0.09), ("twenty", 0.007, 0.02)):
@@ -58,31 +58,31 @@ def test_the_bounds_are_those_of_the_design(bounds):
         assert pooled.bound.phi_deg == pytest.approx(phi, rel=0.45)
 
 
-def test_a_known_radius_leaves_nothing_of_its_error_and_less_of_phis(bounds):
+def test_a_known_radius_reduces_the_bound_of_phi(bounds):
     for row in bounds:
         one, known = row.spreads["section"].bound, row.spreads["known"].bound
         assert known.radius_mm == 0.0
         assert known.phi_deg < one.phi_deg / 1.5
 
 
-def test_more_noise_gives_a_bound_as_much_larger():
+def test_the_bound_is_proportional_to_the_noise():
     (low,), (high,) = (case_bound(PIPE, "two", noise_mm=noise) for noise in (0.05, 0.1))
     np.testing.assert_allclose(2 * sigmas(low), sigmas(high), rtol=1e-9)
 
 
-def test_theta_is_off_by_at_most_a_quarter_turn():
+def test_the_error_of_theta_is_at_most_90_deg():
     error = case_errors((18.5, math.radians(175), math.radians(30)), PIPE, 0)
     assert error.theta_deg == pytest.approx(-15)
 
 
-def test_both_pipes_of_a_pair_are_told_apart():
+def test_both_pipes_of_a_pair_are_identified():
     case = paper_cases()[-3]
     found = measure_case(case, "two", 0, noise_mm=QUIET)
     assert len(found) == 2
     assert [round(one[0], 1) for one in found] == [19.0, 19.0]
 
 
-def test_pooled_spreads_are_root_mean_squares_weighed_by_what_was_found():
+def test_pooled_errors_are_weighted_by_the_number_of_results():
     one, three = Triple(1, 1, 1), Triple(3, 3, 3)
     pooled = pool_errors(
         [ErrorStatistics(4, 0, one, one, one), ErrorStatistics(8, 4, three, three, three)]
@@ -92,7 +92,7 @@ def test_pooled_spreads_are_root_mean_squares_weighed_by_what_was_found():
     assert pooled.rms.phi_deg == pytest.approx(math.sqrt(5))
 
 
-def test_what_is_never_found_has_no_error(bounds):
+def test_a_pipe_that_is_never_found_has_no_error(bounds):
     pooled = pool_errors([row.spreads["section"] for row in bounds])
     assert math.isnan(pooled.rms.radius_mm)
     assert pooled.bound.radius_mm > 0

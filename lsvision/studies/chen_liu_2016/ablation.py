@@ -1,13 +1,13 @@
-"""What each step is worth: left out, or done as the paper's text has it, on the same sections.
+"""Ablation: errors with each step left out, or done as in the paper's text, on the same sections.
 
-Pipes alone, welded and among clutter, with lost points and jumps. Detection runs once a section;
-each variant then makes its own ellipse of the same arc. Errors are counted in units of each
-pipe's own bound, so that pipes of all sizes and tilts can be pooled. What only helps the
-iterative fit to converge shows in the number of its evaluations.
+The sections show pipes alone, welded and among clutter, with lost points and jumps. Detection
+runs once for each section; each variant then fits its own ellipse to the same arc. Errors are
+divided by the Cramer-Rao bound of the pipe, so that pipes of all sizes and tilts can be pooled.
+Steps that only improve the initial guess reduce the number of evaluations of the iterative fit.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
 
@@ -28,33 +28,37 @@ from lsvision.simulate import (
     TubeTruth,
     random_section,
 )
+from lsvision.studies.chen_liu_2016.tables import ProgressCallback
 from lsvision.studies.chen_liu_2016.variants import VARIANTS, AblationArc, Variant, VariantFit
 
 KINDS = ("single", "welded_pair", "complex")
 TUBES = TubeRanges(radius_mm=(15.0, 29.0), phi_deg=(15.0, 30.0))
 SECTION_SETTINGS = SectionSettings(lost_fraction=0.03, jump_fraction=0.05)
-"""Of every section: enough jumps that each pipe has some of them inside its arc."""
+"""Errors of the sensor in every section: enough jumps that each arc contains some of them."""
 RADIUS_RANGE = (10.0, 40.0)
+"""Search range of the radius. Units: mm."""
 MIN_WINDOW_POINTS = 10
-TYPICAL = NormalDist().inv_cdf(0.75)
+"""Smallest number of points of a connected component."""
+MEDIAN_OF_MODULUS = NormalDist().inv_cdf(0.75)
 """Median of the modulus of a standard normal number."""
 QUANTILE_95 = NormalDist().inv_cdf(0.975)
+"""Its 95 % quantile."""
 
 
 @dataclass(frozen=True, slots=True)
 class AblationResult:
-    """What a variant costs.
+    """Errors of a variant over the Cramer-Rao bound.
 
     Parameters
     ----------
     group, name : str
-        Of the variant.
+        Group and name of the variant.
     pipes, failed : int
-        Pipes tried, and how many of them got no ellipse.
+        Number of pipes, and of those without an ellipse.
     typical : tuple of float
-        Median error of radius, theta, phi over what the best possible method has; 1 is ideal.
+        Median error of radius, theta, phi over that of an efficient method; 1 is ideal.
     worst : tuple of float
-        The same of the error that 19 of 20 stay below.
+        The same for the 95 % quantile of the error.
     evaluations : float
         Mean number of evaluations of the residuals in the iterative fit.
     """
@@ -70,99 +74,102 @@ class AblationResult:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Outcome:
-    """What a variant made of one pipe: moduli of its errors over the bound, and its evaluations."""
+    """Moduli of the errors (3,) of one pipe over the bound, and evaluations of the fit."""
 
     errors: FloatArray
     evaluations: int
 
 
 def run_ablation(
-    scenes: int, *, noise_mm: float, seed: int = 0, say: Callable[[str], None] = lambda _: None
+    scenes: int, *, noise_mm: float, seed: int = 0, progress: ProgressCallback = lambda _: None
 ) -> tuple[AblationResult, ...]:
-    """Cost of every variant on the same random sections.
+    """Measure the errors of every variant on the same random sections.
 
     Parameters
     ----------
     scenes : int
-        Of each kind: single, welded pair, complex.
+        Number of scenes of each kind: single, welded pair, complex.
     noise_mm : float
-        One sigma along the ray at 400 mm. Units: mm.
+        Standard deviation along the ray at 400 mm. Units: mm.
     seed : int
-        Of the first scene.
-    say : callable
-        Told of each kind.
+        Random seed of the first scene.
+    progress : callable
+        Called before each kind.
     """
     outcomes: dict[str, list[_Outcome | None]] = {variant.name: [] for variant in VARIANTS}
     for kind in KINDS:
-        say(f"ablation: {kind.replace('_', ' ')}")
+        progress(f"ablation: {kind.replace('_', ' ')}")
         for number in range(seed, seed + scenes):
             section = random_section(
                 kind, number, noise_mm=noise_mm, settings=SECTION_SETTINGS, tubes=TUBES
             )
-            for tube, arc in _arcs_in_hand(section):
-                sigmas = _bound(section, tube)
+            for tube, arc in _detect_arcs(section):
+                bound = _bound(section, tube)
                 for variant in VARIANTS:
-                    outcomes[variant.name].append(_try_variant(variant, arc, tube, sigmas))
-    return tuple(_cost(variant, outcomes[variant.name]) for variant in VARIANTS)
+                    outcomes[variant.name].append(_apply_variant(variant, arc, tube, bound))
+    return tuple(_summarise(variant, outcomes[variant.name]) for variant in VARIANTS)
 
 
-def _arcs_in_hand(section: SimulatedSection) -> list[tuple[TubeTruth, AblationArc]]:
-    """Each pipe that detection finds, with its arc and the candidate that seeded it."""
+def _detect_arcs(section: SimulatedSection) -> list[tuple[TubeTruth, AblationArc]]:
+    """Each detected pipe with its arc and the candidate from which the arc grew."""
     profile = prepare_profile(section.profile, section.profile.noise)
     components = connected_components(rasterise(profile), MIN_WINDOW_POINTS)
     candidates = find_candidates(profile, components, RADIUS_RANGE)
     arcs, _ = identify_arcs(profile, candidates, RADIUS_RANGE)
     seeds = [IdentifiedArc.of(c.indices, seed_ellipse(profile, c)) for c in candidates]
     labels = section.truth.labels[profile.sensor_columns]
-    found = []
+    detected = []
     for tube in section.truth.tubes:
         arc = next((a for a in arcs if _mostly(labels, a.indices, tube.label)), None)
         seed = next((s for s in seeds if _mostly(labels, s.indices, tube.label)), None)
         if arc is not None and seed is not None:
-            found.append((tube, AblationArc(profile, arc, seed)))
-    return found
+            detected.append((tube, AblationArc(profile, arc, seed)))
+    return detected
 
 
 def _mostly(labels: IntArray, indices: IntArray, label: int) -> bool:
+    """Whether most of the points belong to the pipe of a label."""
     return bool((labels[indices] == label).mean() > 0.5)
 
 
 def _bound(section: SimulatedSection, tube: TubeTruth) -> FloatArray:
+    """Cramer-Rao bound (3,) of radius (mm), theta and phi (rad): standard deviations."""
     on_pipe = section.truth.labels == tube.label
     covariances = section.sensor.covariances(section.truth.points)[on_pipe]
     bound = section_bound(tube.ellipse, section.truth.points[on_pipe], covariances)
     return np.array([bound.radius_std, bound.theta_std, bound.phi_std])
 
 
-def _try_variant(
-    variant: Variant, arc: AblationArc, tube: TubeTruth, sigmas: FloatArray
+def _apply_variant(
+    variant: Variant, arc: AblationArc, tube: TubeTruth, bound: FloatArray
 ) -> _Outcome | None:
-    """What a variant makes of an arc; None where there is no ellipse."""
+    """Fit an arc by a variant; None where it has no ellipse."""
     try:
         fit = variant.fit_of(arc)
     except LsvisionError:
         return None
-    return _Outcome(_errors(fit, tube) / sigmas, fit.evaluations)
+    return _Outcome(_errors(fit, tube) / bound, fit.evaluations)
 
 
 def _errors(fit: VariantFit, tube: TubeTruth) -> FloatArray:
     """Moduli of the errors of radius (mm), theta and phi (rad)."""
     ellipse = fit.ellipse
-    turn = (ellipse.theta - tube.theta + math.pi / 2) % math.pi - math.pi / 2
-    return np.abs([ellipse.radius - tube.radius, turn, ellipse.phi - tube.phi])
+    theta_error = (ellipse.theta - tube.theta + math.pi / 2) % math.pi - math.pi / 2
+    return np.abs([ellipse.radius - tube.radius, theta_error, ellipse.phi - tube.phi])
 
 
-def _cost(variant: Variant, outcomes: Sequence[_Outcome | None]) -> AblationResult:
-    found = [outcome for outcome in outcomes if outcome is not None]
-    errors = np.array([outcome.errors for outcome in found]) if found else np.full((1, 3), np.nan)
-    typical = np.median(errors, axis=0) / TYPICAL
+def _summarise(variant: Variant, outcomes: Sequence[_Outcome | None]) -> AblationResult:
+    """Median and 95 % quantile of the errors of a variant over all pipes."""
+    fitted = [outcome for outcome in outcomes if outcome is not None]
+    errors = np.array([outcome.errors for outcome in fitted]) if fitted else np.full((1, 3), np.nan)
+    typical = np.median(errors, axis=0) / MEDIAN_OF_MODULUS
     worst = np.quantile(errors, 0.95, axis=0) / QUANTILE_95
     return AblationResult(
         group=variant.group,
         name=variant.name,
         pipes=len(outcomes),
-        failed=len(outcomes) - len(found),
+        failed=len(outcomes) - len(fitted),
         typical=tuple(typical.tolist()),
         worst=tuple(worst.tolist()),
-        evaluations=float(np.mean([o.evaluations for o in found])) if found else math.nan,
+        evaluations=float(np.mean([o.evaluations for o in fitted])) if fitted else math.nan,
     )

@@ -1,4 +1,4 @@
-"""Which of the paper's figures one section can give at all, and how many sections do."""
+"""Comparison of the paper's errors with the bound of one section, and the sections they need."""
 
 import math
 from collections.abc import Sequence
@@ -16,37 +16,38 @@ from lsvision.studies.chen_liu_2016.published_results import QUANTITIES
 from lsvision.studies.chen_liu_2016.tables import TableRow, pool_errors
 
 SIGNIFICANCE = 0.05
-"""A set of errors that the best method has less often than this was not drawn by it."""
+"""Significance level of the test whether an efficient method has such small errors."""
 SPACING_MM = 1.0
-"""Between the sections of the scan that would do. Units: mm."""
+"""Spacing of the sections of a scan. Units: mm."""
 SIGMAS_WITHIN = 2.0
-"""Sections do when 19 of 20 errors stay below the largest printed one."""
+"""Largest printed error over the standard deviation of a sufficient scan: 95 % of its errors are
+smaller."""
 
 
 @dataclass(frozen=True, slots=True)
 class Achievability:
-    """One number of one table against the bound of one section.
+    """Errors of one quantity in one table, compared with the bound of one section.
 
     Parameters
     ----------
     table : int
         1 to 4.
     quantity : str
-        Field of `Triple`: its name ends in the unit.
+        Field of `Triple`; its name ends in the unit.
     largest_printed : float
-        Largest error of the table, either sign. Unit of the quantity.
+        Largest modulus of the printed errors. Unit of the quantity.
     best_sigma : float
-        One sigma of the best possible method from one section, root mean square over the
-        table's pipes. Unit of the quantity.
+        Cramer-Rao bound of one section: standard deviation, root mean square over the table's
+        pipes. Unit of the quantity.
     pipes : int
-        Errors that the table prints.
+        Number of printed errors.
     chi_square : float
-        Of the printed errors over their bounds.
+        Sum of the squared printed errors over their bounds.
     sections_needed : int or None
-        Sections 1 mm apart of which 19 of 20 errors stay below `largest_printed`, for the
-        table's worst pipe; None where 2048 do not.
+        Number of sections 1 mm apart for which 95 % of the errors are below `largest_printed`,
+        for the table's worst pipe; None if 2048 are not enough.
     noise_needed_mm : float
-        Noise at which one section would do so. Units: mm.
+        Noise at which one section is enough. Units: mm.
     """
 
     table: int
@@ -60,45 +61,46 @@ class Achievability:
 
     @property
     def chance(self) -> float:
-        """That the best method's errors are together as small as the printed ones, in [0, 1]."""
+        """Probability of errors as small as the printed ones by an efficient method, in [0, 1]."""
         return self.chance_at(1.0)
 
-    def chance_at(self, share: float) -> float:
-        """The same with a sensor that has only this share of the noise: the bound is linear."""
+    def chance_at(self, noise_ratio: float) -> float:
+        """The same probability with the noise multiplied by a ratio; the bound is proportional."""
         from scipy.special import chdtr
 
-        return float(chdtr(self.pipes, self.chi_square / share**2))
+        return float(chdtr(self.pipes, self.chi_square / noise_ratio**2))
 
     @property
     def reachable(self) -> bool:
-        """Whether one section can give such errors more than one time in twenty."""
+        """Whether the probability for one section reaches `SIGNIFICANCE`."""
         return self.chance >= SIGNIFICANCE
 
 
 def compare_with_bound(rows: Sequence[TableRow], *, noise_mm: float) -> tuple[Achievability, ...]:
-    """Hold each number of each table to the bound of one section.
+    """Compare the errors of each quantity in each table with the bound of one section.
 
     Parameters
     ----------
     rows : sequence of TableRow
-        Of whole tables.
+        All rows of the tables.
     noise_mm : float
-        One sigma along the ray that the bounds are for. Units: mm.
+        Standard deviation along the ray for which the bounds hold. Units: mm.
     """
     tables = sorted({row.printed.table for row in rows})
     return tuple(
-        _judge([row for row in rows if row.printed.table == table], quantity, noise_mm)
+        _compare([row for row in rows if row.printed.table == table], quantity, noise_mm)
         for table in tables
         for quantity in QUANTITIES
     )
 
 
-def _judge(rows: Sequence[TableRow], quantity: str, noise_mm: float) -> Achievability:
+def _compare(rows: Sequence[TableRow], quantity: str, noise_mm: float) -> Achievability:
+    """Compare one quantity of one table."""
     printed = [abs(getattr(row.printed.errors, quantity)) for row in rows]
-    sigmas = [getattr(row.spreads["section"].bound, quantity) for row in rows]
+    stds = [getattr(row.spreads["section"].bound, quantity) for row in rows]
     largest = max(printed)
     best = getattr(pool_errors([row.spreads["section"] for row in rows]).bound, quantity)
-    squares = sum((error / sigma) ** 2 for error, sigma in zip(printed, sigmas, strict=True))
+    squares = sum((error / std) ** 2 for error, std in zip(printed, stds, strict=True))
     return Achievability(
         table=rows[0].printed.table,
         quantity=quantity,
@@ -106,13 +108,15 @@ def _judge(rows: Sequence[TableRow], quantity: str, noise_mm: float) -> Achievab
         best_sigma=best,
         pipes=len(rows),
         chi_square=squares,
-        sections_needed=_sections(rows, quantity, largest / SIGMAS_WITHIN, noise_mm),
-        noise_needed_mm=noise_mm * largest / (SIGMAS_WITHIN * max(sigmas)),
+        sections_needed=_sections_needed(rows, quantity, largest / SIGMAS_WITHIN, noise_mm),
+        noise_needed_mm=noise_mm * largest / (SIGMAS_WITHIN * max(stds)),
     )
 
 
-def _sections(rows: Sequence[TableRow], quantity: str, sigma: float, noise_mm: float) -> int | None:
-    """Of the pipe that needs most."""
+def _sections_needed(
+    rows: Sequence[TableRow], quantity: str, std: float, noise_mm: float
+) -> int | None:
+    """Sections for a standard deviation of the quantity, for the pipe that needs most."""
     view = SensorView(
         sensor=paper_sensor(noise_mm),
         standoff=STANDOFF_MM,
@@ -120,9 +124,9 @@ def _sections(rows: Sequence[TableRow], quantity: str, sigma: float, noise_mm: f
         incidence_limit=math.radians(INCIDENCE_LIMIT_DEG),
     )
     target = {
-        "radius_mm": AccuracyTarget(radius_std=sigma),
-        "theta_deg": AccuracyTarget(theta_std=math.radians(sigma)),
-        "phi_deg": AccuracyTarget(phi_std=math.radians(sigma)),
+        "radius_mm": AccuracyTarget(radius_std=std),
+        "theta_deg": AccuracyTarget(theta_std=math.radians(std)),
+        "phi_deg": AccuracyTarget(phi_std=math.radians(std)),
     }[quantity]
     pipes = {(row.printed.radius_mm, row.printed.theta_deg, row.printed.phi_deg) for row in rows}
     most = 0

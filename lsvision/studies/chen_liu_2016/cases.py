@@ -1,7 +1,7 @@
-"""What the paper's tables were measured on, rebuilt on the simulator.
+"""Simulation of the pipes and welded pairs in the paper's Tables 1-4.
 
-A pipe alone under parallel rays 0.6 mm apart, errors along the ray, points lost beyond 70 deg of
-incidence, nothing else wrong: conditions as good as a light section can have.
+The conditions are ideal: nothing else in view, parallel rays 0.6 mm apart, errors along the ray,
+points lost only beyond 70 deg of incidence.
 """
 
 import math
@@ -19,10 +19,13 @@ from lsvision.studies.chen_liu_2016.published_results import PUBLISHED_ROWS, Pub
 PITCH_MM = 0.6
 """Section 4 of the paper: resolution along the line. Units: mm."""
 STANDOFF_MM = 400.0
+"""Distance of the pipes from the sensor. Units: mm."""
 COLUMNS = 375
+"""Points of a full profile."""
 INCIDENCE_LIMIT_DEG = 70.0
+"""Largest angle of incidence at which a point is measured. Units: deg."""
 BEAD_LEG = 0.5
-"""Reach of the bead of a welded pair up each pipe, in radii."""
+"""Length of a weld bead along each pipe's surface, in radii."""
 
 SECTION_SETTINGS = SectionSettings(
     rays="parallel",
@@ -31,11 +34,11 @@ SECTION_SETTINGS = SectionSettings(
     grazing_limit_deg=INCIDENCE_LIMIT_DEG,
     grazing_ramp_deg=0,
 )
-"""Noise, and loss at grazing incidence; no lost lines and no jumps."""
+"""Errors of the sensor: noise and loss at grazing incidence; no other lost points, no jumps."""
 
 
 def paper_sensor(noise_mm: float) -> ProfileSensor:
-    """The paper's sensor: pitch 0.6 mm, one sigma of `noise_mm` along the ray at 400 mm."""
+    """The paper's sensor: pitch 0.6 mm, standard deviation `noise_mm` along the ray at 400 mm."""
     return ProfileSensor(
         name="the paper's sensor, simulated",
         range_std=noise_mm,
@@ -48,30 +51,30 @@ def paper_sensor(noise_mm: float) -> ProfileSensor:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """What one measurement of the paper looked at: a pipe, or a welded pair.
+    """Object of one measurement of the paper: a pipe, or a welded pair.
 
     Parameters
     ----------
     rows : tuple of PublishedRow
-        One for each pipe, left to right; the k-th has label k in the scene.
+        One for each pipe, left to right; the k-th pipe has the label k in the scene.
     """
 
     rows: tuple[PublishedRow, ...]
 
     @property
     def radius_mm(self) -> float:
-        """Of all its pipes. Units: mm."""
+        """Radius of all pipes. Units: mm."""
         return self.rows[0].radius_mm
 
     @property
     def scene(self) -> Scene:
-        """The pipes in the base frame, each cut by z = 0 as its row says; a pair has a bead."""
+        """The pipes, with theta and phi in the section z = 0; a pair has a weld bead."""
         ellipses = [_section(row) for row in self.rows]
         if len(ellipses) == 1:
             return Scene((_tube(self.rows[0], (0.0, -STANDOFF_MM)),))
         left, right = ellipses
-        reach, _ = touching_centre(left, right, 0.0)
-        centres = [(x, -STANDOFF_MM) for x in (-reach / 2, reach / 2)]
+        distance, _ = touching_centre(left, right, 0.0)
+        centres = [(x, -STANDOFF_MM) for x in (-distance / 2, distance / 2)]
         tubes = [_tube(row, centre) for row, centre in zip(self.rows, centres, strict=True)]
         x, y, z = tubes[0].cylinder.direction
         sections = [tube.cylinder.section() for tube in tubes]
@@ -100,18 +103,18 @@ def simulate_case(
     *,
     noise_mm: float,
 ) -> tuple[SimulatedSection, ...]:
-    """Sections of a case; same arguments, same bytes.
+    """Simulate sections of a case; the same arguments give the same sections.
 
     Parameters
     ----------
     case : Case
-        What is looked at.
+        Pipe or welded pair.
     seed : int
-        Number of the measurement; other numbers, other noise.
+        Random seed of the measurement.
     poses : tuple of Pose
-        Where the sections are.
+        Poses of the sections in the base frame.
     noise_mm : float
-        One sigma along the ray. Units: mm.
+        Standard deviation along the ray. Units: mm.
     """
     row = case.rows[0]
     numbers = [seed, row.table, row.number, round(row.phi_deg), len(poses)]
@@ -120,10 +123,12 @@ def simulate_case(
 
 
 def _section(row: PublishedRow) -> Ellipse:
+    """Section of a row's pipe, centred at the origin."""
     phi = math.radians(row.phi_deg)
     major = row.radius_mm / math.cos(phi)
     return Ellipse((0.0, 0.0), major, row.radius_mm, math.radians(row.theta_deg))
 
 
 def _tube(row: PublishedRow, centre: tuple[float, float]) -> Tube:
+    """A row's pipe with the centre of its section at (x, y) in mm."""
     return Tube.of(row.radius_mm, math.radians(row.theta_deg), math.radians(row.phi_deg), centre)

@@ -1,4 +1,4 @@
-"""Five ways to measure a pipe: the paper's chain, one section, known radius, two, twenty."""
+"""Five methods to measure a pipe: the paper's chain, one section, known radius, two, twenty."""
 
 import math
 from collections.abc import Iterable
@@ -7,15 +7,15 @@ from typing import Literal
 
 import numpy as np
 
-from lsvision.geometry import Pose
-from lsvision.measure import Settings, measure_cylinders
-from lsvision.paper_pipeline import PaperSettings
+from lsvision.geometry import IntArray, Points, Pose
+from lsvision.measure import measure_cylinders
 from lsvision.planning import scan_bound, section_bound
 from lsvision.planning.sensor_view import cylinder_normals
 from lsvision.profile import NoiseModel
 from lsvision.scan import measure_scan
 from lsvision.simulate import SimulatedSection
 from lsvision.studies.chen_liu_2016.cases import COLUMNS, Case, simulate_case
+from lsvision.studies.chen_liu_2016.paper_chain import PaperSettings, measure_cylinders_paper
 from lsvision.studies.chen_liu_2016.published_results import Triple
 
 Method = Literal["paper", "section", "known", "two", "twenty"]
@@ -23,16 +23,16 @@ Method = Literal["paper", "section", "known", "two", "twenty"]
 
 @dataclass(frozen=True, slots=True)
 class MethodInfo:
-    """How a way is called, and which sections it takes.
+    """Names of a method, and the sections that it uses.
 
     Parameters
     ----------
     letter : str
         (a) to (e).
     name, short : str
-        In plain words, and in few.
+        Long and short name.
     places_mm : tuple of float
-        Places of the sections along the laser plane's normal. Units: mm.
+        Positions of the sections along the laser plane's normal. Units: mm.
     """
 
     letter: str
@@ -42,8 +42,8 @@ class MethodInfo:
 
     @property
     def poses(self) -> tuple[Pose, ...]:
-        """Of the sections, the paper's own section at z = 0 amid them."""
-        return tuple(Pose.along((0.0, 0.0, 1.0), place) for place in self.places_mm)
+        """Poses of the sections; the paper's own section at z = 0 is in their middle."""
+        return tuple(Pose.along((0.0, 0.0, 1.0), z) for z in self.places_mm)
 
 
 METHODS: dict[Method, MethodInfo] = {
@@ -54,122 +54,128 @@ METHODS: dict[Method, MethodInfo] = {
     "twenty": MethodInfo("e", "twenty sections over 20 mm", "twenty sections",
                       tuple(np.linspace(-10, 10, 20).tolist())),
 }  # fmt: skip
-"""In the order of the tables' columns."""
+"""The methods in the order of the tables' columns."""
 
-Found = tuple[float, float, float]
-"""Radius (mm), theta and phi (rad)."""
+Estimate = tuple[float, float, float]
+"""Estimate of a pipe: radius (mm), theta and phi (rad)."""
 
 
 def measure_case(
-    case: Case, way: Method, seed: int, *, noise_mm: float
-) -> tuple[Found | None, ...]:
-    """One measurement of all pipes of a case.
+    case: Case, method: Method, seed: int, *, noise_mm: float
+) -> tuple[Estimate | None, ...]:
+    """Measure all pipes of a case once.
 
     Parameters
     ----------
     case : Case
-        What is measured; every way is told its radius, as the paper's fit is.
-    way : str
-        A key of `METHODS`. The ways with one section all see the same one.
+        Pipe or welded pair. Every method gets its nominal radius, as the paper's fit does.
+    method : str
+        A key of `METHODS`. The methods with one section all get the same one.
     seed : int
-        Number of the measurement.
+        Random seed of the measurement.
     noise_mm : float
-        One sigma along the ray. Units: mm.
+        Standard deviation along the ray. Units: mm.
 
     Returns
     -------
     tuple
-        For each pipe what was found of it, or None.
+        For each pipe its estimate, or None if it was not found.
     """
-    sections = simulate_case(case, seed, METHODS[way].poses, noise_mm=noise_mm)
+    sections = simulate_case(case, seed, METHODS[method].poses, noise_mm=noise_mm)
     if len(sections) > 1:
-        return _measure_scan(case, sections, METHODS[way].poses)
+        return _measure_scan(case, sections, METHODS[method].poses)
     (section,) = sections
     labels = section.truth.labels
-    measurement = measure_cylinders(
-        section.profile,
-        radius=case.radius_mm,
-        known_radius=case.radius_mm if way == "known" else None,
-        settings=_paper_settings(section) if way == "paper" else Settings(),
-    )
-    found = [(labels[c.indices], (c.radius, c.theta, c.phi)) for c in measurement.cylinders]
-    return _by_label(found, len(case.rows))
+    radius, known_radius = case.radius_mm, case.radius_mm if method == "known" else None
+    if method == "paper":
+        settings = _paper_settings(section)
+        measurement = measure_cylinders_paper(section.profile, radius=radius, settings=settings)
+    else:
+        measurement = measure_cylinders(section.profile, radius=radius, known_radius=known_radius)
+    estimates = [(labels[c.indices], (c.radius, c.theta, c.phi)) for c in measurement.cylinders]
+    return _estimates_by_pipe(estimates, len(case.rows))
 
 
-def case_bound(case: Case, way: Method, *, noise_mm: float) -> tuple[Triple, ...]:
-    """Smallest one-sigma errors that any unbiased method can have, for each pipe.
+def case_bound(case: Case, method: Method, *, noise_mm: float) -> tuple[Triple, ...]:
+    """Cramer-Rao bound: smallest standard deviations of any unbiased estimate, for each pipe.
 
     Parameters
     ----------
     case : Case
-        What is measured.
-    way : str
+        Pipe or welded pair.
+    method : str
         A key of `METHODS`; the bound of the paper's chain is that of any use of one section.
     noise_mm : float
-        One sigma along the ray. Units: mm.
+        Standard deviation along the ray. Units: mm.
     """
-    poses = METHODS[way].poses
+    poses = METHODS[method].poses
     sections = simulate_case(case, 0, poses, noise_mm=noise_mm)
     labels = range(1, len(case.rows) + 1)
     if len(sections) > 1:
         return tuple(_scan_bound(case, sections, poses, label) for label in labels)
-    known_std = 0.0 if way == "known" else None
+    known_std = 0.0 if method == "known" else None
     return tuple(_section_bound(sections[0], label, known_std) for label in labels)
 
 
-def case_errors(found: Found, case: Case, pipe: int) -> Triple:
-    """Errors of what was found of a pipe; theta's is within 90 deg either way."""
+def case_errors(estimate: Estimate, case: Case, pipe: int) -> Triple:
+    """Errors of the estimate of a pipe; that of theta is in [-90, 90) deg."""
     row = case.rows[pipe]
-    radius, theta, phi = found
-    turn = (math.degrees(theta) - row.theta_deg + 90) % 180 - 90
-    return Triple(radius - row.radius_mm, turn, math.degrees(phi) - row.phi_deg)
+    radius, theta, phi = estimate
+    theta_error = (math.degrees(theta) - row.theta_deg + 90) % 180 - 90
+    return Triple(radius - row.radius_mm, theta_error, math.degrees(phi) - row.phi_deg)
 
 
-def _paper_settings(section: SimulatedSection) -> Settings:
-    """The paper's chain with the window it has on a whole line.
+def _paper_settings(section: SimulatedSection) -> PaperSettings:
+    """Settings of the paper's chain with the window that it has on a full profile.
 
-    10 % of a line full of points, as the paper's sensor gives over a bench. Of the pipe's own
-    points alone it would be six, on which every ellipse fits.
+    The window is 10 % of the sensor's columns, as on the paper's profiles of a whole bench. 10 % of
+    the pipe's points alone would be six points, which an ellipse always fits.
     """
-    line = COLUMNS / (len(section.profile) - section.profile.lost)
-    fraction = PaperSettings().window_fraction * line
-    return Settings(paper_settings=PaperSettings(window_fraction=fraction))
+    columns_per_point = COLUMNS / (len(section.profile) - section.profile.lost)
+    fraction = PaperSettings().window_fraction * columns_per_point
+    return PaperSettings(window_fraction=fraction)
 
 
 def _measure_scan(
     case: Case, sections: tuple[SimulatedSection, ...], poses: tuple[Pose, ...]
-) -> tuple[Found | None, ...]:
+) -> tuple[Estimate | None, ...]:
     scan = measure_scan([s.profile for s in sections], poses, radius=case.radius_mm)
-    every = np.array([section.truth.labels for section in sections])
-    found = []
+    labels = np.array([section.truth.labels for section in sections])
+    estimates = []
     for cylinder in scan.cylinders:
         x, y, z = cylinder.direction
         theta = math.atan2(y, x) if z > 0 else math.atan2(-y, -x)
-        numbers = (cylinder.radius, theta, math.acos(min(abs(z), 1.0)))
-        found.append((every[cylinder.point_sections, cylinder.indices], numbers))
-    return _by_label(found, len(case.rows))
+        estimate = (cylinder.radius, theta, math.acos(min(abs(z), 1.0)))
+        estimates.append((labels[cylinder.point_sections, cylinder.indices], estimate))
+    return _estimates_by_pipe(estimates, len(case.rows))
 
 
-def _by_label(found: Iterable[tuple[np.ndarray, Found]], pipes: int) -> tuple[Found | None, ...]:
-    """For each pipe what holds most of its points, if that is mostly the pipe."""
-    every = list(found)
-    chosen: list[Found | None] = []
+def _estimates_by_pipe(
+    estimates: Iterable[tuple[IntArray, Estimate]], pipes: int
+) -> tuple[Estimate | None, ...]:
+    """For each pipe the estimate with most of its points, if most of that one's are the pipe's.
+
+    Each estimate comes with the true labels of its points; the k-th pipe has the label k.
+    """
+    candidates = list(estimates)
+    by_pipe: list[Estimate | None] = []
     for label in range(1, pipes + 1):
-        own = [
-            (int((labels == label).sum()), numbers)
-            for labels, numbers in every
+        matches = [
+            (int((labels == label).sum()), estimate)
+            for labels, estimate in candidates
             if (labels == label).mean() > 0.5
         ]
-        chosen.append(max(own)[1] if own else None)
-    return tuple(chosen)
+        by_pipe.append(max(matches)[1] if matches else None)
+    return tuple(by_pipe)
 
 
 def _section_bound(section: SimulatedSection, label: int, known_std: float | None) -> Triple:
+    """Bound of a pipe from one section; `known_std` is that of a known radius in mm."""
     on_pipe = section.truth.labels == label
     bound = section_bound(
         section.truth.tubes[label - 1].ellipse,
         section.truth.points[on_pipe],
-        _noise(section).covariances(section.profile.points)[on_pipe],
+        noise_of(section).covariances(section.profile.points)[on_pipe],
         known_std,
     )
     deg = math.degrees(1.0)
@@ -179,15 +185,16 @@ def _section_bound(section: SimulatedSection, label: int, known_std: float | Non
 def _scan_bound(
     case: Case, sections: tuple[SimulatedSection, ...], poses: tuple[Pose, ...], label: int
 ) -> Triple:
+    """Bound of a pipe from several sections."""
     pipe = case.scene.tubes[label - 1].local_cylinder(Pose())
     if pipe is None:
-        raise ValueError("want a pipe that z = 0 cuts")
+        raise ValueError("expected a pipe that intersects z = 0, got one that does not")
     points, variances = [], []
     for section, pose in zip(sections, poses, strict=True):
         on_pipe = section.truth.labels == label
-        seen = pose.apply(_in_space(section.truth.points[on_pipe]))
+        seen = pose.apply(_with_zero_z(section.truth.points[on_pipe]))
         normals = cylinder_normals(pipe, seen)[:, :2]
-        covariances = _noise(section).covariances(section.profile.points)[on_pipe]
+        covariances = noise_of(section).covariances(section.profile.points)[on_pipe]
         points.append(seen)
         variances.append(np.einsum("ni,nij,nj->n", normals, covariances, normals))
     bound = scan_bound(pipe, np.concatenate(points), np.concatenate(variances))
@@ -195,12 +202,14 @@ def _scan_bound(
     return Triple(bound.radius_std, bound.theta_std * deg, bound.phi_std * deg)
 
 
-def _in_space(points: np.ndarray) -> np.ndarray:
+def _with_zero_z(points: Points) -> Points:
+    """Points (n, 3) in the plane z = 0 from points (n, 2). Units: mm."""
     return np.column_stack([points, np.zeros(len(points))])
 
 
-def _noise(section: SimulatedSection) -> NoiseModel:
+def noise_of(section: SimulatedSection) -> NoiseModel:
+    """Noise model of a simulated section's profile."""
     noise = section.profile.noise
     if noise is None:
-        raise ValueError("want a section that knows its noise")
+        raise ValueError("expected a profile with a noise model, got one without")
     return noise

@@ -1,4 +1,4 @@
-"""Five traps in the paper's wording, each with a number that anyone can check."""
+"""Five pitfalls in the paper's wording, each with numbers that prove it."""
 
 import math
 from dataclasses import dataclass
@@ -13,21 +13,21 @@ from lsvision.studies.chen_liu_2016.methods import METHODS
 from lsvision.studies.chen_liu_2016.published_results import PublishedRow, Triple
 
 NOISE_MM = 0.05
-"""Of the section that is turned upside down. Units: mm."""
+"""Noise of the section whose Y axis is reversed. Units: mm."""
 SPLINE_STEP_MM = 0.5
 """Spacing of homogenised points, as in the paper's section 3.3.2. Units: mm."""
 
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """A number that shows a trap.
+    """A number that proves a pitfall.
 
     Parameters
     ----------
     what : str
-        In words, with the unit.
+        Description with the unit.
     value : float
-        NaN is a finding here: a formula that has no value.
+        NaN if the formula has no value there.
     """
 
     what: str
@@ -36,14 +36,14 @@ class Check:
 
 @dataclass(frozen=True, slots=True)
 class Pitfall:
-    """A place where the paper's words mislead.
+    """A misleading place in the paper's wording.
 
     Parameters
     ----------
     title, wording, ours : str
-        What it is about; what the paper says; what lsvision does.
+        Topic; wording of the paper; what lsvision does instead.
     checks : tuple of Check
-        The proof.
+        Numbers that prove it.
     """
 
     title: str
@@ -53,21 +53,27 @@ class Pitfall:
 
 
 def check_pitfalls() -> tuple[Pitfall, ...]:
-    """The five traps, each checked anew."""
-    return (_theta(), _distance(), _twins(), _division(), _which_way_is_y())
+    """Compute the numbers of all five pitfalls."""
+    return (
+        _theta_of_major_axis(),
+        _radial_distance(),
+        _two_axes(),
+        _division_by_zero(),
+        _direction_of_y(),
+    )
 
 
 def printed_equation_one(points: Points, ellipse: Ellipse, theta: float) -> FloatArray:
-    """Left side of the paper's Eq. (1) as printed, which should be 1 on the ellipse.
+    """Left-hand side of the paper's Eq. (1) as printed, which should be 1 on the ellipse.
 
     Parameters
     ----------
     points : (n, 2) ndarray
         Units: mm.
     ellipse : Ellipse
-        Its centre and semi-axes are used.
+        Ellipse of which centre and semi-axes are used.
     theta : float
-        Units: rad.
+        Angle in the equation. Units: rad.
     """
     dx, dy = (points - ellipse.centre).T
     first = dx * math.sin(theta) - dy * math.cos(theta)
@@ -86,13 +92,14 @@ def printed_equation_four(points: Points, ellipse: Ellipse, theta: float) -> Flo
     sin, cos = math.sin(theta), math.cos(theta)
     with np.errstate(divide="ignore", invalid="ignore"):
         slope = dy / dx
-        below = a**2 * (slope * sin + cos) ** 2 + b**2 * (sin - slope * cos) ** 2
+        denominator = a**2 * (slope * sin + cos) ** 2 + b**2 * (sin - slope * cos) ** 2
         squared = dx**2 + dy**2
-        gap: FloatArray = np.abs(np.sqrt(squared) - np.sqrt(squared / dx**2 * a**2 * b**2 / below))
-    return gap
+        on_ellipse = np.sqrt(squared / dx**2 * a**2 * b**2 / denominator)
+        residuals: FloatArray = np.abs(np.sqrt(squared) - on_ellipse)
+    return residuals
 
 
-def _theta() -> Pitfall:
+def _theta_of_major_axis() -> Pitfall:
     ellipse = Ellipse((0.0, 0.0), 20.0, 15.0, math.radians(30))
     tip = ellipse.points_at(np.zeros(1))
     as_text, as_printed = ellipse.theta, ellipse.theta - math.pi / 2
@@ -112,17 +119,18 @@ def _theta() -> Pitfall:
     )  # fmt: skip
 
 
-def _distance() -> Pitfall:
+def _radial_distance() -> Pitfall:
     def ratio(phi_deg: float) -> float:
         """Largest radial residual over the orthogonal one, 0.1 mm outside the ellipse."""
         phi = math.radians(phi_deg)
         ellipse = Ellipse((0.0, 0.0), 19.0 / math.cos(phi), 19.0, 0.0)
-        turns = np.linspace(0, 2 * math.pi, 721)
+        angles = np.linspace(0, 2 * math.pi, 721)
         a, b = ellipse.semi_major, ellipse.semi_minor
-        normals = np.column_stack([b * np.cos(turns), a * np.sin(turns)])
+        normals = np.column_stack([b * np.cos(angles), a * np.sin(angles)])
         normals /= np.hypot(*normals.T)[:, None]
-        off = ellipse.points_at(turns) + 0.1 * normals
-        return float((radial_residuals(off, ellipse) / orthogonal_residuals(off, ellipse)).max())
+        points = ellipse.points_at(angles) + 0.1 * normals
+        ratios = radial_residuals(points, ellipse) / orthogonal_residuals(points, ellipse)
+        return float(ratios.max())
 
     return Pitfall(
         "“Absolute Euclidean distance” is not the distance to the ellipse",
@@ -137,7 +145,7 @@ def _distance() -> Pitfall:
     )
 
 
-def _twins() -> Pitfall:
+def _two_axes() -> Pitfall:
     ellipse = Ellipse((0.0, -400.0), 19.0 / math.cos(math.radians(20)), 19.0, math.radians(20))
     first, second = ellipse.axis_twins
     apart = math.degrees(math.acos(float(first @ second)))
@@ -157,20 +165,20 @@ def _twins() -> Pitfall:
 
 def _section_by_rays(axis: FloatArray, radius: float = 19.0) -> FloatArray:
     """Distance in z = 0 from a pipe's axis to its surface, in 360 directions. Units: mm."""
-    turns = np.radians(np.arange(360))
-    ways = np.column_stack([np.cos(turns), np.sin(turns), np.zeros(360)])
-    across = ways - (ways @ axis)[:, None] * axis
+    angles = np.radians(np.arange(360))
+    directions = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(360)])
+    across = directions - (directions @ axis)[:, None] * axis
     distances: FloatArray = radius / np.linalg.norm(across, axis=1)
     return distances
 
 
-def _division() -> Pitfall:
+def _division_by_zero() -> Pitfall:
     ellipse = Ellipse((0.0, -400.0), 22.0, 19.0, math.radians(20))
-    up = math.hypot(math.sin(ellipse.theta) / 22.0, math.cos(ellipse.theta) / 19.0)
-    top = np.array([[0.0, -400.0 + 1 / up]])
+    inverse_height = math.hypot(math.sin(ellipse.theta) / 22.0, math.cos(ellipse.theta) / 19.0)
+    top = np.array([[0.0, -400.0 + 1 / inverse_height]])
     beyond = ellipse.points_at(np.radians(np.linspace(190, -30, 120)))
     falling = int((np.diff(beyond[:, 0]) <= 0).sum())
-    even = _spline_along_arc(beyond)
+    resampled = _spline_along_arc(beyond)
     return Pitfall(
         "Eq. (4) divides by x − x₀, and the spline S(x) needs x to rise",
         "A point straight above the centre has no r_j, and an arc past its vertical flank has "
@@ -182,26 +190,26 @@ def _division() -> Pitfall:
             Check("lsvision's radial residual there, mm", float(radial_residuals(top, ellipse)[0])),
             Check("points of 120 on an arc past both flanks where x does not rise", falling),
             Check("a spline along that arc instead: farthest from the ellipse, mm", float(
-                np.abs(orthogonal_residuals(even, ellipse)).max())),
+                np.abs(orthogonal_residuals(resampled, ellipse)).max())),
         ),
     )  # fmt: skip
 
 
 def _spline_along_arc(points: Points) -> Points:
-    """Points at equal steps of arc length, by one spline for each coordinate."""
+    """Resample points at equal steps of arc length by one spline for each coordinate."""
     from scipy.interpolate import CubicSpline
 
     length = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
-    even: Points = CubicSpline(length, points)(np.arange(0.0, length[-1], SPLINE_STEP_MM))
-    return even
+    resampled: Points = CubicSpline(length, points)(np.arange(0.0, length[-1], SPLINE_STEP_MM))
+    return resampled
 
 
-def _which_way_is_y() -> Pitfall:
+def _direction_of_y() -> Pitfall:
     case = Case((PublishedRow(0, 1, 19.0, 20.0, 20.0, Triple(0.0, 0.0, 0.0)),))
     (section,) = simulate_case(case, 0, METHODS["section"].poses, noise_mm=NOISE_MM)
     upright, sensor = section.profile.points, paper_sensor(NOISE_MM)
-    turned = Profile(upright * [1.0, -1.0])
-    start_off = float(np.nanmax(turned.points[:, 1])) - 19.0 - 400.0
+    reversed_y = Profile(upright * [1.0, -1.0])
+    initial_error = float(np.nanmax(reversed_y.points[:, 1])) - 19.0 - 400.0
     return Pitfall(
         "Which way is Y?",
         "The fit starts at y₀ = y_max − r, so Y grows towards the sensor; section 3.3 lets Y "
@@ -211,7 +219,8 @@ def _which_way_is_y() -> Pitfall:
             Check("pipes found, Y towards the sensor", len(
                 measure_cylinders(Profile(upright), radius=19.0, sensor=sensor).cylinders)),
             Check("pipes found in the same profile, Y away from it", len(
-                measure_cylinders(turned, radius=19.0).cylinders)),
-            Check("how far the paper's first centre then is from the true one, mm", abs(start_off)),
+                measure_cylinders(reversed_y, radius=19.0).cylinders)),
+            Check("how far the paper's first centre then is from the true one, mm",
+                  abs(initial_error)),
         ),
     )  # fmt: skip

@@ -1,11 +1,11 @@
-"""The figures of the paper, as printed in its Tables 1-5."""
+"""Results printed in the paper's Tables 1-5 and section 4.3."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
 class Triple:
-    """One number each for radius, theta and phi: an error, a spread or a bound.
+    """A number each for radius, theta and phi: errors, standard deviations or bounds.
 
     Parameters
     ----------
@@ -35,9 +35,9 @@ class PublishedRow:
     number : int
         The column "No.".
     radius_mm, theta_deg, phi_deg : float
-        What was measured. Units: mm, deg.
+        True values of the pipe. Units: mm, deg.
     errors : Triple
-        The errors printed: one measurement of each pipe.
+        Printed errors of one measurement.
     """
 
     table: int
@@ -55,13 +55,13 @@ class PublishedTime:
     Parameters
     ----------
     condition : str
-        In the paper's words.
+        Condition in the paper's words.
     kind : str
-        The kind of scene of ours that goes with it, a key of `SCENE_KINDS`.
+        Corresponding kind of simulated scene, a key of `SCENE_KINDS`.
     pipes : int
-        How many pipes it holds.
+        Number of pipes.
     seconds : float
-        Time of one measurement in Matlab, on a machine that the paper does not name.
+        Time of one measurement in Matlab; the paper does not state the computer. Units: s.
     """
 
     condition: str

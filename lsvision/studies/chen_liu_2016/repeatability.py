@@ -1,4 +1,4 @@
-"""Figure 16: one pipe measured again and again from the same place."""
+"""Figure 16: repeated measurements of one pipe in the same position."""
 
 import math
 from dataclasses import dataclass
@@ -9,11 +9,11 @@ from lsvision.geometry import FloatArray, as_readonly_array
 from lsvision.measure import measure_cylinders
 from lsvision.planning import section_bound
 from lsvision.studies.chen_liu_2016.cases import Case, simulate_case
-from lsvision.studies.chen_liu_2016.methods import METHODS
+from lsvision.studies.chen_liu_2016.methods import METHODS, noise_of
 from lsvision.studies.chen_liu_2016.published_results import PUBLISHED_BOX_MM, PublishedRow, Triple
 
 POSITION = Case((PublishedRow(0, 1, 19.0, 20.0, 20.0, Triple(0.0, 0.0, 0.0)),))
-"""Radius of the paper's welded pipes, middle of its angles; the paper does not say which."""
+"""Radius of the paper's welded pipes, middle of its angles; the paper does not state the pipe."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,13 +25,14 @@ class Repeatability:
     ellipses : (n, 4) ndarray
         Errors of centre x, y, semi-axes a, b. Units: mm.
     missed : int
-        Measurements that did not report the pipe.
+        Number of measurements that did not report the pipe.
     bound : (4, 4) ndarray
-        Smallest covariance of the same numbers. Units: mm^2.
+        Cramer-Rao bound of their covariance. Units: mm^2.
     expected_box_mm : tuple of float
-        Sides of the box that as many measurements at the bound fill on average. Units: mm.
+        Mean sides of the bounding box of as many centres with the covariance of the bound.
+        Units: mm.
     noise_of_printed_box_mm : float
-        Noise at which the best possible method fills the paper's box of 0.6 mm with as many.
+        Noise at which the larger of these sides is that of the paper's box, 0.6 mm. Units: mm.
     """
 
     ellipses: FloatArray
@@ -46,7 +47,7 @@ class Repeatability:
 
     @property
     def box_mm(self) -> tuple[float, float]:
-        """Sides of the smallest box around all centres. Units: mm."""
+        """Sides of the bounding box of all centres. Units: mm."""
         width, height = np.ptp(self.ellipses[:, :2], axis=0).tolist()
         return width, height
 
@@ -57,7 +58,7 @@ class Repeatability:
 
     @property
     def bound_stds_mm(self) -> tuple[float, ...]:
-        """The bound of the same. Units: mm."""
+        """Cramer-Rao bound of these standard deviations. Units: mm."""
         return tuple(np.sqrt(np.diag(self.bound)).tolist())
 
 
@@ -67,31 +68,30 @@ def measure_repeatedly(repeats: int, *, noise_mm: float, seed: int = 0) -> Repea
     Parameters
     ----------
     repeats : int
-        How often.
+        Number of measurements.
     noise_mm : float
-        One sigma along the ray. Units: mm.
+        Standard deviation along the ray. Units: mm.
     seed : int
-        Of the first measurement.
+        Random seed of the first measurement.
     """
     poses = METHODS["section"].poses
-    truth = simulate_case(POSITION, seed, poses, noise_mm=noise_mm)[0]
-    wanted = truth.truth.tubes[0].ellipse
+    (first,) = simulate_case(POSITION, seed, poses, noise_mm=noise_mm)
+    true_ellipse = first.truth.tubes[0].ellipse
     errors = []
     for number in range(seed, seed + repeats):
         (section,) = simulate_case(POSITION, number, poses, noise_mm=noise_mm)
-        found = measure_cylinders(section.profile, radius=POSITION.radius_mm).cylinders
-        if len(found) != 1:
+        cylinders = measure_cylinders(section.profile, radius=POSITION.radius_mm).cylinders
+        if len(cylinders) != 1:
             continue
-        ellipse = found[0].ellipse
-        dx, dy = (np.asarray(ellipse.centre) - wanted.centre).tolist()
-        a, b = ellipse.semi_major - wanted.semi_major, ellipse.semi_minor - wanted.semi_minor
-        errors.append([dx, dy, a, b])
-    on_pipe = truth.truth.labels == 1
-    noise = truth.profile.noise
-    if noise is None:
-        raise ValueError("want a section that knows its noise")
-    covariances = noise.covariances(truth.profile.points)[on_pipe]
-    bound = section_bound(wanted, truth.truth.points[on_pipe], covariances).covariance[:4, :4]
+        ellipse = cylinders[0].ellipse
+        dx, dy = (np.asarray(ellipse.centre) - true_ellipse.centre).tolist()
+        da = ellipse.semi_major - true_ellipse.semi_major
+        db = ellipse.semi_minor - true_ellipse.semi_minor
+        errors.append([dx, dy, da, db])
+    on_pipe = first.truth.labels == 1
+    covariances = noise_of(first).covariances(first.profile.points)[on_pipe]
+    points = first.truth.points[on_pipe]
+    bound = section_bound(true_ellipse, points, covariances).covariance[:4, :4]
     sides = expected_range(len(errors)) * np.sqrt(np.diag(bound)[:2])
     return Repeatability(
         ellipses=np.array(errors),
@@ -103,7 +103,7 @@ def measure_repeatedly(repeats: int, *, noise_mm: float, seed: int = 0) -> Repea
 
 
 def expected_range(count: int) -> float:
-    """Mean distance from the smallest to the largest of so many standard normal numbers.
+    """Mean range (largest minus smallest) of `count` standard normal numbers.
 
     Definition: integral of 1 - F^n - (1 - F)^n.
 
@@ -115,20 +115,20 @@ def expected_range(count: int) -> float:
     from scipy.special import ndtr
 
     x = np.linspace(-10.0, 10.0, 4001)
-    below = ndtr(x)
-    inside = 1 - below**count - (1 - below) ** count
-    return float(inside.sum() * (x[1] - x[0]))
+    cdf = ndtr(x)
+    integrand = 1 - cdf**count - (1 - cdf) ** count
+    return float(integrand.sum() * (x[1] - x[0]))
 
 
 def phi_std_of_axes(axis_std_mm: float, radius_mm: float, phi_deg: float) -> float:
-    """One sigma of phi = arccos(b / a) from independent errors of a and b alike. Units: deg.
+    """Standard deviation of phi = arccos(b / a) for equal, independent ones of a and b. Units: deg.
 
     Parameters
     ----------
     axis_std_mm : float
-        One sigma of either semi-axis. Units: mm.
+        Standard deviation of either semi-axis. Units: mm.
     radius_mm, phi_deg : float
-        Units: mm, deg.
+        Radius and tilt of the pipe. Units: mm, deg.
     """
     phi = math.radians(phi_deg)
     a, b = radius_mm / math.cos(phi), radius_mm

@@ -1,6 +1,6 @@
-"""All experiments in one run: how much work, and everything that came out."""
+"""Run all experiments: their sizes and their results."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Self
 
@@ -10,31 +10,35 @@ from lsvision.studies.chen_liu_2016.cases import paper_cases
 from lsvision.studies.chen_liu_2016.methods import METHODS, Method
 from lsvision.studies.chen_liu_2016.paper_pitfalls import Pitfall, check_pitfalls
 from lsvision.studies.chen_liu_2016.repeatability import Repeatability, measure_repeatedly
-from lsvision.studies.chen_liu_2016.scenes import SceneFigure, measure_scenes
+from lsvision.studies.chen_liu_2016.scenes import (
+    SceneFigure,
+    Timing,
+    measure_scenes,
+    time_conditions,
+)
 from lsvision.studies.chen_liu_2016.steps import StepExample, run_steps
-from lsvision.studies.chen_liu_2016.tables import TableRow, measure_tables
-from lsvision.studies.chen_liu_2016.timing import Timing, time_conditions
+from lsvision.studies.chen_liu_2016.tables import ProgressCallback, TableRow, measure_tables
 
 PAPER_NOISE_MM = 0.1
-"""One sigma along the ray at 400 mm that goes with the paper's sensor. Units: mm."""
-LEAST_NOISE_MM, LARGEST_NOISE_MM = 0.001, 0.3
-"""Beyond these the pipes' arcs say all, or nothing, and there is nothing to compare."""
+"""Standard deviation along the ray at 400 mm of the paper's sensor. Units: mm."""
+MIN_NOISE_MM, MAX_NOISE_MM = 0.001, 0.3
+"""Range of noise in which an arc determines a pipe, but not exactly. Units: mm."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ExperimentSizes:
-    """How often everything is measured.
+    """Number of measurements and scenes of each experiment.
 
     Parameters
     ----------
     runs : mapping of Method to int
-        Measurements of each pipe of Tables 1-4.
+        Number of measurements of each pipe of Tables 1-4 by each method.
     timing_scenes : int
-        Scenes of each condition of Table 5.
+        Number of scenes of each condition of Table 5.
     repeats : int
-        Measurements of the one position of Figure 16.
+        Number of measurements of the position of Figure 16.
     ablation_scenes : int
-        Scenes of each kind.
+        Number of scenes of each kind in the ablation.
     """
 
     runs: Mapping[Method, int]
@@ -44,76 +48,76 @@ class ExperimentSizes:
 
     @classmethod
     def quick(cls) -> Self:
-        """Under a minute: spreads are right to 10-15 % for one section, 25-40 % for the rest."""
+        """Less than a minute; relative error of the rms 10-15 % (one section), 25-40 % (others)."""
         runs = {"paper": 3, "section": 24, "known": 24, "two": 8, "twenty": 3}
-        return cls(runs=_checked(runs), timing_scenes=1, repeats=200, ablation_scenes=20)
+        return cls(runs=_ordered_runs(runs), timing_scenes=1, repeats=200, ablation_scenes=20)
 
     @classmethod
     def full(cls) -> Self:
-        """About ten minutes: right to 4 % for one section, 7-15 % for the rest."""
+        """About ten minutes; relative error of the rms 4 % (one section), 7-15 % (others)."""
         runs = {"paper": 20, "section": 400, "known": 400, "two": 100, "twenty": 30}
-        return cls(runs=_checked(runs), timing_scenes=4, repeats=1000, ablation_scenes=200)
+        return cls(runs=_ordered_runs(runs), timing_scenes=4, repeats=1000, ablation_scenes=200)
 
 
 @dataclass(frozen=True, eq=False)
 class PaperReport:
-    """What came out.
+    """Results of all experiments.
 
     Parameters
     ----------
     noise_mm : float
-        One sigma along the ray at 400 mm. Units: mm.
-    effort : ExperimentSizes
-        How often everything was measured.
+        Standard deviation along the ray at 400 mm. Units: mm.
+    sizes : ExperimentSizes
+        Number of measurements and scenes.
     rows : tuple of TableRow
         Tables 1-4.
-    reaches : tuple of Achievability
-        Which of their figures one section can give.
+    achievability : tuple of Achievability
+        Comparison of their errors with the bound of one section.
     timings : tuple of Timing
-        Table 5; the only part that differs from run to run.
+        Table 5; the only results that differ from run to run.
     steps : StepExample
         Figures 5-10.
     scenes : tuple of SceneFigure
         Figures 14 and 15.
     repeatability : Repeatability
         Figure 16.
-    costs : tuple of AblationResult
-        The ablation.
-    traps : tuple of Pitfall
-        Of the paper's wording.
+    ablation : tuple of AblationResult
+        Errors with single steps changed or left out.
+    pitfalls : tuple of Pitfall
+        Misleading places in the paper's wording.
     """
 
     noise_mm: float
-    effort: ExperimentSizes
+    sizes: ExperimentSizes
     rows: tuple[TableRow, ...]
-    reaches: tuple[Achievability, ...]
+    achievability: tuple[Achievability, ...]
     timings: tuple[Timing, ...]
     steps: StepExample
     scenes: tuple[SceneFigure, ...]
     repeatability: Repeatability
-    costs: tuple[AblationResult, ...]
-    traps: tuple[Pitfall, ...]
+    ablation: tuple[AblationResult, ...]
+    pitfalls: tuple[Pitfall, ...]
 
 
 def run_experiments(
-    effort: ExperimentSizes,
+    sizes: ExperimentSizes,
     *,
     noise_mm: float = PAPER_NOISE_MM,
     seed: int = 0,
-    say: Callable[[str], None] = lambda _: None,
+    progress: ProgressCallback = lambda _: None,
 ) -> PaperReport:
     """Run all experiments of the paper on the simulator.
 
     Parameters
     ----------
-    effort : ExperimentSizes
-        How often everything is measured.
+    sizes : ExperimentSizes
+        Number of measurements and scenes.
     noise_mm : float
-        One sigma along the ray at 400 mm. Units: mm.
+        Standard deviation along the ray at 400 mm. Units: mm.
     seed : int
-        Same seed, same numbers, but for the timings.
-    say : callable
-        Told, in a few words, what is being worked on.
+        Random seed; the same seed gives the same results except for the times.
+    progress : callable
+        Called before each experiment with a short text.
 
     Returns
     -------
@@ -124,33 +128,35 @@ def run_experiments(
     ValueError
         If the noise is not in [0.001, 0.3] mm.
     """
-    if not LEAST_NOISE_MM <= noise_mm <= LARGEST_NOISE_MM:
+    if not MIN_NOISE_MM <= noise_mm <= MAX_NOISE_MM:
         raise ValueError(
-            f"want noise_mm in [{LEAST_NOISE_MM:g}, {LARGEST_NOISE_MM:g}], got {noise_mm:g}"
+            f"expected noise_mm in [{MIN_NOISE_MM:g}, {MAX_NOISE_MM:g}], got {noise_mm:g}"
         )
-    timings = time_conditions(effort.timing_scenes, noise_mm=noise_mm, seed=seed, say=say)
-    rows = measure_tables(paper_cases(), effort.runs, noise_mm=noise_mm, seed=seed, say=say)
-    say("which figures one section can give")
-    reaches = compare_with_bound(rows, noise_mm=noise_mm)
-    say("figures 5-10, 14 and 15")
+    timings = time_conditions(sizes.timing_scenes, noise_mm=noise_mm, seed=seed, progress=progress)
+    rows = measure_tables(
+        paper_cases(), sizes.runs, noise_mm=noise_mm, seed=seed, progress=progress
+    )
+    progress("which figures one section can give")
+    achievability = compare_with_bound(rows, noise_mm=noise_mm)
+    progress("figures 5-10, 14 and 15")
     steps, scenes = run_steps(noise_mm=noise_mm), measure_scenes(noise_mm=noise_mm)
-    say(f"figure 16: {effort.repeats} measurements of one position")
-    repeatability = measure_repeatedly(effort.repeats, noise_mm=noise_mm, seed=seed)
-    costs = run_ablation(effort.ablation_scenes, noise_mm=noise_mm, seed=seed, say=say)
+    progress(f"figure 16: {sizes.repeats} measurements of one position")
+    repeatability = measure_repeatedly(sizes.repeats, noise_mm=noise_mm, seed=seed)
+    ablation = run_ablation(sizes.ablation_scenes, noise_mm=noise_mm, seed=seed, progress=progress)
     return PaperReport(
         noise_mm=noise_mm,
-        effort=effort,
+        sizes=sizes,
         rows=rows,
-        reaches=reaches,
+        achievability=achievability,
         timings=timings,
         steps=steps,
         scenes=scenes,
         repeatability=repeatability,
-        costs=costs,
-        traps=check_pitfalls(),
+        ablation=ablation,
+        pitfalls=check_pitfalls(),
     )
 
 
-def _checked(runs: Mapping[str, int]) -> dict[Method, int]:
-    """One number for each way, in the order of `METHODS`."""
-    return {way: runs[way] for way in METHODS}
+def _ordered_runs(runs: Mapping[str, int]) -> dict[Method, int]:
+    """Number of measurements by each method, in the order of `METHODS`."""
+    return {method: runs[method] for method in METHODS}

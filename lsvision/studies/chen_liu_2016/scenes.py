@@ -1,27 +1,154 @@
-"""Figures 14 and 15: pipes welded together, and among planar and complex clutter."""
+"""The paper's five conditions as random scenes: Table 5 (time) and Figures 14 and 15 (pictures)."""
 
 import math
+import time
 from dataclasses import dataclass
+from statistics import median
+from typing import Protocol
 
+import numpy as np
+
+from lsvision.geometry import BoolArray
 from lsvision.measure import Measurement, measure_cylinders
-from lsvision.simulate import SimulatedSection, TubeTruth, random_section
-from lsvision.studies.chen_liu_2016.published_results import PUBLISHED_TIMES
-from lsvision.studies.chen_liu_2016.timing import SEARCHED_MM, TUBES, count_matches
+from lsvision.profile import Profile
+from lsvision.simulate import (
+    SectionTruth,
+    SimulatedSection,
+    TubeRanges,
+    TubeTruth,
+    random_section,
+)
+from lsvision.studies.chen_liu_2016.paper_chain import measure_cylinders_paper
+from lsvision.studies.chen_liu_2016.published_results import PUBLISHED_TIMES, PublishedTime
+from lsvision.studies.chen_liu_2016.tables import ProgressCallback
 
-SEED = 0
-"""Of the pictured scenes: the first of each kind, not a chosen one."""
+RADIUS_MM = 19.0
+TUBES = TubeRanges(radius_mm=(RADIUS_MM, RADIUS_MM), theta_deg=(0.0, 180.0), phi_deg=(10.0, 30.0))
+"""Pipes like the paper's welded ones, with the tilts of its tables."""
+SEARCHED_MM = (10.0, 40.0)
+"""Search range of both chains. The fits of the paper's chain start at 20 mm, its geometric mean.
+Units: mm."""
+FIGURE_SEED = 0
+"""Seed of the scenes in Figures 14 and 15: the first of each kind, not a chosen one."""
+REPEATS = 5
+"""Measurements of each scene by the fast chain, of which the median time is used."""
+MIN_IOU = 0.5
+"""Smallest intersection over union of the points of a result and of the pipe that it matches."""
+
+
+@dataclass(frozen=True, slots=True)
+class PipelineTiming:
+    """Time and matches of one chain under one condition.
+
+    Parameters
+    ----------
+    seconds : float
+        Median time of one measurement.
+    found : int
+        Number of pipes that were reported, over all scenes.
+    false : int
+        Number of results that match no pipe, over all scenes.
+    """
+
+    seconds: float
+    found: int
+    false: int
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """A row of Table 5, measured again.
+
+    Parameters
+    ----------
+    printed : PublishedTime
+        The row as the paper prints it.
+    scenes, pipes : int
+        Number of scenes, and of pipes in them.
+    paper, section : PipelineTiming
+        The paper's chain, and lsvision, on the same profiles.
+    """
+
+    printed: PublishedTime
+    scenes: int
+    pipes: int
+    paper: PipelineTiming
+    section: PipelineTiming
+
+    @property
+    def ratio(self) -> float:
+        """Time of the paper's chain over that of lsvision."""
+        return self.paper.seconds / self.section.seconds
+
+
+def time_conditions(
+    scenes: int, *, noise_mm: float, seed: int = 0, progress: ProgressCallback = lambda _: None
+) -> tuple[Timing, ...]:
+    """Time both chains on the same random scenes of each condition.
+
+    Parameters
+    ----------
+    scenes : int
+        Number of scenes of each condition.
+    noise_mm : float
+        Standard deviation along the ray. Units: mm.
+    seed : int
+        Random seed of the first scene.
+    progress : callable
+        Called before each condition.
+    """
+    timings = []
+    for printed in PUBLISHED_TIMES:
+        progress(f"table 5: {printed.condition.lower()}")
+        sections = [
+            random_section(printed.kind, number, noise_mm=noise_mm, tubes=TUBES)
+            for number in range(seed, seed + scenes)
+        ]
+        pipes = sum(len(section.truth.tubes) for section in sections)
+        paper = _time_chain(sections, measure_cylinders_paper, repeats=1)
+        lsvision = _time_chain(sections, measure_cylinders, repeats=REPEATS)
+        timings.append(Timing(printed, scenes, pipes, paper, lsvision))
+    return tuple(timings)
+
+
+def count_matches(measurement: Measurement, truth: SectionTruth) -> tuple[int, int]:
+    """Count the pipes that were reported, and the results that match no pipe.
+
+    Parameters
+    ----------
+    measurement : Measurement
+        Result of a chain.
+    truth : SectionTruth
+        True pipes and labels of the points.
+    """
+    unmatched = {tube.label for tube in truth.tubes}
+    false = 0
+    for cylinder in measurement.cylinders:
+        points = np.zeros(len(truth.labels), dtype=bool)
+        points[cylinder.indices] = True
+        matches = [label for label in sorted(unmatched) if _match(points, truth.labels == label)]
+        if matches:
+            unmatched.remove(matches[0])
+        else:
+            false += 1
+    return len(truth.tubes) - len(unmatched), false
+
+
+def _match(points: BoolArray, pipe: BoolArray) -> bool:
+    """Whether two sets of points overlap by more than `MIN_IOU` (intersection over union)."""
+    return bool((points & pipe).sum() > MIN_IOU * (points | pipe).sum())
 
 
 @dataclass(frozen=True, slots=True)
 class ScenePipe:
-    """A pipe in a pictured scene: what is true, and what was found of it.
+    """True and measured values of a pipe in a scene of Figures 14 and 15.
 
     Parameters
     ----------
     true_radius_mm, true_theta_deg, true_phi_deg : float
-        Units: mm, deg.
+        True values. Units: mm, deg.
     radius_mm, theta_deg, phi_deg : tuple of float or None
-        Value and one sigma; None where the pipe was not found.
+        Value and standard deviation; None where the pipe was not found.
     """
 
     true_radius_mm: float
@@ -41,13 +168,13 @@ class SceneFigure:
     title : str
         The paper's condition.
     section : SimulatedSection
-        The scene, seen.
+        The simulated section.
     measurement : Measurement
-        What lsvision finds in it.
+        Result of lsvision.
     pipes : tuple of ScenePipe
-        In the order of the truth.
+        All pipes of the scene.
     false : int
-        Results that are no pipe.
+        Number of results that match no pipe.
     """
 
     title: str
@@ -58,16 +185,16 @@ class SceneFigure:
 
 
 def measure_scenes(*, noise_mm: float) -> tuple[SceneFigure, ...]:
-    """Measure one scene of each kind that the paper shows.
+    """Measure one scene of each kind in Figures 14 and 15.
 
     Parameters
     ----------
     noise_mm : float
-        One sigma along the ray at 400 mm. Units: mm.
+        Standard deviation along the ray at 400 mm. Units: mm.
     """
     scenes = []
     for printed in PUBLISHED_TIMES[1:]:
-        section = random_section(printed.kind, SEED, noise_mm=noise_mm, tubes=TUBES)
+        section = random_section(printed.kind, FIGURE_SEED, noise_mm=noise_mm, tubes=TUBES)
         measurement = measure_cylinders(section.profile, radius=SEARCHED_MM)
         pipes = tuple(_pipe(tube, section, measurement) for tube in section.truth.tubes)
         _, false = count_matches(measurement, section.truth)
@@ -75,7 +202,32 @@ def measure_scenes(*, noise_mm: float) -> tuple[SceneFigure, ...]:
     return tuple(scenes)
 
 
+class _MeasureFunction(Protocol):
+    """A chain: `measure_cylinders` or `measure_cylinders_paper`."""
+
+    def __call__(self, profile: Profile, *, radius: tuple[float, float]) -> Measurement: ...
+
+
+def _time_chain(
+    sections: list[SimulatedSection], measure: _MeasureFunction, repeats: int
+) -> PipelineTiming:
+    """Time a chain on sections, and count its matches."""
+    seconds: list[float] = []
+    found = false = 0
+    for section in sections:
+        runs = []
+        for _ in range(repeats):
+            start = time.perf_counter()
+            measurement = measure(section.profile, radius=SEARCHED_MM)
+            runs.append(time.perf_counter() - start)
+        seconds.append(median(runs))
+        more_found, more_false = count_matches(measurement, section.truth)
+        found, false = found + more_found, false + more_false
+    return PipelineTiming(median(seconds), found, false)
+
+
 def _pipe(tube: TubeTruth, section: SimulatedSection, measurement: Measurement) -> ScenePipe:
+    """True and measured values of a pipe; measured by the first result with mostly its points."""
     deg = math.degrees(1.0)
     truth = (tube.radius, tube.theta * deg, tube.phi * deg)
     labels = section.truth.labels

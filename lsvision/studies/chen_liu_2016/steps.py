@@ -1,4 +1,4 @@
-"""Figures 5-10 as numbers: the steps followed on one section, both chains side by side."""
+"""Figures 5-10: intermediate results of both chains on one section."""
 
 from dataclasses import dataclass
 
@@ -10,33 +10,33 @@ from lsvision.detection.identification import identify_arcs
 from lsvision.detection.profile_preparation import prepare_profile
 from lsvision.detection.range_image import connected_components, rasterise
 from lsvision.detection.screening import ScreenedArc, screen_arc
-from lsvision.ellipse.fit import FittingSettings, fit_ellipse
-from lsvision.ellipse.homogenising import (
-    HomogenisedArc,
-    homogenise_arc,
-    homogenise_profile_paper,
-)
-from lsvision.ellipse.smoothing import SmoothedArc, smooth_arc, smooth_profile_paper
-from lsvision.errors import LsvisionError
+from lsvision.ellipse.homogenising import HomogenisedArc, homogenise_arc
+from lsvision.ellipse.smoothing import SmoothedArc, smooth_arc
 from lsvision.geometry import FloatArray, Points
 from lsvision.measure import Measurement, measure_cylinders
-from lsvision.paper_pipeline import PaperSettings, initial_ellipse
 from lsvision.profile import PreparedProfile
 from lsvision.simulate import SimulatedSection, TubeRanges, random_section
+from lsvision.studies.chen_liu_2016.paper_chain import (
+    PaperSettings,
+    homogenise_profile_paper,
+    largest_window_residual,
+    smooth_profile_paper,
+)
 
 KIND, SEED = "welded_complex", 2
-"""Of the one scene that is followed."""
+"""Kind and seed of the scene."""
 TUBES = TubeRanges(radius_mm=(19.0, 19.0), phi_deg=(15.0, 30.0))
 RADIUS_RANGE = (10.0, 40.0)
-SMALLEST_SPAN = 10
+"""Search range of the radius. Units: mm."""
+MIN_SPAN_POINTS = 10
+"""Smallest number of points of a connected component."""
 WINDOW_STEP = 2
-"""Every second window is enough to see."""
-RADIAL = FittingSettings(residual="radial")
+"""Step from window to window, in points: every second one is enough for a picture."""
 
 
 @dataclass(frozen=True, eq=False)
 class StepExample:
-    """One section and what each step makes of it.
+    """One section and the results of each step on it.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class StepExample:
     measurement : Measurement
         lsvision's result.
     profile : PreparedProfile
-        What the detection of arcs works on.
+        The ordered profile on which the steps work.
     windows : (k, 2) ndarray
         Middle of each window of the paper's rough identification (x) and its largest abs(r_j);
         inf where no ellipse fits. Units: mm.
@@ -73,32 +73,34 @@ class StepExample:
 
 
 def run_steps(*, noise_mm: float) -> StepExample:
-    """Follow the steps on one welded pair among clutter.
+    """Run the steps on one welded pair among clutter.
 
     Parameters
     ----------
     noise_mm : float
-        One sigma along the ray at 400 mm. Units: mm.
+        Standard deviation along the ray at 400 mm. Units: mm.
 
     Raises
     ------
     ValueError
-        If so much noise hides both pipes.
+        If the noise is so large that neither pipe is found.
     """
     section = random_section(KIND, SEED, noise_mm=noise_mm, tubes=TUBES)
     profile = prepare_profile(section.profile, section.profile.noise)
-    components = connected_components(rasterise(profile), SMALLEST_SPAN)
+    components = connected_components(rasterise(profile), MIN_SPAN_POINTS)
     candidates = find_candidates(profile, components, RADIUS_RANGE)
     arcs, _ = identify_arcs(profile, candidates, RADIUS_RANGE)
     labels = section.truth.labels[profile.sensor_columns]
-    ours = [arc for arc in arcs if (labels[arc.indices] > 0).mean() > 0.5]
-    identified = max(ours, key=lambda arc: len(arc.indices), default=None)
+    pipe_arcs = [arc for arc in arcs if (labels[arc.indices] > 0).mean() > 0.5]
+    identified = max(pipe_arcs, key=lambda arc: len(arc.indices), default=None)
     screened = None if identified is None else screen_arc(profile, identified)
     if identified is None or screened is None:
-        raise ValueError(f"want noise in which the example's pipes are found, got {noise_mm} mm")
+        raise ValueError(
+            f"expected noise at which the example's pipes are found, got {noise_mm} mm"
+        )
     smoothed = smooth_arc(screened.points, screened.ellipse)
-    own = profile.points[screened.indices]
-    by_x = own[np.argsort(own[:, 0], kind="stable")]
+    points = profile.points[screened.indices]
+    by_x = points[np.argsort(points[:, 0], kind="stable")]
     return StepExample(
         section=section,
         measurement=measure_cylinders(section.profile, radius=RADIUS_RANGE),
@@ -113,17 +115,9 @@ def run_steps(*, noise_mm: float) -> StepExample:
 
 
 def _windows(profile: PreparedProfile) -> FloatArray:
-    """Largest r_j of the paper's windows along the line, Figure 6."""
-    points, literal = profile.points[profile.valid_indices], PaperSettings()
-    num = max(6, round(literal.window_fraction * len(points)))
+    """X of the middle and largest abs(r_j) of the paper's windows (k, 2), Figure 6."""
+    points = profile.points[profile.valid_indices]
+    num = PaperSettings().window_points(len(points))
     radius = float(np.sqrt(RADIUS_RANGE[0] * RADIUS_RANGE[1]))
-    worst = []
-    for start in range(0, len(points) - num + 1, WINDOW_STEP):
-        window = points[start : start + num]
-        try:
-            fit = fit_ellipse(window, initial_ellipse(window, radius), settings=RADIAL)
-            largest = float(np.abs(fit.residuals).max())
-        except LsvisionError:
-            largest = np.inf
-        worst.append([float(window[num // 2, 0]), largest])
-    return np.array(worst)
+    windows = [points[i : i + num] for i in range(0, len(points) - num + 1, WINDOW_STEP)]
+    return np.array([[w[num // 2, 0], largest_window_residual(w, radius)] for w in windows])

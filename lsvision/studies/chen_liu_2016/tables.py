@@ -1,4 +1,4 @@
-"""Tables 1-4: errors of the five ways beside the printed figures and the Cramer-Rao bound."""
+"""Tables 1-4: errors of the five methods, the printed errors and the Cramer-Rao bound."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -9,6 +9,7 @@ from lsvision.geometry import FloatArray
 from lsvision.studies.chen_liu_2016.cases import Case
 from lsvision.studies.chen_liu_2016.methods import (
     METHODS,
+    Estimate,
     Method,
     case_bound,
     case_errors,
@@ -17,23 +18,23 @@ from lsvision.studies.chen_liu_2016.methods import (
 from lsvision.studies.chen_liu_2016.published_results import QUANTITIES, PublishedRow, Triple
 
 ProgressCallback = Callable[[str], None]
-"""Takes a line about what is being worked on."""
+"""Receives a short text on what is computed next."""
 
 
 @dataclass(frozen=True, slots=True)
 class ErrorStatistics:
-    """Errors of one way on one pipe.
+    """Errors of one method on one pipe.
 
     Parameters
     ----------
     runs, missed : int
-        Measurements, and how many of them did not report the pipe.
+        Number of measurements, and of those that did not report the pipe.
     bias : Triple
-        Mean error. NaN where the pipe was never found, as the others.
+        Mean error; NaN if the pipe was never found.
     rms : Triple
-        Root mean square error.
+        Root mean square error; NaN if the pipe was never found.
     bound : Triple
-        Smallest one sigma of any unbiased method.
+        Cramer-Rao bound: smallest standard deviation of any unbiased method.
     """
 
     runs: int
@@ -50,9 +51,9 @@ class TableRow:
     Parameters
     ----------
     printed : PublishedRow
-        What the paper says.
+        The row as the paper prints it.
     spreads : mapping of Method to ErrorStatistics
-        In the order of `METHODS`.
+        Errors of each method, in the order of `METHODS`.
     """
 
     printed: PublishedRow
@@ -65,22 +66,22 @@ def measure_tables(
     *,
     noise_mm: float,
     seed: int = 0,
-    say: ProgressCallback = lambda _: None,
+    progress: ProgressCallback = lambda _: None,
 ) -> tuple[TableRow, ...]:
-    """Measure the pipes of the paper's tables many times in every way.
+    """Measure the pipes of the paper's tables many times by every method.
 
     Parameters
     ----------
     cases : sequence of Case
-        As from `paper_cases`.
+        Result of `paper_cases`.
     runs : mapping of Method to int
-        How often each way measures each case.
+        Number of measurements of each case by each method.
     noise_mm : float
-        One sigma along the ray. Units: mm.
+        Standard deviation along the ray. Units: mm.
     seed : int
-        Of the first measurement; the next count on.
-    say : callable
-        Told of each case.
+        Random seed of the first measurement; the next ones follow it.
+    progress : callable
+        Called before each case.
 
     Returns
     -------
@@ -90,53 +91,64 @@ def measure_tables(
     rows: list[TableRow] = []
     for case in cases:
         row = case.rows[0]
-        say(f"table {row.table}: radius {row.radius_mm:g} mm, phi {row.phi_deg:g} deg")
-        spreads = {way: _spreads(case, way, range(seed, seed + runs[way]), noise_mm)
-                   for way in METHODS}  # fmt: skip
+        progress(f"table {row.table}: radius {row.radius_mm:g} mm, phi {row.phi_deg:g} deg")
+        spreads = {method: _statistics(case, method, range(seed, seed + runs[method]), noise_mm)
+                   for method in METHODS}  # fmt: skip
         for pipe, printed in enumerate(case.rows):
-            rows.append(TableRow(printed, {way: spreads[way][pipe] for way in METHODS}))
+            rows.append(TableRow(printed, {method: spreads[method][pipe] for method in METHODS}))
     return tuple(rows)
 
 
 def pool_errors(spreads: Sequence[ErrorStatistics]) -> ErrorStatistics:
-    """Several pipes as one: root mean squares of rms and bound, mean of the bias."""
+    """Pool the statistics of several pipes: root mean square of rms and bound, mean of the bias.
+
+    Parameters
+    ----------
+    spreads : sequence of ErrorStatistics
+        Statistics of one method. Rms and bias are weighted by the measurements that found a pipe.
+    """
     found = np.array([float(spread.runs - spread.missed) for spread in spreads])
-    every = np.ones(len(spreads))
+    equal = np.ones(len(spreads))
 
     def mean(field: str, power: int, weights: FloatArray) -> Triple:
         values = np.array([_numbers(getattr(spread, field)) for spread in spreads])
-        with np.errstate(invalid="ignore"):  # none found: 0 / 0 is the NaN that says so
+        with np.errstate(invalid="ignore"):  # 0 / 0 = NaN if no pipe was found
             total = weights @ np.nan_to_num(values) ** power / weights.sum()
         return Triple(*(total ** (1 / power)).tolist())
 
     runs = sum(spread.runs for spread in spreads)
     missed = sum(spread.missed for spread in spreads)
     return ErrorStatistics(runs, missed, mean("bias", 1, found), mean("rms", 2, found),
-                  mean("bound", 2, every))  # fmt: skip
+                  mean("bound", 2, equal))  # fmt: skip
 
 
-def _spreads(case: Case, way: Method, seeds: range, noise_mm: float) -> tuple[ErrorStatistics, ...]:
-    measured = [measure_case(case, way, seed, noise_mm=noise_mm) for seed in seeds]
-    bounds = case_bound(case, way, noise_mm=noise_mm)
+def _statistics(
+    case: Case, method: Method, seeds: range, noise_mm: float
+) -> tuple[ErrorStatistics, ...]:
+    """Statistics of a method for each pipe of a case, one measurement for each seed."""
+    measured = [measure_case(case, method, seed, noise_mm=noise_mm) for seed in seeds]
+    bounds = case_bound(case, method, noise_mm=noise_mm)
     return tuple(
-        _spread([found[pipe] for found in measured], case, pipe, bounds[pipe])
+        _pipe_statistics([estimates[pipe] for estimates in measured], case, pipe, bounds[pipe])
         for pipe in range(len(case.rows))
     )
 
 
-def _spread(
-    measured: Sequence[tuple[float, float, float] | None], case: Case, pipe: int, bound: Triple
+def _pipe_statistics(
+    estimates: Sequence[Estimate | None], case: Case, pipe: int, bound: Triple
 ) -> ErrorStatistics:
-    errors = [_numbers(case_errors(found, case, pipe)) for found in measured if found is not None]
-    missed = len(measured) - len(errors)
+    """Statistics of the estimates of one pipe; None is a measurement that missed it."""
+    errors = [_numbers(case_errors(e, case, pipe)) for e in estimates if e is not None]
+    missed = len(estimates) - len(errors)
     if not errors:
         nothing = Triple(np.nan, np.nan, np.nan)
-        return ErrorStatistics(len(measured), missed, nothing, nothing, bound)
+        return ErrorStatistics(len(estimates), missed, nothing, nothing, bound)
     values = np.array(errors)
     bias = Triple(*values.mean(axis=0).tolist())
     rms = Triple(*np.sqrt((values**2).mean(axis=0)).tolist())
-    return ErrorStatistics(len(measured), missed, bias, rms, bound)
+    return ErrorStatistics(len(estimates), missed, bias, rms, bound)
 
 
 def _numbers(triple: Triple) -> list[float]:
+    """The fields of a triple, in the order of `QUANTITIES`."""
     return [getattr(triple, name) for name in QUANTITIES]

@@ -1,4 +1,4 @@
-"""Chains with one step left out, or done as the paper's text has it, on one arc in hand."""
+"""Variants of the chain: one step left out, or done as in the paper's text, on a given arc."""
 
 import math
 from collections.abc import Callable
@@ -11,32 +11,37 @@ import numpy as np
 from lsvision.detection.arcs import IdentifiedArc
 from lsvision.detection.screening import ScreenedArc, screen_arc
 from lsvision.ellipse.fit import EllipseFit, fit_ellipse, fit_noisy_points
-from lsvision.ellipse.homogenising import homogenise_arc, homogenise_profile_paper
+from lsvision.ellipse.homogenising import homogenise_arc
 from lsvision.ellipse.parameters import parameters_from_ellipse
 from lsvision.ellipse.problem import least_squares
-from lsvision.ellipse.smoothing import SmoothedArc, smooth_arc, smooth_profile_paper
+from lsvision.ellipse.smoothing import SmoothedArc, smooth_arc
 from lsvision.errors import FitFailed
 from lsvision.geometry import Ellipse, FloatArray, Points, radial_residuals
 from lsvision.geometry.noisy_points import NoisyPoints, as_vectors
 from lsvision.measure import Settings
-from lsvision.paper_pipeline import PaperSettings
 from lsvision.profile import PreparedProfile
+from lsvision.studies.chen_liu_2016.paper_chain import (
+    PaperSettings,
+    homogenise_profile_paper,
+    smooth_profile_paper,
+)
 
 FITTING = Settings().fitting
-"""Every variant ends in the fit of lsvision's own chain, but for what the variant changes."""
-RADIAL = replace(FITTING, residual="radial")
+"""Settings of the final fit in every variant: those of `measure_cylinders`."""
+RADIAL_FITTING = replace(FITTING, residual="radial")
+"""The same with the paper's radial residuals."""
 
 
 @dataclass(frozen=True, slots=True)
 class VariantFit:
-    """What a variant makes of an arc.
+    """Result of a variant on an arc.
 
     Parameters
     ----------
     ellipse : Ellipse
-        Units: mm, rad.
+        Fitted ellipse. Units: mm, rad.
     evaluations : int
-        Of the residuals in its iterative fit; 0 without one.
+        Number of evaluations of the residuals in the iterative fit; 0 without one.
     """
 
     ellipse: Ellipse
@@ -45,16 +50,16 @@ class VariantFit:
 
 @dataclass(frozen=True, eq=False)
 class AblationArc:
-    """A pipe's arc before screening, with what the steps make of it.
+    """A pipe's arc before screening, with the results of the following steps.
 
     Parameters
     ----------
     profile : PreparedProfile
-        The section's.
+        Profile of the section.
     arc : IdentifiedArc
-        From rough identification.
+        Result of rough identification.
     seed : IdentifiedArc
-        The candidate it grew from.
+        Candidate from which the arc grew.
     """
 
     profile: PreparedProfile
@@ -63,26 +68,26 @@ class AblationArc:
 
     @cached_property
     def screened(self) -> ScreenedArc:
-        """After accurate screening."""
+        """The arc after accurate screening."""
         return self.screen(self.arc)
 
     @cached_property
     def smoothed(self) -> SmoothedArc:
-        """After smoothing."""
+        """The screened arc after smoothing."""
         return smooth_arc(self.screened.points, self.screened.ellipse)
 
     @property
     def inliers(self) -> NoisyPoints:
-        """Screened points that are no jumps."""
+        """Screened points without the jumps that smoothing found."""
         return self.screened.points[self.smoothed.inliers]
 
     @property
     def initial_guess(self) -> Ellipse:
-        """After homogenising."""
+        """Ellipse after homogenising, at which the fit starts."""
         return homogenise_arc(self.smoothed).ellipse
 
     def screen(self, arc: IdentifiedArc) -> ScreenedArc:
-        """Accurate screening of any arc."""
+        """Screen an arc; raises FitFailed if its middle part has no ellipse."""
         screened = screen_arc(self.profile, arc)
         if screened is None:
             raise FitFailed("no ellipse fits the middle part of the arc")
@@ -90,14 +95,14 @@ class AblationArc:
 
     @cached_property
     def with_jumps(self) -> "AblationArc":
-        """The same arc with every point of its span, jumps too."""
+        """The arc with all points of its span, including jumps."""
         valid = self.profile.valid_indices
         inside = (valid >= self.arc.arc.start) & (valid < self.arc.arc.stop)
         whole = IdentifiedArc.of(valid[inside], self.arc.ellipse)
         return AblationArc(self.profile, whole, self.seed)
 
-    def take(self, arc: IdentifiedArc) -> ScreenedArc:
-        """An arc as it is, without screening."""
+    def without_screening(self, arc: IdentifiedArc) -> ScreenedArc:
+        """Return an arc unchanged in the form of a screened arc."""
         return ScreenedArc(
             arc.indices, self.profile.noisy_points[arc.indices], arc.ellipse, variance_factor=1.0
         )
@@ -105,16 +110,16 @@ class AblationArc:
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """A chain with one step changed.
+    """The chain with one step changed.
 
     Parameters
     ----------
     group : str
         "as it is", "left out" or "as the paper has it".
     name : str
-        In plain words.
+        Description.
     fit_of : callable
-        Makes a `VariantFit` of an `AblationArc`.
+        Fits an `AblationArc`; returns a `VariantFit` or raises LsvisionError.
     """
 
     group: str
@@ -129,15 +134,15 @@ def _finish(screened: ScreenedArc) -> VariantFit:
 
 
 def _fit(points: NoisyPoints, initial_guess: Ellipse) -> VariantFit:
-    """The weighted orthogonal fit."""
+    """Fit an ellipse by weighted orthogonal residuals."""
     fit = fit_noisy_points(points, initial_guess, settings=FITTING)
     return _with_evaluations(fit, initial_guess)
 
 
 def _with_evaluations(fit: EllipseFit, initial_guess: Ellipse) -> VariantFit:
-    """The fit, repeated with its evaluations counted; one without a minimum has failed."""
+    """Repeat a fit to count its evaluations; raises FitFailed if it did not converge."""
     if not fit.converged:
-        raise FitFailed("no ellipse fits best")
+        raise FitFailed("the ellipse fit did not converge")
     evaluations = 0
 
     def evaluate(parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -159,15 +164,15 @@ def _without_homogenising(arc: AblationArc) -> VariantFit:
 
 
 def _direct_fit(arc: AblationArc) -> VariantFit:
-    """OpenCV's algebraic fit, about the centroid because it works in float32."""
+    """OpenCV's algebraic fit; relative to the centroid, because it computes in float32."""
     points = as_vectors(arc.inliers.z)
-    middle = points.mean(axis=0)
-    fitted = cv2.fitEllipseDirect((points - middle).astype(np.float32))
-    (x, y), (first, second), turn_deg = fitted
-    centre = (float(x + middle[0]), float(y + middle[1]))
+    centroid = points.mean(axis=0)
+    fitted = cv2.fitEllipseDirect((points - centroid).astype(np.float32))
+    (x, y), (first, second), angle_deg = fitted
+    centre = (float(x + centroid[0]), float(y + centroid[1]))
     if not (math.isfinite(first) and min(first, second) > 0):
         return VariantFit(arc.screened.ellipse, 0)
-    return VariantFit(Ellipse.from_axes(centre, first / 2, second / 2, math.radians(turn_deg)), 0)
+    return VariantFit(Ellipse.from_axes(centre, first / 2, second / 2, math.radians(angle_deg)), 0)
 
 
 def _equal_weights(arc: AblationArc) -> VariantFit:
@@ -180,19 +185,19 @@ def _unweighted(points: Points, initial_guess: Ellipse) -> VariantFit:
 
 
 def _radial(arc: AblationArc) -> VariantFit:
-    fit = fit_ellipse(as_vectors(arc.inliers.z), arc.initial_guess, settings=RADIAL)
+    fit = fit_ellipse(as_vectors(arc.inliers.z), arc.initial_guess, settings=RADIAL_FITTING)
     return _with_evaluations(fit, arc.initial_guess)
 
 
 def _fixed_sensor_error(arc: AblationArc) -> VariantFit:
-    """Screening with one limit in mm, Figure 9."""
-    literal, indices = PaperSettings(), arc.arc.indices
+    """Screening with one limit in mm (Figure 9) instead of each point's own noise."""
+    settings, indices = PaperSettings(), arc.arc.indices
     points: Points = arc.profile.points[indices]
-    part = max(1, round(literal.end_part_fraction * len(indices)))
-    middle = fit_ellipse(points[part:-part], arc.arc.ellipse, settings=RADIAL).ellipse
-    kept = np.abs(radial_residuals(points, middle)) < literal.sensor_error_mm
+    part = max(1, round(settings.end_part_fraction * len(indices)))
+    middle = fit_ellipse(points[part:-part], arc.arc.ellipse, settings=RADIAL_FITTING).ellipse
+    kept = np.abs(radial_residuals(points, middle)) < settings.sensor_error_mm
     kept[part:-part] = True
-    return _finish(arc.take(IdentifiedArc.of(indices[kept], middle)))
+    return _finish(arc.without_screening(IdentifiedArc.of(indices[kept], middle)))
 
 
 def _smoothed_over_x(arc: AblationArc) -> VariantFit:
@@ -205,14 +210,15 @@ def _homogenised_over_x(arc: AblationArc) -> VariantFit:
     return _unweighted(even, arc.initial_guess)
 
 
-def _all_of_it(arc: AblationArc) -> VariantFit:
-    """Sections 3.3 and 2.3 to the letter, on an arc that is found and screened as ours."""
+def _smoothing_to_fit_of_paper(arc: AblationArc) -> VariantFit:
+    """Sections 3.3 and 2.3 to the letter, on an arc that lsvision identified and screened."""
     smooth = smooth_profile_paper(_by_x(as_vectors(arc.screened.points.z)))
-    fit = fit_ellipse(homogenise_profile_paper(smooth), arc.initial_guess, settings=RADIAL)
+    fit = fit_ellipse(homogenise_profile_paper(smooth), arc.initial_guess, settings=RADIAL_FITTING)
     return _with_evaluations(fit, arc.initial_guess)
 
 
 def _by_x(points: Points) -> Points:
+    """Points ordered by x."""
     ordered: Points = points[np.argsort(points[:, 0], kind="stable")]
     return ordered
 
@@ -222,7 +228,7 @@ VARIANTS = (
     Variant("as it is", "every step, as lsvision does it", lambda arc: _finish(arc.screened)),
     Variant(LEFT_OUT, "rough identification: the first candidate is the arc",
             lambda arc: _finish(arc.screen(arc.seed))),
-    Variant(LEFT_OUT, "accurate screening", lambda arc: _finish(arc.take(arc.arc))),
+    Variant(LEFT_OUT, "accurate screening", lambda arc: _finish(arc.without_screening(arc.arc))),
     Variant(LEFT_OUT, "smoothing", _without_smoothing),
     Variant(LEFT_OUT, "sensor error of rough identification inside the arc",
             lambda arc: _finish(arc.with_jumps.screened)),
@@ -235,6 +241,6 @@ VARIANTS = (
     Variant(AS_PAPER, "homogenising over x", _homogenised_over_x),
     Variant(AS_PAPER, "all points of equal weight", _equal_weights),
     Variant(AS_PAPER, "equal weights and radial residuals, Eq. (4)", _radial),
-    Variant(AS_PAPER, "sections 3.3 and 2.3 to the letter", _all_of_it),
+    Variant(AS_PAPER, "sections 3.3 and 2.3 to the letter", _smoothing_to_fit_of_paper),
 )  # fmt: skip
-"""In the order of the report."""
+"""All variants in the order of the report."""

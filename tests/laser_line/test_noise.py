@@ -23,27 +23,27 @@ def std_of(rows, std=0.01, columns=COLUMNS):
     return np.sqrt(excess_variance(columns, rows, np.full(len(rows), std)))
 
 
-def test_white_noise_is_seen_at_its_size_and_what_is_predicted_is_taken_off(rng):
+def test_the_excess_variance_is_that_of_white_noise_minus_the_predicted_one(rng):
     rows = 300 + rng.normal(0, NOISE, len(COLUMNS))
     assert std_of(rows) == pytest.approx(NOISE, rel=MAD_SPREAD)
     assert std_of(rows, std=0.75 * NOISE) == pytest.approx(0.66 * NOISE, rel=2 * MAD_SPREAD)
     assert (std_of(rows, std=1.5 * NOISE) == 0).all()
 
 
-def test_errors_that_run_on_along_the_line_are_seen_too(rng):
+def test_errors_correlated_along_the_line_are_included(rng):
     """As in an enlarged photograph: neighbours differ by a hundredth of the error."""
     smooth = gaussian_filter1d(rng.normal(size=len(COLUMNS)), 5.0)
     rows = 300 + smooth * NOISE / smooth.std()
     assert std_of(rows) == pytest.approx(NOISE, rel=LONG_SPREAD)
 
 
-def test_the_bend_of_a_pipe_is_no_noise():
+def test_the_curve_of_a_pipe_is_not_noise():
     columns = np.arange(-200, 201)
     rows = 600 - 0.5 * np.sqrt(RADIUS**2 - columns**2)
     assert (std_of(rows, std=0.02, columns=columns + 200) == 0).all()
 
 
-def test_across_a_slope_the_line_errs_more_down_its_columns(rng):
+def test_the_excess_variance_along_columns_grows_with_the_slope(rng):
     """Half level, half at 60 deg, displaced by the same amount across itself."""
     slopes = np.where(COLUMNS < 600, 0.0, math.tan(math.radians(60)))
     rows = np.cumsum(slopes) + rng.normal(0, NOISE, len(COLUMNS)) * np.hypot(1, slopes)
@@ -52,21 +52,21 @@ def test_across_a_slope_the_line_errs_more_down_its_columns(rng):
     assert std[610:] == pytest.approx(2 * NOISE, rel=MAD_SPREAD)
 
 
-def test_beside_a_jump_the_slope_is_that_of_the_line():
+def test_the_slope_beside_a_jump_is_that_of_the_line():
     rows = np.where(np.arange(60) < 30, 0.5 * np.arange(60), 200.0)
     slopes = line_slopes(np.arange(60), rows)
     np.testing.assert_allclose(slopes[:30], 0.5)
     np.testing.assert_allclose(slopes[30:], 0.0)
 
 
-def test_a_point_alone_is_level_and_a_short_line_has_no_scatter():
+def test_a_single_point_has_slope_zero_and_a_short_line_no_excess_variance():
     assert line_slopes(np.array([7]), np.array([3.0])) == 0
     assert (std_of(np.array([3.0, 8.0, 1.0]), columns=np.arange(3)) == 0).all()
     assert std_of(np.empty(0), columns=np.empty(0, dtype=int)).shape == (0,)
 
 
 @pytest.mark.parametrize("looks", [0, 5], ids=["no speckle", "speckle"])
-def test_the_std_on_a_pipe_is_honest_from_crown_to_flank(looks):
+def test_the_std_on_a_pipe_is_valid_from_crown_to_flank(looks):
     pipe = Scene((Tube.of(25.0, math.pi / 2, math.radians(20), (0.0, STAND_OFF - 25.0)),))
     scores = []
     for seed in range(3):

@@ -16,8 +16,8 @@ NO_IMAGE = {
     "booleans": (GREY > 5, None, TypeError, "got bool"),
     "one row": (GREY[0], None, ValueError, r"shape \(height, width\)"),
     "four channels": (np.zeros((99, 99, 4), np.uint8), None, ValueError, r"got \(99, 99, 4\)"),
-    "tiny": (GREY[:9, :9], None, ValueError, "16 px or more"),
-    "float": (GREY / 255, None, TypeError, "full_scale beside a float image"),
+    "tiny": (GREY[:9, :9], None, ValueError, "at least 16 px each way"),
+    "float": (GREY / 255, None, TypeError, "full_scale for a float image"),
     "NaN": (np.full((99, 99), np.nan), None, ValueError, "NaN"),
     "colour for grey": (COLOUR, None, ValueError, r'LineSettings\(channel="red"\)'),
     "grey for colour": (GREY, LineSettings(channel="red"), ValueError, 'use channel="grey"'),
@@ -25,20 +25,20 @@ NO_IMAGE = {
 
 
 @pytest.mark.parametrize(("image", "settings", "error", "words"), NO_IMAGE.values(), ids=NO_IMAGE)
-def test_what_is_no_image_is_refused_by_name(image, settings, error, words):
+def test_invalid_images_are_rejected(image, settings, error, words):
     with pytest.raises(error, match=words):
         extract_laser_line(image, settings)
 
 
-def test_a_laser_off_frame_of_another_camera_is_refused():
-    with pytest.raises(ValueError, match=r"want a laser_off frame like the image"):
+def test_a_laser_off_image_of_another_size_is_rejected():
+    with pytest.raises(ValueError, match=r"expected a laser_off frame like the image"):
         extract_laser_line(GREY, laser_off=GREY[:100])
 
 
 SETTINGS = {
-    "method": ({"method": "centroid"}, "want method in"),
-    "channel": ({"channel": "infrared"}, "want channel in"),
-    "direction": ({"direction": "diagonal"}, "want direction in"),
+    "method": ({"method": "centroid"}, "expected method in"),
+    "channel": ({"channel": "infrared"}, "expected channel in"),
+    "direction": ({"direction": "diagonal"}, "expected direction in"),
     "sigma": ({"sigma": 0.0}, "positive sigma"),
     "full_scale": ({"full_scale": -1.0}, "positive full_scale"),
     "gain": ({"gain": -0.1}, "gain >= 0"),
@@ -46,7 +46,7 @@ SETTINGS = {
 
 
 @pytest.mark.parametrize(("given", "words"), SETTINGS.values(), ids=SETTINGS)
-def test_settings_that_mean_nothing_are_refused(given, words):
+def test_invalid_settings_are_rejected(given, words):
     with pytest.raises(ValueError, match=words):
         LineSettings(**given)
 
@@ -77,19 +77,19 @@ WITHOUT_A_LINE = {
 
 
 @pytest.mark.parametrize("image", WITHOUT_A_LINE.values(), ids=WITHOUT_A_LINE)
-def test_an_image_without_a_line_is_told_with_what_to_do(image):
+def test_an_image_without_a_line_raises_an_error_with_a_remedy(image):
     with pytest.raises(NoLaserLine, match=r"no laser line runs through .* px: .*laser_off frame"):
         extract_laser_line(image)
 
 
-def test_an_overexposed_image_is_told():
+def test_an_overexposed_image_is_rejected():
     image = np.full((480, 640), 255, np.uint8)
     image[:200] = 90
     with pytest.raises(NoLaserLine, match=r"58% of the image is at its full scale of 255.*shorten"):
         extract_laser_line(image)
 
 
-def test_a_line_along_the_border_is_told():
+def test_a_line_along_the_border_is_rejected():
     image = np.roll(rendered(plank(slope=0.0), rig=SMALL_RIG).image, -159, axis=0)
     with pytest.raises(NoLaserLine, match=r"of the image's border in 100% of its columns.*move"):
         extract_laser_line(image, LineSettings(direction="columns"))

@@ -30,7 +30,7 @@ def test_the_printed_radii_of_single_pipes_can(reaches):
     assert all(reach.reachable and 0.05 < reach.chance < 0.95 for reach in radii)
 
 
-def test_the_sections_needed_reach_the_printed_error_and_one_less_does_not(reaches, bounds):
+def test_the_sections_needed_reach_the_printed_error_and_one_fewer_does_not(reaches, bounds):
     reach = next(r for r in reaches if (r.table, r.quantity) == (2, "phi_deg"))
     view = SensorView(sensor=paper_sensor(NOISE), pitch=0.6, incidence_limit=math.radians(70))
 
@@ -44,12 +44,12 @@ def test_the_sections_needed_reach_the_printed_error_and_one_less_does_not(reach
     assert worst(reach.sections_needed - 1) > reach.largest_printed
 
 
-def test_a_sensor_as_quiet_as_it_would_take_makes_them_reachable(bounds, reaches):
+def test_the_noise_needed_makes_the_printed_errors_reachable(bounds, reaches):
     needed = min(reach.noise_needed_mm for reach in reaches)
     assert needed < NOISE / 100  # of theta at phi 10 deg
 
 
-def test_chances_grow_as_the_bound_shrinks(report, reaches):
+def test_probabilities_grow_as_the_bound_decreases(report, reaches):
     """The same rows judged with the bounds of many sections: everything can be had."""
     from dataclasses import replace
 

@@ -31,7 +31,7 @@ def nees(errors, line):
 
 @pytest.mark.parametrize("method", ["derivative", "gaussian"])
 @pytest.mark.parametrize("peak", GOALS)
-def test_places_are_right_to_the_goal_and_their_sigma_is_honest(peak, method):
+def test_the_error_meets_the_goal_and_the_std_predicts_it(peak, method):
     image = rendered(plank(), peak=peak)
     line = extract_laser_line(image.image, LineSettings(method=method))
     errors = errors_of(line, image)
@@ -51,7 +51,7 @@ def test_an_overexposed_line_is_measured_by_its_flanks(method, goal):
     assert rms(errors_of(line, image)) <= goal
 
 
-def test_speckle_is_told_by_the_sigma():
+def test_the_std_includes_speckle():
     image = rendered(plank(), speckle_looks=4)
     line = extract_laser_line(image.image)
     errors = errors_of(line, image)
@@ -59,7 +59,7 @@ def test_speckle_is_told_by_the_sigma():
     assert HONEST[0] <= nees(errors, line) <= HONEST[1]
 
 
-def test_a_given_noise_is_taken_as_given():
+def test_noise_given_by_the_settings_is_used():
     image = rendered(plank(), sensor=ImageSensor(prnu=0.0))
     gain = 255 / 10_000
     given = LineSettings(read_noise=13 * gain, gain=gain)
@@ -90,7 +90,7 @@ def test_intensity_and_width_are_those_of_the_stripe():
 
 
 @pytest.mark.parametrize("subtract", [False, True], ids=["one frame", "laser-off frame"])
-def test_glints_blobs_and_streaks_do_not_win(subtract):
+def test_glints_blobs_and_streaks_are_not_the_line(subtract):
     false = []
     for seed in range(3):
         image = rendered(pipe_on_floor(), 50 + seed, speckle_looks=4, stray=CLUTTER)
@@ -100,7 +100,7 @@ def test_glints_blobs_and_streaks_do_not_win(subtract):
     assert np.mean(false) <= (0.002 if subtract else 0.04)
 
 
-def test_a_brighter_shorter_ghost_does_not_win_and_is_told():
+def test_a_brighter_shorter_line_is_not_extracted_but_reported():
     image = rendered(plank(slope=0.0), peak=80)
     ghost = image.image.copy()
     ghost[300:303, 200:900] = 250
@@ -110,7 +110,7 @@ def test_a_brighter_shorter_ghost_does_not_win_and_is_told():
     assert extract_laser_line(image.image).second_line_fraction == 0
 
 
-def test_a_hidden_stretch_is_lost_and_keeps_its_columns():
+def test_hidden_columns_are_lost_and_stay_in_place():
     image = rendered(plank()).image.copy()
     image[:, 500:600] = 10
     line = extract_laser_line(image)
@@ -127,7 +127,7 @@ def test_a_step_is_followed():
     assert (np.abs(errors) > FALSE).sum() <= 3
 
 
-def test_a_turned_image_gives_the_turned_line():
+def test_a_transposed_image_gives_the_transposed_line():
     image = rendered(pipe_on_floor(), peak=100).image
     level, upright = extract_laser_line(image), extract_laser_line(np.ascontiguousarray(image.T))
     assert (level.direction, upright.direction) == ("columns", "rows")
@@ -150,7 +150,7 @@ def test_a_line_shifted_by_whole_pixels_is_the_same_line():
 
 
 @pytest.mark.parametrize("bits", [10, 12, 16])
-def test_deeper_images_give_the_line_of_the_shallow_one(bits):
+def test_images_of_more_bits_give_the_line_of_the_8_bit_image(bits):
     scale = (2**bits - 1) / 255
     sensor, stray = ImageSensor(bits=bits), StrayLight(ambient=10 * scale)
     image = rendered(plank(), sensor=sensor, stray=stray, peak=200 * scale)
@@ -159,7 +159,7 @@ def test_deeper_images_give_the_line_of_the_shallow_one(bits):
     assert rms(errors_of(line, image)) <= GOALS[200]
 
 
-def test_a_float_image_is_the_integer_one():
+def test_a_float_image_gives_the_line_of_the_integer_image():
     image = rendered(plank()).image
     whole = extract_laser_line(image, GREY)
     share = extract_laser_line(image / 255.0, LineSettings(direction="columns", full_scale=1.0))
@@ -176,7 +176,7 @@ def test_a_coloured_line_is_found_among_brighter_white_ones(channel, index):
     assert np.nanmax(np.abs(errors_of(line, image))) < 0.5
 
 
-def test_a_white_line_and_a_grey_image_stored_as_colours_are_the_grey_line():
+def test_a_white_line_and_a_grey_image_with_three_channels_give_the_grey_line():
     image = rendered(plank(), rig=SMALL_RIG).image
     stored = np.repeat(image[:, :, None], 3, axis=2)
     grey = extract_laser_line(image)
@@ -192,7 +192,7 @@ def test_a_wide_line_widens_the_filter():
     assert rms(errors_of(line, image)) < 0.15
 
 
-def test_the_image_is_left_as_it_was():
+def test_the_image_is_not_changed():
     image = rendered(plank(), rig=SMALL_RIG).image
     before = image.copy()
     extract_laser_line(image, laser_off=np.zeros_like(image))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lsvision.laser_line.extraction import extract_laser_line
-from lsvision.sensors.line_blur import SLOPE_WINDOW, correct_line_blur
+from lsvision.laser_line.line_blur import SLOPE_WINDOW, correct_line_blur
 
 BLUR = 0.8  # px
 FADE = 160.0  # px
@@ -30,7 +30,7 @@ def errors(line, place=FLANK):
 
 
 @pytest.mark.parametrize("turned", [False, True], ids=["columns", "rows"])
-def test_the_known_blur_is_taken_back(turned):
+def test_a_known_blur_is_corrected(turned):
     image = blurred_line().astype(np.float32)
     image = (100 * (image.T if turned else image)).round().astype(np.uint16)
     line = extract_laser_line(image)
@@ -38,7 +38,7 @@ def test_the_known_blur_is_taken_back(turned):
     assert abs(before.mean()) > 4 * abs(after.mean())
 
 
-def test_the_pull_is_as_the_formula_says():
+def test_the_correction_follows_the_formula():
     line = extract_laser_line((100 * blurred_line()).round().astype(np.uint16))
     slope, bend, fall = (U - 20) / 600, 1 / 600, -1 / FADE
     expected = (BLUR**2 * (slope * fall + bend / 2))[MIDDLE]
@@ -46,12 +46,12 @@ def test_the_pull_is_as_the_formula_says():
     np.testing.assert_allclose(errors(correct_line_blur(line, BLUR)), 0, rtol=0, atol=2e-3)
 
 
-def test_without_blur_nothing_moves():
+def test_without_blur_nothing_is_corrected():
     line = extract_laser_line(blurred_line().round().astype(np.uint8))
     np.testing.assert_array_equal(correct_line_blur(line, 0.0).pixels, line.pixels)
 
 
-def test_all_but_the_places_stays_and_gaps_stay_gaps():
+def test_only_pixels_change_and_lost_points_stay_lost():
     image = blurred_line()
     image[:, 200:230] = 5
     line = extract_laser_line(image.round().astype(np.uint8))
@@ -61,7 +61,7 @@ def test_all_but_the_places_stays_and_gaps_stay_gaps():
     np.testing.assert_array_equal(moved.std, line.std)
 
 
-def test_stretches_shorter_than_the_window_stay():
+def test_runs_shorter_than_the_window_are_not_corrected():
     line = extract_laser_line(blurred_line().round().astype(np.uint8))
     pixels = line.pixels.copy()
     pixels[:: SLOPE_WINDOW - 1] = np.nan

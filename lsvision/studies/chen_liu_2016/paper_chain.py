@@ -1,0 +1,231 @@
+"""The paper's own chain, as literally as its text allows: for comparison with `measure_cylinders`.
+
+Where the text leaves a choice open: the sensor error is one number (0.9 mm, the resolution of
+section 4); a window without a fit has no arc; "the first few points" of an arc are 10 % of it.
+The flow chart (Figure 6) can open and close several arcs on one pipe; they stay several. The
+chain has no test against planes, so it reports huge ellipses on them.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lsvision.detection.arcs import Rejection
+from lsvision.detection.profile_preparation import prepare_profile
+from lsvision.detection.search_range import search_range
+from lsvision.ellipse.fit import FittingSettings, fit_ellipse
+from lsvision.ellipse.section import CylinderSection
+from lsvision.errors import FitFailed, LsvisionError
+from lsvision.geometry import Ellipse, IntArray, Points, radial_residuals
+from lsvision.measure import Measurement, measurement_in_sensor_columns, radius_prior_from_value
+from lsvision.profile import Arc, Profile
+
+RADIAL_FITTING = FittingSettings(residual="radial")
+"""The paper's fit: radial residuals r_j (Eq. 4), all points of equal weight."""
+MIN_WINDOW_POINTS = 6
+"""One point more than an ellipse has parameters: five points always lie on a conic."""
+MAX_INITIAL_RADIUS_MM = 40.0
+"""Largest radius of the circle at which a fit starts; limits wide search ranges. Units: mm."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PaperSettings:
+    """Constants of the paper's chain.
+
+    Parameters
+    ----------
+    sensor_error_mm : float
+        Largest radial residual of a point on an ellipse; section 4: resolution of the
+        LPS 36 HI. Units: mm.
+    window_fraction : float
+        Window of rough identification as a fraction of the profile's points; section 3.2.1:
+        num is about 10 percent of n.
+    end_part_fraction : float
+        Fraction of an arc's points in its start part, and in its end part; the paper: "a few
+        points".
+    smoothing_fraction : float
+        Window of smoothing as a fraction of the arc's points; section 3.3.1: 30 %.
+    step_mm : float
+        Spacing of homogenised points along x; section 3.3.2. Units: mm.
+    """
+
+    sensor_error_mm: float = 0.9
+    window_fraction: float = 0.1
+    end_part_fraction: float = 0.1
+    smoothing_fraction: float = 0.3
+    step_mm: float = 0.5
+
+    def window_points(self, count: int) -> int:
+        """Number of points in a window of rough identification on a profile of `count` points."""
+        return max(MIN_WINDOW_POINTS, round(self.window_fraction * count))
+
+
+def measure_cylinders_paper(
+    profile: Profile,
+    *,
+    radius: float | tuple[float, float] | None = None,
+    known_radius: float | tuple[float, float] | None = None,
+    settings: PaperSettings = PaperSettings(),
+) -> Measurement:
+    """Measure the cylinders of a profile by the paper's chain, sections 3.2, 3.3 and 2.3.
+
+    Parameters
+    ----------
+    profile : Profile
+        Points of one light section. Its noise model is not used: the paper has none.
+    radius : float or tuple of float, optional
+        Search range (min, max), or a nominal radius with a range of 20 % around it. The fits
+        start at the geometric mean of the range, at most 40 mm. Units: mm.
+    known_radius : float or tuple of float, optional
+        Radius, or (radius, std): sets the search range where `radius` gives none. The chain
+        has no priors. Units: mm.
+    settings : PaperSettings
+        Constants of the paper.
+
+    Returns
+    -------
+    Measurement
+        Cylinders from left to right; huge ellipses on planes are among them.
+
+    Raises
+    ------
+    ValueError
+        If a radius is not positive or its range is reversed.
+    """
+    prepared = prepare_profile(profile, profile.noise)
+    low, high = search_range(radius, radius_prior_from_value(known_radius), prepared)
+    initial_radius = min(math.sqrt(low * high), MAX_INITIAL_RADIUS_MM)
+    points = prepared.points[prepared.valid_indices]
+    cylinders: list[CylinderSection] = []
+    rejections: list[Rejection] = []
+    for start, stop in _identify_spans(points, initial_radius, settings):
+        indices = prepared.valid_indices[start:stop]
+        arc = Arc(int(indices.min()), int(indices.max()) + 1)
+        try:
+            screened = _screen(points[start:stop], indices, initial_radius, settings)
+            smooth = smooth_profile_paper(prepared.points[screened], settings.smoothing_fraction)
+            even = homogenise_profile_paper(smooth, settings.step_mm)
+            fit = fit_ellipse(even, initial_ellipse(even, initial_radius), settings=RADIAL_FITTING)
+        except LsvisionError as failure:
+            rejections.append(Rejection(arc, str(failure)))
+            continue
+        cylinders.append(CylinderSection(fit, arc, screened))
+    return measurement_in_sensor_columns(cylinders, rejections, prepared)
+
+
+def initial_ellipse(points: Points, radius: float) -> Ellipse:
+    """Initial guess of the paper's fit (section 2.3): a circle whose top is the highest point.
+
+    Parameters
+    ----------
+    points : (n, 2) ndarray
+        Section frame. Units: mm.
+    radius : float
+        Radius of the circle. Units: mm.
+    """
+    top = points[np.argmax(points[:, 1])]
+    return Ellipse((float(top[0]), float(top[1]) - radius), radius, radius, 0.0)
+
+
+def largest_window_residual(window: Points, radius: float) -> float:
+    """Largest abs(r_j) of the ellipse fitted to a window; inf where no ellipse fits. Units: mm.
+
+    Parameters
+    ----------
+    window : (k, 2) ndarray
+        Consecutive points of a profile. Units: mm.
+    radius : float
+        Radius of the initial circle. Units: mm.
+    """
+    try:
+        fit = fit_ellipse(window, initial_ellipse(window, radius), settings=RADIAL_FITTING)
+    except LsvisionError:
+        return math.inf
+    return float(np.abs(fit.residuals).max())
+
+
+def smooth_profile_paper(points: Points, window_fraction: float = 0.3) -> Points:
+    """Smooth y(x) of an arc by local quadratics (section 3.3.1).
+
+    Parameters
+    ----------
+    points : (n, 2) ndarray
+        An arc, ordered by x. Units: mm.
+    window_fraction : float
+        Window as a fraction of the points.
+
+    Returns
+    -------
+    (n, 2) ndarray
+        Same x, smoothed y. Biased: the radius of a clean arc becomes 0.4 to 0.8 mm too large.
+        Units: mm.
+
+    Raises
+    ------
+    FitFailed
+        If all points have the same x.
+    """
+    if not np.ptp(points[:, 0]) > 0:
+        raise FitFailed("the arc has no width in x: y(x) cannot be smoothed; leave it out")
+    count = len(points)
+    window = min(count, max(3, round(window_fraction * count)))
+    smooth = points.copy()
+    for i in range(count):
+        first = min(max(0, i - window // 2), count - window)
+        x, y = points[first : first + window].T
+        smooth[i, 1] = np.polynomial.Polynomial.fit(x, y, 2)(points[i, 0])
+    return smooth
+
+
+def homogenise_profile_paper(points: Points, step_mm: float = 0.5) -> Points:
+    """Resample a smoothed arc at equal steps of x by the spline y = S(x) (section 3.3.2).
+
+    Parameters
+    ----------
+    points : (n, 2) ndarray
+        Smoothed arc. Points whose x does not rise are left out: S(x) needs it. Units: mm.
+    step_mm : float
+        Spacing along x. Units: mm.
+
+    Returns
+    -------
+    (m, 2) ndarray
+        Units: mm.
+    """
+    from scipy.interpolate import CubicSpline
+
+    rising = points[np.concatenate([[True], points[1:, 0] > np.maximum.accumulate(points[:-1, 0])])]
+    x = np.arange(rising[0, 0], rising[-1, 0], step_mm)
+    return np.column_stack([x, CubicSpline(rising[:, 0], rising[:, 1])(x)])
+
+
+def _identify_spans(
+    points: Points, radius: float, settings: PaperSettings
+) -> list[tuple[int, int]]:
+    """Spans of Figure 6: an arc opens at a window whose r_j are all small, and closes after."""
+    count = len(points)
+    num = settings.window_points(count)
+    spans: list[tuple[int, int]] = []
+    start = None
+    for i in range(count - num + 1):
+        residual = largest_window_residual(points[i : i + num], radius)
+        on_ellipse = residual < settings.sensor_error_mm
+        if on_ellipse and start is None:
+            start = i
+        if not on_ellipse and start is not None:
+            spans.append((start, i + num - 1))
+            start = None
+    if start is not None:
+        spans.append((start, count))
+    return spans
+
+
+def _screen(points: Points, indices: IntArray, radius: float, settings: PaperSettings) -> IntArray:
+    """Indices left by accurate screening, Figure 9: end points beyond the sensor error go."""
+    part = max(1, round(settings.end_part_fraction * len(points)))
+    middle = points[part : len(points) - part]
+    ellipse = fit_ellipse(middle, initial_ellipse(middle, radius), settings=RADIAL_FITTING).ellipse
+    kept = np.abs(radial_residuals(points, ellipse)) < settings.sensor_error_mm
+    kept[part : len(points) - part] = True
+    return indices[kept]

@@ -1,0 +1,283 @@
+"""The figures of the report: matplotlib figures as SVG that stand side by side in one page."""
+
+import html
+import io
+import re
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lsvision.draw import draw_on_axes
+from lsvision.draw.palette import CYLINDERS, REJECTED
+from lsvision.geometry import FloatArray, Points, orthogonal_residuals
+from lsvision.studies.chen_liu_2016.methods import METHODS, Method
+from lsvision.studies.chen_liu_2016.paper_chain import PaperSettings
+from lsvision.studies.chen_liu_2016.published_results import (
+    PUBLISHED_BOX_MM,
+    QUANTITIES,
+    PublishedRow,
+)
+from lsvision.studies.chen_liu_2016.repeatability import Repeatability
+from lsvision.studies.chen_liu_2016.scenes import SceneFigure
+from lsvision.studies.chen_liu_2016.steps import StepExample
+from lsvision.studies.chen_liu_2016.tables import TableRow, pool_errors
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+WIDTH_INCH = 4.6
+"""Width of a figure; on a phone its letters have about the size of the text. Units: inch."""
+BLUE, GREEN, PURPLE, _ = CYLINDERS
+ORANGE, GREY = REJECTED[0], "0.45"
+
+_ID_OR_REFERENCE = re.compile(r'(\bid="|url\(#|href="#)')
+_NO_METADATA = {"Date": None, "Creator": None, "Format": None, "Type": None}
+AXIS_NAMES = {"radius_mm": "radius / mm", "theta_deg": "θ / °", "phi_deg": "φ / °"}
+"""Labels of the quantities on the axes."""
+COLOURS: dict[Method, str] = {
+    "paper": ORANGE, "section": BLUE, "known": PURPLE, "two": GREEN, "twenty": "black",
+}  # fmt: skip
+ELLIPSE_SIGMAS = 3.0
+"""Size of the covariance ellipse of the bound, in standard deviations."""
+RESIDUAL_LIMIT_MM = 1.5
+"""Half the height of the picture of accurate screening. Units: mm."""
+MAX_RESIDUAL_MM = 3.0
+"""Upper end of the axis of r_j, at which windows without an ellipse are drawn, too. Units: mm."""
+
+
+def draw_tables(rows: Sequence[TableRow]) -> str:
+    """Draw the rms error of each method by table, with the printed errors and the bound."""
+    figure = new_figure(6.6)
+    panels = figure.subplots(3, 1, sharex=True)
+    tables = sorted({row.printed.table for row in rows})
+    by_table = [[row for row in rows if row.printed.table == table] for table in tables]
+    for axes, quantity in zip(panels, QUANTITIES, strict=True):
+        for position, table_rows in enumerate(by_table):
+            _draw_table(axes, table_rows, quantity, position)
+        axes.set_yscale("log")
+        axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+        axes.set_ylabel(f"error of {AXIS_NAMES[quantity]}")
+        axes.grid(visible=True, axis="y", lw=0.4, alpha=0.6)
+    names = [_tick_label(table_rows[0].printed) for table_rows in by_table]
+    panels[-1].set_xticks(range(len(tables)), names)
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=2, fontsize=7.5,
+                  frameon=False, columnspacing=1, handletextpad=0.3)  # fmt: skip
+    return inline_svg(
+        figure, "tables",
+        "Errors of radius, theta and phi in Tables 1 to 4 for five ways to measure, beside the "
+        "paper's printed errors and the best possible, on a logarithmic scale",
+    )  # fmt: skip
+
+
+def _draw_table(axes: "Axes", rows: Sequence[TableRow], quantity: str, position: int) -> None:
+    """Draw one table at an x position; the first one adds the entries of the legend."""
+    first = position == 0
+    printed = [abs(getattr(row.printed.errors, quantity)) for row in rows]
+    axes.plot([position - 0.36] * len(rows), printed, "_", color="red", ms=12, mew=1.6,
+              label="printed in the paper" if first else None)  # fmt: skip
+    for step, (method, info) in enumerate(METHODS.items()):
+        pooled = pool_errors([row.spreads[method] for row in rows])
+        x = position - 0.2 + 0.14 * step
+        rms, bound = getattr(pooled.rms, quantity), getattr(pooled.bound, quantity)
+        if bound > 0:
+            axes.plot(x, bound, "_", color="0.3", ms=11, mew=1.2,
+                      label="best possible" if first and step == 0 else None)  # fmt: skip
+        # A given radius has no error, and zero has no place on a logarithmic scale.
+        axes.plot(x, rms if bound > 0 else np.nan, "o", color=COLOURS[method], ms=5.5,
+                  label=f"({info.letter}) {info.name}" if first else None)  # fmt: skip
+
+
+def _tick_label(printed: PublishedRow) -> str:
+    """Label of a table on the x axis."""
+    kind = "welded" if printed.table == 4 else f"φ = {printed.phi_deg:g}°"
+    return f"Table {printed.table}\n{kind}"
+
+
+def draw_scene(scene: SceneFigure, number: int) -> str:
+    """Draw a scene of Figures 14 and 15 with the pipes found in it.
+
+    Parameters
+    ----------
+    scene : SceneFigure
+        The measured scene.
+    number : int
+        Number of the scene on the page, which makes its ids unique.
+    """
+    figure = new_figure(3.8)
+    axes = figure.subplots()
+    draw_on_axes(axes, scene.section.profile, scene.measurement)
+    axes.margins(y=0.15)  # room for the letters above the points
+    axes.legend(loc="lower center", fontsize=7, ncols=2, frameon=False, bbox_to_anchor=(0.5, 1.0))
+    shown = "measured points and the pipes found, each with its ellipse and major axis"
+    return inline_svg(figure, f"scene{number}", f"{scene.title}: {shown}")
+
+
+def draw_repeatability(repeatability: Repeatability) -> str:
+    """Draw Figure 16: repeated centres, their bounding box, the paper's box, and the bound."""
+    figure = new_figure(4.6)
+    axes = figure.subplots()
+    centres = repeatability.ellipses[:, :2]
+    axes.plot(*centres.T, ".", color=BLUE, ms=2.5, alpha=0.6, label="centres measured")
+    axes.plot(*_covariance_ellipse(repeatability.bound[:2, :2]).T, "-", color="black", lw=1.2,
+              label="best possible, three sigma")  # fmt: skip
+    low, high = centres.min(axis=0), centres.max(axis=0)
+    axes.plot(*_box(low, high).T, "--", color=GREY, lw=1, label="box of all centres")
+    half = PUBLISHED_BOX_MM / 2
+    axes.plot(*_box(np.full(2, -half), np.full(2, half)).T, "-", color="red", lw=1.2,
+              label="the paper's box, 0.6 mm")  # fmt: skip
+    axes.set_aspect("equal")
+    axes.set(xlabel="X off the true centre / mm", ylabel="Y off the true centre / mm")
+    axes.grid(visible=True, lw=0.4, alpha=0.5)
+    axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    return inline_svg(figure, "repeatability",
+                      "Centres of repeated measurements: a narrow tall cloud, much taller than "
+                      "the paper's box")  # fmt: skip
+
+
+def _covariance_ellipse(covariance: FloatArray) -> FloatArray:
+    """Points (181, 2) of the ellipse of `ELLIPSE_SIGMAS` of a covariance (2, 2)."""
+    angles = np.linspace(0, 2 * np.pi, 181)
+    circle = np.column_stack([np.cos(angles), np.sin(angles)])
+    ellipse: FloatArray = ELLIPSE_SIGMAS * circle @ np.linalg.cholesky(covariance).T
+    return ellipse
+
+
+def _box(low: FloatArray, high: FloatArray) -> FloatArray:
+    """Closed polygon (5, 2) of a box between two opposite corners."""
+    (left, bottom), (right, top) = low, high
+    return np.array([[left, bottom], [right, bottom], [right, top], [left, top], [left, bottom]])
+
+
+def draw_recognition(steps: StepExample) -> str:
+    """Draw Figures 5-7: the section, and below it the largest abs(r_j) of the paper's windows."""
+    figure = new_figure(5.6)
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    draw_on_axes(above, steps.section.profile, steps.measurement)
+    above.set_aspect("equal", adjustable="box")
+    above.margins(y=0.15)
+    above.set_xlabel("")
+    above.legend(loc="lower center", fontsize=7, ncols=2, frameon=False,
+                 bbox_to_anchor=(0.5, 1.0))  # fmt: skip
+    x, largest = steps.windows.T
+    below.plot(x, np.minimum(largest, MAX_RESIDUAL_MM), "-", color=GREY, lw=0.8)
+    limit = PaperSettings().sensor_error_mm
+    accepted = largest < limit
+    below.plot(x[accepted], largest[accepted], ".", color=ORANGE, ms=4,
+               label="passes for an ellipse")  # fmt: skip
+    below.axhline(limit, color=PURPLE, lw=1, ls="--", label="sensor error, 0.9 mm")
+    below.set(ylim=(0, MAX_RESIDUAL_MM), xlabel="X / mm (along the laser line)",
+              ylabel="largest |rⱼ| of the window / mm")  # fmt: skip
+    below.legend(fontsize=8, loc="upper right")
+    return inline_svg(
+        figure, "recognition",
+        "A section with two welded pipes among clutter, and below it the largest residual of "
+        "each window of the paper's rough identification",
+    )  # fmt: skip
+
+
+def draw_screening(steps: StepExample) -> str:
+    """Draw Figures 8 and 9: residuals of one arc from the ellipse of its middle part."""
+    figure = new_figure(3.0)
+    axes = figure.subplots()
+    profile, before, after = steps.profile, steps.identified, steps.screened
+    points = profile.points[before.indices]
+    residuals = orthogonal_residuals(points, after.ellipse)
+    kept = np.isin(before.indices, after.indices)
+    around = np.arange(before.arc.start - 12, before.arc.stop + 12)
+    around = around[(around >= 0) & (around < len(profile.points))]
+    neighbours = np.setdiff1d(around, before.indices)
+    neighbour_residuals = orthogonal_residuals(profile.points[neighbours], after.ellipse)
+    near = np.abs(neighbour_residuals) < RESIDUAL_LIMIT_MM  # others would stretch the X axis
+    axes.plot(profile.points[neighbours[near], 0], neighbour_residuals[near], "x", color=GREY, ms=4,
+              label="not on the arc (neighbours, jumps)")  # fmt: skip
+    axes.plot(points[kept, 0], residuals[kept], ".", color=BLUE, label="kept")
+    axes.plot(points[~kept, 0], residuals[~kept], "D", color=ORANGE, ms=4,
+              label="dropped by screening")  # fmt: skip
+    limit = PaperSettings().sensor_error_mm
+    for value in (-limit, limit):
+        axes.axhline(value, color=PURPLE, lw=1, ls="--",
+                     label="the paper's limit, 0.9 mm" if value > 0 else None)  # fmt: skip
+    axes.set(ylim=(-RESIDUAL_LIMIT_MM, RESIDUAL_LIMIT_MM), xlabel="X / mm",
+             ylabel="off the middle part's ellipse / mm")  # fmt: skip
+    axes.legend(fontsize=7, ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)
+    return inline_svg(
+        figure, "screening",
+        "Residuals of an arc's points to the ellipse of its middle part; end points beyond "
+        "the noise are dropped",
+    )  # fmt: skip
+
+
+def draw_smoothing(steps: StepExample) -> str:
+    """Draw Figure 10: distance of measured and smoothed points from the true ellipse."""
+    figure = new_figure(3.4)
+    axes = figure.subplots()
+    points = steps.profile.points[steps.screened.indices]
+    kept = steps.smoothed.inliers
+    truth = min(
+        (tube.ellipse for tube in steps.section.truth.tubes),
+        key=lambda ellipse: float(np.abs(orthogonal_residuals(points, ellipse)).mean()),
+    )
+
+    def plot_residuals(points: Points, style: str, **options: object) -> None:
+        axes.plot(points[:, 0], orthogonal_residuals(points, truth), style, **options)
+
+    plot_residuals(points[kept], ".", color=GREY, ms=4, label="measured")
+    if not kept.all():
+        plot_residuals(points[~kept], "x", color=PURPLE, label="left out as jumps")
+    plot_residuals(steps.homogenised.points, "-", color=BLUE, lw=1.6,
+         label="smoothed along the arc (lsvision)")  # fmt: skip
+    plot_residuals(steps.literal, "-", color=ORANGE, lw=1.6,
+         label="smoothed as y over x (the paper's text)")  # fmt: skip
+    axes.axhline(0.0, color=GREEN, lw=0.8, label="the true pipe")
+    axes.set(xlabel="X / mm", ylabel="off the true ellipse / mm")
+    axes.legend(fontsize=7, ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)
+    return inline_svg(
+        figure, "smoothing",
+        "Distance from the true ellipse of measured points, of points smoothed along the arc, "
+        "and of points smoothed as y over x",
+    )  # fmt: skip
+
+
+def new_figure(height_inch: float) -> "Figure":
+    """Create an empty figure of the page's width, without pyplot.
+
+    Parameters
+    ----------
+    height_inch : float
+        Height. Units: inch.
+    """
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH_INCH, height_inch), layout="constrained")
+    FigureCanvasSVG(figure)
+    return figure
+
+
+def inline_svg(figure: "Figure", name: str, description: str) -> str:
+    """Return a figure as an ``<svg>`` element; the same figure gives the same text.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        Result of `new_figure`.
+    name : str
+        Prefix of every id, which makes the ids of all figures on a page unique.
+    description : str
+        Content of the picture, for screen readers.
+    """
+    import matplotlib as mpl
+
+    content = io.StringIO()
+    # Text as text, which is small and can be searched; a fixed salt, for the same ids each time.
+    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "lsvision"}):
+        figure.savefig(content, format="svg", metadata=_NO_METADATA)
+    text = content.getvalue()
+    text = _ID_OR_REFERENCE.sub(rf"\g<1>{name}-", text[text.index("<svg") :])
+    text = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", text, count=1)
+    text = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", text, count=1)
+    label = html.escape(description)
+    return text.replace("<svg", f'<svg role="img" aria-label="{label}"', 1)

@@ -1,0 +1,313 @@
+"""The numbers of the report as tables: of the page, and the accuracy table of the README."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from lsvision.studies.chen_liu_2016.ablation import AblationResult
+from lsvision.studies.chen_liu_2016.achievability import Achievability
+from lsvision.studies.chen_liu_2016.methods import METHODS
+from lsvision.studies.chen_liu_2016.paper_pitfalls import Pitfall
+from lsvision.studies.chen_liu_2016.published_results import (
+    PUBLISHED_AXIS_MM,
+    PUBLISHED_BOX_MM,
+    QUANTITIES,
+)
+from lsvision.studies.chen_liu_2016.repeatability import Repeatability
+from lsvision.studies.chen_liu_2016.scenes import SceneFigure, Timing
+from lsvision.studies.chen_liu_2016.tables import TableRow, pool_errors
+
+README_HEAD = ("Paper's Table", "", "Radius, mm", "θ, °", "φ, °")
+ERROR_NAMES = {
+    "radius_mm": "Radius error, mm",
+    "theta_deg": "θ error, degrees",
+    "phi_deg": "φ error, degrees",
+}
+QUANTITY_NAMES = {"radius_mm": "radius, mm", "theta_deg": "θ, °", "phi_deg": "φ, °"}
+MAX_GIVEN_RADIUS_ERROR_MM = 1e-4
+"""Radius error below which the radius was given and not measured. Units: mm."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """A cell of a table.
+
+    Parameters
+    ----------
+    text : str
+        Its content.
+    mark : {"", "good", "bad"}
+        How it is highlighted.
+    """
+
+    text: str
+    mark: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A row of a table: its name in the first column, and the cells of the others.
+
+    Parameters
+    ----------
+    name : str
+        Text of the first column; of the whole row without `cells`.
+    cells : tuple of Cell
+        Empty for a heading that spans all columns.
+    """
+
+    name: str
+    cells: tuple[Cell, ...] = ()
+
+    @property
+    def is_group(self) -> bool:
+        """Whether the row is a heading for those below it."""
+        return not self.cells
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table of the page.
+
+    Parameters
+    ----------
+    caption : str
+        Text above the table.
+    head : tuple of str
+        Names of the columns.
+    rows : tuple of Row
+        From top to bottom.
+    """
+
+    caption: str
+    head: tuple[str, ...]
+    rows: tuple[Row, ...]
+
+
+def format_significant(value: float, digits: int = 2) -> str:
+    """Format a number to some significant digits without exponent; a dash for NaN and infinity.
+
+    Examples
+    --------
+    >>> [format_significant(value) for value in (0.01234, 12.6, 123.4, float("nan"))]
+    ['0.012', '13', '123', '–']
+    """
+    if not math.isfinite(value):
+        return "–"
+    if value == 0:
+        return "0"
+    places = max(digits - 1 - math.floor(math.log10(abs(value))), 0)
+    return f"{value:.{places}f}"
+
+
+def readme_table(rows: Sequence[TableRow]) -> str:
+    """Typical (root mean square) errors of Tables 1-4 as a Markdown table.
+
+    Parameters
+    ----------
+    rows : sequence of TableRow
+        Result of `measure_tables`. The figures in brackets are the Cramer-Rao bound, which
+        depends on geometry and noise only: a test compares them with the README without
+        measuring.
+
+    Returns
+    -------
+    str
+        Ends with a newline.
+    """
+    lines = [_markdown_row(*README_HEAD), "|---|---|---|---|---|"]
+    for table in sorted({row.printed.table for row in rows}):
+        table_rows = [row for row in rows if row.printed.table == table]
+        first = table_rows[0].printed
+        name = f"{table}: φ = {first.phi_deg:g}°" if table < 4 else "4, welded: φ = 30, 20, 10°"
+        printed = [
+            format_significant(max(abs(getattr(row.printed.errors, q)) for row in table_rows))
+            for q in QUANTITIES
+        ]
+        lines.append(_markdown_row(name, "largest error printed", *printed))
+        for method, info in METHODS.items():
+            pooled = pool_errors([row.spreads[method] for row in table_rows])
+            cells = [
+                _rms_and_bound(getattr(pooled.rms, q), getattr(pooled.bound, q)) for q in QUANTITIES
+            ]
+            lines.append(_markdown_row("", f"({info.letter}) {info.name}", *cells))
+    return "\n".join(lines) + "\n"
+
+
+def _rms_and_bound(rms: float, bound: float) -> str:
+    if bound < MAX_GIVEN_RADIUS_ERROR_MM:
+        return "given"
+    return f"{format_significant(rms)} ({format_significant(bound)})"
+
+
+def _markdown_row(*cells: str) -> str:
+    return "| " + " | ".join(cells) + " |"
+
+
+def error_table(rows: Sequence[TableRow], number: int) -> Table:
+    """One of Tables 1-4: printed errors, the bound of one section, errors of the five methods.
+
+    Parameters
+    ----------
+    rows : sequence of TableRow
+        Rows of all tables.
+    number : int
+        Number of the paper's table.
+    """
+    table_rows = [row for row in rows if row.printed.table == number]
+    lines: list[Row] = []
+    for quantity in QUANTITIES:
+        lines.append(Row(ERROR_NAMES[quantity]))
+        lines += [_error_row(row, quantity) for row in table_rows]
+    head = ("Pipe", "Printed error", "Best possible, one section",
+            *(f"({info.letter}) {info.short}" for info in METHODS.values()))  # fmt: skip
+    first = table_rows[0].printed
+    title = f"single pipes, θ = {first.theta_deg:g}°, φ = {first.phi_deg:g}°"
+    if number == 4:
+        title = "pipes of 19 mm welded together, θ = 10, 20, 30° at φ = 30, 20, 10°"
+    return Table(f"Table {number}: {title}. Typical errors", head, tuple(lines))
+
+
+def _error_row(row: TableRow, quantity: str) -> Row:
+    printed = row.printed
+    name = f"r = {printed.radius_mm:g} mm"
+    if printed.table == 4:
+        name = f"φ {printed.phi_deg:g}°, no. {printed.number}"
+    errors = []
+    for statistics in row.spreads.values():
+        rms = getattr(statistics.rms, quantity)
+        missed = f" ({statistics.missed} missed)" if statistics.missed else ""
+        given = rms < MAX_GIVEN_RADIUS_ERROR_MM
+        errors.append(("given" if given else format_significant(rms)) + missed)
+    return _row(
+        name,
+        f"{getattr(printed.errors, quantity):+.3f}".replace("-", "−"),
+        format_significant(getattr(row.spreads["section"].bound, quantity)),
+        *errors,
+    )
+
+
+def achievability_table(results: Sequence[Achievability]) -> Table:
+    """Which printed errors one section can give, and what the others would take."""
+    rows: list[Row] = []
+    for number in sorted({result.table for result in results}):
+        rows.append(Row(f"Table {number}"))
+        rows += [_achievability_row(result) for result in results if result.table == number]
+    head = ("Quantity", "Largest printed error", "Best possible, one section",
+            "Chance of errors so small", "From one section?", "Sections that do",
+            "Noise it would take, mm")  # fmt: skip
+    return Table("The printed errors against the best possible", head, tuple(rows))
+
+
+def _achievability_row(result: Achievability) -> Row:
+    unit = result.quantity.rsplit("_", 1)[1]
+    return Row(
+        QUANTITY_NAMES[result.quantity].split(",")[0],
+        (
+            Cell(f"{result.largest_printed:.3f} {unit}"),
+            Cell(f"{format_significant(result.best_sigma)} {unit}"),
+            Cell(_format_probability(result.chance)),
+            Cell("yes", "good") if result.reachable else Cell("no", "bad"),
+            Cell("over 2048" if result.sections_needed is None else str(result.sections_needed)),
+            Cell(format_significant(result.noise_needed_mm)),
+        ),
+    )
+
+
+def _format_probability(probability: float) -> str:
+    if probability >= 0.01:
+        return f"{100 * probability:.0f} %"
+    if probability >= 1e-5:
+        return f"1 in {float(f'{1 / probability:.2g}'):,.0f}"
+    return "under 1 in 100,000"
+
+
+def timing_table(timings: Sequence[Timing]) -> Table:
+    """Table 5: the paper's times and those of both chains."""
+    head = ("Condition", "Paper, Matlab: s", "per pipe: s", "(a) paper’s chain: s", "per pipe: s",
+            "(b) lsvision: ms", "per pipe: ms", "Ratio a/b")  # fmt: skip
+    rows = []
+    for timing in timings:
+        printed, pipes = timing.printed, timing.printed.pipes
+        paper_s, lsvision_ms = timing.paper.seconds, 1000 * timing.section.seconds
+        rows.append(_row(
+            printed.condition, f"{printed.seconds:.3f}", f"{printed.seconds / pipes:.3f}",
+            format_significant(paper_s, 3), format_significant(paper_s / pipes, 3),
+            format_significant(lsvision_ms), format_significant(lsvision_ms / pipes),
+            f"{timing.ratio:.0f}",
+        ))  # fmt: skip
+    return Table("Time of one measurement", head, tuple(rows))
+
+
+def match_table(timings: Sequence[Timing]) -> Table:
+    """Pipes found and false results of both chains in the scenes of Table 5."""
+    head = ("Condition", "Pipes there", "(a) found", "(a) false", "(b) found", "(b) false")
+    rows = [
+        _row(timing.printed.condition, str(timing.pipes), str(timing.paper.found),
+             str(timing.paper.false), str(timing.section.found), str(timing.section.false))
+        for timing in timings
+    ]  # fmt: skip
+    return Table("Pipes found, and results that are no pipe", head, tuple(rows))
+
+
+def scene_table(scene: SceneFigure) -> Table:
+    """True and measured values of the pipes of a scene."""
+    rows = []
+    for number, pipe in enumerate(scene.pipes, 1):
+        true_values = (pipe.true_radius_mm, pipe.true_theta_deg, pipe.true_phi_deg)
+        results = (pipe.radius_mm, pipe.theta_deg, pipe.phi_deg)
+        for name, true, result in zip(QUANTITY_NAMES.values(), true_values, results, strict=True):
+            measured = Cell("not found", "bad")
+            if result is not None:
+                measured = Cell(f"{result[0]:.2f} ± {result[1]:.2f}")
+            rows.append(Row(f"pipe {number}, {name}", (Cell(f"{true:.2f}"), measured)))
+    return Table(f"{scene.false} results that are no pipe", ("", "true", "found"), tuple(rows))
+
+
+def repeatability_table(repeatability: Repeatability) -> Table:
+    """Spread of centre and semi-axes, the bound, and the paper's figures."""
+    names = ("centre X", "centre Y", "long semi-axis a", "short semi-axis b (the radius)")
+    boxes = [format_significant(side) for side in repeatability.box_mm]
+    bound_boxes = [format_significant(side) for side in repeatability.expected_box_mm]
+    limits = (PUBLISHED_BOX_MM, PUBLISHED_BOX_MM, PUBLISHED_AXIS_MM, PUBLISHED_AXIS_MM)
+    rows = [
+        _row(name, format_significant(std), format_significant(bound), box, bound_box, f"{limit:g}")
+        for name, std, bound, box, bound_box, limit in zip(
+            names, repeatability.stds_mm, repeatability.bound_stds_mm,
+            [*boxes, "", ""], [*bound_boxes, "", ""], limits, strict=True,
+        )
+    ]  # fmt: skip
+    head = ("Units: mm", "Spread, one sigma", "Best possible", "Box of all",
+            "Box, best possible", "Paper: box, or axes vary by less")  # fmt: skip
+    count = len(repeatability.ellipses)
+    return Table(f"{count} measurements of one position", head, tuple(rows))
+
+
+def ablation_table(results: Sequence[AblationResult]) -> Table:
+    """Errors of every variant in units of the bound."""
+    rows: list[Row] = []
+    group = ""
+    for result in results:
+        if result.group != group:
+            group = result.group
+            rows.append(Row(group[0].upper() + group[1:]))
+        errors = [format_significant(value) for value in (*result.typical, *result.worst)]
+        evaluations = format_significant(result.evaluations)
+        rows.append(_row(result.name, *errors, evaluations, str(result.failed)))
+    head = ("Chain", "radius, typical", "θ, typical", "φ, typical", "radius, worst", "θ, worst",
+            "φ, worst", "evaluations", "no ellipse")  # fmt: skip
+    return Table(f"Error over the best possible, {results[0].pipes} pipes", head, tuple(rows))
+
+
+def pitfall_table(pitfall: Pitfall) -> Table:
+    """The numbers that prove a pitfall."""
+    rows = [
+        _row(check.what, "no value (0/0)" if math.isnan(check.value) else f"{check.value:.4g}")
+        for check in pitfall.checks
+    ]
+    return Table("Checked", ("what", "value"), tuple(rows))
+
+
+def _row(name: str, *texts: str) -> Row:
+    """Row of cells without highlighting."""
+    return Row(name, tuple(Cell(text) for text in texts))

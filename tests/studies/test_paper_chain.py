@@ -1,0 +1,33 @@
+"""The steps of the paper's own chain, by themselves."""
+
+import numpy as np
+import pytest
+
+from lsvision.errors import FitFailed
+from lsvision.studies.chen_liu_2016.paper_chain import (
+    homogenise_profile_paper,
+    smooth_profile_paper,
+)
+from tests.ellipse.arcs import pipe, upper_arc
+from tests.tolerances import MACHINE
+
+
+def test_smoothing_over_x_keeps_parabolas_and_spoils_circles():
+    x = np.linspace(-10, 10, 41)
+    parabola = np.column_stack([x, -0.05 * x * x])
+    np.testing.assert_allclose(smooth_profile_paper(parabola), parabola, atol=MACHINE)
+    arc = upper_arc(pipe(0.0), degrees=150)
+    assert np.abs(smooth_profile_paper(arc) - arc).max() > 0.1
+
+
+def test_homogenising_over_x_leaves_out_points_whose_x_does_not_rise():
+    x = np.array([0.0, 1.0, 2.0, 1.5, 2.0, 3.0])
+    even = homogenise_profile_paper(np.column_stack([x, 2 * x]))
+    np.testing.assert_allclose(even[:, 0], np.arange(0, 3, 0.5), atol=MACHINE)
+    np.testing.assert_allclose(even[:, 1], 2 * even[:, 0], atol=MACHINE)
+
+
+def test_smoothing_over_x_rejects_an_arc_without_width():
+    upright = np.column_stack([np.zeros(20), np.arange(20.0)])
+    with pytest.raises(FitFailed, match="no width in x"):
+        smooth_profile_paper(upright)

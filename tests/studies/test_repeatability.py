@@ -1,0 +1,33 @@
+"""Repeated measurements of one position (Figure 16)."""
+
+import math
+
+import numpy as np
+import pytest
+
+from lsvision.studies.chen_liu_2016.repeatability import expected_range, phi_std_of_axes
+from tests.tolerances import spread_of_rms
+
+
+@pytest.mark.parametrize(("count", "mean"), [(2, 1.128), (5, 2.326), (10, 3.078), (100, 5.015)])
+def test_the_expected_range_is_that_of_the_tables_of_statistics(count, mean):
+    assert expected_range(count) == pytest.approx(mean, abs=5e-4)
+
+
+def test_the_spread_of_repeated_measurements_is_the_bound(report):
+    repeated = report.repeatability
+    ratios = np.array(repeated.stds_mm) / repeated.bound_stds_mm
+    assert (np.abs(ratios - 1) < spread_of_rms(len(repeated.ellipses))).all()
+
+
+def test_the_centres_do_not_fit_into_the_papers_box(report):
+    assert report.repeatability.box_mm[1] > 1.0  # mm; the paper's is 0.6 mm high
+    assert report.repeatability.noise_of_printed_box_mm < 0.06
+
+
+def test_axes_that_vary_by_a_quarter_mm_mean_degrees_of_phi():
+    """By simulation: a and b drawn independently about a pipe of phi = 30 deg."""
+    a, b = 19.0 / math.cos(math.radians(30)), 19.0
+    draws = np.random.default_rng(1).normal(0, 0.125, (20_000, 2))
+    phi = np.degrees(np.arccos((b + draws[:, 1]) / (a + draws[:, 0])))
+    assert phi_std_of_axes(0.125, 19.0, 30.0) == pytest.approx(phi.std(), rel=0.03)
