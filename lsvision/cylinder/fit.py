@@ -18,12 +18,11 @@ from lsvision.cylinder.problem import (
     distance_stds_and_biases,
     minimise,
     parameters_from_cylinder,
-    tangent_frame,
     weighted_problem,
 )
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import DegenerateGeometry, TooFewPoints
-from lsvision.geometry import Cylinder, FloatArray, Points, as_readonly_array
+from lsvision.geometry import Cylinder, FloatArray, Points, as_readonly_array, tangent_frame
 
 COPLANARITY_TOLERANCE = 1e-7
 """Thickness of a set of points over its extent under which it lies in a plane or on a line."""

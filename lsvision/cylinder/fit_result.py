@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.cylinder.problem import PARAMETERS, tangent_frame
+from lsvision.cylinder.problem import PARAMETERS
 from lsvision.ellipse.fit import CHI2_TEST_SIGMAS
-from lsvision.geometry import BoolArray, Cylinder, FloatArray
+from lsvision.geometry import BoolArray, Cylinder, FloatArray, tangent_frame
 from lsvision.statistics.correlation import autocorrelation_time
 
 

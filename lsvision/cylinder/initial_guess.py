@@ -7,11 +7,10 @@ from lsvision.cylinder.problem import (
     cylinder_from_parameters,
     minimise,
     parameters_from_cylinder,
-    tangent_frame,
 )
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import FitFailed
-from lsvision.geometry import Cylinder, FloatArray, Points
+from lsvision.geometry import Cylinder, FloatArray, Points, hemisphere_directions, tangent_frame
 
 DIRECTIONS = 400
 """Of the grid over the half sphere: 7 deg apart, well inside the minimum of a short arc."""
@@ -42,7 +41,7 @@ def guess_cylinder(points: Points, known_radius: RadiusPrior | None = None) -> C
         If none of the starts leads to a cylinder.
     """
     few = points[np.linspace(0, len(points) - 1, min(len(points), MAX_POINTS)).astype(int)]
-    directions = half_sphere(DIRECTIONS)
+    directions = hemisphere_directions(DIRECTIONS)
     centres, radii, costs = projected_circles(few, directions)
     best: Cylinder | None = None
     lowest = np.inf
@@ -57,15 +56,6 @@ def guess_cylinder(points: Points, known_radius: RadiusPrior | None = None) -> C
     if best is None:
         raise FitFailed("no direction gives the points a cylinder: they lie on another surface")
     return best
-
-
-def half_sphere(count: int) -> FloatArray:
-    """(count, 3) unit vectors with z > 0, evenly spread (Fibonacci lattice)."""
-    k = np.arange(count) + 0.5
-    z = 1 - k / count
-    azimuth = np.pi * (1 + np.sqrt(5.0)) * k
-    ring = np.sqrt(1 - z * z)
-    return np.column_stack([ring * np.cos(azimuth), ring * np.sin(azimuth), z])
 
 
 def projected_circles(

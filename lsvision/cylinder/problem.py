@@ -210,18 +210,6 @@ def minimise(problem: CylinderProblem, start: FloatArray) -> FloatArray:
     return parameters
 
 
-def tangent_frame(direction: FloatArray) -> FloatArray:
-    """(3, 3) rotation whose rows are e_phi, e_theta and the direction.
-
-    e_theta = Z x direction is the way the azimuth grows, e_phi the way the angle from Z grows;
-    for a direction along Z: X and Y.
-    """
-    theta_way = np.array([-direction[1], direction[0], 0.0])
-    length = float(np.linalg.norm(theta_way))
-    theta_way = theta_way / length if length > 0 else np.array([0.0, 1.0, 0.0])
-    return np.stack([np.cross(theta_way, direction), theta_way, direction])
-
-
 def parameters_from_cylinder(frame: FloatArray, cylinder: Cylinder) -> FloatArray:
     """(x, y, a, b, r) of a cylinder whose points are written as ``points @ frame.T``."""
     u, c = frame @ cylinder.direction, frame @ cylinder.point

@@ -10,9 +10,8 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from lsvision.cylinder.problem import tangent_frame
 from lsvision.ellipse.section import CylinderSection
-from lsvision.geometry import Cylinder, FloatArray, Pose, as_readonly_array
+from lsvision.geometry import Cylinder, FloatArray, Pose, as_readonly_array, tangent_frame
 
 Frame = Literal["base", "flange"]
 

@@ -7,7 +7,7 @@ import numpy as np
 from lsvision.draw.panel import colour_of
 from lsvision.geometry import FloatArray, Points
 from lsvision.scan import ScanMeasurement, ScannedCylinder
-from lsvision.scan.surface import tube_surface
+from lsvision.scan.shape import tube_surface
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

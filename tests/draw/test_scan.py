@@ -8,7 +8,7 @@ from lsvision.draw.scan import draw_scan
 from lsvision.draw.scan_ply import GREY, coloured_points, coloured_surfaces, rgb_of
 from lsvision.geometry import Points, Pose
 from lsvision.scan import ScanMeasurement, measure_scan
-from lsvision.scan.surface import tube_surface
+from lsvision.scan.shape import tube_surface
 from lsvision.simulate import SCENE_SENSOR, Scene, SectionSettings, Tube, simulate_scan
 
 SINGLE = 1e-9  # mm: a mesh is computed in closed form
