@@ -101,7 +101,7 @@ def pipe_and_points(radius, theta_deg, phi_deg, view=VIEW):
 
 
 @pytest.mark.parametrize(("radius", "theta_deg", "phi_deg"), CASES)
-def test_section_bound_is_the_information_of_the_measured_ranges(radius, theta_deg, phi_deg):
+def test_section_bound_is_the_inverse_information_of_the_ranges(radius, theta_deg, phi_deg):
     unknowns, pipe, points = pipe_and_points(radius, theta_deg, phi_deg)
     bound = section_bound(pipe.section(), points, along_ray(points, 0.05))
     rays, origins = rays_to(np.column_stack([points, np.zeros(len(points))]))
@@ -111,7 +111,7 @@ def test_section_bound_is_the_information_of_the_measured_ranges(radius, theta_d
 
 
 @pytest.mark.parametrize(("radius", "theta_deg", "phi_deg"), CASES)
-def test_scan_is_the_information_of_the_measured_ranges(radius, theta_deg, phi_deg):
+def test_scan_bound_is_the_inverse_information_of_the_ranges(radius, theta_deg, phi_deg):
     unknowns, pipe, _ = pipe_and_points(radius, theta_deg, phi_deg)
     feed = Feed(sections=5, spacing=4.0, direction=(0.1, 0.0, 1.0))
     rays, origins = scan_rays(pipe, feed)
@@ -124,13 +124,13 @@ def test_scan_is_the_information_of_the_measured_ranges(radius, theta_deg, phi_d
 
 
 @pytest.mark.parametrize(("radius", "theta_deg", "phi_deg"), CASES)
-def test_scan_of_one_section_is_that_section(radius, theta_deg, phi_deg):
+def test_a_scan_of_one_section_agrees_with_the_section(radius, theta_deg, phi_deg):
     one = plan_section(radius, *rad(theta_deg, phi_deg), view=VIEW)
     scan = plan_scan(radius, *rad(theta_deg, phi_deg), view=VIEW, feed=Feed(sections=1))
     np.testing.assert_allclose(sigmas(scan), sigmas(one), rtol=1e-6)
 
 
-def test_every_point_seen_lies_on_the_near_side_of_the_pipe():
+def test_visible_points_lie_on_the_side_of_the_sensor():
     _, pipe, points = pipe_and_points(19.0, 20, 20)
     surface = np.column_stack([points, np.zeros(len(points))])
     np.testing.assert_allclose(pipe.signed_distances(surface), 0.0, atol=ROUNDING)
@@ -253,7 +253,7 @@ def test_brute_force_fit_with_a_known_radius_reaches_the_bound():
     bound = section_bound(pipe.section(), points, along_ray(points, 0.02), known_radius_std=1e-3)
     rays, origins = rays_to(np.column_stack([points, np.zeros(len(points))]))
     rmse = rmse_of_brute_force(unknowns, rays, origins, 0.02, known_radius=(19.0, 1e-3))
-    # The prior is exact here, not drawn: only the angles have their full spread.
+    # The prior mean is the true radius and not random: only the angles have their full spread.
     np.testing.assert_allclose((rmse / sigmas(bound))[1:], 1.0, atol=FOUR_SIGMA)
 
 
@@ -286,12 +286,12 @@ def test_prediction_is_what_a_brute_force_fit_achieves_over_random_geometries():
         f"\nachieved / predicted: {low:.3f} .. median {median:.3f} .. {high:.3f}, goal 0.9 .. 1.1"
     )
     assert abs(median - 1) < 0.02
-    # The goal of 10 %, and one sigma of what the Monte Carlo itself leaves open.
+    # A tolerance of 10 % plus one standard deviation of the Monte Carlo estimate.
     assert low > 0.90 - FOUR_SIGMA / 4
     assert high < 1.10 + FOUR_SIGMA / 4
 
 
-def test_feed_direction_error_goes_into_the_direction_as_predicted():
+def test_feed_direction_error_changes_the_direction_as_predicted():
     unknowns, pipe, _ = pipe_and_points(19.0, 20, 20)
     feed = Feed(sections=11, spacing=4.0)
     rays, believed = scan_rays(pipe, feed)
@@ -317,14 +317,14 @@ def test_pose_errors_of_many_sections_average_out():
     assert a / b == pytest.approx(math.sqrt((41 * 42 / 40) / (5 * 6 / 4)), rel=0.02)
 
 
-def test_error_of_a_pose_moves_the_axis_of_its_section_by_as_much():
+def test_pose_error_moves_the_axis_of_a_single_section():
     feeds = (Feed(sections=1, pose_std=std) for std in (0.0, 0.3))
     plain, moved = (plan_scan(19.0, 0.3, 0.3, view=VIEW, feed=feed) for feed in feeds)
     added = moved.position_std**2 - plain.position_std**2
-    assert added == pytest.approx(2 * 0.3**2, rel=1e-6)  # two ways across the axis
+    assert added == pytest.approx(2 * 0.3**2, rel=1e-6)  # two directions across the axis
 
 
-def test_position_along_the_axis_is_the_position_plus_way_times_direction():
+def test_position_error_along_the_axis_includes_the_direction_error():
     _, pipe, seen = pipe_and_points(19.0, 20, 20)
     points = np.column_stack([seen, np.zeros(len(seen))])
     farther = replace(pipe, point=pipe.point + 50.0 * pipe.direction)
@@ -349,7 +349,7 @@ def test_circle_has_no_theta_and_a_finite_phi():
     assert 0 < flat.phi_std < 0.5
 
 
-def test_cap_of_phi_is_the_order_of_the_real_spread_at_a_circle():
+def test_limit_of_phi_std_is_of_the_order_of_the_spread_at_a_circle():
     _, pipe, points = pipe_and_points(19.0, 0, 0, replace(VIEW, pitch=1.0))
     bound = section_bound(pipe.section(), points, along_ray(points, 0.02))
     rng = np.random.default_rng(3)
@@ -360,7 +360,7 @@ def test_cap_of_phi_is_the_order_of_the_real_spread_at_a_circle():
     assert 0.5 < bound.phi_std / spread < 2.0
 
 
-def test_phi_is_not_capped_where_the_linear_bound_holds():
+def test_phi_std_is_not_limited_where_the_linear_bound_is_valid():
     phi = math.radians(20)
     prediction = plan_section(19.0, 0.3, phi, view=VIEW)
     a, b = 19.0 / math.cos(phi), 19.0
@@ -378,9 +378,9 @@ def test_sections_needed_is_the_least_number_that_reaches_the_target(spacing):
     assert answer.length == pytest.approx((answer.sections - 1) * spacing)
 
 
-REFUSALS = [
+INVALID_CALLS = [
     (lambda: plan_section(-1.0, 0.3, 0.3), ValueError, "positive radius"),
-    (lambda: plan_section(19.0, 0.3, math.pi / 2), ValueError, "want phi in"),
+    (lambda: plan_section(19.0, 0.3, math.pi / 2), ValueError, "expected phi in"),
     (lambda: plan_section(19.0, math.nan, 0.3), ValueError, "finite theta"),
     (lambda: plan_section(19.0, 0.3, 0.3, known_radius_std=-1.0), ValueError, "known_radius_std"),
     (
@@ -432,9 +432,9 @@ REFUSALS = [
 ]
 
 
-@pytest.mark.parametrize(("call", "error", "words"), REFUSALS)
-def test_refusal_says_what_is_wanted(call, error, words):
-    with pytest.raises(error, match=words):
+@pytest.mark.parametrize(("call", "error", "message"), INVALID_CALLS)
+def test_invalid_calls_raise_errors(call, error, message):
+    with pytest.raises(error, match=message):
         call()
 
 
