@@ -1,10 +1,9 @@
-"""Scenes that a light section cuts: solid tubes, and prisms for all that is no tube.
+"""Scene of a simulation: tubes, and other objects as clutter.
 
-Frame: the base frame; for a single section that is the section frame itself (X along the laser
-line, Y towards the sensor, Z the laser plane's normal). Assumptions: tubes are solid (what lies
-inside is never seen), a prism's outline is seen from both sides, nothing reflects or shines
-through. Every intersection is in closed form with rays in space, so that a section at any pose,
-an end of a tube and a shadow towards a camera outside the plane need no further code.
+Frame: the base frame; for a single section that is the section frame (X along the laser line, Y
+towards the sensor, Z the laser plane's normal). Objects are opaque and do not reflect. Objects are
+intersected with rays in space, so that sections at any pose, ends of tubes and shadows towards a
+camera outside the laser plane need no further code.
 """
 
 from dataclasses import dataclass
@@ -13,40 +12,40 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from lsvision.geometry import Cylinder, IntArray, Pose
-from lsvision.simulate.rays import Hits, Rays
+from lsvision.simulate.solids import Hits, Rays
 
 CLUTTER = 0
-"""Label of what is no tube; the k-th tube of a scene has label k >= 1."""
+"""Label of objects that are no tubes; the k-th tube of a scene has label k >= 1."""
 NOTHING = -1
-"""Label of a column that carries no surface: lost, or displaced by a jump."""
+"""Label of a column without a valid point: lost, or displaced by a jump."""
 
 
 @runtime_checkable
 class Solid(Protocol):
-    """What a scene is made of."""
+    """Object of a scene."""
 
     def first_hits(self, rays: Rays) -> Hits:
-        """Where each ray first meets the solid."""
+        """Return where each ray first meets the solid."""
         ...
 
 
 @runtime_checkable
 class TubeSolid(Solid, Protocol):
-    """A solid that counts as a tube: it is to be found, and has a truth in every section."""
+    """Solid that is a tube: it should be measured, and has a truth in every section."""
 
     def local_cylinder(self, base_from_section: Pose) -> Cylinder | None:
-        """Cylinder, in the base frame, that touches the tube where the section cuts its axis."""
+        """Return the cylinder, base frame, along the tube's axis where the section cuts it."""
         ...
 
 
 @dataclass(frozen=True)
 class Scene:
-    """Solids in the base frame.
+    """Objects in the base frame.
 
     Parameters
     ----------
     objects : tuple of Solid
-        Tubes are numbered 1, 2, ... in the order in which they stand here.
+        Tubes are numbered 1, 2, ... in this order.
 
     Examples
     --------
@@ -61,11 +60,11 @@ class Scene:
 
     def __post_init__(self) -> None:
         if not self.objects:
-            raise ValueError("want one object or more in a scene, got none")
+            raise ValueError("expected at least one object in a scene, got none")
 
     @property
     def tubes(self) -> tuple[TubeSolid, ...]:
-        """The tubes, in the order of their labels."""
+        """Tubes, in the order of their labels."""
         return tuple(solid for solid in self.objects if isinstance(solid, TubeSolid))
 
     @property
@@ -75,20 +74,20 @@ class Scene:
         return np.where(is_tube, np.cumsum(is_tube), CLUTTER).astype(np.int64)
 
     def first_hits(self, rays: Rays) -> tuple[Hits, IntArray]:
-        """Where each ray first meets anything, and the label of what it meets.
+        """Return where each ray first meets an object, and the label of that object.
 
         Returns
         -------
         hits : Hits
-            Nearest over all objects.
+            Nearest intersections of all objects.
         labels : (n,) ndarray
             `NOTHING` where the ray meets nothing.
         """
-        every = [solid.first_hits(rays) for solid in self.objects]
-        distances = np.stack([hits.distances for hits in every])
+        hits = [solid.first_hits(rays) for solid in self.objects]
+        distances = np.stack([hit.distances for hit in hits])
         nearest = distances.argmin(axis=0)
-        column = np.arange(distances.shape[1])
-        normals = np.stack([hits.normals for hits in every])[nearest, column]
-        first = distances[nearest, column]
+        ray = np.arange(distances.shape[1])
+        normals = np.stack([hit.normals for hit in hits])[nearest, ray]
+        first = distances[nearest, ray]
         labels = np.where(np.isfinite(first), self.labels[nearest], NOTHING)
         return Hits(first, normals), labels.astype(np.int64)

@@ -1,4 +1,4 @@
-"""What is true of a simulated section, column by column and tube by tube."""
+"""Truth of a simulated section: labels and noise-free points of the columns, and the tubes."""
 
 import math
 from dataclasses import dataclass
@@ -8,30 +8,30 @@ import numpy as np
 from lsvision.geometry import Cylinder, Ellipse, FloatArray, IntArray, Points, Pose
 from lsvision.simulate.scene import NOTHING, Scene
 
-BRIDGED_COLUMNS = 8
-"""Longest stretch of lost columns or jumps that does not end a tube's visible arc."""
+MAX_GAP_COLUMNS = 8
+"""Largest number of consecutive lost columns or jumps that does not end a tube's visible arc."""
 VISIBLE_ARC = math.radians(60.0)
-"""Least angle about the axis of which a tube must show an unbroken arc to count as visible."""
+"""Smallest angle about the axis of an uninterrupted arc of a visible tube. Units: rad."""
 VISIBLE_POINTS = 15
-"""Least number of points on that arc."""
+"""Smallest number of points on that arc."""
 
 
 @dataclass(frozen=True, eq=False)
 class TubeTruth:
-    """A tube where the section cuts it.
+    """True parameters of a tube in one section.
 
     Parameters
     ----------
     label : int
         Number of the tube in the scene, from 1; the label of its points.
     cylinder : Cylinder
-        Section frame; of a bent tube the one that touches it here.
+        Section frame; for a bent tube, the cylinder along the tangent of its axis.
     ellipse : Ellipse
-        Its section.
+        Section of the cylinder.
     points : int
-        Number of points that carry the label.
+        Number of points with the label.
     arc_points : int
-        Number of points on its longest unbroken arc.
+        Number of points on the longest uninterrupted arc.
     arc : float
         Angle about the axis that this arc covers. Units: rad.
     """
@@ -45,7 +45,7 @@ class TubeTruth:
 
     @property
     def radius(self) -> float:
-        """Units: mm."""
+        """Radius of the tube. Units: mm."""
         return self.cylinder.radius
 
     @property
@@ -55,17 +55,17 @@ class TubeTruth:
 
     @property
     def phi(self) -> float:
-        """Tilt of the axis from the plane's normal. Units: rad."""
+        """Angle between the axis and the normal of the laser plane. Units: rad."""
         return self.ellipse.phi
 
     @property
     def centre(self) -> tuple[float, float]:
-        """Where the axis meets the plane. Units: mm."""
+        """Intersection of the axis with the laser plane. Units: mm."""
         return self.ellipse.centre
 
     @property
     def visible(self) -> bool:
-        """Whether enough is seen of it (60 deg, 15 points) for a finder to be blamed."""
+        """Whether the arc (60 deg, 15 points) is large enough to expect a detection."""
         return self.arc >= VISIBLE_ARC and self.arc_points >= VISIBLE_POINTS
 
 
@@ -80,7 +80,7 @@ class SectionTruth:
     points : (n, 2) ndarray
         Noise-free points, section frame, also under a jump; NaN where lost. Units: mm.
     tubes : tuple of TubeTruth
-        Every tube whose axis the section cuts, by label.
+        Every tube whose axis the section cuts, in the order of the labels.
     """
 
     labels: IntArray
@@ -91,18 +91,18 @@ class SectionTruth:
 def tube_truths(
     scene: Scene, base_from_section: Pose, labels: IntArray, points: Points
 ) -> tuple[TubeTruth, ...]:
-    """Truth of each tube of a scene in one section.
+    """Return the truth of each tube of a scene in one section.
 
     Parameters
     ----------
     scene : Scene
         Base frame.
     base_from_section : Pose
-        Where the section is.
+        Pose of the section.
     labels : (n,) ndarray
-        Of the columns.
+        Label of each column.
     points : (n, 2) ndarray
-        Noise-free, section frame. Units: mm.
+        Noise-free points, section frame. Units: mm.
     """
     truths = []
     for label, tube in enumerate(scene.tubes, start=1):
@@ -112,37 +112,35 @@ def tube_truths(
         cylinder = cylinder.transformed(base_from_section.inverse())
         ellipse = cylinder.section()
         run = longest_run(labels, label)
-        arc = _covered(points[run], ellipse)
+        arc = _angular_coverage(points[run], ellipse)
         count = int((labels == label).sum())
         truths.append(TubeTruth(label, cylinder, ellipse, count, len(run), arc))
     return tuple(truths)
 
 
 def longest_run(labels: IntArray, label: int) -> IntArray:
-    """Columns of a tube's longest arc that nothing else interrupts.
+    """Return the columns of a tube's longest arc without points of other objects in between.
 
     Parameters
     ----------
     labels : (n,) ndarray
-        Of the columns.
+        Label of each column.
     label : int
-        The tube's.
+        Label of the tube.
     """
-    mine = np.flatnonzero(labels == label)
-    if len(mine) == 0:
-        return mine
+    columns = np.flatnonzero(labels == label)
+    if len(columns) == 0:
+        return columns
     others = np.cumsum((labels != label) & (labels != NOTHING))
-    broken = (np.diff(mine) > BRIDGED_COLUMNS) | (np.diff(others[mine]) > 0)
-    return max(np.split(mine, np.flatnonzero(broken) + 1), key=len)
+    interrupted = (np.diff(columns) > MAX_GAP_COLUMNS) | (np.diff(others[columns]) > 0)
+    return max(np.split(columns, np.flatnonzero(interrupted) + 1), key=len)
 
 
-def _covered(points: Points, ellipse: Ellipse) -> float:
-    """Angle about the cylinder's axis from the first point to the last. Units: rad."""
+def _angular_coverage(points: Points, ellipse: Ellipse) -> float:
+    """Return the angle about the cylinder's axis from the first point to the last. Units: rad."""
     if len(points) < 2:
         return 0.0
-    own = ellipse.to_ellipse_frame(points)
-    # The eccentric anomaly is the angle about the axis: the section seen along it is a circle.
-    anomaly: FloatArray = np.unwrap(
-        np.arctan2(own[:, 1] / ellipse.semi_minor, own[:, 0] / ellipse.semi_major)
-    )
+    u, v = ellipse.to_ellipse_frame(points).T
+    # The eccentric anomaly is the angle about the axis, along which the section is a circle.
+    anomaly: FloatArray = np.unwrap(np.arctan2(v / ellipse.semi_minor, u / ellipse.semi_major))
     return float(np.ptp(anomaly))
