@@ -139,7 +139,7 @@ def _validate(
 ) -> tuple[Points, FloatArray | None]:
     points = as_readonly_array(points, ("n", 3), "points")
     if len(points) <= PARAMETERS:
-        raise TooFewPoints("a cylinder", len(points), PARAMETERS + 1, "see more of it")
+        raise TooFewPoints("a cylinder", len(points), PARAMETERS + 1, "measure more of it")
     if not np.isfinite(points).all():
         raise ValueError("expected finite points, got NaN or infinity: leave lost points out")
     if covariances is None:

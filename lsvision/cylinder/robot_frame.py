@@ -195,7 +195,7 @@ def twin_jacobian(section: CylinderSection, sign: float) -> FloatArray:
     """
     a, b = section.ellipse.semi_major, section.ellipse.semi_minor
     phi, theta = section.phi, section.theta
-    # cos(phi) = b / a (paper section 2.2.3); d theta turns the direction by sin(phi) d theta.
+    # cos(phi) = b / a (paper section 2.2.3); d theta rotates the direction by sin(phi) d theta.
     by_phi = np.array([0.0, 0.0, b / a**2, -1 / a, 0.0]) / max(math.sin(phi), MIN_SIN_PHI)
     by_theta = np.array([0.0, 0.0, 0.0, 0.0, math.sin(phi)])
     by_phi *= _scale_to_limit(section.phi_std, by_phi, section.covariance)

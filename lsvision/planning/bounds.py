@@ -54,7 +54,7 @@ def fisher_information(jacobian: FloatArray, variances: FloatArray) -> FloatArra
         If a variance is not positive and finite.
     """
     if len(jacobian) < 2:
-        hint = "look from nearer, with a finer pitch, or at more of the pipe"
+        hint = "reduce the standoff or the pitch, or measure more of the pipe"
         raise TooFewPoints("the planned view", len(jacobian), 5, hint)
     if not (np.isfinite(variances).all() and (variances > 0).all()):
         raise ValueError("expected positive finite variances across the surface in mm^2")

@@ -66,11 +66,11 @@ def plan_section(
     'radius 0.39 mm, phi 1.9 deg'
     """
     view = SensorView() if view is None else view
-    pipe = _pipe(radius, theta, phi, view)
-    points = visible_points(pipe, view)
+    tube = _tube_in_view(radius, theta, phi, view)
+    points = visible_points(tube, view)
     _require_points(len(points))
     covariances = view.sensor.covariances(points)
-    return section_bound(pipe.section(), points, covariances, known_radius_std)
+    return section_bound(tube.section(), points, covariances, known_radius_std)
 
 
 def plan_scan(
@@ -118,23 +118,23 @@ def plan_scan(
     """
     view = SensorView() if view is None else view
     feed = Feed() if feed is None else feed
-    pipe = _pipe(radius, theta, phi, view)
-    sections = [_visible_section(pipe, view, shift) for shift in feed.shifts]
+    tube = _tube_in_view(radius, theta, phi, view)
+    sections = [_visible_section(tube, view, shift) for shift in feed.shifts]
     points = np.concatenate([points for points, _ in sections])
     _require_points(len(points))
     variances = np.concatenate([variances for _, variances in sections])
     point_sections = np.repeat(np.arange(feed.sections), [len(points) for points, _ in sections])
     prediction = scan_bound(
-        pipe,
+        tube,
         points,
         variances,
         known_radius_std=known_radius_std,
-        shared_errors=_pose_error_jacobian(cylinder_normals(pipe, points), point_sections, feed),
+        shared_errors=_pose_error_jacobian(cylinder_normals(tube, points), point_sections, feed),
     )
     return replace(prediction, sections=feed.sections, length=feed.length)
 
 
-def _pipe(radius: float, theta: float, phi: float, view: SensorView) -> Cylinder:
+def _tube_in_view(radius: float, theta: float, phi: float, view: SensorView) -> Cylinder:
     """Return the tube in the section frame, its axis through the centre of the view."""
     if not 0 <= phi < math.pi / 2:
         raise ValueError(f"expected phi in [0, pi/2) rad, got {phi}")
@@ -146,13 +146,13 @@ def _pipe(radius: float, theta: float, phi: float, view: SensorView) -> Cylinder
 
 
 def _visible_section(
-    pipe: Cylinder, view: SensorView, shift: FloatArray
+    tube: Cylinder, view: SensorView, shift: FloatArray
 ) -> tuple[Points, FloatArray]:
     """Return visible points (n, 3), scan frame, and their variances along the surface normal."""
     scan_from_section = Pose(translation=shift)
-    pipe_in_section = pipe.transformed(scan_from_section.inverse())
-    points = visible_points(pipe_in_section, view)
-    normals = cylinder_normals(pipe_in_section, points)[:, :2]
+    tube_in_section = tube.transformed(scan_from_section.inverse())
+    points = visible_points(tube_in_section, view)
+    normals = cylinder_normals(tube_in_section, points)[:, :2]
     variances = np.einsum("ni,nij,nj->n", normals, view.sensor.covariances(points), normals)
     return scan_from_section.apply(points), variances
 
@@ -284,5 +284,5 @@ def _describe_unreachable(best: ScanPrediction) -> str:
         f"{best.sections} sections over {best.length:g} mm reach radius "
         f"{best.radius_std:.2g} mm, direction {math.degrees(best.direction_std):.2g} deg, "
         f"phi {math.degrees(best.phi_std):.2g} deg, theta {math.degrees(best.theta_std):.2g}"
-        " deg and not the target: widen the spacing, or know the poses better"
+        " deg and not the target: increase the spacing, or reduce the uncertainty of the poses"
     )

@@ -18,6 +18,8 @@ from lsvision.scan.scan_result import ScannedCylinder
 
 PARAMETERS = 10
 """Point (2) and direction (2) across the axis, radius; bow (2), taper (1), ovality (2)."""
+BOW, TAPER, OVALITY = slice(5, 7), slice(7, 8), slice(8, 10)
+"""Positions of the deviations among the parameters; the radius is parameter 4."""
 MIN_SECTIONS = 3
 """Two centres always lie on a straight line."""
 GAUSS_NEWTON_ITERATIONS = 6
@@ -28,7 +30,7 @@ FACETS = 96
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SectionCentres:
-    """Circle fitted to the points of each section, seen along the axis of the whole tube.
+    """Circle fitted to the points of each section, projected along the axis of the tube.
 
     Parameters
     ----------
@@ -189,7 +191,7 @@ def measure_shape(tube: ScannedCylinder) -> TubeShape:
     covariance = factor * std_scale**2 * np.asarray(np.linalg.inv(information), dtype=np.float64)
     bow, taper, ovality = (
         _form_deviation(estimate[part], covariance[part, part], dof)
-        for part in (slice(5, 7), slice(7, 8), slice(8, 10))
+        for part in (BOW, TAPER, OVALITY)
     )
     # Centres refer to the straight axis of the joint fit; only the radius is the mean radius here.
     points = axis_points.points + np.array([[0.0], [0.0], [sum(tube.axial_range) / 2]])
@@ -256,7 +258,7 @@ def _residuals(axis_points: _AxisFramePoints, parameters: FloatArray) -> FloatAr
     All parameters are displacements at the end of the measured length (t = 1), in mm, so that
     they are of similar magnitude.
     """
-    centre, tilt, bow = parameters[:2], parameters[2:4], parameters[5:7]
+    centre, tilt, bow = parameters[:2], parameters[2:4], parameters[BOW]
     t = axis_points.points[2] / axis_points.half_length
     from_axis = axis_points.points[:2] - centre[:, None] - np.outer(tilt, t) - np.outer(bow, t * t)
     slope = (tilt[:, None] + 2 * np.outer(bow, t)) / axis_points.half_length
@@ -284,7 +286,7 @@ def _form_deviation(values: FloatArray, covariance: FloatArray, dof: float) -> F
 def fit_section_centres(
     point_sections: IntArray, points: FloatArray, stds: FloatArray, radius: float
 ) -> SectionCentres:
-    """Fit a circle to the points of each section, seen along the axis.
+    """Fit a circle to the points of each section, projected along the axis.
 
     Parameters
     ----------
@@ -314,7 +316,7 @@ def fit_section_centres(
 def _fit_circles(
     across: FloatArray, stds: FloatArray, index: IntArray, radius: float, *, free: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Return (centre_1, centre_2, own radius - radius) of each section, and the covariances.
+    """Return (centre_1, centre_2, deviation from radius) of each section, and the covariances.
 
     The first `free` of the three are estimated, the others stay 0.
     """
