@@ -24,6 +24,7 @@ from lsvision.cylinder.problem import (
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import DegenerateGeometry, TooFewPoints
 from lsvision.geometry import Cylinder, FloatArray, Points, as_readonly_array, tangent_frame
+from lsvision.geometry.arrays import TINY, extent_of
 from lsvision.statistics.robust import MAD_TO_STD
 
 COPLANARITY_TOLERANCE = 1e-7
@@ -117,7 +118,7 @@ def fit_cylinder(
     'radius 19.000000 mm, axis [0. 0. 1.]'
     """
     points, covariances = _validate(points, covariances)
-    origin, scale = points.mean(axis=0), float(np.ptp(points, axis=0).max())
+    origin, scale = points.mean(axis=0), extent_of(points)
     _check_not_degenerate(points - origin, has_initial_guess=initial_guess is not None)
     scaled = (points - origin) / scale
     scaled_covariances = None if covariances is None else covariances / scale**2
@@ -192,7 +193,7 @@ def _residuals(
     frame = tangent_frame(cylinder.direction)
     residuals = cylinder.signed_distances(points)
     if covariances is None:
-        std = max(MAD_TO_STD * float(np.median(np.abs(residuals))), 1e-300)
+        std = max(MAD_TO_STD * float(np.median(np.abs(residuals))), TINY)
         return residuals, np.full(len(points), std), residuals / std
     stds, offsets, _ = distance_stds_and_biases(
         points @ frame.T, frame @ covariances @ frame.T, parameters_from_cylinder(frame, cylinder)
@@ -252,7 +253,7 @@ def _invert_information(information: FloatArray) -> FloatArray:
     DegenerateGeometry
         If the points do not determine all five parameters.
     """
-    scale = 1 / np.sqrt(np.maximum(np.diag(information), 1e-300))
+    scale = 1 / np.sqrt(np.maximum(np.diag(information), TINY))
     values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
     if not values[0] > SINGULARITY_TOLERANCE:
         raise DegenerateGeometry(

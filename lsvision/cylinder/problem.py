@@ -12,6 +12,7 @@ import numpy as np
 from lsvision.ellipse.problem import RadiusPrior, cache_last_evaluation
 from lsvision.errors import FitFailed
 from lsvision.geometry import Cylinder, FloatArray, Points
+from lsvision.geometry.arrays import TINY, extent_of
 
 PARAMETERS = 5
 MAX_RADIUS_EXTENTS = 1e5
@@ -99,7 +100,7 @@ def axis_distances(
     along = u @ across
     across -= u[:, None] * along
     distances = np.sqrt(across[0] ** 2 + across[1] ** 2 + across[2] ** 2)
-    across /= np.maximum(distances, 1e-300)
+    across /= np.maximum(distances, TINY)
     return distances, across, along
 
 
@@ -213,7 +214,7 @@ def minimise(problem: CylinderProblem, initial_guess: FloatArray) -> FloatArray:
             lambda x: evaluate(x)[0], initial_guess, Dfun=lambda x: evaluate(x)[1],
             xtol=1e-13, ftol=1e-15, maxfev=200, full_output=True,
         )  # fmt: skip
-    extent = float(np.ptp(problem.points, axis=0).max())
+    extent = extent_of(problem.points)
     if not (np.isfinite(solution).all() and 0 < solution[4] < MAX_RADIUS_EXTENTS * extent):
         raise FitFailed(
             f"no cylinder fits the points (radius {solution[4]:.3g} mm for an extent of "

@@ -12,13 +12,13 @@ import numpy as np
 
 from lsvision.ellipse.section import CylinderSection
 from lsvision.geometry import Cylinder, FloatArray, Pose, as_readonly_array, tangent_frame
+from lsvision.geometry.arrays import TINY
 
 Frame = Literal["base", "flange"]
 
 MIN_SIN_PHI = 1e-6
 """Smallest sin(phi) used as a divisor; near it the linear errors of the direction are replaced by
 those of the section's ``phi_std`` and ``theta_std``."""
-TINY_MM = 1e-300
 
 
 class SectionMount(Protocol):
@@ -205,7 +205,7 @@ def twin_jacobian(section: CylinderSection, sign: float) -> FloatArray:
     e_theta = sign * np.array([-math.sin(theta), math.cos(theta), 0.0])
     jacobian = np.zeros((7, 5))
     jacobian[0, 0] = jacobian[1, 1] = 1.0
-    jacobian[6, 3] = section.radius_std / max(math.sqrt(section.covariance[3, 3]), TINY_MM)
+    jacobian[6, 3] = section.radius_std / max(math.sqrt(section.covariance[3, 3]), TINY)
     jacobian[3:6] = np.outer(e_phi, by_phi) + np.outer(e_theta, by_theta)
     return jacobian
 

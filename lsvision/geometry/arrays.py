@@ -7,7 +7,9 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 Points = FloatArray
-"""(n, 2) or (n, 3) points, one a row. Units: mm."""
+"""(n, 2) or (n, 3) points, one per row. Units: mm."""
+TINY = 1e-300
+"""Smallest divisor, which prevents division by zero."""
 
 
 def as_readonly_array(

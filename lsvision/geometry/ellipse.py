@@ -6,10 +6,8 @@ from typing import Self
 
 import numpy as np
 
-from lsvision.geometry.arrays import FloatArray, Points
+from lsvision.geometry.arrays import TINY, FloatArray, Points
 
-TINY = 1e-300
-"""Smallest divisor."""
 MAX_FOOT_POINT_ITERATIONS = 30
 FOOT_POINT_TOLERANCE = 1e-5
 """Change of the eccentric anomaly (rad) at which the foot point iteration stops. Near the ellipse

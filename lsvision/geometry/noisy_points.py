@@ -13,11 +13,9 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.geometry.arrays import FloatArray, Points
+from lsvision.geometry.arrays import TINY, FloatArray, Points
 
 ComplexArray = npt.NDArray[np.complex128]
-TINY = 1e-300
-"""Smallest divisor."""
 FAN_EDGE_DIRECTION = cmath.rect(1.0, math.radians(60))
 """Direction to the sensor of the outermost ray of a usual sensor, 30 deg from +Y."""
 MIN_RANGE_ANISOTROPY = 0.25

@@ -236,6 +236,7 @@ def _mean_square_residual(fit: CylinderFit) -> float:
 
 
 def _initial_guesses(track: Track) -> list[Cylinder]:
+    """Return the cylinder through the centres, if they differ, and both twins of the best arc."""
     best = min(track, key=lambda observation: observation.twins_std)
     radius = float(np.median([observation.radius for observation in track]))
     centres = np.array([observation.centre for observation in track])

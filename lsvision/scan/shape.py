@@ -266,8 +266,9 @@ def _residuals(axis_points: _AxisFramePoints, parameters: FloatArray) -> FloatAr
     along_tangent = (from_axis * slope).sum(axis=0) ** 2 / (1 + (slope**2).sum(axis=0))
     distance = np.sqrt((from_axis**2).sum(axis=0) - along_tangent)
     psi = np.arctan2(from_axis[1], from_axis[0])
-    radius = parameters[4] + parameters[7] * t
-    radius += parameters[8] * np.cos(2 * psi) + parameters[9] * np.sin(2 * psi)
+    mean_radius, taper, o1, o2 = parameters[[4, 7, 8, 9]]
+    radius = mean_radius + taper * t
+    radius += o1 * np.cos(2 * psi) + o2 * np.sin(2 * psi)
     residuals: FloatArray = (distance - radius - axis_points.offsets) / axis_points.stds
     return residuals
 

@@ -153,7 +153,10 @@ def simulate_image(
 
 
 def _render_sheet(scene: Scene, rig: ImagingRig, sheet_sigma: float) -> tuple[FloatArray, Points]:
-    """Return the light in each pixel, at most 1, before blur, and the true line."""
+    """Return the light in each pixel before blur and the true line.
+
+    The light is the sheet's Gaussian profile times the cosine of incidence, thus at most 1.
+    """
     # Transposed, so that the samples of a column are consecutive.
     columns, rows = np.nonzero(_illuminated_pixels(scene, rig, sheet_sigma).T)
     offsets = (np.arange(SUB_ROWS) - (SUB_ROWS - 1) / 2) / SUB_ROWS
@@ -164,7 +167,7 @@ def _render_sheet(scene: Scene, rig: ImagingRig, sheet_sigma: float) -> tuple[Fl
     hit = np.isfinite(hits.distances)
     depth = np.where(hit, hits.distances, 0.0)
     points = rays.origins + depth[:, None] * rays.directions
-    heights = points[:, 2]
+    heights = points[:, 2]  # distance from the middle of the sheet, z = 0
     near = hit & (np.abs(heights) < SHEET_CUTOFF_SIGMAS * sheet_sigma)
     light = np.zeros(len(u))
     light[near] = _irradiance(scene, rig, points[near], hits.normals[near])

@@ -296,6 +296,7 @@ def lost_columns(columns: int, settings: SectionSettings, rng: np.random.Generat
 def draw_jumps(columns: int, settings: SectionSettings, rng: np.random.Generator) -> FloatArray:
     """Draw the displacement of each column by a jump; 0 for most. Units: mm."""
     pair_fraction = settings.jump_pair_share
+    # A fraction of the jumps displaces two columns; the total is `jump_fraction`.
     single = rng.random(columns) < settings.jump_fraction / (1 + pair_fraction)
     paired = rng.random(columns) < pair_fraction
     size = rng.uniform(*settings.jump_mm, columns) * rng.choice([-1.0, 1.0], columns)

@@ -230,11 +230,12 @@ class BentTube:
         if abs(distance) >= self.bend_radius:
             return None
         half_chord = math.sqrt(self.bend_radius**2 - distance**2)
-        radii = [distance * first + sign * half_chord * second for sign in (1.0, -1.0)]
+        # Relative to the centre of the circle.
+        intersections = [distance * first + sign * half_chord * second for sign in (1.0, -1.0)]
         sensor = base_from_section.translation - self.bend_centre
-        radius = min(radii, key=lambda vector: float(np.linalg.norm(vector - sensor)))
-        tangent = np.cross(self.bend_normal, radius)
-        return Cylinder(self.bend_centre + radius, tangent, self.radius)
+        nearest = min(intersections, key=lambda point: float(np.linalg.norm(point - sensor)))
+        tangent = np.cross(self.bend_normal, nearest)
+        return Cylinder(self.bend_centre + nearest, tangent, self.radius)
 
     def first_hits(self, rays: Rays) -> Hits:
         """Return where each ray first meets the tube, by sphere tracing.

@@ -49,7 +49,7 @@ def touching_centre(fixed: Ellipse, moved: Ellipse, direction: float) -> tuple[f
 
 
 def nested_centre(left: Ellipse, right: Ellipse, moved: Ellipse) -> tuple[float, float]:
-    """Return the centre at which an ellipse touches two others, on their side towards the sensor.
+    """Return the centre at which an ellipse touches two others, on the side of the sensor.
 
     Parameters
     ----------
