@@ -3,7 +3,7 @@
 The package imports none of the code that is tested with its data.
 """
 
-from lsvision.simulate.scene import CLUTTER, NOTHING, Scene, Solid
+from lsvision.simulate.scene import CLUTTER, NOTHING, Scene, SectionTruth, Solid, TubeTruth
 from lsvision.simulate.scene_kinds import (
     SCENE_KINDS,
     SCENE_SENSOR,
@@ -17,7 +17,6 @@ from lsvision.simulate.section import (
     simulate_section,
 )
 from lsvision.simulate.solids import BentTube, Prism, Rays, Tube
-from lsvision.simulate.truth import SectionTruth, TubeTruth
 
 __all__ = [
     "CLUTTER",

@@ -20,9 +20,8 @@ from lsvision.geometry import FloatArray, Points, Pose
 from lsvision.geometry.arrays import BoolArray
 from lsvision.profile import NoiseModel, PointNoise, Profile
 from lsvision.sensors.profile_sensor import LATERAL_FRACTION, ProfileSensor
-from lsvision.simulate.scene import NOTHING, Scene
+from lsvision.simulate.scene import NOTHING, Scene, SectionTruth, tube_truths
 from lsvision.simulate.solids import Hits, Rays
-from lsvision.simulate.truth import SectionTruth, tube_truths
 
 SAME_SURFACE_TOLERANCE = 1e-6
 """Relative distance by which a ray from the camera may end before the point and still reach it."""

@@ -16,10 +16,9 @@ import numpy as np
 
 from lsvision.geometry import Pose
 from lsvision.sensors.profile_sensor import ProfileSensor
-from lsvision.simulate.scene import Scene, TubeSolid
+from lsvision.simulate.scene import Scene, TubeSolid, TubeTruth
 from lsvision.simulate.section import SimulatedSection
 from lsvision.simulate.solids import BentTube, Tube
-from lsvision.simulate.truth import TubeTruth
 
 TRUTH_SCHEMA = "lsvision.simulated_section/1"
 """Name and version of the truth file of a section."""

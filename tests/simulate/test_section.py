@@ -10,7 +10,7 @@ from lsvision.geometry import Cylinder, Pose
 from lsvision.profile import PointNoise
 from lsvision.sensors.profile_sensor import ProfileSensor
 from lsvision.simulate import Prism, Scene, SectionSettings, Tube, simulate_scan, simulate_section
-from lsvision.simulate.truth import longest_run
+from lsvision.simulate.scene import longest_run
 
 MACHINE = 1e-9  # mm
 FIVE_SIGMA = 5.0  # a right simulator fails such a test once in a million seeds
