@@ -68,7 +68,7 @@ def test_an_empty_profile_is_a_profile(empty):
     ],
 )
 def test_what_is_no_profile_is_refused(points, got):
-    with pytest.raises(ValueError, match=rf"want points of shape \(n, 2\), got {got}"):
+    with pytest.raises(ValueError, match=rf"expected points of shape \(n, 2\), got {got}"):
         Profile(points)
 
 
@@ -106,7 +106,9 @@ def test_point_noise_belongs_to_its_points_only():
 
 
 def test_point_noise_is_two_by_two():
-    with pytest.raises(ValueError, match=r"want covariances of shape \(n, 2, 2\), got \(3, 2\)"):
+    with pytest.raises(
+        ValueError, match=r"expected covariances of shape \(n, 2, 2\), got \(3, 2\)"
+    ):
         PointNoise(np.zeros((3, 2)))
 
 

@@ -34,7 +34,7 @@ from lsvision.simulate.hand_eye import (
     sphere_profile,
 )
 from lsvision.simulate.imaging_rig import ImagingRig
-from lsvision.simulate.rays import Rays
+from lsvision.simulate.solids import Rays
 
 HERE = Path(__file__).parent
 SEED = 20

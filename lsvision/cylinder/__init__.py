@@ -1,1 +1,1 @@
-"""Cylinder through points of several sections, and its pose in the robot's frame."""
+"""Fit of a cylinder to points in space, and one section's cylinder in the robot's frame."""

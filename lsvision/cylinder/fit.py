@@ -1,7 +1,8 @@
-"""The maximum-likelihood cylinder of points in space: one cylinder from all sections at once.
+"""Maximum-likelihood fit of a cylinder to points in space, usually of several sections.
 
-One section leaves the axis with a twin and a wide error; points of two sections or more fix it.
-The residual is the distance from the surface over its standard deviation sqrt(n' Sigma n).
+The residual of a point is its distance from the surface divided by the standard deviation
+sqrt(n' Sigma n) of that distance. The points of one section fit two cylinders, the twins, with a
+large uncertainty; the points of two or more sections fit one.
 """
 
 from dataclasses import dataclass, replace
@@ -18,32 +19,35 @@ from lsvision.cylinder.problem import (
     distance_stds_and_biases,
     minimise,
     parameters_from_cylinder,
-    tangent_frame,
     weighted_problem,
 )
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import DegenerateGeometry, TooFewPoints
-from lsvision.geometry import Cylinder, FloatArray, Points, as_readonly_array
+from lsvision.geometry import Cylinder, FloatArray, Points, as_readonly_array, tangent_frame
+from lsvision.geometry.arrays import TINY, extent_of
+from lsvision.statistics.robust import MAD_TO_STD
 
 COPLANARITY_TOLERANCE = 1e-7
-"""Thickness of a set of points over its extent under which it lies in a plane or on a line."""
+"""Ratio of the thickness to the extent of points below which they lie in a plane or on a line."""
 SINGULARITY_TOLERANCE = 1e-14
-"""Smallest eigenvalue of the information, its diagonal scaled to 1, that still is one."""
+"""Smallest eigenvalue of a regular information matrix, after scaling its diagonal to 1."""
+MAX_TRUNCATION_ITERATIONS = 20
+"""Maximum number of fits with truncation; five are usual."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class CylinderFittingSettings:
-    """Joint fit of a cylinder.
+    """Settings of the cylinder fit.
 
     Parameters
     ----------
     reweightings : int
-        How often the weights 1 / (n' Sigma n) are renewed at the fitted cylinder.
+        Number of times the weights 1 / (n' Sigma n) are recomputed at the fitted cylinder.
     truncation : float, optional
-        Leave out points farther off than so many standard deviations, and fit again until
-        the set stays; for points of which less than half are clutter. None keeps all. The
-        deviation is the noise model's, or 1.4826 times the median of the residuals where
-        that is more or there is no model.
+        Exclude points farther from the surface than this many standard deviations, and repeat
+        the fit until the inliers no longer change; for points of which less than half are
+        outliers. None keeps all points. The standard deviation is that of the noise model, or
+        the robust one (MAD) of the residuals if it is larger or there is no noise model.
     """
 
     reweightings: int = 3
@@ -51,9 +55,9 @@ class CylinderFittingSettings:
 
     def __post_init__(self) -> None:
         if not self.reweightings >= 1:
-            raise ValueError(f"want one reweighting or more, got {self.reweightings}")
+            raise ValueError(f"expected at least one reweighting, got {self.reweightings}")
         if self.truncation is not None and not self.truncation > 1:
-            raise ValueError(f"want a truncation above 1 sigma, got {self.truncation}")
+            raise ValueError(f"expected a truncation above 1 sigma, got {self.truncation}")
 
 
 def fit_cylinder(
@@ -64,46 +68,46 @@ def fit_cylinder(
     known_radius: RadiusPrior | None = None,
     settings: CylinderFittingSettings = CylinderFittingSettings(),
 ) -> CylinderFit:
-    """Maximum-likelihood cylinder of points in space.
+    """Fit a cylinder to points in space by maximum likelihood.
 
     Parameters
     ----------
     points : (n, 3) array_like
-        In one frame, none lost; their order is used only to notice errors that neighbours
-        share. Units: mm.
+        Points in one frame, without lost ones; their order is used only to estimate the
+        correlation of neighbouring errors. Units: mm.
     covariances : (n, 3, 3) array_like, optional
-        Covariance of each point's error. None: plain least squares of the distances, the
-        noise estimated from the residuals. Units: mm^2.
+        Covariance of each point's error. None: least squares of the distances with equal
+        weights, and the noise estimated from the residuals. Units: mm^2.
     initial_guess : Cylinder, optional
-        Where to begin; without, the fit finds its own start. With a start the minimum nearest
-        to it is taken, also of one section's points, which have two (the twins).
+        Start of the iteration, which converges to the nearest minimum; the points of one section
+        have two (the twins). None: estimated from the points.
     known_radius : RadiusPrior, optional
-        A prior on the radius.
+        Prior on the radius.
     settings : CylinderFittingSettings
         Reweightings and truncation.
 
     Returns
     -------
     CylinderFit
-        The sign of its direction is that of the start; from a cold start its largest
-        component is positive.
+        Its direction has the sign of the initial guess, or without one a positive largest
+        component.
 
     Raises
     ------
     ValueError
-        If the shapes are others or a number is not finite.
+        If a shape is wrong or a number is not finite.
     TooFewPoints
-        Under 6 points.
+        If there are fewer than 6 points.
     DegenerateGeometry
-        If all points lie on a line; or, without a start, in a plane: one section has two
-        cylinders.
+        If all points lie on a line; or, without an initial guess, in a plane, where two
+        cylinders fit.
     FitFailed
-        If no cylinder fits: the points of a plane with noise.
+        If no cylinder fits, as for noisy points of a plane.
 
     Notes
     -----
-    Distances are corrected for the curvature over the length of a point's error, sigma^2 /
-    (2 r) and the like: nothing beside the error of one point, much beside that of 10 000.
+    The distances are corrected for the bias that noise causes on a curved surface, about
+    sigma^2 / (2 r): negligible for one point, significant in the mean of 10 000.
 
     Examples
     --------
@@ -113,93 +117,88 @@ def fit_cylinder(
     >>> f"radius {fit.radius:.6f} mm, axis {fit.direction.round(6) + 0.0}"
     'radius 19.000000 mm, axis [0. 0. 1.]'
     """
-    points, covariances = _checked(points, covariances)
-    origin, scale = points.mean(axis=0), float(np.ptp(points, axis=0).max())
-    _refuse_degenerate(points - origin, twins_are_settled=initial_guess is not None)
-    small = (points - origin) / scale
-    small_covariances = None if covariances is None else covariances / scale**2
-    known = known_radius and RadiusPrior(known_radius.radius / scale, known_radius.std / scale)
+    points, covariances = _validate(points, covariances)
+    origin, scale = points.mean(axis=0), extent_of(points)
+    _check_not_degenerate(points - origin, has_initial_guess=initial_guess is not None)
+    scaled = (points - origin) / scale
+    scaled_covariances = None if covariances is None else covariances / scale**2
+    prior = known_radius and RadiusPrior(known_radius.radius / scale, known_radius.std / scale)
     if initial_guess is None:
-        small_start = guess_cylinder(small, known)
+        scaled_guess = guess_cylinder(scaled, prior)
     else:
-        small_start = Cylinder(
+        scaled_guess = Cylinder(
             (initial_guess.point - origin) / scale,
             initial_guess.direction,
             initial_guess.radius / scale,
         )
-    fit = _fit_truncated(small, small_covariances, small_start, known, settings)
-    return _orient_like_initial_guess(_scaled_back(fit, origin, scale), initial_guess)
+    fit = _fit_truncated(scaled, scaled_covariances, scaled_guess, prior, settings)
+    return _orient_like_initial_guess(_rescale(fit, origin, scale), initial_guess)
 
 
-def _checked(
+def _validate(
     points: npt.ArrayLike, covariances: npt.ArrayLike | None
 ) -> tuple[Points, FloatArray | None]:
     points = as_readonly_array(points, ("n", 3), "points")
     if len(points) <= PARAMETERS:
-        raise TooFewPoints("a cylinder", len(points), PARAMETERS + 1, "see more of it")
+        raise TooFewPoints("a cylinder", len(points), PARAMETERS + 1, "measure more of it")
     if not np.isfinite(points).all():
-        raise ValueError("want finite points, got NaN or infinity: leave lost points out")
+        raise ValueError("expected finite points, got NaN or infinity: leave lost points out")
     if covariances is None:
         return points, None
     return points, as_readonly_array(covariances, (len(points), 3, 3), "covariances")
 
 
-def _refuse_degenerate(centred: Points, *, twins_are_settled: bool) -> None:
-    thickness = np.linalg.svd(centred, compute_uv=False)
-    if not thickness[1] > COPLANARITY_TOLERANCE * thickness[0]:
+def _check_not_degenerate(centred: Points, *, has_initial_guess: bool) -> None:
+    extents = np.linalg.svd(centred, compute_uv=False)
+    if not extents[1] > COPLANARITY_TOLERANCE * extents[0]:
         raise DegenerateGeometry(
             f"all {len(centred)} points lie on one straight line, which any cylinder along it "
-            "fits: see an arc of it"
+            "fits: measure an arc of it"
         )
-    if not twins_are_settled and not thickness[2] > COPLANARITY_TOLERANCE * thickness[0]:
+    if not has_initial_guess and not extents[2] > COPLANARITY_TOLERANCE * extents[0]:
         raise DegenerateGeometry(
             f"all {len(centred)} points lie in one plane: one section has two cylinders, the "
-            "twins: add a second section, or give a start near the one you mean"
+            "twins: add a second section, or give an initial guess near the right one"
         )
 
 
 def _fit_truncated(
     points: Points,
     covariances: FloatArray | None,
-    start: Cylinder,
+    initial_guess: Cylinder,
     known_radius: RadiusPrior | None,
     settings: CylinderFittingSettings,
 ) -> CylinderFit:
-    kept = np.ones(len(points), dtype=bool)
+    cylinder, inliers = initial_guess, np.ones(len(points), dtype=bool)
     for _ in range(MAX_TRUNCATION_ITERATIONS):
-        mine = None if covariances is None else covariances[kept]
-        fit = _fit(points[kept], mine, start, known_radius, settings.reweightings)
+        selected = None if covariances is None else covariances[inliers]
+        fit = _fit(points[inliers], selected, cylinder, known_radius, settings.reweightings)
         if settings.truncation is None:
             return fit
-        start = fit.cylinder
-        distances, stds, z = _compare_all(points, covariances, start)
-        # Clutter spoils the first rounds; the limit closes in as the fit comes free of it.
-        spread = max(1.0, 1.4826 * float(np.median(np.abs(z))))
-        near = np.abs(z) <= settings.truncation * spread
-        if near.sum() <= PARAMETERS or (near == kept).all():
+        cylinder = fit.cylinder
+        residuals, stds, normalised = _residuals(points, covariances, cylinder)
+        # Outliers bias the first fits: the limit decreases as they are excluded.
+        noise_factor = max(1.0, MAD_TO_STD * float(np.median(np.abs(normalised))))
+        new_inliers = np.abs(normalised) <= settings.truncation * noise_factor
+        if new_inliers.sum() <= PARAMETERS or (new_inliers == inliers).all():
             break
-        kept = near
-    return replace(fit, residuals=distances, normalised=z, stds=stds, inliers=kept)
+        inliers = new_inliers
+    return replace(fit, residuals=residuals, normalised=normalised, stds=stds, inliers=inliers)
 
 
-MAX_TRUNCATION_ITERATIONS = 20
-"""Rounds of truncation; five are usual."""
-
-
-def _compare_all(
+def _residuals(
     points: Points, covariances: FloatArray | None, cylinder: Cylinder
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Distances of all points, their standard deviations, and one over the other."""
+    """Return residuals, their standard deviations and the normalised residuals."""
     frame = tangent_frame(cylinder.direction)
-    distances = cylinder.signed_distances(points)
+    residuals = cylinder.signed_distances(points)
     if covariances is None:
-        spread = max(1.4826 * float(np.median(np.abs(distances))), 1e-300)
-        return distances, np.full(len(points), spread), distances / spread
-    turned = frame @ covariances @ frame.T
+        std = max(MAD_TO_STD * float(np.median(np.abs(residuals))), TINY)
+        return residuals, np.full(len(points), std), residuals / std
     stds, offsets, _ = distance_stds_and_biases(
-        points @ frame.T, turned, parameters_from_cylinder(frame, cylinder)
+        points @ frame.T, frame @ covariances @ frame.T, parameters_from_cylinder(frame, cylinder)
     )
-    return distances, stds, (distances - offsets) / stds
+    return residuals, stds, (residuals - offsets) / stds
 
 
 def _fit(
@@ -211,9 +210,9 @@ def _fit(
 ) -> CylinderFit:
     for _ in range(reweightings + 1):
         frame = tangent_frame(cylinder.direction)
-        turned = None if covariances is None else frame @ covariances @ frame.T
+        in_frame = None if covariances is None else frame @ covariances @ frame.T
         parameters = parameters_from_cylinder(frame, cylinder)
-        problem = weighted_problem(points @ frame.T, turned, parameters, known_radius)
+        problem = weighted_problem(points @ frame.T, in_frame, parameters, known_radius)
         cylinder = cylinder_from_parameters(frame, minimise(problem, parameters))
     feet = problem.points @ frame
     return _build_fit(points, feet, cylinder, problem, known_noise=covariances is not None)
@@ -228,58 +227,59 @@ def _build_fit(
     known_noise: bool,
 ) -> CylinderFit:
     frame = tangent_frame(cylinder.direction)
-    here = replace(problem, points=feet @ frame.T)
-    evaluated, weighted = here.evaluate(parameters_from_cylinder(frame, cylinder))
-    normalised = evaluated[: len(points)]
-    factor, freedom, spread = variance_factor(
-        normalised, len(evaluated) - PARAMETERS, known_noise=known_noise
+    problem = replace(problem, points=feet @ frame.T)
+    residuals, jacobian = problem.evaluate(parameters_from_cylinder(frame, cylinder))
+    normalised = residuals[: len(points)]
+    factor, dof, std_scale = variance_factor(
+        normalised, len(residuals) - PARAMETERS, known_noise=known_noise
     )
     return CylinderFit(
         cylinder=cylinder,
-        covariance=factor * spread**2 * _inverse(weighted.T @ weighted),
+        covariance=factor * std_scale**2 * _invert_information(jacobian.T @ jacobian),
         residuals=cylinder.signed_distances(points),
-        normalised=normalised / spread,
-        stds=problem.stds * spread,
+        normalised=normalised / std_scale,
+        stds=problem.stds * std_scale,
         inliers=np.ones(len(points), dtype=bool),
         variance_factor=factor,
-        degrees_of_freedom=freedom,
+        degrees_of_freedom=dof,
     )
 
 
-def _inverse(information: FloatArray) -> FloatArray:
-    """Inverse of the information after scaling.
+def _invert_information(information: FloatArray) -> FloatArray:
+    """Return the inverse of the information matrix, computed with its diagonal scaled to 1.
 
     Raises
     ------
     DegenerateGeometry
-        If a combination of the unknowns is free.
+        If the points do not determine all five parameters.
     """
-    scale = 1 / np.sqrt(np.maximum(np.diag(information), 1e-300))
+    scale = 1 / np.sqrt(np.maximum(np.diag(information), TINY))
     values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
     if not values[0] > SINGULARITY_TOLERANCE:
         raise DegenerateGeometry(
-            "the points leave the cylinder free (too short an arc, or a section square to the "
-            "axis): see more of it, or add a section"
+            "the points do not determine the cylinder (too short an arc, or a section "
+            "perpendicular to the axis): measure more of it, or add a section"
         )
     inverse: FloatArray = (vectors / values) @ vectors.T
     return inverse * np.outer(scale, scale)
 
 
-def _scaled_back(fit: CylinderFit, origin: FloatArray, scale: float) -> CylinderFit:
-    small = fit.cylinder
+def _rescale(fit: CylinderFit, origin: FloatArray, scale: float) -> CylinderFit:
+    """Transform a fit to scaled and centred points back to mm."""
+    scaled = fit.cylinder
     units = np.array([scale, scale, 1.0, 1.0, scale])
     return replace(
         fit,
-        cylinder=Cylinder(small.point * scale + origin, small.direction, small.radius * scale),
+        cylinder=Cylinder(scaled.point * scale + origin, scaled.direction, scaled.radius * scale),
         covariance=fit.covariance * np.outer(units, units),
         residuals=fit.residuals * scale,
         stds=fit.stds * scale,
     )
 
 
-def _orient_like_initial_guess(fit: CylinderFit, start: Cylinder | None) -> CylinderFit:
-    if start is None:
-        backwards = fit.direction[np.argmax(np.abs(fit.direction))] < 0
+def _orient_like_initial_guess(fit: CylinderFit, initial_guess: Cylinder | None) -> CylinderFit:
+    if initial_guess is None:
+        reverse = fit.direction[np.argmax(np.abs(fit.direction))] < 0
     else:
-        backwards = fit.direction @ start.direction < 0
-    return fit.with_reversed_direction() if backwards else fit
+        reverse = fit.direction @ initial_guess.direction < 0
+    return fit.with_reversed_direction() if reverse else fit

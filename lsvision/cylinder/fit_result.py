@@ -1,4 +1,4 @@
-"""A fitted cylinder with the evidence it rests on, and how far that evidence is to be trusted."""
+"""Result of a cylinder fit: covariance, residuals, and the variance factor of the residuals."""
 
 import math
 from dataclasses import dataclass, replace
@@ -6,39 +6,39 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.cylinder.problem import PARAMETERS, tangent_frame
+from lsvision.cylinder.problem import PARAMETERS
 from lsvision.ellipse.fit import CHI2_TEST_SIGMAS
-from lsvision.geometry import BoolArray, Cylinder, FloatArray
+from lsvision.geometry import BoolArray, Cylinder, FloatArray, tangent_frame
 from lsvision.statistics.correlation import autocorrelation_time
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CylinderFit:
-    """A cylinder with the evidence it rests on.
+    """Cylinder fitted to points, with covariance and residuals.
 
     Parameters
     ----------
     cylinder : Cylinder
-        The estimate; its point is the axis point nearest to the points' centroid (see
+        The estimate; its point is the axis point nearest to the centroid of the points (see
         `with_reference_point`).
     covariance : (5, 5) ndarray
         Order: point along e_phi, point along e_theta (mm), direction along e_phi, direction
-        along e_theta (rad), radius (mm); with `tangent_basis` = (e_phi, e_theta). That of
-        ``ScanPrediction.covariance``.
+        along e_theta (rad), radius (mm); with `tangent_basis` = (e_phi, e_theta). The same order
+        as ``ScanPrediction.covariance``.
     residuals : (n,) ndarray
         Signed distance of every point from the surface, positive outside. Units: mm.
     normalised : (n,) ndarray
-        What the fit makes least: residuals over their predicted standard deviation (over
-        their rms where no noise model is given).
+        Residuals divided by `stds`, less their bias; the fit minimises their sum of squares.
     stds : (n,) ndarray
-        That deviation. Units: mm.
+        Predicted standard deviation of the residuals; without a noise model their rms.
+        Units: mm.
     inliers : (n,) ndarray of bool
         The points used.
     variance_factor : float
-        By which the covariance that follows from `stds` is multiplied: 1 where they explain
-        the residuals; more where those are larger, or correlated along the line.
+        Factor on the covariance that follows from `stds`: 1 if they explain the residuals, more
+        if the residuals are larger or correlated along the line.
     degrees_of_freedom : float
-        Of `variance_factor`; infinite where it comes from the noise model alone.
+        Degrees of freedom of the noise estimate; infinite with a noise model.
     """
 
     cylinder: Cylinder
@@ -52,7 +52,7 @@ class CylinderFit:
 
     @property
     def point(self) -> FloatArray:
-        """(3,) point of the axis where `covariance` holds. Units: mm."""
+        """(3,) axis point to which `covariance` refers. Units: mm."""
         return self.cylinder.point
 
     @property
@@ -62,17 +62,17 @@ class CylinderFit:
 
     @property
     def radius(self) -> float:
-        """Units: mm."""
+        """Radius. Units: mm."""
         return self.cylinder.radius
 
     @property
     def radius_std(self) -> float:
-        """One sigma of the radius. Units: mm."""
+        """Standard uncertainty of the radius. Units: mm."""
         return math.sqrt(self.covariance[4, 4])
 
     @property
     def direction_std(self) -> float:
-        """Root mean square angle to the true direction, both ways together. Units: rad."""
+        """Root mean square angle to the true direction. Units: rad."""
         return math.sqrt(self.covariance[2, 2] + self.covariance[3, 3])
 
     @property
@@ -82,64 +82,69 @@ class CylinderFit:
 
     @property
     def tangent_basis(self) -> FloatArray:
-        """(2, 3) e_phi and e_theta: the way the angle from Z grows, and Z x direction."""
+        """(2, 3) unit vectors e_phi and e_theta across the axis, see `tangent_frame`."""
         return tangent_frame(self.direction)[:2]
 
     @property
     def rms(self) -> float:
-        """Root mean square residual of the points used. Units: mm."""
+        """Root mean square residual of the inliers. Units: mm."""
         return float(np.sqrt(np.mean(self.residuals[self.inliers] ** 2)))
 
-    def with_reference_point(self, place: npt.ArrayLike) -> "CylinderFit":
-        """The same fit with its point, and the covariance, at the axis point nearest to `place`.
+    def with_reference_point(self, near: npt.ArrayLike) -> "CylinderFit":
+        """Return the fit with point and covariance at the axis point nearest to `near`.
 
         Parameters
         ----------
-        place : (3,) array_like
+        near : (3,) array_like
             Frame of the points. Units: mm.
         """
-        shift = float((np.asarray(place, dtype=np.float64) - self.point) @ self.direction)
+        shift = float((np.asarray(near, dtype=np.float64) - self.point) @ self.direction)
         cylinder = Cylinder(self.point + shift * self.direction, self.direction, self.radius)
-        carry = np.eye(PARAMETERS)
-        carry[0, 2] = carry[1, 3] = shift
-        return replace(self, cylinder=cylinder, covariance=carry @ self.covariance @ carry.T)
+        jacobian = np.eye(PARAMETERS)
+        jacobian[0, 2] = jacobian[1, 3] = shift
+        return replace(self, cylinder=cylinder, covariance=jacobian @ self.covariance @ jacobian.T)
 
     def with_reversed_direction(self) -> "CylinderFit":
-        """The same fit with its direction the other way round."""
+        """Return the fit with the opposite direction."""
         cylinder = Cylinder(self.point, -self.direction, self.radius)
-        # e_phi stays and e_theta changes sign with the direction: (I - 2 e e') carries both.
-        carry = tangent_frame(-self.direction)[:2] @ self.tangent_basis.T
-        both = np.eye(PARAMETERS)
-        both[:2, :2], both[2:4, 2:4] = carry, -carry
-        return replace(self, cylinder=cylinder, covariance=both @ self.covariance @ both.T)
+        # The point is expressed in the basis of the new direction; the change of the direction
+        # has the opposite sign as well.
+        change_of_basis = tangent_frame(-self.direction)[:2] @ self.tangent_basis.T
+        jacobian = np.eye(PARAMETERS)
+        jacobian[:2, :2], jacobian[2:4, 2:4] = change_of_basis, -change_of_basis
+        return replace(self, cylinder=cylinder, covariance=jacobian @ self.covariance @ jacobian.T)
 
 
 def variance_factor(
     normalised: FloatArray, degrees_of_freedom: int, *, known_noise: bool
 ) -> tuple[float, float, float]:
-    """By how much residuals say that a covariance must be stretched.
+    """Return the factors by which the residuals require standard deviations and covariance to grow.
 
     Parameters
     ----------
     normalised : (n,) ndarray
-        Residuals over their predicted standard deviation, in their order along the line.
+        Residuals divided by their predicted standard deviations, in order along the line.
     degrees_of_freedom : int
-        Residuals less unknowns.
+        Number of residuals minus number of parameters.
     known_noise : bool
-        Whether the deviations are a noise model's; else only their ratios count.
+        Whether the standard deviations come from a noise model; otherwise only their ratios
+        are used.
 
     Returns
     -------
-    factor, freedom : float
-        And how well it is known.
-    spread : float
-        By which to multiply the deviations first; 1 with known noise.
+    factor : float
+        Factor on the covariance: the autocorrelation time of the residuals, with known noise
+        times their reduced chi^2 if a chi^2 test finds that significantly above 1.
+    dof : float
+        Degrees of freedom of the noise estimate; infinite with known noise.
+    std_scale : float
+        Factor on the standard deviations, to be applied first; 1 with known noise.
     """
     degrees_of_freedom = max(degrees_of_freedom, 1)
-    excess = float(normalised @ normalised) / degrees_of_freedom
-    correlation = autocorrelation_time(normalised)
+    reduced_chi2 = float(normalised @ normalised) / degrees_of_freedom
+    time = autocorrelation_time(normalised)
     if known_noise:
-        surprising = excess > 1 + CHI2_TEST_SIGMAS * math.sqrt(2 / degrees_of_freedom)
-        return (excess if surprising else 1.0) * correlation, math.inf, 1.0
-    excess = max(excess, float(np.finfo(float).tiny))
-    return correlation, max(degrees_of_freedom / correlation, 1.0), math.sqrt(excess)
+        significant = reduced_chi2 > 1 + CHI2_TEST_SIGMAS * math.sqrt(2 / degrees_of_freedom)
+        return (reduced_chi2 if significant else 1.0) * time, math.inf, 1.0
+    reduced_chi2 = max(reduced_chi2, float(np.finfo(float).tiny))
+    return time, max(degrees_of_freedom / time, 1.0), math.sqrt(reduced_chi2)

@@ -1,7 +1,7 @@
-"""One measured section in the frame of the robot, the errors of fit and calibration carried along.
+"""Transform the cylinder of one section to the robot's frame, with its covariance.
 
-All to first order: Jacobian times covariance times its transpose, for the five numbers of the
-section and the six of the calibration, which know nothing of each other.
+The covariances are propagated to first order, J Sigma J', for the five parameters of the section
+and the six of the calibration, which are independent.
 """
 
 import math
@@ -10,55 +10,55 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from lsvision.cylinder.problem import tangent_frame
 from lsvision.ellipse.section import CylinderSection
-from lsvision.geometry import Cylinder, FloatArray, Pose, as_readonly_array
+from lsvision.geometry import Cylinder, FloatArray, Pose, as_readonly_array, tangent_frame
+from lsvision.geometry.arrays import TINY
 
 Frame = Literal["base", "flange"]
 
 MIN_SIN_PHI = 1e-6
-"""Of phi: below, the direction's errors are limited by those that the section states."""
-TINY_MM = 1e-300
+"""Smallest sin(phi) used as a divisor; near it the linear errors of the direction are replaced by
+those of the section's ``phi_std`` and ``theta_std``."""
 
 
 class SectionMount(Protocol):
-    """Where a section frame sits on a robot's flange, and all errors of that: a `HandEye`."""
+    """Pose of a section frame on a robot's flange with its uncertainty, such as a `HandEye`."""
 
     @property
     def flange_from_section(self) -> Pose:
-        """The section frame on the flange. Units: mm."""
+        """Pose of the section frame in the flange frame. Units: mm."""
         ...
 
     @property
     def covariance(self) -> FloatArray:
-        """(6, 6) of translation (mm) and rotation (rad), both along the flange's axes.
+        """(6, 6) covariance of translation (mm) and rotation (rad), along the flange's axes.
 
-        The rotation is a small turn from the left, R -> exp([w]x) R, about the section's origin.
+        A rotation vector w acts from the left, R -> exp([w]x) R, about the section's origin.
         """
         ...
 
     @property
     def robot_std(self) -> tuple[float, float]:
-        """One sigma of the flange's pose in each axis of position (mm) and orientation (rad)."""
+        """Standard uncertainty of the flange pose, per axis of position (mm) and rotation (rad)."""
         ...
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PlacedCylinder:
-    """One of the two cylinders that a section allows, in the frame of the robot.
+    """One of the two cylinders that fit a section, in the frame of the robot.
 
     Parameters
     ----------
     cylinder : Cylinder
-        Its point is where the axis meets the laser plane.
+        Its point is the intersection of the axis with the laser plane.
     covariance : (6, 6) array_like
-        Order: point x, y, z (mm), direction along ``across[0]`` and ``across[1]`` (rad), radius
-        (mm). Linear approximation, the direction's errors limited where phi is near 0.
+        Order: point x, y, z (mm), direction along the two rows of `tangent_basis` (rad), radius
+        (mm). Linear approximation; the errors of the direction are limited where phi is near 0.
     frame : {"base", "flange"}
-        Of all its coordinates.
+        Frame of all coordinates.
     includes_calibration : bool
-        Whether the covariance holds the errors of the calibration and, in the base frame, of the
-        robot; else they are taken for nothing.
+        Whether the covariance includes the errors of the calibration and, in the base frame, of
+        the robot; otherwise both are taken as exact.
     """
 
     cylinder: Cylinder
@@ -73,38 +73,38 @@ class PlacedCylinder:
 
     @property
     def point(self) -> FloatArray:
-        """(3,) where the axis meets the laser plane. Units: mm."""
+        """(3,) intersection of the axis with the laser plane. Units: mm."""
         return self.cylinder.point
 
     @property
     def direction(self) -> FloatArray:
-        """(3,) unit vector along the axis, to the side of the laser plane's normal."""
+        """(3,) unit vector along the axis, on the side of the laser plane's normal."""
         return self.cylinder.direction
 
     @property
     def radius(self) -> float:
-        """Units: mm."""
+        """Radius. Units: mm."""
         return self.cylinder.radius
 
     @property
     def tangent_basis(self) -> FloatArray:
-        """(2, 3) e_phi and e_theta: the way the angle from Z grows, and Z x direction."""
+        """(2, 3) unit vectors e_phi and e_theta across the axis, see `tangent_frame`."""
         return tangent_frame(self.direction)[:2]
 
     @property
     def point_std(self) -> FloatArray:
-        """(3,) one sigma of `point`, per axis of the frame. Units: mm."""
+        """(3,) standard uncertainty of `point`, per axis of the frame. Units: mm."""
         std: FloatArray = np.sqrt(np.diag(self.covariance)[:3])
         return std
 
     @property
     def direction_std(self) -> float:
-        """Root mean square angle to the true direction, both ways together. Units: rad."""
+        """Root mean square angle to the true direction. Units: rad."""
         return math.sqrt(self.covariance[3, 3] + self.covariance[4, 4])
 
     @property
     def radius_std(self) -> float:
-        """One sigma of the radius. Units: mm."""
+        """Standard uncertainty of the radius. Units: mm."""
         return math.sqrt(self.covariance[5, 5])
 
 
@@ -113,29 +113,29 @@ def place_section(
     calibration: SectionMount | Pose,
     base_from_flange: Pose | None = None,
 ) -> tuple[PlacedCylinder, PlacedCylinder]:
-    """Both cylinders of a section in the robot's base frame, with the calibration's errors.
+    """Return both cylinders of a section in the robot's base frame, with their covariances.
 
     Parameters
     ----------
     section : CylinderSection
         One of ``measure_cylinders(...).cylinders``.
     calibration : HandEye or Pose
-        ``flange_from_section`` with its covariance, and the robot's own error; a mere Pose is
-        taken as exact, and the result says so (`PlacedCylinder.includes_calibration`).
+        ``flange_from_section`` with its covariance, and the errors of the robot; a Pose is taken
+        as exact (`PlacedCylinder.includes_calibration` is False then).
     base_from_flange : Pose, optional
-        Where the robot stood. Without, the result is in the flange frame, and the robot's own
-        error is not in it. Units: mm.
+        Pose of the robot. None: the result is in the flange frame and does not include the
+        errors of the robot. Units: mm.
 
     Returns
     -------
     tuple of PlacedCylinder
-        In the order of ``section.axis_twins``: cos(phi) n + sin(phi) m, and the one with minus.
-        One of them is the cylinder; a second section, or what you know of the scene, tells.
+        In the order of ``section.axis_twins``: cos(phi) n +/- sin(phi) m. One of them is the
+        cylinder; a second section, or knowledge of the scene, determines which.
 
     Raises
     ------
     ValueError
-        If the calibration is of a camera or of a sensor that stands still.
+        If the calibration is that of a camera, or of a sensor that is not on the robot.
 
     Examples
     --------
@@ -157,91 +157,91 @@ def place_section(
         if base_from_flange is not None:
             motions.append((flange.translation, np.eye(3), robot_covariance(calibration)))
 
-    def placed(twin: Cylinder, sign: float) -> PlacedCylinder:
+    def place(twin: Cylinder, sign: float) -> PlacedCylinder:
         cylinder = twin.transformed(pose)
-        by_fit = twin_jacobian(section, sign)
-        by_fit[:6] = np.kron(np.eye(2), pose.rotation) @ by_fit[:6]
-        full = by_fit @ section.covariance @ by_fit.T
-        for pivot, axes, covariance in motions:
+        by_section = twin_jacobian(section, sign)
+        by_section[:6] = np.kron(np.eye(2), pose.rotation) @ by_section[:6]
+        covariance = by_section @ section.covariance @ by_section.T
+        for pivot, axes, motion_covariance in motions:
             by_motion = rigid_motion_jacobian(cylinder, pivot, axes)
-            full += by_motion @ covariance @ by_motion.T
-        rows = np.zeros((6, 7))
-        rows[:3, :3], rows[5, 6] = np.eye(3), 1.0
-        rows[3:5, 3:6] = tangent_frame(cylinder.direction)[:2]
-        return PlacedCylinder(cylinder, rows @ full @ rows.T, frame, bool(motions))
+            covariance += by_motion @ motion_covariance @ by_motion.T
+        projection = np.zeros((6, 7))
+        projection[:3, :3], projection[5, 6] = np.eye(3), 1.0
+        projection[3:5, 3:6] = tangent_frame(cylinder.direction)[:2]
+        covariance = projection @ covariance @ projection.T
+        return PlacedCylinder(cylinder, covariance, frame, bool(motions))
 
     first, second = Cylinder.twins(section.ellipse)
-    return placed(first, 1.0), placed(second, -1.0)
+    return place(first, 1.0), place(second, -1.0)
 
 
 def twin_jacobian(section: CylinderSection, sign: float) -> FloatArray:
-    """Change of a twin by centre_x, centre_y, semi_major, semi_minor and theta, section frame.
+    """Return the Jacobian of a twin by the section's ellipse parameters, section frame.
 
     Parameters
     ----------
     section : CylinderSection
-        The section.
+        The measured section.
     sign : {1.0, -1.0}
-        Of the twin cos(phi) n + sign sin(phi) m.
+        Sign of the twin cos(phi) n + sign sin(phi) m.
 
     Returns
     -------
     (7, 5) ndarray
-        Rows: point (3), direction (3), radius. Near phi = 0, where the linear errors are wrong,
-        the direction's are those of ``phi_std`` and ``theta_std``, the radius' is ``radius_std``.
+        Rows: point (3), direction (3), radius; columns: centre_x, centre_y, semi_major,
+        semi_minor, theta. Rows are scaled so that the propagated errors do not exceed the
+        section's ``phi_std`` and ``theta_std`` near phi = 0, where linear propagation is
+        invalid, and so that the radius has ``radius_std``.
     """
     a, b = section.ellipse.semi_major, section.ellipse.semi_minor
     phi, theta = section.phi, section.theta
-    # cos(phi) = b / a, section 2.2.3; theta turns the direction by sin(phi).
-    phi_by = np.array([0.0, 0.0, b / a**2, -1 / a, 0.0]) / max(math.sin(phi), MIN_SIN_PHI)
-    theta_by = np.array([0.0, 0.0, 0.0, 0.0, math.sin(phi)])
-    phi_by *= _clamp_direction_covariance(section.phi_std, phi_by, section.covariance)
-    theta_by *= _clamp_direction_covariance(
-        math.sin(phi) * section.theta_std, theta_by, section.covariance
-    )
+    # cos(phi) = b / a (paper section 2.2.3); d theta rotates the direction by sin(phi) d theta.
+    by_phi = np.array([0.0, 0.0, b / a**2, -1 / a, 0.0]) / max(math.sin(phi), MIN_SIN_PHI)
+    by_theta = np.array([0.0, 0.0, 0.0, 0.0, math.sin(phi)])
+    by_phi *= _scale_to_limit(section.phi_std, by_phi, section.covariance)
+    by_theta *= _scale_to_limit(math.sin(phi) * section.theta_std, by_theta, section.covariance)
     major = np.array([math.cos(theta), math.sin(theta), 0.0])
-    phi_way = sign * math.cos(phi) * major - math.sin(phi) * np.array([0.0, 0.0, 1.0])
-    theta_way = sign * np.array([-math.sin(theta), math.cos(theta), 0.0])
-    gradients = np.zeros((7, 5))
-    gradients[0, 0] = gradients[1, 1] = 1.0
-    gradients[6, 3] = section.radius_std / max(math.sqrt(section.covariance[3, 3]), TINY_MM)
-    gradients[3:6] = np.outer(phi_way, phi_by) + np.outer(theta_way, theta_by)
-    return gradients
+    e_phi = sign * math.cos(phi) * major - math.sin(phi) * np.array([0.0, 0.0, 1.0])
+    e_theta = sign * np.array([-math.sin(theta), math.cos(theta), 0.0])
+    jacobian = np.zeros((7, 5))
+    jacobian[0, 0] = jacobian[1, 1] = 1.0
+    jacobian[6, 3] = section.radius_std / max(math.sqrt(section.covariance[3, 3]), TINY)
+    jacobian[3:6] = np.outer(e_phi, by_phi) + np.outer(e_theta, by_theta)
+    return jacobian
 
 
 def rigid_motion_jacobian(cylinder: Cylinder, pivot: FloatArray, axes: FloatArray) -> FloatArray:
-    """Change of a cylinder by small motions: three shifts, and three turns about a pivot.
+    """Return the Jacobian of a cylinder by a small rigid motion.
 
     Parameters
     ----------
     cylinder : Cylinder
         Any frame.
     pivot : (3,) ndarray
-        The same frame. Units: mm.
+        Centre of the rotations, in the same frame. Units: mm.
     axes : (3, 3) ndarray
-        Columns are the axes along and about which it moves.
+        Columns are the axes of the three translations and of the three rotations.
 
     Returns
     -------
     (7, 6) ndarray
-        Rows: point (3), direction (3), radius.
+        Rows: point (3), direction (3), radius; columns: translations (mm), rotations (rad).
     """
-    gradients = np.zeros((7, 6))
-    gradients[:3, :3] = axes
-    # Columns e x arm: a small turn about e moves the end of the arm by that.
-    gradients[:3, 3:] = np.cross(axes.T, cylinder.point - pivot).T
-    gradients[3:6, 3:] = np.cross(axes.T, cylinder.direction).T
-    return gradients
+    jacobian = np.zeros((7, 6))
+    jacobian[:3, :3] = axes
+    # A small rotation w about an axis displaces a point at `arm` from the pivot by w x arm.
+    jacobian[:3, 3:] = np.cross(axes.T, cylinder.point - pivot).T
+    jacobian[3:6, 3:] = np.cross(axes.T, cylinder.direction).T
+    return jacobian
 
 
 def robot_covariance(calibration: SectionMount) -> FloatArray:
-    """(6, 6) of the flange's pose: three shifts, three turns about its origin, any axes."""
-    position, rotation = calibration.robot_std
-    return np.diag([position**2] * 3 + [rotation**2] * 3)
+    """Return the (6, 6) covariance of the flange pose: translation (mm), then rotation (rad)."""
+    position_std, rotation_std = calibration.robot_std
+    return np.diag([position_std**2] * 3 + [rotation_std**2] * 3)
 
 
-def _clamp_direction_covariance(
-    limit: float, gradient: FloatArray, covariance: FloatArray
-) -> float:
+def _scale_to_limit(limit: float, gradient: FloatArray, covariance: FloatArray) -> float:
+    """Return the factor, at most 1, on a gradient that limits the propagated std."""
     linear = math.sqrt(float(gradient @ covariance @ gradient))
     return min(1.0, limit / linear) if linear > 0 else 1.0

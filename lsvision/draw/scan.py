@@ -11,7 +11,7 @@ from lsvision.draw.space import fit_into, scale_axes
 from lsvision.draw.titles import label_once, summary_title
 from lsvision.geometry import FloatArray, Points
 from lsvision.scan import ScanMeasurement, ScannedCylinder
-from lsvision.scan.surface import tube_surface
+from lsvision.scan.shape import tube_surface
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

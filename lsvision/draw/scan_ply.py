@@ -5,7 +5,7 @@ import numpy as np
 from lsvision.draw.palette import cylinder_colour
 from lsvision.geometry import FloatArray, IntArray, Points
 from lsvision.scan import ScanMeasurement
-from lsvision.scan.surface import tube_surface
+from lsvision.scan.shape import tube_surface
 
 GREY = (0.6, 0.6, 0.6)
 

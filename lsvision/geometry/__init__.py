@@ -1,7 +1,8 @@
-"""Frozen geometric values: pose, plane, ellipse, cylinder. numpy only."""
+"""Immutable geometric objects: pose, plane, ellipse, cylinder. Depends on numpy only."""
 
 from lsvision.geometry.arrays import BoolArray, FloatArray, IntArray, Points, as_readonly_array
 from lsvision.geometry.cylinder import Cylinder
+from lsvision.geometry.directions import hemisphere_directions, tangent_frame
 from lsvision.geometry.ellipse import Ellipse, orthogonal_residuals, radial_residuals
 from lsvision.geometry.plane import Plane
 from lsvision.geometry.pose import Pose
@@ -16,6 +17,8 @@ __all__ = [
     "Points",
     "Pose",
     "as_readonly_array",
+    "hemisphere_directions",
     "orthogonal_residuals",
     "radial_residuals",
+    "tangent_frame",
 ]

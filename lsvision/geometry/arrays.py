@@ -1,4 +1,4 @@
-"""Array types, and the one way a frozen value takes an array into its keeping."""
+"""Array types, and validated read-only copies of arrays."""
 
 import numpy as np
 import numpy.typing as npt
@@ -7,32 +7,34 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 Points = FloatArray
-"""(n, 2) or (n, 3) points, one a row. Units: mm."""
+"""(n, 2) or (n, 3) points, one per row. Units: mm."""
+TINY = 1e-300
+"""Smallest divisor, which prevents division by zero."""
 
 
 def as_readonly_array(
     values: npt.ArrayLike, shape: tuple[int | str, ...], name: str = "array"
 ) -> FloatArray:
-    """Copy of an array as read-only float64, its shape checked.
+    """Return a read-only float64 copy of an array after checking its shape.
 
     Parameters
     ----------
     values : array_like
-        Numbers.
+        Array to copy.
     shape : tuple
-        Wanted shape; a string stands for any length, as in ``("n", 2)``.
+        Expected shape; a string stands for any length, as in ``("n", 2)``.
     name : str
-        What the message calls the array.
+        Name of the array in the error message.
 
     Returns
     -------
     ndarray
-        A copy that refuses writing.
+        Writing to it raises an error.
 
     Raises
     ------
     ValueError
-        If the shape is another one.
+        If the shape differs from the expected one.
 
     Examples
     --------
@@ -40,25 +42,26 @@ def as_readonly_array(
     False
     """
     array = np.array(values, dtype=np.float64)
-    fits = array.ndim == len(shape) and all(
-        isinstance(want, str) or want == got for want, got in zip(shape, array.shape, strict=True)
+    matches = array.ndim == len(shape) and all(
+        isinstance(length, str) or length == got
+        for length, got in zip(shape, array.shape, strict=True)
     )
-    if not fits:
-        wanted = ", ".join(str(length) for length in shape)
-        raise ValueError(f"want {name} of shape ({wanted}), got {array.shape}")
+    if not matches:
+        expected = ", ".join(str(length) for length in shape)
+        raise ValueError(f"expected {name} of shape ({expected}), got {array.shape}")
     array.setflags(write=False)
     return array
 
 
 def extent_of(points: Points) -> float:
-    """Longest side of the points' bounding box; 0 without points. Units: as theirs.
+    """Return the longest side of the bounding box of points; 0 without points.
 
     Parameters
     ----------
     points : (n, d) ndarray
-        Without NaN.
+        Without NaN; the result has the same unit.
     """
-    # A column at a time: numpy reduces along the long axis ten times as fast.
+    # One column at a time, because numpy reduces a contiguous axis ten times faster.
     return max(
         (float(column.max() - column.min()) for column in points.T if len(column)), default=0.0
     )

@@ -1,4 +1,4 @@
-"""Circular cylinders in space."""
+"""Circular cylinder in space."""
 
 import math
 from dataclasses import dataclass
@@ -13,16 +13,16 @@ from lsvision.geometry.pose import Pose
 
 @dataclass(frozen=True, eq=False)
 class Cylinder:
-    """Endless circular cylinder.
+    """Circular cylinder of infinite length.
 
     Parameters
     ----------
     point : (3,) array_like
         A point on the axis. Units: mm.
     direction : (3,) array_like
-        Direction of the axis, any length but zero; kept as a unit vector with its sign.
+        Direction of the axis, of any non-zero length; stored as a unit vector.
     radius : float
-        Units: mm.
+        Radius of the cylinder. Units: mm.
 
     Examples
     --------
@@ -41,19 +41,19 @@ class Cylinder:
         direction = as_readonly_array(self.direction, (3,), "direction")
         length = float(np.linalg.norm(direction))
         if not (np.isfinite(length) and length > 0):
-            raise ValueError(f"want a direction with a length, got {direction}")
+            raise ValueError(f"expected a finite, non-zero direction, got {direction}")
         object.__setattr__(self, "direction", as_readonly_array(direction / length, (3,)))
         if not (math.isfinite(self.radius) and self.radius > 0):
-            raise ValueError(f"want a positive radius in mm, got {self.radius}")
+            raise ValueError(f"expected a positive radius in mm, got {self.radius}")
 
     def transformed(self, a_from_b: Pose) -> "Cylinder":
-        """The same cylinder of frame b in the coordinates of frame a."""
+        """Return the cylinder of frame b in the coordinates of frame a."""
         return Cylinder(
             a_from_b.apply_one(self.point), a_from_b.rotation @ self.direction, self.radius
         )
 
     def signed_distances(self, points: npt.ArrayLike) -> FloatArray:
-        """Distance of (n, 3) points from the surface, positive outside. Units: mm."""
+        """Return the distance of (n, 3) points from the surface, positive outside. Units: mm."""
         from_axis = np.asarray(points, dtype=np.float64) - self.point
         along = from_axis @ self.direction
         across = from_axis - np.outer(along, self.direction)
@@ -61,24 +61,26 @@ class Cylinder:
         return distances
 
     def section(self) -> Ellipse:
-        """Ellipse in which the section plane z = 0 cuts the cylinder (paper section 2.2).
+        """Return the ellipse in which the plane z = 0 cuts the cylinder (paper section 2.2).
 
         Raises
         ------
         ValueError
-            If the axis lies in the section plane, which then cuts no ellipse.
+            If the axis is parallel to the plane.
         """
         cos_phi = abs(float(self.direction[2]))
         if cos_phi < 1e-9:
-            raise ValueError("want an axis that crosses the section plane, got one parallel to it")
-        foot = self.point - self.direction * (self.point[2] / self.direction[2])
+            raise ValueError(
+                "expected an axis that crosses the section plane, got one parallel to it"
+            )
+        centre = self.point - self.direction * (self.point[2] / self.direction[2])
         theta = math.atan2(self.direction[1], self.direction[0])
-        major = self.radius / min(cos_phi, 1.0)
-        return Ellipse((float(foot[0]), float(foot[1])), major, self.radius, theta)
+        semi_major = self.radius / min(cos_phi, 1.0)
+        return Ellipse((float(centre[0]), float(centre[1])), semi_major, self.radius, theta)
 
     @classmethod
     def twins(cls, ellipse: Ellipse) -> tuple["Cylinder", "Cylinder"]:
-        """Both cylinders, in the section frame, whose section is `ellipse`."""
+        """Return both cylinders, in the section frame, whose section is `ellipse`."""
         point = np.array([*ellipse.centre, 0.0])
         first, second = ellipse.axis_twins
         return cls(point, first, ellipse.radius), cls(point, second, ellipse.radius)

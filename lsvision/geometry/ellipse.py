@@ -1,4 +1,4 @@
-"""The ellipse that the laser plane cuts out of a circular cylinder (paper section 2)."""
+"""Ellipse in which the laser plane cuts a circular cylinder (paper section 2), and residuals."""
 
 import math
 from dataclasses import dataclass
@@ -6,13 +6,12 @@ from typing import Self
 
 import numpy as np
 
-from lsvision.geometry.arrays import FloatArray, Points
+from lsvision.geometry.arrays import TINY, FloatArray, Points
 
-TINY = 1e-300
 MAX_FOOT_POINT_ITERATIONS = 30
 FOOT_POINT_TOLERANCE = 1e-5
-"""The search gains about two digits a step near the ellipse and stops after this change of the
-direction (rad), which a distance feels by its square only; far from it it needs more steps."""
+"""Change of the eccentric anomaly (rad) at which the foot point iteration stops. Near the ellipse
+each step gains about two digits, and the distance depends on the remaining error quadratically."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,12 +25,12 @@ class Ellipse:
     semi_major, semi_minor : float
         Symbols: a, b. Units: mm. ``semi_major >= semi_minor > 0``.
     theta : float
-        Direction of the major axis from X towards Y; kept in [0, pi). Units: rad.
+        Direction of the major axis from X towards Y; stored in [0, pi). Units: rad.
 
     Raises
     ------
     ValueError
-        If the axes are out of order or not positive, or a number is not finite.
+        If the axes are not in order or not positive, or a number is not finite.
 
     Examples
     --------
@@ -48,10 +47,10 @@ class Ellipse:
     def __post_init__(self) -> None:
         numbers = (*self.centre, self.semi_major, self.semi_minor, self.theta)
         if not all(map(math.isfinite, numbers)):
-            raise ValueError(f"want finite numbers, got {numbers}")
+            raise ValueError(f"expected finite numbers, got {numbers}")
         if not self.semi_major >= self.semi_minor > 0:
             raise ValueError(
-                f"want semi_major >= semi_minor > 0 mm, got {self.semi_major:g} and "
+                f"expected semi_major >= semi_minor > 0 mm, got {self.semi_major:g} and "
                 f"{self.semi_minor:g}: Ellipse.from_axes orders a pair of axes"
             )
         object.__setattr__(self, "centre", (float(self.centre[0]), float(self.centre[1])))
@@ -62,16 +61,16 @@ class Ellipse:
     def from_axes(
         cls, centre: tuple[float, float], first: float, second: float, direction: float
     ) -> Self:
-        """Ellipse of two semi-axes in any order.
+        """Return the ellipse of two semi-axes in any order.
 
         Parameters
         ----------
         centre : tuple of float
             ``(x, y)``. Units: mm.
         first, second : float
-            Semi-axes. Units: mm.
+            Lengths of the semi-axes. Units: mm.
         direction : float
-            Direction of the `first` semi-axis from X towards Y. Units: rad.
+            Direction of the first semi-axis from X towards Y. Units: rad.
         """
         if first >= second:
             return cls(centre, first, second, direction)
@@ -95,11 +94,11 @@ class Ellipse:
 
     @property
     def axis_twins(self) -> FloatArray:
-        """Both cylinder axes that have this section.
+        """Directions of the two cylinder axes with this section.
 
         Definition: cos(phi) n +/- sin(phi) m, with n = Z the laser plane's normal and m the
-        major axis; the paper's (theta, phi) does not tell them apart. Shape (2, 3), unit
-        vectors in the section frame.
+        major axis; (theta, phi) is the same for both. Shape (2, 3), unit vectors in the section
+        frame.
         """
         cos_phi, sin_phi = math.cos(self.phi), math.sin(self.phi)
         m = np.array([math.cos(self.theta), math.sin(self.theta), 0.0])
@@ -107,7 +106,7 @@ class Ellipse:
         return np.stack([cos_phi * n + sin_phi * m, cos_phi * n - sin_phi * m])
 
     def points_at(self, parameter: FloatArray) -> Points:
-        """Points of the ellipse at the eccentric anomaly.
+        """Return the points of the ellipse at given eccentric anomalies.
 
         Parameters
         ----------
@@ -119,17 +118,20 @@ class Ellipse:
         (k, 2) ndarray
             Section frame. Units: mm.
         """
-        along = np.column_stack(
+        points = np.column_stack(
             [self.semi_major * np.cos(parameter), self.semi_minor * np.sin(parameter)]
         )
-        return self.from_ellipse_frame(along)
+        return self.from_ellipse_frame(points)
 
     def to_ellipse_frame(self, points: Points) -> Points:
-        """(k, 2) points of the section frame in the frame of the ellipse's own axes. Units: mm."""
+        """Transform (k, 2) points from the section frame to the ellipse frame. Units: mm.
+
+        The ellipse frame has its origin at the centre and its axes along the semi-axes.
+        """
         return (points - self.centre) @ self._rotation
 
     def from_ellipse_frame(self, points: Points) -> Points:
-        """(k, 2) points of the ellipse's own axes in the section frame. Units: mm."""
+        """Transform (k, 2) points from the ellipse frame to the section frame. Units: mm."""
         return points @ self._rotation.T + self.centre
 
     @property
@@ -139,24 +141,24 @@ class Ellipse:
 
 
 def radial_residuals(points: Points, ellipse: Ellipse) -> FloatArray:
-    """Signed distance of each point from the ellipse, along the ray from its centre.
+    """Return the signed distance of each point from the ellipse, along the ray from its centre.
 
     Parameters
     ----------
     points : (n, 2) ndarray
         Section frame. Units: mm.
     ellipse : Ellipse
-        The ellipse to compare with.
+        Ellipse in the same frame.
 
     Returns
     -------
     (n,) ndarray
-        Positive outside. Units: mm. The paper's r_j (Eq. 4) without its modulus; -b at the
-        centre itself, where the ray has no direction.
+        Positive outside; the paper's r_j (Eq. 4) without the modulus. -b at the centre, where
+        the ray is undefined. Units: mm.
     """
     u, v = ellipse.to_ellipse_frame(points).T
     a, b = ellipse.semi_major, ellipse.semi_minor
-    # Eq. (4) divides by x_j - x_0; in the ellipse's own frame only the centre is special.
+    # Eq. (4) divides by x_j - x_0; in the ellipse frame only the centre is singular.
     rho = np.hypot(u, v)
     scaled = np.hypot(b * u, a * v)
     safe = np.where(scaled > 0, scaled, 1.0)
@@ -165,14 +167,14 @@ def radial_residuals(points: Points, ellipse: Ellipse) -> FloatArray:
 
 
 def orthogonal_residuals(points: Points, ellipse: Ellipse) -> FloatArray:
-    """Signed distance of each point from the nearest point of the ellipse.
+    """Return the signed distance of each point from the nearest point of the ellipse.
 
     Parameters
     ----------
     points : (n, 2) ndarray
         Section frame. Units: mm.
     ellipse : Ellipse
-        The ellipse to compare with.
+        Ellipse in the same frame.
 
     Returns
     -------
@@ -185,50 +187,51 @@ def orthogonal_residuals(points: Points, ellipse: Ellipse) -> FloatArray:
     >>> orthogonal_residuals(np.array([[0.0, 12.0], [9.0, 0.0]]), circle)
     array([ 2., -1.])
     """
-    own = ellipse.to_ellipse_frame(points)
-    foot = foot_points(own, ellipse.semi_major, ellipse.semi_minor)
-    u, v = own.T
+    points = ellipse.to_ellipse_frame(points)
+    feet = foot_points(points, ellipse.semi_major, ellipse.semi_minor)
+    u, v = points.T
     outside = np.hypot(u / ellipse.semi_major, v / ellipse.semi_minor) >= 1
-    gap: FloatArray = np.hypot(*(own - foot).T)
-    return np.where(outside, gap, -gap)
+    distances: FloatArray = np.hypot(*(points - feet).T)
+    return np.where(outside, distances, -distances)
 
 
-def foot_points(own: Points, a: float, b: float) -> Points:
-    """Nearest points of an axis-parallel ellipse at the origin.
+def foot_points(points: Points, a: float, b: float) -> Points:
+    """Return the nearest points of an axis-parallel ellipse at the origin.
 
     Parameters
     ----------
-    own : (n, 2) ndarray
-        Points in the ellipse's own frame. Units: mm.
+    points : (n, 2) ndarray
+        Ellipse frame. Units: mm.
     a, b : float
         Semi-axes along the first and the second coordinate. Units: mm.
 
     Returns
     -------
     (n, 2) ndarray
-        Own frame. Units: mm.
+        Ellipse frame. Units: mm.
     """
-    wu, wv = foot_directions(own[:, 0], own[:, 1], a, b)
-    return np.column_stack([a * wu, b * wv])
+    cos, sin = foot_directions(points[:, 0], points[:, 1], a, b)
+    return np.column_stack([a * cos, b * sin])
 
 
 def foot_directions(
-    u: FloatArray, v: FloatArray, a: float, b: float, close: float = FOOT_POINT_TOLERANCE
+    u: FloatArray, v: FloatArray, a: float, b: float, tolerance: float = FOOT_POINT_TOLERANCE
 ) -> tuple[FloatArray, FloatArray]:
-    """Cosine and sine of the eccentric anomaly of the nearest point of an ellipse.
+    """Return cosine and sine of the eccentric anomaly of the nearest point of an ellipse.
 
-    Each step replaces the ellipse by its circle of curvature at the foot point found so far;
-    outside the evolute that converges from any start, within it from the middle of the quadrant.
+    Each step replaces the ellipse by its circle of curvature at the current foot point. The
+    iteration converges from any start for points outside the evolute, and from the middle of
+    the quadrant for points inside it.
 
     Parameters
     ----------
     u, v : (n,) ndarray
-        Points in the ellipse's own frame. Units: mm.
+        Coordinates of the points, ellipse frame. Units: mm.
     a, b : float
         Semi-axes along u and v. Units: mm.
-    close : float
-        A step shorter than this is the last. What remains to the nearest point is of the order
-        of its square, times the gap over the radius of curvature.
+    tolerance : float
+        Change of the cosine at which the iteration stops. The remaining error is of the order of
+        its square, times the distance divided by the radius of curvature.
 
     Returns
     -------
@@ -236,28 +239,28 @@ def foot_directions(
         The nearest point is ``(a cos, b sin)``.
     """
     p, q = np.abs(u), np.abs(v)
-    cos, sin = _unit(b * p, a * q)
+    cos, sin = _normalise(b * p, a * q)
     evolute = abs(a * a - b * b)
-    # The evolute's cusps, at evolute / a and evolute / b from the centre, are its farthest points.
+    # Cheap necessary condition: the evolute's cusps, at evolute / a and evolute / b, bound it.
     if min(a, b) * (p + q).min(initial=math.inf) < evolute:
-        within = (a * p) ** (2 / 3) + (b * q) ** (2 / 3) < evolute ** (2 / 3)
-        # Within the evolute the ray from the centre may lead to the farthest point.
-        cos, sin = np.where(within, math.sqrt(0.5), cos), np.where(within, math.sqrt(0.5), sin)
+        inside = (a * p) ** (2 / 3) + (b * q) ** (2 / 3) < evolute ** (2 / 3)
+        # Inside the evolute the ray from the centre may lead to the farthest point.
+        cos, sin = np.where(inside, math.sqrt(0.5), cos), np.where(inside, math.sqrt(0.5), sin)
     ca, cb = (a * a - b * b) / a, (b * b - a * a) / b
     for _ in range(MAX_FOOT_POINT_ITERATIONS if a != b else 0):
-        # Centre of curvature (on the evolute) of the foot point found so far.
+        # Centre of curvature (on the evolute) at the current foot point.
         ex, ey = ca * (cos * cos * cos), cb * (sin * sin * sin)
         dx, dy = p - ex, q - ey
-        stretch = np.hypot(a * cos - ex, b * sin - ey) / np.maximum(np.hypot(dx, dy), TINY)
-        last = cos
-        cos, sin = _unit(
-            np.maximum(ex + dx * stretch, 0.0) * b, np.maximum(ey + dy * stretch, 0.0) * a
+        scale = np.hypot(a * cos - ex, b * sin - ey) / np.maximum(np.hypot(dx, dy), TINY)
+        previous = cos
+        cos, sin = _normalise(
+            np.maximum(ex + dx * scale, 0.0) * b, np.maximum(ey + dy * scale, 0.0) * a
         )
-        if np.abs(cos - last).max(initial=0.0) < close:
+        if np.abs(cos - previous).max(initial=0.0) < tolerance:
             break
     return np.copysign(cos, u), np.copysign(sin, v)
 
 
-def _unit(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _normalise(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
     norm = np.maximum(np.hypot(x, y), TINY)
     return x / norm, y / norm

@@ -1,8 +1,8 @@
-"""Points of a plane with the covariances of their errors, in complex numbers.
+"""Points in a plane with the covariances of their errors, as complex numbers.
 
-A point is ``z = x + iy``. A covariance is the mean of its two principal variances and a complex
-number, its deviator, that says how much more it is along one direction than across it. What in
-matrices takes products and sums of components is here one multiplication of whole arrays.
+A point is ``z = x + iy``. A covariance is represented by the mean of its two principal variances
+and a complex number, the deviator, for their difference and direction. A quadratic form n' Sigma n
+is then one complex multiplication of whole arrays.
 """
 
 import cmath
@@ -13,19 +13,19 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.geometry.arrays import FloatArray, Points
+from lsvision.geometry.arrays import TINY, FloatArray, Points
 
 ComplexArray = npt.NDArray[np.complex128]
-TINY = 1e-300
 FAN_EDGE_DIRECTION = cmath.rect(1.0, math.radians(60))
-"""Direction to the sensor of the outermost ray that is still usual, 30 deg off +Y."""
+"""Direction to the sensor of the outermost ray of a usual sensor, 30 deg from +Y."""
 MIN_RANGE_ANISOTROPY = 0.25
-"""(Sigma_yy - Sigma_xx) over their sum: a ray of an error without width 38 deg off +Y."""
+"""Smallest (Sigma_yy - Sigma_xx) / (Sigma_yy + Sigma_xx) from which the direction of the ray is
+derived: an error along a ray only has this value at 38 deg from +Y."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class NoisyPoints:
-    """Points and their noise.
+    """Points with the covariances of their errors.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class NoisyPoints:
 
     @classmethod
     def of(cls, points: Points, covariances: FloatArray) -> Self:
-        """Points (n, 2) in mm and their covariances (n, 2, 2) in mm^2."""
+        """Return the noisy points of (n, 2) points in mm and (n, 2, 2) covariances in mm^2."""
         xx, xy, yy = covariances[:, 0, 0], covariances[:, 0, 1], covariances[:, 1, 1]
         deviator = np.empty(len(points), dtype=complex)
         deviator.real, deviator.imag = (xx - yy) / 2, -xy
@@ -51,7 +51,7 @@ class NoisyPoints:
 
     @classmethod
     def alike(cls, z: ComplexArray, x_std: float, y_std: float) -> Self:
-        """Points x + iy with the same independent errors of x and y. Units: mm."""
+        """Return points x + iy with equal, independent errors of x and y. Units: mm."""
         mean, deviator = (x_std**2 + y_std**2) / 2, (x_std**2 - y_std**2) / 2
         return cls(z, np.full(len(z), mean), np.full(len(z), complex(deviator)))
 
@@ -68,39 +68,39 @@ class NoisyPoints:
         return len(self.z)
 
     def __getitem__(self, which: npt.NDArray[np.generic] | slice) -> Self:
-        """Those of a slice, of indices or of a mask."""
+        """Return the points of a slice, an index array or a mask."""
         return type(self)(self.z[which], self.mean_variance[which], self.deviator[which])
 
     def normal_variances(self, normals: ComplexArray) -> FloatArray:
-        """N' Sigma n of each point, for unit normals (n,). Units: mm^2."""
-        along: FloatArray = (self.deviator * (normals * normals)).real
-        along += self.mean_variance
-        return along
+        """Return n' Sigma n of each point, for unit normals (n,). Units: mm^2."""
+        variances: FloatArray = (self.deviator * (normals * normals)).real
+        variances += self.mean_variance
+        return variances
 
     def incidence_cosines(self, normals: ComplexArray) -> FloatArray:
-        """Cosine between unit normals, (n,), and the direction to the sensor.
+        """Return the cosine between unit normals (n,) and the direction to the sensor.
 
-        No sensor sees a point where it is negative. The ray is taken as the direction of the
-        point's largest error; where that does not lie towards +Y, as the one of a fan of
-        +/- 30 deg about +Y that sees the point best.
+        A point with a negative cosine is not visible. The ray is assumed to have the direction of
+        the point's largest error; if that is not clearly along Y, the largest cosine over a fan
+        of rays within 30 deg of +Y is returned.
         """
-        rays = np.sqrt(self.deviator.conj())  # half the deviator's angle
+        rays = np.sqrt(self.deviator.conj())  # The square root halves the angle of the deviator.
         rays = np.where(rays.imag < 0, -rays, rays)
         rays /= np.maximum(np.abs(rays), TINY)
         in_fan = FAN_EDGE_DIRECTION.imag * normals.imag + FAN_EDGE_DIRECTION.real * np.abs(
             normals.real
         )
-        told = -self.deviator.real > MIN_RANGE_ANISOTROPY * self.mean_variance
-        return np.where(told, (normals * rays.conj()).real, in_fan)
+        ray_known = -self.deviator.real > MIN_RANGE_ANISOTROPY * self.mean_variance
+        return np.where(ray_known, (normals * rays.conj()).real, in_fan)
 
 
 def as_complex(vectors: FloatArray) -> ComplexArray:
-    """Vectors (x, y), (n, 2), as complex numbers x + iy, (n,)."""
+    """Convert (n, 2) vectors (x, y) to (n,) complex numbers x + iy."""
     numbers: ComplexArray = np.ascontiguousarray(vectors, dtype=float).view(complex)[:, 0]
     return numbers
 
 
 def as_vectors(numbers: ComplexArray) -> FloatArray:
-    """Complex numbers x + iy, (n,), as vectors (x, y): (n, 2)."""
+    """Convert (n,) complex numbers x + iy to (n, 2) vectors (x, y)."""
     vectors: FloatArray = np.ascontiguousarray(numbers).view(float).reshape(-1, 2)
     return vectors

@@ -1,4 +1,4 @@
-"""Rigid motions, named ``a_from_b`` so that neighbours cancel."""
+"""Rigid transformation, named ``a_from_b`` so that adjacent frames cancel in products."""
 
 from dataclasses import dataclass, field
 from typing import Self
@@ -8,25 +8,25 @@ import numpy.typing as npt
 
 from lsvision.geometry.arrays import FloatArray, Points, as_readonly_array
 
-ORTHONORMAL = 1e-6
-"""Largest entry of R'R - I that still counts as a rotation (poses are written with 6 digits)."""
+ORTHONORMALITY_TOLERANCE = 1e-6
+"""Largest entry of R'R - I of a rotation (files contain poses with 6 digits)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """Rigid motion ``a_from_b``: takes coordinates in frame b to coordinates in frame a.
+    """Rigid transformation ``a_from_b`` of coordinates in frame b to coordinates in frame a.
 
     Parameters
     ----------
     rotation : (3, 3) array_like
-        Proper rotation: columns are the axes of b seen in a.
+        Proper rotation; its columns are the axes of b in a.
     translation : (3,) array_like
         Origin of b in a. Units: mm.
 
     Raises
     ------
     ValueError
-        If `rotation` is not orthonormal to 1e-6 or mirrors.
+        If `rotation` is not orthonormal to 1e-6 or has a negative determinant.
 
     Examples
     --------
@@ -37,7 +37,7 @@ class Pose:
     array([[  6.,   2., 103.]])
     """
 
-    __array_ufunc__ = None  # a pose times an array is no product: use apply
+    __array_ufunc__ = None  # A pose does not multiply arrays: use apply.
 
     rotation: FloatArray = field(default_factory=lambda: np.eye(3))
     translation: FloatArray = field(default_factory=lambda: np.zeros(3))
@@ -45,51 +45,51 @@ class Pose:
     def __post_init__(self) -> None:
         rotation = as_readonly_array(self.rotation, (3, 3), "rotation")
         defect = np.abs(rotation.T @ rotation - np.eye(3)).max()
-        if not defect <= ORTHONORMAL:
-            raise ValueError(f"want an orthonormal rotation, got R'R off by {defect:.3g}")
+        if not defect <= ORTHONORMALITY_TOLERANCE:
+            raise ValueError(f"expected an orthonormal rotation, got R'R off by {defect:.3g}")
         if np.linalg.det(rotation) < 0:
-            raise ValueError("want a proper rotation, got determinant -1: it mirrors")
+            raise ValueError("expected a proper rotation, got determinant -1: it mirrors")
         object.__setattr__(self, "rotation", rotation)
         object.__setattr__(
             self, "translation", as_readonly_array(self.translation, (3,), "translation")
         )
         if not np.isfinite(self.translation).all():
-            raise ValueError(f"want a finite translation in mm, got {self.translation}")
+            raise ValueError(f"expected a finite translation in mm, got {self.translation}")
 
     @classmethod
     def along(cls, direction: npt.ArrayLike, distance: float) -> Self:
-        """Pure feed: the section moved along an encoder axis.
+        """Return a pure translation, such as the feed along an encoder axis.
 
         Parameters
         ----------
         direction : (3,) array_like
-            Feed direction; any length but zero.
+            Feed direction, of any non-zero length.
         distance : float
-            Feed. Units: mm.
+            Distance along it. Units: mm.
         """
         axis = as_readonly_array(direction, (3,), "direction")
         length = float(np.linalg.norm(axis))
         if not (np.isfinite(length) and length > 0):
-            raise ValueError(f"want a feed direction with a length, got {tuple(axis)}")
+            raise ValueError(f"expected a finite, non-zero feed direction, got {axis.tolist()}")
         return cls(translation=axis / length * distance)
 
     @classmethod
     def from_matrix(cls, matrix: npt.ArrayLike) -> Self:
-        """Pose of a 4x4 homogeneous matrix (row-major, mm).
+        """Return the pose of a 4x4 homogeneous matrix (mm).
 
         Raises
         ------
         ValueError
-            If the last row is not ``0 0 0 1`` or the rotation is none.
+            If the last row is not ``0 0 0 1`` or the rotation is invalid.
         """
         homogeneous = as_readonly_array(matrix, (4, 4), "matrix")
-        if not np.allclose(homogeneous[3], (0, 0, 0, 1), rtol=0, atol=ORTHONORMAL):
-            raise ValueError(f"want last row 0 0 0 1, got {homogeneous[3]}")
+        if not np.allclose(homogeneous[3], (0, 0, 0, 1), rtol=0, atol=ORTHONORMALITY_TOLERANCE):
+            raise ValueError(f"expected last row 0 0 0 1, got {homogeneous[3]}")
         return cls(homogeneous[:3, :3], homogeneous[:3, 3])
 
     @property
     def matrix(self) -> FloatArray:
-        """The 4x4 homogeneous matrix."""
+        """4x4 homogeneous matrix. Units: mm."""
         matrix = np.eye(4)
         matrix[:3, :3], matrix[:3, 3] = self.rotation, self.translation
         return matrix
@@ -102,11 +102,11 @@ class Pose:
         return Pose(_nearest_rotation(rotation), self.apply_one(other.translation))
 
     def inverse(self) -> "Pose":
-        """``b_from_a``."""
+        """Return ``b_from_a``."""
         return Pose(self.rotation.T, -self.rotation.T @ self.translation)
 
     def apply(self, points: npt.ArrayLike) -> Points:
-        """Points of b in the coordinates of a.
+        """Transform points from frame b to frame a.
 
         Parameters
         ----------
@@ -120,16 +120,16 @@ class Pose:
         """
         array = np.asarray(points, dtype=np.float64)
         if array.ndim != 2 or array.shape[1] not in (2, 3):
-            raise ValueError(f"want points of shape (n, 3) or (n, 2), got {array.shape}")
+            raise ValueError(f"expected points of shape (n, 3) or (n, 2), got {array.shape}")
         return array @ self.rotation[:, : array.shape[1]].T + self.translation
 
     def apply_one(self, point: npt.ArrayLike) -> FloatArray:
-        """One point (3,) of b in the coordinates of a."""
+        """Transform one point (3,) from frame b to frame a."""
         return self.rotation @ np.asarray(point, dtype=np.float64) + self.translation
 
 
 def _nearest_rotation(matrix: FloatArray) -> FloatArray:
-    """Rotation nearest to a product of rotations, so that long chains stay orthonormal."""
+    """Return the rotation nearest to a product of rotations: long products stay orthonormal."""
     left, _, right = np.linalg.svd(matrix)
     nearest: FloatArray = left @ right
     return nearest

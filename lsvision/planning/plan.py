@@ -1,15 +1,22 @@
-"""Accuracy before measuring: of one section, and of a scan."""
+"""Plan a measurement: uncertainty of a section or a scan, and the number of sections needed."""
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lsvision.errors import TooFewPoints
+from lsvision.errors import DegenerateGeometry, TooFewPoints
 from lsvision.geometry import Cylinder, FloatArray, IntArray, Points, Pose
-from lsvision.planning.scan_bound import Feed, ScanPrediction, scan_bound
-from lsvision.planning.section_bound import SectionPrediction, section_bound
-from lsvision.planning.sensor_view import SensorView, cylinder_normals, visible_points
+from lsvision.planning.bounds import (
+    ScanPrediction,
+    SectionPrediction,
+    scan_bound,
+    section_bound,
+)
+from lsvision.planning.sensor_view import Feed, SensorView, cylinder_normals, visible_points
+
+MAX_SECTIONS = 2048
+"""Largest number of sections that `sections_needed` tries."""
 
 
 def plan_section(
@@ -20,34 +27,35 @@ def plan_section(
     view: SensorView | None = None,
     known_radius_std: float | None = None,
 ) -> SectionPrediction:
-    """One-sigma errors to expect of a pipe from one section.
+    """Predict the standard uncertainties of a tube measured in one section.
 
-    The steep flanks say most, so where the outermost point falls within a pitch moves the
-    numbers: by up to 17 % for the default view, 29 % at a pitch of 0.6 mm (largest over smallest).
+    The steep flanks carry most information, so that the result depends on the position of the
+    outermost point within a pitch: by up to 17 % for the default view, 29 % at a pitch of 0.6 mm
+    (largest to smallest).
 
     Parameters
     ----------
     radius : float
-        Units: mm.
+        Radius of the tube. Units: mm.
     theta, phi : float
-        Direction of the major axis, and angle between the pipe and the laser plane's normal.
+        Direction of the major axis, and angle between the tube and the laser plane's normal.
         Units: rad.
     view : SensorView, optional
-        Sensor, standoff, pitch; None = ``SensorView()``, an LPS 36 HI at 400 mm.
+        Sensor, standoff and pitch; None = ``SensorView()``, an LPS 36 HI at 400 mm.
     known_radius_std : float, optional
-        One sigma of a radius known beforehand; 0 = exactly. Units: mm.
+        Standard deviation of a prior on the radius; 0 = exactly known. Units: mm.
 
     Returns
     -------
     SectionPrediction
-        One sigma of radius, theta, phi and centre.
+        Standard uncertainties of radius, theta, phi and centre.
 
     Raises
     ------
     TooFewPoints
-        If the sensor sees fewer than five points of the pipe.
+        If fewer than five points of the tube are visible.
     DegenerateGeometry
-        If the arc seen leaves the ellipse undetermined.
+        If the visible arc does not determine the ellipse.
     ValueError
         If radius or phi is out of range.
 
@@ -58,11 +66,11 @@ def plan_section(
     'radius 0.39 mm, phi 1.9 deg'
     """
     view = SensorView() if view is None else view
-    pipe = _pipe(radius, theta, phi, view)
-    points = visible_points(pipe, view)
+    tube = _tube_in_view(radius, theta, phi, view)
+    points = visible_points(tube, view)
     _require_points(len(points))
     covariances = view.sensor.covariances(points)
-    return section_bound(pipe.section(), points, covariances, known_radius_std)
+    return section_bound(tube.section(), points, covariances, known_radius_std)
 
 
 def plan_scan(
@@ -74,30 +82,31 @@ def plan_scan(
     feed: Feed | None = None,
     known_radius_std: float | None = None,
 ) -> ScanPrediction:
-    """One-sigma errors to expect of a pipe from a joint fit to several parallel sections.
+    """Predict the standard uncertainties of a joint fit to several parallel sections.
 
-    The middle of the scan has the pipe where `view` says; a tilted pipe wanders through the
-    view from there, and sections that lose it give what they see.
+    `view` gives the position of the tube in the middle of the scan. A tilted tube moves through
+    the field of view along the scan; sections contribute the points that are visible in them.
 
     Parameters
     ----------
     radius, theta, phi, view, known_radius_std
         As in `plan_section`.
     feed : Feed, optional
-        Number of sections, spacing, direction, uncertainty of the poses; None = ``Feed()``,
+        Number of sections, spacing, direction and uncertainty of the poses; None = ``Feed()``,
         20 sections 1 mm apart along the laser plane's normal.
 
     Returns
     -------
     ScanPrediction
-        One sigma of radius, direction, theta, phi, and of the position amid the scan.
+        Standard uncertainties of radius, direction, theta, phi, and of the position in the
+        middle of the scan.
 
     Raises
     ------
     TooFewPoints
-        If the sensor sees fewer than five points in all sections together.
+        If fewer than five points are visible in all sections together.
     DegenerateGeometry
-        If what is seen leaves the cylinder undetermined.
+        If the visible points do not determine the cylinder.
     ValueError
         If radius or phi is out of range.
 
@@ -109,57 +118,171 @@ def plan_scan(
     """
     view = SensorView() if view is None else view
     feed = Feed() if feed is None else feed
-    pipe = _pipe(radius, theta, phi, view)
-    sections = [_see_section(pipe, view, shift) for shift in feed.shifts]
+    tube = _tube_in_view(radius, theta, phi, view)
+    sections = [_visible_section(tube, view, shift) for shift in feed.shifts]
     points = np.concatenate([points for points, _ in sections])
     _require_points(len(points))
     variances = np.concatenate([variances for _, variances in sections])
-    owners = np.repeat(np.arange(feed.sections), [len(points) for points, _ in sections])
+    point_sections = np.repeat(np.arange(feed.sections), [len(points) for points, _ in sections])
     prediction = scan_bound(
-        pipe,
+        tube,
         points,
         variances,
         known_radius_std=known_radius_std,
-        shared_errors=_pose_errors(cylinder_normals(pipe, points), owners, feed),
+        shared_errors=_pose_error_jacobian(cylinder_normals(tube, points), point_sections, feed),
     )
     return replace(prediction, sections=feed.sections, length=feed.length)
 
 
-def _pipe(radius: float, theta: float, phi: float, view: SensorView) -> Cylinder:
-    """The pipe in the section frame, its axis through the view's centre."""
+def _tube_in_view(radius: float, theta: float, phi: float, view: SensorView) -> Cylinder:
+    """Return the tube in the section frame, its axis through the centre of the view."""
     if not 0 <= phi < math.pi / 2:
-        raise ValueError(f"want phi in [0, pi/2) rad, got {phi}")
+        raise ValueError(f"expected phi in [0, pi/2) rad, got {phi}")
     if not math.isfinite(theta):
-        raise ValueError(f"want a finite theta in rad, got {theta}")
+        raise ValueError(f"expected a finite theta in rad, got {theta}")
     sin_phi = math.sin(phi)
     direction = np.array([sin_phi * math.cos(theta), sin_phi * math.sin(theta), math.cos(phi)])
     return Cylinder(np.array([view.offset, -view.standoff, 0.0]), direction, radius)
 
 
-def _see_section(pipe: Cylinder, view: SensorView, shift: FloatArray) -> tuple[Points, FloatArray]:
-    """Points (n, 3) in the frame of the scan's middle, and their variances along the normal."""
+def _visible_section(
+    tube: Cylinder, view: SensorView, shift: FloatArray
+) -> tuple[Points, FloatArray]:
+    """Return visible points (n, 3), scan frame, and their variances along the surface normal."""
     scan_from_section = Pose(translation=shift)
-    seen_pipe = pipe.transformed(scan_from_section.inverse())
-    points = visible_points(seen_pipe, view)
-    normals = cylinder_normals(seen_pipe, points)[:, :2]
+    tube_in_section = tube.transformed(scan_from_section.inverse())
+    points = visible_points(tube_in_section, view)
+    normals = cylinder_normals(tube_in_section, points)[:, :2]
     variances = np.einsum("ni,nij,nj->n", normals, view.sensor.covariances(points), normals)
     return scan_from_section.apply(points), variances
 
 
-def _pose_errors(normals: FloatArray, owners: IntArray, feed: Feed) -> FloatArray | None:
-    """Change of each point's distance by one sigma of each error of the poses."""
+def _pose_error_jacobian(
+    normals: FloatArray, point_sections: IntArray, feed: Feed
+) -> FloatArray | None:
+    """Return the change of each distance by one standard deviation of each pose error."""
     columns = []
     if feed.pose_std > 0:
-        mine = owners[:, None] == np.arange(feed.sections)
-        columns += [feed.pose_std * normals[:, [axis]] * mine for axis in range(3)]
+        in_section = point_sections[:, None] == np.arange(feed.sections)
+        columns += [feed.pose_std * normals[:, [axis]] * in_section for axis in range(3)]
     if feed.feed_std > 0:
-        steps = feed.shifts @ feed.unit
+        positions = feed.shifts @ feed.unit
         across = np.linalg.svd(feed.unit[None])[2][1:]
-        columns.append(feed.feed_std * steps[owners][:, None] * (normals @ across.T))
+        columns.append(feed.feed_std * positions[point_sections][:, None] * (normals @ across.T))
     return np.column_stack(columns) if columns else None
 
 
-def _require_points(got: int) -> None:
-    if got < 5:
+def _require_points(count: int) -> None:
+    if count < 5:
         hint = "check standoff and offset against the sensor's range and width, or refine the pitch"
-        raise TooFewPoints("the view of the pipe", got, 5, hint)
+        raise TooFewPoints("the view of the pipe", count, 5, hint)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class AccuracyTarget:
+    """Largest acceptable standard uncertainties; those not given are unlimited.
+
+    Parameters
+    ----------
+    radius_std : float
+        Limit for the radius. Units: mm.
+    theta_std, phi_std, direction_std : float
+        Limits for the angles. Units: rad.
+
+    Raises
+    ------
+    ValueError
+        If no limit is given, or one is not positive.
+    """
+
+    radius_std: float = math.inf
+    theta_std: float = math.inf
+    phi_std: float = math.inf
+    direction_std: float = math.inf
+
+    def __post_init__(self) -> None:
+        values = (self.radius_std, self.theta_std, self.phi_std, self.direction_std)
+        if not all(value > 0 for value in values) or min(values) == math.inf:
+            raise ValueError(f"expected at least one target, all of them positive, got {self}")
+
+    def met_by(self, prediction: ScanPrediction) -> bool:
+        """Return whether every standard uncertainty is within its limit."""
+        return (
+            prediction.radius_std <= self.radius_std
+            and prediction.theta_std <= self.theta_std
+            and prediction.phi_std <= self.phi_std
+            and prediction.direction_std <= self.direction_std
+        )
+
+
+def sections_needed(  # noqa: PLR0913 - the parameters of `plan_scan`, and the target
+    radius: float,
+    theta: float,
+    phi: float,
+    *,
+    target: AccuracyTarget,
+    view: SensorView | None = None,
+    feed: Feed | None = None,
+    known_radius_std: float | None = None,
+) -> ScanPrediction:
+    """Return the shortest scan, at the spacing of the feed, that reaches a target accuracy.
+
+    Parameters
+    ----------
+    radius, theta, phi, view, known_radius_std
+        As in `plan_section`.
+    target : AccuracyTarget
+        Limits on the standard uncertainties.
+    feed : Feed, optional
+        As in `plan_scan`; its number of sections is not used.
+
+    Returns
+    -------
+    ScanPrediction
+        Prediction for that scan, with its `sections` and `length`.
+
+    Raises
+    ------
+    DegenerateGeometry
+        If 2048 sections do not reach the target.
+    TooFewPoints, ValueError
+        As in `plan_scan`.
+
+    Examples
+    --------
+    >>> target = AccuracyTarget(phi_std=math.radians(0.05))
+    >>> scan = sections_needed(19.0, math.radians(20), math.radians(20), target=target)
+    >>> f"{scan.sections} sections over {scan.length:g} mm"
+    '13 sections over 12 mm'
+    """
+    feed = Feed() if feed is None else feed
+
+    def plan(sections: int) -> ScanPrediction:
+        scan = replace(feed, sections=sections)
+        return plan_scan(
+            radius, theta, phi, view=view, feed=scan, known_radius_std=known_radius_std
+        )
+
+    too_few, enough = 0, 1
+    while not target.met_by(prediction := plan(enough)):
+        too_few, enough = enough, 2 * enough
+        if enough > MAX_SECTIONS:
+            raise DegenerateGeometry(_describe_unreachable(prediction))
+    # Bisection: the uncertainties decrease with the number of sections.
+    while enough - too_few > 1:
+        middle = (too_few + enough) // 2
+        candidate = plan(middle)
+        if target.met_by(candidate):
+            enough, prediction = middle, candidate
+        else:
+            too_few = middle
+    return prediction
+
+
+def _describe_unreachable(best: ScanPrediction) -> str:
+    return (
+        f"{best.sections} sections over {best.length:g} mm reach radius "
+        f"{best.radius_std:.2g} mm, direction {math.degrees(best.direction_std):.2g} deg, "
+        f"phi {math.degrees(best.phi_std):.2g} deg, theta {math.degrees(best.theta_std):.2g}"
+        " deg and not the target: increase the spacing, or reduce the uncertainty of the poses"
+    )

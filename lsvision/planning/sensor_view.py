@@ -1,4 +1,4 @@
-"""Which points of a pipe a sensor sees."""
+"""Planned view of a tube and planned scan, and the points that a sensor measures in a view."""
 
 import math
 from dataclasses import dataclass
@@ -12,22 +12,23 @@ from lsvision.sensors.profile_sensor import LPS36HI, ProfileSensor
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SensorView:
-    """Sensor and place from which a pipe is looked at.
+    """Sensor, and its position relative to the tube.
 
     Parameters
     ----------
     sensor : ProfileSensor
-        Its rays fan out from its origin; noise and limits are its own.
+        Sensor whose rays diverge from its origin, with its noise and measuring range.
     standoff : float
-        Distance from the section frame's origin to the section's centre along -Y. Units: mm.
+        Distance from the origin of the section frame to the section's centre along -Y.
+        Units: mm.
     offset : float
-        The centre's x. Units: mm.
+        x of the section's centre. Units: mm.
     pitch : float, optional
-        Spacing of the rays in X at the standoff; None = the sensor's columns spread evenly
-        over its width. Units: mm.
+        Distance of the rays in X at the standoff. None: the sensor's columns, evenly spaced over
+        its width. Units: mm.
     incidence_limit : float
-        Largest angle between the ray and the surface's normal at which a point is still
-        returned. The default is that of a matt pipe; a glossy one returns less. Units: rad.
+        Largest angle between ray and surface normal at which a point is measured. The default
+        is for a matt tube; a glossy tube needs a smaller one. Units: rad.
 
     Raises
     ------
@@ -43,47 +44,111 @@ class SensorView:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.standoff) and self.standoff > 0):
-            raise ValueError(f"want a positive standoff in mm, got {self.standoff}")
+            raise ValueError(f"expected a positive standoff in mm, got {self.standoff}")
         if not math.isfinite(self.offset):
-            raise ValueError(f"want a finite offset in mm, got {self.offset}")
+            raise ValueError(f"expected a finite offset in mm, got {self.offset}")
         if self.pitch is not None and not (math.isfinite(self.pitch) and self.pitch > 0):
-            raise ValueError(f"want a positive pitch in mm, got {self.pitch}")
+            raise ValueError(f"expected a positive pitch in mm, got {self.pitch}")
         if not 0 < self.incidence_limit <= math.pi / 2:
             raise ValueError(
-                f"want an incidence_limit in (0, pi/2] rad, got {self.incidence_limit}"
+                f"expected an incidence_limit in (0, pi/2] rad, got {self.incidence_limit}"
             )
 
     @property
     def rays(self) -> FloatArray:
-        """(n, 2) unit directions of the rays, left to right."""
+        """(n, 2) unit vectors along the rays, by ascending x."""
         sensor = self.sensor
         half = sensor.width_at_max_range / 2
         if self.pitch is None:
-            steps = np.linspace(-half, half, sensor.columns)
-            targets = np.column_stack([steps, np.full(len(steps), -sensor.max_range)])
+            x = np.linspace(-half, half, sensor.columns)
+            targets = np.column_stack([x, np.full(len(x), -sensor.max_range)])
         else:
             depth = self.standoff + sensor.origin[1]
-            reach = half * depth / sensor.max_range
-            steps = self.pitch * np.arange(-(reach // self.pitch), reach // self.pitch + 1)
-            targets = np.column_stack([steps, np.full(len(steps), -depth)])
+            half_at_depth = half * depth / sensor.max_range
+            count = half_at_depth // self.pitch
+            x = self.pitch * np.arange(-count, count + 1)
+            targets = np.column_stack([x, np.full(len(x), -depth)])
         rays: FloatArray = targets / np.linalg.norm(targets, axis=1, keepdims=True)
         return rays
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Feed:
+    """Parallel, equidistant sections of a scan, and the uncertainty of their poses.
+
+    Parameters
+    ----------
+    sections : int
+        Number of sections.
+    spacing : float
+        Distance between adjacent sections. Units: mm.
+    direction : tuple of float
+        Direction of the feed in the section frame, of any non-zero length.
+    pose_std : float
+        Standard uncertainty of each section's position, per axis, independent between sections.
+        Units: mm.
+    feed_std : float
+        Standard uncertainty of the feed direction about each axis perpendicular to it, common to
+        all sections. It adds almost fully to the direction and hardly to the residuals.
+        Units: rad.
+
+    Raises
+    ------
+    ValueError
+        If a number is out of range.
+    """
+
+    sections: int = 20
+    spacing: float = 1.0
+    direction: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    pose_std: float = 0.0
+    feed_std: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not self.sections >= 1:
+            raise ValueError(f"expected sections >= 1, got {self.sections}")
+        if not (math.isfinite(self.spacing) and self.spacing > 0):
+            raise ValueError(f"expected a positive spacing in mm, got {self.spacing}")
+        length = math.hypot(*self.direction)
+        if not (math.isfinite(length) and length > 0):
+            raise ValueError(f"expected a finite, non-zero feed direction, got {self.direction}")
+        for name in ("pose_std", "feed_std"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0):
+                raise ValueError(f"expected {name} >= 0, got {value}")
+
+    @property
+    def unit(self) -> FloatArray:
+        """(3,) unit vector along the feed."""
+        return np.array(self.direction) / math.hypot(*self.direction)
+
+    @property
+    def length(self) -> float:
+        """Distance from the first section to the last. Units: mm."""
+        return (self.sections - 1) * self.spacing
+
+    @property
+    def shifts(self) -> FloatArray:
+        """(sections, 3) positions of the sections from the middle of the scan. Units: mm."""
+        steps = (np.arange(self.sections) - (self.sections - 1) / 2) * self.spacing
+        shifts: FloatArray = np.outer(steps, self.unit)
+        return shifts
+
+
 def visible_points(cylinder: Cylinder, view: SensorView) -> Points:
-    """Noise-free points that a view gives of one cylinder alone.
+    """Return the noise-free points that a sensor measures of one cylinder.
 
     Parameters
     ----------
     cylinder : Cylinder
-        In the section frame; where it stands counts, not the view's standoff and offset.
+        Section frame; the view's standoff and offset are not used.
     view : SensorView
-        Sensor, pitch and limit of incidence.
+        Sensor, pitch and incidence limit.
 
     Returns
     -------
     (n, 2) ndarray
-        Section frame, left to right; only the points seen. Units: mm.
+        Visible points, section frame, by ascending x. Units: mm.
     """
     rays, sensor = view.rays, view.sensor
     ranges = _first_hits(cylinder.section(), np.asarray(sensor.origin), rays)
@@ -91,17 +156,17 @@ def visible_points(cylinder: Cylinder, view: SensorView) -> Points:
     rays, ranges = rays[hit], ranges[hit]
     points: Points = sensor.origin + rays * ranges[:, None]
     cosines = -np.sum(cylinder_normals(cylinder, points)[:, :2] * rays, axis=1)
-    seen: BoolArray = (
+    visible: BoolArray = (
         (ranges >= sensor.min_range)
         & (ranges <= sensor.max_range)
         & (cosines > 0)
         & (cosines >= math.cos(view.incidence_limit))
     )
-    return points[seen]
+    return points[visible]
 
 
 def cylinder_normals(cylinder: Cylinder, points: Points) -> FloatArray:
-    """(n, 3) outward unit normals at (n, 2) or (n, 3) points of the surface."""
+    """Return the (n, 3) outward unit normals at (n, 2) or (n, 3) points of the surface."""
     if points.shape[1] == 2:
         points = np.column_stack([points, np.zeros(len(points))])
     from_axis = points - cylinder.point
@@ -111,13 +176,13 @@ def cylinder_normals(cylinder: Cylinder, points: Points) -> FloatArray:
 
 
 def _first_hits(ellipse: Ellipse, origin: FloatArray, rays: FloatArray) -> FloatArray:
-    """Range at which each ray meets the ellipse first, NaN where it misses. Units: mm."""
-    # In the ellipse's own frame, each axis divided by its length, it is the unit circle.
+    """Return the range at which each ray first meets the ellipse, or NaN. Units: mm."""
+    # In the ellipse frame, with each coordinate divided by its semi-axis, it is the unit circle.
     axes = (ellipse.semi_major, ellipse.semi_minor)
     start = (ellipse.to_ellipse_frame(origin[None]) / axes)[0]
-    heading = ellipse.to_ellipse_frame(rays + ellipse.centre) / axes
-    square, mixed = np.sum(heading**2, axis=1), heading @ start
-    under_root = mixed**2 - square * (start @ start - 1)
-    root = np.sqrt(np.where(under_root > 0, under_root, np.nan))
-    ranges: FloatArray = (-mixed - root) / square
+    direction = ellipse.to_ellipse_frame(rays + ellipse.centre) / axes
+    square, half = np.sum(direction**2, axis=1), direction @ start
+    discriminant = half**2 - square * (start @ start - 1)
+    root = np.sqrt(np.where(discriminant > 0, discriminant, np.nan))
+    ranges: FloatArray = (-half - root) / square
     return np.where(ranges > 0, ranges, np.nan)

@@ -1,4 +1,4 @@
-"""Several sections with poses: cylinders in 3D, jointly from all their points."""
+"""Measure cylinders in 3D from several profiles with poses, by a joint fit to all points."""
 
 from lsvision.scan.pose_errors import PoseErrors
 from lsvision.scan.scan_pipeline import (

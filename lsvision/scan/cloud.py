@@ -1,4 +1,4 @@
-"""All points of a scan in the base frame, each with its covariance and where it came from."""
+"""Point cloud of a scan: the points of all sections in the base frame, with covariances."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -10,28 +10,28 @@ from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import FloatArray, IntArray, Points, Pose
 from lsvision.profile import NoiseModel, Profile
 
-SAME_POSE_MM, SAME_POSE_RAD = 1e-6, 1e-9
-"""Sections that differ by less lie in one plane."""
+COPLANAR_MM, COPLANAR_RAD = 1e-6, 1e-9
+"""Sections whose planes differ by less in position and orientation count as one plane."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ScanCloud:
-    """Points of all sections, in the order of the profiles and along their lines.
+    """Points of all sections, ordered by profile and along the laser line.
 
     Parameters
     ----------
     points : (n, 3) ndarray
-        Base frame, none lost. Units: mm.
+        Base frame, without lost points. Units: mm.
     covariances : (n, 3, 3) ndarray
-        Base frame. Units: mm^2.
+        Covariance of each point's error, base frame. Units: mm^2.
     point_sections : (n,) int ndarray
         Index of each point's profile.
     indices : (n,) int ndarray
-        Index of the point in its profile.
+        Index of each point in its profile.
     noise_known : bool
-        Whether the covariances are a noise model's, not estimates.
+        Whether the covariances come from a noise model; otherwise they are estimates.
     poses : tuple of Pose
-        ``base_from_section``, one a profile.
+        ``base_from_section`` of each profile.
     """
 
     points: Points
@@ -43,20 +43,20 @@ class ScanCloud:
 
     @property
     def towards_sensor(self) -> FloatArray:
-        """(k, 3) Y of each section in the base frame."""
+        """(k, 3) unit vector of each section towards the sensor: its Y axis, base frame."""
         return np.array([pose.rotation[:, 1] for pose in self.poses])
 
     def __len__(self) -> int:
         return len(self.points)
 
     def rows_of(self, section: int, indices: IntArray) -> IntArray:
-        """Rows of the cloud that hold the given points of a profile."""
+        """Return the rows of the cloud with the given points of a profile."""
         first, last = np.searchsorted(self.point_sections, [section, section + 1])
-        found: IntArray = first + np.flatnonzero(np.isin(self.indices[first:last], indices))
-        return found
+        rows: IntArray = first + np.flatnonzero(np.isin(self.indices[first:last], indices))
+        return rows
 
     def subset(self, rows: IntArray) -> "ScanCloud":
-        """The cloud of some rows."""
+        """Return the cloud with only the given rows."""
         return replace(
             self,
             points=self.points[rows],
@@ -66,60 +66,61 @@ class ScanCloud:
         )
 
     def excluding(self, other: "ScanCloud") -> "ScanCloud":
-        """The cloud less the points of another."""
+        """Return the cloud without the points that another cloud of the scan contains."""
         stride = int(max(self.indices.max(initial=0), other.indices.max(initial=0))) + 1
-        taken = np.isin(
+        contained = np.isin(
             self.point_sections * stride + self.indices,
             other.point_sections * stride + other.indices,
         )
-        return self.subset(np.flatnonzero(~taken))
+        return self.subset(np.flatnonzero(~contained))
 
 
 def build_cloud(
     profiles: Sequence[Profile], base_from_sections: Sequence[Pose], sensor: NoiseModel | None
 ) -> ScanCloud:
-    """Bring the points of all profiles to the base frame.
+    """Transform the points of all profiles to the base frame.
 
     Parameters
     ----------
     profiles : sequence of Profile
         Section frames.
     base_from_sections : sequence of Pose
-        One a profile.
+        One for each profile.
     sensor : NoiseModel or None
-        None: each profile's own; where one of them has none, all are estimated.
+        Noise model of all profiles. None: the model of each profile; if one profile has none,
+        the noise of all of them is estimated.
     """
     known = sensor is not None or all(profile.noise is not None for profile in profiles)
     parts = []
-    for owner, (profile, pose) in enumerate(zip(profiles, base_from_sections, strict=True)):
-        weighed = prepare_profile(profile, (sensor or profile.noise) if known else None)
-        plane, order = pose.rotation[:, :2], weighed.valid_indices
-        covariances = plane @ weighed.noisy_points[order].covariances @ plane.T
-        points, columns = pose.apply(weighed.points[order]), weighed.sensor_columns[order]
-        parts.append((points, covariances, np.full(len(order), owner), columns))
-    points, covariances, owners, indices = (
+    for section, (profile, pose) in enumerate(zip(profiles, base_from_sections, strict=True)):
+        prepared = prepare_profile(profile, (sensor or profile.noise) if known else None)
+        axes, order = pose.rotation[:, :2], prepared.valid_indices
+        covariances = axes @ prepared.noisy_points[order].covariances @ axes.T
+        points, columns = pose.apply(prepared.points[order]), prepared.sensor_columns[order]
+        parts.append((points, covariances, np.full(len(order), section), columns))
+    points, covariances, point_sections, indices = (
         np.concatenate(part) for part in zip(*parts, strict=True)
     )
-    return ScanCloud(points, covariances, owners, indices, known, tuple(base_from_sections))
+    return ScanCloud(points, covariances, point_sections, indices, known, tuple(base_from_sections))
 
 
 def require_noncoplanar_sections(base_from_sections: Sequence[Pose]) -> None:
-    """Refuse two or more sections that all lie in one plane.
+    """Raise an error if two or more sections all lie in one plane.
 
     Raises
     ------
     DegenerateGeometry
-        One plane seen again and again says no more than one section.
+        If they do: such sections leave the same two twins of each axis as one section.
     """
     if len(base_from_sections) < 2:
         return
     first = base_from_sections[0]
     normal = first.rotation[:, 2]
-    turn = max(np.linalg.norm(np.cross(p.rotation[:, 2], normal)) for p in base_from_sections)
-    step = max(abs(normal @ (p.translation - first.translation)) for p in base_from_sections)
-    if turn < SAME_POSE_RAD and step < SAME_POSE_MM:
+    angle = max(np.linalg.norm(np.cross(p.rotation[:, 2], normal)) for p in base_from_sections)
+    distance = max(abs(normal @ (p.translation - first.translation)) for p in base_from_sections)
+    if angle < COPLANAR_RAD and distance < COPLANAR_MM:
         raise DegenerateGeometry(
             f"all {len(base_from_sections)} sections lie in one plane (poses identical, or moved "
-            "along the plane only), which leaves the twins of each axis apart by nothing: move "
-            "the sensor out of its laser plane between profiles, or check feed and pose file"
+            "along the plane only), where the two twins of each axis cannot be distinguished: "
+            "move the sensor out of its laser plane between profiles, or check feed and pose file"
         )

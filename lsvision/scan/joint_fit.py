@@ -1,15 +1,23 @@
-"""From a track of arcs to one cylinder: choose the twin, gather the points, fit them jointly."""
+"""One cylinder for each track of arcs, fitted jointly to the points of all its sections.
+
+The twin is selected on a few sections, then points are assigned and the cylinder is fitted in
+turn. The track with the most points comes first; each point belongs to one cylinder only. A scan
+of a single section yields that section's own cylinder, with its twin.
+"""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lsvision.cylinder.fit import CylinderFittingSettings, fit_cylinder
 from lsvision.cylinder.fit_result import CylinderFit
+from lsvision.cylinder.robot_frame import twin_jacobian
 from lsvision.ellipse.problem import RadiusPrior
+from lsvision.ellipse.section import CylinderSection
 from lsvision.errors import LsvisionError
-from lsvision.geometry import Cylinder, IntArray
+from lsvision.geometry import Cylinder, FloatArray, IntArray, Pose, tangent_frame
 from lsvision.scan.cloud import ScanCloud
 from lsvision.scan.point_assignment import (
     PointAssignmentSettings,
@@ -17,33 +25,33 @@ from lsvision.scan.point_assignment import (
     fit_section_shifts,
 )
 from lsvision.scan.scan_result import ScanRejection
-from lsvision.scan.tracks import Track
+from lsvision.scan.tracks import ArcObservation, Track
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class JointFitSettings:
-    """Joint fit of a track.
+    """Settings of the joint fit of a track.
 
     Parameters
     ----------
     point_assignment : PointAssignmentSettings
-        Which points count.
+        Which points belong to the cylinder.
     fitting : CylinderFittingSettings
-        The fit to them.
+        Fit to these points.
     max_iterations : int
-        How often points are gathered and fitted.
+        Maximum number of rounds of point assignment and fit.
     trial_sections : int
-        Number of sections that choose the twin.
+        Number of sections on which the twin is selected.
     max_straight_reduced_chi2 : float
-        Chi^2 over its freedom, of the sections' lateral shifts, below which a pipe is
-        straight; above, points are gathered about each section's own centre.
+        Largest reduced chi^2 of the sections' lateral shifts at which the tube counts as
+        straight; above it, points are assigned about each section's own centre.
     max_normalised_rms : float
-        Rms of the points' distances from it over the noise, each section shifted.
+        Largest rms of the normalised residuals, with each section shifted to its best fit.
     max_relative_radius_std : float
-        One sigma over the radius.
+        Largest radius_std / radius.
     min_recognised_fraction : float
-        Share of the sections with its points in which detection must have found its arc;
-        clutter passes for a pipe's arc here and there, a pipe nearly everywhere.
+        Smallest fraction of the sections with points of the cylinder in which detection found
+        its arc. Clutter resembles an arc in some sections, a tube is detected in nearly all.
     """
 
     point_assignment: PointAssignmentSettings = PointAssignmentSettings()
@@ -58,18 +66,18 @@ class JointFitSettings:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class JointFit:
-    """A joint fit and the points it rests on.
+    """Cylinder fitted to several sections, with the points used.
 
     Parameters
     ----------
     fit : CylinderFit
         Base frame.
     cloud : ScanCloud
-        The points of the fit.
+        The points used.
     normalised_rms : float
-        Rms of the distances over the noise, each section shifted to where it fits best.
+        Rms of the normalised residuals, with each section shifted to its best fit.
     twin : Cylinder or None
-        The other cylinder that fits the points of a lone section.
+        The other cylinder that fits equally well, if only one section was measured.
     """
 
     fit: CylinderFit
@@ -78,26 +86,99 @@ class JointFit:
     twin: Cylinder | None = None
 
 
+def fit_tracks(
+    cloud: ScanCloud,
+    tracks: Sequence[Track],
+    known_radius: RadiusPrior | None,
+    settings: JointFitSettings,
+) -> tuple[list[JointFit], list[ScanRejection]]:
+    """Fit one cylinder to each track, in decreasing order of the tracks' point counts.
+
+    A track is dropped without a rejection if most of its points already belong to an earlier
+    cylinder: both tracks are parts of one tube.
+
+    Parameters
+    ----------
+    cloud : ScanCloud
+        All points of the scan.
+    tracks : sequence of Track
+        As `associate_arcs` returns them.
+    known_radius : RadiusPrior or None
+        Prior on every radius.
+    settings : JointFitSettings
+        Iterations and limits.
+    """
+    has_one_section = len(np.unique(cloud.point_sections)) == 1
+    fits: list[JointFit] = []
+    rejections: list[ScanRejection] = []
+    for track in sorted(tracks, key=_count_points, reverse=True):
+        unassigned = tuple(arc for arc in track if _is_mostly_in(cloud, arc))
+        if not unassigned:
+            continue
+        if has_one_section:
+            fits.append(cylinder_from_single_section(cloud, unassigned[0]))
+            continue
+        result = fit_track(cloud, unassigned, known_radius, settings)
+        if isinstance(result, JointFit):
+            result = _check_recognised_fraction(result, tracks, settings)
+        if isinstance(result, ScanRejection):
+            rejections.append(result)
+        else:
+            fits.append(result)
+            cloud = cloud.excluding(result.cloud)
+    return fits, rejections
+
+
+def _count_points(track: Track) -> int:
+    return sum(len(observation.arc.indices) for observation in track)
+
+
+def _is_mostly_in(cloud: ScanCloud, observation: ArcObservation) -> bool:
+    """Return whether the cloud contains more than half of the arc's points."""
+    indices = observation.arc.indices
+    return 2 * len(cloud.rows_of(observation.section, indices)) > len(indices)
+
+
+def _check_recognised_fraction(
+    joint_fit: JointFit, tracks: Sequence[Track], settings: JointFitSettings
+) -> JointFit | ScanRejection:
+    """Return the fit, or a rejection if detection found too few of its sections' arcs."""
+    recognised = {
+        observation.section
+        for track in tracks
+        for observation in track
+        if _is_mostly_in(joint_fit.cloud, observation)
+    }
+    section_count = len(np.unique(joint_fit.cloud.point_sections))
+    if len(recognised) >= settings.min_recognised_fraction * section_count:
+        return joint_fit
+    return ScanRejection(
+        tuple(sorted(recognised)),
+        f"recognised in {len(recognised)} of {section_count} sections that have points there, "
+        f"needs {settings.min_recognised_fraction:.0%}",
+    )
+
+
 def fit_track(
     cloud: ScanCloud,
     track: Track,
     known_radius: RadiusPrior | None = None,
     settings: JointFitSettings = JointFitSettings(),
 ) -> JointFit | ScanRejection:
-    """Fit one cylinder to all points of the scan that belong to a track's.
+    """Fit one cylinder to all points of the scan that lie on the tube of a track.
 
     Parameters
     ----------
     cloud : ScanCloud
-        All points.
+        Points that belong to no cylinder yet.
     track : Track
-        Arcs of two or more sections.
+        Arcs of two or more sections; a single arc is rejected.
     known_radius : RadiusPrior, optional
-        A prior.
+        Prior on the radius.
     settings : JointFitSettings
-        Limits.
+        Iterations and limits.
     """
-    sections = tuple(sighting.section for sighting in track)
+    sections = tuple(observation.section for observation in track)
     if len(sections) < 2:
         return ScanRejection(
             sections,
@@ -106,12 +187,12 @@ def fit_track(
         )
     try:
         cylinder = select_twin(cloud, track, known_radius, settings)
-        rows = np.concatenate([cloud.rows_of(s.section, s.arc.indices) for s in track])
-        settled = _gather_and_fit(cloud, cylinder, np.sort(rows), known_radius, settings)
+        rows = np.sort(_rows_of_arcs(cloud, track))
+        joint_fit = _assign_and_fit(cloud, cylinder, rows, known_radius, settings)
     except LsvisionError as failure:
         return ScanRejection(sections, str(failure))
-    reason = _rejection_reason(settled, settings)
-    return settled if reason is None else ScanRejection(sections, reason)
+    reason = _rejection_reason(joint_fit, settings)
+    return joint_fit if reason is None else ScanRejection(sections, reason)
 
 
 def select_twin(
@@ -120,95 +201,146 @@ def select_twin(
     known_radius: RadiusPrior | None,
     settings: JointFitSettings = JointFitSettings(),
 ) -> Cylinder:
-    """Cylinder that fits a track's points best, from every start that the track offers.
+    """Return the best cylinder fitted to a few arcs of a track from several initial guesses.
 
-    Starts are the line through the centres, and the twins of the best arc.
+    The initial guesses are the line through the arcs' centres and both twins of the arc with
+    the best determined axis.
 
     Raises
     ------
     FitFailed, DegenerateGeometry
-        If no start leads to a cylinder.
+        If the fit fails from every initial guess.
     """
-    spread = np.linspace(0, len(track) - 1, min(len(track), settings.trial_sections))
-    few = [track[place] for place in np.unique(spread.astype(int))]
-    rows = np.concatenate([cloud.rows_of(s.section, s.arc.indices) for s in few])
+    evenly = np.linspace(0, len(track) - 1, min(len(track), settings.trial_sections))
+    rows = _rows_of_arcs(cloud, [track[index] for index in np.unique(evenly.astype(int))])
     fits = []
     failure: LsvisionError | None = None
-    for start in _initial_guesses(track):
+    for initial_guess in _initial_guesses(track):
         try:
-            fits.append(_fit(cloud, rows, start, known_radius, settings))
+            fits.append(_fit(cloud, rows, initial_guess, known_radius, settings))
         except LsvisionError as error:
             failure = error
     if failure is not None and not fits:
         raise failure
-    return min(fits, key=_cost).cylinder
+    return min(fits, key=_mean_square_residual).cylinder
 
 
-def _cost(fit: CylinderFit) -> float:
-    # Without a noise model the normalised residuals are all of mean square 1.
-    unknown = math.isfinite(fit.degrees_of_freedom)
-    return float(np.mean((fit.residuals if unknown else fit.normalised) ** 2))
+def _rows_of_arcs(cloud: ScanCloud, track: Sequence[ArcObservation]) -> IntArray:
+    return np.concatenate([cloud.rows_of(arc.section, arc.arc.indices) for arc in track])
+
+
+def _mean_square_residual(fit: CylinderFit) -> float:
+    # Without a noise model the normalised residuals have mean square 1 whatever the fit.
+    noise_estimated = math.isfinite(fit.degrees_of_freedom)
+    return float(np.mean((fit.residuals if noise_estimated else fit.normalised) ** 2))
 
 
 def _initial_guesses(track: Track) -> list[Cylinder]:
-    best = min(track, key=lambda sighting: sighting.twins_std)
-    radius = float(np.median([sighting.radius for sighting in track]))
-    centres = np.array([sighting.centre for sighting in track])
-    middle = centres.mean(axis=0)
-    starts = [Cylinder(best.centre, twin, radius) for twin in best.twins]
-    way = np.linalg.svd(centres - middle)[2][0]
-    if np.ptp(centres @ way) > 0:
-        starts.insert(0, Cylinder(middle, way, radius))
-    return starts
+    """Return the cylinder through the centres, if they differ, and both twins of the best arc."""
+    best = min(track, key=lambda observation: observation.twins_std)
+    radius = float(np.median([observation.radius for observation in track]))
+    centres = np.array([observation.centre for observation in track])
+    mean_centre = centres.mean(axis=0)
+    guesses = [Cylinder(best.centre, twin, radius) for twin in best.twins]
+    direction = np.linalg.svd(centres - mean_centre)[2][0]
+    if np.ptp(centres @ direction) > 0:
+        guesses.insert(0, Cylinder(mean_centre, direction, radius))
+    return guesses
 
 
 def _fit(
     cloud: ScanCloud,
     rows: IntArray,
-    start: Cylinder,
+    initial_guess: Cylinder,
     known_radius: RadiusPrior | None,
     settings: JointFitSettings,
 ) -> CylinderFit:
     return fit_cylinder(
         cloud.points[rows],
         cloud.covariances[rows] if cloud.noise_known else None,
-        initial_guess=start,
+        initial_guess=initial_guess,
         known_radius=known_radius,
         settings=settings.fitting,
     )
 
 
-def _gather_and_fit(
+def _assign_and_fit(
     cloud: ScanCloud,
     cylinder: Cylinder,
     rows: IntArray,
     known_radius: RadiusPrior | None,
     settings: JointFitSettings,
 ) -> JointFit:
+    """Assign points and fit in turn until the set of points no longer changes."""
     for _ in range(settings.max_iterations):
-        line = fit_section_shifts(cloud, cylinder, rows, free_radius=False)
-        stray, gathering = np.zeros((len(cloud.poses), 2)), settings.point_assignment
-        if line.reduced_chi2 > settings.max_straight_reduced_chi2:
-            line = fit_section_shifts(cloud, cylinder, rows, free_radius=True)
-            stray = line.interpolated(len(cloud.poses))
-            # What a bent tube's sections miss is no sign of a weld at their ends.
-            gathering = replace(gathering, max_trimmed_points=0)
-        near = assign_points(cloud, line.cylinder, stray, line.noise_factor, gathering)
-        fit = _fit(cloud, near, cylinder, known_radius, settings)
-        cylinder, before, rows = fit.cylinder, rows, near
-        if np.array_equal(near, before):
+        section_fit = fit_section_shifts(cloud, cylinder, rows, free_radius=False)
+        shifts, assignment = np.zeros((len(cloud.poses), 2)), settings.point_assignment
+        if section_fit.reduced_chi2 > settings.max_straight_reduced_chi2:
+            section_fit = fit_section_shifts(cloud, cylinder, rows, free_radius=True)
+            shifts = section_fit.interpolated(len(cloud.poses))
+            # On a bent tube, residuals at the arc ends come from the bend and not from a weld.
+            assignment = replace(assignment, max_trimmed_points=0)
+        previous_rows = rows
+        rows = assign_points(
+            cloud, section_fit.cylinder, shifts, section_fit.noise_factor, assignment
+        )
+        fit = _fit(cloud, rows, cylinder, known_radius, settings)
+        cylinder = fit.cylinder
+        if np.array_equal(rows, previous_rows):
             break
-    line = fit_section_shifts(cloud, cylinder, rows, free_radius=True)
-    return JointFit(fit, cloud.subset(rows), line.normalised_rms)
+    section_fit = fit_section_shifts(cloud, cylinder, rows, free_radius=True)
+    return JointFit(fit, cloud.subset(rows), section_fit.normalised_rms)
 
 
-def _rejection_reason(settled: JointFit, settings: JointFitSettings) -> str | None:
-    fit = settled.fit
-    if settled.normalised_rms > settings.max_normalised_rms:
+def _rejection_reason(joint_fit: JointFit, settings: JointFitSettings) -> str | None:
+    fit = joint_fit.fit
+    if joint_fit.normalised_rms > settings.max_normalised_rms:
         return (
-            f"residual rms {settled.normalised_rms:.1f} times the noise, limit "
+            f"residual rms {joint_fit.normalised_rms:.1f} times the noise, limit "
             f"{settings.max_normalised_rms:.1f}"
         )
     if fit.radius_std > settings.max_relative_radius_std * fit.radius:
-        return f"radius {fit.radius:.3g} mm with an error of {fit.radius_std:.2g} mm"
+        return f"radius {fit.radius:.3g} mm with a standard uncertainty of {fit.radius_std:.2g} mm"
     return None
+
+
+def cylinder_from_single_section(cloud: ScanCloud, observation: ArcObservation) -> JointFit:
+    """Return the cylinder of one arc, in the base frame, with its twin.
+
+    Parameters
+    ----------
+    cloud : ScanCloud
+        All points of the scan.
+    observation : ArcObservation
+        The arc.
+
+    Returns
+    -------
+    JointFit
+        The first of the section's two twins, and `JointFit.twin`, the second.
+    """
+    arc, pose = observation.arc, cloud.poses[observation.section]
+    first, second = (twin.transformed(pose) for twin in Cylinder.twins(arc.ellipse))
+    arc_points = cloud.subset(cloud.rows_of(observation.section, arc.indices))
+    residuals = first.signed_distances(arc_points.points)
+    stds = np.full(len(residuals), max(arc.fit.rms, np.finfo(float).tiny))
+    fit = CylinderFit(
+        cylinder=first,
+        covariance=_single_section_covariance(arc, first, pose),
+        residuals=residuals,
+        normalised=residuals / stds,
+        stds=stds,
+        inliers=np.ones(len(residuals), dtype=bool),
+        variance_factor=arc.fit.variance_factor,
+        degrees_of_freedom=arc.fit.degrees_of_freedom,
+    )
+    return JointFit(fit, arc_points, 1.0, second)
+
+
+def _single_section_covariance(arc: CylinderSection, first: Cylinder, pose: Pose) -> FloatArray:
+    """Propagate (centre_x, centre_y, a, b, theta) to `CylinderFit.covariance`."""
+    basis = tangent_frame(first.direction)[:2] @ pose.rotation
+    by_ellipse = twin_jacobian(arc, 1.0)
+    jacobian = np.vstack([basis @ by_ellipse[:3], basis @ by_ellipse[3:6], by_ellipse[6]])
+    covariance: FloatArray = jacobian @ arc.covariance @ jacobian.T
+    return covariance

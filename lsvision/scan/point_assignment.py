@@ -1,4 +1,4 @@
-"""The points of all sections that lie on a cylinder, also where detection missed its arc."""
+"""Assign the points of all sections to a cylinder, also where detection missed its arc."""
 
 import math
 from dataclasses import dataclass
@@ -9,34 +9,40 @@ from lsvision.cylinder.problem import (
     axis_distances,
     distance_stds_and_biases,
     parameters_from_cylinder,
-    tangent_frame,
 )
-from lsvision.geometry import BoolArray, Cylinder, FloatArray, IntArray
+from lsvision.geometry import BoolArray, Cylinder, FloatArray, IntArray, tangent_frame
 from lsvision.scan.cloud import ScanCloud
+from lsvision.statistics.robust import MAD_TO_STD
+
+GAUSS_NEWTON_ITERATIONS = 5
+"""Gauss-Newton steps for the section shifts; one is enough for a straight tube."""
+SHIFT_PRIOR_STD_RADII = 0.5
+"""Prior standard deviation of a section's shift. Units: radii."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PointAssignmentSettings:
-    """Which points count as a cylinder's.
+    """Limits within which points are assigned to a cylinder.
 
     Parameters
     ----------
     sigmas : float
-        Largest distance from the surface, in standard deviations.
+        Largest distance of an inlier from the surface, in standard deviations.
     max_outlier_run : int
-        So many points in a row that are off do not end an arc.
+        Number of consecutive outliers that do not interrupt an arc.
     min_points : int
-        Points of an arc.
+        Smallest number of points of an arc.
     min_inlier_fraction : float
-        Least share of the points of an arc's span that lie on it.
+        Smallest fraction of inliers between the first and the last point of an arc.
     min_incidence_cosine : float
-        Least component of the normal towards the sensor; below 0 because rays fan out.
+        Smallest component of the surface normal towards the sensor; negative because the rays
+        of the sensor diverge.
     end_sigmas : float
-        The last points of the arcs go, and those before them, while their mean over all
-        sections is so many of its standard deviations off: what touches the tube there, a
-        weld or a plate, leaves its surface gently.
+        Points at the ends of the arcs are trimmed while their mean residual over all sections
+        exceeds this many standard deviations of the mean: a weld or a plate that touches the
+        tube leaves its surface gradually.
     max_trimmed_points : int
-        Points at either end of an arc.
+        Largest number of points trimmed from either end of each arc.
     """
 
     sigmas: float = 3.5
@@ -50,20 +56,20 @@ class PointAssignmentSettings:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SectionShifts:
-    """A tube whose sections lie beside a straight axis.
+    """Cylinder whose sections are displaced laterally from a straight axis.
 
     Parameters
     ----------
     cylinder : Cylinder
-        The straight axis, with the radius that all sections share.
+        Straight axis, and the radius common to all sections.
     sections : (k,) int ndarray
-        Indices of the profiles, rising.
+        Indices of the profiles, ascending.
     shifts : (k, 2) ndarray
-        Of each section's centre along e_phi and e_theta of the axis. Units: mm.
+        Shift of each section's centre along e_phi and e_theta of the axis. Units: mm.
     reduced_chi2 : float
-        Chi^2 of the shifts over its degrees of freedom; about 1 for a straight pipe.
+        Chi^2 of the shifts divided by its degrees of freedom; about 1 for a straight tube.
     normalised : (n,) ndarray
-        Distances of the points from the sections so shifted, in standard deviations.
+        Normalised residuals of the points from the shifted sections.
     """
 
     cylinder: Cylinder
@@ -74,8 +80,8 @@ class SectionShifts:
 
     @property
     def noise_factor(self) -> float:
-        """By how much the points scatter more than the noise model says; 1 or more."""
-        return max(1.0, 1.4826 * float(np.median(np.abs(self.normalised))))
+        """Ratio of the observed to the predicted standard deviation (MAD), at least 1."""
+        return max(1.0, MAD_TO_STD * float(np.median(np.abs(self.normalised))))
 
     @property
     def normalised_rms(self) -> float:
@@ -83,16 +89,16 @@ class SectionShifts:
         return float(np.sqrt(np.mean(self.normalised**2)))
 
     def interpolated(self, section_count: int) -> FloatArray:
-        """(section_count, 2) shift of every section, those between interpolated. Units: mm."""
-        every = np.arange(section_count)
-        columns = [np.interp(every, self.sections, column) for column in self.shifts.T]
+        """Return the (section_count, 2) shifts, interpolated linearly in the index. Units: mm."""
+        indices = np.arange(section_count)
+        columns = [np.interp(indices, self.sections, column) for column in self.shifts.T]
         return np.column_stack(columns)
 
 
 def fit_section_shifts(
     cloud: ScanCloud, cylinder: Cylinder, rows: IntArray, *, free_radius: bool
 ) -> SectionShifts:
-    """Lateral shift of each section that fits its points best.
+    """Fit the lateral shift of each section, by Gauss-Newton.
 
     Parameters
     ----------
@@ -101,48 +107,46 @@ def fit_section_shifts(
     cylinder : Cylinder
         Base frame.
     rows : (n,) int ndarray
-        Rows of the cloud that are its points.
+        Rows of the cloud with the points of the cylinder.
     free_radius : bool
-        Fit the common radius too: that of a straight fit to a bent tube is wrong.
+        Fit the common radius as well: a straight cylinder fitted to a bent tube has a wrong one.
     """
     across, stds, offsets, _ = _point_distances(cloud, cylinder, rows)
-    sections, place = np.unique(cloud.point_sections[rows], return_inverse=True)
+    sections, index = np.unique(cloud.point_sections[rows], return_inverse=True)
     shifts, radius = np.zeros((len(sections), 2)), cylinder.radius
-    # A short arc leaves the shift along it open; a pipe does not stray by its own radius.
+    # A short arc does not determine the shift along the arc; a prior of half a radius does.
     prior = np.eye(2) / (SHIFT_PRIOR_STD_RADII * radius) ** 2
     for _ in range(GAUSS_NEWTON_ITERATIONS):
-        from_centre = across - shifts[place].T
+        from_centre = across - shifts[index].T
         distances = np.hypot(*from_centre)
-        design = (from_centre / distances / stds).T
-        misfit = (distances - radius - offsets) / stds
-        covariances = np.linalg.inv(_summed(place, design[:, :, None] * design[:, None, :]) + prior)
-        pull = _summed(place, design * misfit[:, None])
-        step = np.einsum("kij,kj->ki", covariances, pull)
+        jacobian = (from_centre / distances / stds).T
+        residuals = (distances - radius - offsets) / stds
+        covariances = np.linalg.inv(
+            _sum_by_section(index, jacobian[:, :, None] * jacobian[:, None, :]) + prior
+        )
+        gradient = _sum_by_section(index, jacobian * residuals[:, None])
+        step = np.einsum("kij,kj->ki", covariances, gradient)
         if free_radius:
-            # Schur complement of the shifts: what the radius is known by once they are free.
-            with_radius = _summed(place, design / stds[:, None])
-            carried = np.einsum("kij,kj->ki", covariances, with_radius)
-            known = float((stds**-2.0).sum() - (with_radius * carried).sum())
-            growth = (float((misfit / stds).sum()) - float((carried * pull).sum())) / known
-            step -= carried * growth
-            radius += growth
+            # Schur complement: information on the radius after eliminating the shifts.
+            coupling = _sum_by_section(index, jacobian / stds[:, None])
+            response = np.einsum("kij,kj->ki", covariances, coupling)
+            information = float((stds**-2.0).sum() - (coupling * response).sum())
+            radius_step = (
+                float((residuals / stds).sum()) - float((response * gradient).sum())
+            ) / information
+            step -= response * radius_step
+            radius += radius_step
         shifts = shifts + step
-    rest = (np.hypot(*(across - shifts[place].T)) - radius - offsets) / stds
-    surprise = float(np.einsum("ki,kij,kj", shifts, np.linalg.inv(covariances), shifts))
+    normalised = (np.hypot(*(across - shifts[index].T)) - radius - offsets) / stds
+    chi2 = float(np.einsum("ki,kij,kj", shifts, np.linalg.inv(covariances), shifts))
     straight = Cylinder(cylinder.point, cylinder.direction, radius)
-    return SectionShifts(straight, sections, shifts, surprise / shifts.size, rest)
+    return SectionShifts(straight, sections, shifts, chi2 / shifts.size, normalised)
 
 
-GAUSS_NEWTON_ITERATIONS = 5
-"""Gauss-Newton steps for the shifts; the first is enough for a straight pipe."""
-SHIFT_PRIOR_STD_RADII = 0.5
-"""Prior standard deviation of a section's shift. Units: radii."""
-
-
-def _summed(place: IntArray, values: FloatArray) -> FloatArray:
-    """Sum of the rows of each section."""
-    total = np.zeros((int(place.max()) + 1, *values.shape[1:]))
-    np.add.at(total, place, values)
+def _sum_by_section(index: IntArray, values: FloatArray) -> FloatArray:
+    """Return the sum of the rows of `values` for each section index."""
+    total = np.zeros((int(index.max()) + 1, *values.shape[1:]))
+    np.add.at(total, index, values)
     return total
 
 
@@ -153,7 +157,7 @@ def assign_points(
     noise_factor: float,
     settings: PointAssignmentSettings = PointAssignmentSettings(),
 ) -> IntArray:
-    """Rows of the cloud that lie on a cylinder, arc by arc.
+    """Return the rows of the cloud that form arcs on a cylinder.
 
     Parameters
     ----------
@@ -162,75 +166,87 @@ def assign_points(
     cylinder : Cylinder
         Base frame.
     shifts : (sections, 2) ndarray
-        Lateral shift of each section, along e_phi and e_theta. Units: mm.
+        Lateral shift of each section along e_phi and e_theta. Units: mm.
     noise_factor : float
-        By how much the noise is larger than the model says.
+        Ratio of the observed to the predicted standard deviation of the points.
     settings : PointAssignmentSettings
         Limits.
 
     Returns
     -------
     (m,) int ndarray
-        Rising.
+        Ascending.
     """
     reach = 0.2 * cylinder.radius + 3 * float(np.abs(shifts).max(initial=0.0))
-    close = np.flatnonzero(np.abs(cylinder.signed_distances(cloud.points)) < reach)
-    if len(close) == 0:
-        return close
-    across, stds, offsets, facing = _point_distances(cloud, cylinder, close)
-    owners = cloud.point_sections[close]
-    z = (np.hypot(*(across - shifts[owners].T)) - cylinder.radius - offsets) / stds
-    on = (np.abs(z) < settings.sigmas * noise_factor) & (facing > settings.min_incidence_cosine)
-    arcs = _arcs(close, owners, on, settings)
-    if not arcs:
-        return close[:0]
-    before, after = (
-        _trim_count(arcs, z, settings),
-        _trim_count([a[::-1] for a in arcs], z, settings),
+    near = np.flatnonzero(np.abs(cylinder.signed_distances(cloud.points)) < reach)
+    if len(near) == 0:
+        return near
+    across, stds, offsets, incidence_cosines = _point_distances(cloud, cylinder, near)
+    sections = cloud.point_sections[near]
+    normalised = (np.hypot(*(across - shifts[sections].T)) - cylinder.radius - offsets) / stds
+    inliers = (np.abs(normalised) < settings.sigmas * noise_factor) & (
+        incidence_cosines > settings.min_incidence_cosine
     )
-    kept = [arc[before : len(arc) - after] for arc in arcs]
-    return close[np.concatenate(kept)]
+    arcs = _split_into_arcs(near, sections, inliers, settings)
+    if not arcs:
+        return near[:0]
+    first = _trim_count(arcs, normalised, settings)
+    last = _trim_count([arc[::-1] for arc in arcs], normalised, settings)
+    rows: IntArray = near[np.concatenate([arc[first : len(arc) - last] for arc in arcs])]
+    return rows
 
 
 def _point_distances(
     cloud: ScanCloud, cylinder: Cylinder, rows: IntArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Points across the axis, deviations and offsets of their distances, and how they face."""
+    """Return what residuals from a cylinder are computed of.
+
+    Returns
+    -------
+    across : (2, n) ndarray
+        Points from the axis, along e_phi and e_theta. Units: mm.
+    stds, offsets : (n,) ndarray
+        Standard deviation and expected value of ``distance - radius``. Units: mm.
+    incidence_cosines : (n,) ndarray
+        Component of the surface normal towards the sensor.
+    """
     frame = tangent_frame(cylinder.direction)
     points, parameters = cloud.points[rows] @ frame.T, parameters_from_cylinder(frame, cylinder)
     covariances = frame @ cloud.covariances[rows] @ frame.T
     stds, offsets, _ = distance_stds_and_biases(points, covariances, parameters)
     across = (points[:, :2] - parameters[:2]).T
     _, normals, _ = axis_distances(points, parameters)
-    facing: FloatArray = (normals.T @ frame * cloud.towards_sensor[cloud.point_sections[rows]]).sum(
-        axis=1
-    )
-    return across, stds, offsets, facing
+    towards_sensor = cloud.towards_sensor[cloud.point_sections[rows]]
+    incidence_cosines: FloatArray = (normals.T @ frame * towards_sensor).sum(axis=1)
+    return across, stds, offsets, incidence_cosines
 
 
-def _arcs(
-    rows: IntArray, owners: IntArray, on: BoolArray, settings: PointAssignmentSettings
+def _split_into_arcs(
+    rows: IntArray, sections: IntArray, inliers: BoolArray, settings: PointAssignmentSettings
 ) -> list[IntArray]:
-    """Places of the points that lie on the surface in an arc with others, arc by arc."""
-    mine = np.flatnonzero(on)
-    if len(mine) == 0:
+    """Return the positions in `rows` of the inliers of each sufficiently long and dense arc."""
+    positions = np.flatnonzero(inliers)
+    if len(positions) == 0:
         return []
-    # Rows count the points of a profile in order, those far off included.
-    gap = np.diff(rows[mine])
-    breaks = np.flatnonzero((gap > settings.max_outlier_run + 1) | (np.diff(owners[mine]) > 0)) + 1
+    # Rows of the cloud number all points along the profiles, so that a step exceeding 1 in
+    # `rows` counts outliers, also those far from the surface.
+    steps = np.diff(rows[positions])
+    breaks = (steps > settings.max_outlier_run + 1) | (np.diff(sections[positions]) > 0)
     return [
-        run
-        for run in np.split(mine, breaks)
-        if len(run) >= settings.min_points
-        and len(run) >= settings.min_inlier_fraction * (rows[run[-1]] - rows[run[0]] + 1)
+        arc
+        for arc in np.split(positions, np.flatnonzero(breaks) + 1)
+        if len(arc) >= settings.min_points
+        and len(arc) >= settings.min_inlier_fraction * (rows[arc[-1]] - rows[arc[0]] + 1)
     ]
 
 
-def _trim_count(arcs: list[IntArray], z: FloatArray, settings: PointAssignmentSettings) -> int:
-    """How many first points of every arc do not lie on the surface, taken over all arcs."""
-    most = min(settings.max_trimmed_points, min(map(len, arcs)) // 2)
-    for place in range(most):
-        at_place = z[[arc[place] for arc in arcs]]
-        if abs(at_place.sum()) < settings.end_sigmas * math.sqrt(len(arcs)):
-            return place
-    return most
+def _trim_count(
+    arcs: list[IntArray], normalised: FloatArray, settings: PointAssignmentSettings
+) -> int:
+    """Return how many first points to trim from every arc: their mean residual is not zero."""
+    limit = min(settings.max_trimmed_points, min(map(len, arcs)) // 2)
+    for count in range(limit):
+        residuals = normalised[[arc[count] for arc in arcs]]
+        if abs(residuals.sum()) < settings.end_sigmas * math.sqrt(len(arcs)):
+            return count
+    return limit

@@ -1,4 +1,8 @@
-"""What errors of the poses do to a cylinder: they do not show, or show only in part, in its fit."""
+"""Propagate the errors of the poses to the covariance of a jointly fitted cylinder.
+
+Errors common to all sections do not appear in the residuals of the fit, and independent errors
+of the sections only in part; both enter as the linear response of the fit to them.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,33 +10,29 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.cylinder.fit_result import CylinderFit, variance_factor
-from lsvision.cylinder.problem import (
-    PARAMETERS,
-    axis_distances,
-    parameters_from_cylinder,
-    tangent_frame,
-)
+from lsvision.cylinder.problem import PARAMETERS, axis_distances, parameters_from_cylinder
 from lsvision.cylinder.robot_frame import SectionMount, rigid_motion_jacobian, robot_covariance
-from lsvision.geometry import FloatArray, Pose
+from lsvision.geometry import FloatArray, Pose, tangent_frame
 from lsvision.scan.cloud import ScanCloud
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PoseErrors:
-    """How well the poses of a scan are known.
+    """Uncertainty of the poses of a scan.
 
     Parameters
     ----------
     pose_std : float
-        One sigma of each section's position, per axis, independent; beside the robot's own, if
-        there is a calibration. Units: mm.
+        Standard uncertainty of each section's position, per axis, independent between sections;
+        in addition to the robot's own, if a calibration is given. Units: mm.
     feed_std : float
-        One sigma of the feed's direction (from the first profile's origin to the last's),
-        about each of the two axes across it; all sections share the error. Units: rad.
+        Standard uncertainty of the feed direction (from the first profile's origin to the
+        last's) about each of the two axes perpendicular to it, common to all sections.
+        Units: rad.
     calibration : HandEye, optional
-        That the poses rest on, ``base_from_flange @ flange_from_section``. Its six errors are
-        the same on the flange for all sections and turn with it; the robot's own, its
-        ``robot_std``, are each section's.
+        Calibration used for the poses, ``base_from_flange @ flange_from_section``. Its six
+        errors are constant in the flange frame and turn with the flange; the robot errors,
+        ``robot_std``, are independent between sections.
     """
 
     pose_std: float = 0.0
@@ -40,10 +40,10 @@ class PoseErrors:
     calibration: SectionMount | None = None
 
     def __post_init__(self) -> None:
-        for what in ("pose_std", "feed_std"):
-            value = getattr(self, what)
+        for name in ("pose_std", "feed_std"):
+            value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0):
-                raise ValueError(f"want {what} >= 0, got {value}")
+                raise ValueError(f"expected {name} >= 0, got {value}")
 
     @property
     def is_zero(self) -> bool:
@@ -52,16 +52,16 @@ class PoseErrors:
 
 
 def propagate_pose_errors(fit: CylinderFit, cloud: ScanCloud, errors: PoseErrors) -> FloatArray:
-    """Covariance of a joint fit with the errors of the poses carried through it.
+    """Return the covariance of a joint fit including the errors of the poses.
 
     Parameters
     ----------
     fit : CylinderFit
-        Fit to the points of `cloud` that took the poses as they are.
+        Fit to the points of `cloud`, made with the poses taken as exact.
     cloud : ScanCloud
-        Its points.
+        The points used.
     errors : PoseErrors
-        How well the poses are known.
+        Uncertainty of the poses.
 
     Returns
     -------
@@ -71,27 +71,30 @@ def propagate_pose_errors(fit: CylinderFit, cloud: ScanCloud, errors: PoseErrors
     if errors.is_zero:
         return fit.covariance
     if len(np.unique(cloud.point_sections)) == 1:
-        moved = _single_section_jacobian(fit, cloud.poses[cloud.point_sections[0]], errors)
-        alone: FloatArray = fit.covariance + moved @ moved.T
-        return alone
+        by_pose = _single_section_jacobian(fit, cloud.poses[cloud.point_sections[0]], errors)
+        total: FloatArray = fit.covariance + by_pose @ by_pose.T
+        return total
     frame, stds = tangent_frame(fit.direction), fit.stds[:, None]
     parameters = parameters_from_cylinder(frame, fit.cylinder)
     _, normals, _ = axis_distances(cloud.points @ frame.T, parameters)
     along = (cloud.points - fit.point) @ fit.direction
-    design = np.vstack([normals[:2], along * normals[:2], np.ones(len(cloud))]).T / stds
-    shared, own = (
-        columns(normals.T @ frame, cloud, errors) / stds
-        for columns in (common_error_jacobian, section_error_jacobian)
+    by_cylinder = np.vstack([normals[:2], along * normals[:2], np.ones(len(cloud))]).T / stds
+    by_common, by_section = (
+        jacobian(normals.T @ frame, cloud, errors) / stds
+        for jacobian in (common_error_jacobian, section_error_jacobian)
     )
-    model = fit.covariance / fit.variance_factor
-    # Least squares answers columns of changes of the distances by these of the parameters.
-    response = model @ (design.T @ shared)
+    fit_covariance = fit.covariance / fit.variance_factor
+    # Least squares maps a change d of the normalised distances to (J'J)^-1 J'd.
+    response = fit_covariance @ (by_cylinder.T @ by_common)
     starts = np.unique(cloud.point_sections, return_index=True)[1]
-    own_response = model @ np.add.reduceat(design[:, :, None] * own[:, None, :], starts)
+    section_response = fit_covariance @ np.add.reduceat(
+        by_cylinder[:, :, None] * by_section[:, None, :], starts
+    )
+    factor = _remaining_variance_factor(fit, by_cylinder, by_common, by_section, cloud)
     covariance: FloatArray = (
-        model * _remaining_variance_factor(fit, design, shared, own, cloud)
+        fit_covariance * factor
         + response @ response.T
-        + np.einsum("sik,sjk->ij", own_response, own_response)
+        + np.einsum("sik,sjk->ij", section_response, section_response)
     )
     return covariance
 
@@ -99,56 +102,66 @@ def propagate_pose_errors(fit: CylinderFit, cloud: ScanCloud, errors: PoseErrors
 def common_error_jacobian(
     directions: FloatArray, cloud: ScanCloud, errors: PoseErrors
 ) -> FloatArray:
-    """Change of each point along a direction by one sigma of each error that sections share.
+    """Return the change of each point along a direction by errors common to all sections.
 
     Parameters
     ----------
     directions : (n, 3) ndarray
-        Unit vectors, one a point, base frame.
+        Unit vector for each point, base frame.
     cloud : ScanCloud
-        The points, with their sections' poses.
+        Points, with the poses of their sections.
     errors : PoseErrors
-        How well the poses are known.
+        Uncertainty of the poses.
 
     Returns
     -------
     (n, k) ndarray
-        Two columns of the feed, six of the calibration. Units: mm.
+        Change by one standard deviation of each error: two of the feed direction, six of the
+        calibration. Units: mm.
     """
     columns = [np.zeros((len(cloud), 0))]
     if errors.feed_std > 0:
-        feed, steps = feed_direction(cloud.poses)
+        feed, distances = feed_direction(cloud.poses)
         across = np.linalg.svd(feed[None])[2][1:]
         columns.append(
-            errors.feed_std * steps[cloud.point_sections][:, None] * (directions @ across.T)
+            errors.feed_std * distances[cloud.point_sections][:, None] * (directions @ across.T)
         )
     if errors.calibration is not None:
         flange_from_section = errors.calibration.flange_from_section
-        axes = np.array([p.rotation @ flange_from_section.rotation.T for p in cloud.poses])
+        base_from_flange = np.array(
+            [p.rotation @ flange_from_section.rotation.T for p in cloud.poses]
+        )[cloud.point_sections]
         pivots = np.array([pose.translation for pose in cloud.poses])
-        turned = axes[cloud.point_sections]
-        shifts, turns = _shifts_and_turns(directions, cloud, pivots)
-        both = [np.einsum("ni,nij->nj", vectors, turned) for vectors in (shifts, turns)]
-        columns.append(np.hstack(both) @ _covariance_root(errors.calibration.covariance))
+        in_flange = [
+            np.einsum("ni,nij->nj", vectors, base_from_flange)
+            for vectors in _translation_and_rotation_jacobians(directions, cloud, pivots)
+        ]
+        columns.append(np.hstack(in_flange) @ _covariance_root(errors.calibration.covariance))
     return np.hstack(columns)
 
 
 def section_error_jacobian(
     directions: FloatArray, cloud: ScanCloud, errors: PoseErrors
 ) -> FloatArray:
-    """The same by one sigma of each error that each section has for itself: (n, 0, 3 or 6)."""
+    """Return the change of each point along a direction by the independent errors of its section.
+
+    Parameters as for `common_error_jacobian`; the (n, k) result has 0 or 3 columns without a
+    calibration, 6 with one. Units: mm.
+    """
     if errors.calibration is None:
         return errors.pose_std * directions[:, : 3 * (errors.pose_std > 0)]
     pivots = np.array([_flange_origin(pose, errors.calibration) for pose in cloud.poses])
-    shifts, turns = _shifts_and_turns(directions, cloud, pivots)
-    position, rotation = errors.calibration.robot_std
-    return np.hstack([np.hypot(position, errors.pose_std) * shifts, rotation * turns])
+    by_translation, by_rotation = _translation_and_rotation_jacobians(directions, cloud, pivots)
+    position_std, rotation_std = errors.calibration.robot_std
+    return np.hstack(
+        [np.hypot(position_std, errors.pose_std) * by_translation, rotation_std * by_rotation]
+    )
 
 
-def _shifts_and_turns(
+def _translation_and_rotation_jacobians(
     directions: FloatArray, cloud: ScanCloud, pivots: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Change along a direction by shifts along the base's axes, and turns about a pivot."""
+    """Return the (n, 3) changes along a direction by translations and rotations about a pivot."""
     # d . (w x arm) = w . (arm x d)
     return directions, np.cross(cloud.points - pivots[cloud.point_sections], directions)
 
@@ -158,55 +171,62 @@ def _flange_origin(base_from_section: Pose, calibration: SectionMount) -> FloatA
 
 
 def _covariance_root(covariance: FloatArray) -> FloatArray:
-    """Columns of independent errors that make the covariance, which may be singular."""
+    """Return a matrix C with C C' = covariance, which may be singular."""
     values, vectors = np.linalg.eigh(covariance)
     root: FloatArray = vectors * np.sqrt(np.maximum(values, 0.0))
     return root
 
 
 def _single_section_jacobian(fit: CylinderFit, pose: Pose, errors: PoseErrors) -> FloatArray:
-    """(5, k) change of a cylinder that one section alone shows: it moves with the section."""
+    """Return the (5, k) change of a cylinder that moves rigidly with its only section."""
     columns = [errors.pose_std * np.eye(7, 3)]
     calibration = errors.calibration
     if calibration is not None:
         axes = pose.rotation @ calibration.flange_from_section.rotation.T
         by_mount = rigid_motion_jacobian(fit.cylinder, pose.translation, axes)
-        pivot = _flange_origin(pose, calibration)
-        by_robot = rigid_motion_jacobian(fit.cylinder, pivot, np.eye(3))
+        by_robot = rigid_motion_jacobian(fit.cylinder, _flange_origin(pose, calibration), np.eye(3))
         columns.append(by_mount @ _covariance_root(calibration.covariance))
         columns.append(by_robot @ _covariance_root(robot_covariance(calibration)))
-    moved = np.hstack(columns)
-    return np.vstack([fit.tangent_basis @ moved[:3], fit.tangent_basis @ moved[3:6], moved[6]])
+    by_error = np.hstack(columns)
+    basis = fit.tangent_basis
+    return np.vstack([basis @ by_error[:3], basis @ by_error[3:6], by_error[6]])
 
 
 def _remaining_variance_factor(
-    fit: CylinderFit, design: FloatArray, shared: FloatArray, own: FloatArray, cloud: ScanCloud
+    fit: CylinderFit,
+    by_cylinder: FloatArray,
+    by_common: FloatArray,
+    by_section: FloatArray,
+    cloud: ScanCloud,
 ) -> float:
-    """Variance factor of what the errors of the poses leave unexplained of the residuals.
+    """Return the variance factor of the residuals after removing the effect of the pose errors.
 
-    Without that, what they add to the residuals would be counted twice: here and as response.
-    All columns are over the points' standard deviations; an error's prior is of sigma 1.
+    Otherwise the part of the pose errors that appears in the residuals would be counted twice,
+    here and in the response of the fit. All Jacobians are divided by the points' standard
+    deviations; each pose error has a prior standard deviation of 1.
     """
-    if shared.shape[1] + own.shape[1] == 0:
+    if by_common.shape[1] + by_section.shape[1] == 0:
         return fit.variance_factor
-    both = np.hstack([design, shared])
-    lighter, rest, explained = both.copy(), fit.normalised.copy(), 0.0
+    jacobian = np.hstack([by_cylinder, by_common])
+    whitened, residuals, absorbed_dof = jacobian.copy(), fit.normalised.copy(), 0.0
     for section in np.unique(cloud.point_sections):
-        mine = cloud.point_sections == section
-        inner = np.linalg.inv(np.eye(own.shape[1]) + own[mine].T @ own[mine])
-        for values in (lighter, rest):
+        rows = cloud.point_sections == section
+        inverse = np.linalg.inv(np.eye(by_section.shape[1]) + by_section[rows].T @ by_section[rows])
+        for values in (whitened, residuals):
             # (I + C C')^-1 v = v - C (I + C'C)^-1 C' v
-            values[mine] -= own[mine] @ (inner @ (own[mine].T @ values[mine]))
-        explained += own.shape[1] - float(np.trace(inner))
-    known = np.repeat([0.0, 1.0], [PARAMETERS, shared.shape[1]])
-    rest -= lighter @ np.linalg.solve(both.T @ lighter + np.diag(known), lighter.T @ fit.normalised)
-    freedom = round(len(rest) - PARAMETERS - explained)
-    factor, _, spread = variance_factor(rest, freedom, known_noise=cloud.noise_known)
-    return factor * spread**2
+            values[rows] -= by_section[rows] @ (inverse @ (by_section[rows].T @ values[rows]))
+        absorbed_dof += by_section.shape[1] - float(np.trace(inverse))
+    prior_information = np.diag(np.repeat([0.0, 1.0], [PARAMETERS, by_common.shape[1]]))
+    residuals -= whitened @ np.linalg.solve(
+        jacobian.T @ whitened + prior_information, whitened.T @ fit.normalised
+    )
+    dof = round(len(residuals) - PARAMETERS - absorbed_dof)
+    factor, _, std_scale = variance_factor(residuals, dof, known_noise=cloud.noise_known)
+    return factor * std_scale**2
 
 
 def feed_direction(base_from_sections: Sequence[Pose]) -> tuple[FloatArray, FloatArray]:
-    """Unit vector from the first section's origin to the last's, and each one's place on it.
+    """Return the unit vector from the first section's origin to the last's, and each position.
 
     Parameters
     ----------
@@ -216,12 +236,12 @@ def feed_direction(base_from_sections: Sequence[Pose]) -> tuple[FloatArray, Floa
     Returns
     -------
     feed : (3,) ndarray
-        Zero where first and last origin are one point.
-    steps : (k,) ndarray
-        From the first. Units: mm.
+        Zero if the first and the last origin coincide.
+    distances : (k,) ndarray
+        Position of each section along the feed, from the first. Units: mm.
     """
     origins = np.array([pose.translation for pose in base_from_sections])
-    way = origins[-1] - origins[0]
-    length = float(np.linalg.norm(way))
-    feed = way / length if length > 0 else np.zeros(3)
+    displacement = origins[-1] - origins[0]
+    length = float(np.linalg.norm(displacement))
+    feed = displacement / length if length > 0 else np.zeros(3)
     return feed, (origins - origins[0]) @ feed

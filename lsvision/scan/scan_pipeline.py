@@ -1,7 +1,10 @@
-"""Several sections, one cylinder: many profiles with their poses in, cylinders in space out."""
+"""Measure cylinders from several profiles with poses: the steps of `measure_scan`."""
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from lsvision.cylinder.robot_frame import SectionMount
 from lsvision.ellipse.problem import RadiusPrior
@@ -9,29 +12,35 @@ from lsvision.geometry import Pose
 from lsvision.measure import Measurement, Settings, measure_cylinders
 from lsvision.profile import NoiseModel, Profile
 from lsvision.scan.cloud import build_cloud, require_noncoplanar_sections
-from lsvision.scan.joint_fit import JointFitSettings
-from lsvision.scan.pose_errors import PoseErrors
-from lsvision.scan.result_assembly import build_scanned_cylinder, sort_cylinders
-from lsvision.scan.scan_result import ScanMeasurement
-from lsvision.scan.track_fitting import fit_tracks
+from lsvision.scan.joint_fit import JointFit, JointFitSettings, fit_tracks
+from lsvision.scan.pose_errors import (
+    PoseErrors,
+    common_error_jacobian,
+    feed_direction,
+    propagate_pose_errors,
+    section_error_jacobian,
+)
+from lsvision.scan.scan_result import ScanMeasurement, ScannedCylinder
 from lsvision.scan.tracks import TrackSettings, associate_arcs, transform_arc_to_base
 
 MIN_POINTS = 6
-"""Profiles with fewer points are passed over: a lost section."""
+"""Profiles with fewer points are skipped: too few for an ellipse."""
+MIN_FEED_COSINE = 1e-6
+"""Smallest cosine between feed and axis at which the feed gives the direction its sign."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ScanSettings:
-    """One settings value for each step, in the order of the steps.
+    """Settings of a scan, one value for each step.
 
     Parameters
     ----------
     section : Settings
-        Measuring each profile by itself.
+        Measurement of each profile by itself.
     tracks : TrackSettings
         Association of arcs across sections.
     joint_fit : JointFitSettings
-        Gathering of points and the joint fit.
+        Assignment of points and the joint fit.
     """
 
     section: Settings = field(default_factory=Settings)
@@ -39,7 +48,7 @@ class ScanSettings:
     joint_fit: JointFitSettings = JointFitSettings()
 
 
-def measure_scan(  # noqa: PLR0913 - what `measure_cylinders` asks, and the poses with their errors
+def measure_scan(  # noqa: PLR0913 - the options of `measure_cylinders`, the poses and their errors
     profiles: Sequence[Profile],
     base_from_sections: Sequence[Pose],
     *,
@@ -53,55 +62,55 @@ def measure_scan(  # noqa: PLR0913 - what `measure_cylinders` asks, and the pose
 ) -> ScanMeasurement:
     """Measure cylinders from several light sections jointly.
 
-    Two sections 10 mm apart give radius and direction 10 to 25 times better than one, and settle
-    which of the twins it is; more give more. Each profile is measured by itself, arcs are
-    chained across the sections, and one cylinder is fitted to all points of a chain, also to
-    those of sections where detection missed the arc.
+    Two sections 10 mm apart determine radius and direction 10 to 25 times better than one, and
+    which of the two twins is the axis; more sections improve both. Each profile is measured by
+    itself, arcs are associated across the sections, and one cylinder is fitted to all points of
+    a track, including points of sections where detection missed the arc.
 
     Parameters
     ----------
     profiles : sequence of Profile
-        In the order of the feed. Profiles without points are passed over.
+        In the order of the feed. Profiles without points are skipped.
     base_from_sections : sequence of Pose
-        One a profile; ``Pose.along(direction, distance)`` for an encoder axis.
+        One for each profile; ``Pose.along(direction, distance)`` for an encoder axis.
     radius : float or (float, float), optional
         Nominal radius or range to search, as for `measure_cylinders`. Units: mm.
     known_radius : float or (float, float), optional
-        Radius, or radius and its one sigma, known beforehand. Units: mm.
+        Prior radius, or prior radius and its standard uncertainty. Units: mm.
     sensor : NoiseModel, optional
-        None: each profile's own, or equal noise estimated from the residuals.
+        Noise model of all profiles. None: the model of each profile, or equal noise estimated
+        from the residuals.
     settings : ScanSettings
-        Every step's.
+        Settings of every step.
     pose_std : float
-        One sigma of each section's position, per axis. It enters the covariance; the poses
-        are taken as given. Units: mm.
+        Standard uncertainty of each section's position, per axis. It enters the covariance only;
+        the fit takes the poses as exact. Units: mm.
     feed_std : float
-        One sigma of the feed's direction about each axis across it, shared by all sections.
-        It enters the covariance. Units: rad.
+        Standard uncertainty of the feed direction about each axis perpendicular to it, common to
+        all sections. It enters the covariance only. Units: rad.
     calibration : HandEye, optional
-        With which the poses were made, ``base_from_flange @ calibration.flange_from_section``.
-        Its covariance enters the cylinders' as one error that all sections share, its
-        ``robot_std`` as one that each section has for itself.
+        Calibration used for the poses, ``base_from_flange @ calibration.flange_from_section``.
+        Its covariance enters the cylinders' covariance as an error common to all sections, its
+        ``robot_std`` as an independent error of each section.
 
     Returns
     -------
     ScanMeasurement
-        A cylinder that only one section can show (a scan of one profile) comes with its
-        `twin`; it is then one of the two, and nothing tells which.
+        A scan of one profile yields cylinders with a `twin`: either of the two may be the axis.
 
     Raises
     ------
     ValueError
-        If there are not as many poses as profiles, or none.
+        If the numbers of poses and profiles differ, or are zero.
     DegenerateGeometry
         If all sections lie in one plane: identical poses, or a feed along the laser plane.
 
     Notes
     -----
-    **What the fit cannot see.** A feed direction 0.5 deg off the one given turns the axis by
-    0.45 deg and costs 0.1 mm of radius (R = 25 mm, tilt 20 deg) without any change in the
-    residuals; a feed 1 % too long, 0.2 deg and 0.03 mm. Calibrate the feed, or say by
-    `feed_std` how well it is known.
+    **Systematic errors that the residuals do not show.** A feed direction wrong by 0.5 deg turns
+    the axis by 0.45 deg and changes the radius by 0.1 mm (R = 25 mm, tilt 20 deg) without any
+    effect on the residuals; a feed 1 % too long, 0.2 deg and 0.03 mm. Calibrate the feed, or
+    state its uncertainty as `feed_std`.
 
     Examples
     --------
@@ -142,7 +151,7 @@ def measure_section(
     sensor: NoiseModel | None = None,
     settings: Settings | None = None,
 ) -> Measurement:
-    """Measure one profile of a scan; one that is lost whole holds nothing.
+    """Measure one profile of a scan; without enough points, return an empty measurement.
 
     Parameters are those of `measure_cylinders`.
     """
@@ -157,7 +166,7 @@ def measure_section(
     )
 
 
-def fit_sections_jointly(  # noqa: PLR0913 - the profiles, what each holds, and what `measure_scan` asks
+def fit_sections_jointly(  # noqa: PLR0913 - the measurements and the options of `measure_scan`
     profiles: Sequence[Profile],
     base_from_sections: Sequence[Pose],
     measurements: Sequence[Measurement],
@@ -167,16 +176,16 @@ def fit_sections_jointly(  # noqa: PLR0913 - the profiles, what each holds, and 
     settings: ScanSettings | None = None,
     pose_errors: PoseErrors = PoseErrors(),
 ) -> ScanMeasurement:
-    """Make cylinders in space of sections that are measured one by one.
+    """Fit cylinders jointly to profiles that have been measured one by one.
 
     Parameters
     ----------
     profiles, base_from_sections, known_radius, sensor, settings
         As in `measure_scan`.
     measurements : sequence of Measurement
-        Of each profile, by `measure_section`.
+        Result of `measure_section` for each profile.
     pose_errors : PoseErrors
-        How well the poses are known.
+        Uncertainty of the poses.
 
     Raises
     ------
@@ -185,45 +194,92 @@ def fit_sections_jointly(  # noqa: PLR0913 - the profiles, what each holds, and 
     """
     settings = settings or ScanSettings()
     poses = validate_poses(profiles, base_from_sections)
-    sightings = [
+    observations = [
         transform_arc_to_base(section, arc, poses[section])
         for section, measurement in enumerate(measurements)
         for arc in measurement.cylinders
     ]
-    tracks = associate_arcs(sightings, settings.tracks)
+    tracks = associate_arcs(observations, settings.tracks)
     cloud = build_cloud(profiles, poses, sensor)
-    prior = _prior(known_radius)
-    found, rejections = fit_tracks(cloud, tracks, prior, settings.joint_fit)
-    cylinders = [build_scanned_cylinder(settled, pose_errors) for settled in found]
+    prior = _radius_prior(known_radius)
+    joint_fits, rejections = fit_tracks(cloud, tracks, prior, settings.joint_fit)
+    cylinders = [build_scanned_cylinder(joint_fit, pose_errors) for joint_fit in joint_fits]
     return ScanMeasurement(sort_cylinders(cylinders, poses), tuple(rejections), tuple(measurements))
 
 
 def validate_poses(
     profiles: Sequence[Profile], base_from_sections: Sequence[Pose]
 ) -> tuple[Pose, ...]:
-    """Poses that go with the profiles.
+    """Return the poses as a tuple after checking their type, number and arrangement.
 
     Raises
     ------
     TypeError, ValueError
-        If they are no poses, not as many, or none.
+        If one is not a Pose, their number is not that of the profiles, or there are none.
     DegenerateGeometry
         If the sections all lie in one plane.
     """
     poses = tuple(base_from_sections)
     if len(poses) != len(profiles) or not poses:
         raise ValueError(
-            f"want one pose a profile and at least one, got {len(profiles)} profiles and "
+            f"expected one pose for each profile, at least one, got {len(profiles)} profiles and "
             f"{len(poses)} poses"
         )
     for pose in poses:
         if not isinstance(pose, Pose):
-            raise TypeError(f"want a Pose for each profile, got {type(pose).__name__}")
+            raise TypeError(f"expected a Pose for each profile, got {type(pose).__name__}")
     require_noncoplanar_sections(poses)
     return poses
 
 
-def _prior(known_radius: float | tuple[float, float] | None) -> RadiusPrior | None:
+def _radius_prior(known_radius: float | tuple[float, float] | None) -> RadiusPrior | None:
     if known_radius is None or isinstance(known_radius, tuple):
         return known_radius and RadiusPrior(*known_radius)
     return RadiusPrior(known_radius)
+
+
+def build_scanned_cylinder(joint_fit: JointFit, errors: PoseErrors) -> ScannedCylinder:
+    """Build the result of a joint fit: reference point, sign, covariance and axial range."""
+    fit, cloud = joint_fit.fit, joint_fit.cloud
+    fit = replace(fit, covariance=propagate_pose_errors(fit, cloud, errors))
+    fit = fit.with_reference_point(cloud.poses[0].translation)
+    feed, _ = feed_direction(cloud.poses)
+    cosine = float(feed @ fit.direction)
+    if abs(cosine) < MIN_FEED_COSINE:
+        cosine = float(cloud.poses[0].rotation[:, 2] @ fit.direction)
+    if cosine < 0:
+        fit = fit.with_reversed_direction()
+    along = (cloud.points - fit.point) @ fit.direction
+    rows = np.array([along.argmin(), along.argmax()])
+    ends, axis = cloud.subset(rows), np.tile(fit.direction, (2, 1))
+    pose_jacobian = np.hstack(
+        [
+            jacobian(axis, ends, errors)
+            for jacobian in (common_error_jacobian, section_error_jacobian)
+        ]
+    )
+    variances = fit.direction @ ends.covariances @ fit.direction + (pose_jacobian**2).sum(axis=1)
+    return ScannedCylinder(
+        fit=fit,
+        sections=tuple(int(section) for section in np.unique(cloud.point_sections)),
+        points=cloud.points,
+        point_sections=cloud.point_sections,
+        indices=cloud.indices,
+        axial_range=(float(along[rows[0]]), float(along[rows[1]])),
+        axial_range_std=(math.sqrt(variances[0]), math.sqrt(variances[1])),
+        twin=joint_fit.twin,
+        includes_calibration=errors.calibration is not None,
+    )
+
+
+def sort_cylinders(
+    cylinders: Sequence[ScannedCylinder], poses: Sequence[Pose]
+) -> tuple[ScannedCylinder, ...]:
+    """Sort by the first section that shows each cylinder, then by its mean x there."""
+
+    def key(cylinder: ScannedCylinder) -> tuple[int, float]:
+        first = cylinder.sections[0]
+        points = cylinder.points[cylinder.point_sections == first]
+        return first, float(poses[first].inverse().apply(points)[:, 0].mean())
+
+    return tuple(sorted(cylinders, key=key))

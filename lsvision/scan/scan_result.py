@@ -1,4 +1,4 @@
-"""What a scan yields: cylinders in the base frame, each with its evidence."""
+"""Result of a scan: cylinders in the base frame, and rejected arcs."""
 
 from dataclasses import dataclass
 
@@ -11,32 +11,32 @@ from lsvision.measure import Measurement
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ScannedCylinder:
-    """A cylinder measured from the sections of a scan together.
+    """Cylinder measured jointly from the sections of a scan.
 
     Parameters
     ----------
     fit : CylinderFit
-        The joint fit in the base frame, its point the axis point nearest to the first
-        section's origin, its direction positive along the feed (from the first profile's
-        origin to the last's; where that is square to the axis or nothing, along the first
+        The joint fit in the base frame. Its point is the axis point nearest to the first
+        section's origin, its direction is positive along the feed (from the first profile's
+        origin to the last's; if the feed is zero or perpendicular to the axis, along the first
         section's Z). Its covariance includes the errors of the poses and of the hand-eye
         calibration, if given.
     sections : tuple of int
-        Indices of the profiles that show it.
+        Indices of the profiles with points of the cylinder.
     points : (n, 3) ndarray
         The points used, base frame. Units: mm.
     point_sections, indices : (n,) int ndarray
-        Index of each point's profile, and of the point in it.
+        Index of each point's profile, and index of the point in that profile.
     axial_range : tuple of float
-        Places along the axis, from `point` along `direction`, of the farthest points seen; the
-        pipe may go on where the scan does not. Units: mm.
+        Positions along the axis, from `point` along `direction`, of the first and the last
+        point; the tube may extend beyond the scan. Units: mm.
     axial_range_std : tuple of float
-        One sigma of those places. Units: mm.
+        Standard uncertainty of `axial_range`. Units: mm.
     twin : Cylinder or None
-        The other cylinder that fits as well, where only one section was seen.
+        The other cylinder that fits equally well, if only one section was measured.
     includes_calibration : bool
-        Whether the covariance holds a hand-eye calibration's errors; else the poses' sensor
-        mount is taken as exact.
+        Whether the covariance includes the errors of a hand-eye calibration; otherwise the
+        sensor mount is taken as exact.
     """
 
     fit: CylinderFit
@@ -51,7 +51,7 @@ class ScannedCylinder:
 
     @property
     def cylinder(self) -> Cylinder:
-        """Base frame."""
+        """Cylinder in the base frame."""
         return self.fit.cylinder
 
     @property
@@ -66,17 +66,17 @@ class ScannedCylinder:
 
     @property
     def radius(self) -> float:
-        """Units: mm."""
+        """Radius. Units: mm."""
         return self.fit.radius
 
     @property
     def radius_std(self) -> float:
-        """One sigma of the radius. Units: mm."""
+        """Standard uncertainty of the radius. Units: mm."""
         return self.fit.radius_std
 
     @property
     def direction_std(self) -> float:
-        """Root mean square angle to the true direction, both ways together. Units: rad."""
+        """Root mean square angle to the true direction. Units: rad."""
         return self.fit.direction_std
 
     @property
@@ -86,7 +86,7 @@ class ScannedCylinder:
 
     @property
     def covariance(self) -> FloatArray:
-        """(5, 5): point along e_phi, e_theta (mm), direction along them (rad), radius (mm).
+        """(5, 5): point (mm) and direction (rad), each along e_phi and e_theta, radius (mm).
 
         e_phi and e_theta are the rows of ``fit.tangent_basis``.
         """
@@ -94,26 +94,26 @@ class ScannedCylinder:
 
     @property
     def ambiguous(self) -> bool:
-        """Whether its `twin` fits as well: it was seen in one section only."""
+        """Whether the `twin` fits equally well: only one section was measured."""
         return self.twin is not None
 
     @property
     def section_residuals(self) -> FloatArray:
         """(k, 2) mean and rms of the residuals of each of `sections`. Units: mm."""
-        mine = [self.fit.residuals[self.point_sections == section] for section in self.sections]
-        return np.array([[r.mean(), np.sqrt(np.mean(r * r))] for r in mine])
+        residuals = [self.fit.residuals[self.point_sections == s] for s in self.sections]
+        return np.array([[r.mean(), np.sqrt(np.mean(r * r))] for r in residuals])
 
 
 @dataclass(frozen=True, slots=True)
 class ScanRejection:
-    """Arcs of a scan that are no cylinder, and why.
+    """Arcs of a scan that were rejected, with the reason.
 
     Parameters
     ----------
     sections : tuple of int
-        Indices of the profiles that show them.
+        Indices of the profiles with the arcs.
     reason : str
-        In words and numbers.
+        Quantity and limit that it exceeds, or error of the fit.
     """
 
     sections: tuple[int, ...]
@@ -122,16 +122,16 @@ class ScanRejection:
 
 @dataclass(frozen=True, slots=True)
 class ScanMeasurement:
-    """What a scan holds.
+    """Result of `measure_scan`.
 
     Parameters
     ----------
     cylinders : tuple of ScannedCylinder
-        In the order of the first section that shows them, then left to right in it.
+        In the order of the first section that shows them, then by ascending x in it.
     rejections : tuple of ScanRejection
-        Arcs that detection took for a cylinder's and the joint fit did not.
+        Arcs that were detected in a profile and rejected by the joint fit.
     measurements : tuple of Measurement
-        What each profile holds by itself, in their order.
+        Measurement of each profile by itself, in the order of the profiles.
     """
 
     cylinders: tuple[ScannedCylinder, ...]

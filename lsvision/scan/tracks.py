@@ -1,9 +1,9 @@
-"""Which arcs of different sections belong to one cylinder.
+"""Associate the arcs of different sections: a track holds the arcs of one cylinder.
 
-Sections are taken in their order. Each cylinder seen so far predicts where the next section
-should cut it: along the line of its centres, or, while those are too close together to tell,
-along both twins. Solid pipes cannot run into each other, so that a gate of a third of the
-radius keeps even welded neighbours apart, and leaves room for a bent pipe.
+Sections are processed in order. Each track predicts where the next section cuts its cylinder:
+along the line through its arc centres, or along both twins while the centres are too close
+together to determine a direction. Solid tubes do not penetrate each other, so a gate of a third
+of the radius separates even welded neighbours and still admits a bent tube.
 """
 
 import math
@@ -18,19 +18,19 @@ from lsvision.geometry import FloatArray, Pose
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TrackSettings:
-    """Association of arcs across sections.
+    """Gates for the association of arcs across sections.
 
     Parameters
     ----------
     gate, max_gate : float
-        Largest distance of a centre from the predicted axis, without and with all
-        uncertainty. Units: radii.
+        Largest distance of an arc centre from the predicted axis, without and with the
+        uncertainty of both added. Units: radii.
     radius_gate : float
-        Largest difference of radii beyond their errors. Units: radii.
+        Largest difference of the radii beyond their uncertainty. Units: radii.
     sigmas : float
-        Errors count so many standard deviations.
+        Number of standard deviations taken as the uncertainty.
     window : int
-        Number of last sections that make the prediction.
+        Number of the most recent arcs used for the prediction.
     """
 
     gate: float = 0.3
@@ -49,17 +49,17 @@ class ArcObservation:
     section : int
         Index of the profile.
     arc : CylinderSection
-        In its section's frame.
+        The measured arc, section frame.
     centre : (3,) ndarray
-        Of the ellipse, base frame. Units: mm.
+        Centre of the ellipse, base frame. Units: mm.
     centre_std : float
-        Root mean square error across both ways. Units: mm.
+        Root mean square error of the centre, both coordinates together. Units: mm.
     radius_std : float
-        Units: mm.
+        Standard uncertainty of the radius. Units: mm.
     twins : (2, 3) ndarray
-        Both axes, base frame.
+        Unit vectors along both possible axes, base frame.
     twins_std : float
-        Error of the true one of the two. Units: rad.
+        Root mean square angular error of the true one of the two. Units: rad.
     """
 
     section: int
@@ -72,7 +72,7 @@ class ArcObservation:
 
     @property
     def radius(self) -> float:
-        """Units: mm."""
+        """Radius of the cylinder. Units: mm."""
         return self.arc.radius
 
 
@@ -80,7 +80,7 @@ Track = tuple[ArcObservation, ...]
 
 
 def transform_arc_to_base(section: int, arc: CylinderSection, pose: Pose) -> ArcObservation:
-    """Bring an arc to the base frame.
+    """Transform an arc to the base frame.
 
     Parameters
     ----------
@@ -92,7 +92,6 @@ def transform_arc_to_base(section: int, arc: CylinderSection, pose: Pose) -> Arc
         ``base_from_section``.
     """
     covariance = arc.covariance
-    sideways = math.sin(arc.phi) * arc.theta_std
     return ArcObservation(
         section=section,
         arc=arc,
@@ -100,18 +99,18 @@ def transform_arc_to_base(section: int, arc: CylinderSection, pose: Pose) -> Arc
         centre_std=math.sqrt(covariance[0, 0] + covariance[1, 1]),
         radius_std=math.sqrt(covariance[3, 3]),
         twins=arc.axis_twins @ pose.rotation.T,
-        twins_std=math.hypot(arc.phi_std, sideways),
+        twins_std=math.hypot(arc.phi_std, math.sin(arc.phi) * arc.theta_std),
     )
 
 
 def associate_arcs(
-    sightings: Sequence[ArcObservation], settings: TrackSettings = TrackSettings()
+    observations: Sequence[ArcObservation], settings: TrackSettings = TrackSettings()
 ) -> tuple[Track, ...]:
-    """Chain arcs of different sections to tracks, one a cylinder.
+    """Group the arcs of different sections into tracks, one for each cylinder.
 
     Parameters
     ----------
-    sightings : sequence of ArcObservation
+    observations : sequence of ArcObservation
         In the order of the sections.
     settings : TrackSettings
         Gates.
@@ -119,49 +118,50 @@ def associate_arcs(
     Returns
     -------
     tuple of Track
-        Each holds at most one arc a section; in order of their first. A pipe of which one
-        section shows two arcs leaves two tracks here; they meet again at the joint fit.
+        With at most one arc of each section, in the order of their first arcs. A tube with two
+        arcs in one section yields two tracks here; the joint fit unites them.
     """
     tracks: list[list[ArcObservation]] = []
-    for section in sorted({sighting.section for sighting in sightings}):
-        here = [sighting for sighting in sightings if sighting.section == section]
-        pairs = sorted(
-            (score, t, s)
+    for section in sorted({observation.section for observation in observations}):
+        arcs = [observation for observation in observations if observation.section == section]
+        candidates = sorted(
+            (distance, t, a)
             for t, track in enumerate(tracks)
-            for s, sighting in enumerate(here)
-            if (score := _normalised_gate_distance(track[-settings.window :], sighting, settings))
-            < 1
+            for a, arc in enumerate(arcs)
+            if (distance := _normalised_gate_distance(track[-settings.window :], arc, settings)) < 1
         )
-        taken_tracks: set[int] = set()
-        taken: set[int] = set()
-        for _, t, s in pairs:
-            if t not in taken_tracks and s not in taken:
-                tracks[t].append(here[s])
-                taken_tracks.add(t)
-                taken.add(s)
-        tracks.extend([here[s]] for s in range(len(here)) if s not in taken)
+        extended_tracks: set[int] = set()
+        assigned_arcs: set[int] = set()
+        for _, t, a in candidates:
+            if t not in extended_tracks and a not in assigned_arcs:
+                tracks[t].append(arcs[a])
+                extended_tracks.add(t)
+                assigned_arcs.add(a)
+        tracks.extend([arc] for a, arc in enumerate(arcs) if a not in assigned_arcs)
     return tuple(tuple(track) for track in tracks)
 
 
 def _normalised_gate_distance(
-    recent: Sequence[ArcObservation], new: ArcObservation, settings: TrackSettings
+    recent: Sequence[ArcObservation], arc: ArcObservation, settings: TrackSettings
 ) -> float:
-    """Distance of a centre from where a track predicts it, in gates; 1 and more is outside."""
-    radius = float(np.median([sighting.radius for sighting in recent]))
-    radius_std = min(sighting.radius_std for sighting in recent)
-    allowed = settings.sigmas * math.hypot(radius_std, new.radius_std)
-    if abs(new.radius - radius) > allowed + settings.radius_gate * radius:
+    """Return the distance of an arc's centre from the predicted axis, divided by the gate."""
+    radius = float(np.median([observation.radius for observation in recent]))
+    radius_std = min(observation.radius_std for observation in recent)
+    radius_uncertainty = settings.sigmas * math.hypot(radius_std, arc.radius_std)
+    if abs(arc.radius - radius) > radius_uncertainty + settings.radius_gate * radius:
         return math.inf
-    start, directions, direction_std = predict_axes(recent)
-    ahead = new.centre - start
-    gaps = np.linalg.norm(ahead - (directions @ ahead)[:, None] * directions, axis=1)
-    loose = settings.sigmas * new.centre_std + 2 * direction_std * float(np.linalg.norm(ahead))
-    gate = min(settings.gate * radius + loose, settings.max_gate * radius)
-    return float(gaps.min()) / gate
+    point, directions, direction_std = predict_axes(recent)
+    offset = arc.centre - point
+    distances = np.linalg.norm(offset - (directions @ offset)[:, None] * directions, axis=1)
+    uncertainty = settings.sigmas * arc.centre_std + 2 * direction_std * float(
+        np.linalg.norm(offset)
+    )
+    gate = min(settings.gate * radius + uncertainty, settings.max_gate * radius)
+    return float(distances.min()) / gate
 
 
 def predict_axes(recent: Sequence[ArcObservation]) -> tuple[FloatArray, FloatArray, float]:
-    """Where the axis of a few sightings runs.
+    """Predict the axis of a cylinder from some of its arcs.
 
     Parameters
     ----------
@@ -170,20 +170,21 @@ def predict_axes(recent: Sequence[ArcObservation]) -> tuple[FloatArray, FloatArr
 
     Returns
     -------
-    start : (3,) ndarray
-        A point of it. Units: mm.
+    point : (3,) ndarray
+        Point on the axis. Units: mm.
     directions : (1, 3) or (2, 3) ndarray
-        The line of centres, or both twins where they know better.
+        Direction of the line through the centres; or both twins of one arc, if their standard
+        uncertainty is smaller.
     std : float
-        Error of the directions. Units: rad.
+        Standard uncertainty of the directions. Units: rad.
     """
-    centres = np.array([sighting.centre for sighting in recent])
-    middle = centres.mean(axis=0)
-    best = min(recent, key=lambda sighting: sighting.twins_std)
+    centres = np.array([observation.centre for observation in recent])
+    mean_centre = centres.mean(axis=0)
+    best = min(recent, key=lambda observation: observation.twins_std)
     if len(recent) > 1:
-        _, lengths, ways = np.linalg.svd(centres - middle)
-        typical = float(np.median([sighting.centre_std for sighting in recent]))
-        line_std = typical / max(float(lengths[0]), 1e-12)
+        _, lengths, directions = np.linalg.svd(centres - mean_centre)
+        centre_std = float(np.median([observation.centre_std for observation in recent]))
+        line_std = centre_std / max(float(lengths[0]), 1e-12)
         if line_std < best.twins_std:
-            return middle, ways[:1], line_std
+            return mean_centre, directions[:1], line_std
     return best.centre, best.twins, best.twins_std

@@ -1,19 +1,22 @@
-"""Truth to data; imports none of the code that it validates."""
+"""Simulate profiles, images and calibration data with known truth.
 
-from lsvision.simulate.bent_tube import BentTube
-from lsvision.simulate.prism import Prism
-from lsvision.simulate.rays import Rays
-from lsvision.simulate.scene import CLUTTER, NOTHING, Scene, Solid
+The package imports none of the code that is tested with its data.
+"""
+
+from lsvision.simulate.scene import CLUTTER, NOTHING, Scene, SectionTruth, Solid, TubeTruth
 from lsvision.simulate.scene_kinds import (
     SCENE_KINDS,
     SCENE_SENSOR,
     TubeRanges,
     random_section,
 )
-from lsvision.simulate.section import SimulatedSection, simulate_scan, simulate_section
-from lsvision.simulate.sensor_errors import SectionSettings
-from lsvision.simulate.truth import SectionTruth, TubeTruth
-from lsvision.simulate.tube import Tube
+from lsvision.simulate.section import (
+    SectionSettings,
+    SimulatedSection,
+    simulate_scan,
+    simulate_section,
+)
+from lsvision.simulate.solids import BentTube, Prism, Rays, Tube
 
 __all__ = [
     "CLUTTER",

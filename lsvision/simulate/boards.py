@@ -1,7 +1,7 @@
-"""Calibration boards before a camera, with a laser line on them: exact points plus noise.
+"""Simulate images of calibration boards with a laser line: exact points plus noise.
 
-Projection is OpenCV's, not the library's own, so that neither can hide the other's slip.
-Assumptions: the line is a sheet without width; corner and line errors are independent and
+Points are projected by OpenCV and not by the library, so that errors of either are noticed.
+Assumptions: the laser sheet has no thickness; errors of corners and line are independent and
 normal; the board is bent as z = b1 (1 - (2x / Lx)^2) + b2 (1 - (2y / Ly)^2).
 """
 
@@ -15,14 +15,14 @@ from lsvision.geometry import FloatArray, Plane, Points, Pose
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BoardScene:
-    """A camera, a laser and the way boards are held before them.
+    """Camera, laser, calibration board, and the distribution of its poses.
 
     Parameters
     ----------
     matrix : (3, 3) ndarray
         Camera matrix. Units: px.
     distortion : (k,) ndarray
-        OpenCV's order.
+        Distortion coefficients in OpenCV's order.
     size : tuple of int
         ``(width, height)``. Units: px.
     plane : Plane
@@ -30,19 +30,19 @@ class BoardScene:
     distance : float
         Mean depth of the boards. Units: mm.
     columns, rows : int
-        Inner corners.
+        Number of inner corners.
     square : float
-        Units: mm.
+        Size of a square. Units: mm.
     tilt : float
         Largest tilt about either image axis. Units: rad.
     depth_range : float
-        Largest departure from `distance`, as a fraction of it.
+        Largest deviation from `distance`, as a fraction of it.
     bow : tuple of float
-        b1, b2. Units: mm.
+        Deviations from flatness b1, b2. Units: mm.
     corner_std, line_std : float
-        One sigma per corner coordinate, and across the line. Units: px.
+        Standard deviation of a corner coordinate, and across the line. Units: px.
     line_points : int
-        Points of the line on each board.
+        Number of points of the line on each board.
     """
 
     matrix: FloatArray = field(
@@ -65,18 +65,18 @@ class BoardScene:
 
 @dataclass(frozen=True, eq=False)
 class SimulatedBoard:
-    """One pose of the board, as measured.
+    """Simulated measurement of a board in one pose.
 
     Parameters
     ----------
     points : (n, 3) ndarray
-        Corners as printed, board frame, z = 0. Units: mm.
+        Nominal corners, board frame, z = 0. Units: mm.
     pixels : (n, 2) ndarray
-        Where they appear, with noise. Units: px.
+        Image points of the corners, with noise. Units: px.
     line_pixels : (m, 2) ndarray
-        The laser line on the board, with noise across it. Units: px.
+        Image points of the laser line on the board, with noise across it. Units: px.
     camera_from_board : Pose
-        The truth.
+        True pose.
     """
 
     points: FloatArray
@@ -88,21 +88,21 @@ class SimulatedBoard:
 def simulate_boards(
     scene: BoardScene, count: int, *, rng: np.random.Generator
 ) -> tuple[SimulatedBoard, ...]:
-    """Boards held at random, each crossed by the laser line.
+    """Simulate boards in random poses, each crossed by the laser line.
 
     Parameters
     ----------
     scene : BoardScene
-        What to hold where.
+        Camera, laser and board.
     count : int
-        Boards.
+        Number of boards.
     rng : numpy.random.Generator
         Source of poses and noise.
 
     Returns
     -------
     tuple of SimulatedBoard
-        `count` of them.
+        One for each pose.
 
     Examples
     --------
@@ -122,15 +122,15 @@ def simulate_boards(
 def _measure(
     scene: BoardScene, pose: Pose, line: Points, rng: np.random.Generator
 ) -> SimulatedBoard:
-    printed = _corners(scene)
-    bent = printed + np.outer(_height(scene, printed[:, :2]), (0.0, 0.0, 1.0))
+    corners = _corners(scene)
+    bent = corners + np.outer(_height(scene, corners[:, :2]), (0.0, 0.0, 1.0))
     pixels = _project(scene, pose.apply(bent))
     line_pixels = _project(scene, pose.apply(line))
     along = np.gradient(line_pixels, axis=0)
     across = np.column_stack([-along[:, 1], along[:, 0]]) / np.hypot(*along.T)[:, None]
     errors = rng.normal(0, scene.line_std, (len(line), 1))
     return SimulatedBoard(
-        printed,
+        corners,
         pixels + rng.normal(0, scene.corner_std, pixels.shape),
         line_pixels + across * errors,
         pose,
@@ -139,27 +139,27 @@ def _measure(
 
 def _random_pose(scene: BoardScene, rng: np.random.Generator) -> Pose:
     about_x, about_y = rng.uniform(-scene.tilt, scene.tilt, 2)
-    turn = rng.uniform(-np.pi / 12, np.pi / 12)
+    about_z = rng.uniform(-np.pi / 12, np.pi / 12)
     rotation = np.eye(3)
-    for vector in ((about_x, 0, 0), (0, about_y, 0), (0, 0, turn)):
+    for vector in ((about_x, 0, 0), (0, about_y, 0), (0, 0, about_z)):
         rotation = rotation @ cv2.Rodrigues(np.array(vector, dtype=float))[0]
     depth = scene.distance * (1 + rng.uniform(-scene.depth_range, scene.depth_range))
-    # Off the axis by up to a quarter of the picture, so that corners reach its borders.
-    aside = rng.uniform(-0.12, 0.12, 2) * scene.size / scene.matrix[[0, 1], [0, 1]] * depth * 2
-    centre = np.array([*aside, depth])
+    # Off the optical axis by up to a quarter of the image, so that corners reach its borders.
+    lateral = rng.uniform(-0.12, 0.12, 2) * scene.size / scene.matrix[[0, 1], [0, 1]] * depth * 2
+    centre = np.array([*lateral, depth])
     middle = _corners(scene).mean(axis=0)
     return Pose(rotation, centre - rotation @ middle)
 
 
 def _line_on_board(scene: BoardScene, pose: Pose) -> Points | None:
-    """Points (m, 3) of the bent board in the laser plane, board frame; None if it misses."""
+    """Return (m, 3) points of the laser line, board frame, or None if it misses the board."""
     corners = _corners(scene)
     low, high = corners[:, :2].min(axis=0), corners[:, :2].max(axis=0)
     x = np.linspace(low[0], high[0], scene.line_points)
     plane = scene.plane.transformed(pose.inverse())
     y = np.zeros_like(x)
     for _ in range(50):
-        # Fixed point: the bow is flat compared with the angle between board and plane.
+        # Fixed-point iteration, which converges because the bow is small.
         z = _height(scene, np.column_stack([x, y]))
         y = (plane.distance - plane.normal[0] * x - plane.normal[2] * z) / plane.normal[1]
     if not ((y > low[1]) & (y < high[1])).all():
@@ -173,6 +173,7 @@ def _corners(scene: BoardScene) -> Points:
 
 
 def _height(scene: BoardScene, points: Points) -> FloatArray:
+    """Return z of the bent board at (n, 2) points. Units: mm."""
     half = np.array([scene.columns - 1, scene.rows - 1]) * scene.square / 2
     height: FloatArray = (1 - ((points - half) / half) ** 2) @ np.array(scene.bow)
     return height

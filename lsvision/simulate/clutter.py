@@ -1,53 +1,65 @@
-"""Outlines of what stands around pipes: bars, boxes, profiles, and curved sheets of many kinds.
+"""Outlines of objects around tubes (bars, boxes, sections, curved sheets), and random clutter.
 
-Every function returns a `Prism` placed by the middle of its sensor side, turned by a tilt from X
-towards Y. Frame: section frame. Units: mm and rad. Curves are drawn in pieces of about 0.3 mm,
-whose sagitta stays below a micrometre for the radii that occur. No outline holds an arc of a
-circle of a pipe's size (a rounded corner does, of 5 mm radius at most): what a finder takes for
-a pipe here is none.
+Every outline function returns a `Prism` placed by the middle of its side towards the sensor and
+rotated by `tilt` from X towards Y. Frame: section frame. Units: mm and rad. Curves are polylines
+with segments of about 0.3 mm, whose sagitta is below a micrometre for the radii used.
+
+No outline contains an arc that resembles a tube's: rounded corners have a radius of at most 5 mm.
+The slope of a sheet stays below 24 deg, so that a crest turns by less than 48 deg; what turns
+further has a smaller radius than any tube (below 6 mm), a larger one (above 60 mm), or is concave.
 """
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
-from lsvision.geometry import FloatArray
-from lsvision.simulate.prism import Prism
+from lsvision.geometry import Ellipse, FloatArray
+from lsvision.simulate.solids import Prism
 
 SEGMENT_LENGTH_MM = 0.3
-"""Length along X of the straight pieces of a curve. Units: mm."""
+"""Length along X of the segments of a curve. Units: mm."""
 MAX_CORNER_RADIUS = 5.0
-"""Largest radius of a rounded corner; pipes start at twice that. Units: mm."""
+"""Largest radius of a rounded corner, half that of the smallest tube. Units: mm."""
+
+MAX_SLOPE = math.tan(math.radians(24.0))
+"""Largest slope of a wavy sheet."""
+HALF_FIELD_PER_RANGE = 0.27
+"""Half width of the field of view divided by the range, slightly less than the sensor's."""
+MIN_RANGE_MM, MAX_RANGE_MM = 330.0, 560.0
+"""Limits of the range at which clutter is placed. Units: mm."""
 
 Centre = tuple[float, float]
+Place = Callable[[Centre], Prism]
+DrawShape = Callable[[np.random.Generator], Place]
 
 
 def place_outline(outline: npt.ArrayLike, centre: Centre, tilt: float = 0.0) -> Prism:
-    """Prism of an outline drawn around (0, 0), turned and moved to its place.
+    """Return the prism of an outline after rotating it about (0, 0) and translating it.
 
     Parameters
     ----------
     outline : (k, 2) array_like
-        Units: mm.
+        Vertices. Units: mm.
     centre : tuple of float
-        Where its (0, 0) comes to lie. Units: mm.
+        New position of (0, 0). Units: mm.
     tilt : float
-        Turn from X towards Y. Units: rad.
+        Rotation from X towards Y. Units: rad.
     """
     cos, sin = math.cos(tilt), math.sin(tilt)
-    turned = np.asarray(outline, dtype=np.float64) @ np.array([[cos, sin], [-sin, cos]])
-    return Prism(turned + centre)
+    rotated = np.asarray(outline, dtype=np.float64) @ np.array([[cos, sin], [-sin, cos]])
+    return Prism(rotated + centre)
 
 
 def ground(width: float, centre: Centre, tilt: float = 0.0) -> Prism:
-    """Plane under the scene."""
+    """Return a plane below the scene."""
     return place_outline([[-width / 2, 0.0], [width / 2, 0.0]], centre, tilt)
 
 
 def bar(width: float, thickness: float, centre: Centre, tilt: float = 0.0) -> Prism:
-    """Flat bar or box: a rectangle.
+    """Return a flat bar or box: a rectangle.
 
     Examples
     --------
@@ -62,17 +74,17 @@ def bar(width: float, thickness: float, centre: Centre, tilt: float = 0.0) -> Pr
 def rounded_box(
     width: float, height: float, corner: float, centre: Centre, tilt: float = 0.0
 ) -> Prism:
-    """Square tube: a rectangle with rounded corners, open below.
+    """Return a square tube: a rectangle with rounded corners, open below.
 
     Raises
     ------
     ValueError
-        If the corner is a pipe: over 5 mm, or more than the box holds.
+        If the corner radius exceeds 5 mm, half the width or the height.
     """
     if not 0 < corner <= min(MAX_CORNER_RADIUS, width / 2, height):
-        raise ValueError(f"want a corner in (0, {MAX_CORNER_RADIUS:g}] mm, got {corner}")
-    turn = np.linspace(0.0, math.pi / 2, 25)
-    x, y = width / 2 - corner + corner * np.sin(turn), corner * (np.cos(turn) - 1)
+        raise ValueError(f"expected a corner in (0, {MAX_CORNER_RADIUS:g}] mm, got {corner}")
+    angle = np.linspace(0.0, math.pi / 2, 25)
+    x, y = width / 2 - corner + corner * np.sin(angle), corner * (np.cos(angle) - 1)
     right = np.vstack([np.column_stack([x, y]), [[width / 2, -height]]])
     left = right[::-1] * [-1.0, 1.0]
     return place_outline(np.vstack([left, right]), centre, tilt)
@@ -81,14 +93,14 @@ def rounded_box(
 def v_groove(
     width: float, opening: float, depth: float, centre: Centre, tilt: float = 0.0
 ) -> Prism:
-    """Plate with a V groove for a weld."""
+    """Return a plate with a V groove, as for a weld."""
     x, half = width / 2, opening / 2
     outline = [[-x, 0.0], [-half, 0.0], [0.0, -depth], [half, 0.0], [x, 0.0]]
     return place_outline(outline, centre, tilt)
 
 
 def angle_iron(leg: float, thickness: float, centre: Centre, tilt: float = 0.0) -> Prism:
-    """Angle iron standing on its two edges, its back towards the sensor."""
+    """Return an angle iron that stands on its edges, with its corner towards the sensor."""
     reach, edge = leg / math.sqrt(2), thickness / math.sqrt(2)
     inside = [[reach - edge, -reach - edge], [0.0, -2 * edge], [-reach + edge, -reach - edge]]
     outline = [[-reach, -reach], [0.0, 0.0], [reach, -reach], *inside, [-reach, -reach]]
@@ -98,23 +110,23 @@ def angle_iron(leg: float, thickness: float, centre: Centre, tilt: float = 0.0) 
 def sine_sheet(
     width: float, amplitude: float, wavelength: float, centre: Centre, tilt: float = 0.0
 ) -> Prism:
-    """Corrugated sheet."""
+    """Return a corrugated sheet: a sine."""
     x = _abscissae(width)
     wave = amplitude * np.sin(2 * math.pi * x / wavelength)
     return place_outline(np.column_stack([x, wave]), centre, tilt)
 
 
 def gaussian_bumps(width: float, bumps: npt.ArrayLike, centre: Centre, tilt: float = 0.0) -> Prism:
-    """Sheet with dents and bumps.
+    """Return a sheet with dents and bumps.
 
     Parameters
     ----------
     width : float
-        Units: mm.
+        Width of the sheet. Units: mm.
     bumps : (k, 3) array_like
         Position along the sheet, height (negative: a dent) and standard width. Units: mm.
     centre, tilt
-        As for all.
+        As for `place_outline`.
     """
     x = _abscissae(width)
     position, height, spread = np.asarray(bumps, dtype=np.float64).T[:, :, None]
@@ -123,26 +135,149 @@ def gaussian_bumps(width: float, bumps: npt.ArrayLike, centre: Centre, tilt: flo
 
 
 def parabola(width: float, depth: float, centre: Centre, tilt: float = 0.0) -> Prism:
-    """Trough (negative depth) or ridge whose section is a parabola."""
+    """Return a ridge, or with negative depth a trough, with a parabolic section."""
     x = _abscissae(width)
     return place_outline(np.column_stack([x, -depth * (2 * x / width) ** 2]), centre, tilt)
 
 
 def spline_sheet(knots: npt.ArrayLike, centre: Centre, tilt: float = 0.0) -> Prism:
-    """Free-form sheet: a natural cubic spline.
+    """Return a free-form sheet: a natural cubic spline.
 
     Parameters
     ----------
     knots : (k, 2) array_like
-        First column rising. Units: mm.
+        First column ascending. Units: mm.
     centre, tilt
-        As for all.
+        As for `place_outline`.
     """
     x, y = np.asarray(knots, dtype=np.float64).T
     curve = CubicSpline(x, y, bc_type="natural")
-    fine = np.arange(x[0], x[-1] + SEGMENT_LENGTH_MM / 2, SEGMENT_LENGTH_MM)
-    return place_outline(np.column_stack([fine, curve(fine)]), centre, tilt)
+    x_fine = np.arange(x[0], x[-1] + SEGMENT_LENGTH_MM / 2, SEGMENT_LENGTH_MM)
+    return place_outline(np.column_stack([x_fine, curve(x_fine)]), centre, tilt)
 
 
 def _abscissae(width: float) -> FloatArray:
     return np.linspace(-width / 2, width / 2, math.ceil(width / SEGMENT_LENGTH_MM) + 1)
+
+
+def clutter_around(tubes: list[Ellipse], draw: DrawShape, rng: np.random.Generator) -> list[Prism]:
+    """Return two to four random shapes beside and behind tubes, and in 60 % of cases a ground.
+
+    Parameters
+    ----------
+    tubes : list of Ellipse
+        Sections of the tubes. A shape with overlapping x is placed behind them, or covers a
+        flank at most.
+    draw : callable
+        `draw_planar` or `draw_mixed`.
+    rng : numpy.random.Generator
+        Source of all random choices.
+    """
+    shapes = [_place_shape(draw(rng), tubes, rng) for _ in range(rng.integers(2, 5))]
+    if rng.random() < 0.6:
+        depth = min([-MAX_RANGE_MM, *(tube.centre[1] - tube.semi_major for tube in tubes)])
+        shapes.append(ground(500.0, (0.0, depth), rng.uniform(-0.05, 0.05)))
+    return shapes
+
+
+def draw_planar(rng: np.random.Generator) -> Place:
+    """Draw a bar, box or angle iron."""
+    tilt = rng.uniform(-0.6, 0.6)
+    width = rng.uniform(15.0, 90.0)
+    choice = rng.integers(4)
+    if choice == 0:
+        height = rng.uniform(10.0, 60.0)
+        return lambda centre: bar(width * 0.6, height, centre, tilt / 3)
+    if choice == 1:
+        leg, thickness = rng.uniform(15.0, 45.0), rng.uniform(3.0, 6.0)
+        return lambda centre: angle_iron(leg, thickness, centre, tilt)
+    thickness = rng.uniform(3.0, 10.0)
+    return lambda centre: bar(width, thickness, centre, tilt)
+
+
+def draw_mixed(rng: np.random.Generator) -> Place:
+    """Draw any kind of shape, planar with probability 1/3."""
+    if rng.random() < 1 / 3:
+        return draw_planar(rng)
+    kinds: list[DrawShape] = [_sine, _bumps, _ridge, _trough, _spline, _rounded_box, _v_groove]
+    return kinds[rng.integers(len(kinds))](rng)
+
+
+def _place_shape(place: Place, tubes: list[Ellipse], rng: np.random.Generator) -> Prism:
+    """Place a shape at random: beside the tubes at any range, or behind or against them."""
+    low, high = _bounding_box(place((0.0, 0.0)).outline)
+    top = rng.uniform(MIN_RANGE_MM, MAX_RANGE_MM - 40.0)
+    x = rng.uniform(-HALF_FIELD_PER_RANGE, HALF_FIELD_PER_RANGE) * top
+    for tube in tubes:
+        left, right = _bounding_box(tube.points_at(np.linspace(0.0, 2 * math.pi, 181)))
+        if x + high[0] > left[0] - 3.0 and x + low[0] < right[0] + 3.0:
+            top = max(top, rng.uniform(-0.4 * tube.semi_minor, 40.0) - tube.centre[1])
+    return place((x, -top - high[1]))
+
+
+def _bounding_box(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    return points.min(axis=0), points.max(axis=0)
+
+
+def _sine(rng: np.random.Generator) -> Place:
+    """Draw a corrugated sheet: shallow, or with crests of a smaller radius than a tube."""
+    width, tilt = rng.uniform(50.0, 130.0), rng.uniform(-0.4, 0.4)
+    if rng.random() < 0.25:
+        wavelength, amplitude = rng.uniform(9.0, 14.0), rng.uniform(1.5, 3.0)
+    else:
+        wavelength = rng.uniform(22.0, 70.0)
+        amplitude = wavelength * MAX_SLOPE * rng.uniform(0.3, 1.0) / (2 * math.pi)
+    return lambda centre: sine_sheet(width, amplitude, wavelength, centre, tilt)
+
+
+def _bumps(rng: np.random.Generator) -> Place:
+    """Draw a sheet with bumps and dents."""
+    width, tilt = rng.uniform(60.0, 140.0), rng.uniform(-0.3, 0.3)
+    bumps = []
+    for position in np.arange(-width / 2 + 18.0, width / 2 - 10.0, 36.0):
+        spread = rng.uniform(4.0, 10.0)
+        steepest = MAX_SLOPE * spread * math.sqrt(math.e)
+        height = rng.choice([-1.0, 1.0]) * rng.uniform(0.3, 0.95) * steepest
+        bumps.append((position, height, spread))
+    return lambda centre: gaussian_bumps(width, bumps, centre, tilt)
+
+
+def _ridge(rng: np.random.Generator) -> Place:
+    """Draw a parabola towards the sensor; its vertex radius is not that of a tube."""
+    tilt, flat = rng.uniform(-0.3, 0.3), rng.random() < 0.6
+    vertex = rng.uniform(60.0, 150.0) if flat else rng.uniform(1.5, 5.0)
+    width = rng.uniform(50.0, 110.0) if flat else rng.uniform(10.0, 24.0)
+    return lambda centre: parabola(width, width**2 / (8 * vertex), centre, tilt)
+
+
+def _trough(rng: np.random.Generator) -> Place:
+    """Draw a concave parabola with the curvature of a tube."""
+    tilt, vertex = rng.uniform(-0.3, 0.3), rng.uniform(12.0, 45.0)
+    width = vertex * rng.uniform(0.8, 2.0)
+    return lambda centre: parabola(width, -(width**2) / (8 * vertex), centre, tilt)
+
+
+def _spline(rng: np.random.Generator) -> Place:
+    """Draw a free-form sheet, its heights scaled to the largest slope."""
+    tilt, spacing = rng.uniform(-0.4, 0.4), rng.uniform(10.0, 24.0)
+    count = int(rng.integers(5, 8))
+    x = (np.arange(count) - (count - 1) / 2) * spacing
+    y = rng.uniform(-1.0, 1.0, count)
+    drawn = spline_sheet(np.column_stack([x, y]), (0.0, 0.0)).outline
+    steepest = np.abs(np.diff(drawn[:, 1]) / np.diff(drawn[:, 0])).max()
+    knots = np.column_stack([x, y * MAX_SLOPE * rng.uniform(0.4, 1.0) / steepest])
+    return lambda centre: spline_sheet(knots, centre, tilt)
+
+
+def _rounded_box(rng: np.random.Generator) -> Place:
+    """Draw a square tube with corners of 2-5 mm."""
+    width, height, tilt = rng.uniform(20.0, 70.0), rng.uniform(12.0, 50.0), rng.uniform(-0.5, 0.5)
+    corner = rng.uniform(2.0, MAX_CORNER_RADIUS)
+    return lambda centre: rounded_box(width, height, corner, centre, tilt)
+
+
+def _v_groove(rng: np.random.Generator) -> Place:
+    """Draw a plate with a V groove."""
+    width, tilt = rng.uniform(40.0, 110.0), rng.uniform(-0.4, 0.4)
+    opening, depth = rng.uniform(8.0, 25.0), rng.uniform(4.0, 15.0)
+    return lambda centre: v_groove(width, opening, depth, centre, tilt)

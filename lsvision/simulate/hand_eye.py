@@ -1,43 +1,44 @@
-"""Truth for sensor-to-robot calibration: what a moving section or camera sees of a target.
+"""Simulate hand-eye calibration: profiles of spheres and planes, and noisy robot poses.
 
-Assumptions, one by one: the sensor's columns are equally spaced in x; the laser plane is z = 0
-of the section; a column returns the point nearest to the sensor (largest y); the error of a
-point lies along y and is normal, its own or shared with its neighbours (`correlation`); all
-heights may be too long by one factor (`height_scale`); a flank that leans more than `max_slope`
-from y returns nothing; the robot reports a pose that departs from where it stands by
-independent Gaussian errors in each axis of position and rotation.
+Assumptions: the columns of the sensor are equally spaced in x; the laser plane is z = 0 of the
+section; a column measures the point nearest to the sensor (largest y); the errors of the points
+are along y and normal, independent or correlated between neighbours (`correlation`); all heights
+may have a scale error (`height_scale`); surfaces steeper than `max_slope` are not measured; the
+reported robot poses have independent normal errors in each axis of position and rotation.
 """
 
 import math
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
 
-from lsvision.geometry import FloatArray, Plane, Pose
+from lsvision.geometry import BoolArray, FloatArray, Plane, Pose
 from lsvision.profile import Profile
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SectionView:
-    """What a simulated profile sensor sees.
+    """Measuring range and errors of a simulated profile sensor.
 
     Parameters
     ----------
     columns : int
-        Points in a profile.
+        Number of points of a profile.
     width : float
         Length of the line, centred at x = 0. Units: mm.
     depth : tuple of float
-        Lowest and highest y that returns a point. Units: mm.
+        Smallest and largest y that is measured. Units: mm.
     range_std : float
-        One sigma along y. Units: mm.
+        Standard deviation of the noise along y. Units: mm.
     max_slope : float
-        Steepest surface that returns light. Units: rad.
+        Largest slope of the surface that is measured. Units: rad.
     correlation : float
-        One sigma of the Gaussian by which the errors of neighbours are averaged (and then
-        brought back to `range_std`); 0 for independent ones. Units: columns.
+        Standard deviation of the Gaussian filter of the noise, which is rescaled to `range_std`;
+        0 for independent errors. Units: columns.
     height_scale : float
-        What every height y is multiplied by.
+        Factor on every height y.
     """
 
     columns: int = 640
@@ -57,23 +58,23 @@ class SectionView:
 def sphere_profile(
     centre: FloatArray, radius: float, view: SectionView, rng: np.random.Generator
 ) -> Profile:
-    """Profile of a sphere.
+    """Simulate the profile of a sphere.
 
     Parameters
     ----------
     centre : (3,) array_like
-        Of the sphere, section frame. Units: mm.
+        Centre of the sphere, section frame. Units: mm.
     radius : float
-        Units: mm.
+        Radius of the sphere. Units: mm.
     view : SectionView
-        The sensor.
+        Sensor.
     rng : numpy.random.Generator
-        Of the noise.
+        Source of the noise.
 
     Returns
     -------
     Profile
-        Without a point wherever the sphere is missed.
+        With lost points where the sphere is not measured.
 
     Examples
     --------
@@ -85,16 +86,17 @@ def sphere_profile(
     """
     x = view.x
     cx, cy, cz = np.asarray(centre, dtype=np.float64)
-    cut2 = radius**2 - cz**2
-    rise2 = cut2 - (x - cx) ** 2
-    # A flank's lean in the section: sin = |x - cx| / r of the cut circle.
-    seen = (rise2 > 0) & (np.abs(x - cx) <= math.sin(view.max_slope) * math.sqrt(max(cut2, 0.0)))
-    y = cy + np.sqrt(np.where(seen, rise2, 0.0))
-    return _noisy_profile(x, y, seen, view, rng)
+    circle_radius2 = radius**2 - cz**2
+    height2 = circle_radius2 - (x - cx) ** 2
+    # The sine of the slope is |x - cx| divided by the radius of the circle in the section.
+    max_distance = math.sin(view.max_slope) * math.sqrt(max(circle_radius2, 0.0))
+    measured = (height2 > 0) & (np.abs(x - cx) <= max_distance)
+    y = cy + np.sqrt(np.where(measured, height2, 0.0))
+    return _noisy_profile(x, y, measured, view, rng)
 
 
 def plane_profile(plane: Plane, view: SectionView, rng: np.random.Generator) -> Profile:
-    """Profile of a plane given in the section frame; see `sphere_profile`."""
+    """Simulate the profile of a plane given in the section frame; see `sphere_profile`."""
     x = view.x
     nx, ny, _ = plane.normal
     if abs(ny) < math.cos(view.max_slope) * math.hypot(nx, ny):
@@ -106,71 +108,62 @@ def plane_profile(plane: Plane, view: SectionView, rng: np.random.Generator) -> 
 def _noisy_profile(
     x: FloatArray,
     y: FloatArray,
-    seen: "np.ndarray[tuple[int], np.dtype[np.bool_]]",
+    measured: BoolArray,
     view: SectionView,
     rng: np.random.Generator,
 ) -> Profile:
-    noisy = (
-        view.height_scale * y
-        + _correlated_unit_noise(rng.normal(0.0, 1.0, len(x)), view) * view.range_std
-    )
-    seen = seen & (noisy >= view.depth[0]) & (noisy <= view.depth[1])
-    points = np.where(seen[:, None], np.column_stack([x, noisy]), np.nan)
+    noise = _correlate(rng.normal(0.0, 1.0, len(x)), view) * view.range_std
+    heights = view.height_scale * y + noise
+    measured = measured & (heights >= view.depth[0]) & (heights <= view.depth[1])
+    points = np.where(measured[:, None], np.column_stack([x, heights]), np.nan)
     return Profile(points)
 
 
-def _correlated_unit_noise(noise: FloatArray, view: SectionView) -> FloatArray:
-    """Unit noise whose neighbours are alike."""
+def _correlate(noise: FloatArray, view: SectionView) -> FloatArray:
+    """Correlate the noise of neighbouring columns by a Gaussian filter, keeping its std."""
     if not view.correlation > 0:
         return noise
-    reach = math.ceil(4 * view.correlation)
-    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / view.correlation) ** 2)
+    half_width = math.ceil(4 * view.correlation)
+    kernel = np.exp(-0.5 * (np.arange(-half_width, half_width + 1) / view.correlation) ** 2)
     kernel /= np.sqrt((kernel**2).sum())
-    wide = np.concatenate([noise[-reach:], noise, noise[:reach]])
-    alike: FloatArray = np.convolve(wide, kernel, "valid")
-    return alike
+    periodic = np.concatenate([noise[-half_width:], noise, noise[:half_width]])
+    correlated: FloatArray = np.convolve(periodic, kernel, "valid")
+    return correlated
 
 
-def rotation_from_vector(vector: FloatArray) -> FloatArray:
-    """Rotation about a vector by its length in rad (Rodrigues), one at a time."""
-    angle = float(np.linalg.norm(vector))
-    if angle == 0:
-        return np.eye(3)
-    x, y, z = np.asarray(vector) / angle
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    rotation: FloatArray = (
-        np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
-    )
+def rotation_from_vector(vector: npt.ArrayLike) -> FloatArray:
+    """Return the (3, 3) rotation of a rotation vector (3,) in rad."""
+    rotation: FloatArray = Rotation.from_rotvec(vector).as_matrix()
     return rotation
 
 
 def noisy_pose(
     pose: Pose, position_std: float, rotation_std: float, rng: np.random.Generator
 ) -> Pose:
-    """What a robot with errors says of where it stands.
+    """Return a robot pose with random errors.
 
     Parameters
     ----------
     pose : Pose
-        Where it stands.
+        True pose.
     position_std, rotation_std : float
-        One sigma in each axis. Units: mm, rad.
+        Standard deviation of the errors, per axis. Units: mm, rad.
     rng : numpy.random.Generator
-        Of the errors.
+        Source of the errors.
     """
     error = rotation_from_vector(rng.normal(0.0, 1.0, 3) * rotation_std)
-    shift = rng.normal(0.0, 1.0, 3) * position_std
-    return Pose(error @ pose.rotation, pose.translation + shift)
+    translation_error = rng.normal(0.0, 1.0, 3) * position_std
+    return Pose(error @ pose.rotation, pose.translation + translation_error)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TargetMotion:
-    """How a person is told to move the sensor before its target.
+    """Range of the sensor poses relative to a target.
 
     Parameters
     ----------
     tilt, spin : float
-        Largest tilt from the section's upright pose and turn about its Y. Units: rad.
+        Largest tilt of the section from upright, and largest rotation about its Y. Units: rad.
     sideways, depth : float
         Largest offset of the target along the section's X and Y. Units: mm.
     offset : float
@@ -190,37 +183,37 @@ class TargetMotion:
 def section_poses_about(
     target: FloatArray, count: int, motion: TargetMotion, rng: np.random.Generator
 ) -> list[Pose]:
-    """Random ``base_from_section`` poses from which a target is seen.
+    """Draw random ``base_from_section`` poses from which a target is visible.
 
     Parameters
     ----------
     target : (3,) array_like
-        Base frame. Units: mm.
+        Target, base frame. Units: mm.
     count : int
-        How many.
+        Number of poses.
     motion : TargetMotion
-        Limits; each quantity is uniform within them.
+        Limits; each quantity is distributed uniformly within them.
     rng : numpy.random.Generator
-        Of the choice.
+        Source of the random numbers.
 
     Returns
     -------
     list of Pose
-        The section's Y looks up (base Z) where tilt and spin are zero.
+        The section's Y points upwards (base Z) for zero tilt and spin.
     """
-    upright = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # section Y up
+    upright = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # section Y upwards
     poses = []
     for _ in range(count):
         spin = rotation_from_vector(np.array([0, 0, rng.uniform(-motion.spin, motion.spin)]))
         lean = rotation_from_vector(np.array([rng.uniform(-motion.tilt, motion.tilt), 0, 0]))
         roll = rotation_from_vector(np.array([0, rng.uniform(-motion.tilt, motion.tilt), 0]))
         rotation = spin @ lean @ roll @ upright
-        seen_at = np.array(
+        target_in_section = np.array(
             [
                 rng.uniform(-motion.sideways, motion.sideways),
                 motion.standoff + rng.uniform(-motion.depth, motion.depth),
                 rng.uniform(-motion.offset, motion.offset),
             ]
         )
-        poses.append(Pose(rotation, np.asarray(target) - rotation @ seen_at))
+        poses.append(Pose(rotation, np.asarray(target) - rotation @ target_in_section))
     return poses

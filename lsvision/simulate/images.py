@@ -1,13 +1,13 @@
-"""What a camera sees of a laser line: images with the truth of every column.
+"""Simulate camera images of a laser line, with the true position of the line in every column.
 
-Assumptions, one by one: the laser is a sheet of light with a Gaussian section, fanned out from
-a point of its own plane; surfaces scatter by Lambert's law and neither shine through nor
-reflect onto one another; a point is dark where anything stands between it and the laser. The
-camera samples each column at its centre, three times a row, and blurs by a Gaussian. Speckle
-multiplies the line; stray light adds to it; the sensor counts, saturates and rounds.
+Assumptions: the laser is a sheet of light with a Gaussian cross-section that diverges from a point
+in its plane; surfaces are Lambertian and opaque, without multiple reflections; a point is dark if
+an object is between it and the laser. The camera samples each column at its centre, three times
+per row, and blurs by a Gaussian. Speckle multiplies the line, stray light is added, the sensor
+adds noise, saturates and rounds.
 
-Truth is where the visible, lit surface crosses the middle of the sheet: neither the thickness
-of the sheet nor blur, incidence or speckle move it, as they move the brightness.
+The true line is the intersection of the visible, illuminated surface with the middle of the sheet.
+It is independent of sheet thickness, blur, incidence and speckle, which shift the brightness.
 """
 
 from dataclasses import dataclass, field
@@ -17,48 +17,55 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Points
-from lsvision.simulate.image_sensor import ImageSensor, expose
+from lsvision.simulate.image_effects import (
+    ImageSensor,
+    StrayLight,
+    expose,
+    glint_gain,
+    speckle_field,
+    stray_light,
+)
 from lsvision.simulate.imaging_rig import ImagingRig
-from lsvision.simulate.rays import Rays
 from lsvision.simulate.scene import Scene
-from lsvision.simulate.speckle import speckle_field
-from lsvision.simulate.stray_light import StrayLight, glint_gain, stray_light
+from lsvision.simulate.solids import Rays
 
 SUB_ROWS = 3
-CELL = 4
-"""px; the scene is looked over in cells of this size for where the sheet may be seen."""
+"""Samples per row of the image."""
+CELL_PX = 4
+"""Size of the cells in which the scene is first searched for illuminated pixels. Units: px."""
 SHEET_CUTOFF_SIGMAS = 5.0
-"""Sheet sigmas from its middle beyond which the light is left out (4e-6 of the peak)."""
+"""Distance from the middle of the sheet, in its standard deviations, beyond which the light
+(4e-6 of the peak) is neglected."""
 MAX_DEPTH_STEP_MM = 2.0
-"""mm of depth between two samples from which they lie on different surfaces."""
+"""Largest difference in depth of two samples of the same surface. Units: mm."""
 SHADOW_BIAS = 1e-6
-"""Share of the way to the laser that a point may lie inside its own surface by rounding."""
+"""Relative distance by which rounding may place a point below its own surface."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ImageSettings:
-    """How a laser line is rendered.
+    """Settings of a simulated image of a laser line.
 
     Parameters
     ----------
     peak : float
-        Mean brightness of the line's brightest pixel, above the surroundings; beyond the
-        sensor's full scale it saturates. Units: DN of the image.
+        Mean brightness of the brightest pixel of the line above the background; beyond the full
+        scale of the sensor it saturates. Units: DN of the image.
     sheet_sigma : float
-        Half thickness of the sheet of light, one sigma. Units: mm.
+        Standard deviation of the sheet's cross-section. Units: mm.
     psf_sigma : float
-        Blur of the lens, one sigma. Units: px.
+        Standard deviation of the lens blur. Units: px.
     speckle_looks : int
-        Independent speckle patterns that are averaged; contrast is 1 / sqrt of it before the
-        pixels average further. 0: no speckle.
+        Number of independent speckle patterns that are averaged, see `speckle_field`. 0: no
+        speckle.
     speckle_fwhm : float
-        Full width at half maximum of the speckle's correlation. Units: px.
+        Full width at half maximum of the autocorrelation of the speckle. Units: px.
     glints : int
-        Places where the surface mirrors the laser into the camera.
+        Number of specular reflections of the laser into the camera.
     stray : StrayLight
-        Light that is not the laser's.
+        Light other than the laser's.
     sensor : ImageSensor
-        What turns light to numbers.
+        Noise, gain and bit depth of the camera.
     """
 
     peak: float = 200.0
@@ -73,22 +80,22 @@ class ImageSettings:
     def __post_init__(self) -> None:
         for name in ("peak", "sheet_sigma", "speckle_fwhm"):
             if not getattr(self, name) > 0:
-                raise ValueError(f"want a positive {name}, got {getattr(self, name)}")
+                raise ValueError(f"expected a positive {name}, got {getattr(self, name)}")
         for name in ("psf_sigma", "speckle_looks", "glints"):
             if not getattr(self, name) >= 0:
-                raise ValueError(f"want {name} >= 0, got {getattr(self, name)}")
+                raise ValueError(f"expected {name} >= 0, got {getattr(self, name)}")
 
 
 @dataclass(frozen=True, eq=False)
 class SimulatedImage:
-    """An image of a laser line, with its truth.
+    """Simulated image of a laser line, with its truth.
 
     Parameters
     ----------
     image, laser_off : (height, width) ndarray of uint8 or uint16
-        With the laser, and the same view without it.
+        Image with the laser, and image of the same view without it.
     truth_pixels : (width, 2) ndarray
-        u, v of the line in each column; v is NaN where none is seen. Units: px.
+        u, v of the line in each column; v is NaN where no line is visible. Units: px.
     """
 
     image: npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
@@ -103,7 +110,7 @@ def simulate_image(
     *,
     rng: np.random.Generator,
 ) -> SimulatedImage:
-    """Render the laser line on a scene as the rig's camera sees it.
+    """Simulate the camera image of the laser line on a scene.
 
     Parameters
     ----------
@@ -114,12 +121,12 @@ def simulate_image(
     settings : ImageSettings, optional
         Light, blur and noise.
     rng : numpy.random.Generator
-        Same generator state, same image.
+        Source of all random numbers; the same state yields the same image.
 
     Returns
     -------
     SimulatedImage
-        A scene that the laser misses gives an image without a line and a truth of NaN.
+        If the laser misses the scene, without a line and with NaN as truth.
 
     Examples
     --------
@@ -129,43 +136,39 @@ def simulate_image(
     >>> rendered.image.shape, rendered.image.dtype.name, rendered.truth_pixels[640].round(1)
     ((1024, 1280), 'uint8', array([640., 512.]))
     """
-    chosen = settings or ImageSettings()
-    samples = _sampled(scene, rig, chosen.sheet_sigma)
-    line = _blurred(samples.light, chosen)
-    if chosen.speckle_looks:
-        line = _with_speckle(line, chosen, rng)
-    if chosen.glints:
-        line = line * glint_gain(samples.truth_pixels, line.shape, chosen.glints, rng)
-    background = stray_light(line.shape, chosen.stray, rng)
-    pattern = chosen.sensor.pattern(line.shape, rng)
+    settings = settings or ImageSettings()
+    light, truth_pixels = _render_sheet(scene, rig, settings.sheet_sigma)
+    line = _blur_and_scale(light, settings)
+    if settings.speckle_looks:
+        line = _multiply_speckle(line, settings, rng)
+    if settings.glints:
+        line = line * glint_gain(truth_pixels, line.shape, settings.glints, rng)
+    background = stray_light(line.shape, settings.stray, rng)
+    sensitivity = settings.sensor.draw_sensitivity(line.shape, rng)
     return SimulatedImage(
-        expose(background + line, pattern, chosen.sensor, rng),
-        expose(background, pattern, chosen.sensor, rng),
-        samples.truth_pixels,
+        expose(background + line, sensitivity, settings.sensor, rng),
+        expose(background, sensitivity, settings.sensor, rng),
+        truth_pixels,
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Samples:
-    """Light of the sheet in each pixel, before blur; 1 = the sheet's middle, met squarely."""
+def _render_sheet(scene: Scene, rig: ImagingRig, sheet_sigma: float) -> tuple[FloatArray, Points]:
+    """Return the light in each pixel before blur and the true line.
 
-    light: FloatArray
-    truth_pixels: Points
-
-
-def _sampled(scene: Scene, rig: ImagingRig, sheet_sigma: float) -> _Samples:
-    # Transposed, so that the samples of a column follow one another down the image.
-    columns, rows = np.nonzero(_where_lit(scene, rig, sheet_sigma).T)
+    The light is the sheet's Gaussian profile times the cosine of incidence, thus at most 1.
+    """
+    # Transposed, so that the samples of a column are consecutive.
+    columns, rows = np.nonzero(_illuminated_pixels(scene, rig, sheet_sigma).T)
     offsets = (np.arange(SUB_ROWS) - (SUB_ROWS - 1) / 2) / SUB_ROWS
     u = np.repeat(columns, SUB_ROWS)
     v = (rows[:, None] + offsets).ravel()
     rays = rig.rays(np.column_stack([u, v]))
     hits, labels = scene.first_hits(rays)
-    met = np.isfinite(hits.distances)
-    depth = np.where(met, hits.distances, 0.0)
+    hit = np.isfinite(hits.distances)
+    depth = np.where(hit, hits.distances, 0.0)
     points = rays.origins + depth[:, None] * rays.directions
-    heights = points[:, 2]
-    near = met & (np.abs(heights) < SHEET_CUTOFF_SIGMAS * sheet_sigma)
+    heights = points[:, 2]  # distance from the middle of the sheet, z = 0
+    near = hit & (np.abs(heights) < SHEET_CUTOFF_SIGMAS * sheet_sigma)
     light = np.zeros(len(u))
     light[near] = _irradiance(scene, rig, points[near], hits.normals[near])
     truth = _crossings(u, v, np.where(light > 0, heights, np.nan), depth, labels)
@@ -174,56 +177,59 @@ def _sampled(scene: Scene, rig: ImagingRig, sheet_sigma: float) -> _Samples:
     image = np.zeros((height, width))
     image[rows, columns] = light.reshape(-1, SUB_ROWS).mean(axis=1)
     pixels = np.column_stack([np.arange(width, dtype=np.float64), np.full(width, np.nan)])
-    # Of several crossings in a column the lowest in the image stands; written last.
+    # Of several crossings in a column, the lowest in the image is written last and remains.
     pixels[truth[:, 0].astype(int), 1] = truth[:, 1]
-    return _Samples(image, pixels)
+    return image, pixels
 
 
-def _where_lit(scene: Scene, rig: ImagingRig, sheet_sigma: float) -> BoolArray:
-    """Pixels in whose neighbourhood the sheet may be seen."""
+def _illuminated_pixels(scene: Scene, rig: ImagingRig, sheet_sigma: float) -> BoolArray:
+    """Return a mask of the pixels in whose neighbourhood the sheet may be visible."""
     width, height = rig.size
-    u, v = np.meshgrid(np.arange(0, width + CELL, CELL), np.arange(0, height + CELL, CELL))
+    u, v = np.meshgrid(
+        np.arange(0, width + CELL_PX, CELL_PX), np.arange(0, height + CELL_PX, CELL_PX)
+    )
     rays = rig.rays(np.column_stack([u.ravel(), v.ravel()]))
     distances = scene.first_hits(rays)[0].distances.reshape(u.shape)
-    along = rays.directions[:, 2].reshape(u.shape)
-    start = rays.origins[:, 2].reshape(u.shape)
-    met = np.isfinite(distances)
-    heights = start + np.where(met, distances, 0.0) * along
-    around = np.ones((3, 3), np.uint8)
-    top = cv2.dilate(np.where(met, heights, -np.inf), around)
-    bottom = cv2.erode(np.where(met, heights, np.inf), around)
+    direction_z = rays.directions[:, 2].reshape(u.shape)
+    origin_z = rays.origins[:, 2].reshape(u.shape)
+    hit = np.isfinite(distances)
+    heights = origin_z + np.where(hit, distances, 0.0) * direction_z
+    neighbourhood = np.ones((3, 3), np.uint8)
+    top = cv2.dilate(np.where(hit, heights, -np.inf), neighbourhood)
+    bottom = cv2.erode(np.where(hit, heights, np.inf), neighbourhood)
     cells = (top > -SHEET_CUTOFF_SIGMAS * sheet_sigma) & (
         bottom < SHEET_CUTOFF_SIGMAS * sheet_sigma
     )
-    pixels: BoolArray = cells.repeat(CELL, axis=0).repeat(CELL, axis=1)[:height, :width]
+    pixels: BoolArray = cells.repeat(CELL_PX, axis=0).repeat(CELL_PX, axis=1)[:height, :width]
     return pixels
 
 
 def _irradiance(scene: Scene, rig: ImagingRig, points: Points, normals: FloatArray) -> FloatArray:
-    """Cosine of incidence where the laser reaches a point; 0 in its shadow."""
+    """Return the cosine of incidence of the laser at each point, 0 in shadow."""
     origin = np.array([*rig.laser_origin, 0.0])
-    ways = points - origin
-    cosine = -np.einsum("ij,ij->i", ways, normals) / np.linalg.norm(ways, axis=1)
-    first = scene.first_hits(Rays(np.broadcast_to(origin, ways.shape), ways))[0].distances
-    return np.where(first > 1 - SHADOW_BIAS, np.maximum(cosine, 0.0), 0.0)
+    to_points = points - origin
+    cosine = -np.einsum("ij,ij->i", to_points, normals) / np.linalg.norm(to_points, axis=1)
+    laser_rays = Rays(np.broadcast_to(origin, to_points.shape), to_points)
+    distances = scene.first_hits(laser_rays)[0].distances
+    return np.where(distances > 1 - SHADOW_BIAS, np.maximum(cosine, 0.0), 0.0)
 
 
 def _crossings(
     u: IntArray, v: FloatArray, heights: FloatArray, depth: FloatArray, labels: IntArray
 ) -> FloatArray:
-    """(k, 2) u, v at which neighbouring samples of one surface lie on both sides of the sheet."""
+    """Return (k, 2) u, v where adjacent samples of one surface are on both sides of the sheet."""
     before, after = heights[:-1], heights[1:]
-    # Of two signs, one may be zero: a sample in the very middle belongs to the pair below it.
+    # A sample exactly in the middle counts as positive, so that it yields one crossing only.
     crossed = (before >= 0) != (after >= 0)
     same = (u[:-1] == u[1:]) & (np.diff(v) < 1.5 / SUB_ROWS) & (labels[:-1] == labels[1:])
-    at = np.flatnonzero(
+    index = np.flatnonzero(
         crossed & same & np.isfinite(before + after) & (np.abs(np.diff(depth)) < MAX_DEPTH_STEP_MM)
     )
-    share = before[at] / (before[at] - after[at])
-    return np.column_stack([u[at], v[at] + share * (v[at + 1] - v[at])])
+    fraction = before[index] / (before[index] - after[index])
+    return np.column_stack([u[index], v[index] + fraction * (v[index + 1] - v[index])])
 
 
-def _blurred(light: FloatArray, settings: ImageSettings) -> FloatArray:
+def _blur_and_scale(light: FloatArray, settings: ImageSettings) -> FloatArray:
     blurred = light
     if settings.psf_sigma > 0:
         blurred = cv2.GaussianBlur(light, (0, 0), settings.psf_sigma)
@@ -232,7 +238,7 @@ def _blurred(light: FloatArray, settings: ImageSettings) -> FloatArray:
     return scaled
 
 
-def _with_speckle(
+def _multiply_speckle(
     line: FloatArray, settings: ImageSettings, rng: np.random.Generator
 ) -> FloatArray:
     rows = np.flatnonzero(line.any(axis=1))

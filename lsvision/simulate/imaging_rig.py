@@ -1,4 +1,4 @@
-"""A camera and a laser as the simulator knows them, apart from the code on trial."""
+"""Camera and laser of the simulation, implemented independently of the tested camera model."""
 
 import math
 from dataclasses import dataclass, field
@@ -8,15 +8,15 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.geometry import FloatArray, Plane, Points, Pose, as_readonly_array
-from lsvision.simulate.rays import Rays
+from lsvision.simulate.solids import Rays
 
-UNDISTORT_STEPS = 60
-"""Fixed-point steps; a lens of k1 = -0.35 is exact to 1e-12 after 40."""
+UNDISTORT_ITERATIONS = 60
+"""Fixed-point iterations; a lens with k1 = -0.35 converges to 1e-12 after 40."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ImagingRig:
-    """Camera beside a laser; the laser plane is z = 0 of the section frame.
+    """Camera and laser; the laser plane is z = 0 of the section frame.
 
     Parameters
     ----------
@@ -25,11 +25,11 @@ class ImagingRig:
     size : tuple of int
         ``(width, height)``. Units: px.
     camera_from_section : Pose
-        Where the laser plane lies before the camera. Units: mm.
+        Pose of the section frame in the camera frame. Units: mm.
     distortion : (k,) array_like, optional
-        k1 k2 p1 p2 k3, as many as there are. None by default.
+        The first k of k1 k2 p1 p2 k3. None by default.
     laser_origin : tuple of float
-        Point of the section plane from which the sheet fans out. Units: mm.
+        Point of the section plane from which the sheet diverges. Units: mm.
 
     Examples
     --------
@@ -51,10 +51,11 @@ class ImagingRig:
         )
         if len(self.distortion) > 5:
             raise ValueError(
-                f"want up to 5 distortion coefficients (k1 k2 p1 p2 k3), got {len(self.distortion)}"
+                "expected up to 5 distortion coefficients (k1 k2 p1 p2 k3), got "
+                f"{len(self.distortion)}"
             )
         if not min(self.size) > 0:
-            raise ValueError(f"want a size (width, height) in px, got {self.size}")
+            raise ValueError(f"expected a size (width, height) in px, got {self.size}")
 
     @classmethod
     def triangulating(
@@ -66,23 +67,27 @@ class ImagingRig:
         angle: float = math.radians(30.0),
         distortion: npt.ArrayLike = (),
     ) -> Self:
-        """Level laser line; its plane crosses the optical axis at the stand-off.
+        """Return a rig whose laser plane crosses the optical axis at the stand-off.
+
+        The laser line is horizontal in the image.
 
         Parameters
         ----------
         focal_length : float
-            Units: px.
+            Focal length. Units: px.
         size : tuple of int
-            ``(width, height)``; the principal point is its middle. Units: px.
+            ``(width, height)``; the principal point is in the middle. Units: px.
         stand_off : float
-            Units: mm.
+            Distance of the crossing from the camera. Units: mm.
         angle : float
             Triangulation angle between optical axis and laser plane. Units: rad.
         distortion : (k,) array_like
-            See the class.
+            As for the class.
         """
         if not 0 < angle < math.pi / 2:
-            raise ValueError(f"want a triangulation angle between 0 and pi/2 rad, got {angle:g}")
+            raise ValueError(
+                f"expected a triangulation angle between 0 and pi/2 rad, got {angle:g}"
+            )
         sin, cos = math.sin(angle), math.cos(angle)
         x, y, normal = (1.0, 0.0, 0.0), (0.0, sin, -cos), (0.0, cos, sin)
         foot = np.array(normal) * stand_off * sin
@@ -95,26 +100,28 @@ class ImagingRig:
 
     @property
     def laser_plane(self) -> Plane:
-        """The laser plane in the camera frame. Units: mm."""
+        """Laser plane in the camera frame. Units: mm."""
         return Plane(np.array([0.0, 0.0, 1.0]), 0.0).transformed(self.camera_from_section)
 
     def rays(self, pixels: Points) -> Rays:
-        """Rays through (n, 2) pixels, section frame; a distance along them is the depth in mm."""
+        """Return the rays through (n, 2) pixels, section frame; distances are depths in mm."""
         normalised = (pixels - self.matrix[:2, 2]) @ np.linalg.inv(self.matrix[:2, :2]).T
-        directions = np.column_stack([self._undistorted(normalised), np.ones(len(pixels))])
-        in_camera = Rays(np.zeros_like(directions), directions)
-        return in_camera.seen_from(self.camera_from_section.inverse())
+        directions = np.column_stack([self._undistort(normalised), np.ones(len(pixels))])
+        camera_rays = Rays(np.zeros_like(directions), directions)
+        return camera_rays.transformed(self.camera_from_section.inverse())
 
-    def _undistorted(self, seen: Points) -> Points:
+    def _undistort(self, distorted: Points) -> Points:
+        """Invert the distortion of (n, 2) normalised image points by fixed-point iteration."""
         if not self.distortion.any():
-            return seen
+            return distorted
         k1, k2, p1, p2, k3 = np.pad(self.distortion, (0, 5 - len(self.distortion)))
-        true = seen
-        for _ in range(UNDISTORT_STEPS):
-            x, y = true.T
-            squared = x**2 + y**2
-            radial = 1 + squared * (k1 + squared * (k2 + squared * k3))
-            shift_x = 2 * p1 * x * y + p2 * (squared + 2 * x**2)
-            shift_y = p1 * (squared + 2 * y**2) + 2 * p2 * x * y
-            true = (seen - np.column_stack([shift_x, shift_y])) / radial[:, None]
-        return true
+        undistorted = distorted
+        for _ in range(UNDISTORT_ITERATIONS):
+            x, y = undistorted.T
+            r2 = x**2 + y**2
+            radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+            shift_x = 2 * p1 * x * y + p2 * (r2 + 2 * x**2)
+            shift_y = p1 * (r2 + 2 * y**2) + 2 * p2 * x * y
+            tangential = np.column_stack([shift_x, shift_y])
+            undistorted = (distorted - tangential) / radial[:, None]
+        return undistorted

@@ -1,52 +1,58 @@
-"""Scenes that a light section cuts: solid tubes, and prisms for all that is no tube.
+"""Scene of a simulation (tubes, and other objects as clutter), and its truth in a section.
 
-Frame: the base frame; for a single section that is the section frame itself (X along the laser
-line, Y towards the sensor, Z the laser plane's normal). Assumptions: tubes are solid (what lies
-inside is never seen), a prism's outline is seen from both sides, nothing reflects or shines
-through. Every intersection is in closed form with rays in space, so that a section at any pose,
-an end of a tube and a shadow towards a camera outside the plane need no further code.
+Frame: the base frame; for a single section that is the section frame (X along the laser line, Y
+towards the sensor, Z the laser plane's normal). Objects are opaque and do not reflect. Objects are
+intersected with rays in space, so that sections at any pose, ends of tubes and shadows towards a
+camera outside the laser plane need no further code.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from lsvision.geometry import Cylinder, IntArray, Pose
-from lsvision.simulate.rays import Hits, Rays
+from lsvision.geometry import Cylinder, Ellipse, FloatArray, IntArray, Points, Pose
+from lsvision.simulate.solids import Hits, Rays
 
 CLUTTER = 0
-"""Label of what is no tube; the k-th tube of a scene has label k >= 1."""
+"""Label of objects that are no tubes; the k-th tube of a scene has label k >= 1."""
 NOTHING = -1
-"""Label of a column that carries no surface: lost, or displaced by a jump."""
+"""Label of a column without a valid point: lost, or displaced by a jump."""
+MAX_GAP_COLUMNS = 8
+"""Largest number of consecutive lost columns or jumps that does not end a tube's visible arc."""
+VISIBLE_ARC = math.radians(60.0)
+"""Smallest angle about the axis of an uninterrupted arc of a visible tube. Units: rad."""
+VISIBLE_POINTS = 15
+"""Smallest number of points on that arc."""
 
 
 @runtime_checkable
 class Solid(Protocol):
-    """What a scene is made of."""
+    """Object of a scene."""
 
     def first_hits(self, rays: Rays) -> Hits:
-        """Where each ray first meets the solid."""
+        """Return where each ray first meets the solid."""
         ...
 
 
 @runtime_checkable
 class TubeSolid(Solid, Protocol):
-    """A solid that counts as a tube: it is to be found, and has a truth in every section."""
+    """Solid that is a tube: it should be measured, and has a truth in every section."""
 
     def local_cylinder(self, base_from_section: Pose) -> Cylinder | None:
-        """Cylinder, in the base frame, that touches the tube where the section cuts its axis."""
+        """Return the cylinder, base frame, along the tube's axis where the section cuts it."""
         ...
 
 
 @dataclass(frozen=True)
 class Scene:
-    """Solids in the base frame.
+    """Objects in the base frame.
 
     Parameters
     ----------
     objects : tuple of Solid
-        Tubes are numbered 1, 2, ... in the order in which they stand here.
+        Tubes are numbered 1, 2, ... in this order.
 
     Examples
     --------
@@ -61,11 +67,11 @@ class Scene:
 
     def __post_init__(self) -> None:
         if not self.objects:
-            raise ValueError("want one object or more in a scene, got none")
+            raise ValueError("expected at least one object in a scene, got none")
 
     @property
     def tubes(self) -> tuple[TubeSolid, ...]:
-        """The tubes, in the order of their labels."""
+        """Tubes, in the order of their labels."""
         return tuple(solid for solid in self.objects if isinstance(solid, TubeSolid))
 
     @property
@@ -75,20 +81,150 @@ class Scene:
         return np.where(is_tube, np.cumsum(is_tube), CLUTTER).astype(np.int64)
 
     def first_hits(self, rays: Rays) -> tuple[Hits, IntArray]:
-        """Where each ray first meets anything, and the label of what it meets.
+        """Return where each ray first meets an object, and the label of that object.
 
         Returns
         -------
         hits : Hits
-            Nearest over all objects.
+            Nearest intersections of all objects.
         labels : (n,) ndarray
             `NOTHING` where the ray meets nothing.
         """
-        every = [solid.first_hits(rays) for solid in self.objects]
-        distances = np.stack([hits.distances for hits in every])
+        hits = [solid.first_hits(rays) for solid in self.objects]
+        distances = np.stack([hit.distances for hit in hits])
         nearest = distances.argmin(axis=0)
-        column = np.arange(distances.shape[1])
-        normals = np.stack([hits.normals for hits in every])[nearest, column]
-        first = distances[nearest, column]
+        ray = np.arange(distances.shape[1])
+        normals = np.stack([hit.normals for hit in hits])[nearest, ray]
+        first = distances[nearest, ray]
         labels = np.where(np.isfinite(first), self.labels[nearest], NOTHING)
         return Hits(first, normals), labels.astype(np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class TubeTruth:
+    """True parameters of a tube in one section.
+
+    Parameters
+    ----------
+    label : int
+        Number of the tube in the scene, from 1; the label of its points.
+    cylinder : Cylinder
+        Section frame; for a bent tube, the cylinder along the tangent of its axis.
+    ellipse : Ellipse
+        Section of the cylinder.
+    points : int
+        Number of points with the label.
+    arc_points : int
+        Number of points on the longest uninterrupted arc.
+    arc : float
+        Angle about the axis that this arc covers. Units: rad.
+    """
+
+    label: int
+    cylinder: Cylinder
+    ellipse: Ellipse
+    points: int
+    arc_points: int
+    arc: float
+
+    @property
+    def radius(self) -> float:
+        """Radius of the tube. Units: mm."""
+        return self.cylinder.radius
+
+    @property
+    def theta(self) -> float:
+        """Direction of the major axis. Units: rad."""
+        return self.ellipse.theta
+
+    @property
+    def phi(self) -> float:
+        """Angle between the axis and the normal of the laser plane. Units: rad."""
+        return self.ellipse.phi
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """Intersection of the axis with the laser plane. Units: mm."""
+        return self.ellipse.centre
+
+    @property
+    def visible(self) -> bool:
+        """Whether the arc (60 deg, 15 points) is large enough to expect a detection."""
+        return self.arc >= VISIBLE_ARC and self.arc_points >= VISIBLE_POINTS
+
+
+@dataclass(frozen=True, eq=False)
+class SectionTruth:
+    """Truth of one section.
+
+    Parameters
+    ----------
+    labels : (n,) ndarray
+        -1 lost or displaced by a jump, 0 clutter, k the k-th tube.
+    points : (n, 2) ndarray
+        Noise-free points, section frame, also under a jump; NaN where lost. Units: mm.
+    tubes : tuple of TubeTruth
+        Every tube whose axis the section cuts, in the order of the labels.
+    """
+
+    labels: IntArray
+    points: Points
+    tubes: tuple[TubeTruth, ...]
+
+
+def tube_truths(
+    scene: Scene, base_from_section: Pose, labels: IntArray, points: Points
+) -> tuple[TubeTruth, ...]:
+    """Return the truth of each tube of a scene in one section.
+
+    Parameters
+    ----------
+    scene : Scene
+        Base frame.
+    base_from_section : Pose
+        Pose of the section.
+    labels : (n,) ndarray
+        Label of each column.
+    points : (n, 2) ndarray
+        Noise-free points, section frame. Units: mm.
+    """
+    truths = []
+    for label, tube in enumerate(scene.tubes, start=1):
+        cylinder = tube.local_cylinder(base_from_section)
+        if cylinder is None:
+            continue
+        cylinder = cylinder.transformed(base_from_section.inverse())
+        ellipse = cylinder.section()
+        run = longest_run(labels, label)
+        arc = _angular_coverage(points[run], ellipse)
+        count = int((labels == label).sum())
+        truths.append(TubeTruth(label, cylinder, ellipse, count, len(run), arc))
+    return tuple(truths)
+
+
+def longest_run(labels: IntArray, label: int) -> IntArray:
+    """Return the columns of a tube's longest arc without points of other objects in between.
+
+    Parameters
+    ----------
+    labels : (n,) ndarray
+        Label of each column.
+    label : int
+        Label of the tube.
+    """
+    columns = np.flatnonzero(labels == label)
+    if len(columns) == 0:
+        return columns
+    others = np.cumsum((labels != label) & (labels != NOTHING))
+    interrupted = (np.diff(columns) > MAX_GAP_COLUMNS) | (np.diff(others[columns]) > 0)
+    return max(np.split(columns, np.flatnonzero(interrupted) + 1), key=len)
+
+
+def _angular_coverage(points: Points, ellipse: Ellipse) -> float:
+    """Return the angle about the cylinder's axis from the first point to the last. Units: rad."""
+    if len(points) < 2:
+        return 0.0
+    u, v = ellipse.to_ellipse_frame(points).T
+    # The eccentric anomaly is the angle about the axis, along which the section is a circle.
+    anomaly: FloatArray = np.unwrap(np.arctan2(v / ellipse.semi_minor, u / ellipse.semi_major))
+    return float(np.ptp(anomaly))

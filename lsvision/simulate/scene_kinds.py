@@ -1,8 +1,8 @@
-"""The seven named kinds of random scene, and one call from kind and seed to a section.
+"""Seven named kinds of random scene, and the simulated section of a kind and a seed.
 
-Tubes: radius 10-40 mm, tilt phi 0-40 deg, any theta. Tubes of a pair touch as ellipses of the
-section. A scene is drawn again until every tube of it shows a good arc; what is seen then is
-still recorded tube by tube in the truth, because noise and losses come later.
+Tubes have a radius of 10-40 mm, a tilt phi of 0-40 deg and any theta by default. The tubes of a
+pair touch in the section. Scenes are drawn until an ideal sensor sees a sufficient arc of every
+tube; the truth records the actual arcs, which noise and losses may shorten.
 """
 
 import dataclasses
@@ -15,24 +15,22 @@ import numpy as np
 from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import Ellipse
 from lsvision.sensors.profile_sensor import ProfileSensor
-from lsvision.simulate.prism import Prism
-from lsvision.simulate.random_clutter import clutter_around, draw_mixed, draw_planar
+from lsvision.simulate.clutter import clutter_around, draw_mixed, draw_planar
 from lsvision.simulate.scene import Scene
-from lsvision.simulate.section import SimulatedSection, simulate_section
-from lsvision.simulate.sensor_errors import SectionSettings
-from lsvision.simulate.tube import Tube
+from lsvision.simulate.section import SectionSettings, SimulatedSection, simulate_section
+from lsvision.simulate.solids import Prism, Tube
 from lsvision.simulate.welds import nested_centre, touching_centre, weld_bead
 
 MAX_PHI_DEG = 80.0
-"""Largest tilt of a random tube; its section is then almost six times as long as wide."""
+"""Largest tilt of a random tube; the axis ratio of its section is then almost six."""
 NOISE_MM = (0.02, 0.1)
-"""One sigma of random sections at the reference range. Units: mm."""
+"""Range of the noise's standard deviation at the reference range. Units: mm."""
 MIN_VISIBLE_ARC = math.radians(80.0)
-"""Arc that every tube of a random scene shows to an ideal sensor."""
+"""Smallest arc of every tube of a random scene that an ideal sensor sees. Units: rad."""
 MAX_BULGE = 0.11
-"""A bead that stands out more turns by over 50 deg and could pass for a pipe of its own."""
+"""Largest bulge of a bead; a larger one turns by over 50 deg and resembles a tube."""
 MAX_DRAWS = 200
-"""Scenes drawn for one whose tubes are seen; a few are enough for all but stacks."""
+"""Maximum number of scenes drawn until all tubes are visible; a few are usual except for stacks."""
 
 SCENE_SENSOR = ProfileSensor(
     name="simulated profile sensor",
@@ -42,19 +40,19 @@ SCENE_SENSOR = ProfileSensor(
     columns=376,
     min_range=200.0,
     max_range=650.0,
-    width_at_max_range=366.0,  # pitch 0.6 mm at 400 mm; two pipes of 80 mm fit in side by side
+    width_at_max_range=366.0,  # pitch 0.6 mm at 400 mm; room for two tubes of 80 mm diameter
 )
-"""Like an LPS 36 HI, with the columns of an LPS 36 and a field that holds the scenes."""
+"""Similar to an LPS 36 HI, with the columns of an LPS 36 and a field of view for the scenes."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TubeRanges:
-    """From what the tubes of a random scene are drawn, each number evenly.
+    """Ranges of the uniform distributions of random tubes.
 
     Parameters
     ----------
     radius_mm, theta_deg, phi_deg : tuple of float
-        Least and largest; alike for a fixed value. Units: mm, deg.
+        Smallest and largest value; equal for a fixed one. Units: mm, deg.
     """
 
     radius_mm: tuple[float, float] = (10.0, 40.0)
@@ -63,24 +61,26 @@ class TubeRanges:
 
     def __post_init__(self) -> None:
         if not 0 < self.radius_mm[0] <= self.radius_mm[1] < math.inf:
-            raise ValueError(f"want 0 < least <= largest radius in mm, got {self.radius_mm}")
+            raise ValueError(f"expected 0 < least <= largest radius in mm, got {self.radius_mm}")
         if not 0 <= self.phi_deg[0] <= self.phi_deg[1] <= MAX_PHI_DEG:
-            raise ValueError(f"want phi within 0 to {MAX_PHI_DEG:g} deg, got {self.phi_deg}")
+            raise ValueError(f"expected phi within 0 to {MAX_PHI_DEG:g} deg, got {self.phi_deg}")
         if not -math.inf < self.theta_deg[0] <= self.theta_deg[1] < math.inf:
-            raise ValueError(f"want least <= largest theta in deg, got {self.theta_deg}")
+            raise ValueError(f"expected least <= largest theta in deg, got {self.theta_deg}")
 
-    def ellipse(self, rng: np.random.Generator, share: tuple[float, float] = (0.0, 1.0)) -> Ellipse:
-        """Section of a random tube, centred on (0, 0).
+    def draw_ellipse(
+        self, rng: np.random.Generator, radius_part: tuple[float, float] = (0.0, 1.0)
+    ) -> Ellipse:
+        """Draw the section of a random tube, centred on (0, 0).
 
         Parameters
         ----------
         rng : numpy.random.Generator
-            Same state, same ellipse.
-        share : tuple of float
-            Which stretch of the range of radii to draw from, of 0 to 1.
+            Source of the random numbers.
+        radius_part : tuple of float
+            Part of the range of radii to draw from, as fractions of the range.
         """
         low, high = self.radius_mm
-        radius = low + (high - low) * rng.uniform(*share)
+        radius = low + (high - low) * rng.uniform(*radius_part)
         phi = math.radians(rng.uniform(*self.phi_deg))
         theta = math.radians(rng.uniform(*self.theta_deg))
         return Ellipse((0.0, 0.0), radius / math.cos(phi), radius, theta)
@@ -94,27 +94,28 @@ def random_section(
     settings: SectionSettings | None = None,
     tubes: TubeRanges | None = None,
 ) -> SimulatedSection:
-    """Random scene of a kind, seen once by `SCENE_SENSOR`.
+    """Simulate one profile of a random scene by `SCENE_SENSOR`.
 
     Parameters
     ----------
     kind : str
         A key of `SCENE_KINDS`.
     seed : int
-        Same kind, seed and settings, same bytes out; other kinds draw other numbers.
+        Seed of all random numbers, together with the kind; the same arguments yield identical
+        bytes.
     noise_mm : float, optional
-        One sigma along the ray at 400 mm; drawn from 0.02-0.1 mm without. Units: mm.
+        Standard deviation along the ray at 400 mm. None: drawn from 0.02-0.1 mm. Units: mm.
     settings : SectionSettings, optional
-        What goes wrong; 3 % lost and 2 % jumps without.
+        Errors of the sensor. None: 3 % lost points and 2 % jumps.
     tubes : TubeRanges, optional
-        Radius 10-40 mm, phi 0-40 deg, any theta without.
+        None: radius 10-40 mm, phi 0-40 deg, any theta.
 
     Raises
     ------
     ValueError
-        If there is no such kind.
+        If the kind is unknown.
     DegenerateGeometry
-        If such tubes cannot all be seen in one field of view.
+        If no scene is found in which all tubes are visible.
 
     Examples
     --------
@@ -123,54 +124,59 @@ def random_section(
     ([True, True], 376)
     """
     if kind not in SCENE_KINDS:
-        raise ValueError(f"want one of {', '.join(SCENE_KINDS)}, got {kind!r}")
+        raise ValueError(f"expected one of {', '.join(SCENE_KINDS)}, got {kind!r}")
     rng = np.random.default_rng([seed, list(SCENE_KINDS).index(kind)])
-    drawn = float(rng.uniform(*NOISE_MM))
-    sensor = dataclasses.replace(SCENE_SENSOR, range_std=drawn if noise_mm is None else noise_mm)
+    random_noise = float(rng.uniform(*NOISE_MM))
+    range_std = random_noise if noise_mm is None else noise_mm
+    sensor = dataclasses.replace(SCENE_SENSOR, range_std=range_std)
     scene = SCENE_KINDS[kind](rng, tubes or TubeRanges())
     return simulate_section(scene, sensor, settings or SectionSettings(), rng=rng)
 
 
 def single(rng: np.random.Generator, tubes: TubeRanges) -> Scene:
-    """One tube, nothing else."""
-    return _seen_scene(lambda: [tubes.ellipse(rng)], _nothing, rng)
+    """Draw one tube without clutter."""
+    return _draw_visible(lambda: [tubes.draw_ellipse(rng)], _no_clutter, rng)
 
 
 def welded_pair(rng: np.random.Generator, tubes: TubeRanges) -> Scene:
-    """Two touching tubes with a bead, mostly parallel, nothing else."""
-    return _seen_scene(lambda: _pair(rng, tubes), _bead, rng)
+    """Draw two touching, mostly parallel tubes with a weld bead, without clutter."""
+    return _draw_visible(lambda: _draw_pair(rng, tubes), _draw_bead, rng)
 
 
 def planar(rng: np.random.Generator, tubes: TubeRanges) -> Scene:
-    """One tube among flat bars, boxes and ground."""
-    return _seen_scene(
-        lambda: [tubes.ellipse(rng)], lambda on, rng: clutter_around(on, draw_planar, rng), rng
+    """Draw one tube among flat bars, boxes and ground."""
+    return _draw_visible(
+        lambda: [tubes.draw_ellipse(rng)],
+        lambda ellipses, rng: clutter_around(ellipses, draw_planar, rng),
+        rng,
     )
 
 
 def complex_clutter(rng: np.random.Generator, tubes: TubeRanges) -> Scene:
-    """One tube among bars, sections and curved sheets."""
-    return _seen_scene(
-        lambda: [tubes.ellipse(rng)], lambda on, rng: clutter_around(on, draw_mixed, rng), rng
+    """Draw one tube among bars, sections and curved sheets."""
+    return _draw_visible(
+        lambda: [tubes.draw_ellipse(rng)],
+        lambda ellipses, rng: clutter_around(ellipses, draw_mixed, rng),
+        rng,
     )
 
 
 def welded_complex(rng: np.random.Generator, tubes: TubeRanges) -> Scene:
-    """Two touching tubes with a bead among bars, sections and curved sheets."""
+    """Draw two touching tubes with a weld bead among bars, sections and curved sheets."""
 
-    def clutter(on: list[Ellipse], rng: np.random.Generator) -> list[Prism]:
-        return _bead(on, rng) + clutter_around(on, draw_mixed, rng)
+    def draw_clutter(ellipses: list[Ellipse], rng: np.random.Generator) -> list[Prism]:
+        return _draw_bead(ellipses, rng) + clutter_around(ellipses, draw_mixed, rng)
 
-    return _seen_scene(lambda: _pair(rng, tubes), clutter, rng)
+    return _draw_visible(lambda: _draw_pair(rng, tubes), draw_clutter, rng)
 
 
 def three_stacked(rng: np.random.Generator, tubes: TubeRanges) -> Scene:
-    """Two tubes side by side and a third that lies in the groove between them."""
-    return _seen_scene(lambda: _stack(rng, tubes), _nothing, rng)
+    """Draw two tubes side by side and a third in the groove between them."""
+    return _draw_visible(lambda: _draw_stack(rng, tubes), _no_clutter, rng)
 
 
 def empty(rng: np.random.Generator, _tubes: TubeRanges) -> Scene:
-    """Clutter of every kind and no tube."""
+    """Draw clutter of every kind without a tube."""
     return Scene(tuple(clutter_around([], draw_mixed, rng)))
 
 
@@ -183,22 +189,22 @@ SCENE_KINDS: dict[str, Callable[[np.random.Generator, TubeRanges], Scene]] = {
     "three_stacked": three_stacked,
     "empty": empty,
 }
-"""The kinds of random scene by name."""
+"""Function that draws a random scene, by the name of its kind."""
 
 DrawClutter = Callable[[list[Ellipse], np.random.Generator], list[Prism]]
 
 
-def _seen_scene(
+def _draw_visible(
     draw_tubes: Callable[[], list[Ellipse]], draw_clutter: DrawClutter, rng: np.random.Generator
 ) -> Scene:
-    """First scene drawn whose tubes all show a good arc to a sensor without errors."""
+    """Draw scenes until an ideal sensor sees a sufficient arc of every tube."""
     settings = dataclasses.replace(SectionSettings.ideal(), grazing_limit_deg=80.0)
     for _ in range(MAX_DRAWS):
-        ellipses = _in_field(draw_tubes(), rng)
-        solids = [_tube(ellipse) for ellipse in ellipses]
+        ellipses = _move_into_field(draw_tubes(), rng)
+        solids = [Tube.of(e.radius, e.theta, e.phi, e.centre) for e in ellipses]
         scene = Scene((*solids, *draw_clutter(ellipses, rng)))
-        look = simulate_section(scene, SCENE_SENSOR, settings, rng=np.random.default_rng(0))
-        if all(tube.arc >= MIN_VISIBLE_ARC and tube.visible for tube in look.truth.tubes):
+        section = simulate_section(scene, SCENE_SENSOR, settings, rng=np.random.default_rng(0))
+        if all(tube.arc >= MIN_VISIBLE_ARC and tube.visible for tube in section.truth.tubes):
             return scene
     raise DegenerateGeometry(
         f"{MAX_DRAWS} random scenes drawn and none shows all its tubes to the sensor, whose line "
@@ -207,52 +213,48 @@ def _seen_scene(
     )
 
 
-def _nothing(_on: list[Ellipse], _rng: np.random.Generator) -> list[Prism]:
+def _no_clutter(_ellipses: list[Ellipse], _rng: np.random.Generator) -> list[Prism]:
     return []
 
 
-def _pair(rng: np.random.Generator, tubes: TubeRanges) -> list[Ellipse]:
-    """Two touching sections; of two tubes welded along each other mostly, else at an angle."""
-    first, second = tubes.ellipse(rng), tubes.ellipse(rng)
+def _draw_pair(rng: np.random.Generator, tubes: TubeRanges) -> list[Ellipse]:
+    """Draw the touching sections of two tubes, parallel with probability 0.6."""
+    first, second = tubes.draw_ellipse(rng), tubes.draw_ellipse(rng)
     if rng.random() < 0.6:
-        stretch = first.semi_major / first.semi_minor
+        axis_ratio = first.semi_major / first.semi_minor
         second = dataclasses.replace(
-            second, semi_major=second.semi_minor * stretch, theta=first.theta
+            second, semi_major=second.semi_minor * axis_ratio, theta=first.theta
         )
     direction = math.radians(rng.uniform(-40.0, 40.0))
     return [first, dataclasses.replace(second, centre=touching_centre(first, second, direction))]
 
 
-def _stack(rng: np.random.Generator, tubes: TubeRanges) -> list[Ellipse]:
-    """Two sections side by side, touching or a little apart, and one in the groove."""
-    left, right = (tubes.ellipse(rng, (0.15, 1.0)) for _ in range(2))
-    top = tubes.ellipse(rng, (0.0, 0.5))
+def _draw_stack(rng: np.random.Generator, tubes: TubeRanges) -> list[Ellipse]:
+    """Draw two sections side by side, touching or slightly apart, and one in the groove."""
+    left, right = (tubes.draw_ellipse(rng, (0.15, 1.0)) for _ in range(2))
+    top = tubes.draw_ellipse(rng, (0.0, 0.5))
     x, y = touching_centre(left, right, math.radians(rng.uniform(-15.0, 15.0)))
-    apart = 1.0 + rng.uniform(0.0, 0.8) * top.semi_minor / math.hypot(x, y)
-    right = dataclasses.replace(right, centre=(x * apart, y * apart))
+    separation = 1.0 + rng.uniform(0.0, 0.8) * top.semi_minor / math.hypot(x, y)
+    right = dataclasses.replace(right, centre=(x * separation, y * separation))
     return [left, right, dataclasses.replace(top, centre=nested_centre(left, right, top))]
 
 
-def _bead(pair: list[Ellipse], rng: np.random.Generator) -> list[Prism]:
-    """Bead of a pair: a fillet, or one that stands out."""
+def _draw_bead(pair: list[Ellipse], rng: np.random.Generator) -> list[Prism]:
+    """Draw the weld bead of a pair: a concave fillet or a convex bead."""
     leg = rng.uniform(0.45, 0.85) * min(pair[0].semi_minor, pair[1].semi_minor)
     bulge = 0.0 if rng.random() < 0.5 else rng.uniform(0.02, MAX_BULGE)
     return [weld_bead(pair[0], pair[1], leg=leg, bulge=bulge)]
 
 
-def _in_field(ellipses: list[Ellipse], rng: np.random.Generator) -> list[Ellipse]:
-    """The ellipses moved, all alike, to a random place where the sensor sees them whole."""
-    turns = np.linspace(0.0, 2 * math.pi, 181)
-    points = np.vstack([ellipse.points_at(turns) for ellipse in ellipses])
+def _move_into_field(ellipses: list[Ellipse], rng: np.random.Generator) -> list[Ellipse]:
+    """Translate the ellipses together to a random position within the field of view."""
+    anomalies = np.linspace(0.0, 2 * math.pi, 181)
+    points = np.vstack([ellipse.points_at(anomalies) for ellipse in ellipses])
     low, high = points.min(axis=0), points.max(axis=0)
-    half_field = SCENE_SENSOR.width_at_max_range / SCENE_SENSOR.max_range / 2
-    half = (high[0] - low[0]) / 2 + 6.0
-    top = max(rng.uniform(330.0, 440.0), half / half_field)
-    slack = top * half_field - half
-    middle = rng.uniform(-1.0, 1.0) * slack
-    dx, dy = middle - (low[0] + high[0]) / 2, -top - high[1]
+    half_field_per_range = SCENE_SENSOR.width_at_max_range / SCENE_SENSOR.max_range / 2
+    half_width = (high[0] - low[0]) / 2 + 6.0
+    top = max(rng.uniform(330.0, 440.0), half_width / half_field_per_range)
+    max_offset = top * half_field_per_range - half_width
+    x = rng.uniform(-1.0, 1.0) * max_offset
+    dx, dy = x - (low[0] + high[0]) / 2, -top - high[1]
     return [dataclasses.replace(e, centre=(e.centre[0] + dx, e.centre[1] + dy)) for e in ellipses]
-
-
-def _tube(ellipse: Ellipse) -> Tube:
-    return Tube.of(ellipse.radius, ellipse.theta, ellipse.phi, ellipse.centre)

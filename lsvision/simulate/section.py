@@ -1,14 +1,18 @@
-"""A sensor's look at a scene: one light section with its truth, or a scan of many.
+"""Simulate the profile of a scene: one light section with its truth, or a scan of many.
 
-Frame: the section frame, origin and rays at the sensor. Assumptions, one by one: each column
-is one ray in the laser plane; the first surface it meets is measured; a point is lost beyond
-the sensor's ranges, hidden from the camera, at grazing incidence or at random; the error of the
-rest lies along the ray and grows with the square of the range; jumps are errors of several mm
-along the ray; the numbers are rounded to the sensor's quantum last of all.
+Frame: the section frame, with the origin of the rays at the sensor's own. Assumptions: each
+column is one ray in the laser plane and measures the first surface that it meets; a point is lost
+outside the sensor's range, hidden from the camera, at grazing incidence or at random; the error of
+a point lies along the ray, with a standard deviation that grows with the square of the range;
+jumps are errors of several mm along the ray; last of all, coordinates are rounded to the sensor's
+quantum. Each kind of error draws the same number of random numbers for every scene, so that a
+change of one object leaves the errors of the other columns as they were.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -16,36 +20,90 @@ from lsvision.geometry import FloatArray, Points, Pose
 from lsvision.geometry.arrays import BoolArray
 from lsvision.profile import NoiseModel, PointNoise, Profile
 from lsvision.sensors.profile_sensor import LATERAL_FRACTION, ProfileSensor
-from lsvision.simulate.rays import Hits, Rays
-from lsvision.simulate.scene import NOTHING, Scene
-from lsvision.simulate.sensor_errors import (
-    SectionSettings,
-    correlated_unit_noise,
-    jumps_along,
-    lost_columns,
-    noise_std,
-    visible_at_incidence,
-)
-from lsvision.simulate.truth import SectionTruth, tube_truths
+from lsvision.simulate.scene import NOTHING, Scene, SectionTruth, tube_truths
+from lsvision.simulate.solids import Hits, Rays
 
-SAME_SURFACE = 1e-6
-"""Relative slack by which the camera's ray may end before the point that it looks at."""
+SAME_SURFACE_TOLERANCE = 1e-6
+"""Relative distance by which a ray from the camera may end before the point and still reach it."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SectionSettings:
+    """Errors of a simulated profile sensor.
+
+    Parameters
+    ----------
+    rays : {"fan", "parallel"}
+        Rays that diverge from the sensor's origin, equally spaced at its far limit; or parallel
+        rays of equal pitch over the same width.
+    noise_factor : float
+        Ratio of the true noise to that of the sensor's noise model; 0 is noise-free.
+    correlation_columns : float
+        Standard deviation of the Gaussian filter that correlates the errors of neighbouring
+        columns; 0 is independent errors. Units: columns.
+    lost_fraction : float
+        Fraction of columns that are lost independently.
+    lost_runs, lost_run_columns : int
+        Number of runs of lost columns, and the largest length of a run.
+    jump_fraction : float
+        Fraction of points displaced by a jump.
+    jump_mm : tuple of float
+        Smallest and largest jump along the ray, of either sign. Units: mm.
+    jump_pair_share : float
+        Fraction of the jumps that displace the next column as well.
+    grazing_limit_deg, grazing_ramp_deg : float
+        Incidence angle above which every point is lost, and width of the interval below it in
+        which the probability of loss rises from 0 to 1. Units: deg.
+    camera : tuple of float, optional
+        Position of the camera, section frame: points hidden from it are lost. Units: mm.
+    """
+
+    rays: Literal["fan", "parallel"] = "fan"
+    noise_factor: float = 1.0
+    correlation_columns: float = 0.0
+    lost_fraction: float = 0.03
+    lost_runs: int = 0
+    lost_run_columns: int = 6
+    jump_fraction: float = 0.02
+    jump_mm: tuple[float, float] = (2.0, 12.0)
+    jump_pair_share: float = 0.3
+    grazing_limit_deg: float = 82.0
+    grazing_ramp_deg: float = 6.0
+    camera: tuple[float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if self.rays not in ("fan", "parallel"):
+            raise ValueError(f"expected rays 'fan' or 'parallel', got {self.rays!r}")
+        for name in ("lost_fraction", "jump_fraction", "jump_pair_share"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise ValueError(f"expected {name} in [0, 1], got {getattr(self, name)}")
+        for name in ("noise_factor", "correlation_columns", "grazing_ramp_deg", "lost_runs"):
+            if not 0 <= getattr(self, name) < math.inf:
+                raise ValueError(f"expected {name} >= 0, got {getattr(self, name)}")
+        if not 0 < self.jump_mm[0] <= self.jump_mm[1]:
+            raise ValueError(f"expected jump_mm (smallest, largest), got {self.jump_mm}")
+
+    @classmethod
+    def ideal(cls) -> "SectionSettings":
+        """Return settings without noise, losses, jumps and grazing limit."""
+        return cls(noise_factor=0, lost_fraction=0, jump_fraction=0, grazing_limit_deg=90.0,
+                   grazing_ramp_deg=0)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
 class SimulatedSection:
-    """A profile and what is true of it.
+    """Simulated profile with its truth.
 
     Parameters
     ----------
     profile : Profile
-        As the sensor gives it; its noise model is the sensor's (point by point for parallel rays).
+        Measured profile; its noise model is the sensor, or for parallel rays point by point.
     truth : SectionTruth
-        Labels and noise-free points column by column, and the tubes.
+        Labels and noise-free points of all columns, and the tubes.
     sensor : ProfileSensor
-        What looked.
+        Simulated sensor.
     settings : SectionSettings
-        What went wrong.
+        Simulated errors.
     """
 
     profile: Profile
@@ -62,7 +120,7 @@ def simulate_section(
     rng: np.random.Generator,
     base_from_section: Pose | None = None,
 ) -> SimulatedSection:
-    """Look at a scene once.
+    """Simulate one profile of a scene.
 
     Parameters
     ----------
@@ -71,16 +129,16 @@ def simulate_section(
     sensor : ProfileSensor
         Columns, ranges, field and noise.
     settings : SectionSettings
-        What goes wrong.
+        Errors of the sensor.
     rng : numpy.random.Generator
-        Same state and arguments, same bytes out.
+        Source of all random numbers; the same state yields identical bytes.
     base_from_section : Pose, optional
-        Where the sensor stands; without, the section frame is the base frame.
+        Pose of the section. None: the section frame is the base frame.
 
     Returns
     -------
     SimulatedSection
-        Always `sensor.columns` rows; a column that carries no point is a NaN row.
+        With `sensor.columns` rows; a column without a point is a NaN row.
 
     Examples
     --------
@@ -94,22 +152,19 @@ def simulate_section(
     """
     pose = base_from_section or Pose()
     rays = column_rays(sensor, settings)
-    hits, labels = scene.first_hits(rays.seen_from(pose))
-    seen = _in_range(hits, rays, sensor) & visible_at_incidence(
-        hits, rays.seen_from(pose), settings, rng
-    )
-    exact = rays.origins + np.where(seen, hits.distances, np.nan)[:, None] * rays.directions
+    base_rays = rays.transformed(pose)
+    hits, labels = scene.first_hits(base_rays)
+    measured = _in_range(hits, rays, sensor) & visible_at_incidence(hits, base_rays, settings, rng)
+    exact = rays.origins + np.where(measured, hits.distances, np.nan)[:, None] * rays.directions
     if settings.camera is not None:
-        seen &= _visible_from(settings.camera, exact, scene, pose)
-    seen &= ~lost_columns(sensor.columns, settings, rng)
-    labels = np.where(seen, labels, NOTHING)
-    exact = np.where(seen[:, None], exact, np.nan)[:, :2]
+        measured &= _visible_from(settings.camera, exact, scene, pose)
+    measured &= ~lost_columns(sensor.columns, settings, rng)
+    labels = np.where(measured, labels, NOTHING)
+    exact = np.where(measured[:, None], exact, np.nan)[:, :2]
     std = noise_std(exact, sensor)
-    jumps = jumps_along(sensor.columns, settings, rng)
-    error = (
-        settings.noise_factor * std * correlated_unit_noise(sensor.columns, settings, rng) + jumps
-    )
-    points = exact + error[:, None] * rays.directions[:, :2]
+    jumps = draw_jumps(sensor.columns, settings, rng)
+    noise = settings.noise_factor * std * correlated_unit_noise(sensor.columns, settings, rng)
+    points = exact + (noise + jumps)[:, None] * rays.directions[:, :2]
     if sensor.quantum > 0:
         points = np.round(points / sensor.quantum) * sensor.quantum
     labels = np.where(jumps != 0, NOTHING, labels).astype(np.int64)
@@ -126,14 +181,14 @@ def simulate_scan(
     *,
     rng: np.random.Generator,
 ) -> tuple[SimulatedSection, ...]:
-    """Look at a scene from many poses, one section each.
+    """Simulate profiles of a scene at several poses.
 
     Parameters
     ----------
     scene : Scene
         Base frame.
     base_from_sections : sequence of Pose
-        Where the sensor stands for each section.
+        Pose of each section.
     sensor, settings, rng
         As for `simulate_section`.
     """
@@ -144,15 +199,15 @@ def simulate_scan(
 
 
 def column_rays(sensor: ProfileSensor, settings: SectionSettings) -> Rays:
-    """Rays of the sensor's columns, section frame, unit directions."""
+    """Return the rays of the sensor's columns, section frame, with unit directions."""
     half = sensor.width_at_max_range / 2
     x = np.linspace(-half, half, sensor.columns)
-    level = np.zeros(sensor.columns)
-    origins = np.column_stack([level + sensor.origin[0], level + sensor.origin[1], level])
+    zeros = np.zeros(sensor.columns)
+    origins = np.column_stack([zeros + sensor.origin[0], zeros + sensor.origin[1], zeros])
     if settings.rays == "parallel":
         origins[:, 0] += x
-        return Rays(origins, np.column_stack([level, level - 1.0, level]))
-    directions = np.column_stack([x, level - sensor.max_range, level])
+        return Rays(origins, np.column_stack([zeros, zeros - 1.0, zeros]))
+    directions = np.column_stack([x, zeros - sensor.max_range, zeros])
     return Rays(origins, directions / np.linalg.norm(directions, axis=1, keepdims=True))
 
 
@@ -164,19 +219,99 @@ def _in_range(hits: Hits, rays: Rays, sensor: ProfileSensor) -> BoolArray:
 def _visible_from(
     camera: tuple[float, float, float], exact: Points, scene: Scene, pose: Pose
 ) -> BoolArray:
-    """Which points of the section the camera sees unhidden."""
-    eye = np.broadcast_to(camera, exact.shape)
-    sight = Rays(eye, np.nan_to_num(exact - eye))
-    hits, _ = scene.first_hits(sight.seen_from(pose))
-    unhidden: BoolArray = hits.distances >= 1 - SAME_SURFACE
-    return unhidden
+    """Return which points of the section are not hidden from the camera."""
+    origins = np.broadcast_to(camera, exact.shape)
+    rays = Rays(origins, np.nan_to_num(exact - origins))
+    hits, _ = scene.first_hits(rays.transformed(pose))
+    visible: BoolArray = hits.distances >= 1 - SAME_SURFACE_TOLERANCE
+    return visible
 
 
 def _noise_model(std: FloatArray, sensor: ProfileSensor, settings: SectionSettings) -> NoiseModel:
-    """The sensor itself; for parallel rays, which it does not know, the noise point by point."""
+    """Return the sensor; for parallel rays, which it cannot represent, all covariances."""
     if settings.rays == "fan":
         return sensor
     covariances = np.zeros((len(std), 2, 2))
     covariances[:, 1, 1] = std**2 + sensor.quantum**2 / 12
     covariances[:, 0, 0] = (LATERAL_FRACTION * std) ** 2 + sensor.quantum**2 / 12
     return PointNoise(np.where(np.isnan(std)[:, None, None], np.nan, covariances))
+
+
+def noise_std(exact: Points, sensor: ProfileSensor) -> FloatArray:
+    """Return the standard deviation along the ray, which grows with the square of the range.
+
+    This repeats the formula of `ProfileSensor` on purpose: it is the truth against which the
+    noise model of the sensor is tested.
+
+    Parameters
+    ----------
+    exact : (n, 2) ndarray
+        Noise-free points, section frame. Units: mm.
+    sensor : ProfileSensor
+        Noise at the reference range, and origin of the rays.
+
+    Returns
+    -------
+    (n,) ndarray
+        Standard deviations. Units: mm.
+    """
+    dx, dy = exact[:, 0] - sensor.origin[0], exact[:, 1] - sensor.origin[1]
+    std: FloatArray = sensor.range_std * (dx * dx + dy * dy) / sensor.reference_range**2
+    return std
+
+
+def visible_at_incidence(
+    hits: Hits, rays: Rays, settings: SectionSettings, rng: np.random.Generator
+) -> BoolArray:
+    """Return which points are not lost because of their angle of incidence.
+
+    Parameters
+    ----------
+    hits : Hits
+        Intersections with their surface normals.
+    rays : Rays
+        With unit directions, in the frame of the hits.
+    settings : SectionSettings
+        Grazing limit and ramp.
+    rng : numpy.random.Generator
+        Source of one number for each ray.
+    """
+    cosine = np.clip(-np.einsum("ij,ij->i", hits.normals, rays.directions), -1.0, 1.0)
+    below_limit = settings.grazing_limit_deg - np.degrees(np.arccos(cosine))
+    ramp = max(settings.grazing_ramp_deg, 1e-9)
+    visible: BoolArray = rng.random(len(cosine)) < below_limit / ramp
+    return visible
+
+
+def lost_columns(columns: int, settings: SectionSettings, rng: np.random.Generator) -> BoolArray:
+    """Draw which columns are lost, singly and in runs."""
+    lost: BoolArray = rng.random(columns) < settings.lost_fraction
+    for _ in range(settings.lost_runs):
+        start = rng.integers(columns)
+        lost[start : start + rng.integers(2, max(settings.lost_run_columns, 2) + 1)] = True
+    return lost
+
+
+def draw_jumps(columns: int, settings: SectionSettings, rng: np.random.Generator) -> FloatArray:
+    """Draw the displacement of each column by a jump; 0 for most. Units: mm."""
+    pair_fraction = settings.jump_pair_share
+    # A fraction of the jumps displaces two columns; the total is `jump_fraction`.
+    single = rng.random(columns) < settings.jump_fraction / (1 + pair_fraction)
+    paired = rng.random(columns) < pair_fraction
+    size = rng.uniform(*settings.jump_mm, columns) * rng.choice([-1.0, 1.0], columns)
+    follows = np.concatenate([[False], (single & paired)[:-1]])
+    jumps: FloatArray = np.where(single, size, np.where(follows, np.roll(size, 1), 0.0))
+    return jumps
+
+
+def correlated_unit_noise(
+    columns: int, settings: SectionSettings, rng: np.random.Generator
+) -> FloatArray:
+    """Draw a standard normal error for each column, correlated by a Gaussian filter if set."""
+    filter_std = settings.correlation_columns
+    if filter_std == 0:
+        return rng.standard_normal(columns)
+    half_width = math.ceil(4 * filter_std)
+    weights = np.exp(-0.5 * (np.arange(-half_width, half_width + 1) / filter_std) ** 2)
+    white_noise = rng.standard_normal(columns + 2 * half_width)
+    return np.convolve(white_noise, weights / np.linalg.norm(weights), mode="valid")

@@ -1,9 +1,9 @@
-"""A simulated section as text: the profile a sensor's software would export, and its truth.
+"""Text of a simulated section: the profile as exported by sensor software, and its truth.
 
-The profile is two columns, x along the laser line and z = height growing towards the sensor
-(our Y), one row a column of the sensor, ``nan`` where it measured nothing. The truth is JSON with
-the unit in each name. Both hold rounded numbers only, so that they come out alike byte for byte
-wherever the same section is simulated.
+The profile has two columns, x along the laser line and z = height towards the sensor (Y of the
+section frame), with one row for each column of the sensor and ``nan`` for lost points. The truth
+is JSON with the unit in each name. All numbers are rounded, so that both texts are identical byte
+for byte on every platform.
 """
 
 import dataclasses
@@ -16,32 +16,30 @@ import numpy as np
 
 from lsvision.geometry import Pose
 from lsvision.sensors.profile_sensor import ProfileSensor
-from lsvision.simulate.bent_tube import BentTube
-from lsvision.simulate.scene import Scene, TubeSolid
+from lsvision.simulate.scene import Scene, TubeSolid, TubeTruth
 from lsvision.simulate.section import SimulatedSection
-from lsvision.simulate.truth import TubeTruth
-from lsvision.simulate.tube import Tube
+from lsvision.simulate.solids import BentTube, Tube
 
 TRUTH_SCHEMA = "lsvision.simulated_section/1"
-"""Name and version of a truth file."""
+"""Name and version of the truth file of a section."""
 SCAN_SCHEMA = "lsvision.simulated_scan/1"
 """Name and version of the truth file of a scan."""
 LABEL_MEANING = "-1 lost or jump, 0 clutter, k >= 1 the k-th tube"
 DECIMALS = 6
-"""Decimals of the truth's mm and rad; far below any sensor's noise."""
+"""Decimals of mm and rad in the truth; far below the noise of any sensor."""
 RAW_DECIMALS = 4
-"""Decimals of the profile of a sensor that does not round its own numbers."""
+"""Decimals of the profile of a sensor without a quantum."""
 
 
 def profile_text(section: SimulatedSection, title: str) -> str:
-    """The profile as comma-separated text with a header.
+    """Return the profile as comma-separated text with a header.
 
     Parameters
     ----------
     section : SimulatedSection
-        Its profile only.
+        Simulated section, of which the profile is written.
     title : str
-        What it shows and where it comes from; the first line.
+        Text of the first line: content and origin.
 
     Examples
     --------
@@ -66,14 +64,14 @@ def profile_text(section: SimulatedSection, title: str) -> str:
 
 
 def truth_text(section: SimulatedSection, source: dict[str, Any]) -> str:
-    """The truth as JSON, one line a key.
+    """Return the truth of a section as JSON with one line per key.
 
     Parameters
     ----------
     section : SimulatedSection
-        All but its profile.
+        Simulated section, of which all but the profile is written.
     source : dict
-        How it was made (kind, seed, command); stands first.
+        Origin (kind, seed, command), written first.
     """
     record = {
         "schema": TRUTH_SCHEMA,
@@ -94,18 +92,18 @@ def scan_truth_text(
     sections: Sequence[SimulatedSection],
     source: dict[str, Any],
 ) -> str:
-    """The truth of a scan as JSON, one line a key.
+    """Return the truth of a scan as JSON with one line per key.
 
     Parameters
     ----------
     scene : Scene
         Base frame.
     base_from_sections : sequence of Pose
-        One a section.
+        One for each section.
     sections : sequence of SimulatedSection
-        As `simulate_scan` gave them.
+        Result of `simulate_scan`.
     source : dict
-        How it was made (seed, command, feed); stands first.
+        Origin (seed, command, feed), written first.
     """
     record = {
         "schema": SCAN_SCHEMA,
@@ -135,7 +133,7 @@ def _json_lines(record: dict[str, Any]) -> str:
 
 
 def _solid_record(tube: TubeSolid) -> dict[str, Any]:
-    """What a solid tube is made of: each number of it, each vector as a list."""
+    """Return the parameters of a solid tube, vectors as lists."""
     if isinstance(tube, Tube):
         record = {"point_mm": tube.cylinder.point, "direction": tube.cylinder.direction,
                   "radius_mm": tube.cylinder.radius, "span_mm": tube.span}  # fmt: skip
@@ -143,9 +141,9 @@ def _solid_record(tube: TubeSolid) -> dict[str, Any]:
         record = {"bend_centre_mm": tube.bend_centre, "bend_normal": tube.bend_normal,
                   "bend_radius_mm": tube.bend_radius, "radius_mm": tube.radius}  # fmt: skip
     else:
-        raise TypeError(f"want a Tube or a BentTube, got {type(tube).__name__}")
+        raise TypeError(f"expected a Tube or a BentTube, got {type(tube).__name__}")
     return {
-        key: [_rounded(part) for part in value] if np.iterable(value) else value
+        key: [_rounded(component) for component in value] if np.iterable(value) else value
         for key, value in record.items()
     }
 
@@ -180,5 +178,5 @@ def _sensor_record(sensor: ProfileSensor) -> dict[str, Any]:
 
 
 def _rounded(value: float) -> float:
-    # Adding 0.0 turns -0.0, which depends on the order of a sum, into 0.0.
+    # Adding 0.0 replaces -0.0, which depends on the order of summation, by 0.0.
     return round(float(value), DECIMALS) + 0.0

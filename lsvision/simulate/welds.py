@@ -1,8 +1,8 @@
-"""Tubes that touch, and the weld beads between them.
+"""Positions of touching tubes, and the weld beads between them.
 
-Touching is meant in the section: two ellipses with one common point. The gap between two convex
-bodies is their separation along the direction that separates them best, so the touching distance
-along a given line is a minimum over directions of support widths (no root finding on conics).
+Tubes touch in the section if their ellipses have exactly one common point. Two convex bodies are
+disjoint if a direction separates their support intervals; the distance of the centres at contact,
+along a given line, is therefore a minimum over directions of a sum of support widths.
 """
 
 import math
@@ -11,25 +11,25 @@ import numpy as np
 from scipy.optimize import brentq
 
 from lsvision.geometry import Ellipse, FloatArray, Points
-from lsvision.simulate.prism import Prism
+from lsvision.simulate.solids import Prism
 
 DIRECTIONS = 128
-"""Directions tried in each round of the search for the common normal."""
-NORMAL_WIDTH = 1e-8
-"""Width at which that search stops; the distance is then right to its square. Units: rad."""
-CURVE_STEPS = 40
-"""Straight pieces of a bead's surface, which is never longer than about 20 mm."""
+"""Directions in each iteration of the search for the common normal."""
+NORMAL_TOLERANCE = 1e-8
+"""Interval at which the search stops; the error of the distance is quadratic in it. Units: rad."""
+CURVE_SEGMENTS = 40
+"""Segments of a bead's surface, which is at most about 20 mm long."""
 
 
 def touching_centre(fixed: Ellipse, moved: Ellipse, direction: float) -> tuple[float, float]:
-    """Centre at which an ellipse touches another from outside.
+    """Return the centre at which an ellipse touches another from outside.
 
     Parameters
     ----------
     fixed, moved : Ellipse
         The centre of `moved` is not used.
     direction : float
-        From the centre of `fixed` to the centre looked for, from X towards Y. Units: rad.
+        Direction from the centre of `fixed` to the result, from X towards Y. Units: rad.
 
     Returns
     -------
@@ -43,44 +43,45 @@ def touching_centre(fixed: Ellipse, moved: Ellipse, direction: float) -> tuple[f
     >>> f"{x:.6f} {y:.6f}"
     '25.000000 -400.000000'
     """
-    distance, _ = _touching(fixed, moved, direction)
+    distance, _ = _find_contact(fixed, moved, direction)
     x, y = fixed.centre
     return x + distance * math.cos(direction), y + distance * math.sin(direction)
 
 
 def nested_centre(left: Ellipse, right: Ellipse, moved: Ellipse) -> tuple[float, float]:
-    """Centre at which an ellipse touches two others, on the sensor's side of them.
+    """Return the centre at which an ellipse touches two others, on the side of the sensor.
 
     Parameters
     ----------
     left, right : Ellipse
-        Apart or touching, less far than `moved` is wide.
+        Touching, or with a gap smaller than `moved`.
     moved : Ellipse
         Its centre is not used.
 
     Raises
     ------
     ValueError
-        If it falls through between them.
+        If the gap between the two is too wide.
     """
     to_right = math.atan2(right.centre[1] - left.centre[1], right.centre[0] - left.centre[0])
 
-    def gap(turn: float) -> float:
-        x, y = touching_centre(left, moved, to_right + turn)
+    def gap(angle: float) -> float:
+        """Gap to `right` while `moved` touches `left`."""
+        x, y = touching_centre(left, moved, to_right + angle)
         dx, dy = x - right.centre[0], y - right.centre[1]
-        apart, _ = _touching(right, moved, math.atan2(dy, dx))
-        return math.hypot(dx, dy) - apart
+        contact_distance, _ = _find_contact(right, moved, math.atan2(dy, dx))
+        return math.hypot(dx, dy) - contact_distance
 
     if not gap(0.0) < 0 < gap(math.pi * 0.9):
-        raise ValueError("want two ellipses closer than the third is wide, got a wider gap")
-    turn = brentq(gap, 0.0, math.pi * 0.9, xtol=1e-13)
-    return touching_centre(left, moved, to_right + turn)
+        raise ValueError("expected two ellipses closer than the third is wide, got a wider gap")
+    angle = brentq(gap, 0.0, math.pi * 0.9, xtol=1e-13)
+    return touching_centre(left, moved, to_right + angle)
 
 
 def contact_point(first: Ellipse, second: Ellipse) -> tuple[float, float]:
-    """Where two touching ellipses touch. Units: mm."""
+    """Return the common point of two touching ellipses. Units: mm."""
     dx, dy = second.centre[0] - first.centre[0], second.centre[1] - first.centre[1]
-    _, normal = _touching(first, second, math.atan2(dy, dx))
+    _, normal = _find_contact(first, second, math.atan2(dy, dx))
     u = np.array([math.cos(normal), math.sin(normal)])
     shape = _shape(first)
     x, y = np.asarray(first.centre) + shape @ u / math.sqrt(u @ shape @ u)
@@ -95,55 +96,55 @@ def weld_bead(
     bulge: float,
     along: tuple[float, float, float] = (0.0, 0.0, 1.0),
 ) -> Prism:
-    """Bead in the groove between two touching tubes, on the sensor's side.
+    """Return the weld bead in the groove between two touching tubes, towards the sensor.
 
     Parameters
     ----------
     first, second : Ellipse
-        They touch.
+        Sections of the tubes, which touch.
     leg : float
-        How far the bead reaches up each tube from the contact, along the tube. Units: mm.
+        Arc length from the contact to either foot of the bead. Units: mm.
     bulge : float
-        Height of the bead's crown over the straight line between its feet, towards the sensor,
-        as a share of that line. 0 is the hollow fillet that runs tangentially into both tubes;
-        above it the bead stands out and meets them with an edge.
+        Height of the bead above the straight line between its feet, divided by the length of
+        that line. 0: a concave fillet, tangential to both tubes; larger: a convex bead that meets
+        the tubes in an edge.
     along : tuple of float
         Direction of extrusion.
     """
     contact = np.asarray(contact_point(first, second))
     feet = [_foot(ellipse, contact, leg) for ellipse in (first, second)]
-    crown = (
+    control = (
         _fillet_control_point(feet, contact)
         if bulge == 0
         else _bulged_control_point(feet, contact, bulge)
     )
-    t = np.linspace(0.0, 1.0, CURVE_STEPS + 1)[:, None]
+    t = np.linspace(0.0, 1.0, CURVE_SEGMENTS + 1)[:, None]
     (start, _), (stop, _) = feet
-    curve = (1 - t) ** 2 * start + 2 * t * (1 - t) * crown + t**2 * stop
+    curve = (1 - t) ** 2 * start + 2 * t * (1 - t) * control + t**2 * stop
     return Prism(np.vstack([curve, contact[None], curve[:1]]), along)
 
 
-def _touching(fixed: Ellipse, moved: Ellipse, direction: float) -> tuple[float, float]:
-    """Distance of the centres at contact, and direction of the common normal."""
+def _find_contact(fixed: Ellipse, moved: Ellipse, direction: float) -> tuple[float, float]:
+    """Return the distance of the centres at contact, and the direction of the common normal."""
     shapes = _shape(fixed), _shape(moved)
 
-    def distance(turn: FloatArray) -> FloatArray:
-        u = np.array([np.cos(direction + turn), np.sin(direction + turn)])
+    def distance(angle: FloatArray) -> FloatArray:
+        u = np.array([np.cos(direction + angle), np.sin(direction + angle)])
         widths = [np.sqrt(np.einsum("i...,ij,j...->...", u, shape, u)) for shape in shapes]
-        total: FloatArray = (widths[0] + widths[1]) / np.cos(turn)
+        total: FloatArray = (widths[0] + widths[1]) / np.cos(angle)
         return total
 
     low, high = -1.5, 1.5
-    while high - low > NORMAL_WIDTH:
-        turns = np.linspace(low, high, DIRECTIONS)
-        best = int(np.argmin(distance(turns)))
-        low, high = turns[max(best - 1, 0)], turns[min(best + 1, DIRECTIONS - 1)]
+    while high - low > NORMAL_TOLERANCE:
+        angles = np.linspace(low, high, DIRECTIONS)
+        index = int(np.argmin(distance(angles)))
+        low, high = angles[max(index - 1, 0)], angles[min(index + 1, DIRECTIONS - 1)]
     middle = np.array((low + high) / 2)
     return float(distance(middle)), direction + float(middle)
 
 
 def _shape(ellipse: Ellipse) -> FloatArray:
-    """Matrix S of the support width sqrt(u' S u)."""
+    """Return the matrix S with which sqrt(u' S u) is the support width along u."""
     axes = ellipse.from_ellipse_frame(np.diag([ellipse.semi_major, ellipse.semi_minor]))
     axes = axes - ellipse.centre
     shape: FloatArray = axes.T @ axes
@@ -151,38 +152,38 @@ def _shape(ellipse: Ellipse) -> FloatArray:
 
 
 def _foot(ellipse: Ellipse, contact: FloatArray, leg: float) -> tuple[FloatArray, FloatArray]:
-    """Point of an ellipse `leg` away from the contact on the sensor's side, and its tangent."""
-    own = ellipse.to_ellipse_frame(contact[None])[0]
-    at = math.atan2(own[1] / ellipse.semi_minor, own[0] / ellipse.semi_major)
-    walk = np.linspace(0.0, math.pi, 2000)
-    ways = [ellipse.points_at(at + sign * walk) for sign in (1.0, -1.0)]
-    up = max(ways, key=lambda way: float(way[100, 1]))
-    length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(up, axis=0).T))])
+    """Return point and tangent at arc length `leg` from the contact, towards the sensor."""
+    u, v = ellipse.to_ellipse_frame(contact[None])[0]
+    anomaly = math.atan2(v / ellipse.semi_minor, u / ellipse.semi_major)
+    steps = np.linspace(0.0, math.pi, 2000)
+    paths = [ellipse.points_at(anomaly + sign * steps) for sign in (1.0, -1.0)]
+    path = max(paths, key=lambda points: float(points[100, 1]))
+    length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
     index = int(np.searchsorted(length, leg))
-    tangent = up[index] - up[index - 1]
-    return up[index], tangent / np.linalg.norm(tangent)
+    tangent = path[index] - path[index - 1]
+    return path[index], tangent / np.linalg.norm(tangent)
 
 
 def _fillet_control_point(
     feet: list[tuple[FloatArray, FloatArray]], contact: FloatArray
 ) -> FloatArray:
-    """Control point of the fillet: where the tangents of both feet meet."""
+    """Return the control point of a fillet: the intersection of the tangents at both feet."""
     (start, start_tangent), (stop, stop_tangent) = feet
     sides = np.column_stack([start_tangent, -stop_tangent])
     if abs(np.linalg.det(sides)) < 0.05:
         return (start + stop + contact) / 3
-    crown: FloatArray = start + np.linalg.solve(sides, stop - start)[0] * start_tangent
-    return crown
+    control: FloatArray = start + np.linalg.solve(sides, stop - start)[0] * start_tangent
+    return control
 
 
 def _bulged_control_point(
     feet: list[tuple[FloatArray, FloatArray]], contact: FloatArray, bulge: float
 ) -> Points:
-    """Control point of a bead whose crown stands over the line between its feet."""
+    """Return the control point of a convex bead of given height over the line of its feet."""
     (start, _), (stop, _) = feet
     middle = (start + stop) / 2
-    out = middle - contact
+    outward = middle - contact
     height = bulge * np.linalg.norm(stop - start)
-    # A quadratic curve reaches half way to its control point.
-    control: FloatArray = middle + 2 * height * out / np.linalg.norm(out)
+    # The middle of a quadratic Bezier curve is half way to its control point.
+    control: FloatArray = middle + 2 * height * outward / np.linalg.norm(outward)
     return control

@@ -12,7 +12,7 @@ from lsvision.measure import measure_cylinders
 from lsvision.sensors.camera import Camera
 from lsvision.sensors.light_section import LightSection
 from lsvision.simulate.scene import Scene
-from lsvision.simulate.tube import Tube
+from lsvision.simulate.solids import Tube
 from tests.bench.goals import Number, print_numbers
 from tests.laser_line.line_scenes import RIG, STAND_OFF, pipe_on_floor, rendered
 

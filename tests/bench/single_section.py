@@ -23,7 +23,7 @@ from lsvision.simulate import (
     simulate_section,
 )
 from lsvision.simulate.scene_kinds import NOISE_MM
-from lsvision.simulate.sensor_errors import noise_std
+from lsvision.simulate.section import noise_std
 from tests.bench.goals import Number
 from tests.bench.matching import match_tubes
 from tests.bench.progress import counted

@@ -1,4 +1,4 @@
-"""A section on a robot: its cylinders in the base frame, and their errors by Monte Carlo."""
+"""Cylinders of a section in the base frame, and Monte Carlo tests of their covariance."""
 
 import math
 from types import SimpleNamespace
@@ -36,7 +36,7 @@ def section_of(points, truth):
 
 
 def moved(pose, error):
-    """What the docstring says: R -> exp([w]x) R from the left, about the section's origin."""
+    """Apply a calibration error: R -> exp([w]x) R, about the section's origin."""
     turned = Rotation.from_rotvec(error[3:]).as_matrix() @ pose.rotation
     return Pose(turned, pose.translation + error[:3])
 
@@ -65,7 +65,7 @@ def runs_of(phi_deg, calibration, twin):
     [(0.1, (0, 0), 0), (1, (0, 0), 1), (10, (0, 0), 1), (0.1, (0.3, 1e-3), 0)],
     ids=["fit", "both", "calibration", "robot"],
 )
-def test_errors_are_as_large_as_stated(scale, robot_std, twin):
+def test_errors_agree_with_the_covariance(scale, robot_std, twin):
     calibration = mount(scale=scale, robot_std=robot_std)
     placed, errors = zip(*runs_of(35.0, calibration, twin), strict=True)
     squared = [e @ np.linalg.solve(p.covariance, e) for p, e in zip(placed, errors, strict=True)]
@@ -74,7 +74,7 @@ def test_errors_are_as_large_as_stated(scale, robot_std, twin):
     np.testing.assert_allclose(np.std(errors, axis=0), stated, rtol=SPREAD)
 
 
-def test_without_errors_the_cylinder_is_where_it_is():
+def test_without_errors_the_cylinder_is_exact():
     truth = pipe(20.0)
     section = section_of(upper_arc(truth), truth)
     for placed, twin in zip(place_section(section, SECTION, FLANGE), (0, 1), strict=True):
@@ -93,7 +93,7 @@ def test_the_twins_are_those_of_the_section():
     np.testing.assert_allclose(twins, section.axis_twins, atol=MACHINE)
 
 
-def test_without_a_pose_of_the_robot_the_flange_frame_is_meant():
+def test_without_a_robot_pose_the_result_is_in_the_flange_frame():
     section = some_section()
     (in_flange, _), (in_base, _) = (
         place_section(section, mount(), *pose) for pose in ((), (FLANGE,))
@@ -104,7 +104,7 @@ def test_without_a_pose_of_the_robot_the_flange_frame_is_meant():
     assert np.linalg.norm(in_flange.point_std) == pytest.approx(np.linalg.norm(in_base.point_std))
 
 
-def test_a_mere_pose_has_no_calibration_errors_and_says_so():
+def test_a_pose_as_calibration_is_exact():
     section = some_section()
     exact, _ = place_section(section, SECTION, FLANGE)
     calibrated, _ = place_section(section, mount(), FLANGE)
@@ -114,7 +114,7 @@ def test_a_mere_pose_has_no_calibration_errors_and_says_so():
     assert exact.radius_std == calibrated.radius_std == pytest.approx(section.radius_std)
 
 
-def test_the_robots_own_error_is_in_the_base_frame_alone():
+def test_the_robot_error_is_included_in_the_base_frame_only():
     section = some_section()
     still, shaky = mount(), mount(robot_std=(0.3, 1e-3))
     for frame, larger in (((), False), ((FLANGE,), True)):
@@ -122,15 +122,15 @@ def test_the_robots_own_error_is_in_the_base_frame_alone():
         assert (stds[1] > stds[0]).all() == larger
 
 
-def test_of_a_circle_the_direction_is_known_as_well_as_phi():
+def test_direction_std_near_a_circle_is_phi_std():
     truth = pipe(0.0)
     section = section_of(measured(upper_arc(truth), np.random.default_rng(2)), truth)
     for placed in place_section(section, SECTION, FLANGE):
         assert section.phi_std / 2 < placed.direction_std < 2 * section.phi_std + section.phi
 
 
-def test_of_a_circle_the_radius_is_known_as_well_as_in_its_section():
-    """Where the linear approximation does not see the kink of b = m - |(p, q)|."""
+def test_radius_std_near_a_circle_is_that_of_the_section():
+    """Linear propagation is invalid here, because of the kink of b = m - |(p, q)|."""
     truth = pipe(0.0)
     section = section_of(measured(upper_arc(truth), np.random.default_rng(2)), truth)
     assert section.radius_std != pytest.approx(math.sqrt(section.covariance[3, 3]), rel=0.02)
@@ -138,7 +138,7 @@ def test_of_a_circle_the_radius_is_known_as_well_as_in_its_section():
         assert placed.radius_std == pytest.approx(section.radius_std)
 
 
-def test_a_calibration_of_something_else_is_refused():
+def test_a_calibration_of_another_kind_raises_an_error():
     camera = HandEye(
         mount_from_sensor=SECTION, covariance=np.eye(6), residuals=[0.0],
         leave_one_out_residuals=[0.0], rejected=(), target=Pose(), working_point=(0, 0, 300),

@@ -13,7 +13,7 @@ from lsvision.draw.scan import MIN_FACING, draw_scan
 from lsvision.draw.scan_ply import GREY, coloured_points, coloured_surfaces, rgb_of
 from lsvision.geometry import FloatArray, Points, Pose
 from lsvision.scan import ScanMeasurement, measure_scan
-from lsvision.scan.surface import tube_surface
+from lsvision.scan.shape import tube_surface
 from lsvision.simulate import SCENE_SENSOR, Scene, SectionSettings, Tube, simulate_scan
 from tests.draw.borders import has_white_border
 

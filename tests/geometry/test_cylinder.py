@@ -12,7 +12,7 @@ from tests.tolerances import MACHINE
 
 
 def points_in_the_plane(cylinder, count=40):
-    """Where generatrices of the cylinder meet z = 0: an intersection without any ellipse."""
+    """Intersections of the cylinder's generatrices with z = 0, computed without an ellipse."""
     axis = cylinder.direction
     across = np.linalg.svd(axis[None])[2][1:]
     turn = np.linspace(0, 2 * math.pi, count, endpoint=False)
@@ -23,7 +23,7 @@ def points_in_the_plane(cylinder, count=40):
 
 @PROPERTY
 @given(cylinders())
-def test_the_section_is_where_the_generatrices_meet_the_plane(cylinder):
+def test_the_section_contains_the_intersections_of_the_generatrices(cylinder):
     section = cylinder.section()
     far = np.hypot(*section.centre) + section.semi_major
     off = orthogonal_residuals(points_in_the_plane(cylinder), section)
@@ -42,14 +42,14 @@ def test_one_of_the_twins_of_a_section_is_the_cylinder(cylinder):
 
 @PROPERTY
 @given(ellipses())
-def test_both_twins_have_the_section_they_come_from(ellipse):
+def test_both_twins_have_the_same_section(ellipse):
     for twin in Cylinder.twins(ellipse):
         assert_same_ellipse(twin.section(), ellipse, atol=1e-7)
 
 
 @PROPERTY
 @given(cylinders(), poses())
-def test_a_cylinder_seen_from_another_frame_keeps_its_surface(cylinder, a_from_b):
+def test_transforming_preserves_the_surface(cylinder, a_from_b):
     points = np.array([[1.0, 2.0, 3.0], [-100.0, 50.0, 7.0]])
     seen = cylinder.transformed(a_from_b).signed_distances(a_from_b.apply(points))
     np.testing.assert_allclose(seen, cylinder.signed_distances(points), atol=MACHINE)
@@ -69,14 +69,14 @@ def test_an_axis_in_the_section_plane_has_no_section():
 @pytest.mark.parametrize(
     ("direction", "radius", "message"),
     [
-        pytest.param((0, 0, 0), 1.0, "direction with a length", id="no axis"),
-        pytest.param((0, 0, math.nan), 1.0, "direction with a length", id="nan"),
-        pytest.param((0, 0, 1), 0.0, "want a positive radius in mm, got 0", id="no radius"),
+        pytest.param((0, 0, 0), 1.0, "non-zero direction", id="no axis"),
+        pytest.param((0, 0, math.nan), 1.0, "non-zero direction", id="nan"),
+        pytest.param((0, 0, 1), 0.0, "expected a positive radius in mm, got 0", id="no radius"),
         pytest.param((0, 0, 1), -3.0, "got -3", id="negative"),
         pytest.param((0, 0, 1), math.inf, "got inf", id="endless"),
         pytest.param((0, 1), 1.0, r"direction of shape \(3\)", id="flat"),
     ],
 )
-def test_what_is_no_cylinder_is_refused(direction, radius, message):
+def test_an_invalid_cylinder_raises_an_error(direction, radius, message):
     with pytest.raises(ValueError, match=message):
         Cylinder((0, 0, 0), direction, radius)

@@ -16,7 +16,7 @@ TILTED = Ellipse((3.0, -400.0), 20.0, 15.0, math.radians(30))
 
 
 def paper_eq_1(x, y, ellipse):
-    """Left side of the paper's Eq. (1), letter by letter."""
+    """Left side of the paper's Eq. (1) as printed."""
     dx, dy = x - ellipse.centre[0], y - ellipse.centre[1]
     sin, cos = math.sin(ellipse.theta), math.cos(ellipse.theta)
     a, b = ellipse.semi_major, ellipse.semi_minor
@@ -24,7 +24,7 @@ def paper_eq_1(x, y, ellipse):
 
 
 def paper_eq_4(x, y, ellipse):
-    """The paper's r_j, letter by letter."""
+    """The paper's r_j as printed."""
     dx, dy = x - ellipse.centre[0], y - ellipse.centre[1]
     sin, cos = math.sin(ellipse.theta), math.cos(ellipse.theta)
     a, b = ellipse.semi_major, ellipse.semi_minor
@@ -61,21 +61,21 @@ def test_radial_residuals_are_eq_4_with_theta_turned_by_90_deg(rng):
     np.testing.assert_allclose(np.abs(radial_residuals(points, TILTED)), by_the_paper, atol=MACHINE)
 
 
-def test_theta_turns_from_x_towards_y():
+def test_theta_increases_from_x_towards_y():
     upright = Ellipse((0.0, 0.0), 2.0, 1.0, math.pi / 2)
     np.testing.assert_allclose(upright.points_at(np.zeros(1)), [[0.0, 2.0]], atol=MACHINE)
 
 
 @PROPERTY
 @given(angles)
-def test_theta_is_kept_in_zero_to_pi(theta):
+def test_theta_is_stored_in_zero_to_pi(theta):
     kept = Ellipse((0.0, 0.0), 2.0, 1.0, theta).theta
     assert 0 <= kept < math.pi
     assert math.sin(kept - theta) == pytest.approx(0, abs=1e-14)
 
 
 @pytest.mark.parametrize("theta", [-1e-17, -1e-300, math.pi, -math.pi, 5 * math.pi])
-def test_theta_on_the_seam_is_zero(theta):
+def test_theta_at_pi_is_zero(theta):
     assert Ellipse((0.0, 0.0), 2.0, 1.0, theta).theta == pytest.approx(0, abs=1e-15)
 
 
@@ -107,7 +107,7 @@ def test_twin_axes_are_unit_vectors_at_phi_from_the_normal(ellipse):
 
 @PROPERTY
 @given(ellipses())
-def test_own_frame_and_section_frame_are_each_others_inverse(ellipse):
+def test_to_and_from_ellipse_frame_are_inverse(ellipse):
     points = np.array([[1.0, 2.0], [-300.0, 40.0]])
     back = ellipse.from_ellipse_frame(ellipse.to_ellipse_frame(points))
     np.testing.assert_allclose(back, points, atol=MACHINE)
@@ -130,7 +130,7 @@ def brute_force_radial(point, ellipse):
 
 @PROPERTY
 @given(ellipses(), seeds)
-def test_radial_residual_is_the_gap_along_the_ray(ellipse, seed):
+def test_radial_residual_is_the_distance_along_the_ray(ellipse, seed):
     point = ellipse.centre + np.random.default_rng(seed).normal(size=2) * ellipse.semi_major
     expected = brute_force_radial(point, ellipse)
     assert radial_residuals(point[None], ellipse)[0] == pytest.approx(expected, abs=1e-7)
@@ -185,7 +185,7 @@ HARD = {
 
 
 @pytest.mark.parametrize("name", HARD)
-def test_hard_points_have_their_nearest_foot(name):
+def test_foot_points_of_difficult_points(name):
     own = np.array([HARD[name]])
     foot = foot_points(own, 20.0, 15.0)[0]
     assert (foot[0] / 20) ** 2 + (foot[1] / 15) ** 2 == pytest.approx(1, abs=1e-12)
@@ -194,7 +194,7 @@ def test_hard_points_have_their_nearest_foot(name):
 
 
 @pytest.mark.parametrize("phi_deg", [85.0, 89.0, 89.9])
-def test_needles_have_their_nearest_foot(phi_deg, rng):
+def test_foot_points_of_thin_ellipses(phi_deg, rng):
     b = 10.0
     a = b / math.cos(math.radians(phi_deg))
     t = rng.uniform(0, 2 * math.pi, 60)
@@ -204,7 +204,7 @@ def test_needles_have_their_nearest_foot(phi_deg, rng):
     np.testing.assert_allclose(gaps, expected, atol=1e-4)
 
 
-def test_feet_on_a_circle_lie_on_the_ray_from_its_centre():
+def test_foot_points_on_a_circle_lie_on_the_ray_from_its_centre():
     own = np.array([[3.0, 4.0], [-30.0, 40.0], [0.0, -2.0]])
     expected = 10 * own / np.linalg.norm(own, axis=1)[:, None]
     np.testing.assert_allclose(foot_points(own, 10.0, 10.0), expected, atol=MACHINE)
@@ -219,13 +219,13 @@ def test_no_points_have_no_residuals():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        pytest.param(((0, 0), 1.0, 2.0, 0.0), "want semi_major >= semi_minor", id="order"),
+        pytest.param(((0, 0), 1.0, 2.0, 0.0), "expected semi_major >= semi_minor", id="order"),
         pytest.param(((0, 0), 1.0, 0.0, 0.0), "got 1 and 0", id="flat"),
         pytest.param(((0, 0), -1.0, -2.0, 0.0), "from_axes orders", id="negative"),
-        pytest.param(((0, math.nan), 2.0, 1.0, 0.0), "want finite numbers", id="nan"),
-        pytest.param(((0, 0), math.inf, 1.0, 0.0), "want finite numbers", id="endless"),
+        pytest.param(((0, math.nan), 2.0, 1.0, 0.0), "expected finite numbers", id="nan"),
+        pytest.param(((0, 0), math.inf, 1.0, 0.0), "expected finite numbers", id="endless"),
     ],
 )
-def test_what_is_no_ellipse_is_refused(arguments, message):
+def test_an_invalid_ellipse_raises_an_error(arguments, message):
     with pytest.raises(ValueError, match=message):
         Ellipse(*arguments)

@@ -21,7 +21,7 @@ def test_the_variance_along_a_normal_is_that_of_the_matrix(rng):
 
 
 @pytest.mark.parametrize("which", [slice(2, 5), np.array([4, 1]), np.arange(7) > 4])
-def test_a_part_keeps_points_and_covariances_together(which, rng):
+def test_indexing_selects_points_and_covariances(which, rng):
     points, covariances = noisy_points(rng)
     part = NoisyPoints.of(points, covariances)[which]
     same = NoisyPoints.of(points[which], covariances[which])
@@ -30,13 +30,13 @@ def test_a_part_keeps_points_and_covariances_together(which, rng):
         np.testing.assert_array_equal(getattr(part, name), getattr(same, name))
 
 
-def test_covariances_come_back(rng):
+def test_covariances_are_recovered(rng):
     points, covariances = noisy_points(rng)
     found = NoisyPoints.of(points, covariances).covariances
     np.testing.assert_allclose(found, covariances, atol=1e-12)
 
 
-def test_points_alike_have_one_covariance(rng):
+def test_alike_gives_equal_covariances(rng):
     points, _ = noisy_points(rng)
     alike = NoisyPoints.alike(as_complex(points), 0.2, 0.5)
     one_by_one = NoisyPoints.of(points, np.tile(np.diag([0.04, 0.25]), (7, 1, 1)))
@@ -44,8 +44,8 @@ def test_points_alike_have_one_covariance(rng):
         np.testing.assert_allclose(getattr(alike, name), getattr(one_by_one, name), atol=1e-15)
 
 
-def test_vectors_come_back_from_complex_numbers(rng):
-    vectors = rng.normal(size=(9, 4))[:, ::2]  # not in one piece
+def test_as_vectors_inverts_as_complex(rng):
+    vectors = rng.normal(size=(9, 4))[:, ::2]  # not contiguous
     np.testing.assert_array_equal(as_vectors(as_complex(vectors)), vectors)
 
 
@@ -56,7 +56,7 @@ def fan(count=61, half_deg=30.0):
     return points, -as_complex(points) / 400
 
 
-def test_a_surface_faces_the_sensor_by_the_cosine_of_its_incidence(rng):
+def test_incidence_cosines_of_errors_along_the_ray(rng):
     points, rays = fan()
     noisy = NoisyPoints.of(points, ProfileSensor().covariances(points))
     incidence = rng.uniform(-np.pi, np.pi, len(points))
@@ -65,7 +65,7 @@ def test_a_surface_faces_the_sensor_by_the_cosine_of_its_incidence(rng):
 
 
 @pytest.mark.parametrize("ratio", [0.8, 1.0, 3.0], ids=lambda ratio: f"x over y {ratio}")
-def test_an_error_that_tells_no_ray_leaves_the_whole_fan_open(ratio):
+def test_incidence_cosines_of_errors_without_direction_use_the_fan(ratio):
     points, _ = fan(1)
     noisy = NoisyPoints.of(points, np.diag([ratio, 1.0])[None] ** 2)
     angles_deg = np.array([0, 59, 61, 119, 121, 180])  # of the normal, off +Y
@@ -75,7 +75,7 @@ def test_an_error_that_tells_no_ray_leaves_the_whole_fan_open(ratio):
 
 
 @pytest.mark.parametrize(("ray_deg", "told"), [(0, True), (36.5, True), (39, False), (90, False)])
-def test_a_ray_within_38_degrees_of_y_is_told_by_its_error(ray_deg, told):
+def test_the_ray_is_the_error_direction_within_38_deg_of_y(ray_deg, told):
     ray = np.exp(1j * np.radians(90 - ray_deg))
     along = np.array([ray.real, ray.imag])
     noisy = NoisyPoints.of(np.zeros((1, 2)), np.outer(along, along)[None])

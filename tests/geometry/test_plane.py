@@ -9,7 +9,7 @@ from tests.strategies import PROPERTY, directions, lengths, poses
 from tests.tolerances import MACHINE
 
 
-def test_a_long_normal_is_made_a_unit_and_the_distance_with_it():
+def test_a_normal_is_normalised_together_with_the_distance():
     plane = Plane((0, 0, 2), 10.0)
     np.testing.assert_array_equal(plane.normal, (0, 0, 1))
     assert plane.distance == 5.0
@@ -23,7 +23,7 @@ def test_distance_is_positive_on_the_side_of_the_normal():
 
 @PROPERTY
 @given(directions(), lengths, poses())
-def test_a_plane_seen_from_another_frame_keeps_its_distances(normal, distance, a_from_b):
+def test_transforming_preserves_distances(normal, distance, a_from_b):
     plane = Plane(normal, distance)
     points = np.array([[1.0, 2.0, 3.0], [-100.0, 50.0, 7.0]])
     seen = plane.transformed(a_from_b).signed_distances(a_from_b.apply(points))
@@ -35,6 +35,6 @@ def test_a_plane_seen_from_another_frame_keeps_its_distances(normal, distance, a
     [((0, 0, 0), 1.0), ((0, math.nan, 1), 1.0), ((0, 0, 1), math.inf)],
     ids=["no normal", "nan", "endless"],
 )
-def test_what_is_no_plane_is_refused(normal, distance):
-    with pytest.raises(ValueError, match="want a normal with a length"):
+def test_an_invalid_plane_raises_an_error(normal, distance):
+    with pytest.raises(ValueError, match="expected a finite, non-zero normal"):
         Plane(normal, distance)

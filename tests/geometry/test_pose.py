@@ -35,21 +35,21 @@ def test_a_product_applies_its_right_factor_first(a_from_b, b_from_c):
 
 @PROPERTY
 @given(poses())
-def test_a_pose_keeps_distances_and_hands(pose):
+def test_a_pose_preserves_distances_and_handedness(pose):
     points = np.eye(3) * 100
     moved = pose.apply(points) - pose.translation
     np.testing.assert_allclose(moved @ moved.T, points @ points.T, atol=1e-9 * 100**2)
     assert np.linalg.det(moved) > 0
 
 
-def test_a_quarter_turn_takes_x_to_y():
+def test_a_rotation_by_90_deg_transforms_x_to_y():
     pose = Pose(QUARTER_TURN, (10, 20, 30))
     np.testing.assert_allclose(pose.apply([[1, 0, 0]]), [[10, 21, 30]], atol=MACHINE)
 
 
 @PROPERTY
 @given(poses())
-def test_two_columns_are_points_of_the_section_plane(pose):
+def test_points_of_two_columns_lie_in_the_section_plane(pose):
     flat = np.array([[3.0, -400.0], [-5.0, -380.0]])
     in_space = np.column_stack([flat, np.zeros(2)])
     np.testing.assert_allclose(pose.apply(flat), pose.apply(in_space), atol=MACHINE)
@@ -57,18 +57,18 @@ def test_two_columns_are_points_of_the_section_plane(pose):
 
 @PROPERTY
 @given(poses())
-def test_a_pose_comes_back_from_its_matrix(pose):
+def test_from_matrix_inverts_matrix(pose):
     assert_same_pose(Pose.from_matrix(pose.matrix), pose, atol=0)
     np.testing.assert_array_equal(pose.matrix[3], (0, 0, 0, 1))
 
 
-def test_feed_has_the_length_of_its_distance_whatever_the_direction_is_long():
+def test_feed_does_not_depend_on_the_length_of_the_direction():
     pose = Pose.along((0, 3, 4), 10.0)
     np.testing.assert_allclose(pose.translation, (0, 6, 8), atol=MACHINE)
     np.testing.assert_array_equal(pose.rotation, np.eye(3))
 
 
-def test_a_long_chain_stays_orthonormal():
+def test_a_long_product_stays_orthonormal():
     turn = 1e-3
     step = Pose([[math.cos(turn), -math.sin(turn), 0], [math.sin(turn), math.cos(turn), 0],
                  [0, 0, 1]])  # fmt: skip
@@ -78,7 +78,7 @@ def test_a_long_chain_stays_orthonormal():
     np.testing.assert_allclose(chain.rotation.T @ chain.rotation, np.eye(3), atol=1e-14)
 
 
-def test_a_pose_copies_and_locks_what_it_is_given():
+def test_a_pose_stores_read_only_copies():
     rotation, translation = np.eye(3), np.zeros(3)
     pose = Pose(rotation, translation)
     rotation[0, 0] = translation[0] = 5
@@ -99,17 +99,17 @@ SKEW = np.eye(3) + 1e-3 * np.ones((3, 3))
         pytest.param(lambda: Pose(np.diag([1, 1, -1])), "it mirrors", id="mirror"),
         pytest.param(lambda: Pose(translation=(0, 0)), r"translation of shape \(3\)", id="flat"),
         pytest.param(lambda: Pose(translation=(0, math.inf, 0)), "finite translation", id="inf"),
-        pytest.param(lambda: Pose.along((0, 0, 0), 1.0), "direction with a length", id="no feed"),
+        pytest.param(lambda: Pose.along((0, 0, 0), 1.0), "non-zero feed direction", id="no feed"),
         pytest.param(lambda: Pose.from_matrix(np.eye(3)), r"matrix of shape \(4, 4\)", id="3x3"),
         pytest.param(
-            lambda: Pose.from_matrix(2 * np.eye(4)), "want last row 0 0 0 1", id="scaled matrix"
+            lambda: Pose.from_matrix(2 * np.eye(4)), "expected last row 0 0 0 1", id="scaled matrix"
         ),
         pytest.param(
             lambda: Pose().apply([1.0, 2.0, 3.0]), r"shape \(n, 3\) or \(n, 2\)", id="one point"
         ),
     ],
 )  # fmt: skip
-def test_what_is_no_pose_is_refused(make, message):
+def test_an_invalid_pose_raises_an_error(make, message):
     with pytest.raises(ValueError, match=message):
         make()
 

@@ -4,12 +4,11 @@ import math
 
 import numpy as np
 
+from lsvision.simulate.image_effects import StrayLight
 from lsvision.simulate.images import ImageSettings, simulate_image
 from lsvision.simulate.imaging_rig import ImagingRig
-from lsvision.simulate.prism import Prism
 from lsvision.simulate.scene import Scene
-from lsvision.simulate.stray_light import StrayLight
-from lsvision.simulate.tube import Tube
+from lsvision.simulate.solids import Prism, Tube
 
 RIG = ImagingRig.triangulating()
 SMALL_RIG = ImagingRig.triangulating(focal_length=1132.0, size=(640, 320))

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from lsvision.laser_line.extraction import LineSettings, extract_laser_line
-from lsvision.simulate.image_sensor import ImageSensor
-from lsvision.simulate.stray_light import StrayLight
+from lsvision.simulate.image_effects import ImageSensor, StrayLight
 from tests.laser_line.line_scenes import CLUTTER, SMALL_RIG, pipe_on_floor, plank, rendered
 from tests.tolerances import ROUNDING
 

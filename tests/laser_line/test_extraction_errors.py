@@ -5,7 +5,7 @@ import pytest
 
 from lsvision.errors import NoLaserLine
 from lsvision.laser_line.extraction import LineSettings, extract_laser_line
-from lsvision.simulate.stray_light import StrayLight
+from lsvision.simulate.image_effects import StrayLight
 from tests.laser_line.line_scenes import SMALL_RIG, nothing, plank, rendered
 
 GREY = np.full((200, 300), 10, np.uint8)

@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter1d
 from lsvision.laser_line.extraction import extract_laser_line
 from lsvision.laser_line.noise import excess_variance, line_slopes
 from lsvision.simulate.scene import Scene
-from lsvision.simulate.tube import Tube
+from lsvision.simulate.solids import Tube
 from tests.laser_line.line_scenes import STAND_OFF, rendered
 
 COLUMNS = np.arange(1200)

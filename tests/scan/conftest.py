@@ -1,4 +1,4 @@
-"""A pipe to scan, and the fixtures."""
+"""Fixtures of the scan tests: a simulated tube, and the scans in the folder `fixtures`."""
 
 import json
 import math
@@ -23,7 +23,7 @@ def pipe() -> Tube:
 
 @pytest.fixture(scope="session")
 def fixture_scan() -> Callable[[str], tuple[list[Profile], list[Pose], dict[str, Any]]]:
-    """Profiles, poses and truth of a folder of fixtures; the noise is left to be estimated."""
+    """Read profiles (without a noise model), poses and truth of a folder of fixtures."""
 
     def read(name: str) -> tuple[list[Profile], list[Pose], dict[str, Any]]:
         truth = json.loads((FIXTURES / name / "scan.truth.json").read_text())

@@ -1,4 +1,4 @@
-"""Simulated scans; the simulator shares no code with what is tested."""
+"""Simulated scans; the simulator shares no code with the tested package."""
 
 import dataclasses
 

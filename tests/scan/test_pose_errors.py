@@ -1,4 +1,4 @@
-"""Errors of the poses: what they do to the result is what the covariance says."""
+"""Covariance of scanned cylinders under simulated errors of the poses."""
 
 import math
 from types import SimpleNamespace
@@ -18,7 +18,7 @@ from lsvision.simulate.hand_eye import noisy_pose
 from tests.scan.scans import feed, profiles_of
 
 RUNS = 24
-SHARE = 0.45  # three sigma of a standard deviation from 2 x 24 numbers
+RELATIVE_TOLERANCE = 0.45  # three sigma of a standard deviation from 2 x 24 numbers
 
 
 def errors_deg(found: list[ScannedCylinder], truth: Tube) -> float:
@@ -27,7 +27,7 @@ def errors_deg(found: list[ScannedCylinder], truth: Tube) -> float:
     return math.degrees(float(np.sqrt(np.mean(np.square(sines)))))
 
 
-def test_feed_std_foretells_what_a_wrong_feed_does(pipe: Tube) -> None:
+def test_feed_std_predicts_the_effect_of_a_wrong_feed(pipe: Tube) -> None:
     rng = np.random.default_rng(1)
     std = math.radians(0.5)
     found = []
@@ -37,7 +37,7 @@ def test_feed_std_foretells_what_a_wrong_feed_does(pipe: Tube) -> None:
         found += measure_scan(profiles, wrong, feed_std=std).cylinders
     stated = math.degrees(found[0].direction_std)
     assert stated > 0.5
-    assert errors_deg(found, pipe) == pytest.approx(stated, rel=SHARE)
+    assert errors_deg(found, pipe) == pytest.approx(stated, rel=RELATIVE_TOLERANCE)
 
 
 def test_a_wrong_feed_does_not_show_in_the_residuals(pipe: Tube) -> None:
@@ -48,7 +48,7 @@ def test_a_wrong_feed_does_not_show_in_the_residuals(pipe: Tube) -> None:
     assert np.linalg.norm(np.cross(off.direction, right.direction)) > math.radians(0.35)
 
 
-def test_pose_std_foretells_what_wavering_poses_do(pipe: Tube) -> None:
+def test_pose_std_predicts_the_effect_of_noisy_poses(pipe: Tube) -> None:
     rng = np.random.default_rng(2)
     found = []
     for run in range(RUNS):
@@ -58,12 +58,12 @@ def test_pose_std_foretells_what_wavering_poses_do(pipe: Tube) -> None:
         ]
         found += measure_scan(profiles, poses, pose_std=0.1).cylinders
     stated = math.degrees(float(np.median([c.direction_std for c in found])))
-    assert errors_deg(found, pipe) == pytest.approx(stated, rel=SHARE)
+    assert errors_deg(found, pipe) == pytest.approx(stated, rel=RELATIVE_TOLERANCE)
 
 
 @pytest.mark.parametrize("slip", [{"pose_std": -1.0}, {"feed_std": math.nan}])
-def test_errors_below_nothing_are_refused(slip: dict[str, float]) -> None:
-    with pytest.raises(ValueError, match=f"want {next(iter(slip))} >= 0"):
+def test_negative_errors_raise_an_error(slip: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match=f"expected {next(iter(slip))} >= 0"):
         PoseErrors(**slip)
 
 
@@ -110,7 +110,7 @@ def error_of(found: ScannedCylinder, truth: Tube) -> np.ndarray:
 
 @pytest.mark.parametrize("robot_std", [(0.0, 0.0), (0.05, 3e-4)], ids=["exact", "robot"])
 @pytest.mark.parametrize("tilt", [0.0, 0.25], ids=["moved", "turned"])
-def test_the_calibrations_covariance_foretells_what_its_error_does(
+def test_the_covariance_of_the_calibration_predicts_the_effect_of_its_error(
     pipe: Tube, tilt: float, robot_std: tuple[float, float]
 ) -> None:
     rng, squared, sections = np.random.default_rng(4), [], sections_about(tilt)
@@ -125,11 +125,11 @@ def test_the_calibrations_covariance_foretells_what_its_error_does(
     assert np.mean(squared) == pytest.approx(1.0, abs=NEES)
 
 
-def test_a_lone_section_moves_with_its_calibration(pipe: Tube) -> None:
+def test_a_single_section_moves_with_its_calibration(pipe: Tube) -> None:
     (profile,) = profiles_of(Scene((pipe,)), feed(1, 1.0))
     mount = calibration(robot_std=(0.05, 3e-4))
     (found,) = measure_scan([profile], [Pose()], calibration=mount).cylinders
-    placed, _ = place_section(found_alone(profile), mount, MOUNT.inverse())
+    placed, _ = place_section(measure_single_section(profile), mount, MOUNT.inverse())
     across = np.zeros((5, 6))
     across[:2, :3], across[2:, 3:] = found.fit.tangent_basis, np.eye(3)
     there = found.fit.with_reference_point(placed.point).covariance
@@ -137,12 +137,12 @@ def test_a_lone_section_moves_with_its_calibration(pipe: Tube) -> None:
     assert found.includes_calibration
 
 
-def found_alone(profile: Profile) -> CylinderSection:
+def measure_single_section(profile: Profile) -> CylinderSection:
     (section,) = measure_cylinders(profile).cylinders
     return section
 
 
-def test_ends_along_the_axis_know_of_the_calibration(pipe: Tube) -> None:
+def test_the_axial_range_includes_the_calibration_errors(pipe: Tube) -> None:
     profiles = profiles_of(Scene((pipe,)), feed(3, 10.0))
     (exact,) = measure_scan(profiles, feed(3, 10.0)).cylinders
     (found,) = measure_scan(profiles, feed(3, 10.0), calibration=calibration()).cylinders

@@ -1,4 +1,4 @@
-"""Shape along a tube: what is there is found with its size, what is not is not."""
+"""Form deviations of simulated tubes: size, uncertainty and significance."""
 
 import math
 
@@ -20,7 +20,7 @@ def shape_of(scene: Scene, count: int, step: float, seed: int = 1) -> TubeShape:
     return measure_shape(scan.cylinders[0])
 
 
-def test_a_bend_of_five_metres_is_found_and_measured() -> None:
+def test_a_bend_radius_of_five_metres_is_measured() -> None:
     bend = BentTube(19.0, (5000.0, -400.0, 250.0), (0.0, 1.0, 0.05), 5000.0)
     shape = shape_of(Scene((bend,)), 26, 20.0)
     assert shape.bow.p_value < 1e-6
@@ -28,7 +28,7 @@ def test_a_bend_of_five_metres_is_found_and_measured() -> None:
     assert not shape.ovality_terms.is_significant(1e-3)
 
 
-def test_the_centres_lie_where_the_bend_puts_them() -> None:
+def test_the_section_centres_follow_the_bend() -> None:
     bend = BentTube(19.0, (5000.0, -400.0, 250.0), (0.0, 1.0, 0.0), 5000.0)
     centres = shape_of(Scene((bend,)), 11, 50.0).centres
     along = centres.along - centres.along.mean()
@@ -39,7 +39,7 @@ def test_the_centres_lie_where_the_bend_puts_them() -> None:
     assert (centres.deviations_std < 0.1).all()
 
 
-def test_a_half_percent_oval_is_found_and_measured() -> None:
+def test_an_ovality_of_half_a_percent_is_measured() -> None:
     t = np.linspace(0, 2 * math.pi, 2001)
     long, short = 19.0 * 1.0025 * np.cos(t), 19.0 * 0.9975 * np.sin(t)
     x, y = 0.8 * long - 0.6 * short, 0.6 * long + 0.8 * short
@@ -48,28 +48,28 @@ def test_a_half_percent_oval_is_found_and_measured() -> None:
     assert abs(shape.ovality - 0.005) < SIGMAS * shape.ovality_std
 
 
-def test_a_straight_round_tube_shows_nothing(pipe: Tube) -> None:
+def test_a_straight_round_tube_has_no_significant_deviation(pipe: Tube) -> None:
     shape = shape_of(Scene((pipe,)), 12, 4.0)
     for deviation in (shape.bow, shape.taper, shape.ovality_terms):
         assert not deviation.is_significant(1e-3)
     assert abs(shape.radius - 19.0) < 0.05
 
 
-def test_a_dozen_perfect_tubes_have_p_values_all_over(pipe: Tube) -> None:
+def test_p_values_of_straight_round_tubes_are_uniform(pipe: Tube) -> None:
     shapes = [shape_of(Scene((pipe,)), 6, 6.0, seed) for seed in range(12)]
     values = [d.p_value for s in shapes for d in (s.bow, s.taper, s.ovality_terms)]
-    # 36 even numbers have a mean of 0.5 +/- 0.048, and 4 sigma of that.
+    # The mean of 36 uniform numbers has a standard deviation of 0.048.
     assert abs(np.mean(values) - 0.5) < SIGMAS * 0.048
 
 
-def test_two_sections_have_no_shape(fixture_scan) -> None:
+def test_two_sections_raise_an_error(fixture_scan) -> None:
     profiles, poses, _ = fixture_scan("scan_bent_pipe")
     scan = measure_scan(profiles[:2], poses[:2], sensor=SCENE_SENSOR)
     with pytest.raises(DegenerateGeometry, match="needs 3 sections of it, got 2"):
         measure_shape(scan.cylinders[0])
 
 
-def test_the_bent_fixture_has_its_bend(fixture_scan) -> None:
+def test_the_bend_of_the_fixture_is_measured(fixture_scan) -> None:
     profiles, poses, truth = fixture_scan("scan_bent_pipe")
     (found,) = measure_scan(profiles, poses, sensor=SCENE_SENSOR).cylinders
     shape = measure_shape(found)

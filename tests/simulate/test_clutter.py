@@ -1,4 +1,4 @@
-"""Outlines of clutter: where they stand, and that none of them is a pipe."""
+"""Outlines of clutter: position, size, and that none contains an arc like a tube's."""
 
 import math
 
@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 
 from lsvision.simulate import TubeRanges, clutter
-from lsvision.simulate.prism import Prism
-from lsvision.simulate.random_clutter import draw_mixed
+from lsvision.simulate.clutter import draw_mixed
 from lsvision.simulate.scene_kinds import welded_pair
+from lsvision.simulate.solids import Prism
 
 PIPE_CURVATURES = (10.0 * math.cos(math.radians(40)), 40.0 / math.cos(math.radians(40)) ** 2)
 """Radii of curvature of sections of pipes of 10-40 mm tilted by 0-40 deg: b^2/a to a^2/b, mm."""
-PASSES_FOR_A_PIPE = math.radians(55.0)
-"""An arc below 60 deg determines no ellipse, and the truth calls such a tube invisible."""
+MAX_TUBE_LIKE_TURN = math.radians(55.0)
+"""An arc below 60 deg does not determine an ellipse; such a tube counts as invisible."""
 
 
 def longest_round_turn(outline):
-    """Largest angle through which an outline turns towards the sensor, curved as a pipe is.
+    """Largest angle by which an outline turns with a curvature like a tube's.
 
     All outlines run from left to right over their sensor side, so that round means clockwise.
     """
@@ -37,33 +37,33 @@ def longest_round_turn(outline):
     return longest
 
 
-def test_the_measure_of_roundness_sees_a_pipe_and_not_a_hollow():
+def test_the_turning_angle_is_large_for_a_tube_and_zero_for_a_trough():
     turns = np.linspace(0.8 * math.pi, 0.2 * math.pi, 120)
     arc = 20.0 * np.column_stack([np.cos(turns), np.sin(turns)])
     assert longest_round_turn(arc) == pytest.approx(math.radians(108), abs=0.05)
     assert longest_round_turn(arc * [1.0, -1.0]) == 0.0
 
 
-def test_no_random_clutter_is_round_like_a_pipe():
+def test_no_random_clutter_resembles_a_tube():
     for seed in range(300):
         outline = draw_mixed(np.random.default_rng(seed))((0.0, -400.0)).outline
-        assert longest_round_turn(outline) < PASSES_FOR_A_PIPE, seed
+        assert longest_round_turn(outline) < MAX_TUBE_LIKE_TURN, seed
 
 
-def test_no_bead_is_round_like_a_pipe():
+def test_no_weld_bead_resembles_a_tube():
     for seed in range(40):
         scene = welded_pair(np.random.default_rng(seed), TubeRanges())
         (bead,) = (solid for solid in scene.objects if isinstance(solid, Prism))
-        assert longest_round_turn(bead.outline[:41]) < PASSES_FOR_A_PIPE, seed
+        assert longest_round_turn(bead.outline[:41]) < MAX_TUBE_LIKE_TURN, seed
 
 
-def test_a_shape_stands_where_it_is_put_and_turns_from_x_to_y():
+def test_an_outline_is_translated_and_rotated_from_x_to_y():
     outline = clutter.bar(40.0, 10.0, (100.0, -400.0), math.pi / 2).outline
     # The right end of its upper edge, 20 mm along X, comes to lie 20 mm towards the sensor.
     np.testing.assert_allclose(outline[1], (100.0, -380.0), rtol=0, atol=1e-12)
 
 
-def test_outlines_have_the_sizes_asked_for():
+def test_outlines_have_the_specified_sizes():
     x, y = clutter.sine_sheet(60.0, 3.0, 20.0, (0.0, 0.0)).outline.T
     assert (np.ptp(x), np.ptp(y)) == pytest.approx((60.0, 6.0), abs=1e-2)
     x, y = clutter.parabola(40.0, 8.0, (0.0, 0.0)).outline.T
@@ -82,7 +82,7 @@ def test_a_spline_passes_through_its_knots():
     np.testing.assert_allclose(np.interp(knots[:, 0], x, y), knots[:, 1], rtol=0, atol=5e-3)
 
 
-def test_bumps_add_up():
+def test_bumps_are_summed():
     one = clutter.gaussian_bumps(80.0, [[0.0, 5.0, 6.0]], (0.0, 0.0)).outline
     two = clutter.gaussian_bumps(80.0, [[0.0, 2.0, 6.0], [0.0, 3.0, 6.0]], (0.0, 0.0)).outline
     np.testing.assert_allclose(one, two, rtol=0, atol=1e-12)
@@ -90,6 +90,6 @@ def test_bumps_add_up():
 
 
 @pytest.mark.parametrize("corner", [0.0, 6.0])
-def test_a_corner_as_round_as_a_pipe_is_refused(corner):
-    with pytest.raises(ValueError, match="want a corner"):
+def test_a_corner_with_the_radius_of_a_tube_raises_an_error(corner):
+    with pytest.raises(ValueError, match="expected a corner"):
         clutter.rounded_box(60.0, 60.0, corner, (0.0, 0.0))

@@ -1,4 +1,4 @@
-"""The image simulator against geometry and optics worked out on other ways."""
+"""Simulated images compared with independent computations of geometry and optics."""
 
 import math
 
@@ -7,14 +7,11 @@ import numpy as np
 import pytest
 
 from lsvision.geometry import Pose
-from lsvision.simulate.image_sensor import ImageSensor, expose
+from lsvision.simulate.image_effects import ImageSensor, StrayLight, expose, speckle_field
 from lsvision.simulate.images import ImageSettings, simulate_image
 from lsvision.simulate.imaging_rig import ImagingRig
-from lsvision.simulate.prism import Prism
 from lsvision.simulate.scene import Scene
-from lsvision.simulate.speckle import speckle_field
-from lsvision.simulate.stray_light import StrayLight
-from lsvision.simulate.tube import Tube
+from lsvision.simulate.solids import Prism, Tube
 from tests.laser_line.line_scenes import (
     ACROSS,
     RIG,
@@ -32,7 +29,7 @@ DARK = StrayLight(ambient=0.0)
 
 
 def in_camera(rig, points):
-    """Section points to pixels by OpenCV."""
+    """Project section points to pixels by OpenCV."""
     solid = np.column_stack([points, np.zeros(len(points))])
     pixels, _ = cv2.projectPoints(
         rig.camera_from_section.apply(solid), np.zeros(3), np.zeros(3), rig.matrix, rig.distortion
@@ -81,7 +78,7 @@ def test_width_is_that_of_sheet_and_lens():
     assert sigma == pytest.approx(math.sqrt(on_sensor**2 + 0.7**2 + 1 / 12), abs=0.03)
 
 
-def test_the_flank_of_a_pipe_is_dimmer_by_the_incidence():
+def test_brightness_decreases_with_the_cosine_of_incidence():
     image = rendered(pipe_on_floor(phi=0.0), sensor=QUIET, stray=DARK, psf_sigma=0.0)
     heights = image.image.max(axis=0).astype(float)
     seen = np.isfinite(image.truth_pixels[:, 1])
@@ -98,20 +95,20 @@ def test_a_wall_hides_the_line_from_the_camera_and_from_the_laser():
     assert np.isfinite(shaded[:600]).all()
 
 
-def test_a_scene_off_the_sheet_gives_an_image_without_a_line():
+def test_a_scene_beside_the_sheet_yields_an_image_without_a_line():
     image = rendered(nothing())
     assert np.isnan(image.truth_pixels[:, 1]).all()
     assert image.image.max() < 30
 
 
-def test_the_laser_off_frame_differs_by_the_line_alone():
+def test_the_laser_off_image_differs_by_the_line_only():
     stray = StrayLight(ambient=20, streaks=5, blobs=5)
     image = rendered(plank(), sensor=QUIET, stray=stray, peak=50)
     rows, _ = np.nonzero(image.image.astype(int) - image.laser_off > 1)
     assert np.ptp(rows) < 80  # 40 px of slope and the line's own width
 
 
-def test_same_seed_same_bytes():
+def test_the_same_seed_yields_the_same_bytes():
     settings = {"rig": SMALL_RIG, "speckle_looks": 2, "glints": 3}
     first, again = (rendered(pipe_on_floor(), 5, **settings) for _ in range(2))
     other = rendered(pipe_on_floor(), 6, **settings)
@@ -119,7 +116,7 @@ def test_same_seed_same_bytes():
     assert (first.image != other.image).any()
 
 
-def test_glints_saturate_the_line_and_leave_its_truth():
+def test_glints_saturate_the_line_and_do_not_change_the_truth():
     plain, shining = (rendered(plank(), glints=count) for count in (0, 5))
     assert (shining.image == 255).sum() > (plain.image == 255).sum() + 20
     np.testing.assert_array_equal(plain.truth_pixels, shining.truth_pixels)
@@ -135,7 +132,7 @@ def test_twelve_bits_fill_a_uint16():
 def test_noise_is_that_of_the_sensor(rng):
     sensor = ImageSensor(full_well=10_000, read_noise=13, prnu=0.01)
     flat = np.full((400, 400), 120.0)
-    image = expose(flat, sensor.pattern(flat.shape, rng), sensor, rng).astype(float)
+    image = expose(flat, sensor.draw_sensitivity(flat.shape, rng), sensor, rng).astype(float)
     per_number = 10_000 / 255
     shot_and_read = (120 * per_number + 13**2) / per_number**2
     expected = math.sqrt(shot_and_read + (0.01 * 120) ** 2 + 1 / 12)
@@ -168,13 +165,13 @@ REFUSED = {
     ),
     "looks": (
         lambda: speckle_field((4, 4), 0, 1.5, rng=np.random.default_rng(1)),
-        "one look or more",
+        "at least one look",
     ),
 }
 
 
 @pytest.mark.parametrize(("make", "message"), REFUSED.values(), ids=REFUSED.keys())
-def test_what_is_impossible_is_refused(make, message):
+def test_invalid_settings_raise_errors(make, message):
     with pytest.raises(ValueError, match=message):
         make()
 

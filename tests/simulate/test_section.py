@@ -1,4 +1,4 @@
-"""A sensor's look at a scene: noise, losses, labels, truth."""
+"""Simulated sections: rays, noise, losses, jumps, labels and truth."""
 
 import dataclasses
 import math
@@ -10,7 +10,7 @@ from lsvision.geometry import Cylinder, Pose
 from lsvision.profile import PointNoise
 from lsvision.sensors.profile_sensor import ProfileSensor
 from lsvision.simulate import Prism, Scene, SectionSettings, Tube, simulate_scan, simulate_section
-from lsvision.simulate.truth import longest_run
+from lsvision.simulate.scene import longest_run
 
 MACHINE = 1e-9  # mm
 FIVE_SIGMA = 5.0  # a right simulator fails such a test once in a million seeds
@@ -56,7 +56,7 @@ def test_without_errors_the_profile_is_the_truth():
     )
 
 
-def test_columns_fan_out_from_the_origin_with_equal_pitch_at_the_far_limit():
+def test_fan_rays_start_at_the_origin_with_equal_pitch_at_the_far_limit():
     plate = Scene((Prism([[-500.0, -599.9999999], [500.0, -599.9999999]]),))
     x = look(plate).profile.points[:, 0]
     np.testing.assert_allclose(x, np.linspace(-180.0, 180.0, 401), rtol=0, atol=1e-6)
@@ -83,15 +83,15 @@ def test_noise_lies_along_the_ray_and_grows_with_range_squared():
     assert np.abs(by_column - 1).max() < 6 * math.sqrt(2 / 40)
 
 
-def test_the_profile_carries_a_noise_model_that_says_the_same():
+def test_the_noise_model_of_the_profile_agrees_with_the_noise():
     section = look(settings=only(noise_factor=1.0))
     exact = section.truth.points
     ray = exact / np.linalg.norm(exact, axis=1, keepdims=True)
     covariances = section.profile.noise.covariances(exact)
     std = np.sqrt(np.einsum("ni,nij,nj->n", ray, covariances, ray))
-    want = 0.05 * (np.linalg.norm(exact, axis=1) / 400.0) ** 2
+    expected = 0.05 * (np.linalg.norm(exact, axis=1) / 400.0) ** 2
     # The model adds 5 % of sigma across the ray, 0.13 % along it.
-    np.testing.assert_allclose(std, want, rtol=2e-3)
+    np.testing.assert_allclose(std, expected, rtol=2e-3)
 
 
 def test_noise_factor_scales_the_noise_and_correlation_keeps_its_variance():
@@ -103,7 +103,7 @@ def test_noise_factor_scales_the_noise_and_correlation_keeps_its_variance():
     assert neighbours == pytest.approx(math.exp(-1 / 16), abs=spread)
 
 
-def test_points_are_whole_quanta():
+def test_points_are_multiples_of_the_quantum():
     sensor = dataclasses.replace(SENSOR, quantum=0.1)
     points = look(sensor=sensor, settings=only(noise_factor=1.0)).profile.points
     np.testing.assert_allclose(points * 10, np.round(points * 10), rtol=0, atol=1e-9)
@@ -111,7 +111,7 @@ def test_points_are_whole_quanta():
 
 
 @pytest.mark.parametrize(("fraction", "columns"), [(0.03, 401), (0.5, 401)])
-def test_the_share_of_lost_columns_is_as_asked(fraction, columns):
+def test_the_fraction_of_lost_columns(fraction, columns):
     lost = [look(settings=only(lost_fraction=fraction), seed=s).profile.lost for s in range(30)]
     spread = math.sqrt(fraction * (1 - fraction) / (30 * columns))
     assert np.sum(lost) / (30 * columns) == pytest.approx(fraction, abs=FIVE_SIGMA * spread)
@@ -172,7 +172,7 @@ def test_points_outside_the_measuring_range_are_lost():
     assert np.nanmin(y) >= -600.0
 
 
-def test_a_camera_aside_loses_what_an_edge_hides_from_it():
+def test_points_hidden_from_a_camera_are_lost():
     step = Scene((Prism([[-300.0, -400.0], [0.0, -400.0], [0.0, -450.0], [300.0, -450.0]]),))
     # From (-100, 0) past the edge (0, -400) one sees the lower plane from x = 12.5 on.
     x = look(step, only(camera=(-100.0, 0.0, 0.0))).profile.points[:, 0]
@@ -181,11 +181,11 @@ def test_a_camera_aside_loses_what_an_edge_hides_from_it():
     assert look(step).profile.points[:, 0][201] < 1.0
 
 
-def test_a_camera_where_the_rays_come_from_hides_nothing():
+def test_a_camera_at_the_origin_of_the_rays_sees_all_points():
     assert look(settings=only(camera=(0.0, 0.0, 0.0))).profile.lost == 0
 
 
-def test_truth_records_the_tube_and_how_much_of_it_is_seen():
+def test_truth_contains_the_tube_and_its_visible_arc():
     (tube,) = look().truth.tubes
     assert (tube.radius, tube.theta, tube.phi) == pytest.approx((25.0, 0.7, 0.5))
     assert tube.centre == pytest.approx((8.0, -420.0))
@@ -202,20 +202,20 @@ def test_a_tube_behind_a_bar_is_not_visible():
     assert not tube.visible
 
 
-def test_a_bar_before_its_middle_splits_a_tube_into_two_arcs():
+def test_a_bar_in_front_splits_a_tube_into_two_arcs():
     bar = Prism([[4.0, -380.0], [12.0, -380.0]])
     (tube,) = look(Scene((TUBE, bar))).truth.tubes
     assert tube.arc_points < 0.6 * tube.points
     assert tube.arc < math.radians(80)
 
 
-def test_the_longest_run_bridges_losses_but_no_other_object():
+def test_the_longest_run_spans_losses_but_no_other_object():
     labels = np.array([1, 1, -1, 1, 0, 1, 1, -1, -1, 1, 1, 2, 1])
     assert longest_run(labels, 1).tolist() == [5, 6, 9, 10]
     assert longest_run(labels, 3).tolist() == []
 
 
-def test_a_moved_sensor_sees_the_moved_scene():
+def test_moving_sensor_and_scene_together_changes_nothing():
     turn = Pose([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]], (5.0, -7.0, 30.0))
     local = TUBE.cylinder
     moved = Scene((Tube(local.transformed(turn)),))
@@ -224,17 +224,17 @@ def test_a_moved_sensor_sees_the_moved_scene():
     assert there.truth.tubes[0].ellipse.centre == pytest.approx(TUBE.cylinder.section().centre)
 
 
-def test_a_scan_sees_the_centre_walk_along_the_axis():
+def test_the_centre_moves_along_the_axis_in_a_scan():
     poses = [Pose.along((0.0, 0.0, 1.0), 10.0 * k) for k in range(3)]
     rng = np.random.default_rng(1)
     sections = simulate_scan(SCENE, poses, SENSOR, IDEAL, rng=rng)
     axis = TUBE.cylinder.direction
     for k, section in enumerate(sections):
-        want = np.array([8.0, -420.0]) + 10.0 * k * axis[:2] / axis[2]
-        np.testing.assert_allclose(section.truth.tubes[0].centre, want, rtol=0, atol=MACHINE)
+        expected = np.array([8.0, -420.0]) + 10.0 * k * axis[:2] / axis[2]
+        np.testing.assert_allclose(section.truth.tubes[0].centre, expected, rtol=0, atol=MACHINE)
 
 
-def test_the_same_seed_gives_the_same_bytes_and_another_seed_others():
+def test_the_seed_determines_the_bytes():
     first, again, other = (look(settings=SectionSettings(), seed=seed) for seed in (3, 3, 4))
     assert first.profile.points.tobytes() == again.profile.points.tobytes()
     assert first.truth.labels.tobytes() == again.truth.labels.tobytes()
@@ -252,6 +252,6 @@ def test_the_same_seed_gives_the_same_bytes_and_another_seed_others():
         ({"jump_mm": (5.0, 2.0)}, "jump_mm"),
     ],
 )
-def test_settings_that_mean_nothing_are_refused(changes, message):
+def test_invalid_settings_raise_errors(changes, message):
     with pytest.raises(ValueError, match=message):
         SectionSettings(**changes)

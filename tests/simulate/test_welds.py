@@ -1,4 +1,4 @@
-"""Touching ellipses and beads, against dense sampling of the outlines."""
+"""Touching ellipses and weld beads, compared with dense sampling of the outlines."""
 
 import math
 
@@ -54,7 +54,7 @@ def test_a_nested_ellipse_touches_both_from_above(seed):
     assert top.centre[1] > min(left.centre[1], right.centre[1])
 
 
-def test_nothing_nests_in_a_gap_that_it_falls_through():
+def test_too_wide_a_gap_raises_an_error():
     left, top = ellipse(1), ellipse(2)
     with pytest.raises(ValueError, match="closer than the third is wide"):
         nested_centre(left, moved(left, (900.0, -400.0)), top)
@@ -62,7 +62,7 @@ def test_nothing_nests_in_a_gap_that_it_falls_through():
 
 @pytest.mark.parametrize("bulge", [0.0, 0.1])
 @pytest.mark.parametrize("seed", range(5))
-def test_a_bead_fills_the_groove_on_the_sensors_side(seed, bulge):
+def test_a_bead_fills_the_groove_towards_the_sensor(seed, bulge):
     first, shape = ellipse(seed), ellipse(seed + 100)
     second = moved(shape, touching_centre(first, shape, 0.2))
     outline = weld_bead(first, second, leg=9.0, bulge=bulge).outline
@@ -74,7 +74,7 @@ def test_a_bead_fills_the_groove_on_the_sensors_side(seed, bulge):
     assert surface[20, 1] > contact[1]
 
 
-def test_a_fillet_is_hollow_and_a_bulging_bead_stands_out():
+def test_a_fillet_is_concave_and_a_bulged_bead_convex():
     left = Ellipse((0.0, -400.0), 20.0, 20.0, 0.0)
     right = Ellipse((40.0, -400.0), 20.0, 20.0, 0.0)
     for bulge, sign in ((0.0, -1.0), (0.1, 1.0)):

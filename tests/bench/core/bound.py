@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from lsvision.simulate.sensor_errors import noise_std
+from lsvision.simulate.section import noise_std
 
 RADIUS = 3
 """Column of the semi-minor axis among centre_x, centre_y, a, b, (a - b) theta."""

@@ -7,7 +7,7 @@ import pytest
 
 from lsvision.planning import section_bound
 from lsvision.simulate import SectionSettings, random_section
-from lsvision.simulate.sensor_errors import noise_std
+from lsvision.simulate.section import noise_std
 from tests.bench.core.bound import bound_radius
 from tests.bench.core.laws import SENSOR_LAWS, compare_radii, insert_lost_rows, reverse
 from tests.bench.core.scenes import SETS, make_scene

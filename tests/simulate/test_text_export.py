@@ -1,4 +1,4 @@
-"""Text of a simulated section: what a reader gets back from it."""
+"""Text of a simulated section, parsed again."""
 
 import dataclasses
 import json
@@ -8,12 +8,12 @@ import pytest
 
 from lsvision.geometry import Pose
 from lsvision.simulate import SCENE_SENSOR, Scene, SectionSettings, Tube, random_section
-from lsvision.simulate.rays import Hits
 from lsvision.simulate.section import simulate_section
+from lsvision.simulate.solids import Hits
 from lsvision.simulate.text_export import profile_text, scan_truth_text, truth_text
 
 
-def test_the_profile_comes_back_column_by_column():
+def test_the_profile_is_recovered():
     section = random_section("planar", 2)
     lines = profile_text(section, "planar, seed 2").splitlines()
     assert lines[0] == "# planar, seed 2"
@@ -23,7 +23,7 @@ def test_the_profile_comes_back_column_by_column():
     np.testing.assert_allclose(back, section.profile.points, rtol=0, atol=1e-9)
 
 
-def test_a_sensor_that_does_not_round_is_written_with_four_decimals():
+def test_a_sensor_without_a_quantum_is_written_with_four_decimals():
     sensor = dataclasses.replace(SCENE_SENSOR, quantum=0.0)
     tube = Tube.of(20.0, 0.0, 0.0, (0.0, -400.0))
     section = simulate_section(
@@ -33,7 +33,7 @@ def test_a_sensor_that_does_not_round_is_written_with_four_decimals():
     np.testing.assert_allclose(back, section.profile.points, rtol=0, atol=0.5001e-4)
 
 
-def test_the_truth_names_its_units_and_its_source():
+def test_the_truth_contains_units_and_source():
     section = random_section("welded_pair", 2)
     record = json.loads(truth_text(section, {"kind": "welded_pair", "seed": 2}))
     assert (record["kind"], record["seed"]) == ("welded_pair", 2)
@@ -46,7 +46,7 @@ def test_the_truth_names_its_units_and_its_source():
         assert found["centre_mm"] == pytest.approx(tube.centre, abs=1e-6)
 
 
-def test_a_tube_of_an_unknown_make_is_refused():
+def test_an_unknown_kind_of_tube_raises_an_error():
     class Pillar:
         def first_hits(self, rays):
             return Hits(np.full(len(rays.origins), np.inf), rays.directions)
@@ -55,5 +55,5 @@ def test_a_tube_of_an_unknown_make_is_refused():
             return None
 
     section = random_section("single", 1)
-    with pytest.raises(TypeError, match="want a Tube or a BentTube, got Pillar"):
+    with pytest.raises(TypeError, match="expected a Tube or a BentTube, got Pillar"):
         scan_truth_text(Scene((Pillar(),)), [Pose()], [section], {})

@@ -1,4 +1,4 @@
-"""Rays against solids: brute force along the ray, and what hides what."""
+"""Intersections of rays with solids and scenes, compared with marching along the ray."""
 
 import math
 
@@ -38,9 +38,9 @@ def brute_force_entry(inside, origin, direction):
 def assert_same_as_brute_force(solid, inside, rays):
     found = solid.first_hits(rays).distances
     for ray in range(len(found)):
-        want = brute_force_entry(inside, rays.origins[ray], rays.directions[ray])
-        if math.isfinite(want) or math.isfinite(found[ray]):
-            assert found[ray] == pytest.approx(want, abs=BISECTED)
+        expected = brute_force_entry(inside, rays.origins[ray], rays.directions[ray])
+        if math.isfinite(expected) or math.isfinite(found[ray]):
+            assert found[ray] == pytest.approx(expected, abs=BISECTED)
 
 
 def tilted_cylinder(rng):
@@ -60,21 +60,21 @@ def in_cylinder(cylinder, span):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_tube_is_entered_where_a_march_along_the_ray_enters_it(seed):
+def test_hits_of_a_tube_agree_with_marching(seed):
     cylinder = tilted_cylinder(np.random.default_rng(seed))
     inside = in_cylinder(cylinder, (-math.inf, math.inf))
     assert_same_as_brute_force(Tube(cylinder), inside, fan(21))
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_tube_that_ends_is_entered_through_its_side_or_its_end(seed):
+def test_hits_of_a_finite_tube_agree_with_marching(seed):
     rng = np.random.default_rng(seed)
     cylinder, span = tilted_cylinder(rng), (-rng.uniform(0, 15), rng.uniform(0, 15))
-    rays = fan(21).seen_from(Pose(translation=(0.0, 0.0, 4.0)))
+    rays = fan(21).transformed(Pose(translation=(0.0, 0.0, 4.0)))
     assert_same_as_brute_force(Tube(cylinder, span), in_cylinder(cylinder, span), rays)
 
 
-def test_a_bent_tube_is_entered_where_a_march_along_the_ray_enters_it():
+def test_hits_of_a_bent_tube_agree_with_marching():
     pipe = BentTube(15.0, (200.0, -400.0, 3.0), (0.1, 1.0, 0.2), 190.0)
 
     def inside(points):
@@ -86,7 +86,7 @@ def test_a_bent_tube_is_entered_where_a_march_along_the_ray_enters_it():
     assert_same_as_brute_force(pipe, inside, fan(41))
 
 
-def test_a_barely_bent_tube_is_its_local_cylinder():
+def test_a_slightly_bent_tube_agrees_with_its_local_cylinder():
     pipe = BentTube(20.0, (1e6, -400.0, 0.0), (0.0, 1.0, 0.3), 1e6)
     local = pipe.local_cylinder(Pose())
     assert local is not None
@@ -122,17 +122,17 @@ def test_normals_are_unit_vectors_across_the_axis_and_towards_the_ray():
     assert (towards < 0).all()
 
 
-def test_a_tube_by_its_section_shows_that_section():
+def test_tube_of_has_the_given_section():
     tube = Tube.of(radius=19.0, theta=0.6, phi=0.4, centre=(3.0, -410.0))
     section = tube.cylinder.section()
     assert (section.radius, section.theta, section.phi) == pytest.approx((19.0, 0.6, 0.4))
     assert section.centre == pytest.approx((3.0, -410.0))
 
 
-def test_a_slanted_prism_is_met_on_its_slanted_face():
+def test_hits_of_a_prism_with_oblique_extrusion():
     along = (0.5, -0.3, 1.0)
     prism = Prism([[-30.0, -400.0], [40.0, -420.0]], along)
-    rays = fan(31, 0.04).seen_from(Pose(translation=(0.0, 0.0, 25.0)))
+    rays = fan(31, 0.04).transformed(Pose(translation=(0.0, 0.0, 25.0)))
     hits = prism.first_hits(rays)
     points = rays.origins + hits.distances[:, None] * rays.directions
     normal = np.cross([70.0, -20.0, 0.0], along)
@@ -149,7 +149,7 @@ def test_the_nearer_of_two_objects_hides_the_other():
         assert scene.first_hits(rays)[1].tolist() == labels
 
 
-def test_tubes_are_numbered_from_one_and_all_else_is_clutter():
+def test_tubes_are_labelled_from_one_and_other_objects_as_clutter():
     tube = Tube.of(radius=10.0, theta=0.0, phi=0.0, centre=(0.0, -300.0))
     bent = BentTube(10.0, (500.0, -400.0, 0.0), (0.0, 1.0, 0.0), 500.0)
     plate = Prism([[0.0, 0.0], [1.0, 0.0]])
@@ -169,16 +169,16 @@ def test_a_section_that_misses_the_axis_has_no_local_cylinder():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Scene(()), "one object or more"),
-        (lambda: Prism([[0.0, 0.0]]), "two finite corners"),
-        (lambda: Prism([[0.0, 0.0], [1.0, math.nan]]), "two finite corners"),
+        (lambda: Scene(()), "at least one object"),
+        (lambda: Prism([[0.0, 0.0]]), "two finite vertices"),
+        (lambda: Prism([[0.0, 0.0], [1.0, math.nan]]), "two finite vertices"),
         (lambda: Prism([[0.0, 0.0], [1.0, 0.0]], (1.0, 0.0, 0.0)), "crosses z = 0"),
         (lambda: Tube(Cylinder((0, 0, 0), (0, 0, 1), 1.0), (2.0, 1.0)), "start < stop"),
-        (lambda: BentTube(10.0, (0, 0, 0), (0, 0, 0), 50.0), "bend_normal with a length"),
+        (lambda: BentTube(10.0, (0, 0, 0), (0, 0, 0), 50.0), "non-zero bend_normal"),
         (lambda: BentTube(10.0, (0, 0, 0), (0, 0, 1), 5.0), "0 < radius < bend_radius"),
         (lambda: Rays([[0.0, 0.0, 0.0]], [[0.0, 1.0]]), "directions of shape"),
     ],
 )
-def test_what_is_no_solid_is_refused(make, message):
+def test_invalid_solids_raise_errors(make, message):
     with pytest.raises(ValueError, match=message):
         make()

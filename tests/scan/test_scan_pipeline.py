@@ -1,4 +1,4 @@
-"""Several sections, one cylinder: truth by simulation, laws, and refusals."""
+"""`measure_scan` against simulated truth, its invariants, and its errors."""
 
 import math
 from collections.abc import Sequence
@@ -17,12 +17,12 @@ from lsvision.simulate.clutter import bar, ground
 from tests.scan.scans import feed, profiles_of
 
 SIGMAS = 4.0
-"""Errors may be so many stated sigmas: one wrong alarm in 16 000 for each number."""
-GROSS_DEG, GROSS_RADIUS = 2.0, 0.05  # what counts as a gross failure
+"""Largest error in standard uncertainties: one false alarm in 16 000 for each number."""
+GROSS_DEG, GROSS_RADIUS = 2.0, 0.05  # a larger error counts as a gross failure
 MACHINE = 1e-6  # mm, rad: the same data in another frame, through an iteration
 
 
-def assert_is(found: ScannedCylinder, truth: Tube) -> None:
+def assert_agrees(found: ScannedCylinder, truth: Tube) -> None:
     cylinder = truth.cylinder
     sine = np.linalg.norm(np.cross(found.direction, cylinder.direction))
     assert abs(found.radius - cylinder.radius) < SIGMAS * found.radius_std
@@ -36,31 +36,31 @@ def assert_is(found: ScannedCylinder, truth: Tube) -> None:
 
 @pytest.mark.parametrize("phi_deg", [0.0, 5.0, 20.0, 40.0])
 @pytest.mark.parametrize("theta_deg", [0.0, 75.0, 170.0])
-def test_two_sections_settle_axis_and_radius(phi_deg: float, theta_deg: float) -> None:
+def test_two_sections_determine_axis_and_radius(phi_deg: float, theta_deg: float) -> None:
     tube = Tube.of(19.0, math.radians(theta_deg), math.radians(phi_deg), (0.0, -400.0))
     scan = measure_scan(profiles_of(Scene((tube,)), feed(2, 10.0)), feed(2, 10.0))
     assert len(scan.cylinders) == 1
-    assert_is(scan.cylinders[0], tube)
+    assert_agrees(scan.cylinders[0], tube)
     assert not scan.cylinders[0].ambiguous
 
 
-def test_noise_that_nobody_states_is_estimated(pipe: Tube) -> None:
+def test_unknown_noise_is_estimated(pipe: Tube) -> None:
     profiles = [Profile(p.points) for p in profiles_of(Scene((pipe,)), feed(8, 3.0))]
     (found,) = measure_scan(profiles, feed(8, 3.0)).cylinders
-    assert_is(found, pipe)
+    assert_agrees(found, pipe)
 
 
-def test_tubes_that_cross_the_view_stay_apart() -> None:
+def test_crossing_tubes_are_measured_separately() -> None:
     first = Tube.of(14.0, 0.0, math.radians(35.0), (-40.0, -400.0))
     second = Tube.of(14.0, math.pi, math.radians(35.0), (60.0, -450.0))
     scan = measure_scan(profiles_of(Scene((first, second)), feed(16, 6.0)), feed(16, 6.0))
     assert len(scan.cylinders) == 2
     for found, truth in zip(scan.cylinders, (first, second), strict=True):
-        assert_is(found, truth)
+        assert_agrees(found, truth)
 
 
 @pytest.mark.parametrize("name", ["scan_welded_pair", "scan_crossing_pair"])
-def test_fixtures_hold_their_tubes(fixture_scan, name: str) -> None:
+def test_tubes_of_the_fixtures_are_measured(fixture_scan, name: str) -> None:
     profiles, poses, truth = fixture_scan(name)
     scan = measure_scan(profiles, poses, sensor=SCENE_SENSOR)
     assert len(scan.cylinders) == len(truth["tubes_in_base"])
@@ -70,23 +70,23 @@ def test_fixtures_hold_their_tubes(fixture_scan, name: str) -> None:
         assert sine < SIGMAS * found.direction_std
 
 
-def test_a_tube_that_ends_is_seen_only_where_it_is(fixture_scan) -> None:
+def test_a_tube_that_ends_has_no_sections_beyond_its_end(fixture_scan) -> None:
     profiles, poses, _ = fixture_scan("scan_crossing_pair")
     whole, ending = measure_scan(profiles, poses, sensor=SCENE_SENSOR).cylinders
     assert whole.sections == tuple(range(20))
     assert ending.sections == tuple(range(18))
 
 
-def test_an_occluded_tube_stays_one(pipe: Tube) -> None:
+def test_an_occluded_tube_is_one_cylinder(pipe: Tube) -> None:
     profiles = profiles_of(Scene((pipe, ground(500.0, (0.0, -500.0)))), feed(16, 2.0))
     hidden = [Profile(p.points + np.array([0.0, 300.0]), p.noise) if 5 <= k < 9 else p
               for k, p in enumerate(profiles)]  # fmt: skip
     (found,) = measure_scan(hidden, feed(16, 2.0), radius=(10.0, 40.0)).cylinders
     assert found.sections == (0, 1, 2, 3, 4, 9, 10, 11, 12, 13, 14, 15)
-    assert_is(found, pipe)
+    assert_agrees(found, pipe)
 
 
-def test_a_section_where_recognition_misses_the_arc_is_used_all_the_same(pipe: Tube) -> None:
+def test_a_section_in_which_detection_misses_the_arc_is_used(pipe: Tube) -> None:
     profiles = profiles_of(Scene((pipe,)), feed(6, 4.0))
     mine = np.flatnonzero(np.isfinite(profiles[2].points[:, 0]))
     cut = profiles[2].points.copy()
@@ -97,7 +97,7 @@ def test_a_section_where_recognition_misses_the_arc_is_used_all_the_same(pipe: T
     assert 2 in scan.cylinders[0].sections
 
 
-def test_lost_profiles_in_between_are_passed_over(pipe: Tube) -> None:
+def test_lost_profiles_are_skipped(pipe: Tube) -> None:
     profiles = profiles_of(Scene((pipe,)), feed(5, 4.0))
     profiles[1] = Profile(np.full((376, 2), np.nan), profiles[1].noise)
     profiles[3] = Profile(np.zeros((0, 2)), profiles[3].noise)
@@ -105,19 +105,19 @@ def test_lost_profiles_in_between_are_passed_over(pipe: Tube) -> None:
     assert found.sections == (0, 2, 4)
 
 
-def test_profiles_without_cylinders_give_none() -> None:
+def test_profiles_without_cylinders_yield_no_cylinder() -> None:
     scene = Scene((bar(60.0, 8.0, (0.0, -450.0), 0.2), ground(500.0, (0.0, -500.0))))
     scan = measure_scan(profiles_of(scene, feed(3, 4.0)), feed(3, 4.0))
     assert scan.cylinders == ()
     assert len(scan.measurements) == 3
 
 
-def test_nothing_but_lost_profiles_gives_none() -> None:
+def test_lost_profiles_only_yield_no_cylinder() -> None:
     lost = [Profile(np.full((9, 2), np.nan))] * 3
     assert measure_scan(lost, feed(3, 1.0)).cylinders == ()
 
 
-def test_one_section_answers_with_both_twins(pipe: Tube) -> None:
+def test_one_section_yields_both_twins(pipe: Tube) -> None:
     profiles = profiles_of(Scene((pipe,)), feed(1, 1.0), noise=0.02)
     (found,) = measure_scan(profiles, feed(1, 1.0)).cylinders
     assert found.ambiguous
@@ -128,7 +128,7 @@ def test_one_section_answers_with_both_twins(pipe: Tube) -> None:
     assert sines.max() > math.sin(math.radians(30.0))  # twins are 2 phi apart
 
 
-def test_a_robot_may_carry_the_scan_anywhere(pipe: Tube) -> None:
+def test_results_transform_with_the_base_frame(pipe: Tube) -> None:
     profiles, still = profiles_of(Scene((pipe,)), feed(4, 5.0)), feed(4, 5.0)
     cos, sin = math.cos(2.0), math.sin(2.0)
     base = Pose([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]], (900.0, -300.0, 1200.0))
@@ -155,14 +155,14 @@ def test_point_is_the_axis_point_nearest_to_the_first_origin(pipe: Tube) -> None
     assert abs((found.point - poses[0].translation) @ found.direction) < MACHINE
 
 
-def test_a_known_radius_is_kept(pipe: Tube) -> None:
+def test_a_prior_radius_is_kept(pipe: Tube) -> None:
     profiles, poses = profiles_of(Scene((pipe,)), feed(2, 10.0)), feed(2, 10.0)
     (found,) = measure_scan(profiles, poses, known_radius=(19.0, 1e-4)).cylinders
     assert abs(found.radius - 19.0) < 1e-3
-    assert_is(found, pipe)
+    assert_agrees(found, pipe)
 
 
-def test_measuring_changes_nothing_that_it_is_given(pipe: Tube) -> None:
+def test_inputs_are_not_changed(pipe: Tube) -> None:
     profiles, poses = profiles_of(Scene((pipe,)), feed(3, 5.0)), feed(3, 5.0)
     before = [p.points.copy() for p in profiles]
     measure_scan(profiles, poses)
@@ -179,20 +179,20 @@ ALONG_X = [Pose(translation=(10.0 * k, 5.0 * k, 0.0)) for k in range(3)]
     [
         (ONE * 3, feed(2, 1.0), ValueError, "got 3 profiles and 2 poses"),
         ([], [], ValueError, "got 0 profiles and 0 poses"),
-        (ONE, [np.eye(4)], TypeError, "want a Pose for each profile, got ndarray"),
+        (ONE, [np.eye(4)], TypeError, "expected a Pose for each profile, got ndarray"),
         (ONE * 3, [Pose()] * 3, DegenerateGeometry, "all 3 sections lie in one plane"),
         (ONE * 3, ALONG_X, DegenerateGeometry, "move the sensor out of its laser plane"),
     ],
     ids=["count", "none", "matrix", "identical", "in the plane"],
 )
-def test_poses_that_cannot_be_are_refused(
+def test_invalid_poses_raise_errors(
     profiles: Sequence[Profile], poses: Sequence[Pose], error: type[Exception], message: str
 ) -> None:
     with pytest.raises(error, match=message):
         measure_scan(profiles, poses)
 
 
-def test_an_arc_in_one_section_only_is_refused_with_its_reason(pipe: Tube) -> None:
+def test_an_arc_in_one_section_only_is_rejected_with_the_reason(pipe: Tube) -> None:
     profiles = profiles_of(Scene((pipe, ground(500.0, (0.0, -500.0)))), feed(3, 5.0))
     flat = profiles_of(Scene((ground(500.0, (0.0, -500.0)),)), feed(3, 5.0))
     scan = measure_scan([profiles[0], flat[1], flat[2]], feed(3, 5.0))
@@ -201,7 +201,7 @@ def test_an_arc_in_one_section_only_is_refused_with_its_reason(pipe: Tube) -> No
     assert "in section 0 alone" in scan.rejections[0].reason
 
 
-def test_what_passes_for_a_pipe_only_now_and_then_is_refused(pipe: Tube) -> None:
+def test_a_cylinder_detected_in_few_sections_is_rejected(pipe: Tube) -> None:
     profiles, poses = profiles_of(Scene((pipe,)), feed(6, 4.0)), feed(6, 4.0)
     measurements = [measure_section(profile) for profile in profiles]
     unseen = [m if k < 2 else Measurement((), ()) for k, m in enumerate(measurements)]
@@ -210,10 +210,10 @@ def test_what_passes_for_a_pipe_only_now_and_then_is_refused(pipe: Tube) -> None
     assert scan.rejections[0].reason.startswith("recognised in 2 of 6 sections")
 
 
-def test_points_that_fit_no_cylinder_are_refused_with_the_misfit(pipe: Tube) -> None:
+def test_a_cylinder_with_large_residuals_is_rejected_with_their_rms(pipe: Tube) -> None:
     profiles, poses = profiles_of(Scene((pipe,)), feed(4, 4.0), noise=0.3), feed(4, 4.0)
-    boast = [Profile(p.points, ProfileSensor(range_std=0.01)) for p in profiles]
+    overconfident = [Profile(p.points, ProfileSensor(range_std=0.01)) for p in profiles]
     measurements = [measure_section(profile) for profile in profiles]
-    scan = fit_sections_jointly(boast, poses, measurements)
+    scan = fit_sections_jointly(overconfident, poses, measurements)
     assert not scan.cylinders
     assert "times the noise, limit 4.0" in scan.rejections[0].reason

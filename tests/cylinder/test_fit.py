@@ -1,4 +1,4 @@
-"""The joint fit: NIST's certified answers, truth by simulation, laws, and refusals."""
+"""`fit_cylinder` on certified NIST data and simulated points; its invariants and errors."""
 
 import math
 from pathlib import Path
@@ -12,15 +12,15 @@ from lsvision.errors import DegenerateGeometry, FitFailed, TooFewPoints
 from lsvision.geometry import Cylinder, Pose
 
 NIST = Path(__file__).parents[2].parent / "shared" / "real" / "nist-cylinders"
-NIST_DIAMETER = 1e-6  # the certificate's own units
+NIST_DIAMETER = 1e-6  # in the unit of the certificate
 NIST_AXIS_DEG = 1e-5
 MACHINE = 1e-9  # mm, rad: noise-free geometry below a metre
-SIGMAS = 4.0  # one wrong alarm in 16 000 for each number
+SIGMAS = 4.0  # one false alarm in 16 000 for each number
 TURN = np.linspace(0.2, 2.6, 60)
 
 
 def surface(cylinder: Cylinder, heights: np.ndarray, turns: np.ndarray = TURN) -> np.ndarray:
-    """Points of a cylinder, written out without the code on trial."""
+    """Points of a cylinder, computed independently of the tested code."""
     u = cylinder.direction
     side = np.cross(u, (1.0, 0.0, 0.0) if abs(u[0]) < 0.9 else (0.0, 1.0, 0.0))
     side /= np.linalg.norm(side)
@@ -39,7 +39,7 @@ def axis_deg(first: np.ndarray, second: np.ndarray) -> float:
 
 @pytest.mark.skipif(not NIST.is_dir(), reason="the NIST sets are not beside the repository")
 @pytest.mark.parametrize("number", range(1, 16))
-def test_nist_sets_are_met_from_a_cold_start(number: int) -> None:
+def test_nist_data_are_fitted_without_an_initial_guess(number: int) -> None:
     points = np.loadtxt(NIST / f"cyl{number}.ds", skiprows=1)
     answer = np.loadtxt(NIST / f"cyl{number}.fit").ravel()
     fit = fit_cylinder(points)
@@ -49,7 +49,7 @@ def test_nist_sets_are_met_from_a_cold_start(number: int) -> None:
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e4])
 @pytest.mark.parametrize("covered", [1.0, 2.4, 2 * math.pi])
-def test_noise_free_points_give_the_cylinder_back(scale: float, covered: float) -> None:
+def test_noise_free_points_yield_the_cylinder(scale: float, covered: float) -> None:
     turns = np.linspace(0.3, 0.3 + covered, 40, endpoint=False)
     points = surface(PIPE, np.array([-8.0, 0.0, 9.0]), turns) * scale
     fit = fit_cylinder(points)
@@ -58,7 +58,7 @@ def test_noise_free_points_give_the_cylinder_back(scale: float, covered: float) 
     assert np.abs(PIPE.signed_distances(fit.point / scale) + PIPE.radius) < 100 * MACHINE
 
 
-def test_points_that_move_take_the_cylinder_along() -> None:
+def test_the_cylinder_transforms_with_the_points() -> None:
     rng = np.random.default_rng(3)
     points = surface(PIPE, np.array([0.0, 10.0])) + rng.normal(0, 0.05, (120, 3))
     cos, sin = math.cos(1.1), math.sin(1.1)
@@ -71,7 +71,7 @@ def test_points_that_move_take_the_cylinder_along() -> None:
 
 
 def noisy(rng: np.random.Generator, std: float) -> tuple[np.ndarray, np.ndarray]:
-    """Errors along the ray from the origin, as a profile sensor's, and a twentieth across."""
+    """Covariances of errors along the ray from the origin, as of a profile sensor."""
     exact = surface(PIPE, np.linspace(0.0, 20.0, 10))
     rays = exact / np.linalg.norm(exact, axis=1, keepdims=True)
     points = exact + rng.normal(0, std, len(exact))[:, None] * rays
@@ -79,14 +79,14 @@ def noisy(rng: np.random.Generator, std: float) -> tuple[np.ndarray, np.ndarray]
     return points, std**2 * (rays[:, :, None] * rays[:, None, :] + 0.0025 * np.eye(3))
 
 
-def test_errors_agree_with_the_stated_covariance() -> None:
+def test_errors_agree_with_the_covariance() -> None:
     rng = np.random.default_rng(4)
     nees = []
     for _ in range(120):
         fit = fit_cylinder(*noisy(rng, 0.05), initial_guess=PIPE)
         off = fit.tangent_basis @ (PIPE.point - fit.point)
         errors = np.array([*off, *(fit.tangent_basis @ PIPE.direction), PIPE.radius - fit.radius])
-        # The point of the fit is another one of the axis.
+        # The reference point of the fit is a different point of the axis.
         errors[:2] -= errors[2:4] * float((PIPE.point - fit.point) @ fit.direction)
         nees.append(errors @ np.linalg.solve(fit.covariance, errors) / 5)
     # 600 degrees of freedom: one sigma of the mean is 0.058.
@@ -106,7 +106,7 @@ def isotropic(rng: np.random.Generator, std: float) -> tuple[np.ndarray, np.ndar
     return exact + rng.normal(0, std, exact.shape), np.tile(std**2 * np.eye(3), (len(exact), 1, 1))
 
 
-def test_truncation_leaves_clutter_out() -> None:
+def test_truncation_excludes_clutter() -> None:
     rng = np.random.default_rng(6)
     points, covariances = noisy(rng, 0.05)
     outward = points[::7] - PIPE.point
@@ -118,7 +118,7 @@ def test_truncation_leaves_clutter_out() -> None:
     assert not fit.inliers[::7].any()
 
 
-def test_a_known_radius_sharpens_the_axis() -> None:
+def test_a_prior_radius_reduces_the_error_of_the_axis() -> None:
     points, covariances = noisy(np.random.default_rng(7), 0.05)
     free = fit_cylinder(points, covariances, initial_guess=PIPE)
     bound = fit_cylinder(points, covariances, initial_guess=PIPE, known_radius=RadiusPrior(19.0))
@@ -126,7 +126,7 @@ def test_a_known_radius_sharpens_the_axis() -> None:
     assert bound.position_std < free.position_std
 
 
-def test_moving_the_point_along_the_axis_carries_the_covariance() -> None:
+def test_with_reference_point_propagates_the_covariance() -> None:
     points, covariances = noisy(np.random.default_rng(8), 0.05)
     fit = fit_cylinder(points, covariances)
     there = fit.with_reference_point(fit.point + 1000.0 * fit.direction)
@@ -136,7 +136,7 @@ def test_moving_the_point_along_the_axis_carries_the_covariance() -> None:
     )
 
 
-def test_turning_twice_changes_nothing() -> None:
+def test_reversing_the_direction_twice_changes_nothing() -> None:
     fit = fit_cylinder(*noisy(np.random.default_rng(9), 0.05))
     again = fit.with_reversed_direction().with_reversed_direction()
     np.testing.assert_allclose(again.covariance, fit.covariance, rtol=1e-12)
@@ -150,27 +150,27 @@ RINGS = surface(PIPE, np.array([0.0, 10.0]))
     ("points", "error", "message"),
     [
         (RINGS[:5], TooFewPoints, "a cylinder has 5 points and needs 6"),
-        (RINGS[:, :2], ValueError, r"want points of shape \(n, 3\)"),
-        (np.full((9, 3), np.nan), ValueError, "want finite points"),
+        (RINGS[:, :2], ValueError, r"expected points of shape \(n, 3\)"),
+        (np.full((9, 3), np.nan), ValueError, "expected finite points"),
         (np.outer(np.arange(9.0), [1, 2, 3]), DegenerateGeometry, "on one straight line"),
         (surface(PIPE, np.array([0.0])), DegenerateGeometry, "the twins: add a second section"),
         (np.ones((9, 3)), DegenerateGeometry, "on one straight line"),
     ],
     ids=["five", "flat", "nan", "line", "one section", "one point"],
 )
-def test_hopeless_points_are_refused_by_name(
+def test_invalid_points_raise_errors(
     points: np.ndarray, error: type[Exception], message: str
 ) -> None:
     with pytest.raises(error, match=message):
         fit_cylinder(points)
 
 
-def test_covariances_must_be_as_many_as_points() -> None:
-    with pytest.raises(ValueError, match=r"want covariances of shape \(120, 3, 3\)"):
+def test_a_wrong_number_of_covariances_raises_an_error() -> None:
+    with pytest.raises(ValueError, match=r"expected covariances of shape \(120, 3, 3\)"):
         fit_cylinder(RINGS, np.zeros((5, 3, 3)))
 
 
-def test_one_section_with_a_start_gives_the_twin_that_is_meant() -> None:
+def test_the_initial_guess_selects_the_twin_of_one_section() -> None:
     tilted = Cylinder((0, 0, 0), (0.0, 0.4, 1.0), 10.0)
     section = tilted.section()
     points = np.column_stack([section.points_at(TURN), np.zeros(len(TURN))])
@@ -179,7 +179,7 @@ def test_one_section_with_a_start_gives_the_twin_that_is_meant() -> None:
         assert axis_deg(fit.direction, twin.direction) < 1e-3
 
 
-def test_a_plane_with_noise_has_no_cylinder() -> None:
+def test_a_noisy_plane_raises_an_error() -> None:
     rng = np.random.default_rng(1)
     points = np.column_stack([rng.uniform(-50, 50, (200, 2)), np.zeros(200)])
     points[0, 2] = 1e-3
@@ -189,8 +189,11 @@ def test_a_plane_with_noise_has_no_cylinder() -> None:
 
 @pytest.mark.parametrize(
     ("slip", "message"),
-    [({"reweightings": 0}, "one reweighting"), ({"truncation": 0.5}, "truncation above 1")],
+    [
+        ({"reweightings": 0}, "at least one reweighting"),
+        ({"truncation": 0.5}, "truncation above 1"),
+    ],
 )
-def test_settings_out_of_range_are_refused(slip: dict[str, float], message: str) -> None:
+def test_settings_out_of_range_raise_an_error(slip: dict[str, float], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         CylinderFittingSettings(**slip)

@@ -1,4 +1,4 @@
-"""Random scenes: what each kind promises."""
+"""Properties of the kinds of random scene."""
 
 import math
 
@@ -22,12 +22,12 @@ SEEDS = range(12)
 CONTACT = 1e-3  # mm: what 2000 samples of an outline miss
 
 
-def test_the_seven_kinds_stand_in_their_order():
+def test_the_order_of_the_kinds():
     assert list(SCENE_KINDS) == list(TUBES)
 
 
 @pytest.mark.parametrize("kind", TUBES)
-def test_a_kind_has_its_tubes_within_the_ranges_and_all_are_visible(kind):
+def test_tubes_are_within_the_ranges_and_visible(kind):
     for seed in SEEDS:
         tubes = random_section(kind, seed).truth.tubes
         assert len(tubes) == TUBES[kind]
@@ -38,7 +38,7 @@ def test_a_kind_has_its_tubes_within_the_ranges_and_all_are_visible(kind):
 
 
 @pytest.mark.parametrize("kind", ["planar", "complex", "welded_pair", "welded_complex", "empty"])
-def test_clutter_and_beads_are_seen(kind):
+def test_clutter_and_beads_are_visible(kind):
     seen = [int((random_section(kind, seed).truth.labels == 0).sum()) for seed in SEEDS]
     assert np.median(seen) > 3
 
@@ -55,7 +55,7 @@ def test_tubes_of_a_pair_or_stack_touch_and_do_not_overlap(kind):
             assert min(gaps) == pytest.approx(0.0, abs=CONTACT)
 
 
-def test_losses_jumps_and_noise_are_those_of_the_issue():
+def test_default_losses_jumps_and_noise():
     sections = [random_section("single", seed) for seed in range(40)]
     noise = np.array([section.sensor.range_std for section in sections])
     assert (noise.min() >= 0.02, noise.max() <= 0.1, np.ptp(noise) > 0.05) == (True,) * 3
@@ -65,20 +65,20 @@ def test_losses_jumps_and_noise_are_those_of_the_issue():
     assert pitch == pytest.approx(0.6, abs=0.01)
 
 
-def test_a_seed_names_a_section_and_kinds_do_not_share_their_numbers():
+def test_a_seed_determines_a_section_and_kinds_differ():
     first, again = random_section("planar", 5), random_section("planar", 5)
     assert first.profile.points.tobytes() == again.profile.points.tobytes()
     assert random_section("planar", 6).truth.tubes[0].radius != first.truth.tubes[0].radius
     assert random_section("complex", 5).truth.tubes[0].radius != first.truth.tubes[0].radius
 
 
-def test_the_noise_asked_for_leaves_the_scene_as_it_was():
+def test_noise_does_not_change_the_scene():
     drawn, given = random_section("single", 3), random_section("single", 3, noise_mm=0.02)
     assert given.sensor.range_std == 0.02
     assert given.truth.tubes[0].radius == drawn.truth.tubes[0].radius
 
 
-def test_fixed_tubes_are_what_was_fixed():
+def test_tubes_of_fixed_parameters():
     ranges = TubeRanges(radius_mm=(19, 19), theta_deg=(30, 30), phi_deg=(20, 20))
     section = random_section("welded_pair", 1, tubes=ranges, settings=SectionSettings.ideal())
     for tube in section.truth.tubes:
@@ -86,13 +86,13 @@ def test_fixed_tubes_are_what_was_fixed():
         assert found == pytest.approx((19, 30, 20))
 
 
-def test_tubes_too_large_to_be_seen_are_refused_by_name():
+def test_tubes_too_large_for_the_field_of_view_raise_an_error():
     with pytest.raises(DegenerateGeometry, match="ask for smaller or less tilted tubes"):
         random_section("single", 1, tubes=TubeRanges(radius_mm=(900, 900)))
 
 
-def test_an_unknown_kind_is_refused():
-    with pytest.raises(ValueError, match="want one of single, welded_pair"):
+def test_an_unknown_kind_raises_an_error():
+    with pytest.raises(ValueError, match="expected one of single, welded_pair"):
         random_section("double", 1)
 
 
@@ -105,6 +105,6 @@ def test_an_unknown_kind_is_refused():
         ({"theta_deg": (10.0, 5.0)}, "theta in deg"),
     ],
 )
-def test_ranges_that_mean_nothing_are_refused(changes, message):
+def test_invalid_ranges_raise_errors(changes, message):
     with pytest.raises(ValueError, match=message):
         TubeRanges(**changes)

@@ -1,0 +1,356 @@
+"""Cramer-Rao bounds of one section (an ellipse) and of a scan (a cylinder).
+
+Both invert the Fisher information of independent Gaussian errors across the surface. The fits use
+none of this code, so that they can be compared with it.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lsvision.errors import DegenerateGeometry, TooFewPoints
+from lsvision.geometry import (
+    Cylinder,
+    Ellipse,
+    FloatArray,
+    Points,
+    as_readonly_array,
+    tangent_frame,
+)
+from lsvision.planning.sensor_view import cylinder_normals
+
+SINGULARITY_TOLERANCE = 1e-13
+"""Smallest eigenvalue of a regular information matrix, after scaling its diagonal to 1."""
+UNIFORM_THETA = math.pi / math.sqrt(12)
+"""Standard deviation of an angle that is uniform in [0, pi): 52 deg."""
+_UNDETERMINED = (
+    "the points leave radius and axis undetermined (too few, or too short an arc): "
+    "measure more of the pipe, add sections, or give the known radius"
+)
+
+
+def fisher_information(jacobian: FloatArray, variances: FloatArray) -> FloatArray:
+    """Return the Fisher information of points with independent Gaussian errors.
+
+    Parameters
+    ----------
+    jacobian : (n, k) ndarray
+        Derivative of each point's signed distance from the surface by the parameters.
+    variances : (n,) ndarray
+        Variance of each point's error across the surface, n' Sigma n. Units: mm^2.
+
+    Returns
+    -------
+    (k, k) ndarray
+        Sum over the points of j j' / variance. The dependence of the variance on the parameters
+        is neglected; it would add a fraction of about (range_std / range)^2.
+
+    Raises
+    ------
+    TooFewPoints
+        If there are fewer than two points.
+    ValueError
+        If a variance is not positive and finite.
+    """
+    if len(jacobian) < 2:
+        hint = "reduce the standoff or the pitch, or measure more of the pipe"
+        raise TooFewPoints("the planned view", len(jacobian), 5, hint)
+    if not (np.isfinite(variances).all() and (variances > 0).all()):
+        raise ValueError("expected positive finite variances across the surface in mm^2")
+    weighted = jacobian / np.sqrt(variances)[:, None]
+    information: FloatArray = weighted.T @ weighted
+    return information
+
+
+def invert_information(
+    information: FloatArray, prior: tuple[int, float] | None = None
+) -> FloatArray:
+    """Return the Cramer-Rao bound: the smallest covariance of any unbiased estimate.
+
+    Parameters
+    ----------
+    information : (k, k) ndarray
+        Fisher information.
+    prior : tuple of int and float, optional
+        Index of a parameter with a prior, and its standard deviation; 0 means exactly known.
+
+    Returns
+    -------
+    (k, k) ndarray
+        Zero in the row and column of an exactly known parameter.
+
+    Raises
+    ------
+    DegenerateGeometry
+        If the points do not determine all parameters.
+    ValueError
+        If the standard deviation of the prior is negative.
+    """
+    information = information.copy()
+    free = np.ones(len(information), dtype=bool)
+    if prior is not None:
+        index, std = prior
+        if not std >= 0:
+            raise ValueError(f"expected known_radius_std >= 0 mm, got {std}")
+        free[index] = std > 0
+        information[index, index] += 1 / std**2 if std > 0 else 0.0
+    bound = np.zeros_like(information)
+    bound[np.ix_(free, free)] = _invert_scaled(information[np.ix_(free, free)])
+    return bound
+
+
+def _invert_scaled(matrix: FloatArray) -> FloatArray:
+    """Return the inverse of a matrix, computed with its diagonal scaled to 1."""
+    scale = np.sqrt(np.diag(matrix))
+    if not (scale > 0).all():
+        raise DegenerateGeometry(_UNDETERMINED)
+    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    if values[0] < SINGULARITY_TOLERANCE:
+        raise DegenerateGeometry(_UNDETERMINED)
+    inverse: FloatArray = (vectors / values) @ vectors.T / np.outer(scale, scale)
+    return inverse
+
+
+@dataclass(frozen=True, eq=False)
+class SectionPrediction:
+    """Standard uncertainties that an efficient fit to one section reaches.
+
+    Parameters
+    ----------
+    radius_std : float
+        Standard uncertainty of the radius. Units: mm.
+    theta_std : float
+        At most 52 deg, the value of an angle that is uniform in [0, pi). Units: rad.
+    phi_std : float
+        At most sqrt(2 sd(b/a)): near phi = 0, phi = arccos(b/a) behaves like a square root and
+        the linear bound sd(b/a) / sin(phi) diverges, while the actual spread does not. The
+        limit applies where sin(phi) < sqrt(sd(b/a) / 2); it is an order of magnitude, not a
+        bound. Units: rad.
+    centre_x_std, centre_y_std : float
+        Standard uncertainty of the centre. Units: mm.
+    covariance : (5, 5) ndarray
+        Linear bound without these limits; order centre_x, centre_y, semi_major, semi_minor,
+        theta (mm, rad). For a circle the last variance is inf, its covariances 0.
+    points : int
+        Number of points.
+    """
+
+    radius_std: float
+    theta_std: float
+    phi_std: float
+    centre_x_std: float
+    centre_y_std: float
+    covariance: FloatArray
+    points: int
+
+    def __post_init__(self) -> None:
+        object.__setattr__(
+            self, "covariance", as_readonly_array(self.covariance, (5, 5), "covariance")
+        )
+
+
+def section_bound(
+    ellipse: Ellipse,
+    points: Points,
+    covariances: FloatArray,
+    known_radius_std: float | None = None,
+) -> SectionPrediction:
+    """Return the Cramer-Rao bound of radius, theta, phi and centre from points of one section.
+
+    Parameters
+    ----------
+    ellipse : Ellipse
+        True section.
+    points : (n, 2) ndarray
+        Noise-free points on the ellipse, section frame; NaN rows are lost points. Units: mm.
+    covariances : (n, 2, 2) ndarray
+        Covariance of each point's error. Only n' Sigma n, the variance across the curve, is
+        used: for noise along the ray that is exactly the information of the measured ranges.
+        Units: mm^2.
+    known_radius_std : float, optional
+        Standard deviation of a prior on the radius; 0 = exactly known. Units: mm.
+
+    Returns
+    -------
+    SectionPrediction
+        Standard uncertainties.
+
+    Raises
+    ------
+    TooFewPoints
+        If fewer than two points are valid.
+    DegenerateGeometry
+        If the points do not determine the ellipse (fewer than five, or too short an arc).
+    ValueError
+        If shapes do not match or a variance is not positive.
+
+    Notes
+    -----
+    The parameters are (centre, a, b, eta) with eta = (a - b) theta in mm, which unlike theta
+    is regular for a circle. The bound is then propagated linearly to theta and to
+    phi = arccos(b / a).
+
+    Examples
+    --------
+    >>> pipe = Ellipse((0.0, -400.0), semi_major=20.22, semi_minor=19.0, theta=0.35)
+    >>> points = pipe.points_at(np.linspace(0.0, 2.4, 70))
+    >>> sigma = section_bound(pipe, points, np.tile(0.01 * np.eye(2), (70, 1, 1)))
+    >>> f"radius {sigma.radius_std:.2f} mm, phi {math.degrees(sigma.phi_std):.1f} deg"
+    'radius 0.47 mm, phi 2.2 deg'
+    """
+    points = as_readonly_array(points, ("n", 2), "points")
+    covariances = as_readonly_array(covariances, (len(points), 2, 2), "covariances")
+    valid = np.isfinite(points).all(axis=1)
+    jacobian, normals = _section_jacobian(ellipse, points[valid])
+    variances = np.einsum("ni,nij,nj->n", normals, covariances[valid], normals)
+    prior = None if known_radius_std is None else (3, known_radius_std)
+    bound = invert_information(fisher_information(jacobian, variances), prior)
+    return _predict_section(ellipse, bound, int(valid.sum()))
+
+
+def _section_jacobian(ellipse: Ellipse, points: Points) -> tuple[FloatArray, FloatArray]:
+    """Return the change of the signed distance by (centre, a, b, eta), and the outward normals."""
+    a, b = ellipse.semi_major, ellipse.semi_minor
+    u, v = ellipse.to_ellipse_frame(points).T
+    anomaly = np.arctan2(v / b, u / a)
+    cos, sin = np.cos(anomaly), np.sin(anomaly)
+    length = np.hypot(b * cos, a * sin)
+    ellipse_normals = np.column_stack([b * cos, a * sin]) / length[:, None]
+    normals = ellipse.from_ellipse_frame(ellipse_normals) - ellipse.centre
+    by_a, by_b = ellipse_normals[:, 0] * cos, ellipse_normals[:, 1] * sin
+    by_eta = (a + b) * sin * cos / length
+    return np.column_stack([normals, by_a, by_b, by_eta]), normals
+
+
+def _predict_section(ellipse: Ellipse, bound: FloatArray, points: int) -> SectionPrediction:
+    """Propagate the bound of (centre, a, b, eta) to theta and phi."""
+    a, b = ellipse.semi_major, ellipse.semi_minor
+    centre_x_std, centre_y_std, _, radius_std, eta_std = np.sqrt(np.diag(bound))
+    by_axes = np.array([-b / a**2, 1 / a])
+    ratio_std = math.sqrt(by_axes @ bound[2:4, 2:4] @ by_axes)
+    difference, sin_phi = a - b, math.sin(ellipse.phi)
+    covariance = bound.copy()
+    covariance[4, :4] = covariance[:4, 4] = bound[4, :4] / difference if difference > 0 else 0.0
+    covariance[4, 4] = (eta_std / difference) ** 2 if difference > 0 else math.inf
+    linear_phi_std = ratio_std / sin_phi if sin_phi > 0 else math.inf
+    return SectionPrediction(
+        radius_std=float(radius_std),
+        theta_std=min(math.sqrt(covariance[4, 4]), UNIFORM_THETA),
+        phi_std=min(linear_phi_std, math.sqrt(2 * ratio_std)),
+        centre_x_std=float(centre_x_std),
+        centre_y_std=float(centre_y_std),
+        covariance=covariance,
+        points=points,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class ScanPrediction:
+    """Standard uncertainties that a joint fit to all sections of a scan reaches.
+
+    Parameters
+    ----------
+    radius_std : float
+        Standard uncertainty of the radius. Units: mm.
+    direction_std : float
+        Root mean square angle between estimated and true direction. Units: rad.
+    theta_std, phi_std : float
+        Standard uncertainty of the direction's azimuth and of its angle from Z, in the frame of
+        the points. theta_std is at most 52 deg, the value of a uniform angle. Units: rad.
+    position_std : float
+        Root mean square distance of the cylinder's `point` from the estimated axis. Units: mm.
+    covariance : (5, 5) ndarray
+        Point along e_phi and e_theta (mm), direction along e_phi and e_theta (rad), radius
+        (mm); for e_phi and e_theta see `tangent_frame`.
+    points, sections : int
+        Number of points and of sections.
+    length : float
+        Distance from the first section to the last. Units: mm.
+    """
+
+    radius_std: float
+    direction_std: float
+    theta_std: float
+    phi_std: float
+    position_std: float
+    covariance: FloatArray
+    points: int
+    sections: int = 1
+    length: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(
+            self, "covariance", as_readonly_array(self.covariance, (5, 5), "covariance")
+        )
+
+
+def scan_bound(
+    cylinder: Cylinder,
+    points: Points,
+    variances: FloatArray,
+    *,
+    known_radius_std: float | None = None,
+    shared_errors: FloatArray | None = None,
+) -> ScanPrediction:
+    """Return the Cramer-Rao bound of a cylinder from points anywhere on its surface.
+
+    Parameters
+    ----------
+    cylinder : Cylinder
+        True cylinder, in the frame of the points; the uncertainty of the position refers to its
+        `point` and is smallest in the middle of the points.
+    points : (n, 3) ndarray
+        Noise-free points on the surface. Units: mm.
+    variances : (n,) ndarray
+        Variance of each point's error along the surface normal, n' Sigma n. Units: mm^2.
+    known_radius_std : float, optional
+        Standard deviation of a prior on the radius; 0 = exactly known. Units: mm.
+    shared_errors : (n, k) ndarray, optional
+        Change of each point's signed distance by one standard deviation of each of k errors
+        that points share, such as errors of a pose. Their effect on a fit that takes the poses
+        as exact is added; the result is then no longer a bound. Units: mm.
+
+    Returns
+    -------
+    ScanPrediction
+        Standard uncertainties; `sections` and `length` are those of one section.
+
+    Raises
+    ------
+    TooFewPoints
+        If there are fewer than two points.
+    DegenerateGeometry
+        If the points do not determine the cylinder.
+    ValueError
+        If shapes do not match or a variance is not positive.
+    """
+    points = as_readonly_array(points, ("n", 3), "points")
+    variances = as_readonly_array(variances, (len(points),), "variances")
+    basis = tangent_frame(cylinder.direction)[:2]
+    along = (points - cylinder.point) @ cylinder.direction
+    across = cylinder_normals(cylinder, points) @ basis.T
+    jacobian = np.column_stack([across, along[:, None] * across, np.ones(len(points))])
+    prior = None if known_radius_std is None else (4, known_radius_std)
+    covariance = invert_information(fisher_information(jacobian, variances), prior)
+    if shared_errors is not None:
+        errors = as_readonly_array(shared_errors, (len(points), "k"), "shared_errors")
+        # Linear response of the weighted least-squares fit to each shared error.
+        response: FloatArray = covariance @ ((jacobian / variances[:, None]).T @ errors)
+        covariance = covariance + response @ response.T
+    return _predict_scan(cylinder, covariance, len(points))
+
+
+def _predict_scan(cylinder: Cylinder, covariance: FloatArray, points: int) -> ScanPrediction:
+    variances = np.diag(covariance)
+    sin_phi = math.hypot(cylinder.direction[0], cylinder.direction[1])
+    theta_std = math.sqrt(variances[3]) / sin_phi if sin_phi > 0 else math.inf
+    return ScanPrediction(
+        radius_std=math.sqrt(variances[4]),
+        direction_std=math.sqrt(variances[2] + variances[3]),
+        theta_std=min(theta_std, UNIFORM_THETA),
+        phi_std=math.sqrt(variances[2]),
+        position_std=math.sqrt(variances[0] + variances[1]),
+        covariance=covariance,
+        points=points,
+    )

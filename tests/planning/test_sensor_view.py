@@ -1,0 +1,39 @@
+"""Points that are visible in a planned view."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lsvision.geometry import Cylinder
+from lsvision.planning import SensorView
+from lsvision.planning.sensor_view import cylinder_normals, visible_points
+from lsvision.sensors.profile_sensor import LPS36HI
+from tests.planning.views import ROUNDING, VIEW, pipe_and_points, rays_to
+
+
+def test_visible_points_lie_on_the_side_of_the_sensor():
+    _, pipe, points = pipe_and_points(19.0, 20, 20)
+    surface = np.column_stack([points, np.zeros(len(points))])
+    np.testing.assert_allclose(pipe.signed_distances(surface), 0.0, atol=ROUNDING)
+    incidence = -np.sum(cylinder_normals(pipe, points)[:, :2] * rays_to(points)[0], axis=1)
+    assert (incidence >= math.cos(VIEW.incidence_limit)).all()
+
+
+def test_columns_of_the_sensor_have_its_pitch():
+    pitch = np.diff(visible_points(Cylinder((0, -600, 0), (0, 0, 1), 30.0), SensorView())[:, 0])
+    # 140 mm in 239 steps at 600 mm; the pipe's face is 5 % nearer.
+    assert 0.90 < pitch.mean() / (140 / 239) < 1.0
+
+
+def test_incidence_limit_shortens_the_arc():
+    narrow = replace(VIEW, incidence_limit=math.radians(45))
+    wide, short = (len(pipe_and_points(19.0, 20, 20, view)[2]) for view in (VIEW, narrow))
+    assert short / wide == pytest.approx(
+        math.sin(math.pi / 4) / math.sin(math.radians(70)), abs=0.1
+    )
+
+
+def test_preset_is_the_default_view():
+    assert SensorView().sensor is LPS36HI
