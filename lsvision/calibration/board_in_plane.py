@@ -10,8 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.calibration.board_pose_estimation import estimate_board_pose
-from lsvision.calibration.board_pose_initial_guess import guess_camera_from_board
+from lsvision.calibration.board_pose import estimate_board_pose, guess_camera_from_board
 from lsvision.calibration.target import Target, TargetView, find_target
 from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import FloatArray, Plane, Pose

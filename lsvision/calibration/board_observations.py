@@ -8,9 +8,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lsvision.calibration.observations import FlangePoses, Linearisation, States
+from lsvision.calibration.observations import (
+    FlangePoses,
+    Linearisation,
+    States,
+    masked_least_squares,
+    points_in_sensor_frame,
+)
 from lsvision.calibration.rotations import nearest_rotations, rotation_vectors, rotations_of
-from lsvision.calibration.sensor_frame_points import masked_least_squares, points_in_sensor_frame
 from lsvision.geometry import FloatArray, IntArray
 
 MM_PER_RADIAN = 100.0

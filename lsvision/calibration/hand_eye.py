@@ -14,14 +14,13 @@ import numpy.typing as npt
 
 from lsvision.calibration.board_observations import BoardObservations
 from lsvision.calibration.errors_in_variables import NOMINAL_ROBOT_STD
-from lsvision.calibration.flange_poses import Mounting, stack_flange_poses
-from lsvision.calibration.hand_eye_result import HandEye, RejectedPose, Sphere
+from lsvision.calibration.hand_eye_result import HandEye, HandEyeSettings, RejectedPose, Sphere
 from lsvision.calibration.hand_eye_solver import (
-    HandEyeSettings,
     ResultContext,
     build_hand_eye,
     solve_hand_eye,
 )
+from lsvision.calibration.observations import Mounting, stack_flange_poses
 from lsvision.calibration.plane_line import PlaneLine, find_plane_line
 from lsvision.calibration.plane_observations import PlaneObservations
 from lsvision.calibration.sphere_arc import SphereArc, find_sphere_arc

@@ -1,14 +1,16 @@
 """What a sensor-to-robot calibration gives: a pose, its covariance, and its evidence."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.calibration.flange_poses import Mounting
+from lsvision.calibration.observations import Mounting
+from lsvision.calibration.pose_outliers import OutlierSettings
 from lsvision.calibration.rotations import cross_matrices
+from lsvision.calibration.sphere_arc import SphereArcSettings
 from lsvision.geometry import FloatArray, Plane, Pose, as_readonly_array
 
 Sensor = Literal["section", "camera"]
@@ -17,6 +19,37 @@ HEIGHT_SCALE_SIGMAS = 4.0
 """Sigmas from which on heights that are too long are no chance."""
 MIN_HEIGHT_SCALE_ERROR = 0.005
 """Error of the heights' scale from which on a person is told."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class HandEyeSettings:
+    """What is known of the robot, and when a calibration is refused.
+
+    Parameters
+    ----------
+    robot_std : tuple of float, optional
+        One sigma of the robot's pose in each axis of position (mm) and orientation (rad).
+        None finds its size from the residuals, with the proportions 0.05 mm to 0.01 deg. A
+        data sheet's "repeatability" is the best case; absolute accuracy is several times worse.
+    arc : SphereArcSettings
+        How the sphere is found in a profile.
+    outliers : OutlierSettings
+        How poses are doubted.
+    max_residual_rms : float
+        Largest root mean square residual of the believed poses; beyond it poses and profiles
+        do not belong together. Units: mm.
+    max_least_determined_std : float
+        Largest one sigma in the weakest direction at the nominal or stated robot. Units: mm.
+    min_ambiguity_ratio : float
+        Least ratio of the second-best minimum's cost to the best's.
+    """
+
+    robot_std: tuple[float, float] | None = None
+    arc: SphereArcSettings = field(default_factory=SphereArcSettings)
+    outliers: OutlierSettings = field(default_factory=OutlierSettings)
+    max_residual_rms: float = 3.0
+    max_least_determined_std: float = 10.0
+    min_ambiguity_ratio: float = 1.2
 
 
 @dataclass(frozen=True, eq=False)

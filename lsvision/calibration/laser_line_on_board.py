@@ -7,9 +7,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.calibration.bundle_adjustment_state import LaserView
-from lsvision.calibration.grey_image import grey_image
-from lsvision.calibration.target import Target, TargetView, find_target
+from lsvision.calibration.bundle_adjustment_problem import LaserView
+from lsvision.calibration.target import Target, TargetView, find_target, grey_image
 from lsvision.calibration.views import ViewSources, collect_views, require_size
 from lsvision.errors import CalibrationFailed
 from lsvision.geometry import FloatArray, Points

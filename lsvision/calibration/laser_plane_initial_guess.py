@@ -5,8 +5,8 @@ from itertools import combinations
 
 import numpy as np
 
-from lsvision.calibration.board_pose_initial_guess import guess_camera_from_board
-from lsvision.calibration.bundle_adjustment_state import LaserView
+from lsvision.calibration.board_pose import guess_camera_from_board
+from lsvision.calibration.bundle_adjustment_problem import LaserView
 from lsvision.calibration.target import TargetView
 from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import FloatArray, Plane, Points, Pose

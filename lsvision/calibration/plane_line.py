@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.calibration.autocorrelation import autocorrelation_time
 from lsvision.errors import TooFewPoints
 from lsvision.geometry import BoolArray, FloatArray
 from lsvision.profile import Profile
+from lsvision.statistics.correlation import debiased_autocorrelation_time
 
 OUTLIER_SIGMAS = 3.5
 """Robust standard deviations beyond which a point is none of the plane's."""
@@ -68,7 +68,7 @@ def find_plane_line(profile: Profile) -> PlaneLine:
     variance = float((distance**2).sum()) / (len(s) - 2) + 1e-12
     covariance = variance * np.diag([1 / len(s), 1 / float((s**2).sum())])
     half = float(np.sqrt((s**2).mean()))
-    likeness = autocorrelation_time(distance, 2)
+    likeness = debiased_autocorrelation_time(distance, 2)
     return PlaneLine(np.append(middle, 0.0), np.append(along, 0.0), half, covariance, likeness)
 
 

@@ -3,15 +3,22 @@
 A line holds two numbers: how far it passes from the plane at its middle, and its slope.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lsvision.calibration.observations import FlangePoses, Linearisation, States
+from lsvision.calibration.observations import (
+    FlangePoses,
+    Linearisation,
+    States,
+    masked_least_squares,
+)
 from lsvision.calibration.rotations import nearest_rotations
-from lsvision.calibration.sensor_frame_points import masked_least_squares
-from lsvision.geometry import FloatArray, IntArray
+from lsvision.geometry import BoolArray, FloatArray, IntArray, Plane, Pose
 
+MAX_LINE_SLOPE = np.radians(60.0)
+"""Lean of the plate's line from the section's X beyond which little light comes back."""
 INITIAL_NORMALS = 90
 """Directions over half a sphere, some 15 deg apart: as near as the linear start asks for."""
 
@@ -173,3 +180,88 @@ def _half_sphere(count: int) -> FloatArray:
     angle = np.pi * (1 + 5**0.5) * index
     width = np.sqrt(1 - height**2)
     return np.column_stack([width * np.cos(angle), width * np.sin(angle), height])
+
+
+@dataclass(frozen=True, eq=False)
+class PlanePlanningTarget:
+    """Plate to be looked at.
+
+    Parameters
+    ----------
+    plane : Plane
+        Base frame; the normal points to the side that is seen.
+    centre : (3,) ndarray
+        On the plate, where the line is to lie. Units: mm.
+    line_std : tuple of float
+        One sigma of a line's offset (mm) and slope (rad).
+    """
+
+    plane: Plane
+    centre: FloatArray
+    line_std: tuple[float, float]
+
+    @property
+    def requirement(self) -> str:
+        """As in `PlanningTarget`."""
+        return "see the plate from its front, within 60 deg,"
+
+    @property
+    def viewing_rotation(self) -> FloatArray:
+        """The shortest turn from the base's Z to the plate's normal."""
+        x, y, z = self.plane.normal
+        if z < -1 + 1e-9:
+            return np.diag([1.0, -1.0, -1.0])
+        # Rodrigues' formula with sin^2 / (1 - cos) = 1 + cos of the angle between the two.
+        return np.array(
+            [
+                [1 - x * x / (1 + z), -x * y / (1 + z), x],
+                [-x * y / (1 + z), 1 - y * y / (1 + z), y],
+                [-x, -y, z],
+            ]
+        )
+
+    @property
+    def max_plane_offset(self) -> float:
+        """A plate is the same everywhere: nothing is won beside the centre."""
+        return 0.0
+
+    @property
+    def state(self) -> FloatArray:
+        """Normal and distance."""
+        return np.array([*self.plane.normal, self.plane.distance])
+
+    @property
+    def prior_std(self) -> tuple[float, ...]:
+        """Two tilts of the normal in rad, distance in mm."""
+        return (1.0, 1.0, 1000.0)
+
+    def visibility(self, sections: Sequence[Pose]) -> tuple[FloatArray, BoolArray]:
+        """Middle of the line below the section's origin, and whether it leans too far."""
+        normals = self._normals(sections)
+        shows = normals[:, 1] > np.cos(MAX_LINE_SLOPE) * np.hypot(normals[:, 0], normals[:, 1])
+        origins = np.array([pose.translation for pose in sections]).reshape(-1, 3)
+        heights = -self.plane.signed_distances(origins) / np.where(shows, normals[:, 1], 1.0)
+        zero = np.zeros(len(heights))
+        return np.column_stack([zero, heights, zero]), shows
+
+    def predict_observations(
+        self, places: FloatArray, sections: Sequence[Pose], flanges: FlangePoses
+    ) -> PlaneObservations:
+        """Lines of the plate."""
+        x, y, _ = self._normals(sections).T
+        count = len(sections)
+        along = np.column_stack([y, -x, np.zeros(count)])
+        offset, slope = self.line_std
+        return PlaneObservations(
+            places,
+            along / np.maximum(np.hypot(x, y), 1e-9)[:, None],
+            np.full(count, offset / slope),
+            np.tile(np.diag([offset**2, slope**2]), (count, 1, 1)),
+            flanges,
+            np.zeros(count, dtype=np.int64),
+        )
+
+    def _normals(self, sections: Sequence[Pose]) -> FloatArray:
+        """(n, 3) the plate's normal in each section."""
+        turned = [pose.rotation.T @ self.plane.normal for pose in sections]
+        return np.array(turned).reshape(-1, 3)

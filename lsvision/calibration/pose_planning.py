@@ -2,20 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from lsvision.calibration.batched_least_squares import whitened_jacobian_and_residuals
 from lsvision.calibration.errors_in_variables import NOMINAL_ROBOT_STD, robot_whitening
-from lsvision.calibration.flange_poses import stack_flange_poses
-from lsvision.calibration.observations import States
-from lsvision.calibration.planning_targets import (
-    PlanePlanningTarget,
-    PlanningTarget,
-    SpherePlanningTarget,
-)
+from lsvision.calibration.observations import FlangePoses, Observations, States, stack_flange_poses
+from lsvision.calibration.plane_observations import PlanePlanningTarget
 from lsvision.calibration.rotations import cross_matrices, rotations_of
+from lsvision.calibration.sphere_observations import SpherePlanningTarget
 from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Plane, Pose, as_readonly_array
 
@@ -92,6 +89,50 @@ class PosePlan:
     def __post_init__(self) -> None:
         for name in ("predicted_std", "predicted_origin_std"):
             object.__setattr__(self, name, as_readonly_array(getattr(self, name), ("k",), name))
+
+
+class PlanningTarget(Protocol):
+    """A target before which poses are to be chosen."""
+
+    @property
+    def requirement(self) -> str:
+        """What a pose must do with the target, for a refusal."""
+        ...
+
+    @property
+    def centre(self) -> FloatArray:
+        """(3,) where the sensor looks, base frame. Units: mm."""
+        ...
+
+    @property
+    def viewing_rotation(self) -> FloatArray:
+        """(3, 3) turn that takes the base's Z to the way from which the target is seen."""
+        ...
+
+    @property
+    def max_plane_offset(self) -> float:
+        """Largest useful distance of the laser plane from the centre. Units: mm."""
+        ...
+
+    @property
+    def state(self) -> FloatArray:
+        """(k,) the target as `States` keeps it."""
+        ...
+
+    @property
+    def prior_std(self) -> tuple[float, ...]:
+        """(d,) one sigma of the target's steps before the first pose: next to nothing known."""
+        ...
+
+    def visibility(self, sections: Sequence[Pose]) -> tuple[FloatArray, BoolArray]:
+        """(n, 3) place of the target in each section, mm, and whether it shows at all."""
+        ...
+
+    def predict_observations(
+        self, places: FloatArray, sections: Sequence[Pose], flanges: FlangePoses
+    ) -> Observations:
+        """What sections would hold, without noise."""
+        ...
 
 
 SPHERE_DEFAULTS = PosePlanSettings()

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.calibration.autocorrelation import autocorrelation_time
 from lsvision.errors import TooFewPoints
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Points, as_readonly_array
 from lsvision.profile import Profile
+from lsvision.statistics.correlation import debiased_autocorrelation_time
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -281,7 +281,7 @@ def _as_arc(
     covariance = scale * np.linalg.inv(information) + 1e-12 * np.eye(3)
     std = math.sqrt(float((residuals**2).sum()) / dof)
     stretch = _height_scale_gradient(points, circle, variances)
-    likeness = autocorrelation_time(residuals / np.sqrt(variances), 3)
+    likeness = debiased_autocorrelation_time(residuals / np.sqrt(variances), 3)
     return SphereArc(circle, covariance, stretch, likeness, tuple(int(i) for i in indices), std)
 
 

@@ -10,15 +10,25 @@ too small and every sphere stand elsewhere. So the heights' scale is found along
 like the radius: as a check, and because sigmas that took it for granted would be too small.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lsvision.calibration.observations import FlangePoses, Linearisation, States
+from lsvision.calibration.observations import (
+    FlangePoses,
+    Linearisation,
+    States,
+    masked_least_squares,
+    points_in_sensor_frame,
+)
 from lsvision.calibration.rotations import cube_rotations, nearest_rotations
-from lsvision.calibration.sensor_frame_points import masked_least_squares, points_in_sensor_frame
-from lsvision.geometry import FloatArray, IntArray
+from lsvision.geometry import BoolArray, FloatArray, IntArray, Pose
 
+ARC = np.radians(np.linspace(-60.0, 60.0, 61))
+"""Angles of the points of an arc, from the section's Y. Units: rad."""
+MAX_CUT_OFFSET = 0.95
+"""Distance from the sphere's centre, in radii, at which an arc is too small to be found."""
 HEIGHT_SCALE_PRIOR_STD = 0.1
 """One sigma of the heights' scale beforehand: next to nothing is taken for granted."""
 
@@ -157,3 +167,84 @@ class SphereObservations:
     def _minus_centres(self, eye: FloatArray) -> list[FloatArray]:
         groups = range(int(self.groups.max()) + 1)
         return [-eye * (self.groups == group)[:, None, None] for group in groups]
+
+
+@dataclass(frozen=True, eq=False)
+class SpherePlanningTarget:
+    """Sphere to be cut.
+
+    Parameters
+    ----------
+    centre : (3,) ndarray
+        Base frame. Units: mm.
+    radius : float
+        Units: mm.
+    circle_std : float
+        One sigma of a circle's centre along X; along Y and in radius three times that. Units: mm.
+    offset : float
+        Largest useful distance of the cut from the centre, in radii.
+    """
+
+    centre: FloatArray
+    radius: float
+    circle_std: float
+    offset: float
+
+    @property
+    def requirement(self) -> str:
+        """As in `PlanningTarget`."""
+        return "cut the sphere"
+
+    @property
+    def viewing_rotation(self) -> FloatArray:
+        """A sphere is the same from everywhere; it is looked at from above."""
+        return np.eye(3)
+
+    @property
+    def max_plane_offset(self) -> float:
+        """As in `PlanningTarget`."""
+        return self.offset * self.radius
+
+    @property
+    def state(self) -> FloatArray:
+        """Centre, radius and scale of heights."""
+        return np.array([*self.centre, self.radius, 0.0])
+
+    @property
+    def prior_std(self) -> tuple[float, ...]:
+        """Centre and radius in mm, scale of heights."""
+        return (1000.0, 1000.0, 1000.0, 10.0, HEIGHT_SCALE_PRIOR_STD)
+
+    def visibility(self, sections: Sequence[Pose]) -> tuple[FloatArray, BoolArray]:
+        """Where the centre stands, and whether the cut is large enough."""
+        places = np.array([pose.inverse().apply_one(self.centre) for pose in sections])
+        places = places.reshape(-1, 3)
+        return places, np.abs(places[:, 2]) < MAX_CUT_OFFSET * self.radius
+
+    def predict_observations(
+        self, places: FloatArray, sections: Sequence[Pose], flanges: FlangePoses
+    ) -> SphereObservations:
+        """Circles of the cuts."""
+        count = len(sections)
+        smallest = (0.1 * self.radius) ** 2
+        circle = np.sqrt(np.maximum(self.radius**2 - places[:, 2] ** 2, smallest))
+        return SphereObservations(
+            np.column_stack([places[:, :2], circle]),
+            np.tile(np.diag(self.circle_std**2 * np.array([1.0, 9.0, 9.0])), (count, 1, 1)),
+            _stretches(places[:, 1], circle),
+            flanges,
+            (self.radius, np.inf),
+            np.zeros(count, dtype=np.int64),
+        )
+
+
+def _stretches(heights: FloatArray, circle: FloatArray) -> FloatArray:
+    """What `SphereObservations` asks for, of arcs not yet seen."""
+    # Points r (sin, cos) whose heights grow by s move outwards by s r cos^2; a circle that
+    # shifts in y and grows moves its points outwards by y cos + r.
+    design = np.column_stack([np.cos(ARC), np.ones(len(ARC))])
+    by_height, by_radius = np.linalg.lstsq(design, np.cos(ARC) ** 2, rcond=None)[0]
+    stretches = np.zeros((len(circle), 2, 3))
+    stretches[:, 0, 1] = by_height * circle + heights - heights.mean()
+    stretches[:, 0, 2] = by_radius * circle
+    return stretches

@@ -143,3 +143,10 @@ def outlier_views(
         for index, size in zip(indices, sizes, strict=True)
         if size > factor * usual
     ]
+
+
+def tilt_of(poses: Sequence[Pose]) -> float:
+    """Largest angle between a board and the mean board. Units: rad."""
+    normals = np.array([pose.rotation[:, 2] for pose in poses])
+    mean = normals.mean(axis=0)
+    return float(np.arccos(np.clip(normals @ (mean / np.linalg.norm(mean)), -1, 1)).max())

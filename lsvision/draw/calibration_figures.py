@@ -7,7 +7,7 @@ import numpy as np
 
 from lsvision.calibration.hand_eye_result import HandEye, Sphere
 from lsvision.calibration.intrinsics import CameraCalibration
-from lsvision.calibration.laser_plane_result import LaserPlaneCalibration, rms
+from lsvision.calibration.laser_plane import LaserPlaneCalibration, rms
 from lsvision.geometry import FloatArray, Plane, Pose
 
 if TYPE_CHECKING:

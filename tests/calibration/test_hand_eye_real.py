@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from lsvision.calibration.board_pose_estimation import estimate_board_pose
+from lsvision.calibration.board_pose import estimate_board_pose
 from lsvision.calibration.hand_eye import calibrate_hand_eye_board, calibrate_hand_eye_sphere
 from lsvision.calibration.sphere_arc import find_sphere_arc
 from lsvision.geometry import Pose

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lsvision.calibration.bundle_adjustment_state import LaserView
+from lsvision.calibration.bundle_adjustment_problem import LaserView
 from lsvision.calibration.laser_plane import (
     LaserPlaneSettings,
     fit_laser_plane,

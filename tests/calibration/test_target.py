@@ -5,8 +5,7 @@ import cv2
 import numpy as np
 import pytest
 
-from lsvision.calibration.board_pose_initial_guess import guess_camera_from_board
-from lsvision.calibration.grey_image import grey_image
+from lsvision.calibration.board_pose import guess_camera_from_board
 from lsvision.calibration.target import (
     ChArUco,
     Chessboard,
@@ -15,12 +14,14 @@ from lsvision.calibration.target import (
     TargetNotFound,
     TargetView,
     find_target,
+    grey_image,
 )
-from lsvision.calibration.target_files import target_pdf, target_svg
-from lsvision.calibration.target_layout import (
+from lsvision.calibration.target_files import (
     Disc,
     Rectangle,
     layout_target,
+    target_pdf,
+    target_svg,
 )
 from lsvision.geometry import Pose
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from lsvision.calibration.board_observations import BoardObservations
-from lsvision.calibration.flange_poses import stack_flange_poses
-from lsvision.calibration.observations import FlangePoses, States
+from lsvision.calibration.observations import FlangePoses, States, stack_flange_poses
 from lsvision.calibration.plane_observations import PlaneObservations
 from lsvision.calibration.rotations import rotations_of
 from lsvision.calibration.sphere_observations import SphereObservations

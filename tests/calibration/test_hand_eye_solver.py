@@ -5,13 +5,13 @@ import re
 import numpy as np
 import pytest
 
-from lsvision.calibration.board_pose_estimation import estimate_board_pose
+from lsvision.calibration.board_pose import estimate_board_pose
 from lsvision.calibration.hand_eye import (
     calibrate_hand_eye_board,
     calibrate_hand_eye_plane,
     calibrate_hand_eye_sphere,
 )
-from lsvision.calibration.hand_eye_solver import HandEyeSettings
+from lsvision.calibration.hand_eye_result import HandEyeSettings
 from lsvision.errors import CalibrationFailed, DegenerateGeometry
 from lsvision.geometry import Pose
 from lsvision.io.robot_conventions import pose_from_numbers

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lsvision.calibration.board_pose_estimation import estimate_board_pose
+from lsvision.calibration.board_pose import estimate_board_pose
 from lsvision.geometry import Pose
 from lsvision.sensors.camera import Camera
 from lsvision.simulate.hand_eye import rotation_from_vector
