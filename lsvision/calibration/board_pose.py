@@ -1,4 +1,4 @@
-"""Pose of a board before the camera, from one image's corners, with covariance."""
+"""Pose of a board in the camera frame from one image."""
 
 from dataclasses import dataclass
 
@@ -15,16 +15,16 @@ from lsvision.sensors.camera import Camera
 
 @dataclass(frozen=True, eq=False)
 class BoardPoseEstimate:
-    """Pose of a board before the camera, from one image's corners.
+    """Pose of a board in the camera frame, with covariance.
 
     Parameters
     ----------
     camera_from_board : Pose
         Units: mm.
     covariance : (6, 6) array_like
-        Of the board's origin in the camera frame (mm) and left-hand rotation (rad).
+        Covariance of the board's origin in the camera frame (mm) and the left-hand rotation (rad).
     residual_std : float
-        Of the corners. Units: px.
+        Standard deviation of the corner coordinates. Units: px.
     """
 
     camera_from_board: Pose
@@ -40,21 +40,21 @@ class BoardPoseEstimate:
 def estimate_board_pose(
     corners: npt.ArrayLike, board_points: npt.ArrayLike, camera: Camera
 ) -> BoardPoseEstimate:
-    """Pose of a board from its corners in one image, with covariance.
+    """Estimate the pose of a board from its corners in one image, with covariance.
 
     Parameters
     ----------
     corners : (n, 2) array_like
-        Units: px.
+        Corners in the image. Units: px.
     board_points : (n, 3) array_like
-        The same corners on the board. Units: mm.
+        The same corners in the board frame. Units: mm.
     camera : Camera
         Intrinsics.
 
     Returns
     -------
     BoardPoseEstimate
-        Least squares in pixels; the covariance rests on the corners' own residuals.
+        Least squares in pixels; the covariance is scaled by the residuals of the corners.
 
     Raises
     ------
@@ -63,54 +63,55 @@ def estimate_board_pose(
     ValueError
         If a corner is not finite.
     """
-    import cv2
-
     pixels = as_readonly_array(corners, ("n", 2), "corners")
     points = as_readonly_array(board_points, (len(pixels), 3), "board points")
     _require_spread(pixels, points)
-    turn, shift = _solved(pixels, points, camera)
-    matrix, lens = np.array(camera.matrix), np.array(camera.distortion)
-    projected, jacobian = cv2.projectPoints(np.array(points), turn, shift, matrix, lens)
+    vector, translation = _solve_pnp(pixels, points, camera)
+    matrix, distortion = np.array(camera.matrix), np.array(camera.distortion)
+    projected, jacobian = cv2.projectPoints(
+        np.array(points), vector, translation, matrix, distortion
+    )
     residuals = np.asarray(projected).reshape(-1, 2) - pixels
     variance = float((residuals**2).sum()) / (2 * len(pixels) - 6)
-    by_turn, by_shift = jacobian[:, :3], jacobian[:, 3:6]
-    rows = np.concatenate([by_shift, by_turn @ _by_left_turn(turn)], axis=1)
-    covariance = np.linalg.inv(rows.T @ rows) * variance + 1e-14 * np.eye(6)
-    return BoardPoseEstimate(Pose(rotations_of(turn), shift), covariance, variance**0.5)
+    vector_jacobian, translation_jacobian = jacobian[:, :3], jacobian[:, 3:6]
+    pose_jacobian = np.concatenate(
+        [translation_jacobian, vector_jacobian @ _inverse_left_jacobian(vector)], axis=1
+    )
+    covariance = np.linalg.inv(pose_jacobian.T @ pose_jacobian) * variance + 1e-14 * np.eye(6)
+    return BoardPoseEstimate(Pose(rotations_of(vector), translation), covariance, variance**0.5)
 
 
 def _require_spread(pixels: FloatArray, points: FloatArray) -> None:
+    """Require at least 6 finite corners that do not lie on one line."""
     if not (np.isfinite(pixels).all() and np.isfinite(points).all()):
-        raise ValueError("want finite corners: leave those out that were not found")
+        raise ValueError("expected finite corners: leave out those that were not found")
     if len(pixels) < 6:
         raise CalibrationFailed(f"board seen by {len(pixels)} corners and needs 6: show more of it")
-    for what in (points, pixels):
-        spread = np.linalg.svd(what - what.mean(axis=0), compute_uv=False)
-        if not spread[1] > 1e-3 * spread[0]:
+    for coordinates in (points, pixels):
+        singular_values = np.linalg.svd(coordinates - coordinates.mean(axis=0), compute_uv=False)
+        if not singular_values[1] > 1e-3 * singular_values[0]:
             raise CalibrationFailed(
-                "the board's corners lie on one line: its turn about it is free"
+                "the board's corners lie on one line: the rotation about it is free"
             )
 
 
-def _solved(
+def _solve_pnp(
     pixels: FloatArray, points: FloatArray, camera: Camera
 ) -> tuple[FloatArray, FloatArray]:
-    """Rotation vector and translation of least squares in pixels."""
-    import cv2
-
-    seen = (
+    """Return rotation vector and translation by least squares in pixels."""
+    arguments = (
         np.array(points),
         np.array(pixels),
         np.array(camera.matrix),
         np.array(camera.distortion),
     )
-    _, turn, shift = cv2.solvePnP(*seen)
-    turn, shift = cv2.solvePnPRefineLM(*seen, turn, shift)
-    return np.asarray(turn, np.float64).ravel(), np.asarray(shift, np.float64).ravel()
+    _, vector, translation = cv2.solvePnP(*arguments)
+    vector, translation = cv2.solvePnPRefineLM(*arguments, vector, translation)
+    return np.asarray(vector, np.float64).ravel(), np.asarray(translation, np.float64).ravel()
 
 
-def _by_left_turn(vector: FloatArray) -> FloatArray:
-    """Derivative of a rotation vector by a small left-hand turn (inverse left Jacobian)."""
+def _inverse_left_jacobian(vector: FloatArray) -> FloatArray:
+    """Return the derivative of a rotation vector by a left-hand rotation."""
     angle = float(np.linalg.norm(vector))
     cross = cross_matrices(vector)
     if angle < 1e-6:
@@ -122,24 +123,24 @@ def _by_left_turn(vector: FloatArray) -> FloatArray:
 
 
 def guess_camera_from_board(view: TargetView, rays: Points) -> Pose:
-    """Pose of a board from the rays through its points, in closed form.
+    """Return the pose of a board from the rays through its points, in closed form.
 
     Parameters
     ----------
     view : TargetView
-        Points of the board, at least four, no three in a line.
+        Points of the board, at least four, no three collinear.
     rays : (n, 3) ndarray
-        Of the view's pixels, camera frame, z = 1.
+        Rays through the view's pixels, camera frame, z = 1.
 
     Returns
     -------
     Pose
-        ``camera_from_board``: a start for a refinement in pixels.
+        ``camera_from_board``, an initial guess for a refinement in pixels.
     """
     plane = np.ascontiguousarray(view.points[:, :2])
     homography, _ = cv2.findHomography(plane, np.ascontiguousarray(rays[:, :2]))
     # Zhang 2000, section 3.1: H = [r1 r2 t] up to scale.
     scale = 2 / (np.linalg.norm(homography[:, 0]) + np.linalg.norm(homography[:, 1]))
-    first, second, shift = (homography * (scale * np.sign(homography[2, 2]))).T
+    first, second, translation = (homography * (scale * np.sign(homography[2, 2]))).T
     left, _, right = np.linalg.svd(np.column_stack([first, second, np.cross(first, second)]))
-    return Pose(left @ right, shift)
+    return Pose(left @ right, translation)

@@ -1,4 +1,4 @@
-"""From sightings of any target to a `HandEye`: solve, doubt, check, tell."""
+"""Hand-eye solver for observations of any target: fit, outlier rejection, diagnostics, result."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,12 +8,12 @@ import numpy as np
 from lsvision.calibration.batched_least_squares import (
     search_whitening,
     solve_least_squares,
-    whitened_jacobian_and_residuals,
 )
 from lsvision.calibration.errors_in_variables import (
     NOMINAL_ROBOT_STD,
     ErrorsInVariablesFit,
     degrees_of_freedom,
+    least_determined_direction,
     robot_whitening,
 )
 from lsvision.calibration.hand_eye_result import (
@@ -23,28 +23,33 @@ from lsvision.calibration.hand_eye_result import (
     Sensor,
     Sphere,
 )
-from lsvision.calibration.observations import Mounting, Observations, States, require_rotation
+from lsvision.calibration.observations import (
+    Mounting,
+    Observations,
+    States,
+    require_rotation,
+)
 from lsvision.calibration.pose_outliers import (
     SEARCH_ROBOT_STD_MM,
     RobustHandEyeFit,
+    ambiguity_ratio,
     fit_with_outlier_rejection,
     multi_start,
 )
-from lsvision.calibration.rotations import rotation_vectors
 from lsvision.errors import CalibrationFailed, DegenerateGeometry, FitFailed
 from lsvision.geometry import FloatArray, Plane, Pose
 
 
 @dataclass(frozen=True, eq=False)
 class ResultContext:
-    """What the result must say beside the solution.
+    """Data of the result that are not part of the solution.
 
     Parameters
     ----------
     observed_poses : list of int
-        Poses with a sighting.
+        Indices of the poses with an observation.
     unobserved_poses : list of RejectedPose
-        Poses without.
+        Poses without an observation.
     working_point : (3,) ndarray
         Sensor frame. Units: mm.
     mounting, sensor, settings
@@ -60,290 +65,211 @@ class ResultContext:
 
 
 def solve_hand_eye(
-    sightings: Observations, poses: Sequence[Pose], min_poses: int, settings: HandEyeSettings
+    observations: Observations, poses: Sequence[Pose], min_poses: int, settings: HandEyeSettings
 ) -> RobustHandEyeFit:
-    """Solution on the poses that are believed, or a refusal that says why there is none.
+    """Solve for the sensor pose on the inlier poses, or raise an error with the diagnosis.
 
     Parameters
     ----------
-    sightings : Observations
-        What was seen.
+    observations : Observations
+        Of all poses.
     poses : sequence of Pose
-        ``base_from_flange``, one a sighting.
+        ``base_from_flange`` of each observation.
     min_poses : int
-        Fewest poses that determine the problem.
+        Smallest number of poses that determine the problem.
     settings : HandEyeSettings
-        See there.
+        Robot and limits for acceptance.
 
     Raises
     ------
     CalibrationFailed
-        Sightings and poses that do not belong together, or a target that moved.
+        If observations and poses do not belong together, or the target moved.
     DegenerateGeometry
-        Poses that leave a direction free.
+        If the poses leave a direction undetermined.
     """
     require_rotation(poses)
-    estimate = settings.robot_std is None
+    estimate_robot_std = settings.robot_std is None
     try:
-        doubted = fit_with_outlier_rejection(
-            sightings, settings.outliers, min_poses=min_poses, estimate_robot_std=estimate
+        solution = fit_with_outlier_rejection(
+            observations,
+            settings.outliers,
+            min_poses=min_poses,
+            estimate_robot_std=estimate_robot_std,
         )
     except FitFailed as error:
         raise DegenerateGeometry(str(error)) from error
-    refined = doubted.fit
+    fit = solution.fit
     count = len(poses)
-    believed = int(refined.mask.sum())
-    lengths = residual_norms(sightings, sightings.linearise(refined.states).residuals[0])
-    rms = float(np.sqrt((lengths**2 * refined.mask).sum() / max(believed, 1)))
-    too_few = believed < max(min_poses, count * (1 - settings.outliers.max_outlier_fraction))
+    inliers = int(fit.mask.sum())
+    norms = residual_norms(observations, observations.linearise(fit.states).residuals[0])
+    rms = float(np.sqrt((norms**2 * fit.mask).sum() / max(inliers, 1)))
+    too_few = inliers < max(min_poses, count * (1 - settings.outliers.max_outlier_fraction))
     if too_few or rms > settings.max_residual_rms:
-        raise CalibrationFailed(_diagnose(sightings, lengths, rms, believed))
-    weakness = least_determined_direction(sightings, refined)
-    if weakness.std > settings.max_least_determined_std:
+        raise CalibrationFailed(_diagnose(observations, norms, rms, inliers))
+    least_determined = least_determined_direction(observations, fit)
+    if least_determined.std > settings.max_least_determined_std:
         raise DegenerateGeometry(
-            f"the poses leave the sensor free by {weakness.std:.3g} mm in "
-            f"{weakness.description}: add poses tilted 20 to 35 deg about two axes, with the "
-            "target in other places of the view"
+            f"the sensor is determined to {least_determined.std:.3g} mm only in "
+            f"{least_determined.description}: add poses tilted 20 to 35 deg about two axes, with "
+            "the target at other positions in the view"
         )
-    moved = detect_moved_target(sightings, refined.mask, refined) if believed >= 8 else None
-    if moved:
-        raise CalibrationFailed(moved)
-    return doubted
+    motion = detect_moved_target(observations, fit.mask, fit) if inliers >= 8 else None
+    if motion:
+        raise CalibrationFailed(motion)
+    return solution
 
 
-def _diagnose(sightings: Observations, lengths: FloatArray, rms: float, believed: int) -> str:
-    """What the residuals say of data that do not fit."""
-    count = len(lengths)
-    everyone = float(np.sqrt(np.mean(lengths**2)))
+def _diagnose(observations: Observations, norms: FloatArray, rms: float, inliers: int) -> str:
+    """Return the most likely cause of large residuals."""
+    count = len(norms)
+    rms_of_all = float(np.sqrt(np.mean(norms**2)))
     finding = (
-        detect_moved_target(sightings, np.ones(count)) if count >= 8 else None
-    ) or detect_mispaired_poses(sightings, everyone)
+        detect_moved_target(observations, np.ones(count)) if count >= 8 else None
+    ) or detect_mispaired_poses(observations, rms_of_all)
     if finding:
         return finding
     return (
-        f"the best answer leaves {rms:.3g} mm at {believed} of {count} poses: are pairs "
-        "shuffled, is the poses' convention or unit another one than said, or the mounting "
+        f"the best solution leaves {rms:.3g} mm at {inliers} of {count} poses: are pairs "
+        "shuffled, is the convention or unit of the poses another one than stated, or the mounting "
         "(eye_in_hand, eye_to_hand)?"
     )
 
 
 def build_hand_eye(
-    sightings: Observations,
-    doubted: RobustHandEyeFit,
+    observations: Observations,
+    solution: RobustHandEyeFit,
     target: Sphere | Plane | Pose,
-    story: ResultContext,
+    context: ResultContext,
 ) -> HandEye:
-    """The solution as the caller gets it, once no other answer fits nearly as well.
+    """Build the result, unless another solution fits nearly as well.
 
     Raises
     ------
     DegenerateGeometry
-        If another minimum costs hardly more.
+        If another minimum has nearly the same cost.
     """
-    refined, settings = doubted.fit, story.settings
-    raw = sightings.linearise(refined.states).residuals[0]
-    lengths = residual_norms(sightings, raw)
-    held_out = residual_norms(sightings, refined.leave_one_out_residuals())
-    ambiguity = ambiguity_ratio(sightings, refined)
-    if ambiguity < settings.min_ambiguity_ratio:
+    fit, settings = solution.fit, context.settings
+    residuals = observations.linearise(fit.states).residuals[0]
+    norms = residual_norms(observations, residuals)
+    leave_one_out = residual_norms(observations, fit.leave_one_out_residuals())
+    ratio = ambiguity_ratio(observations, fit)
+    if ratio < settings.min_ambiguity_ratio:
         raise DegenerateGeometry(
-            f"another answer fits nearly as well (cost ratio {ambiguity:.2g}): add poses tilted "
-            "about other axes and with the target in other places of the view"
+            f"another solution fits nearly as well (cost ratio {ratio:.2g}): add poses tilted "
+            "about other axes and with the target at other positions in the view"
         )
     rejected = [
         RejectedPose(
-            story.observed_poses[index],
-            f"{held_out[index]:.3g} mm off what the other poses expect "
-            f"(chance {doubted.outlier_p_values[index]:.1g})",
+            context.observed_poses[index],
+            f"{leave_one_out[index]:.3g} mm off the prediction of the other poses "
+            f"(p-value {solution.outlier_p_values[index]:.1g})",
         )
-        for index in np.flatnonzero(refined.mask == 0)
+        for index in np.flatnonzero(fit.mask == 0)
     ]
-    weakness = least_determined_direction(sightings, refined)
+    least_determined = least_determined_direction(observations, fit)
     return HandEye(
-        mount_from_sensor=Pose(refined.states.rotations[0], refined.states.translations[0]),
-        covariance=refined.covariance[:6, :6],
-        residuals=_expand_to_all_poses(lengths, story),
-        leave_one_out_residuals=_expand_to_all_poses(held_out, story),
-        rejected=tuple(sorted([*rejected, *story.unobserved_poses], key=lambda pose: pose.index)),
+        mount_from_sensor=Pose(fit.states.rotations[0], fit.states.translations[0]),
+        covariance=fit.covariance[:6, :6],
+        residuals=_expand_to_all_poses(norms, context),
+        leave_one_out_residuals=_expand_to_all_poses(leave_one_out, context),
+        rejected=tuple(sorted([*rejected, *context.unobserved_poses], key=lambda pose: pose.index)),
         target=target,
-        working_point=story.working_point,
-        robot_std=_estimate_robot_std(refined, settings),
-        ambiguity_ratio=ambiguity,
-        least_determined_std=weakness.std,
-        least_determined_direction=weakness.description,
-        mounting=story.mounting,
-        sensor=story.sensor,
+        working_point=context.working_point,
+        robot_std=_estimate_robot_std(fit, settings),
+        ambiguity_ratio=ratio,
+        least_determined_std=least_determined.std,
+        least_determined_direction=least_determined.description,
+        mounting=context.mounting,
+        sensor=context.sensor,
     )
 
 
 def _estimate_robot_std(
-    refined: ErrorsInVariablesFit, settings: HandEyeSettings
+    fit: ErrorsInVariablesFit, settings: HandEyeSettings
 ) -> tuple[float, float]:
-    """Standard deviations of the robot's position (mm) and rotation (rad), per axis."""
-    shape = np.array(settings.robot_std or NOMINAL_ROBOT_STD)
+    """Return the std of the robot's position (mm) and rotation (rad) in each axis."""
+    robot_std = np.array(settings.robot_std or NOMINAL_ROBOT_STD)
     factor = (
-        refined.robot_std_scale
-        if settings.robot_std is None
-        else float(np.sqrt(refined.variance_factor))
+        fit.robot_std_scale if settings.robot_std is None else float(np.sqrt(fit.variance_factor))
     )
-    position, rotation = shape * factor
+    position, rotation = robot_std * factor
     return float(position), float(rotation)
 
 
-def _expand_to_all_poses(lengths: FloatArray, story: ResultContext) -> FloatArray:
-    placed = np.full(len(story.observed_poses) + len(story.unobserved_poses), np.nan)
-    placed[story.observed_poses] = lengths
-    return placed
+def _expand_to_all_poses(values: FloatArray, context: ResultContext) -> FloatArray:
+    """Return values of the observed poses in the order of all poses; NaN for others."""
+    expanded = np.full(len(context.observed_poses) + len(context.unobserved_poses), np.nan)
+    expanded[context.observed_poses] = values
+    return expanded
 
 
-MM_PER_RADIAN = 100.0
-"""Millimetres that a radian of the sensor's rotation counts for."""
-DISTINCT_ROTATION, DISTINCT_TRANSLATION_MM = np.radians(2.0), 5.0
-"""Minima further apart than this (rad, mm) are different answers."""
 MAX_RMS_RATIO = 0.35
-"""Share of the residual that an explanation must not exceed to be named."""
+"""Largest ratio of the rms residual with an explanation to that without it."""
 SIGNIFICANCE = 1e-4
-"""Chance, over all splits, at which a second target of a calibration that is fine is named."""
+"""Probability, over all splits of the poses, of reporting a moved target that did not move."""
 MAX_EXPLAINED_RMS_MM = 1.5
-"""Residual that an explanation must not exceed to be named. Units: mm."""
+"""Largest rms residual with an explanation. Units: mm."""
 
 
-@dataclass(frozen=True, slots=True)
-class LeastDeterminedDirection:
-    """The direction of the sensor's pose that the poses determine least.
-
-    Parameters
-    ----------
-    std : float
-        One sigma at the nominal robot; a radian counts 100 mm. Units: mm.
-    description : str
-        The direction.
-    """
-
-    std: float
-    description: str
-
-
-def least_determined_direction(
-    sightings: Observations, refined: ErrorsInVariablesFit
-) -> LeastDeterminedDirection:
-    """Predicted one sigma of the worst-determined motion of the sensor.
-
-    Parameters
-    ----------
-    sightings : Observations
-        What was seen.
-    refined : ErrorsInVariablesFit
-        The solution; its believed poses count.
-
-    Returns
-    -------
-    LeastDeterminedDirection
-        Infinite where the normal matrix is singular.
-    """
-    whitening = refined.mask[:, None, None] * robot_whitening(sightings, refined.states, 1.0)
-    jacobian, _ = whitened_jacobian_and_residuals(sightings, refined.states, whitening)
-    rows = jacobian.reshape(-1, jacobian.shape[-1])
-    mount, target = (
-        rows[:, :6] / np.array([1, 1, 1, MM_PER_RADIAN, MM_PER_RADIAN, MM_PER_RADIAN]),
-        rows[:, 6:],
-    )
-    prior = np.diag(1 / np.tile(sightings.target_prior[1], refined.states.targets.shape[1]))
-    target = np.concatenate([target, prior])
-    mount = np.concatenate([mount, np.zeros((len(prior), 6))])
-    # The target's part is projected out: what of the mount's columns it cannot imitate.
-    basis, strengths, _ = np.linalg.svd(target, full_matrices=False)
-    basis = basis[:, strengths > 1e-12 * strengths[0]]
-    free = mount - basis @ (basis.T @ mount)
-    _, strengths, directions = np.linalg.svd(free, full_matrices=False)
-    std = float("inf") if strengths[-1] < 1e-12 else float(1 / strengths[-1])
-    return LeastDeterminedDirection(
-        std, _describe_direction(directions[-1], refined.states.rotations[0])
-    )
-
-
-def _describe_direction(direction: FloatArray, rotation: FloatArray) -> str:
-    shift, turn = rotation.T @ direction[:3], rotation.T @ direction[3:]
-    axis = turn if np.linalg.norm(turn) > np.linalg.norm(shift) else shift
-    verb = "turning about" if axis is turn else "moving along"
-    return f"{verb} the sensor's own {'XYZ'[int(np.abs(axis).argmax())]}"
-
-
-def ambiguity_ratio(sightings: Observations, refined: ErrorsInVariablesFit) -> float:
-    """Cost of the best minimum that is another answer, over the cost of the best.
-
-    Infinite where every start leads to the one minimum.
-    """
-    states, costs = multi_start(sightings, refined.mask)
-    nearest = refined.states
-    turn = rotation_vectors(states.rotations @ nearest.rotations[0].T)
-    shift = states.translations - nearest.translations[0]
-    other = (np.linalg.norm(turn, axis=1) > DISTINCT_ROTATION) | (
-        np.linalg.norm(shift, axis=1) > DISTINCT_TRANSLATION_MM
-    )
-    if not other.any():
-        return float("inf")
-    own = solve_least_squares(
-        sightings, nearest, search_whitening(sightings, refined.mask[None], SEARCH_ROBOT_STD_MM)
-    ).costs[0]
-    return float(costs[other].min() / max(own, 1e-9))
-
-
-def residual_norms(sightings: Observations, residuals: FloatArray) -> FloatArray:
-    """(n,) millimetres of residuals (n, m)."""
-    lengths: FloatArray = np.linalg.norm(residuals * sightings.mm_per_residual, axis=-1)
-    return lengths
+def residual_norms(observations: Observations, residuals: FloatArray) -> FloatArray:
+    """Return the norms (n,) of residuals (n, m) in mm."""
+    norms: FloatArray = np.linalg.norm(residuals * observations.mm_per_residual, axis=-1)
+    return norms
 
 
 def detect_moved_target(
-    sightings: Observations, mask: FloatArray, refined: ErrorsInVariablesFit | None = None
+    observations: Observations, mask: FloatArray, fit: ErrorsInVariablesFit | None = None
 ) -> str | None:
-    """Whether two targets, one before and one after some pose, explain what one cannot.
+    """Test whether the target moved between two poses.
+
+    It did if two targets, one before and one after some pose, fit far better than one.
 
     Parameters
     ----------
-    sightings : Observations
-        What was seen, all of it of one target.
+    observations : Observations
+        Of all poses, assigned to one target.
     mask : (n,) ndarray
-        1 for the poses that count: a wrong pose must not pass for a target that moved.
-    refined : ErrorsInVariablesFit, optional
-        A solution to start from and to weigh by; without it every start is tried.
+        1 for the inlier poses: a wrong pose must not be taken for a moved target.
+    fit : ErrorsInVariablesFit, optional
+        Initial guess and weights; without it all initial guesses are tried.
 
     Returns
     -------
     str or None
-        The finding in words.
+        Description of the motion.
     """
-    start = refined.states if refined else multi_start(sightings, mask)[0].select(np.array([0]))
-    one = _fit_hypothesis(sightings, start, mask, refined)
-    others = {}
+    initial_guess = fit.states if fit else multi_start(observations, mask)[0].select(np.array([0]))
+    one_target = _fit_hypothesis(observations, initial_guess, mask, fit)
+    two_targets = {}
     for split in range(1, len(mask)):
         if min(mask[:split].sum(), mask[split:].sum()) < 3:
             continue
-        two = sightings.with_groups((np.arange(len(mask)) >= split).astype(np.int64))
-        begin = (
-            _with_second_target(start)
-            if refined
-            else multi_start(two, mask)[0].select(np.array([0]))
+        split_observations = observations.with_groups(
+            (np.arange(len(mask)) >= split).astype(np.int64)
         )
-        others[split] = _fit_hypothesis(two, begin, mask, refined)
-    if not others:
+        split_guess = (
+            _duplicate_target(initial_guess)
+            if fit
+            else multi_start(split_observations, mask)[0].select(np.array([0]))
+        )
+        two_targets[split] = _fit_hypothesis(split_observations, split_guess, mask, fit)
+    if not two_targets:
         return None
-    at, best = min(others.items(), key=lambda item: item[1].chi2)
-    if best.rms > min(MAX_RMS_RATIO * one.rms, MAX_EXPLAINED_RMS_MM):
+    first_moved, best = min(two_targets.items(), key=lambda item: item[1].chi2)
+    if best.rms > min(MAX_RMS_RATIO * one_target.rms, MAX_EXPLAINED_RMS_MM):
         return None
-    if refined and _f_test_p_value(one, best) * len(others) > SIGNIFICANCE:
+    if fit and _f_test_p_value(one_target, best) * len(two_targets) > SIGNIFICANCE:
         return None
     return (
-        f"the target moved between pose {at - 1} and pose {at} (counted from 0): as one target "
-        f"they leave {one.rms:.2g} mm, as two {best.rms:.2g} mm, "
-        f"{best.target_distance:.2g} apart; repeat one of the halves"
+        f"the target moved between pose {first_moved - 1} and pose {first_moved} (counted from 0): "
+        f"one target leaves {one_target.rms:.2g} mm, two leave {best.rms:.2g} mm and are "
+        f"{best.target_distance:.2g} mm apart; repeat one of the halves"
     )
 
 
 @dataclass(frozen=True, slots=True)
 class _TargetHypothesis:
-    """How well one target, or two, explain what was seen."""
+    """Fit of all poses with one target, or with two."""
 
     rms: float
     chi2: float
@@ -352,54 +278,70 @@ class _TargetHypothesis:
 
 
 def _fit_hypothesis(
-    sightings: Observations, start: States, mask: FloatArray, refined: ErrorsInVariablesFit | None
+    observations: Observations,
+    initial_guess: States,
+    mask: FloatArray,
+    fit: ErrorsInVariablesFit | None,
 ) -> _TargetHypothesis:
-    if refined is None:
-        whitening = search_whitening(sightings, mask[None], SEARCH_ROBOT_STD_MM)
+    """Fit the targets of the observations' groups, weighted by the fit if there is one."""
+    if fit is None:
+        whitening = search_whitening(observations, mask[None], SEARCH_ROBOT_STD_MM)
     else:
-        whitening = mask[:, None, None] * robot_whitening(sightings, start, refined.robot_std_scale)
-    found = solve_least_squares(sightings, start, whitening)
-    targets = found.states.targets[0]
+        whitening = mask[:, None, None] * robot_whitening(
+            observations, initial_guess, fit.robot_std_scale
+        )
+    solution = solve_least_squares(observations, initial_guess, whitening)
+    targets = solution.states.targets[0]
     return _TargetHypothesis(
-        _rms_of(sightings, found.states, mask),
-        float(found.costs[0]),
-        degrees_of_freedom(sightings, found.states, mask),
-        sightings.target_distance(targets[0], targets[-1]),
+        _residual_rms(observations, solution.states, mask),
+        float(solution.costs[0]),
+        degrees_of_freedom(observations, solution.states, mask),
+        observations.target_distance(targets[0], targets[-1]),
     )
 
 
-def _f_test_p_value(one: _TargetHypothesis, two: _TargetHypothesis) -> float:
-    """Of so much a better fit by a second target that is none: the F test."""
+def _f_test_p_value(one_target: _TargetHypothesis, two_targets: _TargetHypothesis) -> float:
+    """Return the p-value of the improvement by a second target (F test)."""
     from scipy.special import fdtrc
 
-    more = one.dof - two.dof
-    ratio = (one.chi2 - two.chi2) / more / max(two.chi2 / max(two.dof, 1), 1e-12)
-    return float(fdtrc(more, max(two.dof, 1), max(ratio, 0.0)))
+    extra_dof = one_target.dof - two_targets.dof
+    ratio = (
+        (one_target.chi2 - two_targets.chi2)
+        / extra_dof
+        / max(two_targets.chi2 / max(two_targets.dof, 1), 1e-12)
+    )
+    return float(fdtrc(extra_dof, max(two_targets.dof, 1), max(ratio, 0.0)))
 
 
-def detect_mispaired_poses(sightings: Observations, rms: float) -> str | None:
-    """Whether the poses shifted by one, or in reverse, fit what was seen."""
-    everyone = np.ones(len(sightings.flanges))
-    order = np.arange(len(everyone))
-    for words, other in (
+def detect_mispaired_poses(observations: Observations, rms: float) -> str | None:
+    """Test whether the poses, shifted by one or reversed, fit the observations."""
+    all_poses = np.ones(len(observations.flanges))
+    order = np.arange(len(all_poses))
+    for explanation, permutation in (
         ("each profile belongs to the next pose", np.roll(order, -1)),
         ("each profile belongs to the pose before", np.roll(order, 1)),
         ("the poses are in reverse order", order[::-1]),
     ):
-        trial = sightings.with_flange_poses(sightings.flanges.select(other))
-        # The pair that a shift brings from the other end is no pair.
-        mask = np.where(np.abs(other - order) > 1, 0.0, 1.0) if "each" in words else everyone
+        trial = observations.with_flange_poses(observations.flanges.select(permutation))
+        # A shift by one pairs the first pose with the last: leave that pair out.
+        mask = (
+            np.where(np.abs(permutation - order) > 1, 0.0, 1.0)
+            if "each" in explanation
+            else all_poses
+        )
         states, _ = multi_start(trial, mask)
-        if _rms_of(trial, states, mask) < min(MAX_RMS_RATIO * rms, MAX_EXPLAINED_RMS_MM):
-            return f"{words}: pairs shifted against each other"
+        if _residual_rms(trial, states, mask) < min(MAX_RMS_RATIO * rms, MAX_EXPLAINED_RMS_MM):
+            return f"{explanation}: pairs shifted against each other"
     return None
 
 
-def _rms_of(sightings: Observations, states: States, mask: FloatArray) -> float:
-    lengths = residual_norms(sightings, sightings.linearise(states).residuals[0])
-    return float(np.sqrt((lengths**2 * mask).sum() / mask.sum()))
+def _residual_rms(observations: Observations, states: States, mask: FloatArray) -> float:
+    """Return the root mean square residual of the masked poses. Units: mm."""
+    norms = residual_norms(observations, observations.linearise(states).residuals[0])
+    return float(np.sqrt((norms**2 * mask).sum() / mask.sum()))
 
 
-def _with_second_target(states: States) -> States:
+def _duplicate_target(states: States) -> States:
+    """Duplicate the target."""
     targets = np.repeat(states.targets[:, :1], 2, axis=1)
     return States(states.rotations, states.translations, targets)

@@ -1,4 +1,4 @@
-"""Stacks of rotations: exponential, logarithm, nearest rotation; any leading shape."""
+"""Stacks of rotations with any leading shape; scipy's `Rotation` takes one leading axis."""
 
 import itertools
 
@@ -11,7 +11,7 @@ SMALL = 1e-8
 
 
 def cross_matrices(vectors: FloatArray) -> FloatArray:
-    """Matrices [v]x with ``[v]x w = v x w``; (..., 3) -> (..., 3, 3)."""
+    """Return matrices [v]x with ``[v]x w = v x w``; (..., 3) -> (..., 3, 3)."""
     x, y, z = np.moveaxis(vectors, -1, 0)
     zero = np.zeros_like(x)
     rows = [(zero, -z, y), (z, zero, -x), (-y, x, zero)]
@@ -19,7 +19,7 @@ def cross_matrices(vectors: FloatArray) -> FloatArray:
 
 
 def rotations_of(vectors: FloatArray) -> FloatArray:
-    """Rotations exp([v]x) of rotation vectors (Rodrigues); (..., 3) rad -> (..., 3, 3)."""
+    """Return rotation matrices of rotation vectors; (..., 3) rad -> (..., 3, 3)."""
     angle = np.linalg.norm(vectors, axis=-1)[..., None, None]
     safe = np.where(angle > SMALL, angle, 1.0)
     sine = np.where(angle > SMALL, np.sin(safe) / safe, 1.0)
@@ -30,11 +30,7 @@ def rotations_of(vectors: FloatArray) -> FloatArray:
 
 
 def rotation_vectors(rotations: FloatArray) -> FloatArray:
-    """Rotation vectors of rotations, the inverse of `rotations_of`; angles in [0, pi].
-
-    By way of the quaternion of largest component (Shepperd 1978), which stays exact near
-    0 and near pi; (..., 3, 3) -> (..., 3) rad.
-    """
+    """Return rotation vectors of rotation matrices, angles in [0, pi]; (..., 3, 3) -> (..., 3)."""
     m = rotations
     trace = np.trace(m, axis1=-2, axis2=-1)
     squares = np.stack([trace, m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]], axis=-1)
@@ -58,7 +54,7 @@ def rotation_vectors(rotations: FloatArray) -> FloatArray:
 
 
 def nearest_rotations(matrices: FloatArray) -> FloatArray:
-    """Proper rotations nearest to matrices in the Frobenius norm; (..., 3, 3)."""
+    """Return the proper rotations nearest to matrices in the Frobenius norm; (..., 3, 3)."""
     left, _, right = np.linalg.svd(matrices)
     sign = np.linalg.det(left @ right)
     left = left.copy()
@@ -68,7 +64,7 @@ def nearest_rotations(matrices: FloatArray) -> FloatArray:
 
 
 def cube_rotations() -> FloatArray:
-    """The 24 rotations of a cube: starts no further than 63 deg from any rotation; (24, 3, 3)."""
+    """Return the 24 rotations of a cube (24, 3, 3), at most 63 deg from any rotation."""
     rotations = []
     for order in itertools.permutations(range(3)):
         for signs in itertools.product((1.0, -1.0), repeat=3):

@@ -1,4 +1,4 @@
-"""A target to print at true scale: SVG or PDF, vectors only."""
+"""Printable files of a target at true scale: page layout in mm, drawn as SVG or PDF."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,23 +10,23 @@ from lsvision.calibration.target import ChArUco, Chessboard, CircleGrid, Target
 from lsvision.geometry.arrays import BoolArray
 
 MM_PER_PDF_POINT = 25.4 / 72
-"""mm; PDF's unit."""
+"""Unit of PDF. Units: mm."""
 
 BEZIER_CIRCLE_FACTOR = 0.5522847498
-"""Control length of the cubic that draws a quarter of a circle to 0.03 % of its radius."""
+"""Control length of the cubic that approximates a quarter circle to 0.03 % of its radius."""
 
 
 MARGIN = 10.0
-"""mm; white border, which the detectors need and the printer cannot print on anyway."""
+"""White border, which the detection needs and printers cannot print on. Units: mm."""
 
 RULER = 100.0
-"""mm; length of the bar by which a person checks the printer's scale."""
+"""Length of the bar for checking the printer's scale. Units: mm."""
 
 FOOT = 14.0
-"""mm; height of the strip below the pattern that holds bar and text."""
+"""Height of the strip below the pattern for bar and text. Units: mm."""
 
 PAPERS = ((210.0, 297.0), (297.0, 420.0), (420.0, 594.0), (594.0, 841.0), (841.0, 1189.0))
-"""mm; A4 to A0. A page of another size than the paper invites the printer to scale it."""
+"""A4 to A0; printers scale a page that is not of a paper size. Units: mm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,18 +50,18 @@ class Disc:
 
 @dataclass(frozen=True)
 class PageLayout:
-    """A page of black shapes on white; y grows downwards.
+    """Page of black shapes on white; y points down.
 
     Parameters
     ----------
     width, height : float
         Units: mm.
     shapes : tuple of Rectangle or Disc
-        What is black.
+        Black shapes.
     text : str
         One line below the pattern.
     text_at : tuple of float
-        Where its base line begins. Units: mm.
+        Start of its base line. Units: mm.
     """
 
     width: float
@@ -100,7 +100,7 @@ def target_svg(target: Target) -> str:
         f'<rect width="{page.width:g}" height="{page.height:g}" fill="white"/>',
         '<g fill="black">',
         *(_svg_disc(shape) for shape in page.shapes if isinstance(shape, Disc)),
-        # One path: touching squares drawn one by one would show grey seams.
+        # One path: touching squares drawn separately show grey seams.
         f'<path d="{_svg_squares(page)}"/>',
         "</g>",
         f'<text x="{page.text_at[0]:g}" y="{page.text_at[1]:g}" font-family="sans-serif" '
@@ -131,10 +131,10 @@ def target_pdf(target: Target) -> bytes:
     """
     page = layout_target(target)
     scale = 1 / MM_PER_PDF_POINT
-    # PDF counts from the bottom left: turn y over once for all shapes.
+    # The origin of PDF is at the bottom left: flip y once for all shapes.
     content = [f"q {scale:.6f} 0 0 {-scale:.6f} 0 {page.height * scale:.4f} cm 0 g"]
     content += [_pdf_disc(shape) for shape in page.shapes if isinstance(shape, Disc)]
-    # One path, one fill: squares filled one by one would show grey seams.
+    # One path, one fill: squares filled separately show grey seams.
     content += [_pdf_square(shape) for shape in page.shapes if isinstance(shape, Rectangle)]
     text = page.text.replace("\\", "\\\\").replace("(", "\\(").replace(")", "\\)")
     x, y = page.text_at[0] * scale, (page.height - page.text_at[1]) * scale
@@ -154,10 +154,12 @@ def target_pdf(target: Target) -> bytes:
 
 
 def _svg_disc(disc: Disc) -> str:
+    """Return the SVG element of a disc."""
     return f'<circle cx="{disc.x:.6g}" cy="{disc.y:.6g}" r="{disc.radius:.6g}"/>'
 
 
 def _svg_squares(page: PageLayout) -> str:
+    """Return the SVG path of all rectangles."""
     return " ".join(
         f"M{shape.x:.6g} {shape.y:.6g}h{shape.width:.6g}v{shape.height:.6g}h{-shape.width:.6g}z"
         for shape in page.shapes
@@ -166,10 +168,12 @@ def _svg_squares(page: PageLayout) -> str:
 
 
 def _pdf_square(shape: Rectangle) -> str:
+    """Return the PDF path of a rectangle."""
     return f"{shape.x:.5f} {shape.y:.5f} {shape.width:.5f} {shape.height:.5f} re"
 
 
 def _pdf_disc(disc: Disc) -> str:
+    """Return the PDF path of a disc: four cubics."""
     x, y, r = disc.x, disc.y, disc.radius
     k = r * BEZIER_CIRCLE_FACTOR
     quarters = [
@@ -183,7 +187,7 @@ def _pdf_disc(disc: Disc) -> str:
 
 
 def _pdf_file(objects: Sequence[str]) -> bytes:
-    """A PDF of numbered objects with its table of byte offsets (PDF 1.4, section 3.4)."""
+    """Return a PDF of numbered objects with its table of byte offsets (PDF 1.4, section 3.4)."""
     file, offsets = b"%PDF-1.4\n", []
     for number, text in enumerate(objects, start=1):
         offsets.append(len(file))
@@ -197,12 +201,12 @@ def _pdf_file(objects: Sequence[str]) -> bytes:
 
 
 def layout_target(target: Target) -> PageLayout:
-    """The page that shows a target, with a bar of 100 mm to check the print.
+    """Lay out the page of a target, with a bar of 100 mm to check the print.
 
     Raises
     ------
     TypeError
-        If it is a target that this module cannot draw.
+        If it is not a target of `lsvision.calibration.target`.
     """
     match target:
         case ChArUco():
@@ -213,7 +217,7 @@ def layout_target(target: Target) -> PageLayout:
                 f"marker {target.marker:g} mm, {target.dictionary}"
             )
         case Chessboard():
-            shapes = _squares(target.columns + 1, target.rows + 1, target.square, first=0)
+            shapes = _checker_squares(target.columns + 1, target.rows + 1, target.square, first=0)
             size = ((target.columns + 1) * target.square, (target.rows + 1) * target.square)
             text = (
                 f"chessboard {target.columns} x {target.rows} corners, square {target.square:g} mm"
@@ -228,11 +232,12 @@ def layout_target(target: Target) -> PageLayout:
                 f"{target.spacing:g} mm, diameter {target.diameter:g} mm"
             )
         case _:
-            raise TypeError(f"want a ChArUco, Chessboard or CircleGrid, got {target!r}")
+            raise TypeError(f"expected a ChArUco, Chessboard or CircleGrid, got {target!r}")
     return _page(shapes, size, text)
 
 
 def _page(shapes: Sequence[Rectangle | Disc], size: tuple[float, float], text: str) -> PageLayout:
+    """Centre the shapes on the smallest paper, with bar and text below."""
     width, height = _paper(max(size[0], RULER) + 2 * MARGIN, size[1] + 2 * MARGIN + FOOT)
     left, top = (width - size[0]) / 2, (height - size[1] - FOOT) / 2
     moved = [_moved(shape, left, top) for shape in shapes]
@@ -247,7 +252,7 @@ def _page(shapes: Sequence[Rectangle | Disc], size: tuple[float, float], text: s
 
 
 def _paper(width: float, height: float) -> tuple[float, float]:
-    """The smallest sheet that holds a page, either way up; the page itself beyond A0."""
+    """Return the smallest paper that fits, either way up; the size itself beyond A0. Units: mm."""
     for short, long in PAPERS:
         for sheet in ((short, long), (long, short)):
             if width <= sheet[0] and height <= sheet[1]:
@@ -256,13 +261,14 @@ def _paper(width: float, height: float) -> tuple[float, float]:
 
 
 def _moved(shape: Rectangle | Disc, x: float, y: float) -> Rectangle | Disc:
+    """Translate a shape."""
     if isinstance(shape, Disc):
         return Disc(shape.x + x, shape.y + y, shape.radius)
     return Rectangle(shape.x + x, shape.y + y, shape.width, shape.height)
 
 
-def _squares(columns: int, rows: int, edge: float, first: int) -> list[Rectangle | Disc]:
-    """Every second square; `first` is 0 if the top left one is black."""
+def _checker_squares(columns: int, rows: int, edge: float, first: int) -> list[Rectangle | Disc]:
+    """Return every second square; `first` is 0 if the top left one is black."""
     return [
         Rectangle(column * edge, row * edge, edge, edge)
         for row in range(rows)
@@ -272,14 +278,11 @@ def _squares(columns: int, rows: int, edge: float, first: int) -> list[Rectangle
 
 
 def _charuco(target: ChArUco) -> list[Rectangle | Disc]:
-    """Black squares, and the black cells of the markers in the white ones."""
+    """Return the black squares, and the black cells of the markers in the white ones."""
     board = target.board
-    # OpenCV's own picture, one pixel a cell, tells which squares are black and holds the bits:
-    # it differs between the legacy pattern and today's.
-    first = 0
-    if target.legacy and target.squares_y % 2 == 0:
-        first = 1
-    shapes = _squares(target.squares_x, target.squares_y, target.square, first)
+    # In the legacy pattern with an even number of rows the top left square is white.
+    first = 1 if target.legacy and target.squares_y % 2 == 0 else 0
+    shapes = _checker_squares(target.squares_x, target.squares_y, target.square, first)
     dictionary = board.getDictionary()
     cells = dictionary.markerSize + 2
     edge = target.marker / cells
@@ -294,7 +297,7 @@ def _charuco(target: ChArUco) -> list[Rectangle | Disc]:
 
 
 def _runs(black: BoolArray) -> list[tuple[int, int, int]]:
-    """Row, column and length of each horizontal run of black cells."""
+    """Return row, column and length of each horizontal run of black cells."""
     runs = []
     for row, line in enumerate(black):
         edges = np.flatnonzero(np.diff(np.concatenate([[0], line.astype(int), [0]])))

@@ -150,7 +150,7 @@ def test_a_wrong_pose_is_named_and_left_out(shift, turned):
     flanges[7] = wrong_pose(flanges[7], shift, turned, np.random.default_rng(1))
     found = calibrate_hand_eye_sphere(profiles, flanges)
     assert [pose.index for pose in found.rejected] == [7]
-    assert "mm off what the other poses expect" in found.rejected[0].reason
+    assert "mm off the prediction of the other poses" in found.rejected[0].reason
     assert normalised_error(found) < FAR_OUT
 
 
@@ -193,7 +193,7 @@ def test_heights_that_are_too_long_are_told_and_leave_the_radius_right():
     factor, std = found.height_scale
     assert abs(factor - 1 / LONG) < SIGMAS * std
     assert abs(found.sphere.radius - RADIUS) < SIGMAS * found.sphere.radius_std
-    assert "heights want to be multiplied by 0.93" in found.warnings[0]
+    assert "heights must be multiplied by 0.93" in found.warnings[0]
 
 
 def test_heights_that_are_right_raise_no_doubt():
@@ -218,12 +218,12 @@ def test_neighbours_that_err_alike_widen_the_covariance(scene):
 
 def test_only_the_name_that_fits_gives_the_pose():
     found = calibrate_hand_eye_sphere(*sphere_scene(15, 8))
-    with pytest.raises(ValueError, match="want a calibration of a camera eye_to_hand"):
+    with pytest.raises(ValueError, match="expected a calibration of a camera eye_to_hand"):
         _ = found.base_from_camera
-    with pytest.raises(ValueError, match="want a point"):
+    with pytest.raises(ValueError, match="expected a point"):
         found.std_at((1, 2, 3, 4))
     boards, flanges = board_scene(15, 6)
-    with pytest.raises(ValueError, match="want a calibration on a sphere, got Pose"):
+    with pytest.raises(ValueError, match="expected a calibration on a sphere, got Pose"):
         _ = calibrate_hand_eye_board(boards, flanges).sphere
 
 

@@ -82,7 +82,7 @@ def test_a_ball_measured_by_a_sensor_whose_heights_are_too_long_tells_so():
     factor, std = found.height_scale
     assert abs(found.sphere.radius - 12.7) < SIGMAS * found.sphere.radius_std
     assert factor < 1 - 5 * std
-    assert "heights want to be multiplied by 0.93" in found.warnings[0]
+    assert "heights must be multiplied by 0.93" in found.warnings[0]
 
 
 RECOMPUTED_ARCS = {7: 10.72, 9: 9.69, 10: 9.04}

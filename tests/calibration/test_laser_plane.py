@@ -118,7 +118,7 @@ def test_spoilt_line_is_named_and_does_not_bend_the_rest():
 def test_boards_hardly_tilted_are_warned_of():
     scene = BoardScene(tilt=np.radians(10))
     found = fit_laser_plane(camera_of(scene), views_of(scene, 10))
-    assert any("deg at most; want 25 deg" in warning for warning in found.warnings)
+    assert any("deg at most, expected 25 deg" in warning for warning in found.warnings)
 
 
 def test_one_view_is_refused():

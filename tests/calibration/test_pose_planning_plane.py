@@ -90,11 +90,14 @@ def test_six_planned_poses_beat_six_random_ones_in_real_calibrations():
 
 
 UNFIT = {
-    "never turned": (replace(MOTION, tilt=0.0, spin=0.0), r"never turned.*tilted .* two axes"),
-    "one axis": (replace(MOTION, tilt=0.0), r"about one axis only.*tilted .* across it"),
+    "never rotated": (replace(MOTION, tilt=0.0, spin=0.0), r"never rotated.*tilted .* two axes"),
+    "one axis": (
+        replace(MOTION, tilt=0.0),
+        r"about one axis, .* only.*tilted .* perpendicular to it",
+    ),
     "hardly tilted": (
         replace(MOTION, tilt=np.radians(6), spin=0.1, depth=0.0, sideways=0.0),
-        r"leave the sensor free by .* tilted",
+        r"sensor is determined to .* mm only in .* tilted",
     ),
 }
 

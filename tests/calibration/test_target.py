@@ -104,9 +104,9 @@ def test_deep_and_coloured_images_are_read_like_grey_ones(scale):
 @pytest.mark.parametrize(
     ("image", "error", "match"),
     [
-        (np.zeros((5, 5, 4), np.uint8), ValueError, "want an image .* shape"),
-        (np.zeros(5, np.uint8), ValueError, "want an image .* shape"),
-        (np.zeros((0, 5), np.uint8), ValueError, "want an image .* shape"),
+        (np.zeros((5, 5, 4), np.uint8), ValueError, "expected an image .* shape"),
+        (np.zeros(5, np.uint8), ValueError, "expected an image .* shape"),
+        (np.zeros((0, 5), np.uint8), ValueError, "expected an image .* shape"),
         (np.zeros((5, 5)), TypeError, "uint8 or uint16, got float64"),
     ],
 )
@@ -118,13 +118,16 @@ def test_what_is_no_image_is_refused(image, error, match):
 @pytest.mark.parametrize(
     ("make", "match"),
     [
-        (lambda: Chessboard(2, 6), "3 columns and rows at least, got 2 x 6"),
+        (lambda: Chessboard(2, 6), "at least 3 columns and rows, got 2 x 6"),
         (lambda: Chessboard(9, 6, -1.0), "positive square in mm, got -1"),
         (lambda: Chessboard(corner_window=0), "positive corner_window"),
         (lambda: ChArUco(marker=20.0), "0 < marker < square 15 mm, got 20"),
         (lambda: ChArUco(dictionary="DICT_NONE"), "dictionary of cv2.aruco, got 'DICT_NONE'"),
         (lambda: CircleGrid(diameter=50.0), "0 < diameter < 21.2132 mm, got 50"),
-        (lambda: TargetView(np.zeros((2, 3)), np.zeros((3, 2)), (1, 1)), "want 2 pixels, got 3"),
+        (
+            lambda: TargetView(np.zeros((2, 3)), np.zeros((3, 2)), (1, 1)),
+            "expected 2 pixels, got 3",
+        ),
         (lambda: TargetView(np.zeros((2, 2)), np.zeros((2, 2)), (1, 1)), "board points of shape"),
     ],
 )
@@ -181,7 +184,7 @@ def test_pdf_is_sized_in_points_and_its_table_points_at_its_objects():
 
 
 def test_unknown_targets_cannot_be_drawn():
-    with pytest.raises(TypeError, match="want a ChArUco, Chessboard or CircleGrid, got 5"):
+    with pytest.raises(TypeError, match="expected a ChArUco, Chessboard or CircleGrid, got 5"):
         layout_target(5)
 
 
