@@ -13,6 +13,9 @@ MAX_STEPS = 40
 RELATIVE_COST_TOLERANCE = 1e-10
 """Relative decrease of the cost below which a solution has converged."""
 
+SEARCH_ROBOT_STD_MM = 0.2
+"""Standard deviation of the robot that is assumed in the search. Units: mm."""
+
 
 @dataclass(frozen=True, eq=False)
 class LeastSquaresSolutions:
@@ -87,13 +90,14 @@ def whitened_jacobian_and_residuals(
     return jacobian, residual
 
 
-def search_whitening(observations: Observations, masks: FloatArray, std_mm: float) -> FloatArray:
+def search_whitening(observations: Observations, masks: FloatArray) -> FloatArray:
     """Return whitening matrices for the search for initial guesses.
 
-    Covariance of the observation plus a robot error of `std_mm` in each residual: no state needed.
+    The covariance is that of the observation plus a robot error of `SEARCH_ROBOT_STD_MM` in each
+    residual, which needs no state.
     """
     factors = observations.mm_per_residual
-    robot = np.diag((std_mm / factors) ** 2)
+    robot = np.diag((SEARCH_ROBOT_STD_MM / factors) ** 2)
     return masks[..., None, None] * whitening_matrices(observations.covariances + robot)
 
 

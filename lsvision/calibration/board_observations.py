@@ -4,7 +4,7 @@
 board. Initial guess: Park and Martin (IEEE Trans. Robotics and Automation 10, 1994).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -97,14 +97,6 @@ class BoardObservations:
     def prior_residuals(self, targets: FloatArray) -> FloatArray:
         """Return zeros: there is no prior."""
         return np.zeros((*targets.shape[:2], 6))
-
-    def with_groups(self, groups: IntArray) -> "BoardObservations":
-        """Return the same observations, assigned to several boards."""
-        return replace(self, groups=groups)
-
-    def with_flange_poses(self, flanges: FlangePoses) -> "BoardObservations":
-        """Return the same observations with other flange poses."""
-        return replace(self, flanges=flanges)
 
     def target_distance(self, first: FloatArray, second: FloatArray) -> float:
         """Return the distance of the origins. Units: mm."""

@@ -274,27 +274,15 @@ class LeastDeterminedDirection:
 def least_determined_direction(
     observations: Observations, fit: ErrorsInVariablesFit
 ) -> LeastDeterminedDirection:
-    """Predict the standard deviation of the least determined motion of the sensor.
+    """Return the motion of the sensor that the inlier poses determine least.
 
-    Parameters
-    ----------
-    observations : Observations
-        Of all poses.
-    fit : ErrorsInVariablesFit
-        The solution; its inlier poses count.
-
-    Returns
-    -------
-    LeastDeterminedDirection
-        With infinite std where the normal matrix is singular.
+    Its standard deviation is predicted for the nominal or stated robot; infinite where the normal
+    matrix is singular.
     """
     whitening = fit.mask[:, None, None] * robot_whitening(observations, fit.states, 1.0)
     jacobian, _ = whitened_jacobian_and_residuals(observations, fit.states, whitening)
     rows = jacobian.reshape(-1, jacobian.shape[-1])
-    mount, target = (
-        rows[:, :6] / np.array([1, 1, 1, MM_PER_RADIAN, MM_PER_RADIAN, MM_PER_RADIAN]),
-        rows[:, 6:],
-    )
+    mount, target = rows[:, :6] / ([1.0] * 3 + [MM_PER_RADIAN] * 3), rows[:, 6:]
     prior = np.diag(1 / np.tile(observations.target_prior[1], fit.states.targets.shape[1]))
     target = np.concatenate([target, prior])
     mount = np.concatenate([mount, np.zeros((len(prior), 6))])
@@ -312,10 +300,6 @@ def least_determined_direction(
 def _direction_description(direction: FloatArray, rotation: FloatArray) -> str:
     """Return the dominant axis of a motion (6,) of the sensor, in its own frame."""
     translation, rotation_vector = rotation.T @ direction[:3], rotation.T @ direction[3:]
-    axis = (
-        rotation_vector
-        if np.linalg.norm(rotation_vector) > np.linalg.norm(translation)
-        else translation
-    )
-    verb = "turning about" if axis is rotation_vector else "moving along"
+    rotates = np.linalg.norm(rotation_vector) > np.linalg.norm(translation)
+    axis, verb = (rotation_vector, "turning about") if rotates else (translation, "moving along")
     return f"{verb} the sensor's own {'XYZ'[int(np.abs(axis).argmax())]}"

@@ -6,8 +6,9 @@ selections of poses give the solution and the outlying poses; robot poses are tr
 Data that do not determine the solution raise an error with the missing motion.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +29,8 @@ from lsvision.calibration.sphere_observations import SphereObservations
 from lsvision.errors import CalibrationFailed, DegenerateGeometry, TooFewPoints
 from lsvision.geometry import FloatArray, Plane, Pose, as_readonly_array
 from lsvision.profile import Profile
+
+Shape = TypeVar("Shape", SphereArc, PlaneLine)
 
 EXACT_RADIUS_STD = 1e-4
 """Standard deviation of a given radius. Units: mm."""
@@ -102,21 +105,17 @@ def calibrate_hand_eye_sphere(
     _require_pairs(len(profiles), len(base_from_flanges), "profiles")
     if radius is not None and not radius > 0:
         raise ValueError(f"expected a positive radius in mm, got {radius}")
-    arcs, unobserved = {}, []
-    for index, profile in enumerate(profiles):
-        try:
-            arcs[index] = find_sphere_arc(profile, radius, settings.arc)
-        except TooFewPoints as error:
-            unobserved.append(RejectedPose(index, f"no sphere found: {error}"))
-    observed = sorted(arcs)
+    arcs, observed, unobserved = _observe(
+        profiles, lambda profile: find_sphere_arc(profile, radius, settings.arc), "sphere"
+    )
     min_poses = 5 if radius is not None else 6
     _require_count(len(observed), min_poses, "a sphere in its profile", unobserved)
     poses = [base_from_flanges[index] for index in observed]
-    largest = max(float(arcs[index].circle[2]) for index in observed)
+    largest = max(float(arc.circle[2]) for arc in arcs)
     observations = SphereObservations(
-        np.array([arcs[index].circle for index in observed]),
-        _covariances([arcs[index] for index in observed]),
-        _common_height_scale_gradients([arcs[index] for index in observed]),
+        np.array([arc.circle for arc in arcs]),
+        _covariances(arcs),
+        _common_height_scale_gradients(arcs),
         stack_flange_poses(poses, mounting, settings.robot_std or NOMINAL_ROBOT_STD),
         (largest, np.inf) if radius is None else (radius, EXACT_RADIUS_STD),
         np.zeros(len(observed), dtype=np.int64),
@@ -165,20 +164,14 @@ def calibrate_hand_eye_plane(
         As in `calibrate_hand_eye_sphere`.
     """
     _require_pairs(len(profiles), len(base_from_flanges), "profiles")
-    lines, unobserved = {}, []
-    for index, profile in enumerate(profiles):
-        try:
-            lines[index] = find_plane_line(profile)
-        except TooFewPoints as error:
-            unobserved.append(RejectedPose(index, f"no line found: {error}"))
-    observed = sorted(lines)
+    lines, observed, unobserved = _observe(profiles, find_plane_line, "line")
     _require_count(len(observed), 8, "a straight line in its profile", unobserved)
     poses = [base_from_flanges[index] for index in observed]
     observations = PlaneObservations(
-        np.array([lines[index].midpoint for index in observed]),
-        np.array([lines[index].direction for index in observed]),
-        np.array([lines[index].half_length for index in observed]),
-        _covariances([lines[index] for index in observed]),
+        np.array([line.midpoint for line in lines]),
+        np.array([line.direction for line in lines]),
+        np.array([line.half_length for line in lines]),
+        _covariances(lines),
         stack_flange_poses(poses, mounting, settings.robot_std or NOMINAL_ROBOT_STD),
         np.zeros(len(observed), dtype=np.int64),
     )
@@ -186,12 +179,8 @@ def calibrate_hand_eye_plane(
     normal_distance = solution.fit.states.targets[0, 0]
     target = Plane(normal_distance[:3], float(normal_distance[3]))
     working_point = observations.midpoints.mean(axis=0)
-    return build_hand_eye(
-        observations,
-        solution,
-        target,
-        ResultContext(observed, unobserved, working_point, mounting, "section", settings),
-    )
+    context = ResultContext(observed, unobserved, working_point, mounting, "section", settings)
+    return build_hand_eye(observations, solution, target, context)
 
 
 def calibrate_hand_eye_board(
@@ -245,10 +234,24 @@ def calibrate_hand_eye_board(
     return build_hand_eye(observations, solution, target, context)
 
 
-def _covariances(found: Sequence[SphereArc] | Sequence[PlaneLine]) -> FloatArray:
-    """Of circles or lines, neighbours erring as much alike as they do over all profiles."""
-    likeness = float(np.mean([each.autocorrelation_time for each in found]))
-    return likeness * np.array([each.covariance for each in found])
+def _observe(
+    profiles: Sequence[Profile], find: Callable[[Profile], Shape], name: str
+) -> tuple[list[Shape], list[int], list[RejectedPose]]:
+    """Return the shapes found in the profiles, the indices of these, and the other profiles."""
+    shapes, observed, unobserved = [], [], []
+    for index, profile in enumerate(profiles):
+        try:
+            shapes.append(find(profile))
+            observed.append(index)
+        except TooFewPoints as error:
+            unobserved.append(RejectedPose(index, f"no {name} found: {error}"))
+    return shapes, observed, unobserved
+
+
+def _covariances(shapes: Sequence[SphereArc] | Sequence[PlaneLine]) -> FloatArray:
+    """Return the covariances of arcs or lines, scaled by the mean autocorrelation time."""
+    time = float(np.mean([shape.autocorrelation_time for shape in shapes]))
+    return time * np.array([shape.covariance for shape in shapes])
 
 
 def _common_height_scale_gradients(arcs: Sequence[SphereArc]) -> FloatArray:

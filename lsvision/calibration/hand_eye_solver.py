@@ -1,7 +1,7 @@
 """Hand-eye solver for observations of any target: fit, outlier rejection, diagnostics, result."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,7 +30,6 @@ from lsvision.calibration.observations import (
     require_rotation,
 )
 from lsvision.calibration.pose_outliers import (
-    SEARCH_ROBOT_STD_MM,
     RobustHandEyeFit,
     ambiguity_ratio,
     fit_with_outlier_rejection,
@@ -69,16 +68,8 @@ def solve_hand_eye(
 ) -> RobustHandEyeFit:
     """Solve for the sensor pose on the inlier poses, or raise an error with the diagnosis.
 
-    Parameters
-    ----------
-    observations : Observations
-        Of all poses.
-    poses : sequence of Pose
-        ``base_from_flange`` of each observation.
-    min_poses : int
-        Smallest number of poses that determine the problem.
-    settings : HandEyeSettings
-        Robot and limits for acceptance.
+    `poses` are ``base_from_flange`` of each observation, `min_poses` the smallest number of them
+    that determines the problem.
 
     Raises
     ------
@@ -220,23 +211,11 @@ def residual_norms(observations: Observations, residuals: FloatArray) -> FloatAr
 def detect_moved_target(
     observations: Observations, mask: FloatArray, fit: ErrorsInVariablesFit | None = None
 ) -> str | None:
-    """Test whether the target moved between two poses.
+    """Return a description of the target's motion between two poses; None if it did not move.
 
-    It did if two targets, one before and one after some pose, fit far better than one.
-
-    Parameters
-    ----------
-    observations : Observations
-        Of all poses, assigned to one target.
-    mask : (n,) ndarray
-        1 for the inlier poses: a wrong pose must not be taken for a moved target.
-    fit : ErrorsInVariablesFit, optional
-        Initial guess and weights; without it all initial guesses are tried.
-
-    Returns
-    -------
-    str or None
-        Description of the motion.
+    It moved if two targets, one before and one after some pose, fit far better than one. `mask`
+    (n,) excludes outlying poses, which must not be taken for a moved target. Without `fit` all
+    initial guesses are tried, with the weights of the search.
     """
     initial_guess = fit.states if fit else multi_start(observations, mask)[0].select(np.array([0]))
     one_target = _fit_hypothesis(observations, initial_guess, mask, fit)
@@ -244,8 +223,8 @@ def detect_moved_target(
     for split in range(1, len(mask)):
         if min(mask[:split].sum(), mask[split:].sum()) < 3:
             continue
-        split_observations = observations.with_groups(
-            (np.arange(len(mask)) >= split).astype(np.int64)
+        split_observations = replace(
+            observations, groups=(np.arange(len(mask)) >= split).astype(np.int64)
         )
         split_guess = (
             _duplicate_target(initial_guess)
@@ -285,7 +264,7 @@ def _fit_hypothesis(
 ) -> _TargetHypothesis:
     """Fit the targets of the observations' groups, weighted by the fit if there is one."""
     if fit is None:
-        whitening = search_whitening(observations, mask[None], SEARCH_ROBOT_STD_MM)
+        whitening = search_whitening(observations, mask[None])
     else:
         whitening = mask[:, None, None] * robot_whitening(
             observations, initial_guess, fit.robot_std_scale
@@ -314,7 +293,7 @@ def _f_test_p_value(one_target: _TargetHypothesis, two_targets: _TargetHypothesi
 
 
 def detect_mispaired_poses(observations: Observations, rms: float) -> str | None:
-    """Test whether the poses, shifted by one or reversed, fit the observations."""
+    """Return how poses and profiles are shifted or reversed; None if they are not."""
     all_poses = np.ones(len(observations.flanges))
     order = np.arange(len(all_poses))
     for explanation, permutation in (
@@ -322,7 +301,7 @@ def detect_mispaired_poses(observations: Observations, rms: float) -> str | None
         ("each profile belongs to the pose before", np.roll(order, 1)),
         ("the poses are in reverse order", order[::-1]),
     ):
-        trial = observations.with_flange_poses(observations.flanges.select(permutation))
+        trial = replace(observations, flanges=observations.flanges.select(permutation))
         # A shift by one pairs the first pose with the last: leave that pair out.
         mask = (
             np.where(np.abs(permutation - order) > 1, 0.0, 1.0)

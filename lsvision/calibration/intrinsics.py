@@ -290,23 +290,9 @@ def _require_equal_sizes(images: Sequence[npt.ArrayLike]) -> None:
 def check_camera(
     camera: Camera, std: FloatArray, seen: Sequence[TargetView], poses: Sequence[Pose]
 ) -> tuple[str, ...]:
-    """Return warnings about a calibrated camera, with numbers and remedy.
+    """Return warnings about a calibrated camera, with numbers and remedy; empty for a good set.
 
-    Parameters
-    ----------
-    camera : Camera
-        The result.
-    std : (k,) ndarray
-        Standard deviation of fx, fy, ... Units: px.
-    seen : sequence of TargetView
-        The views used.
-    poses : sequence of Pose
-        ``camera_from_board`` of each view.
-
-    Returns
-    -------
-    tuple of str
-        Empty for a good set.
+    `std` are the standard deviations of fx, fy, ... in px, `poses` are ``camera_from_board``.
     """
     warnings = [
         *_view_warnings(len(seen), max_tilt(poses)),

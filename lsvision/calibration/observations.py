@@ -8,7 +8,7 @@ pose, the target and the flange pose. `batched_least_squares`, `errors_in_variab
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, Protocol, Self
+from typing import Any, ClassVar, Literal, Protocol
 
 import numpy as np
 
@@ -104,7 +104,9 @@ class Linearisation:
 
 
 class Observations(Protocol):
-    """Observations of one kind of target in n poses, m numbers each."""
+    """Observations of one kind of target in n poses, m numbers each; a dataclass."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
 
     @property
     def flanges(self) -> FlangePoses:
@@ -155,14 +157,6 @@ class Observations(Protocol):
 
     def initial_guesses(self, masks: FloatArray) -> States:
         """Return initial guesses, a fixed number for each selection of poses (q, n)."""
-        ...
-
-    def with_groups(self, groups: IntArray) -> Self:
-        """Return the same observations, assigned to several targets."""
-        ...
-
-    def with_flange_poses(self, flanges: FlangePoses) -> Self:
-        """Return the same observations with other flange poses."""
         ...
 
 

@@ -4,7 +4,7 @@ A line gives two numbers: the distance of its midpoint from the plane, and its s
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -116,14 +116,6 @@ class PlaneObservations:
     def prior_residuals(self, targets: FloatArray) -> FloatArray:
         """Return zeros: there is no prior."""
         return np.zeros((*targets.shape[:2], 3))
-
-    def with_groups(self, groups: IntArray) -> "PlaneObservations":
-        """Return the same observations, assigned to several planes."""
-        return replace(self, groups=groups)
-
-    def with_flange_poses(self, flanges: FlangePoses) -> "PlaneObservations":
-        """Return the same observations with other flange poses."""
-        return replace(self, flanges=flanges)
 
     def target_distance(self, first: FloatArray, second: FloatArray) -> float:
         """Return the mean distance of two planes at the flange origins. Units: mm."""

@@ -16,8 +16,6 @@ from lsvision.calibration.observations import Observations, States
 from lsvision.calibration.rotations import rotation_vectors
 from lsvision.geometry import FloatArray
 
-SEARCH_ROBOT_STD_MM = 0.2
-"""Standard deviation of the robot that is assumed in the search. Units: mm."""
 GROSS_OUTLIER_FACTOR = 5.0
 """Multiple of the median pose residual beyond which a pose is a gross outlier."""
 
@@ -76,23 +74,8 @@ def fit_with_outlier_rejection(
 ) -> RobustHandEyeFit:
     """Estimate the sensor pose without initial guess, and reject outlying robot poses.
 
-    Least trimmed squares, then leave-one-out F tests.
-
-    Parameters
-    ----------
-    observations : Observations
-        Of all poses.
-    settings : OutlierSettings
-        Thresholds and random selections.
-    min_poses : int
-        Smallest number of poses that determine the problem.
-    estimate_robot_std : bool
-        See `fit_errors_in_variables`.
-
-    Returns
-    -------
-    RobustHandEyeFit
-        With the inlier poses in `fit.mask`.
+    Least trimmed squares, then leave-one-out F tests. `min_poses` is the smallest number of poses
+    that determine the problem; for `estimate_robot_std` see `fit_errors_in_variables`.
     """
     state = _least_trimmed_squares_guess(observations, settings, min_poses)
     mask = _reject_gross_outliers(observations, state)
@@ -105,12 +88,10 @@ def fit_with_outlier_rejection(
 
 
 def multi_start(observations: Observations, mask: FloatArray) -> tuple[States, FloatArray]:
-    """Return the minima from all initial guesses over the masked poses, lowest first, and costs."""
+    """Return the minima from all initial guesses and their costs, lowest first."""
     masks = mask[None]
     states = observations.initial_guesses(masks)
-    solutions = solve_least_squares(
-        observations, states, search_whitening(observations, masks, SEARCH_ROBOT_STD_MM)
-    )
+    solutions = solve_least_squares(observations, states, search_whitening(observations, masks))
     order = np.argsort(solutions.costs)
     return solutions.states.select(order), solutions.costs[order]
 
@@ -125,14 +106,14 @@ def _least_trimmed_squares_guess(
     states = observations.initial_guesses(masks)
     repeated = np.repeat(masks, len(states) // len(masks), axis=0)
     states = solve_least_squares(
-        observations, states, search_whitening(observations, repeated, SEARCH_ROBOT_STD_MM), 12
+        observations, states, search_whitening(observations, repeated), 12
     ).states
     states = states.select(np.argsort(_trimmed_costs(observations, states, trimmed_count))[:8])
     for _ in range(4):
         order = np.argsort(_pose_residuals(observations, states), axis=1)
         masks = np.zeros((len(states), count))
         np.put_along_axis(masks, order[:, :trimmed_count], 1.0, axis=1)
-        whitening = search_whitening(observations, masks, SEARCH_ROBOT_STD_MM)
+        whitening = search_whitening(observations, masks)
         states = solve_least_squares(observations, states, whitening).states
     return states.select(np.argsort(_trimmed_costs(observations, states, trimmed_count))[:1])
 
@@ -151,9 +132,7 @@ def _selections(count: int, settings: OutlierSettings, min_poses: int) -> FloatA
 
 def _pose_residuals(observations: Observations, states: States) -> FloatArray:
     """Return the norm (s, n) of each pose's residual, whitened as in the search."""
-    whitening = search_whitening(
-        observations, np.ones((1, len(observations.flanges))), SEARCH_ROBOT_STD_MM
-    )
+    whitening = search_whitening(observations, np.ones((1, len(observations.flanges))))
     whitened = (whitening @ observations.linearise(states).residuals[..., None])[..., 0]
     norms: FloatArray = np.linalg.norm(whitened, axis=-1)
     return norms
@@ -190,9 +169,7 @@ def _reject_outliers(
         worst = int(p_values.argmin())
         if p_values[worst] * fit.mask.sum() > settings.significance:
             break
-        mask = fit.mask.copy()
-        mask[worst] = 0.0
-        fit = fit_errors_in_variables(observations, fit.states, mask, estimate_robot_std=estimate)
+        fit = _refit(observations, fit, worst, 0.0, estimate)
     return fit
 
 
@@ -209,14 +186,21 @@ def _restore_inliers(
         best = int(p_values.argmax())
         if p_values[best] * len(fit.mask) <= settings.significance:
             break
-        mask = fit.mask.copy()
-        mask[best] = 1.0
-        fit = fit_errors_in_variables(observations, fit.states, mask, estimate_robot_std=estimate)
+        fit = _refit(observations, fit, best, 1.0, estimate)
     return fit
 
 
+def _refit(
+    observations: Observations, fit: ErrorsInVariablesFit, pose: int, used: float, estimate: bool
+) -> ErrorsInVariablesFit:
+    """Return the fit with one element of its mask changed."""
+    mask = fit.mask.copy()
+    mask[pose] = used
+    return fit_errors_in_variables(observations, fit.states, mask, estimate_robot_std=estimate)
+
+
 def _outlier_p_values(fit: ErrorsInVariablesFit) -> FloatArray:
-    """Return each pose's p-value by the F test of leaving it out, or of adding it."""
+    """Return each pose's p-value (n,) by the F test of its leave-one-out residual."""
     from scipy.special import fdtrc
 
     size = fit.residuals.shape[1]
@@ -245,6 +229,6 @@ def ambiguity_ratio(observations: Observations, fit: ErrorsInVariablesFit) -> fl
     if not other.any():
         return float("inf")
     cost = solve_least_squares(
-        observations, solution, search_whitening(observations, fit.mask[None], SEARCH_ROBOT_STD_MM)
+        observations, solution, search_whitening(observations, fit.mask[None])
     ).costs[0]
     return float(costs[other].min() / max(cost, 1e-9))

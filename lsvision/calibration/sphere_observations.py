@@ -11,7 +11,7 @@ of the sensor and because standard deviations that take it as exact would be too
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -117,14 +117,6 @@ class SphereObservations:
     def prior_residuals(self, targets: FloatArray) -> FloatArray:
         """Return target minus prior; numbers without prior have weight zero."""
         return targets - self.target_prior[0]
-
-    def with_groups(self, groups: IntArray) -> "SphereObservations":
-        """Return the same observations, assigned to several spheres."""
-        return replace(self, groups=groups)
-
-    def with_flange_poses(self, flanges: FlangePoses) -> "SphereObservations":
-        """Return the same observations with other flange poses."""
-        return replace(self, flanges=flanges)
 
     def target_distance(self, first: FloatArray, second: FloatArray) -> float:
         """Return the distance of the centres. Units: mm."""
