@@ -77,21 +77,21 @@ def test_charuco_of_opencv_is_found_in_part():
 
 
 @each_target
-def test_no_target_in_an_empty_image_is_said_by_name(target):
+def test_error_for_an_empty_image_contains_the_target(target):
     empty = np.full((480, 640), 200, np.uint8)
     with pytest.raises(TargetNotFound, match=rf"no {type(target).__name__}.* 640 x 480 px: show"):
         find_target(empty, target)
 
 
 @each_target
-def test_targets_keep_the_protocol(target):
+def test_targets_implement_the_protocol(target):
     assert isinstance(target, Target)
     assert target.points.shape[1] == 3
     assert hash(target) == hash(target)
 
 
 @pytest.mark.parametrize("scale", [1, 16, 257], ids=["8 bit in 16", "12 bit", "16 bit"])
-def test_deep_and_coloured_images_are_read_like_grey_ones(scale):
+def test_16_bit_and_colour_images_give_the_same_points(scale):
     target = TARGETS["chessboard"]
     grey = rasterised(layout_target(target))
     want = find_target(grey, target).pixels
@@ -110,7 +110,7 @@ def test_deep_and_coloured_images_are_read_like_grey_ones(scale):
         (np.zeros((5, 5)), TypeError, "uint8 or uint16, got float64"),
     ],
 )
-def test_what_is_no_image_is_refused(image, error, match):
+def test_invalid_images_are_rejected(image, error, match):
     with pytest.raises(error, match=match):
         grey_image(image)
 
@@ -131,7 +131,7 @@ def test_what_is_no_image_is_refused(image, error, match):
         (lambda: TargetView(np.zeros((2, 2)), np.zeros((2, 2)), (1, 1)), "board points of shape"),
     ],
 )
-def test_no_target_is_made_of_nonsense(make, match):
+def test_invalid_targets_are_rejected(make, match):
     with pytest.raises(ValueError, match=match):
         make()
 
@@ -183,7 +183,7 @@ def test_pdf_is_sized_in_points_and_its_table_points_at_its_objects():
     assert pdf[int(re.search(r"startxref\n(\d+)", pdf)[1]) :].startswith("xref")
 
 
-def test_unknown_targets_cannot_be_drawn():
+def test_unknown_targets_are_rejected_by_the_layout():
     with pytest.raises(TypeError, match="expected a ChArUco, Chessboard or CircleGrid, got 5"):
         layout_target(5)
 
