@@ -20,6 +20,12 @@ from lsvision.geometry import FloatArray, Points
 from lsvision.statistics.correlation import debiased_autocorrelation_time
 from lsvision.statistics.robust import MAD_TO_STD
 
+HUBER_THRESHOLD = 3.0
+"""Normalised residual above which the loss is linear, which limits the influence of a bad view."""
+
+GROUPS, MIN_GROUP_SIZE = 4, 40
+"""Number of groups of line points by predicted std, and smallest size of one."""
+
 LINE_DOWNWEIGHTING = 1e4
 """Factor on the line's std with which the corners alone determine camera and boards."""
 
@@ -103,7 +109,7 @@ def adjust_bundle(
     initial_guess = corner_problem.state(vector)
     corner, line = corner_problem.residuals_in_pixels(vector)
     corner_std, line_residuals = _mad_std(corner), corner_problem.split(line, line=True)
-    corner_stds = [_huber_std(each) for each in corner_problem.split(corner, line=False)]
+    corner_stds = [_huber_std(values) for values in corner_problem.split(corner, line=False)]
     line_noise = estimate_line_noise(views, line_residuals)
     problem = BundleAdjustmentProblem(
         [
@@ -116,9 +122,8 @@ def adjust_bundle(
     )
     vector, information = _minimise(problem, 1e-9)
     corner, line = problem.residuals_in_pixels(vector)
-    corners_worse = _mad_std(corner) > corner_std * (
-        MAX_CORNER_STD_RATIO + 2 / np.sqrt(corner.size)
-    )
+    max_std_ratio = MAX_CORNER_STD_RATIO + 2 / np.sqrt(corner.size)
+    corners_worse = _mad_std(corner) > corner_std * max_std_ratio
     if corners_worse or _mad_std(line / np.concatenate(line_noise.point_stds)) > MAX_LINE_STD_RATIO:
         if refine[1]:
             # Where the line does not lie on the boards, it does not determine their bow.
@@ -226,13 +231,6 @@ def _huber(residuals: FloatArray) -> float:
     )
 
 
-HUBER_THRESHOLD = 3.0
-"""Normalised residual above which the loss is linear, which limits the influence of a bad view."""
-
-GROUPS, MIN_GROUP_SIZE = 4, 40
-"""Number of groups of line points by predicted std, and smallest size of one."""
-
-
 @dataclass(frozen=True, eq=False)
 class LineNoise:
     """Standard deviation of each point of each view's line. Units: px.
@@ -263,8 +261,8 @@ def estimate_line_noise(views: Sequence[LaserView], residuals: Sequence[FloatArr
         Residuals of each line with respect to boards and plane. Units: px.
     """
     deviations = [
-        deviation - _quadratic_trend(view, deviation)
-        for view, deviation in zip(views, residuals, strict=True)
+        values - _quadratic_trend(view, values)
+        for view, values in zip(views, residuals, strict=True)
     ]
     predicted_stds = np.concatenate([view.line_std for view in views])
     ends = np.cumsum([len(deviation) for deviation in deviations])[:-1]
@@ -274,14 +272,7 @@ def estimate_line_noise(views: Sequence[LaserView], residuals: Sequence[FloatArr
         for deviation, std in zip(deviations, point_stds, strict=True)
     ]
     # The estimate of one line is inaccurate; camera and surface are common to all: take the mean.
-    time = float(
-        np.mean(
-            [
-                debiased_autocorrelation_time(deviations_of_view, 3)
-                for deviations_of_view in normalised
-            ]
-        )
-    )
+    time = float(np.mean([debiased_autocorrelation_time(values, 3) for values in normalised]))
     return LineNoise(tuple(point_stds), tuple(std * np.sqrt(time) for std in point_stds))
 
 
@@ -308,7 +299,7 @@ def _huber_std(values: FloatArray) -> float:
     """Return the std with which the covariance of a Huber fit is valid for heavy tails, too.
 
     Definition: sigma sqrt(mean psi^2) / mean psi' (Huber 1981, section 6.4) with sigma from
-    `mad_std`; for a normal distribution it is sigma.
+    `_mad_std`; for a normal distribution it is sigma.
     """
     sigma = _mad_std(values)
     clipped = np.clip(values / sigma, -HUBER_THRESHOLD, HUBER_THRESHOLD)

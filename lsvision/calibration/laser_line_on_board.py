@@ -157,21 +157,21 @@ def _pitch(target: Target) -> float:
     return float(np.sort(np.hypot(*(points - points[0]).T))[1])
 
 
-def _homography(seen: TargetView) -> FloatArray:
+def _homography(view: TargetView) -> FloatArray:
     """Return the homography from the board plane (mm) to the image (px)."""
     homography, _ = cv2.findHomography(
-        np.ascontiguousarray(seen.points[:, :2]), np.ascontiguousarray(seen.pixels)
+        np.ascontiguousarray(view.points[:, :2]), np.ascontiguousarray(view.pixels)
     )
     return np.asarray(homography, dtype=np.float64)
 
 
-def _outline(seen: TargetView, target: Target, margin: float) -> Points:
+def _outline(view: TargetView, target: Target, margin: float) -> Points:
     """Return the corners (4, 2) of the board's flat part in the image. Units: px."""
     border = margin * _pitch(target)
     low = target.points[:, :2].min(axis=0) - border
     high = target.points[:, :2].max(axis=0) + border
     corners = [low, (high[0], low[1]), high, (low[0], high[1])]
-    return _mapped(_homography(seen), np.array(corners))
+    return _mapped(_homography(view), np.array(corners))
 
 
 def _mapped(homography: FloatArray, points: Points) -> Points:
@@ -184,21 +184,21 @@ def _mapped(homography: FloatArray, points: Points) -> Points:
 def _inside(pixels: Points, outline: Points) -> BoolArray:
     """Return which pixels are inside a convex quadrilateral."""
     edges = np.roll(outline, -1, axis=0) - outline
-    signed_distances = [
+    side_of_edges = [
         edge[0] * (pixels - corner)[:, 1] - edge[1] * (pixels - corner)[:, 0]
         for edge, corner in zip(edges, outline, strict=True)
     ]
-    sides = np.array(signed_distances)
+    sides = np.array(side_of_edges)
     inside: BoolArray = np.all(sides > 0, axis=0) | np.all(sides < 0, axis=0)
     return inside
 
 
 def _clear_of_edges(
-    pixels: Points, seen: TargetView, target: Target, clearance: float
+    pixels: Points, view: TargetView, target: Target, clearance: float
 ) -> BoolArray:
     """Return which points are far from the grid lines, or beside the pattern."""
     pitch = _pitch(target)
-    on_board = _mapped(np.asarray(np.linalg.inv(_homography(seen)), dtype=np.float64), pixels)
+    on_board = _mapped(np.asarray(np.linalg.inv(_homography(view)), dtype=np.float64), pixels)
     low, high = target.points[:, :2].min(axis=0), target.points[:, :2].max(axis=0)
     beside = ((on_board < low - 1.2 * pitch) | (on_board > high + 1.2 * pitch)).any(axis=1)
     squares = (on_board - low) / pitch
@@ -217,11 +217,9 @@ def _on_uniform_background(
     window_size = 2 * int(np.ceil(EDGE_INFLUENCE_SIGMAS * float(np.median(widths)))) + 1
     window = np.ones((window_size, 3), dtype=np.uint8)
     change = cv2.dilate(grey, window).astype(np.int16) - cv2.erode(grey, window)
-    columns_rows = np.clip(np.round(pixels).astype(int), 0, np.array(grey.shape)[::-1] - 1)
-    black, white = np.percentile(grey[columns_rows[:, 1], columns_rows[:, 0]], [5, 95])
-    uniform: BoolArray = change[columns_rows[:, 1], columns_rows[:, 0]] <= max_variation * max(
-        float(white - black), 1.0
-    )
+    u, v = np.clip(np.round(pixels).astype(int), 0, np.array(grey.shape)[::-1] - 1).T
+    black, white = np.percentile(grey[v, u], [5, 95])
+    uniform: BoolArray = change[v, u] <= max_variation * max(float(white - black), 1.0)
     return uniform if uniform.mean() > MIN_UNIFORM_FRACTION else np.ones(len(pixels), dtype=bool)
 
 
@@ -231,9 +229,8 @@ def _line_inliers(camera: Camera, pixels: Points, tolerance: float) -> BoolArray
         return np.zeros(len(pixels), dtype=bool)
     undistorted = camera.rays(pixels)[:, :2] * camera.focal_length
     # Deterministic: all pairs of up to 60 evenly spaced points.
-    sample = undistorted[
-        np.linspace(0, len(undistorted) - 1, min(len(undistorted), 60)).astype(int)
-    ]
+    evenly_spaced = np.linspace(0, len(pixels) - 1, min(len(pixels), 60)).astype(int)
+    sample = undistorted[evenly_spaced]
     first, second = (sample[part] for part in np.triu_indices(len(sample), 1))
     normals = (second - first) @ np.array([[0.0, 1.0], [-1.0, 0.0]])
     length = np.hypot(*normals.T)

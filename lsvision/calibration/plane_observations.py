@@ -141,23 +141,12 @@ class PlaneObservations:
         )
 
     def _states_with_normal(self, normal: FloatArray, masks: FloatArray, count: int) -> States:
-        """Return the linear solution of each selection for one normal."""
-        normal_in_mount = self.flanges.rotations.transpose(0, 2, 1) @ normal
+        """Return the linear solution of each selection for one normal; n is it in the mount."""
+        n = self.flanges.rotations.transpose(0, 2, 1) @ normal
         one_hot = (self.groups[:, None] == np.arange(count)).astype(np.float64)
         p, u = self.midpoints, self.directions * self.half_lengths[:, None]
-        offset = np.concatenate(
-            [normal_in_mount * p[:, :1], normal_in_mount * p[:, 1:2], normal_in_mount, -one_hot],
-            axis=1,
-        )
-        slope = np.concatenate(
-            [
-                normal_in_mount * u[:, :1],
-                normal_in_mount * u[:, 1:2],
-                0 * normal_in_mount,
-                0 * one_hot,
-            ],
-            axis=1,
-        )
+        offset = np.concatenate([n * p[:, :1], n * p[:, 1:2], n, -one_hot], axis=1)
+        slope = np.concatenate([n * u[:, :1], n * u[:, 1:2], 0 * n, 0 * one_hot], axis=1)
         design = np.stack([offset, slope], axis=1)
         rhs = np.column_stack([-self.flanges.origins @ normal, np.zeros(len(p))])
         solution = masked_least_squares(design, rhs, masks)

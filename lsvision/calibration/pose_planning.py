@@ -191,7 +191,7 @@ def plan_hand_eye_poses(
     """
     count = settings.count
     if not (radius > 0 and count > 0):
-        raise ValueError(f"want a positive radius and count, got {radius} mm and {count}")
+        raise ValueError(f"expected a positive radius and count, got {radius} mm and {count}")
     target = SpherePlanningTarget(
         as_readonly_array(centre, (3,), "centre"),
         radius,
@@ -245,7 +245,7 @@ def plan_hand_eye_poses_plane(
     (6, True)
     """
     if not settings.count > 0:
-        raise ValueError(f"want a positive count of poses, got {settings.count}")
+        raise ValueError(f"expected a positive count of poses, got {settings.count}")
     facing = [(pose @ flange_from_section).rotation[:, 1] @ plane.normal for pose in measured]
     if sum(np.sign(facing)) < 0:
         plane = Plane(-plane.normal, -plane.distance)
@@ -271,7 +271,7 @@ def _plan(
     if available.sum() < count:
         raise DegenerateGeometry(
             f"{int(available.sum())} candidate poses {target.requirement} and {count} are "
-            "asked for: give more candidates, or a better nominal pose of the sensor"
+            "requested: give more candidates, or a better nominal pose of the sensor"
         )
     informations = _informations(target, positions, pool, nominal, settings.robot_std)
     informations = informations * usable[:, None, None]

@@ -139,7 +139,7 @@ def find_sphere_arc(
     variances = np.ones(len(points))
     inliers = _on_arc(points, circle, tolerance, settings)
     for _ in range(12):
-        _require_inliers(points, circle, inliers, settings)
+        _require_arc(points, circle, inliers, settings)
         previous, variances = inliers, _normal_variances(profile, indices, circle)
         circle = _fit_circle(points[inliers], circle, variances[inliers])
         std = MAD_TO_STD * float(np.median(np.abs(_residuals(points[inliers], circle))))
@@ -147,7 +147,7 @@ def find_sphere_arc(
         inliers = _on_arc(points, circle, tolerance, settings)
         if np.array_equal(inliers, previous):
             break
-    _require_inliers(points, circle, inliers, settings)
+    _require_arc(points, circle, inliers, settings)
     return _as_arc(
         points[inliers], circle, variances[inliers], indices[inliers], profile.noise is None
     )
@@ -171,9 +171,7 @@ def _best_hypothesis(
     support = np.where(facing, 1.0 - cost, 0.0).sum(axis=1)
     for index in np.argsort(-support):
         inliers = _on_arc(points, circles[index], settings.tolerance, settings)
-        if inliers.sum() >= settings.min_points and _angular_coverage(
-            points[inliers], circles[index]
-        ) >= (settings.min_coverage):
+        if _is_arc(points, circles[index], inliers, settings):
             circle: FloatArray = circles[index]
             return circle
     raise TooFewPoints("best arc of the sphere", 0, settings.min_points, _HINT)
@@ -229,19 +227,21 @@ def _angular_coverage(points: Points, circle: FloatArray) -> float:
     return float(high - low)
 
 
-def _require_inliers(
-    points: Points,
-    circle: FloatArray,
-    inliers: BoolArray,
-    settings: SphereArcSettings,
+def _is_arc(
+    points: Points, circle: FloatArray, inliers: BoolArray, settings: SphereArcSettings
+) -> bool:
+    """Return whether there are enough inliers, over enough of the circle."""
+    if inliers.sum() < settings.min_points:
+        return False
+    return _angular_coverage(points[inliers], circle) >= settings.min_coverage
+
+
+def _require_arc(
+    points: Points, circle: FloatArray, inliers: BoolArray, settings: SphereArcSettings
 ) -> None:
-    """Require enough inliers over enough of the circle."""
-    count = int(inliers.sum())
-    if (
-        count < settings.min_points
-        or _angular_coverage(points[inliers], circle) < settings.min_coverage
-    ):
-        raise TooFewPoints("best arc of the sphere", count, settings.min_points, _HINT)
+    """Raise an error unless the inliers are an arc."""
+    if not _is_arc(points, circle, inliers, settings):
+        raise TooFewPoints("best arc of the sphere", int(inliers.sum()), settings.min_points, _HINT)
 
 
 def _normal_variances(profile: Profile, indices: IntArray, circle: FloatArray) -> FloatArray:

@@ -61,7 +61,7 @@ DEGENERATE = {
     "translation only": (motion(tilt=0.0, spin=0.0), "never rotated"),
     "spin only": (motion(tilt=0.0), "rotated about one axis, .* only"),
     "cuts through the centre": (motion(offset=0.3), "radii of the sphere's centre"),
-    "same place": (motion(sideways=0.0, depth=0.0), "same place of the profile"),
+    "same place": (motion(sideways=0.0, depth=0.0), "same position in all profiles"),
 }
 
 
@@ -120,7 +120,7 @@ def test_a_plane_or_board_that_moved_is_detected_with_its_distance(target):
     aside = Pose.along((0.0, 0.0, 1.0), MOVED)
     with pytest.raises(CalibrationFailed, match="moved between pose 7 and pose 8") as told:
         calibrate(seen, [*flanges[:8], *(aside @ pose for pose in flanges[8:])])
-    apart = float(re.search(r"([\d.]+) apart", str(told.value))[1])
+    apart = float(re.search(r"([\d.]+) mm apart", str(told.value))[1])
     assert apart == pytest.approx(MOVED, abs=0.5)
 
 

@@ -142,8 +142,8 @@ def test_parallel_boards_are_rejected_if_the_camera_is_refined():
 @pytest.mark.parametrize(
     ("change", "match"),
     [
-        ({"line_pixels": [[np.nan, 1.0]], "line_std": [0.1]}, "without lost points"),
-        ({"line_std": np.zeros(100)}, "positive line_std"),
+        ({"line_pixels": [[np.nan, 1.0]], "line_std": [0.1]}, "expected finite line_pixels"),
+        ({"line_std": np.zeros(100)}, "expected positive line_std"),
         ({"line_std": np.ones(3)}, r"line_std of shape \(100\), got \(3,\)"),
         ({"pixels": np.zeros((3, 2))}, r"pixels of shape \(70, 2\)"),
     ],
