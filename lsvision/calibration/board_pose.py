@@ -142,5 +142,6 @@ def guess_camera_from_board(view: TargetView, rays: Points) -> Pose:
     # Zhang 2000, section 3.1: H = [r1 r2 t] up to scale.
     scale = 2 / (np.linalg.norm(homography[:, 0]) + np.linalg.norm(homography[:, 1]))
     first, second, translation = (homography * (scale * np.sign(homography[2, 2]))).T
-    left, _, right = np.linalg.svd(np.column_stack([first, second, np.cross(first, second)]))
-    return Pose(left @ right, translation)
+    # Nearest rotation to the two columns and their cross product.
+    U, _, Vt = np.linalg.svd(np.column_stack([first, second, np.cross(first, second)]))
+    return Pose(U @ Vt, translation)

@@ -232,8 +232,8 @@ class BundleAdjustmentProblem:
         corners = self._corners.copy()
         corners[:, 2] += self._height(corners[:, :2], bow)
         view = self._corner_view
-        seen = np.einsum("nij,nj->ni", rotations[view], corners) + translations[view]
-        return camera.project(seen) - self._pixels
+        in_camera = np.einsum("nij,nj->ni", rotations[view], corners) + translations[view]
+        return camera.project(in_camera) - self._pixels
 
     def _line_residuals(
         self,

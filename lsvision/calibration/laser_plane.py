@@ -234,24 +234,22 @@ def fit_laser_plane(
     inliers = np.flatnonzero(inlier_mask).tolist()
     rejected = _rejected_views(names, inlier_mask, distances)
     plane = fit_plane(np.concatenate([laser_points[k] for k in inliers]))
-    initial_guess = BundleAdjustmentState(
-        camera, plane, tuple(poses[k] for k in inliers), np.zeros(2)
-    )
+    views, boards = [views[k] for k in inliers], tuple(poses[k] for k in inliers)
     refine = (
-        len(inliers) >= settings.refine_camera_from,
-        len(inliers) >= settings.fit_bow_from and _on_pattern([views[k] for k in inliers]),
+        len(views) >= settings.refine_camera_from,
+        len(views) >= settings.fit_bow_from and _on_pattern(views),
     )
     if refine[0]:
-        require_tilted(initial_guess.camera_from_boards, "camera and distance")
-    tilt = max_tilt(initial_guess.camera_from_boards)
-    solution = adjust_bundle([views[k] for k in inliers], initial_guess, refine)
+        require_tilted(boards, "camera and distance")
+    initial_guess = BundleAdjustmentState(camera, plane, boards, np.zeros(2))
+    solution = adjust_bundle(views, initial_guess, refine)
     calibrated_views = _calibrated_views([names[k] for k in inliers], solution)
     _require_one_plane(calibrated_views)
     return LaserPlaneCalibration(
         LightSection(
             solution.state.camera,
             solution.state.plane,
-            {"method": f"laser line on a board in {len(inliers)} poses"},
+            {"method": f"laser line on a board in {len(views)} poses"},
         ),
         solution.plane_covariance,
         calibrated_views,
@@ -259,7 +257,7 @@ def fit_laser_plane(
         solution.bow_std,
         (*sources.rejected, *rejected),
         _outliers(calibrated_views),
-        tuple(_warnings(solution, len(inliers), tilt)),
+        tuple(_warnings(solution, len(views), max_tilt(boards))),
     )
 
 
@@ -306,14 +304,14 @@ def _calibrated_views(
     names: Sequence[int], solution: BundleAdjustmentResult
 ) -> tuple[CalibratedLaserView, ...]:
     """Return the views with their poses and residuals."""
-    each = zip(
+    fields = zip(
         names,
         solution.state.camera_from_boards,
         solution.corner_residuals,
         solution.line_residuals,
         strict=True,
     )
-    return tuple(CalibratedLaserView(*values) for values in each)
+    return tuple(CalibratedLaserView(*values) for values in fields)
 
 
 def _require_one_plane(views: Sequence[CalibratedLaserView]) -> None:

@@ -69,32 +69,33 @@ class PlaneObservations:
         """
         targets = states.targets[:, self.groups]
         normal, distance = targets[..., :3], targets[..., 3]
-        to_mount = np.swapaxes(self.flanges.rotations, -1, -2)
-        in_mount = (to_mount @ normal[..., None])[..., 0]
+        mount_from_target = np.swapaxes(self.flanges.rotations, -1, -2)
+        normal_in_mount = (mount_from_target @ normal[..., None])[..., 0]
         vectors_in_mount = np.stack(
             [_rotated_to_mount(states, v) for v in (self.midpoints, self.directions)], axis=2
         )
-        rotated_only = vectors_in_mount.copy()  # lever arm of the mount's rotation
+        lever_arms = vectors_in_mount.copy()
         vectors_in_mount[:, :, 0] += states.translations[:, None]
-        normal_in_section = (in_mount[..., None, :] @ states.rotations[:, None])[..., 0, :2]
+        normal_in_section = (normal_in_mount[..., None, :] @ states.rotations[:, None])[..., 0, :2]
         xy_norm = np.maximum(np.linalg.norm(normal_in_section, axis=-1), 1e-9)[..., None]
-        residuals = (vectors_in_mount @ in_mount[..., None])[..., 0]
-        base = vectors_in_mount @ to_mount
+        residuals = (vectors_in_mount @ normal_in_mount[..., None])[..., 0]
+        vectors_in_target = vectors_in_mount @ mount_from_target
         origin_offset = (self.flanges.origins * normal).sum(axis=-1) - distance
         residuals[..., 0] += origin_offset
-        rotation_jacobian = np.cross(rotated_only, in_mount[..., None, :])
+        rotation_jacobian = np.cross(lever_arms, normal_in_mount[..., None, :])
         mount_jacobian = np.concatenate(
             [np.zeros_like(rotation_jacobian), rotation_jacobian], axis=-1
         )
-        mount_jacobian[..., 0, :3] = in_mount
+        mount_jacobian[..., 0, :3] = normal_in_mount
         flange_jacobian = np.concatenate(
-            [np.zeros_like(base), np.cross(base, normal[..., None, :])], axis=-1
+            [np.zeros_like(vectors_in_target), np.cross(vectors_in_target, normal[..., None, :])],
+            axis=-1,
         )
         flange_jacobian[..., 0, :3] = normal
-        origins = np.zeros_like(base)
+        origins = np.zeros_like(vectors_in_target)
         origins[..., 0, :] = self.flanges.origins
         tangents = _tangent_bases(normal)
-        tilt_jacobian = (base + origins) @ tangents
+        tilt_jacobian = (vectors_in_target + origins) @ tangents
         distance_jacobian = np.broadcast_to(
             np.array([[-1.0], [0.0]]), (*tilt_jacobian.shape[:-1], 1)
         )
@@ -141,7 +142,7 @@ class PlaneObservations:
         )
 
     def _states_with_normal(self, normal: FloatArray, masks: FloatArray, count: int) -> States:
-        """Return the linear solution of each selection for one normal; n is it in the mount."""
+        """Return the linear solution of each selection for one normal (n in the mount)."""
         n = self.flanges.rotations.transpose(0, 2, 1) @ normal
         one_hot = (self.groups[:, None] == np.arange(count)).astype(np.float64)
         p, u = self.midpoints, self.directions * self.half_lengths[:, None]

@@ -264,14 +264,14 @@ def find_target(image: npt.ArrayLike, target: Target) -> TargetView:
     array([79.5, 79.5])
     """
     grey = grey_image(image)
-    found = target.find(grey)
-    if found is None:
+    detection = target.find(grey)
+    if detection is None:
         height, width = grey.shape
         raise TargetNotFound(
             f"no {target} in the image of {width} x {height} px: show it whole, sharp and "
             "evenly lit, with a white margin, and check its counts"
         )
-    points, pixels = found
+    points, pixels = detection
     return TargetView(points, pixels, (grey.shape[1], grey.shape[0]))
 
 

@@ -1,4 +1,4 @@
-"""A board's pose from its corners: truth, honest covariance."""
+"""Pose of a board from its corners: accuracy and coverage of the covariance."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Sensor-to-robot calibration: truth, laws, honest covariance."""
+"""Hand-eye calibration: accuracy, symmetries, outliers and coverage of the covariance."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Sensor-to-robot calibration on other people's robots (../shared/real, never copied)."""
+"""Hand-eye calibration on published data of real robots (../shared/real)."""
 
 import json
 import re

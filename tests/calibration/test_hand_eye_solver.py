@@ -1,4 +1,4 @@
-"""Sensor-to-robot calibration refuses by name what cannot give an answer."""
+"""Hand-eye calibration: errors for degenerate, mispaired and too few data."""
 
 import re
 

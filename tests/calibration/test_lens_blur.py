@@ -1,4 +1,4 @@
-"""Blur from a board's edges, against images drawn by supersampling: no code of the library."""
+"""Blur of a board's edges in images drawn by supersampling, without code of the library."""
 
 import cv2
 import numpy as np

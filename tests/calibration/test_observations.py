@@ -1,4 +1,4 @@
-"""Derivatives of every kind of sighting against differences of its residuals."""
+"""Jacobians of every kind of observation against difference quotients."""
 
 from dataclasses import replace
 

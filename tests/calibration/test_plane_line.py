@@ -1,4 +1,4 @@
-"""The line of a plane in a profile: truth beside clutter, refusals."""
+"""Line of a plane in a profile: accuracy in clutter, errors."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Planned poses: worth more than random ones, and refused where nothing can be planned."""
+"""Planned poses for a sphere: predicted and real accuracy, errors."""
 
 import numpy as np
 import pytest

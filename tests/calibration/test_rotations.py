@@ -1,4 +1,4 @@
-"""Stacks of rotations against the series and each other."""
+"""Stacks of rotations against power series and single rotations."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The sphere's arc in a profile: truth in clutter, laws, refusals."""
+"""Arc of a sphere in a profile: accuracy in clutter, symmetries, errors."""
 
 import numpy as np
 import pytest
