@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.calibration.observations import Observations, States
-from lsvision.calibration.rotations import nearest_rotations, rotations_of
+from lsvision.calibration.rotations import nearest_rotations, rotations_from_vectors
 from lsvision.geometry import BoolArray, FloatArray, IntArray
 
 MAX_STEPS = 40
@@ -59,7 +59,7 @@ def solve_least_squares(
     for _ in range(max_steps):
         jacobian, residual, costs = system
         steps = _damped_steps(jacobian, residual, damping)
-        trial = _stepped(observations, states, steps)
+        trial = _apply_steps(observations, states, steps)
         trial_system = _whitened_system(observations, trial, whitening)
         better = trial_system[2] < costs
         damping = np.clip(np.where(better, damping / 5, damping * 6), 1e-12, 1e9)
@@ -112,14 +112,16 @@ def _whitened_system(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return Jacobian (s, r, p), residuals (s, r) and costs (s,), the prior included."""
     data_jacobian, data_residual = whitened_jacobian_and_residuals(observations, states, whitening)
-    prior, prior_residual = prior_rows(observations, states)
+    prior, prior_residual = prior_jacobian_and_residuals(observations, states)
     count, size = len(states), data_jacobian.shape[-1]
     jacobians = np.concatenate([data_jacobian.reshape(count, -1, size), prior], axis=1)
     residuals = np.concatenate([data_residual.reshape(count, -1), prior_residual], axis=1)
     return jacobians, residuals, (residuals**2).sum(axis=1)
 
 
-def prior_rows(observations: Observations, states: States) -> tuple[FloatArray, FloatArray]:
+def prior_jacobian_and_residuals(
+    observations: Observations, states: States
+) -> tuple[FloatArray, FloatArray]:
     """Return Jacobian and residuals of the prior on the targets, as rows of the whitened system."""
     weights = 1 / observations.target_prior[1]
     count, groups = states.targets.shape[:2]
@@ -155,9 +157,9 @@ def _damped_steps(jacobian: FloatArray, residual: FloatArray, damping: FloatArra
     return damped
 
 
-def _stepped(observations: Observations, states: States, steps: FloatArray) -> States:
+def _apply_steps(observations: Observations, states: States, steps: FloatArray) -> States:
     """Return the states after a step."""
-    rotations = nearest_rotations(rotations_of(steps[:, 3:6]) @ states.rotations)
+    rotations = nearest_rotations(rotations_from_vectors(steps[:, 3:6]) @ states.rotations)
     shape = (*states.targets.shape[:2], -1)
     targets = observations.update_targets(states.targets, steps[:, 6:].reshape(shape))
     return States(rotations, states.translations + steps[:, :3], targets)

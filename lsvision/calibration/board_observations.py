@@ -16,7 +16,11 @@ from lsvision.calibration.observations import (
     masked_least_squares,
     points_in_sensor_frame,
 )
-from lsvision.calibration.rotations import nearest_rotations, rotation_vectors, rotations_of
+from lsvision.calibration.rotations import (
+    nearest_rotations,
+    rotations_from_vectors,
+    vectors_from_rotations,
+)
 from lsvision.geometry import FloatArray, IntArray
 
 PAIR_ANGLES = np.radians((2.0, 170.0))
@@ -68,7 +72,7 @@ class BoardObservations:
             self.flanges, states, targets[..., :3]
         )
         predicted = point_jacobian @ board
-        rotation_residuals = rotation_vectors(self.rotations @ np.swapaxes(predicted, -1, -2))
+        rotation_residuals = vectors_from_rotations(self.rotations @ np.swapaxes(predicted, -1, -2))
         residuals = np.concatenate([self.origins - in_sensor, rotation_residuals], axis=-1)
         sensor_from_mount = np.broadcast_to(
             np.swapaxes(states.rotations, -1, -2)[:, None], point_jacobian.shape
@@ -90,7 +94,7 @@ class BoardObservations:
     def update_targets(self, targets: FloatArray, steps: FloatArray) -> FloatArray:
         """Return the boards translated and rotated from the left."""
         board = targets[..., 3:].reshape(*targets.shape[:-1], 3, 3)
-        rotated = nearest_rotations(rotations_of(steps[..., 3:]) @ board)
+        rotated = nearest_rotations(rotations_from_vectors(steps[..., 3:]) @ board)
         flat = rotated.reshape(*targets.shape[:-1], 9)
         return np.concatenate([targets[..., :3] + steps[..., :3], flat], axis=-1)
 
@@ -110,7 +114,7 @@ class BoardObservations:
         RB, tB = self.flanges.rotations, self.flanges.origins
         flange = np.swapaxes(RB[first], -1, -2) @ RB[second]
         camera = self.rotations[first] @ np.swapaxes(self.rotations[second], -1, -2)
-        alpha, beta = rotation_vectors(flange), rotation_vectors(camera)
+        alpha, beta = vectors_from_rotations(flange), vectors_from_rotations(camera)
         angle = np.linalg.norm(alpha, axis=1)
         usable = (angle > PAIR_ANGLES[0]) & (angle < PAIR_ANGLES[1])
         weights = masks[:, first] * masks[:, second] * usable

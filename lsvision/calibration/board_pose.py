@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.calibration.rotations import cross_matrices, rotations_of
+from lsvision.calibration.rotations import cross_matrices, rotations_from_vectors
 from lsvision.calibration.target import TargetView
 from lsvision.errors import CalibrationFailed
 from lsvision.geometry import FloatArray, Points, Pose, as_readonly_array
@@ -78,7 +78,9 @@ def estimate_board_pose(
         [translation_jacobian, vector_jacobian @ _inverse_left_jacobian(vector)], axis=1
     )
     covariance = np.linalg.inv(pose_jacobian.T @ pose_jacobian) * variance + 1e-14 * np.eye(6)
-    return BoardPoseEstimate(Pose(rotations_of(vector), translation), covariance, variance**0.5)
+    return BoardPoseEstimate(
+        Pose(rotations_from_vectors(vector), translation), covariance, variance**0.5
+    )
 
 
 def _require_spread(pixels: FloatArray, points: FloatArray) -> None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.calibration.batched_least_squares import (
-    prior_rows,
+    prior_jacobian_and_residuals,
     solve_least_squares,
     whitened_jacobian_and_residuals,
     whitening_matrices,
@@ -146,7 +146,7 @@ def _build_fit(
     """Return the fit at a state, with its cofactors and statistics."""
     whitening = robot_whitening(observations, states, scale)
     jacobian, residuals = whitened_jacobian_and_residuals(observations, states, whitening)
-    prior, prior_residuals = prior_rows(observations, states)
+    prior, prior_residuals = prior_jacobian_and_residuals(observations, states)
     used = jacobian[0] * mask[:, None, None]
     normalised_jacobian = np.concatenate([used.reshape(-1, jacobian.shape[-1]), prior[0]])
     try:
@@ -227,7 +227,7 @@ def _restricted_likelihood(
     robot = _robot_covariances(observations, states)
     unit = np.ones((1, 1, 1, 1)) * np.eye(observations.covariances.shape[-1])
     jacobian, residual = whitened_jacobian_and_residuals(observations, states, unit)
-    prior, prior_residual = prior_rows(observations, states)
+    prior, prior_residual = prior_jacobian_and_residuals(observations, states)
     column_scales = 1 / np.maximum(
         np.linalg.norm(jacobian.reshape(-1, jacobian.shape[-1]), axis=0), TINY
     )

@@ -171,10 +171,10 @@ def _outline(view: TargetView, target: Target, margin: float) -> Points:
     low = target.points[:, :2].min(axis=0) - border
     high = target.points[:, :2].max(axis=0) + border
     corners = [low, (high[0], low[1]), high, (low[0], high[1])]
-    return _mapped(_homography(view), np.array(corners))
+    return _apply_homography(_homography(view), np.array(corners))
 
 
-def _mapped(homography: FloatArray, points: Points) -> Points:
+def _apply_homography(homography: FloatArray, points: Points) -> Points:
     """Apply a homography to points."""
     mapped = points @ homography[:, :2].T + homography[:, 2]
     result: Points = mapped[:, :2] / mapped[:, 2:]
@@ -198,7 +198,9 @@ def _clear_of_edges(
 ) -> BoolArray:
     """Return which points are far from the grid lines, or beside the pattern."""
     pitch = _pitch(target)
-    on_board = _mapped(np.asarray(np.linalg.inv(_homography(view)), dtype=np.float64), pixels)
+    on_board = _apply_homography(
+        np.asarray(np.linalg.inv(_homography(view)), dtype=np.float64), pixels
+    )
     low, high = target.points[:, :2].min(axis=0), target.points[:, :2].max(axis=0)
     beside = ((on_board < low - 1.2 * pitch) | (on_board > high + 1.2 * pitch)).any(axis=1)
     squares = (on_board - low) / pitch

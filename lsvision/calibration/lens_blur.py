@@ -161,7 +161,7 @@ def _edge_sigma(grey: FloatArray, start: Points, stop: Points, fraction: float) 
     from scipy.optimize import leastsq
     from scipy.special import ndtr
 
-    values, coordinates, length = _pixels_beside(grey, start, stop, fraction)
+    values, coordinates, length = _pixels_around_edge(grey, start, stop, fraction)
     half_width = float(np.abs(coordinates[0]).max()) if len(values) else 0.0
     sides = [values[coordinates[0] * sign > 0.6 * half_width] for sign in (-1, 1)]
     if min(len(side) for side in sides) < 5:
@@ -187,7 +187,7 @@ def _edge_sigma(grey: FloatArray, start: Points, stop: Points, fraction: float) 
     return sigma if is_plain_edge else None
 
 
-def _pixels_beside(
+def _pixels_around_edge(
     grey: FloatArray, start: Points, stop: Points, fraction: float
 ) -> tuple[FloatArray, FloatArray, float]:
     """Return the pixels in the window about the middle of an edge.

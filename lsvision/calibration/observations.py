@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Literal, Protocol
 
 import numpy as np
 
-from lsvision.calibration.rotations import cross_matrices, rotation_vectors
+from lsvision.calibration.rotations import cross_matrices, vectors_from_rotations
 from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import FloatArray, IntArray, Pose
 
@@ -208,7 +208,7 @@ def require_rotation(base_from_flanges: Sequence[Pose]) -> None:
     """
     R = np.array([pose.rotation for pose in base_from_flanges])
     first, second = np.triu_indices(len(R), k=1)
-    relative_rotations = rotation_vectors(np.swapaxes(R[first], -1, -2) @ R[second])
+    relative_rotations = vectors_from_rotations(np.swapaxes(R[first], -1, -2) @ R[second])
     largest = float(np.linalg.norm(relative_rotations, axis=1).max())
     if largest < MIN_ROTATION:
         raise DegenerateGeometry(

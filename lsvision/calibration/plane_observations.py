@@ -72,7 +72,7 @@ class PlaneObservations:
         mount_from_target = np.swapaxes(self.flanges.rotations, -1, -2)
         normal_in_mount = (mount_from_target @ normal[..., None])[..., 0]
         vectors_in_mount = np.stack(
-            [_rotated_to_mount(states, v) for v in (self.midpoints, self.directions)], axis=2
+            [_rotate_to_mount(states, v) for v in (self.midpoints, self.directions)], axis=2
         )
         lever_arms = vectors_in_mount.copy()
         vectors_in_mount[:, :, 0] += states.translations[:, None]
@@ -159,7 +159,7 @@ class PlaneObservations:
         return States(nearest_rotations(raw / length), solution[:, 6:9], targets)
 
 
-def _rotated_to_mount(states: States, vectors: FloatArray) -> FloatArray:
+def _rotate_to_mount(states: States, vectors: FloatArray) -> FloatArray:
     """Rotate vectors (n, 3) of the sensor frame to the mount's axes, (s, n, 3)."""
     rotated: FloatArray = np.einsum("sij,nj->sni", states.rotations, vectors)
     return rotated

@@ -13,7 +13,7 @@ import numpy as np
 from lsvision.calibration.batched_least_squares import search_whitening, solve_least_squares
 from lsvision.calibration.errors_in_variables import ErrorsInVariablesFit, fit_errors_in_variables
 from lsvision.calibration.observations import Observations, States
-from lsvision.calibration.rotations import rotation_vectors
+from lsvision.calibration.rotations import vectors_from_rotations
 from lsvision.geometry import FloatArray
 
 GROSS_OUTLIER_FACTOR = 5.0
@@ -221,7 +221,7 @@ def ambiguity_ratio(observations: Observations, fit: ErrorsInVariablesFit) -> fl
     """Return the cost of the best other minimum over that of the fit; inf if there is none."""
     states, costs = multi_start(observations, fit.mask)
     solution = fit.states
-    rotation_difference = rotation_vectors(states.rotations @ solution.rotations[0].T)
+    rotation_difference = vectors_from_rotations(states.rotations @ solution.rotations[0].T)
     translation_difference = states.translations - solution.translations[0]
     other = (np.linalg.norm(rotation_difference, axis=1) > DISTINCT_ROTATION) | (
         np.linalg.norm(translation_difference, axis=1) > DISTINCT_TRANSLATION_MM

@@ -17,7 +17,7 @@ from lsvision.calibration.observations import (
     stack_flange_poses,
 )
 from lsvision.calibration.plane_observations import PlanePlanningTarget
-from lsvision.calibration.rotations import cross_matrices, rotations_of
+from lsvision.calibration.rotations import cross_matrices, rotations_from_vectors
 from lsvision.calibration.sphere_observations import SpherePlanningTarget
 from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Plane, Pose, as_readonly_array
@@ -290,8 +290,8 @@ def _candidates(target: PlanningTarget, nominal: Pose, settings: PosePlanSetting
     spin = rng.uniform(-settings.max_spin, settings.max_spin, size)
     tilts = rng.uniform(-settings.max_tilt, settings.max_tilt, (size, 2))
     zero = np.zeros(size)
-    spun = target.viewing_rotation @ rotations_of(np.column_stack([zero, zero, spin]))
-    rotations = spun @ rotations_of(np.column_stack([tilts, zero])) @ UPRIGHT
+    spun = target.viewing_rotation @ rotations_from_vectors(np.column_stack([zero, zero, spin]))
+    rotations = spun @ rotations_from_vectors(np.column_stack([tilts, zero])) @ UPRIGHT
     targets_in_section = rng.uniform(-1, 1, (size, 3)) * (
         settings.max_lateral_offset,
         settings.max_depth_offset,

@@ -15,7 +15,7 @@ def cross_matrices(vectors: FloatArray) -> FloatArray:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def rotations_of(vectors: FloatArray) -> FloatArray:
+def rotations_from_vectors(vectors: FloatArray) -> FloatArray:
     """Return rotation matrices of rotation vectors; (..., 3) rad -> (..., 3, 3)."""
     from scipy.spatial.transform import Rotation
 
@@ -23,7 +23,7 @@ def rotations_of(vectors: FloatArray) -> FloatArray:
     return rotations.reshape(*vectors.shape, 3)
 
 
-def rotation_vectors(rotations: FloatArray) -> FloatArray:
+def vectors_from_rotations(rotations: FloatArray) -> FloatArray:
     """Return rotation vectors of rotations, angles in [0, pi]; (..., 3, 3) -> (..., 3) rad."""
     from scipy.spatial.transform import Rotation
 

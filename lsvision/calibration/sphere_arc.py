@@ -148,7 +148,7 @@ def find_sphere_arc(
         if np.array_equal(inliers, previous):
             break
     _require_arc(points, circle, inliers, settings)
-    return _as_arc(
+    return _build_arc(
         points[inliers], circle, variances[inliers], indices[inliers], profile.noise is None
     )
 
@@ -275,7 +275,7 @@ def _fit_circle(points: Points, initial_guess: FloatArray, variances: FloatArray
     return circle
 
 
-def _as_arc(
+def _build_arc(
     points: Points,
     circle: FloatArray,
     variances: FloatArray,

@@ -233,14 +233,16 @@ def layout_target(target: Target) -> PageLayout:
             )
         case _:
             raise TypeError(f"expected a ChArUco, Chessboard or CircleGrid, got {target!r}")
-    return _page(shapes, size, text)
+    return _layout_page(shapes, size, text)
 
 
-def _page(shapes: Sequence[Rectangle | Disc], size: tuple[float, float], text: str) -> PageLayout:
+def _layout_page(
+    shapes: Sequence[Rectangle | Disc], size: tuple[float, float], text: str
+) -> PageLayout:
     """Centre the shapes on the smallest paper, with bar and text below."""
     width, height = _paper(max(size[0], RULER) + 2 * MARGIN, size[1] + 2 * MARGIN + FOOT)
     left, top = (width - size[0]) / 2, (height - size[1] - FOOT) / 2
-    moved = [_moved(shape, left, top) for shape in shapes]
+    moved = [_translate(shape, left, top) for shape in shapes]
     below = top + size[1] + MARGIN
     bar = [
         Rectangle(MARGIN, below + 2, RULER, 0.4),
@@ -260,7 +262,7 @@ def _paper(width: float, height: float) -> tuple[float, float]:
     return width, height
 
 
-def _moved(shape: Rectangle | Disc, x: float, y: float) -> Rectangle | Disc:
+def _translate(shape: Rectangle | Disc, x: float, y: float) -> Rectangle | Disc:
     """Translate a shape."""
     if isinstance(shape, Disc):
         return Disc(shape.x + x, shape.y + y, shape.radius)
@@ -289,14 +291,14 @@ def _charuco(target: ChArUco) -> list[Rectangle | Disc]:
     for number, corners in zip(board.getIds().ravel(), board.getObjPoints(), strict=True):
         left, top = np.asarray(corners)[:, :2].min(axis=0)
         bits = cv2.aruco.generateImageMarker(dictionary, int(number), cells)
-        for row, column, width in _runs(bits == 0):
+        for row, column, width in _black_runs(bits == 0):
             shapes.append(
                 Rectangle(float(left) + column * edge, float(top) + row * edge, width * edge, edge)
             )
     return shapes
 
 
-def _runs(black: BoolArray) -> list[tuple[int, int, int]]:
+def _black_runs(black: BoolArray) -> list[tuple[int, int, int]]:
     """Return row, column and length of each horizontal run of black cells."""
     runs = []
     for row, line in enumerate(black):

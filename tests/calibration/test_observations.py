@@ -8,7 +8,7 @@ import pytest
 from lsvision.calibration.board_observations import BoardObservations
 from lsvision.calibration.observations import FlangePoses, States, stack_flange_poses
 from lsvision.calibration.plane_observations import PlaneObservations
-from lsvision.calibration.rotations import rotations_of
+from lsvision.calibration.rotations import rotations_from_vectors
 from lsvision.calibration.sphere_observations import SphereObservations
 from tests.calibration.hand_eye_scenes import MOUNT, RADIUS, TARGET, sphere_scene
 
@@ -44,7 +44,7 @@ def plane():
 
 def board():
     """Seen just where expected: the orientation's derivative is that of small residuals."""
-    rotation = rotations_of(np.array([0.2, -0.1, 0.4]))
+    rotation = rotations_from_vectors(np.array([0.2, -0.1, 0.4]))
     base_from_mount = FLANGES.rotations @ MOUNT.rotation
     origins = FLANGES.rotations @ MOUNT.translation + FLANGES.origins
     seen = np.swapaxes(base_from_mount, -1, -2)
@@ -59,12 +59,12 @@ def state_of(target):
 
 
 def moved_mount(state, step):
-    rotation = rotations_of(step[3:]) @ state.rotations
+    rotation = rotations_from_vectors(step[3:]) @ state.rotations
     return States(rotation, state.translations + step[:3], state.targets)
 
 
 def moved_flanges(step):
-    rotations = rotations_of(step[3:]) @ FLANGES.rotations
+    rotations = rotations_from_vectors(step[3:]) @ FLANGES.rotations
     return FlangePoses(rotations, FLANGES.origins + step[:3], FLANGES.covariances)
 
 
