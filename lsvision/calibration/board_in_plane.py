@@ -119,7 +119,7 @@ def _camera_centre(homography: FloatArray, view: TargetView) -> FloatArray:
 
 
 def _upper_times_rotation(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """RQ decomposition with positive diagonal, the triangular matrix scaled to K[2, 2] = 1."""
+    """Return the RQ decomposition with positive diagonal, scaled to K[2, 2] = 1."""
     matrix = matrix * np.sign(np.linalg.det(matrix))
     flip = np.eye(3)[::-1]
     Q, U = np.linalg.qr((flip @ matrix).T)

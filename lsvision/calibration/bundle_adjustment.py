@@ -250,15 +250,9 @@ class LineNoise:
 def estimate_line_noise(views: Sequence[LaserView], residuals: Sequence[FloatArray]) -> LineNoise:
     """Estimate the noise of the lines from their deviations from smooth curves.
 
-    Points are grouped by their predicted standard deviation, each group with its own estimate: a
-    line is ten times more precise on white than on black.
-
-    Parameters
-    ----------
-    views : sequence of LaserView
-        The lines.
-    residuals : sequence of (m,) ndarray
-        Residuals of each line with respect to boards and plane. Units: px.
+    `residuals` are those of each line (m,) with respect to boards and plane, in px. Points are
+    grouped by their predicted standard deviation, each group with its own estimate: a line is ten
+    times more precise on white than on black.
     """
     deviations = [
         values - _quadratic_trend(view, values)

@@ -189,21 +189,9 @@ def fit_camera(
     settings: CameraSettings | None = None,
     sources: ViewSources | None = None,
 ) -> CameraCalibration:
-    """Calibrate a camera from detected points.
+    """Calibrate a camera from detected points: at least three views of one image size.
 
-    Parameters
-    ----------
-    seen : sequence of TargetView
-        At least three, all of one image size.
-    settings : CameraSettings, optional
-        Parameters of the camera model.
-    sources : ViewSources, optional
-        Image indices of the views.
-
-    Returns
-    -------
-    CameraCalibration
-        See `calibrate_camera`, also for the errors.
+    `sources` are the image indices of the views. See `calibrate_camera` for result and errors.
     """
     sources = sources or ViewSources()
     require_views(len(seen), MIN_VIEWS, "the target", "add images of the board", sources)

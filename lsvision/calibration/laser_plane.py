@@ -201,23 +201,10 @@ def fit_laser_plane(
     settings: LaserPlaneSettings | None = None,
     sources: ViewSources | None = None,
 ) -> LaserPlaneCalibration:
-    """Calibrate the laser plane from detected corners and line points.
+    """Calibrate the laser plane from detected corners and line points of at least two views.
 
-    Parameters
-    ----------
-    camera : Camera
-        Initial guess of the camera.
-    views : sequence of LaserView
-        At least two.
-    settings : LaserPlaneSettings, optional
-        Numbers of views; ``line`` is not used.
-    sources : ViewSources, optional
-        Image indices of the views.
-
-    Returns
-    -------
-    LaserPlaneCalibration
-        See `calibrate_laser_plane`, also for the errors.
+    `camera` is an initial guess; ``settings.line`` is not used; `sources` are the image indices of
+    the views. See `calibrate_laser_plane` for result and errors.
     """
     settings, sources = settings or LaserPlaneSettings(), sources or ViewSources()
     require_views(

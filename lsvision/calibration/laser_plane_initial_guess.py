@@ -68,19 +68,7 @@ def laser_points_on_boards(
 ) -> tuple[Points, ...]:
     """Intersect the rays of each view's laser line with its board, taken as flat.
 
-    Parameters
-    ----------
-    camera : Camera
-        Intrinsics.
-    camera_from_boards : sequence of Pose
-        Poses of the boards.
-    views : sequence of LaserView
-        Line points in the image.
-
-    Returns
-    -------
-    tuple of (m, 3) ndarray
-        Camera frame. Units: mm.
+    Returns one array (m, 3) for each view, in the camera frame. Units: mm.
     """
     laser_points = []
     for view, pose in zip(views, camera_from_boards, strict=True):

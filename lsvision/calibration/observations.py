@@ -227,16 +227,7 @@ def require_rotation(base_from_flanges: Sequence[Pose]) -> None:
 def points_in_sensor_frame(
     flanges: FlangePoses, states: States, points: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Transform points of the target frame to the sensor frame, with Jacobians.
-
-    Parameters
-    ----------
-    flanges : FlangePoses
-        n poses.
-    states : States
-        s states.
-    points : (s, n, 3) ndarray
-        In the target frame. Units: mm.
+    """Transform points (s, n, 3) of the target frame to the sensor frame, with Jacobians.
 
     Returns
     -------

@@ -123,16 +123,8 @@ def outlier_views(
 ) -> list[RejectedView]:
     """Return the views whose residual exceeds `factor` times the median.
 
-    Parameters
-    ----------
-    indices : sequence of int
-        Image index of each view.
-    rms_values : sequence of float
-        Root mean square residual of each view. Units: px.
-    factor : float
-        Smallest ratio to the median of an outlier.
-    texts : tuple of str
-        Text before the numbers, and the remedy after them.
+    `rms_values` are the root mean square residuals in px; `texts` stand before the numbers, and
+    after them with the remedy.
     """
     median = float(np.median(rms_values))
     prefix, remedy = texts
