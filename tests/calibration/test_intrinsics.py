@@ -96,7 +96,7 @@ def test_view_with_large_residuals_is_an_outlier():
     [
         (BoardScene(tilt=np.radians(12)), 15, "tilted by .* deg at most"),
         (BoardScene(), 5, "5 views: take 10"),
-        (BoardScene(tilt=np.radians(5)), 4, "focal length is known to"),
+        (BoardScene(tilt=np.radians(5)), 4, "focal length is determined to"),
     ],
 )
 def test_weak_sets_give_warnings(scene, count, match):

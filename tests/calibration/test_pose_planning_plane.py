@@ -5,11 +5,11 @@ from itertools import chain
 
 import numpy as np
 import pytest
-from lsvision.calibration.planning_targets import PlanePlanningTarget
 
 from lsvision.calibration.hand_eye import calibrate_hand_eye_plane
 from lsvision.calibration.observations import stack_flange_poses
 from lsvision.calibration.plane_line import find_plane_line
+from lsvision.calibration.plane_observations import PlanePlanningTarget
 from lsvision.calibration.pose_planning import PLANE_DEFAULTS, plan_hand_eye_poses_plane
 from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import Plane, Pose
