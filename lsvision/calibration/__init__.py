@@ -1,1 +1,1 @@
-"""Views to calibration: camera, laser plane, sensor to robot; with residuals and covariance."""
+"""Calibration of camera, laser plane and hand-eye pose, with planning of robot poses."""

@@ -1,28 +1,32 @@
-"""Levenberg-Marquardt over many starts at once, for any kind of sighting."""
+"""Levenberg-Marquardt for many initial guesses at once; scipy solves one problem at a time."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from lsvision.calibration.observations import Observations, States
-from lsvision.calibration.rotations import nearest_rotations, rotations_of
+from lsvision.calibration.rotations import nearest_rotations, rotations_from_vectors
 from lsvision.geometry import BoolArray, FloatArray, IntArray
 
 MAX_STEPS = 40
+"""Maximum number of iterations."""
 RELATIVE_COST_TOLERANCE = 1e-10
-"""Relative fall of the cost below which a start has arrived."""
+"""Relative decrease of the cost below which a solution has converged."""
+
+SEARCH_ROBOT_STD_MM = 0.2
+"""Standard deviation of the robot that is assumed in the search. Units: mm."""
 
 
 @dataclass(frozen=True, eq=False)
 class LeastSquaresSolutions:
-    """Starts that have been led to their minima.
+    """Solutions of the least-squares problem, one for each initial guess.
 
     Parameters
     ----------
     states : States
-        s of them.
+        s solutions.
     costs : (s,) ndarray
-        Sum of squared whitened residuals over the poses that counted.
+        Sum of squared whitened residuals over the selected poses and the prior.
     """
 
     states: States
@@ -30,33 +34,33 @@ class LeastSquaresSolutions:
 
 
 def solve_least_squares(
-    sightings: Observations, states: States, whitening: FloatArray, max_steps: int = MAX_STEPS
+    observations: Observations, states: States, whitening: FloatArray, max_steps: int = MAX_STEPS
 ) -> LeastSquaresSolutions:
-    """Levenberg-Marquardt from many starts at once.
+    """Minimise the whitened residuals by Levenberg-Marquardt, from many initial guesses at once.
 
     Parameters
     ----------
-    sightings : Observations
-        What was seen.
+    observations : Observations
+        Of n poses.
     states : States
-        Starts.
+        s initial guesses.
     whitening : (s or 1, n, m, m) ndarray
-        Whitening matrix of each pose's residual; zero leaves a pose out.
+        Whitening matrix of each pose's residual; zero excludes a pose.
     max_steps : int
-        Limit of steps.
+        Maximum number of iterations.
 
     Returns
     -------
     LeastSquaresSolutions
-        In the order of the starts; a start that leads nowhere keeps a high cost.
+        In the order of the initial guesses; one that did not converge keeps a high cost.
     """
     damping = np.full(len(states), 1e-3)
-    system = _whitened_system(sightings, states, whitening)
+    system = _whitened_system(observations, states, whitening)
     for _ in range(max_steps):
         jacobian, residual, costs = system
         steps = _damped_steps(jacobian, residual, damping)
-        trial = _stepped(sightings, states, steps)
-        trial_system = _whitened_system(sightings, trial, whitening)
+        trial = _apply_steps(observations, states, steps)
+        trial_system = _whitened_system(observations, trial, whitening)
         better = trial_system[2] < costs
         damping = np.clip(np.where(better, damping / 5, damping * 6), 1e-12, 1e9)
         states = _select_states(better, trial, states)
@@ -64,92 +68,105 @@ def solve_least_squares(
             np.where(better.reshape(-1, *[1] * (new.ndim - 1)), new, old)
             for new, old in zip(trial_system, system, strict=True)
         )
-        gain = np.where(better, costs - trial_system[2], np.inf)
-        idle = (gain <= RELATIVE_COST_TOLERANCE * costs) | (damping > 1e8) | (costs < 1e-20)
-        if idle.all():
+        decrease = np.where(better, costs - trial_system[2], np.inf)
+        converged = (
+            (decrease <= RELATIVE_COST_TOLERANCE * costs) | (damping > 1e8) | (costs < 1e-20)
+        )
+        if converged.all():
             break
     return LeastSquaresSolutions(states, system[2])
 
 
 def whitened_jacobian_and_residuals(
-    sightings: Observations, states: States, whitening: FloatArray
+    observations: Observations, states: States, whitening: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Whitened Jacobian (s, n, m, p) and residuals (s, n, m); p = 6 and d for each target."""
-    lin = sightings.linearise(states)
-    by_target = _expand_target_columns(
-        lin.target_jacobian, sightings.groups, states.targets.shape[1]
+    """Return whitened Jacobian (s, n, m, p) and residuals (s, n, m); p = 6 + d per target."""
+    linearisation = observations.linearise(states)
+    target_jacobian = _expand_target_columns(
+        linearisation.target_jacobian, observations.groups, states.targets.shape[1]
     )
-    jacobian = whitening @ np.concatenate([lin.mount_jacobian, by_target], axis=-1)
-    residual = (whitening @ lin.residuals[..., None])[..., 0]
+    jacobian = whitening @ np.concatenate([linearisation.mount_jacobian, target_jacobian], axis=-1)
+    residual = (whitening @ linearisation.residuals[..., None])[..., 0]
     return jacobian, residual
 
 
-def search_whitening(sightings: Observations, masks: FloatArray, std_mm: float) -> FloatArray:
-    """Whitening for the search: what was seen plus a rough robot of `std_mm`, no state needed."""
-    levers = sightings.mm_per_residual
-    rough = np.diag((std_mm / levers) ** 2)
-    return masks[..., None, None] * whitening_matrices(sightings.covariances + rough)
+def search_whitening(observations: Observations, masks: FloatArray) -> FloatArray:
+    """Return whitening matrices for the search for initial guesses.
+
+    The covariance is that of the observation plus a robot error of `SEARCH_ROBOT_STD_MM` in each
+    residual, which needs no state.
+    """
+    factors = observations.mm_per_residual
+    robot = np.diag((SEARCH_ROBOT_STD_MM / factors) ** 2)
+    return masks[..., None, None] * whitening_matrices(observations.covariances + robot)
 
 
 def whitening_matrices(covariances: FloatArray) -> FloatArray:
-    """Matrices W with W C W' = 1, for a stack of covariances."""
+    """Return matrices W with W C W' = 1 for a stack of covariances C."""
     inverse: FloatArray = np.linalg.inv(np.linalg.cholesky(covariances))
     return inverse
 
 
 def _whitened_system(
-    sightings: Observations, states: States, whitening: FloatArray
+    observations: Observations, states: States, whitening: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    jacobian, residual = whitened_jacobian_and_residuals(sightings, states, whitening)
-    prior, prior_residual = prior_rows(sightings, states)
-    count, size = len(states), jacobian.shape[-1]
-    rows = np.concatenate([jacobian.reshape(count, -1, size), prior], axis=1)
-    right = np.concatenate([residual.reshape(count, -1), prior_residual], axis=1)
-    return rows, right, (right**2).sum(axis=1)
+    """Return Jacobian (s, r, p), residuals (s, r) and costs (s,), the prior included."""
+    data_jacobian, data_residual = whitened_jacobian_and_residuals(observations, states, whitening)
+    prior, prior_residual = prior_jacobian_and_residuals(observations, states)
+    count, size = len(states), data_jacobian.shape[-1]
+    jacobians = np.concatenate([data_jacobian.reshape(count, -1, size), prior], axis=1)
+    residuals = np.concatenate([data_residual.reshape(count, -1), prior_residual], axis=1)
+    return jacobians, residuals, (residuals**2).sum(axis=1)
 
 
-def prior_rows(sightings: Observations, states: States) -> tuple[FloatArray, FloatArray]:
-    """What is known of the target beforehand, as rows of the whitened system."""
-    weights = 1 / sightings.target_prior[1]
+def prior_jacobian_and_residuals(
+    observations: Observations, states: States
+) -> tuple[FloatArray, FloatArray]:
+    """Return Jacobian and residuals of the prior on the targets, as rows of the whitened system."""
+    weights = 1 / observations.target_prior[1]
     count, groups = states.targets.shape[:2]
     size = groups * len(weights)
-    rows = np.zeros((count, size, 6 + size))
-    rows[:, range(size), range(6, 6 + size)] = np.tile(weights, groups)
-    residuals = sightings.prior_residuals(states.targets) * weights
-    return rows, residuals.reshape(count, size)
+    jacobian = np.zeros((count, size, 6 + size))
+    jacobian[:, range(size), range(6, 6 + size)] = np.tile(weights, groups)
+    residuals = observations.prior_residuals(states.targets) * weights
+    return jacobian, residuals.reshape(count, size)
 
 
-def _expand_target_columns(by_target: FloatArray, groups: IntArray, count: int) -> FloatArray:
+def _expand_target_columns(jacobian: FloatArray, groups: IntArray, count: int) -> FloatArray:
+    """Place the Jacobian by the target in the columns of the target of each pose."""
     if count == 1:
-        return by_target
+        return jacobian
     one_hot = (groups[:, None] == np.arange(count)).astype(np.float64)
-    spread = one_hot[None, :, None, :, None] * by_target[..., None, :]
-    flat: FloatArray = spread.reshape(*by_target.shape[:-1], -1)
+    expanded = one_hot[None, :, None, :, None] * jacobian[..., None, :]
+    flat: FloatArray = expanded.reshape(*jacobian.shape[:-1], -1)
     return flat
 
 
-def _damped_steps(rows: FloatArray, right: FloatArray, damping: FloatArray) -> FloatArray:
-    transposed = np.swapaxes(rows, -1, -2)
-    gram = transposed @ rows
+def _damped_steps(jacobian: FloatArray, residual: FloatArray, damping: FloatArray) -> FloatArray:
+    """Return the Levenberg-Marquardt step of each state."""
+    transposed = np.swapaxes(jacobian, -1, -2)
+    gram = transposed @ jacobian
     size = gram.shape[-1]
     diagonal = np.maximum(np.einsum("sii->si", gram), 1e-12)
-    # Columns in mm, rad and weights of any size would spoil the solution's digits.
+    # Scaled to a unit diagonal: columns in mm and rad would make the matrix ill-conditioned.
     scale = 1 / np.sqrt(diagonal)
     gram = gram * scale[:, :, None] * scale[:, None, :]
     gram[:, range(size), range(size)] += damping[:, None] + 1e-13
-    steps = np.linalg.solve(gram, -(transposed @ right[..., None]) * scale[..., None])
+    steps = np.linalg.solve(gram, -(transposed @ residual[..., None]) * scale[..., None])
     damped: FloatArray = steps[..., 0] * scale
     return damped
 
 
-def _stepped(sightings: Observations, states: States, steps: FloatArray) -> States:
-    rotations = nearest_rotations(rotations_of(steps[:, 3:6]) @ states.rotations)
+def _apply_steps(observations: Observations, states: States, steps: FloatArray) -> States:
+    """Return the states after a step."""
+    rotations = nearest_rotations(rotations_from_vectors(steps[:, 3:6]) @ states.rotations)
     shape = (*states.targets.shape[:2], -1)
-    targets = sightings.update_targets(states.targets, steps[:, 6:].reshape(shape))
+    targets = observations.update_targets(states.targets, steps[:, 6:].reshape(shape))
     return States(rotations, states.translations + steps[:, :3], targets)
 
 
 def _select_states(better: BoolArray, a: States, b: States) -> States:
+    """Return state a where it is better, else state b."""
     pick = better[:, None, None]
     return States(
         np.where(pick, a.rotations, b.rotations),

@@ -1,7 +1,7 @@
-"""Joint refinement of camera, laser plane, board poses and board bow, in pixels.
+"""Bundle adjustment: joint refinement of camera, laser plane, board poses and board bow.
 
-All unknowns at once, because most of a laser plane's error sits in the boards' poses and the
-camera: refining the plane alone is no better than its linear start.
+All unknowns together, because most of the error of the laser plane comes from the boards' poses and
+the camera: refining the plane alone does not improve on its linear estimate.
 """
 
 from collections.abc import Sequence
@@ -9,34 +9,41 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lsvision.calibration.bundle_adjustment_problem import BundleAdjustmentProblem, tilt_axes
-from lsvision.calibration.bundle_adjustment_state import BundleAdjustmentState, LaserView
-from lsvision.calibration.laser_plane_initial_guess import fit_plane, laser_points_on_boards
-from lsvision.calibration.noise_estimation import (
-    HUBER_THRESHOLD,
-    estimate_line_noise,
-    huber_std,
-    mad_std,
+from lsvision.calibration.bundle_adjustment_problem import (
+    BundleAdjustmentProblem,
+    BundleAdjustmentState,
+    LaserView,
+    tilt_axes,
 )
+from lsvision.calibration.laser_plane_initial_guess import fit_plane, laser_points_on_boards
 from lsvision.geometry import FloatArray, Points
+from lsvision.statistics.correlation import debiased_autocorrelation_time
+from lsvision.statistics.robust import MAD_TO_STD
+
+HUBER_THRESHOLD = 3.0
+"""Normalised residual above which the loss is linear, which limits the influence of a bad view."""
+
+GROUPS, MIN_GROUP_SIZE = 4, 40
+"""Number of groups of line points by predicted std, and smallest size of one."""
 
 LINE_DOWNWEIGHTING = 1e4
-"""Factor on the line's sigma by which the corners alone place camera and boards."""
+"""Factor on the line's std with which the corners alone determine camera and boards."""
 
 MAX_CORNER_STD_RATIO = 1.15
-"""Growth of the corners' residual, when the line joins in, that noise alone does not cause."""
+"""Largest ratio of the corner residual std with and without the laser line; above it line and
+corners are inconsistent."""
 
 MAX_LINE_STD_RATIO = 1.8
-"""Residual of the line, over its scatter about its own smooth course, that noise alone does not
-cause."""
+"""Largest ratio of the line residual std to the noise of the line; above it line and corners are
+inconsistent."""
 
 MAX_STEPS = 40
-"""Steps of the minimiser; it needs about five."""
+"""Maximum number of iterations; about five are needed."""
 
 
 @dataclass(frozen=True, eq=False)
 class BundleAdjustmentResult:
-    """A refined state with its evidence.
+    """Refined state with residuals and covariance.
 
     Parameters
     ----------
@@ -47,10 +54,10 @@ class BundleAdjustmentResult:
     plane_covariance : (3, 3) ndarray
         Tilt about the section's X and Y (rad) and distance (mm).
     bow_std : (2,) ndarray
-        Zero where the bow was held. Units: mm.
+        Zero where the bow was fixed. Units: mm.
     line_inconsistent : bool
-        Whether line and corners contradict each other, so that the line was not allowed to
-        move camera and boards.
+        Whether line and corners are inconsistent, so that camera and boards were determined by the
+        corners alone.
     """
 
     state: BundleAdjustmentState
@@ -63,64 +70,66 @@ class BundleAdjustmentResult:
 
 def adjust_bundle(
     views: Sequence[LaserView],
-    start: BundleAdjustmentState,
+    initial_guess: BundleAdjustmentState,
     refine: tuple[bool, bool],
     corner_std: float = 0.1,
 ) -> BundleAdjustmentResult:
-    """Refine everything at once, weighted by the noise that corners and lines show by themselves.
+    """Refine all unknowns jointly, weighted by the noise of corners and lines.
 
-    First the corners alone place camera and boards, which tells their noise; the line's is its
-    scatter about its own smooth course. Then all is solved together. If that bends the boards
-    beyond noise, or leaves the lines beside them, the line does not lie where the board's plane
-    is (a sheet that is not flat beside the pattern, a wide saturated line): then the corners
-    have the last word, and the plane is the nearest to the lines.
+    First the corners alone determine camera and boards, which gives the corners' noise; that of the
+    line is its deviation from a smooth curve. Then all is refined together. If this increases the
+    corner residuals beyond noise, or the line residuals exceed the line's noise, the line does not
+    lie in the plane of the corners (a sheet that is not flat beside the pattern, a wide saturated
+    line): then camera and boards stay as the corners determine them, and the plane is fitted to the
+    lines.
 
     Parameters
     ----------
     views : sequence of LaserView
-        Two at least; see `calibrate_laser_plane` for what they must span.
-    start : BundleAdjustmentState
-        Good to a few px.
+        At least two; see `calibrate_laser_plane` for what they must span.
+    initial_guess : BundleAdjustmentState
+        Accurate to a few px.
     refine : tuple of bool
-        Whether the camera, and the bow, take part.
+        Whether the camera, and the bow, are refined.
     corner_std : float
-        First guess. Units: px.
+        Initial guess of the corners' standard deviation. Units: px.
 
     Returns
     -------
     BundleAdjustmentResult
-        The minimum of Huber's loss with its covariance.
+        Minimum of the Huber loss with its covariance.
     """
-    alone = BundleAdjustmentProblem(
+    corner_problem = BundleAdjustmentProblem(
         [replace(view, line_std=LINE_DOWNWEIGHTING * view.line_std) for view in views],
-        start,
+        initial_guess,
         refine,
         [corner_std] * len(views),
     )
-    vector, _ = _minimise(alone, 1e-6)
-    start = alone.state(vector)
-    corner, line = alone.residuals_in_pixels(vector)
-    corner_std, misfits = mad_std(corner), alone.split(line, line=True)
-    corner_stds = [huber_std(each) for each in alone.split(corner, line=False)]
-    scatter = estimate_line_noise(views, misfits)
+    vector, _ = _minimise(corner_problem, 1e-6)
+    initial_guess = corner_problem.state(vector)
+    corner, line = corner_problem.residuals_in_pixels(vector)
+    corner_std, line_residuals = _mad_std(corner), corner_problem.split(line, line=True)
+    corner_stds = [_huber_std(values) for values in corner_problem.split(corner, line=False)]
+    line_noise = estimate_line_noise(views, line_residuals)
     problem = BundleAdjustmentProblem(
         [
             replace(view, line_std=std)
-            for view, std in zip(views, scatter.effective_stds, strict=True)
+            for view, std in zip(views, line_noise.effective_stds, strict=True)
         ],
-        start,
+        initial_guess,
         refine,
         corner_stds,
     )
     vector, information = _minimise(problem, 1e-9)
     corner, line = problem.residuals_in_pixels(vector)
-    bent = mad_std(corner) > corner_std * (MAX_CORNER_STD_RATIO + 2 / np.sqrt(corner.size))
-    if bent or mad_std(line / np.concatenate(scatter.point_stds)) > MAX_LINE_STD_RATIO:
+    max_std_ratio = MAX_CORNER_STD_RATIO + 2 / np.sqrt(corner.size)
+    corners_worse = _mad_std(corner) > corner_std * max_std_ratio
+    if corners_worse or _mad_std(line / np.concatenate(line_noise.point_stds)) > MAX_LINE_STD_RATIO:
         if refine[1]:
-            # Where the line lies off the boards, their bow has no meaning.
-            flat = replace(start, bow=np.zeros(2))
+            # Where the line does not lie on the boards, it does not determine their bow.
+            flat = replace(initial_guess, bow=np.zeros(2))
             return adjust_bundle(views, flat, (refine[0], False), corner_std)
-        return _solve_plane_only(views, start)
+        return _solve_plane_only(views, initial_guess)
     covariance, bow_std = _plane_covariance_and_bow_std(problem, information)
     return BundleAdjustmentResult(
         problem.state(vector),
@@ -135,42 +144,47 @@ def adjust_bundle(
 def _solve_plane_only(
     views: Sequence[LaserView], state: BundleAdjustmentState
 ) -> BundleAdjustmentResult:
-    """The plane nearest to the lines, camera and boards left where the corners place them."""
-    lit = laser_points_on_boards(state.camera, state.camera_from_boards, views)
-    state = replace(state, plane=fit_plane(np.concatenate(lit)), bow=np.zeros(2))
+    """Fit the plane to the lines, with camera and boards as the corners determine them."""
+    laser_points = laser_points_on_boards(state.camera, state.camera_from_boards, views)
+    state = replace(state, plane=fit_plane(np.concatenate(laser_points)), bow=np.zeros(2))
     problem = BundleAdjustmentProblem(views, state, (False, False), [1.0] * len(views))
     corner, line = problem.residuals_in_pixels(np.zeros(problem.size))
     return BundleAdjustmentResult(
         state,
         problem.split(corner, line=False),
         problem.split(line, line=True),
-        _cluster_robust_covariance(state, lit),
+        _cluster_robust_covariance(state, laser_points),
         np.zeros(2),
         line_inconsistent=True,
     )
 
 
-def _cluster_robust_covariance(state: BundleAdjustmentState, lit: Sequence[Points]) -> FloatArray:
-    """Covariance of a plane whose points err together in each view (cluster sandwich)."""
+def _cluster_robust_covariance(
+    state: BundleAdjustmentState, laser_points: Sequence[Points]
+) -> FloatArray:
+    """Return the covariance of a plane whose errors are correlated within a view (sandwich)."""
     design = [
-        np.column_stack([points @ tilt_axes(state).T, -np.ones(len(points))]) for points in lit
+        np.column_stack([points @ tilt_axes(state).T, -np.ones(len(points))])
+        for points in laser_points
     ]
-    slopes = [
+    gradients = [
         rows.T @ state.plane.signed_distances(points)
-        for rows, points in zip(design, lit, strict=True)
+        for rows, points in zip(design, laser_points, strict=True)
     ]
     inverse: FloatArray = np.linalg.inv(sum(rows.T @ rows for rows in design))
-    # Three parameters were fitted to two numbers of each view.
-    free = len(lit) / max(len(lit) - 1.5, 0.5)
-    meat = np.asarray(slopes).T @ np.asarray(slopes)
-    covariance: FloatArray = np.asarray(inverse @ meat @ inverse * free, dtype=np.float64)
+    # Small-sample correction: three parameters, two numbers of each view.
+    small_sample_factor = len(laser_points) / max(len(laser_points) - 1.5, 0.5)
+    gradient_covariance = np.asarray(gradients).T @ np.asarray(gradients)
+    covariance: FloatArray = np.asarray(
+        inverse @ gradient_covariance @ inverse * small_sample_factor, dtype=np.float64
+    )
     return covariance
 
 
 def _plane_covariance_and_bow_std(
     problem: BundleAdjustmentProblem, information: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Covariance of the plane, and standard deviations of the bow (0 where held)."""
+    """Return the covariance of the plane, and the std of the bow (0 where fixed)."""
     covariance: FloatArray = np.asarray(np.linalg.pinv(information, hermitian=True))
     plane, bow = problem.columns_of_plane(), problem.columns_of_bow()
     bow_std = np.zeros(2)
@@ -182,9 +196,9 @@ def _plane_covariance_and_bow_std(
 def _minimise(
     problem: BundleAdjustmentProblem, relative_tolerance: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Levenberg-Marquardt with Huber's weights: the minimum, and J'WJ there.
+    """Minimise the Huber loss by Levenberg-Marquardt; return the minimum, and J'WJ there.
 
-    Own, because scipy's takes twice the steps here and an SVD for each.
+    Own code: that of scipy needs twice the iterations here, with an SVD in each.
     """
     vector, damping = np.zeros(problem.size), 1e-4
     cost = _huber(problem(vector))
@@ -192,25 +206,101 @@ def _minimise(
         residuals, jacobian = problem(vector), problem.jacobian(vector)
         weights = np.minimum(1.0, HUBER_THRESHOLD / np.maximum(np.abs(residuals), 1e-300))
         information = jacobian.T @ (weights[:, None] * jacobian)
-        slope = jacobian.T @ (weights * residuals)
-        gained = 0.0
-        while damping < 1e8 and not gained > 0:
-            scaled = information + damping * np.diag(np.diag(information))
-            trial = vector - np.linalg.solve(scaled, slope)
-            gained = cost - _huber(problem(trial))
-            damping = damping / 10 if gained > 0 else damping * 10
-        if not gained > 0:
+        gradient = jacobian.T @ (weights * residuals)
+        decrease = 0.0
+        while damping < 1e8 and not decrease > 0:
+            damped = information + damping * np.diag(np.diag(information))
+            trial = vector - np.linalg.solve(damped, gradient)
+            decrease = cost - _huber(problem(trial))
+            damping = damping / 10 if decrease > 0 else damping * 10
+        if not decrease > 0:
             break
-        vector, cost = trial, cost - gained
-        if gained < relative_tolerance * cost:
+        vector, cost = trial, cost - decrease
+        if decrease < relative_tolerance * cost:
             break
     return vector, information
 
 
 def _huber(residuals: FloatArray) -> float:
+    """Return the sum of the Huber loss of normalised residuals."""
     size = np.abs(residuals)
     return float(
         np.where(
             size < HUBER_THRESHOLD, size**2, HUBER_THRESHOLD * (2 * size - HUBER_THRESHOLD)
         ).sum()
     )
+
+
+@dataclass(frozen=True, eq=False)
+class LineNoise:
+    """Standard deviation of each point of each view's line. Units: px.
+
+    Parameters
+    ----------
+    point_stds : tuple of (m,) ndarray
+        Of a single point.
+    effective_stds : tuple of (m,) ndarray
+        Inflated by the square root of the autocorrelation time: the weight of a correlated point.
+    """
+
+    point_stds: tuple[FloatArray, ...]
+    effective_stds: tuple[FloatArray, ...]
+
+
+def estimate_line_noise(views: Sequence[LaserView], residuals: Sequence[FloatArray]) -> LineNoise:
+    """Estimate the noise of the lines from their deviations from smooth curves.
+
+    `residuals` are those of each line (m,) with respect to boards and plane, in px. Points are
+    grouped by their predicted standard deviation, each group with its own estimate: a line is ten
+    times more precise on white than on black.
+    """
+    deviations = [
+        values - _quadratic_trend(view, values)
+        for view, values in zip(views, residuals, strict=True)
+    ]
+    predicted_stds = np.concatenate([view.line_std for view in views])
+    ends = np.cumsum([len(deviation) for deviation in deviations])[:-1]
+    point_stds = np.split(_stds_by_predicted_std(predicted_stds, np.concatenate(deviations)), ends)
+    normalised = [
+        np.clip(deviation / std, -HUBER_THRESHOLD, HUBER_THRESHOLD)
+        for deviation, std in zip(deviations, point_stds, strict=True)
+    ]
+    # The estimate of one line is inaccurate; camera and surface are common to all: take the mean.
+    time = float(np.mean([debiased_autocorrelation_time(values, 3) for values in normalised]))
+    return LineNoise(tuple(point_stds), tuple(std * np.sqrt(time) for std in point_stds))
+
+
+def _quadratic_trend(view: LaserView, residuals: FloatArray) -> FloatArray:
+    """Return the trend of the residuals along the line: errors of board and plane, not noise."""
+    along = np.ptp(view.line_pixels, axis=0).argmax()
+    position = view.line_pixels[:, along] - view.line_pixels[:, along].mean()
+    trend: FloatArray = np.polynomial.Polynomial.fit(position, residuals, 2)(position)
+    return trend
+
+
+def _stds_by_predicted_std(predicted_stds: FloatArray, deviations: FloatArray) -> FloatArray:
+    """Return the std of each point: that of the group with similar predicted std."""
+    groups = max(1, min(GROUPS, len(predicted_stds) // MIN_GROUP_SIZE))
+    edges = np.quantile(predicted_stds, np.arange(1, groups) / groups)
+    group = np.searchsorted(edges, predicted_stds)
+    stds = np.empty(len(predicted_stds))
+    for index in np.unique(group):
+        stds[group == index] = _huber_std(deviations[group == index])
+    return stds
+
+
+def _huber_std(values: FloatArray) -> float:
+    """Return the std with which the covariance of a Huber fit is valid for heavy tails, too.
+
+    Definition: sigma sqrt(mean psi^2) / mean psi' (Huber 1981, section 6.4) with sigma from
+    `_mad_std`; for a normal distribution it is sigma.
+    """
+    sigma = _mad_std(values)
+    clipped = np.clip(values / sigma, -HUBER_THRESHOLD, HUBER_THRESHOLD)
+    within = float(np.mean(np.abs(clipped) < HUBER_THRESHOLD))
+    return sigma * float(np.sqrt(np.mean(clipped**2))) / within
+
+
+def _mad_std(values: FloatArray) -> float:
+    """Return the standard deviation about zero by the MAD, at least 1e-4 for perfect data."""
+    return max(MAD_TO_STD * float(np.median(np.abs(values))), 1e-4)

@@ -1,67 +1,125 @@
-"""Residuals of boards and laser line in pixels, as functions of one flat vector.
+"""Reprojection residuals of boards and laser line, as functions of one parameter vector.
 
-The board's shape is z = b1 (1 - (2x / Lx)^2) + b2 (1 - (2y / Ly)^2), mrcal's two-parameter
-bow, with x and y from the middle and Lx, Ly the extent of the corners.
+The shape of the board is z = b1 (1 - (2x / Lx)^2) + b2 (1 - (2y / Ly)^2), the two-parameter bow of
+mrcal, with x and y from the middle and Lx, Ly the extent of the corners.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lsvision.calibration.bundle_adjustment_state import BundleAdjustmentState, LaserView
-from lsvision.geometry import FloatArray, IntArray, Plane, Points, Pose
+from lsvision.geometry import FloatArray, IntArray, Plane, Points, Pose, as_readonly_array
 from lsvision.geometry.arrays import BoolArray
 from lsvision.sensors.camera import Camera
 from lsvision.sensors.distortion import COEFFICIENTS
 from lsvision.sensors.light_section import LightSection
 
 FOCAL_PRIOR = 0.02
-"""One sigma of fx and fy before the boards are seen, as a fraction: keeps few boards solvable."""
+"""Relative standard deviation of the prior on fx and fy: regularises sets of few boards."""
 
 CENTRE_PRIOR = 0.02
-"""One sigma of cx and cy before, as a fraction of the focal length."""
+"""Standard deviation of the prior on cx and cy, as a fraction of the focal length."""
 
 DISTORTION_PRIOR = 0.3
-"""One sigma of each distortion coefficient before."""
+"""Standard deviation of the prior on each distortion coefficient."""
 
 BOW_PRIOR = 2.0
-"""mm; one sigma of each bow parameter before."""
+"""Standard deviation of the prior on each bow parameter. Units: mm."""
 
 DIFFERENCE_STEPS = np.array([1e-3] * 4 + [1e-6] * COEFFICIENTS + [1e-6] * 2 + [1e-3] + [1e-3] * 2)
-"""Steps of the difference quotients: px, 1, rad, mm, mm."""
+"""Steps of the difference quotients. Units: px, 1, rad, mm, mm."""
 
 POSE_DIFFERENCE_STEPS = np.array([1e-6] * 3 + [1e-4] * 3)
-"""Steps of a pose: rad, mm."""
+"""Steps of the difference quotients by a pose. Units: rad, mm."""
+
+
+@dataclass(frozen=True, eq=False)
+class LaserView:
+    """Measurements of one board pose: its corners, and the laser line on it.
+
+    Parameters
+    ----------
+    points : (n, 3) array_like
+        Corners, board frame, z = 0. Units: mm.
+    pixels : (n, 2) array_like
+        Corners in the image. Units: px.
+    line_pixels : (m, 2) array_like
+        Points of the laser line on the board, all finite. Units: px.
+    line_std : (m,) array_like
+        Standard deviation of each point across the line. Units: px.
+    """
+
+    points: FloatArray
+    pixels: FloatArray
+    line_pixels: FloatArray
+    line_std: FloatArray
+
+    def __post_init__(self) -> None:
+        corners, points = len(self.points), len(self.line_pixels)
+        object.__setattr__(self, "points", as_readonly_array(self.points, ("n", 3), "board points"))
+        object.__setattr__(self, "pixels", as_readonly_array(self.pixels, (corners, 2), "pixels"))
+        object.__setattr__(
+            self, "line_pixels", as_readonly_array(self.line_pixels, ("m", 2), "line_pixels")
+        )
+        object.__setattr__(
+            self, "line_std", as_readonly_array(self.line_std, (points,), "line_std")
+        )
+        if not np.isfinite(self.line_pixels).all():
+            raise ValueError("expected finite line_pixels: leave out lost points")
+        if not (self.line_std > 0).all():
+            raise ValueError("expected positive line_std in px")
+
+
+@dataclass(frozen=True, eq=False)
+class BundleAdjustmentState:
+    """Unknowns of the bundle adjustment.
+
+    Parameters
+    ----------
+    camera : Camera
+        With at least the coefficients that are refined.
+    plane : Plane
+        Laser plane, camera frame. Units: mm.
+    camera_from_boards : tuple of Pose
+        One for each view.
+    bow : (2,) array_like
+        Bow parameters b1, b2 of the board. Units: mm.
+    """
+
+    camera: Camera
+    plane: Plane
+    camera_from_boards: tuple[Pose, ...]
+    bow: FloatArray
 
 
 class BundleAdjustmentProblem:
-    """Residuals and Jacobian of all views around a start, as functions of a flat vector.
+    """Residuals and Jacobian of all views as functions of increments to an initial guess.
 
-    The vector is [fx fy cx cy, 14 coefficients, plane tilt (2), plane distance, bow (2)] as
-    increments to the start, of which only the `free` ones take part, then six for each pose
-    (rotation vector in the camera frame, translation).
+    The vector is [fx fy cx cy, 14 coefficients, plane tilt (2), plane distance, bow (2)], of which
+    only the `free` elements are present, then six for each pose (rotation vector in the camera
+    frame, translation).
 
     Parameters
     ----------
     views : sequence of LaserView
-        What was seen.
-    start : BundleAdjustmentState
-        Where to expand.
+        Measurements.
+    initial_guess : BundleAdjustmentState
+        State to which the increments are added.
     refine : tuple of bool
-        Whether the camera, and the bow, take part.
+        Whether the camera, and the bow, are refined.
     corner_stds : sequence of float
-        One sigma of a corner's coordinate in each view. Units: px.
+        Standard deviation of a corner coordinate in each view. Units: px.
     """
 
     def __init__(
         self,
         views: Sequence[LaserView],
-        start: BundleAdjustmentState,
+        initial_guess: BundleAdjustmentState,
         refine: tuple[bool, bool],
         corner_stds: Sequence[float],
     ) -> None:
-        self.start, self._count = start, len(views)
+        self.initial_guess, self._count = initial_guess, len(views)
         self._corners, self._corner_view = _stacked([view.points for view in views])
         self._pixels, _ = _stacked([view.pixels for view in views])
         self._line, self._line_view = _stacked([view.line_pixels for view in views])
@@ -70,25 +128,25 @@ class BundleAdjustmentProblem:
         self._line_std = line_std[:, 0]
         middle, extent = _board_shape(self._corners)
         self._middle, self._half = middle, extent / 2
-        self._axes = tilt_axes(start)
-        self.free = np.flatnonzero(_free(start.camera, *refine))
-        self._rays_of, self._kept_rays = b"", np.empty((0, 3))
+        self._axes = tilt_axes(initial_guess)
+        self.free = np.flatnonzero(_free(initial_guess.camera, *refine))
+        self._cached_camera, self._cached_rays = b"", np.empty((0, 3))
         self._rows_of_view = np.concatenate([np.repeat(self._corner_view, 2), self._line_view])
 
     @property
     def size(self) -> int:
-        """Length of the vector."""
+        """Length of the parameter vector."""
         return len(self.free) + 6 * self._count
 
     def state(self, vector: FloatArray) -> BundleAdjustmentState:
-        """The unknowns that a vector stands for."""
+        """Return the unknowns at a parameter vector."""
         camera, plane, bow = self._globals(vector)
         rotations, translations = self._poses(vector)
         poses = tuple(Pose(R, t) for R, t in zip(rotations, translations, strict=True))
         return BundleAdjustmentState(camera, plane, poses, bow)
 
     def residuals_in_pixels(self, vector: FloatArray) -> tuple[Points, FloatArray]:
-        """Corner residuals (n, 2) and laser residuals (m,) of all views. Units: px."""
+        """Return corner residuals (n, 2) and laser residuals (m,) of all views. Units: px."""
         camera, plane, bow = self._globals(vector)
         rotations, translations = self._poses(vector)
         return (
@@ -97,15 +155,18 @@ class BundleAdjustmentProblem:
         )
 
     def __call__(self, vector: FloatArray) -> FloatArray:
-        """Whitened residuals, the priors' last."""
+        """Return the whitened residuals, those of the priors last."""
         corner, line = self.residuals_in_pixels(vector)
-        prior = vector[: len(self.free)] / _priors(self.start.camera)[self.free]
+        prior = vector[: len(self.free)] / _priors(self.initial_guess.camera)[self.free]
         return np.concatenate(
             [(corner / self._corner_std).ravel(), line / self._line_std, prior[np.isfinite(prior)]]
         )
 
     def jacobian(self, vector: FloatArray) -> FloatArray:
-        """Difference quotients; those of the poses, which share no residual, all in one go."""
+        """Return the Jacobian by difference quotients.
+
+        The poses share no residual: one evaluation serves the same component of all of them.
+        """
         here = self(vector)
         jacobian = np.zeros((len(here), self.size))
         data = np.arange(len(self._rows_of_view))
@@ -121,48 +182,58 @@ class BundleAdjustmentProblem:
         return jacobian
 
     def columns_of_plane(self) -> IntArray:
-        """Where in the vector the plane's tilt about X, about Y, and distance stand."""
+        """Return the indices of the plane's tilt about X, about Y, and distance."""
         return np.flatnonzero((self.free >= 18) & (self.free < 21))
 
     def columns_of_bow(self) -> IntArray:
-        """Where in the vector the bow stands; empty where it is held."""
+        """Return the indices of the bow; empty where it is fixed."""
         return np.flatnonzero(self.free >= 21)
 
     def split(self, values: FloatArray, line: bool) -> tuple[FloatArray, ...]:
-        """Values of all corners, or of all line points, view by view."""
+        """Split values of all corners, or of all line points, into views."""
         view = self._line_view if line else self._corner_view
         return tuple(values[view == index] for index in range(self._count))
 
     def _globals(self, vector: FloatArray) -> tuple[Camera, Plane, FloatArray]:
+        """Return camera, laser plane and bow at a parameter vector."""
         change = np.zeros(len(DIFFERENCE_STEPS))
         change[self.free] = vector[: len(self.free)]
-        start = self.start
-        matrix = start.camera.matrix.copy()
+        initial_guess = self.initial_guess
+        matrix = initial_guess.camera.matrix.copy()
         matrix[[0, 1, 0, 1], [0, 1, 2, 2]] += change[:4]
-        distortion = start.camera.distortion + change[4:18][: len(start.camera.distortion)]
-        camera = replace(start.camera, matrix=matrix, distortion=distortion)
-        normal = start.plane.normal + change[18:20] @ self._axes
-        # Scaled to unit length by itself; the distance is that of the unit normal.
+        distortion = (
+            initial_guess.camera.distortion + change[4:18][: len(initial_guess.camera.distortion)]
+        )
+        camera = replace(initial_guess.camera, matrix=matrix, distortion=distortion)
+        normal = initial_guess.plane.normal + change[18:20] @ self._axes
+        # Plane would scale normal and distance together; here the distance is that of the unit
+        # normal.
         normal = normal / np.linalg.norm(normal)
-        return camera, Plane(normal, start.plane.distance + change[20]), start.bow + change[21:]
+        return (
+            camera,
+            Plane(normal, initial_guess.plane.distance + change[20]),
+            initial_guess.bow + change[21:],
+        )
 
     def _poses(self, vector: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return rotations (v, 3, 3) and translations (v, 3) of the boards."""
         from scipy.spatial.transform import Rotation
 
         change = vector[len(self.free) :].reshape(-1, 6)
-        start = np.array([pose.rotation for pose in self.start.camera_from_boards])
-        shift = np.array([pose.translation for pose in self.start.camera_from_boards])
-        rotations = Rotation.from_rotvec(change[:, :3]).as_matrix() @ start
+        initial_guess = np.array([pose.rotation for pose in self.initial_guess.camera_from_boards])
+        shift = np.array([pose.translation for pose in self.initial_guess.camera_from_boards])
+        rotations = Rotation.from_rotvec(change[:, :3]).as_matrix() @ initial_guess
         return rotations, shift + change[:, 3:]
 
     def _corner_residuals(
         self, camera: Camera, bow: FloatArray, rotations: FloatArray, translations: FloatArray
     ) -> Points:
+        """Return projected minus observed corners (n, 2). Units: px."""
         corners = self._corners.copy()
         corners[:, 2] += self._height(corners[:, :2], bow)
         view = self._corner_view
-        seen = np.einsum("nij,nj->ni", rotations[view], corners) + translations[view]
-        return camera.project(seen) - self._pixels
+        in_camera = np.einsum("nij,nj->ni", rotations[view], corners) + translations[view]
+        return camera.project(in_camera) - self._pixels
 
     def _line_residuals(
         self,
@@ -172,47 +243,49 @@ class BundleAdjustmentProblem:
         rotations: FloatArray,
         translations: FloatArray,
     ) -> FloatArray:
-        """Height of the lit points over the board, as pixels across the line."""
+        """Return the height of the laser points over the board, converted to px across the line."""
         rays, view = self._rays(camera), self._line_view
-        slant = rays @ plane.normal
-        lit = rays * (plane.distance / slant)[:, None]
+        ray_dot_normal = rays @ plane.normal
+        laser_points = rays * (plane.distance / ray_dot_normal)[:, None]
         R = rotations[view]
-        on_board = np.einsum("nij,ni->nj", R, lit - translations[view])
+        on_board = np.einsum("nij,ni->nj", R, laser_points - translations[view])
         height = on_board[:, 2] - self._height(on_board[:, :2], bow)
         slopes = -2 * bow * (on_board[:, :2] - self._middle) / self._half**2
         up = R[:, :, 2] - np.einsum("nij,nj->ni", R[:, :, :2], slopes)
         # X = z m with z = D / (n . m): d height / d m_j = z (up_j - (up . m) n_j / (n . m)).
-        depth = plane.distance / slant
-        tilt = np.einsum("ni,ni->n", up, rays) / slant
-        gradient = depth[:, None] * (up[:, :2] - tilt[:, None] * plane.normal[:2])
+        depth = plane.distance / ray_dot_normal
+        up_ratio = np.einsum("ni,ni->n", up, rays) / ray_dot_normal
+        gradient = depth[:, None] * (up[:, :2] - up_ratio[:, None] * plane.normal[:2])
         residuals: FloatArray = camera.focal_length * height / np.hypot(*gradient.T)
         return residuals
 
     def _rays(self, camera: Camera) -> Points:
-        """Rays of all line points; kept while the camera stays, undistortion being the cost."""
+        """Return the rays of all line points, cached for the last camera: undistortion is slow."""
         key = camera.matrix.tobytes() + camera.distortion.tobytes()
-        if key != self._rays_of:
-            self._rays_of, self._kept_rays = key, camera.rays(self._line)
-        return self._kept_rays
+        if key != self._cached_camera:
+            self._cached_camera, self._cached_rays = key, camera.rays(self._line)
+        return self._cached_rays
 
     def _height(self, points: Points, bow: FloatArray) -> FloatArray:
+        """Return the height of the bowed board at points (n, 2). Units: mm."""
         height: FloatArray = (1 - ((points - self._middle) / self._half) ** 2) @ bow
         return height
 
 
-def tilt_axes(start: BundleAdjustmentState) -> FloatArray:
-    """Change (2, 3) of the plane's normal by one rad about the section's X, and about its Y."""
-    x, y, z = LightSection(start.camera, start.plane).camera_from_section.rotation.T
-    axes: FloatArray = np.stack([-y, x]) * np.sign(float(z @ start.plane.normal))
+def tilt_axes(initial_guess: BundleAdjustmentState) -> FloatArray:
+    """Return the change (2, 3) of the plane's normal per rad of tilt about the section's X, Y."""
+    x, y, z = LightSection(initial_guess.camera, initial_guess.plane).camera_from_section.rotation.T
+    axes: FloatArray = np.stack([-y, x]) * np.sign(float(z @ initial_guess.plane.normal))
     return axes
 
 
 def _free(camera: Camera, refine_camera: bool, refine_bow: bool) -> BoolArray:
+    """Return the mask of the parameters that are refined."""
     free = np.zeros(len(DIFFERENCE_STEPS), dtype=bool)
     if refine_camera:
         free[:4] = True
         used = len(camera.distortion)
-        # k3 and beyond stay where they are unless the camera's model uses them.
+        # k3 and beyond are fixed unless the camera's model uses them.
         free[4 : 4 + min(used, 4)] = True
         free[8 : 4 + used] = camera.distortion[4:] != 0
     free[18:21] = True
@@ -221,6 +294,7 @@ def _free(camera: Camera, refine_camera: bool, refine_bow: bool) -> BoolArray:
 
 
 def _priors(camera: Camera) -> FloatArray:
+    """Return the standard deviation of the prior on each parameter."""
     focal = camera.focal_length
     return np.concatenate(
         [
@@ -234,10 +308,12 @@ def _priors(camera: Camera) -> FloatArray:
 
 
 def _board_shape(corners: Points) -> tuple[FloatArray, FloatArray]:
+    """Return the middle and the extent of the corners in the board plane. Units: mm."""
     low, high = corners[:, :2].min(axis=0), corners[:, :2].max(axis=0)
     return (low + high) / 2, high - low
 
 
 def _stacked(arrays: list[FloatArray]) -> tuple[FloatArray, IntArray]:
+    """Concatenate the views' arrays, and return the view index of each row."""
     counts = [len(array) for array in arrays]
     return np.concatenate(arrays), np.repeat(np.arange(len(arrays)), counts)

@@ -1,7 +1,8 @@
-"""Sensor-to-robot solution with robot poses that are noisy themselves (errors in variables).
+"""Hand-eye solution with noisy robot poses (errors in variables).
 
-The robot's error enters the covariance of each pose: C_i = C_sighting + s^2 A_i S A_i'.
-Treating the robot as perfect instead makes a covariance several times too small.
+The error of the robot is part of the covariance of each pose: C_i = C_observation + s^2 A_i S A_i'
+with the Jacobian A_i by the flange pose, the nominal robot covariance S and its scale s. Without
+this term the covariance of the result is several times too small.
 """
 
 from collections.abc import Callable
@@ -10,49 +11,51 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.calibration.batched_least_squares import (
-    prior_rows,
+    prior_jacobian_and_residuals,
     solve_least_squares,
     whitened_jacobian_and_residuals,
     whitening_matrices,
 )
-from lsvision.calibration.observations import Observations, States
+from lsvision.calibration.observations import MM_PER_RADIAN, Observations, States
 from lsvision.errors import FitFailed
 from lsvision.geometry import FloatArray
 
 NOMINAL_ROBOT_STD = (0.05, float(np.radians(0.01)))
-"""Ratio of position to orientation error (mm, rad) where the robot's error is estimated: a
-repeatable six-axis arm. Its size comes from the data, its shape cannot."""
+"""Standard deviation of position (mm) and orientation (rad) of a repeatable six-axis arm: the
+ratio of the two where the robot's error is estimated. The data determine its scale but not the
+ratio."""
 ROBOT_STD_SCALE_BOUNDS = (1e-3, 1e3)
-"""Least and largest size looked for, in units of `NOMINAL_ROBOT_STD`."""
+"""Smallest and largest scale that is considered, in units of `NOMINAL_ROBOT_STD`."""
 ROBOT_STD_SCALE_PRIOR = 10.0
-"""Beforehand every other robot errs by more than this size: 0.5 mm, 0.1 deg."""
+"""Median of the half-Cauchy prior of the robot's standard deviation, in units of
+`NOMINAL_ROBOT_STD`: 0.5 mm, 0.1 deg."""
 LOG_LIKELIHOOD_CUTOFF = 12.0
-"""Fall of the log-likelihood beyond which a size does not count."""
+"""Decrease of the log-likelihood beyond which a scale is ignored."""
 TINY = 1e-300
 
 
 @dataclass(frozen=True, eq=False)
 class ErrorsInVariablesFit:
-    """Errors-in-variables solution of one state.
+    """Errors-in-variables solution.
 
     Parameters
     ----------
     states : States
         One state.
     mask : (n,) ndarray
-        1 for the poses that counted.
+        1 for the poses that were used, 0 for others.
     cofactors : (p, p) ndarray
-        Inverse normal matrix: covariance of sensor (6) and target(s) before widening.
+        Inverse normal matrix: covariance of sensor (6) and target(s) before `variance_factor`.
     whitening : (n, m, m) ndarray
-        Of every pose, counted or not.
+        Whitening matrix of every pose, used or not.
     jacobian, residuals : ndarray
-        (n, m, p) and (n, m), whitened, of every pose.
+        Whitened Jacobian (n, m, p) and residuals (n, m) of every pose, used or not.
     robot_std_scale : float
-        Size of the robot's error in units of the prior.
+        Standard deviation of the robot in units of the stated or nominal one.
     chi2 : float
-        Of the counted poses' whitened residuals and the prior's.
+        Sum of squared whitened residuals of the used poses and the prior.
     dof : int
-        Numbers seen less unknowns.
+        Degrees of freedom: number of observations and priors minus number of unknowns.
     variance_factor : float
         Factor on the covariance, at least 1.
     """
@@ -70,22 +73,29 @@ class ErrorsInVariablesFit:
 
     @property
     def covariance(self) -> FloatArray:
-        """Of sensor (6) and target(s); honest where robot's error is as stated or estimated."""
+        """Covariance of sensor (6) and target(s).
+
+        Valid where the error of the robot is as stated or was estimated.
+        """
         covariance: FloatArray = self.cofactors * self.variance_factor
         return covariance
 
     @property
     def redundancy(self) -> FloatArray:
-        """(n, m, m) 1 - J Q J' of each counted pose: what of its error its residual shows."""
+        """Redundancy matrices (n, m, m) of the poses: 1 - J Q J', 1 where not used.
+
+        They map the error of an observation to its residual.
+        """
         eye = np.eye(self.residuals.shape[1])
         hats = self.jacobian @ self.cofactors @ np.swapaxes(self.jacobian, -1, -2)
         redundancy: FloatArray = eye - self.mask[:, None, None] * hats
         return redundancy
 
     def leave_one_out_residuals(self) -> FloatArray:
-        """(n, m) residual of each pose had it not taken part, in the sighting's own units.
+        """Return the residual (n, m) of each pose with respect to a fit without it.
 
-        Exact for the linearised problem; poses that did not count are as they are.
+        In the units of the observation. Exact for the linearised problem; residuals of poses that
+        were not used are unchanged.
         """
         white = np.linalg.solve(
             self.redundancy + 1e-12 * np.eye(self.residuals.shape[1]), self.residuals[..., None]
@@ -95,56 +105,60 @@ class ErrorsInVariablesFit:
 
 
 def fit_errors_in_variables(
-    sightings: Observations, start: States, mask: FloatArray, *, estimate_robot_std: bool
+    observations: Observations, initial_guess: States, mask: FloatArray, *, estimate_robot_std: bool
 ) -> ErrorsInVariablesFit:
-    """Errors-in-variables solution from a start near it.
+    """Estimate sensor pose and target with errors in variables, from an initial guess.
 
     Parameters
     ----------
-    sightings : Observations
-        What was seen.
-    start : States
+    observations : Observations
+        Of n poses.
+    initial_guess : States
         One state.
     mask : (n,) ndarray
-        1 for poses that count, 0 for others.
+        1 for the poses to use, 0 for others.
     estimate_robot_std : bool
-        Whether the size of the robot's error comes from the residuals or stands as stated, and
-        then only widens the covariance where the residuals are larger than it explains.
+        Whether the scale of the robot's error is estimated from the residuals. Otherwise the stated
+        robot is used, and the covariance is scaled by the reduced chi^2 where that exceeds 1.
 
     Raises
     ------
     FitFailed
         If the normal equations are singular.
     """
-    states, scale = start, 1.0
+    states, scale = initial_guess, 1.0
     for _ in range(6):
         previous = states
         if estimate_robot_std:
-            scale = _estimate_robot_std_scale(sightings, states, mask)
-        whitening = robot_whitening(sightings, states, scale)
+            scale = _estimate_robot_std_scale(observations, states, mask)
+        whitening = robot_whitening(observations, states, scale)
         states = solve_least_squares(
-            sightings, states, mask[:, None, None] * whitening, max_steps=8
+            observations, states, mask[:, None, None] * whitening, max_steps=8
         ).states
         if np.abs(states.translations - previous.translations).max() < 1e-7:
             break
-    return _build_fit(sightings, states, mask, scale, estimate=estimate_robot_std)
+    return _build_fit(observations, states, mask, scale, estimate=estimate_robot_std)
 
 
 def _build_fit(
-    sightings: Observations, states: States, mask: FloatArray, scale: float, *, estimate: bool
+    observations: Observations, states: States, mask: FloatArray, scale: float, *, estimate: bool
 ) -> ErrorsInVariablesFit:
-    whitening = robot_whitening(sightings, states, scale)
-    jacobian, residuals = whitened_jacobian_and_residuals(sightings, states, whitening)
-    prior, prior_residuals = prior_rows(sightings, states)
-    counted = jacobian[0] * mask[:, None, None]
-    rows = np.concatenate([counted.reshape(-1, jacobian.shape[-1]), prior[0]])
+    """Return the fit at a state, with its cofactors and statistics."""
+    whitening = robot_whitening(observations, states, scale)
+    jacobian, residuals = whitened_jacobian_and_residuals(observations, states, whitening)
+    prior, prior_residuals = prior_jacobian_and_residuals(observations, states)
+    used = jacobian[0] * mask[:, None, None]
+    normalised_jacobian = np.concatenate([used.reshape(-1, jacobian.shape[-1]), prior[0]])
     try:
-        cofactors = _scaled_inverse(rows.T @ rows)
+        cofactors = _scaled_inverse(normalised_jacobian.T @ normalised_jacobian)
     except np.linalg.LinAlgError as error:
-        raise FitFailed("the poses leave a direction of the sensor's pose wholly free") from error
+        raise FitFailed(
+            "the normal matrix is singular: the poses do not determine all six parameters of the "
+            "sensor pose; add poses with other tilt axes"
+        ) from error
     chi2 = float((residuals[0] ** 2 * mask[:, None]).sum() + (prior_residuals**2).sum())
-    dof = degrees_of_freedom(sightings, states, mask)
-    widening = 1.0 if estimate else max(1.0, chi2 / max(dof, 1))
+    dof = degrees_of_freedom(observations, states, mask)
+    variance_factor = 1.0 if estimate else max(1.0, chi2 / max(dof, 1))
     return ErrorsInVariablesFit(
         states=states,
         mask=mask,
@@ -155,79 +169,137 @@ def _build_fit(
         robot_std_scale=scale,
         chi2=chi2,
         dof=dof,
-        variance_factor=widening,
+        variance_factor=variance_factor,
     )
 
 
-def degrees_of_freedom(sightings: Observations, states: States, mask: FloatArray) -> int:
-    """Numbers seen (and prior) less unknowns."""
-    prior = int(np.isfinite(sightings.target_prior[1]).sum()) * states.targets.shape[1]
-    seen = int(mask.sum()) * sightings.covariances.shape[-1]
-    unknown = 6 + states.targets.shape[1] * len(sightings.target_prior[1])
-    return int(seen + prior - unknown)
+def degrees_of_freedom(observations: Observations, states: States, mask: FloatArray) -> int:
+    """Return the number of observations and priors minus the number of unknowns."""
+    prior = int(np.isfinite(observations.target_prior[1]).sum()) * states.targets.shape[1]
+    observed = int(mask.sum()) * observations.covariances.shape[-1]
+    unknowns = 6 + states.targets.shape[1] * len(observations.target_prior[1])
+    return int(observed + prior - unknowns)
 
 
-def robot_whitening(sightings: Observations, states: States, scale: float) -> FloatArray:
-    """Whitening of C_i = C_sighting + scale^2 A_i S A_i'; (s, n, m, m)."""
+def robot_whitening(observations: Observations, states: States, scale: float) -> FloatArray:
+    """Return whitening matrices (s, n, m, m) of C_i = C_observation + scale^2 A_i S A_i'."""
     return whitening_matrices(
-        sightings.covariances + scale**2 * _robot_covariances(sightings, states)
+        observations.covariances + scale**2 * _robot_covariances(observations, states)
     )
 
 
-def _robot_covariances(sightings: Observations, states: States) -> FloatArray:
-    """A_i S A_i', the error that a unit robot gives each sighting; (s, n, m, m)."""
-    by_flange = sightings.linearise(states).flange_jacobian
-    robot: FloatArray = by_flange @ sightings.flanges.covariances @ np.swapaxes(by_flange, -1, -2)
+def _robot_covariances(observations: Observations, states: States) -> FloatArray:
+    """Return A_i S A_i' (s, n, m, m), the robot's part of each covariance."""
+    jacobian = observations.linearise(states).flange_jacobian
+    robot: FloatArray = jacobian @ observations.flanges.covariances @ np.swapaxes(jacobian, -1, -2)
     return robot
 
 
-def _estimate_robot_std_scale(sightings: Observations, states: States, mask: FloatArray) -> float:
-    """Size of the robot's error, from the residuals: root of its mean square a posteriori.
+def _estimate_robot_std_scale(
+    observations: Observations, states: States, mask: FloatArray
+) -> float:
+    """Estimate the scale of the robot's error: root of its posterior mean square.
 
-    By the restricted likelihood (Harville 1977) of the linearised problem over a grid, coarse
-    and then fine where the likelihood is. The mean, and not the likeliest size: that would be
-    none in one of a few calibrations whose sightings are as noisy as the robot, and their
-    covariance then be too small.
+    Restricted likelihood (Harville 1977) of the linearised problem times a half-Cauchy prior, on a
+    coarse grid and then on a fine one. The mean and not the mode: where the observations are as
+    noisy as the robot, the mode is often zero, and then the covariance is too small.
     """
-    likelihood = _restricted_likelihood(sightings, states, mask)
-    sizes = np.geomspace(*ROBOT_STD_SCALE_BOUNDS, 30)
-    levels = np.array([likelihood(size) for size in sizes])
-    within = np.flatnonzero(levels > levels.max() - LOG_LIKELIHOOD_CUTOFF)
-    low, high = max(within[0] - 1, 0), min(within[-1] + 1, len(sizes) - 1)
-    sizes = np.geomspace(sizes[low], sizes[high], 30)
-    levels = np.array([likelihood(size) for size in sizes])
-    # Beforehand a half-Cauchy distribution; the last factor is that of the logarithmic grid.
-    weights = np.exp(levels - levels.max()) / (1 + (sizes / ROBOT_STD_SCALE_PRIOR) ** 2) * sizes
-    return float(np.sqrt((weights * sizes**2).sum() / weights.sum()))
+    likelihood = _restricted_likelihood(observations, states, mask)
+    scales = np.geomspace(*ROBOT_STD_SCALE_BOUNDS, 30)
+    log_likelihoods = np.array([likelihood(scale) for scale in scales])
+    considered = np.flatnonzero(log_likelihoods > log_likelihoods.max() - LOG_LIKELIHOOD_CUTOFF)
+    low, high = max(considered[0] - 1, 0), min(considered[-1] + 1, len(scales) - 1)
+    scales = np.geomspace(scales[low], scales[high], 30)
+    log_likelihoods = np.array([likelihood(scale) for scale in scales])
+    # Half-Cauchy prior; the last factor is the spacing of the logarithmic grid.
+    weights = (
+        np.exp(log_likelihoods - log_likelihoods.max())
+        / (1 + (scales / ROBOT_STD_SCALE_PRIOR) ** 2)
+        * scales
+    )
+    return float(np.sqrt((weights * scales**2).sum() / weights.sum()))
 
 
 def _restricted_likelihood(
-    sightings: Observations, states: States, mask: FloatArray
+    observations: Observations, states: States, mask: FloatArray
 ) -> Callable[[float], float]:
-    """Logarithm of the likelihood of a size of the robot's error, the unknowns taken out."""
-    robot = _robot_covariances(sightings, states)
-    unit = np.ones((1, 1, 1, 1)) * np.eye(sightings.covariances.shape[-1])
-    jacobian, residual = whitened_jacobian_and_residuals(sightings, states, unit)
-    prior, prior_residual = prior_rows(sightings, states)
-    columns = 1 / np.maximum(np.linalg.norm(jacobian.reshape(-1, jacobian.shape[-1]), axis=0), TINY)
+    """Return the log-likelihood of a robot scale, marginalised over the unknowns."""
+    robot = _robot_covariances(observations, states)
+    unit = np.ones((1, 1, 1, 1)) * np.eye(observations.covariances.shape[-1])
+    jacobian, residual = whitened_jacobian_and_residuals(observations, states, unit)
+    prior, prior_residual = prior_jacobian_and_residuals(observations, states)
+    column_scales = 1 / np.maximum(
+        np.linalg.norm(jacobian.reshape(-1, jacobian.shape[-1]), axis=0), TINY
+    )
 
-    def likelihood(size: float) -> float:
-        whitening = whitening_matrices(sightings.covariances + size**2 * robot)
+    def likelihood(scale: float) -> float:
+        whitening = whitening_matrices(observations.covariances + scale**2 * robot)
         diagonals = np.log(np.einsum("snii->sni", whitening)).sum(axis=-1)
-        counted = mask[:, None, None] * whitening
-        white = (counted @ jacobian).reshape(1, -1, jacobian.shape[-1])
-        rows = np.concatenate([white, prior], axis=1)[0] * columns
-        right = (counted @ residual[..., None]).reshape(1, -1)
-        right = np.concatenate([right, prior_residual], axis=1)[0]
-        step = np.linalg.lstsq(rows, -right, rcond=None)[0]
-        chi2 = float(((rows @ step + right) ** 2).sum())
-        _, information = np.linalg.slogdet(rows.T @ rows)
+        used = mask[:, None, None] * whitening
+        whitened = (used @ jacobian).reshape(1, -1, jacobian.shape[-1])
+        jacobians = np.concatenate([whitened, prior], axis=1)[0] * column_scales
+        rhs = (used @ residual[..., None]).reshape(1, -1)
+        rhs = np.concatenate([rhs, prior_residual], axis=1)[0]
+        step = np.linalg.lstsq(jacobians, -rhs, rcond=None)[0]
+        chi2 = float(((jacobians @ step + rhs) ** 2).sum())
+        _, information = np.linalg.slogdet(jacobians.T @ jacobians)
         return float((diagonals * mask).sum()) - 0.5 * (chi2 + float(information))
 
     return likelihood
 
 
 def _scaled_inverse(matrix: FloatArray) -> FloatArray:
+    """Return the inverse of a normal matrix, computed at unit diagonal."""
     scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     inverse: FloatArray = np.linalg.inv(matrix * np.outer(scale, scale)) * np.outer(scale, scale)
     return inverse
+
+
+@dataclass(frozen=True, slots=True)
+class LeastDeterminedDirection:
+    """Direction of the sensor's pose that the poses determine least.
+
+    Parameters
+    ----------
+    std : float
+        Standard deviation for the nominal robot; one radian counts 100 mm. Units: mm.
+    description : str
+        The direction.
+    """
+
+    std: float
+    description: str
+
+
+def least_determined_direction(
+    observations: Observations, fit: ErrorsInVariablesFit
+) -> LeastDeterminedDirection:
+    """Return the motion of the sensor that the inlier poses determine least.
+
+    Its standard deviation is predicted for the nominal or stated robot; infinite where the normal
+    matrix is singular.
+    """
+    whitening = fit.mask[:, None, None] * robot_whitening(observations, fit.states, 1.0)
+    jacobian, _ = whitened_jacobian_and_residuals(observations, fit.states, whitening)
+    rows = jacobian.reshape(-1, jacobian.shape[-1])
+    mount, target = rows[:, :6] / ([1.0] * 3 + [MM_PER_RADIAN] * 3), rows[:, 6:]
+    prior = np.diag(1 / np.tile(observations.target_prior[1], fit.states.targets.shape[1]))
+    target = np.concatenate([target, prior])
+    mount = np.concatenate([mount, np.zeros((len(prior), 6))])
+    # Project the columns of the target out of those of the mount.
+    basis, singular_values, _ = np.linalg.svd(target, full_matrices=False)
+    basis = basis[:, singular_values > 1e-12 * singular_values[0]]
+    not_explained = mount - basis @ (basis.T @ mount)
+    _, singular_values, directions = np.linalg.svd(not_explained, full_matrices=False)
+    std = float("inf") if singular_values[-1] < 1e-12 else float(1 / singular_values[-1])
+    return LeastDeterminedDirection(
+        std, _direction_description(directions[-1], fit.states.rotations[0])
+    )
+
+
+def _direction_description(direction: FloatArray, rotation: FloatArray) -> str:
+    """Return the dominant axis of a motion (6,) of the sensor, in its own frame."""
+    translation, rotation_vector = rotation.T @ direction[:3], rotation.T @ direction[3:]
+    rotates = np.linalg.norm(rotation_vector) > np.linalg.norm(translation)
+    axis, verb = (rotation_vector, "turning about") if rotates else (translation, "moving along")
+    return f"{verb} the sensor's own {'XYZ'[int(np.abs(axis).argmax())]}"

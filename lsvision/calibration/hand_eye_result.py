@@ -1,27 +1,62 @@
-"""What a sensor-to-robot calibration gives: a pose, its covariance, and its evidence."""
+"""Settings and result of a hand-eye calibration."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.calibration.flange_poses import Mounting
+from lsvision.calibration.observations import Mounting
+from lsvision.calibration.pose_outliers import OutlierSettings
 from lsvision.calibration.rotations import cross_matrices
+from lsvision.calibration.sphere_arc import SphereArcSettings
 from lsvision.geometry import FloatArray, Plane, Pose, as_readonly_array
 
 Sensor = Literal["section", "camera"]
 
 HEIGHT_SCALE_SIGMAS = 4.0
-"""Sigmas from which on heights that are too long are no chance."""
+"""Standard deviations from 1 above which a height scale is significant."""
 MIN_HEIGHT_SCALE_ERROR = 0.005
-"""Error of the heights' scale from which on a person is told."""
+"""Deviation of the height scale from 1 above which a warning is given."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class HandEyeSettings:
+    """Standard uncertainty of the robot, and limits for acceptance of a calibration.
+
+    Parameters
+    ----------
+    robot_std : tuple of float, optional
+        Standard deviation of the robot's pose in each axis of position (mm) and orientation (rad).
+        If None, its scale is estimated from the residuals, with the ratio of 0.05 mm to 0.01 deg.
+        The "repeatability" of a data sheet is the best case; absolute accuracy is several times
+        worse.
+    arc : SphereArcSettings
+        Detection of the sphere in a profile.
+    outliers : OutlierSettings
+        Rejection of outlying poses.
+    max_residual_rms : float
+        Largest root mean square residual of the inlier poses; a larger one shows poses and profiles
+        that do not belong together. Units: mm.
+    max_least_determined_std : float
+        Largest standard deviation of the least determined direction for the nominal or stated
+        robot. Units: mm.
+    min_ambiguity_ratio : float
+        Smallest ratio of the second-best minimum's cost to the best's.
+    """
+
+    robot_std: tuple[float, float] | None = None
+    arc: SphereArcSettings = field(default_factory=SphereArcSettings)
+    outliers: OutlierSettings = field(default_factory=OutlierSettings)
+    max_residual_rms: float = 3.0
+    max_least_determined_std: float = 10.0
+    min_ambiguity_ratio: float = 1.2
 
 
 @dataclass(frozen=True, eq=False)
 class Sphere:
-    """Sphere that served as target.
+    """Sphere that was the target of a calibration.
 
     Parameters
     ----------
@@ -30,7 +65,7 @@ class Sphere:
     radius : float
         Units: mm.
     radius_std : float
-        One sigma; 0 where the radius was given. Units: mm.
+        Standard deviation; 0 where the radius was given. Units: mm.
     """
 
     centre: FloatArray
@@ -43,14 +78,14 @@ class Sphere:
 
 @dataclass(frozen=True, slots=True)
 class RejectedPose:
-    """A pose that was not believed.
+    """Index of a pose and the reason for its rejection.
 
     Parameters
     ----------
     index : int
-        Of the pose, from 0.
+        Index of the pose, from 0.
     reason : str
-        In words and numbers.
+        Reason with numbers.
     """
 
     index: int
@@ -59,7 +94,7 @@ class RejectedPose:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HandEye:
-    """Where the sensor sits on the robot, or before it.
+    """Pose of the sensor on the robot's flange, or in its base frame, with diagnostics.
 
     Parameters
     ----------
@@ -68,38 +103,38 @@ class HandEye:
         the base (eye to hand). Read it by the name that fits: `flange_from_section`,
         `base_from_section`, `flange_from_camera`, `base_from_camera`.
     covariance : (6, 6) array_like
-        Of translation (mm) and rotation (rad), both along the mount's axes; the rotation is a
-        small turn from the left, R -> exp([w]x) R, about the sensor's origin.
+        Covariance of translation (mm) and rotation (rad), both along the mount's axes; the rotation
+        is a left-hand one, R -> exp([w]x) R, about the sensor's origin.
     residuals : (n,) array_like
-        Length of each pose's residual, seen minus expected; NaN where nothing was seen.
+        Norm of each pose's residual, observed minus predicted; NaN where the target was not found.
         Units: mm.
     leave_one_out_residuals : (n,) array_like
-        The same had the pose not taken part in the calibration. Units: mm.
+        The same with respect to a fit without the pose. Units: mm.
     rejected : tuple of RejectedPose
-        Poses left out.
+        Poses that were not used.
     target : Sphere or Plane or Pose
-        Where the target was, in the base frame (eye in hand) or flange frame (eye to hand);
+        The target in the base frame (eye in hand) or flange frame (eye to hand);
         a board as ``base_from_board``.
     working_point : (3,) array_like
-        Mean place of the target in the sensor frame. Units: mm.
+        Mean position of the target in the sensor frame. Units: mm.
     robot_std : tuple of float
-        One sigma of the robot in each axis of position (mm) and orientation (rad), stated or
-        found from the residuals.
+        Standard deviation of the robot in each axis of position (mm) and orientation (rad), stated
+        or estimated from the residuals.
     ambiguity_ratio : float
-        Cost of the second-best minimum over the best's; near 1 the answer may be another.
+        Cost of the second-best minimum over the best's; near 1 the solution is ambiguous.
     least_determined_std : float
-        One sigma in the weakest direction at the nominal or stated robot; a radian counts
-        100 mm. Units: mm.
+        Standard deviation of the least determined direction for the nominal or stated robot; one
+        radian counts 100 mm. Units: mm.
     least_determined_direction : str
-        That direction in words.
+        Description of that direction.
     mounting : {"eye_in_hand", "eye_to_hand"}
-        What carries the sensor.
+        Frame that carries the sensor.
     sensor : {"section", "camera"}
-        What the sensor's frame is.
+        Frame of the sensor.
     height_scale : tuple of float, optional
-        What the profiles' heights must be multiplied by, about the working point, to be true,
-        and its one sigma; a check on the sensor, 1 where it measures right. None where the
-        target does not tell.
+        Factor by which the profiles' heights must be multiplied, about the working point, and its
+        standard deviation; a check of the sensor, 1 for a correct one. None where the target does
+        not determine it.
     """
 
     mount_from_sensor: Pose
@@ -128,53 +163,55 @@ class HandEye:
 
     @property
     def flange_from_section(self) -> Pose:
-        """The section frame of a profile sensor on the flange."""
+        """Section frame of a profile sensor on the flange."""
         return self._named("eye_in_hand", "section")
 
     @property
     def base_from_section(self) -> Pose:
-        """The section frame of a profile sensor that stands still."""
+        """Section frame of a profile sensor fixed in the base frame."""
         return self._named("eye_to_hand", "section")
 
     @property
     def flange_from_camera(self) -> Pose:
-        """The camera on the flange; ``@ light_section.camera_from_section`` gives the section."""
+        """Camera on the flange; ``@ light_section.camera_from_section`` gives the section."""
         return self._named("eye_in_hand", "camera")
 
     @property
     def base_from_camera(self) -> Pose:
-        """The camera that stands still."""
+        """Camera fixed in the base frame."""
         return self._named("eye_to_hand", "camera")
 
     @property
     def sphere(self) -> Sphere:
         """The target, if it was a sphere."""
         if not isinstance(self.target, Sphere):
-            raise ValueError(f"want a calibration on a sphere, got {type(self.target).__name__}")
+            raise ValueError(
+                f"expected a calibration on a sphere, got {type(self.target).__name__}"
+            )
         return self.target
 
     @property
     def residual_rms(self) -> float:
-        """Of the believed poses. Units: mm."""
+        """Root mean square residual of the inlier poses. Units: mm."""
         return self._rms(self.residuals)
 
     @property
     def leave_one_out_rms(self) -> float:
-        """Of the believed poses, each had it not taken part. Units: mm."""
+        """Root mean square leave-one-out residual of the inlier poses. Units: mm."""
         return self._rms(self.leave_one_out_residuals)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a person should know before using the result."""
+        """Warnings about the sensor's heights."""
         if self.height_scale is None:
             return ()
         factor, std = self.height_scale
         if abs(factor - 1) < max(HEIGHT_SCALE_SIGMAS * std, MIN_HEIGHT_SCALE_ERROR):
             return ()
         return (
-            f"the sensor's heights want to be multiplied by {factor:.3f} +/- {std:.3f}: is their "
-            "unit or the sensor's own calibration wrong? Away from the working point positions "
-            "err by as much, and so do radii",
+            f"the sensor's heights must be multiplied by {factor:.3f} +/- {std:.3f}: is their "
+            "unit or the sensor's own calibration wrong? Away from the working point, positions "
+            "and radii have the same relative error",
         )
 
     @property
@@ -183,7 +220,7 @@ class HandEye:
         return self.std_at(self.working_point)
 
     def covariance_at(self, point: npt.ArrayLike) -> FloatArray:
-        """Covariance that the calibration gives a point of the sensor frame.
+        """Return the covariance that the calibration gives a point of the sensor frame.
 
         Parameters
         ----------
@@ -196,32 +233,32 @@ class HandEye:
             Along the mount's axes. Units: mm^2.
         """
         p = np.zeros(3)
-        given = np.asarray(point, dtype=np.float64)
-        if given.shape not in ((2,), (3,)):
-            raise ValueError(f"want a point of shape (3,) or (2,), got {given.shape}")
-        p[: len(given)] = given
-        arm = self.mount_from_sensor.rotation @ p
-        transfer = np.concatenate([np.eye(3), -cross_matrices(arm)], axis=1)
+        coordinates = np.asarray(point, dtype=np.float64)
+        if coordinates.shape not in ((2,), (3,)):
+            raise ValueError(f"expected a point of shape (3,) or (2,), got {coordinates.shape}")
+        p[: len(coordinates)] = coordinates
+        lever_arm = self.mount_from_sensor.rotation @ p
+        transfer = np.concatenate([np.eye(3), -cross_matrices(lever_arm)], axis=1)
         covariance: FloatArray = transfer @ self.covariance @ transfer.T
         return covariance
 
     def std_at(self, point: npt.ArrayLike) -> float:
-        """One sigma (root of the summed variances) of a point's position. Units: mm.
+        """Return the standard deviation of a point's position: root of the summed variances.
 
-        Errors of translation and rotation largely cancel where the target was seen, so that
-        this, not the origin's sigma, says how good the calibration is.
+        Errors of translation and rotation largely cancel where the target was measured: this value,
+        and not that of the sensor's origin, is the accuracy of the calibration. Units: mm.
         """
         return math.sqrt(float(np.trace(self.covariance_at(point))))
 
     def _named(self, mounting: Mounting, sensor: Sensor) -> Pose:
         if (self.mounting, self.sensor) != (mounting, sensor):
             raise ValueError(
-                f"want a calibration of a {sensor} {mounting}, got one of a {self.sensor} "
+                f"expected a calibration of a {sensor} {mounting}, got one of a {self.sensor} "
                 f"{self.mounting}"
             )
         return self.mount_from_sensor
 
-    def _rms(self, lengths: FloatArray) -> float:
+    def _rms(self, residuals: FloatArray) -> float:
         left_out = [pose.index for pose in self.rejected]
-        believed = np.delete(lengths, left_out)
-        return float(np.sqrt(np.mean(believed**2)))
+        inliers = np.delete(residuals, left_out)
+        return float(np.sqrt(np.mean(inliers**2)))

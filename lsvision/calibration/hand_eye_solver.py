@@ -1,72 +1,54 @@
-"""From sightings of any target to a `HandEye`: solve, doubt, check, tell."""
+"""Hand-eye solver for observations of any target: fit, outlier rejection, diagnostics, result."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lsvision.calibration.errors_in_variables import NOMINAL_ROBOT_STD, ErrorsInVariablesFit
-from lsvision.calibration.flange_poses import Mounting, require_rotation
-from lsvision.calibration.hand_eye_diagnostics import (
-    ambiguity_ratio,
-    detect_mispaired_poses,
-    detect_moved_target,
+from lsvision.calibration.batched_least_squares import (
+    search_whitening,
+    solve_least_squares,
+)
+from lsvision.calibration.errors_in_variables import (
+    NOMINAL_ROBOT_STD,
+    ErrorsInVariablesFit,
+    degrees_of_freedom,
     least_determined_direction,
-    residual_norms,
+    robot_whitening,
 )
-from lsvision.calibration.hand_eye_result import HandEye, RejectedPose, Sensor, Sphere
-from lsvision.calibration.observations import Observations
+from lsvision.calibration.hand_eye_result import (
+    HandEye,
+    HandEyeSettings,
+    RejectedPose,
+    Sensor,
+    Sphere,
+)
+from lsvision.calibration.observations import (
+    Mounting,
+    Observations,
+    States,
+    require_rotation,
+)
 from lsvision.calibration.pose_outliers import (
-    OutlierSettings,
     RobustHandEyeFit,
+    ambiguity_ratio,
     fit_with_outlier_rejection,
+    multi_start,
 )
-from lsvision.calibration.sphere_arc import SphereArcSettings
 from lsvision.errors import CalibrationFailed, DegenerateGeometry, FitFailed
 from lsvision.geometry import FloatArray, Plane, Pose
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class HandEyeSettings:
-    """What is known of the robot, and when a calibration is refused.
-
-    Parameters
-    ----------
-    robot_std : tuple of float, optional
-        One sigma of the robot's pose in each axis of position (mm) and orientation (rad).
-        None finds its size from the residuals, with the proportions 0.05 mm to 0.01 deg. A
-        data sheet's "repeatability" is the best case; absolute accuracy is several times worse.
-    arc : SphereArcSettings
-        How the sphere is found in a profile.
-    outliers : OutlierSettings
-        How poses are doubted.
-    max_residual_rms : float
-        Largest root mean square residual of the believed poses; beyond it poses and profiles
-        do not belong together. Units: mm.
-    max_least_determined_std : float
-        Largest one sigma in the weakest direction at the nominal or stated robot. Units: mm.
-    min_ambiguity_ratio : float
-        Least ratio of the second-best minimum's cost to the best's.
-    """
-
-    robot_std: tuple[float, float] | None = None
-    arc: SphereArcSettings = field(default_factory=SphereArcSettings)
-    outliers: OutlierSettings = field(default_factory=OutlierSettings)
-    max_residual_rms: float = 3.0
-    max_least_determined_std: float = 10.0
-    min_ambiguity_ratio: float = 1.2
-
-
 @dataclass(frozen=True, eq=False)
 class ResultContext:
-    """What the result must say beside the solution.
+    """Data of the result that are not part of the solution.
 
     Parameters
     ----------
     observed_poses : list of int
-        Poses with a sighting.
+        Indices of the poses with an observation.
     unobserved_poses : list of RejectedPose
-        Poses without.
+        Poses without an observation.
     working_point : (3,) ndarray
         Sensor frame. Units: mm.
     mounting, sensor, settings
@@ -82,137 +64,263 @@ class ResultContext:
 
 
 def solve_hand_eye(
-    sightings: Observations, poses: Sequence[Pose], min_poses: int, settings: HandEyeSettings
+    observations: Observations, poses: Sequence[Pose], min_poses: int, settings: HandEyeSettings
 ) -> RobustHandEyeFit:
-    """Solution on the poses that are believed, or a refusal that says why there is none.
+    """Solve for the sensor pose on the inlier poses, or raise an error with the diagnosis.
 
-    Parameters
-    ----------
-    sightings : Observations
-        What was seen.
-    poses : sequence of Pose
-        ``base_from_flange``, one a sighting.
-    min_poses : int
-        Fewest poses that determine the problem.
-    settings : HandEyeSettings
-        See there.
+    `poses` are ``base_from_flange`` of each observation, `min_poses` the smallest number of them
+    that determines the problem.
 
     Raises
     ------
     CalibrationFailed
-        Sightings and poses that do not belong together, or a target that moved.
+        If observations and poses do not belong together, or the target moved.
     DegenerateGeometry
-        Poses that leave a direction free.
+        If the poses leave a direction undetermined.
     """
     require_rotation(poses)
-    estimate = settings.robot_std is None
+    estimate_robot_std = settings.robot_std is None
     try:
-        doubted = fit_with_outlier_rejection(
-            sightings, settings.outliers, min_poses=min_poses, estimate_robot_std=estimate
+        solution = fit_with_outlier_rejection(
+            observations,
+            settings.outliers,
+            min_poses=min_poses,
+            estimate_robot_std=estimate_robot_std,
         )
     except FitFailed as error:
         raise DegenerateGeometry(str(error)) from error
-    refined = doubted.fit
+    fit = solution.fit
     count = len(poses)
-    believed = int(refined.mask.sum())
-    lengths = residual_norms(sightings, sightings.linearise(refined.states).residuals[0])
-    rms = float(np.sqrt((lengths**2 * refined.mask).sum() / max(believed, 1)))
-    too_few = believed < max(min_poses, count * (1 - settings.outliers.max_outlier_fraction))
+    inliers = int(fit.mask.sum())
+    norms = residual_norms(observations, observations.linearise(fit.states).residuals[0])
+    rms = float(np.sqrt((norms**2 * fit.mask).sum() / max(inliers, 1)))
+    too_few = inliers < max(min_poses, count * (1 - settings.outliers.max_outlier_fraction))
     if too_few or rms > settings.max_residual_rms:
-        raise CalibrationFailed(_diagnose(sightings, lengths, rms, believed))
-    weakness = least_determined_direction(sightings, refined)
-    if weakness.std > settings.max_least_determined_std:
+        raise CalibrationFailed(_diagnose(observations, norms, rms, inliers))
+    least_determined = least_determined_direction(observations, fit)
+    if least_determined.std > settings.max_least_determined_std:
         raise DegenerateGeometry(
-            f"the poses leave the sensor free by {weakness.std:.3g} mm in "
-            f"{weakness.description}: add poses tilted 20 to 35 deg about two axes, with the "
-            "target in other places of the view"
+            f"the sensor is determined to {least_determined.std:.3g} mm only in "
+            f"{least_determined.description}: add poses tilted 20 to 35 deg about two axes, with "
+            "the target at other positions in the view"
         )
-    moved = detect_moved_target(sightings, refined.mask, refined) if believed >= 8 else None
-    if moved:
-        raise CalibrationFailed(moved)
-    return doubted
+    motion = detect_moved_target(observations, fit.mask, fit) if inliers >= 8 else None
+    if motion:
+        raise CalibrationFailed(motion)
+    return solution
 
 
-def _diagnose(sightings: Observations, lengths: FloatArray, rms: float, believed: int) -> str:
-    """What the residuals say of data that do not fit."""
-    count = len(lengths)
-    everyone = float(np.sqrt(np.mean(lengths**2)))
+def _diagnose(observations: Observations, norms: FloatArray, rms: float, inliers: int) -> str:
+    """Return the most likely cause of large residuals."""
+    count = len(norms)
+    rms_of_all = float(np.sqrt(np.mean(norms**2)))
     finding = (
-        detect_moved_target(sightings, np.ones(count)) if count >= 8 else None
-    ) or detect_mispaired_poses(sightings, everyone)
+        detect_moved_target(observations, np.ones(count)) if count >= 8 else None
+    ) or detect_mispaired_poses(observations, rms_of_all)
     if finding:
         return finding
     return (
-        f"the best answer leaves {rms:.3g} mm at {believed} of {count} poses: are pairs "
-        "shuffled, is the poses' convention or unit another one than said, or the mounting "
+        f"the best solution leaves {rms:.3g} mm at {inliers} of {count} poses: are pairs "
+        "shuffled, is the convention or unit of the poses another one than stated, or the mounting "
         "(eye_in_hand, eye_to_hand)?"
     )
 
 
 def build_hand_eye(
-    sightings: Observations,
-    doubted: RobustHandEyeFit,
+    observations: Observations,
+    solution: RobustHandEyeFit,
     target: Sphere | Plane | Pose,
-    story: ResultContext,
+    context: ResultContext,
 ) -> HandEye:
-    """The solution as the caller gets it, once no other answer fits nearly as well.
+    """Build the result, unless another solution fits nearly as well.
 
     Raises
     ------
     DegenerateGeometry
-        If another minimum costs hardly more.
+        If another minimum has nearly the same cost.
     """
-    refined, settings = doubted.fit, story.settings
-    raw = sightings.linearise(refined.states).residuals[0]
-    lengths = residual_norms(sightings, raw)
-    held_out = residual_norms(sightings, refined.leave_one_out_residuals())
-    ambiguity = ambiguity_ratio(sightings, refined)
-    if ambiguity < settings.min_ambiguity_ratio:
+    fit, settings = solution.fit, context.settings
+    residuals = observations.linearise(fit.states).residuals[0]
+    norms = residual_norms(observations, residuals)
+    leave_one_out = residual_norms(observations, fit.leave_one_out_residuals())
+    ratio = ambiguity_ratio(observations, fit)
+    if ratio < settings.min_ambiguity_ratio:
         raise DegenerateGeometry(
-            f"another answer fits nearly as well (cost ratio {ambiguity:.2g}): add poses tilted "
-            "about other axes and with the target in other places of the view"
+            f"another solution fits nearly as well (cost ratio {ratio:.2g}): add poses tilted "
+            "about other axes and with the target at other positions in the view"
         )
     rejected = [
         RejectedPose(
-            story.observed_poses[index],
-            f"{held_out[index]:.3g} mm off what the other poses expect "
-            f"(chance {doubted.outlier_p_values[index]:.1g})",
+            context.observed_poses[index],
+            f"{leave_one_out[index]:.3g} mm off the prediction of the other poses "
+            f"(p-value {solution.outlier_p_values[index]:.1g})",
         )
-        for index in np.flatnonzero(refined.mask == 0)
+        for index in np.flatnonzero(fit.mask == 0)
     ]
-    weakness = least_determined_direction(sightings, refined)
+    least_determined = least_determined_direction(observations, fit)
     return HandEye(
-        mount_from_sensor=Pose(refined.states.rotations[0], refined.states.translations[0]),
-        covariance=refined.covariance[:6, :6],
-        residuals=_expand_to_all_poses(lengths, story),
-        leave_one_out_residuals=_expand_to_all_poses(held_out, story),
-        rejected=tuple(sorted([*rejected, *story.unobserved_poses], key=lambda pose: pose.index)),
+        mount_from_sensor=Pose(fit.states.rotations[0], fit.states.translations[0]),
+        covariance=fit.covariance[:6, :6],
+        residuals=_expand_to_all_poses(norms, context),
+        leave_one_out_residuals=_expand_to_all_poses(leave_one_out, context),
+        rejected=tuple(sorted([*rejected, *context.unobserved_poses], key=lambda pose: pose.index)),
         target=target,
-        working_point=story.working_point,
-        robot_std=_estimate_robot_std(refined, settings),
-        ambiguity_ratio=ambiguity,
-        least_determined_std=weakness.std,
-        least_determined_direction=weakness.description,
-        mounting=story.mounting,
-        sensor=story.sensor,
+        working_point=context.working_point,
+        robot_std=_estimate_robot_std(fit, settings),
+        ambiguity_ratio=ratio,
+        least_determined_std=least_determined.std,
+        least_determined_direction=least_determined.description,
+        mounting=context.mounting,
+        sensor=context.sensor,
     )
 
 
 def _estimate_robot_std(
-    refined: ErrorsInVariablesFit, settings: HandEyeSettings
+    fit: ErrorsInVariablesFit, settings: HandEyeSettings
 ) -> tuple[float, float]:
-    """Standard deviations of the robot's position (mm) and rotation (rad), per axis."""
-    shape = np.array(settings.robot_std or NOMINAL_ROBOT_STD)
+    """Return the std of the robot's position (mm) and rotation (rad) in each axis."""
+    robot_std = np.array(settings.robot_std or NOMINAL_ROBOT_STD)
     factor = (
-        refined.robot_std_scale
-        if settings.robot_std is None
-        else float(np.sqrt(refined.variance_factor))
+        fit.robot_std_scale if settings.robot_std is None else float(np.sqrt(fit.variance_factor))
     )
-    position, rotation = shape * factor
+    position, rotation = robot_std * factor
     return float(position), float(rotation)
 
 
-def _expand_to_all_poses(lengths: FloatArray, story: ResultContext) -> FloatArray:
-    placed = np.full(len(story.observed_poses) + len(story.unobserved_poses), np.nan)
-    placed[story.observed_poses] = lengths
-    return placed
+def _expand_to_all_poses(values: FloatArray, context: ResultContext) -> FloatArray:
+    """Return values of the observed poses in the order of all poses; NaN for others."""
+    expanded = np.full(len(context.observed_poses) + len(context.unobserved_poses), np.nan)
+    expanded[context.observed_poses] = values
+    return expanded
+
+
+MAX_RMS_RATIO = 0.35
+"""Largest ratio of the rms residual with an explanation to that without it."""
+SIGNIFICANCE = 1e-4
+"""Probability, over all splits of the poses, of reporting a moved target that did not move."""
+MAX_EXPLAINED_RMS_MM = 1.5
+"""Largest rms residual with an explanation. Units: mm."""
+
+
+def residual_norms(observations: Observations, residuals: FloatArray) -> FloatArray:
+    """Return the norms (n,) of residuals (n, m) in mm."""
+    norms: FloatArray = np.linalg.norm(residuals * observations.mm_per_residual, axis=-1)
+    return norms
+
+
+def detect_moved_target(
+    observations: Observations, mask: FloatArray, fit: ErrorsInVariablesFit | None = None
+) -> str | None:
+    """Return a description of the target's motion between two poses; None if it did not move.
+
+    It moved if two targets, one before and one after some pose, fit far better than one. `mask`
+    (n,) excludes outlying poses, which must not be taken for a moved target. Without `fit` all
+    initial guesses are tried, with the weights of the search.
+    """
+    initial_guess = fit.states if fit else multi_start(observations, mask)[0].select(np.array([0]))
+    one_target = _fit_hypothesis(observations, initial_guess, mask, fit)
+    two_targets = {}
+    for split in range(1, len(mask)):
+        if min(mask[:split].sum(), mask[split:].sum()) < 3:
+            continue
+        split_observations = replace(
+            observations, groups=(np.arange(len(mask)) >= split).astype(np.int64)
+        )
+        split_guess = (
+            _duplicate_target(initial_guess)
+            if fit
+            else multi_start(split_observations, mask)[0].select(np.array([0]))
+        )
+        two_targets[split] = _fit_hypothesis(split_observations, split_guess, mask, fit)
+    if not two_targets:
+        return None
+    first_moved, best = min(two_targets.items(), key=lambda item: item[1].chi2)
+    if best.rms > min(MAX_RMS_RATIO * one_target.rms, MAX_EXPLAINED_RMS_MM):
+        return None
+    if fit and _f_test_p_value(one_target, best) * len(two_targets) > SIGNIFICANCE:
+        return None
+    return (
+        f"the target moved between pose {first_moved - 1} and pose {first_moved} (counted from 0): "
+        f"one target leaves {one_target.rms:.2g} mm, two leave {best.rms:.2g} mm and are "
+        f"{best.target_distance:.2g} mm apart; repeat one of the halves"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _TargetHypothesis:
+    """Fit of all poses with one target, or with two."""
+
+    rms: float
+    chi2: float
+    dof: int
+    target_distance: float
+
+
+def _fit_hypothesis(
+    observations: Observations,
+    initial_guess: States,
+    mask: FloatArray,
+    fit: ErrorsInVariablesFit | None,
+) -> _TargetHypothesis:
+    """Fit the targets of the observations' groups, weighted by the fit if there is one."""
+    if fit is None:
+        whitening = search_whitening(observations, mask[None])
+    else:
+        whitening = mask[:, None, None] * robot_whitening(
+            observations, initial_guess, fit.robot_std_scale
+        )
+    solution = solve_least_squares(observations, initial_guess, whitening)
+    targets = solution.states.targets[0]
+    return _TargetHypothesis(
+        _residual_rms(observations, solution.states, mask),
+        float(solution.costs[0]),
+        degrees_of_freedom(observations, solution.states, mask),
+        observations.target_distance(targets[0], targets[-1]),
+    )
+
+
+def _f_test_p_value(one_target: _TargetHypothesis, two_targets: _TargetHypothesis) -> float:
+    """Return the p-value of the improvement by a second target (F test)."""
+    from scipy.special import fdtrc
+
+    extra_dof = one_target.dof - two_targets.dof
+    ratio = (
+        (one_target.chi2 - two_targets.chi2)
+        / extra_dof
+        / max(two_targets.chi2 / max(two_targets.dof, 1), 1e-12)
+    )
+    return float(fdtrc(extra_dof, max(two_targets.dof, 1), max(ratio, 0.0)))
+
+
+def detect_mispaired_poses(observations: Observations, rms: float) -> str | None:
+    """Return how poses and profiles are shifted or reversed; None if they are not."""
+    all_poses = np.ones(len(observations.flanges))
+    order = np.arange(len(all_poses))
+    for explanation, permutation in (
+        ("each profile belongs to the next pose", np.roll(order, -1)),
+        ("each profile belongs to the pose before", np.roll(order, 1)),
+        ("the poses are in reverse order", order[::-1]),
+    ):
+        trial = replace(observations, flanges=observations.flanges.select(permutation))
+        # A shift by one pairs the first pose with the last: leave that pair out.
+        mask = (
+            np.where(np.abs(permutation - order) > 1, 0.0, 1.0)
+            if "each" in explanation
+            else all_poses
+        )
+        states, _ = multi_start(trial, mask)
+        if _residual_rms(trial, states, mask) < min(MAX_RMS_RATIO * rms, MAX_EXPLAINED_RMS_MM):
+            return f"{explanation}: pairs shifted against each other"
+    return None
+
+
+def _residual_rms(observations: Observations, states: States, mask: FloatArray) -> float:
+    """Return the root mean square residual of the masked poses. Units: mm."""
+    norms = residual_norms(observations, observations.linearise(states).residuals[0])
+    return float(np.sqrt((norms**2 * mask).sum() / mask.sum()))
+
+
+def _duplicate_target(states: States) -> States:
+    """Duplicate the target."""
+    targets = np.repeat(states.targets[:, :1], 2, axis=1)
+    return States(states.rotations, states.translations, targets)

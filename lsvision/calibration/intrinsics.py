@@ -1,4 +1,4 @@
-"""A camera's intrinsics from images of a flat target, with what speaks against them."""
+"""Intrinsics of a camera from images of a flat target, with warnings about weak data."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,12 +9,12 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.calibration.intrinsics_check import check_camera
 from lsvision.calibration.target import Target, TargetView, find_target
 from lsvision.calibration.views import (
     RejectedView,
     ViewSources,
     collect_views,
+    max_tilt,
     outlier_views,
     require_tilted,
     require_views,
@@ -24,33 +24,50 @@ from lsvision.geometry import FloatArray, Pose
 from lsvision.sensors.camera import Camera
 
 MIN_VIEWS = 3
-"""Two views leave a full camera matrix undetermined (Zhang 2000, section 3.1)."""
+"""Two views do not determine a full camera matrix (Zhang 2000, section 3.1)."""
 
 OUTLIER_FACTOR = 2.5
-"""A view counts as outlier from this multiple of the median view's residual on."""
+"""Smallest ratio of an outlier view's rms residual to the median."""
+
+RECOMMENDED_VIEWS = 10
+"""Number of views below which a warning is given."""
+RECOMMENDED_TILT = np.radians(25.0)
+"""Largest tilt from the mean board below which a warning is given: at 15 deg errors double, at 5
+deg they are ten times larger. Units: rad."""
+CELLS = 5
+"""The image is divided into CELLS x CELLS cells to measure the coverage by corners."""
+RECOMMENDED_COVERAGE = 0.6
+"""Fraction of the cells with corners below which a warning is given."""
+PLAUSIBLE_DISTANCE = (20.0, 20_000.0)
+"""Range of plausible board distances; outside it the target's size was given in another unit.
+Units: mm."""
+PLAUSIBLE_ASPECT = 0.02
+"""Deviation of fx / fy from 1 that square pixels and a print at true scale never cause."""
+RECOMMENDED_FOCAL_STD = 0.005
+"""Relative standard deviation of the focal length above which a warning is given."""
 
 NAMES = (
     *("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3"),
     *("k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y"),
 )
-"""The camera's parameters in OpenCV's order."""
+"""Parameters of the camera in OpenCV's order."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CameraSettings:
-    """The camera's model; the default has as few freedoms as most lenses need.
+    """Parameters of the camera model; the default has as few as most lenses need.
 
     Parameters
     ----------
     radial_terms : int
-        0 to 3: how many of k1, k2, k3 are free; the others are 0.
+        0 to 3: how many of k1, k2, k3 are estimated; the others are 0.
     tangential : bool
-        Whether p1 and p2 are free.
+        Whether p1 and p2 are estimated.
     fixed_aspect : bool
         Whether fx = fy.
     tilted : bool
-        Whether the sensor stands tilted behind the lens (Scheimpflug): tau_x and tau_y free.
-        Only where the hardware is.
+        Whether tau_x and tau_y are estimated: only for a sensor that is tilted behind the lens
+        (Scheimpflug).
     """
 
     radial_terms: int = 2
@@ -60,16 +77,16 @@ class CameraSettings:
 
     def __post_init__(self) -> None:
         if self.radial_terms not in (0, 1, 2, 3):
-            raise ValueError(f"want 0 to 3 radial_terms, got {self.radial_terms}")
+            raise ValueError(f"expected 0 to 3 radial_terms, got {self.radial_terms}")
 
     @property
     def flags(self) -> int:
-        """The same as OpenCV's ``CALIB_`` flags."""
+        """OpenCV's ``CALIB_`` flags of these settings."""
         fixed = (cv2.CALIB_FIX_K1, cv2.CALIB_FIX_K2, cv2.CALIB_FIX_K3)[self.radial_terms :]
         flags = int(sum(fixed))
         flags |= 0 if self.tangential else cv2.CALIB_ZERO_TANGENT_DIST
         flags |= cv2.CALIB_FIX_ASPECT_RATIO if self.fixed_aspect else 0
-        # The flag also frees nothing but the tilt: k4 to k6 and s1 to s4 stay 0.
+        # With this flag only the tilt is estimated in addition: k4 to k6 and s1 to s4 stay 0.
         flags |= cv2.CALIB_TILTED_MODEL if self.tilted else 0
         return flags
 
@@ -81,13 +98,13 @@ class CalibratedView:
     Parameters
     ----------
     index : int
-        Which of the images.
+        Index of the image.
     seen : TargetView
-        What it shows.
+        Points of the target in the image.
     camera_from_board : Pose
-        Where the board stood.
+        Pose of the board.
     residuals : (n, 2) ndarray
-        Projected minus seen. Units: px.
+        Projected minus observed. Units: px.
     """
 
     index: int
@@ -97,28 +114,28 @@ class CalibratedView:
 
     @property
     def rms_px(self) -> float:
-        """Root mean square of the points' distances. Units: px."""
+        """Root mean square distance of projected and observed points. Units: px."""
         return float(np.sqrt(np.mean(np.sum(self.residuals**2, axis=1))))
 
 
 @dataclass(frozen=True, eq=False)
 class CameraCalibration:
-    """A camera with its evidence.
+    """Calibrated camera with standard deviations, residuals and warnings.
 
     Parameters
     ----------
     camera : Camera
         The result.
     std : mapping of str to float
-        One sigma of fx, fy, cx, cy (px) and each coefficient; 0 where held.
+        Standard deviation of fx, fy, cx, cy (px) and each coefficient; 0 for fixed ones.
     views : tuple of CalibratedView
-        Each view used.
+        Views that were used.
     rejected : tuple of RejectedView
         Images without the target.
     outliers : tuple of RejectedView
-        Views that were used and fit badly: look at them, leave them out, calibrate anew.
+        Views that were used and have large residuals: check them, leave them out, calibrate again.
     warnings : tuple of str
-        What makes the set weak.
+        Weaknesses of the set of views.
     """
 
     camera: Camera
@@ -130,7 +147,7 @@ class CameraCalibration:
 
     @property
     def rms_px(self) -> float:
-        """Root mean square of all points' distances, as OpenCV counts. Units: px."""
+        """Root mean square distance over all points, as in OpenCV. Units: px."""
         residuals = np.concatenate([view.residuals for view in self.views])
         return float(np.sqrt(np.mean(np.sum(residuals**2, axis=1))))
 
@@ -148,7 +165,7 @@ def calibrate_camera(
     target : Target
         The board.
     settings : CameraSettings, optional
-        The camera's model.
+        Parameters of the camera model.
 
     Returns
     -------
@@ -162,7 +179,7 @@ def calibrate_camera(
     DegenerateGeometry
         If all boards are parallel.
     """
-    _check_sizes(images)
+    _require_equal_sizes(images)
     seen, sources = collect_views(images, lambda image: find_target(image, target))
     return fit_camera(seen, settings, sources)
 
@@ -172,21 +189,9 @@ def fit_camera(
     settings: CameraSettings | None = None,
     sources: ViewSources | None = None,
 ) -> CameraCalibration:
-    """Calibrate a camera from points already found.
+    """Calibrate a camera from detected points: at least three views of one image size.
 
-    Parameters
-    ----------
-    seen : sequence of TargetView
-        Three at least, all of one image size.
-    settings : CameraSettings, optional
-        The camera's model.
-    sources : ViewSources, optional
-        Which images they come from.
-
-    Returns
-    -------
-    CameraCalibration
-        See `calibrate_camera`, also for the errors.
+    `sources` are the image indices of the views. See `calibrate_camera` for result and errors.
     """
     sources = sources or ViewSources()
     require_views(len(seen), MIN_VIEWS, "the target", "add images of the board", sources)
@@ -216,17 +221,25 @@ def fit_camera(
 def _solve(
     seen: Sequence[TargetView], settings: CameraSettings
 ) -> tuple[FloatArray, FloatArray, FloatArray, list[Pose]]:
-    """Camera matrix, distortion, standard deviations and poses of least squares."""
+    """Return camera matrix, distortion, standard deviations and poses by least squares."""
     points = [np.ascontiguousarray(view.points, dtype=np.float32) for view in seen]
     pixels = [view.pixels.astype(np.float32).reshape(-1, 1, 2) for view in seen]
-    guess = cv2.initCameraMatrix2D(points, pixels, seen[0].size, 1.0)
-    # OpenCV 5 has been seen to stop in a bad minimum without a guess: try both, keep the better.
-    starts: list[tuple[Any, int]] = [(np.eye(3), 0), (guess, cv2.CALIB_USE_INTRINSIC_GUESS)]
+    linear_guess = cv2.initCameraMatrix2D(points, pixels, seen[0].size, 1.0)
+    # Without an initial guess OpenCV 5 sometimes converges to a wrong minimum: try both.
+    initial_guesses: list[tuple[Any, int]] = [
+        (np.eye(3), 0),
+        (linear_guess, cv2.CALIB_USE_INTRINSIC_GUESS),
+    ]
     solutions = []
-    for start, extra in starts:
+    for initial_guess, extra_flags in initial_guesses:
         try:
             solution = cv2.calibrateCameraExtended(
-                points, pixels, seen[0].size, start.copy(), None, flags=settings.flags | extra
+                points,
+                pixels,
+                seen[0].size,
+                initial_guess.copy(),
+                None,
+                flags=settings.flags | extra_flags,
             )
         except cv2.error:
             continue
@@ -234,22 +247,25 @@ def _solve(
             solutions.append(solution)
     if not solutions:
         raise CalibrationFailed(
-            f"{len(seen)} views have no camera in common: check the target's counts and size, "
-            "and that all images come from one camera"
+            f"{len(seen)} views are not consistent with one camera: check the target's counts and "
+            "size, and that all images come from one camera"
         )
-    _, matrix, distortion, turns, shifts, std, _, _ = min(solutions, key=lambda found: found[0])
+    _, matrix, distortion, rotation_vectors, translations, std, _, _ = min(
+        solutions, key=lambda solution: solution[0]
+    )
     poses = [
-        Pose(cv2.Rodrigues(turn)[0], np.reshape(shift, 3))
-        for turn, shift in zip(turns, shifts, strict=True)
+        Pose(cv2.Rodrigues(vector)[0], np.reshape(translation, 3))
+        for vector, translation in zip(rotation_vectors, translations, strict=True)
     ]
-    used = 14 if settings.tilted else 5
-    std = np.reshape(std, -1)[: 4 + used].copy()
+    coefficients = 14 if settings.tilted else 5
+    std = np.reshape(std, -1)[: 4 + coefficients].copy()
     if settings.fixed_aspect:
-        std[0] = std[1]  # OpenCV derives fx from fy and leaves its deviation at 0
-    return matrix, np.reshape(distortion, -1)[:used], std, poses
+        std[0] = std[1]  # OpenCV derives fx from fy and returns 0 for its standard deviation
+    return matrix, np.reshape(distortion, -1)[:coefficients], std, poses
 
 
-def _check_sizes(images: Sequence[npt.ArrayLike]) -> None:
+def _require_equal_sizes(images: Sequence[npt.ArrayLike]) -> None:
+    """Require images of one size."""
     sizes = [np.asarray(image).shape[1::-1] for image in images]
     for index, size in enumerate(sizes):
         if size != sizes[0]:
@@ -257,3 +273,90 @@ def _check_sizes(images: Sequence[npt.ArrayLike]) -> None:
                 f"image {index} is {size} px and image 0 {sizes[0]} px: calibrate one camera at "
                 "one size, with images neither cropped nor scaled"
             )
+
+
+def check_camera(
+    camera: Camera, std: FloatArray, seen: Sequence[TargetView], poses: Sequence[Pose]
+) -> tuple[str, ...]:
+    """Return warnings about a calibrated camera, with numbers and remedy; empty for a good set.
+
+    `std` are the standard deviations of fx, fy, ... in px, `poses` are ``camera_from_board``.
+    """
+    warnings = [
+        *_view_warnings(len(seen), max_tilt(poses)),
+        *_coverage_warnings(camera, seen),
+        *_scale_warnings(camera, poses),
+        *_model_warnings(camera, std),
+    ]
+    return tuple(warnings)
+
+
+def _view_warnings(count: int, tilt: float) -> list[str]:
+    """Return warnings about the number of views and their tilt."""
+    warnings = []
+    if count < RECOMMENDED_VIEWS:
+        warnings.append(f"{count} views: take {RECOMMENDED_VIEWS} and more, best 15 to 20")
+    if tilt < RECOMMENDED_TILT:
+        warnings.append(
+            f"boards tilted by {np.degrees(tilt):.0f} deg at most: the focal length is poorly "
+            "determined; tilt by 25 deg and more to all sides"
+        )
+    return warnings
+
+
+def _coverage_warnings(camera: Camera, seen: Sequence[TargetView]) -> list[str]:
+    """Return a warning if the corners cover too little of the image."""
+    pixels = np.concatenate([view.pixels for view in seen])
+    cells = np.floor(pixels / camera.size * CELLS).clip(0, CELLS - 1)
+    covered = len(np.unique(cells, axis=0)) / CELLS**2
+    if covered >= RECOMMENDED_COVERAGE:
+        return []
+    return [
+        f"corners cover {100 * covered:.0f} % of the image: the lens is extrapolated elsewhere; "
+        "hold the board into every corner of the image"
+    ]
+
+
+def _scale_warnings(camera: Camera, poses: Sequence[Pose]) -> list[str]:
+    """Return warnings about implausible distance or aspect ratio."""
+    warnings = []
+    distance = float(np.median([np.linalg.norm(pose.translation) for pose in poses]))
+    near, far = PLAUSIBLE_DISTANCE
+    if not near < distance < far:
+        warnings.append(
+            f"the boards stand {distance:.3g} mm from the camera, which is implausible: give the "
+            "target's square in mm, as measured on the print"
+        )
+    aspect = camera.matrix[0, 0] / camera.matrix[1, 1]
+    if abs(aspect - 1) > PLAUSIBLE_ASPECT:
+        warnings.append(
+            f"fx / fy is {aspect:.3f}: unless the pixels are not square, the print is stretched; "
+            "measure the board along both sides"
+        )
+    return warnings
+
+
+def _model_warnings(camera: Camera, std: FloatArray) -> list[str]:
+    """Return warnings about focal length, principal point and distortion."""
+    warnings = []
+    focal = camera.focal_length
+    if std[0] > RECOMMENDED_FOCAL_STD * focal:
+        warnings.append(
+            f"the focal length is determined to {100 * std[0] / focal:.1f} % only: add tilted views"
+        )
+    width, height = camera.size
+    offset = np.abs(camera.matrix[:2, 2] - (np.array([width, height]) - 1) / 2) / (width, height)
+    if offset.max() > 0.15:
+        warnings.append(
+            f"the principal point lies {100 * offset.max():.0f} % of the image off its middle: "
+            "cropped images, or too few tilted views"
+        )
+    u, v = np.meshgrid(np.linspace(0, width - 1, 15), np.linspace(0, height - 1, 15))
+    not_invertible = np.isnan(camera.rays(np.column_stack([u.ravel(), v.ravel()]))[:, 0]).mean()
+    if not_invertible:
+        warnings.append(
+            f"the distortion folds over {100 * not_invertible:.0f} % of the image, where there "
+            "were no corners: "
+            "hold the board there, or estimate fewer radial terms"
+        )
+    return warnings

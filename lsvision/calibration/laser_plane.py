@@ -1,7 +1,7 @@
-"""The laser plane in the camera's frame, from the laser line on a board in several poses.
+"""Laser plane in the camera frame from the laser line on a board in several poses.
 
-One pose alone gives one line, through which any plane may pass: two poses at least, best 15
-to 20, tilted by 25 deg and more to all sides and spread over the depth measured later.
+One pose gives one line, which lies in many planes: at least two poses are needed, best 15 to 20,
+tilted by 25 deg and more to all sides and spread over the depth range of the measurement.
 """
 
 from collections.abc import Sequence
@@ -12,8 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.calibration.bundle_adjustment import BundleAdjustmentResult, adjust_bundle
-from lsvision.calibration.bundle_adjustment_state import BundleAdjustmentState, LaserView
-from lsvision.calibration.intrinsics_check import tilt_of
+from lsvision.calibration.bundle_adjustment_problem import BundleAdjustmentState, LaserView
 from lsvision.calibration.laser_line_on_board import LineOnBoardSettings, find_laser_views
 from lsvision.calibration.laser_plane_initial_guess import (
     OUTLIER_DISTANCE_PX,
@@ -22,37 +21,116 @@ from lsvision.calibration.laser_plane_initial_guess import (
     laser_points_on_boards,
     plane_inlier_views,
 )
-from lsvision.calibration.laser_plane_result import (
-    CalibratedLaserView,
-    LaserPlaneCalibration,
-    rms,
-)
 from lsvision.calibration.lens_blur import estimate_blur_from_views
 from lsvision.calibration.target import Target
 from lsvision.calibration.views import (
     RejectedView,
     ViewSources,
+    max_tilt,
     outlier_views,
     require_tilted,
     require_views,
 )
 from lsvision.errors import CalibrationFailed
-from lsvision.geometry import FloatArray
+from lsvision.geometry import FloatArray, Plane, Pose
 from lsvision.geometry.arrays import BoolArray
 from lsvision.sensors.camera import Camera
 from lsvision.sensors.light_section import LightSection
 
+
+@dataclass(frozen=True, eq=False)
+class CalibratedLaserView:
+    """One board pose after the calibration.
+
+    Parameters
+    ----------
+    index : int
+        Index of the images.
+    camera_from_board : Pose
+        Pose of the board.
+    corner_residuals : (n, 2) ndarray
+        Projected minus observed corners. Units: px.
+    line_residuals : (m,) ndarray
+        Residuals of the laser line, across it. Units: px.
+    """
+
+    index: int
+    camera_from_board: Pose
+    corner_residuals: FloatArray
+    line_residuals: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class LaserPlaneCalibration:
+    """Calibrated light section with covariance, residuals and warnings.
+
+    Parameters
+    ----------
+    light_section : LightSection
+        The result; its camera is refined if there are enough views.
+    covariance : (3, 3) ndarray
+        Covariance of the plane: tilt about the section's X, about its Y (rad), distance (mm).
+    views : tuple of CalibratedLaserView
+        Residuals of each view.
+    board_bow, board_bow_std : (2,) ndarray
+        Deviation of the board's middle from flatness along x and along y, positive away from
+        the camera; zero where it was not fitted. Units: mm.
+    rejected : tuple of RejectedView
+        Views that could not be used, or whose line is not in the plane of the others.
+    outliers : tuple of RejectedView
+        Views that were used and have large residuals.
+    warnings : tuple of str
+        Weaknesses of the set of views.
+    """
+
+    light_section: LightSection
+    covariance: FloatArray
+    views: tuple[CalibratedLaserView, ...]
+    board_bow: FloatArray
+    board_bow_std: FloatArray
+    rejected: tuple[RejectedView, ...]
+    outliers: tuple[RejectedView, ...]
+    warnings: tuple[str, ...]
+
+    @property
+    def plane(self) -> Plane:
+        """The laser plane, camera frame, at a positive distance. Units: mm."""
+        return self.light_section.laser_plane
+
+    @property
+    def residuals(self) -> tuple[FloatArray, ...]:
+        """Residuals of the laser line in each view. Units: px."""
+        return tuple(view.line_residuals for view in self.views)
+
+    @property
+    def line_rms(self) -> float:
+        """Root mean square residual of the laser line. Units: px."""
+        return rms(np.concatenate(self.residuals))
+
+    @property
+    def corner_rms(self) -> float:
+        """Root mean square residual of the corners, per point as in OpenCV. Units: px."""
+        residuals = np.concatenate([view.corner_residuals for view in self.views])
+        return float(np.sqrt(2)) * rms(residuals)
+
+
+def rms(values: FloatArray) -> float:
+    """Return the root mean square of an array."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
 RECOMMENDED_TILT = np.radians(25.0)
-"""Tilt from the mean board that a good set reaches: at 5 deg the error is 7 times larger."""
+"""Largest tilt from the mean board below which a warning is given: at 5 deg the error is 7 times
+larger. Units: rad."""
 
 MIN_ON_PATTERN_FRACTION = 0.6
-"""Share of the line's points between the corners from which on a bow can be fitted."""
+"""Smallest fraction of line points between the corners with which the bow is fitted."""
 
 MIN_REPORTED_BOW_MM = 0.02
-"""mm; a board that is bent by less needs no mention."""
+"""Smallest bow that is reported. Units: mm."""
 
 OUTLIER_FACTOR = 3.0
-"""A view counts as outlier from this multiple of the median view's residual on."""
+"""Smallest ratio of an outlier view's rms residual to the median."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,11 +140,11 @@ class LaserPlaneSettings:
     Parameters
     ----------
     line : LineOnBoardSettings
-        How the line is found on the board.
+        Detection of the line on the board.
     refine_camera_from, fit_bow_from : int
-        Views from which on the camera's intrinsics, and the board's bow, are refined too;
-        with fewer they are held. A large number holds them always. The bow also is held where
-        the line falls beside the patterns.
+        Smallest number of views with which the camera's intrinsics, and the board's bow, are
+        refined. A large number keeps them fixed. The bow is also fixed where the line lies beside
+        the patterns.
     """
 
     line: LineOnBoardSettings = field(default_factory=LineOnBoardSettings)
@@ -86,26 +164,26 @@ def calibrate_laser_plane(
     Parameters
     ----------
     camera : Camera
-        From `calibrate_camera`; refined along with the plane.
+        From `calibrate_camera`; refined together with the plane.
     target : Target
         The board.
     board_images : sequence of images
         The board, evenly lit; one for each pose.
     line_images : sequence of images
-        The laser line on it, the board unmoved; in the same order. May be the same images.
+        The laser line on the unmoved board; in the same order. May be the same images.
     settings : LaserPlaneSettings, optional
-        See there.
+        Detection, and numbers of views.
 
     Returns
     -------
     LaserPlaneCalibration
-        The light section with its covariance, residuals, and what to know about them; with the
-        blur along the line, where the board's edges show it (`measure_lens_blur`).
+        The light section with covariance, residuals and warnings, and with the blur along the line
+        where the board's edges show it (`measure_lens_blur`).
 
     Raises
     ------
     ValueError
-        If there are not as many line images as board images.
+        If the numbers of line images and board images differ.
     CalibrationFailed
         If the images differ in size from the camera's, or fewer than two show board and line.
     DegenerateGeometry
@@ -113,8 +191,8 @@ def calibrate_laser_plane(
     """
     settings = settings or LaserPlaneSettings()
     views, sources = find_laser_views(camera, target, board_images, line_images, settings.line)
-    found = fit_laser_plane(camera, views, settings, sources)
-    return _with_line_blur(found, [board_images[k] for k in sources.names(len(views))], views)
+    calibration = fit_laser_plane(camera, views, settings, sources)
+    return _with_line_blur(calibration, [board_images[k] for k in sources.names(len(views))], views)
 
 
 def fit_laser_plane(
@@ -123,23 +201,10 @@ def fit_laser_plane(
     settings: LaserPlaneSettings | None = None,
     sources: ViewSources | None = None,
 ) -> LaserPlaneCalibration:
-    """Calibrate the laser plane from corners and line points already found.
+    """Calibrate the laser plane from detected corners and line points of at least two views.
 
-    Parameters
-    ----------
-    camera : Camera
-        Start of the camera.
-    views : sequence of LaserView
-        Two at least.
-    settings : LaserPlaneSettings, optional
-        See there; ``line`` plays no part.
-    sources : ViewSources, optional
-        Which images they come from.
-
-    Returns
-    -------
-    LaserPlaneCalibration
-        See `calibrate_laser_plane`, also for the errors.
+    `camera` is an initial guess; ``settings.line`` is not used; `sources` are the image indices of
+    the views. See `calibrate_laser_plane` for result and errors.
     """
     settings, sources = settings or LaserPlaneSettings(), sources or ViewSources()
     require_views(
@@ -151,40 +216,40 @@ def fit_laser_plane(
     )
     names = sources.names(len(views))
     poses = guess_board_poses(camera, views)
-    lit = laser_points_on_boards(camera, poses, views)
-    agree, misfits = plane_inlier_views(lit, camera.focal_length)
-    kept = np.flatnonzero(agree).tolist()
-    strays = _rejected_views(names, agree, misfits)
-    plane = fit_plane(np.concatenate([lit[k] for k in kept]))
-    start = BundleAdjustmentState(camera, plane, tuple(poses[k] for k in kept), np.zeros(2))
+    laser_points = laser_points_on_boards(camera, poses, views)
+    inlier_mask, distances = plane_inlier_views(laser_points, camera.focal_length)
+    inliers = np.flatnonzero(inlier_mask).tolist()
+    rejected = _rejected_views(names, inlier_mask, distances)
+    plane = fit_plane(np.concatenate([laser_points[k] for k in inliers]))
+    views, boards = [views[k] for k in inliers], tuple(poses[k] for k in inliers)
     refine = (
-        len(kept) >= settings.refine_camera_from,
-        len(kept) >= settings.fit_bow_from and _on_pattern([views[k] for k in kept]),
+        len(views) >= settings.refine_camera_from,
+        len(views) >= settings.fit_bow_from and _on_pattern(views),
     )
     if refine[0]:
-        require_tilted(start.camera_from_boards, "camera and distance")
-    tilt = tilt_of(start.camera_from_boards)
-    solution = adjust_bundle([views[k] for k in kept], start, refine)
-    seen = _calibrated_views([names[k] for k in kept], solution)
-    _require_one_plane(seen)
+        require_tilted(boards, "camera and distance")
+    initial_guess = BundleAdjustmentState(camera, plane, boards, np.zeros(2))
+    solution = adjust_bundle(views, initial_guess, refine)
+    calibrated_views = _calibrated_views([names[k] for k in inliers], solution)
+    _require_one_plane(calibrated_views)
     return LaserPlaneCalibration(
         LightSection(
             solution.state.camera,
             solution.state.plane,
-            {"method": f"laser line on a board in {len(kept)} poses"},
+            {"method": f"laser line on a board in {len(views)} poses"},
         ),
         solution.plane_covariance,
-        seen,
+        calibrated_views,
         solution.state.bow,
         solution.bow_std,
-        (*sources.rejected, *strays),
-        _outliers(seen),
-        tuple(_warnings(solution, len(kept), tilt)),
+        (*sources.rejected, *rejected),
+        _outliers(calibrated_views),
+        tuple(_warnings(solution, len(views), max_tilt(boards))),
     )
 
 
 def _on_pattern(views: Sequence[LaserView]) -> bool:
-    """Whether the line falls on the patterns: beside them their bow is not known."""
+    """Return whether the line lies on the patterns; beside them the bow is not determined."""
     inside = []
     for view in views:
         hull = cv2.convexHull(view.pixels.astype(np.float32))
@@ -194,87 +259,93 @@ def _on_pattern(views: Sequence[LaserView]) -> bool:
 
 
 def _rejected_views(
-    names: Sequence[int], agree: BoolArray, misfits: FloatArray
+    names: Sequence[int], inlier_mask: BoolArray, distances: FloatArray
 ) -> tuple[RejectedView, ...]:
+    """Return the views whose line is not in the plane of the others, with the reason."""
     return tuple(
         RejectedView(
             names[k],
-            f"its laser line lies {misfits[k]:.0f} px off the plane of the other views: board "
+            f"its laser line lies {distances[k]:.0f} px off the plane of the other views: board "
             "moved between the two images, images mixed up, or line not on the board",
         )
-        for k in np.flatnonzero(~agree).tolist()
+        for k in np.flatnonzero(~inlier_mask).tolist()
     )
 
 
 def _with_line_blur(
-    found: LaserPlaneCalibration, images: Sequence[npt.ArrayLike], views: Sequence[LaserView]
+    calibration: LaserPlaneCalibration, images: Sequence[npt.ArrayLike], views: Sequence[LaserView]
 ) -> LaserPlaneCalibration:
-    """The rig with its blur along the line, or a word on why it is not known."""
-    spans = np.median([np.ptp(view.line_pixels, axis=0) for view in views], axis=0)
+    """Add the blur along the line to the light section, or a warning why it is unknown."""
+    extents = np.median([np.ptp(view.line_pixels, axis=0) for view in views], axis=0)
     try:
-        blur = estimate_blur_from_views(images, views, "u" if spans[0] >= spans[1] else "v")
-    except CalibrationFailed as reason:
-        word = f"the blur along the line is not known and not corrected for: {reason}"
-        return replace(found, warnings=(*found.warnings, word))
-    return replace(found, light_section=replace(found.light_section, line_blur_px=blur.sigma))
+        blur = estimate_blur_from_views(images, views, "u" if extents[0] >= extents[1] else "v")
+    except CalibrationFailed as error:
+        warning = f"the blur along the line is not known and not corrected for: {error}"
+        return replace(calibration, warnings=(*calibration.warnings, warning))
+    return replace(
+        calibration, light_section=replace(calibration.light_section, line_blur_px=blur.sigma)
+    )
 
 
 def _calibrated_views(
     names: Sequence[int], solution: BundleAdjustmentResult
 ) -> tuple[CalibratedLaserView, ...]:
-    each = zip(
+    """Return the views with their poses and residuals."""
+    fields = zip(
         names,
         solution.state.camera_from_boards,
         solution.corner_residuals,
         solution.line_residuals,
         strict=True,
     )
-    return tuple(CalibratedLaserView(*values) for values in each)
+    return tuple(CalibratedLaserView(*values) for values in fields)
 
 
 def _require_one_plane(views: Sequence[CalibratedLaserView]) -> None:
-    """Refuse lines that lie in no plane."""
-    usual = float(np.median([rms(view.line_residuals) for view in views]))
-    if usual > OUTLIER_DISTANCE_PX:
+    """Require laser lines that lie in one plane."""
+    median_rms = float(np.median([rms(view.line_residuals) for view in views]))
+    if median_rms > OUTLIER_DISTANCE_PX:
         raise CalibrationFailed(
-            f"the laser lines of {len(views)} views lie in no one plane, but {usual:.0f} px off "
-            "the best: are board and line images shuffled, did laser and camera move against "
-            "each other, or the board between its two images?"
+            f"the laser lines of {len(views)} views do not lie in one plane, but "
+            f"{median_rms:.0f} px off the best: are board and line images shuffled, did laser and "
+            "camera move against each other, or the board between its two images?"
         )
 
 
 def _outliers(views: Sequence[CalibratedLaserView]) -> tuple[RejectedView, ...]:
+    """Return the views with outlying residuals of line or corners."""
     names = [view.index for view in views]
-    mend = "look at the image, and leave it out if it is blurred or glares"
-    found = [
+    remedy = "look at the image, and leave it out if it is blurred or glares"
+    outliers = [
         outlier
-        for what, sizes in (
+        for name, rms_values in (
             ("laser line", [rms(view.line_residuals) for view in views]),
             ("corners", [rms(view.corner_residuals) for view in views]),
         )
-        for outlier in outlier_views(names, sizes, OUTLIER_FACTOR, (f"{what} off by ", mend))
+        for outlier in outlier_views(names, rms_values, OUTLIER_FACTOR, (f"{name} off by ", remedy))
     ]
-    return tuple(sorted(found, key=lambda view: view.index))
+    return tuple(sorted(outliers, key=lambda view: view.index))
 
 
 def _warnings(solution: BundleAdjustmentResult, count: int, tilt: float) -> list[str]:
-    found = []
+    """Return warnings about the set of views, with numbers and remedy."""
+    warnings = []
     if count < 10:
-        found.append(f"{count} views; 15 halve the error of 4")
+        warnings.append(f"{count} views; 15 halve the error of 4")
     if tilt < RECOMMENDED_TILT:
-        found.append(
-            f"boards tilted by {np.degrees(tilt):.0f} deg at most; want 25 deg and more: "
-            "camera and distance are weakly determined"
+        warnings.append(
+            f"boards tilted by {np.degrees(tilt):.0f} deg at most, expected 25 deg and more: "
+            "camera and distance are poorly determined"
         )
     if solution.line_inconsistent:
-        found.append(
-            "the laser line contradicts the boards and was not allowed to move them: let it fall "
-            "on the flat pattern itself, not saturated, and keep the board still between images"
+        warnings.append(
+            "the laser line is inconsistent with the boards and was not used for them: let it "
+            "fall on the flat pattern, not saturated, and keep the board still between images"
         )
     bow, std = solution.state.bow, solution.bow_std
     if np.any((np.abs(bow) > MIN_REPORTED_BOW_MM) & (np.abs(bow) > 3 * std)):
-        found.append(
+        warnings.append(
             f"the board is bowed by {bow[0]:+.3f} mm along x and {bow[1]:+.3f} mm along y; the "
-            "result allows for it, a flat board is better"
+            "result is corrected for it, a flat board is better"
         )
-    return found
+    return warnings

@@ -1,12 +1,12 @@
-"""Linear start of the laser plane, from the views that agree on one."""
+"""Linear initial guess of the laser plane, with rejection of outlying views."""
 
 from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
 
-from lsvision.calibration.board_pose_initial_guess import guess_camera_from_board
-from lsvision.calibration.bundle_adjustment_state import LaserView
+from lsvision.calibration.board_pose import guess_camera_from_board
+from lsvision.calibration.bundle_adjustment_problem import LaserView
 from lsvision.calibration.target import TargetView
 from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import FloatArray, Plane, Points, Pose
@@ -14,20 +14,20 @@ from lsvision.geometry.arrays import BoolArray
 from lsvision.sensors.camera import Camera
 
 MIN_SPREAD = 0.02
-"""Second to first singular value of the laser points, below which they are one line."""
+"""Smallest ratio of the second to the first singular value of points that span a plane."""
 
 OUTLIER_DISTANCE_PX = 10.0
-"""A view's laser line that lies farther from the others' plane is no matter of noise."""
+"""Smallest distance of an outlying view's line from the plane of the others; noise is far less."""
 
 OUTLIER_FACTOR = 5.0
-"""And this many times farther than the median view's, for cameras that start far off."""
+"""Smallest ratio of that distance to the median view's, for inaccurate initial cameras."""
 
 MIN_VIEWS_FOR_REJECTION = 4
-"""Views from which on one can be outvoted."""
+"""Smallest number of views with which one can be rejected."""
 
 
 def fit_plane(points: Points) -> Plane:
-    """Plane of least squares through points, at a positive distance from the origin.
+    """Fit a plane to points by least squares, at a positive distance from the origin.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def fit_plane(points: Points) -> Plane:
 
 
 def guess_board_poses(camera: Camera, views: Sequence[LaserView]) -> tuple[Pose, ...]:
-    """``camera_from_board`` of each view, in closed form."""
+    """Return ``camera_from_board`` of each view, in closed form."""
     boards = [TargetView(view.points, view.pixels, camera.size) for view in views]
     return tuple(guess_camera_from_board(board, camera.rays(board.pixels)) for board in boards)
 
@@ -66,66 +66,58 @@ def guess_board_poses(camera: Camera, views: Sequence[LaserView]) -> tuple[Pose,
 def laser_points_on_boards(
     camera: Camera, camera_from_boards: Sequence[Pose], views: Sequence[LaserView]
 ) -> tuple[Points, ...]:
-    """Where the rays of each view's laser line meet its board, taken as flat.
+    """Intersect the rays of each view's laser line with its board, taken as flat.
 
-    Parameters
-    ----------
-    camera : Camera
-        For the rays.
-    camera_from_boards : sequence of Pose
-        Where the boards stand.
-    views : sequence of LaserView
-        What was seen.
-
-    Returns
-    -------
-    tuple of (m, 3) ndarray
-        Camera frame. Units: mm.
+    Returns one array (m, 3) for each view, in the camera frame. Units: mm.
     """
-    lit = []
+    laser_points = []
     for view, pose in zip(views, camera_from_boards, strict=True):
         rays, normal = camera.rays(view.line_pixels), pose.rotation[:, 2]
-        lit.append(rays * (normal @ pose.translation / (rays @ normal))[:, None])
-    return tuple(lit)
+        laser_points.append(rays * (normal @ pose.translation / (rays @ normal))[:, None])
+    return tuple(laser_points)
 
 
-def plane_inlier_views(lit: Sequence[Points], focal_length: float) -> tuple[BoolArray, FloatArray]:
-    """Which views' laser lines lie in the plane that most agree on.
+def plane_inlier_views(
+    laser_points: Sequence[Points], focal_length: float
+) -> tuple[BoolArray, FloatArray]:
+    """Find the views whose laser lines lie in the plane of the majority (least median).
 
-    Each pair of views proposes its plane; the one with the smallest median misfit of all views
-    wins, which stands up to almost half of them being wrong.
+    Each pair of views gives a plane; the one with the smallest median distance of all views is
+    taken, which tolerates almost half of them being wrong.
 
     Parameters
     ----------
-    lit : sequence of (m, 3) ndarray
+    laser_points : sequence of (m, 3) ndarray
         Laser points of each view, camera frame. Units: mm.
     focal_length : float
         Units: px.
 
     Returns
     -------
-    agree : (n,) ndarray of bool
-        All, where there are fewer than four.
-    misfits : (n,) ndarray
-        Root mean square distance from that plane, seen from the camera. Units: px.
+    inliers : (n,) ndarray of bool
+        All, where there are fewer than four views.
+    distances : (n,) ndarray
+        Root mean square distance from that plane in the image. Units: px.
     """
-    scales = [focal_length / float(points[:, 2].mean()) for points in lit]
-    best = np.zeros(len(lit))
-    if len(lit) < MIN_VIEWS_FOR_REJECTION:
-        return best == 0, best
-    best = best + np.inf
-    for first, second in combinations(range(len(lit)), 2):
+    scales = [focal_length / float(points[:, 2].mean()) for points in laser_points]
+    best_distances = np.zeros(len(laser_points))
+    if len(laser_points) < MIN_VIEWS_FOR_REJECTION:
+        return best_distances == 0, best_distances
+    best_distances = best_distances + np.inf
+    for first, second in combinations(range(len(laser_points)), 2):
         try:
-            plane = fit_plane(np.concatenate([lit[first], lit[second]]))
+            plane = fit_plane(np.concatenate([laser_points[first], laser_points[second]]))
         except DegenerateGeometry:
             continue
-        misfits = np.array(
+        distances = np.array(
             [
                 scale * float(np.sqrt(np.mean(plane.signed_distances(points) ** 2)))
-                for scale, points in zip(scales, lit, strict=True)
+                for scale, points in zip(scales, laser_points, strict=True)
             ]
         )
-        if np.median(misfits) < np.median(best):
-            best = misfits
-    agree: BoolArray = best <= max(OUTLIER_DISTANCE_PX, OUTLIER_FACTOR * float(np.median(best)))
-    return agree, best
+        if np.median(distances) < np.median(best_distances):
+            best_distances = distances
+    inliers: BoolArray = best_distances <= max(
+        OUTLIER_DISTANCE_PX, OUTLIER_FACTOR * float(np.median(best_distances))
+    )
+    return inliers, best_distances

@@ -1,29 +1,46 @@
-"""What every kind of target must say of what the poses showed of it.
+"""Data types of the hand-eye calibration: flange poses, states and observations of a target.
 
-Each kind (`sphere_observations`, `plane_observations`, `board_observations`) reduces what a pose
-shows to a few numbers with a covariance and says how those would change with the sensor's pose,
-the target and the robot's own pose; `batched_least_squares`, `errors_in_variables` and
-`pose_outliers` work on any of them.
+Each kind of target (`sphere_observations`, `plane_observations`, `board_observations`) reduces
+what a pose shows of it to a few numbers with a covariance, and linearises them by the sensor
+pose, the target and the flange pose. `batched_least_squares`, `errors_in_variables` and
+`pose_outliers` work on any kind by the protocol `Observations`.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, Self
+from typing import Any, ClassVar, Literal, Protocol
 
-from lsvision.geometry import FloatArray, IntArray
+import numpy as np
+
+from lsvision.calibration.rotations import cross_matrices, vectors_from_rotations
+from lsvision.errors import DegenerateGeometry
+from lsvision.geometry import FloatArray, IntArray, Pose
+
+Mounting = Literal["eye_in_hand", "eye_to_hand"]
+
+MIN_ROTATION = np.radians(2.0)
+"""Smallest rotation between two flange poses that counts as one; robots err by 0.01 deg and more.
+Units: rad."""
+MIN_SECOND_AXIS = 0.03
+"""Smallest ratio of rotation about a second axis to that about the main axis; tilts of 1 deg
+beside spins of 30 deg."""
+MM_PER_RADIAN = 100.0
+"""Length in mm that one radian counts for where translation and rotation are compared."""
 
 
 @dataclass(frozen=True, eq=False)
 class FlangePoses:
-    """Flange poses as stacks, with the covariance a unit robot error gives each.
+    """Stacked flange poses with their covariances.
 
     Parameters
     ----------
     rotations : (n, 3, 3) ndarray
-        Mount (the frame that carries the sensor) to the target's frame.
+        From the mount (the frame that carries the sensor) to the frame of the target.
     origins : (n, 3) ndarray
-        Units: mm.
+        Origin of the mount in the frame of the target. Units: mm.
     covariances : (n, 6, 6) ndarray
-        Of translation (mm) and left-hand rotation (rad), for the stated or nominal robot.
+        Covariance of translation (mm) and left-hand rotation (rad) for the stated or nominal
+        standard uncertainty of the robot.
     """
 
     rotations: FloatArray
@@ -34,22 +51,22 @@ class FlangePoses:
         return len(self.origins)
 
     def select(self, order: IntArray) -> "FlangePoses":
-        """The poses in another order, or a part of them."""
+        """Return the poses at the given indices."""
         return FlangePoses(self.rotations[order], self.origins[order], self.covariances[order])
 
 
 @dataclass(frozen=True, eq=False)
 class States:
-    """Sensor poses and targets, one a start.
+    """Estimates of sensor pose and targets, one for each initial guess.
 
     Parameters
     ----------
     rotations : (s, 3, 3) ndarray
-        Sensor to mount.
+        From the sensor to the mount.
     translations : (s, 3) ndarray
-        Sensor's origin in the mount frame. Units: mm.
+        Origin of the sensor in the mount frame. Units: mm.
     targets : (s, g, k) ndarray
-        What each kind of sighting keeps of its target; `g` targets, one but for a diagnosis.
+        The k numbers that describe each of g targets; g is 1 except in the test for a moved target.
     """
 
     rotations: FloatArray
@@ -60,24 +77,24 @@ class States:
         return len(self.translations)
 
     def select(self, order: IntArray) -> "States":
-        """The starts in another order, or a part of them."""
+        """Return the states at the given indices."""
         return States(self.rotations[order], self.translations[order], self.targets[order])
 
 
 @dataclass(frozen=True, eq=False)
 class Linearisation:
-    """Residuals (seen minus expected) of s starts and n poses, and their derivatives.
+    """Residuals (observed minus predicted) of s states and n poses, and their Jacobians.
 
     Parameters
     ----------
     residuals : (s, n, m) ndarray
-        In the sighting's own units.
+        In the units of the observation.
     mount_jacobian : (s, n, m, 6) ndarray
-        By the sensor's translation (mm) and left-hand rotation (rad) in the mount frame.
+        By translation (mm) and left-hand rotation (rad) of the sensor in the mount frame.
     target_jacobian : (s, n, m, d) ndarray
-        By the step of `Observations.update_targets`.
+        By the d step coordinates of `Observations.update_targets`.
     flange_jacobian : (s, n, m, 6) ndarray
-        By the flange's translation and left-hand rotation.
+        By translation (mm) and left-hand rotation (rad) of the flange.
     """
 
     residuals: FloatArray
@@ -87,57 +104,184 @@ class Linearisation:
 
 
 class Observations(Protocol):
-    """What all poses showed of one kind of target."""
+    """Observations of one kind of target in n poses, m numbers each; a dataclass."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
 
     @property
     def flanges(self) -> FlangePoses:
-        """Where the flange stood at each sighting."""
+        """Flange pose of each observation."""
         ...
 
     @property
     def groups(self) -> IntArray:
-        """(n,) which target each pose saw; all 0 unless a moved target is suspected."""
+        """Index (n,) of the target that each pose observes.
+
+        All 0 except in the test for a moved target.
+        """
         ...
 
     @property
     def covariances(self) -> FloatArray:
-        """(n, m, m) of what was seen."""
+        """Covariance (n, m, m) of each observation, without the error of the robot."""
         ...
 
     @property
     def mm_per_residual(self) -> FloatArray:
-        """(m,) factors that make millimetres of the residuals."""
+        """Factors (m,) that convert the residuals to mm."""
         ...
 
     @property
     def target_prior(self) -> tuple[FloatArray, FloatArray]:
-        """Value and one sigma of each of the target's d steps' coordinates; inf = free."""
+        """Prior mean and standard deviation (d,) of the step coordinates of the target.
+
+        Infinite standard deviation: no prior.
+        """
         ...
 
     def linearise(self, states: States) -> Linearisation:
-        """Residuals and derivatives."""
+        """Return residuals and Jacobians of all poses for each state."""
         ...
 
     def update_targets(self, targets: FloatArray, steps: FloatArray) -> FloatArray:
-        """Targets (s, g, k) after steps (s, g, d)."""
+        """Return targets (s, g, k) after steps (s, g, d)."""
         ...
 
     def prior_residuals(self, targets: FloatArray) -> FloatArray:
-        """(s, g, d) target minus prior."""
+        """Return target minus prior mean, (s, g, d)."""
         ...
 
     def target_distance(self, first: FloatArray, second: FloatArray) -> float:
-        """How far two targets (k,) are apart. Units: mm."""
+        """Return the distance of two targets (k,). Units: mm."""
         ...
 
     def initial_guesses(self, masks: FloatArray) -> States:
-        """Starts without any guess, a fixed number for each of (q, n) selections of poses."""
+        """Return initial guesses, a fixed number for each selection of poses (q, n)."""
         ...
 
-    def with_groups(self, groups: IntArray) -> Self:
-        """The same sightings, of several targets."""
-        ...
 
-    def with_flange_poses(self, flanges: FlangePoses) -> Self:
-        """The same sightings, had the flange stood elsewhere."""
-        ...
+def stack_flange_poses(
+    base_from_flanges: Sequence[Pose], mounting: Mounting, robot_std: tuple[float, float]
+) -> FlangePoses:
+    """Stack poses ``target frame from mount`` with the covariance of the robot's error.
+
+    Parameters
+    ----------
+    base_from_flanges : sequence of Pose
+        As reported by the robot.
+    mounting : {"eye_in_hand", "eye_to_hand"}
+        Sensor on the flange and target fixed in the base frame, or sensor fixed in the base frame
+        and target on the flange; for the latter, poses and covariances are inverted.
+    robot_std : tuple of float
+        Standard deviation in each axis of position (mm) and orientation (rad).
+    """
+    R = np.array([pose.rotation for pose in base_from_flanges])
+    t = np.array([pose.translation for pose in base_from_flanges])
+    unit = np.diag([robot_std[0] ** 2] * 3 + [robot_std[1] ** 2] * 3)
+    covariances = np.broadcast_to(unit, (len(t), 6, 6))
+    if mounting == "eye_in_hand":
+        return FlangePoses(R, t, covariances)
+    inverse = np.swapaxes(R, -1, -2)
+    # A left-hand error (dt, w) changes the inverse pose to t' = -R't - R'dt + R'(w x t) and
+    # (1 - [R'w]x) R'.
+    transfer = np.zeros((len(t), 6, 6))
+    transfer[:, :3, :3], transfer[:, 3:, 3:] = -inverse, -inverse
+    transfer[:, :3, 3:] = -inverse @ cross_matrices(t)
+    covariances = transfer @ covariances @ np.swapaxes(transfer, -1, -2)
+    return FlangePoses(inverse, -(inverse @ t[..., None])[..., 0], covariances)
+
+
+def _main_axis(vectors: FloatArray) -> tuple[FloatArray, float]:
+    """Return the main rotation axis, and the ratio of the rotation about the second axis."""
+    strengths, axes = np.linalg.eigh(vectors.T @ vectors)
+    main = axes[:, -1] * np.sign(axes[np.abs(axes[:, -1]).argmax(), -1])
+    return main, float(np.sqrt(max(strengths[-2], 0.0) / strengths[-1]))
+
+
+def require_rotation(base_from_flanges: Sequence[Pose]) -> None:
+    """Require flange poses that rotate about at least two axes.
+
+    Raises
+    ------
+    DegenerateGeometry
+        With the rotation that is present and the one that is missing.
+    """
+    R = np.array([pose.rotation for pose in base_from_flanges])
+    first, second = np.triu_indices(len(R), k=1)
+    relative_rotations = vectors_from_rotations(np.swapaxes(R[first], -1, -2) @ R[second])
+    largest = float(np.linalg.norm(relative_rotations, axis=1).max())
+    if largest < MIN_ROTATION:
+        raise DegenerateGeometry(
+            f"the flange was translated, never rotated (at most {np.degrees(largest):.2g} deg): "
+            "the sensor's position is not determined; add poses tilted 20 to 35 deg about two axes"
+        )
+    axis, second_axis_ratio = _main_axis(relative_rotations)
+    if second_axis_ratio < MIN_SECOND_AXIS:
+        raise DegenerateGeometry(
+            f"the flange rotated about one axis, ({axis[0]:.2f}, {axis[1]:.2f}, {axis[2]:.2f}) "
+            "of the flange, only: the sensor's position along it is not determined; add poses "
+            "tilted 20 to 35 deg about an axis perpendicular to it"
+        )
+
+
+def points_in_sensor_frame(
+    flanges: FlangePoses, states: States, points: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Transform points (s, n, 3) of the target frame to the sensor frame, with Jacobians.
+
+    Returns
+    -------
+    in_sensor : (s, n, 3) ndarray
+        In the sensor frame. Units: mm.
+    mount_jacobian, point_jacobian, flange_jacobian : ndarray
+        By the sensor pose (s, n, 3, 6), the point (s, n, 3, 3) and the flange pose (s, n, 3, 6);
+        rotations act from the left.
+    """
+    to_mount = np.swapaxes(flanges.rotations, -1, -2)
+    to_sensor = np.swapaxes(states.rotations, -1, -2)[:, None]
+    offset = points - flanges.origins
+    in_mount = (to_mount @ offset[..., None])[..., 0] - states.translations[:, None]
+    in_sensor = (to_sensor @ in_mount[..., None])[..., 0]
+    point_jacobian = to_sensor @ to_mount
+    shape = point_jacobian.shape
+    mount_jacobian = np.concatenate(
+        [np.broadcast_to(-to_sensor, shape), to_sensor @ cross_matrices(in_mount)], axis=-1
+    )
+    flange_jacobian = np.concatenate(
+        [-point_jacobian, point_jacobian @ cross_matrices(offset)], axis=-1
+    )
+    return in_sensor, mount_jacobian, point_jacobian, flange_jacobian
+
+
+def masked_least_squares(design: FloatArray, rhs: FloatArray, masks: FloatArray) -> FloatArray:
+    """Solve one linear least-squares problem for each selection of poses.
+
+    Normal equations with a ridge of 1e-10 of their trace: accurate enough for an initial guess, and
+    never singular.
+
+    Parameters
+    ----------
+    design : (n, r, p) ndarray
+        r rows of each pose.
+    rhs : (n, r) or (q, n, r) ndarray
+        Right-hand side, common to all selections or one for each.
+    masks : (q, n) ndarray
+        1 for the poses of a selection, 0 for others.
+
+    Returns
+    -------
+    (q, p) ndarray
+        Solution of each selection.
+    """
+    scale = np.maximum(np.abs(design).max(axis=(0, 1)), 1e-12)
+    scaled = design / scale
+    grams = np.einsum("nij,nik->njk", scaled, scaled)
+    normal = np.einsum("qn,njk->qjk", masks, grams)
+    if rhs.ndim == 2:
+        moment = np.einsum("qn,nij,ni->qj", masks, scaled, rhs)
+    else:
+        moment = np.einsum("qn,nij,qni->qj", masks, scaled, rhs)
+    size = normal.shape[-1]
+    ridge = 1e-10 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(size)
+    solution: FloatArray = np.linalg.solve(normal + ridge, moment[..., None])[..., 0] / scale
+    return solution

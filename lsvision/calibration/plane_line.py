@@ -1,16 +1,17 @@
-"""The straight line that a plane shows in one profile."""
+"""Detection and fit of the straight line in which a profile cuts a plane."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.calibration.autocorrelation import autocorrelation_time
 from lsvision.errors import TooFewPoints
 from lsvision.geometry import BoolArray, FloatArray
 from lsvision.profile import Profile
+from lsvision.statistics.correlation import debiased_autocorrelation_time
+from lsvision.statistics.robust import MAD_TO_STD
 
 OUTLIER_SIGMAS = 3.5
-"""Robust standard deviations beyond which a point is none of the plane's."""
+"""Distance in robust standard deviations beyond which a point is an outlier."""
 MIN_POINTS = 20
 
 
@@ -23,9 +24,9 @@ class PlaneLine:
     midpoint, direction : (3,) ndarray
         Section frame (z = 0); a unit vector. Units: mm.
     half_length : float
-        Root mean square distance of the points from the middle. Units: mm.
+        Root mean square distance of the points from the midpoint. Units: mm.
     covariance : (2, 2) ndarray
-        Of offset (mm) and slope (rad), were each point's error its own.
+        Covariance of offset (mm) and slope (rad) for uncorrelated points.
     autocorrelation_time : float
         As of `SphereArc`.
     """
@@ -38,7 +39,7 @@ class PlaneLine:
 
 
 def find_plane_line(profile: Profile) -> PlaneLine:
-    """Straight line of most points in a profile: best line through two of them, then trimmed.
+    """Find the straight line of most points in a profile (least median of squares, then trimmed).
 
     Returns
     -------
@@ -53,42 +54,47 @@ def find_plane_line(profile: Profile) -> PlaneLine:
     points = profile.points[np.isfinite(profile.points[:, 0])]
     if len(points) < MIN_POINTS:
         raise TooFewPoints("profile of the plane", len(points), MIN_POINTS, "is it in view?")
-    keep = _least_median_inliers(points)
+    inliers = _least_median_inliers(points)
     for _ in range(20):
-        middle, along, across = _line_through(points[keep])
-        distance = (points - middle) @ across
-        spread = 1.4826 * float(np.median(np.abs(distance[keep])))
-        previous, keep = keep, np.abs(distance) <= max(OUTLIER_SIGMAS * spread, 1e-6)
-        if keep.sum() < MIN_POINTS:
-            raise TooFewPoints("line of the plane", int(keep.sum()), MIN_POINTS, "is it in view?")
-        if np.array_equal(previous, keep):
+        midpoint, direction, normal = _line_through(points[inliers])
+        distance = (points - midpoint) @ normal
+        std = MAD_TO_STD * float(np.median(np.abs(distance[inliers])))
+        previous, inliers = inliers, np.abs(distance) <= max(OUTLIER_SIGMAS * std, 1e-6)
+        if inliers.sum() < MIN_POINTS:
+            raise TooFewPoints(
+                "line of the plane", int(inliers.sum()), MIN_POINTS, "is it in view?"
+            )
+        if np.array_equal(previous, inliers):
             break
-    middle, along, across = _line_through(points[keep])
-    s, distance = (points[keep] - middle) @ along, (points[keep] - middle) @ across
+    midpoint, direction, normal = _line_through(points[inliers])
+    s, distance = (points[inliers] - midpoint) @ direction, (points[inliers] - midpoint) @ normal
     variance = float((distance**2).sum()) / (len(s) - 2) + 1e-12
     covariance = variance * np.diag([1 / len(s), 1 / float((s**2).sum())])
-    half = float(np.sqrt((s**2).mean()))
-    likeness = autocorrelation_time(distance, 2)
-    return PlaneLine(np.append(middle, 0.0), np.append(along, 0.0), half, covariance, likeness)
+    half_length = float(np.sqrt((s**2).mean()))
+    time = debiased_autocorrelation_time(distance, 2)
+    return PlaneLine(
+        np.append(midpoint, 0.0), np.append(direction, 0.0), half_length, covariance, time
+    )
 
 
 def _least_median_inliers(points: FloatArray) -> BoolArray:
-    """Points nearest the best of the lines through pairs some way apart (least median)."""
+    """Return the points near the line of least median distance through two points."""
     rng = np.random.default_rng(0)
     first = rng.integers(0, len(points), 200)
     second = (first + rng.integers(len(points) // 4, 3 * len(points) // 4 + 1, 200)) % len(points)
-    along = points[second] - points[first]
-    along = along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
-    across = np.column_stack([-along[:, 1], along[:, 0]])
-    distance = np.abs(np.einsum("kij,kj->ki", points[None] - points[first][:, None], across))
+    directions = points[second] - points[first]
+    directions = directions / np.maximum(np.linalg.norm(directions, axis=1, keepdims=True), 1e-12)
+    normals = np.column_stack([-directions[:, 1], directions[:, 0]])
+    distance = np.abs(np.einsum("kij,kj->ki", points[None] - points[first][:, None], normals))
     median = np.median(distance, axis=1)
     best = int(median.argmin())
-    keep: BoolArray = distance[best] <= max(OUTLIER_SIGMAS * 1.4826 * median[best], 1e-6)
-    return keep
+    inliers: BoolArray = distance[best] <= max(OUTLIER_SIGMAS * MAD_TO_STD * median[best], 1e-6)
+    return inliers
 
 
 def _line_through(points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    middle = points.mean(axis=0)
-    _, axes = np.linalg.eigh((points - middle).T @ (points - middle))
-    along = axes[:, 1] * (np.sign(axes[0, 1]) or 1.0)
-    return middle, along, np.array([-along[1], along[0]])
+    """Return midpoint, direction and normal of the orthogonal least-squares line."""
+    midpoint = points.mean(axis=0)
+    _, axes = np.linalg.eigh((points - midpoint).T @ (points - midpoint))
+    direction = axes[:, 1] * (np.sign(axes[0, 1]) or 1.0)
+    return midpoint, direction, np.array([-direction[1], direction[0]])

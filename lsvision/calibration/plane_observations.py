@@ -1,39 +1,48 @@
-"""What poses show of a plane: the straight line in which each section cuts it.
+"""Hand-eye observations of a plane: the straight line in which each section cuts it.
 
-A line holds two numbers: how far it passes from the plane at its middle, and its slope.
+A line gives two numbers: the distance of its midpoint from the plane, and its slope.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.calibration.observations import FlangePoses, Linearisation, States
+from lsvision.calibration.observations import (
+    FlangePoses,
+    Linearisation,
+    States,
+    masked_least_squares,
+)
 from lsvision.calibration.rotations import nearest_rotations
-from lsvision.calibration.sensor_frame_points import masked_least_squares
-from lsvision.geometry import FloatArray, IntArray
+from lsvision.geometry import BoolArray, FloatArray, IntArray, Plane, Pose
 
+MAX_LINE_SLOPE = np.radians(60.0)
+"""Largest slope of the line from the section's X in a planned pose; steeper planes reflect too
+little light back. Units: rad."""
 INITIAL_NORMALS = 90
-"""Directions over half a sphere, some 15 deg apart: as near as the linear start asks for."""
+"""Number of normals on a hemisphere, some 15 deg apart, from each of which a linear solution
+starts."""
 
 
 @dataclass(frozen=True, eq=False)
 class PlaneObservations:
-    """Lines of a plane (or of several), one a pose.
+    """Lines of a plane (or of several), one for each pose.
 
     Parameters
     ----------
     midpoints : (n, 3) ndarray
-        Middle of each line, section frame (z = 0). Units: mm.
+        Midpoint of each line, section frame (z = 0). Units: mm.
     directions : (n, 3) ndarray
         Unit vectors along each line.
     half_lengths : (n,) ndarray
-        Root mean square distance of the points from the middle. Units: mm.
+        Root mean square distance of the points from the midpoint. Units: mm.
     covariances : (n, 2, 2) ndarray
-        Of offset (mm) and slope (rad).
+        Covariance of offset (mm) and slope (rad).
     flanges : FlangePoses
-        One a line.
+        Flange pose of each observation.
     groups : (n,) ndarray
-        Which plane each pose saw.
+        Index of the plane that each pose observes.
     """
 
     midpoints: FloatArray
@@ -45,87 +54,84 @@ class PlaneObservations:
 
     @property
     def mm_per_residual(self) -> FloatArray:
-        """Offset in mm; slope over half the line's length."""
+        """Offset in mm; slope times the mean half length."""
         return np.array([1.0, float(self.half_lengths.mean())])
 
     @property
     def target_prior(self) -> tuple[FloatArray, FloatArray]:
-        """A plane is free: two numbers of its normal, one of its distance."""
+        """No prior on the plane: two tilts of its normal, and its distance."""
         return np.zeros(3), np.full(3, np.inf)
 
     def linearise(self, states: States) -> Linearisation:
-        """Offset (n.p - d) / |n_xy| at the middle and slope n.u / |n_xy|, with derivatives.
+        """Return offset (n.p - d) / |n_xy| at the midpoint and slope n.u / |n_xy|, with Jacobians.
 
-        That of |n_xy| is left out: it counts by the residual's own size (Gauss-Newton).
+        The derivative of |n_xy| is neglected: it is multiplied by the residual (Gauss-Newton).
         """
         targets = states.targets[:, self.groups]
         normal, distance = targets[..., :3], targets[..., 3]
-        to_mount = np.swapaxes(self.flanges.rotations, -1, -2)
-        in_mount = (to_mount @ normal[..., None])[..., 0]
-        by_normal = np.stack(
-            [_turned(states, v) for v in (self.midpoints, self.directions)], axis=2
+        mount_from_target = np.swapaxes(self.flanges.rotations, -1, -2)
+        normal_in_mount = (mount_from_target @ normal[..., None])[..., 0]
+        vectors_in_mount = np.stack(
+            [_rotate_to_mount(states, v) for v in (self.midpoints, self.directions)], axis=2
         )
-        arm = by_normal.copy()  # rotated by the sensor only: lever of a small turn of the mount
-        by_normal[:, :, 0] += states.translations[:, None]
-        flat = (in_mount[..., None, :] @ states.rotations[:, None])[..., 0, :2]
-        width = np.maximum(np.linalg.norm(flat, axis=-1), 1e-9)[..., None]
-        residuals = (by_normal @ in_mount[..., None])[..., 0]
-        base = by_normal @ to_mount
-        foot = (self.flanges.origins * normal).sum(axis=-1) - distance
-        residuals[..., 0] += foot
-        by_turn = np.cross(arm, in_mount[..., None, :])
-        by_mount = np.concatenate([np.zeros_like(by_turn), by_turn], axis=-1)
-        by_mount[..., 0, :3] = in_mount
-        by_flange = np.concatenate(
-            [np.zeros_like(base), np.cross(base, normal[..., None, :])], axis=-1
+        lever_arms = vectors_in_mount.copy()
+        vectors_in_mount[:, :, 0] += states.translations[:, None]
+        normal_in_section = (normal_in_mount[..., None, :] @ states.rotations[:, None])[..., 0, :2]
+        xy_norm = np.maximum(np.linalg.norm(normal_in_section, axis=-1), 1e-9)[..., None]
+        residuals = (vectors_in_mount @ normal_in_mount[..., None])[..., 0]
+        vectors_in_target = vectors_in_mount @ mount_from_target
+        origin_offset = (self.flanges.origins * normal).sum(axis=-1) - distance
+        residuals[..., 0] += origin_offset
+        rotation_jacobian = np.cross(lever_arms, normal_in_mount[..., None, :])
+        mount_jacobian = np.concatenate(
+            [np.zeros_like(rotation_jacobian), rotation_jacobian], axis=-1
         )
-        by_flange[..., 0, :3] = normal
-        origins = np.zeros_like(base)
+        mount_jacobian[..., 0, :3] = normal_in_mount
+        flange_jacobian = np.concatenate(
+            [np.zeros_like(vectors_in_target), np.cross(vectors_in_target, normal[..., None, :])],
+            axis=-1,
+        )
+        flange_jacobian[..., 0, :3] = normal
+        origins = np.zeros_like(vectors_in_target)
         origins[..., 0, :] = self.flanges.origins
-        tangents = _tangents(normal)
-        by_tilt = (base + origins) @ tangents
-        by_distance = np.broadcast_to(np.array([[-1.0], [0.0]]), (*by_tilt.shape[:-1], 1))
-        scale = width[..., None]
+        tangents = _tangent_bases(normal)
+        tilt_jacobian = (vectors_in_target + origins) @ tangents
+        distance_jacobian = np.broadcast_to(
+            np.array([[-1.0], [0.0]]), (*tilt_jacobian.shape[:-1], 1)
+        )
+        scale = xy_norm[..., None]
         return Linearisation(
-            residuals / width,
-            by_mount / scale,
-            np.concatenate([by_tilt, by_distance], axis=-1) / scale,
-            by_flange / scale,
+            residuals / xy_norm,
+            mount_jacobian / scale,
+            np.concatenate([tilt_jacobian, distance_jacobian], axis=-1) / scale,
+            flange_jacobian / scale,
         )
 
     def update_targets(self, targets: FloatArray, steps: FloatArray) -> FloatArray:
-        """Plane with its normal tilted along its tangents and its distance changed."""
-        tilt = (_tangents(targets[..., :3]) @ steps[..., :2, None])[..., 0]
+        """Return the planes with tilted normal and changed distance."""
+        tilt = (_tangent_bases(targets[..., :3]) @ steps[..., :2, None])[..., 0]
         normals = targets[..., :3] + tilt
         normals = normals / np.linalg.norm(normals, axis=-1, keepdims=True)
         return np.concatenate([normals, targets[..., 3:] + steps[..., 2:]], axis=-1)
 
     def prior_residuals(self, targets: FloatArray) -> FloatArray:
-        """No prior."""
+        """Return zeros: there is no prior."""
         return np.zeros((*targets.shape[:2], 3))
 
-    def with_groups(self, groups: IntArray) -> "PlaneObservations":
-        """The same lines, of several planes."""
-        return replace(self, groups=groups)
-
-    def with_flange_poses(self, flanges: FlangePoses) -> "PlaneObservations":
-        """The same lines, had the flange stood elsewhere."""
-        return replace(self, flanges=flanges)
-
     def target_distance(self, first: FloatArray, second: FloatArray) -> float:
-        """Between the planes where they were seen, in the mean over the poses. Units: mm."""
-        gaps = self.flanges.origins @ (first - second)[:3] - (first - second)[3]
-        return float(np.abs(gaps).mean())
+        """Return the mean distance of two planes at the flange origins. Units: mm."""
+        distances = self.flanges.origins @ (first - second)[:3] - (first - second)[3]
+        return float(np.abs(distances).mean())
 
     def initial_guesses(self, masks: FloatArray) -> States:
-        """For each selection and each of many normals, the linear solution of the rest.
+        """Return a linear solution for each selection of poses and each of many normals.
 
-        With the normal n given, n.(B X p) = d is linear in the first two columns of X's
-        rotation, its translation and d.
+        With the normal n given, n.(B X p) = d is linear in the first two columns of X's rotation,
+        its translation and d.
         """
-        normals = _half_sphere(INITIAL_NORMALS)
+        normals = _hemisphere_directions(INITIAL_NORMALS)
         count = int(self.groups.max()) + 1
-        states = [self._states_of(normal, masks, count) for normal in normals]
+        states = [self._states_with_normal(normal, masks, count) for normal in normals]
         rotations = np.stack([state.rotations for state in states], axis=1)
         translations = np.stack([state.translations for state in states], axis=1)
         targets = np.stack([state.targets for state in states], axis=1)
@@ -135,15 +141,16 @@ class PlaneObservations:
             targets.reshape(-1, count, 4),
         )
 
-    def _states_of(self, normal: FloatArray, masks: FloatArray, count: int) -> States:
-        seen = self.flanges.rotations.transpose(0, 2, 1) @ normal
+    def _states_with_normal(self, normal: FloatArray, masks: FloatArray, count: int) -> States:
+        """Return the linear solution of each selection for one normal (n in the mount)."""
+        n = self.flanges.rotations.transpose(0, 2, 1) @ normal
         one_hot = (self.groups[:, None] == np.arange(count)).astype(np.float64)
         p, u = self.midpoints, self.directions * self.half_lengths[:, None]
-        offset = np.concatenate([seen * p[:, :1], seen * p[:, 1:2], seen, -one_hot], axis=1)
-        slope = np.concatenate([seen * u[:, :1], seen * u[:, 1:2], 0 * seen, 0 * one_hot], axis=1)
+        offset = np.concatenate([n * p[:, :1], n * p[:, 1:2], n, -one_hot], axis=1)
+        slope = np.concatenate([n * u[:, :1], n * u[:, 1:2], 0 * n, 0 * one_hot], axis=1)
         design = np.stack([offset, slope], axis=1)
-        right = np.column_stack([-self.flanges.origins @ normal, np.zeros(len(p))])
-        solution = masked_least_squares(design, right, masks)
+        rhs = np.column_stack([-self.flanges.origins @ normal, np.zeros(len(p))])
+        solution = masked_least_squares(design, rhs, masks)
         first, second = solution[:, :3], solution[:, 3:6]
         raw = np.stack([first, second, np.cross(first, second)], axis=-1)
         length = np.maximum(np.linalg.norm(raw, axis=(1, 2)), 1e-12)[:, None, None]
@@ -152,24 +159,112 @@ class PlaneObservations:
         return States(nearest_rotations(raw / length), solution[:, 6:9], targets)
 
 
-def _turned(states: States, vectors: FloatArray) -> FloatArray:
-    """Vectors (n, 3) of the sensor's frame along the mount's axes; (s, n, 3)."""
-    turned: FloatArray = np.einsum("sij,nj->sni", states.rotations, vectors)
-    return turned
+def _rotate_to_mount(states: States, vectors: FloatArray) -> FloatArray:
+    """Rotate vectors (n, 3) of the sensor frame to the mount's axes, (s, n, 3)."""
+    rotated: FloatArray = np.einsum("sij,nj->sni", states.rotations, vectors)
+    return rotated
 
 
-def _tangents(normals: FloatArray) -> FloatArray:
-    """Two unit vectors across each normal, as columns; (..., 3) -> (..., 3, 2)."""
+def _tangent_bases(normals: FloatArray) -> FloatArray:
+    """Return two unit vectors perpendicular to each normal, as columns (..., 3, 2)."""
     smallest = np.abs(normals).argmin(axis=-1)
     first = np.cross(normals, np.eye(3)[smallest])
     first = first / np.linalg.norm(first, axis=-1, keepdims=True)
     return np.stack([first, np.cross(normals, first)], axis=-1)
 
 
-def _half_sphere(count: int) -> FloatArray:
-    """Directions evenly over half a sphere (Fibonacci lattice)."""
+def _hemisphere_directions(count: int) -> FloatArray:
+    """Return unit vectors evenly distributed over a hemisphere (Fibonacci lattice)."""
     index = np.arange(count) + 0.5
     height = index / count
     angle = np.pi * (1 + 5**0.5) * index
     width = np.sqrt(1 - height**2)
     return np.column_stack([width * np.cos(angle), width * np.sin(angle), height])
+
+
+@dataclass(frozen=True, eq=False)
+class PlanePlanningTarget:
+    """Plane to be measured in planned poses.
+
+    Parameters
+    ----------
+    plane : Plane
+        Base frame; the normal points to the side that the sensor measures.
+    centre : (3,) ndarray
+        Point of the plane where the line is to lie, base frame. Units: mm.
+    line_std : tuple of float
+        Standard deviation of the line's offset (mm) and slope (rad).
+    """
+
+    plane: Plane
+    centre: FloatArray
+    line_std: tuple[float, float]
+
+    @property
+    def requirement(self) -> str:
+        """As in `PlanningTarget`."""
+        return "see the plate from its front, within 60 deg,"
+
+    @property
+    def viewing_rotation(self) -> FloatArray:
+        """Smallest rotation from the base's Z to the plane's normal."""
+        x, y, z = self.plane.normal
+        if z < -1 + 1e-9:
+            return np.diag([1.0, -1.0, -1.0])
+        # Rodrigues' formula with sin^2 / (1 - cos) = 1 + cos of the angle between the two.
+        return np.array(
+            [
+                [1 - x * x / (1 + z), -x * y / (1 + z), x],
+                [-x * y / (1 + z), 1 - y * y / (1 + z), y],
+                [-x, -y, z],
+            ]
+        )
+
+    @property
+    def max_plane_offset(self) -> float:
+        """Zero: a plane gives the same information everywhere."""
+        return 0.0
+
+    @property
+    def state(self) -> FloatArray:
+        """Normal and distance."""
+        return np.array([*self.plane.normal, self.plane.distance])
+
+    @property
+    def prior_std(self) -> tuple[float, ...]:
+        """Two tilts of the normal (rad), distance (mm)."""
+        return (1.0, 1.0, 1000.0)
+
+    def visibility(self, sections: Sequence[Pose]) -> tuple[FloatArray, BoolArray]:
+        """Return the midpoint of each line, and whether its slope is allowed.
+
+        The midpoint lies below the section's origin, (n, 3) in the section frame. Units: mm.
+        """
+        normals = self._normals(sections)
+        visible = normals[:, 1] > np.cos(MAX_LINE_SLOPE) * np.hypot(normals[:, 0], normals[:, 1])
+        origins = np.array([pose.translation for pose in sections]).reshape(-1, 3)
+        heights = -self.plane.signed_distances(origins) / np.where(visible, normals[:, 1], 1.0)
+        zero = np.zeros(len(heights))
+        return np.column_stack([zero, heights, zero]), visible
+
+    def predict_observations(
+        self, positions: FloatArray, sections: Sequence[Pose], flanges: FlangePoses
+    ) -> PlaneObservations:
+        """Return the lines of the plane without noise."""
+        x, y, _ = self._normals(sections).T
+        count = len(sections)
+        directions = np.column_stack([y, -x, np.zeros(count)])
+        offset, slope = self.line_std
+        return PlaneObservations(
+            positions,
+            directions / np.maximum(np.hypot(x, y), 1e-9)[:, None],
+            np.full(count, offset / slope),
+            np.tile(np.diag([offset**2, slope**2]), (count, 1, 1)),
+            flanges,
+            np.zeros(count, dtype=np.int64),
+        )
+
+    def _normals(self, sections: Sequence[Pose]) -> FloatArray:
+        """Return the plane's normal (n, 3) in each section frame."""
+        normals = [pose.rotation.T @ self.plane.normal for pose in sections]
+        return np.array(normals).reshape(-1, 3)

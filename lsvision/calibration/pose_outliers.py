@@ -1,9 +1,9 @@
-"""Which poses to believe: gross errors by random selections, small ones by leave-one-out.
+"""Robust hand-eye solution: reject outlying robot poses.
 
-A wrong pose (paired with another profile, read while the arm still moved) spoils every least
-squares over all poses. Random selections of few poses, some of them clean, find the gross ones;
-the F test of the residual a pose would have, had it not taken part, finds those of a few
-sigma. Always whole poses, never points: a pose is wrong for all its points at once.
+A wrong pose (paired with another profile, read while the arm still moved) biases least squares over
+all poses. Least trimmed squares over random selections of a few poses finds gross errors; the F
+test of the leave-one-out residual finds those of a few standard deviations. Whole poses are
+rejected, never points: a pose is wrong for all its points at once.
 """
 
 from dataclasses import dataclass
@@ -13,31 +13,33 @@ import numpy as np
 from lsvision.calibration.batched_least_squares import search_whitening, solve_least_squares
 from lsvision.calibration.errors_in_variables import ErrorsInVariablesFit, fit_errors_in_variables
 from lsvision.calibration.observations import Observations, States
+from lsvision.calibration.rotations import vectors_from_rotations
 from lsvision.geometry import FloatArray
 
-SEARCH_ROBOT_STD_MM = 0.2
-"""Robot error assumed while searching. Units: mm."""
 GROSS_OUTLIER_FACTOR = 5.0
-"""Medians of the trusted poses' residuals beyond which a pose is grossly wrong."""
+"""Multiple of the median pose residual beyond which a pose is a gross outlier."""
+
+DISTINCT_ROTATION, DISTINCT_TRANSLATION_MM = np.radians(2.0), 5.0
+"""Minima further apart than this (rad, mm) are different solutions."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class OutlierSettings:
-    """How poses are doubted.
+    """Settings of the rejection of outlying poses.
 
     Parameters
     ----------
     max_outlier_fraction : float
-        Largest share of poses that may be wrong.
+        Largest fraction of outlying poses.
     significance : float
-        Chance of calling a good pose wrong, over all poses of a calibration.
+        Probability of rejecting a correct pose, over all poses of a calibration.
     sample_size : int
-        Poses in a random selection.
+        Number of poses in a random selection.
     trials : int
-        Random selections; 40 of 7 poses find a clean one among 12 with two wrong ones in
-        99.8 %.
+        Number of random selections; with 40 of 7 poses, one without outliers is among them in
+        99.8 % of cases where 2 of 12 poses are wrong.
     seed : int
-        Of the selections.
+        Seed of the random selections.
     """
 
     max_outlier_fraction: float = 0.3
@@ -49,14 +51,14 @@ class OutlierSettings:
 
 @dataclass(frozen=True, eq=False)
 class RobustHandEyeFit:
-    """Solution on the poses that are believed.
+    """Hand-eye solution on the inlier poses.
 
     Parameters
     ----------
     fit : ErrorsInVariablesFit
-        Its mask says which poses are believed.
+        Its mask marks the inlier poses.
     outlier_p_values : (n,) ndarray
-        For poses not believed, the chance of so large a residual in a good one.
+        Probability of a residual as large as that of each pose, if the pose is correct.
     """
 
     fit: ErrorsInVariablesFit
@@ -64,161 +66,169 @@ class RobustHandEyeFit:
 
 
 def fit_with_outlier_rejection(
-    sightings: Observations, settings: OutlierSettings, *, min_poses: int, estimate_robot_std: bool
+    observations: Observations,
+    settings: OutlierSettings,
+    *,
+    min_poses: int,
+    estimate_robot_std: bool,
 ) -> RobustHandEyeFit:
-    """Solve without a guess and without trusting every pose.
+    """Estimate the sensor pose without initial guess, and reject outlying robot poses.
 
-    Parameters
-    ----------
-    sightings : Observations
-        What was seen.
-    settings : OutlierSettings
-        See there.
-    min_poses : int
-        Fewest poses that determine the problem.
-    estimate_robot_std : bool
-        See `fit_errors_in_variables`.
-
-    Returns
-    -------
-    RobustHandEyeFit
-        With the believed poses in `fit.mask`.
+    Least trimmed squares, then leave-one-out F tests. `min_poses` is the smallest number of poses
+    that determine the problem; for `estimate_robot_std` see `fit_errors_in_variables`.
     """
-    state = _least_trimmed_squares_guess(sightings, settings, min_poses)
-    mask = _reject_gross_outliers(sightings, state)
-    refined = fit_errors_in_variables(sightings, state, mask, estimate_robot_std=estimate_robot_std)
-    refined = _reject_outliers(
-        sightings, refined, settings, need=min_poses, estimate=estimate_robot_std
+    state = _least_trimmed_squares_guess(observations, settings, min_poses)
+    mask = _reject_gross_outliers(observations, state)
+    fit = fit_errors_in_variables(observations, state, mask, estimate_robot_std=estimate_robot_std)
+    fit = _reject_outliers(
+        observations, fit, settings, min_poses=min_poses, estimate=estimate_robot_std
     )
-    refined = _restore_inliers(sightings, refined, settings, estimate=estimate_robot_std)
-    return RobustHandEyeFit(refined, _outlier_p_values(refined))
+    fit = _restore_inliers(observations, fit, settings, estimate=estimate_robot_std)
+    return RobustHandEyeFit(fit, _outlier_p_values(fit))
 
 
-def multi_start(sightings: Observations, mask: FloatArray) -> tuple[States, FloatArray]:
-    """Minima from every start over the masked poses, best first, and their costs."""
+def multi_start(observations: Observations, mask: FloatArray) -> tuple[States, FloatArray]:
+    """Return the minima from all initial guesses and their costs, lowest first."""
     masks = mask[None]
-    states = sightings.initial_guesses(masks)
-    found = solve_least_squares(
-        sightings, states, search_whitening(sightings, masks, SEARCH_ROBOT_STD_MM)
-    )
-    order = np.argsort(found.costs)
-    return found.states.select(order), found.costs[order]
+    states = observations.initial_guesses(masks)
+    solutions = solve_least_squares(observations, states, search_whitening(observations, masks))
+    order = np.argsort(solutions.costs)
+    return solutions.states.select(order), solutions.costs[order]
 
 
 def _least_trimmed_squares_guess(
-    sightings: Observations, settings: OutlierSettings, need: int
+    observations: Observations, settings: OutlierSettings, min_poses: int
 ) -> States:
-    """State with the least sum of its smallest pose residuals (least trimmed squares)."""
-    count = len(sightings.flanges)
-    trusted = max(need, count - int(settings.max_outlier_fraction * count))
-    masks = _selections(count, settings, need)
-    states = sightings.initial_guesses(masks)
+    """Return the state with the smallest trimmed sum of squared residuals."""
+    count = len(observations.flanges)
+    trimmed_count = max(min_poses, count - int(settings.max_outlier_fraction * count))
+    masks = _selections(count, settings, min_poses)
+    states = observations.initial_guesses(masks)
     repeated = np.repeat(masks, len(states) // len(masks), axis=0)
     states = solve_least_squares(
-        sightings, states, search_whitening(sightings, repeated, SEARCH_ROBOT_STD_MM), 12
+        observations, states, search_whitening(observations, repeated), 12
     ).states
-    states = states.select(np.argsort(_trimmed_inliers(sightings, states, trusted))[:8])
+    states = states.select(np.argsort(_trimmed_costs(observations, states, trimmed_count))[:8])
     for _ in range(4):
-        order = np.argsort(_pose_residuals(sightings, states), axis=1)
+        order = np.argsort(_pose_residuals(observations, states), axis=1)
         masks = np.zeros((len(states), count))
-        np.put_along_axis(masks, order[:, :trusted], 1.0, axis=1)
-        whitening = search_whitening(sightings, masks, SEARCH_ROBOT_STD_MM)
-        states = solve_least_squares(sightings, states, whitening).states
-    return states.select(np.argsort(_trimmed_inliers(sightings, states, trusted))[:1])
+        np.put_along_axis(masks, order[:, :trimmed_count], 1.0, axis=1)
+        whitening = search_whitening(observations, masks)
+        states = solve_least_squares(observations, states, whitening).states
+    return states.select(np.argsort(_trimmed_costs(observations, states, trimmed_count))[:1])
 
 
-def _selections(count: int, settings: OutlierSettings, need: int) -> FloatArray:
-    """All poses, each left out once where few, and random selections; (q, n) of 0 and 1."""
+def _selections(count: int, settings: OutlierSettings, min_poses: int) -> FloatArray:
+    """Return selections (q, n) of 0 and 1: all poses, and random samples of them."""
     rng = np.random.default_rng(settings.seed)
-    size = min(max(settings.sample_size, need), max(count - 1, need))
-    rows = [np.ones(count)]
-    for _ in range(settings.trials if count > need else 0):
-        row = np.zeros(count)
-        row[rng.permutation(count)[:size]] = 1.0
-        rows.append(row)
-    return np.array(rows)
+    sample_size = min(max(settings.sample_size, min_poses), max(count - 1, min_poses))
+    masks = [np.ones(count)]
+    for _ in range(settings.trials if count > min_poses else 0):
+        mask = np.zeros(count)
+        mask[rng.permutation(count)[:sample_size]] = 1.0
+        masks.append(mask)
+    return np.array(masks)
 
 
-def _pose_residuals(sightings: Observations, states: States) -> FloatArray:
-    """(s, n) length of each pose's residual in rough sigmas."""
-    whitening = search_whitening(
-        sightings, np.ones((1, len(sightings.flanges))), SEARCH_ROBOT_STD_MM
-    )
-    white = (whitening @ sightings.linearise(states).residuals[..., None])[..., 0]
-    lengths: FloatArray = np.linalg.norm(white, axis=-1)
-    return lengths
+def _pose_residuals(observations: Observations, states: States) -> FloatArray:
+    """Return the norm (s, n) of each pose's residual, whitened as in the search."""
+    whitening = search_whitening(observations, np.ones((1, len(observations.flanges))))
+    whitened = (whitening @ observations.linearise(states).residuals[..., None])[..., 0]
+    norms: FloatArray = np.linalg.norm(whitened, axis=-1)
+    return norms
 
 
-def _trimmed_inliers(sightings: Observations, states: States, trusted: int) -> FloatArray:
-    squares = np.sort(_pose_residuals(sightings, states) ** 2, axis=1)
-    total: FloatArray = squares[:, :trusted].sum(axis=1)
+def _trimmed_costs(observations: Observations, states: States, trimmed_count: int) -> FloatArray:
+    """Return the sum (s,) of the smallest squared residuals."""
+    squares = np.sort(_pose_residuals(observations, states) ** 2, axis=1)
+    total: FloatArray = squares[:, :trimmed_count].sum(axis=1)
     return total
 
 
-def _reject_gross_outliers(sightings: Observations, state: States) -> FloatArray:
-    lengths = _pose_residuals(sightings, state)[0]
-    # Residuals below a rough sigma are no gross error, however exact the others are.
-    limit = GROSS_OUTLIER_FACTOR * max(float(np.median(lengths)), 0.4)
-    mask: FloatArray = (lengths <= limit).astype(np.float64)
+def _reject_gross_outliers(observations: Observations, state: States) -> FloatArray:
+    """Return the mask of poses without a gross error."""
+    norms = _pose_residuals(observations, state)[0]
+    # A residual below 2 search sigmas is no gross error, however small the others are.
+    limit = GROSS_OUTLIER_FACTOR * max(float(np.median(norms)), 0.4)
+    mask: FloatArray = (norms <= limit).astype(np.float64)
     return mask
 
 
 def _reject_outliers(
-    sightings: Observations,
-    refined: ErrorsInVariablesFit,
+    observations: Observations,
+    fit: ErrorsInVariablesFit,
     settings: OutlierSettings,
     *,
-    need: int,
+    min_poses: int,
     estimate: bool,
 ) -> ErrorsInVariablesFit:
-    fewest = max(need, int(np.ceil(len(refined.mask) * (1 - settings.max_outlier_fraction))))
-    while refined.mask.sum() > fewest:
-        chances = np.where(refined.mask > 0, _outlier_p_values(refined), 1.0)
-        worst = int(chances.argmin())
-        if chances[worst] * refined.mask.sum() > settings.significance:
+    """Reject the pose with the smallest p-value until all are above the significance."""
+    min_inliers = max(min_poses, int(np.ceil(len(fit.mask) * (1 - settings.max_outlier_fraction))))
+    while fit.mask.sum() > min_inliers:
+        p_values = np.where(fit.mask > 0, _outlier_p_values(fit), 1.0)
+        worst = int(p_values.argmin())
+        if p_values[worst] * fit.mask.sum() > settings.significance:
             break
-        mask = refined.mask.copy()
-        mask[worst] = 0.0
-        refined = fit_errors_in_variables(
-            sightings, refined.states, mask, estimate_robot_std=estimate
-        )
-    return refined
+        fit = _refit(observations, fit, worst, 0.0, estimate)
+    return fit
 
 
 def _restore_inliers(
-    sightings: Observations,
-    refined: ErrorsInVariablesFit,
+    observations: Observations,
+    fit: ErrorsInVariablesFit,
     settings: OutlierSettings,
     *,
     estimate: bool,
 ) -> ErrorsInVariablesFit:
-    """Take back, best first, poses whose residual a good one could have."""
-    while not refined.mask.all():
-        chances = np.where(refined.mask > 0, 0.0, _outlier_p_values(refined))
-        best = int(chances.argmax())
-        if chances[best] * len(refined.mask) <= settings.significance:
+    """Restore, largest p-value first, the poses above the significance."""
+    while not fit.mask.all():
+        p_values = np.where(fit.mask > 0, 0.0, _outlier_p_values(fit))
+        best = int(p_values.argmax())
+        if p_values[best] * len(fit.mask) <= settings.significance:
             break
-        mask = refined.mask.copy()
-        mask[best] = 1.0
-        refined = fit_errors_in_variables(
-            sightings, refined.states, mask, estimate_robot_std=estimate
-        )
-    return refined
+        fit = _refit(observations, fit, best, 1.0, estimate)
+    return fit
 
 
-def _outlier_p_values(refined: ErrorsInVariablesFit) -> FloatArray:
-    """Chance of so large a residual in a good pose, by the F test of leaving it out."""
+def _refit(
+    observations: Observations, fit: ErrorsInVariablesFit, pose: int, used: float, estimate: bool
+) -> ErrorsInVariablesFit:
+    """Return the fit with one element of its mask changed."""
+    mask = fit.mask.copy()
+    mask[pose] = used
+    return fit_errors_in_variables(observations, fit.states, mask, estimate_robot_std=estimate)
+
+
+def _outlier_p_values(fit: ErrorsInVariablesFit) -> FloatArray:
+    """Return each pose's p-value (n,) by the F test of its leave-one-out residual."""
     from scipy.special import fdtrc
 
-    size = refined.residuals.shape[1]
-    r, counted = refined.residuals[..., None], refined.mask > 0
-    inside = np.linalg.solve(refined.redundancy + 1e-12 * np.eye(size), r)
-    spread = refined.jacobian @ refined.cofactors @ np.swapaxes(refined.jacobian, -1, -2)
-    outside = np.linalg.solve(np.eye(size) + spread, r)
-    drop = (r * np.where(counted[:, None, None], inside, outside)).sum(axis=(1, 2))
-    rest = np.where(counted, refined.chi2 - drop, refined.chi2)
-    dof = np.where(counted, refined.dof - size, refined.dof)
+    size = fit.residuals.shape[1]
+    residuals, used = fit.residuals[..., None], fit.mask > 0
+    inside = np.linalg.solve(fit.redundancy + 1e-12 * np.eye(size), residuals)
+    variances = fit.jacobian @ fit.cofactors @ np.swapaxes(fit.jacobian, -1, -2)
+    outside = np.linalg.solve(np.eye(size) + variances, residuals)
+    chi2_decrease = (residuals * np.where(used[:, None, None], inside, outside)).sum(axis=(1, 2))
+    remaining_chi2 = np.where(used, fit.chi2 - chi2_decrease, fit.chi2)
+    dof = np.where(used, fit.dof - size, fit.dof)
     safe = np.maximum(dof, 1)
-    ratio = (drop / size) / np.maximum(rest / safe, 1e-6)
-    chances: FloatArray = np.where(dof > 0, fdtrc(size, safe, np.maximum(ratio, 0.0)), 1.0)
-    return chances
+    ratio = (chi2_decrease / size) / np.maximum(remaining_chi2 / safe, 1e-6)
+    p_values: FloatArray = np.where(dof > 0, fdtrc(size, safe, np.maximum(ratio, 0.0)), 1.0)
+    return p_values
+
+
+def ambiguity_ratio(observations: Observations, fit: ErrorsInVariablesFit) -> float:
+    """Return the cost of the best other minimum over that of the fit; inf if there is none."""
+    states, costs = multi_start(observations, fit.mask)
+    solution = fit.states
+    rotation_difference = vectors_from_rotations(states.rotations @ solution.rotations[0].T)
+    translation_difference = states.translations - solution.translations[0]
+    other = (np.linalg.norm(rotation_difference, axis=1) > DISTINCT_ROTATION) | (
+        np.linalg.norm(translation_difference, axis=1) > DISTINCT_TRANSLATION_MM
+    )
+    if not other.any():
+        return float("inf")
+    cost = solve_least_squares(
+        observations, solution, search_whitening(observations, fit.mask[None])
+    ).costs[0]
+    return float(costs[other].min() / max(cost, 1e-9))

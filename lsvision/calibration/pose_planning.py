@@ -1,38 +1,41 @@
-"""The next best poses for a sensor-to-robot calibration, before anything is moved."""
+"""Next best poses for a hand-eye calibration (greedy, A-optimal), before the robot moves."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from lsvision.calibration.batched_least_squares import whitened_jacobian_and_residuals
 from lsvision.calibration.errors_in_variables import NOMINAL_ROBOT_STD, robot_whitening
-from lsvision.calibration.flange_poses import stack_flange_poses
-from lsvision.calibration.observations import States
-from lsvision.calibration.planning_targets import (
-    PlanePlanningTarget,
-    PlanningTarget,
-    SpherePlanningTarget,
+from lsvision.calibration.observations import (
+    MM_PER_RADIAN,
+    FlangePoses,
+    Observations,
+    States,
+    stack_flange_poses,
 )
-from lsvision.calibration.rotations import cross_matrices, rotations_of
+from lsvision.calibration.plane_observations import PlanePlanningTarget
+from lsvision.calibration.rotations import cross_matrices, rotations_from_vectors
+from lsvision.calibration.sphere_observations import SpherePlanningTarget
 from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Plane, Pose, as_readonly_array
 
 UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-"""``base_from_section`` with the section's Y up, from which tilts are counted."""
+"""``base_from_section`` with the section's Y up; planned tilts are relative to it."""
 PRIOR_STD = (1000.0, 1000.0, 1000.0, 1.0, 1.0, 1.0)
-"""What is known of the sensor's place (mm) and turn (rad) beforehand: next to nothing."""
+"""Prior standard deviation of the sensor's translation (mm) and rotation (rad); uninformative."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PosePlanSettings:
-    """Which poses are reachable and how well target and robot are known.
+    """Reachable poses, and standard deviations of target and robot.
 
     Parameters
     ----------
     max_tilt, max_spin : float
-        Largest tilt about two axes, and turn about the section's upright Y. Units: rad.
+        Largest tilt about two axes, and rotation about the section's upright Y. Units: rad.
     max_lateral_offset, max_depth_offset : float
         Largest offset of the target along the section's X and Y. Units: mm.
     max_cut_offset : float
@@ -40,17 +43,18 @@ class PosePlanSettings:
     standoff : float
         y of the target in the middle of the sensor's range. Units: mm.
     circle_std : float
-        One sigma of a circle's centre along X; along Y and in radius three times that. Units: mm.
+        Standard deviation of a circle's centre along X; along Y and in radius three times that.
+        Units: mm.
     line_std : tuple of float
-        One sigma of the offset (mm) and slope (rad) of a plate's line.
+        Standard deviation of the offset (mm) and slope (rad) of a plate's line.
     robot_std : tuple of float
-        One sigma in each axis of position (mm) and orientation (rad).
+        Standard deviation in each axis of position (mm) and orientation (rad).
     count : int
-        Poses to propose.
+        Number of poses to propose.
     candidates : int
-        Random poses tried.
+        Number of random candidate poses.
     seed : int
-        Of the random poses.
+        Seed of the random candidates.
     """
 
     max_tilt: float = np.radians(35.0)
@@ -69,17 +73,17 @@ class PosePlanSettings:
 
 @dataclass(frozen=True, eq=False)
 class PosePlan:
-    """Poses to take, best first.
+    """Proposed poses, the most informative first.
 
     Parameters
     ----------
     base_from_flanges : tuple of Pose
-        To be driven to; the order is that of their worth.
+        Flange poses to move to.
     indices : tuple of int
-        Which of the candidates they are.
+        Their indices in the candidates.
     predicted_std : (k,) array_like
-        One sigma of a point at the target's mean place in the view, after each pose and those
-        measured before. Units: mm.
+        Standard deviation of a point at the target's mean position in the view, after each pose
+        and those measured before. Units: mm.
     predicted_origin_std : (k,) array_like
         The same of the sensor's origin. Units: mm.
     """
@@ -94,9 +98,53 @@ class PosePlan:
             object.__setattr__(self, name, as_readonly_array(getattr(self, name), ("k",), name))
 
 
+class PlanningTarget(Protocol):
+    """Target of planned poses: where to look from, visibility, and predicted observations."""
+
+    @property
+    def requirement(self) -> str:
+        """What a pose must do with the target, for an error message."""
+        ...
+
+    @property
+    def centre(self) -> FloatArray:
+        """Point (3,) that the sensor looks at, base frame. Units: mm."""
+        ...
+
+    @property
+    def viewing_rotation(self) -> FloatArray:
+        """Rotation (3, 3) from the base's Z to the direction towards the sensor."""
+        ...
+
+    @property
+    def max_plane_offset(self) -> float:
+        """Largest useful distance of the laser plane from the centre. Units: mm."""
+        ...
+
+    @property
+    def state(self) -> FloatArray:
+        """Numbers (k,) that describe the target in `States`."""
+        ...
+
+    @property
+    def prior_std(self) -> tuple[float, ...]:
+        """Prior standard deviation (d,) of the target's step coordinates; uninformative."""
+        ...
+
+    def visibility(self, sections: Sequence[Pose]) -> tuple[FloatArray, BoolArray]:
+        """Return the target's position (n, 3) in each section frame in mm, and its visibility."""
+        ...
+
+    def predict_observations(
+        self, positions: FloatArray, sections: Sequence[Pose], flanges: FlangePoses
+    ) -> Observations:
+        """Return the observations of sections without noise."""
+        ...
+
+
 SPHERE_DEFAULTS = PosePlanSettings()
 PLANE_DEFAULTS = PosePlanSettings(max_tilt=np.radians(40.0))
-"""A plate shows more when it leans more."""
+"""Larger tilts than for a sphere: they add information."""
 
 
 def plan_hand_eye_poses(
@@ -108,49 +156,49 @@ def plan_hand_eye_poses(
     candidates: Sequence[Pose] | None = None,
     settings: PosePlanSettings = SPHERE_DEFAULTS,
 ) -> PosePlan:
-    """Next best flange poses before a sphere (greedy, A-optimal).
+    """Plan the next best flange poses for a sphere (greedy, A-optimal).
 
-    Each step takes the candidate that lowers the summed variance of the sensor's position and
-    of its rotation over 100 mm most. Six chosen poses are worth about twelve random ones.
+    Each step takes the candidate that minimises the summed variance of the sensor's position and of
+    its rotation times `MM_PER_RADIAN`. Six chosen poses are worth about twelve random ones.
 
     Parameters
     ----------
     flange_from_section : Pose
-        Nominal, from a drawing or a first calibration; a few degrees and mm do.
+        Nominal, from a drawing or a first calibration, accurate to a few degrees and mm.
     centre : (3,) array_like
-        Of the sphere in the base frame, roughly. Units: mm.
+        Approximate centre of the sphere in the base frame. Units: mm.
     radius : float
         Units: mm.
     measured : sequence of Pose
-        ``base_from_flange`` of poses already taken.
+        ``base_from_flange`` of poses already measured.
     candidates : sequence of Pose, optional
         Reachable ``base_from_flange`` poses to choose from, the target in the sensor's range; by
-        default random ones within `settings`, from which the sphere is seen.
+        default random ones within `settings` with a view of the sphere.
     settings : PosePlanSettings
-        How many poses, and within which limits.
+        Number of poses and their limits.
 
     Returns
     -------
     PosePlan
-        Poses and the accuracy they promise.
+        Poses and the predicted accuracy.
 
     Raises
     ------
     ValueError
-        A radius or count that is not positive.
+        If radius or count is not positive.
     DegenerateGeometry
-        Fewer candidates that cut the sphere than poses asked for.
+        If fewer candidates cut the sphere than poses are requested.
     """
     count = settings.count
     if not (radius > 0 and count > 0):
-        raise ValueError(f"want a positive radius and count, got {radius} mm and {count}")
-    ahead = SpherePlanningTarget(
+        raise ValueError(f"expected a positive radius and count, got {radius} mm and {count}")
+    target = SpherePlanningTarget(
         as_readonly_array(centre, (3,), "centre"),
         radius,
         settings.circle_std,
         settings.max_cut_offset,
     )
-    return _plan(ahead, flange_from_section, measured, candidates, settings)
+    return _plan(target, flange_from_section, measured, candidates, settings)
 
 
 def plan_hand_eye_poses_plane(
@@ -162,31 +210,31 @@ def plan_hand_eye_poses_plane(
     candidates: Sequence[Pose] | None = None,
     settings: PosePlanSettings = PLANE_DEFAULTS,
 ) -> PosePlan:
-    """Next best flange poses before a plate; otherwise as `plan_hand_eye_poses`.
+    """Plan the next best flange poses for a plate; otherwise as `plan_hand_eye_poses`.
 
     Parameters
     ----------
     flange_from_section : Pose
-        Nominal, from a drawing or a first calibration; a few degrees and mm do.
+        Nominal, from a drawing or a first calibration, accurate to a few degrees and mm.
     plane : Plane
-        The plate in the base frame, roughly. The side of it that is seen is the one that most of
-        `measured` face; without any, the one its normal points to.
+        Approximate plate in the base frame. The measured side is the one that most of `measured`
+        face; without any, the one that the normal points to.
     point : (3,) array_like
-        On the plate, where the line is to lie; base frame, roughly. Units: mm.
+        Approximate point of the plate where the line is to lie, base frame. Units: mm.
     measured, candidates, settings
         As in `plan_hand_eye_poses`; tilts of up to 40 deg.
 
     Returns
     -------
     PosePlan
-        Poses and the accuracy they promise.
+        Poses and the predicted accuracy.
 
     Raises
     ------
     ValueError
-        A count that is not positive.
+        If the count is not positive.
     DegenerateGeometry
-        Fewer candidates that see the plate than poses asked for.
+        If fewer candidates see the plate than poses are requested.
 
     Examples
     --------
@@ -197,101 +245,108 @@ def plan_hand_eye_poses_plane(
     (6, True)
     """
     if not settings.count > 0:
-        raise ValueError(f"want a positive count of poses, got {settings.count}")
+        raise ValueError(f"expected a positive count of poses, got {settings.count}")
     facing = [(pose @ flange_from_section).rotation[:, 1] @ plane.normal for pose in measured]
     if sum(np.sign(facing)) < 0:
         plane = Plane(-plane.normal, -plane.distance)
     centre = as_readonly_array(point, (3,), "point")
     centre = centre - plane.signed_distances(centre) * plane.normal
-    ahead = PlanePlanningTarget(plane, centre, settings.line_std)
-    return _plan(ahead, flange_from_section, measured, candidates, settings)
+    target = PlanePlanningTarget(plane, centre, settings.line_std)
+    return _plan(target, flange_from_section, measured, candidates, settings)
 
 
 def _plan(
-    ahead: PlanningTarget,
+    target: PlanningTarget,
     nominal: Pose,
     measured: Sequence[Pose],
     candidates: Sequence[Pose] | None,
     settings: PosePlanSettings,
 ) -> PosePlan:
+    """Select the best poses for any target."""
     if candidates is None:
-        candidates = _candidates(ahead, nominal, settings)
+        candidates = _candidates(target, nominal, settings)
     count, pool = settings.count, [*measured, *candidates]
-    places, usable = ahead.visibility([pose @ nominal for pose in pool])
-    free = usable & (np.arange(len(pool)) >= len(measured))
-    if free.sum() < count:
+    positions, usable = target.visibility([pose @ nominal for pose in pool])
+    available = usable & (np.arange(len(pool)) >= len(measured))
+    if available.sum() < count:
         raise DegenerateGeometry(
-            f"{int(free.sum())} candidate poses {ahead.requirement} and {count} are "
-            "asked for: give more candidates, or a better nominal pose of the sensor"
+            f"{int(available.sum())} candidate poses {target.requirement} and {count} are "
+            "requested: give more candidates, or a better nominal pose of the sensor"
         )
-    information_matrices = _information_matrices(ahead, places, pool, nominal, settings.robot_std)
+    information_matrices = _information_matrices(
+        target, positions, pool, nominal, settings.robot_std
+    )
     information_matrices = information_matrices * usable[:, None, None]
-    start = np.diag(np.array([*PRIOR_STD, *ahead.prior_std]) ** -2)
-    total = start + information_matrices[: len(measured)].sum(axis=0)
-    arm = nominal.rotation @ places[usable].mean(axis=0)
-    chosen, promised = _greedy(total, information_matrices, free, count, arm)
+    prior_information = np.diag(np.array([*PRIOR_STD, *target.prior_std]) ** -2)
+    information = prior_information + information_matrices[: len(measured)].sum(axis=0)
+    lever_arm = nominal.rotation @ positions[usable].mean(axis=0)
+    chosen, predicted = _greedy(information, information_matrices, available, count, lever_arm)
     indices = tuple(int(index) - len(measured) for index in chosen)
-    return PosePlan(tuple(pool[index] for index in chosen), indices, *np.array(promised).T)
+    return PosePlan(tuple(pool[index] for index in chosen), indices, *np.array(predicted).T)
 
 
-def _candidates(ahead: PlanningTarget, nominal: Pose, settings: PosePlanSettings) -> list[Pose]:
+def _candidates(target: PlanningTarget, nominal: Pose, settings: PosePlanSettings) -> list[Pose]:
+    """Return random flange poses within the limits of the settings."""
     rng = np.random.default_rng(settings.seed)
     size = settings.candidates
     spin = rng.uniform(-settings.max_spin, settings.max_spin, size)
     tilts = rng.uniform(-settings.max_tilt, settings.max_tilt, (size, 2))
     zero = np.zeros(size)
-    turned = ahead.viewing_rotation @ rotations_of(np.column_stack([zero, zero, spin]))
-    rotations = turned @ rotations_of(np.column_stack([tilts, zero])) @ UPRIGHT
-    seen = rng.uniform(-1, 1, (size, 3)) * (
+    spun = target.viewing_rotation @ rotations_from_vectors(np.column_stack([zero, zero, spin]))
+    rotations = spun @ rotations_from_vectors(np.column_stack([tilts, zero])) @ UPRIGHT
+    targets_in_section = rng.uniform(-1, 1, (size, 3)) * (
         settings.max_lateral_offset,
         settings.max_depth_offset,
-        ahead.max_plane_offset,
+        target.max_plane_offset,
     ) + (0.0, settings.standoff, 0.0)
-    back = nominal.inverse()
+    section_from_flange = nominal.inverse()
     return [
-        Pose(rotation, ahead.centre - rotation @ point) @ back
-        for rotation, point in zip(rotations, seen, strict=True)
+        Pose(rotation, target.centre - rotation @ point) @ section_from_flange
+        for rotation, point in zip(rotations, targets_in_section, strict=True)
     ]
 
 
 def _information_matrices(
-    ahead: PlanningTarget,
-    places: FloatArray,
+    target: PlanningTarget,
+    positions: FloatArray,
     pool: Sequence[Pose],
     nominal: Pose,
     robot_std: tuple[float, float],
 ) -> FloatArray:
-    """(n, p, p) information of each pose on the sensor (6) and the target."""
+    """Return the information (n, p, p) of each pose on the sensor (6) and the target."""
     flanges = stack_flange_poses(pool, "eye_in_hand", robot_std)
-    sightings = ahead.predict_observations(places, [pose @ nominal for pose in pool], flanges)
-    state = States(nominal.rotation[None], nominal.translation[None], ahead.state[None, None])
+    observations = target.predict_observations(
+        positions, [pose @ nominal for pose in pool], flanges
+    )
+    state = States(nominal.rotation[None], nominal.translation[None], target.state[None, None])
     jacobian = whitened_jacobian_and_residuals(
-        sightings, state, robot_whitening(sightings, state, 1.0)
+        observations, state, robot_whitening(observations, state, 1.0)
     )[0][0]
     information: FloatArray = np.swapaxes(jacobian, -1, -2) @ jacobian
     return information
 
 
 def _greedy(
-    total: FloatArray,
+    information: FloatArray,
     information_matrices: FloatArray,
-    free: BoolArray,
+    available: BoolArray,
     count: int,
-    arm: FloatArray,
+    lever_arm: FloatArray,
 ) -> tuple[IntArray, list[tuple[float, float]]]:
-    free = free.copy()
-    weights = np.array([1.0] * 3 + [100.0**2] * 3)
-    at_work = np.hstack([np.eye(3), -cross_matrices(arm)])
-    chosen, promised = [], []
+    """Return the chosen poses, and the predicted std at the working point and of the origin."""
+    available = available.copy()
+    weights = np.array([1.0] * 3 + [MM_PER_RADIAN**2] * 3)
+    point_jacobian = np.hstack([np.eye(3), -cross_matrices(lever_arm)])
+    chosen, predicted = [], []
     for _ in range(count):
-        covariances = np.linalg.inv(total + information_matrices)[:, :6, :6]
-        spreads = np.einsum("nii,i->n", covariances, weights)
-        best = int(np.where(free, spreads, np.inf).argmin())
-        free[best] = False
-        total = total + information_matrices[best]
+        covariances = np.linalg.inv(information + information_matrices)[:, :6, :6]
+        variances = np.einsum("nii,i->n", covariances, weights)
+        best = int(np.where(available, variances, np.inf).argmin())
+        available[best] = False
+        information = information + information_matrices[best]
         chosen.append(best)
         best_covariance = covariances[best]
-        work = np.trace(at_work @ best_covariance @ at_work.T)
-        origin = np.trace(best_covariance[:3, :3])
-        promised.append((float(np.sqrt(work)), float(np.sqrt(origin))))
-    return np.array(chosen, dtype=np.int64), promised
+        point_variance = np.trace(point_jacobian @ best_covariance @ point_jacobian.T)
+        origin_variance = np.trace(best_covariance[:3, :3])
+        predicted.append((float(np.sqrt(point_variance)), float(np.sqrt(origin_variance))))
+    return np.array(chosen, dtype=np.int64), predicted

@@ -1,7 +1,7 @@
-"""The arc that a sphere shows in one profile, found in clutter and fitted as a circle.
+"""Detection and fit of the circular arc in which a profile cuts a sphere.
 
-Written apart from `detection` and `ellipse`: a calibration does not rest on what it is to
-calibrate. Every section of a sphere is a circle, so three points make a hypothesis.
+Every section of a sphere is a circle, so that three points give a hypothesis. Independent of
+`detection` and `ellipse`: the calibration must not depend on the code that it calibrates for.
 """
 
 import math
@@ -9,33 +9,34 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.calibration.autocorrelation import autocorrelation_time
 from lsvision.errors import TooFewPoints
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Points, as_readonly_array
 from lsvision.profile import Profile
+from lsvision.statistics.correlation import debiased_autocorrelation_time
+from lsvision.statistics.robust import MAD_TO_STD
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SphereArcSettings:
-    """How the arc of a sphere is told from what else a profile shows.
+    """Settings of the detection of a sphere's arc in a profile.
 
     Parameters
     ----------
     tolerance : float
-        Distance from the circle at which a point still counts while searching. Units: mm.
+        Largest distance of an inlier from the circle during the search. Units: mm.
     max_incidence : float
-        Points whose normal leans further from the sensor's Y are left out: flanks are seen at
-        a glance and lie. Units: rad.
+        Largest angle of an inlier's normal from the sensor's Y; points on the flanks, seen at
+        grazing incidence, are biased. Units: rad.
     min_coverage : float
-        Smallest angle of circle an arc must cover. Units: rad.
+        Smallest angle of the circle that an arc covers. Units: rad.
     min_points : int
-        Fewest points of an arc.
+        Smallest number of points of an arc.
     min_radius : float
-        Smallest circle believed; cuts near the pole of the sphere say little. Units: mm.
+        Smallest circle; cuts near the pole of the sphere give little information. Units: mm.
     trials : int
-        Triples of points tried.
+        Number of random triples of points.
     seed : int
-        Of the choice of triples; same seed, same arc.
+        Seed of the random triples.
     """
 
     tolerance: float = 0.3
@@ -56,17 +57,17 @@ class SphereArc:
     circle : (3,) array_like
         Centre x, y and radius, section frame. Units: mm.
     covariance : (3, 3) array_like
-        Of `circle`, were each point's error its own. Units: mm^2.
+        Covariance of `circle` for uncorrelated points. Units: mm^2.
     height_scale_gradient : (2, 3) array_like
         Change of `circle` when heights are multiplied by 1 + s about its centre: first row
         times s plus second row times s^2. Units: mm.
     autocorrelation_time : float
-        Points that say as much as one whose error is its own; 1 where neighbours do not err
-        alike. A single arc tells it roughly: take the mean of many, and multiply `covariance`.
+        Number of points per effective point; 1 for uncorrelated points. The estimate of a single
+        arc is inaccurate: take the mean of many, and multiply `covariance` by it.
     indices : tuple of int
-        Points of the profile it rests on.
+        Indices of the inliers in the profile.
     residual_std : float
-        Of those points from the circle. Units: mm.
+        Standard deviation of the inliers from the circle. Units: mm.
     """
 
     circle: FloatArray
@@ -89,26 +90,28 @@ class SphereArc:
 
 
 DEFAULT = SphereArcSettings()
+_HINT = "is the sphere in view, and no circle of another size more prominent?"
 MAX_SCORED_POINTS = 700
+"""Largest number of points with which hypotheses are scored."""
 HEIGHT_SCALE_STEP = 0.1
-"""Relative change of the heights at which a circle's change with them is read off."""
+"""Relative change of the heights for the difference quotients of a circle."""
 OUTLIER_SIGMAS = 3.5
-"""Robust standard deviations beyond which a point is none of the sphere's."""
+"""Distance in robust standard deviations beyond which a point is an outlier."""
 
 
 def find_sphere_arc(
     profile: Profile, max_radius: float | None = None, settings: SphereArcSettings = DEFAULT
 ) -> SphereArc:
-    """Largest arc of a circle, convex towards the sensor.
+    """Find the largest arc of a circle that is convex towards the sensor.
 
     Parameters
     ----------
     profile : Profile
-        Section frame; scattered points, plates and false ends may be in it.
+        Section frame; may contain scattered points, plates and artefacts.
     max_radius : float, optional
         Radius of the sphere where known: no section is larger. Units: mm.
     settings : SphereArcSettings
-        See there.
+        Settings of the detection.
 
     Returns
     -------
@@ -134,32 +137,32 @@ def find_sphere_arc(
     circle = _best_hypothesis(points, max_radius, settings)
     tolerance = settings.tolerance
     variances = np.ones(len(points))
-    keep = _on_arc(points, circle, tolerance, settings)
+    inliers = _on_arc(points, circle, tolerance, settings)
     for _ in range(12):
-        _require(points, circle, keep, settings)
-        previous, variances = keep, _normal_variances(profile, indices, circle)
-        circle = _fit_circle(points[keep], circle, variances[keep])
-        spread = _mad_std(_residuals(points[keep], circle))
-        tolerance = min(settings.tolerance, max(OUTLIER_SIGMAS * spread, 1e-6))
-        keep = _on_arc(points, circle, tolerance, settings)
-        if np.array_equal(keep, previous):
+        _require_arc(points, circle, inliers, settings)
+        previous, variances = inliers, _normal_variances(profile, indices, circle)
+        circle = _fit_circle(points[inliers], circle, variances[inliers])
+        std = MAD_TO_STD * float(np.median(np.abs(_residuals(points[inliers], circle))))
+        tolerance = min(settings.tolerance, max(OUTLIER_SIGMAS * std, 1e-6))
+        inliers = _on_arc(points, circle, tolerance, settings)
+        if np.array_equal(inliers, previous):
             break
-    _require(points, circle, keep, settings)
-    return _as_arc(points[keep], circle, variances[keep], indices[keep], profile.noise is None)
-
-
-_HINT = "is the sphere in view, and no circle of another size more prominent?"
+    _require_arc(points, circle, inliers, settings)
+    return _build_arc(
+        points[inliers], circle, variances[inliers], indices[inliers], profile.noise is None
+    )
 
 
 def _best_hypothesis(
     points: Points, max_radius: float | None, settings: SphereArcSettings
 ) -> FloatArray:
+    """Return the circle through three points with the largest support (RANSAC)."""
     rng = np.random.default_rng(settings.seed)
     circles = _circles_through(points[_near_triples(len(points), settings.trials, rng)])
     limit = np.inf if max_radius is None else 1.02 * max_radius + settings.tolerance
-    fits = np.isfinite(circles).all(axis=1)
-    fits &= (circles[:, 2] >= settings.min_radius) & (circles[:, 2] <= limit)
-    circles = circles[fits]
+    allowed = np.isfinite(circles).all(axis=1)
+    allowed &= (circles[:, 2] >= settings.min_radius) & (circles[:, 2] <= limit)
+    circles = circles[allowed]
     sample = points[:: max(1, len(points) // MAX_SCORED_POINTS)]
     offset = sample[None] - circles[:, None, :2]
     distance = np.hypot(offset[..., 0], offset[..., 1])
@@ -167,17 +170,18 @@ def _best_hypothesis(
     facing = offset[..., 1] >= math.cos(settings.max_incidence) * distance
     support = np.where(facing, 1.0 - cost, 0.0).sum(axis=1)
     for index in np.argsort(-support):
-        keep = _on_arc(points, circles[index], settings.tolerance, settings)
-        if keep.sum() >= settings.min_points and _angular_coverage(
-            points[keep], circles[index]
-        ) >= (settings.min_coverage):
-            best: FloatArray = circles[index]
-            return best
+        inliers = _on_arc(points, circles[index], settings.tolerance, settings)
+        if _is_arc(points, circles[index], inliers, settings):
+            circle: FloatArray = circles[index]
+            return circle
     raise TooFewPoints("best arc of the sphere", 0, settings.min_points, _HINT)
 
 
 def _near_triples(count: int, trials: int, rng: np.random.Generator) -> IntArray:
-    """Triples from windows of many lengths: an arc is a run of neighbours, clutter is not."""
+    """Return random triples (k, 3) from windows of many lengths.
+
+    The points of an arc are neighbours in the profile, those of clutter are not.
+    """
     shortest = min(count, 15)
     lengths = np.geomspace(shortest, count, trials).astype(np.int64)
     starts = (rng.random(trials) * (count - lengths + 1)).astype(np.int64)
@@ -187,7 +191,7 @@ def _near_triples(count: int, trials: int, rng: np.random.Generator) -> IntArray
 
 
 def _circles_through(triples: FloatArray) -> FloatArray:
-    """Circles (centre x, y, radius) through (k, 3, 2) points; NaN where they are collinear."""
+    """Return the circles (centre x, y, radius) through (k, 3, 2) points; NaN if collinear."""
     first = triples[:, 0]
     b, c = triples[:, 1] - first, triples[:, 2] - first
     double_area = 2 * (b[:, 0] * c[:, 1] - b[:, 1] * c[:, 0])
@@ -199,6 +203,7 @@ def _circles_through(triples: FloatArray) -> FloatArray:
 
 
 def _residuals(points: Points, circle: FloatArray) -> FloatArray:
+    """Return the signed distances of points from a circle."""
     offset = points - circle[:2]
     residuals: FloatArray = np.hypot(offset[:, 0], offset[:, 1]) - circle[2]
     return residuals
@@ -207,36 +212,40 @@ def _residuals(points: Points, circle: FloatArray) -> FloatArray:
 def _on_arc(
     points: Points, circle: FloatArray, tolerance: float, settings: SphereArcSettings
 ) -> BoolArray:
+    """Return which points are near the circle and face the sensor."""
     offset = points - circle[:2]
     distance = np.hypot(offset[:, 0], offset[:, 1])
-    near = np.abs(distance - circle[2]) <= tolerance
-    keep: BoolArray = near & (offset[:, 1] >= math.cos(settings.max_incidence) * distance)
-    return keep
+    close = np.abs(distance - circle[2]) <= tolerance
+    on_arc: BoolArray = close & (offset[:, 1] >= math.cos(settings.max_incidence) * distance)
+    return on_arc
 
 
 def _angular_coverage(points: Points, circle: FloatArray) -> float:
-    """Angle between the outer percentiles: a few stray points cover nothing."""
+    """Return the angle between the outer percentiles, which a few outliers do not change."""
     angles = np.arctan2(points[:, 0] - circle[0], points[:, 1] - circle[1])
     low, high = np.percentile(angles, [2, 98])
     return float(high - low)
 
 
-def _require(
-    points: Points,
-    circle: FloatArray,
-    keep: BoolArray,
-    settings: SphereArcSettings,
+def _is_arc(
+    points: Points, circle: FloatArray, inliers: BoolArray, settings: SphereArcSettings
+) -> bool:
+    """Return whether there are enough inliers, over enough of the circle."""
+    if inliers.sum() < settings.min_points:
+        return False
+    return _angular_coverage(points[inliers], circle) >= settings.min_coverage
+
+
+def _require_arc(
+    points: Points, circle: FloatArray, inliers: BoolArray, settings: SphereArcSettings
 ) -> None:
-    count = int(keep.sum())
-    if (
-        count < settings.min_points
-        or _angular_coverage(points[keep], circle) < settings.min_coverage
-    ):
-        raise TooFewPoints("best arc of the sphere", count, settings.min_points, _HINT)
+    """Raise an error unless the inliers are an arc."""
+    if not _is_arc(points, circle, inliers, settings):
+        raise TooFewPoints("best arc of the sphere", int(inliers.sum()), settings.min_points, _HINT)
 
 
 def _normal_variances(profile: Profile, indices: IntArray, circle: FloatArray) -> FloatArray:
-    """Variance n' Sigma n of each point's noise; ones where the profile knows none. Units: mm^2."""
+    """Return the variance n' Sigma n of each point; ones without noise model. Units: mm^2."""
     if profile.noise is None:
         return np.ones(len(indices))
     normals = profile.points[indices] - circle[:2]
@@ -247,14 +256,15 @@ def _normal_variances(profile: Profile, indices: IntArray, circle: FloatArray) -
 
 
 def _jacobian(points: Points, circle: FloatArray) -> FloatArray:
+    """Return the Jacobian (n, 3) of the residuals by centre and radius."""
     offset = points - circle[:2]
     units = offset / np.maximum(np.hypot(offset[:, 0], offset[:, 1]), 1e-12)[:, None]
     return np.column_stack([-units, -np.ones(len(points))])
 
 
-def _fit_circle(points: Points, start: FloatArray, variances: FloatArray) -> FloatArray:
-    """Gauss-Newton on distances from the circle; from a RANSAC start a few steps suffice."""
-    circle = start.copy()
+def _fit_circle(points: Points, initial_guess: FloatArray, variances: FloatArray) -> FloatArray:
+    """Fit a circle by Gauss-Newton on the distances; a few iterations suffice after RANSAC."""
+    circle = initial_guess.copy()
     weights = 1 / np.sqrt(variances)
     for _ in range(10):
         jacobian = _jacobian(points, circle) * weights[:, None]
@@ -265,27 +275,29 @@ def _fit_circle(points: Points, start: FloatArray, variances: FloatArray) -> Flo
     return circle
 
 
-def _mad_std(residuals: FloatArray) -> float:
-    return 1.4826 * float(np.median(np.abs(residuals)))
-
-
-def _as_arc(
-    points: Points, circle: FloatArray, variances: FloatArray, indices: IntArray, unknown: bool
+def _build_arc(
+    points: Points,
+    circle: FloatArray,
+    variances: FloatArray,
+    indices: IntArray,
+    estimate_noise: bool,
 ) -> SphereArc:
+    """Return the arc with covariance and autocorrelation time."""
     residuals, jacobian = _residuals(points, circle), _jacobian(points, circle)
     dof = len(points) - 3
-    scale = float((residuals**2 / variances).sum()) / dof
-    # A stated noise is only ever made larger, where the points scatter more than it says.
-    scale = scale if unknown else max(scale, 1.0)
+    variance_factor = float((residuals**2 / variances).sum()) / dof
+    # A stated noise is only increased, where the residuals are larger than it predicts.
+    variance_factor = variance_factor if estimate_noise else max(variance_factor, 1.0)
     information = jacobian.T @ (jacobian / variances[:, None])
-    covariance = scale * np.linalg.inv(information) + 1e-12 * np.eye(3)
+    covariance = variance_factor * np.linalg.inv(information) + 1e-12 * np.eye(3)
     std = math.sqrt(float((residuals**2).sum()) / dof)
-    stretch = _height_scale_gradient(points, circle, variances)
-    likeness = autocorrelation_time(residuals / np.sqrt(variances), 3)
-    return SphereArc(circle, covariance, stretch, likeness, tuple(int(i) for i in indices), std)
+    gradient = _height_scale_gradient(points, circle, variances)
+    time = debiased_autocorrelation_time(residuals / np.sqrt(variances), 3)
+    return SphereArc(circle, covariance, gradient, time, tuple(int(i) for i in indices), std)
 
 
 def _height_scale_gradient(points: Points, circle: FloatArray, variances: FloatArray) -> FloatArray:
+    """Return first and second difference quotients of the circle by the height scale."""
     low, high = (
         _fit_circle(circle[:2] + (points - circle[:2]) * (1.0, 1.0 + s), circle, variances)
         for s in (-HEIGHT_SCALE_STEP, HEIGHT_SCALE_STEP)

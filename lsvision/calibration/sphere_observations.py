@@ -1,47 +1,58 @@
-"""What poses show of a sphere: the circle in which each section cuts it.
+"""Hand-eye observations of a sphere: the circle in which each section cuts it.
 
-A circle (x, y, r) holds all that an arc knows. With q the sphere's centre in the section frame,
-x = q_x, y = q_y and r^2 = R^2 - q_z^2: which side of the centre the section lies on never has
-to be decided.
+A circle (x, y, r) contains all the information of an arc. With q the sphere's centre in the
+section frame, x = q_x, y = q_y and r^2 = R^2 - q_z^2: the side of the centre on which the section
+lies never has to be decided.
 
-Nothing in the robot's poses is as long as the sensor's range: an error of scale of its heights
-(a triangulation that is calibrated by a few per cent too long has been seen) makes every circle
-too small and every sphere stand elsewhere. So the heights' scale is found along with the rest,
-like the radius: as a check, and because sigmas that took it for granted would be too small.
+The robot's poses contain no length as long as the sensor's range: an error of the scale of the
+heights (triangulation scales wrong by a few percent occur) makes every circle too small and shifts
+every sphere. The scale of the heights is therefore estimated together with the radius, as a check
+of the sensor and because standard deviations that take it as exact would be too small.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.calibration.observations import FlangePoses, Linearisation, States
+from lsvision.calibration.observations import (
+    FlangePoses,
+    Linearisation,
+    States,
+    masked_least_squares,
+    points_in_sensor_frame,
+)
 from lsvision.calibration.rotations import cube_rotations, nearest_rotations
-from lsvision.calibration.sensor_frame_points import masked_least_squares, points_in_sensor_frame
-from lsvision.geometry import FloatArray, IntArray
+from lsvision.geometry import BoolArray, FloatArray, IntArray, Pose
 
+ARC = np.radians(np.linspace(-60.0, 60.0, 61))
+"""Angles of the points of a planned arc, from the section's Y. Units: rad."""
+MAX_CUT_OFFSET = 0.95
+"""Distance of a planned cut from the sphere's centre, in radii, beyond which the arc is too small
+to be found."""
 HEIGHT_SCALE_PRIOR_STD = 0.1
-"""One sigma of the heights' scale beforehand: next to nothing is taken for granted."""
+"""Standard deviation of the prior on the scale of the heights; almost uninformative."""
 
 
 @dataclass(frozen=True, eq=False)
 class SphereObservations:
-    """Circles of a sphere (or of several), one a pose.
+    """Circles of a sphere (or of several), one for each pose.
 
     Parameters
     ----------
     circles : (n, 3) ndarray
         Centre x, y and radius, section frame. Units: mm.
     covariances : (n, 3, 3) ndarray
-        Units: mm^2.
+        Covariance of each circle. Units: mm^2.
     height_scale_gradients : (n, 2, 3) ndarray
         Change of each circle when all heights are multiplied by 1 + s about one height common
         to all poses: first row times s plus second row times s^2. Units: mm.
     flanges : FlangePoses
-        One a circle.
+        Flange pose of each observation.
     radius : tuple of float
-        The sphere's radius beforehand and its one sigma; inf = free. Units: mm.
+        Prior mean and standard deviation of the sphere's radius; inf = no prior. Units: mm.
     groups : (n,) ndarray
-        Which sphere each pose saw.
+        Index of the sphere that each pose observes.
     """
 
     circles: FloatArray
@@ -53,40 +64,46 @@ class SphereObservations:
 
     @property
     def mm_per_residual(self) -> FloatArray:
-        """All three residuals are millimetres."""
+        """Ones: all three residuals are in mm."""
         return np.ones(3)
 
     @property
     def target_prior(self) -> tuple[FloatArray, FloatArray]:
-        """Centre free, radius as stated, heights next to free."""
+        """No prior on the centre, `radius`, and a weak prior on the scale of the heights."""
         values = np.array([0, 0, 0, self.radius[0], 0])
         return values, np.array([np.inf, np.inf, np.inf, self.radius[1], HEIGHT_SCALE_PRIOR_STD])
 
     def linearise(self, states: States) -> Linearisation:
-        """Residuals x - q_x, y - q_y and (r^2 - R^2 + q_z^2) / 2r, with derivatives."""
+        """Return residuals x - q_x, y - q_y and (r^2 - R^2 + q_z^2) / 2r, with Jacobians."""
         targets = states.targets[:, self.groups]
-        q, by_mount, by_centre, by_flange = points_in_sensor_frame(
+        q, mount_jacobian, centre_jacobian, flange_jacobian = points_in_sensor_frame(
             self.flanges, states, targets[..., :3]
         )
-        circles, by_scale = self._stretched(targets[..., 4:])
+        circles, scale_jacobian = self._circles_at_scales(targets[..., 4:])
         r = circles[..., 2]
-        height = q[..., 2] / r
+        offset_ratio = q[..., 2] / r
         # d residual / d q: -1, -1 and q_z / r.
-        slopes = np.stack([-np.ones_like(height), -np.ones_like(height), height], axis=-1)
+        slopes = np.stack(
+            [-np.ones_like(offset_ratio), -np.ones_like(offset_ratio), offset_ratio], axis=-1
+        )
         residuals = circles - q
         residuals[..., 2] = (r**2 - targets[..., 3] ** 2 + q[..., 2] ** 2) / (2 * r)
-        by_radius = np.zeros((*q.shape, 1))
-        by_radius[..., 2, 0] = -targets[..., 3] / r
-        by_scale[..., 2] *= 1 - residuals[..., 2] / r
-        by_target = np.concatenate(
-            [slopes[..., None] * by_centre, by_radius, by_scale[..., None]], axis=-1
+        radius_jacobian = np.zeros((*q.shape, 1))
+        radius_jacobian[..., 2, 0] = -targets[..., 3] / r
+        scale_jacobian[..., 2] *= 1 - residuals[..., 2] / r
+        target_jacobian = np.concatenate(
+            [slopes[..., None] * centre_jacobian, radius_jacobian, scale_jacobian[..., None]],
+            axis=-1,
         )
         return Linearisation(
-            residuals, slopes[..., None] * by_mount, by_target, slopes[..., None] * by_flange
+            residuals,
+            slopes[..., None] * mount_jacobian,
+            target_jacobian,
+            slopes[..., None] * flange_jacobian,
         )
 
-    def _stretched(self, scales: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Circles (s, n, 3) at scales (s, n, 1), and their derivatives."""
+    def _circles_at_scales(self, scales: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return circles (s, n, 3) at height scales (s, n, 1), and their derivatives."""
         first, second = self.height_scale_gradients[:, 0], self.height_scale_gradients[:, 1]
         return (
             self.circles + scales * first + scales**2 * second,
@@ -94,39 +111,32 @@ class SphereObservations:
         )
 
     def update_targets(self, targets: FloatArray, steps: FloatArray) -> FloatArray:
-        """Centre, radius and scale after a step; plain addition."""
+        """Return centre, radius and scale after a step (addition)."""
         return targets + steps
 
     def prior_residuals(self, targets: FloatArray) -> FloatArray:
-        """Only radius and scale have a prior; the free numbers' weights are zero."""
+        """Return target minus prior; numbers without prior have weight zero."""
         return targets - self.target_prior[0]
 
-    def with_groups(self, groups: IntArray) -> "SphereObservations":
-        """The same circles, of several spheres of one radius each."""
-        return replace(self, groups=groups)
-
-    def with_flange_poses(self, flanges: FlangePoses) -> "SphereObservations":
-        """The same circles, had the flange stood elsewhere."""
-        return replace(self, flanges=flanges)
-
     def target_distance(self, first: FloatArray, second: FloatArray) -> float:
-        """Between the centres. Units: mm."""
+        """Return the distance of the centres. Units: mm."""
         return float(np.linalg.norm((first - second)[:3]))
 
     def initial_guesses(self, masks: FloatArray) -> States:
-        """25 starts for each selection: the linear solution and the 24 rotations of a cube.
+        """Return 25 guesses for each selection: a linear solution and the 24 rotations of a cube.
 
-        The linear solution ignores how far each section lies from the centre: B (X p) - c = 0
+        The linear solution neglects the distance of the sections from the centre: B (X p) - c = 0
         with p the circle's centre is linear in the first two columns of X's rotation, its
-        translation and c, and averages the offsets out where they are balanced. It needs
-        four poses; a cube's rotation with translation and c solved for needs three.
+        translation and c; the distances average out where they are balanced. It needs four poses; a
+        given rotation with linear translation and c needs three.
         """
         linear = self._linear_rotations(masks)[:, None]
         cube = np.broadcast_to(cube_rotations(), (len(masks), 24, 3, 3))
         rotations = np.concatenate([linear, cube], axis=1)
-        return self._states_of(rotations, masks)
+        return self._states_with_rotations(rotations, masks)
 
     def _linear_rotations(self, masks: FloatArray) -> FloatArray:
+        """Return the rotation of the linear solution of each selection."""
         xy, R = self.circles[:, :2], self.flanges.rotations
         eye = np.eye(3)[None]
         columns = [R * xy[:, :1, None], R * xy[:, 1:, None], R, *self._minus_centres(eye)]
@@ -137,16 +147,18 @@ class SphereObservations:
         length = np.linalg.norm(raw, axis=(1, 2))[:, None, None]
         return nearest_rotations(raw / np.maximum(length, 1e-12))
 
-    def _states_of(self, rotations: FloatArray, masks: FloatArray) -> States:
-        """Translation and centre that go with each rotation; (q, k, 3, 3) -> q k states."""
+    def _states_with_rotations(self, rotations: FloatArray, masks: FloatArray) -> States:
+        """Return states with given rotations (q, k, 3, 3); the rest by linear least squares."""
         count = rotations.shape[1]
         eye = np.eye(3)[None]
         R = self.flanges.rotations
         design = np.concatenate([R, *self._minus_centres(eye)], axis=-1)
-        seen = np.column_stack([self.circles[:, :2], np.zeros(len(self.circles))])
-        turned = np.einsum("nij,qkjl,nl->qkni", R, rotations, seen)
-        right = -(self.flanges.origins + turned).reshape(-1, len(seen), 3)
-        solution = masked_least_squares(design, right, np.repeat(masks, count, axis=0))
+        centres_in_sensor = np.column_stack([self.circles[:, :2], np.zeros(len(self.circles))])
+        centres_in_target_frame = np.einsum("nij,qkjl,nl->qkni", R, rotations, centres_in_sensor)
+        rhs = -(self.flanges.origins + centres_in_target_frame).reshape(
+            -1, len(centres_in_sensor), 3
+        )
+        solution = masked_least_squares(design, rhs, np.repeat(masks, count, axis=0))
         groups = int(self.groups.max()) + 1
         radius = self.radius[0] if np.isfinite(self.radius[1]) else self.circles[:, 2].max()
         centres = solution[:, 3:].reshape(-1, groups, 3)
@@ -155,5 +167,90 @@ class SphereObservations:
         return States(rotations.reshape(-1, 3, 3), solution[:, :3], targets)
 
     def _minus_centres(self, eye: FloatArray) -> list[FloatArray]:
+        """Return the columns of the design matrix for the centre of each sphere."""
         groups = range(int(self.groups.max()) + 1)
         return [-eye * (self.groups == group)[:, None, None] for group in groups]
+
+
+@dataclass(frozen=True, eq=False)
+class SpherePlanningTarget:
+    """Sphere to be cut in planned poses.
+
+    Parameters
+    ----------
+    centre : (3,) ndarray
+        Base frame. Units: mm.
+    radius : float
+        Units: mm.
+    circle_std : float
+        Standard deviation of a circle's centre along X; along Y and in radius three times that.
+        Units: mm.
+    offset : float
+        Largest useful distance of the cut from the centre, in radii.
+    """
+
+    centre: FloatArray
+    radius: float
+    circle_std: float
+    offset: float
+
+    @property
+    def requirement(self) -> str:
+        """As in `PlanningTarget`."""
+        return "cut the sphere"
+
+    @property
+    def viewing_rotation(self) -> FloatArray:
+        """Identity: a sphere looks the same from everywhere and is measured from above."""
+        return np.eye(3)
+
+    @property
+    def max_plane_offset(self) -> float:
+        """As in `PlanningTarget`."""
+        return self.offset * self.radius
+
+    @property
+    def state(self) -> FloatArray:
+        """Centre, radius and scale of the heights."""
+        return np.array([*self.centre, self.radius, 0.0])
+
+    @property
+    def prior_std(self) -> tuple[float, ...]:
+        """Centre and radius (mm), scale of the heights."""
+        return (1000.0, 1000.0, 1000.0, 10.0, HEIGHT_SCALE_PRIOR_STD)
+
+    def visibility(self, sections: Sequence[Pose]) -> tuple[FloatArray, BoolArray]:
+        """Return the centre in each section frame, and whether the cut is large enough."""
+        centres_in_sections = np.array([pose.inverse().apply_one(self.centre) for pose in sections])
+        centres_in_sections = centres_in_sections.reshape(-1, 3)
+        return centres_in_sections, np.abs(centres_in_sections[:, 2]) < MAX_CUT_OFFSET * self.radius
+
+    def predict_observations(
+        self, positions: FloatArray, sections: Sequence[Pose], flanges: FlangePoses
+    ) -> SphereObservations:
+        """Return the circles of the cuts without noise."""
+        count = len(sections)
+        min_squared_radius = (0.1 * self.radius) ** 2
+        circle_radii = np.sqrt(
+            np.maximum(self.radius**2 - positions[:, 2] ** 2, min_squared_radius)
+        )
+        return SphereObservations(
+            np.column_stack([positions[:, :2], circle_radii]),
+            np.tile(np.diag(self.circle_std**2 * np.array([1.0, 9.0, 9.0])), (count, 1, 1)),
+            _predict_height_scale_gradients(positions[:, 1], circle_radii),
+            flanges,
+            (self.radius, np.inf),
+            np.zeros(count, dtype=np.int64),
+        )
+
+
+def _predict_height_scale_gradients(heights: FloatArray, circle_radii: FloatArray) -> FloatArray:
+    """Return `SphereObservations.height_scale_gradients` of arcs over `ARC`."""
+    # Points r (sin, cos) whose heights grow by s move outwards by s r cos^2; a circle that
+    # shifts in y and grows moves its points outwards by y cos + r.
+    design = np.column_stack([np.cos(ARC), np.ones(len(ARC))])
+    by_height, by_radius = np.linalg.lstsq(design, np.cos(ARC) ** 2, rcond=None)[0]
+    gradients = np.zeros((len(circle_radii), 2, 3))
+    gradients[:, 0, 1] = by_height * circle_radii + heights - heights.mean()
+    gradients[:, 0, 2] = by_radius * circle_radii
+    return gradients

@@ -1,4 +1,4 @@
-"""Calibration targets, and where an image shows them.
+"""Calibration targets and their detection in images.
 
 Board frame: origin at the first corner, x along a row, y along a column (down as printed),
 z = x cross y into the board; the pattern lies in z = 0.
@@ -11,32 +11,31 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.calibration.grey_image import grey_image
 from lsvision.errors import CalibrationFailed
 from lsvision.geometry import FloatArray, Points, as_readonly_array
 
 REFINEMENT_STEPS = 30
-"""Steps of the corner refinement at most."""
+"""Maximum number of iterations of the corner refinement."""
 
 WINDOW_FRACTION = 1 / 6
-"""Half window of the corner refinement, in squares: 0.018 px instead of 0.024 with a fixed
-5 px."""
+"""Half window of the corner refinement, in squares: 0.018 px instead of 0.024 px with a fixed 5
+px."""
 
 
 class TargetNotFound(CalibrationFailed):
-    """An image in which the target is not seen."""
+    """The target was not found in an image."""
 
 
 @dataclass(frozen=True, eq=False)
 class TargetView:
-    """What one image shows of a target.
+    """Points of a target found in one image.
 
     Parameters
     ----------
     points : (n, 3) array_like
         Board frame, z = 0. Units: mm.
     pixels : (n, 2) array_like
-        Where they appear. Units: px.
+        The same points in the image. Units: px.
     size : tuple of int
         ``(width, height)`` of the image. Units: px.
     """
@@ -49,7 +48,7 @@ class TargetView:
         object.__setattr__(self, "points", as_readonly_array(self.points, ("n", 3), "board points"))
         object.__setattr__(self, "pixels", as_readonly_array(self.pixels, ("n", 2), "pixels"))
         if len(self.points) != len(self.pixels):
-            raise ValueError(f"want {len(self.points)} pixels, got {len(self.pixels)}")
+            raise ValueError(f"expected {len(self.points)} pixels, got {len(self.pixels)}")
 
 
 @runtime_checkable
@@ -58,28 +57,28 @@ class Target(Protocol):
 
     @property
     def points(self) -> Points:
-        """All its points, (n, 3), board frame, z = 0. Units: mm."""
+        """All points, (n, 3), board frame, z = 0. Units: mm."""
         ...
 
     def find(self, image: npt.NDArray[np.uint8]) -> tuple[Points, Points] | None:
-        """Points (n, 3) in mm and their pixels (n, 2) in a grey image, or None."""
+        """Return points (n, 3) in mm and their pixels (n, 2) in a grey image, or None."""
         ...
 
 
 @dataclass(frozen=True)
 class ChArUco:
-    """Chessboard with markers in its white squares: may be seen in part. The default target.
+    """Chessboard with markers in its white squares: may be partly visible. The default target.
 
     Parameters
     ----------
     squares_x, squares_y : int
-        Squares in a row and in a column.
+        Number of squares in a row and in a column.
     square, marker : float
-        Edges. Units: mm.
+        Edge lengths. Units: mm.
     dictionary : str
         Name of OpenCV's marker dictionary.
     legacy : bool
-        The pattern of OpenCV before 4.6 (boards with an even count of rows differ).
+        Pattern of OpenCV before 4.6 (boards with an even number of rows differ).
     """
 
     squares_x: int = 11
@@ -92,9 +91,11 @@ class ChArUco:
     def __post_init__(self) -> None:
         _check_grid(self.squares_x, self.squares_y, self.square, "square")
         if not 0 < self.marker < self.square:
-            raise ValueError(f"want 0 < marker < square {self.square:g} mm, got {self.marker:g}")
+            raise ValueError(
+                f"expected 0 < marker < square {self.square:g} mm, got {self.marker:g}"
+            )
         if not hasattr(cv2.aruco, self.dictionary):
-            raise ValueError(f"want a dictionary of cv2.aruco, got {self.dictionary!r}")
+            raise ValueError(f"expected a dictionary of cv2.aruco, got {self.dictionary!r}")
 
     @property
     def points(self) -> Points:
@@ -111,7 +112,7 @@ class ChArUco:
         return board
 
     def find(self, image: npt.NDArray[np.uint8]) -> tuple[Points, Points] | None:
-        """Inner corners seen, at least six not in one row; see `Target`."""
+        """Return the visible inner corners, at least six not in one row; see `Target`."""
         corners, ids, _, _ = cv2.aruco.CharucoDetector(self.board).detectBoard(image)
         if ids is None or len(ids) < 6:
             return None
@@ -123,17 +124,17 @@ class ChArUco:
 
 @dataclass(frozen=True)
 class Chessboard:
-    """Plain chessboard, seen whole.
+    """Plain chessboard; must be completely visible.
 
     Parameters
     ----------
     columns, rows : int
-        Inner corners in a row and in a column; best one even, one odd.
+        Number of inner corners in a row and in a column; best one even, one odd.
     square : float
-        Edge. Units: mm.
+        Edge length. Units: mm.
     corner_window : int, optional
         Half window of the corner refinement; a sixth of the smallest square if None. Larger
-        ones reach into neighbouring corners. Units: px.
+        ones contain neighbouring corners. Units: px.
     corner_stop : float
         Step below which the refinement stops. Units: px.
     """
@@ -147,7 +148,7 @@ class Chessboard:
     def __post_init__(self) -> None:
         _check_grid(self.columns, self.rows, self.square, "square")
         if not (self.corner_stop > 0 and (self.corner_window is None or self.corner_window > 0)):
-            raise ValueError("want a positive corner_window and corner_stop in px")
+            raise ValueError("expected a positive corner_window and corner_stop in px")
 
     @property
     def points(self) -> Points:
@@ -155,22 +156,25 @@ class Chessboard:
         return _grid(self.columns, self.rows, self.square)
 
     def find(self, image: npt.NDArray[np.uint8]) -> tuple[Points, Points] | None:
-        """All inner corners; see `Target`."""
+        """Return all inner corners; see `Target`."""
         size = (self.columns, self.rows)
         flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
         found, corners = cv2.findChessboardCorners(image, size, flags=flags)
         if not found:
-            # Slower, but sees boards that glare or a laser line spoils for the first.
+            # Slower, but also finds boards with glare or with a laser line on them.
             found, corners = cv2.findChessboardCornersSB(image, size)
         if not found:
             return None
-        rough = np.asarray(corners, dtype=np.float32).reshape(-1, 2)
-        window = self.corner_window or self._window_for(rough)
+        initial_corners = np.asarray(corners, dtype=np.float32).reshape(-1, 2)
+        window = self.corner_window or self._window_for(initial_corners)
         stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, REFINEMENT_STEPS, self.corner_stop)
-        refined = cv2.cornerSubPix(image, rough.reshape(-1, 1, 2), (window, window), (-1, -1), stop)
+        refined = cv2.cornerSubPix(
+            image, initial_corners.reshape(-1, 1, 2), (window, window), (-1, -1), stop
+        )
         return self.points, np.asarray(refined, dtype=np.float64).reshape(-1, 2)
 
     def _window_for(self, corners: npt.NDArray[np.float32]) -> int:
+        """Return the half window for corners (n, 2). Units: px."""
         grid = corners.reshape(self.rows, self.columns, 2)
         steps = [np.linalg.norm(np.diff(grid, axis=axis), axis=2).min() for axis in (0, 1)]
         return int(np.clip(round(min(steps) * WINDOW_FRACTION), 2, 15))
@@ -178,19 +182,19 @@ class Chessboard:
 
 @dataclass(frozen=True)
 class CircleGrid:
-    """Grid of dark discs, seen whole.
+    """Grid of dark discs; must be completely visible.
 
     Parameters
     ----------
     columns, rows : int
-        Discs in a row and in a column.
+        Number of discs in a row and in a column.
     spacing : float
-        Between neighbours of a row; in an asymmetric grid half the distance within a row,
+        Distance of neighbours in a row; in an asymmetric grid half the distance within a row,
         and the distance between rows. Units: mm.
     diameter : float
-        Of a disc. Units: mm.
+        Diameter of a disc. Units: mm.
     asymmetric : bool
-        Every second row is moved by `spacing`; tells top from bottom.
+        Whether every second row is shifted by `spacing`, which makes the orientation unique.
     """
 
     columns: int = 4
@@ -201,9 +205,9 @@ class CircleGrid:
 
     def __post_init__(self) -> None:
         _check_grid(self.columns, self.rows, self.spacing, "spacing")
-        room = self.spacing * (np.sqrt(2) if self.asymmetric else 1)
-        if not 0 < self.diameter < room:
-            raise ValueError(f"want 0 < diameter < {room:g} mm, got {self.diameter:g}")
+        limit = self.spacing * (np.sqrt(2) if self.asymmetric else 1)
+        if not 0 < self.diameter < limit:
+            raise ValueError(f"expected 0 < diameter < {limit:g} mm, got {self.diameter:g}")
 
     @property
     def points(self) -> Points:
@@ -215,7 +219,7 @@ class CircleGrid:
         return np.column_stack([x, row * self.spacing, np.zeros(len(row))])
 
     def find(self, image: npt.NDArray[np.uint8]) -> tuple[Points, Points] | None:
-        """All centres; see `Target`."""
+        """Return all centres; see `Target`."""
         layout = cv2.CALIB_CB_ASYMMETRIC_GRID if self.asymmetric else cv2.CALIB_CB_SYMMETRIC_GRID
         # The grid finder's own blob detector misses discs of more than 5000 px.
         limits = cv2.SimpleBlobDetector_Params()
@@ -237,19 +241,19 @@ def find_target(image: npt.ArrayLike, target: Target) -> TargetView:
     image : (height, width) or (height, width, 3) array_like
         8 or 16 bit; three channels in OpenCV's order, blue first.
     target : Target
-        What to look for.
+        The target.
 
     Returns
     -------
     TargetView
-        The points seen and their pixels.
+        The points found and their pixels.
 
     Raises
     ------
     TypeError, ValueError
-        If it is no image.
+        If it is not an image.
     TargetNotFound
-        If the target is not seen.
+        If the target is not found.
 
     Examples
     --------
@@ -260,24 +264,49 @@ def find_target(image: npt.ArrayLike, target: Target) -> TargetView:
     array([79.5, 79.5])
     """
     grey = grey_image(image)
-    found = target.find(grey)
-    if found is None:
+    detection = target.find(grey)
+    if detection is None:
         height, width = grey.shape
         raise TargetNotFound(
             f"no {target} in the image of {width} x {height} px: show it whole, sharp and "
             "evenly lit, with a white margin, and check its counts"
         )
-    points, pixels = found
+    points, pixels = detection
     return TargetView(points, pixels, (grey.shape[1], grey.shape[0]))
 
 
 def _grid(columns: int, rows: int, step: float) -> Points:
+    """Return the points (n, 3) of a rectangular grid, row by row."""
     row, column = np.divmod(np.arange(columns * rows), columns)
     return np.column_stack([column * step, row * step, np.zeros(len(row))])
 
 
 def _check_grid(columns: int, rows: int, length: float, name: str) -> None:
+    """Require at least 3 x 3 points and a positive length."""
     if not (columns >= 3 and rows >= 3):
-        raise ValueError(f"want 3 columns and rows at least, got {columns} x {rows}")
+        raise ValueError(f"expected at least 3 columns and rows, got {columns} x {rows}")
     if not (np.isfinite(length) and length > 0):
-        raise ValueError(f"want a positive {name} in mm, got {length}")
+        raise ValueError(f"expected a positive {name} in mm, got {length}")
+
+
+def grey_image(image: npt.ArrayLike) -> npt.NDArray[np.uint8]:
+    """Convert an 8- or 16-bit grey or colour image to 8-bit grey.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is not an image.
+    """
+    array = np.asarray(image)
+    if array.ndim not in (2, 3) or 0 in array.shape or (array.ndim == 3 and array.shape[2] != 3):
+        raise ValueError(
+            f"expected an image (height, width) or (height, width, 3), got shape {array.shape}"
+        )
+    if array.dtype not in (np.uint8, np.uint16):
+        raise TypeError(f"expected an image of uint8 or uint16, got {array.dtype}")
+    if array.dtype == np.uint16:
+        # 10- and 12-bit cameras use the low bits: scale by the largest value.
+        array = (array.astype(np.float64) * (255 / max(int(array.max()), 1))).astype(np.uint8)
+    if array.ndim == 3:
+        array = cv2.cvtColor(np.ascontiguousarray(array), cv2.COLOR_BGR2GRAY)
+    return np.ascontiguousarray(array, dtype=np.uint8)

@@ -1,15 +1,74 @@
-"""A target to print at true scale: SVG or PDF, vectors only."""
+"""Printable files of a target at true scale: page layout in mm, drawn as SVG or PDF."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
-from lsvision.calibration.target import Target
-from lsvision.calibration.target_layout import Disc, PageLayout, Rectangle, layout_target
+import cv2
+import numpy as np
+
+from lsvision.calibration.target import ChArUco, Chessboard, CircleGrid, Target
+from lsvision.geometry.arrays import BoolArray
 
 MM_PER_PDF_POINT = 25.4 / 72
-"""mm; PDF's unit."""
+"""Unit of PDF. Units: mm."""
 
 BEZIER_CIRCLE_FACTOR = 0.5522847498
-"""Control length of the cubic that draws a quarter of a circle to 0.03 % of its radius."""
+"""Control length of the cubic that approximates a quarter circle to 0.03 % of its radius."""
+
+
+MARGIN = 10.0
+"""White border, which the detection needs and printers cannot print on. Units: mm."""
+
+RULER = 100.0
+"""Length of the bar for checking the printer's scale. Units: mm."""
+
+FOOT = 14.0
+"""Height of the strip below the pattern for bar and text. Units: mm."""
+
+PAPERS = ((210.0, 297.0), (297.0, 420.0), (420.0, 594.0), (594.0, 841.0), (841.0, 1189.0))
+"""A4 to A0; printers scale a page that is not of a paper size. Units: mm."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rectangle:
+    """Black rectangle; (x, y) is its top left corner. Units: mm."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+
+
+@dataclass(frozen=True, slots=True)
+class Disc:
+    """Black disc around (x, y). Units: mm."""
+
+    x: float
+    y: float
+    radius: float
+
+
+@dataclass(frozen=True)
+class PageLayout:
+    """Page of black shapes on white; y points down.
+
+    Parameters
+    ----------
+    width, height : float
+        Units: mm.
+    shapes : tuple of Rectangle or Disc
+        Black shapes.
+    text : str
+        One line below the pattern.
+    text_at : tuple of float
+        Start of its base line. Units: mm.
+    """
+
+    width: float
+    height: float
+    shapes: tuple[Rectangle | Disc, ...]
+    text: str
+    text_at: tuple[float, float]
 
 
 def target_svg(target: Target) -> str:
@@ -41,7 +100,7 @@ def target_svg(target: Target) -> str:
         f'<rect width="{page.width:g}" height="{page.height:g}" fill="white"/>',
         '<g fill="black">',
         *(_svg_disc(shape) for shape in page.shapes if isinstance(shape, Disc)),
-        # One path: touching squares drawn one by one would show grey seams.
+        # One path: touching squares drawn separately show grey seams.
         f'<path d="{_svg_squares(page)}"/>',
         "</g>",
         f'<text x="{page.text_at[0]:g}" y="{page.text_at[1]:g}" font-family="sans-serif" '
@@ -72,10 +131,10 @@ def target_pdf(target: Target) -> bytes:
     """
     page = layout_target(target)
     scale = 1 / MM_PER_PDF_POINT
-    # PDF counts from the bottom left: turn y over once for all shapes.
+    # The origin of PDF is at the bottom left: flip y once for all shapes.
     content = [f"q {scale:.6f} 0 0 {-scale:.6f} 0 {page.height * scale:.4f} cm 0 g"]
     content += [_pdf_disc(shape) for shape in page.shapes if isinstance(shape, Disc)]
-    # One path, one fill: squares filled one by one would show grey seams.
+    # One path, one fill: squares filled separately show grey seams.
     content += [_pdf_square(shape) for shape in page.shapes if isinstance(shape, Rectangle)]
     text = page.text.replace("\\", "\\\\").replace("(", "\\(").replace(")", "\\)")
     x, y = page.text_at[0] * scale, (page.height - page.text_at[1]) * scale
@@ -95,10 +154,12 @@ def target_pdf(target: Target) -> bytes:
 
 
 def _svg_disc(disc: Disc) -> str:
+    """Return the SVG element of a disc."""
     return f'<circle cx="{disc.x:.6g}" cy="{disc.y:.6g}" r="{disc.radius:.6g}"/>'
 
 
 def _svg_squares(page: PageLayout) -> str:
+    """Return the SVG path of all rectangles."""
     return " ".join(
         f"M{shape.x:.6g} {shape.y:.6g}h{shape.width:.6g}v{shape.height:.6g}h{-shape.width:.6g}z"
         for shape in page.shapes
@@ -107,10 +168,12 @@ def _svg_squares(page: PageLayout) -> str:
 
 
 def _pdf_square(shape: Rectangle) -> str:
+    """Return the PDF path of a rectangle."""
     return f"{shape.x:.5f} {shape.y:.5f} {shape.width:.5f} {shape.height:.5f} re"
 
 
 def _pdf_disc(disc: Disc) -> str:
+    """Return the PDF path of a disc: four cubics."""
     x, y, r = disc.x, disc.y, disc.radius
     k = r * BEZIER_CIRCLE_FACTOR
     quarters = [
@@ -124,7 +187,7 @@ def _pdf_disc(disc: Disc) -> str:
 
 
 def _pdf_file(objects: Sequence[str]) -> bytes:
-    """A PDF of numbered objects with its table of byte offsets (PDF 1.4, section 3.4)."""
+    """Return a PDF of numbered objects with its table of byte offsets (PDF 1.4, section 3.4)."""
     file, offsets = b"%PDF-1.4\n", []
     for number, text in enumerate(objects, start=1):
         offsets.append(len(file))
@@ -135,3 +198,110 @@ def _pdf_file(objects: Sequence[str]) -> bytes:
         f"trailer\n<< /Size {len(objects) + 1} /Root 1 0 R >>\nstartxref\n{len(file)}\n%%EOF\n"
     )
     return file + tail.encode("latin-1")
+
+
+def layout_target(target: Target) -> PageLayout:
+    """Lay out the page of a target, with a bar of 100 mm to check the print.
+
+    Raises
+    ------
+    TypeError
+        If it is not a target of `lsvision.calibration.target`.
+    """
+    match target:
+        case ChArUco():
+            shapes = _charuco(target)
+            size = (target.squares_x * target.square, target.squares_y * target.square)
+            text = (
+                f"ChArUco {target.squares_x} x {target.squares_y}, square {target.square:g} mm, "
+                f"marker {target.marker:g} mm, {target.dictionary}"
+            )
+        case Chessboard():
+            shapes = _checker_squares(target.columns + 1, target.rows + 1, target.square, first=0)
+            size = ((target.columns + 1) * target.square, (target.rows + 1) * target.square)
+            text = (
+                f"chessboard {target.columns} x {target.rows} corners, square {target.square:g} mm"
+            )
+        case CircleGrid():
+            points, radius = target.points[:, :2] + target.spacing, target.diameter / 2
+            shapes = [Disc(float(x), float(y), radius) for x, y in points]
+            size = tuple((points.max(axis=0) + target.spacing).tolist())
+            kind = "asymmetric" if target.asymmetric else "symmetric"
+            text = (
+                f"{kind} circles {target.columns} x {target.rows}, spacing "
+                f"{target.spacing:g} mm, diameter {target.diameter:g} mm"
+            )
+        case _:
+            raise TypeError(f"expected a ChArUco, Chessboard or CircleGrid, got {target!r}")
+    return _layout_page(shapes, size, text)
+
+
+def _layout_page(
+    shapes: Sequence[Rectangle | Disc], size: tuple[float, float], text: str
+) -> PageLayout:
+    """Centre the shapes on the smallest paper, with bar and text below."""
+    width, height = _paper(max(size[0], RULER) + 2 * MARGIN, size[1] + 2 * MARGIN + FOOT)
+    left, top = (width - size[0]) / 2, (height - size[1] - FOOT) / 2
+    moved = [_translate(shape, left, top) for shape in shapes]
+    below = top + size[1] + MARGIN
+    bar = [
+        Rectangle(MARGIN, below + 2, RULER, 0.4),
+        Rectangle(MARGIN, below, 0.2, 4.4),
+        Rectangle(MARGIN + RULER - 0.2, below, 0.2, 4.4),
+    ]
+    text = f"{text}. Print at 100 %; the bar is 100 mm."
+    return PageLayout(width, height, (*moved, *bar), text, (MARGIN, below + 9))
+
+
+def _paper(width: float, height: float) -> tuple[float, float]:
+    """Return the smallest paper that fits, either way up; the size itself beyond A0. Units: mm."""
+    for short, long in PAPERS:
+        for sheet in ((short, long), (long, short)):
+            if width <= sheet[0] and height <= sheet[1]:
+                return sheet
+    return width, height
+
+
+def _translate(shape: Rectangle | Disc, x: float, y: float) -> Rectangle | Disc:
+    """Translate a shape."""
+    if isinstance(shape, Disc):
+        return Disc(shape.x + x, shape.y + y, shape.radius)
+    return Rectangle(shape.x + x, shape.y + y, shape.width, shape.height)
+
+
+def _checker_squares(columns: int, rows: int, edge: float, first: int) -> list[Rectangle | Disc]:
+    """Return every second square; `first` is 0 if the top left one is black."""
+    return [
+        Rectangle(column * edge, row * edge, edge, edge)
+        for row in range(rows)
+        for column in range(columns)
+        if (row + column) % 2 == first
+    ]
+
+
+def _charuco(target: ChArUco) -> list[Rectangle | Disc]:
+    """Return the black squares, and the black cells of the markers in the white ones."""
+    board = target.board
+    # In the legacy pattern with an even number of rows the top left square is white.
+    first = 1 if target.legacy and target.squares_y % 2 == 0 else 0
+    shapes = _checker_squares(target.squares_x, target.squares_y, target.square, first)
+    dictionary = board.getDictionary()
+    cells = dictionary.markerSize + 2
+    edge = target.marker / cells
+    for number, corners in zip(board.getIds().ravel(), board.getObjPoints(), strict=True):
+        left, top = np.asarray(corners)[:, :2].min(axis=0)
+        bits = cv2.aruco.generateImageMarker(dictionary, int(number), cells)
+        for row, column, width in _black_runs(bits == 0):
+            shapes.append(
+                Rectangle(float(left) + column * edge, float(top) + row * edge, width * edge, edge)
+            )
+    return shapes
+
+
+def _black_runs(black: BoolArray) -> list[tuple[int, int, int]]:
+    """Return row, column and length of each horizontal run of black cells."""
+    runs = []
+    for row, line in enumerate(black):
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], line.astype(int), [0]])))
+        runs += [(row, int(a), int(b - a)) for a, b in edges.reshape(-1, 2)]
+    return runs

@@ -1,4 +1,4 @@
-"""Views of a board that a calibration was given: which are used, named, doubted, enough."""
+"""Views of a board in a calibration: collection, checks and outliers."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -15,19 +15,19 @@ Image = TypeVar("Image")
 View = TypeVar("View")
 
 MIN_TILT = np.radians(5.0)
-"""Largest angle between two boards, below which they count as parallel."""
+"""Smallest angle between two boards; below it all boards count as parallel. Units: rad."""
 
 
 @dataclass(frozen=True, slots=True)
 class RejectedView:
-    """A view named with what is wrong with it.
+    """Index of a view and the reason for its rejection.
 
     Parameters
     ----------
     index : int
-        Which of the images given, from 0.
+        Index of the image, from 0.
     reason : str
-        In words and numbers.
+        Reason with numbers.
     """
 
     index: int
@@ -36,28 +36,28 @@ class RejectedView:
 
 @dataclass(frozen=True, slots=True)
 class ViewSources:
-    """Which images the views come from, and which images gave none.
+    """Image indices of the views, and the images without a view.
 
     Parameters
     ----------
     indices : tuple of int, optional
-        What each view is called in the result; its place if None.
+        Image index of each view; the position of the view if None.
     rejected : tuple of RejectedView
-        Views already left out, for the result and the messages.
+        Images without a view, for result and messages.
     """
 
     indices: tuple[int, ...] | None = None
     rejected: tuple[RejectedView, ...] = ()
 
     def names(self, count: int) -> list[int]:
-        """What each of `count` views is called."""
+        """Return the image indices of `count` views."""
         return list(range(count)) if self.indices is None else list(self.indices)
 
 
 def collect_views(
     images: Iterable[Image], find: Callable[[Image], View]
 ) -> tuple[list[View], ViewSources]:
-    """What `find` finds in each image; images in which it fails are rejected by their number."""
+    """Apply `find` to each image; images in which it fails are rejected with the error."""
     views, indices, rejected = [], [], []
     for index, image in enumerate(images):
         try:
@@ -69,7 +69,7 @@ def collect_views(
 
 
 def require_size(camera: Camera, image: npt.ArrayLike, name: str) -> None:
-    """Refuse an image of another size than the camera's.
+    """Require an image of the camera's size.
 
     Raises
     ------
@@ -86,60 +86,59 @@ def require_size(camera: Camera, image: npt.ArrayLike, name: str) -> None:
         )
 
 
-def require_views(count: int, need: int, shown: str, mend: str, sources: ViewSources) -> None:
-    """Refuse fewer views than needed, with the reason for each image that gave none.
+def require_views(count: int, need: int, shown: str, remedy: str, sources: ViewSources) -> None:
+    """Require a number of views, with the reason for each rejected image.
 
     Raises
     ------
     CalibrationFailed
-        "`count` views show `shown` and `need` are needed, best 15: `mend`".
+        "`count` views show `shown` and `need` are needed, best 15: `remedy`".
     """
     if count < need:
         reasons = "".join(f"\n  image {view.index}: {view.reason}" for view in sources.rejected)
         raise CalibrationFailed(
-            f"{count} views show {shown} and {need} are needed, best 15: {mend}{reasons}"
+            f"{count} views show {shown} and {need} are needed, best 15: {remedy}{reasons}"
         )
 
 
 def require_tilted(camera_from_boards: Sequence[Pose], undetermined: str) -> None:
-    """Refuse boards that are all parallel, which leave something undetermined.
+    """Require boards that are not all parallel.
 
     Raises
     ------
     DegenerateGeometry
-        Naming the largest angle and the mend.
+        With the largest angle, what is undetermined, and the remedy.
     """
     normals = np.array([pose.rotation[:, 2] for pose in camera_from_boards])
-    between = np.arccos(np.clip(normals @ normals.T, -1, 1)).max()
-    if between < MIN_TILT:
+    largest_angle = np.arccos(np.clip(normals @ normals.T, -1, 1)).max()
+    if largest_angle < MIN_TILT:
         raise DegenerateGeometry(
-            f"all boards are parallel within {np.degrees(between):.1f} deg, which leaves "
+            f"all boards are parallel within {np.degrees(largest_angle):.1f} deg, which leaves "
             f"{undetermined} undetermined: tilt the board by 25 deg and more to all sides"
         )
 
 
 def outlier_views(
-    indices: Sequence[int], sizes: Sequence[float], factor: float, words: tuple[str, str]
+    indices: Sequence[int], rms_values: Sequence[float], factor: float, texts: tuple[str, str]
 ) -> list[RejectedView]:
-    """Views whose residual is `factor` times the median view's and more.
+    """Return the views whose residual exceeds `factor` times the median.
 
-    Parameters
-    ----------
-    indices : sequence of int
-        What the views are called.
-    sizes : sequence of float
-        Root mean square residual of each. Units: px.
-    factor : float
-        From which on a view is named.
-    words : tuple of str
-        Before the numbers, and the mend behind them.
+    `rms_values` are the root mean square residuals in px; `texts` stand before the numbers, and
+    after them with the remedy.
     """
-    usual = float(np.median(sizes))
-    before, mend = words
+    median = float(np.median(rms_values))
+    prefix, remedy = texts
     return [
         RejectedView(
-            index, f"{before}{size:.2f} px rms where the median view has {usual:.2f} px: {mend}"
+            index, f"{prefix}{rms:.2f} px rms where the median view has {median:.2f} px: {remedy}"
         )
-        for index, size in zip(indices, sizes, strict=True)
-        if size > factor * usual
+        for index, rms in zip(indices, rms_values, strict=True)
+        if rms > factor * median
     ]
+
+
+def max_tilt(poses: Sequence[Pose]) -> float:
+    """Return the largest angle between a board and the mean board. Units: rad."""
+    normals = np.array([pose.rotation[:, 2] for pose in poses])
+    mean = normals.mean(axis=0)
+    return float(np.arccos(np.clip(normals @ (mean / np.linalg.norm(mean)), -1, 1)).max())

@@ -9,7 +9,7 @@ from lsvision.cli.calibrate_inputs import replace_image_numbers
 if TYPE_CHECKING:
     from lsvision.calibration.hand_eye_result import HandEye
     from lsvision.calibration.intrinsics import CameraCalibration
-    from lsvision.calibration.laser_plane_result import LaserPlaneCalibration
+    from lsvision.calibration.laser_plane import LaserPlaneCalibration
     from lsvision.calibration.pose_planning import PosePlan
     from lsvision.calibration.views import RejectedView
 

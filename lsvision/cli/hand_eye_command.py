@@ -18,8 +18,7 @@ from lsvision.cli.calibrate_tables import aligned, hand_eye_rows, plan_rows, pos
 from lsvision.cli.outputs import check_outputs
 
 if TYPE_CHECKING:
-    from lsvision.calibration.hand_eye_result import HandEye
-    from lsvision.calibration.hand_eye_solver import HandEyeSettings
+    from lsvision.calibration.hand_eye_result import HandEye, HandEyeSettings
     from lsvision.calibration.pose_planning import PosePlan
     from lsvision.calibration.target import Target
     from lsvision.geometry import FloatArray, Pose
@@ -66,7 +65,7 @@ def parse_hand_eye_options(
     typer.BadParameter
         For a mounting, sigma or frames that are none.
     """
-    from lsvision.calibration.hand_eye_solver import HandEyeSettings
+    from lsvision.calibration.hand_eye_result import HandEyeSettings
 
     easy_handeye, frames, report = extras
     robot, _, sensor = frames.partition(":")
@@ -139,7 +138,7 @@ def estimate_board_poses(
     LsvisionError
         Names the image that does not.
     """
-    from lsvision.calibration.board_pose_estimation import estimate_board_pose
+    from lsvision.calibration.board_pose import estimate_board_pose
     from lsvision.calibration.target import find_target
     from lsvision.calibration.views import require_size
     from lsvision.errors import LsvisionError

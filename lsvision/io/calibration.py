@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from lsvision.calibration.intrinsics import CameraCalibration
-from lsvision.calibration.laser_plane_result import LaserPlaneCalibration
+from lsvision.calibration.laser_plane import LaserPlaneCalibration
 from lsvision.calibration.views import RejectedView
 from lsvision.errors import UnreadableFile, UnwritableFile
 from lsvision.io.atomic_files import write_atomic

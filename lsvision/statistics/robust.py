@@ -1,15 +1,15 @@
-"""How far most values lie off, whatever a few of them do."""
+"""Robust estimates of scale (median absolute deviation)."""
 
 import numpy as np
 
 from lsvision.geometry import FloatArray
 
 MAD_TO_STD = 1.4826
-"""Standard deviation over the median of the absolute values, for a normal distribution."""
+"""Standard deviation over the median absolute deviation, for a normal distribution."""
 
 
 def upper_median(values: FloatArray) -> float:
-    """Median of finite values, the upper one of two; `np.median` takes five times as long.
+    """Return the median of finite values, the upper one of two; five times as fast as `np.median`.
 
     Parameters
     ----------
@@ -22,7 +22,7 @@ def upper_median(values: FloatArray) -> float:
 
 
 def mad_std(values: FloatArray) -> float:
-    """Standard deviation about zero, from the median of the absolute values.
+    """Return the standard deviation about zero, by the median of the absolute values.
 
     Parameters
     ----------

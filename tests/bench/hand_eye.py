@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.calibration.board_pose_estimation import estimate_board_pose
+from lsvision.calibration.board_pose import estimate_board_pose
 from lsvision.calibration.hand_eye import (
     HandEyeSettings,
     calibrate_hand_eye_board,

@@ -13,7 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from lsvision.calibration.bundle_adjustment_state import LaserView
+from lsvision.calibration.bundle_adjustment_problem import LaserView
 from lsvision.calibration.intrinsics import calibrate_camera, fit_camera
 from lsvision.calibration.laser_plane import calibrate_laser_plane, fit_laser_plane
 from lsvision.calibration.target import ChArUco, TargetView

@@ -1,4 +1,4 @@
-"""Simulated sensor-to-robot data; truth from `simulate`, which shares no code with calibrate."""
+"""Simulated hand-eye data; the truth is from `simulate`, independent of `calibration`."""
 
 import numpy as np
 

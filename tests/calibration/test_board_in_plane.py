@@ -40,7 +40,7 @@ TURNS = {"from above": (0.7, 0.1, 0.05), "aside": (0.2, -0.6, 0.0), "facing": (0
 
 @pytest.mark.parametrize("camera", [None, Camera(MATRIX, [], (640, 480))], ids=["alone", "known"])
 @pytest.mark.parametrize("turn", TURNS.values(), ids=TURNS.keys())
-def test_lengths_in_the_plane_are_true(turn, camera):
+def test_lengths_in_the_plane_are_correct(turn, camera):
     image, R = photo(turn)
     found = calibrate_board_in_plane(image, TARGET, camera)
     pixels = np.array([[250.0, 180.0], [400.0, 200.0], [300.0, 300.0], [380.0, 290.0]])
@@ -50,14 +50,14 @@ def test_lengths_in_the_plane_are_true(turn, camera):
     assert found.rms_px < 0.1
 
 
-def test_camera_of_the_stand_in_is_near_the_true_one():
+def test_equivalent_pinhole_camera_is_near_the_real_one():
     found = calibrate_board_in_plane(photo((0.7, 0.1, 0.05))[0], TARGET)
     matrix = found.light_section.camera.matrix
     np.testing.assert_allclose(matrix[[0, 1], [0, 1]], 900, rtol=0.1)
     assert "stand-in" in found.light_section.provenance["method"]
 
 
-def test_rig_of_a_board_survives_saving(tmp_path):
+def test_light_section_of_a_board_is_unchanged_by_saving(tmp_path):
     section = calibrate_board_in_plane(photo((0.7, 0.1, 0.05))[0], TARGET).light_section
     section.save(tmp_path / "rig.json")
     loaded = type(section).load(tmp_path / "rig.json")
@@ -67,7 +67,7 @@ def test_rig_of_a_board_survives_saving(tmp_path):
     )
 
 
-def test_photo_without_board_is_refused():
+def test_image_without_board_is_rejected():
     with pytest.raises(TargetNotFound, match="no Chessboard"):
         calibrate_board_in_plane(np.full((480, 640), 128, np.uint8), TARGET)
 

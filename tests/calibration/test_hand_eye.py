@@ -1,4 +1,4 @@
-"""Sensor-to-robot calibration: truth, laws, honest covariance."""
+"""Hand-eye calibration: accuracy, symmetries, outliers and coverage of the covariance."""
 
 from dataclasses import replace
 
@@ -44,7 +44,7 @@ def normalised_error(found, truth=MOUNT):
 
 
 @pytest.mark.parametrize("radius", [None, RADIUS])
-def test_a_sphere_gives_the_sensor_exactly_without_noise(radius):
+def test_sphere_is_exact_without_noise(radius):
     profiles, flanges = sphere_scene(1, 8, view=QUIET, robot=PERFECT)
     found = calibrate_hand_eye_sphere(profiles, flanges, radius)
     assert_exact(found.flange_from_section, MOUNT)
@@ -53,12 +53,12 @@ def test_a_sphere_gives_the_sensor_exactly_without_noise(radius):
     assert found.rejected == ()
 
 
-def test_a_plane_gives_the_sensor_exactly_without_noise():
+def test_plane_is_exact_without_noise():
     profiles, flanges = plane_scene(2, 12, view=QUIET, robot=PERFECT)
     assert_exact(calibrate_hand_eye_plane(profiles, flanges).flange_from_section, MOUNT)
 
 
-def test_a_board_gives_the_camera_exactly_without_noise():
+def test_board_is_exact_without_noise():
     boards, flanges = board_scene(3, 6, robot=PERFECT)
     found = calibrate_hand_eye_board(boards, flanges)
     assert_exact(found.flange_from_camera, MOUNT)
@@ -70,7 +70,7 @@ def as_eye_to_hand(flanges):
     return [pose.inverse() for pose in flanges]
 
 
-def test_a_standing_sensor_is_the_same_problem_with_inverse_poses():
+def test_eye_to_hand_is_the_same_problem_with_inverse_poses():
     profiles, flanges = sphere_scene(4, 8, view=QUIET, robot=PERFECT)
     found = calibrate_hand_eye_sphere(profiles, as_eye_to_hand(flanges), mounting="eye_to_hand")
     assert_exact(found.base_from_section, MOUNT)
@@ -102,7 +102,7 @@ STANDING = {
 
 
 @pytest.mark.parametrize("target", STANDING)
-def test_the_error_of_a_standing_sensor_lies_within_its_covariance(target):
+def test_the_error_of_eye_to_hand_lies_within_its_covariance(target):
     scene, calibrate = STANDING[target]
     seen, flanges = scene(20, robot=PERFECT)
     rng = np.random.default_rng(21)
@@ -111,7 +111,7 @@ def test_the_error_of_a_standing_sensor_lies_within_its_covariance(target):
     assert normalised_error(calibrate(seen, said, mounting="eye_to_hand")) < FAR_OUT
 
 
-def test_a_stated_robot_that_is_too_good_is_widened():
+def test_covariance_is_scaled_up_if_the_stated_robot_std_is_too_small():
     profiles, flanges = sphere_scene(7, robot=(0.2, 0.04))
     boast = HandEyeSettings(robot_std=(0.02, np.radians(0.004)))
     found = calibrate_hand_eye_sphere(profiles, flanges, settings=boast)
@@ -125,7 +125,7 @@ def test_the_error_at_the_working_point_is_smaller_than_at_the_origin():
     assert found.working_point_std < 0.6 * found.std_at((0, 0))
 
 
-def test_turning_the_base_turns_the_target_and_leaves_the_sensor():
+def test_rotating_the_base_rotates_the_target_and_not_the_sensor():
     profiles, flanges = sphere_scene(9, 8)
     other_from_base = Pose.from_matrix(MOUNT.matrix)
     here = calibrate_hand_eye_sphere(profiles, flanges)
@@ -145,16 +145,16 @@ def test_the_order_of_the_poses_does_not_matter():
 
 
 @pytest.mark.parametrize(("shift", "turned"), [(30.0, 5.0), (2.0, 0.5)])
-def test_a_wrong_pose_is_named_and_left_out(shift, turned):
+def test_a_wrong_pose_is_rejected(shift, turned):
     profiles, flanges = sphere_scene(11)
     flanges[7] = wrong_pose(flanges[7], shift, turned, np.random.default_rng(1))
     found = calibrate_hand_eye_sphere(profiles, flanges)
     assert [pose.index for pose in found.rejected] == [7]
-    assert "mm off what the other poses expect" in found.rejected[0].reason
+    assert "mm off the prediction of the other poses" in found.rejected[0].reason
     assert normalised_error(found) < FAR_OUT
 
 
-def test_a_profile_without_the_sphere_is_named_and_left_out():
+def test_a_profile_without_the_sphere_is_rejected():
     profiles, flanges = sphere_scene(12)
     profiles[3] = type(profiles[3])(np.full((640, 2), np.nan))
     found = calibrate_hand_eye_sphere(profiles, flanges)
@@ -163,14 +163,14 @@ def test_a_profile_without_the_sphere_is_named_and_left_out():
     assert np.isnan(found.residuals[3])
 
 
-def test_a_wrong_board_is_named_and_left_out():
+def test_a_wrong_board_is_rejected():
     boards, flanges = board_scene(13)
     flanges[2] = wrong_pose(flanges[2], 5.0, 1.0, np.random.default_rng(2))
     found = calibrate_hand_eye_board(boards, flanges)
     assert [pose.index for pose in found.rejected] == [2]
 
 
-def test_held_out_residuals_are_those_of_a_calibration_without_the_pose():
+def test_leave_one_out_residuals_are_those_of_a_calibration_without_the_pose():
     profiles, flanges = sphere_scene(14)
     stated = HandEyeSettings(robot_std=(0.05, np.radians(0.01)))
     whole = calibrate_hand_eye_sphere(profiles, flanges, settings=stated)
@@ -187,16 +187,16 @@ LONG = 1.07
 SIGMAS = 4.0  # of one number; chance 6e-5
 
 
-def test_heights_that_are_too_long_are_told_and_leave_the_radius_right():
+def test_wrong_height_scale_gives_a_warning_and_no_error_of_the_radius():
     profiles, flanges = sphere_scene(17, view=replace(USUAL, height_scale=LONG))
     found = calibrate_hand_eye_sphere(profiles, flanges)
     factor, std = found.height_scale
     assert abs(factor - 1 / LONG) < SIGMAS * std
     assert abs(found.sphere.radius - RADIUS) < SIGMAS * found.sphere.radius_std
-    assert "heights want to be multiplied by 0.93" in found.warnings[0]
+    assert "heights must be multiplied by 0.93" in found.warnings[0]
 
 
-def test_heights_that_are_right_raise_no_doubt():
+def test_correct_height_scale_gives_no_warning():
     found = calibrate_hand_eye_sphere(*sphere_scene(18))
     factor, std = found.height_scale
     assert abs(factor - 1) < SIGMAS * std
@@ -204,7 +204,7 @@ def test_heights_that_are_right_raise_no_doubt():
 
 
 @pytest.mark.parametrize("scene", [sphere_scene, plane_scene])
-def test_neighbours_that_err_alike_widen_the_covariance(scene):
+def test_correlated_points_increase_the_covariance(scene):
     calibrate = {sphere_scene: calibrate_hand_eye_sphere, plane_scene: calibrate_hand_eye_plane}
     stated = HandEyeSettings(robot_std=(0.002, np.radians(0.0005)))
     found = []
@@ -216,14 +216,14 @@ def test_neighbours_that_err_alike_widen_the_covariance(scene):
     assert found[1].working_point_std > 2 * found[0].working_point_std
 
 
-def test_only_the_name_that_fits_gives_the_pose():
+def test_pose_is_available_only_under_the_name_of_its_frames():
     found = calibrate_hand_eye_sphere(*sphere_scene(15, 8))
-    with pytest.raises(ValueError, match="want a calibration of a camera eye_to_hand"):
+    with pytest.raises(ValueError, match="expected a calibration of a camera eye_to_hand"):
         _ = found.base_from_camera
-    with pytest.raises(ValueError, match="want a point"):
+    with pytest.raises(ValueError, match="expected a point"):
         found.std_at((1, 2, 3, 4))
     boards, flanges = board_scene(15, 6)
-    with pytest.raises(ValueError, match="want a calibration on a sphere, got Pose"):
+    with pytest.raises(ValueError, match="expected a calibration on a sphere, got Pose"):
         _ = calibrate_hand_eye_board(boards, flanges).sphere
 
 

@@ -1,4 +1,4 @@
-"""Sensor-to-robot calibration on other people's robots (../shared/real, never copied)."""
+"""Hand-eye calibration on published data of real robots (../shared/real)."""
 
 import json
 import re
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from lsvision.calibration.board_pose_estimation import estimate_board_pose
+from lsvision.calibration.board_pose import estimate_board_pose
 from lsvision.calibration.hand_eye import calibrate_hand_eye_board, calibrate_hand_eye_sphere
 from lsvision.calibration.sphere_arc import find_sphere_arc
 from lsvision.geometry import Pose
@@ -57,7 +57,7 @@ def scatter(profiles, flanges, flange_from_section, radius):
     return np.sqrt(((chosen - mean) ** 2).sum(axis=1).mean())
 
 
-def test_a_fanucs_sphere_has_its_radius_and_scatters_less_than_published():
+def test_sphere_of_a_fanuc_has_its_radius_and_less_scatter_than_published():
     profiles, flanges, published = sphere_set("main", "p{}.yml", 15)
     found = calibrate_hand_eye_sphere(profiles, flanges)
     assert found.sphere.radius == pytest.approx(40.0, abs=RADIUS_TOLERANCE)
@@ -66,7 +66,7 @@ def test_a_fanucs_sphere_has_its_radius_and_scatters_less_than_published():
     assert ours <= scatter(profiles, flanges, published, found.sphere.radius)
 
 
-def test_a_ball_in_scattered_points_scatters_less_than_published():
+def test_sphere_in_clutter_has_less_scatter_than_published():
     profiles, flanges, published = sphere_set("ball", "{}_3C_line.yml", 10)
     found = calibrate_hand_eye_sphere(profiles, flanges, 12.7)
     ours = scatter(profiles, flanges, found.flange_from_section, 12.7)
@@ -76,13 +76,13 @@ def test_a_ball_in_scattered_points_scatters_less_than_published():
 SIGMAS = 2.6  # of one radius; 99 %
 
 
-def test_a_ball_measured_by_a_sensor_whose_heights_are_too_long_tells_so():
+def test_sphere_measured_with_a_wrong_height_scale_gives_a_warning():
     profiles, flanges, _ = sphere_set("ball", "{}_3C_line.yml", 10)
     found = calibrate_hand_eye_sphere(profiles, flanges)
     factor, std = found.height_scale
     assert abs(found.sphere.radius - 12.7) < SIGMAS * found.sphere.radius_std
     assert factor < 1 - 5 * std
-    assert "heights want to be multiplied by 0.93" in found.warnings[0]
+    assert "heights must be multiplied by 0.93" in found.warnings[0]
 
 
 RECOMPUTED_ARCS = {7: 10.72, 9: 9.69, 10: 9.04}
@@ -90,7 +90,7 @@ ARC_TOLERANCE = 0.2  # mm; the radius hangs on how much of the flank counts, 0.1
 
 
 @pytest.mark.parametrize("number", RECOMPUTED_ARCS)
-def test_the_ball_is_found_among_hundreds_of_scattered_points(number):
+def test_sphere_is_found_among_hundreds_of_scattered_points(number):
     arc = find_sphere_arc(profile_of(REAL / f"sphere-robot/ball/{number}_3C_line.yml"))
     assert arc.circle[2] == pytest.approx(RECOMPUTED_ARCS[number], abs=ARC_TOLERANCE)
 
@@ -113,7 +113,7 @@ def board_corners(path):
     return np.asarray(corners, np.float64).reshape(-1, 2)
 
 
-def test_an_abbs_camera_is_found_where_it_was_published():
+def test_camera_on_an_abb_agrees_with_the_published_pose():
     folder = REAL / "etna/data_calib3"
     seen = {path: board_corners(path) for path in sorted(folder.glob("frame*.png"))}
     seen = {path: corners for path, corners in seen.items() if corners is not None}

@@ -28,7 +28,7 @@ def parameters(camera):
     return np.array([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2], *camera.distortion])
 
 
-def test_camera_is_found_exactly_without_noise():
+def test_camera_is_exact_without_noise():
     scene = BoardScene(corner_std=0.0)
     found = fit_camera(views_of(scene, 8, 1))
     np.testing.assert_allclose(found.camera.matrix, scene.matrix, rtol=0, atol=0.05)
@@ -36,7 +36,7 @@ def test_camera_is_found_exactly_without_noise():
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_error_is_within_the_predicted_spread(seed):
+def test_error_is_within_the_predicted_std(seed):
     scene = BoardScene()
     found = fit_camera(views_of(scene, 15, seed))
     truth = np.array([2264.0, 2264.0, 639.5, 511.5, *scene.distortion])
@@ -56,7 +56,7 @@ def test_order_of_views_does_not_matter():
     assert forth.views[0].rms_px == pytest.approx(back.views[-1].rms_px, rel=1e-4)
 
 
-def test_tilted_sensor_is_found_when_asked_for():
+def test_tilted_sensor_is_estimated_if_enabled():
     lens = np.array([-0.12, 0.1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, np.radians(10), 0.0])
     seen = views_of(BoardScene(distortion=lens), 20, 3)
     plain = fit_camera(seen)
@@ -67,7 +67,7 @@ def test_tilted_sensor_is_found_when_asked_for():
     assert tilted.std["k4"] == tilted.std["s1"] == 0
 
 
-def test_settings_hold_what_they_hold():
+def test_disabled_parameters_stay_fixed():
     seen = views_of(BoardScene(), 6, 4)
     held = fit_camera(seen, CameraSettings(radial_terms=1, tangential=False, fixed_aspect=True))
     assert held.camera.distortion[1:].tolist() == [0, 0, 0, 0]
@@ -77,11 +77,11 @@ def test_settings_hold_what_they_hold():
         CameraSettings(radial_terms=4)
 
 
-def test_good_set_earns_no_warning():
+def test_good_set_gives_no_warning():
     assert fit_camera(views_of(BoardScene(), 20, 6)).warnings == ()
 
 
-def test_spoilt_view_is_named():
+def test_view_with_large_residuals_is_an_outlier():
     seen = views_of(BoardScene(), 10, 5)
     rng = np.random.default_rng(0)
     spoilt = seen[3].pixels + rng.normal(0, 1.0, seen[3].pixels.shape)
@@ -96,15 +96,15 @@ def test_spoilt_view_is_named():
     [
         (BoardScene(tilt=np.radians(12)), 15, "tilted by .* deg at most"),
         (BoardScene(), 5, "5 views: take 10"),
-        (BoardScene(tilt=np.radians(5)), 4, "focal length is known to"),
+        (BoardScene(tilt=np.radians(5)), 4, "focal length is determined to"),
     ],
 )
-def test_weak_sets_are_warned_of(scene, count, match):
+def test_weak_sets_give_warnings(scene, count, match):
     warnings = "\n".join(fit_camera(views_of(scene, count, 7)).warnings)
     assert re.search(match, warnings)
 
 
-def test_corners_in_half_of_the_image_are_warned_of():
+def test_corners_in_half_of_the_image_give_a_warning():
     seen = []
     for view in views_of(BoardScene(), 15, 7):
         left = view.pixels[:, 0] < 500
@@ -125,7 +125,7 @@ def test_stretched_print_is_implausible():
     assert any("the print is stretched" in warning for warning in fit_camera(seen).warnings)
 
 
-def test_parallel_boards_are_refused():
+def test_parallel_boards_are_rejected():
     with pytest.raises(DegenerateGeometry, match=r"parallel within .* tilt the board by 25 deg"):
         fit_camera(views_of(BoardScene(tilt=np.radians(0.5)), 10, 9))
 
@@ -137,19 +137,19 @@ def chessboard_image(size=(480, 640)):
     return image
 
 
-def test_images_without_board_are_named_one_by_one():
+def test_images_without_board_are_listed_in_the_error():
     empty = np.full((480, 640), 255, np.uint8)
     with pytest.raises(CalibrationFailed, match=r"1 views show (.|\n)*image 1: no Chessboard"):
         calibrate_camera([chessboard_image(), empty], Chessboard(9, 6, 10.0))
 
 
-def test_images_of_mixed_size_are_refused():
+def test_images_of_mixed_size_are_rejected():
     images = [chessboard_image(), chessboard_image(), chessboard_image((500, 640))]
     with pytest.raises(CalibrationFailed, match=r"image 2 is \(640, 500\) px and image 0"):
         calibrate_camera(images, Chessboard(9, 6, 10.0))
 
 
-def test_no_images_at_all_are_refused():
+def test_empty_list_of_images_is_rejected():
     with pytest.raises(CalibrationFailed, match="0 views show the target and 3 are needed"):
         calibrate_camera([], Chessboard())
 
@@ -162,7 +162,7 @@ def samples():
     return [cv2.imread(str(path)) for path in paths]
 
 
-def test_opencv_samples_give_the_published_camera(samples):
+def test_camera_of_the_opencv_samples_agrees_with_the_published_one(samples):
     # The published figures rest on corners of a fixed half window of 11 px, stopped early.
     target = Chessboard(9, 6, 25.0, corner_window=11, corner_stop=0.1)
     found = calibrate_camera(samples, target, CameraSettings(fixed_aspect=True, radial_terms=3))
@@ -173,7 +173,7 @@ def test_opencv_samples_give_the_published_camera(samples):
     assert [view.index for view in found.outliers] == [1]
 
 
-def test_our_corners_halve_the_residual_of_the_opencv_samples(samples):
+def test_corner_refinement_halves_the_residual_of_the_opencv_samples(samples):
     found = calibrate_camera(samples, Chessboard(9, 6, 25.0))
     assert found.rms_px < 0.2
     assert found.outliers == ()

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lsvision.calibration.bundle_adjustment_state import LaserView
+from lsvision.calibration.bundle_adjustment_problem import LaserView
 from lsvision.calibration.laser_plane import (
     LaserPlaneSettings,
     fit_laser_plane,
@@ -37,7 +37,7 @@ def assert_same_plane(plane, truth, atol):
 
 
 @pytest.mark.parametrize("bow", [(0.0, 0.0), (0.1, 0.0), (-0.06, 0.04)])
-def test_plane_camera_and_bow_are_found_exactly_without_noise(bow):
+def test_plane_camera_and_bow_are_exact_without_noise(bow):
     scene = BoardScene(bow=bow, corner_std=0.0, line_std=0.0)
     guess = replace(camera_of(scene), matrix=scene.matrix + np.array(OFF))
     found = fit_laser_plane(guess, views_of(scene, 8))
@@ -60,7 +60,7 @@ def test_error_of_the_plane_is_within_its_covariance(seed):
     assert found.corner_rms == pytest.approx(0.05 * np.sqrt(2), rel=0.1)
 
 
-def test_bow_of_a_tenth_is_found_and_said():
+def test_bow_of_a_tenth_of_a_millimetre_is_estimated_and_reported():
     found = fit_laser_plane(camera_of(BoardScene()), views_of(BoardScene(bow=(0.1, 0.0)), 15))
     np.testing.assert_allclose(found.board_bow, (0.1, 0.0), atol=0.005)
     assert (np.abs(found.board_bow - (0.1, 0)) < SIGMAS * found.board_bow_std).all()
@@ -69,14 +69,14 @@ def test_bow_of_a_tenth_is_found_and_said():
     assert flat.warnings == ()
 
 
-def test_laser_residual_reveals_a_bow_that_is_not_fitted():
+def test_bow_that_is_not_fitted_increases_the_line_residual():
     scene, settings = BoardScene(bow=(0.2, 0.0)), LaserPlaneSettings(fit_bow_from=99)
     found = fit_laser_plane(camera_of(scene), views_of(scene, 12), settings)
     assert found.line_rms > 0.14
     assert found.board_bow.tolist() == found.board_bow_std.tolist() == [0, 0]
 
 
-def test_two_poses_suffice_when_the_camera_is_known():
+def test_two_poses_suffice_with_a_known_camera():
     scene = BoardScene(corner_std=0.0, line_std=0.0)
     found = fit_laser_plane(camera_of(scene), views_of(scene, 2))
     assert_same_plane(found.plane, scene.plane, 1e-4)
@@ -91,7 +91,7 @@ def test_order_of_views_does_not_matter():
     assert_same_plane(forth.plane, back.plane, 1e-4)
 
 
-def test_mixed_up_images_are_named():
+def test_mixed_up_images_are_rejected():
     views = views_of(BoardScene(), 10)
     views[4], views[7] = (
         replace(views[4], line_pixels=views[7].line_pixels),
@@ -105,7 +105,7 @@ def test_mixed_up_images_are_named():
     assert_same_plane(found.plane, BoardScene().plane, 0.5)
 
 
-def test_spoilt_line_is_named_and_does_not_bend_the_rest():
+def test_outlying_line_is_reported_and_does_not_change_the_plane():
     views = views_of(BoardScene(), 10)
     noise = np.random.default_rng(1).normal(0, 1.0, (100, 2))
     views[4] = replace(views[4], line_pixels=views[4].line_pixels + noise)
@@ -115,25 +115,25 @@ def test_spoilt_line_is_named_and_does_not_bend_the_rest():
     assert_same_plane(found.plane, BoardScene().plane, 0.5)
 
 
-def test_boards_hardly_tilted_are_warned_of():
+def test_boards_with_small_tilt_give_a_warning():
     scene = BoardScene(tilt=np.radians(10))
     found = fit_laser_plane(camera_of(scene), views_of(scene, 10))
-    assert any("deg at most; want 25 deg" in warning for warning in found.warnings)
+    assert any("deg at most, expected 25 deg" in warning for warning in found.warnings)
 
 
-def test_one_view_is_refused():
+def test_one_view_is_rejected():
     scene = BoardScene()
     with pytest.raises(CalibrationFailed, match=r"1 views show .* 2 are needed, best 15"):
         fit_laser_plane(camera_of(scene), views_of(scene, 1))
 
 
-def test_the_same_pose_again_is_refused():
+def test_repeated_pose_is_rejected():
     scene = BoardScene()
     with pytest.raises(DegenerateGeometry, match="lie on one line"):
         fit_laser_plane(camera_of(scene), views_of(scene, 1) * 4)
 
 
-def test_parallel_boards_are_refused_when_the_camera_is_to_be_refined():
+def test_parallel_boards_are_rejected_if_the_camera_is_refined():
     scene = BoardScene(tilt=0.0)
     with pytest.raises(DegenerateGeometry, match=r"all boards are parallel within 0\.0 deg"):
         fit_laser_plane(camera_of(scene), views_of(scene, 8))
@@ -142,18 +142,18 @@ def test_parallel_boards_are_refused_when_the_camera_is_to_be_refined():
 @pytest.mark.parametrize(
     ("change", "match"),
     [
-        ({"line_pixels": [[np.nan, 1.0]], "line_std": [0.1]}, "without lost points"),
-        ({"line_std": np.zeros(100)}, "positive line_std"),
+        ({"line_pixels": [[np.nan, 1.0]], "line_std": [0.1]}, "expected finite line_pixels"),
+        ({"line_std": np.zeros(100)}, "expected positive line_std"),
         ({"line_std": np.ones(3)}, r"line_std of shape \(100\), got \(3,\)"),
         ({"pixels": np.zeros((3, 2))}, r"pixels of shape \(70, 2\)"),
     ],
 )
-def test_views_of_nonsense_are_refused(change, match):
+def test_invalid_views_are_rejected(change, match):
     with pytest.raises(ValueError, match=match):
         replace(views_of(BoardScene(), 1)[0], **change)
 
 
-def test_plane_through_points_is_the_one_they_lie_in():
+def test_plane_fitted_to_coplanar_points_contains_them():
     rng = np.random.default_rng(1)
     points = rng.normal(0, 30, (50, 3)) * (1, 1, 0) + (0, 0, 200)
     found = fit_plane(points)

@@ -1,4 +1,4 @@
-"""Blur from a board's edges, against images drawn by supersampling: no code of the library."""
+"""Blur of a board's edges in images drawn by supersampling, without code of the library."""
 
 import cv2
 import numpy as np
@@ -32,7 +32,7 @@ def board_image(blur, turn=0.15, tilt=(0.0006, -0.0004), noise=1.0, seed=0, squa
 
 
 @pytest.mark.parametrize("blur", [0.5, 0.7, 1.0, 1.5])
-def test_the_blur_that_was_drawn_is_found(blur):
+def test_blur_is_that_of_the_drawn_image(blur):
     images = [board_image(blur, turn, seed=k) for k, turn in enumerate((0.05, 0.2))]
     found = measure_lens_blur(images, TARGET)
     assert found.sigma == pytest.approx(np.hypot(blur, PIXEL), abs=CLOSE)
@@ -40,20 +40,20 @@ def test_the_blur_that_was_drawn_is_found(blur):
     assert found.edges > 60
 
 
-def test_each_direction_has_its_own():
+def test_each_direction_has_its_own_blur():
     image = board_image((0.6, 1.2), turn=0.02)
     along_u, along_v = (measure_lens_blur([image], TARGET, along) for along in ("u", "v"))
     assert along_u.sigma == pytest.approx(np.hypot(0.6, PIXEL), abs=CLOSE)
     assert along_v.sigma == pytest.approx(np.hypot(1.2, PIXEL), abs=CLOSE)
 
 
-def test_noise_widens_the_scatter_and_not_the_blur():
+def test_noise_increases_the_std_and_not_the_blur():
     calm, noisy = (measure_lens_blur([board_image(0.8, noise=n)], TARGET) for n in (0.5, 6.0))
     assert noisy.std > 2 * calm.std
     assert noisy.sigma == pytest.approx(calm.sigma, abs=4 * noisy.std + CLOSE)
 
 
-def test_brightness_and_depth_of_colour_play_no_part():
+def test_blur_does_not_depend_on_bit_depth_and_colour():
     grey = board_image(0.7)
     colour = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR).astype(np.uint16) * 257
     one, other = (measure_lens_blur([image], TARGET).sigma for image in (grey, colour))
@@ -70,6 +70,6 @@ def test_brightness_and_depth_of_colour_play_no_part():
     ],
     ids=["no board", "circles", "overexposed", "none"],
 )
-def test_what_has_no_edges_is_refused(images, target):
+def test_images_without_edges_are_rejected(images, target):
     with pytest.raises(CalibrationFailed, match="edges of squares are sharp enough"):
         measure_lens_blur(images, target)

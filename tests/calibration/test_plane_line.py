@@ -1,4 +1,4 @@
-"""The line of a plane in a profile: truth beside clutter, refusals."""
+"""Line of a plane in a profile: accuracy in clutter, errors."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def line_with_clutter(std, rng):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_the_longest_line_is_found_beside_a_step_and_strays(seed):
+def test_the_longest_line_is_found_beside_a_step_and_outliers(seed):
     line = find_plane_line(line_with_clutter(0.05, np.random.default_rng(seed)))
     across = np.array([-SLOPE, 1.0]) / np.hypot(SLOPE, 1)
     offset = across @ (line.midpoint[:2] - (0, HEIGHT))
@@ -32,12 +32,12 @@ def test_the_longest_line_is_found_beside_a_step_and_strays(seed):
     assert abs(slope) < 5 * stds[1]
 
 
-def test_a_profile_without_a_line_is_refused():
+def test_a_profile_without_a_line_is_rejected():
     with pytest.raises(TooFewPoints, match="profile of the plane has 0 points"):
         find_plane_line(Profile(np.full((50, 2), np.nan)))
 
 
-def test_a_profile_without_a_plane_is_named_and_left_out():
+def test_a_profile_without_a_plane_is_listed_as_rejected():
     profiles, flanges = plane_scene(1)
     profiles[4] = Profile(np.full((640, 2), np.nan))
     found = calibrate_hand_eye_plane(profiles, flanges)

@@ -1,4 +1,4 @@
-"""Planned poses: worth more than random ones, and refused where nothing can be planned."""
+"""Planned poses for a sphere: predicted and real accuracy, errors."""
 
 import numpy as np
 import pytest
@@ -13,20 +13,20 @@ from tests.calibration.hand_eye_scenes import MOUNT, RADIUS, STANDOFF, TARGET, U
 SETTINGS = PosePlanSettings(standoff=STANDOFF, count=6)
 
 
-def test_each_pose_promises_more():
+def test_each_pose_decreases_the_predicted_std():
     plan = plan_hand_eye_poses(MOUNT, TARGET, RADIUS, settings=SETTINGS)
     assert len(plan.base_from_flanges) == 6
     assert (np.diff(plan.predicted_std) < 0).all()
 
 
-def test_six_chosen_poses_promise_more_than_six_random_ones():
+def test_six_planned_poses_have_a_smaller_predicted_std_than_six_random_ones():
     plan = plan_hand_eye_poses(MOUNT, TARGET, RADIUS, settings=SETTINGS)
     few = PosePlanSettings(standoff=STANDOFF, count=6, candidates=6)
     random = plan_hand_eye_poses(MOUNT, TARGET, RADIUS, settings=few)
     assert plan.predicted_origin_std[-1] < 0.8 * random.predicted_origin_std[-1]
 
 
-def test_poses_already_measured_count():
+def test_measured_poses_are_taken_into_account():
     plan = plan_hand_eye_poses(MOUNT, TARGET, RADIUS, settings=SETTINGS)
     more = plan_hand_eye_poses(
         MOUNT, TARGET, RADIUS, measured=plan.base_from_flanges, settings=SETTINGS
@@ -34,7 +34,7 @@ def test_poses_already_measured_count():
     assert more.predicted_std[0] < plan.predicted_std[-1]
 
 
-def test_planned_poses_calibrate_as_well_as_promised():
+def test_error_of_a_calibration_with_planned_poses_is_as_predicted():
     settings = PosePlanSettings(standoff=STANDOFF, count=10)
     plan = plan_hand_eye_poses(MOUNT, TARGET, RADIUS, settings=settings)
     rng = np.random.default_rng(1)
@@ -51,7 +51,7 @@ def test_planned_poses_calibrate_as_well_as_promised():
     assert np.linalg.norm(pose_errors(found.flange_from_section, MOUNT)[3:]) < np.radians(0.5)
 
 
-def test_nothing_to_plan_is_refused():
+def test_no_candidates_and_invalid_radius_are_rejected():
     with pytest.raises(DegenerateGeometry, match="0 candidate poses cut the sphere and 6"):
         plan_hand_eye_poses(MOUNT, TARGET, RADIUS, candidates=[Pose()], settings=SETTINGS)
     with pytest.raises(ValueError, match="positive radius"):

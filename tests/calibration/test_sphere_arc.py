@@ -1,4 +1,4 @@
-"""The sphere's arc in a profile: truth in clutter, laws, refusals."""
+"""Arc of a sphere in a profile: accuracy in clutter, symmetries, errors."""
 
 import numpy as np
 import pytest
@@ -44,7 +44,7 @@ def test_the_arc_is_found_in_clutter_within_its_covariance(seed):
     assert error @ np.linalg.solve(arc.covariance, error) < 30
 
 
-def test_a_sensors_noise_model_weighs_the_points():
+def test_points_are_weighted_by_the_noise_model():
     sensor = ProfileSensor(range_std=0.05, reference_range=300.0)
     known = Profile(profile(0.05).points, sensor)
     assert find_sphere_arc(known).circle == pytest.approx(CIRCLE, abs=0.1)
@@ -67,7 +67,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_a_profile_without_a_sphere_is_refused(case):
+def test_a_profile_without_a_sphere_is_rejected(case):
     points, message = REFUSED[case]
     with pytest.raises(TooFewPoints, match=message):
         find_sphere_arc(Profile(points))

@@ -5,8 +5,7 @@ import cv2
 import numpy as np
 import pytest
 
-from lsvision.calibration.board_pose_initial_guess import guess_camera_from_board
-from lsvision.calibration.grey_image import grey_image
+from lsvision.calibration.board_pose import guess_camera_from_board
 from lsvision.calibration.target import (
     ChArUco,
     Chessboard,
@@ -15,12 +14,14 @@ from lsvision.calibration.target import (
     TargetNotFound,
     TargetView,
     find_target,
+    grey_image,
 )
-from lsvision.calibration.target_files import target_pdf, target_svg
-from lsvision.calibration.target_layout import (
+from lsvision.calibration.target_files import (
     Disc,
     Rectangle,
     layout_target,
+    target_pdf,
+    target_svg,
 )
 from lsvision.geometry import Pose
 
@@ -76,21 +77,21 @@ def test_charuco_of_opencv_is_found_in_part():
 
 
 @each_target
-def test_no_target_in_an_empty_image_is_said_by_name(target):
+def test_error_for_an_empty_image_contains_the_target(target):
     empty = np.full((480, 640), 200, np.uint8)
     with pytest.raises(TargetNotFound, match=rf"no {type(target).__name__}.* 640 x 480 px: show"):
         find_target(empty, target)
 
 
 @each_target
-def test_targets_keep_the_protocol(target):
+def test_targets_implement_the_protocol(target):
     assert isinstance(target, Target)
     assert target.points.shape[1] == 3
     assert hash(target) == hash(target)
 
 
 @pytest.mark.parametrize("scale", [1, 16, 257], ids=["8 bit in 16", "12 bit", "16 bit"])
-def test_deep_and_coloured_images_are_read_like_grey_ones(scale):
+def test_16_bit_and_colour_images_give_the_same_points(scale):
     target = TARGETS["chessboard"]
     grey = rasterised(layout_target(target))
     want = find_target(grey, target).pixels
@@ -103,13 +104,13 @@ def test_deep_and_coloured_images_are_read_like_grey_ones(scale):
 @pytest.mark.parametrize(
     ("image", "error", "match"),
     [
-        (np.zeros((5, 5, 4), np.uint8), ValueError, "want an image .* shape"),
-        (np.zeros(5, np.uint8), ValueError, "want an image .* shape"),
-        (np.zeros((0, 5), np.uint8), ValueError, "want an image .* shape"),
+        (np.zeros((5, 5, 4), np.uint8), ValueError, "expected an image .* shape"),
+        (np.zeros(5, np.uint8), ValueError, "expected an image .* shape"),
+        (np.zeros((0, 5), np.uint8), ValueError, "expected an image .* shape"),
         (np.zeros((5, 5)), TypeError, "uint8 or uint16, got float64"),
     ],
 )
-def test_what_is_no_image_is_refused(image, error, match):
+def test_invalid_images_are_rejected(image, error, match):
     with pytest.raises(error, match=match):
         grey_image(image)
 
@@ -117,17 +118,20 @@ def test_what_is_no_image_is_refused(image, error, match):
 @pytest.mark.parametrize(
     ("make", "match"),
     [
-        (lambda: Chessboard(2, 6), "3 columns and rows at least, got 2 x 6"),
+        (lambda: Chessboard(2, 6), "at least 3 columns and rows, got 2 x 6"),
         (lambda: Chessboard(9, 6, -1.0), "positive square in mm, got -1"),
         (lambda: Chessboard(corner_window=0), "positive corner_window"),
         (lambda: ChArUco(marker=20.0), "0 < marker < square 15 mm, got 20"),
         (lambda: ChArUco(dictionary="DICT_NONE"), "dictionary of cv2.aruco, got 'DICT_NONE'"),
         (lambda: CircleGrid(diameter=50.0), "0 < diameter < 21.2132 mm, got 50"),
-        (lambda: TargetView(np.zeros((2, 3)), np.zeros((3, 2)), (1, 1)), "want 2 pixels, got 3"),
+        (
+            lambda: TargetView(np.zeros((2, 3)), np.zeros((3, 2)), (1, 1)),
+            "expected 2 pixels, got 3",
+        ),
         (lambda: TargetView(np.zeros((2, 2)), np.zeros((2, 2)), (1, 1)), "board points of shape"),
     ],
 )
-def test_no_target_is_made_of_nonsense(make, match):
+def test_invalid_targets_are_rejected(make, match):
     with pytest.raises(ValueError, match=match):
         make()
 
@@ -179,8 +183,8 @@ def test_pdf_is_sized_in_points_and_its_table_points_at_its_objects():
     assert pdf[int(re.search(r"startxref\n(\d+)", pdf)[1]) :].startswith("xref")
 
 
-def test_unknown_targets_cannot_be_drawn():
-    with pytest.raises(TypeError, match="want a ChArUco, Chessboard or CircleGrid, got 5"):
+def test_unknown_targets_are_rejected_by_the_layout():
+    with pytest.raises(TypeError, match="expected a ChArUco, Chessboard or CircleGrid, got 5"):
         layout_target(5)
 
 

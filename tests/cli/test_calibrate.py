@@ -98,8 +98,8 @@ def test_circle_grid_and_chessboard_need_counts_and_square(run, tmp_path):
     [
         (("--target", "checkers"), "want --target charuco, chessboard"),
         (("--counts", "eleven"), "want --counts NxM, as 11x8, got 'eleven'"),
-        (("--square", "10", "--marker", "12"), "want 0 < marker < square 10 mm, got 12"),
-        (("--dictionary", "DICT_NONE"), "want a dictionary of cv2.aruco, got 'DICT_NONE'"),
+        (("--square", "10", "--marker", "12"), "expected 0 < marker < square 10 mm, got 12"),
+        (("--dictionary", "DICT_NONE"), "expected a dictionary of cv2.aruco, got 'DICT_NONE'"),
     ],
 )
 def test_target_that_is_none_is_a_usage_error(run, tmp_path, words, told):

@@ -149,8 +149,14 @@ def rig_file(folder):
 @pytest.mark.parametrize(
     ("file", "message"),
     [
-        (camera_file, "camera.json: want a calibration of a section eye_in_hand, got one of a cam"),
-        (standing_file, "standing.json: want a calibration of a section eye_in_hand, got one of a"),
+        (
+            camera_file,
+            "camera.json: expected a calibration of a section eye_in_hand, got one of a cam",
+        ),
+        (
+            standing_file,
+            "standing.json: expected a calibration of a section eye_in_hand, got one of a",
+        ),
         (rig_file, "rig.json: want schema 'lsvision/hand-eye/1', got None: is it another file?"),
         (lambda folder: folder / "none.json", "none.json: want a hand-eye file"),
     ],

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from lsvision.calibration.bundle_adjustment_state import LaserView
+from lsvision.calibration.bundle_adjustment_problem import LaserView
 from lsvision.calibration.intrinsics import CameraSettings, fit_camera
 from lsvision.calibration.laser_plane import fit_laser_plane
 from lsvision.calibration.target import TargetView

@@ -7,10 +7,16 @@ import pytest
 from scipy.fft import dct, idct
 from scipy.stats import chi2, norm
 
-from lsvision.statistics.correlation import autocorrelation_time, estimate_correlation
+from lsvision.statistics.correlation import (
+    autocorrelation_time,
+    debiased_autocorrelation_time,
+    estimate_correlation,
+)
 from tests.tolerances import ROUNDING, spread_of_share
 
 COUNT = 400
+RUNS = 60
+ROUGHLY = 0.15  # of the mean over 60 runs; a single one is off by a third
 
 
 def series(powers, seed=0):
@@ -157,3 +163,31 @@ def test_correlation_is_the_same_from_either_end():
     assert there.autocorrelation_time == pytest.approx(back.autocorrelation_time, rel=ROUNDING)
     assert (there.coloured, there.neighbours_correlated) == (True, True)
     assert (back.coloured, back.neighbours_correlated) == (True, True)
+
+
+def residuals_of_decaying_noise(length, seed):
+    """Decaying noise of unit variance, a parabola taken out as a fit would."""
+    rng = np.random.default_rng(seed)
+    keep = np.exp(-1 / length) if length else 0.0
+    noise, last = np.empty(COUNT), rng.normal()
+    for index, step in enumerate(rng.normal(size=COUNT)):
+        last = keep * last + np.sqrt(1 - keep**2) * step
+        noise[index] = last
+    x = np.linspace(-1, 1, COUNT)
+    return noise - np.polyval(np.polyfit(x, noise, 2), x)
+
+
+@pytest.mark.parametrize("length", [0, 2, 5])
+def test_debiased_time_of_fitted_decaying_noise_agrees_with_its_theory(length):
+    keep = np.exp(-1 / length) if length else 0.0
+    truth = (1 + keep) / (1 - keep)
+    times = [
+        debiased_autocorrelation_time(residuals_of_decaying_noise(length, seed), 3)
+        for seed in range(RUNS)
+    ]
+    assert np.mean(times) == pytest.approx(truth, rel=ROUGHLY)
+
+
+def test_debiased_time_of_exact_and_of_alternating_residuals_is_one():
+    assert debiased_autocorrelation_time(np.zeros(50), 3) == 1.0
+    assert debiased_autocorrelation_time(np.tile([1.0, -1.0], 40), 3) == 1.0

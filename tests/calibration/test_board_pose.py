@@ -1,8 +1,8 @@
-"""A board's pose from its corners: truth, honest covariance."""
+"""Pose of a board from its corners: accuracy and coverage of the covariance."""
 
 import numpy as np
 
-from lsvision.calibration.board_pose_estimation import estimate_board_pose
+from lsvision.calibration.board_pose import estimate_board_pose
 from lsvision.geometry import Pose
 from lsvision.sensors.camera import Camera
 from lsvision.simulate.hand_eye import rotation_from_vector
@@ -16,7 +16,7 @@ TRUTH = Pose(
 EXACT_MM, EXACT_RAD = 1e-5, 1e-7  # the undistortion of OpenCV's solver
 
 
-def test_a_board_is_found_where_it_is():
+def test_board_pose_is_exact_without_noise():
     error = pose_errors(
         estimate_board_pose(CAMERA.project(TRUTH.apply(BOARD)), BOARD, CAMERA).camera_from_board,
         TRUTH,
@@ -25,7 +25,7 @@ def test_a_board_is_found_where_it_is():
     assert np.abs(error[3:]).max() < EXACT_RAD
 
 
-def test_the_covariance_of_a_board_is_that_of_its_errors():
+def test_covariance_of_a_board_pose_is_that_of_its_errors():
     rng, pixels = np.random.default_rng(1), CAMERA.project(TRUTH.apply(BOARD))
     scores = []
     for _ in range(60):

@@ -58,7 +58,7 @@ def images():
     return [pair[0] for pair in pairs], [pair[1] for pair in pairs]
 
 
-def test_plane_is_found_from_rendered_images(images):
+def test_plane_of_rendered_images_is_correct(images):
     found = calibrate_laser_plane(CAMERA, TARGET, *images, HELD)
     assert found.rejected == ()
     assert np.degrees(np.arccos(min(1.0, found.plane.normal @ PLANE.normal))) < 0.2
@@ -75,7 +75,7 @@ def test_the_blur_along_the_line_is_measured_on_the_boards_edges(images):
     assert found.light_section.line_blur_px == pytest.approx(np.hypot(1.0, 0.27), abs=0.05)
 
 
-def test_a_board_without_edges_leaves_the_blur_unknown_and_says_so(images):
+def test_a_board_without_edges_gives_a_warning_and_no_blur(images):
     bright = [np.where(image > 120, 255, image).astype(np.uint8) for image in images[0]]
     found = calibrate_laser_plane(CAMERA, TARGET, bright, images[1], HELD)
     assert found.light_section.line_blur_px == 0
@@ -97,7 +97,7 @@ def test_points_on_the_edges_of_what_is_printed_in_the_squares_are_left_out(imag
     assert rms[1] < 0.6 * rms[0]
 
 
-def test_images_without_board_or_line_are_named(images):
+def test_images_without_board_or_line_are_rejected(images):
     boards, lines = [list(each) for each in images]
     boards[1] = np.full((480, 640), 200, np.uint8)
     lines[3] = np.full((480, 640), 5, np.uint8)
@@ -107,27 +107,27 @@ def test_images_without_board_or_line_are_named(images):
     assert [view.index for view in found.views] == [0, 2, 4, 5]
 
 
-def test_line_along_the_edges_of_the_squares_is_said_with_the_mend(images):
+def test_line_along_the_edges_of_the_squares_is_rejected_with_a_remedy(images):
     # With this clearance all of the line counts as running along an edge.
     settings = LaserPlaneSettings(line=LineOnBoardSettings(edge_clearance=0.49))
     with pytest.raises(CalibrationFailed, match=r"image 0: 0 points .* let the line cross"):
         calibrate_laser_plane(CAMERA, TARGET, *images, settings)
 
 
-def test_no_board_anywhere_is_refused_with_every_reason(images):
+def test_images_without_any_board_are_rejected_with_every_reason(images):
     empty = [np.full((480, 640), 200, np.uint8)] * 2
     with pytest.raises(CalibrationFailed, match=r"0 views (.|\n)*image 0: no(.|\n)*image 1: no"):
         calibrate_laser_plane(CAMERA, TARGET, empty, empty, HELD)
 
 
-def test_images_of_another_size_are_refused(images):
+def test_images_of_another_size_are_rejected(images):
     boards, lines = [list(each) for each in images]
     lines[2] = lines[2][:400]
     with pytest.raises(CalibrationFailed, match="line image 2 is 640 x 400 px and the camera 640"):
         calibrate_laser_plane(CAMERA, TARGET, boards, lines, HELD)
 
 
-def test_lists_of_unequal_length_are_a_slip(images):
+def test_lists_of_unequal_length_are_rejected(images):
     with pytest.raises(ValueError, match="a line image for each of 6 board images, got 5"):
         calibrate_laser_plane(CAMERA, TARGET, images[0], images[1][:5], HELD)
 

@@ -1,4 +1,4 @@
-"""Stacks of rotations against the series and each other."""
+"""Stacks of rotations against power series and single rotations."""
 
 import numpy as np
 import pytest
@@ -6,8 +6,8 @@ import pytest
 from lsvision.calibration.rotations import (
     cube_rotations,
     nearest_rotations,
-    rotation_vectors,
-    rotations_of,
+    rotations_from_vectors,
+    vectors_from_rotations,
 )
 
 MACHINE = 1e-12
@@ -27,20 +27,22 @@ VECTORS = [(0, 0, 0), (1e-10, 0, 0), (1e-5, -2e-5, 0), (0.3, -1, 2), (3.1, 0.2, 
 
 
 @pytest.mark.parametrize("vector", VECTORS)
-def test_the_exponential_is_its_series_and_the_logarithm_its_inverse(vector):
-    rotation = rotations_of(np.array(vector, dtype=float))
+def test_rotation_equals_its_power_series_and_rotation_vectors_is_the_inverse(vector):
+    rotation = rotations_from_vectors(np.array(vector, dtype=float))
     np.testing.assert_allclose(rotation, series(vector), rtol=0, atol=MACHINE)
-    again = rotations_of(rotation_vectors(rotation))
+    again = rotations_from_vectors(vectors_from_rotations(rotation))
     np.testing.assert_allclose(again, rotation, rtol=0, atol=MACHINE)
 
 
-def test_stacks_are_turned_one_by_one():
+def test_stacks_equal_single_rotations():
     vectors = np.random.default_rng(0).normal(size=(4, 5, 3))
-    stack = rotation_vectors(rotations_of(vectors))
-    np.testing.assert_allclose(stack[2, 3], rotation_vectors(rotations_of(vectors[2, 3])))
+    stack = vectors_from_rotations(rotations_from_vectors(vectors))
+    np.testing.assert_allclose(
+        stack[2, 3], vectors_from_rotations(rotations_from_vectors(vectors[2, 3]))
+    )
 
 
-def test_nearest_rotations_do_not_mirror():
+def test_nearest_rotations_are_proper():
     mirrored = nearest_rotations(np.diag([1.0, 1.0, -1.0]))
     assert np.linalg.det(mirrored) == pytest.approx(1)
 
