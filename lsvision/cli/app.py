@@ -53,13 +53,9 @@ app = typer.Typer(
 def _print_version(wanted: bool) -> None:
     if not wanted:
         return
-    from importlib import metadata
+    from lsvision import __version__
 
-    try:
-        version = metadata.version("lsvision")
-    except metadata.PackageNotFoundError:
-        version = "(run from its source folder, not installed)"
-    typer.echo(f"lsvision {version}")
+    typer.echo(f"lsvision {__version__}")
     raise typer.Exit
 
 
