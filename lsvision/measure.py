@@ -34,7 +34,7 @@ from lsvision.profile import Arc, NoiseModel, PreparedProfile, Profile
 from lsvision.shapes import IntArray
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, kw_only=True)
 class Settings:
     """What a user may want to set, in the order of the steps.
 
@@ -65,7 +65,7 @@ class Settings:
         return cls(paper_settings=PaperSettings())
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Measurement:
     """What one profile holds.
 

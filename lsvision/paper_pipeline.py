@@ -22,7 +22,7 @@ from lsvision.shapes import Ellipse, IntArray, Points, radial_residuals
 RADIAL_FITTING = FittingSettings(residual="radial")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, kw_only=True)
 class PaperSettings:
     """Numbers of the paper.
 

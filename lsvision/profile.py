@@ -7,6 +7,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from lsvision.shapes import FloatArray, IntArray, Points, as_readonly_array
+from lsvision.shapes.equality import ComparedByValue
 from lsvision.shapes.noisy_points import NoisyPoints
 
 MAX_COORDINATE_MM = 1e9
@@ -40,7 +41,7 @@ class NoiseModel(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class PointNoise:
+class PointNoise(ComparedByValue):
     """Noise given point by point, as a calibrated camera knows it.
 
     Parameters
@@ -72,7 +73,7 @@ class PointNoise:
 
 
 @dataclass(frozen=True, eq=False)
-class Profile:
+class Profile(ComparedByValue):
     """Ordered points of one light section.
 
     Parameters
@@ -162,7 +163,7 @@ class PreparedProfile:
         return max(modelled, scatter / self.noise_std) if self.noise_std else math.inf
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Arc:
     """Index span of a profile believed to lie on one ellipse.
 

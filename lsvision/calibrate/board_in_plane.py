@@ -17,13 +17,14 @@ from lsvision.errors import DegenerateGeometry
 from lsvision.sensor.camera import Camera
 from lsvision.sensor.light_section import LightSection
 from lsvision.shapes import FloatArray, Plane, Pose
+from lsvision.shapes.equality import ComparedByValue
 
 USUAL_FOCAL = 1.2
 """Focal length in image widths that is taken where the photo does not tell it."""
 
 
 @dataclass(frozen=True, eq=False)
-class BoardInPlane:
+class BoardInPlane(ComparedByValue):
     """A light section from one board, with its evidence.
 
     Parameters

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from lsvision.calibrate.flange_poses import Mounting
 from lsvision.calibrate.rotations import cross_matrices
 from lsvision.shapes import FloatArray, Plane, Pose, as_readonly_array
+from lsvision.shapes.equality import ComparedByValue
 
 Sensor = Literal["section", "camera"]
 
@@ -20,7 +21,7 @@ MIN_HEIGHT_SCALE_ERROR = 0.005
 
 
 @dataclass(frozen=True, eq=False)
-class Sphere:
+class Sphere(ComparedByValue):
     """Sphere that served as target.
 
     Parameters
@@ -41,7 +42,7 @@ class Sphere:
         object.__setattr__(self, "centre", as_readonly_array(self.centre, (3,), "centre"))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class RejectedPose:
     """A pose that was not believed.
 
@@ -58,7 +59,7 @@ class RejectedPose:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class HandEye:
+class HandEye(ComparedByValue):
     """Where the sensor sits on the robot, or before it.
 
     Parameters

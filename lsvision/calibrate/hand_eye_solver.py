@@ -26,7 +26,7 @@ from lsvision.errors import CalibrationFailed, DegenerateGeometry, FitFailed
 from lsvision.shapes import FloatArray, Plane, Pose
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, kw_only=True)
 class HandEyeSettings:
     """What is known of the robot, and when a calibration is refused.
 

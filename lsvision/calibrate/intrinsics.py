@@ -22,6 +22,7 @@ from lsvision.calibrate.views import (
 from lsvision.errors import CalibrationFailed
 from lsvision.sensor.camera import Camera
 from lsvision.shapes import FloatArray, Pose
+from lsvision.shapes.equality import ComparedByValue
 
 MIN_VIEWS = 3
 """Two views leave a full camera matrix undetermined (Zhang 2000, section 3.1)."""
@@ -75,7 +76,7 @@ class CameraSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class CalibratedView:
+class CalibratedView(ComparedByValue):
     """One view after the calibration.
 
     Parameters
@@ -102,7 +103,7 @@ class CalibratedView:
 
 
 @dataclass(frozen=True, eq=False)
-class CameraCalibration:
+class CameraCalibration(ComparedByValue):
     """A camera with its evidence.
 
     Parameters

@@ -7,10 +7,11 @@ import numpy as np
 from lsvision.calibrate.views import RejectedView
 from lsvision.sensor.light_section import LightSection
 from lsvision.shapes import FloatArray, Plane, Pose
+from lsvision.shapes.equality import ComparedByValue
 
 
 @dataclass(frozen=True, eq=False)
-class CalibratedLaserView:
+class CalibratedLaserView(ComparedByValue):
     """One board pose after the calibration.
 
     Parameters
@@ -32,7 +33,7 @@ class CalibratedLaserView:
 
 
 @dataclass(frozen=True, eq=False)
-class LaserPlaneCalibration:
+class LaserPlaneCalibration(ComparedByValue):
     """A light section with its evidence.
 
     Parameters

@@ -40,7 +40,7 @@ MAX_SIGMA_FRACTION = 0.4
 MAD_TO_STD = 1.4826
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class LensBlur:
     """Blur of an image across edges of one direction.
 

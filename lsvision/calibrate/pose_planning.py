@@ -18,6 +18,7 @@ from lsvision.calibrate.planning_targets import (
 from lsvision.calibrate.rotations import cross_matrices, rotations_of
 from lsvision.errors import DegenerateGeometry
 from lsvision.shapes import BoolArray, FloatArray, IntArray, Plane, Pose, as_readonly_array
+from lsvision.shapes.equality import ComparedByValue
 
 UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """``base_from_section`` with the section's Y up, from which tilts are counted."""
@@ -68,7 +69,7 @@ class PosePlanSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class PosePlan:
+class PosePlan(ComparedByValue):
     """Poses to take, best first.
 
     Parameters

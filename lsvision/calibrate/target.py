@@ -14,6 +14,7 @@ import numpy.typing as npt
 from lsvision.calibrate.grey_image import grey_image
 from lsvision.errors import CalibrationFailed
 from lsvision.shapes import FloatArray, Points, as_readonly_array
+from lsvision.shapes.equality import ComparedByValue
 
 REFINEMENT_STEPS = 30
 """Steps of the corner refinement at most."""
@@ -28,7 +29,7 @@ class TargetNotFound(CalibrationFailed):
 
 
 @dataclass(frozen=True, eq=False)
-class TargetView:
+class TargetView(ComparedByValue):
     """What one image shows of a target.
 
     Parameters

@@ -18,7 +18,7 @@ MIN_TILT = np.radians(5.0)
 """Largest angle between two boards, below which they count as parallel."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class RejectedView:
     """A view named with what is wrong with it.
 

@@ -9,11 +9,12 @@ import numpy.typing as npt
 from lsvision.cylinder.problem import PARAMETERS, tangent_frame
 from lsvision.ellipse.fit import CHI2_TEST_SIGMAS
 from lsvision.shapes import BoolArray, Cylinder, FloatArray
+from lsvision.shapes.equality import ComparedByValue
 from lsvision.statistics.correlation import autocorrelation_time
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class CylinderFit:
+@dataclass(frozen=True, eq=False)
+class CylinderFit(ComparedByValue):
     """A cylinder with the evidence it rests on.
 
     Parameters

@@ -13,6 +13,7 @@ import numpy as np
 from lsvision.cylinder.problem import tangent_frame
 from lsvision.ellipse.section import CylinderSection
 from lsvision.shapes import Cylinder, FloatArray, Pose, as_readonly_array
+from lsvision.shapes.equality import ComparedByValue
 
 Frame = Literal["base", "flange"]
 
@@ -43,8 +44,8 @@ class SectionMount(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class PlacedCylinder:
+@dataclass(frozen=True, eq=False)
+class PlacedCylinder(ComparedByValue):
     """One of the two cylinders that a section allows, in the frame of the robot.
 
     Parameters

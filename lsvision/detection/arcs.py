@@ -31,7 +31,7 @@ class IdentifiedArc:
         return cls(Arc(int(indices[0]), int(indices[-1]) + 1), indices, ellipse)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Rejection:
     """An arc that is no cylinder, and why.
 

@@ -10,13 +10,14 @@ from lsvision.ellipse.intervals import Quantity, interval, theta_is_determined
 from lsvision.ellipse.parameters import semi_major_gradient, semi_minor_gradient
 from lsvision.profile import Arc
 from lsvision.shapes import Ellipse, FloatArray, IntArray
+from lsvision.shapes.equality import ComparedByValue
 
 THETA_UNKNOWN_STD = math.pi / math.sqrt(12)
 """Standard deviation of a direction of which nothing is known, uniform in [0, pi). Units: rad."""
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class CylinderSection:
+@dataclass(frozen=True, eq=False)
+class CylinderSection(ComparedByValue):
     """A cylinder as one light section sees it.
 
     Parameters

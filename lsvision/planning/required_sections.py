@@ -12,7 +12,7 @@ MAX_SECTIONS = 2048
 """Longest scan that `sections_needed` tries."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, kw_only=True)
 class AccuracyTarget:
     """One-sigma errors that a scan has to reach; those not given may be anything.
 

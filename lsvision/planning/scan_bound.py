@@ -8,9 +8,10 @@ import numpy as np
 from lsvision.planning.information import UNIFORM_THETA, information, invert_information
 from lsvision.planning.sensor_view import cylinder_normals
 from lsvision.shapes import Cylinder, FloatArray, Points, as_readonly_array
+from lsvision.shapes.equality import ComparedByValue
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, kw_only=True)
 class Feed:
     """How the sections of a scan follow each other, and how well that is known.
 
@@ -73,7 +74,7 @@ class Feed:
 
 
 @dataclass(frozen=True, eq=False)
-class ScanPrediction:
+class ScanPrediction(ComparedByValue):
     """One-sigma errors to expect from a joint fit to all sections of a scan.
 
     Parameters

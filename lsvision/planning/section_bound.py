@@ -7,10 +7,11 @@ import numpy as np
 
 from lsvision.planning.information import UNIFORM_THETA, information, invert_information
 from lsvision.shapes import Ellipse, FloatArray, Points, as_readonly_array
+from lsvision.shapes.equality import ComparedByValue
 
 
 @dataclass(frozen=True, eq=False)
-class SectionPrediction:
+class SectionPrediction(ComparedByValue):
     """One-sigma errors to expect from one section; what an efficient fit reaches.
 
     Parameters

@@ -10,7 +10,7 @@ from lsvision.shapes import Cylinder, Ellipse, FloatArray, Points
 from lsvision.shapes.arrays import BoolArray
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, kw_only=True)
 class SensorView:
     """Sensor and place from which a pipe is looked at.
 

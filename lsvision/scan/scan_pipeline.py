@@ -20,7 +20,7 @@ MIN_POINTS = 6
 """Profiles with fewer points are passed over: a lost section."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, kw_only=True)
 class ScanSettings:
     """One settings value for each step, in the order of the steps.
 

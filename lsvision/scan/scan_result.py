@@ -7,10 +7,11 @@ import numpy as np
 from lsvision.cylinder.fit_result import CylinderFit
 from lsvision.measure import Measurement
 from lsvision.shapes import Cylinder, FloatArray, IntArray, Points
+from lsvision.shapes.equality import ComparedByValue
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class ScannedCylinder:
+@dataclass(frozen=True, eq=False)
+class ScannedCylinder(ComparedByValue):
     """A cylinder measured from the sections of a scan together.
 
     Parameters
@@ -104,7 +105,7 @@ class ScannedCylinder:
         return np.array([[r.mean(), np.sqrt(np.mean(r * r))] for r in mine])
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ScanRejection:
     """Arcs of a scan that are no cylinder, and why.
 
@@ -120,7 +121,7 @@ class ScanRejection:
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ScanMeasurement:
     """What a scan holds.
 

@@ -17,14 +17,15 @@ from lsvision.errors import DegenerateGeometry
 from lsvision.scan.scan_result import ScannedCylinder
 from lsvision.scan.section_centres import SectionCentres, fit_section_centres
 from lsvision.shapes import FloatArray
+from lsvision.shapes.equality import ComparedByValue
 
 PARAMETERS = 10
 """Point and direction across the axis, radius; bow (2), taper, ovality (2)."""
 MIN_SECTIONS = 3
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class FormDeviation:
+@dataclass(frozen=True, eq=False)
+class FormDeviation(ComparedByValue):
     """One way in which a tube differs from a straight round cylinder.
 
     Parameters
@@ -57,8 +58,8 @@ class FormDeviation:
         return self.p_value < level
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class TubeShape:
+@dataclass(frozen=True, eq=False)
+class TubeShape(ComparedByValue):
     """Shape of a tube along its axis.
 
     Parameters

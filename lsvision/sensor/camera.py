@@ -7,13 +7,14 @@ import numpy.typing as npt
 
 from lsvision.sensor.distortion import COEFFICIENTS, distort, invert_2x2, undistort
 from lsvision.shapes import FloatArray, Points, as_readonly_array
+from lsvision.shapes.equality import ComparedByValue
 
 LENGTHS = (0, 4, 5, 8, 12, 14)
 """Counts of distortion coefficients that OpenCV knows."""
 
 
 @dataclass(frozen=True, eq=False)
-class Camera:
+class Camera(ComparedByValue):
     """Pinhole camera with lens distortion (OpenCV's model, up to the 14-coefficient tilted one).
 
     Camera frame: origin in the projection centre, x along image u, y along image v (down),

@@ -16,6 +16,7 @@ from lsvision.sensor.line_settings import LineSettings
 from lsvision.sensor.steger_ridge import locate_by_steger
 from lsvision.sensor.stripe_windows import Stripes, cut_windows
 from lsvision.shapes import BoolArray, FloatArray, IntArray, Points, as_readonly_array
+from lsvision.shapes.equality import ComparedByValue
 
 MAX_SATURATED_FRACTION = 0.5
 """Share of the image at full scale from which it is overexposed as a whole."""
@@ -28,7 +29,7 @@ __all__ = ["LaserLine", "LineSettings", "extract_laser_line"]
 
 
 @dataclass(frozen=True, eq=False)
-class LaserLine:
+class LaserLine(ComparedByValue):
     """A laser line: one point for each column (or row) of the image, in order.
 
     Parameters

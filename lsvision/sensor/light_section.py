@@ -21,6 +21,7 @@ from lsvision.sensor.laser_line import LaserLine, LineSettings, extract_laser_li
 from lsvision.sensor.line_blur import correct_line_blur
 from lsvision.sensor.rig_file import read_rig, write_rig
 from lsvision.shapes import FloatArray, Plane, Points, Pose
+from lsvision.shapes.equality import ComparedByValue
 
 ALONG_FRACTION = 0.05
 """Error along the line, of that across it: a column's own place is exact, but a point without
@@ -38,7 +39,7 @@ camera and the view no longer tells which way the sensor is."""
 
 
 @dataclass(frozen=True, eq=False)
-class LightSection:
+class LightSection(ComparedByValue):
     """A camera and a laser plane; what the plane cuts, the camera measures.
 
     Section frame: origin at the point of the laser plane nearest to the camera's centre;

@@ -19,7 +19,7 @@ LATERAL_FRACTION = 0.05
 line without width, and a point at a grazing flank must not get an endless weight."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, kw_only=True)
 class ProfileSensor:
     """A profile sensor as the fit needs to know it; a ``NoiseModel``.
 

@@ -8,11 +8,12 @@ import numpy.typing as npt
 
 from lsvision.shapes.arrays import FloatArray, as_readonly_array
 from lsvision.shapes.ellipse import Ellipse
+from lsvision.shapes.equality import ComparedByValue
 from lsvision.shapes.pose import Pose
 
 
 @dataclass(frozen=True, eq=False)
-class Cylinder:
+class Cylinder(ComparedByValue):
     """Endless circular cylinder.
 
     Parameters

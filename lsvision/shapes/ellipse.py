@@ -15,7 +15,7 @@ FOOT_POINT_TOLERANCE = 1e-5
 direction (rad), which a distance feels by its square only; far from it it needs more steps."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Ellipse:
     """Section of a circular cylinder by the laser plane.
 

@@ -6,11 +6,12 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.shapes.arrays import FloatArray, as_readonly_array
+from lsvision.shapes.equality import ComparedByValue
 from lsvision.shapes.pose import Pose
 
 
 @dataclass(frozen=True, eq=False)
-class Plane:
+class Plane(ComparedByValue):
     """All points p with ``normal . p = distance``.
 
     Parameters

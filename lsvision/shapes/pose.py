@@ -7,13 +7,14 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.shapes.arrays import FloatArray, Points, as_readonly_array
+from lsvision.shapes.equality import ComparedByValue
 
 ORTHONORMAL = 1e-6
 """Largest entry of R'R - I that still counts as a rotation (poses are written with 6 digits)."""
 
 
 @dataclass(frozen=True, eq=False)
-class Pose:
+class Pose(ComparedByValue):
     """Rigid motion ``a_from_b``: takes coordinates in frame b to coordinates in frame a.
 
     Parameters

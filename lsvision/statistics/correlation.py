@@ -33,7 +33,7 @@ LAG_SIGMAS = 2.0
 """Standard errors above which the correlation at a lag counts in the autocorrelation time."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Correlation:
     """What correlation does to a covariance.
 
