@@ -4,7 +4,9 @@ Range image and candidates stand before the paper's steps, because rough identif
 takes planes for huge ellipses; `Settings.paper` runs the paper's chain without them.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from lsvision.detection.acceptance import AcceptanceSettings, rejection_reason
 from lsvision.detection.arcs import IdentifiedArc, Rejection
@@ -30,8 +32,13 @@ from lsvision.ellipse.section import CylinderSection
 from lsvision.ellipse.smoothing import smooth_arc
 from lsvision.errors import LsvisionError
 from lsvision.paper_pipeline import PaperSettings, measure_paper_pipeline
-from lsvision.profile import Arc, NoiseModel, PreparedProfile, Profile
+from lsvision.profile import Arc, NoiseModel, PreparedProfile, Profile, as_profile
+from lsvision.sensor.profile_sensor import as_noise_model
 from lsvision.shapes import IntArray
+from lsvision.shapes.arguments import as_known_phi, as_number_or_pair
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,31 +89,33 @@ class Measurement:
 
 
 def measure_cylinders(
-    profile: Profile,
+    profile: "Profile | npt.ArrayLike",
     *,
-    radius: float | tuple[float, float] | None = None,
-    known_radius: float | tuple[float, float] | None = None,
-    known_phi: float | tuple[float, float] | None = None,
-    sensor: NoiseModel | None = None,
+    radius: float | Sequence[float] | None = None,
+    known_radius: float | Sequence[float] | None = None,
+    known_phi: float | Sequence[float] | None = None,
+    sensor: NoiseModel | str | None = None,
     settings: Settings = Settings(),
 ) -> Measurement:
     """Radius, orientation and position of every cylinder in a profile.
 
     Parameters
     ----------
-    profile : Profile
-        Points of one light section.
-    radius : float or tuple of float, optional
+    profile : Profile, (n, 2) array_like or data frame
+        Points of one light section, as `Profile` takes them: y grows towards the sensor, a NaN
+        row is a lost point, a data frame has columns x and z (or y). Units: mm.
+    radius : float or (float, float), optional
         Search range (min, max), or a nominal radius that is searched within 20 %. Units: mm.
-    known_radius : float or tuple of float, optional
+    known_radius : float or (float, float), optional
         Radius, or (radius, std): a prior in the fit, and the search range where `radius` gives
         none. Units: mm.
-    known_phi : float or tuple of float, optional
+    known_phi : float or (float, float), optional
         Tilt of the axis from the laser plane's normal, or (tilt, std): a prior in the fit. 0
         makes circles of the sections, and so a radius of an arc too short for an ellipse; see
         `PhiPrior`. Units: rad.
-    sensor : NoiseModel, optional
-        Noise of the points; that of the profile without; where neither is given its size is
+    sensor : NoiseModel or str, optional
+        Noise of the points, as a `ProfileSensor` or the name of a known one ("lps36",
+        "lps36hi"). Without, that of the profile; where neither is given its size is
         estimated from the residuals, and its direction taken along Y within some 11 deg.
     settings : Settings
         One value for each step.
@@ -120,7 +129,16 @@ def measure_cylinders(
     Raises
     ------
     ValueError
-        If a radius is not positive, its range is reversed, or a known phi is no tilt.
+        If a radius is not positive, its range is reversed, a known phi is no tilt (as one in
+        degrees), or a sensor's name is unknown.
+    TypeError
+        If an argument is of another kind.
+
+    Warns
+    -----
+    UserWarning
+        If the points seem to be in metres: they span less than 1 mm in x and y, with less than
+        0.002 mm from one to the next. No profile sensor is as fine.
 
     Notes
     -----
@@ -139,6 +157,18 @@ def measure_cylinders(
     True
     """
     priors = Priors(_known_radius(known_radius), _known_phi(known_phi))
+    search = as_number_or_pair(radius, "radius", "mm", "(min, max)")
+    return _find_cylinders(as_profile(profile), search, priors, as_noise_model(sensor), settings)
+
+
+def _find_cylinders(
+    profile: Profile,
+    radius: float | tuple[float, float] | None,
+    priors: Priors,
+    sensor: NoiseModel | None,
+    settings: Settings,
+) -> Measurement:
+    """The steps of Figure 4."""
     prepared = prepare_profile(profile, sensor or profile.noise)
     radius_range = search_range(radius, priors.radius, prepared)
     if settings.paper_settings is not None:
@@ -217,17 +247,15 @@ def _to_sensor_indices(
     )
 
 
-def _known_radius(known_radius: float | tuple[float, float] | None) -> RadiusPrior | None:
-    if known_radius is None:
+def _known_radius(known_radius: float | Sequence[float] | None) -> RadiusPrior | None:
+    known = as_number_or_pair(known_radius, "known_radius", "mm", "(radius, std)")
+    if known is None:
         return None
-    if isinstance(known_radius, tuple):
-        return RadiusPrior(*known_radius)
-    return RadiusPrior(float(known_radius))
+    return RadiusPrior(*known) if isinstance(known, tuple) else RadiusPrior(known)
 
 
-def _known_phi(known_phi: float | tuple[float, float] | None) -> PhiPrior | None:
-    if known_phi is None:
+def _known_phi(known_phi: float | Sequence[float] | None) -> PhiPrior | None:
+    known = as_known_phi(known_phi)
+    if known is None:
         return None
-    if isinstance(known_phi, tuple):
-        return PhiPrior(*known_phi)
-    return PhiPrior(float(known_phi))
+    return PhiPrior(*known) if isinstance(known, tuple) else PhiPrior(known)

@@ -1,12 +1,16 @@
 """The waist of the hourglass: what every sensor gives and every measurement starts from."""
 
 import math
+import warnings
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Protocol, cast, runtime_checkable
 
 import numpy as np
+import numpy.typing as npt
 
 from lsvision.shapes import FloatArray, IntArray, Points, as_readonly_array
+from lsvision.shapes.arguments import as_section_points
+from lsvision.shapes.arrays import extent_of
 from lsvision.shapes.equality import ComparedByValue
 from lsvision.shapes.noisy_points import NoisyPoints
 
@@ -18,6 +22,11 @@ one, which is too small where a sensor smooths along the line."""
 MAX_RELATIVE_SCATTER = 1e-2
 """Scatter over the radius that is always allowed: form error of pipes (below 1e-3), and errors
 that neighbours share, which no difference of neighbours shows (0.1 mm at a radius of 10 mm)."""
+
+METRES_EXTENT, METRES_PITCH, MIN_STEPS = 1.0, 0.002, 5
+"""Extent and pitch below which, both together, a profile is taken to be in metres, and the
+fewest steps that tell a pitch. No profile sensor is as fine: the smallest fields of view are some
+mm wide, the finest pitch is 0.0025 mm. Units: mm."""
 
 
 @runtime_checkable
@@ -78,17 +87,18 @@ class Profile(ComparedByValue):
 
     Parameters
     ----------
-    points : (n, 2) array_like
+    points : (n, 2) array_like or data frame
         Section frame: X along the laser line, Y towards the sensor. Index = column of the
         sensor, order kept; a lost point is a NaN row (values that are infinite or beyond 1e9 mm
-        count as lost, and a row with one lost coordinate is lost whole). Units: mm.
+        count as lost, and a row with one lost coordinate is lost whole). Of a data frame the
+        columns x and z (or y): see `lsvision.shapes.arguments.as_section_points`. Units: mm.
     noise : NoiseModel, optional
         What the sensor knows of its own errors.
 
     Raises
     ------
-    ValueError
-        If `points` is not (n, 2).
+    TypeError, ValueError
+        If `points` is no table of numbers, or not (n, 2).
 
     Examples
     --------
@@ -101,7 +111,7 @@ class Profile(ComparedByValue):
     noise: NoiseModel | None = None
 
     def __post_init__(self) -> None:
-        points = np.array(as_readonly_array(self.points, ("n", 2), "points"))
+        points = np.array(as_section_points(self.points))
         points[~(np.abs(points) < MAX_COORDINATE_MM).all(axis=1)] = np.nan
         object.__setattr__(self, "points", as_readonly_array(points, ("n", 2)))
 
@@ -112,6 +122,31 @@ class Profile(ComparedByValue):
     def lost(self) -> int:
         """Number of lost points."""
         return int(np.isnan(self.points[:, 0]).sum())
+
+
+def as_profile(points: "Profile | npt.ArrayLike") -> Profile:
+    """Return a profile as it is, and anything that `Profile` takes as one.
+
+    Warns
+    -----
+    UserWarning
+        If the points seem to be in metres: both coordinates span less than 1 mm, with less than
+        0.002 mm from one point to the next along X. The finest profile sensors sold have a pitch
+        of 0.0025 mm; a profile of 0.2 m with 376 points has one of 0.0005 "mm".
+    """
+    profile = points if isinstance(points, Profile) else Profile(cast("Points", points))
+    valid = profile.points[~np.isnan(profile.points[:, 0])]
+    steps = np.abs(np.diff(valid[:, 0]))
+    steps = steps[steps > 0]  # held samples
+    extent = extent_of(valid)
+    if len(steps) >= MIN_STEPS and extent < METRES_EXTENT and np.median(steps) < METRES_PITCH:
+        warnings.warn(
+            f"expected a profile in mm, got one of {extent:.3g} mm with a point every "
+            f"{np.median(steps):.2g} mm: metres? multiply the points by 1000",
+            UserWarning,
+            stacklevel=3,
+        )
+    return profile
 
 
 @dataclass(frozen=True, eq=False, slots=True)

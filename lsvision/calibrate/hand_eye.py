@@ -27,8 +27,9 @@ from lsvision.calibrate.plane_observations import PlaneObservations
 from lsvision.calibrate.sphere_arc import SphereArc, find_sphere_arc
 from lsvision.calibrate.sphere_observations import SphereObservations
 from lsvision.errors import CalibrationFailed, DegenerateGeometry, TooFewPoints
-from lsvision.profile import Profile
+from lsvision.profile import Profile, as_profile
 from lsvision.shapes import FloatArray, Plane, Pose, as_readonly_array
+from lsvision.shapes.pose import as_poses
 
 EXACT_RADIUS_STD = 1e-4
 """One sigma of a radius that is given. Units: mm."""
@@ -42,8 +43,8 @@ DEFAULT = HandEyeSettings()
 
 
 def calibrate_hand_eye_sphere(
-    profiles: Sequence[Profile],
-    base_from_flanges: Sequence[Pose],
+    profiles: "Sequence[Profile | npt.ArrayLike]",
+    base_from_flanges: "Sequence[Pose | npt.ArrayLike]",
     radius: float | None = None,
     *,
     mounting: Mounting = "eye_in_hand",
@@ -57,9 +58,9 @@ def calibrate_hand_eye_sphere(
 
     Parameters
     ----------
-    profiles : sequence of Profile
+    profiles : sequence of Profile or (n, 2) array_like
         One a pose; the sphere is found among other things, and its flanks are left out.
-    base_from_flanges : sequence of Pose
+    base_from_flanges : sequence of Pose or (4, 4) array_like
         Where the flange stood.
     radius : float, optional
         Of the sphere, where it is to be believed; free otherwise, at little cost and as a
@@ -102,18 +103,19 @@ def calibrate_hand_eye_sphere(
     ((), True)
     """
     _require_pairs(len(profiles), len(base_from_flanges), "profiles")
+    flanges = as_poses(base_from_flanges)
     if radius is not None and not radius > 0:
         raise ValueError(f"want a positive radius in mm, got {radius}")
     arcs, lost = {}, []
     for index, profile in enumerate(profiles):
         try:
-            arcs[index] = find_sphere_arc(profile, radius, settings.arc)
+            arcs[index] = find_sphere_arc(as_profile(profile), radius, settings.arc)
         except TooFewPoints as error:
             lost.append(RejectedPose(index, f"no sphere found: {error}"))
     seen = sorted(arcs)
     need = 5 if radius is not None else 6
     _require_count(len(seen), need, "a sphere in its profile", lost)
-    poses = [base_from_flanges[index] for index in seen]
+    poses = [flanges[index] for index in seen]
     largest = max(float(arcs[index].circle[2]) for index in seen)
     sightings = SphereObservations(
         np.array([arcs[index].circle for index in seen]),
@@ -136,8 +138,8 @@ def calibrate_hand_eye_sphere(
 
 
 def calibrate_hand_eye_plane(
-    profiles: Sequence[Profile],
-    base_from_flanges: Sequence[Pose],
+    profiles: "Sequence[Profile | npt.ArrayLike]",
+    base_from_flanges: "Sequence[Pose | npt.ArrayLike]",
     *,
     mounting: Mounting = "eye_in_hand",
     settings: HandEyeSettings = DEFAULT,
@@ -149,9 +151,9 @@ def calibrate_hand_eye_plane(
 
     Parameters
     ----------
-    profiles : sequence of Profile
+    profiles : sequence of Profile or (n, 2) array_like
         One a pose; the longest straight line in each is taken.
-    base_from_flanges : sequence of Pose
+    base_from_flanges : sequence of Pose or (4, 4) array_like
         Where the flange stood.
     mounting, settings
         As in `calibrate_hand_eye_sphere`.
@@ -167,15 +169,16 @@ def calibrate_hand_eye_plane(
         As in `calibrate_hand_eye_sphere`.
     """
     _require_pairs(len(profiles), len(base_from_flanges), "profiles")
+    flanges = as_poses(base_from_flanges)
     lines, lost = {}, []
     for index, profile in enumerate(profiles):
         try:
-            lines[index] = find_plane_line(profile)
+            lines[index] = find_plane_line(as_profile(profile))
         except TooFewPoints as error:
             lost.append(RejectedPose(index, f"no line found: {error}"))
     seen = sorted(lines)
     _require_count(len(seen), 8, "a straight line in its profile", lost)
-    poses = [base_from_flanges[index] for index in seen]
+    poses = [flanges[index] for index in seen]
     sightings = PlaneObservations(
         np.array([lines[index].midpoint for index in seen]),
         np.array([lines[index].direction for index in seen]),
@@ -197,8 +200,8 @@ def calibrate_hand_eye_plane(
 
 
 def calibrate_hand_eye_board(
-    camera_from_boards: Sequence[Pose],
-    base_from_flanges: Sequence[Pose],
+    camera_from_boards: "Sequence[Pose | npt.ArrayLike]",
+    base_from_flanges: "Sequence[Pose | npt.ArrayLike]",
     *,
     covariances: npt.ArrayLike | None = None,
     mounting: Mounting = "eye_in_hand",
@@ -208,9 +211,9 @@ def calibrate_hand_eye_board(
 
     Parameters
     ----------
-    camera_from_boards : sequence of Pose
+    camera_from_boards : sequence of Pose or (4, 4) array_like
         The board in each image; `estimate_board_pose` gives it from corners.
-    base_from_flanges : sequence of Pose
+    base_from_flanges : sequence of Pose or (4, 4) array_like
         Where the flange stood.
     covariances : (n, 6, 6) array_like, optional
         Of the boards' origins (mm) and left-hand rotations (rad), from
@@ -230,16 +233,17 @@ def calibrate_hand_eye_board(
     """
     count = len(camera_from_boards)
     _require_pairs(count, len(base_from_flanges), "boards")
+    boards, flanges = as_poses(camera_from_boards), as_poses(base_from_flanges)
     _require_count(count, 4, "a board in its image", [])
     given = np.full((count, 6, 6), 1e-12) * np.eye(6) if covariances is None else covariances
     sightings = BoardObservations(
-        np.array([pose.rotation for pose in camera_from_boards]),
-        np.array([pose.translation for pose in camera_from_boards]),
+        np.array([pose.rotation for pose in boards]),
+        np.array([pose.translation for pose in boards]),
         as_readonly_array(given, (count, 6, 6), "covariances"),
-        stack_flange_poses(base_from_flanges, mounting, settings.robot_std or NOMINAL_ROBOT_STD),
+        stack_flange_poses(flanges, mounting, settings.robot_std or NOMINAL_ROBOT_STD),
         np.zeros(count, dtype=np.int64),
     )
-    doubted = solve_hand_eye(sightings, base_from_flanges, 3, settings)
+    doubted = solve_hand_eye(sightings, flanges, 3, settings)
     board = doubted.fit.states.targets[0, 0]
     target = Pose(board[3:].reshape(3, 3), board[:3])
     working = sightings.origins.mean(axis=0)

@@ -19,6 +19,7 @@ from lsvision.calibrate.rotations import cross_matrices, rotations_of
 from lsvision.errors import DegenerateGeometry
 from lsvision.shapes import BoolArray, FloatArray, IntArray, Plane, Pose, as_readonly_array
 from lsvision.shapes.equality import ComparedByValue
+from lsvision.shapes.pose import as_pose, as_poses
 
 UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """``base_from_section`` with the section's Y up, from which tilts are counted."""
@@ -101,12 +102,12 @@ PLANE_DEFAULTS = PosePlanSettings(max_tilt=np.radians(40.0))
 
 
 def plan_hand_eye_poses(
-    flange_from_section: Pose,
+    flange_from_section: Pose | npt.ArrayLike,
     centre: npt.ArrayLike,
     radius: float,
     *,
-    measured: Sequence[Pose] = (),
-    candidates: Sequence[Pose] | None = None,
+    measured: Sequence[Pose | npt.ArrayLike] = (),
+    candidates: Sequence[Pose | npt.ArrayLike] | None = None,
     settings: PosePlanSettings = SPHERE_DEFAULTS,
 ) -> PosePlan:
     """Next best flange poses before a sphere (greedy, A-optimal).
@@ -116,15 +117,15 @@ def plan_hand_eye_poses(
 
     Parameters
     ----------
-    flange_from_section : Pose
+    flange_from_section : Pose or (4, 4) array_like
         Nominal, from a drawing or a first calibration; a few degrees and mm do.
     centre : (3,) array_like
         Of the sphere in the base frame, roughly. Units: mm.
     radius : float
         Units: mm.
-    measured : sequence of Pose
+    measured : sequence of Pose or (4, 4) array_like
         ``base_from_flange`` of poses already taken.
-    candidates : sequence of Pose, optional
+    candidates : sequence of Pose or (4, 4) array_like, optional
         Reachable ``base_from_flange`` poses to choose from, the target in the sensor's range; by
         default random ones within `settings`, from which the sphere is seen.
     settings : PosePlanSettings
@@ -155,19 +156,19 @@ def plan_hand_eye_poses(
 
 
 def plan_hand_eye_poses_plane(
-    flange_from_section: Pose,
+    flange_from_section: Pose | npt.ArrayLike,
     plane: Plane,
     point: npt.ArrayLike,
     *,
-    measured: Sequence[Pose] = (),
-    candidates: Sequence[Pose] | None = None,
+    measured: Sequence[Pose | npt.ArrayLike] = (),
+    candidates: Sequence[Pose | npt.ArrayLike] | None = None,
     settings: PosePlanSettings = PLANE_DEFAULTS,
 ) -> PosePlan:
     """Next best flange poses before a plate; otherwise as `plan_hand_eye_poses`.
 
     Parameters
     ----------
-    flange_from_section : Pose
+    flange_from_section : Pose or (4, 4) array_like
         Nominal, from a drawing or a first calibration; a few degrees and mm do.
     plane : Plane
         The plate in the base frame, roughly. The side of it that is seen is the one that most of
@@ -199,7 +200,8 @@ def plan_hand_eye_poses_plane(
     """
     if not settings.count > 0:
         raise ValueError(f"want a positive count of poses, got {settings.count}")
-    facing = [(pose @ flange_from_section).rotation[:, 1] @ plane.normal for pose in measured]
+    mount = as_pose(flange_from_section)
+    facing = [(pose @ mount).rotation[:, 1] @ plane.normal for pose in as_poses(measured)]
     if sum(np.sign(facing)) < 0:
         plane = Plane(-plane.normal, -plane.distance)
     centre = as_readonly_array(point, (3,), "point")
@@ -210,14 +212,15 @@ def plan_hand_eye_poses_plane(
 
 def _plan(
     ahead: PlanningTarget,
-    nominal: Pose,
-    measured: Sequence[Pose],
-    candidates: Sequence[Pose] | None,
+    flange_from_section: Pose | npt.ArrayLike,
+    measured: Sequence[Pose | npt.ArrayLike],
+    candidates: Sequence[Pose | npt.ArrayLike] | None,
     settings: PosePlanSettings,
 ) -> PosePlan:
+    nominal = as_pose(flange_from_section)
     if candidates is None:
         candidates = _candidates(ahead, nominal, settings)
-    count, pool = settings.count, [*measured, *candidates]
+    count, pool = settings.count, [*as_poses(measured), *as_poses(candidates)]
     places, usable = ahead.visibility([pose @ nominal for pose in pool])
     free = usable & (np.arange(len(pool)) >= len(measured))
     if free.sum() < count:

@@ -6,14 +6,16 @@ section and the six of the calibration, which know nothing of each other.
 
 import math
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal, Protocol, cast
 
 import numpy as np
+import numpy.typing as npt
 
 from lsvision.cylinder.problem import tangent_frame
 from lsvision.ellipse.section import CylinderSection
 from lsvision.shapes import Cylinder, FloatArray, Pose, as_readonly_array
 from lsvision.shapes.equality import ComparedByValue
+from lsvision.shapes.pose import as_pose
 
 Frame = Literal["base", "flange"]
 
@@ -111,8 +113,8 @@ class PlacedCylinder(ComparedByValue):
 
 def place_section(
     section: CylinderSection,
-    calibration: SectionMount | Pose,
-    base_from_flange: Pose | None = None,
+    calibration: "SectionMount | Pose | npt.ArrayLike",
+    base_from_flange: "Pose | npt.ArrayLike | None" = None,
 ) -> tuple[PlacedCylinder, PlacedCylinder]:
     """Both cylinders of a section in the robot's base frame, with the calibration's errors.
 
@@ -120,10 +122,10 @@ def place_section(
     ----------
     section : CylinderSection
         One of ``measure_cylinders(...).cylinders``.
-    calibration : HandEye or Pose
-        ``flange_from_section`` with its covariance, and the robot's own error; a mere Pose is
+    calibration : HandEye, Pose or (4, 4) array_like
+        ``flange_from_section`` with its covariance, and the robot's own error; a mere pose is
         taken as exact, and the result says so (`PlacedCylinder.includes_calibration`).
-    base_from_flange : Pose, optional
+    base_from_flange : Pose or (4, 4) array_like, optional
         Where the robot stood. Without, the result is in the flange frame, and the robot's own
         error is not in it. Units: mm.
 
@@ -148,15 +150,20 @@ def place_section(
     >>> first.frame, first.includes_calibration, first.point.shape
     ('base', False, (3,))
     """
-    flange = Pose() if base_from_flange is None else base_from_flange
+    flange = Pose() if base_from_flange is None else as_pose(base_from_flange)
     frame: Frame = "flange" if base_from_flange is None else "base"
-    if isinstance(calibration, Pose):
-        pose, motions = flange @ calibration, []
+    mount: SectionMount | Pose = (
+        cast("SectionMount", calibration)
+        if hasattr(calibration, "robot_std")
+        else as_pose(calibration)
+    )
+    if isinstance(mount, Pose):
+        pose, motions = flange @ mount, []
     else:
-        pose = flange @ calibration.flange_from_section
-        motions = [(pose.translation, flange.rotation, calibration.covariance)]
+        pose = flange @ mount.flange_from_section
+        motions = [(pose.translation, flange.rotation, mount.covariance)]
         if base_from_flange is not None:
-            motions.append((flange.translation, np.eye(3), robot_covariance(calibration)))
+            motions.append((flange.translation, np.eye(3), robot_covariance(mount)))
 
     def placed(twin: Cylinder, sign: float) -> PlacedCylinder:
         cylinder = twin.transformed(pose)

@@ -2,11 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from lsvision.cylinder.robot_frame import SectionMount
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.measure import Measurement, Settings, measure_cylinders
-from lsvision.profile import NoiseModel, Profile
+from lsvision.profile import NoiseModel, Profile, as_profile
 from lsvision.scan.cloud import build_cloud, require_noncoplanar_sections
 from lsvision.scan.joint_fit import JointFitSettings
 from lsvision.scan.pose_errors import PoseErrors
@@ -14,7 +15,13 @@ from lsvision.scan.result_assembly import build_scanned_cylinder, sort_cylinders
 from lsvision.scan.scan_result import ScanMeasurement
 from lsvision.scan.track_fitting import fit_tracks
 from lsvision.scan.tracks import TrackSettings, associate_arcs, transform_arc_to_base
+from lsvision.sensor.profile_sensor import as_noise_model
 from lsvision.shapes import Pose
+from lsvision.shapes.arguments import as_number_or_pair
+from lsvision.shapes.pose import as_poses
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
 
 MIN_POINTS = 6
 """Profiles with fewer points are passed over: a lost section."""
@@ -40,12 +47,12 @@ class ScanSettings:
 
 
 def measure_scan(  # noqa: PLR0913 - what `measure_cylinders` asks, and the poses with their errors
-    profiles: Sequence[Profile],
-    base_from_sections: Sequence[Pose],
+    profiles: "Sequence[Profile | npt.ArrayLike]",
+    base_from_sections: "Sequence[Pose | npt.ArrayLike]",
     *,
-    radius: float | tuple[float, float] | None = None,
-    known_radius: float | tuple[float, float] | None = None,
-    sensor: NoiseModel | None = None,
+    radius: float | Sequence[float] | None = None,
+    known_radius: float | Sequence[float] | None = None,
+    sensor: NoiseModel | str | None = None,
     settings: ScanSettings = ScanSettings(),
     pose_std: float = 0.0,
     feed_std: float = 0.0,
@@ -60,16 +67,18 @@ def measure_scan(  # noqa: PLR0913 - what `measure_cylinders` asks, and the pose
 
     Parameters
     ----------
-    profiles : sequence of Profile
-        In the order of the feed. Profiles without points are passed over.
-    base_from_sections : sequence of Pose
-        One a profile; ``Pose.along(direction, distance)`` for an encoder axis.
+    profiles : sequence of Profile or (n, 2) array_like
+        In the order of the feed, each as `measure_cylinders` takes it. Profiles without points
+        are passed over.
+    base_from_sections : sequence of Pose or (4, 4) array_like
+        One a profile; ``Pose.along(direction, distance)`` for an encoder axis. Units: mm.
     radius : float or (float, float), optional
         Nominal radius or range to search, as for `measure_cylinders`. Units: mm.
     known_radius : float or (float, float), optional
         Radius, or radius and its one sigma, known beforehand. Units: mm.
-    sensor : NoiseModel, optional
-        None: each profile's own, or equal noise estimated from the residuals.
+    sensor : NoiseModel or str, optional
+        As for `measure_cylinders`. None: each profile's own, or equal noise estimated from the
+        residuals.
     settings : ScanSettings
         Every step's.
     pose_std : float
@@ -92,7 +101,9 @@ def measure_scan(  # noqa: PLR0913 - what `measure_cylinders` asks, and the pose
     Raises
     ------
     ValueError
-        If there are not as many poses as profiles, or none.
+        If there are not as many poses as profiles, or none, or a matrix is no rigid motion.
+    TypeError
+        If one is no profile or no pose.
     DegenerateGeometry
         If all sections lie in one plane: identical poses, or a feed along the laser plane.
 
@@ -115,20 +126,21 @@ def measure_scan(  # noqa: PLR0913 - what `measure_cylinders` asks, and the pose
     >>> [f"{pipe.radius:.1f} mm" for pipe in scan.cylinders]
     ['19.0 mm']
     """
-    poses = validate_poses(profiles, base_from_sections)
+    seen, noise = [as_profile(profile) for profile in profiles], as_noise_model(sensor)
+    poses = validate_poses(seen, base_from_sections)
+    known = as_number_or_pair(known_radius, "known_radius", "mm", "(radius, std)")
     measurements = [
         measure_section(
-            profile, radius=radius, known_radius=known_radius, sensor=sensor,
-            settings=settings.section,
+            profile, radius=radius, known_radius=known, sensor=noise, settings=settings.section
         )
-        for profile in profiles
-    ]  # fmt: skip
+        for profile in seen
+    ]
     return fit_sections_jointly(
-        profiles,
+        seen,
         poses,
         measurements,
-        known_radius=known_radius,
-        sensor=sensor,
+        known_radius=known,
+        sensor=noise,
         settings=settings,
         pose_errors=PoseErrors(pose_std=pose_std, feed_std=feed_std, calibration=calibration),
     )
@@ -137,8 +149,8 @@ def measure_scan(  # noqa: PLR0913 - what `measure_cylinders` asks, and the pose
 def measure_section(
     profile: Profile,
     *,
-    radius: float | tuple[float, float] | None = None,
-    known_radius: float | tuple[float, float] | None = None,
+    radius: float | Sequence[float] | None = None,
+    known_radius: float | Sequence[float] | None = None,
     sensor: NoiseModel | None = None,
     settings: Settings | None = None,
 ) -> Measurement:
@@ -199,7 +211,7 @@ def fit_sections_jointly(  # noqa: PLR0913 - the profiles, what each holds, and 
 
 
 def validate_poses(
-    profiles: Sequence[Profile], base_from_sections: Sequence[Pose]
+    profiles: Sequence[Profile], base_from_sections: "Sequence[Pose | npt.ArrayLike]"
 ) -> tuple[Pose, ...]:
     """Poses that go with the profiles.
 
@@ -210,15 +222,12 @@ def validate_poses(
     DegenerateGeometry
         If the sections all lie in one plane.
     """
-    poses = tuple(base_from_sections)
+    poses = as_poses(base_from_sections)
     if len(poses) != len(profiles) or not poses:
         raise ValueError(
             f"want one pose a profile and at least one, got {len(profiles)} profiles and "
             f"{len(poses)} poses"
         )
-    for pose in poses:
-        if not isinstance(pose, Pose):
-            raise TypeError(f"want a Pose for each profile, got {type(pose).__name__}")
     require_noncoplanar_sections(poses)
     return poses
 

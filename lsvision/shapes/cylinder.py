@@ -9,7 +9,7 @@ import numpy.typing as npt
 from lsvision.shapes.arrays import FloatArray, as_readonly_array
 from lsvision.shapes.ellipse import Ellipse
 from lsvision.shapes.equality import ComparedByValue
-from lsvision.shapes.pose import Pose
+from lsvision.shapes.pose import Pose, as_pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,11 +47,10 @@ class Cylinder(ComparedByValue):
         if not (math.isfinite(self.radius) and self.radius > 0):
             raise ValueError(f"want a positive radius in mm, got {self.radius}")
 
-    def transformed(self, a_from_b: Pose) -> "Cylinder":
+    def transformed(self, a_from_b: Pose | npt.ArrayLike) -> "Cylinder":
         """The same cylinder of frame b in the coordinates of frame a."""
-        return Cylinder(
-            a_from_b.apply_one(self.point), a_from_b.rotation @ self.direction, self.radius
-        )
+        pose = as_pose(a_from_b)
+        return Cylinder(pose.apply_one(self.point), pose.rotation @ self.direction, self.radius)
 
     def signed_distances(self, points: npt.ArrayLike) -> FloatArray:
         """Distance of (n, 3) points from the surface, positive outside. Units: mm."""

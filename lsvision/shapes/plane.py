@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from lsvision.shapes.arrays import FloatArray, as_readonly_array
 from lsvision.shapes.equality import ComparedByValue
-from lsvision.shapes.pose import Pose
+from lsvision.shapes.pose import Pose, as_pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,8 @@ class Plane(ComparedByValue):
         distances: FloatArray = np.asarray(points, dtype=np.float64) @ self.normal - self.distance
         return distances
 
-    def transformed(self, a_from_b: Pose) -> "Plane":
+    def transformed(self, a_from_b: Pose | npt.ArrayLike) -> "Plane":
         """The same plane of frame b in the coordinates of frame a."""
-        normal = a_from_b.rotation @ self.normal
-        return Plane(normal, self.distance + float(normal @ a_from_b.translation))
+        pose = as_pose(a_from_b)
+        normal = pose.rotation @ self.normal
+        return Plane(normal, self.distance + float(normal @ pose.translation))

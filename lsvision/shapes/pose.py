@@ -1,7 +1,8 @@
 """Rigid motions, named ``a_from_b`` so that neighbours cancel."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Self
+from typing import NoReturn, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -98,9 +99,19 @@ class Pose(ComparedByValue):
     def __matmul__(self, other: "Pose") -> "Pose":
         """Compose: ``a_from_c = a_from_b @ b_from_c``."""
         if not isinstance(other, Pose):
-            return NotImplemented
+            raise TypeError(
+                f"expected a Pose behind @, got {type(other).__name__}: Pose.from_matrix makes "
+                "one of a 4x4 matrix, and pose.apply(points) transforms points"
+            )
         rotation = self.rotation @ other.rotation
         return Pose(_nearest_rotation(rotation), self.apply_one(other.translation))
+
+    def __rmatmul__(self, other: object) -> NoReturn:
+        """Refuse what is no pose before ``@``."""
+        raise TypeError(
+            f"expected a Pose before @, got {type(other).__name__}: Pose.from_matrix makes one of "
+            "a 4x4 matrix"
+        )
 
     def inverse(self) -> "Pose":
         """``b_from_a``."""
@@ -127,6 +138,60 @@ class Pose(ComparedByValue):
     def apply_one(self, point: npt.ArrayLike) -> FloatArray:
         """One point (3,) of b in the coordinates of a."""
         return self.rotation @ np.asarray(point, dtype=np.float64) + self.translation
+
+
+def as_pose(value: Pose | npt.ArrayLike) -> Pose:
+    """Return a pose as it is, and a 4x4 homogeneous matrix as one.
+
+    Parameters
+    ----------
+    value : Pose or (4, 4) array_like
+        Row-major, mm.
+
+    Raises
+    ------
+    TypeError
+        If it is neither.
+    ValueError
+        If the matrix is no rigid motion.
+
+    Examples
+    --------
+    >>> as_pose([[1, 0, 0, 5], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]).translation
+    array([5., 0., 0.])
+    """
+    if isinstance(value, Pose):
+        return value
+    try:
+        matrix = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        matrix = np.zeros(0)
+    if matrix.shape != (4, 4):
+        shape = f" of shape {matrix.shape}" if matrix.size else ""
+        raise TypeError(
+            f"expected a Pose or a 4x4 matrix in mm (as Pose.from_matrix takes it), got "
+            f"{type(value).__name__}{shape}"
+        )
+    return Pose.from_matrix(matrix)
+
+
+def as_poses(values: Iterable[Pose | npt.ArrayLike]) -> tuple[Pose, ...]:
+    """Return poses, each given as a `Pose` or a 4x4 matrix; also an (n, 4, 4) array.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If one is no pose; the message tells which.
+    """
+    if isinstance(values, Pose):
+        raise TypeError("expected a sequence of poses, got one Pose: put it into a list")
+    poses = []
+    for index, value in enumerate(values):
+        try:
+            poses.append(as_pose(value))
+        except (TypeError, ValueError) as error:
+            raise type(error)(f"pose {index}: {error}") from None
+    return tuple(poses)
 
 
 def _nearest_rotation(matrix: FloatArray) -> FloatArray:

@@ -11,11 +11,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from lsvision.profile import NoiseModel, PointNoise, Profile
 from lsvision.sensor.profile_sensor import LATERAL_FRACTION, ProfileSensor
 from lsvision.shapes import FloatArray, Points, Pose
 from lsvision.shapes.arrays import BoolArray
+from lsvision.shapes.pose import as_poses
 from lsvision.simulate.rays import Hits, Rays
 from lsvision.simulate.scene import NOTHING, Scene
 from lsvision.simulate.sensor_errors import (
@@ -120,7 +122,7 @@ def simulate_section(
 
 def simulate_scan(
     scene: Scene,
-    base_from_sections: Sequence[Pose],
+    base_from_sections: Sequence[Pose | npt.ArrayLike],
     sensor: ProfileSensor,
     settings: SectionSettings,
     *,
@@ -132,14 +134,14 @@ def simulate_scan(
     ----------
     scene : Scene
         Base frame.
-    base_from_sections : sequence of Pose
+    base_from_sections : sequence of Pose or (4, 4) array_like
         Where the sensor stands for each section.
     sensor, settings, rng
         As for `simulate_section`.
     """
     return tuple(
         simulate_section(scene, sensor, settings, rng=rng, base_from_section=pose)
-        for pose in base_from_sections
+        for pose in as_poses(base_from_sections)
     )
 
 
