@@ -26,6 +26,7 @@ from .sensor.profile_sensor import (
     LPS36 as LPS36,
     LPS36HI as LPS36HI,
 )
+from .io.images import read_image as read_image
 from .sensor.laser_line import (
     extract_laser_line as extract_laser_line,
     LaserLine as LaserLine,

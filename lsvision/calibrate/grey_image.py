@@ -4,6 +4,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from lsvision.sensor.image_array import as_image
+
 
 def grey_image(image: npt.ArrayLike) -> npt.NDArray[np.uint8]:
     """8-bit grey image of an 8- or 16-bit grey or colour one.
@@ -13,13 +15,9 @@ def grey_image(image: npt.ArrayLike) -> npt.NDArray[np.uint8]:
     TypeError, ValueError
         If it is no image.
     """
-    array = np.asarray(image)
-    if array.ndim not in (2, 3) or 0 in array.shape or (array.ndim == 3 and array.shape[2] != 3):
-        raise ValueError(
-            f"want an image (height, width) or (height, width, 3), got shape {array.shape}"
-        )
-    if array.dtype not in (np.uint8, np.uint16):
-        raise TypeError(f"want an image of uint8 or uint16, got {array.dtype}")
+    array = as_image(image)
+    if array.dtype.kind == "f":
+        raise TypeError(f"expected an image of uint8 or uint16, got {np.asarray(image).dtype}")
     if array.dtype == np.uint16:
         # 10- and 12-bit cameras fill the low bits: scale by what is there.
         array = (array.astype(np.float64) * (255 / max(int(array.max()), 1))).astype(np.uint8)

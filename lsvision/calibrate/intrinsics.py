@@ -21,6 +21,7 @@ from lsvision.calibrate.views import (
 )
 from lsvision.errors import CalibrationFailed
 from lsvision.sensor.camera import Camera
+from lsvision.sensor.image_array import as_image
 from lsvision.shapes import FloatArray, Pose
 from lsvision.shapes.equality import ComparedByValue
 
@@ -251,7 +252,7 @@ def _solve(
 
 
 def _check_sizes(images: Sequence[npt.ArrayLike]) -> None:
-    sizes = [np.asarray(image).shape[1::-1] for image in images]
+    sizes = [as_image(image, f"image {k}").shape[1::-1] for k, image in enumerate(images)]
     for index, size in enumerate(sizes):
         if size != sizes[0]:
             raise CalibrationFailed(

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from lsvision.errors import CalibrationFailed, DegenerateGeometry, LsvisionError
 from lsvision.sensor.camera import Camera
+from lsvision.sensor.image_array import as_image
 from lsvision.shapes import Pose
 
 Image = TypeVar("Image")
@@ -77,7 +78,7 @@ def require_size(camera: Camera, image: npt.ArrayLike, name: str) -> None:
         With the image's name and both sizes.
     """
     width, height = camera.size
-    shape = np.asarray(image).shape
+    shape = as_image(image, name).shape
     if shape[:2] != (height, width):
         got = " x ".join(str(length) for length in shape[1::-1])
         raise CalibrationFailed(

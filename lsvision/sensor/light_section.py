@@ -17,6 +17,7 @@ import numpy.typing as npt
 from lsvision.errors import DegenerateGeometry, LsvisionError
 from lsvision.profile import PointNoise, Profile
 from lsvision.sensor.camera import Camera
+from lsvision.sensor.image_array import as_image
 from lsvision.sensor.laser_line import LaserLine, LineSettings, extract_laser_line
 from lsvision.sensor.line_blur import correct_line_blur
 from lsvision.sensor.rig_file import read_rig, write_rig
@@ -135,6 +136,8 @@ class LightSection(ComparedByValue):
 
         Raises
         ------
+        TypeError, ValueError
+            If it is no image (as the name of a file: `read_image` reads one).
         LsvisionError
             If the image is of another size than the camera's.
         NoLaserLine
@@ -159,7 +162,7 @@ class LightSection(ComparedByValue):
         NoLaserLine
             If no line is found.
         """
-        array = np.asarray(image)
+        array = as_image(image)
         width, height = self.camera.size
         if array.shape[:2] != (height, width):
             got = " x ".join(str(length) for length in array.shape[1::-1])

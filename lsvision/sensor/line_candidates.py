@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from lsvision.sensor.line_image import Image
+from lsvision.sensor.image_array import Image
 from lsvision.shapes import FloatArray, IntArray
 
 FIXED_POINT = 32

@@ -1,15 +1,16 @@
 """From any image to the one channel in which the laser line runs from left to right."""
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
+from lsvision.sensor.image_array import Image, as_image
+
 Channel = Literal["grey", "red", "green", "blue", "white"]
 Direction = Literal["columns", "rows"]
-Image = npt.NDArray[Any]
 
 # Excess of the laser's colour over the mean of the other two: grey surroundings vanish.
 # Order of OpenCV: blue, green, red.
@@ -92,12 +93,12 @@ def prepare_line_image(
         If the shape is no image's, colour and `channel` disagree, or `laser_off` differs in
         shape or type.
     """
-    array = _checked(image, "image")
+    array = as_image(image)
     scale = _full_scale(array, full_scale)
     signal, own = _laser_light(array, channel)
     if laser_off is None:
         return LineImage(signal, own, own, scale)
-    dark = _checked(laser_off, "laser_off")
+    dark = as_image(laser_off, "laser_off")
     if dark.shape != array.shape or dark.dtype != array.dtype:
         raise ValueError(
             f"want a laser_off frame like the image, {array.shape} {array.dtype}, got "
@@ -107,26 +108,6 @@ def prepare_line_image(
     depth = cv2.CV_16S if array.dtype == np.uint8 else cv2.CV_32F
     less = [cv2.subtract(on, off, dtype=depth) for on, off in zip(lit, unlit, strict=True)]
     return LineImage(less[0], less[0] if own is signal else less[1], own, scale)
-
-
-def _checked(image: npt.ArrayLike, name: str) -> Image:
-    """The image as uint8, uint16 or float32, of a shape that is one."""
-    array = np.asarray(image)
-    if array.dtype not in (np.uint8, np.uint16) and array.dtype.kind != "f":
-        raise TypeError(f"want {name} of uint8, uint16 or float, got {array.dtype}")
-    colours = array.ndim == 3 and array.shape[2] == 3
-    if array.ndim == 3 and array.shape[2] == 1:
-        array = array[:, :, 0]
-    if not (array.ndim == 2 or colours) or min(array.shape[:2], default=0) < 16:
-        raise ValueError(
-            f"want {name} of shape (height, width) or (height, width, 3), 16 px or more each "
-            f"way, got {array.shape}"
-        )
-    if array.dtype in (np.uint8, np.uint16):
-        return np.ascontiguousarray(array)
-    if not np.isfinite(array).all():
-        raise ValueError(f"want finite numbers in a float {name}, got NaN or infinity")
-    return np.ascontiguousarray(array, dtype=np.float32)
 
 
 def _full_scale(array: Image, stated: float | None) -> float:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.sensor.line_image import Image
+from lsvision.sensor.image_array import Image
 from lsvision.sensor.stripe_windows import Windows
 from lsvision.shapes import FloatArray, IntArray
 

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from lsvision.sensor.line_image import Image
+from lsvision.sensor.image_array import Image
 from lsvision.sensor.stripe_windows import Stripes, Windows
 from lsvision.shapes import FloatArray
 

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.sensor.line_image import Image, LineImage
+from lsvision.sensor.image_array import Image
+from lsvision.sensor.line_image import LineImage
 from lsvision.shapes import BoolArray, FloatArray, IntArray
 
 HALF_WIDTH_SIGMAS = 3.5

@@ -250,3 +250,16 @@ def test_a_blur_that_is_none_is_refused(blur):
     camera = Camera([[900, 0, 160], [0, 900, 120], [0, 0, 1]], [], (320, 240))
     with pytest.raises(ValueError, match="want line_blur_px >= 0"):
         LightSection(camera, Plane((0.0, 0.866, 0.5), 150.0), {}, blur)
+
+
+@pytest.mark.parametrize(
+    ("image", "kind", "message"),
+    [
+        ("x.png", TypeError, r"image as an array, got 'x\.png': lsvision\.read_image\('x\.png'\)"),
+        (np.zeros((1024, 1280, 4), np.uint8), ValueError, r"got \(1024, 1280, 4\): leave transp"),
+        (np.zeros((1024, 1280), np.int32), TypeError, "uint8, uint16 or float, got int32"),
+    ],
+)
+def test_what_is_no_image_is_told_before_its_size(image, kind, message):
+    with pytest.raises(kind, match=message):
+        LightSection(CAMERA, PLANES["level line"]).profile(image)
