@@ -5,7 +5,7 @@ takes planes for huge ellipses; `Settings.paper` runs the paper's chain without 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from lsvision.detection.acceptance import AcceptanceSettings, rejection_reason
@@ -13,6 +13,7 @@ from lsvision.detection.arcs import IdentifiedArc, Rejection
 from lsvision.detection.candidates import CandidateSettings, find_candidates
 from lsvision.detection.end_condition import tangential_end_reason
 from lsvision.detection.identification import identify_arcs
+from lsvision.detection.measurement import Measurement
 from lsvision.detection.overlap_suppression import suppress_overlapping
 from lsvision.detection.profile_preparation import prepare_profile
 from lsvision.detection.range_image import (
@@ -39,6 +40,8 @@ from lsvision.shapes.arguments import as_known_phi, as_number_or_pair
 
 if TYPE_CHECKING:
     import numpy.typing as npt
+
+__all__ = ["Measurement", "Settings", "measure_cylinders"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,22 +73,6 @@ class Settings:
     def paper(cls) -> "Settings":
         """The paper's chain as literally as its text allows, for side-by-side comparison."""
         return cls(paper_settings=PaperSettings())
-
-
-@dataclass(frozen=True)
-class Measurement:
-    """What one profile holds.
-
-    Parameters
-    ----------
-    cylinders : tuple of CylinderSection
-        Left to right by centre x.
-    rejections : tuple of Rejection
-        What else was looked at, and why it is no cylinder; in the order of the profile.
-    """
-
-    cylinders: tuple[CylinderSection, ...]
-    rejections: tuple[Rejection, ...]
 
 
 def measure_cylinders(
@@ -158,7 +145,8 @@ def measure_cylinders(
     """
     priors = Priors(_known_radius(known_radius), _known_phi(known_phi))
     search = as_number_or_pair(radius, "radius", "mm", "(min, max)")
-    return _find_cylinders(as_profile(profile), search, priors, as_noise_model(sensor), settings)
+    seen, noise = as_profile(profile), as_noise_model(sensor)
+    return replace(_find_cylinders(seen, search, priors, noise, settings), profile=seen)
 
 
 def _find_cylinders(

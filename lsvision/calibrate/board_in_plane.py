@@ -14,17 +14,18 @@ from lsvision.calibrate.board_pose_estimation import estimate_board_pose
 from lsvision.calibrate.board_pose_initial_guess import guess_camera_from_board
 from lsvision.calibrate.target import Target, TargetView, find_target
 from lsvision.errors import DegenerateGeometry
+from lsvision.results.quantities import Record, numbers
+from lsvision.results.result import Result
 from lsvision.sensor.camera import Camera
 from lsvision.sensor.light_section import LightSection
 from lsvision.shapes import FloatArray, Plane, Pose
-from lsvision.shapes.equality import ComparedByValue
 
 USUAL_FOCAL = 1.2
 """Focal length in image widths that is taken where the photo does not tell it."""
 
 
-@dataclass(frozen=True, eq=False)
-class BoardInPlane(ComparedByValue):
+@dataclass(frozen=True, eq=False, repr=False)
+class BoardInPlane(Result):
     """A light section from one board, with its evidence.
 
     Parameters
@@ -42,6 +43,36 @@ class BoardInPlane(ComparedByValue):
     def rms_px(self) -> float:
         """Root mean square of the points' distances. Units: px."""
         return float(np.sqrt(np.mean(np.sum(self.residuals**2, axis=1))))
+
+    def to_dict(self) -> Record:
+        """Return the plane and the residuals, ready for JSON.
+
+        Returns
+        -------
+        dict
+            Camera frame; lengths in ``*_mm``, residuals in ``*_px``.
+        """
+        plane = self.light_section.laser_plane
+        return {
+            "normal": numbers(plane.normal),
+            "distance_mm": plane.distance,
+            "rms_px": self.rms_px,
+            "points": len(self.residuals),
+        }
+
+    def _summary(self) -> str:
+        return f"{len(self.residuals)} points of the board, rms {self.rms_px:.3f} px"
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        plane = self.light_section.laser_plane
+        normal = ", ".join(f"{value:.4f}" for value in plane.normal)
+        row = (
+            f"({normal})",
+            f"{plane.distance:.3f}",
+            f"{self.rms_px:.3f}",
+            str(len(self.residuals)),
+        )
+        return [("normal, camera frame", "distance mm", "rms px", "points"), row]
 
 
 def calibrate_board_in_plane(

@@ -8,7 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.calibrate.flange_poses import Mounting
+from lsvision.calibrate.result_tables import cells_of_rows, hand_eye_rows
 from lsvision.calibrate.rotations import cross_matrices
+from lsvision.results.quantities import Record, finite, numbers
+from lsvision.results.result import Result
 from lsvision.shapes import FloatArray, Plane, Pose, as_readonly_array
 from lsvision.shapes.equality import ComparedByValue
 
@@ -58,8 +61,8 @@ class RejectedPose:
     reason: str
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class HandEye(ComparedByValue):
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class HandEye(Result):
     """Where the sensor sits on the robot, or before it.
 
     Parameters
@@ -101,6 +104,12 @@ class HandEye(ComparedByValue):
         What the profiles' heights must be multiplied by, about the working point, to be true,
         and its one sigma; a check on the sensor, 1 where it measures right. None where the
         target does not tell.
+
+    Examples
+    --------
+    >>> import lsvision as lsv
+    >>> hand_eye = lsv.load_hand_eye("calibration/example/hand_eye.json")  # doctest: +SKIP
+    >>> hand_eye.flange_from_section.translation, hand_eye.working_point_std  # doctest: +SKIP
     """
 
     mount_from_sensor: Pose
@@ -213,6 +222,56 @@ class HandEye(ComparedByValue):
         this, not the origin's sigma, says how good the calibration is.
         """
         return math.sqrt(float(np.trace(self.covariance_at(point))))
+
+    def to_dict(self) -> Record:
+        """Return the pose, its uncertainty and the evidence as plain numbers, ready for JSON.
+
+        Returns
+        -------
+        dict
+            Lengths in ``*_mm``, angles in ``*_deg``; `save_hand_eye` writes what `load_hand_eye`
+            reads again.
+        """
+        from scipy.spatial.transform import Rotation
+
+        std = np.sqrt(np.diag(self.covariance))
+        vector = Rotation.from_matrix(self.mount_from_sensor.rotation).as_rotvec(degrees=True)
+        position_std, rotation_std = self.robot_std
+        factor, factor_std = self.height_scale or (None, None)
+        return {
+            "mounting": self.mounting,
+            "sensor": self.sensor,
+            "position_mm": numbers(self.mount_from_sensor.translation),
+            "position_std_mm": numbers(std[:3]),
+            "rotation_vector_deg": numbers(vector),
+            "rotation_vector_std_deg": numbers(np.degrees(std[3:])),
+            "working_point_mm": numbers(self.working_point),
+            "working_point_std_mm": self.working_point_std,
+            "residual_rms_mm": finite(self.residual_rms),
+            "leave_one_out_rms_mm": finite(self.leave_one_out_rms),
+            "robot_position_std_mm": position_std,
+            "robot_rotation_std_deg": math.degrees(rotation_std),
+            "height_scale": factor,
+            "height_scale_std": factor_std,
+            "residuals_mm": numbers(self.residuals),
+            "leave_one_out_residuals_mm": numbers(self.leave_one_out_residuals),
+            "rejected": [{"index": pose.index, "reason": pose.reason} for pose in self.rejected],
+            "warnings": list(self.warnings),
+        }
+
+    def _summary(self) -> str:
+        believed = len(self.residuals) - len(self.rejected)
+        return (
+            f"{self.sensor}, {self.mounting.replace('_', ' ')}, {self.working_point_std:.3f} mm "
+            f"at the working point, from {believed} of {len(self.residuals)} poses"
+        )
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        return cells_of_rows(hand_eye_rows(self))
+
+    def _notes(self) -> list[str]:
+        left_out = [f"left out: pose {pose.index}: {pose.reason}" for pose in self.rejected]
+        return left_out + [f"warning: {text}" for text in self.warnings]
 
     def _named(self, mounting: Mounting, sensor: Sensor) -> Pose:
         if (self.mounting, self.sensor) != (mounting, sensor):

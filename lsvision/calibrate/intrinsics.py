@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.calibrate.intrinsics_check import check_camera
+from lsvision.calibrate.result_tables import camera_rows, cells_of_rows, doubt_lines
 from lsvision.calibrate.target import Target, TargetView, find_target
 from lsvision.calibrate.views import (
     RejectedView,
@@ -20,6 +21,8 @@ from lsvision.calibrate.views import (
     require_views,
 )
 from lsvision.errors import CalibrationFailed
+from lsvision.results.quantities import Record
+from lsvision.results.result import Result
 from lsvision.sensor.camera import Camera
 from lsvision.sensor.image_array import as_image
 from lsvision.shapes import FloatArray, Pose
@@ -103,8 +106,8 @@ class CalibratedView(ComparedByValue):
         return float(np.sqrt(np.mean(np.sum(self.residuals**2, axis=1))))
 
 
-@dataclass(frozen=True, eq=False)
-class CameraCalibration(ComparedByValue):
+@dataclass(frozen=True, eq=False, repr=False)
+class CameraCalibration(Result):
     """A camera with its evidence.
 
     Parameters
@@ -135,6 +138,44 @@ class CameraCalibration(ComparedByValue):
         """Root mean square of all points' distances, as OpenCV counts. Units: px."""
         residuals = np.concatenate([view.residuals for view in self.views])
         return float(np.sqrt(np.mean(np.sum(residuals**2, axis=1))))
+
+    @property
+    def parameters(self) -> dict[str, tuple[float, float]]:
+        """Value and one sigma of fx, fy, cx, cy (px) and of each coefficient of distortion."""
+        matrix = self.camera.matrix
+        values = [matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2], *self.camera.distortion]
+        pairs = zip(values, self.std.items(), strict=False)
+        return {name: (float(value), std) for value, (name, std) in pairs}
+
+    def to_dict(self) -> Record:
+        """Return the intrinsics with one sigma each, ready for JSON.
+
+        Returns
+        -------
+        dict
+            ``fx_px``, ``fx_std_px`` and so on; coefficients of distortion have no unit.
+        """
+        record: Record = {}
+        for name, (value, std) in self.parameters.items():
+            unit = "_px" if name in ("fx", "fy", "cx", "cy") else ""
+            record |= {f"{name}{unit}": value, f"{name}_std{unit}": std}
+        return record | {
+            "rms_px": self.rms_px,
+            "views": len(self.views),
+            "rejected": [{"image": view.index, "reason": view.reason} for view in self.rejected],
+            "outliers": [{"image": view.index, "reason": view.reason} for view in self.outliers],
+            "warnings": list(self.warnings),
+        }
+
+    def _summary(self) -> str:
+        width, height = self.camera.size
+        return f"{width} x {height} px from {len(self.views)} views, rms {self.rms_px:.3f} px"
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        return cells_of_rows(camera_rows(self))
+
+    def _notes(self) -> list[str]:
+        return doubt_lines(self.rejected, self.outliers, self.warnings)
 
 
 def calibrate_camera(

@@ -1,10 +1,15 @@
 """What a calibration of the laser plane gives."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from lsvision.calibrate.result_tables import cells_of_rows, doubt_lines, laser_plane_rows
 from lsvision.calibrate.views import RejectedView
+from lsvision.results.number_format import format_value
+from lsvision.results.quantities import Record, numbers
+from lsvision.results.result import Result
 from lsvision.sensor.light_section import LightSection
 from lsvision.shapes import FloatArray, Plane, Pose
 from lsvision.shapes.equality import ComparedByValue
@@ -32,8 +37,8 @@ class CalibratedLaserView(ComparedByValue):
     line_residuals: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class LaserPlaneCalibration(ComparedByValue):
+@dataclass(frozen=True, eq=False, repr=False)
+class LaserPlaneCalibration(Result):
     """A light section with its evidence.
 
     Parameters
@@ -84,6 +89,42 @@ class LaserPlaneCalibration(ComparedByValue):
         """Of the corners' residuals, per point as OpenCV counts. Units: px."""
         residuals = np.concatenate([view.corner_residuals for view in self.views])
         return float(np.sqrt(2)) * rms(residuals)
+
+    def to_dict(self) -> Record:
+        """Return the plane with its uncertainty and the residuals, ready for JSON.
+
+        Returns
+        -------
+        dict
+            Camera frame; lengths in ``*_mm``, angles in ``*_deg``, residuals in ``*_px``.
+        """
+        tilt_x, tilt_y, distance = np.sqrt(np.diag(self.covariance)).tolist()
+        return {
+            "normal": numbers(self.plane.normal),
+            "tilt_x_std_deg": math.degrees(tilt_x),
+            "tilt_y_std_deg": math.degrees(tilt_y),
+            "distance_mm": self.plane.distance,
+            "distance_std_mm": distance,
+            "line_rms_px": self.line_rms,
+            "corner_rms_px": self.corner_rms,
+            "views": len(self.views),
+            "rejected": [{"image": view.index, "reason": view.reason} for view in self.rejected],
+            "outliers": [{"image": view.index, "reason": view.reason} for view in self.outliers],
+            "warnings": list(self.warnings),
+        }
+
+    def _summary(self) -> str:
+        std = math.sqrt(float(self.covariance[2, 2]))
+        return (
+            f"distance {format_value(self.plane.distance, std)} mm from {len(self.views)} views, "
+            f"laser line rms {self.line_rms:.3f} px"
+        )
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        return cells_of_rows(laser_plane_rows(self))
+
+    def _notes(self) -> list[str]:
+        return doubt_lines(self.rejected, self.outliers, self.warnings)
 
 
 def rms(values: FloatArray) -> float:

@@ -15,6 +15,9 @@ from lsvision.calibrate.bundle_adjustment_state import LaserView
 from lsvision.calibrate.grey_image import grey_image
 from lsvision.calibrate.target import Target, TargetView, find_target
 from lsvision.errors import CalibrationFailed, LsvisionError
+from lsvision.results.number_format import format_value
+from lsvision.results.quantities import Record
+from lsvision.results.result import Result
 from lsvision.shapes import FloatArray, Points
 
 ALONG_SHARE = 0.3
@@ -40,8 +43,8 @@ MAX_SIGMA_FRACTION = 0.4
 MAD_TO_STD = 1.4826
 
 
-@dataclass(frozen=True)
-class LensBlur:
+@dataclass(frozen=True, eq=False, repr=False)
+class LensBlur(Result):
     """Blur of an image across edges of one direction.
 
     Parameters
@@ -57,6 +60,28 @@ class LensBlur:
     sigma: float
     std: float
     edges: int
+
+    def to_dict(self) -> Record:
+        """Return the blur with one sigma, ready for JSON.
+
+        Returns
+        -------
+        dict
+            ``sigma_px``, ``std_px``, ``edges``.
+
+        Examples
+        --------
+        >>> LensBlur(0.7, 0.02, 40).to_dict()
+        {'sigma_px': 0.7, 'std_px': 0.02, 'edges': 40}
+        """
+        return {"sigma_px": self.sigma, "std_px": self.std, "edges": self.edges}
+
+    def _summary(self) -> str:
+        return f"{format_value(self.sigma, self.std)} px from {self.edges} edges"
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        row = (format_value(self.sigma, self.std), str(self.edges))
+        return [("blur px", "edges"), row]
 
 
 def measure_lens_blur(

@@ -17,8 +17,9 @@ from lsvision.calibrate.planning_targets import (
 )
 from lsvision.calibrate.rotations import cross_matrices, rotations_of
 from lsvision.errors import DegenerateGeometry
+from lsvision.results.quantities import Record, flat_row, numbers
+from lsvision.results.result import Result
 from lsvision.shapes import BoolArray, FloatArray, IntArray, Plane, Pose, as_readonly_array
-from lsvision.shapes.equality import ComparedByValue
 from lsvision.shapes.pose import as_pose, as_poses
 
 UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
@@ -69,8 +70,8 @@ class PosePlanSettings:
     seed: int = 0
 
 
-@dataclass(frozen=True, eq=False)
-class PosePlan(ComparedByValue):
+@dataclass(frozen=True, eq=False, repr=False)
+class PosePlan(Result):
     """Poses to take, best first.
 
     Parameters
@@ -94,6 +95,49 @@ class PosePlan(ComparedByValue):
     def __post_init__(self) -> None:
         for name in ("predicted_std", "predicted_origin_std"):
             object.__setattr__(self, name, as_readonly_array(getattr(self, name), ("k",), name))
+
+    def to_dict(self) -> Record:
+        """Return the poses and the accuracy they promise, ready for JSON.
+
+        Returns
+        -------
+        dict
+            ``poses``, a record each: candidate's index, 4x4 matrix (mm), ``predicted_std_mm``.
+        """
+        rows = zip(
+            self.indices,
+            self.base_from_flanges,
+            numbers(self.predicted_std),
+            numbers(self.predicted_origin_std),
+            strict=True,
+        )
+        return {
+            "poses": [
+                {
+                    "index": index,
+                    "base_from_flange": pose.matrix.tolist(),
+                    "predicted_std_mm": std,
+                    "predicted_origin_std_mm": origin_std,
+                }
+                for index, pose, std, origin_std in rows
+            ]
+        }
+
+    def _summary(self) -> str:
+        return f"{len(self.indices)} poses, then {self.predicted_std[-1]:.4f} mm at the target"
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        rows: list[tuple[str, ...]] = [("", "x mm", "y mm", "z mm", "std after it mm")]
+        for number, pose in enumerate(self.base_from_flanges, 1):
+            place = (f"{value:.1f}" for value in pose.translation)
+            rows.append((str(number), *place, f"{self.predicted_std[number - 1]:.4f}"))
+        return rows
+
+    def _rows(self) -> list[Record]:
+        return [
+            flat_row(record) | flat_row({"flange_mm": numbers(pose.translation)})
+            for record, pose in zip(self.to_dict()["poses"], self.base_from_flanges, strict=True)
+        ]
 
 
 SPHERE_DEFAULTS = PosePlanSettings()

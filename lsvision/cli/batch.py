@@ -28,9 +28,9 @@ from lsvision.errors import LsvisionError, UnreadableFile
 if TYPE_CHECKING:
     from lsvision.cylinder.robot_frame import PlacedCylinder
     from lsvision.io.profiles import ProfileFile, ReadOptions
-    from lsvision.io.results import Record
     from lsvision.measure import Measurement
     from lsvision.profile import Profile
+    from lsvision.results.quantities import Record
     from lsvision.sensor.profile_sensor import ProfileSensor
     from lsvision.shapes import Pose
 

@@ -39,7 +39,7 @@ from lsvision.cli.sources import MEASURED_SUFFIXES, find_sources
 from lsvision.io.file_names import PROFILE_SUFFIXES
 
 if TYPE_CHECKING:
-    from lsvision.io.results import Record
+    from lsvision.results.quantities import Record
 
 
 def measure(

@@ -13,8 +13,10 @@ import numpy.typing as npt
 
 from lsvision.cylinder.problem import tangent_frame
 from lsvision.ellipse.section import CylinderSection
+from lsvision.results.number_format import decimals_for, format_std, format_value
+from lsvision.results.quantities import Record, flat_row, numbers
+from lsvision.results.result import Result
 from lsvision.shapes import Cylinder, FloatArray, Pose, as_readonly_array
-from lsvision.shapes.equality import ComparedByValue
 from lsvision.shapes.pose import as_pose
 
 Frame = Literal["base", "flange"]
@@ -22,6 +24,8 @@ Frame = Literal["base", "flange"]
 MIN_SIN_PHI = 1e-6
 """Of phi: below, the direction's errors are limited by those that the section states."""
 TINY_MM = 1e-300
+PLACED_HEADER = ("point x y z mm", "± mm", "direction x y z", "± deg")
+PLACED_COVARIANCE_ORDER = "point x, y, z (mm), direction along e_phi, e_theta (rad), radius (mm)"
 
 
 class SectionMount(Protocol):
@@ -46,8 +50,8 @@ class SectionMount(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False)
-class PlacedCylinder(ComparedByValue):
+@dataclass(frozen=True, eq=False, repr=False)
+class PlacedCylinder(Result):
     """One of the two cylinders that a section allows, in the frame of the robot.
 
     Parameters
@@ -109,6 +113,70 @@ class PlacedCylinder(ComparedByValue):
     def radius_std(self) -> float:
         """One sigma of the radius. Units: mm."""
         return math.sqrt(self.covariance[5, 5])
+
+    def to_dict(self) -> Record:
+        """Return point, direction, radius and covariance as plain numbers, ready for JSON.
+
+        Returns
+        -------
+        dict
+            Lengths in ``*_mm``, angles in ``*_deg``.
+        """
+        return {
+            "frame": self.frame,
+            "includes_calibration": self.includes_calibration,
+            "radius_mm": self.radius,
+            "radius_std_mm": self.radius_std,
+            "point_mm": numbers(self.point),
+            "point_std_mm": numbers(self.point_std),
+            "covariance_order": PLACED_COVARIANCE_ORDER,
+            **self.direction_record,
+        }
+
+    @property
+    def direction_record(self) -> Record:
+        """What tells one twin from the other, ready for JSON."""
+        return {
+            "direction": numbers(self.direction),
+            "direction_std_deg": math.degrees(self.direction_std),
+            "e_phi": numbers(self.tangent_basis[0]),
+            "e_theta": numbers(self.tangent_basis[1]),
+            "covariance": [numbers(row) for row in self.covariance],
+        }
+
+    def _summary(self) -> str:
+        point, point_std, direction, angle = placed_cells(self)
+        return (
+            f"radius {format_value(self.radius, self.radius_std)} mm, point ({point}) ± "
+            f"({point_std}) mm, direction ({direction}) ± {angle} deg, {self.frame} frame"
+        )
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        radius = format_value(self.radius, self.radius_std)
+        return [("radius mm", *PLACED_HEADER), (radius, *placed_cells(self))]
+
+    def _notes(self) -> list[str]:
+        errors = "with" if self.includes_calibration else "without"
+        return [f"{self.frame} frame, one sigma, {errors} the calibration's error"]
+
+    def _rows(self) -> list[Record]:
+        row = flat_row(self.to_dict())
+        left_out = ("covariance_order", *(f"{n}_{a}" for n in ("e_phi", "e_theta") for a in "xyz"))
+        return [{key: value for key, value in row.items() if key not in left_out}]
+
+
+def placed_cells(cylinder: PlacedCylinder) -> tuple[str, ...]:
+    """Cells under `PLACED_HEADER`, each number with one sigma beside it."""
+    stds = [float(std) for std in cylinder.point_std]
+    places = decimals_for(cylinder.direction_std)
+    return (
+        " ".join(
+            f"{part:.{decimals_for(std)}f}" for part, std in zip(cylinder.point, stds, strict=True)
+        ),
+        " ".join(format_std(std) for std in stds),
+        " ".join(f"{part:+.{places}f}" for part in cylinder.direction),
+        format_std(math.degrees(cylinder.direction_std)),
+    )
 
 
 def place_section(

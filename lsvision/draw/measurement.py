@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lsvision.draw.panel import colour_of, draw_panel
+from lsvision.draw.panel import draw_panel
 from lsvision.draw.rejected import RejectedArc, rejected_arcs
 from lsvision.ellipse.section import CylinderSection
 from lsvision.measure import Measurement
 from lsvision.profile import Profile
+from lsvision.results.picture import colour_of
 from lsvision.shapes import FloatArray, Points
 
 if TYPE_CHECKING:

@@ -7,12 +7,13 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.draw.measurement import draw_on_axes, summary_title
-from lsvision.draw.panel import colour_of, draw_panel
+from lsvision.draw.panel import draw_panel
 from lsvision.draw.photo import show_photo
 from lsvision.draw.rejected import rejected_arcs
 from lsvision.ellipse.section import CylinderSection
 from lsvision.measure import Measurement
 from lsvision.profile import Profile
+from lsvision.results.picture import colour_of
 from lsvision.sensor.light_section import LightSection
 from lsvision.shapes import Points
 

@@ -5,14 +5,14 @@ import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from lsvision.draw.number_format import format_value
 from lsvision.draw.rejected import RejectedArc
 from lsvision.ellipse.section import CylinderSection
+from lsvision.results.number_format import format_value
+from lsvision.results.picture import colour_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-CYLINDER_COLOURS = ("#0072B2", "#00805E", "#A8457E", "#4B4BC8")
 HEADING = "black"
 
 LEFT, TOP, LINE = 0.685, 0.865, 0.0208
@@ -27,11 +27,6 @@ LEGEND = (
     "φ: tilt of the cylinder from the laser plane's normal\n"
     "± one sigma"
 )
-
-
-def colour_of(number: int) -> str:
-    """Colour of a cylinder, numbered from 1."""
-    return CYLINDER_COLOURS[(number - 1) % len(CYLINDER_COLOURS)]
 
 
 def draw_panel(

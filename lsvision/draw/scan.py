@@ -4,7 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lsvision.draw.panel import colour_of
+from lsvision.results.number_format import format_value
+from lsvision.results.picture import colour_of
 from lsvision.scan import ScanMeasurement, ScannedCylinder
 from lsvision.scan.surface import tube_surface
 from lsvision.shapes import FloatArray, Points
@@ -114,8 +115,6 @@ def _draw_numbers(figure: "Figure", scan: ScanMeasurement) -> None:
 
 
 def _numbers_of(tube: ScannedCylinder) -> str:
-    from lsvision.draw.number_format import format_value
-
     x, y, z = tube.direction
     sections = f"{len(tube.sections)} section{'' if len(tube.sections) == 1 else 's'}"
     text = (

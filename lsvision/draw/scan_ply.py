@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lsvision.draw.panel import colour_of
+from lsvision.results.picture import colour_of
 from lsvision.scan import ScanMeasurement
 from lsvision.scan.surface import tube_surface
 from lsvision.shapes import FloatArray, IntArray, Points

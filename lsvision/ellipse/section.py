@@ -2,22 +2,26 @@
 
 import math
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
 from lsvision.ellipse.fit import EllipseFit
 from lsvision.ellipse.intervals import Quantity, interval, theta_is_determined
 from lsvision.ellipse.parameters import semi_major_gradient, semi_minor_gradient
+from lsvision.ellipse.section_table import SECTION_QUANTITIES, section_cells, section_row
 from lsvision.profile import Arc
+from lsvision.results.picture import draw_svg
+from lsvision.results.quantities import LEVEL, Estimate, Record, finite, numbers
+from lsvision.results.result import Result
 from lsvision.shapes import Ellipse, FloatArray, IntArray
-from lsvision.shapes.equality import ComparedByValue
 
 THETA_UNKNOWN_STD = math.pi / math.sqrt(12)
 """Standard deviation of a direction of which nothing is known, uniform in [0, pi). Units: rad."""
 
 
-@dataclass(frozen=True, eq=False)
-class CylinderSection(ComparedByValue):
+@dataclass(frozen=True, eq=False, repr=False)
+class CylinderSection(Result):
     """A cylinder as one light section sees it.
 
     Parameters
@@ -28,6 +32,17 @@ class CylinderSection(ComparedByValue):
         The span of the profile.
     indices : (k,) int ndarray
         The points of the profile it rests on.
+
+    Examples
+    --------
+    >>> import lsvision as lsv
+    >>> section = lsv.simulate.random_section("single", 7, noise_mm=0.02)
+    >>> (pipe,) = lsv.measure_cylinders(section.profile).cylinders
+    >>> pipe  # doctest: +ELLIPSIS
+    <CylinderSection: radius 36.9... mm, theta 40... deg, phi 3... deg, ..., ... points>
+    >>> low, high = pipe.interval("radius")
+    >>> low < pipe.radius < high
+    True
     """
 
     fit: EllipseFit
@@ -60,9 +75,18 @@ class CylinderSection(ComparedByValue):
         return self.ellipse.centre
 
     @property
-    def axis_twins(self) -> FloatArray:
-        """Both axes that this one section allows: (2, 3) unit vectors, section frame."""
+    def axis_candidates(self) -> FloatArray:
+        """Both axes that this one section allows: (2, 3) unit vectors, section frame.
+
+        cos(phi) n + sin(phi) m and cos(phi) n - sin(phi) m, with n the laser plane's normal and
+        m the ellipse's major axis.
+        """
         return self.ellipse.axis_twins
+
+    @property
+    def axis_twins(self) -> FloatArray:
+        """The same as `axis_candidates`, by its older name."""
+        return self.axis_candidates
 
     @property
     def covariance(self) -> FloatArray:
@@ -151,8 +175,84 @@ class CylinderSection(ComparedByValue):
         ------
         ValueError
             If the quantity is none of these or the level is no probability.
+
+        Examples
+        --------
+        >>> import lsvision as lsv
+        >>> section = lsv.simulate.random_section("single", 7, noise_mm=0.02)
+        >>> (pipe,) = lsv.measure_cylinders(section.profile).cylinders
+        >>> low, high = pipe.interval("phi", level=0.99)
+        >>> 0 < low < pipe.phi < high
+        True
         """
         return interval(self.fit, quantity, level)
+
+    @property
+    def estimates(self) -> tuple[Estimate, ...]:
+        """The numbers of tables and files in mm and deg, with sigmas and 95 % intervals."""
+        x_std, y_std = (math.sqrt(variance) for variance in self.covariance.diagonal()[:2])
+        x, y = self.centre
+        values = (
+            (self.radius, self.radius_std),
+            (self.theta, self.theta_std),
+            (self.phi, self.phi_std),
+            (x, x_std),
+            (y, y_std),
+        )
+        return tuple(
+            Estimate.of(
+                quantity,
+                *value_and_std,
+                self.interval(cast("Quantity", quantity.name), LEVEL),
+                determined=quantity.name != "theta" or self.theta_determined,
+            )
+            for quantity, value_and_std in zip(SECTION_QUANTITIES, values, strict=True)
+        )
+
+    def to_dict(self) -> Record:
+        """Return the section as plain numbers, ready for JSON.
+
+        Returns
+        -------
+        dict
+            Values, ``*_std_*`` and ``*_interval_95_*`` in mm and deg, ``theta_determined``, both
+            semi-axes, ``axis_twins`` and ``indices``.
+
+        Examples
+        --------
+        >>> import lsvision as lsv
+        >>> section = lsv.simulate.random_section("single", 7, noise_mm=0.02)
+        >>> (pipe,) = lsv.measure_cylinders(section.profile).cylinders
+        >>> pipe.to_dict()["radius_mm"] == pipe.radius
+        True
+        """
+        record: Record = {}
+        for estimate in self.estimates:
+            record |= estimate.record
+        record["theta_determined"] = bool(self.theta_determined)
+        record["semi_major_mm"] = finite(self.ellipse.semi_major)
+        record["semi_minor_mm"] = finite(self.ellipse.semi_minor)
+        record["axis_twins"] = [numbers(axis) for axis in self.axis_candidates]
+        record["indices"] = [int(index) for index in self.indices]
+        return record
+
+    def _summary(self) -> str:
+        words = [
+            f"{each.quantity.name.replace('_', ' ')} {each.text}"
+            + (f" {each.quantity.unit}" if each.determined else "")
+            for each in self.estimates
+        ]
+        return ", ".join([*words, f"{len(self.indices)} points"])
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        return section_cells([self])
+
+    def _rows(self) -> list[Record]:
+        return [section_row(self.to_dict())]
+
+    def _picture(self) -> str:
+        points = self.fit.problem.points
+        return draw_svg(points, [(points, self.ellipse)], "a section of a cylinder")
 
     @property
     def _theta_gradient(self) -> FloatArray:

@@ -6,9 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.planning.information import UNIFORM_THETA, information, invert_information
+from lsvision.planning.prediction_table import cells_of_stds, summary_of_stds
 from lsvision.planning.sensor_view import cylinder_normals
+from lsvision.results.quantities import Record
+from lsvision.results.result import Result
 from lsvision.shapes import Cylinder, FloatArray, Points, as_readonly_array
-from lsvision.shapes.equality import ComparedByValue
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,8 +75,8 @@ class Feed:
         return shifts
 
 
-@dataclass(frozen=True, eq=False)
-class ScanPrediction(ComparedByValue):
+@dataclass(frozen=True, eq=False, repr=False)
+class ScanPrediction(Result):
     """One-sigma errors to expect from a joint fit to all sections of a scan.
 
     Parameters
@@ -112,6 +114,31 @@ class ScanPrediction(ComparedByValue):
         object.__setattr__(
             self, "covariance", as_readonly_array(self.covariance, (5, 5), "covariance")
         )
+
+    def to_dict(self) -> Record:
+        """Return the predicted standard uncertainties, ready for JSON.
+
+        Returns
+        -------
+        dict
+            Lengths in ``*_mm``, angles in ``*_deg``.
+        """
+        return {
+            "radius_std_mm": self.radius_std,
+            "direction_std_deg": math.degrees(self.direction_std),
+            "theta_std_deg": math.degrees(self.theta_std),
+            "phi_std_deg": math.degrees(self.phi_std),
+            "position_std_mm": self.position_std,
+            "points": self.points,
+            "sections": self.sections,
+            "length_mm": self.length,
+        }
+
+    def _summary(self) -> str:
+        return summary_of_stds(self.to_dict())
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        return cells_of_stds(self.to_dict())
 
 
 def scan_bound(

@@ -6,12 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.planning.information import UNIFORM_THETA, information, invert_information
+from lsvision.planning.prediction_table import cells_of_stds, summary_of_stds
+from lsvision.results.quantities import Record
+from lsvision.results.result import Result
 from lsvision.shapes import Ellipse, FloatArray, Points, as_readonly_array
-from lsvision.shapes.equality import ComparedByValue
 
 
-@dataclass(frozen=True, eq=False)
-class SectionPrediction(ComparedByValue):
+@dataclass(frozen=True, eq=False, repr=False)
+class SectionPrediction(Result):
     """One-sigma errors to expect from one section; what an efficient fit reaches.
 
     Parameters
@@ -46,6 +48,29 @@ class SectionPrediction(ComparedByValue):
         object.__setattr__(
             self, "covariance", as_readonly_array(self.covariance, (5, 5), "covariance")
         )
+
+    def to_dict(self) -> Record:
+        """Return the predicted standard uncertainties, ready for JSON.
+
+        Returns
+        -------
+        dict
+            Lengths in ``*_mm``, angles in ``*_deg``.
+        """
+        return {
+            "radius_std_mm": self.radius_std,
+            "theta_std_deg": math.degrees(self.theta_std),
+            "phi_std_deg": math.degrees(self.phi_std),
+            "centre_x_std_mm": self.centre_x_std,
+            "centre_y_std_mm": self.centre_y_std,
+            "points": self.points,
+        }
+
+    def _summary(self) -> str:
+        return summary_of_stds(self.to_dict())
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        return cells_of_stds(self.to_dict())
 
 
 def section_bound(

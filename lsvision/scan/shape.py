@@ -14,8 +14,11 @@ import numpy as np
 from lsvision.cylinder.fit_result import variance_factor
 from lsvision.cylinder.problem import tangent_frame
 from lsvision.errors import DegenerateGeometry
+from lsvision.results.quantities import Record, finite, numbers
+from lsvision.results.result import Result
 from lsvision.scan.scan_result import ScannedCylinder
 from lsvision.scan.section_centres import SectionCentres, fit_section_centres
+from lsvision.scan.shape_table import shape_lines
 from lsvision.shapes import FloatArray
 from lsvision.shapes.equality import ComparedByValue
 
@@ -58,8 +61,8 @@ class FormDeviation(ComparedByValue):
         return self.p_value < level
 
 
-@dataclass(frozen=True, eq=False)
-class TubeShape(ComparedByValue):
+@dataclass(frozen=True, eq=False, repr=False)
+class TubeShape(Result):
     """Shape of a tube along its axis.
 
     Parameters
@@ -111,6 +114,58 @@ class TubeShape(ComparedByValue):
     def taper_slope(self) -> float:
         """Growth of the radius per length along the direction. Units: mm/mm."""
         return float(self.taper.values[0]) / self.half_length
+
+    def to_dict(self) -> Record:
+        """Return bow, taper, ovality and the line of centres, ready for JSON.
+
+        Returns
+        -------
+        dict
+            Lengths in ``*_mm``; the radius of a bow that is none is None.
+        """
+        centres = self.centres
+        return {
+            "bow_mm": self.bow.size,
+            "bow_std_mm": self.bow.size_std,
+            "bow_p_value": self.bow.p_value,
+            "bow_radius_mm": finite(self.bow_radius),
+            "taper_mm_per_mm": self.taper_slope,
+            "taper_p_value": self.taper.p_value,
+            "ovality": self.ovality,
+            "ovality_std": self.ovality_std,
+            "ovality_p_value": self.ovality_terms.p_value,
+            "sections": [int(section) for section in centres.sections],
+            "along_mm": numbers(centres.along),
+            "deviations_mm": [numbers(row) for row in centres.deviations],
+            "deviations_std_mm": [numbers(row) for row in centres.deviations_std],
+            "radii_mm": numbers(centres.radii),
+            "radii_std_mm": numbers(centres.radii_std),
+        }
+
+    def _summary(self) -> str:
+        return ", ".join(shape_lines(self))
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        return []
+
+    def _notes(self) -> list[str]:
+        return shape_lines(self)
+
+    def _rows(self) -> list[Record]:
+        """A section a row: its centre beside the straight axis, and its radius."""
+        record = self.to_dict()
+        columns = {
+            "section": record["sections"],
+            "along_mm": record["along_mm"],
+            **{
+                f"{name}_{axis}_mm": [row[place] for row in record[f"{name}_mm"]]
+                for name in ("deviations", "deviations_std")
+                for place, axis in enumerate(("phi", "theta"))
+            },
+            "radius_mm": record["radii_mm"],
+            "radius_std_mm": record["radii_std_mm"],
+        }
+        return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
 def measure_shape(tube: ScannedCylinder) -> TubeShape:

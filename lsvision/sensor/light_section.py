@@ -9,7 +9,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -89,6 +89,11 @@ class LightSection(ComparedByValue):
             raise ValueError(f"want line_blur_px >= 0, got {self.line_blur_px}")
         object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
         _check_plane(self.camera, self.laser_plane)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For copies and other processes: a read-only mapping cannot be pickled."""
+        provenance = dict(self.provenance)
+        return type(self), (self.camera, self.laser_plane, provenance, self.line_blur_px)
 
     @property
     def camera_from_section(self) -> Pose:

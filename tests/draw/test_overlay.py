@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from lsvision.draw import draw_laser_line, draw_overlay, figure_bytes
-from lsvision.draw.panel import colour_of
 from lsvision.io.images import read_image
 from lsvision.measure import Measurement, measure_cylinders
+from lsvision.results.picture import colour_of
 from lsvision.sensor.light_section import LightSection
 
 IMAGES = Path(__file__).parents[2] / "fixtures" / "images"

@@ -1,5 +1,7 @@
+import copy
 import json
 import math
+import pickle
 from dataclasses import dataclass, replace
 
 import cv2
@@ -263,3 +265,12 @@ def test_a_blur_that_is_none_is_refused(blur):
 def test_what_is_no_image_is_told_before_its_size(image, kind, message):
     with pytest.raises(kind, match=message):
         LightSection(CAMERA, PLANES["level line"]).profile(image)
+
+
+def test_a_rig_goes_to_other_processes_and_is_copied():
+    section = LightSection(CAMERA, PLANES["slanted"], {"method": "test"}, 0.4)
+    for twin in (pickle.loads(pickle.dumps(section)), copy.deepcopy(section)):
+        assert twin == section
+        assert dict(twin.provenance) == {"method": "test"}
+        with pytest.raises(TypeError):
+            twin.provenance["method"] = "other"
