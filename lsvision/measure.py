@@ -4,6 +4,8 @@ Range image and candidates stand before the paper's steps, because rough identif
 takes planes for huge ellipses; `Settings.paper` runs the paper's chain without them.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -37,6 +39,7 @@ from lsvision.profile import Arc, NoiseModel, PreparedProfile, Profile, as_profi
 from lsvision.sensor.profile_sensor import as_noise_model
 from lsvision.shapes import IntArray
 from lsvision.shapes.arguments import as_known_phi, as_number_or_pair
+from lsvision.shapes.settings_repr import ShowsChanges
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -44,8 +47,8 @@ if TYPE_CHECKING:
 __all__ = ["Measurement", "Settings", "measure_cylinders"]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Settings:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Settings(ShowsChanges):
     """What a user may want to set, in the order of the steps.
 
     Parameters
@@ -70,13 +73,13 @@ class Settings:
     paper_settings: PaperSettings | None = None
 
     @classmethod
-    def paper(cls) -> "Settings":
+    def paper(cls) -> Settings:
         """The paper's chain as literally as its text allows, for side-by-side comparison."""
         return cls(paper_settings=PaperSettings())
 
 
 def measure_cylinders(
-    profile: "Profile | npt.ArrayLike",
+    profile: Profile | npt.ArrayLike,
     *,
     radius: float | Sequence[float] | None = None,
     known_radius: float | Sequence[float] | None = None,

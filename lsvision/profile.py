@@ -1,5 +1,7 @@
 """The waist of the hourglass: what every sensor gives and every measurement starts from."""
 
+from __future__ import annotations
+
 import math
 import warnings
 from dataclasses import dataclass
@@ -124,7 +126,7 @@ class Profile(ComparedByValue):
         return int(np.isnan(self.points[:, 0]).sum())
 
 
-def as_profile(points: "Profile | npt.ArrayLike") -> Profile:
+def as_profile(points: Profile | npt.ArrayLike) -> Profile:
     """Return a profile as it is, and anything that `Profile` takes as one.
 
     Warns

@@ -1,5 +1,7 @@
 """What ``import lsvision`` gives: names imported on first use, and documented."""
 
+import inspect
+import pydoc
 import subprocess
 import sys
 
@@ -43,3 +45,20 @@ def test_the_version_is_that_of_the_command():
 def test_a_name_that_is_not_there_is_an_attribute_error():
     with pytest.raises(AttributeError, match="nowhere"):
         _ = lsvision.nowhere
+
+
+def test_settings_show_what_is_not_the_default():
+    assert repr(lsvision.Settings()) == "Settings()"
+    assert repr(lsvision.Settings.paper()) == "Settings(paper_settings=PaperSettings())"
+    changed = lsvision.ScanSettings(section=lsvision.Settings.paper())
+    assert repr(changed) == "ScanSettings(section=Settings(paper_settings=PaperSettings()))"
+    assert repr(lsvision.LineSettings(channel="red")) == "LineSettings(channel='red')"
+
+
+@pytest.mark.parametrize(
+    "name", [name for name in lsvision.__all__ if inspect.isfunction(getattr(lsvision, name))]
+)
+def test_the_signature_of_a_function_fits_a_few_lines(name):
+    assert len(str(inspect.signature(getattr(lsvision, name)))) < 450
+    head = pydoc.plaintext.document(getattr(lsvision, name)).splitlines()[0]
+    assert "object at 0x" not in head

@@ -4,6 +4,8 @@ For simple rigs: the board is slid into the plane until the line runs over all o
 Nothing needs to be known of the camera; what is measured holds within the laser plane.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import cv2

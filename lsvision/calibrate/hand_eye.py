@@ -6,6 +6,8 @@ solution treats the robot's poses as noisy (`errors_in_variables`) and carries a
 Data that cannot determine the answer are refused with the motion that is missing.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -43,8 +45,8 @@ DEFAULT = HandEyeSettings()
 
 
 def calibrate_hand_eye_sphere(
-    profiles: "Sequence[Profile | npt.ArrayLike]",
-    base_from_flanges: "Sequence[Pose | npt.ArrayLike]",
+    profiles: Sequence[Profile | npt.ArrayLike],
+    base_from_flanges: Sequence[Pose | npt.ArrayLike],
     radius: float | None = None,
     *,
     mounting: Mounting = "eye_in_hand",
@@ -138,8 +140,8 @@ def calibrate_hand_eye_sphere(
 
 
 def calibrate_hand_eye_plane(
-    profiles: "Sequence[Profile | npt.ArrayLike]",
-    base_from_flanges: "Sequence[Pose | npt.ArrayLike]",
+    profiles: Sequence[Profile | npt.ArrayLike],
+    base_from_flanges: Sequence[Pose | npt.ArrayLike],
     *,
     mounting: Mounting = "eye_in_hand",
     settings: HandEyeSettings = DEFAULT,
@@ -200,8 +202,8 @@ def calibrate_hand_eye_plane(
 
 
 def calibrate_hand_eye_board(
-    camera_from_boards: "Sequence[Pose | npt.ArrayLike]",
-    base_from_flanges: "Sequence[Pose | npt.ArrayLike]",
+    camera_from_boards: Sequence[Pose | npt.ArrayLike],
+    base_from_flanges: Sequence[Pose | npt.ArrayLike],
     *,
     covariances: npt.ArrayLike | None = None,
     mounting: Mounting = "eye_in_hand",

@@ -1,5 +1,7 @@
 """What a sensor-to-robot calibration gives: a pose, its covariance, and its evidence."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 from typing import Literal

@@ -24,10 +24,11 @@ from lsvision.calibrate.pose_outliers import (
 from lsvision.calibrate.sphere_arc import SphereArcSettings
 from lsvision.errors import CalibrationFailed, DegenerateGeometry, FitFailed
 from lsvision.shapes import FloatArray, Plane, Pose
+from lsvision.shapes.settings_repr import ShowsChanges
 
 
-@dataclass(frozen=True, kw_only=True)
-class HandEyeSettings:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class HandEyeSettings(ShowsChanges):
     """What is known of the robot, and when a calibration is refused.
 
     Parameters

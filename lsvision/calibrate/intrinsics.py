@@ -1,5 +1,7 @@
 """A camera's intrinsics from images of a flat target, with what speaks against them."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType

@@ -4,6 +4,8 @@ One pose alone gives one line, through which any plane may pass: two poses at le
 to 20, tilted by 25 deg and more to all sides and spread over the depth measured later.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 

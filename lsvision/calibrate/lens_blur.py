@@ -4,6 +4,8 @@ The laser line itself cannot tell: its width is that of the sheet, the blur and 
 together. A printed edge has no width of its own.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal

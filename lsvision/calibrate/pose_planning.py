@@ -1,5 +1,7 @@
 """The next best poses for a sensor-to-robot calibration, before anything is moved."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -21,6 +23,7 @@ from lsvision.results.quantities import Record, flat_row, numbers
 from lsvision.results.result import Result
 from lsvision.shapes import BoolArray, FloatArray, IntArray, Plane, Pose, as_readonly_array
 from lsvision.shapes.pose import as_pose, as_poses
+from lsvision.shapes.settings_repr import ShowsChanges
 
 UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """``base_from_section`` with the section's Y up, from which tilts are counted."""
@@ -28,8 +31,8 @@ PRIOR_STD = (1000.0, 1000.0, 1000.0, 1.0, 1.0, 1.0)
 """What is known of the sensor's place (mm) and turn (rad) beforehand: next to nothing."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class PosePlanSettings:
+@dataclass(frozen=True, kw_only=True, slots=True, repr=False)
+class PosePlanSettings(ShowsChanges):
     """Which poses are reachable and how well target and robot are known.
 
     Parameters

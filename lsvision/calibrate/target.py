@@ -4,6 +4,8 @@ Board frame: origin at the first corner, x along a row, y along a column (down a
 z = x cross y into the board; the pattern lies in z = 0.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 

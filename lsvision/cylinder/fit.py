@@ -4,6 +4,8 @@ One section leaves the axis with a twin and a wide error; points of two sections
 The residual is the distance from the surface over its standard deviation sqrt(n' Sigma n).
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,6 +26,7 @@ from lsvision.cylinder.problem import (
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import DegenerateGeometry, TooFewPoints
 from lsvision.shapes import Cylinder, FloatArray, Points, as_readonly_array
+from lsvision.shapes.settings_repr import ShowsChanges
 
 COPLANARITY_TOLERANCE = 1e-7
 """Thickness of a set of points over its extent under which it lies in a plane or on a line."""
@@ -31,8 +34,8 @@ SINGULARITY_TOLERANCE = 1e-14
 """Smallest eigenvalue of the information, its diagonal scaled to 1, that still is one."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class CylinderFittingSettings:
+@dataclass(frozen=True, kw_only=True, slots=True, repr=False)
+class CylinderFittingSettings(ShowsChanges):
     """Joint fit of a cylinder.
 
     Parameters

@@ -4,6 +4,8 @@ All to first order: Jacobian times covariance times its transpose, for the five 
 section and the six of the calibration, which know nothing of each other.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 from typing import Literal, Protocol, cast
@@ -181,8 +183,8 @@ def placed_cells(cylinder: PlacedCylinder) -> tuple[str, ...]:
 
 def place_section(
     section: CylinderSection,
-    calibration: "SectionMount | Pose | npt.ArrayLike",
-    base_from_flange: "Pose | npt.ArrayLike | None" = None,
+    calibration: SectionMount | Pose | npt.ArrayLike,
+    base_from_flange: Pose | npt.ArrayLike | None = None,
 ) -> tuple[PlacedCylinder, PlacedCylinder]:
     """Both cylinders of a section in the robot's base frame, with the calibration's errors.
 

@@ -1,14 +1,18 @@
 """A laser line as it was extracted: on the image, and column by column."""
 
+from __future__ import annotations
+
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from lsvision.draw.caller_axes import figure_of, set_title
 from lsvision.draw.photo import show_photo
 from lsvision.sensor.laser_line import LaserLine
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 SIZE_INCH, DPI = (13.0, 14.0), 100
@@ -17,7 +21,9 @@ AXIS_PERCENTILE = 99.0
 COLOUR, SATURATED = "#00B7EB", "#D55E00"
 
 
-def draw_laser_line(image: npt.ArrayLike, line: LaserLine, *, title: str = "") -> "Figure":
+def draw_laser_line(
+    image: npt.ArrayLike, line: LaserLine, *, title: str = "", ax: Axes | None = None
+) -> Figure:
     """Draw a laser line into its image, with its std, width and brightness below.
 
     Parameters
@@ -28,11 +34,15 @@ def draw_laser_line(image: npt.ArrayLike, line: LaserLine, *, title: str = "") -
         The line.
     title : str
         Above the image, as the name of the file.
+    ax : matplotlib.axes.Axes, optional
+        Draw the line into the image alone, into these axes; without, all into a figure of its
+        own.
 
     Returns
     -------
     matplotlib.figure.Figure
-        Save it with its ``savefig`` or `figure_bytes`. Its first axes hold the photo.
+        That of `ax`; else a new one. Save it with its ``savefig`` or `figure_bytes`.
+        Its first axes hold the photo.
 
     Examples
     --------
@@ -45,15 +55,13 @@ def draw_laser_line(image: npt.ArrayLike, line: LaserLine, *, title: str = "") -
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
+    if ax is not None:
+        _draw_on_photo(ax, image, line)
+        set_title(ax, title)
+        return figure_of(ax)
     figure = Figure(figsize=SIZE_INCH, dpi=DPI, facecolor="white")
     FigureCanvasAgg(figure)
-    photo = figure.add_axes((0.075, 0.4, 0.905, 0.55))
-    show_photo(photo, image)
-    limits = photo.axis()
-    photo.plot(*line.pixels.T, ".", color=COLOUR, ms=1.5, label="line")
-    photo.plot(*line.pixels[line.saturated].T, ".", color=SATURATED, ms=1.5, label="at full scale")
-    photo.axis(limits)
-    photo.legend(loc="upper right", markerscale=6, fontsize=9)
+    _draw_on_photo(figure.add_axes((0.075, 0.4, 0.905, 0.55)), image, line)
     name = f"{title}: " if title else ""
     figure.suptitle(f"{name}{line_summary(line)}", x=0.075, y=0.98, ha="left", fontsize=12,
                     parse_math=False)  # fmt: skip
@@ -80,7 +88,16 @@ def line_summary(line: LaserLine) -> str:
     )
 
 
-def _draw_curves(figure: "Figure", line: LaserLine) -> None:
+def _draw_on_photo(photo: Axes, image: npt.ArrayLike, line: LaserLine) -> None:
+    show_photo(photo, image)
+    limits = photo.axis()
+    photo.plot(*line.pixels.T, ".", color=COLOUR, ms=1.5, label="line")
+    photo.plot(*line.pixels[line.saturated].T, ".", color=SATURATED, ms=1.5, label="at full scale")
+    photo.axis(limits)
+    photo.legend(loc="upper right", markerscale=6, fontsize=9)
+
+
+def _draw_curves(figure: Figure, line: LaserLine) -> None:
     along = line.pixels[:, 0 if line.direction == "columns" else 1]
     rows = (("std / px", line.std), ("width / px (one sigma)", line.width),
             ("brightness / DN", line.intensity))  # fmt: skip

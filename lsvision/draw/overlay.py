@@ -1,11 +1,14 @@
 """What was found in an image, drawn back into it: a person sees whether it lies on the pipe."""
 
+from __future__ import annotations
+
 import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from lsvision.draw.caller_axes import figure_of, set_title
 from lsvision.draw.measurement import draw_on_axes, summary_title
 from lsvision.draw.panel import draw_panel
 from lsvision.draw.photo import show_photo
@@ -34,7 +37,8 @@ def draw_overlay(
     measurement: Measurement,
     *,
     title: str = "",
-) -> "Figure":
+    ax: Axes | None = None,
+) -> Figure:
     """Draw a photo with the found ellipses projected back into it, and the section below.
 
     Parameters
@@ -49,12 +53,14 @@ def draw_overlay(
         What was found in the profile.
     title : str
         Above the photo, as the name of the file.
+    ax : matplotlib.axes.Axes, optional
+        Draw the photo alone into these axes; without, both into a figure of its own.
 
     Returns
     -------
     matplotlib.figure.Figure
-        Save it with its ``savefig`` or `figure_bytes`. Its first axes hold the photo in px,
-        its second the section in mm.
+        That of `ax`; else a new one. Save it with its ``savefig`` or `figure_bytes`.
+        Its first axes hold the photo in px, its second the section in mm.
 
     Examples
     --------
@@ -70,6 +76,11 @@ def draw_overlay(
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
+    if ax is not None:
+        show_photo(ax, image)
+        draw_on_photo(ax, light_section, profile, measurement)
+        set_title(ax, title)
+        return figure_of(ax)
     figure = Figure(figsize=SIZE_INCH, dpi=DPI, facecolor="white")
     FigureCanvasAgg(figure)
     above, below = figure.subfigures(2, 1, height_ratios=HEIGHT_RATIOS)
@@ -86,7 +97,7 @@ def draw_overlay(
 
 
 def draw_on_photo(
-    axes: "Axes", light_section: LightSection, profile: Profile, measurement: Measurement
+    axes: Axes, light_section: LightSection, profile: Profile, measurement: Measurement
 ) -> None:
     """Draw what was found into axes that show the photo.
 
@@ -117,7 +128,7 @@ def draw_on_photo(
 
 
 def _draw_cylinder(
-    axes: "Axes", light_section: LightSection, seen: Points, cylinder: CylinderSection, number: int
+    axes: Axes, light_section: LightSection, seen: Points, cylinder: CylinderSection, number: int
 ) -> None:
     colour, ellipse = colour_of(number), cylinder.ellipse
     outline = light_section.project(ellipse.points_at(np.linspace(0, 2 * math.pi, OUTLINE_STEPS)))

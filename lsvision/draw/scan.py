@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lsvision.draw.caller_axes import figure_of, set_title
 from lsvision.results.number_format import format_value
 from lsvision.results.picture import colour_of
 from lsvision.scan import ScanMeasurement, ScannedCylinder
@@ -21,7 +22,9 @@ FACETS = 40
 ELEVATION_DEG, AZIMUTH_DEG = 25.0, -60.0
 
 
-def draw_scan(scan: ScanMeasurement, points: Points, *, title: str = "") -> "Figure":
+def draw_scan(
+    scan: ScanMeasurement, points: Points, *, title: str = "", ax: "Axes3D | None" = None
+) -> "Figure":
     """Draw all points of a scan, the cylinders found and their axes.
 
     Parameters
@@ -32,21 +35,53 @@ def draw_scan(scan: ScanMeasurement, points: Points, *, title: str = "") -> "Fig
         All points of the scan, base frame. Units: mm.
     title : str
         Above the drawing.
+    ax : mpl_toolkits.mplot3d.Axes3D, optional
+        Draw into these axes (``projection="3d"``), without the numbers beside them; without,
+        into a figure of its own.
 
     Returns
     -------
     matplotlib.figure.Figure
-        With a canvas of its own. Y is up, as towards the sensor of a section frame. Points far
-        from every cylinder are left out.
+        That of `ax`; else a new one with a canvas of its own. Y is up, as towards the sensor of
+        a section frame. Points far from every cylinder are left out.
+
+    Raises
+    ------
+    TypeError
+        If `ax` is flat.
+
+    Examples
+    --------
+    >>> draw_scan(ScanMeasurement((), (), ()), np.zeros((3, 3)), title="empty").get_suptitle()
+    'empty: no cylinder'
     """
     import mpl_toolkits.mplot3d  # noqa: F401 - registers the projection
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
-    from matplotlib.ticker import MaxNLocator
 
+    if ax is not None:
+        if not hasattr(ax, "get_zlim"):
+            raise TypeError(
+                f"expected axes in space, got {type(ax).__name__}: make them with "
+                'figure.add_subplot(projection="3d")'
+            )
+        _draw_in_space(ax, scan, points)
+        set_title(ax, title)
+        return figure_of(ax)
     figure = Figure(figsize=SIZE_INCH, dpi=DPI, facecolor="white")
     FigureCanvasAgg(figure)
-    axes = figure.add_axes((0.0, 0.02, 0.70, 0.9), projection="3d")
+    _draw_in_space(figure.add_axes((0.0, 0.02, 0.70, 0.9), projection="3d"), scan, points)
+    count = len(scan.cylinders)
+    found = f"{count or 'no'} cylinder{'' if count in {0, 1} else 's'}"
+    headline = f"{title}: {found}" if title else found
+    figure.suptitle(headline, x=0.03, y=0.97, ha="left", fontsize=13, parse_math=False)
+    _draw_numbers(figure, scan)
+    return figure
+
+
+def _draw_in_space(axes: "Axes3D", scan: ScanMeasurement, points: Points) -> None:
+    from matplotlib.ticker import MaxNLocator
+
     axes.view_init(ELEVATION_DEG, AZIMUTH_DEG, vertical_axis="y")
     _draw_points(axes, _about_cylinders(points, scan))
     for number, tube in enumerate(scan.cylinders, 1):
@@ -55,12 +90,6 @@ def draw_scan(scan: ScanMeasurement, points: Points, *, title: str = "") -> "Fig
         getattr(axes, f"set_{axis}label")(f"{axis.upper()} / mm", labelpad=12)
         getattr(axes, f"{axis}axis").set_major_locator(MaxNLocator(5))
     axes.set_aspect("equal")
-    count = len(scan.cylinders)
-    found = f"{count or 'no'} cylinder{'' if count in {0, 1} else 's'}"
-    headline = f"{title}: {found}" if title else found
-    figure.suptitle(headline, x=0.03, y=0.97, ha="left", fontsize=13, parse_math=False)
-    _draw_numbers(figure, scan)
-    return figure
 
 
 def _about_cylinders(points: Points, scan: ScanMeasurement) -> Points:

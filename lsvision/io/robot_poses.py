@@ -1,5 +1,7 @@
 """Robot poses from files, in a convention the caller states, and poses of an encoder axis."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from pathlib import Path
 

@@ -8,10 +8,11 @@ import numpy as np
 from lsvision.sensor.profile_sensor import LPS36HI, ProfileSensor
 from lsvision.shapes import Cylinder, Ellipse, FloatArray, Points
 from lsvision.shapes.arrays import BoolArray
+from lsvision.shapes.settings_repr import ShowsChanges
 
 
-@dataclass(frozen=True, kw_only=True)
-class SensorView:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class SensorView(ShowsChanges):
     """Sensor and place from which a pipe is looked at.
 
     Parameters

@@ -1,5 +1,7 @@
 """Several sections, one cylinder: many profiles with their poses in, cylinders in space out."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -19,6 +21,7 @@ from lsvision.sensor.profile_sensor import as_noise_model
 from lsvision.shapes import Pose
 from lsvision.shapes.arguments import as_number_or_pair
 from lsvision.shapes.pose import as_poses
+from lsvision.shapes.settings_repr import ShowsChanges
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -27,8 +30,8 @@ MIN_POINTS = 6
 """Profiles with fewer points are passed over: a lost section."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class ScanSettings:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class ScanSettings(ShowsChanges):
     """One settings value for each step, in the order of the steps.
 
     Parameters
@@ -47,8 +50,8 @@ class ScanSettings:
 
 
 def measure_scan(  # noqa: PLR0913 - what `measure_cylinders` asks, and the poses with their errors
-    profiles: "Sequence[Profile | npt.ArrayLike]",
-    base_from_sections: "Sequence[Pose | npt.ArrayLike]",
+    profiles: Sequence[Profile | npt.ArrayLike],
+    base_from_sections: Sequence[Pose | npt.ArrayLike],
     *,
     radius: float | Sequence[float] | None = None,
     known_radius: float | Sequence[float] | None = None,
@@ -211,7 +214,7 @@ def fit_sections_jointly(  # noqa: PLR0913 - the profiles, what each holds, and 
 
 
 def validate_poses(
-    profiles: Sequence[Profile], base_from_sections: "Sequence[Pose | npt.ArrayLike]"
+    profiles: Sequence[Profile], base_from_sections: Sequence[Pose | npt.ArrayLike]
 ) -> tuple[Pose, ...]:
     """Poses that go with the profiles.
 

@@ -1,5 +1,7 @@
 """What a scan yields: cylinders in the base frame, each with its evidence."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,5 +1,7 @@
 """A camera with its lens: from pixels to rays, and from points to pixels."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 
 import numpy as np

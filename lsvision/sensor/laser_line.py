@@ -1,5 +1,7 @@
 """The laser line in an image, column by column, to a fraction of a pixel."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, replace
 

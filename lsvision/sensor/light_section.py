@@ -4,6 +4,8 @@ The line is extracted on the raw image and its points are undistorted: warping t
 first would smear the line's intensity over its neighbours.
 """
 
+from __future__ import annotations
+
 import math
 import os
 from collections.abc import Mapping

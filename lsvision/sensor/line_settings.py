@@ -6,12 +6,13 @@ from typing import Literal, get_args
 
 from lsvision.sensor.line_image import Channel, Direction
 from lsvision.sensor.line_path import PathSettings
+from lsvision.shapes.settings_repr import ShowsChanges
 
 Method = Literal["derivative", "gaussian", "steger"]
 
 
-@dataclass(frozen=True, kw_only=True)
-class LineSettings:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class LineSettings(ShowsChanges):
     """How a laser line is looked for and measured in an image.
 
     Parameters

@@ -1,5 +1,7 @@
 """Circular cylinders in space."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 
@@ -47,7 +49,7 @@ class Cylinder(ComparedByValue):
         if not (math.isfinite(self.radius) and self.radius > 0):
             raise ValueError(f"want a positive radius in mm, got {self.radius}")
 
-    def transformed(self, a_from_b: Pose | npt.ArrayLike) -> "Cylinder":
+    def transformed(self, a_from_b: Pose | npt.ArrayLike) -> Cylinder:
         """The same cylinder of frame b in the coordinates of frame a."""
         pose = as_pose(a_from_b)
         return Cylinder(pose.apply_one(self.point), pose.rotation @ self.direction, self.radius)
@@ -77,7 +79,7 @@ class Cylinder(ComparedByValue):
         return Ellipse((float(foot[0]), float(foot[1])), major, self.radius, theta)
 
     @classmethod
-    def twins(cls, ellipse: Ellipse) -> tuple["Cylinder", "Cylinder"]:
+    def twins(cls, ellipse: Ellipse) -> tuple[Cylinder, Cylinder]:
         """Both cylinders, in the section frame, whose section is `ellipse`."""
         point = np.array([*ellipse.centre, 0.0])
         first, second = ellipse.axis_twins

@@ -1,5 +1,7 @@
 """Planes: of the laser, of a board, of a plate."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,7 +47,7 @@ class Plane(ComparedByValue):
         distances: FloatArray = np.asarray(points, dtype=np.float64) @ self.normal - self.distance
         return distances
 
-    def transformed(self, a_from_b: Pose | npt.ArrayLike) -> "Plane":
+    def transformed(self, a_from_b: Pose | npt.ArrayLike) -> Plane:
         """The same plane of frame b in the coordinates of frame a."""
         pose = as_pose(a_from_b)
         normal = pose.rotation @ self.normal

@@ -1,5 +1,7 @@
 """Rigid motions, named ``a_from_b`` so that neighbours cancel."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import NoReturn, Self
@@ -96,7 +98,7 @@ class Pose(ComparedByValue):
         matrix[:3, :3], matrix[:3, 3] = self.rotation, self.translation
         return matrix
 
-    def __matmul__(self, other: "Pose") -> "Pose":
+    def __matmul__(self, other: Pose) -> Pose:
         """Compose: ``a_from_c = a_from_b @ b_from_c``."""
         if not isinstance(other, Pose):
             raise TypeError(
@@ -113,7 +115,7 @@ class Pose(ComparedByValue):
             "a 4x4 matrix"
         )
 
-    def inverse(self) -> "Pose":
+    def inverse(self) -> Pose:
         """``b_from_a``."""
         return Pose(self.rotation.T, -self.rotation.T @ self.translation)
 

@@ -13,11 +13,12 @@ import numpy as np
 from lsvision.sensor.profile_sensor import ProfileSensor
 from lsvision.shapes import FloatArray, Points
 from lsvision.shapes.arrays import BoolArray
+from lsvision.shapes.settings_repr import ShowsChanges
 from lsvision.simulate.rays import Hits, Rays
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class SectionSettings:
+@dataclass(frozen=True, kw_only=True, slots=True, repr=False)
+class SectionSettings(ShowsChanges):
     """What goes wrong between a scene and its profile.
 
     Parameters
