@@ -61,6 +61,11 @@ class Settings(ShowsChanges):
         Geometric refinement, section 2.3.
     paper_settings : PaperSettings or None
         Not None: the paper's own chain instead of all the above.
+
+    Examples
+    --------
+    >>> Settings(acceptance=AcceptanceSettings())
+    Settings()
     """
 
     range_image: RangeImageSettings = RangeImageSettings()
@@ -74,7 +79,13 @@ class Settings(ShowsChanges):
 
     @classmethod
     def paper(cls) -> Settings:
-        """The paper's chain as literally as its text allows, for side-by-side comparison."""
+        """The paper's chain as literally as its text allows, for side-by-side comparison.
+
+        Returns
+        -------
+        Settings
+            Range image, candidates, acceptance and fitting are not used.
+        """
         return cls(paper_settings=PaperSettings())
 
 

@@ -33,7 +33,13 @@ mm wide, the finest pitch is 0.0025 mm. Units: mm."""
 
 @runtime_checkable
 class NoiseModel(Protocol):
-    """What is known of the errors of a profile's points."""
+    """What is known of the errors of a profile's points.
+
+    Examples
+    --------
+    >>> isinstance(PointNoise(np.ones((3, 2, 2))), NoiseModel)
+    True
+    """
 
     def covariances(self, points: Points) -> FloatArray:
         """Covariance of each point's error.
@@ -59,6 +65,12 @@ class PointNoise(ComparedByValue):
     ----------
     point_covariances : (n, 2, 2) array_like
         Covariance of each point, in the order of the profile. Units: mm^2.
+
+    Examples
+    --------
+    >>> noise = PointNoise([[[0.01, 0.0], [0.0, 0.04]]])
+    >>> Profile([[0.0, -400.0]], noise).noise.covariances(np.zeros((1, 2)))[0, 1, 1]
+    np.float64(0.04)
     """
 
     point_covariances: FloatArray
@@ -77,13 +89,23 @@ class PointNoise(ComparedByValue):
         ------
         ValueError
             If there are not as many as points.
+
+        Parameters
+        ----------
+        points : (n, 2) ndarray
+            Of the profile.
+
+        Returns
+        -------
+        (n, 2, 2) ndarray
+            Units: mm^2.
         """
         if len(points) != len(self.point_covariances):
             raise ValueError(f"want {len(self.point_covariances)} points, got {len(points)}")
         return self.point_covariances
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Profile(ComparedByValue):
     """Ordered points of one light section.
 
@@ -107,6 +129,8 @@ class Profile(ComparedByValue):
     >>> profile = Profile([[0.0, -400.0], [float("nan"), 0.0], [1.2, -399.8]])
     >>> len(profile), profile.lost
     (3, 1)
+    >>> profile
+    <Profile: 3 points, 1 lost, x 0 to 1.2 mm, y -400 to -399.8 mm>
     """
 
     points: Points
@@ -119,6 +143,15 @@ class Profile(ComparedByValue):
 
     def __len__(self) -> int:
         return len(self.points)
+
+    def __repr__(self) -> str:
+        seen = self.points[~np.isnan(self.points[:, 0])]
+        spans = [
+            f", {name} {column.min():.6g} to {column.max():.6g} mm"
+            for name, column in zip("xy", seen.T, strict=True)
+            if len(column)
+        ]
+        return f"<Profile: {len(self)} points, {self.lost} lost{''.join(spans)}>"
 
     @property
     def lost(self) -> int:
@@ -226,5 +259,16 @@ class Arc:
         return self.stop - self.start
 
     def of(self, profile: Profile) -> Points:
-        """Points of the span, lost ones as NaN rows. Units: mm."""
+        """Points of the span, lost ones as NaN rows. Units: mm.
+
+        Parameters
+        ----------
+        profile : Profile
+            The one that the arc is of.
+
+        Returns
+        -------
+        (k, 2) ndarray
+            Section frame. Units: mm.
+        """
         return profile.points[self.start : self.stop]

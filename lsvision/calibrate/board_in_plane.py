@@ -104,6 +104,15 @@ def calibrate_board_in_plane(
         If the board is not seen.
     DegenerateGeometry
         If the camera looks along the plane.
+
+    Examples
+    --------
+    >>> from lsvision.calibrate.target import ChArUco
+    >>> from lsvision.io.images import read_image
+    >>> image = read_image("calibration/example/boards/board_03.jpg")
+    >>> found = calibrate_board_in_plane(image, ChArUco())
+    >>> found.rms_px < 1.0
+    True
     """
     seen = find_target(image, target)
     if camera is None:

@@ -169,6 +169,21 @@ def calibrate_hand_eye_plane(
     ------
     ValueError, CalibrationFailed, DegenerateGeometry
         As in `calibrate_hand_eye_sphere`.
+
+    Examples
+    --------
+    >>> from lsvision.simulate.hand_eye import SectionView, TargetMotion
+    >>> from lsvision.simulate.hand_eye import plane_profile, section_poses_about
+    >>> rng, place = np.random.default_rng(0), np.array([800.0, 0.0, 300.0])
+    >>> motion = TargetMotion(standoff=-150.0, tilt=np.radians(40.0), offset=0.0)
+    >>> sections = section_poses_about(place, 10, motion, rng)
+    >>> mount, plane = Pose(translation=(0.0, 80.0, 120.0)), Plane((0, 0, 1), 300.0)
+    >>> seen = [plane.transformed(pose.inverse()) for pose in sections]
+    >>> profiles = [plane_profile(each, SectionView(), rng) for each in seen]
+    >>> flanges = [pose @ mount.inverse() for pose in sections]
+    >>> found = calibrate_hand_eye_plane(profiles, flanges)
+    >>> found.flange_from_section.translation.round(0) + 0.0
+    array([  0.,  80., 120.])
     """
     _require_pairs(len(profiles), len(base_from_flanges), "profiles")
     flanges = as_poses(base_from_flanges)
@@ -232,6 +247,18 @@ def calibrate_hand_eye_board(
     ------
     ValueError, CalibrationFailed, DegenerateGeometry
         As in `calibrate_hand_eye_sphere`.
+
+    Examples
+    --------
+    >>> from lsvision.simulate.hand_eye import TargetMotion, section_poses_about
+    >>> rng, place = np.random.default_rng(0), np.array([800.0, 0.0, 300.0])
+    >>> base_from_cameras = section_poses_about(place, 8, TargetMotion(standoff=-150.0), rng)
+    >>> mount, base_from_board = Pose(translation=(0.0, 80.0, 120.0)), Pose(translation=place)
+    >>> boards = [pose.inverse() @ base_from_board for pose in base_from_cameras]
+    >>> flanges = [pose @ mount.inverse() for pose in base_from_cameras]
+    >>> found = calibrate_hand_eye_board(boards, flanges)
+    >>> found.flange_from_camera.translation.round(3) + 0.0
+    array([  0.,  80., 120.])
     """
     count = len(camera_from_boards)
     _require_pairs(count, len(base_from_flanges), "boards")

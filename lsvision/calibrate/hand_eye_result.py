@@ -110,8 +110,13 @@ class HandEye(Result):
     Examples
     --------
     >>> import lsvision as lsv
-    >>> hand_eye = lsv.load_hand_eye("calibration/example/hand_eye.json")  # doctest: +SKIP
-    >>> hand_eye.flange_from_section.translation, hand_eye.working_point_std  # doctest: +SKIP
+    >>> folder = "calibration/example"
+    >>> poses = lsv.read_robot_poses(f"{folder}/sphere_poses.csv", "kuka")
+    >>> found = lsv.calibrate_hand_eye_sphere(lsv.read_profiles(f"{folder}/sphere"), poses, 20.0)
+    >>> found  # doctest: +ELLIPSIS
+    <HandEye: section, eye in hand, 0.0... mm at the working point, from 12 of 12 poses>
+    >>> found.flange_from_section.translation.shape
+    (3,)
     """
 
     mount_from_sensor: Pose
@@ -222,6 +227,16 @@ class HandEye(Result):
 
         Errors of translation and rotation largely cancel where the target was seen, so that
         this, not the origin's sigma, says how good the calibration is.
+
+        Parameters
+        ----------
+        point : (2,) or (3,) array_like
+            Sensor frame. Units: mm.
+
+        Returns
+        -------
+        float
+            Root of the summed variances. Units: mm.
         """
         return math.sqrt(float(np.trace(self.covariance_at(point))))
 

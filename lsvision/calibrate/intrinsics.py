@@ -206,6 +206,15 @@ def calibrate_camera(
         If the images differ in size, or fewer than three show the target.
     DegenerateGeometry
         If all boards are parallel.
+
+    Examples
+    --------
+    >>> from lsvision.io.images import read_image
+    >>> from lsvision.calibrate.target import ChArUco
+    >>> files = [f"calibration/example/boards/board_{k:02d}.jpg" for k in (0, 3, 6, 9, 12)]
+    >>> found = calibrate_camera([read_image(file) for file in files], ChArUco())
+    >>> len(found.views), found.rms_px < 0.5
+    (5, True)
     """
     _check_sizes(images)
     seen, sources = collect_views(images, lambda image: find_target(image, target))

@@ -112,6 +112,19 @@ def calibrate_laser_plane(
         If the images differ in size from the camera's, or fewer than two show board and line.
     DegenerateGeometry
         If the laser lines do not span a plane, or all boards are parallel.
+
+    Examples
+    --------
+    >>> from lsvision.calibrate.intrinsics import calibrate_camera
+    >>> from lsvision.calibrate.target import ChArUco
+    >>> from lsvision.io.images import read_image
+    >>> folder, names = "calibration/example", [f"{k:02d}.jpg" for k in (0, 4, 8)]
+    >>> boards = [read_image(f"{folder}/boards/board_{name}") for name in names]
+    >>> lines = [read_image(f"{folder}/lines/line_{name}") for name in names]
+    >>> camera = calibrate_camera(boards, ChArUco()).camera
+    >>> found = calibrate_laser_plane(camera, ChArUco(), boards, lines)
+    >>> len(found.views), found.line_rms < 0.5
+    (3, True)
     """
     settings = settings or LaserPlaneSettings()
     views, sources = find_laser_views(camera, target, board_images, line_images, settings.line)

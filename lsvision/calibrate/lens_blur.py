@@ -118,6 +118,14 @@ def measure_lens_blur(
     the chord and their place t along it. Sigma holds the pixel's own width (1 / sqrt(12) px).
     Too small where the camera sharpens its images, too large where the print is unsharp, the
     board was moving, or the light's colour is focussed elsewhere than the laser's.
+
+    Examples
+    --------
+    >>> from lsvision.calibrate.target import ChArUco
+    >>> from lsvision.io.images import read_image
+    >>> image = read_image("calibration/example/boards/board_00.jpg")
+    >>> 0.3 < measure_lens_blur([image], ChArUco()).sigma < 2.0
+    True
     """
     views: list[TargetView] = []
     seen: list[npt.ArrayLike] = []

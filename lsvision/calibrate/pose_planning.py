@@ -189,6 +189,14 @@ def plan_hand_eye_poses(
         A radius or count that is not positive.
     DegenerateGeometry
         Fewer candidates that cut the sphere than poses asked for.
+
+    Examples
+    --------
+    >>> mount = Pose(translation=(0.0, 80.0, 120.0))
+    >>> six = PosePlanSettings(standoff=-150.0, count=6)
+    >>> plan = plan_hand_eye_poses(mount, (800, 0, 300), 20.0, settings=six)
+    >>> len(plan.base_from_flanges), bool(plan.predicted_std[-1] < 0.5)
+    (6, True)
     """
     count = settings.count
     if not (radius > 0 and count > 0):

@@ -83,6 +83,11 @@ class ChArUco:
         Name of OpenCV's marker dictionary.
     legacy : bool
         The pattern of OpenCV before 4.6 (boards with an even count of rows differ).
+
+    Examples
+    --------
+    >>> ChArUco(11, 8, square=15.0, marker=11.0).points.shape
+    (70, 3)
     """
 
     squares_x: int = 11
@@ -114,7 +119,18 @@ class ChArUco:
         return board
 
     def find(self, image: npt.NDArray[np.uint8]) -> tuple[Points, Points] | None:
-        """Inner corners seen, at least six not in one row; see `Target`."""
+        """Inner corners seen, at least six not in one row; see `Target`.
+
+        Parameters
+        ----------
+        image : (height, width) ndarray of uint8
+            Grey.
+
+        Returns
+        -------
+        points, pixels : (n, 3) and (n, 2) ndarray
+            Board frame (mm) and image (px); None where the target is not seen.
+        """
         corners, ids, _, _ = cv2.aruco.CharucoDetector(self.board).detectBoard(image)
         if ids is None or len(ids) < 6:
             return None
@@ -139,6 +155,11 @@ class Chessboard:
         ones reach into neighbouring corners. Units: px.
     corner_stop : float
         Step below which the refinement stops. Units: px.
+
+    Examples
+    --------
+    >>> Chessboard(columns=9, rows=6, square=25.0).points[-1]
+    array([200., 125.,   0.])
     """
 
     columns: int = 9
@@ -158,7 +179,18 @@ class Chessboard:
         return _grid(self.columns, self.rows, self.square)
 
     def find(self, image: npt.NDArray[np.uint8]) -> tuple[Points, Points] | None:
-        """All inner corners; see `Target`."""
+        """All inner corners; see `Target`.
+
+        Parameters
+        ----------
+        image : (height, width) ndarray of uint8
+            Grey.
+
+        Returns
+        -------
+        points, pixels : (n, 3) and (n, 2) ndarray
+            Board frame (mm) and image (px); None where the target is not seen.
+        """
         size = (self.columns, self.rows)
         flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
         found, corners = cv2.findChessboardCorners(image, size, flags=flags)
@@ -194,6 +226,11 @@ class CircleGrid:
         Of a disc. Units: mm.
     asymmetric : bool
         Every second row is moved by `spacing`; tells top from bottom.
+
+    Examples
+    --------
+    >>> CircleGrid().points.shape[1]
+    3
     """
 
     columns: int = 4
@@ -218,7 +255,18 @@ class CircleGrid:
         return np.column_stack([x, row * self.spacing, np.zeros(len(row))])
 
     def find(self, image: npt.NDArray[np.uint8]) -> tuple[Points, Points] | None:
-        """All centres; see `Target`."""
+        """All centres; see `Target`.
+
+        Parameters
+        ----------
+        image : (height, width) ndarray of uint8
+            Grey.
+
+        Returns
+        -------
+        points, pixels : (n, 3) and (n, 2) ndarray
+            Board frame (mm) and image (px); None where the target is not seen.
+        """
         layout = cv2.CALIB_CB_ASYMMETRIC_GRID if self.asymmetric else cv2.CALIB_CB_SYMMETRIC_GRID
         # The grid finder's own blob detector misses discs of more than 5000 px.
         limits = cv2.SimpleBlobDetector_Params()

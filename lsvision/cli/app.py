@@ -2,6 +2,7 @@
 
 import io
 import sys
+import warnings
 from typing import Annotated, Any
 
 import typer
@@ -89,6 +90,8 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a file name may hold what they cannot show
             stream.reconfigure(errors="backslashreplace")
+    # The reader has told of odd units, in a line of its own; --units mm means what it says.
+    warnings.filterwarnings("ignore", "expected a profile in mm", UserWarning)
     try:
         app(prog_name="lsvision")
     except Exception as error:  # noqa: BLE001 - the last place that can turn a bug into a line

@@ -68,6 +68,15 @@ class PlacedCylinder(Result):
     includes_calibration : bool
         Whether the covariance holds the errors of the calibration and, in the base frame, of the
         robot; else they are taken for nothing.
+
+    Examples
+    --------
+    >>> import lsvision as lsv
+    >>> section = lsv.simulate.random_section("single", 7, noise_mm=0.02)
+    >>> (pipe,) = lsv.measure_cylinders(section.profile).cylinders
+    >>> first, second = lsv.place_section(pipe, lsv.Pose(translation=(0, 0, 150.0)))
+    >>> first.frame, bool(first.radius == second.radius)
+    ('flange', True)
     """
 
     cylinder: Cylinder

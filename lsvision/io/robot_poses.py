@@ -70,6 +70,12 @@ def read_robot_poses(
     UnreadableFile
         File missing, not parsed, wrong count of numbers, no rotation, implausible units or a
         robot that did not move.
+
+    Examples
+    --------
+    >>> poses = read_robot_poses("calibration/example/pipe_poses.csv", "kuka")
+    >>> len(poses), poses[0].translation.shape
+    (6, (3,))
     """
     rule = convention_named(convention)
     path = Path(path)

@@ -42,6 +42,11 @@ class ScanSettings(ShowsChanges):
         Association of arcs across sections.
     joint_fit : JointFitSettings
         Gathering of points and the joint fit.
+
+    Examples
+    --------
+    >>> ScanSettings(section=Settings.paper())
+    ScanSettings(section=Settings(paper_settings=PaperSettings()))
     """
 
     section: Settings = field(default_factory=Settings)

@@ -191,6 +191,16 @@ def measure_shape(tube: ScannedCylinder) -> TubeShape:
     An arc of less than about 90 deg hardly tells an oval from a circle beside it: the
     covariance says so, and the test finds nothing. The poses are taken as exact; a feed that
     wavers bends every tube alike.
+
+    Examples
+    --------
+    >>> import lsvision as lsv
+    >>> profiles = lsv.read_profiles("fixtures/scan_welded_pair")[::5]
+    >>> poses = [lsv.Pose.along((0, 0, 1), 5.0 * k) for k in range(len(profiles))]
+    >>> scan = lsv.measure_scan(profiles, poses)
+    >>> shape = measure_shape(scan.cylinders[0])
+    >>> shape.bow.size < 5 * shape.bow.size_std
+    True
     """
     if len(tube.sections) < MIN_SECTIONS:
         raise DegenerateGeometry(

@@ -90,7 +90,20 @@ class Camera(ComparedByValue):
         return self.rays_with_jacobian(pixels)[0]
 
     def rays_with_jacobian(self, pixels: npt.ArrayLike) -> tuple[Points, FloatArray]:
-        """Rays as `rays` gives them, and d(x / z, y / z) / d(u, v) of each, (n, 2, 2)."""
+        """Undistorted rays through pixels, and how they change with the pixels.
+
+        Parameters
+        ----------
+        pixels : (n, 2) array_like
+            u, v; NaN rows are lost. Units: px.
+
+        Returns
+        -------
+        rays : (n, 3) ndarray
+            As `rays` gives them.
+        jacobian : (n, 2, 2) ndarray
+            d(x / z, y / z) / d(u, v) of each.
+        """
         array = as_readonly_array(pixels, ("n", 2), "pixels")
         from_sensor = np.linalg.inv(self.matrix[:2, :2])
         distorted = (array - self.matrix[:2, 2]) @ from_sensor.T
@@ -120,7 +133,18 @@ class Camera(ComparedByValue):
         return pixels
 
     def sees(self, pixels: Points) -> npt.NDArray[np.bool_]:
-        """Which of (n, 2) pixels lie in the image; lost ones do not."""
+        """Which pixels lie in the image; lost ones do not.
+
+        Parameters
+        ----------
+        pixels : (n, 2) ndarray
+            u, v. Units: px.
+
+        Returns
+        -------
+        (n,) ndarray of bool
+            False for NaN rows.
+        """
         width, height = self.size
         u, v = pixels.T
         inside: npt.NDArray[np.bool_] = (

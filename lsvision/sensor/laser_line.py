@@ -30,7 +30,7 @@ BORDER_SIGMAS = 1.5
 __all__ = ["LaserLine", "LineSettings", "extract_laser_line"]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class LaserLine(ComparedByValue):
     """A laser line: one point for each column (or row) of the image, in order.
 
@@ -52,6 +52,13 @@ class LaserLine(ComparedByValue):
     second_line_fraction : float
         Share of the columns in which a second line, as strong and apart from this one, can be
         followed: above about 0.2, look whether the right one was taken.
+
+    Examples
+    --------
+    >>> rows = np.arange(64)[:, None]
+    >>> image = (10 + 90 * np.exp(-0.5 * ((rows - 30.2) / 1.5) ** 2) * np.ones(99)).astype("uint8")
+    >>> extract_laser_line(image)
+    <LaserLine: 99 columns, 0 lost>
     """
 
     pixels: Points
@@ -71,6 +78,9 @@ class LaserLine(ComparedByValue):
 
     def __len__(self) -> int:
         return len(self.pixels)
+
+    def __repr__(self) -> str:
+        return f"<LaserLine: {len(self)} {self.direction}, {self.lost} lost>"
 
     @property
     def lost(self) -> int:

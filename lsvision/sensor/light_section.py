@@ -162,6 +162,16 @@ class LightSection(ComparedByValue):
 
         That of `extract_laser_line`, without the pull of the rig's `line_blur_px`.
 
+        Parameters
+        ----------
+        image, settings, laser_off
+            As for `profile`.
+
+        Returns
+        -------
+        LaserLine
+            One point for each column or row.
+
         Raises
         ------
         LsvisionError
@@ -198,15 +208,42 @@ class LightSection(ComparedByValue):
         return Profile(points, PointNoise(covariances))
 
     def points_from_pixels(self, pixels: npt.ArrayLike) -> Points:
-        """Points of the section seen in (n, 2) pixels; NaN rows where there is none. Units: mm."""
+        """Points of the section seen in pixels.
+
+        Parameters
+        ----------
+        pixels : (n, 2) array_like
+            u, v. Units: px.
+
+        Returns
+        -------
+        (n, 2) ndarray
+            Section frame; NaN rows where a ray misses the laser plane. Units: mm.
+        """
         return self._section_points(np.asarray(pixels, dtype=np.float64))[0]
 
     def project(self, points: npt.ArrayLike) -> Points:
-        """Pixels in which (n, 2) points of the section appear, for overlays. Units: px."""
+        """Pixels in which points of the section appear, for overlays.
+
+        Parameters
+        ----------
+        points : (n, 2) array_like
+            Section frame. Units: mm.
+
+        Returns
+        -------
+        (n, 2) ndarray
+            u, v. Units: px.
+        """
         return self.camera.project(self.camera_from_section.apply(points))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the rig file (JSON, whole or not at all).
+
+        Parameters
+        ----------
+        path : path
+            ``.json``.
 
         Raises
         ------
@@ -218,6 +255,16 @@ class LightSection(ComparedByValue):
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
         """Read the rig file that `save` wrote.
+
+        Parameters
+        ----------
+        path : path
+            ``.json``.
+
+        Returns
+        -------
+        LightSection
+            The rig, equal to the one that was saved.
 
         Raises
         ------

@@ -49,6 +49,11 @@ class LineSettings(ShowsChanges):
     ------
     ValueError
         If a number is not positive, or a word is not one of those listed.
+
+    Examples
+    --------
+    >>> LineSettings(channel="red", method="gaussian")
+    LineSettings(method='gaussian', channel='red')
     """
 
     method: Method = "derivative"

@@ -50,12 +50,34 @@ class Cylinder(ComparedByValue):
             raise ValueError(f"want a positive radius in mm, got {self.radius}")
 
     def transformed(self, a_from_b: Pose | npt.ArrayLike) -> Cylinder:
-        """The same cylinder of frame b in the coordinates of frame a."""
+        """The same cylinder of frame b in the coordinates of frame a.
+
+        Parameters
+        ----------
+        a_from_b : Pose or (4, 4) array_like
+            Frame b in frame a.
+
+        Returns
+        -------
+        Cylinder
+            Coordinates of frame a.
+        """
         pose = as_pose(a_from_b)
         return Cylinder(pose.apply_one(self.point), pose.rotation @ self.direction, self.radius)
 
     def signed_distances(self, points: npt.ArrayLike) -> FloatArray:
-        """Distance of (n, 3) points from the surface, positive outside. Units: mm."""
+        """Distance of points from the surface.
+
+        Parameters
+        ----------
+        points : (n, 3) array_like
+            The cylinder's frame. Units: mm.
+
+        Returns
+        -------
+        (n,) ndarray
+            Positive outside. Units: mm.
+        """
         from_axis = np.asarray(points, dtype=np.float64) - self.point
         along = from_axis @ self.direction
         across = from_axis - np.outer(along, self.direction)
@@ -64,6 +86,11 @@ class Cylinder(ComparedByValue):
 
     def section(self) -> Ellipse:
         """Ellipse in which the section plane z = 0 cuts the cylinder (paper section 2.2).
+
+        Returns
+        -------
+        Ellipse
+            Its theta is the direction of the axis' projection.
 
         Raises
         ------
@@ -80,7 +107,18 @@ class Cylinder(ComparedByValue):
 
     @classmethod
     def twins(cls, ellipse: Ellipse) -> tuple[Cylinder, Cylinder]:
-        """Both cylinders, in the section frame, whose section is `ellipse`."""
+        """Both cylinders, in the section frame, whose section is `ellipse`.
+
+        Parameters
+        ----------
+        ellipse : Ellipse
+            Section frame.
+
+        Returns
+        -------
+        tuple of Cylinder
+            In the order of `Ellipse.axis_twins`.
+        """
         point = np.array([*ellipse.centre, 0.0])
         first, second = ellipse.axis_twins
         return cls(point, first, ellipse.radius), cls(point, second, ellipse.radius)

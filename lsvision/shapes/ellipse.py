@@ -72,6 +72,11 @@ class Ellipse:
             Semi-axes. Units: mm.
         direction : float
             Direction of the `first` semi-axis from X towards Y. Units: rad.
+
+        Returns
+        -------
+        Ellipse
+            The larger semi-axis is its major one.
         """
         if first >= second:
             return cls(centre, first, second, direction)
@@ -125,11 +130,33 @@ class Ellipse:
         return self.from_ellipse_frame(along)
 
     def to_ellipse_frame(self, points: Points) -> Points:
-        """(k, 2) points of the section frame in the frame of the ellipse's own axes. Units: mm."""
+        """Points of the section frame in the frame of the ellipse's own axes.
+
+        Parameters
+        ----------
+        points : (k, 2) ndarray
+            Section frame. Units: mm.
+
+        Returns
+        -------
+        (k, 2) ndarray
+            Along the major and the minor axis, from the centre. Units: mm.
+        """
         return (points - self.centre) @ self._rotation
 
     def from_ellipse_frame(self, points: Points) -> Points:
-        """(k, 2) points of the ellipse's own axes in the section frame. Units: mm."""
+        """Points of the ellipse's own axes in the section frame.
+
+        Parameters
+        ----------
+        points : (k, 2) ndarray
+            Along the major and the minor axis, from the centre. Units: mm.
+
+        Returns
+        -------
+        (k, 2) ndarray
+            Section frame. Units: mm.
+        """
         return points @ self._rotation.T + self.centre
 
     @property

@@ -43,12 +43,34 @@ class Plane(ComparedByValue):
         object.__setattr__(self, "distance", float(self.distance) / length)
 
     def signed_distances(self, points: npt.ArrayLike) -> FloatArray:
-        """Distance of (n, 3) points, positive on the side of the normal. Units: mm."""
+        """Distance of (n, 3) points, positive on the side of the normal. Units: mm.
+
+        Parameters
+        ----------
+        points : (n, 3) array_like
+            The plane's frame. Units: mm.
+
+        Returns
+        -------
+        (n,) ndarray
+            Positive on the side of the normal. Units: mm.
+        """
         distances: FloatArray = np.asarray(points, dtype=np.float64) @ self.normal - self.distance
         return distances
 
     def transformed(self, a_from_b: Pose | npt.ArrayLike) -> Plane:
-        """The same plane of frame b in the coordinates of frame a."""
+        """The same plane of frame b in the coordinates of frame a.
+
+        Parameters
+        ----------
+        a_from_b : Pose or (4, 4) array_like
+            Frame b in frame a.
+
+        Returns
+        -------
+        Plane
+            Coordinates of frame a.
+        """
         pose = as_pose(a_from_b)
         normal = pose.rotation @ self.normal
         return Plane(normal, self.distance + float(normal @ pose.translation))

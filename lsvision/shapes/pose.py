@@ -70,6 +70,16 @@ class Pose(ComparedByValue):
             Feed direction; any length but zero.
         distance : float
             Feed. Units: mm.
+
+        Returns
+        -------
+        Pose
+            A shift without rotation.
+
+        Examples
+        --------
+        >>> Pose.along((0, 0, 2), 10.0).translation
+        array([ 0.,  0., 10.])
         """
         axis = as_readonly_array(direction, (3,), "direction")
         length = float(np.linalg.norm(axis))
@@ -79,12 +89,27 @@ class Pose(ComparedByValue):
 
     @classmethod
     def from_matrix(cls, matrix: npt.ArrayLike) -> Self:
-        """Pose of a 4x4 homogeneous matrix (row-major, mm).
+        """Pose of a 4x4 homogeneous matrix.
+
+        Parameters
+        ----------
+        matrix : (4, 4) array_like
+            Row-major; its last column is the translation. Units: mm.
+
+        Returns
+        -------
+        Pose
+            The same motion.
 
         Raises
         ------
         ValueError
             If the last row is not ``0 0 0 1`` or the rotation is none.
+
+        Examples
+        --------
+        >>> Pose.from_matrix(np.eye(4)) == Pose()
+        True
         """
         homogeneous = as_readonly_array(matrix, (4, 4), "matrix")
         if not np.allclose(homogeneous[3], (0, 0, 0, 1), rtol=0, atol=ORTHONORMAL):
@@ -116,7 +141,13 @@ class Pose(ComparedByValue):
         )
 
     def inverse(self) -> Pose:
-        """``b_from_a``."""
+        """The motion back: ``b_from_a``.
+
+        Returns
+        -------
+        Pose
+            ``b_from_a`` of ``a_from_b``.
+        """
         return Pose(self.rotation.T, -self.rotation.T @ self.translation)
 
     def apply(self, points: npt.ArrayLike) -> Points:
@@ -138,7 +169,18 @@ class Pose(ComparedByValue):
         return array @ self.rotation[:, : array.shape[1]].T + self.translation
 
     def apply_one(self, point: npt.ArrayLike) -> FloatArray:
-        """One point (3,) of b in the coordinates of a."""
+        """One point of b in the coordinates of a.
+
+        Parameters
+        ----------
+        point : (3,) array_like
+            Frame b. Units: mm.
+
+        Returns
+        -------
+        (3,) ndarray
+            Frame a. Units: mm.
+        """
         return self.rotation @ np.asarray(point, dtype=np.float64) + self.translation
 
 
