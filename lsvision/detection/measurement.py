@@ -8,6 +8,7 @@ from lsvision.detection.arcs import Rejection
 from lsvision.ellipse.section import CylinderSection
 from lsvision.ellipse.section_table import section_cells
 from lsvision.profile import Profile
+from lsvision.results.number_format import format_value
 from lsvision.results.picture import draw_svg
 from lsvision.results.quantities import Record
 from lsvision.results.result import Result
@@ -63,7 +64,9 @@ class Measurement(Result):
         }
 
     def _summary(self) -> str:
-        radii = ", ".join(f"radius {each.estimates[0].text} mm" for each in self.cylinders)
+        radii = ", ".join(
+            f"radius {format_value(each.radius, each.radius_std)} mm" for each in self.cylinders
+        )
         found = counted(len(self.cylinders), "cylinder") + (f" ({radii})" if radii else "")
         return f"{found}, {counted(len(self.rejections), 'arc')} refused"
 

@@ -1,8 +1,8 @@
 """One measured section of a cylinder: the numbers a user asks for, each with its sigma."""
 
 import math
-from dataclasses import dataclass
-from typing import cast
+from dataclasses import dataclass, replace
+from typing import get_args
 
 import numpy as np
 
@@ -190,24 +190,19 @@ class CylinderSection(Result):
     @property
     def estimates(self) -> tuple[Estimate, ...]:
         """The numbers of tables and files in mm and deg, with sigmas and 95 % intervals."""
-        x_std, y_std = (math.sqrt(variance) for variance in self.covariance.diagonal()[:2])
-        x, y = self.centre
-        values = (
-            (self.radius, self.radius_std),
-            (self.theta, self.theta_std),
-            (self.phi, self.phi_std),
-            (x, x_std),
-            (y, y_std),
-        )
         return tuple(
-            Estimate.of(
-                quantity,
-                *value_and_std,
-                self.interval(cast("Quantity", quantity.name), LEVEL),
-                determined=quantity.name != "theta" or self.theta_determined,
-            )
-            for quantity, value_and_std in zip(SECTION_QUANTITIES, values, strict=True)
+            replace(each, interval=each.quantity.in_unit(self.interval(name, LEVEL)))
+            for each, name in zip(self._values, get_args(Quantity), strict=True)
         )
+
+    @property
+    def _values(self) -> tuple[Estimate, ...]:
+        """The same without the intervals, which take some ms."""
+        x_std, y_std = (math.sqrt(variance) for variance in self.covariance.diagonal()[:2])
+        values = (self.radius, self.theta, self.phi, *self.centre)
+        stds = (self.radius_std, self.theta_std, self.phi_std, x_std, y_std)
+        known = (True, self.theta_determined, True, True, True)
+        return tuple(map(Estimate.of, SECTION_QUANTITIES, values, stds, known))
 
     def to_dict(self) -> Record:
         """Return the section as plain numbers, ready for JSON.
@@ -240,7 +235,7 @@ class CylinderSection(Result):
         words = [
             f"{each.quantity.name.replace('_', ' ')} {each.text}"
             + (f" {each.quantity.unit}" if each.determined else "")
-            for each in self.estimates
+            for each in self._values
         ]
         return ", ".join([*words, f"{len(self.indices)} points"])
 

@@ -44,6 +44,16 @@ class Quantity:
         return f"{self.name.replace('_', ' ')} {self.unit}"
 
     @property
+    def scale(self) -> float:
+        """How many of its units make one of the package's, mm or rad."""
+        return DEG if self.unit == "deg" else 1.0
+
+    def in_unit(self, interval: tuple[float, float]) -> tuple[float, float]:
+        """Both ends of an interval in mm or rad, in its unit."""
+        low, high = interval
+        return low * self.scale, high * self.scale
+
+    @property
     def keys(self) -> tuple[str, str, str]:
         """Of a record: value, standard uncertainty, interval."""
         name, unit = self.name, self.unit
@@ -73,7 +83,8 @@ class Estimate:
 
     Examples
     --------
-    >>> phi = Estimate.of(Quantity("phi", "deg"), 0.5, 0.01, (0.48, 0.52))
+    >>> angle = Quantity("phi", "deg")
+    >>> phi = Estimate(angle, 28.648, 0.573, angle.in_unit((0.48, 0.52)))
     >>> phi.text, phi.interval_text
     ('28.65 ± 0.57', '27.50 .. 29.79')
     """
@@ -86,18 +97,11 @@ class Estimate:
 
     @classmethod
     def of(
-        cls,
-        quantity: Quantity,
-        value: float,
-        std: float,
-        interval: tuple[float, float],
-        *,
-        determined: bool = True,
+        cls, quantity: Quantity, value: float, std: float, determined: bool = True
     ) -> "Estimate":
-        """The estimate of a number in mm or rad, as the package holds it."""
-        scale = DEG if quantity.unit == "deg" else 1.0
-        low, high = interval
-        return cls(quantity, value * scale, std * scale, (low * scale, high * scale), determined)
+        """The estimate of a number in mm or rad, as the package holds it, without interval."""
+        nothing = (math.nan, math.nan)
+        return cls(quantity, value * quantity.scale, std * quantity.scale, nothing, determined)
 
     @property
     def text(self) -> str:

@@ -108,7 +108,7 @@ def test_csv_has_a_row_for_each_cylinder(tmp_path, record):
 
 
 def test_a_number_that_does_not_exist_is_null(tmp_path, record):
-    unknown = Estimate.of(Quantity("theta", "deg"), 0.5, math.inf, (0.0, math.nan))
+    unknown = Estimate(Quantity("theta", "deg"), 28.6, math.inf, (0.0, math.nan))
     record["cylinders"][0] |= unknown.record
     write_json(tmp_path / "r.json", [record])
     (written,) = json.loads((tmp_path / "r.json").read_text())["measurements"][0]["cylinders"]
