@@ -25,10 +25,10 @@ MAX_RELATIVE_SCATTER = 1e-2
 """Scatter over the radius that is always allowed: form error of pipes (below 1e-3), and errors
 that neighbours share, which no difference of neighbours shows (0.1 mm at a radius of 10 mm)."""
 
-METRES_EXTENT, METRES_PITCH, MIN_STEPS = 1.0, 0.002, 5
-"""Extent and pitch below which, both together, a profile is taken to be in metres, and the
-fewest steps that tell a pitch. No profile sensor is as fine: the smallest fields of view are some
-mm wide, the finest pitch is 0.0025 mm. Units: mm."""
+METRES_EXTENTS, METRES_PITCH, MIN_STEPS = (1e-3, 1.0), 0.002, 5
+"""Extents between which, and pitch below which, both together, a profile is taken to be in metres,
+and the fewest steps that tell a pitch. No profile sensor is as fine: the smallest fields of view
+are some mm wide, the finest pitch is 0.0025 mm. Units: mm."""
 
 
 @runtime_checkable
@@ -165,7 +165,7 @@ def as_profile(points: Profile | npt.ArrayLike) -> Profile:
     Warns
     -----
     UserWarning
-        If the points seem to be in metres: both coordinates span less than 1 mm, with less than
+        If the points seem to be in metres: the longer span is 0.001 to 1 mm, with less than
         0.002 mm from one point to the next along X. The finest profile sensors sold have a pitch
         of 0.0025 mm; a profile of 0.2 m with 376 points has one of 0.0005 "mm".
     """
@@ -174,7 +174,8 @@ def as_profile(points: Profile | npt.ArrayLike) -> Profile:
     steps = np.abs(np.diff(valid[:, 0]))
     steps = steps[steps > 0]  # held samples
     extent = extent_of(valid)
-    if len(steps) >= MIN_STEPS and extent < METRES_EXTENT and np.median(steps) < METRES_PITCH:
+    low, high = METRES_EXTENTS
+    if len(steps) >= MIN_STEPS and low < extent < high and np.median(steps) < METRES_PITCH:
         warnings.warn(
             f"expected a profile in mm, got one of {extent:.3g} mm with a point every "
             f"{np.median(steps):.2g} mm: metres? multiply the points by 1000",

@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 from lsvision import Profile, ProfileSensor, Settings, measure_cylinders
 from tests.strategies import PROPERTY, random_profiles
 
+# Random profiles are of any size, also of one that no sensor sees.
+pytestmark = pytest.mark.filterwarnings("ignore:expected a profile in mm:UserWarning")
 SENSORS = st.sampled_from([None, ProfileSensor(), ProfileSensor(range_std=1.0, quantum=0.1)])
 
 
