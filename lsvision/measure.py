@@ -34,12 +34,12 @@ from lsvision.ellipse.refinement import Priors, refine_arc
 from lsvision.ellipse.section import CylinderSection
 from lsvision.ellipse.smoothing import smooth_arc
 from lsvision.errors import LsvisionError
+from lsvision.geometry import IntArray
+from lsvision.geometry.arguments import as_known_phi, as_number_or_pair
+from lsvision.geometry.settings_repr import ShowsChanges
 from lsvision.paper_pipeline import PaperSettings, measure_paper_pipeline
 from lsvision.profile import Arc, NoiseModel, PreparedProfile, Profile, as_profile
-from lsvision.sensor.profile_sensor import as_noise_model
-from lsvision.shapes import IntArray
-from lsvision.shapes.arguments import as_known_phi, as_number_or_pair
-from lsvision.shapes.settings_repr import ShowsChanges
+from lsvision.sensors.profile_sensor import as_noise_model
 
 if TYPE_CHECKING:
     import numpy.typing as npt

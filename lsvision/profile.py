@@ -10,11 +10,11 @@ from typing import Protocol, cast, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.shapes import FloatArray, IntArray, Points, as_readonly_array
-from lsvision.shapes.arguments import as_section_points
-from lsvision.shapes.arrays import extent_of
-from lsvision.shapes.equality import ComparedByValue
-from lsvision.shapes.noisy_points import NoisyPoints
+from lsvision.geometry import FloatArray, IntArray, Points, as_readonly_array
+from lsvision.geometry.arguments import as_section_points
+from lsvision.geometry.arrays import extent_of
+from lsvision.geometry.equality import ComparedByValue
+from lsvision.geometry.noisy_points import NoisyPoints
 
 MAX_COORDINATE_MM = 1e9
 """A thousand kilometres: larger numbers of a file are no points, and their squares overflow."""
@@ -115,7 +115,7 @@ class Profile(ComparedByValue):
         Section frame: X along the laser line, Y towards the sensor. Index = column of the
         sensor, order kept; a lost point is a NaN row (values that are infinite or beyond 1e9 mm
         count as lost, and a row with one lost coordinate is lost whole). Of a data frame the
-        columns x and z (or y): see `lsvision.shapes.arguments.as_section_points`. Units: mm.
+        columns x and z (or y): see `lsvision.geometry.arguments.as_section_points`. Units: mm.
     noise : NoiseModel, optional
         What the sensor knows of its own errors.
 

@@ -15,9 +15,9 @@ from lsvision.errors import LsvisionError, UnreadableFile
 from lsvision.io.file_names import PROFILE_SUFFIXES
 
 if TYPE_CHECKING:
+    from lsvision.geometry import Pose
     from lsvision.io.profiles import ReadOptions
     from lsvision.profile import Profile
-    from lsvision.shapes import Pose
 
 Report = Annotated[
     Path | None, typer.Option(metavar="F.html", help="Write a page with pictures for people.")

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 from lsvision.cli.calibrate_inputs import replace_image_numbers
 
 if TYPE_CHECKING:
-    from lsvision.calibrate.hand_eye_result import HandEye
-    from lsvision.calibrate.pose_planning import PosePlan
-    from lsvision.calibrate.result_tables import Row
-    from lsvision.calibrate.views import RejectedView
+    from lsvision.calibration.hand_eye_result import HandEye
+    from lsvision.calibration.pose_planning import PosePlan
+    from lsvision.calibration.result_tables import Row
+    from lsvision.calibration.views import RejectedView
 
 
 def pose_rows(found: "HandEye", names: Sequence[str]) -> list[tuple[str, str, str, str]]:

@@ -155,7 +155,7 @@ def _view(
     sensor: str | None, range_std: float | None, standoff: float, pitch: float | None
 ) -> "SensorView":
     from lsvision.planning import SensorView
-    from lsvision.sensor.profile_sensor import ProfileSensor, find_sensor
+    from lsvision.sensors.profile_sensor import ProfileSensor, find_sensor
 
     if range_std is None:
         return SensorView(sensor=find_sensor(sensor or "lps36hi"), standoff=standoff, pitch=pitch)

@@ -37,12 +37,12 @@ from lsvision.cli.scan_table import scan_lines
 from lsvision.cli.sources import find_sources, read_source
 
 if TYPE_CHECKING:
+    from lsvision.geometry import Points, Pose
     from lsvision.io.profiles import ReadOptions
     from lsvision.measure import Measurement
     from lsvision.profile import Profile
     from lsvision.scan import ScanMeasurement, TubeShape
-    from lsvision.sensor.profile_sensor import ProfileSensor
-    from lsvision.shapes import Points, Pose
+    from lsvision.sensors.profile_sensor import ProfileSensor
 
 
 def scan(

@@ -25,8 +25,8 @@ from lsvision.cylinder.problem import (
 )
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import DegenerateGeometry, TooFewPoints
-from lsvision.shapes import Cylinder, FloatArray, Points, as_readonly_array
-from lsvision.shapes.settings_repr import ShowsChanges
+from lsvision.geometry import Cylinder, FloatArray, Points, as_readonly_array
+from lsvision.geometry.settings_repr import ShowsChanges
 
 COPLANARITY_TOLERANCE = 1e-7
 """Thickness of a set of points over its extent under which it lies in a plane or on a line."""

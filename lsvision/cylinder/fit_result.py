@@ -16,9 +16,9 @@ from lsvision.cylinder.axis_table import (
 )
 from lsvision.cylinder.problem import PARAMETERS, tangent_frame
 from lsvision.ellipse.fit import CHI2_TEST_SIGMAS
+from lsvision.geometry import BoolArray, Cylinder, FloatArray
 from lsvision.results.quantities import Record
 from lsvision.results.result import Result
-from lsvision.shapes import BoolArray, Cylinder, FloatArray
 from lsvision.statistics.correlation import autocorrelation_time
 
 

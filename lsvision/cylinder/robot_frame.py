@@ -15,11 +15,11 @@ import numpy.typing as npt
 
 from lsvision.cylinder.problem import tangent_frame
 from lsvision.ellipse.section import CylinderSection
+from lsvision.geometry import Cylinder, FloatArray, Pose, as_readonly_array
+from lsvision.geometry.pose import as_pose
 from lsvision.results.number_format import decimals_for, format_std, format_value
 from lsvision.results.quantities import Record, flat_row, numbers
 from lsvision.results.result import Result
-from lsvision.shapes import Cylinder, FloatArray, Pose, as_readonly_array
-from lsvision.shapes.pose import as_pose
 
 Frame = Literal["base", "flange"]
 

@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 from typing import Self
 
+from lsvision.geometry import Ellipse, IntArray
 from lsvision.profile import Arc
 from lsvision.results.quantities import Record
 from lsvision.results.result import Result
-from lsvision.shapes import Ellipse, IntArray
 
 
 @dataclass(frozen=True, eq=False, slots=True)

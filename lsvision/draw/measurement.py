@@ -12,10 +12,10 @@ from lsvision.draw.caller_axes import figure_of, set_title
 from lsvision.draw.panel import draw_panel
 from lsvision.draw.rejected import RejectedArc, rejected_arcs
 from lsvision.ellipse.section import CylinderSection
+from lsvision.geometry import FloatArray, Points
 from lsvision.measure import Measurement
 from lsvision.profile import Profile
 from lsvision.results.picture import colour_of
-from lsvision.shapes import FloatArray, Points
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lsvision.draw.caller_axes import figure_of, set_title
+from lsvision.geometry import FloatArray, Points
 from lsvision.results.number_format import format_value
 from lsvision.results.picture import colour_of
 from lsvision.scan import ScanMeasurement, ScannedCylinder
 from lsvision.scan.surface import tube_surface
-from lsvision.shapes import FloatArray, Points
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

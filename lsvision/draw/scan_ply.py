@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from lsvision.geometry import FloatArray, IntArray, Points
 from lsvision.results.picture import colour_of
 from lsvision.scan import ScanMeasurement
 from lsvision.scan.surface import tube_surface
-from lsvision.shapes import FloatArray, IntArray, Points
 
 GREY = (0.6, 0.6, 0.6)
 

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lsvision.geometry import Cylinder, FloatArray, Points, as_readonly_array
 from lsvision.planning.information import UNIFORM_THETA, information, invert_information
 from lsvision.planning.prediction_table import cells_of_stds, summary_of_stds
 from lsvision.planning.sensor_view import cylinder_normals
 from lsvision.results.quantities import Record
 from lsvision.results.result import Result
-from lsvision.shapes import Cylinder, FloatArray, Points, as_readonly_array
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lsvision.geometry import Ellipse, FloatArray, Points, as_readonly_array
 from lsvision.planning.information import UNIFORM_THETA, information, invert_information
 from lsvision.planning.prediction_table import cells_of_stds, summary_of_stds
 from lsvision.results.quantities import Record
 from lsvision.results.result import Result
-from lsvision.shapes import Ellipse, FloatArray, Points, as_readonly_array
 
 
 @dataclass(frozen=True, eq=False, repr=False)

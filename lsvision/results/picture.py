@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lsvision.shapes import Ellipse, FloatArray, Points
+from lsvision.geometry import Ellipse, FloatArray, Points
 
 CYLINDER_COLOURS = ("#0072B2", "#00805E", "#A8457E", "#4B4BC8")
 """Told apart by colour-blind readers, on white."""

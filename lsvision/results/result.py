@@ -4,9 +4,9 @@ import json
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
 
+from lsvision.geometry.equality import ComparedByValue
 from lsvision.results.quantities import Record, flat_row
 from lsvision.results.tables import Cells, html_lines, html_table, text_table
-from lsvision.shapes.equality import ComparedByValue
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -8,6 +8,10 @@ from typing import TYPE_CHECKING
 
 from lsvision.cylinder.robot_frame import SectionMount
 from lsvision.ellipse.problem import RadiusPrior
+from lsvision.geometry import Pose
+from lsvision.geometry.arguments import as_number_or_pair
+from lsvision.geometry.pose import as_poses
+from lsvision.geometry.settings_repr import ShowsChanges
 from lsvision.measure import Measurement, Settings, measure_cylinders
 from lsvision.profile import NoiseModel, Profile, as_profile
 from lsvision.scan.cloud import build_cloud, require_noncoplanar_sections
@@ -17,11 +21,7 @@ from lsvision.scan.result_assembly import build_scanned_cylinder, sort_cylinders
 from lsvision.scan.scan_result import ScanMeasurement
 from lsvision.scan.track_fitting import fit_tracks
 from lsvision.scan.tracks import TrackSettings, associate_arcs, transform_arc_to_base
-from lsvision.sensor.profile_sensor import as_noise_model
-from lsvision.shapes import Pose
-from lsvision.shapes.arguments import as_number_or_pair
-from lsvision.shapes.pose import as_poses
-from lsvision.shapes.settings_repr import ShowsChanges
+from lsvision.sensors.profile_sensor import as_noise_model
 
 if TYPE_CHECKING:
     import numpy.typing as npt

@@ -10,13 +10,13 @@ import numpy as np
 from lsvision.cylinder.axis_table import AxisQuantity, axis_record, axis_row
 from lsvision.cylinder.fit_result import CylinderFit
 from lsvision.detection.measurement import counted
+from lsvision.geometry import Cylinder, FloatArray, IntArray, Points
 from lsvision.measure import Measurement
 from lsvision.results.number_format import format_value
 from lsvision.results.picture import draw_svg
 from lsvision.results.quantities import Record, numbers
 from lsvision.results.result import Result
 from lsvision.scan.scan_table import spans, tube_cells, twin_notes
-from lsvision.shapes import Cylinder, FloatArray, IntArray, Points
 
 
 @dataclass(frozen=True, eq=False, repr=False)

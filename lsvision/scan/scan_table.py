@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from lsvision.cylinder.axis_table import AXIS_HEADER, axis_cells
-from lsvision.shapes import Cylinder
+from lsvision.geometry import Cylinder
 
 if TYPE_CHECKING:
     from lsvision.scan.scan_result import ScannedCylinder

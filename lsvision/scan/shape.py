@@ -14,13 +14,13 @@ import numpy as np
 from lsvision.cylinder.fit_result import variance_factor
 from lsvision.cylinder.problem import tangent_frame
 from lsvision.errors import DegenerateGeometry
+from lsvision.geometry import FloatArray
+from lsvision.geometry.equality import ComparedByValue
 from lsvision.results.quantities import Record, finite, numbers
 from lsvision.results.result import Result
 from lsvision.scan.scan_result import ScannedCylinder
 from lsvision.scan.section_centres import SectionCentres, fit_section_centres
 from lsvision.scan.shape_table import shape_lines
-from lsvision.shapes import FloatArray
-from lsvision.shapes.equality import ComparedByValue
 
 PARAMETERS = 10
 """Point and direction across the axis, radius; bow (2), taper, ovality (2)."""

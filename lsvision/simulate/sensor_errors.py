@@ -10,10 +10,10 @@ from typing import Literal
 
 import numpy as np
 
-from lsvision.sensor.profile_sensor import ProfileSensor
-from lsvision.shapes import FloatArray, Points
-from lsvision.shapes.arrays import BoolArray
-from lsvision.shapes.settings_repr import ShowsChanges
+from lsvision.geometry import FloatArray, Points
+from lsvision.geometry.arrays import BoolArray
+from lsvision.geometry.settings_repr import ShowsChanges
+from lsvision.sensors.profile_sensor import ProfileSensor
 from lsvision.simulate.rays import Hits, Rays
 
 

@@ -13,14 +13,14 @@ import pandas as pd
 import pytest
 
 import lsvision as lsv
-from lsvision.calibrate.board_in_plane import BoardInPlane
-from lsvision.calibrate.hand_eye_result import RejectedPose, Sphere
-from lsvision.calibrate.intrinsics import CalibratedView, CameraCalibration
-from lsvision.calibrate.laser_plane_result import CalibratedLaserView, LaserPlaneCalibration
-from lsvision.calibrate.lens_blur import LensBlur
-from lsvision.calibrate.pose_planning import PosePlan
-from lsvision.calibrate.target import TargetView
-from lsvision.calibrate.views import RejectedView
+from lsvision.calibration.board_in_plane import BoardInPlane
+from lsvision.calibration.hand_eye_result import RejectedPose, Sphere
+from lsvision.calibration.intrinsics import CalibratedView, CameraCalibration
+from lsvision.calibration.laser_plane_result import CalibratedLaserView, LaserPlaneCalibration
+from lsvision.calibration.lens_blur import LensBlur
+from lsvision.calibration.pose_planning import PosePlan
+from lsvision.calibration.target import TargetView
+from lsvision.calibration.views import RejectedView
 from lsvision.io.results import measurement_record, write_csv
 from lsvision.results.result import Result
 from lsvision.scan import ScanRejection

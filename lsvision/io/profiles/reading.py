@@ -9,6 +9,7 @@ from typing import Unpack
 import numpy as np
 
 from lsvision.errors import UnreadableFile
+from lsvision.geometry import FloatArray
 from lsvision.io.file_names import PROFILE_SUFFIXES, find_files
 from lsvision.io.profiles.detection import detect_format
 from lsvision.io.profiles.gocator import read_gocator, read_gocator_points
@@ -21,7 +22,6 @@ from lsvision.io.profiles.plain_text import read_plain_text
 from lsvision.io.profiles.point_clouds import read_pcd, read_ply
 from lsvision.io.profiles.settings import MM_PER_UNIT, RawProfiles, ReadOptions, ReadSettings
 from lsvision.profile import Profile
-from lsvision.shapes import FloatArray
 
 _READERS: dict[str, Callable[[bytes, ReadSettings], RawProfiles]] = {
     "text": read_plain_text,

@@ -1,0 +1,245 @@
+"""Rigid motions, named ``a_from_b`` so that neighbours cancel."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import NoReturn, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from lsvision.geometry.arrays import FloatArray, Points, as_readonly_array
+from lsvision.geometry.equality import ComparedByValue
+
+ORTHONORMAL = 1e-6
+"""Largest entry of R'R - I that still counts as a rotation (poses are written with 6 digits)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pose(ComparedByValue):
+    """Rigid motion ``a_from_b``: takes coordinates in frame b to coordinates in frame a.
+
+    Parameters
+    ----------
+    rotation : (3, 3) array_like
+        Proper rotation: columns are the axes of b seen in a.
+    translation : (3,) array_like
+        Origin of b in a. Units: mm.
+
+    Raises
+    ------
+    ValueError
+        If `rotation` is not orthonormal to 1e-6 or mirrors.
+
+    Examples
+    --------
+    >>> base_from_flange = Pose(translation=(0.0, 0.0, 100.0))
+    >>> flange_from_section = Pose(translation=(5.0, 0.0, 0.0))
+    >>> base_from_section = base_from_flange @ flange_from_section
+    >>> base_from_section.apply([[1.0, 2.0, 3.0]])
+    array([[  6.,   2., 103.]])
+    """
+
+    __array_ufunc__ = None  # a pose times an array is no product: use apply
+
+    rotation: FloatArray = field(default_factory=lambda: np.eye(3))
+    translation: FloatArray = field(default_factory=lambda: np.zeros(3))
+
+    def __post_init__(self) -> None:
+        rotation = as_readonly_array(self.rotation, (3, 3), "rotation")
+        defect = np.abs(rotation.T @ rotation - np.eye(3)).max()
+        if not defect <= ORTHONORMAL:
+            raise ValueError(f"want an orthonormal rotation, got R'R off by {defect:.3g}")
+        if np.linalg.det(rotation) < 0:
+            raise ValueError("want a proper rotation, got determinant -1: it mirrors")
+        object.__setattr__(self, "rotation", rotation)
+        object.__setattr__(
+            self, "translation", as_readonly_array(self.translation, (3,), "translation")
+        )
+        if not np.isfinite(self.translation).all():
+            raise ValueError(f"want a finite translation in mm, got {self.translation}")
+
+    @classmethod
+    def along(cls, direction: npt.ArrayLike, distance: float) -> Self:
+        """Pure feed: the section moved along an encoder axis.
+
+        Parameters
+        ----------
+        direction : (3,) array_like
+            Feed direction; any length but zero.
+        distance : float
+            Feed. Units: mm.
+
+        Returns
+        -------
+        Pose
+            A shift without rotation.
+
+        Examples
+        --------
+        >>> Pose.along((0, 0, 2), 10.0).translation
+        array([ 0.,  0., 10.])
+        """
+        axis = as_readonly_array(direction, (3,), "direction")
+        length = float(np.linalg.norm(axis))
+        if not (np.isfinite(length) and length > 0):
+            raise ValueError(f"want a feed direction with a length, got {tuple(axis)}")
+        return cls(translation=axis / length * distance)
+
+    @classmethod
+    def from_matrix(cls, matrix: npt.ArrayLike) -> Self:
+        """Pose of a 4x4 homogeneous matrix.
+
+        Parameters
+        ----------
+        matrix : (4, 4) array_like
+            Row-major; its last column is the translation. Units: mm.
+
+        Returns
+        -------
+        Pose
+            The same motion.
+
+        Raises
+        ------
+        ValueError
+            If the last row is not ``0 0 0 1`` or the rotation is none.
+
+        Examples
+        --------
+        >>> Pose.from_matrix(np.eye(4)) == Pose()
+        True
+        """
+        homogeneous = as_readonly_array(matrix, (4, 4), "matrix")
+        if not np.allclose(homogeneous[3], (0, 0, 0, 1), rtol=0, atol=ORTHONORMAL):
+            raise ValueError(f"want last row 0 0 0 1, got {homogeneous[3]}")
+        return cls(homogeneous[:3, :3], homogeneous[:3, 3])
+
+    @property
+    def matrix(self) -> FloatArray:
+        """The 4x4 homogeneous matrix."""
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = self.rotation, self.translation
+        return matrix
+
+    def __matmul__(self, other: Pose) -> Pose:
+        """Compose: ``a_from_c = a_from_b @ b_from_c``."""
+        if not isinstance(other, Pose):
+            raise TypeError(
+                f"expected a Pose behind @, got {type(other).__name__}: Pose.from_matrix makes "
+                "one of a 4x4 matrix, and pose.apply(points) transforms points"
+            )
+        rotation = self.rotation @ other.rotation
+        return Pose(_nearest_rotation(rotation), self.apply_one(other.translation))
+
+    def __rmatmul__(self, other: object) -> NoReturn:
+        """Refuse what is no pose before ``@``."""
+        raise TypeError(
+            f"expected a Pose before @, got {type(other).__name__}: Pose.from_matrix makes one of "
+            "a 4x4 matrix"
+        )
+
+    def inverse(self) -> Pose:
+        """The motion back: ``b_from_a``.
+
+        Returns
+        -------
+        Pose
+            ``b_from_a`` of ``a_from_b``.
+        """
+        return Pose(self.rotation.T, -self.rotation.T @ self.translation)
+
+    def apply(self, points: npt.ArrayLike) -> Points:
+        """Points of b in the coordinates of a.
+
+        Parameters
+        ----------
+        points : (n, 3) or (n, 2) array_like
+            Frame b; two columns are points of the section plane z = 0. Units: mm.
+
+        Returns
+        -------
+        (n, 3) ndarray
+            Frame a. Units: mm.
+        """
+        array = np.asarray(points, dtype=np.float64)
+        if array.ndim != 2 or array.shape[1] not in (2, 3):
+            raise ValueError(f"want points of shape (n, 3) or (n, 2), got {array.shape}")
+        return array @ self.rotation[:, : array.shape[1]].T + self.translation
+
+    def apply_one(self, point: npt.ArrayLike) -> FloatArray:
+        """One point of b in the coordinates of a.
+
+        Parameters
+        ----------
+        point : (3,) array_like
+            Frame b. Units: mm.
+
+        Returns
+        -------
+        (3,) ndarray
+            Frame a. Units: mm.
+        """
+        return self.rotation @ np.asarray(point, dtype=np.float64) + self.translation
+
+
+def as_pose(value: Pose | npt.ArrayLike) -> Pose:
+    """Return a pose as it is, and a 4x4 homogeneous matrix as one.
+
+    Parameters
+    ----------
+    value : Pose or (4, 4) array_like
+        Row-major, mm.
+
+    Raises
+    ------
+    TypeError
+        If it is neither.
+    ValueError
+        If the matrix is no rigid motion.
+
+    Examples
+    --------
+    >>> as_pose([[1, 0, 0, 5], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]).translation
+    array([5., 0., 0.])
+    """
+    if isinstance(value, Pose):
+        return value
+    try:
+        matrix = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        matrix = np.zeros(0)
+    if matrix.shape != (4, 4):
+        shape = f" of shape {matrix.shape}" if matrix.size else ""
+        raise TypeError(
+            f"expected a Pose or a 4x4 matrix in mm (as Pose.from_matrix takes it), got "
+            f"{type(value).__name__}{shape}"
+        )
+    return Pose.from_matrix(matrix)
+
+
+def as_poses(values: Iterable[Pose | npt.ArrayLike]) -> tuple[Pose, ...]:
+    """Return poses, each given as a `Pose` or a 4x4 matrix; also an (n, 4, 4) array.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If one is no pose; the message tells which.
+    """
+    if isinstance(values, Pose):
+        raise TypeError("expected a sequence of poses, got one Pose: put it into a list")
+    poses = []
+    for index, value in enumerate(values):
+        try:
+            poses.append(as_pose(value))
+        except (TypeError, ValueError) as error:
+            raise type(error)(f"pose {index}: {error}") from None
+    return tuple(poses)
+
+
+def _nearest_rotation(matrix: FloatArray) -> FloatArray:
+    """Rotation nearest to a product of rotations, so that long chains stay orthonormal."""
+    left, _, right = np.linalg.svd(matrix)
+    nearest: FloatArray = left @ right
+    return nearest
