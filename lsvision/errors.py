@@ -7,7 +7,17 @@ is no cylinder is neither: it is a ``Rejection`` in the result.
 
 
 class LsvisionError(Exception):
-    """Root of everything that the world, not the caller, does to a measurement."""
+    """Root of everything that the world, not the caller, does to a measurement.
+
+    Examples
+    --------
+    >>> import lsvision as lsv
+    >>> try:
+    ...     lsv.read_profile("nowhere.csv")
+    ... except LsvisionError as error:
+    ...     print(error)
+    nowhere.csv: no such file: check the name
+    """
 
 
 class TooFewPoints(LsvisionError):

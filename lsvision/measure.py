@@ -5,7 +5,11 @@ takes planes for huge ellipses. The paper's own chain, without them, is
 `lsvision.studies.chen_liu_2016.measure_cylinders_paper`.
 """
 
-from dataclasses import dataclass
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from lsvision.detection.acceptance import (
     AcceptanceSettings,
@@ -16,6 +20,7 @@ from lsvision.detection.arcs import IdentifiedArc, Rejection
 from lsvision.detection.candidates import CandidateSettings, find_candidates
 from lsvision.detection.end_condition import tangential_end_reason
 from lsvision.detection.identification import identify_arcs
+from lsvision.detection.measurement import Measurement
 from lsvision.detection.profile_preparation import prepare_profile
 from lsvision.detection.range_image import (
     RangeImageSettings,
@@ -34,11 +39,19 @@ from lsvision.ellipse.section import CylinderSection
 from lsvision.ellipse.smoothing import smooth_arc
 from lsvision.errors import LsvisionError
 from lsvision.geometry import IntArray
-from lsvision.profile import Arc, NoiseModel, PreparedProfile, Profile
+from lsvision.geometry.arguments import as_known_phi, as_number_or_pair
+from lsvision.geometry.settings_repr import ShowsChanges
+from lsvision.profile import Arc, NoiseModel, PreparedProfile, Profile, as_profile
+from lsvision.sensors.profile_sensor import as_noise_model
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+__all__ = ["Measurement", "Settings", "measure_cylinders"]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Settings:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Settings(ShowsChanges):
     """What a user may want to set, in the order of the steps.
 
     Parameters
@@ -49,6 +62,11 @@ class Settings:
         What counts as a cylinder.
     fitting : FittingSettings
         Geometric refinement, section 2.3.
+
+    Examples
+    --------
+    >>> Settings(acceptance=AcceptanceSettings())
+    Settings()
     """
 
     range_image: RangeImageSettings = RangeImageSettings()
@@ -60,48 +78,34 @@ class Settings:
     fitting: FittingSettings = FittingSettings(reweightings=0, max_evaluations=20, tolerance=1e-3)
 
 
-@dataclass(frozen=True, slots=True)
-class Measurement:
-    """What one profile holds.
-
-    Parameters
-    ----------
-    cylinders : tuple of CylinderSection
-        Left to right by centre x.
-    rejections : tuple of Rejection
-        What else was looked at, and why it is no cylinder; in the order of the profile.
-    """
-
-    cylinders: tuple[CylinderSection, ...]
-    rejections: tuple[Rejection, ...]
-
-
 def measure_cylinders(
-    profile: Profile,
+    profile: Profile | npt.ArrayLike,
     *,
-    radius: float | tuple[float, float] | None = None,
-    known_radius: float | tuple[float, float] | None = None,
-    known_phi: float | tuple[float, float] | None = None,
-    sensor: NoiseModel | None = None,
+    radius: float | Sequence[float] | None = None,
+    known_radius: float | Sequence[float] | None = None,
+    known_phi: float | Sequence[float] | None = None,
+    sensor: NoiseModel | str | None = None,
     settings: Settings = Settings(),
 ) -> Measurement:
     """Radius, orientation and position of every cylinder in a profile.
 
     Parameters
     ----------
-    profile : Profile
-        Points of one light section.
-    radius : float or tuple of float, optional
+    profile : Profile, (n, 2) array_like or data frame
+        Points of one light section, as `Profile` takes them: y grows towards the sensor, a NaN
+        row is a lost point, a data frame has columns x and z (or y). Units: mm.
+    radius : float or (float, float), optional
         Search range (min, max), or a nominal radius that is searched within 20 %. Units: mm.
-    known_radius : float or tuple of float, optional
+    known_radius : float or (float, float), optional
         Radius, or (radius, std): a prior in the fit, and the search range where `radius` gives
         none. Units: mm.
-    known_phi : float or tuple of float, optional
+    known_phi : float or (float, float), optional
         Tilt of the axis from the laser plane's normal, or (tilt, std): a prior in the fit. 0
         makes circles of the sections, and so a radius of an arc too short for an ellipse; see
         `PhiPrior`. Units: rad.
-    sensor : NoiseModel, optional
-        Noise of the points; that of the profile without; where neither is given its size is
+    sensor : NoiseModel or str, optional
+        Noise of the points, as a `ProfileSensor` or the name of a known one ("lps36",
+        "lps36hi"). Without, that of the profile; where neither is given its size is
         estimated from the residuals, and its direction taken along Y within some 11 deg.
     settings : Settings
         One value for each step.
@@ -115,7 +119,16 @@ def measure_cylinders(
     Raises
     ------
     ValueError
-        If a radius is not positive, its range is reversed, or a known phi is no tilt.
+        If a radius is not positive, its range is reversed, a known phi is no tilt (as one in
+        degrees), or a sensor's name is unknown.
+    TypeError
+        If an argument is of another kind.
+
+    Warns
+    -----
+    UserWarning
+        If the points seem to be in metres: they span less than 1 mm in x and y, with less than
+        0.002 mm from one to the next. No profile sensor is as fine.
 
     Notes
     -----
@@ -132,6 +145,19 @@ def measure_cylinders(
     True
     """
     priors = Priors(radius_prior_from_value(known_radius), _phi_prior_from_value(known_phi))
+    search = as_number_or_pair(radius, "radius", "mm", "(min, max)")
+    seen, noise = as_profile(profile), as_noise_model(sensor)
+    return replace(_find_cylinders(seen, search, priors, noise, settings), profile=seen)
+
+
+def _find_cylinders(
+    profile: Profile,
+    radius: float | tuple[float, float] | None,
+    priors: Priors,
+    sensor: NoiseModel | None,
+    settings: Settings,
+) -> Measurement:
+    """The steps of Figure 4."""
     prepared = prepare_profile(profile, sensor or profile.noise)
     radius_range = search_range(radius, priors.radius, prepared)
     range_image = rasterise(prepared, settings.range_image)
@@ -214,19 +240,17 @@ def measurement_in_sensor_columns(
     )
 
 
-def radius_prior_from_value(known_radius: float | tuple[float, float] | None) -> RadiusPrior | None:
+def radius_prior_from_value(known_radius: float | Sequence[float] | None) -> RadiusPrior | None:
     """Prior of a known radius, or of (radius, std); None without one. Units: mm."""
-    if known_radius is None:
+    known = as_number_or_pair(known_radius, "known_radius", "mm", "(radius, std)")
+    if known is None:
         return None
-    if isinstance(known_radius, tuple):
-        return RadiusPrior(*known_radius)
-    return RadiusPrior(float(known_radius))
+    return RadiusPrior(*known) if isinstance(known, tuple) else RadiusPrior(known)
 
 
-def _phi_prior_from_value(known_phi: float | tuple[float, float] | None) -> PhiPrior | None:
+def _phi_prior_from_value(known_phi: float | Sequence[float] | None) -> PhiPrior | None:
     """Prior of a known tilt, or of (tilt, std); None without one. Units: rad."""
-    if known_phi is None:
+    known = as_known_phi(known_phi)
+    if known is None:
         return None
-    if isinstance(known_phi, tuple):
-        return PhiPrior(*known_phi)
-    return PhiPrior(float(known_phi))
+    return PhiPrior(*known) if isinstance(known, tuple) else PhiPrior(known)

@@ -1,12 +1,19 @@
 """A profile: the ordered points of one section in mm, which sensors give and steps take."""
 
+from __future__ import annotations
+
 import math
+import warnings
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Protocol, cast, runtime_checkable
 
 import numpy as np
+import numpy.typing as npt
 
 from lsvision.geometry import FloatArray, IntArray, Points, as_readonly_array
+from lsvision.geometry.arguments import as_section_points
+from lsvision.geometry.arrays import extent_of
+from lsvision.geometry.equality import ComparedByValue
 from lsvision.geometry.noisy_points import NoisyPoints
 
 MAX_COORDINATE_MM = 1e9
@@ -18,10 +25,21 @@ MAX_RELATIVE_SCATTER = 1e-2
 """Scatter over the radius that is always allowed: form error of pipes (below 1e-3), and errors
 that neighbours share, which no difference of neighbours shows (0.1 mm at a radius of 10 mm)."""
 
+METRES_EXTENTS, METRES_PITCH, MIN_STEPS = (1e-3, 1.0), 0.002, 5
+"""Extents between which, and pitch below which, both together, a profile is taken to be in metres,
+and the fewest steps that tell a pitch. No profile sensor is as fine: the smallest fields of view
+are some mm wide, the finest pitch is 0.0025 mm. Units: mm."""
+
 
 @runtime_checkable
 class NoiseModel(Protocol):
-    """What is known of the errors of a profile's points."""
+    """What is known of the errors of a profile's points.
+
+    Examples
+    --------
+    >>> isinstance(PointNoise(np.ones((3, 2, 2))), NoiseModel)
+    True
+    """
 
     def covariances(self, points: Points) -> FloatArray:
         """Covariance of each point's error.
@@ -40,13 +58,19 @@ class NoiseModel(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class PointNoise:
+class PointNoise(ComparedByValue):
     """Noise given point by point, as a calibrated camera knows it.
 
     Parameters
     ----------
     point_covariances : (n, 2, 2) array_like
         Covariance of each point, in the order of the profile. Units: mm^2.
+
+    Examples
+    --------
+    >>> noise = PointNoise([[[0.01, 0.0], [0.0, 0.04]]])
+    >>> Profile([[0.0, -400.0]], noise).noise.covariances(np.zeros((1, 2)))[0, 1, 1]
+    np.float64(0.04)
     """
 
     point_covariances: FloatArray
@@ -65,52 +89,100 @@ class PointNoise:
         ------
         ValueError
             If there are not as many as points.
+
+        Parameters
+        ----------
+        points : (n, 2) ndarray
+            Of the profile.
+
+        Returns
+        -------
+        (n, 2, 2) ndarray
+            Units: mm^2.
         """
         if len(points) != len(self.point_covariances):
             raise ValueError(f"want {len(self.point_covariances)} points, got {len(points)}")
         return self.point_covariances
 
 
-@dataclass(frozen=True, eq=False)
-class Profile:
+@dataclass(frozen=True, eq=False, repr=False)
+class Profile(ComparedByValue):
     """Ordered points of one light section.
 
     Parameters
     ----------
-    points : (n, 2) array_like
+    points : (n, 2) array_like or data frame
         Section frame: X along the laser line, Y towards the sensor. Index = column of the
         sensor, order kept; a lost point is a NaN row (values that are infinite or beyond 1e9 mm
-        count as lost, and a row with one lost coordinate is lost whole). Units: mm.
+        count as lost, and a row with one lost coordinate is lost whole). Of a data frame the
+        columns x and z (or y): see `lsvision.geometry.arguments.as_section_points`. Units: mm.
     noise : NoiseModel, optional
         What the sensor knows of its own errors.
 
     Raises
     ------
-    ValueError
-        If `points` is not (n, 2).
+    TypeError, ValueError
+        If `points` is no table of numbers, or not (n, 2).
 
     Examples
     --------
     >>> profile = Profile([[0.0, -400.0], [float("nan"), 0.0], [1.2, -399.8]])
     >>> len(profile), profile.lost
     (3, 1)
+    >>> profile
+    <Profile: 3 points, 1 lost, x 0 to 1.2 mm, y -400 to -399.8 mm>
     """
 
     points: Points
     noise: NoiseModel | None = None
 
     def __post_init__(self) -> None:
-        points = np.array(as_readonly_array(self.points, ("n", 2), "points"))
+        points = np.array(as_section_points(self.points))
         points[~(np.abs(points) < MAX_COORDINATE_MM).all(axis=1)] = np.nan
         object.__setattr__(self, "points", as_readonly_array(points, ("n", 2)))
 
     def __len__(self) -> int:
         return len(self.points)
 
+    def __repr__(self) -> str:
+        seen = self.points[~np.isnan(self.points[:, 0])]
+        spans = [
+            f", {name} {column.min():.6g} to {column.max():.6g} mm"
+            for name, column in zip("xy", seen.T, strict=True)
+            if len(column)
+        ]
+        return f"<Profile: {len(self)} points, {self.lost} lost{''.join(spans)}>"
+
     @property
     def lost(self) -> int:
         """Number of lost points."""
         return int(np.isnan(self.points[:, 0]).sum())
+
+
+def as_profile(points: Profile | npt.ArrayLike) -> Profile:
+    """Return a profile as it is, and anything that `Profile` takes as one.
+
+    Warns
+    -----
+    UserWarning
+        If the points seem to be in metres: the longer span is 0.001 to 1 mm, with less than
+        0.002 mm from one point to the next along X. The finest profile sensors sold have a pitch
+        of 0.0025 mm; a profile of 0.2 m with 376 points has one of 0.0005 "mm".
+    """
+    profile = points if isinstance(points, Profile) else Profile(cast("Points", points))
+    valid = profile.points[~np.isnan(profile.points[:, 0])]
+    steps = np.abs(np.diff(valid[:, 0]))
+    steps = steps[steps > 0]  # held samples
+    extent = extent_of(valid)
+    low, high = METRES_EXTENTS
+    if len(steps) >= MIN_STEPS and low < extent < high and np.median(steps) < METRES_PITCH:
+        warnings.warn(
+            f"expected a profile in mm, got one of {extent:.3g} mm with a point every "
+            f"{np.median(steps):.2g} mm: metres? multiply the points by 1000",
+            UserWarning,
+            stacklevel=3,
+        )
+    return profile
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -162,7 +234,7 @@ class PreparedProfile:
         return max(modelled, scatter / self.noise_std) if self.noise_std else math.inf
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Arc:
     """Index span of a profile believed to lie on one ellipse.
 
@@ -188,5 +260,16 @@ class Arc:
         return self.stop - self.start
 
     def of(self, profile: Profile) -> Points:
-        """Points of the span, lost ones as NaN rows. Units: mm."""
+        """Points of the span, lost ones as NaN rows. Units: mm.
+
+        Parameters
+        ----------
+        profile : Profile
+            The one that the arc is of.
+
+        Returns
+        -------
+        (k, 2) ndarray
+            Section frame. Units: mm.
+        """
         return profile.points[self.start : self.stop]

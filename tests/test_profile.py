@@ -73,7 +73,7 @@ def test_what_is_no_profile_is_refused(points, got):
 
 
 def test_words_are_no_profile():
-    with pytest.raises(ValueError, match="could not convert"):
+    with pytest.raises(TypeError, match=r"array of numbers in mm, got list \[\['x', 'z'\]\]"):
         Profile([["x", "z"]])
 
 

@@ -6,6 +6,8 @@ selections of poses give the solution and the outlying poses; robot poses are tr
 Data that do not determine the solution raise an error with the missing motion.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TypeVar
@@ -28,7 +30,8 @@ from lsvision.calibration.sphere_arc import SphereArc, find_sphere_arc
 from lsvision.calibration.sphere_observations import SphereObservations
 from lsvision.errors import CalibrationFailed, DegenerateGeometry, TooFewPoints
 from lsvision.geometry import FloatArray, Plane, Pose, as_readonly_array
-from lsvision.profile import Profile
+from lsvision.geometry.pose import as_poses
+from lsvision.profile import Profile, as_profile
 
 Shape = TypeVar("Shape", SphereArc, PlaneLine)
 
@@ -44,8 +47,8 @@ DEFAULT = HandEyeSettings()
 
 
 def calibrate_hand_eye_sphere(
-    profiles: Sequence[Profile],
-    base_from_flanges: Sequence[Pose],
+    profiles: Sequence[Profile | npt.ArrayLike],
+    base_from_flanges: Sequence[Pose | npt.ArrayLike],
     radius: float | None = None,
     *,
     mounting: Mounting = "eye_in_hand",
@@ -59,9 +62,9 @@ def calibrate_hand_eye_sphere(
 
     Parameters
     ----------
-    profiles : sequence of Profile
+    profiles : sequence of Profile or (n, 2) array_like
         One for each pose; the sphere is found in clutter, and its flanks are left out.
-    base_from_flanges : sequence of Pose
+    base_from_flanges : sequence of Pose or (4, 4) array_like
         Flange poses.
     radius : float, optional
         Radius of the sphere, where it is known accurately; otherwise it is estimated, with little
@@ -103,6 +106,7 @@ def calibrate_hand_eye_sphere(
     ((), True)
     """
     _require_pairs(len(profiles), len(base_from_flanges), "profiles")
+    flanges = as_poses(base_from_flanges)
     if radius is not None and not radius > 0:
         raise ValueError(f"expected a positive radius in mm, got {radius}")
     arcs, observed, unobserved = _observe(
@@ -110,7 +114,7 @@ def calibrate_hand_eye_sphere(
     )
     min_poses = 5 if radius is not None else 6
     _require_count(len(observed), min_poses, "a sphere in its profile", unobserved)
-    poses = [base_from_flanges[index] for index in observed]
+    poses = [flanges[index] for index in observed]
     largest = max(float(arc.circle[2]) for arc in arcs)
     observations = SphereObservations(
         np.array([arc.circle for arc in arcs]),
@@ -133,8 +137,8 @@ def calibrate_hand_eye_sphere(
 
 
 def calibrate_hand_eye_plane(
-    profiles: Sequence[Profile],
-    base_from_flanges: Sequence[Pose],
+    profiles: Sequence[Profile | npt.ArrayLike],
+    base_from_flanges: Sequence[Pose | npt.ArrayLike],
     *,
     mounting: Mounting = "eye_in_hand",
     settings: HandEyeSettings = DEFAULT,
@@ -146,9 +150,9 @@ def calibrate_hand_eye_plane(
 
     Parameters
     ----------
-    profiles : sequence of Profile
+    profiles : sequence of Profile or (n, 2) array_like
         One for each pose; the longest straight line in each is used.
-    base_from_flanges : sequence of Pose
+    base_from_flanges : sequence of Pose or (4, 4) array_like
         Flange poses.
     mounting, settings
         As in `calibrate_hand_eye_sphere`.
@@ -162,11 +166,27 @@ def calibrate_hand_eye_plane(
     ------
     ValueError, CalibrationFailed, DegenerateGeometry
         As in `calibrate_hand_eye_sphere`.
+
+    Examples
+    --------
+    >>> from lsvision.simulate.hand_eye import SectionView, TargetMotion
+    >>> from lsvision.simulate.hand_eye import plane_profile, section_poses_about
+    >>> rng, place = np.random.default_rng(0), np.array([800.0, 0.0, 300.0])
+    >>> motion = TargetMotion(standoff=-150.0, tilt=np.radians(40.0), offset=0.0)
+    >>> sections = section_poses_about(place, 10, motion, rng)
+    >>> mount, plane = Pose(translation=(0.0, 80.0, 120.0)), Plane((0, 0, 1), 300.0)
+    >>> seen = [plane.transformed(pose.inverse()) for pose in sections]
+    >>> profiles = [plane_profile(each, SectionView(), rng) for each in seen]
+    >>> flanges = [pose @ mount.inverse() for pose in sections]
+    >>> found = calibrate_hand_eye_plane(profiles, flanges)
+    >>> found.flange_from_section.translation.round(0) + 0.0
+    array([  0.,  80., 120.])
     """
     _require_pairs(len(profiles), len(base_from_flanges), "profiles")
+    flanges = as_poses(base_from_flanges)
     lines, observed, unobserved = _observe(profiles, find_plane_line, "line")
     _require_count(len(observed), 8, "a straight line in its profile", unobserved)
-    poses = [base_from_flanges[index] for index in observed]
+    poses = [flanges[index] for index in observed]
     observations = PlaneObservations(
         np.array([line.midpoint for line in lines]),
         np.array([line.direction for line in lines]),
@@ -184,8 +204,8 @@ def calibrate_hand_eye_plane(
 
 
 def calibrate_hand_eye_board(
-    camera_from_boards: Sequence[Pose],
-    base_from_flanges: Sequence[Pose],
+    camera_from_boards: Sequence[Pose | npt.ArrayLike],
+    base_from_flanges: Sequence[Pose | npt.ArrayLike],
     *,
     covariances: npt.ArrayLike | None = None,
     mounting: Mounting = "eye_in_hand",
@@ -195,9 +215,9 @@ def calibrate_hand_eye_board(
 
     Parameters
     ----------
-    camera_from_boards : sequence of Pose
+    camera_from_boards : sequence of Pose or (4, 4) array_like
         The board in each image; `estimate_board_pose` computes it from corners.
-    base_from_flanges : sequence of Pose
+    base_from_flanges : sequence of Pose or (4, 4) array_like
         Flange poses.
     covariances : (n, 6, 6) array_like, optional
         Covariances of the boards' origins (mm) and left-hand rotations (rad), from
@@ -214,19 +234,32 @@ def calibrate_hand_eye_board(
     ------
     ValueError, CalibrationFailed, DegenerateGeometry
         As in `calibrate_hand_eye_sphere`.
+
+    Examples
+    --------
+    >>> from lsvision.simulate.hand_eye import TargetMotion, section_poses_about
+    >>> rng, place = np.random.default_rng(0), np.array([800.0, 0.0, 300.0])
+    >>> base_from_cameras = section_poses_about(place, 8, TargetMotion(standoff=-150.0), rng)
+    >>> mount, base_from_board = Pose(translation=(0.0, 80.0, 120.0)), Pose(translation=place)
+    >>> boards = [pose.inverse() @ base_from_board for pose in base_from_cameras]
+    >>> flanges = [pose @ mount.inverse() for pose in base_from_cameras]
+    >>> found = calibrate_hand_eye_board(boards, flanges)
+    >>> found.flange_from_camera.translation.round(3) + 0.0
+    array([  0.,  80., 120.])
     """
     count = len(camera_from_boards)
     _require_pairs(count, len(base_from_flanges), "boards")
+    boards, flanges = as_poses(camera_from_boards), as_poses(base_from_flanges)
     _require_count(count, 4, "a board in its image", [])
     matrices = np.full((count, 6, 6), 1e-12) * np.eye(6) if covariances is None else covariances
     observations = BoardObservations(
-        np.array([pose.rotation for pose in camera_from_boards]),
-        np.array([pose.translation for pose in camera_from_boards]),
+        np.array([pose.rotation for pose in boards]),
+        np.array([pose.translation for pose in boards]),
         as_readonly_array(matrices, (count, 6, 6), "covariances"),
-        stack_flange_poses(base_from_flanges, mounting, settings.robot_std or NOMINAL_ROBOT_STD),
+        stack_flange_poses(flanges, mounting, settings.robot_std or NOMINAL_ROBOT_STD),
         np.zeros(count, dtype=np.int64),
     )
-    solution = solve_hand_eye(observations, base_from_flanges, 3, settings)
+    solution = solve_hand_eye(observations, flanges, 3, settings)
     board = solution.fit.states.targets[0, 0]
     target = Pose(board[3:].reshape(3, 3), board[:3])
     working_point = observations.origins.mean(axis=0)
@@ -235,13 +268,13 @@ def calibrate_hand_eye_board(
 
 
 def _observe(
-    profiles: Sequence[Profile], find: Callable[[Profile], Shape], name: str
+    profiles: Sequence[Profile | npt.ArrayLike], find: Callable[[Profile], Shape], name: str
 ) -> tuple[list[Shape], list[int], list[RejectedPose]]:
     """Return the shapes found in the profiles, the indices of these, and the other profiles."""
     shapes, observed, unobserved = [], [], []
     for index, profile in enumerate(profiles):
         try:
-            shapes.append(find(profile))
+            shapes.append(find(as_profile(profile)))
             observed.append(index)
         except TooFewPoints as error:
             unobserved.append(RejectedPose(index, f"no {name} found: {error}"))

@@ -1,5 +1,7 @@
 """Settings and result of a hand-eye calibration."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, field
 from typing import Literal
@@ -9,9 +11,14 @@ import numpy.typing as npt
 
 from lsvision.calibration.observations import Mounting
 from lsvision.calibration.pose_outliers import OutlierSettings
+from lsvision.calibration.result_tables import cells_of_rows, hand_eye_rows
 from lsvision.calibration.rotations import cross_matrices
 from lsvision.calibration.sphere_arc import SphereArcSettings
 from lsvision.geometry import FloatArray, Plane, Pose, as_readonly_array
+from lsvision.geometry.equality import ComparedByValue
+from lsvision.geometry.settings_repr import ShowsChanges
+from lsvision.results.quantities import Record, finite, numbers
+from lsvision.results.result import Result
 
 Sensor = Literal["section", "camera"]
 
@@ -21,8 +28,8 @@ MIN_HEIGHT_SCALE_ERROR = 0.005
 """Deviation of the height scale from 1 above which a warning is given."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class HandEyeSettings:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class HandEyeSettings(ShowsChanges):
     """Standard uncertainty of the robot, and limits for acceptance of a calibration.
 
     Parameters
@@ -55,7 +62,7 @@ class HandEyeSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class Sphere:
+class Sphere(ComparedByValue):
     """Sphere that was the target of a calibration.
 
     Parameters
@@ -76,7 +83,7 @@ class Sphere:
         object.__setattr__(self, "centre", as_readonly_array(self.centre, (3,), "centre"))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class RejectedPose:
     """Index of a pose and the reason for its rejection.
 
@@ -92,8 +99,8 @@ class RejectedPose:
     reason: str
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class HandEye:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class HandEye(Result):
     """Pose of the sensor on the robot's flange, or in its base frame, with diagnostics.
 
     Parameters
@@ -135,6 +142,17 @@ class HandEye:
         Factor by which the profiles' heights must be multiplied, about the working point, and its
         standard deviation; a check of the sensor, 1 for a correct one. None where the target does
         not determine it.
+
+    Examples
+    --------
+    >>> import lsvision as lsv
+    >>> folder = "calibration/example"
+    >>> poses = lsv.read_robot_poses(f"{folder}/sphere_poses.csv", "kuka")
+    >>> found = lsv.calibrate_hand_eye_sphere(lsv.read_profiles(f"{folder}/sphere"), poses, 20.0)
+    >>> found  # doctest: +ELLIPSIS
+    <HandEye: section, eye in hand, 0.0... mm at the working point, from 12 of 12 poses>
+    >>> found.flange_from_section.translation.shape
+    (3,)
     """
 
     mount_from_sensor: Pose
@@ -246,9 +264,69 @@ class HandEye:
         """Return the standard deviation of a point's position: root of the summed variances.
 
         Errors of translation and rotation largely cancel where the target was measured: this value,
-        and not that of the sensor's origin, is the accuracy of the calibration. Units: mm.
+        and not that of the sensor's origin, is the accuracy of the calibration.
+
+        Parameters
+        ----------
+        point : (2,) or (3,) array_like
+            Sensor frame. Units: mm.
+
+        Returns
+        -------
+        float
+            Root of the summed variances. Units: mm.
         """
         return math.sqrt(float(np.trace(self.covariance_at(point))))
+
+    def to_dict(self) -> Record:
+        """Return the pose, its uncertainty and the evidence as plain numbers, ready for JSON.
+
+        Returns
+        -------
+        dict
+            Lengths in ``*_mm``, angles in ``*_deg``; `save_hand_eye` writes what `load_hand_eye`
+            reads again.
+        """
+        from scipy.spatial.transform import Rotation
+
+        std = np.sqrt(np.diag(self.covariance))
+        vector = Rotation.from_matrix(self.mount_from_sensor.rotation).as_rotvec(degrees=True)
+        position_std, rotation_std = self.robot_std
+        factor, factor_std = self.height_scale or (None, None)
+        return {
+            "mounting": self.mounting,
+            "sensor": self.sensor,
+            "position_mm": numbers(self.mount_from_sensor.translation),
+            "position_std_mm": numbers(std[:3]),
+            "rotation_vector_deg": numbers(vector),
+            "rotation_vector_std_deg": numbers(np.degrees(std[3:])),
+            "working_point_mm": numbers(self.working_point),
+            "working_point_std_mm": self.working_point_std,
+            "residual_rms_mm": finite(self.residual_rms),
+            "leave_one_out_rms_mm": finite(self.leave_one_out_rms),
+            "robot_position_std_mm": position_std,
+            "robot_rotation_std_deg": math.degrees(rotation_std),
+            "height_scale": factor,
+            "height_scale_std": factor_std,
+            "residuals_mm": numbers(self.residuals),
+            "leave_one_out_residuals_mm": numbers(self.leave_one_out_residuals),
+            "rejected": [{"index": pose.index, "reason": pose.reason} for pose in self.rejected],
+            "warnings": list(self.warnings),
+        }
+
+    def _summary(self) -> str:
+        believed = len(self.residuals) - len(self.rejected)
+        return (
+            f"{self.sensor}, {self.mounting.replace('_', ' ')}, {self.working_point_std:.3f} mm "
+            f"at the working point, from {believed} of {len(self.residuals)} poses"
+        )
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        return cells_of_rows(hand_eye_rows(self))
+
+    def _notes(self) -> list[str]:
+        left_out = [f"left out: pose {pose.index}: {pose.reason}" for pose in self.rejected]
+        return left_out + [f"warning: {text}" for text in self.warnings]
 
     def _named(self, mounting: Mounting, sensor: Sensor) -> Pose:
         if (self.mounting, self.sensor) != (mounting, sensor):

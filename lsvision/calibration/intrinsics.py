@@ -1,5 +1,7 @@
 """Intrinsics of a camera from images of a flat target, with warnings about weak data."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -9,6 +11,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from lsvision.calibration.result_tables import camera_rows, cells_of_rows, doubt_lines
 from lsvision.calibration.target import Target, TargetView, find_target
 from lsvision.calibration.views import (
     RejectedView,
@@ -21,6 +24,10 @@ from lsvision.calibration.views import (
 )
 from lsvision.errors import CalibrationFailed
 from lsvision.geometry import FloatArray, Pose
+from lsvision.geometry.equality import ComparedByValue
+from lsvision.laser_line.image_array import as_image
+from lsvision.results.quantities import Record
+from lsvision.results.result import Result
 from lsvision.sensors.camera import Camera
 
 MIN_VIEWS = 3
@@ -92,7 +99,7 @@ class CameraSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class CalibratedView:
+class CalibratedView(ComparedByValue):
     """One view after the calibration.
 
     Parameters
@@ -118,8 +125,8 @@ class CalibratedView:
         return float(np.sqrt(np.mean(np.sum(self.residuals**2, axis=1))))
 
 
-@dataclass(frozen=True, eq=False)
-class CameraCalibration:
+@dataclass(frozen=True, eq=False, repr=False)
+class CameraCalibration(Result):
     """Calibrated camera with standard deviations, residuals and warnings.
 
     Parameters
@@ -151,6 +158,44 @@ class CameraCalibration:
         residuals = np.concatenate([view.residuals for view in self.views])
         return float(np.sqrt(np.mean(np.sum(residuals**2, axis=1))))
 
+    @property
+    def parameters(self) -> dict[str, tuple[float, float]]:
+        """Value and one sigma of fx, fy, cx, cy (px) and of each coefficient of distortion."""
+        matrix = self.camera.matrix
+        values = [matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2], *self.camera.distortion]
+        pairs = zip(values, self.std.items(), strict=False)
+        return {name: (float(value), std) for value, (name, std) in pairs}
+
+    def to_dict(self) -> Record:
+        """Return the intrinsics with one sigma each, ready for JSON.
+
+        Returns
+        -------
+        dict
+            ``fx_px``, ``fx_std_px`` and so on; coefficients of distortion have no unit.
+        """
+        record: Record = {}
+        for name, (value, std) in self.parameters.items():
+            unit = "_px" if name in ("fx", "fy", "cx", "cy") else ""
+            record |= {f"{name}{unit}": value, f"{name}_std{unit}": std}
+        return record | {
+            "rms_px": self.rms_px,
+            "views": len(self.views),
+            "rejected": [{"image": view.index, "reason": view.reason} for view in self.rejected],
+            "outliers": [{"image": view.index, "reason": view.reason} for view in self.outliers],
+            "warnings": list(self.warnings),
+        }
+
+    def _summary(self) -> str:
+        width, height = self.camera.size
+        return f"{width} x {height} px from {len(self.views)} views, rms {self.rms_px:.3f} px"
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        return cells_of_rows(camera_rows(self))
+
+    def _notes(self) -> list[str]:
+        return doubt_lines(self.rejected, self.outliers, self.warnings)
+
 
 def calibrate_camera(
     images: Sequence[npt.ArrayLike], target: Target, settings: CameraSettings | None = None
@@ -178,6 +223,15 @@ def calibrate_camera(
         If the images differ in size, or fewer than three show the target.
     DegenerateGeometry
         If all boards are parallel.
+
+    Examples
+    --------
+    >>> from lsvision.io.images import read_image
+    >>> from lsvision.calibration.target import ChArUco
+    >>> files = [f"calibration/example/boards/board_{k:02d}.jpg" for k in (0, 3, 6, 9, 12)]
+    >>> found = calibrate_camera([read_image(file) for file in files], ChArUco())
+    >>> len(found.views), found.rms_px < 0.5
+    (5, True)
     """
     _require_equal_sizes(images)
     seen, sources = collect_views(images, lambda image: find_target(image, target))
@@ -266,7 +320,7 @@ def _solve(
 
 def _require_equal_sizes(images: Sequence[npt.ArrayLike]) -> None:
     """Require images of one size."""
-    sizes = [np.asarray(image).shape[1::-1] for image in images]
+    sizes = [as_image(image, f"image {k}").shape[1::-1] for k, image in enumerate(images)]
     for index, size in enumerate(sizes):
         if size != sizes[0]:
             raise CalibrationFailed(

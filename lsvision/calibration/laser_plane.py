@@ -4,6 +4,9 @@ One pose gives one line, which lies in many planes: at least two poses are neede
 tilted by 25 deg and more to all sides and spread over the depth range of the measurement.
 """
 
+from __future__ import annotations
+
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -22,6 +25,7 @@ from lsvision.calibration.laser_plane_initial_guess import (
     plane_inlier_views,
 )
 from lsvision.calibration.lens_blur import estimate_blur_from_views
+from lsvision.calibration.result_tables import cells_of_rows, doubt_lines, laser_plane_rows
 from lsvision.calibration.target import Target
 from lsvision.calibration.views import (
     RejectedView,
@@ -34,12 +38,16 @@ from lsvision.calibration.views import (
 from lsvision.errors import CalibrationFailed
 from lsvision.geometry import FloatArray, Plane, Pose
 from lsvision.geometry.arrays import BoolArray
+from lsvision.geometry.equality import ComparedByValue
+from lsvision.results.number_format import format_value
+from lsvision.results.quantities import Record, numbers
+from lsvision.results.result import Result
 from lsvision.sensors.camera import Camera
 from lsvision.sensors.light_section import LightSection
 
 
 @dataclass(frozen=True, eq=False)
-class CalibratedLaserView:
+class CalibratedLaserView(ComparedByValue):
     """One board pose after the calibration.
 
     Parameters
@@ -60,8 +68,8 @@ class CalibratedLaserView:
     line_residuals: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class LaserPlaneCalibration:
+@dataclass(frozen=True, eq=False, repr=False)
+class LaserPlaneCalibration(Result):
     """Calibrated light section with covariance, residuals and warnings.
 
     Parameters
@@ -112,6 +120,42 @@ class LaserPlaneCalibration:
         """Root mean square residual of the corners, per point as in OpenCV. Units: px."""
         residuals = np.concatenate([view.corner_residuals for view in self.views])
         return float(np.sqrt(2)) * rms(residuals)
+
+    def to_dict(self) -> Record:
+        """Return the plane with its uncertainty and the residuals, ready for JSON.
+
+        Returns
+        -------
+        dict
+            Camera frame; lengths in ``*_mm``, angles in ``*_deg``, residuals in ``*_px``.
+        """
+        tilt_x, tilt_y, distance = np.sqrt(np.diag(self.covariance)).tolist()
+        return {
+            "normal": numbers(self.plane.normal),
+            "tilt_x_std_deg": math.degrees(tilt_x),
+            "tilt_y_std_deg": math.degrees(tilt_y),
+            "distance_mm": self.plane.distance,
+            "distance_std_mm": distance,
+            "line_rms_px": self.line_rms,
+            "corner_rms_px": self.corner_rms,
+            "views": len(self.views),
+            "rejected": [{"image": view.index, "reason": view.reason} for view in self.rejected],
+            "outliers": [{"image": view.index, "reason": view.reason} for view in self.outliers],
+            "warnings": list(self.warnings),
+        }
+
+    def _summary(self) -> str:
+        std = math.sqrt(float(self.covariance[2, 2]))
+        return (
+            f"distance {format_value(self.plane.distance, std)} mm from {len(self.views)} views, "
+            f"laser line rms {self.line_rms:.3f} px"
+        )
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        return cells_of_rows(laser_plane_rows(self))
+
+    def _notes(self) -> list[str]:
+        return doubt_lines(self.rejected, self.outliers, self.warnings)
 
 
 def rms(values: FloatArray) -> float:
@@ -188,6 +232,19 @@ def calibrate_laser_plane(
         If the images differ in size from the camera's, or fewer than two show board and line.
     DegenerateGeometry
         If the laser lines do not span a plane, or all boards are parallel.
+
+    Examples
+    --------
+    >>> from lsvision.calibration.intrinsics import calibrate_camera
+    >>> from lsvision.calibration.target import ChArUco
+    >>> from lsvision.io.images import read_image
+    >>> folder, names = "calibration/example", [f"{k:02d}.jpg" for k in (0, 4, 8)]
+    >>> boards = [read_image(f"{folder}/boards/board_{name}") for name in names]
+    >>> lines = [read_image(f"{folder}/lines/line_{name}") for name in names]
+    >>> camera = calibrate_camera(boards, ChArUco()).camera
+    >>> found = calibrate_laser_plane(camera, ChArUco(), boards, lines)
+    >>> len(found.views), found.line_rms < 0.5
+    (3, True)
     """
     settings = settings or LaserPlaneSettings()
     views, sources = find_laser_views(camera, target, board_images, line_images, settings.line)

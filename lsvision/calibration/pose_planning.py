@@ -1,5 +1,7 @@
 """Next best poses for a hand-eye calibration (greedy, A-optimal), before the robot moves."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -21,6 +23,10 @@ from lsvision.calibration.rotations import cross_matrices, rotations_from_vector
 from lsvision.calibration.sphere_observations import SpherePlanningTarget
 from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Plane, Pose, as_readonly_array
+from lsvision.geometry.pose import as_pose, as_poses
+from lsvision.geometry.settings_repr import ShowsChanges
+from lsvision.results.quantities import Record, flat_row, numbers
+from lsvision.results.result import Result
 
 UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """``base_from_section`` with the section's Y up; planned tilts are relative to it."""
@@ -28,8 +34,8 @@ PRIOR_STD = (1000.0, 1000.0, 1000.0, 1.0, 1.0, 1.0)
 """Prior standard deviation of the sensor's translation (mm) and rotation (rad); uninformative."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class PosePlanSettings:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class PosePlanSettings(ShowsChanges):
     """Reachable poses, and standard deviations of target and robot.
 
     Parameters
@@ -71,8 +77,8 @@ class PosePlanSettings:
     seed: int = 0
 
 
-@dataclass(frozen=True, eq=False)
-class PosePlan:
+@dataclass(frozen=True, eq=False, repr=False)
+class PosePlan(Result):
     """Proposed poses, the most informative first.
 
     Parameters
@@ -96,6 +102,49 @@ class PosePlan:
     def __post_init__(self) -> None:
         for name in ("predicted_std", "predicted_origin_std"):
             object.__setattr__(self, name, as_readonly_array(getattr(self, name), ("k",), name))
+
+    def to_dict(self) -> Record:
+        """Return the poses and the accuracy they promise, ready for JSON.
+
+        Returns
+        -------
+        dict
+            ``poses``, a record each: candidate's index, 4x4 matrix (mm), ``predicted_std_mm``.
+        """
+        rows = zip(
+            self.indices,
+            self.base_from_flanges,
+            numbers(self.predicted_std),
+            numbers(self.predicted_origin_std),
+            strict=True,
+        )
+        return {
+            "poses": [
+                {
+                    "index": index,
+                    "base_from_flange": pose.matrix.tolist(),
+                    "predicted_std_mm": std,
+                    "predicted_origin_std_mm": origin_std,
+                }
+                for index, pose, std, origin_std in rows
+            ]
+        }
+
+    def _summary(self) -> str:
+        return f"{len(self.indices)} poses, then {self.predicted_std[-1]:.4f} mm at the target"
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        rows: list[tuple[str, ...]] = [("", "x mm", "y mm", "z mm", "std after it mm")]
+        for number, pose in enumerate(self.base_from_flanges, 1):
+            place = (f"{value:.1f}" for value in pose.translation)
+            rows.append((str(number), *place, f"{self.predicted_std[number - 1]:.4f}"))
+        return rows
+
+    def _rows(self) -> list[Record]:
+        return [
+            flat_row(record) | flat_row({"flange_mm": numbers(pose.translation)})
+            for record, pose in zip(self.to_dict()["poses"], self.base_from_flanges, strict=True)
+        ]
 
 
 class PlanningTarget(Protocol):
@@ -148,12 +197,12 @@ PLANE_DEFAULTS = PosePlanSettings(max_tilt=np.radians(40.0))
 
 
 def plan_hand_eye_poses(
-    flange_from_section: Pose,
+    flange_from_section: Pose | npt.ArrayLike,
     centre: npt.ArrayLike,
     radius: float,
     *,
-    measured: Sequence[Pose] = (),
-    candidates: Sequence[Pose] | None = None,
+    measured: Sequence[Pose | npt.ArrayLike] = (),
+    candidates: Sequence[Pose | npt.ArrayLike] | None = None,
     settings: PosePlanSettings = SPHERE_DEFAULTS,
 ) -> PosePlan:
     """Plan the next best flange poses for a sphere (greedy, A-optimal).
@@ -163,15 +212,15 @@ def plan_hand_eye_poses(
 
     Parameters
     ----------
-    flange_from_section : Pose
+    flange_from_section : Pose or (4, 4) array_like
         Nominal, from a drawing or a first calibration, accurate to a few degrees and mm.
     centre : (3,) array_like
         Approximate centre of the sphere in the base frame. Units: mm.
     radius : float
         Units: mm.
-    measured : sequence of Pose
+    measured : sequence of Pose or (4, 4) array_like
         ``base_from_flange`` of poses already measured.
-    candidates : sequence of Pose, optional
+    candidates : sequence of Pose or (4, 4) array_like, optional
         Reachable ``base_from_flange`` poses to choose from, the target in the sensor's range; by
         default random ones within `settings` with a view of the sphere.
     settings : PosePlanSettings
@@ -188,6 +237,14 @@ def plan_hand_eye_poses(
         If radius or count is not positive.
     DegenerateGeometry
         If fewer candidates cut the sphere than poses are requested.
+
+    Examples
+    --------
+    >>> mount = Pose(translation=(0.0, 80.0, 120.0))
+    >>> six = PosePlanSettings(standoff=-150.0, count=6)
+    >>> plan = plan_hand_eye_poses(mount, (800, 0, 300), 20.0, settings=six)
+    >>> len(plan.base_from_flanges), bool(plan.predicted_std[-1] < 0.5)
+    (6, True)
     """
     count = settings.count
     if not (radius > 0 and count > 0):
@@ -202,19 +259,19 @@ def plan_hand_eye_poses(
 
 
 def plan_hand_eye_poses_plane(
-    flange_from_section: Pose,
+    flange_from_section: Pose | npt.ArrayLike,
     plane: Plane,
     point: npt.ArrayLike,
     *,
-    measured: Sequence[Pose] = (),
-    candidates: Sequence[Pose] | None = None,
+    measured: Sequence[Pose | npt.ArrayLike] = (),
+    candidates: Sequence[Pose | npt.ArrayLike] | None = None,
     settings: PosePlanSettings = PLANE_DEFAULTS,
 ) -> PosePlan:
     """Plan the next best flange poses for a plate; otherwise as `plan_hand_eye_poses`.
 
     Parameters
     ----------
-    flange_from_section : Pose
+    flange_from_section : Pose or (4, 4) array_like
         Nominal, from a drawing or a first calibration, accurate to a few degrees and mm.
     plane : Plane
         Approximate plate in the base frame. The measured side is the one that most of `measured`
@@ -246,7 +303,8 @@ def plan_hand_eye_poses_plane(
     """
     if not settings.count > 0:
         raise ValueError(f"expected a positive count of poses, got {settings.count}")
-    facing = [(pose @ flange_from_section).rotation[:, 1] @ plane.normal for pose in measured]
+    mount = as_pose(flange_from_section)
+    facing = [(pose @ mount).rotation[:, 1] @ plane.normal for pose in as_poses(measured)]
     if sum(np.sign(facing)) < 0:
         plane = Plane(-plane.normal, -plane.distance)
     centre = as_readonly_array(point, (3,), "point")
@@ -257,15 +315,16 @@ def plan_hand_eye_poses_plane(
 
 def _plan(
     target: PlanningTarget,
-    nominal: Pose,
-    measured: Sequence[Pose],
-    candidates: Sequence[Pose] | None,
+    flange_from_section: Pose | npt.ArrayLike,
+    measured: Sequence[Pose | npt.ArrayLike],
+    candidates: Sequence[Pose | npt.ArrayLike] | None,
     settings: PosePlanSettings,
 ) -> PosePlan:
     """Select the best poses for any target."""
+    nominal = as_pose(flange_from_section)
     if candidates is None:
         candidates = _candidates(target, nominal, settings)
-    count, pool = settings.count, [*measured, *candidates]
+    count, pool = settings.count, [*as_poses(measured), *as_poses(candidates)]
     positions, usable = target.visibility([pose @ nominal for pose in pool])
     available = usable & (np.arange(len(pool)) >= len(measured))
     if available.sum() < count:

@@ -4,6 +4,8 @@ Board frame: origin at the first corner, x along a row, y along a column (down a
 z = x cross y into the board; the pattern lies in z = 0.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
@@ -13,6 +15,8 @@ import numpy.typing as npt
 
 from lsvision.errors import CalibrationFailed
 from lsvision.geometry import FloatArray, Points, as_readonly_array
+from lsvision.geometry.equality import ComparedByValue
+from lsvision.laser_line.image_array import as_image
 
 REFINEMENT_STEPS = 30
 """Maximum number of iterations of the corner refinement."""
@@ -27,7 +31,7 @@ class TargetNotFound(CalibrationFailed):
 
 
 @dataclass(frozen=True, eq=False)
-class TargetView:
+class TargetView(ComparedByValue):
     """Points of a target found in one image.
 
     Parameters
@@ -79,6 +83,11 @@ class ChArUco:
         Name of OpenCV's marker dictionary.
     legacy : bool
         Pattern of OpenCV before 4.6 (boards with an even number of rows differ).
+
+    Examples
+    --------
+    >>> ChArUco(11, 8, square=15.0, marker=11.0).points.shape
+    (70, 3)
     """
 
     squares_x: int = 11
@@ -112,7 +121,18 @@ class ChArUco:
         return board
 
     def find(self, image: npt.NDArray[np.uint8]) -> tuple[Points, Points] | None:
-        """Return the visible inner corners, at least six not in one row; see `Target`."""
+        """Return the visible inner corners, at least six not in one row; see `Target`.
+
+        Parameters
+        ----------
+        image : (height, width) ndarray of uint8
+            Grey.
+
+        Returns
+        -------
+        points, pixels : (n, 3) and (n, 2) ndarray
+            Board frame (mm) and image (px); None where the target is not found.
+        """
         corners, ids, _, _ = cv2.aruco.CharucoDetector(self.board).detectBoard(image)
         if ids is None or len(ids) < 6:
             return None
@@ -137,6 +157,11 @@ class Chessboard:
         ones contain neighbouring corners. Units: px.
     corner_stop : float
         Step below which the refinement stops. Units: px.
+
+    Examples
+    --------
+    >>> Chessboard(columns=9, rows=6, square=25.0).points[-1]
+    array([200., 125.,   0.])
     """
 
     columns: int = 9
@@ -156,7 +181,18 @@ class Chessboard:
         return _grid(self.columns, self.rows, self.square)
 
     def find(self, image: npt.NDArray[np.uint8]) -> tuple[Points, Points] | None:
-        """Return all inner corners; see `Target`."""
+        """Return all inner corners; see `Target`.
+
+        Parameters
+        ----------
+        image : (height, width) ndarray of uint8
+            Grey.
+
+        Returns
+        -------
+        points, pixels : (n, 3) and (n, 2) ndarray
+            Board frame (mm) and image (px); None where the target is not found.
+        """
         size = (self.columns, self.rows)
         flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
         found, corners = cv2.findChessboardCorners(image, size, flags=flags)
@@ -195,6 +231,11 @@ class CircleGrid:
         Diameter of a disc. Units: mm.
     asymmetric : bool
         Whether every second row is shifted by `spacing`, which makes the orientation unique.
+
+    Examples
+    --------
+    >>> CircleGrid().points.shape[1]
+    3
     """
 
     columns: int = 4
@@ -219,7 +260,18 @@ class CircleGrid:
         return np.column_stack([x, row * self.spacing, np.zeros(len(row))])
 
     def find(self, image: npt.NDArray[np.uint8]) -> tuple[Points, Points] | None:
-        """Return all centres; see `Target`."""
+        """Return all centres; see `Target`.
+
+        Parameters
+        ----------
+        image : (height, width) ndarray of uint8
+            Grey.
+
+        Returns
+        -------
+        points, pixels : (n, 3) and (n, 2) ndarray
+            Board frame (mm) and image (px); None where the target is not found.
+        """
         layout = cv2.CALIB_CB_ASYMMETRIC_GRID if self.asymmetric else cv2.CALIB_CB_SYMMETRIC_GRID
         # The grid finder's own blob detector misses discs of more than 5000 px.
         limits = cv2.SimpleBlobDetector_Params()
@@ -297,13 +349,9 @@ def grey_image(image: npt.ArrayLike) -> npt.NDArray[np.uint8]:
     TypeError, ValueError
         If it is not an image.
     """
-    array = np.asarray(image)
-    if array.ndim not in (2, 3) or 0 in array.shape or (array.ndim == 3 and array.shape[2] != 3):
-        raise ValueError(
-            f"expected an image (height, width) or (height, width, 3), got shape {array.shape}"
-        )
-    if array.dtype not in (np.uint8, np.uint16):
-        raise TypeError(f"expected an image of uint8 or uint16, got {array.dtype}")
+    array = as_image(image)
+    if array.dtype.kind == "f":
+        raise TypeError(f"expected an image of uint8 or uint16, got {np.asarray(image).dtype}")
     if array.dtype == np.uint16:
         # 10- and 12-bit cameras use the low bits: scale by the largest value.
         array = (array.astype(np.float64) * (255 / max(int(array.max()), 1))).astype(np.uint8)

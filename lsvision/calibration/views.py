@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from lsvision.errors import CalibrationFailed, DegenerateGeometry, LsvisionError
 from lsvision.geometry import Pose
+from lsvision.laser_line.image_array import as_image
 from lsvision.sensors.camera import Camera
 
 Image = TypeVar("Image")
@@ -18,7 +19,7 @@ MIN_TILT = np.radians(5.0)
 """Smallest angle between two boards; below it all boards count as parallel. Units: rad."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class RejectedView:
     """Index of a view and the reason for its rejection.
 
@@ -77,7 +78,7 @@ def require_size(camera: Camera, image: npt.ArrayLike, name: str) -> None:
         With the image's name and both sizes.
     """
     width, height = camera.size
-    shape = np.asarray(image).shape
+    shape = as_image(image, name).shape
     if shape[:2] != (height, width):
         got = " x ".join(str(length) for length in shape[1::-1])
         raise CalibrationFailed(

@@ -2,6 +2,7 @@
 
 import io
 import sys
+import warnings
 from typing import Annotated, Any
 
 import typer
@@ -53,13 +54,9 @@ app = typer.Typer(
 def _print_version(wanted: bool) -> None:
     if not wanted:
         return
-    from importlib import metadata
+    from lsvision import __version__
 
-    try:
-        version = metadata.version("lsvision")
-    except metadata.PackageNotFoundError:
-        version = "(run from its source folder, not installed)"
-    typer.echo(f"lsvision {version}")
+    typer.echo(f"lsvision {__version__}")
     raise typer.Exit
 
 
@@ -94,6 +91,8 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a file name may hold what they cannot show
             stream.reconfigure(errors="backslashreplace")
+    # The reader has told of odd units, in a line of its own; --units mm means what it says.
+    warnings.filterwarnings("ignore", "expected a profile in mm", UserWarning)
     try:
         app(prog_name="lsvision")
     except Exception as error:  # noqa: BLE001 - the last place that can turn a bug into a line

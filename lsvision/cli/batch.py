@@ -29,9 +29,9 @@ if TYPE_CHECKING:
     from lsvision.cylinder.robot_frame import PlacedCylinder
     from lsvision.geometry import Pose
     from lsvision.io.profiles import ProfileFile, ReadOptions
-    from lsvision.io.results import Record
     from lsvision.measure import Measurement
     from lsvision.profile import Profile
+    from lsvision.results.quantities import Record
     from lsvision.sensors.profile_sensor import ProfileSensor
 
 MAX_FLIP_CHECK_POINTS = 20_000

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
+from lsvision.calibration.result_tables import camera_rows, laser_plane_rows
 from lsvision.cli.calibrate_hand_eye import hand_eye
 from lsvision.cli.calibrate_inputs import (
     Report,
@@ -15,8 +16,6 @@ from lsvision.cli.calibrate_inputs import (
     read_line_images,
 )
 from lsvision.cli.calibrate_tables import (
-    camera_rows,
-    laser_plane_rows,
     value_lines,
     warning_lines,
 )

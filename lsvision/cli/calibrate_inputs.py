@@ -10,8 +10,9 @@ import typer
 
 from lsvision.cli.image_options import check_colours
 from lsvision.cli.messages import FAILED, print_error
-from lsvision.cli.sources import IMAGE_SUFFIXES, PROFILE_SUFFIXES, find_sources, read_source
+from lsvision.cli.sources import IMAGE_SUFFIXES, find_sources, read_source
 from lsvision.errors import LsvisionError, UnreadableFile
+from lsvision.io.file_names import PROFILE_SUFFIXES
 
 if TYPE_CHECKING:
     from lsvision.geometry import Pose

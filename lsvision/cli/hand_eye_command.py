@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Literal
 
 import typer
 
+from lsvision.calibration.result_tables import hand_eye_rows
 from lsvision.cli.calibrate_inputs import (
     profile_files,
     read_flanges,
     read_images,
     read_named_profiles,
 )
-from lsvision.cli.calibrate_tables import aligned, hand_eye_rows, plan_rows, pose_rows, value_lines
+from lsvision.cli.calibrate_tables import aligned, plan_rows, pose_rows, value_lines
 from lsvision.cli.outputs import check_outputs
 
 if TYPE_CHECKING:

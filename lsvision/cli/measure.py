@@ -35,10 +35,11 @@ from lsvision.cli.profile_options import (
     Verbose,
 )
 from lsvision.cli.robot_frame import parse_robot_frame
-from lsvision.cli.sources import MEASURED_SUFFIXES, PROFILE_SUFFIXES, find_sources
+from lsvision.cli.sources import MEASURED_SUFFIXES, find_sources
+from lsvision.io.file_names import PROFILE_SUFFIXES
 
 if TYPE_CHECKING:
-    from lsvision.io.results import Record
+    from lsvision.results.quantities import Record
 
 
 def measure(

@@ -79,17 +79,14 @@ def parse_sensor(
         if reference_range is not None:
             raise typer.BadParameter("want --range-std beside --reference-range, got none")
         return None
-    from lsvision.sensors.profile_sensor import LPS36, LPS36HI, ProfileSensor
+    from lsvision.sensors.profile_sensor import ProfileSensor, find_sensor
 
-    presets = {"lps36hi": LPS36HI, "lps36": LPS36}
     if name is not None and range_std is not None:
         raise typer.BadParameter("want --sensor or --range-std, got both")
-    if name is not None and name.lower() not in presets:
-        raise typer.BadParameter(f"want --sensor {' or '.join(presets)}, got {name!r}")
-    if name is not None:
-        return presets[name.lower()]
     reference = DEFAULT_REFERENCE_MM if reference_range is None else reference_range
     try:
+        if name is not None:
+            return find_sensor(name)
         return ProfileSensor(range_std=range_std or 0.0, reference_range=reference)
     except ValueError as slip:
         raise typer.BadParameter(str(slip)) from None

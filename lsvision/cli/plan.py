@@ -155,14 +155,10 @@ def _view(
     sensor: str | None, range_std: float | None, standoff: float, pitch: float | None
 ) -> "SensorView":
     from lsvision.planning import SensorView
-    from lsvision.sensors.profile_sensor import LPS36, LPS36HI, ProfileSensor
+    from lsvision.sensors.profile_sensor import ProfileSensor, find_sensor
 
-    presets = {"lps36hi": LPS36HI, "lps36": LPS36}
     if range_std is None:
-        name = (sensor or "lps36hi").lower()
-        if name not in presets:
-            raise ValueError(f"want --sensor {' or '.join(presets)}, got {sensor}")
-        return SensorView(sensor=presets[name], standoff=standoff, pitch=pitch)
+        return SensorView(sensor=find_sensor(sensor or "lps36hi"), standoff=standoff, pitch=pitch)
     if sensor is not None:
         raise ValueError("want --sensor or --range-std, got both")
     bare = ProfileSensor(

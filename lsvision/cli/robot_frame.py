@@ -1,6 +1,5 @@
 """Sections measured by a sensor on a robot: their cylinders in the robot's frame."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,8 +17,6 @@ if TYPE_CHECKING:
     from lsvision.cylinder.robot_frame import PlacedCylinder
     from lsvision.ellipse.section import CylinderSection
     from lsvision.geometry import Pose
-
-HEADER = ("", "point x y z mm", "± mm", "direction x y z", "± deg")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -71,34 +68,14 @@ def robot_frame_table(placed: "Sequence[tuple[PlacedCylinder, PlacedCylinder]]")
     """Lines of a table: each cylinder twice, with both directions that one section allows."""
     if not placed:
         return []
-    rows: list[tuple[str, ...]] = [HEADER]
+    from lsvision.cylinder.robot_frame import PLACED_HEADER, placed_cells
+    from lsvision.results.tables import text_table
+
+    rows: list[tuple[str, ...]] = [("", *PLACED_HEADER)]
     for number, twins in enumerate(placed, 1):
-        rows += [_row(f"{number}{sign}", twin) for sign, twin in zip("+-", twins, strict=True)]
-    widths = [max(len(row[column]) for row in rows) for column in range(len(HEADER))]
+        rows += [(f"{number}{sign}", *placed_cells(t)) for sign, t in zip("+-", twins, strict=True)]
     first, _ = placed[0]
     sigma = uncertainty_caption(
         calibrated=first.includes_calibration, in_base=first.frame == "base"
     )
-    return [
-        f"{first.frame} frame, {sigma}:",
-        *(
-            "  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-            for row in rows
-        ),
-    ]
-
-
-def _row(name: str, cylinder: "PlacedCylinder") -> tuple[str, ...]:
-    from lsvision.draw import decimals_for, format_std
-
-    stds = [float(std) for std in cylinder.point_std]
-    places = decimals_for(cylinder.direction_std)
-    return (
-        name,
-        " ".join(
-            f"{part:.{decimals_for(std)}f}" for part, std in zip(cylinder.point, stds, strict=True)
-        ),
-        " ".join(format_std(std) for std in stds),
-        " ".join(f"{part:+.{places}f}" for part in cylinder.direction),
-        format_std(math.degrees(cylinder.direction_std)),
-    )
+    return [f"{first.frame} frame, {sigma}:", *text_table(rows)]

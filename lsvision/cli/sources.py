@@ -1,24 +1,14 @@
 """Which files a command line names, and what one of them holds."""
 
-import glob
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lsvision.errors import LsvisionError, UnreadableFile
+from lsvision.io.file_names import PROFILE_SUFFIXES, find_files
 
 if TYPE_CHECKING:
     from lsvision.io.profiles import ProfileFile, ReadOptions
-
-PROFILE_SUFFIXES = frozenset(
-    [
-        *(".csv", ".tsv", ".txt", ".asc", ".xyz", ".xz", ".dat", ".yml", ".yaml", ".xml"),
-        *(".npy", ".npz", ".ply", ".pcd", ".parquet"),
-    ]
-)
-"""Files that count as profiles when a folder is named; any file can be named by itself."""
-
 
 IMAGE_SUFFIXES = frozenset((".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".webp"))
 """Files that count as images when a folder is named."""
@@ -54,7 +44,7 @@ def find_sources(
     found: dict[Path, Path] = {}
     failures: list[LsvisionError] = []
     for word in words:
-        files = _files_of(word, suffixes)
+        files = find_files(word, suffixes)
         if not files:
             failures.append(_nothing_in(word, suffixes))
         for file in files:
@@ -75,22 +65,9 @@ def read_source(source: Path, options: "ReadOptions") -> "ProfileFile":
     return inspect_profiles(source, **options)
 
 
-def _files_of(word: str, suffixes: frozenset[str]) -> list[Path]:
-    path = Path(word)
-    if path.is_dir():
-        shown = (file for file in path.iterdir() if not file.name.startswith("."))
-        wanted = (file for file in shown if file.suffix.lower() in suffixes)
-        return sorted((file for file in wanted if file.is_file()), key=_natural)
-    if path.exists() or not glob.has_magic(word):
-        return [path]
-    found = glob.glob(word, recursive=True)  # noqa: PTH207 - Path.glob takes no absolute pattern
-    matches = [Path(match) for match in found]
-    return sorted((match for match in matches if match.is_file()), key=_natural)
-
-
 def _nothing_in(word: str, suffixes: frozenset[str]) -> UnreadableFile:
     if Path(word).is_dir():
-        if suffixes is PROFILE_SUFFIXES and _files_of(word, IMAGE_SUFFIXES | VIDEO_SUFFIXES):
+        if suffixes is PROFILE_SUFFIXES and find_files(word, IMAGE_SUFFIXES | VIDEO_SUFFIXES):
             return UnreadableFile(
                 f"{word}: no profile in this folder, only images: they need the rig that took "
                 "them, --light-section rig.json"
@@ -102,9 +79,3 @@ def _nothing_in(word: str, suffixes: frozenset[str]) -> UnreadableFile:
             f"{' '.join(sorted(suffixes))}"
         )
     return UnreadableFile(f"{word}: no file matches this pattern: check it with ls")
-
-
-def _natural(path: Path) -> list[tuple[bool, int, str]]:
-    """Sort key: runs of digits by their value, the rest by its letters."""
-    parts = re.split(r"([0-9]+)", str(path))
-    return [(part.isdigit(), int(part) if part.isdigit() else 0, part) for part in parts if part]

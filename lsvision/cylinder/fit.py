@@ -5,6 +5,8 @@ sqrt(n' Sigma n) of that distance. The points of one section fit two cylinders, 
 large uncertainty; the points of two or more sections fit one.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +27,7 @@ from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import DegenerateGeometry, TooFewPoints
 from lsvision.geometry import Cylinder, FloatArray, Points, as_readonly_array, tangent_frame
 from lsvision.geometry.arrays import TINY, extent_of
+from lsvision.geometry.settings_repr import ShowsChanges
 from lsvision.statistics.robust import MAD_TO_STD
 
 COPLANARITY_TOLERANCE = 1e-7
@@ -35,8 +38,8 @@ MAX_TRUNCATION_ITERATIONS = 20
 """Maximum number of fits with truncation; five are usual."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class CylinderFittingSettings:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class CylinderFittingSettings(ShowsChanges):
     """Settings of the cylinder fit.
 
     Parameters

@@ -6,14 +6,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from lsvision.cylinder.axis_table import (
+    AXIS_HEADER,
+    AXIS_QUANTITIES,
+    AxisQuantity,
+    axis_cells,
+    axis_record,
+    axis_row,
+)
 from lsvision.cylinder.problem import PARAMETERS
 from lsvision.ellipse.fit import CHI2_TEST_SIGMAS
 from lsvision.geometry import BoolArray, Cylinder, FloatArray, tangent_frame
+from lsvision.results.quantities import Record
+from lsvision.results.result import Result
 from lsvision.statistics.correlation import autocorrelation_time
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class CylinderFit:
+@dataclass(frozen=True, eq=False, repr=False)
+class CylinderFit(Result):
     """Cylinder fitted to points, with covariance and residuals.
 
     Parameters
@@ -39,6 +49,18 @@ class CylinderFit:
         if the residuals are larger or correlated along the line.
     degrees_of_freedom : float
         Degrees of freedom of the noise estimate; infinite with a noise model.
+
+    Examples
+    --------
+    >>> import lsvision as lsv
+    >>> angle, height = np.meshgrid(np.linspace(0, 2, 30), [0.0, 10.0])
+    >>> pipe = np.stack([19 * np.cos(angle), 19 * np.sin(angle), height], axis=-1).reshape(-1, 3)
+    >>> fit = lsv.fit_cylinder(pipe + np.random.default_rng(1).normal(0, 0.01, pipe.shape))
+    >>> fit  # doctest: +ELLIPSIS
+    <CylinderFit: radius 19.0... mm, direction (...) ± 0.030 deg, 60 points>
+    >>> low, high = fit.interval("radius")
+    >>> low < 19 < high
+    True
     """
 
     cylinder: Cylinder
@@ -89,6 +111,94 @@ class CylinderFit:
     def rms(self) -> float:
         """Root mean square residual of the inliers. Units: mm."""
         return float(np.sqrt(np.mean(self.residuals[self.inliers] ** 2)))
+
+    def interval(self, quantity: AxisQuantity, level: float = 0.95) -> tuple[float, float]:
+        """Return the interval that holds the true value with probability `level`.
+
+        Parameters
+        ----------
+        quantity : {"radius", "point_x", ..., "point_z", "direction_x", ..., "direction_z"}
+            Units: mm, or components of the unit vector. Points count across the axis only: along
+            it the axis has no point of its own.
+        level : float
+            Between 0 and 1.
+
+        Returns
+        -------
+        low, high : float
+            The value and so many standard deviations, by Student's t for the fit's degrees of
+            freedom.
+
+        Raises
+        ------
+        ValueError
+            If the quantity is none of these or the level is no probability.
+
+        Examples
+        --------
+        >>> import lsvision as lsv
+        >>> angle, height = np.meshgrid(np.linspace(0, 2, 30), [0.0, 10.0])
+        >>> pipe = np.stack([19 * np.cos(angle), 19 * np.sin(angle), height], -1).reshape(-1, 3)
+        >>> fit = lsv.fit_cylinder(pipe + np.random.default_rng(1).normal(0, 0.01, pipe.shape))
+        >>> low, high = fit.interval("direction_x", level=0.999)
+        >>> low < 0 < high
+        True
+        """
+        from scipy.special import ndtri, stdtrit
+
+        if quantity not in AXIS_QUANTITIES:
+            raise ValueError(
+                f"expected a quantity among {', '.join(AXIS_QUANTITIES)}, got {quantity!r}"
+            )
+        if not 0 < level < 1:
+            raise ValueError(f"expected a level between 0 and 1, got {level}")
+        name, _, axis = quantity.partition("_")
+        if name == "radius":
+            value, std = self.radius, self.radius_std
+        else:
+            place, first = "xyz".index(axis), 0 if name == "point" else 2
+            gradient = self.tangent_basis[:, place]
+            covariance = self.covariance[first : first + 2, first : first + 2]
+            value = float((self.point if name == "point" else self.direction)[place])
+            std = math.sqrt(float(gradient @ covariance @ gradient))
+        freedom, quantile = self.degrees_of_freedom, (1 + level) / 2
+        factor = stdtrit(freedom, quantile) if math.isfinite(freedom) else ndtri(quantile)
+        return value - float(factor) * std, value + float(factor) * std
+
+    def to_dict(self) -> Record:
+        """Return axis, radius, covariance and scatter as plain numbers, ready for JSON.
+
+        Returns
+        -------
+        dict
+            Lengths in ``*_mm``, angles in ``*_deg``.
+
+        Examples
+        --------
+        >>> import lsvision as lsv
+        >>> angle, height = np.meshgrid(np.linspace(0, 2, 30), [0.0, 10.0])
+        >>> pipe = np.stack([19 * np.cos(angle), 19 * np.sin(angle), height], -1).reshape(-1, 3)
+        >>> round(lsv.fit_cylinder(pipe).to_dict()["radius_mm"], 6)
+        19.0
+        """
+        points = {"points": int(self.inliers.sum()), "rms_mm": self.rms}
+        return axis_record(self) | points
+
+    def _summary(self) -> str:
+        radius, direction, angle, *_ = axis_cells(self)
+        points = int(self.inliers.sum())
+        return f"radius {radius} mm, direction ({direction}) ± {angle} deg, {points} points"
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        points = str(int(self.inliers.sum()))
+        return [(*AXIS_HEADER, "points"), (*axis_cells(self), points)]
+
+    def _rows(self) -> list[Record]:
+        record = self.to_dict()
+        return [
+            axis_row(record, self.interval("radius"))
+            | {"points": record["points"], "rms_mm": record["rms_mm"]}
+        ]
 
     def with_reference_point(self, near: npt.ArrayLike) -> "CylinderFit":
         """Return the fit with point and covariance at the axis point nearest to `near`.

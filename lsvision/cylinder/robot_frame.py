@@ -4,21 +4,30 @@ The covariances are propagated to first order, J Sigma J', for the five paramete
 and the six of the calibration, which are independent.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal, Protocol, cast
 
 import numpy as np
+import numpy.typing as npt
 
 from lsvision.ellipse.section import CylinderSection
 from lsvision.geometry import Cylinder, FloatArray, Pose, as_readonly_array, tangent_frame
 from lsvision.geometry.arrays import TINY
+from lsvision.geometry.pose import as_pose
+from lsvision.results.number_format import decimals_for, format_std, format_value
+from lsvision.results.quantities import Record, flat_row, numbers
+from lsvision.results.result import Result
 
 Frame = Literal["base", "flange"]
 
 MIN_SIN_PHI = 1e-6
 """Smallest sin(phi) used as a divisor; near it the linear errors of the direction are replaced by
 those of the section's ``phi_std`` and ``theta_std``."""
+PLACED_HEADER = ("point x y z mm", "± mm", "direction x y z", "± deg")
+PLACED_COVARIANCE_ORDER = "point x, y, z (mm), direction along e_phi, e_theta (rad), radius (mm)"
 
 
 class SectionMount(Protocol):
@@ -43,8 +52,8 @@ class SectionMount(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class PlacedCylinder:
+@dataclass(frozen=True, eq=False, repr=False)
+class PlacedCylinder(Result):
     """One of the two cylinders that fit a section, in the frame of the robot.
 
     Parameters
@@ -59,6 +68,15 @@ class PlacedCylinder:
     includes_calibration : bool
         Whether the covariance includes the errors of the calibration and, in the base frame, of
         the robot; otherwise both are taken as exact.
+
+    Examples
+    --------
+    >>> import lsvision as lsv
+    >>> section = lsv.simulate.random_section("single", 7, noise_mm=0.02)
+    >>> (pipe,) = lsv.measure_cylinders(section.profile).cylinders
+    >>> first, second = lsv.place_section(pipe, lsv.Pose(translation=(0, 0, 150.0)))
+    >>> first.frame, bool(first.radius == second.radius)
+    ('flange', True)
     """
 
     cylinder: Cylinder
@@ -107,11 +125,75 @@ class PlacedCylinder:
         """Standard uncertainty of the radius. Units: mm."""
         return math.sqrt(self.covariance[5, 5])
 
+    def to_dict(self) -> Record:
+        """Return point, direction, radius and covariance as plain numbers, ready for JSON.
+
+        Returns
+        -------
+        dict
+            Lengths in ``*_mm``, angles in ``*_deg``.
+        """
+        return {
+            "frame": self.frame,
+            "includes_calibration": self.includes_calibration,
+            "radius_mm": self.radius,
+            "radius_std_mm": self.radius_std,
+            "point_mm": numbers(self.point),
+            "point_std_mm": numbers(self.point_std),
+            "covariance_order": PLACED_COVARIANCE_ORDER,
+            **self.direction_record,
+        }
+
+    @property
+    def direction_record(self) -> Record:
+        """What tells one twin from the other, ready for JSON."""
+        return {
+            "direction": numbers(self.direction),
+            "direction_std_deg": math.degrees(self.direction_std),
+            "e_phi": numbers(self.tangent_basis[0]),
+            "e_theta": numbers(self.tangent_basis[1]),
+            "covariance": [numbers(row) for row in self.covariance],
+        }
+
+    def _summary(self) -> str:
+        point, point_std, direction, angle = placed_cells(self)
+        return (
+            f"radius {format_value(self.radius, self.radius_std)} mm, point ({point}) ± "
+            f"({point_std}) mm, direction ({direction}) ± {angle} deg, {self.frame} frame"
+        )
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        radius = format_value(self.radius, self.radius_std)
+        return [("radius mm", *PLACED_HEADER), (radius, *placed_cells(self))]
+
+    def _notes(self) -> list[str]:
+        errors = "with" if self.includes_calibration else "without"
+        return [f"{self.frame} frame, one sigma, {errors} the calibration's error"]
+
+    def _rows(self) -> list[Record]:
+        row = flat_row(self.to_dict())
+        left_out = ("covariance_order", *(f"{n}_{a}" for n in ("e_phi", "e_theta") for a in "xyz"))
+        return [{key: value for key, value in row.items() if key not in left_out}]
+
+
+def placed_cells(cylinder: PlacedCylinder) -> tuple[str, ...]:
+    """Cells under `PLACED_HEADER`, each number with one sigma beside it."""
+    stds = [float(std) for std in cylinder.point_std]
+    places = decimals_for(cylinder.direction_std)
+    return (
+        " ".join(
+            f"{part:.{decimals_for(std)}f}" for part, std in zip(cylinder.point, stds, strict=True)
+        ),
+        " ".join(format_std(std) for std in stds),
+        " ".join(f"{part:+.{places}f}" for part in cylinder.direction),
+        format_std(math.degrees(cylinder.direction_std)),
+    )
+
 
 def place_section(
     section: CylinderSection,
-    calibration: SectionMount | Pose,
-    base_from_flange: Pose | None = None,
+    calibration: SectionMount | Pose | npt.ArrayLike,
+    base_from_flange: Pose | npt.ArrayLike | None = None,
 ) -> tuple[PlacedCylinder, PlacedCylinder]:
     """Return both cylinders of a section in the robot's base frame, with their covariances.
 
@@ -119,10 +201,10 @@ def place_section(
     ----------
     section : CylinderSection
         One of ``measure_cylinders(...).cylinders``.
-    calibration : HandEye or Pose
+    calibration : HandEye, Pose or (4, 4) array_like
         ``flange_from_section`` with its covariance, and the errors of the robot; a Pose is taken
         as exact (`PlacedCylinder.includes_calibration` is False then).
-    base_from_flange : Pose, optional
+    base_from_flange : Pose or (4, 4) array_like, optional
         Pose of the robot. None: the result is in the flange frame and does not include the
         errors of the robot. Units: mm.
 
@@ -147,15 +229,20 @@ def place_section(
     >>> first.frame, first.includes_calibration, first.point.shape
     ('base', False, (3,))
     """
-    flange = Pose() if base_from_flange is None else base_from_flange
+    flange = Pose() if base_from_flange is None else as_pose(base_from_flange)
     frame: Frame = "flange" if base_from_flange is None else "base"
-    if isinstance(calibration, Pose):
-        pose, motions = flange @ calibration, []
+    mount: SectionMount | Pose = (
+        cast("SectionMount", calibration)
+        if hasattr(calibration, "robot_std")
+        else as_pose(calibration)
+    )
+    if isinstance(mount, Pose):
+        pose, motions = flange @ mount, []
     else:
-        pose = flange @ calibration.flange_from_section
-        motions = [(pose.translation, flange.rotation, calibration.covariance)]
+        pose = flange @ mount.flange_from_section
+        motions = [(pose.translation, flange.rotation, mount.covariance)]
         if base_from_flange is not None:
-            motions.append((flange.translation, np.eye(3), robot_covariance(calibration)))
+            motions.append((flange.translation, np.eye(3), robot_covariance(mount)))
 
     def place(twin: Cylinder, sign: float) -> PlacedCylinder:
         cylinder = twin.transformed(pose)

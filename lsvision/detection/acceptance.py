@@ -21,7 +21,7 @@ MIN_RADIUS_SIGMAS, CERTAIN_RADIUS_SIGMAS = 2.0, 6.0
 within that ratio: the interval need not be computed."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, kw_only=True)
 class AcceptanceSettings:
     """What an arc must be to count as a cylinder's section.
 

@@ -5,6 +5,8 @@ from typing import Self
 
 from lsvision.geometry import Ellipse, IntArray
 from lsvision.profile import Arc
+from lsvision.results.quantities import Record
+from lsvision.results.result import Result
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -21,8 +23,8 @@ class IdentifiedArc:
         return cls(Arc(int(indices[0]), int(indices[-1]) + 1), indices, ellipse)
 
 
-@dataclass(frozen=True, slots=True)
-class Rejection:
+@dataclass(frozen=True, eq=False, repr=False)
+class Rejection(Result):
     """An arc that is no cylinder, and why.
 
     Parameters
@@ -31,7 +33,36 @@ class Rejection:
         The span.
     reason : str
         In words and numbers.
+
+    Examples
+    --------
+    >>> Rejection(Arc(412, 447), "radius not determinable: 12 to 698 mm")
+    <Rejection: points 412 to 446: radius not determinable: 12 to 698 mm>
     """
 
     arc: Arc
     reason: str
+
+    def to_dict(self) -> Record:
+        """Return span and reason, ready for JSON.
+
+        Returns
+        -------
+        dict
+            ``start``, ``stop`` (half open) and ``reason``.
+
+        Examples
+        --------
+        >>> Rejection(Arc(4, 9), "too short").to_dict()
+        {'start': 4, 'stop': 9, 'reason': 'too short'}
+        """
+        return {"start": self.arc.start, "stop": self.arc.stop, "reason": self.reason}
+
+    def _summary(self) -> str:
+        return f"points {self.arc.start} to {self.arc.stop - 1}: {self.reason}"
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        return []
+
+    def _notes(self) -> list[str]:
+        return [self._summary()]

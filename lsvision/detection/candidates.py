@@ -29,7 +29,7 @@ MAX_OVERLAP = 0.5
 shares more than this of its points with a cylinder needs no reason of its own."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, kw_only=True)
 class CandidateSettings:
     """What is tried as a seed.
 

@@ -21,7 +21,7 @@ MEDIAN_COLUMNS = 5
 """Width of the median filter: two jumps side by side are removed."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, kw_only=True)
 class RangeImageSettings:
     """How a profile is cut into connected components.
 

@@ -1,15 +1,18 @@
 """A laser line as it was extracted: on the image, and column by column."""
 
+from __future__ import annotations
+
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.draw.palette import LASER_LINE, SATURATED
+from lsvision.draw.caller_axes import figure_of, set_title
 from lsvision.draw.photo import show_photo
 from lsvision.draw.titles import draw_legend, printable
 from lsvision.geometry import BoolArray, FloatArray, Points
 from lsvision.laser_line.extraction import LaserLine
+from lsvision.results.palette import LASER_LINE, SATURATED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,7 +32,9 @@ Box = tuple[float, float, float, float]
 """Left, bottom, width, height."""
 
 
-def draw_laser_line(image: npt.ArrayLike, line: LaserLine, *, title: str = "") -> "Figure":
+def draw_laser_line(
+    image: npt.ArrayLike, line: LaserLine, *, title: str = "", ax: Axes | None = None
+) -> Figure:
     """Draw a laser line into its image, with its std, width and brightness beside it.
 
     The curves share the photo's axis along the line: below the photo, a point stands under its
@@ -43,12 +48,15 @@ def draw_laser_line(image: npt.ArrayLike, line: LaserLine, *, title: str = "") -
         The line.
     title : str
         Above the image, as the name of the file.
+    ax : matplotlib.axes.Axes, optional
+        Draw the line into the image alone, into these axes; without, all into a figure of its
+        own.
 
     Returns
     -------
     matplotlib.figure.Figure
-        Save it with its ``savefig`` or `figure_bytes`. Its first axes hold the photo, the others
-        the curves.
+        That of `ax`; else a new one. Save it with its ``savefig`` or `figure_bytes`. Its first
+        axes hold the photo, the others the curves.
 
     Examples
     --------
@@ -61,15 +69,15 @@ def draw_laser_line(image: npt.ArrayLike, line: LaserLine, *, title: str = "") -
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
+    if ax is not None:
+        _draw_on_photo(ax, image, line)
+        set_title(ax, title)
+        return figure_of(ax)
     size, photo_box, curve_boxes = _layout(np.shape(image), line.direction)
     figure = Figure(figsize=size, dpi=DPI, facecolor="white")
     FigureCanvasAgg(figure)
     photo = figure.add_axes(_shares_of(photo_box, size))
-    show_photo(photo, image)
-    limits = photo.axis()
-    _draw_points(photo, line.pixels, line.saturated)
-    photo.axis(limits)
-    draw_legend(photo, marker_scale=4)
+    _draw_on_photo(photo, image, line)
     left, top = LEFT_INCH / size[0], 1 - 0.2 / size[1]
     figure.suptitle(f"{printable(title)}\n{line_summary(line)}".lstrip(), x=left, y=top, ha="left",
                     va="top", fontsize=11, parse_math=False)  # fmt: skip
@@ -101,6 +109,14 @@ def line_summary(line: LaserLine) -> str:
     )
 
 
+def _draw_on_photo(photo: Axes, image: npt.ArrayLike, line: LaserLine) -> None:
+    show_photo(photo, image)
+    limits = photo.axis()
+    _draw_points(photo, line.pixels, line.saturated)
+    photo.axis(limits)
+    draw_legend(photo, marker_scale=4)
+
+
 def _layout(
     shape: tuple[int, ...], direction: str
 ) -> tuple[tuple[float, float], Box, tuple[Box, Box, Box]]:
@@ -130,7 +146,7 @@ def _shares_of(box: Box, size: tuple[float, float]) -> Box:
     return box[0] / size[0], box[1] / size[1], box[2] / size[0], box[3] / size[1]
 
 
-def _draw_points(axes: "Axes", points: Points, saturated: BoolArray) -> None:
+def _draw_points(axes: Axes, points: Points, saturated: BoolArray) -> None:
     axes.plot(*points.T, ".", color=LASER_LINE, ms=2, label="laser line")
     axes.plot(*points[saturated].T, ".", color=SATURATED, ms=2, label="at full scale")
 
@@ -145,7 +161,7 @@ def _curves(line: LaserLine) -> tuple[tuple[str, FloatArray], ...]:
 
 
 def _draw_curve(
-    figure: "Figure", photo: "Axes", line: LaserLine, curve: tuple[str, FloatArray], box: Box
+    figure: Figure, photo: Axes, line: LaserLine, curve: tuple[str, FloatArray], box: Box
 ) -> None:
     """A quantity of the line's points, on the photo's axis along the line."""
     name, values = curve

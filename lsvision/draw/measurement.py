@@ -1,12 +1,14 @@
 """A profile with what was found in it and what was refused (the paper's Figure 15)."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lsvision.draw.palette import POINTS, cylinder_colour
+from lsvision.draw.caller_axes import figure_of, set_title
 from lsvision.draw.panel import draw_panel
 from lsvision.draw.rejected import RejectedArc, rejected_arcs
 from lsvision.draw.titles import draw_legend, label_once, summary_title
@@ -14,6 +16,7 @@ from lsvision.ellipse.section import CylinderSection
 from lsvision.geometry import FloatArray, Points
 from lsvision.measure import Measurement
 from lsvision.profile import Profile
+from lsvision.results.palette import POINTS, cylinder_colour
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,7 +31,9 @@ RASTERISE_POINTS = 20_000
 """From here on an SVG holds the points as an image."""
 
 
-def draw_measurement(profile: Profile, measurement: Measurement, *, title: str = "") -> "Figure":
+def draw_measurement(
+    profile: Profile, measurement: Measurement, *, title: str = "", ax: Axes | None = None
+) -> Figure:
     """Draw a profile with its cylinders and refused arcs, and a panel that explains both.
 
     Parameters
@@ -39,11 +44,14 @@ def draw_measurement(profile: Profile, measurement: Measurement, *, title: str =
         What was found in it.
     title : str
         Above the drawing, as the name of the file.
+    ax : matplotlib.axes.Axes, optional
+        Draw into these axes, without the panel; without, into a figure of its own.
 
     Returns
     -------
     matplotlib.figure.Figure
-        With a canvas of its own. Save it with its ``savefig`` or `figure_bytes`.
+        That of `ax`; else a new one with a canvas of its own. Save it with its ``savefig`` or
+        `figure_bytes`.
 
     Examples
     --------
@@ -54,6 +62,10 @@ def draw_measurement(profile: Profile, measurement: Measurement, *, title: str =
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
+    if ax is not None:
+        draw_on_axes(ax, profile, measurement)
+        set_title(ax, title)
+        return figure_of(ax)
     figure = Figure(figsize=SIZE_INCH, dpi=DPI, facecolor="white")
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0.065, 0.085, 0.605, 0.785))
@@ -66,7 +78,7 @@ def draw_measurement(profile: Profile, measurement: Measurement, *, title: str =
     return figure
 
 
-def draw_on_axes(axes: "Axes", profile: Profile, measurement: Measurement) -> None:
+def draw_on_axes(axes: Axes, profile: Profile, measurement: Measurement) -> None:
     """Draw into axes of the caller's: points, arcs, ellipses, major axes, refused arcs.
 
     Parameters
@@ -96,7 +108,7 @@ def draw_on_axes(axes: "Axes", profile: Profile, measurement: Measurement) -> No
     draw_legend(axes)
 
 
-def _draw_cylinder(axes: "Axes", points: Points, cylinder: CylinderSection, number: int) -> None:
+def _draw_cylinder(axes: Axes, points: Points, cylinder: CylinderSection, number: int) -> None:
     colour, ellipse = cylinder_colour(number), cylinder.ellipse
     axes.plot(*points[cylinder.indices].T, "o", color=colour, ms=3.2, zorder=4,
               label=label_once(axes, "points of a cylinder"))  # fmt: skip
@@ -112,7 +124,7 @@ def _draw_cylinder(axes: "Axes", points: Points, cylinder: CylinderSection, numb
               va="center", zorder=6, clip_on=True, bbox=badge)  # fmt: skip
 
 
-def _label_rejected(axes: "Axes", points: Points, refused: Sequence[RejectedArc]) -> None:
+def _label_rejected(axes: Axes, points: Points, refused: Sequence[RejectedArc]) -> None:
     """Letters above the arcs, each moved up until it is clear of those before it."""
     axes.autoscale_view()
     axes.apply_aspect()

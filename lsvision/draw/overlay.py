@@ -1,13 +1,15 @@
 """What was found in an image, drawn back into it: a person sees whether it lies on the pipe."""
 
+from __future__ import annotations
+
 import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from lsvision.draw.caller_axes import figure_of, set_title
 from lsvision.draw.measurement import draw_on_axes
-from lsvision.draw.palette import POINTS, cylinder_colour
 from lsvision.draw.panel import draw_panel
 from lsvision.draw.photo import show_photo
 from lsvision.draw.rejected import rejected_arcs
@@ -16,6 +18,7 @@ from lsvision.ellipse.section import CylinderSection
 from lsvision.geometry import Points
 from lsvision.measure import Measurement
 from lsvision.profile import Profile
+from lsvision.results.palette import POINTS, cylinder_colour
 from lsvision.sensors.light_section import LightSection
 
 if TYPE_CHECKING:
@@ -35,7 +38,8 @@ def draw_overlay(
     measurement: Measurement,
     *,
     title: str = "",
-) -> "Figure":
+    ax: Axes | None = None,
+) -> Figure:
     """Draw a photo with the found ellipses projected back into it, and the section below.
 
     Parameters
@@ -50,12 +54,14 @@ def draw_overlay(
         What was found in the profile.
     title : str
         Above the photo, as the name of the file.
+    ax : matplotlib.axes.Axes, optional
+        Draw the photo alone into these axes; without, both into a figure of its own.
 
     Returns
     -------
     matplotlib.figure.Figure
-        Save it with its ``savefig`` or `figure_bytes`. Its first axes hold the photo in px,
-        its second the section in mm.
+        That of `ax`; else a new one. Save it with its ``savefig`` or `figure_bytes`.
+        Its first axes hold the photo in px, its second the section in mm.
 
     Examples
     --------
@@ -71,6 +77,11 @@ def draw_overlay(
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
+    if ax is not None:
+        show_photo(ax, image)
+        draw_on_photo(ax, light_section, profile, measurement)
+        set_title(ax, title)
+        return figure_of(ax)
     figure = Figure(figsize=SIZE_INCH, dpi=DPI, facecolor="white")
     FigureCanvasAgg(figure)
     above, below = figure.subfigures(2, 1, height_ratios=HEIGHT_RATIOS)
@@ -88,7 +99,7 @@ def draw_overlay(
 
 
 def draw_on_photo(
-    axes: "Axes", light_section: LightSection, profile: Profile, measurement: Measurement
+    axes: Axes, light_section: LightSection, profile: Profile, measurement: Measurement
 ) -> None:
     """Draw what was found into axes that show the photo.
 
@@ -122,7 +133,7 @@ def draw_on_photo(
 
 
 def _draw_cylinder(
-    axes: "Axes", light_section: LightSection, seen: Points, cylinder: CylinderSection, number: int
+    axes: Axes, light_section: LightSection, seen: Points, cylinder: CylinderSection, number: int
 ) -> None:
     colour, ellipse = cylinder_colour(number), cylinder.ellipse
     outline = light_section.project(ellipse.points_at(np.linspace(0, 2 * math.pi, OUTLINE_STEPS)))

@@ -1,14 +1,13 @@
 """The panel beside a drawing: the numbers of each cylinder, and why the rest was refused."""
 
-import math
 import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from lsvision.draw.number_format import format_value, with_minus_signs
-from lsvision.draw.palette import cylinder_colour
 from lsvision.draw.rejected import RejectedArc
 from lsvision.ellipse.section import CylinderSection
+from lsvision.results.number_format import with_minus_signs
+from lsvision.results.palette import cylinder_colour
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -74,13 +73,12 @@ def _cylinder_lines(cylinders: Sequence[CylinderSection]) -> list[tuple[str, str
 
 
 def _description(cylinder: CylinderSection) -> list[str]:
-    deg = math.degrees(1.0)
-    theta = f"θ = {format_value(cylinder.theta * deg, cylinder.theta_std * deg)}°"
+    radius, theta, phi, *_ = cylinder.estimates
     x, y = cylinder.centre
     return [
-        f"r = {format_value(cylinder.radius, cylinder.radius_std)} mm",
-        theta if cylinder.theta_determined else "θ not determinable",
-        f"φ = {format_value(cylinder.phi * deg, cylinder.phi_std * deg)}°",
+        f"r = {radius.text} mm",
+        f"θ = {theta.text}°" if theta.determined else f"θ {theta.text}",
+        f"φ = {phi.text}°",
         f"centre ({x:.2f}, {y:.2f}) mm, {len(cylinder.indices)} points",
     ]
 

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.draw.palette import REJECTED
 from lsvision.geometry import IntArray, Points
 from lsvision.measure import Measurement
+from lsvision.results.palette import REJECTED
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -5,11 +5,12 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from lsvision.draw.number_format import format_std, format_value, with_minus_signs
-from lsvision.draw.palette import POINTS, cylinder_colour
+from lsvision.draw.caller_axes import figure_of, set_title
 from lsvision.draw.space import fit_into, scale_axes
 from lsvision.draw.titles import label_once, summary_title
 from lsvision.geometry import FloatArray, Points
+from lsvision.results.number_format import format_std, format_value, with_minus_signs
+from lsvision.results.palette import POINTS, cylinder_colour
 from lsvision.scan import ScanMeasurement, ScannedCylinder
 from lsvision.scan.shape import tube_surface
 
@@ -33,7 +34,12 @@ MAX_FULL_CYLINDERS, MAX_CYLINDERS = 4, 9
 
 
 def draw_scan(
-    scan: ScanMeasurement, points: Points, *, title: str = "", vertical: Vertical = "y"
+    scan: ScanMeasurement,
+    points: Points,
+    *,
+    title: str = "",
+    vertical: Vertical = "y",
+    ax: "Axes3D | None" = None,
 ) -> "Figure":
     """Draw all points of a scan, the cylinders found and their axes.
 
@@ -48,24 +54,43 @@ def draw_scan(
     vertical : {"y", "z"}
         Axis that is drawn upwards: Y of a section frame, towards the sensor, or Z of a robot's
         base frame.
+    ax : mpl_toolkits.mplot3d.Axes3D, optional
+        Draw into these axes (``projection="3d"``), without the numbers beside them; without,
+        into a figure of its own.
 
     Returns
     -------
     matplotlib.figure.Figure
-        With a canvas of its own. Points far from every cylinder are left out.
+        That of `ax`; else a new one with a canvas of its own. Points far from every cylinder are
+        left out.
+
+    Raises
+    ------
+    TypeError
+        If `ax` is flat.
+
+    Examples
+    --------
+    >>> draw_scan(ScanMeasurement((), (), ()), np.zeros((3, 3)), title="empty").get_suptitle()
+    'empty: no cylinder'
     """
     import mpl_toolkits.mplot3d  # noqa: F401 - registers the projection
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
+    if ax is not None:
+        if not hasattr(ax, "get_zlim"):
+            raise TypeError(
+                f"expected axes in space, got {type(ax).__name__}: make them with "
+                'figure.add_subplot(projection="3d")'
+            )
+        _draw_in_space(ax, scan, points, vertical)
+        set_title(ax, title)
+        return figure_of(ax)
     figure = Figure(figsize=SIZE_INCH, dpi=DPI, facecolor="white")
     FigureCanvasAgg(figure)
     axes = figure.add_axes(DRAWING, projection="3d")
-    axes.view_init(ELEVATION_DEG, _azimuth(scan, vertical), vertical_axis=vertical)
-    _draw_points(axes, _about_cylinders(points, scan))
-    for number, tube in enumerate(scan.cylinders, 1):
-        _draw_tube(axes, tube, number)
-    scale_axes(axes)
+    _draw_in_space(axes, scan, points, vertical)
     fit_into(axes, DRAWING)
     figure.suptitle(summary_title(len(scan.cylinders), 0, title), x=0.03, y=0.96, ha="left",
                     fontsize=13, parse_math=False)  # fmt: skip
@@ -73,6 +98,16 @@ def draw_scan(
                   ncols=4, frameon=False, fontsize=9, markerscale=2.5)  # fmt: skip
     _draw_numbers(figure, scan)
     return figure
+
+
+def _draw_in_space(
+    axes: "Axes3D", scan: ScanMeasurement, points: Points, vertical: Vertical
+) -> None:
+    axes.view_init(ELEVATION_DEG, _azimuth(scan, vertical), vertical_axis=vertical)
+    _draw_points(axes, _about_cylinders(points, scan))
+    for number, tube in enumerate(scan.cylinders, 1):
+        _draw_tube(axes, tube, number)
+    scale_axes(axes)
 
 
 def _azimuth(scan: ScanMeasurement, vertical: Vertical) -> float:

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from lsvision.draw.palette import cylinder_colour
 from lsvision.geometry import FloatArray, IntArray, Points
+from lsvision.results.palette import cylinder_colour
 from lsvision.scan import ScanMeasurement
 from lsvision.scan.shape import tube_surface
 

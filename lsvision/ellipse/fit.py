@@ -48,7 +48,7 @@ NONCIRCULAR_SIGMAS = 5.0
 """Sigmas of (p, q) beyond which phi and theta have errors as normal as any."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, kw_only=True)
 class FittingSettings:
     """Ellipse fitting, section 2.3.
 
@@ -76,7 +76,7 @@ class FittingSettings:
     variance: Literal["given", "estimated"] = "given"
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False)
 class EllipseFit:
     """An ellipse with the evidence it rests on.
 

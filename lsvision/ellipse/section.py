@@ -1,22 +1,27 @@
 """One measured section of a cylinder: the numbers a user asks for, each with its sigma."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import get_args
 
 import numpy as np
 
 from lsvision.ellipse.fit import EllipseFit
 from lsvision.ellipse.intervals import Quantity, interval, theta_is_determined
 from lsvision.ellipse.parameters import semi_major_gradient, semi_minor_gradient
+from lsvision.ellipse.section_table import SECTION_QUANTITIES, section_cells, section_row
 from lsvision.geometry import Ellipse, FloatArray, IntArray
 from lsvision.profile import Arc
+from lsvision.results.picture import draw_svg
+from lsvision.results.quantities import LEVEL, Estimate, Record, finite, numbers
+from lsvision.results.result import Result
 
 THETA_UNKNOWN_STD = math.pi / math.sqrt(12)
 """Standard deviation of a direction of which nothing is known, uniform in [0, pi). Units: rad."""
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class CylinderSection:
+@dataclass(frozen=True, eq=False, repr=False)
+class CylinderSection(Result):
     """A cylinder as one light section sees it.
 
     Parameters
@@ -27,6 +32,17 @@ class CylinderSection:
         The span of the profile.
     indices : (k,) int ndarray
         The points of the profile it rests on.
+
+    Examples
+    --------
+    >>> import lsvision as lsv
+    >>> section = lsv.simulate.random_section("single", 7, noise_mm=0.02)
+    >>> (pipe,) = lsv.measure_cylinders(section.profile).cylinders
+    >>> pipe  # doctest: +ELLIPSIS
+    <CylinderSection: radius 36.9... mm, theta 40... deg, phi 3... deg, ..., ... points>
+    >>> low, high = pipe.interval("radius")
+    >>> low < pipe.radius < high
+    True
     """
 
     fit: EllipseFit
@@ -59,9 +75,18 @@ class CylinderSection:
         return self.ellipse.centre
 
     @property
-    def axis_twins(self) -> FloatArray:
-        """Both axes that this one section allows: (2, 3) unit vectors, section frame."""
+    def axis_candidates(self) -> FloatArray:
+        """Both axes that this one section allows: (2, 3) unit vectors, section frame.
+
+        cos(phi) n + sin(phi) m and cos(phi) n - sin(phi) m, with n the laser plane's normal and
+        m the ellipse's major axis.
+        """
         return self.ellipse.axis_twins
+
+    @property
+    def axis_twins(self) -> FloatArray:
+        """The same as `axis_candidates`, by its older name."""
+        return self.axis_candidates
 
     @property
     def covariance(self) -> FloatArray:
@@ -150,8 +175,79 @@ class CylinderSection:
         ------
         ValueError
             If the quantity is none of these or the level is no probability.
+
+        Examples
+        --------
+        >>> import lsvision as lsv
+        >>> section = lsv.simulate.random_section("single", 7, noise_mm=0.02)
+        >>> (pipe,) = lsv.measure_cylinders(section.profile).cylinders
+        >>> low, high = pipe.interval("phi", level=0.99)
+        >>> 0 < low < pipe.phi < high
+        True
         """
         return interval(self.fit, quantity, level)
+
+    @property
+    def estimates(self) -> tuple[Estimate, ...]:
+        """The numbers of tables and files in mm and deg, with sigmas and 95 % intervals."""
+        return tuple(
+            replace(each, interval=each.quantity.in_unit(self.interval(name, LEVEL)))
+            for each, name in zip(self._values, get_args(Quantity), strict=True)
+        )
+
+    @property
+    def _values(self) -> tuple[Estimate, ...]:
+        """The same without the intervals, which take some ms."""
+        x_std, y_std = (math.sqrt(variance) for variance in self.covariance.diagonal()[:2])
+        values = (self.radius, self.theta, self.phi, *self.centre)
+        stds = (self.radius_std, self.theta_std, self.phi_std, x_std, y_std)
+        known = (True, self.theta_determined, True, True, True)
+        return tuple(map(Estimate.of, SECTION_QUANTITIES, values, stds, known))
+
+    def to_dict(self) -> Record:
+        """Return the section as plain numbers, ready for JSON.
+
+        Returns
+        -------
+        dict
+            Values, ``*_std_*`` and ``*_interval_95_*`` in mm and deg, ``theta_determined``, both
+            semi-axes, ``axis_twins`` and ``indices``.
+
+        Examples
+        --------
+        >>> import lsvision as lsv
+        >>> section = lsv.simulate.random_section("single", 7, noise_mm=0.02)
+        >>> (pipe,) = lsv.measure_cylinders(section.profile).cylinders
+        >>> pipe.to_dict()["radius_mm"] == pipe.radius
+        True
+        """
+        record: Record = {}
+        for estimate in self.estimates:
+            record |= estimate.record
+        record["theta_determined"] = bool(self.theta_determined)
+        record["semi_major_mm"] = finite(self.ellipse.semi_major)
+        record["semi_minor_mm"] = finite(self.ellipse.semi_minor)
+        record["axis_twins"] = [numbers(axis) for axis in self.axis_candidates]
+        record["indices"] = [int(index) for index in self.indices]
+        return record
+
+    def _summary(self) -> str:
+        words = [
+            f"{each.quantity.name.replace('_', ' ')} {each.text}"
+            + (f" {each.quantity.unit}" if each.determined else "")
+            for each in self._values
+        ]
+        return ", ".join([*words, f"{len(self.indices)} points"])
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        return section_cells([self])
+
+    def _rows(self) -> list[Record]:
+        return [section_row(self.to_dict())]
+
+    def _picture(self) -> str:
+        points = self.fit.problem.points
+        return draw_svg(points, [(points, self.ellipse)], "a section of a cylinder")
 
     @property
     def _theta_gradient(self) -> FloatArray:

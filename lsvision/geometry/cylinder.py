@@ -1,5 +1,7 @@
 """Circular cylinder in space."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 
@@ -8,11 +10,12 @@ import numpy.typing as npt
 
 from lsvision.geometry.arrays import FloatArray, as_readonly_array
 from lsvision.geometry.ellipse import Ellipse
-from lsvision.geometry.pose import Pose
+from lsvision.geometry.equality import ComparedByValue
+from lsvision.geometry.pose import Pose, as_pose
 
 
 @dataclass(frozen=True, eq=False)
-class Cylinder:
+class Cylinder(ComparedByValue):
     """Circular cylinder of infinite length.
 
     Parameters
@@ -46,14 +49,35 @@ class Cylinder:
         if not (math.isfinite(self.radius) and self.radius > 0):
             raise ValueError(f"expected a positive radius in mm, got {self.radius}")
 
-    def transformed(self, a_from_b: Pose) -> "Cylinder":
-        """Return the cylinder of frame b in the coordinates of frame a."""
-        return Cylinder(
-            a_from_b.apply_one(self.point), a_from_b.rotation @ self.direction, self.radius
-        )
+    def transformed(self, a_from_b: Pose | npt.ArrayLike) -> Cylinder:
+        """Return the cylinder of frame b in the coordinates of frame a.
+
+        Parameters
+        ----------
+        a_from_b : Pose or (4, 4) array_like
+            Frame b in frame a.
+
+        Returns
+        -------
+        Cylinder
+            Coordinates of frame a.
+        """
+        pose = as_pose(a_from_b)
+        return Cylinder(pose.apply_one(self.point), pose.rotation @ self.direction, self.radius)
 
     def signed_distances(self, points: npt.ArrayLike) -> FloatArray:
-        """Return the distance of (n, 3) points from the surface, positive outside. Units: mm."""
+        """Return the distance of points from the surface.
+
+        Parameters
+        ----------
+        points : (n, 3) array_like
+            The cylinder's frame. Units: mm.
+
+        Returns
+        -------
+        (n,) ndarray
+            Positive outside. Units: mm.
+        """
         from_axis = np.asarray(points, dtype=np.float64) - self.point
         along = from_axis @ self.direction
         across = from_axis - np.outer(along, self.direction)
@@ -62,6 +86,11 @@ class Cylinder:
 
     def section(self) -> Ellipse:
         """Return the ellipse in which the plane z = 0 cuts the cylinder (paper section 2.2).
+
+        Returns
+        -------
+        Ellipse
+            Its theta is the direction of the axis' projection.
 
         Raises
         ------
@@ -79,8 +108,19 @@ class Cylinder:
         return Ellipse((float(centre[0]), float(centre[1])), semi_major, self.radius, theta)
 
     @classmethod
-    def twins(cls, ellipse: Ellipse) -> tuple["Cylinder", "Cylinder"]:
-        """Return both cylinders, in the section frame, whose section is `ellipse`."""
+    def twins(cls, ellipse: Ellipse) -> tuple[Cylinder, Cylinder]:
+        """Return both cylinders, in the section frame, whose section is `ellipse`.
+
+        Parameters
+        ----------
+        ellipse : Ellipse
+            Section frame.
+
+        Returns
+        -------
+        tuple of Cylinder
+            In the order of `Ellipse.axis_twins`.
+        """
         point = np.array([*ellipse.centre, 0.0])
         first, second = ellipse.axis_twins
         return cls(point, first, ellipse.radius), cls(point, second, ellipse.radius)

@@ -14,7 +14,7 @@ FOOT_POINT_TOLERANCE = 1e-5
 each step gains about two digits, and the distance depends on the remaining error quadratically."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Ellipse:
     """Section of a circular cylinder by the laser plane.
 
@@ -71,6 +71,11 @@ class Ellipse:
             Lengths of the semi-axes. Units: mm.
         direction : float
             Direction of the first semi-axis from X towards Y. Units: rad.
+
+        Returns
+        -------
+        Ellipse
+            The larger semi-axis is its major one.
         """
         if first >= second:
             return cls(centre, first, second, direction)
@@ -124,14 +129,35 @@ class Ellipse:
         return self.from_ellipse_frame(points)
 
     def to_ellipse_frame(self, points: Points) -> Points:
-        """Transform (k, 2) points from the section frame to the ellipse frame. Units: mm.
+        """Transform points from the section frame to the ellipse frame.
 
         The ellipse frame has its origin at the centre and its axes along the semi-axes.
+
+        Parameters
+        ----------
+        points : (k, 2) ndarray
+            Section frame. Units: mm.
+
+        Returns
+        -------
+        (k, 2) ndarray
+            Along the major and the minor axis, from the centre. Units: mm.
         """
         return (points - self.centre) @ self._rotation
 
     def from_ellipse_frame(self, points: Points) -> Points:
-        """Transform (k, 2) points from the ellipse frame to the section frame. Units: mm."""
+        """Transform points from the ellipse frame to the section frame.
+
+        Parameters
+        ----------
+        points : (k, 2) ndarray
+            Along the major and the minor axis, from the centre. Units: mm.
+
+        Returns
+        -------
+        (k, 2) ndarray
+            Section frame. Units: mm.
+        """
         return points @ self._rotation.T + self.centre
 
     @property

@@ -1,16 +1,19 @@
 """Plane in space: the laser plane, a calibration board, a plate."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from lsvision.geometry.arrays import FloatArray, as_readonly_array
-from lsvision.geometry.pose import Pose
+from lsvision.geometry.equality import ComparedByValue
+from lsvision.geometry.pose import Pose, as_pose
 
 
 @dataclass(frozen=True, eq=False)
-class Plane:
+class Plane(ComparedByValue):
     """Plane of all points p with ``normal . p = distance``.
 
     Parameters
@@ -40,11 +43,34 @@ class Plane:
         object.__setattr__(self, "distance", float(self.distance) / length)
 
     def signed_distances(self, points: npt.ArrayLike) -> FloatArray:
-        """Return the distance of (n, 3) points, positive on the side of the normal. Units: mm."""
+        """Return the distance of points from the plane.
+
+        Parameters
+        ----------
+        points : (n, 3) array_like
+            The plane's frame. Units: mm.
+
+        Returns
+        -------
+        (n,) ndarray
+            Positive on the side of the normal. Units: mm.
+        """
         distances: FloatArray = np.asarray(points, dtype=np.float64) @ self.normal - self.distance
         return distances
 
-    def transformed(self, a_from_b: Pose) -> "Plane":
-        """Return the plane of frame b in the coordinates of frame a."""
-        normal = a_from_b.rotation @ self.normal
-        return Plane(normal, self.distance + float(normal @ a_from_b.translation))
+    def transformed(self, a_from_b: Pose | npt.ArrayLike) -> Plane:
+        """Return the plane of frame b in the coordinates of frame a.
+
+        Parameters
+        ----------
+        a_from_b : Pose or (4, 4) array_like
+            Frame b in frame a.
+
+        Returns
+        -------
+        Plane
+            Coordinates of frame a.
+        """
+        pose = as_pose(a_from_b)
+        normal = pose.rotation @ self.normal
+        return Plane(normal, self.distance + float(normal @ pose.translation))

@@ -1,19 +1,23 @@
 """Rigid transformation, named ``a_from_b`` so that adjacent frames cancel in products."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Self
+from typing import NoReturn, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from lsvision.geometry.arrays import FloatArray, Points, as_readonly_array
+from lsvision.geometry.equality import ComparedByValue
 
 ORTHONORMALITY_TOLERANCE = 1e-6
 """Largest entry of R'R - I of a rotation (files contain poses with 6 digits)."""
 
 
 @dataclass(frozen=True, eq=False)
-class Pose:
+class Pose(ComparedByValue):
     """Rigid transformation ``a_from_b`` of coordinates in frame b to coordinates in frame a.
 
     Parameters
@@ -66,6 +70,16 @@ class Pose:
             Feed direction, of any non-zero length.
         distance : float
             Distance along it. Units: mm.
+
+        Returns
+        -------
+        Pose
+            A shift without rotation.
+
+        Examples
+        --------
+        >>> Pose.along((0, 0, 2), 10.0).translation
+        array([ 0.,  0., 10.])
         """
         axis = as_readonly_array(direction, (3,), "direction")
         length = float(np.linalg.norm(axis))
@@ -75,12 +89,27 @@ class Pose:
 
     @classmethod
     def from_matrix(cls, matrix: npt.ArrayLike) -> Self:
-        """Return the pose of a 4x4 homogeneous matrix (mm).
+        """Return the pose of a 4x4 homogeneous matrix.
+
+        Parameters
+        ----------
+        matrix : (4, 4) array_like
+            Row-major; its last column is the translation. Units: mm.
+
+        Returns
+        -------
+        Pose
+            The same motion.
 
         Raises
         ------
         ValueError
             If the last row is not ``0 0 0 1`` or the rotation is invalid.
+
+        Examples
+        --------
+        >>> Pose.from_matrix(np.eye(4)) == Pose()
+        True
         """
         homogeneous = as_readonly_array(matrix, (4, 4), "matrix")
         if not np.allclose(homogeneous[3], (0, 0, 0, 1), rtol=0, atol=ORTHONORMALITY_TOLERANCE):
@@ -94,15 +123,31 @@ class Pose:
         matrix[:3, :3], matrix[:3, 3] = self.rotation, self.translation
         return matrix
 
-    def __matmul__(self, other: "Pose") -> "Pose":
+    def __matmul__(self, other: Pose) -> Pose:
         """Compose: ``a_from_c = a_from_b @ b_from_c``."""
         if not isinstance(other, Pose):
-            return NotImplemented
+            raise TypeError(
+                f"expected a Pose behind @, got {type(other).__name__}: Pose.from_matrix makes "
+                "one of a 4x4 matrix, and pose.apply(points) transforms points"
+            )
         rotation = self.rotation @ other.rotation
         return Pose(_nearest_rotation(rotation), self.apply_one(other.translation))
 
-    def inverse(self) -> "Pose":
-        """Return ``b_from_a``."""
+    def __rmatmul__(self, other: object) -> NoReturn:
+        """Refuse what is no pose before ``@``."""
+        raise TypeError(
+            f"expected a Pose before @, got {type(other).__name__}: Pose.from_matrix makes one of "
+            "a 4x4 matrix"
+        )
+
+    def inverse(self) -> Pose:
+        """Return the inverse transformation, ``b_from_a``.
+
+        Returns
+        -------
+        Pose
+            ``b_from_a`` of ``a_from_b``.
+        """
         return Pose(self.rotation.T, -self.rotation.T @ self.translation)
 
     def apply(self, points: npt.ArrayLike) -> Points:
@@ -124,8 +169,73 @@ class Pose:
         return array @ self.rotation[:, : array.shape[1]].T + self.translation
 
     def apply_one(self, point: npt.ArrayLike) -> FloatArray:
-        """Transform one point (3,) from frame b to frame a."""
+        """Transform one point from frame b to frame a.
+
+        Parameters
+        ----------
+        point : (3,) array_like
+            Frame b. Units: mm.
+
+        Returns
+        -------
+        (3,) ndarray
+            Frame a. Units: mm.
+        """
         return self.rotation @ np.asarray(point, dtype=np.float64) + self.translation
+
+
+def as_pose(value: Pose | npt.ArrayLike) -> Pose:
+    """Return a pose as it is, and a 4x4 homogeneous matrix as one.
+
+    Parameters
+    ----------
+    value : Pose or (4, 4) array_like
+        Row-major, mm.
+
+    Raises
+    ------
+    TypeError
+        If it is neither.
+    ValueError
+        If the matrix is no rigid motion.
+
+    Examples
+    --------
+    >>> as_pose([[1, 0, 0, 5], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]).translation
+    array([5., 0., 0.])
+    """
+    if isinstance(value, Pose):
+        return value
+    try:
+        matrix = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        matrix = np.zeros(0)
+    if matrix.shape != (4, 4):
+        shape = f" of shape {matrix.shape}" if matrix.size else ""
+        raise TypeError(
+            f"expected a Pose or a 4x4 matrix in mm (as Pose.from_matrix takes it), got "
+            f"{type(value).__name__}{shape}"
+        )
+    return Pose.from_matrix(matrix)
+
+
+def as_poses(values: Iterable[Pose | npt.ArrayLike]) -> tuple[Pose, ...]:
+    """Return poses, each given as a `Pose` or a 4x4 matrix; also an (n, 4, 4) array.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If one is no pose; the message tells which.
+    """
+    if isinstance(values, Pose):
+        raise TypeError("expected a sequence of poses, got one Pose: put it into a list")
+    poses = []
+    for index, value in enumerate(values):
+        try:
+            poses.append(as_pose(value))
+        except (TypeError, ValueError) as error:
+            raise type(error)(f"pose {index}: {error}") from None
+    return tuple(poses)
 
 
 def _nearest_rotation(matrix: FloatArray) -> FloatArray:

@@ -4,10 +4,10 @@ import datetime
 import hashlib
 import os
 from collections.abc import Iterable, Mapping
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from lsvision import __version__
 from lsvision.calibration.intrinsics import CameraCalibration
 from lsvision.calibration.laser_plane import LaserPlaneCalibration
 from lsvision.calibration.views import RejectedView
@@ -129,17 +129,10 @@ def provenance_of(method: str, inputs: Iterable[str | os.PathLike[str]]) -> dict
     return {
         "method": method,
         "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-        "version": _version(),
+        "version": __version__,
         "inputs": " ".join(names),
         "inputs_sha256": digest.hexdigest(),
     }
-
-
-def _version() -> str:
-    try:
-        return metadata.version("lsvision")
-    except metadata.PackageNotFoundError:
-        return "not installed"
 
 
 def _named(views: Iterable[RejectedView]) -> list[dict[str, Any]]:

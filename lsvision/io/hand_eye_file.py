@@ -34,6 +34,18 @@ def save_hand_eye(
     ------
     UnwritableFile
         If the file cannot be written.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> import lsvision as lsv
+    >>> folder = "calibration/example"
+    >>> poses = lsv.read_robot_poses(f"{folder}/sphere_poses.csv", "kuka")
+    >>> found = lsv.calibrate_hand_eye_sphere(lsv.read_profiles(f"{folder}/sphere"), poses, 20.0)
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "hand_eye.json"
+    >>> lsv.save_hand_eye(found, path)
+    >>> lsv.load_hand_eye(path) == found
+    True
     """
     document = {
         "schema": SCHEMA,
@@ -61,10 +73,27 @@ def save_hand_eye(
 def load_hand_eye(path: str | Path) -> HandEye:
     """Read a calibration that `save_hand_eye` wrote.
 
+    Parameters
+    ----------
+    path : path
+        ``.json``.
+
+    Returns
+    -------
+    HandEye
+        The calibration.
+
     Raises
     ------
     UnreadableFile
         If the file is missing, is no JSON, is of another schema or lacks a field.
+
+    Examples
+    --------
+    >>> load_hand_eye("nowhere.json")  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    ...
+    lsvision.errors.UnreadableFile: nowhere.json: want a hand-eye file (JSON), got: ...
     """
     path = Path(path)
     try:

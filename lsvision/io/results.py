@@ -3,36 +3,23 @@
 import csv
 import io
 import json
-import math
 import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from lsvision.cylinder.robot_frame import PLACED_COVARIANCE_ORDER
+from lsvision.ellipse.section_table import SECTION_COLUMNS, section_row
 from lsvision.io.atomic_files import write_atomic
+from lsvision.results.quantities import Record
 
 if TYPE_CHECKING:
     from lsvision.cylinder.robot_frame import PlacedCylinder
-    from lsvision.ellipse.intervals import Quantity
-    from lsvision.ellipse.section import CylinderSection
     from lsvision.measure import Measurement
 
 RECORD_SCHEMA = "lsvision.measurement/1"
 """Name and version of one record."""
 FILE_SCHEMA = "lsvision.measurements/1"
 """Name and version of a JSON file of records."""
-
-Record = dict[str, Any]
-
-_LEVEL = 0.95
-_QUANTITIES: dict[
-    "Quantity", tuple[str, float]
-] = {  # name of an interval: its unit in files, and how many of them make one of ours
-    "radius": ("mm", 1.0),
-    "theta": ("deg", math.degrees(1.0)),
-    "phi": ("deg", math.degrees(1.0)),
-    "centre_x": ("mm", 1.0),
-    "centre_y": ("mm", 1.0),
-}
 
 
 def measurement_record(
@@ -62,24 +49,11 @@ def measurement_record(
         Lengths in ``*_mm``, angles in ``*_deg``; ``interval_95`` are ``[low, high]``; a number
         that does not exist (the sigma of an angle that is not determined) is None.
     """
-    cylinders = [_cylinder_record(cylinder) for cylinder in measurement.cylinders]
+    found = measurement.to_dict()
     if placed is not None:
-        for record, twins in zip(cylinders, placed, strict=True):
+        for record, twins in zip(found["cylinders"], placed, strict=True):
             record[f"{twins[0].frame}_frame"] = _placed_record(twins)
-    return {
-        "schema": RECORD_SCHEMA,
-        "source": source,
-        "profile": profile,
-        "cylinders": cylinders,
-        "rejections": [
-            {
-                "start": rejection.arc.start,
-                "stop": rejection.arc.stop,
-                "reason": rejection.reason,
-            }
-            for rejection in measurement.rejections
-        ],
-    }
+    return {"schema": RECORD_SCHEMA, "source": source, "profile": profile, **found}
 
 
 def write_json(path: str | os.PathLike[str], records: Sequence[Record]) -> None:
@@ -112,31 +86,11 @@ def write_csv(path: str | os.PathLike[str], records: Sequence[Record]) -> None:
         for record in records
         for place, cylinder in enumerate(record["cylinders"])
     ]
-    columns = rows[0] if rows else _CSV_COLUMNS
+    columns = rows[0] if rows else ("source", "profile", "cylinder", *SECTION_COLUMNS)
     writer = csv.DictWriter(text, columns, lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
     write_atomic(path, text.getvalue())
-
-
-def _cylinder_record(cylinder: "CylinderSection") -> Record:
-    centre = dict(zip(("centre_x", "centre_y"), cylinder.centre, strict=True))
-    variances = cylinder.covariance.diagonal()
-    stds = {"centre_x": math.sqrt(variances[0]), "centre_y": math.sqrt(variances[1])}
-    record: Record = {}
-    for name, (unit, scale) in _QUANTITIES.items():
-        value = centre[name] if name in centre else getattr(cylinder, name)
-        std = stds[name] if name in stds else getattr(cylinder, f"{name}_std")
-        low, high = cylinder.interval(name, level=_LEVEL)
-        record[f"{name}_{unit}"] = _finite(value * scale)
-        record[f"{name}_std_{unit}"] = _finite(std * scale)
-        record[f"{name}_interval_95_{unit}"] = [_finite(low * scale), _finite(high * scale)]
-    record["theta_determined"] = bool(cylinder.theta_determined)
-    record["semi_major_mm"] = _finite(cylinder.ellipse.semi_major)
-    record["semi_minor_mm"] = _finite(cylinder.ellipse.semi_minor)
-    record["axis_twins"] = [[float(part) for part in twin] for twin in cylinder.axis_twins]
-    record["indices"] = [int(index) for index in cylinder.indices]
-    return record
 
 
 def _placed_record(twins: "tuple[PlacedCylinder, PlacedCylinder]") -> Record:
@@ -145,52 +99,14 @@ def _placed_record(twins: "tuple[PlacedCylinder, PlacedCylinder]") -> Record:
         "point_mm": first.point.tolist(),
         "point_std_mm": first.point_std.tolist(),
         "includes_calibration": first.includes_calibration,
-        "covariance_order": "point x, y, z (mm), direction along e_phi, e_theta (rad), radius (mm)",
-        "twins": [
-            {
-                "direction": twin.direction.tolist(),
-                "direction_std_deg": math.degrees(twin.direction_std),
-                "e_phi": twin.tangent_basis[0].tolist(),
-                "e_theta": twin.tangent_basis[1].tolist(),
-                "covariance": twin.covariance.tolist(),
-            }
-            for twin in twins
-        ],
+        "covariance_order": PLACED_COVARIANCE_ORDER,
+        "twins": [twin.direction_record for twin in twins],
     }
 
 
-def _finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
-
-
-_CSV_COLUMNS = (
-    "source",
-    "profile",
-    "cylinder",
-    *(
-        column
-        for name, (unit, _) in _QUANTITIES.items()
-        for column in (
-            f"{name}_{unit}",
-            f"{name}_std_{unit}",
-            f"{name}_low_95_{unit}",
-            f"{name}_high_95_{unit}",
-        )
-    ),
-    "theta_determined",
-    "points",
-)
-
-
-def _csv_row(record: Record, place: int, cylinder: Mapping[str, Any]) -> Record:
+def _csv_row(record: Record, place: int, cylinder: Record) -> Record:
     row: Record = {"source": record["source"], "profile": record["profile"], "cylinder": place}
-    for name, (unit, _) in _QUANTITIES.items():
-        low, high = cylinder[f"{name}_interval_95_{unit}"]
-        row[f"{name}_{unit}"] = cylinder[f"{name}_{unit}"]
-        row[f"{name}_std_{unit}"] = cylinder[f"{name}_std_{unit}"]
-        row[f"{name}_low_95_{unit}"], row[f"{name}_high_95_{unit}"] = low, high
-    row["theta_determined"] = cylinder["theta_determined"]
-    row["points"] = len(cylinder["indices"])
+    row |= section_row(cylinder)
     for frame in ("base", "flange"):
         if f"{frame}_frame" in cylinder:
             row |= _placed_row(frame, cylinder[f"{frame}_frame"])

@@ -1,5 +1,7 @@
 """Robot poses from files, in a convention the caller states, and poses of an encoder axis."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -68,6 +70,12 @@ def read_robot_poses(
     UnreadableFile
         File missing, not parsed, wrong count of numbers, no rotation, implausible units or a
         robot that did not move.
+
+    Examples
+    --------
+    >>> poses = read_robot_poses("calibration/example/pipe_poses.csv", "kuka")
+    >>> len(poses), poses[0].translation.shape
+    (6, (3,))
     """
     rule = convention_named(convention)
     path = Path(path)

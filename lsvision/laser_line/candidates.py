@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from lsvision.geometry import FloatArray, IntArray
-from lsvision.laser_line.line_image import Image
+from lsvision.laser_line.image_array import Image
 from lsvision.statistics.robust import MAD_TO_STD
 
 FIXED_POINT = 32

@@ -1,5 +1,7 @@
 """Extraction of a laser line from an image: one sub-pixel point in each column or row."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, replace
 
@@ -8,6 +10,7 @@ import numpy.typing as npt
 
 from lsvision.errors import NoLaserLine
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Points, as_readonly_array
+from lsvision.geometry.equality import ComparedByValue
 from lsvision.laser_line.detection import DetectedLine, find_direction, find_line
 from lsvision.laser_line.line_image import Direction, LineImage, prepare_line_image
 from lsvision.laser_line.noise import SLOPE_SPAN, excess_variance
@@ -34,8 +37,8 @@ STEGER_CORRELATION_SIGMAS = 4.0
 __all__ = ["LaserLine", "LineSettings", "extract_laser_line"]
 
 
-@dataclass(frozen=True, eq=False)
-class LaserLine:
+@dataclass(frozen=True, eq=False, repr=False)
+class LaserLine(ComparedByValue):
     """A laser line: one point for each of the n columns (or rows) of the image, in order.
 
     Parameters
@@ -56,6 +59,13 @@ class LaserLine:
     second_line_fraction : float
         Fraction of the columns in which a second line, as strong and apart from this one, can
         be followed: above about 0.2, check that this is the right one.
+
+    Examples
+    --------
+    >>> rows = np.arange(64)[:, None]
+    >>> image = (10 + 90 * np.exp(-0.5 * ((rows - 30.2) / 1.5) ** 2) * np.ones(99)).astype("uint8")
+    >>> extract_laser_line(image)
+    <LaserLine: 99 columns, 0 lost>
     """
 
     pixels: Points
@@ -75,6 +85,9 @@ class LaserLine:
 
     def __len__(self) -> int:
         return len(self.pixels)
+
+    def __repr__(self) -> str:
+        return f"<LaserLine: {len(self)} {self.direction}, {self.lost} lost>"
 
     @property
     def lost(self) -> int:

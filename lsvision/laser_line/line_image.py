@@ -1,15 +1,16 @@
 """Reduction of an image to the channel in which a laser line is bright."""
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
+from lsvision.laser_line.image_array import Image, as_image
+
 Channel = Literal["grey", "red", "green", "blue", "white"]
 Direction = Literal["columns", "rows"]
-Image = npt.NDArray[Any]
 
 CHANNEL_WEIGHTS: dict[str, tuple[float, float, float]] = {
     "red": (-0.5, -0.5, 1.0),
@@ -91,12 +92,12 @@ def prepare_line_image(
         If the shape is not that of an image, colour and `channel` disagree, or `laser_off`
         differs in shape or type.
     """
-    array = _checked_image(image, "image")
+    array = as_image(image)
     scale = _full_scale(array, full_scale)
     signal, raw_channel = _laser_light(array, channel)
     if laser_off is None:
         return LineImage(signal, raw_channel, raw_channel, scale)
-    dark = _checked_image(laser_off, "laser_off")
+    dark = as_image(laser_off, "laser_off")
     if dark.shape != array.shape or dark.dtype != array.dtype:
         raise ValueError(
             f"expected a laser_off frame like the image, {array.shape} {array.dtype}, got "
@@ -109,26 +110,6 @@ def prepare_line_image(
     if raw_channel is not signal:
         channel_difference = cv2.subtract(raw_channel, dark_channel, dtype=depth)
     return LineImage(difference, channel_difference, raw_channel, scale)
-
-
-def _checked_image(image: npt.ArrayLike, name: str) -> Image:
-    """The image as a contiguous array of uint8, uint16 or float32, checked in type and shape."""
-    array = np.asarray(image)
-    if array.dtype not in (np.uint8, np.uint16) and array.dtype.kind != "f":
-        raise TypeError(f"expected {name} of uint8, uint16 or float, got {array.dtype}")
-    colours = array.ndim == 3 and array.shape[2] == 3
-    if array.ndim == 3 and array.shape[2] == 1:
-        array = array[:, :, 0]
-    if not (array.ndim == 2 or colours) or min(array.shape[:2], default=0) < MIN_SIZE_PX:
-        raise ValueError(
-            f"expected {name} of shape (height, width) or (height, width, 3), at least "
-            f"{MIN_SIZE_PX} px each way, got {array.shape}"
-        )
-    if array.dtype in (np.uint8, np.uint16):
-        return np.ascontiguousarray(array)
-    if not np.isfinite(array).all():
-        raise ValueError(f"expected finite numbers in a float {name}, got NaN or infinity")
-    return np.ascontiguousarray(array, dtype=np.float32)
 
 
 def _full_scale(array: Image, given: float | None) -> float:

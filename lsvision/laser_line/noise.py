@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.geometry import FloatArray, IntArray
-from lsvision.laser_line.line_image import Image
+from lsvision.laser_line.image_array import Image
 from lsvision.laser_line.stripe_windows import Windows
 from lsvision.statistics.robust import MAD_TO_STD
 

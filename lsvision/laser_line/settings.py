@@ -4,14 +4,15 @@ import math
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
+from lsvision.geometry.settings_repr import ShowsChanges
 from lsvision.laser_line.line_image import Channel, Direction
 from lsvision.laser_line.path_search import PathSettings
 
 Method = Literal["derivative", "gaussian", "steger"]
 
 
-@dataclass(frozen=True, kw_only=True)
-class LineSettings:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class LineSettings(ShowsChanges):
     """Settings of `extract_laser_line`.
 
     Parameters
@@ -48,6 +49,11 @@ class LineSettings:
     ------
     ValueError
         If a number is not positive, or a string is not one of those listed.
+
+    Examples
+    --------
+    >>> LineSettings(channel="red", method="gaussian")
+    LineSettings(method='gaussian', channel='red')
     """
 
     method: Method = "derivative"

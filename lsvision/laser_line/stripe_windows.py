@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.geometry import BoolArray, FloatArray, IntArray
-from lsvision.laser_line.line_image import Image, LineImage
+from lsvision.laser_line.image_array import Image
+from lsvision.laser_line.line_image import LineImage
 
 HALF_WIDTH_SIGMAS = 3.5
 """Half width of a window in standard deviations of the filter."""

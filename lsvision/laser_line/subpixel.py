@@ -18,7 +18,7 @@ import math
 import numpy as np
 
 from lsvision.geometry import BoolArray, FloatArray, IntArray
-from lsvision.laser_line.line_image import Image
+from lsvision.laser_line.image_array import Image
 from lsvision.laser_line.stripe_windows import Stripes, Windows
 
 NEWTON_ITERATIONS = 4

@@ -18,7 +18,10 @@ from lsvision.geometry import (
     as_readonly_array,
     tangent_frame,
 )
+from lsvision.planning.prediction_table import cells_of_stds, summary_of_stds
 from lsvision.planning.sensor_view import cylinder_normals
+from lsvision.results.quantities import Record
+from lsvision.results.result import Result
 
 SINGULARITY_TOLERANCE = 1e-13
 """Smallest eigenvalue of a regular information matrix, after scaling its diagonal to 1."""
@@ -112,8 +115,8 @@ def _invert_scaled(matrix: FloatArray) -> FloatArray:
     return inverse
 
 
-@dataclass(frozen=True, eq=False)
-class SectionPrediction:
+@dataclass(frozen=True, eq=False, repr=False)
+class SectionPrediction(Result):
     """Standard uncertainties that an efficient fit to one section reaches.
 
     Parameters
@@ -148,6 +151,29 @@ class SectionPrediction:
         object.__setattr__(
             self, "covariance", as_readonly_array(self.covariance, (5, 5), "covariance")
         )
+
+    def to_dict(self) -> Record:
+        """Return the predicted standard uncertainties, ready for JSON.
+
+        Returns
+        -------
+        dict
+            Lengths in ``*_mm``, angles in ``*_deg``.
+        """
+        return {
+            "radius_std_mm": self.radius_std,
+            "theta_std_deg": math.degrees(self.theta_std),
+            "phi_std_deg": math.degrees(self.phi_std),
+            "centre_x_std_mm": self.centre_x_std,
+            "centre_y_std_mm": self.centre_y_std,
+            "points": self.points,
+        }
+
+    def _summary(self) -> str:
+        return summary_of_stds(self.to_dict())
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        return cells_of_stds(self.to_dict())
 
 
 def section_bound(
@@ -245,8 +271,8 @@ def _predict_section(ellipse: Ellipse, bound: FloatArray, points: int) -> Sectio
     )
 
 
-@dataclass(frozen=True, eq=False)
-class ScanPrediction:
+@dataclass(frozen=True, eq=False, repr=False)
+class ScanPrediction(Result):
     """Standard uncertainties that a joint fit to all sections of a scan reaches.
 
     Parameters
@@ -283,6 +309,31 @@ class ScanPrediction:
         object.__setattr__(
             self, "covariance", as_readonly_array(self.covariance, (5, 5), "covariance")
         )
+
+    def to_dict(self) -> Record:
+        """Return the predicted standard uncertainties, ready for JSON.
+
+        Returns
+        -------
+        dict
+            Lengths in ``*_mm``, angles in ``*_deg``.
+        """
+        return {
+            "radius_std_mm": self.radius_std,
+            "direction_std_deg": math.degrees(self.direction_std),
+            "theta_std_deg": math.degrees(self.theta_std),
+            "phi_std_deg": math.degrees(self.phi_std),
+            "position_std_mm": self.position_std,
+            "points": self.points,
+            "sections": self.sections,
+            "length_mm": self.length,
+        }
+
+    def _summary(self) -> str:
+        return summary_of_stds(self.to_dict())
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        return cells_of_stds(self.to_dict())
 
 
 def scan_bound(

@@ -178,7 +178,7 @@ def _require_points(count: int) -> None:
         raise TooFewPoints("the view of the pipe", count, 5, hint)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, kw_only=True)
 class AccuracyTarget:
     """Largest acceptable standard uncertainties; those not given are unlimited.
 

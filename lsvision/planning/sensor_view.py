@@ -7,11 +7,12 @@ import numpy as np
 
 from lsvision.geometry import Cylinder, Ellipse, FloatArray, Points
 from lsvision.geometry.arrays import BoolArray
+from lsvision.geometry.settings_repr import ShowsChanges
 from lsvision.sensors.profile_sensor import LPS36HI, ProfileSensor
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class SensorView:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class SensorView(ShowsChanges):
     """Sensor, and its position relative to the tube.
 
     Parameters
@@ -72,7 +73,7 @@ class SensorView:
         return rays
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, kw_only=True)
 class Feed:
     """Parallel, equidistant sections of a scan, and the uncertainty of their poses.
 

@@ -1,16 +1,22 @@
 """Measure cylinders from several profiles with poses: the steps of `measure_scan`."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lsvision.cylinder.robot_frame import SectionMount
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.geometry import Pose
+from lsvision.geometry.arguments import as_number_or_pair
+from lsvision.geometry.pose import as_poses
+from lsvision.geometry.settings_repr import ShowsChanges
 from lsvision.measure import Measurement, Settings, measure_cylinders
-from lsvision.profile import NoiseModel, Profile
+from lsvision.profile import NoiseModel, Profile, as_profile
 from lsvision.scan.cloud import build_cloud, require_noncoplanar_sections
 from lsvision.scan.joint_fit import JointFit, JointFitSettings, fit_tracks
 from lsvision.scan.pose_errors import (
@@ -22,6 +28,10 @@ from lsvision.scan.pose_errors import (
 )
 from lsvision.scan.scan_result import ScanMeasurement, ScannedCylinder
 from lsvision.scan.tracks import TrackSettings, associate_arcs, transform_arc_to_base
+from lsvision.sensors.profile_sensor import as_noise_model
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
 
 MIN_POINTS = 6
 """Profiles with fewer points are skipped: too few for an ellipse."""
@@ -29,8 +39,8 @@ MIN_FEED_COSINE = 1e-6
 """Smallest cosine between feed and axis at which the feed gives the direction its sign."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class ScanSettings:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class ScanSettings(ShowsChanges):
     """Settings of a scan, one value for each step.
 
     Parameters
@@ -41,6 +51,12 @@ class ScanSettings:
         Association of arcs across sections.
     joint_fit : JointFitSettings
         Assignment of points and the joint fit.
+
+    Examples
+    --------
+    >>> from lsvision.detection.candidates import CandidateSettings
+    >>> ScanSettings(section=Settings(candidates=CandidateSettings(min_span_points=20)))
+    ScanSettings(section=Settings(candidates=CandidateSettings(min_span_points=20)))
     """
 
     section: Settings = field(default_factory=Settings)
@@ -49,12 +65,12 @@ class ScanSettings:
 
 
 def measure_scan(  # noqa: PLR0913 - the options of `measure_cylinders`, the poses and their errors
-    profiles: Sequence[Profile],
-    base_from_sections: Sequence[Pose],
+    profiles: Sequence[Profile | npt.ArrayLike],
+    base_from_sections: Sequence[Pose | npt.ArrayLike],
     *,
-    radius: float | tuple[float, float] | None = None,
-    known_radius: float | tuple[float, float] | None = None,
-    sensor: NoiseModel | None = None,
+    radius: float | Sequence[float] | None = None,
+    known_radius: float | Sequence[float] | None = None,
+    sensor: NoiseModel | str | None = None,
     settings: ScanSettings = ScanSettings(),
     pose_std: float = 0.0,
     feed_std: float = 0.0,
@@ -69,17 +85,18 @@ def measure_scan(  # noqa: PLR0913 - the options of `measure_cylinders`, the pos
 
     Parameters
     ----------
-    profiles : sequence of Profile
-        In the order of the feed. Profiles without points are skipped.
-    base_from_sections : sequence of Pose
-        One for each profile; ``Pose.along(direction, distance)`` for an encoder axis.
+    profiles : sequence of Profile or (n, 2) array_like
+        In the order of the feed, each as `measure_cylinders` takes it. Profiles without points
+        are skipped.
+    base_from_sections : sequence of Pose or (4, 4) array_like
+        One for each profile; ``Pose.along(direction, distance)`` for an encoder axis. Units: mm.
     radius : float or (float, float), optional
         Nominal radius or range to search, as for `measure_cylinders`. Units: mm.
     known_radius : float or (float, float), optional
         Prior radius, or prior radius and its standard uncertainty. Units: mm.
-    sensor : NoiseModel, optional
-        Noise model of all profiles. None: the model of each profile, or equal noise estimated
-        from the residuals.
+    sensor : NoiseModel or str, optional
+        Noise model of all profiles, as for `measure_cylinders`. None: the model of each profile,
+        or equal noise estimated from the residuals.
     settings : ScanSettings
         Settings of every step.
     pose_std : float
@@ -101,7 +118,9 @@ def measure_scan(  # noqa: PLR0913 - the options of `measure_cylinders`, the pos
     Raises
     ------
     ValueError
-        If the numbers of poses and profiles differ, or are zero.
+        If the numbers of poses and profiles differ, or are zero, or a matrix is not a rigid motion.
+    TypeError
+        If one is not a profile or not a pose.
     DegenerateGeometry
         If all sections lie in one plane: identical poses, or a feed along the laser plane.
 
@@ -124,20 +143,21 @@ def measure_scan(  # noqa: PLR0913 - the options of `measure_cylinders`, the pos
     >>> [f"{pipe.radius:.1f} mm" for pipe in scan.cylinders]
     ['19.0 mm']
     """
-    poses = validate_poses(profiles, base_from_sections)
+    seen, noise = [as_profile(profile) for profile in profiles], as_noise_model(sensor)
+    poses = validate_poses(seen, base_from_sections)
+    known = as_number_or_pair(known_radius, "known_radius", "mm", "(radius, std)")
     measurements = [
         measure_section(
-            profile, radius=radius, known_radius=known_radius, sensor=sensor,
-            settings=settings.section,
+            profile, radius=radius, known_radius=known, sensor=noise, settings=settings.section
         )
-        for profile in profiles
-    ]  # fmt: skip
+        for profile in seen
+    ]
     return fit_sections_jointly(
-        profiles,
+        seen,
         poses,
         measurements,
-        known_radius=known_radius,
-        sensor=sensor,
+        known_radius=known,
+        sensor=noise,
         settings=settings,
         pose_errors=PoseErrors(pose_std=pose_std, feed_std=feed_std, calibration=calibration),
     )
@@ -146,8 +166,8 @@ def measure_scan(  # noqa: PLR0913 - the options of `measure_cylinders`, the pos
 def measure_section(
     profile: Profile,
     *,
-    radius: float | tuple[float, float] | None = None,
-    known_radius: float | tuple[float, float] | None = None,
+    radius: float | Sequence[float] | None = None,
+    known_radius: float | Sequence[float] | None = None,
     sensor: NoiseModel | None = None,
     settings: Settings | None = None,
 ) -> Measurement:
@@ -208,7 +228,7 @@ def fit_sections_jointly(  # noqa: PLR0913 - the measurements and the options of
 
 
 def validate_poses(
-    profiles: Sequence[Profile], base_from_sections: Sequence[Pose]
+    profiles: Sequence[Profile], base_from_sections: Sequence[Pose | npt.ArrayLike]
 ) -> tuple[Pose, ...]:
     """Return the poses as a tuple after checking their type, number and arrangement.
 
@@ -219,15 +239,12 @@ def validate_poses(
     DegenerateGeometry
         If the sections all lie in one plane.
     """
-    poses = tuple(base_from_sections)
+    poses = as_poses(base_from_sections)
     if len(poses) != len(profiles) or not poses:
         raise ValueError(
             f"expected one pose for each profile, at least one, got {len(profiles)} profiles and "
             f"{len(poses)} poses"
         )
-    for pose in poses:
-        if not isinstance(pose, Pose):
-            raise TypeError(f"expected a Pose for each profile, got {type(pose).__name__}")
     require_noncoplanar_sections(poses)
     return poses
 

@@ -1,16 +1,26 @@
 """Result of a scan: cylinders in the base frame, and rejected arcs."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from lsvision.cylinder.axis_table import AxisQuantity, axis_record, axis_row
 from lsvision.cylinder.fit_result import CylinderFit
+from lsvision.detection.measurement import counted
 from lsvision.geometry import Cylinder, FloatArray, IntArray, Points
 from lsvision.measure import Measurement
+from lsvision.results.number_format import format_value
+from lsvision.results.picture import draw_svg
+from lsvision.results.quantities import Record, numbers
+from lsvision.results.result import Result
+from lsvision.scan.scan_table import spans, tube_cells, twin_notes
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class ScannedCylinder:
+@dataclass(frozen=True, eq=False, repr=False)
+class ScannedCylinder(Result):
     """Cylinder measured jointly from the sections of a scan.
 
     Parameters
@@ -37,6 +47,22 @@ class ScannedCylinder:
     includes_calibration : bool
         Whether the covariance includes the errors of a hand-eye calibration; otherwise the
         sensor mount is taken as exact.
+
+    Examples
+    --------
+    >>> import lsvision as lsv
+    >>> scene = lsv.simulate.Scene((lsv.simulate.Tube.of(19.0, 0.3, 0.35, (0.0, -400.0)),))
+    >>> poses = [lsv.Pose.along((0, 0, 1), 10.0 * k) for k in range(3)]
+    >>> seen = lsv.simulate.simulate_scan(
+    ...     scene, poses, lsv.simulate.SCENE_SENSOR, lsv.simulate.SectionSettings(),
+    ...     rng=np.random.default_rng(1),
+    ... )
+    >>> (pipe,) = lsv.measure_scan([section.profile for section in seen], poses).cylinders
+    >>> low, high = pipe.interval("radius", level=0.999)
+    >>> low < 19 < high
+    True
+    >>> pipe.to_dict()["sections"]
+    [0, 1, 2]
     """
 
     fit: CylinderFit
@@ -92,6 +118,28 @@ class ScannedCylinder:
         """
         return self.fit.covariance
 
+    def interval(self, quantity: AxisQuantity, level: float = 0.95) -> tuple[float, float]:
+        """Interval that holds the true value with probability `level`, base frame.
+
+        Parameters
+        ----------
+        quantity : {"radius", "point_x", ..., "point_z", "direction_x", ..., "direction_z"}
+            Units: mm, or components of the unit vector.
+        level : float
+            Between 0 and 1.
+
+        Returns
+        -------
+        low, high : float
+            By Student's t; with the errors of poses and calibration where they were given.
+
+        Raises
+        ------
+        ValueError
+            If the quantity is none of these or the level is no probability.
+        """
+        return self.fit.interval(quantity, level)
+
     @property
     def ambiguous(self) -> bool:
         """Whether the `twin` fits equally well: only one section was measured."""
@@ -103,9 +151,59 @@ class ScannedCylinder:
         residuals = [self.fit.residuals[self.point_sections == s] for s in self.sections]
         return np.array([[r.mean(), np.sqrt(np.mean(r * r))] for r in residuals])
 
+    def to_dict(self) -> Record:
+        """Return the cylinder with its evidence as plain numbers, ready for JSON.
 
-@dataclass(frozen=True, slots=True)
-class ScanRejection:
+        Returns
+        -------
+        dict
+            Base frame; lengths in ``*_mm``, angles in ``*_deg``.
+        """
+        residuals, basis = self.section_residuals, self.fit.tangent_basis
+        return axis_record(self.fit) | {
+            "includes_calibration": self.includes_calibration,
+            "e_phi": numbers(basis[0]),
+            "e_theta": numbers(basis[1]),
+            "ends_mm": list(self.axial_range),
+            "ends_std_mm": list(self.axial_range_std),
+            "sections": list(self.sections),
+            "section_residuals_mean_mm": numbers(residuals[:, 0]),
+            "section_residuals_rms_mm": numbers(residuals[:, 1]),
+            "points": len(self.points),
+            "rms_mm": self.fit.rms,
+            "twin_direction": None if self.twin is None else numbers(self.twin.direction),
+        }
+
+    def _summary(self) -> str:
+        _, radius, direction, angle, *_, sections, points = tube_cells([self])[1]
+        twin = ", one of two twins" if self.ambiguous else ""
+        return (
+            f"radius {radius} mm, direction ({direction}) ± {angle} deg, sections {sections}, "
+            f"{points} points{twin}"
+        )
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        return tube_cells([self])
+
+    def _notes(self) -> list[str]:
+        return twin_notes([self])
+
+    def _rows(self) -> list[Record]:
+        record = self.to_dict()
+        start, stop = record["ends_mm"]
+        return [
+            axis_row(record, self.interval("radius"))
+            | {"start_mm": start, "stop_mm": stop, "sections": len(self.sections)}
+            | {key: record[key] for key in ("points", "rms_mm", "includes_calibration")}
+            | {"ambiguous": self.ambiguous}
+        ]
+
+    def _picture(self) -> str:
+        return _end_view([self])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ScanRejection(Result):
     """Arcs of a scan that were rejected, with the reason.
 
     Parameters
@@ -119,9 +217,36 @@ class ScanRejection:
     sections: tuple[int, ...]
     reason: str
 
+    def to_dict(self) -> Record:
+        """Return sections and reason, ready for JSON.
 
-@dataclass(frozen=True, slots=True)
-class ScanMeasurement:
+        Returns
+        -------
+        dict
+            ``sections`` and ``reason``.
+
+        Examples
+        --------
+        >>> ScanRejection((3, 4), "seen in two sections").to_dict()
+        {'sections': [3, 4], 'reason': 'seen in two sections'}
+        """
+        return {"sections": list(self.sections), "reason": self.reason}
+
+    def _summary(self) -> str:
+        return f"sections {spans(self.sections)}: {self.reason}"
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        return []
+
+    def _notes(self) -> list[str]:
+        return [self._summary()]
+
+    def _rows(self) -> list[Record]:
+        return [{"sections": spans(self.sections), "reason": self.reason}]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ScanMeasurement(Result):
     """Result of `measure_scan`.
 
     Parameters
@@ -132,8 +257,66 @@ class ScanMeasurement:
         Arcs that were detected in a profile and rejected by the joint fit.
     measurements : tuple of Measurement
         Measurement of each profile by itself, in the order of the profiles.
+
+    Examples
+    --------
+    >>> ScanMeasurement((), (), ())
+    <ScanMeasurement: 0 cylinders, 0 profiles>
     """
 
     cylinders: tuple[ScannedCylinder, ...]
     rejections: tuple[ScanRejection, ...]
     measurements: tuple[Measurement, ...]
+
+    def to_dict(self) -> Record:
+        """Return cylinders and rejections as plain numbers and words, ready for JSON.
+
+        Returns
+        -------
+        dict
+            Base frame; ``lsvision scan --json`` writes the same with the profiles' sources and
+            the shape of each cylinder.
+
+        Examples
+        --------
+        >>> ScanMeasurement((), (), ()).to_dict()["cylinders"]
+        []
+        """
+        return {
+            "frame": "base",
+            "cylinders": [tube.to_dict() for tube in self.cylinders],
+            "rejections": [rejection.to_dict() for rejection in self.rejections],
+            "cylinders_by_section": [len(measured.cylinders) for measured in self.measurements],
+        }
+
+    def _summary(self) -> str:
+        radii = ", ".join(
+            f"radius {format_value(tube.radius, tube.radius_std)} mm" for tube in self.cylinders
+        )
+        found = counted(len(self.cylinders), "cylinder") + (f" ({radii})" if radii else "")
+        return f"{found}, {counted(len(self.measurements), 'profile')}"
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        return tube_cells(self.cylinders)
+
+    def _notes(self) -> list[str]:
+        refused = f"{counted(len(self.rejections), 'track')} refused"
+        if self.cylinders:
+            return twin_notes(self.cylinders) + (
+                [f"{refused}: see .rejections"] if self.rejections else []
+            )
+        return [f"no cylinder found, {refused}", *(f"  {each}" for each in self.rejections)]
+
+    def _rows(self) -> list[Record]:
+        return [row for tube in self.cylinders for row in tube._rows()]
+
+    def _picture(self) -> str:
+        return _end_view(self.cylinders) if self.cylinders else ""
+
+
+def _end_view(tubes: Sequence[ScannedCylinder]) -> str:
+    """The points as seen along the axis of the first cylinder."""
+    e_phi, e_theta = tubes[0].fit.tangent_basis
+    seen = [(tube.points @ np.column_stack([e_theta, e_phi]), None) for tube in tubes]
+    words = f"{counted(len(tubes), 'cylinder')}, seen along the axis of the first"
+    return draw_svg(np.zeros((0, 2)), seen, words)

@@ -14,7 +14,11 @@ import numpy as np
 from lsvision.cylinder.fit_result import variance_factor
 from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import FloatArray, IntArray, Points, tangent_frame
+from lsvision.geometry.equality import ComparedByValue
+from lsvision.results.quantities import Record, finite, numbers
+from lsvision.results.result import Result
 from lsvision.scan.scan_result import ScannedCylinder
+from lsvision.scan.shape_table import shape_lines
 
 PARAMETERS = 10
 """Point (2) and direction (2) across the axis, radius; bow (2), taper (1), ovality (2)."""
@@ -64,8 +68,8 @@ class SectionCentres:
         return np.sqrt(np.diagonal(self.deviation_covariances, axis1=1, axis2=2))
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class FormDeviation:
+@dataclass(frozen=True, eq=False)
+class FormDeviation(ComparedByValue):
     """One deviation of a tube from a straight circular cylinder.
 
     Parameters
@@ -98,8 +102,8 @@ class FormDeviation:
         return self.p_value < level
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class TubeShape:
+@dataclass(frozen=True, eq=False, repr=False)
+class TubeShape(Result):
     """Form deviations of a tube along its axis.
 
     Parameters
@@ -152,6 +156,58 @@ class TubeShape:
         """Increase of the radius per length along the direction. Units: mm/mm."""
         return float(self.taper.values[0]) / self.half_length
 
+    def to_dict(self) -> Record:
+        """Return bow, taper, ovality and the line of centres, ready for JSON.
+
+        Returns
+        -------
+        dict
+            Lengths in ``*_mm``; the radius of a bow that is none is None.
+        """
+        centres = self.centres
+        return {
+            "bow_mm": self.bow.size,
+            "bow_std_mm": self.bow.size_std,
+            "bow_p_value": self.bow.p_value,
+            "bow_radius_mm": finite(self.bow_radius),
+            "taper_mm_per_mm": self.taper_slope,
+            "taper_p_value": self.taper.p_value,
+            "ovality": self.ovality,
+            "ovality_std": self.ovality_std,
+            "ovality_p_value": self.ovality_terms.p_value,
+            "sections": [int(section) for section in centres.sections],
+            "along_mm": numbers(centres.along),
+            "deviations_mm": [numbers(row) for row in centres.deviations],
+            "deviations_std_mm": [numbers(row) for row in centres.deviations_std],
+            "radii_mm": numbers(centres.radii),
+            "radii_std_mm": numbers(centres.radii_std),
+        }
+
+    def _summary(self) -> str:
+        return ", ".join(shape_lines(self))
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        return []
+
+    def _notes(self) -> list[str]:
+        return shape_lines(self)
+
+    def _rows(self) -> list[Record]:
+        """A section a row: its centre beside the straight axis, and its radius."""
+        record = self.to_dict()
+        columns = {
+            "section": record["sections"],
+            "along_mm": record["along_mm"],
+            **{
+                f"{name}_{axis}_mm": [row[place] for row in record[f"{name}_mm"]]
+                for name in ("deviations", "deviations_std")
+                for place, axis in enumerate(("phi", "theta"))
+            },
+            "radius_mm": record["radii_mm"],
+            "radius_std_mm": record["radii_std_mm"],
+        }
+        return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
 
 def measure_shape(tube: ScannedCylinder) -> TubeShape:
     """Measure bow, taper, ovality and the section centres of a scanned tube.
@@ -176,6 +232,16 @@ def measure_shape(tube: ScannedCylinder) -> TubeShape:
     An arc of less than about 90 deg hardly distinguishes an oval from a displaced circle: the
     covariance is large then and the test not significant. The poses are taken as exact; a feed
     that deviates from a straight line shows as the same bow on every tube.
+
+    Examples
+    --------
+    >>> import lsvision as lsv
+    >>> profiles = lsv.read_profiles("fixtures/scan_welded_pair")[::5]
+    >>> poses = [lsv.Pose.along((0, 0, 1), 5.0 * k) for k in range(len(profiles))]
+    >>> scan = lsv.measure_scan(profiles, poses)
+    >>> shape = measure_shape(scan.cylinders[0])
+    >>> shape.bow.size < 5 * shape.bow.size_std
+    True
     """
     if len(tube.sections) < MIN_SECTIONS:
         raise DegenerateGeometry(

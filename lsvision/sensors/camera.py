@@ -1,11 +1,14 @@
 """Camera model with lens distortion: from pixels to rays, and from points to pixels."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
 from lsvision.geometry import FloatArray, Points, as_readonly_array
+from lsvision.geometry.equality import ComparedByValue
 from lsvision.sensors.distortion import COEFFICIENTS, distort, invert_2x2, undistort
 
 DISTORTION_COUNTS = (0, 4, 5, 8, 12, 14)
@@ -15,7 +18,7 @@ HOMOGENEOUS_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Camera:
+class Camera(ComparedByValue):
     """Pinhole camera with lens distortion (OpenCV's model, up to the 14-coefficient tilted one).
 
     Camera frame: origin in the projection centre, x along image u, y along image v (down),
@@ -132,7 +135,18 @@ class Camera:
         return pixels
 
     def sees(self, pixels: Points) -> npt.NDArray[np.bool_]:
-        """Return whether each pixel (n, 2) lies in the image; False for NaN. Units: px."""
+        """Return whether each pixel lies in the image.
+
+        Parameters
+        ----------
+        pixels : (n, 2) ndarray
+            u, v. Units: px.
+
+        Returns
+        -------
+        (n,) ndarray of bool
+            False for NaN rows.
+        """
         width, height = self.size
         u, v = pixels.T
         inside: npt.NDArray[np.bool_] = (

@@ -4,19 +4,23 @@ The line is extracted from the raw image and its points are undistorted; undisto
 first would blur the line by interpolation.
 """
 
+from __future__ import annotations
+
 import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from lsvision.errors import DegenerateGeometry, LsvisionError
 from lsvision.geometry import FloatArray, Plane, Points, Pose
+from lsvision.geometry.equality import ComparedByValue
 from lsvision.laser_line.extraction import LaserLine, LineSettings, extract_laser_line
+from lsvision.laser_line.image_array import as_image
 from lsvision.laser_line.line_blur import correct_line_blur
 from lsvision.profile import PointNoise, Profile
 from lsvision.sensors.camera import Camera
@@ -38,7 +42,7 @@ GRID = 9
 
 
 @dataclass(frozen=True, eq=False)
-class LightSection:
+class LightSection(ComparedByValue):
     """A camera and a laser plane, which measure the section of a scene with the plane.
 
     Section frame: origin at the point of the laser plane nearest to the camera's centre;
@@ -88,6 +92,11 @@ class LightSection:
         object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
         _check_plane(self.camera, self.laser_plane)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For copies and other processes: a read-only mapping cannot be pickled."""
+        provenance = dict(self.provenance)
+        return type(self), (self.camera, self.laser_plane, provenance, self.line_blur_px)
+
     @property
     def camera_from_section(self) -> Pose:
         """Pose of the section frame in the camera frame, as the class defines it. Units: mm."""
@@ -131,6 +140,8 @@ class LightSection:
 
         Raises
         ------
+        TypeError, ValueError
+            If it is no image (as the name of a file: `read_image` reads one).
         LsvisionError
             If the size of the image differs from that of the camera.
         NoLaserLine
@@ -148,6 +159,16 @@ class LightSection:
 
         Parameters are those of `profile`.
 
+        Parameters
+        ----------
+        image, settings, laser_off
+            As for `profile`.
+
+        Returns
+        -------
+        LaserLine
+            One point for each column or row.
+
         Raises
         ------
         LsvisionError
@@ -155,7 +176,7 @@ class LightSection:
         NoLaserLine
             If no line is found.
         """
-        array = np.asarray(image)
+        array = as_image(image)
         width, height = self.camera.size
         if array.shape[:2] != (height, width):
             got = " x ".join(str(length) for length in array.shape[1::-1])
@@ -184,15 +205,42 @@ class LightSection:
         return Profile(points, PointNoise(covariances))
 
     def points_from_pixels(self, pixels: npt.ArrayLike) -> Points:
-        """Convert pixels (n, 2) to section points (n, 2) in mm; NaN where there is none."""
+        """Convert pixels to points of the section.
+
+        Parameters
+        ----------
+        pixels : (n, 2) array_like
+            u, v. Units: px.
+
+        Returns
+        -------
+        (n, 2) ndarray
+            Section frame; NaN rows where a ray misses the laser plane. Units: mm.
+        """
         return self._section_points(np.asarray(pixels, dtype=np.float64))[0]
 
     def project(self, points: npt.ArrayLike) -> Points:
-        """Project points of the section (n, 2), in mm, into the image (n, 2). Units: px."""
+        """Project points of the section into the image.
+
+        Parameters
+        ----------
+        points : (n, 2) array_like
+            Section frame. Units: mm.
+
+        Returns
+        -------
+        (n, 2) ndarray
+            u, v. Units: px.
+        """
         return self.camera.project(self.camera_from_section.apply(points))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the rig file (JSON); an existing file is replaced only when all is written.
+
+        Parameters
+        ----------
+        path : path
+            ``.json``.
 
         Raises
         ------
@@ -204,6 +252,16 @@ class LightSection:
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
         """Read the rig file that `save` wrote.
+
+        Parameters
+        ----------
+        path : path
+            ``.json``.
+
+        Returns
+        -------
+        LightSection
+            The rig, equal to the one that was saved.
 
         Raises
         ------

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.geometry import FloatArray, Points
+from lsvision.profile import NoiseModel
 
 MIN_RANGE_FRACTION = 1e-3
 """Smallest range over the reference range: points nearer to the origin get its covariance."""
@@ -20,7 +21,7 @@ LATERAL_FRACTION = 0.05
 across the ray the weight of a point at a grazing flank would be infinite."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, kw_only=True)
 class ProfileSensor:
     """Noise model and measuring range of a profile sensor; a ``NoiseModel``.
 
@@ -129,3 +130,62 @@ LPS36 = ProfileSensor(
     width_at_max_range=600.0,
 )
 """Leuze LPS 36."""
+
+KNOWN_SENSORS = {"lps36hi": LPS36HI, "lps36": LPS36}
+"""Sensors that can be named."""
+
+
+def find_sensor(name: str) -> ProfileSensor:
+    """Return the sensor of a name.
+
+    Parameters
+    ----------
+    name : str
+        One of `KNOWN_SENSORS`; case, blanks, hyphens and underscores do not count.
+
+    Raises
+    ------
+    ValueError
+        If the name is unknown; the message lists those that are known.
+
+    Examples
+    --------
+    >>> find_sensor("LPS 36 HI").columns
+    240
+    """
+    plain = "".join(letter for letter in name.lower() if letter.isalnum())
+    if plain not in KNOWN_SENSORS:
+        raise ValueError(f"expected a sensor among {', '.join(KNOWN_SENSORS)}, got {name!r}")
+    return KNOWN_SENSORS[plain]
+
+
+def as_noise_model(sensor: NoiseModel | str | None) -> NoiseModel | None:
+    """Return the noise model that a caller passes as it is, or by its sensor's name.
+
+    Raises
+    ------
+    ValueError
+        If the name is unknown.
+    TypeError
+        If it is no noise model.
+
+    Examples
+    --------
+    >>> as_noise_model("lps36").name
+    'LPS 36'
+    >>> as_noise_model(0.05)
+    Traceback (most recent call last):
+    ...
+    TypeError: expected sensor as a ProfileSensor, another NoiseModel or a name among lps36hi, \
+lps36, got float 0.05: ProfileSensor(range_std=0.05) is a sensor of such a noise
+    """
+    if isinstance(sensor, str):
+        return find_sensor(sensor)
+    if sensor is None or (isinstance(sensor, NoiseModel) and not isinstance(sensor, type)):
+        return sensor
+    number = isinstance(sensor, int | float)
+    hint = f": ProfileSensor(range_std={sensor}) is a sensor of such a noise" if number else ""
+    raise TypeError(
+        "expected sensor as a ProfileSensor, another NoiseModel or a name among "
+        f"{', '.join(KNOWN_SENSORS)}, got {type(sensor).__name__} {sensor!r}{hint}"
+    )

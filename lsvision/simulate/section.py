@@ -15,9 +15,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from lsvision.geometry import FloatArray, Points, Pose
 from lsvision.geometry.arrays import BoolArray
+from lsvision.geometry.pose import as_poses
+from lsvision.geometry.settings_repr import ShowsChanges
 from lsvision.profile import NoiseModel, PointNoise, Profile
 from lsvision.sensors.profile_sensor import LATERAL_FRACTION, ProfileSensor
 from lsvision.simulate.scene import NOTHING, Scene, SectionTruth, tube_truths
@@ -27,8 +30,8 @@ SAME_SURFACE_TOLERANCE = 1e-6
 """Relative distance by which a ray from the camera may end before the point and still reach it."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class SectionSettings:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class SectionSettings(ShowsChanges):
     """Errors of a simulated profile sensor.
 
     Parameters
@@ -175,7 +178,7 @@ def simulate_section(
 
 def simulate_scan(
     scene: Scene,
-    base_from_sections: Sequence[Pose],
+    base_from_sections: Sequence[Pose | npt.ArrayLike],
     sensor: ProfileSensor,
     settings: SectionSettings,
     *,
@@ -187,14 +190,14 @@ def simulate_scan(
     ----------
     scene : Scene
         Base frame.
-    base_from_sections : sequence of Pose
+    base_from_sections : sequence of Pose or (4, 4) array_like
         Pose of each section.
     sensor, settings, rng
         As for `simulate_section`.
     """
     return tuple(
         simulate_section(scene, sensor, settings, rng=rng, base_from_section=pose)
-        for pose in base_from_sections
+        for pose in as_poses(base_from_sections)
     )
 
 

@@ -42,7 +42,7 @@ MAX_ABSORBED_FRACTION = 0.7
 residuals only give a lower limit."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Correlation:
     """Effect of correlation on a covariance.
 

@@ -149,6 +149,11 @@ def test_images_of_mixed_size_are_rejected():
         calibrate_camera(images, Chessboard(9, 6, 10.0))
 
 
+def test_names_of_files_are_no_images():
+    with pytest.raises(TypeError, match=r"image 0 as an array, got .a\.png.: .*read_image"):
+        calibrate_camera(["a.png", "b.png"], Chessboard())
+
+
 def test_empty_list_of_images_is_rejected():
     with pytest.raises(CalibrationFailed, match="0 views show the target and 3 are needed"):
         calibrate_camera([], Chessboard())

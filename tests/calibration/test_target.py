@@ -104,10 +104,10 @@ def test_16_bit_and_colour_images_give_the_same_points(scale):
 @pytest.mark.parametrize(
     ("image", "error", "match"),
     [
-        (np.zeros((5, 5, 4), np.uint8), ValueError, "expected an image .* shape"),
-        (np.zeros(5, np.uint8), ValueError, "expected an image .* shape"),
-        (np.zeros((0, 5), np.uint8), ValueError, "expected an image .* shape"),
-        (np.zeros((5, 5)), TypeError, "uint8 or uint16, got float64"),
+        (np.zeros((5, 5, 4), np.uint8), ValueError, "expected image of shape"),
+        (np.zeros(5, np.uint8), ValueError, "expected image of shape"),
+        (np.zeros((0, 5), np.uint8), ValueError, "expected image of shape"),
+        (np.zeros((50, 50)), TypeError, "uint8 or uint16, got float64"),
     ],
 )
 def test_invalid_images_are_rejected(image, error, match):

@@ -1,10 +1,13 @@
 """The frame: help, version, and what a failure looks like from the shell."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+import lsvision
 
 REPOSITORY = Path(__file__).parents[2]
 HEAVY = ("numpy", "scipy", "cv2", "matplotlib", "skimage")
@@ -90,3 +93,15 @@ def test_name_that_is_no_text_is_shown_with_escapes(tmp_path):
     result = shell(code=code)
     assert result.returncode == 1
     assert result.stderr == "lsvision: \\udcff.csv: no such file: check the name\n"
+
+
+def test_units_that_are_stated_are_not_doubted(tmp_path):
+    rows = "\n".join(f"{k * 6e-4:.5f},-0.4" for k in range(200))
+    (tmp_path / "m.csv").write_text(f"x,z\n{rows}\n")
+    command = [sys.executable, "-m", "lsvision", "measure", "m.csv", "--units", "mm"]
+    done = subprocess.run(
+        command, cwd=tmp_path, capture_output=True, text=True, check=False,
+        env={**os.environ, "PYTHONPATH": str(Path(lsvision.__file__).parents[1])},
+    )  # fmt: skip
+    assert done.returncode == 0
+    assert "UserWarning" not in done.stderr

@@ -156,7 +156,7 @@ def test_million_points_take_seconds(run, tmp_path):
         (["--known-phi-deg", "90"], "want --known-phi-deg from 0 to below 90 deg"),
         (["--known-phi-deg", "0:0"], "and its sigma above 0, got '0:0'"),
         (["--known-phi-deg", "flat"], "want --known-phi-deg 0 or --known-phi-deg 0:2 in deg"),
-        (["--sensor", "lps99"], "want --sensor lps36hi or lps36, got 'lps99'"),
+        (["--sensor", "lps99"], "expected a sensor among lps36hi, lps36, got 'lps99'"),
         (["--sensor", "lps36", "--range-std", "0.1"], "want --sensor or --range-std, got both"),
         (["--range-std", "0"], "expected a positive range_std in mm"),
         (["--reference-range", "300"], "want --range-std beside --reference-range"),

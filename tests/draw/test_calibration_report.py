@@ -11,8 +11,8 @@ from lsvision.calibration.hand_eye_result import RejectedPose
 from lsvision.draw.calibration_figures import draw_bars, draw_poses
 from lsvision.draw.calibration_report import ReportContent, hand_eye_page
 from lsvision.draw.html_page import html_page, paragraph, table
-from lsvision.draw.palette import OUTLIER
 from lsvision.geometry import Pose
+from lsvision.results.palette import OUTLIER
 from lsvision.simulate.hand_eye import rotation_from_vector
 from tests.draw.borders import has_white_border
 

@@ -8,10 +8,10 @@ import pytest
 from matplotlib.colors import same_color
 
 from lsvision.draw import draw_laser_line, draw_overlay, figure_bytes
-from lsvision.draw.palette import cylinder_colour
 from lsvision.io.images import read_image
 from lsvision.laser_line.extraction import LineSettings, extract_laser_line
 from lsvision.measure import Measurement, measure_cylinders
+from lsvision.results.palette import cylinder_colour
 from lsvision.sensors.light_section import LightSection
 from tests.draw.borders import has_white_border
 

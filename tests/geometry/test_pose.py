@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from lsvision import Pose
+from lsvision import Cylinder, Plane, Pose
+from lsvision.geometry.pose import as_pose, as_poses
 from tests.alike import assert_same_pose
 from tests.strategies import PROPERTY, poses
 from tests.tolerances import MACHINE
@@ -115,5 +116,34 @@ def test_an_invalid_pose_raises_an_error(make, message):
 
 
 def test_a_pose_composes_with_poses_only():
-    with pytest.raises(TypeError, match="unsupported operand"):
+    with pytest.raises(TypeError, match=r"expected a Pose behind @, got str: Pose\.from_matrix"):
         Pose() @ "flange"
+    with pytest.raises(TypeError, match=r"expected a Pose before @, got ndarray: Pose\.from_m"):
+        np.eye(4) @ Pose()
+
+
+def test_a_matrix_is_taken_for_a_pose():
+    pose = Pose.from_matrix([[0, -1, 0, 5], [1, 0, 0, 6], [0, 0, 1, 7], [0, 0, 0, 1]])
+    assert as_pose(pose) is pose
+    assert as_pose(pose.matrix) == as_pose(pose.matrix.tolist()) == pose
+    assert as_poses(np.stack([pose.matrix, np.eye(4)])) == (pose, Pose())
+    plane = Plane((0.0, 0.0, 1.0), 2.0)
+    assert plane.transformed(pose.matrix) == plane.transformed(pose)
+    cylinder = Cylinder((1.0, 2.0, 3.0), (0.0, 0.6, 0.8), 4.0)
+    assert cylinder.transformed(pose.matrix) == cylinder.transformed(pose)
+
+
+@pytest.mark.parametrize(
+    ("values", "kind", "message"),
+    [
+        ([np.eye(3)], TypeError, r"pose 0: expected a Pose or a 4x4 matrix .*shape \(3, 3\)"),
+        ([Pose(), "flange"], TypeError, "pose 1: expected a Pose or a 4x4 matrix .* got str"),
+        (np.eye(4), TypeError, r"pose 0: .* got ndarray of shape \(4,\)"),
+        (Pose(), TypeError, "expected a sequence of poses, got one Pose"),
+        ([Pose(), 2 * np.eye(4)], ValueError, "pose 1: want last row 0 0 0 1"),
+    ],
+    ids=["3x3", "word", "one matrix", "one pose", "scaled"],
+)
+def test_what_are_no_poses_is_refused_with_its_place(values, kind, message):
+    with pytest.raises(kind, match=message):
+        as_poses(values)

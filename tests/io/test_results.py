@@ -3,7 +3,6 @@
 import csv
 import json
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -23,6 +22,7 @@ from lsvision.io.results import (
 )
 from lsvision.measure import Measurement
 from lsvision.profile import Arc
+from lsvision.results.quantities import Estimate, Quantity
 
 NOISE_MM = 0.02
 
@@ -107,23 +107,13 @@ def test_csv_has_a_row_for_each_cylinder(tmp_path, record):
     assert (rows[0]["source"], rows[0]["points"]) == ("tube.csv", "80")
 
 
-def test_a_number_that_does_not_exist_is_null(tmp_path, cylinder):
-    names = ("radius", "theta", "phi", "centre", "covariance", "ellipse", "indices", "axis_twins")
-    values = {name: getattr(cylinder, name) for name in names}
-    unknown = SimpleNamespace(
-        **values,
-        radius_std=1.0,
-        theta_std=math.inf,
-        phi_std=math.nan,
-        theta_determined=np.False_,
-        interval=lambda name, level: (0.0, math.inf),
-    )
-    record = measurement_record(SimpleNamespace(cylinders=[unknown], rejections=[]))
+def test_a_number_that_does_not_exist_is_null(tmp_path, record):
+    unknown = Estimate(Quantity("theta", "deg"), 28.6, math.inf, (0.0, math.nan))
+    record["cylinders"][0] |= unknown.record
     write_json(tmp_path / "r.json", [record])
     (written,) = json.loads((tmp_path / "r.json").read_text())["measurements"][0]["cylinders"]
-    assert (written["theta_std_deg"], written["phi_std_deg"]) == (None, None)
-    assert written["radius_interval_95_mm"] == [0.0, None]
-    assert written["theta_determined"] is False
+    assert written["theta_std_deg"] is None
+    assert written["theta_interval_95_deg"] == [0.0, None]
 
 
 @pytest.mark.parametrize("write", [write_json, write_csv])

@@ -1,5 +1,7 @@
 """What is no image, and images without a laser line."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -12,11 +14,21 @@ GREY = np.full((200, 300), 10, np.uint8)
 COLOUR = np.stack([GREY, GREY, GREY + 1], axis=2)
 
 NO_IMAGE = {
-    "words": ("photo.png", None, TypeError, "uint8, uint16 or float"),
+    "name of a file": ("photo.png", None, TypeError, r"read_image\('photo\.png'\)"),
+    "path of a file": (Path("a.png"), None, TypeError, r"got 'a\.png': lsvision\.read_image"),
+    "nothing": (None, None, TypeError, "got NoneType"),
+    "int64": (GREY.astype(int), None, TypeError, r"got int64: .*astype\(np\.uint8\)"),
     "booleans": (GREY > 5, None, TypeError, "got bool"),
     "one row": (GREY[0], None, ValueError, r"shape \(height, width\)"),
-    "four channels": (np.zeros((99, 99, 4), np.uint8), None, ValueError, r"got \(99, 99, 4\)"),
-    "tiny": (GREY[:9, :9], None, ValueError, "at least 16 px each way"),
+    "four channels": (
+        np.zeros((99, 99, 4), np.uint8),
+        None,
+        ValueError,
+        r"got \(99, 99, 4\): leave .*:3",
+    ),
+    "channels first": (np.zeros((3, 99, 99)), None, ValueError, "np.moveaxis"),
+    "many images": (np.zeros((7, 99, 98, 3)), None, ValueError, "one image at a time"),
+    "tiny": (GREY[:9, :9], None, ValueError, "16 px or more"),
     "float": (GREY / 255, None, TypeError, "full_scale for a float image"),
     "NaN": (np.full((99, 99), np.nan), None, ValueError, "NaN"),
     "colour for grey": (COLOUR, None, ValueError, r'LineSettings\(channel="red"\)'),

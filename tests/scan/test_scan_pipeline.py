@@ -179,7 +179,7 @@ ALONG_X = [Pose(translation=(10.0 * k, 5.0 * k, 0.0)) for k in range(3)]
     [
         (ONE * 3, feed(2, 1.0), ValueError, "got 3 profiles and 2 poses"),
         ([], [], ValueError, "got 0 profiles and 0 poses"),
-        (ONE, [np.eye(4)], TypeError, "expected a Pose for each profile, got ndarray"),
+        (ONE, [np.eye(3)], TypeError, "pose 0: expected a Pose or a 4x4 matrix"),
         (ONE * 3, [Pose()] * 3, DegenerateGeometry, "all 3 sections lie in one plane"),
         (ONE * 3, ALONG_X, DegenerateGeometry, "move the sensor out of its laser plane"),
     ],

@@ -1,5 +1,7 @@
+import copy
 import json
 import math
+import pickle
 from dataclasses import dataclass, replace
 
 import cv2
@@ -253,3 +255,25 @@ def test_an_invalid_blur_is_rejected(blur):
     camera = Camera([[900, 0, 160], [0, 900, 120], [0, 0, 1]], [], (320, 240))
     with pytest.raises(ValueError, match="expected line_blur_px >= 0"):
         LightSection(camera, Plane((0.0, 0.866, 0.5), 150.0), {}, blur)
+
+
+@pytest.mark.parametrize(
+    ("image", "kind", "message"),
+    [
+        ("x.png", TypeError, r"image as an array, got 'x\.png': lsvision\.read_image\('x\.png'\)"),
+        (np.zeros((1024, 1280, 4), np.uint8), ValueError, r"got \(1024, 1280, 4\): leave transp"),
+        (np.zeros((1024, 1280), np.int32), TypeError, "uint8, uint16 or float, got int32"),
+    ],
+)
+def test_what_is_no_image_is_told_before_its_size(image, kind, message):
+    with pytest.raises(kind, match=message):
+        LightSection(CAMERA, PLANES["level line"]).profile(image)
+
+
+def test_a_rig_goes_to_other_processes_and_is_copied():
+    section = LightSection(CAMERA, PLANES["slanted"], {"method": "test"}, 0.4)
+    for twin in (pickle.loads(pickle.dumps(section)), copy.deepcopy(section)):
+        assert twin == section
+        assert dict(twin.provenance) == {"method": "test"}
+        with pytest.raises(TypeError):
+            twin.provenance["method"] = "other"

@@ -10,6 +10,7 @@ import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
+from lsvision.io.file_names import PROFILE_SUFFIXES, find_files
 from lsvision.io.profiles.detection import detect_format
 from lsvision.io.profiles.gocator import read_gocator, read_gocator_points
 from lsvision.io.profiles.keyence import read_keyence, read_keyence_raw
@@ -131,12 +132,72 @@ def read_profile(path: str | os.PathLike[str], **options: Unpack[ReadOptions]) -
 
 
 def read_profiles(path: str | os.PathLike[str], **options: Unpack[ReadOptions]) -> list[Profile]:
-    """Read all profiles of a file, in its order; see `read_profile`."""
-    return list(inspect_profiles(path, **options).profiles)
+    r"""Read all profiles of a file, a folder, or the files of a pattern.
+
+    Parameters
+    ----------
+    path : path
+        A file; a folder, whose profile files are read in natural order (2 before 10); or a
+        pattern, as ``"logs/**/*.csv"``.
+    **options
+        Fields of `ReadSettings`, as for `read_profile`.
+
+    Returns
+    -------
+    list of Profile
+        In the order of the files, and within a file in its order.
+
+    Raises
+    ------
+    UnreadableFile
+        If a file cannot be read or holds no valid point (named), or there is none.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> folder = pathlib.Path(tempfile.mkdtemp())
+    >>> for number in (1, 2, 10):
+    ...     _ = (folder / f"{number}.csv").write_text(f"x,z\n0,-400\n{number},-399\n")
+    >>> [float(profile.points[1, 0]) for profile in read_profiles(folder)]
+    [1.0, 2.0, 10.0]
+    >>> len(read_profiles(f"{folder}/1*.csv"))
+    2
+    """
+    files = find_files(os.fspath(path))
+    if not files:
+        kinds = " ".join(sorted(PROFILE_SUFFIXES))
+        raise UnreadableFile(f"{os.fspath(path)}: no profile file in it (those are {kinds})")
+    return [profile for file in files for profile in inspect_profiles(file, **options).profiles]
 
 
 def inspect_profiles(path: str | os.PathLike[str], **options: Unpack[ReadOptions]) -> ProfileFile:
-    """Read all profiles of a file, with the reader, units and guesses; see `read_profile`."""
+    r"""Read all profiles of one file, with the reader, the units and what was guessed.
+
+    Parameters
+    ----------
+    path : path
+        The file; its format is detected from its content.
+    **options
+        Fields of `ReadSettings`, as for `read_profile`.
+
+    Returns
+    -------
+    ProfileFile
+        Profiles, and how they were read.
+
+    Raises
+    ------
+    UnreadableFile
+        If the file cannot be read or holds no valid point.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "profile.csv"
+    >>> _ = path.write_text("x [m], range [m]\n0.000, 0.400\n0.001, 0.399\n")
+    >>> inspect_profiles(path).summary
+    'text, m, 1 profile, 0 of 2 points lost, heights turned'
+    """
     settings = ReadSettings(**options)
     file = Path(path)
     try:
@@ -161,7 +222,7 @@ def _hint(error: OSError) -> str:
     if isinstance(error, FileNotFoundError):
         return "no such file: check the name"
     if isinstance(error, IsADirectoryError):
-        return "a directory: name the files in it, as DIR/*.csv"
+        return "a directory: read_profiles reads all files in it"
     if isinstance(error, PermissionError):
         return "no permission to read it: check its owner and mode"
     return f"cannot be read ({error.strerror or error}): check the disk and the name"

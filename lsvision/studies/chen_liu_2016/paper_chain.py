@@ -7,9 +7,11 @@ chain has no test against planes, so it reports huge ellipses on them.
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from lsvision.detection.arcs import Rejection
 from lsvision.detection.profile_preparation import prepare_profile
@@ -18,8 +20,9 @@ from lsvision.ellipse.fit import FittingSettings, fit_ellipse
 from lsvision.ellipse.section import CylinderSection
 from lsvision.errors import FitFailed, LsvisionError
 from lsvision.geometry import Ellipse, IntArray, Points, radial_residuals
+from lsvision.geometry.arguments import as_number_or_pair
 from lsvision.measure import Measurement, measurement_in_sensor_columns, radius_prior_from_value
-from lsvision.profile import Arc, Profile
+from lsvision.profile import Arc, Profile, as_profile
 
 RADIAL_FITTING = FittingSettings(residual="radial")
 """The paper's fit: radial residuals r_j (Eq. 4), all points of equal weight."""
@@ -29,7 +32,7 @@ MAX_INITIAL_RADIUS_MM = 40.0
 """Largest radius of the circle at which a fit starts; limits wide search ranges. Units: mm."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, kw_only=True)
 class PaperSettings:
     """Constants of the paper's chain.
 
@@ -62,22 +65,23 @@ class PaperSettings:
 
 
 def measure_cylinders_paper(
-    profile: Profile,
+    profile: Profile | npt.ArrayLike,
     *,
-    radius: float | tuple[float, float] | None = None,
-    known_radius: float | tuple[float, float] | None = None,
+    radius: float | Sequence[float] | None = None,
+    known_radius: float | Sequence[float] | None = None,
     settings: PaperSettings = PaperSettings(),
 ) -> Measurement:
     """Measure the cylinders of a profile by the paper's chain, sections 3.2, 3.3 and 2.3.
 
     Parameters
     ----------
-    profile : Profile
-        Points of one light section. Its noise model is not used: the paper has none.
-    radius : float or tuple of float, optional
+    profile : Profile, (n, 2) array_like or data frame
+        Points of one light section, as `measure_cylinders` takes them. Its noise
+        model is not used: the paper has none.
+    radius : float or (float, float), optional
         Search range (min, max), or a nominal radius with a range of 20 % around it. The fits
         start at the geometric mean of the range, at most 40 mm. Units: mm.
-    known_radius : float or tuple of float, optional
+    known_radius : float or (float, float), optional
         Radius, or (radius, std): sets the search range where `radius` gives none. The chain
         has no priors. Units: mm.
     settings : PaperSettings
@@ -93,8 +97,10 @@ def measure_cylinders_paper(
     ValueError
         If a radius is not positive or its range is reversed.
     """
+    profile = as_profile(profile)
     prepared = prepare_profile(profile, profile.noise)
-    low, high = search_range(radius, radius_prior_from_value(known_radius), prepared)
+    search = as_number_or_pair(radius, "radius", "mm", "(min, max)")
+    low, high = search_range(search, radius_prior_from_value(known_radius), prepared)
     initial_radius = min(math.sqrt(low * high), MAX_INITIAL_RADIUS_MM)
     points = prepared.points[prepared.valid_indices]
     cylinders: list[CylinderSection] = []
@@ -111,7 +117,7 @@ def measure_cylinders_paper(
             rejections.append(Rejection(arc, str(failure)))
             continue
         cylinders.append(CylinderSection(fit, arc, screened))
-    return measurement_in_sensor_columns(cylinders, rejections, prepared)
+    return replace(measurement_in_sensor_columns(cylinders, rejections, prepared), profile=profile)
 
 
 def initial_ellipse(points: Points, radius: float) -> Ellipse:

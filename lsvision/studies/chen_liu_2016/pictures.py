@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lsvision.draw import draw_on_axes
-from lsvision.draw.palette import CYLINDERS, REJECTED
 from lsvision.geometry import FloatArray, Points, orthogonal_residuals
+from lsvision.results.palette import CYLINDERS, REJECTED
 from lsvision.studies.chen_liu_2016.methods import METHODS, Method
 from lsvision.studies.chen_liu_2016.paper_chain import PaperSettings
 from lsvision.studies.chen_liu_2016.published_results import (

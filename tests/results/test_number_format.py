@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from lsvision.draw import decimals_for, format_value
+from lsvision.results.number_format import decimals_for, format_value
 
 
 @pytest.mark.parametrize(

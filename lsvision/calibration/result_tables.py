@@ -1,0 +1,94 @@
+"""Calibrations as rows of a table: each number with its sigma and unit."""
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from lsvision.results.number_format import format_value
+
+if TYPE_CHECKING:
+    from lsvision.calibration.hand_eye_result import HandEye
+    from lsvision.calibration.intrinsics import CameraCalibration
+    from lsvision.calibration.laser_plane import LaserPlaneCalibration
+    from lsvision.calibration.views import RejectedView
+
+Row = tuple[str, str, str]
+"""Name, number with sigma, unit."""
+
+
+def cells_of_rows(rows: Sequence[Row]) -> list[tuple[str, ...]]:
+    """Cells of a table with its header."""
+    return [("", "value", "unit"), *rows]
+
+
+def doubt_lines(
+    rejected: "Sequence[RejectedView]",
+    outliers: "Sequence[RejectedView]",
+    warnings: Sequence[str],
+) -> list[str]:
+    """What was left out, what fits badly, and what makes the set weak, a line each."""
+    lines = [f"left out: image {view.index}: {view.reason}" for view in rejected]
+    lines += [f"fits badly: image {view.index}: {view.reason}" for view in outliers]
+    return lines + [f"warning: {text}" for text in warnings]
+
+
+def camera_rows(found: "CameraCalibration") -> list[Row]:
+    """Intrinsics with one sigma."""
+    rows: list[Row] = []
+    for name, (value, std) in found.parameters.items():
+        if std > 0:
+            unit = "px" if name in ("fx", "fy", "cx", "cy") else ""
+            rows.append((name, format_value(value, std), unit))
+    return [*rows, ("residual, rms", f"{found.rms_px:.3f}", "px")]
+
+
+def laser_plane_rows(found: "LaserPlaneCalibration") -> list[Row]:
+    """The plane with one sigma, and residuals."""
+    tilt_x, tilt_y, distance = (math.sqrt(value) for value in found.covariance.diagonal())
+    normal = ", ".join(f"{value:.6f}" for value in found.plane.normal)
+    rows: list[Row] = [
+        ("normal, camera frame", f"({normal})", ""),
+        ("its tilt about X, one sigma", f"{math.degrees(tilt_x):.4f}", "deg"),
+        ("its tilt about Y, one sigma", f"{math.degrees(tilt_y):.4f}", "deg"),
+        ("distance from the camera", format_value(found.plane.distance, distance), "mm"),
+        ("laser line, rms", f"{found.line_rms:.3f}", "px"),
+        ("corners, rms", f"{found.corner_rms:.3f}", "px"),
+    ]
+    if found.board_bow_std.any():
+        rows += [
+            (f"board's bow along {axis}", format_value(float(bow), float(std)), "mm")
+            for axis, bow, std in zip("xy", found.board_bow, found.board_bow_std, strict=True)
+        ]
+    return rows
+
+
+def hand_eye_rows(found: "HandEye") -> list[Row]:
+    """Pose of the sensor with one sigma, and what it is worth where it measures."""
+    from scipy.spatial.transform import Rotation
+
+    from lsvision.calibration.hand_eye_result import Sphere
+
+    mount = "flange" if found.mounting == "eye_in_hand" else "base"
+    std = [math.sqrt(value) for value in found.covariance.diagonal()]
+    pose, deg = found.mount_from_sensor, math.degrees(1)
+    vector = Rotation.from_matrix(pose.rotation).as_rotvec()
+    x, y, z = (f"{value:.1f}" for value in found.working_point)
+    rows: list[Row] = [
+        *((f"{mount}_from_{found.sensor} {axis}", format_value(float(value), sigma), "mm")
+          for axis, value, sigma in zip("xyz", pose.translation, std[:3], strict=True)),
+        *((f"rotation vector {axis}", format_value(float(value) * deg, sigma * deg), "deg")
+          for axis, value, sigma in zip("xyz", vector, std[3:], strict=True)),
+        (f"error at the working point ({x}, {y}, {z})", f"{found.working_point_std:.3f}", "mm"),
+        ("residual, rms", f"{found.residual_rms:.3f}", "mm"),
+        ("the same, held out", f"{found.leave_one_out_rms:.3f}", "mm"),
+        ("robot, one sigma", f"{found.robot_std[0]:.3f}", "mm"),
+        ("robot, one sigma", f"{found.robot_std[1] * deg:.4f}", "deg"),
+    ]  # fmt: skip
+    if isinstance(found.target, Sphere):
+        ball = found.target
+        free = ball.radius_std > 0
+        told = format_value(ball.radius, ball.radius_std) if free else f"{ball.radius:g}"
+        rows.append(("sphere's radius", told, "mm" if free else "mm (given)"))
+    if found.height_scale is not None:
+        rows.append(("heights to be multiplied by", format_value(*found.height_scale), ""))
+    return rows

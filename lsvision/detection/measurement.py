@@ -1,0 +1,99 @@
+"""What the measurement of one profile yields."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lsvision.detection.arcs import Rejection
+from lsvision.ellipse.section import CylinderSection
+from lsvision.ellipse.section_table import section_cells
+from lsvision.profile import Profile
+from lsvision.results.number_format import format_value
+from lsvision.results.picture import draw_svg
+from lsvision.results.quantities import Record
+from lsvision.results.result import Result
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Measurement(Result):
+    """What one profile holds.
+
+    Parameters
+    ----------
+    cylinders : tuple of CylinderSection
+        Left to right by centre x.
+    rejections : tuple of Rejection
+        What else was looked at, and why it is no cylinder; in the order of the profile.
+    profile : Profile, optional
+        What was measured, for pictures; it does not count in comparisons.
+
+    Examples
+    --------
+    >>> import lsvision as lsv
+    >>> section = lsv.simulate.random_section("single", 7, noise_mm=0.02)
+    >>> measurement = lsv.measure_cylinders(section.profile)
+    >>> measurement  # doctest: +ELLIPSIS
+    <Measurement: 1 cylinder (radius 36.9... ± 0.0... mm), 0 arcs refused>
+    >>> print(str(measurement).splitlines()[0].split("  ")[-1])
+    points
+    >>> list(measurement.to_dataframe().columns[:2])
+    ['radius_mm', 'radius_std_mm']
+    """
+
+    cylinders: tuple[CylinderSection, ...]
+    rejections: tuple[Rejection, ...]
+    profile: Profile | None = field(default=None, compare=False)
+
+    def to_dict(self) -> Record:
+        """Return cylinders and rejections as plain numbers and words, ready for JSON.
+
+        Returns
+        -------
+        dict
+            ``cylinders`` and ``rejections``, lists of their `to_dict`; ``lsvision measure
+            --json`` writes the same with the profile's source.
+
+        Examples
+        --------
+        >>> Measurement((), ()).to_dict()
+        {'cylinders': [], 'rejections': []}
+        """
+        return {
+            "cylinders": [cylinder.to_dict() for cylinder in self.cylinders],
+            "rejections": [rejection.to_dict() for rejection in self.rejections],
+        }
+
+    def _summary(self) -> str:
+        radii = ", ".join(
+            f"radius {format_value(each.radius, each.radius_std)} mm" for each in self.cylinders
+        )
+        found = counted(len(self.cylinders), "cylinder") + (f" ({radii})" if radii else "")
+        return f"{found}, {counted(len(self.rejections), 'arc')} refused"
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        return section_cells(self.cylinders)
+
+    def _notes(self) -> list[str]:
+        refused = f"{counted(len(self.rejections), 'arc')} refused"
+        if self.cylinders:
+            return [f"{refused}: see .rejections"] if self.rejections else []
+        reasons = [f"  {each!s}" for each in self.rejections]
+        return [f"no cylinder found, {refused}", *reasons]
+
+    def _rows(self) -> list[Record]:
+        return [row for cylinder in self.cylinders for row in cylinder._rows()]
+
+    def _picture(self) -> str:
+        owned = [each.fit.problem.points for each in self.cylinders]
+        points = np.concatenate([np.zeros((0, 2)), *owned])
+        if self.profile is not None:
+            points = self.profile.points
+            owned = [points[each.indices] for each in self.cylinders]
+        ellipses = [each.ellipse for each in self.cylinders]
+        found = list(zip(owned, ellipses, strict=True))
+        return draw_svg(points, found, f"a profile with {counted(len(found), 'cylinder')}")
+
+
+def counted(count: int, noun: str) -> str:
+    """Return ``1 arc`` or ``2 arcs``."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"

@@ -1,0 +1,187 @@
+"""What callers pass where the package takes points or numbers, checked and converted."""
+
+import math
+import os
+from typing import Any
+
+import numpy as np
+
+from lsvision.geometry.arrays import FloatArray, as_readonly_array
+
+X_COLUMNS = ("x", "x_mm")
+"""Names of a data frame's column along the laser line, in any case."""
+Y_COLUMNS = ("z", "z_mm", "y", "y_mm", "height", "height_mm")
+"""Names of its column of heights, which grow towards the sensor."""
+
+
+def as_section_points(values: Any) -> FloatArray:
+    """Return points of one section as a read-only (n, 2) float64 array.
+
+    Parameters
+    ----------
+    values : array_like or data frame
+        (n, 2) numbers: array, list, or masked array, whose masked values are lost. Of a data
+        frame (pandas, polars) the columns x and z (or y, or height; ``_mm`` may stand behind
+        each), or its two columns if they are numbered. Units: mm, y towards the sensor.
+
+    Raises
+    ------
+    TypeError
+        If the values are no table of numbers.
+    ValueError
+        If the shape is not (n, 2), or the columns are not found.
+
+    Examples
+    --------
+    >>> as_section_points([[0, -400], [1, -401]]).shape
+    (2, 2)
+    >>> as_section_points([[0, 1, 2], [-400, -401, -402]])
+    Traceback (most recent call last):
+    ...
+    ValueError: expected points of shape (n, 2), got (2, 3): transpose them
+    """
+    table = values if type(values) is np.ndarray and values.dtype == float else _table_of(values)
+    if table.ndim != 2 or table.shape[1] != 2:
+        raise ValueError(f"expected points of shape (n, 2), got {table.shape}{_hint(table.shape)}")
+    return as_readonly_array(table, ("n", 2), "points")
+
+
+def as_number_or_pair(
+    value: Any, name: str, unit: str, wanted: str
+) -> float | tuple[float, float] | None:
+    """Return a number as float and two of them as a tuple; None stays.
+
+    Parameters
+    ----------
+    value : float, sequence of two floats, or None
+        As the caller passes it: also a list or an array.
+    name, unit : str
+        Of the argument, for the message.
+    wanted : str
+        What the two numbers are, for the message: ``"(min, max)"``.
+
+    Raises
+    ------
+    TypeError
+        If it is neither.
+    ValueError
+        If there are not one or two numbers.
+
+    Examples
+    --------
+    >>> as_number_or_pair([20, 30], "radius", "mm", "(min, max)")
+    (20.0, 30.0)
+    """
+    if value is None:
+        return None
+    expected = f"expected {name} as a number or {wanted} in {unit}"
+    if isinstance(value, str | bytes | bool):
+        raise TypeError(f"{expected}, got {value!r}")
+    try:
+        numbers = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise TypeError(f"{expected}, got {_described(value)}") from None
+    if numbers.ndim == 0:
+        return float(numbers)
+    if numbers.shape != (2,):
+        raise ValueError(f"{expected}, got {_described(value)}")
+    return float(numbers[0]), float(numbers[1])
+
+
+def as_known_phi(value: Any) -> float | tuple[float, float] | None:
+    """Return a known tilt, or (tilt, std), that cannot be degrees by mistake. Units: rad.
+
+    Raises
+    ------
+    TypeError
+        If it is no number and no pair.
+    ValueError
+        If it is above pi / 2, or its std is.
+
+    Examples
+    --------
+    >>> as_known_phi(20)
+    Traceback (most recent call last):
+    ...
+    ValueError: expected known_phi from 0 to below pi/2 rad, got 20: degrees? known_phi is in rad, \
+math.radians(20) = 0.349
+    """
+    known = as_number_or_pair(value, "known_phi", "rad", "(phi, std)")
+    if known is None:
+        return None
+    numbers = known if isinstance(known, tuple) else (known,)
+    for what, number in zip(("known_phi", "the std of known_phi"), numbers, strict=False):
+        if number >= math.pi / 2:
+            raise ValueError(
+                f"expected {what} from 0 to below pi/2 rad, got {number:g}: degrees? known_phi is "
+                f"in rad, math.radians({number:g}) = {math.radians(number):.3g}"
+            )
+    return known
+
+
+def _table_of(values: Any) -> FloatArray:
+    if isinstance(values, str | bytes | os.PathLike):
+        raise TypeError(
+            f"expected points as an (n, 2) array in mm, got {values!r}: files are read by "
+            "lsvision.read_profile"
+        )
+    if hasattr(values, "columns") and hasattr(values, "to_numpy"):
+        return _table_of_frame(values)
+    if isinstance(values, np.ma.MaskedArray):
+        values = np.ma.asarray(values, dtype=np.float64).filled(np.nan)
+    try:
+        table = np.asarray(values)
+        if table.ndim and table.dtype.kind in "fiuO":  # objects: None is a lost point
+            return np.asarray(table, dtype=np.float64)
+    except (TypeError, ValueError):
+        pass
+    raise TypeError(
+        f"expected points as an (n, 2) array of numbers in mm, got {_described(values)}"
+    )
+
+
+def _table_of_frame(frame: Any) -> FloatArray:
+    """Columns x and height of a data frame."""
+    labels = list(frame.columns)
+    by_name = {str(label).strip().lower(): label for label in reversed(labels)}
+    x = next((by_name[name] for name in X_COLUMNS if name in by_name), None)
+    heights = [by_name[name] for name in Y_COLUMNS if name in by_name]
+    if x is None and len(labels) == 2 and all(isinstance(label, int) for label in labels):
+        x, heights = labels[0], [labels[1]]
+    if x is None or not heights:
+        named = ", ".join(map(str, labels)) or "none"
+        raise ValueError(
+            f"expected a data frame with columns x and z (or y) in mm, z towards the sensor, got "
+            f"{named}: rename or convert them, as "
+            "frame.assign(x=..., z=-frame['range'])[['x', 'z']]"
+        )
+    if len(heights) > 1 and frame[heights[1]].nunique() > 1:
+        raise ValueError(
+            f"expected one profile, got columns {x}, {heights[1]}, {heights[0]} with several "
+            f"values of {heights[1]}: pass one profile at a time, or frame[[{x!r}, {heights[0]!r}]]"
+        )
+    columns = [np.asarray(frame[label], dtype=np.float64) for label in (x, heights[0])]
+    table: FloatArray = np.column_stack(columns)
+    return table
+
+
+def _hint(shape: tuple[int, ...]) -> str:
+    if len(shape) != 2:
+        return ""
+    if shape[0] == 2:
+        return ": transpose them"
+    if shape[1] == 3:
+        return ": take x and height alone, as points[:, [0, 2]]"
+    return ""
+
+
+def _described(value: Any) -> str:
+    """A value as messages show it: short ones whole, else type and shape."""
+    text = repr(value)
+    if len(text) <= 40 and "\n" not in text:
+        return f"{type(value).__name__} {text}"
+    shape = np.shape(value) if isinstance(value, np.ndarray) else None
+    if shape is not None:
+        return f"an array of shape {shape} and type {value.dtype}"
+    size = f" of {len(value)}" if hasattr(value, "__len__") else ""
+    return f"{type(value).__name__}{size}"

@@ -1,0 +1,41 @@
+"""Settings as short text: what differs from the defaults."""
+
+from dataclasses import MISSING, Field, fields, is_dataclass
+from typing import Any
+
+
+class ShowsChanges:
+    """Repr of a settings dataclass that names only the values which are not the defaults.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> @dataclass(frozen=True, repr=False)
+    ... class Settings(ShowsChanges):
+    ...     least: int = 3
+    ...     most: int = 9
+    >>> Settings(), Settings(most=8)
+    (Settings(), Settings(most=8))
+    """
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return _changes(self)
+
+
+def _changes(settings: Any) -> str:
+    """``Name(field=value)``, and so for settings within settings."""
+    shown = []
+    for field in fields(settings):
+        value = getattr(settings, field.name)
+        if value != _default(field):
+            text = _changes(value) if is_dataclass(value) else repr(value)
+            shown.append(f"{field.name}={text}")
+    return f"{type(settings).__name__}({', '.join(shown)})"
+
+
+def _default(field: "Field[Any]") -> Any:
+    if field.default_factory is not MISSING:
+        return field.default_factory()
+    return field.default

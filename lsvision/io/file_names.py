@@ -1,0 +1,48 @@
+"""Which files a name stands for: a file, those right in a folder, or those of a pattern."""
+
+import glob
+import re
+from pathlib import Path
+
+PROFILE_SUFFIXES = frozenset(
+    [
+        *(".csv", ".tsv", ".txt", ".asc", ".xyz", ".xz", ".dat", ".yml", ".yaml", ".xml"),
+        *(".npy", ".npz", ".ply", ".pcd", ".parquet"),
+    ]
+)
+"""Files that count as profiles when a folder is named; any file can be named by itself."""
+
+
+def find_files(name: str, suffixes: frozenset[str] = PROFILE_SUFFIXES) -> list[Path]:
+    """Return the files that a name stands for, in natural order (2 before 10).
+
+    Parameters
+    ----------
+    name : str
+        A file; a folder: the files right in it that have one of `suffixes`, hidden ones left
+        out; or a pattern, in which ``**`` reaches into folders.
+    suffixes : frozenset of str
+        What counts when a folder is named.
+
+    Returns
+    -------
+    list of Path
+        Empty if a folder or a pattern holds none. A name that is neither is returned as it is,
+        also if there is no such file: reading it tells.
+    """
+    path = Path(name)
+    if path.is_dir():
+        shown = (file for file in path.iterdir() if not file.name.startswith("."))
+        wanted = (file for file in shown if file.suffix.lower() in suffixes)
+        return sorted((file for file in wanted if file.is_file()), key=_natural)
+    if path.exists() or not glob.has_magic(name):
+        return [path]
+    found = glob.glob(name, recursive=True)  # noqa: PTH207 - Path.glob takes no absolute pattern
+    matches = [Path(match) for match in found]
+    return sorted((match for match in matches if match.is_file()), key=_natural)
+
+
+def _natural(path: Path) -> list[tuple[bool, int, str]]:
+    """Sort key: runs of digits by their value, the rest by its letters."""
+    parts = re.split(r"([0-9]+)", str(path))
+    return [(part.isdigit(), int(part) if part.isdigit() else 0, part) for part in parts if part]

@@ -1,0 +1,82 @@
+"""An image as callers pass it: checked for type and shape before anything looks at it."""
+
+import os
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Image = npt.NDArray[Any]
+MIN_SIZE_PX = 16
+"""Least height and width. Units: px."""
+
+
+def as_image(image: npt.ArrayLike, name: str = "image") -> Image:
+    """Return an image as uint8, uint16 or float32, grey or with three colours.
+
+    Parameters
+    ----------
+    image : (height, width), (height, width, 1) or (height, width, 3) array_like
+        uint8, uint16 or float.
+    name : str
+        What the message calls it.
+
+    Returns
+    -------
+    (height, width) or (height, width, 3) ndarray
+        The image itself where it is one already.
+
+    Raises
+    ------
+    TypeError
+        If it is no array, as the name of a file, or its numbers are of another type.
+    ValueError
+        If the shape is another, or a float image holds NaN.
+
+    Examples
+    --------
+    >>> as_image("x.png")
+    Traceback (most recent call last):
+    ...
+    TypeError: expected image as an array, got 'x.png': lsvision.read_image('x.png') reads it
+    >>> as_image(np.zeros((480, 640, 4), np.uint8))
+    Traceback (most recent call last):
+    ...
+    ValueError: expected image of shape (height, width) or (height, width, 3), 16 px or more each \
+way, got (480, 640, 4): leave transparency out, image[..., :3]
+    """
+    if isinstance(image, str | os.PathLike):
+        file = os.fspath(image)
+        raise TypeError(
+            f"expected {name} as an array, got {file!r}: lsvision.read_image({file!r}) reads it"
+        )
+    array = np.asarray(image)
+    if array.dtype not in (np.uint8, np.uint16) and array.dtype.kind != "f":
+        hint = ""
+        if array.dtype.kind in "iu":
+            hint = ": convert it, as image.astype(np.uint8) where it holds 0 to 255"
+        got = array.dtype if array.dtype.kind != "O" else type(image).__name__
+        raise TypeError(f"expected {name} of uint8, uint16 or float, got {got}{hint}")
+    if array.ndim == 3 and array.shape[2] == 1:
+        array = array[:, :, 0]
+    colours = array.ndim == 3 and array.shape[2] == 3
+    if not (array.ndim == 2 or colours) or min(array.shape[:2], default=0) < MIN_SIZE_PX:
+        raise ValueError(
+            f"expected {name} of shape (height, width) or (height, width, 3), {MIN_SIZE_PX} px or "
+            f"more each way, got {array.shape}{_hint(array.shape)}"
+        )
+    if array.dtype.kind != "f":
+        return np.ascontiguousarray(array)
+    if not np.isfinite(array).all():
+        raise ValueError(f"expected finite numbers in a float {name}, got NaN or infinity")
+    return np.ascontiguousarray(array, dtype=np.float32)
+
+
+def _hint(shape: tuple[int, ...]) -> str:
+    if len(shape) == 3 and shape[2] == 4:
+        return ": leave transparency out, image[..., :3]"
+    if len(shape) == 3 and shape[0] in (1, 3):
+        return ": colours stand last, np.moveaxis(image, 0, -1)"
+    if len(shape) > 2 and shape[0] > 1:
+        return ": one image at a time"
+    return ""

@@ -1,0 +1,88 @@
+"""Small pictures of results as SVG text: no more than a notebook's cell needs."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lsvision.geometry import Ellipse, FloatArray, Points
+from lsvision.results.palette import POINTS, cylinder_colour
+
+WIDTH_PX, MAX_HEIGHT_PX = 420, 320
+MAX_POINTS = 1500
+"""Points drawn of one set: more make the page heavy and the picture no clearer."""
+MARGIN_FRACTION = 0.04
+OUTLINE_POINTS = 73
+
+
+def draw_svg(
+    points: Points,
+    cylinders: Sequence[tuple[Points, Ellipse | None]],
+    description: str,
+) -> str:
+    """Return an ``<svg>`` of points in a plane and the cylinders among them, numbered.
+
+    Parameters
+    ----------
+    points : (n, 2) ndarray
+        All points; NaN rows are left out. Units: mm.
+    cylinders : sequence of (points, ellipse)
+        Points of each cylinder, and its ellipse if there is one.
+    description : str
+        What the picture shows, for those who cannot see it.
+
+    Returns
+    -------
+    str
+        Up is +y; empty without points.
+
+    Examples
+    --------
+    >>> draw_svg(np.array([[0.0, 0.0], [3.0, 1.0]]), [], "two points").startswith("<svg ")
+    True
+    """
+    outlines = [
+        ellipse.points_at(np.linspace(0, 2 * np.pi, OUTLINE_POINTS))
+        for _, ellipse in cylinders
+        if ellipse is not None
+    ]
+    shown = np.concatenate([points, *(own for own, _ in cylinders), *outlines])
+    shown = shown[np.isfinite(shown).all(axis=1)]
+    if not len(shown):
+        return ""
+    low, high = shown.min(axis=0), shown.max(axis=0)
+    size = np.maximum(high - low, 1e-9 + 1e-3 * float((high - low).max()))
+    scale = min(WIDTH_PX / size[0], MAX_HEIGHT_PX / size[1]) * (1 - 2 * MARGIN_FRACTION)
+    width, height = (size * scale / (1 - 2 * MARGIN_FRACTION)).round()
+    middle = (low + high) / 2
+
+    def to_pixels(places: FloatArray) -> FloatArray:
+        pixels: FloatArray = (places - middle) * (scale, -scale) + (width / 2, height / 2)
+        return pixels
+
+    parts = [_dots(to_pixels(points), POINTS)]
+    for number, (own, ellipse) in enumerate(cylinders, 1):
+        colour = cylinder_colour(number)
+        parts.append(_dots(to_pixels(own), colour))
+        place = to_pixels(own[np.isfinite(own[:, 0])].mean(axis=0))
+        if ellipse is not None:
+            outline = to_pixels(ellipse.points_at(np.linspace(0, 2 * np.pi, OUTLINE_POINTS)))
+            path = "L".join(f"{x:.1f},{y:.1f}" for x, y in outline)
+            parts.append(f'<path d="M{path}" fill="none" stroke="{colour}"/>')
+            place = to_pixels(np.array(ellipse.centre))
+        parts.append(
+            f'<text x="{place[0]:.1f}" y="{place[1]:.1f}" fill="{colour}" font-size="14" '
+            f'text-anchor="middle" font-family="sans-serif">{number}</text>'
+        )
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.0f}" height="{height:.0f}" '
+        f'viewBox="0 0 {width:.0f} {height:.0f}" role="img" aria-label="{description}" '
+        f'style="background:white">{"".join(parts)}</svg>'
+    )
+
+
+def _dots(pixels: FloatArray, colour: str) -> str:
+    """Points as one path of round ends without lengths."""
+    valid = pixels[np.isfinite(pixels).all(axis=1)]
+    few = valid[:: max(1, -(-len(valid) // MAX_POINTS))]
+    path = "".join(f"M{x:.1f},{y:.1f}h0" for x, y in few)
+    return f'<path d="{path}" stroke="{colour}" stroke-width="2.5" stroke-linecap="round"/>'

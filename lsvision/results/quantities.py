@@ -1,0 +1,167 @@
+"""Numbers of a result in the units of people and files, each with its uncertainty."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from lsvision.results.number_format import decimals_for, format_value
+
+Record = dict[str, Any]
+LEVEL = 0.95
+"""Probability of the intervals in tables and files."""
+DEG = math.degrees(1.0)
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Name and unit of a number: what its columns and keys are called.
+
+    Parameters
+    ----------
+    name : str
+        As the result's property, or ``centre_x``.
+    unit : {"mm", "deg"}
+        In tables and files; angles are rad inside.
+
+    Examples
+    --------
+    >>> Quantity("centre_x", "mm").heading
+    'centre x mm'
+    >>> Quantity("theta", "deg").columns
+    ('theta_deg', 'theta_std_deg', 'theta_low_95_deg', 'theta_high_95_deg')
+    """
+
+    name: str
+    unit: Literal["mm", "deg"]
+
+    @property
+    def heading(self) -> str:
+        """Of a table's column."""
+        return f"{self.name.replace('_', ' ')} {self.unit}"
+
+    @property
+    def scale(self) -> float:
+        """How many of its units make one of the package's, mm or rad."""
+        return DEG if self.unit == "deg" else 1.0
+
+    def in_unit(self, interval: tuple[float, float]) -> tuple[float, float]:
+        """Both ends of an interval in mm or rad, in its unit."""
+        low, high = interval
+        return low * self.scale, high * self.scale
+
+    @property
+    def keys(self) -> tuple[str, str, str]:
+        """Of a record: value, standard uncertainty, interval."""
+        name, unit = self.name, self.unit
+        return f"{name}_{unit}", f"{name}_std_{unit}", f"{name}_interval_95_{unit}"
+
+    @property
+    def columns(self) -> tuple[str, str, str, str]:
+        """Of a flat row: value, standard uncertainty, both ends of the interval."""
+        value, std, _ = self.keys
+        return value, std, f"{self.name}_low_95_{self.unit}", f"{self.name}_high_95_{self.unit}"
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number with its standard uncertainty and interval. Units: those of the quantity.
+
+    Parameters
+    ----------
+    quantity : Quantity
+        What it is.
+    value, std : float
+        The number and one sigma.
+    interval : tuple of float
+        At `LEVEL`.
+    determined : bool
+        False where the number says nothing; tables then say so.
+
+    Examples
+    --------
+    >>> angle = Quantity("phi", "deg")
+    >>> phi = Estimate(angle, 28.648, 0.573, angle.in_unit((0.48, 0.52)))
+    >>> phi.text, phi.interval_text
+    ('28.65 ± 0.57', '27.50 .. 29.79')
+    """
+
+    quantity: Quantity
+    value: float
+    std: float
+    interval: tuple[float, float]
+    determined: bool = True
+
+    @classmethod
+    def of(
+        cls, quantity: Quantity, value: float, std: float, determined: bool = True
+    ) -> "Estimate":
+        """The estimate of a number in mm or rad, as the package holds it, without interval."""
+        nothing = (math.nan, math.nan)
+        return cls(quantity, value * quantity.scale, std * quantity.scale, nothing, determined)
+
+    @property
+    def text(self) -> str:
+        """The number with its sigma."""
+        return format_value(self.value, self.std) if self.determined else "not determinable"
+
+    @property
+    def interval_text(self) -> str:
+        """The interval, with as many decimals as the number."""
+        low, high = self.interval
+        places = decimals_for(self.std)
+        return f"{low:.{places}f} .. {high:.{places}f}"
+
+    @property
+    def record(self) -> Record:
+        """Keys and numbers, ready for JSON."""
+        numbers = finite(self.value), finite(self.std), [finite(end) for end in self.interval]
+        return dict(zip(self.quantity.keys, numbers, strict=True))
+
+
+def finite(value: float) -> float | None:
+    """The number as JSON knows it: None where it is infinite or none."""
+    return float(value) if math.isfinite(value) else None
+
+
+def numbers(values: npt.ArrayLike) -> list[float | None]:
+    """A sequence of numbers as JSON knows them."""
+    return [finite(float(value)) for value in np.asarray(values)]
+
+
+def flat_row(record: Record, quantities: Sequence[Quantity] = ()) -> Record:
+    """Columns of a record: numbers and words as they are, an interval as its ends.
+
+    Parameters
+    ----------
+    record : dict
+        Of one cylinder.
+    quantities : sequence of Quantity
+        Those whose intervals it holds.
+
+    Returns
+    -------
+    dict
+        The intervals of `quantities` as ``*_low_95_*`` and ``*_high_95_*``; three numbers as
+        ``_x``, ``_y``, ``_z``, before the unit. Lists of other lengths and records are left out.
+
+    Examples
+    --------
+    >>> flat_row({"point_mm": [1.0, 2.0, 3.0], "rms_mm": 0.1, "covariance": [[1.0]]})
+    {'point_x_mm': 1.0, 'point_y_mm': 2.0, 'point_z_mm': 3.0, 'rms_mm': 0.1}
+    """
+    row: Record = {}
+    ends = {quantity.keys[2]: quantity.columns[2:] for quantity in quantities}
+    for key, value in record.items():
+        if key in ends:
+            row |= dict(zip(ends[key], value, strict=True))
+        elif isinstance(value, list) and len(value) == 3 and isinstance(value[0], float):
+            unit = next((unit for unit in ("_mm", "_deg") if key.endswith(unit)), "")
+            stem = key.removesuffix(unit)
+            row |= {f"{stem}_{axis}{unit}": n for axis, n in zip("xyz", value, strict=True)}
+        elif not isinstance(value, list | dict):
+            row[key] = value
+    return row

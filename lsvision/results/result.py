@@ -1,0 +1,126 @@
+"""What every result can do: a short repr, a table, a notebook's view, records and data frames."""
+
+import json
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING
+
+from lsvision.geometry.equality import ComparedByValue
+from lsvision.results.quantities import Record, flat_row
+from lsvision.results.tables import Cells, html_lines, html_table, text_table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+class Result(ComparedByValue, ABC):
+    """Base of the results: one definition of their numbers for screen, notebook and file.
+
+    ``repr(result)`` is one line, ``print(result)`` its table; a notebook shows the table and,
+    where there is something to see, a small picture. Results are equal if all their numbers are.
+    """
+
+    __slots__ = ()
+
+    @abstractmethod
+    def to_dict(self) -> Record:
+        """Return the result as plain numbers and words, ready for JSON.
+
+        Returns
+        -------
+        dict
+            Every key names its unit: lengths ``*_mm``, angles ``*_deg``. A number that does not
+            exist, as an infinite sigma, is None.
+
+        Examples
+        --------
+        >>> import lsvision as lsv
+        >>> lsv.plan_section(19.0, 0.3, 0.35).to_dict()["points"]
+        97
+        """
+
+    def to_json(self, indent: int | None = None) -> str:
+        """Return `to_dict` as JSON text.
+
+        Parameters
+        ----------
+        indent : int, optional
+            Blanks by which nested parts are shifted; None writes one line.
+
+        Returns
+        -------
+        str
+            JSON (RFC 8259: without NaN and infinity).
+
+        Examples
+        --------
+        >>> import json
+        >>> import lsvision as lsv
+        >>> json.loads(lsv.plan_section(19.0, 0.3, 0.35).to_json())["points"]
+        97
+        """
+        return json.dumps(self.to_dict(), indent=indent, allow_nan=False)
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Return the numbers as a pandas data frame, a cylinder (or whatever it is) a row.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Its columns are named as the keys of `to_dict` and the columns of ``--csv``; an
+            interval takes two, ``*_low_95_*`` and ``*_high_95_*``.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+
+        Examples
+        --------
+        >>> import lsvision as lsv
+        >>> lsv.plan_section(19.0, 0.3, 0.35).to_dataframe().shape
+        (1, 6)
+        """
+        try:
+            import pandas as pd
+        except ImportError as error:
+            raise ImportError(
+                "to_dataframe needs pandas, which is not installed: pip install "
+                "'lsvision[dataframe]'"
+            ) from error
+        return pd.DataFrame(self._rows())
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {self._summary()}>"
+
+    def __str__(self) -> str:
+        return "\n".join(self._lines())
+
+    def _repr_html_(self) -> str:
+        """The table and a small picture, for notebooks."""
+        rows = self._cells()
+        table = html_table(rows) if len(rows) > 1 else ""
+        return f"{table}{html_lines(self._notes())}{self._picture()}"
+
+    @abstractmethod
+    def _summary(self) -> str:
+        """What stands in the repr."""
+
+    @abstractmethod
+    def _cells(self) -> Cells:
+        """Rows of the table, the first its header."""
+
+    def _notes(self) -> list[str]:
+        """Lines below the table."""
+        return []
+
+    def _lines(self) -> list[str]:
+        rows = self._cells()
+        return [*(text_table(rows) if len(rows) > 1 else []), *self._notes()]
+
+    def _rows(self) -> list[Record]:
+        """Rows of the data frame."""
+        return [flat_row(self.to_dict())]
+
+    def _picture(self) -> str:
+        """An ``<svg>`` element; empty where there is nothing to see."""
+        return ""

@@ -1,0 +1,54 @@
+"""Cylinders of a scan as a table."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from lsvision.cylinder.axis_table import AXIS_HEADER, axis_cells
+from lsvision.geometry import Cylinder
+
+if TYPE_CHECKING:
+    from lsvision.scan.scan_result import ScannedCylinder
+
+
+def tube_cells(tubes: "Sequence[ScannedCylinder]") -> list[tuple[str, ...]]:
+    """Cells of a table, the header first: a row a cylinder, numbers with one sigma."""
+    rows: list[tuple[str, ...]] = [("", *AXIS_HEADER, "sections", "points")]
+    for number, tube in enumerate(tubes, 1):
+        points = str(len(tube.points))
+        rows.append((str(number), *axis_cells(tube.fit), spans(tube.sections), points))
+    return rows
+
+
+def twin_notes(tubes: "Sequence[ScannedCylinder]") -> list[str]:
+    """A numbered line for each cylinder that one section alone shows."""
+    return [
+        f"  {number}: {twin_note(tube.twin)}"
+        for number, tube in enumerate(tubes, 1)
+        if tube.twin is not None
+    ]
+
+
+def twin_note(twin: Cylinder) -> str:
+    """The other direction of a cylinder that one section alone shows."""
+    x, y, z = twin.direction
+    return (
+        f"one section alone: its twin ({x:+.4f} {y:+.4f} {z:+.4f}) fits as well; a second "
+        "section tells"
+    )
+
+
+def spans(sections: Sequence[int]) -> str:
+    """Return ``0-4, 7`` of (0, 1, 2, 3, 4, 7).
+
+    Examples
+    --------
+    >>> spans((0, 1, 2, 3, 4, 7))
+    '0-4, 7'
+    """
+    runs: list[list[int]] = []
+    for section in sections:
+        if runs and section == runs[-1][1] + 1:
+            runs[-1][1] = section
+        else:
+            runs.append([section, section])
+    return ", ".join(f"{low}-{high}" if high > low else str(low) for low, high in runs)
