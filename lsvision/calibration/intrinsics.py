@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.calibration.result_tables import camera_rows, cells_of_rows, doubt_lines
+from lsvision.calibration import result_tables
 from lsvision.calibration.target import Target, TargetView, find_target
 from lsvision.calibration.views import (
     RejectedView,
@@ -32,10 +32,8 @@ from lsvision.sensors.camera import Camera
 
 MIN_VIEWS = 3
 """Two views do not determine a full camera matrix (Zhang 2000, section 3.1)."""
-
 OUTLIER_FACTOR = 2.5
 """Smallest ratio of an outlier view's rms residual to the median."""
-
 RECOMMENDED_VIEWS = 10
 """Number of views below which a warning is given."""
 RECOMMENDED_TILT = np.radians(25.0)
@@ -161,10 +159,7 @@ class CameraCalibration(Result):
     @property
     def parameters(self) -> dict[str, tuple[float, float]]:
         """Value and one sigma of fx, fy, cx, cy (px) and of each coefficient of distortion."""
-        matrix = self.camera.matrix
-        values = [matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2], *self.camera.distortion]
-        pairs = zip(values, self.std.items(), strict=False)
-        return {name: (float(value), std) for value, (name, std) in pairs}
+        return result_tables.camera_parameters(self)
 
     def to_dict(self) -> Record:
         """Return the intrinsics with one sigma each, ready for JSON.
@@ -174,27 +169,17 @@ class CameraCalibration(Result):
         dict
             ``fx_px``, ``fx_std_px`` and so on; coefficients of distortion have no unit.
         """
-        record: Record = {}
-        for name, (value, std) in self.parameters.items():
-            unit = "_px" if name in ("fx", "fy", "cx", "cy") else ""
-            record |= {f"{name}{unit}": value, f"{name}_std{unit}": std}
-        return record | {
-            "rms_px": self.rms_px,
-            "views": len(self.views),
-            "rejected": [{"image": view.index, "reason": view.reason} for view in self.rejected],
-            "outliers": [{"image": view.index, "reason": view.reason} for view in self.outliers],
-            "warnings": list(self.warnings),
-        }
+        return result_tables.camera_record(self)
 
     def _summary(self) -> str:
         width, height = self.camera.size
         return f"{width} x {height} px from {len(self.views)} views, rms {self.rms_px:.3f} px"
 
     def _cells(self) -> list[tuple[str, ...]]:
-        return cells_of_rows(camera_rows(self))
+        return result_tables.cells_of_rows(result_tables.camera_rows(self))
 
     def _notes(self) -> list[str]:
-        return doubt_lines(self.rejected, self.outliers, self.warnings)
+        return result_tables.doubt_lines(self.rejected, self.outliers, self.warnings)
 
 
 def calibrate_camera(
@@ -410,7 +395,6 @@ def _model_warnings(camera: Camera, std: FloatArray) -> list[str]:
     if not_invertible:
         warnings.append(
             f"the distortion folds over {100 * not_invertible:.0f} % of the image, where there "
-            "were no corners: "
-            "hold the board there, or estimate fewer radial terms"
+            "were no corners: hold the board there, or estimate fewer radial terms"
         )
     return warnings

@@ -25,7 +25,12 @@ from lsvision.calibration.laser_plane_initial_guess import (
     plane_inlier_views,
 )
 from lsvision.calibration.lens_blur import estimate_blur_from_views
-from lsvision.calibration.result_tables import cells_of_rows, doubt_lines, laser_plane_rows
+from lsvision.calibration.result_tables import (
+    cells_of_rows,
+    doubt_lines,
+    laser_plane_record,
+    laser_plane_rows,
+)
 from lsvision.calibration.target import Target
 from lsvision.calibration.views import (
     RejectedView,
@@ -40,7 +45,7 @@ from lsvision.geometry import FloatArray, Plane, Pose
 from lsvision.geometry.arrays import BoolArray
 from lsvision.geometry.equality import ComparedByValue
 from lsvision.results.number_format import format_value
-from lsvision.results.quantities import Record, numbers
+from lsvision.results.quantities import Record
 from lsvision.results.result import Result
 from lsvision.sensors.camera import Camera
 from lsvision.sensors.light_section import LightSection
@@ -129,20 +134,7 @@ class LaserPlaneCalibration(Result):
         dict
             Camera frame; lengths in ``*_mm``, angles in ``*_deg``, residuals in ``*_px``.
         """
-        tilt_x, tilt_y, distance = np.sqrt(np.diag(self.covariance)).tolist()
-        return {
-            "normal": numbers(self.plane.normal),
-            "tilt_x_std_deg": math.degrees(tilt_x),
-            "tilt_y_std_deg": math.degrees(tilt_y),
-            "distance_mm": self.plane.distance,
-            "distance_std_mm": distance,
-            "line_rms_px": self.line_rms,
-            "corner_rms_px": self.corner_rms,
-            "views": len(self.views),
-            "rejected": [{"image": view.index, "reason": view.reason} for view in self.rejected],
-            "outliers": [{"image": view.index, "reason": view.reason} for view in self.outliers],
-            "warnings": list(self.warnings),
-        }
+        return laser_plane_record(self)
 
     def _summary(self) -> str:
         std = math.sqrt(float(self.covariance[2, 2]))

@@ -111,24 +111,11 @@ class PosePlan(Result):
         dict
             ``poses``, a record each: candidate's index, 4x4 matrix (mm), ``predicted_std_mm``.
         """
-        rows = zip(
-            self.indices,
-            self.base_from_flanges,
-            numbers(self.predicted_std),
-            numbers(self.predicted_origin_std),
-            strict=True,
-        )
-        return {
-            "poses": [
-                {
-                    "index": index,
-                    "base_from_flange": pose.matrix.tolist(),
-                    "predicted_std_mm": std,
-                    "predicted_origin_std_mm": origin_std,
-                }
-                for index, pose, std, origin_std in rows
-            ]
-        }
+        names = ("index", "base_from_flange", "predicted_std_mm", "predicted_origin_std_mm")
+        matrices = [pose.matrix.tolist() for pose in self.base_from_flanges]
+        stds = numbers(self.predicted_std), numbers(self.predicted_origin_std)
+        rows = zip(self.indices, matrices, *stds, strict=True)
+        return {"poses": [dict(zip(names, row, strict=True)) for row in rows]}
 
     def _summary(self) -> str:
         return f"{len(self.indices)} poses, then {self.predicted_std[-1]:.4f} mm at the target"

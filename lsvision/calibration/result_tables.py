@@ -1,10 +1,11 @@
-"""Calibrations as rows of a table: each number with its sigma and unit."""
+"""Calibrations as rows of a table, each number with its sigma and unit, and as records."""
 
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from lsvision.results.number_format import format_value
+from lsvision.results.quantities import Record, numbers
 
 if TYPE_CHECKING:
     from lsvision.calibration.hand_eye_result import HandEye
@@ -42,6 +43,29 @@ def camera_rows(found: "CameraCalibration") -> list[Row]:
     return [*rows, ("residual, rms", f"{found.rms_px:.3f}", "px")]
 
 
+def camera_record(found: "CameraCalibration") -> Record:
+    """Intrinsics with their standard deviations, and residuals, ready for JSON."""
+    record: Record = {}
+    for name, (value, std) in found.parameters.items():
+        unit = "_px" if name in ("fx", "fy", "cx", "cy") else ""
+        record |= {f"{name}{unit}": value, f"{name}_std{unit}": std}
+    return record | {
+        "rms_px": found.rms_px,
+        "views": len(found.views),
+        "rejected": [{"image": view.index, "reason": view.reason} for view in found.rejected],
+        "outliers": [{"image": view.index, "reason": view.reason} for view in found.outliers],
+        "warnings": list(found.warnings),
+    }
+
+
+def camera_parameters(found: "CameraCalibration") -> dict[str, tuple[float, float]]:
+    """Value and standard deviation of fx, fy, cx, cy (px) and of each coefficient."""
+    matrix = found.camera.matrix
+    values = [matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2], *found.camera.distortion]
+    pairs = zip(values, found.std.items(), strict=False)
+    return {name: (float(value), std) for value, (name, std) in pairs}
+
+
 def laser_plane_rows(found: "LaserPlaneCalibration") -> list[Row]:
     """The plane with one sigma, and residuals."""
     tilt_x, tilt_y, distance = (math.sqrt(value) for value in found.covariance.diagonal())
@@ -60,6 +84,24 @@ def laser_plane_rows(found: "LaserPlaneCalibration") -> list[Row]:
             for axis, bow, std in zip("xy", found.board_bow, found.board_bow_std, strict=True)
         ]
     return rows
+
+
+def laser_plane_record(found: "LaserPlaneCalibration") -> Record:
+    """The plane with its standard deviations, and residuals, ready for JSON."""
+    tilt_x, tilt_y, distance = (math.sqrt(value) for value in found.covariance.diagonal())
+    return {
+        "normal": numbers(found.plane.normal),
+        "tilt_x_std_deg": math.degrees(tilt_x),
+        "tilt_y_std_deg": math.degrees(tilt_y),
+        "distance_mm": found.plane.distance,
+        "distance_std_mm": distance,
+        "line_rms_px": found.line_rms,
+        "corner_rms_px": found.corner_rms,
+        "views": len(found.views),
+        "rejected": [{"image": view.index, "reason": view.reason} for view in found.rejected],
+        "outliers": [{"image": view.index, "reason": view.reason} for view in found.outliers],
+        "warnings": list(found.warnings),
+    }
 
 
 def hand_eye_rows(found: "HandEye") -> list[Row]:

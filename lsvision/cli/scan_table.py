@@ -47,7 +47,7 @@ def scan_lines(
 
 def _remarks(tube: "ScannedCylinder", shape: "TubeShape | None") -> list[str]:
     from lsvision.scan.scan_table import twin_note
-    from lsvision.scan.shape_table import shape_lines
+    from lsvision.scan.shape_result import shape_lines
 
     low, high = tube.axial_range
     remarks = [f"seen from {low:.1f} to {high:.1f} mm along the axis from its point"]

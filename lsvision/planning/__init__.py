@@ -5,13 +5,9 @@ All results are standard uncertainties. `section_bound` and `scan_bound` start f
 package shares no code with the fits, so that a fit can be compared with it.
 """
 
-from lsvision.planning.bounds import (
-    ScanPrediction,
-    SectionPrediction,
-    scan_bound,
-    section_bound,
-)
+from lsvision.planning.bounds import scan_bound, section_bound
 from lsvision.planning.plan import AccuracyTarget, plan_scan, plan_section, sections_needed
+from lsvision.planning.predictions import ScanPrediction, SectionPrediction
 from lsvision.planning.sensor_view import Feed, SensorView, visible_points
 
 __all__ = [

@@ -7,12 +7,8 @@ import numpy as np
 
 from lsvision.errors import DegenerateGeometry, TooFewPoints
 from lsvision.geometry import Cylinder, FloatArray, IntArray, Points, Pose
-from lsvision.planning.bounds import (
-    ScanPrediction,
-    SectionPrediction,
-    scan_bound,
-    section_bound,
-)
+from lsvision.planning.bounds import scan_bound, section_bound
+from lsvision.planning.predictions import ScanPrediction, SectionPrediction
 from lsvision.planning.sensor_view import Feed, SensorView, cylinder_normals, visible_points
 
 MAX_SECTIONS = 2048

@@ -8,7 +8,8 @@ from lsvision.scan.scan_pipeline import (
     measure_section,
 )
 from lsvision.scan.scan_result import ScanMeasurement, ScannedCylinder, ScanRejection
-from lsvision.scan.shape import TubeShape, measure_shape
+from lsvision.scan.shape import measure_shape
+from lsvision.scan.shape_result import TubeShape
 
 __all__ = [
     "PoseErrors",

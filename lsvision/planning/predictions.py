@@ -1,0 +1,174 @@
+"""Predicted standard uncertainties of a section and of a scan, and their table."""
+
+import math
+from dataclasses import dataclass
+
+from lsvision.geometry import FloatArray, as_readonly_array
+from lsvision.results.number_format import format_std
+from lsvision.results.quantities import Record
+from lsvision.results.result import Result
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SectionPrediction(Result):
+    """Standard uncertainties that an efficient fit to one section reaches.
+
+    Parameters
+    ----------
+    radius_std : float
+        Standard uncertainty of the radius. Units: mm.
+    theta_std : float
+        At most 52 deg, the value of an angle that is uniform in [0, pi). Units: rad.
+    phi_std : float
+        At most sqrt(2 sd(b/a)): near phi = 0, phi = arccos(b/a) behaves like a square root and
+        the linear bound sd(b/a) / sin(phi) diverges, while the actual spread does not. The
+        limit applies where sin(phi) < sqrt(sd(b/a) / 2); it is an order of magnitude, not a
+        bound. Units: rad.
+    centre_x_std, centre_y_std : float
+        Standard uncertainty of the centre. Units: mm.
+    covariance : (5, 5) ndarray
+        Linear bound without these limits; order centre_x, centre_y, semi_major, semi_minor,
+        theta (mm, rad). For a circle the last variance is inf, its covariances 0.
+    points : int
+        Number of points.
+    """
+
+    radius_std: float
+    theta_std: float
+    phi_std: float
+    centre_x_std: float
+    centre_y_std: float
+    covariance: FloatArray
+    points: int
+
+    def __post_init__(self) -> None:
+        object.__setattr__(
+            self, "covariance", as_readonly_array(self.covariance, (5, 5), "covariance")
+        )
+
+    def to_dict(self) -> Record:
+        """Return the predicted standard uncertainties, ready for JSON.
+
+        Returns
+        -------
+        dict
+            Lengths in ``*_mm``, angles in ``*_deg``.
+        """
+        return {
+            "radius_std_mm": self.radius_std,
+            "theta_std_deg": math.degrees(self.theta_std),
+            "phi_std_deg": math.degrees(self.phi_std),
+            "centre_x_std_mm": self.centre_x_std,
+            "centre_y_std_mm": self.centre_y_std,
+            "points": self.points,
+        }
+
+    def _summary(self) -> str:
+        return summary_of_stds(self.to_dict())
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        return cells_of_stds(self.to_dict())
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ScanPrediction(Result):
+    """Standard uncertainties that a joint fit to all sections of a scan reaches.
+
+    Parameters
+    ----------
+    radius_std : float
+        Standard uncertainty of the radius. Units: mm.
+    direction_std : float
+        Root mean square angle between estimated and true direction. Units: rad.
+    theta_std, phi_std : float
+        Standard uncertainty of the direction's azimuth and of its angle from Z, in the frame of
+        the points. theta_std is at most 52 deg, the value of a uniform angle. Units: rad.
+    position_std : float
+        Root mean square distance of the cylinder's `point` from the estimated axis. Units: mm.
+    covariance : (5, 5) ndarray
+        Point along e_phi and e_theta (mm), direction along e_phi and e_theta (rad), radius
+        (mm); for e_phi and e_theta see `tangent_frame`.
+    points, sections : int
+        Number of points and of sections.
+    length : float
+        Distance from the first section to the last. Units: mm.
+    """
+
+    radius_std: float
+    direction_std: float
+    theta_std: float
+    phi_std: float
+    position_std: float
+    covariance: FloatArray
+    points: int
+    sections: int = 1
+    length: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(
+            self, "covariance", as_readonly_array(self.covariance, (5, 5), "covariance")
+        )
+
+    def to_dict(self) -> Record:
+        """Return the predicted standard uncertainties, ready for JSON.
+
+        Returns
+        -------
+        dict
+            Lengths in ``*_mm``, angles in ``*_deg``.
+        """
+        return {
+            "radius_std_mm": self.radius_std,
+            "direction_std_deg": math.degrees(self.direction_std),
+            "theta_std_deg": math.degrees(self.theta_std),
+            "phi_std_deg": math.degrees(self.phi_std),
+            "position_std_mm": self.position_std,
+            "points": self.points,
+            "sections": self.sections,
+            "length_mm": self.length,
+        }
+
+    def _summary(self) -> str:
+        return summary_of_stds(self.to_dict())
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        return cells_of_stds(self.to_dict())
+
+
+def cells_of_stds(record: Record) -> list[tuple[str, ...]]:
+    """Cells of a table: a header and one row.
+
+    Examples
+    --------
+    >>> cells_of_stds({"radius_std_mm": 0.3912, "points": 56})
+    [('± radius mm', 'points'), ('0.39', '56')]
+    """
+    named = [(_heading(key), _number(key, value)) for key, value in record.items()]
+    header, row = zip(*named, strict=True)
+    return [tuple(header), tuple(row)]
+
+
+def summary_of_stds(record: Record) -> str:
+    """One line with all of it.
+
+    Examples
+    --------
+    >>> summary_of_stds({"radius_std_mm": 0.3912, "points": 56})
+    'one sigma: radius 0.39 mm, points 56'
+    """
+    words = []
+    for key, value in record.items():
+        name, *unit = _heading(key).removeprefix("± ").rsplit(" ", 1)
+        if not key.endswith(("_mm", "_deg")):
+            name, unit = _heading(key), []
+        words.append(" ".join([name, _number(key, value), *unit]))
+    return f"one sigma: {', '.join(words)}"
+
+
+def _heading(key: str) -> str:
+    name = key.replace("_std_", "_").replace("_", " ")
+    return f"± {name}" if "_std_" in key else name
+
+
+def _number(key: str, value: float) -> str:
+    return format_std(value) if "_std_" in key else f"{value:g}"
