@@ -18,23 +18,28 @@ from lsvision.cli.outputs import check_outputs, check_picture
 from lsvision.cli.profile_options import (
     Columns,
     Convention,
+    CountUnit,
     FileFormat,
+    FirstX,
     Flip,
     HandEyeFile,
     JsonFile,
     KnownRadius,
+    Lost,
     PoseFile,
     Radius,
     RangeStd,
     ReferenceRange,
     SensorName,
+    Spacing,
+    Transpose,
     Units,
     Verbose,
 )
 from lsvision.cli.progress import Progress
 from lsvision.cli.scan_poses import Robot, motion_uncertainty_caption, parse_motion, scan_poses
 from lsvision.cli.scan_table import scan_lines
-from lsvision.cli.sources import find_sources, read_source
+from lsvision.cli.sources import find_sources, print_reading_notes, read_source
 
 if TYPE_CHECKING:
     from lsvision.io.profiles import ReadOptions
@@ -96,6 +101,11 @@ def scan(
     columns: Columns = None,
     units: Units = None,
     flip: Flip = None,
+    lost: Lost = None,
+    transpose: Transpose = False,
+    x0: FirstX = None,
+    dx: Spacing = None,
+    z_unit: CountUnit = None,
     verbose: Verbose = False,
 ) -> None:
     """Measure cylinders in space from several sections of known pose, jointly.
@@ -118,7 +128,10 @@ def scan(
     """  # noqa: D301 - the backspace tells click to leave the lines as they are
     check_picture(plot)
     motion = parse_motion(feed, step, poses, convention, flange_from_section)
-    reading = parse_read_options(format=file_format, columns=columns, units=units, flip=flip)
+    reading = parse_read_options(
+        format=file_format, columns=columns, units=units, flip=flip, lost=lost,
+        transpose=transpose, x0=x0, dx=dx, z_unit=z_unit,
+    )  # fmt: skip
     noise = parse_sensor(sensor, range_std, reference_range)
     search, known = parse_search_range(radius), parse_known_radius(known_radius)
     sources, missing = find_sources(files)
@@ -158,8 +171,9 @@ def _read_all(sources: Sequence[Path], reading: "ReadOptions") -> "tuple[list[Pr
     """Profiles of all files in their order, and a name for each."""
     profiles: list[Profile] = []
     names: list[str] = []
-    for source in sources:
-        file = read_source(source, reading)
+    files = [read_source(source, reading) for source in sources]
+    print_reading_notes(files)
+    for source, file in zip(sources, files, strict=True):
         several = len(file.profiles) > 1
         profiles += file.profiles
         names += [

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import typer
+
 from lsvision.errors import LsvisionError, UnreadableFile
 
 if TYPE_CHECKING:
@@ -68,11 +70,27 @@ def read_source(source: Path, options: "ReadOptions") -> "ProfileFile":
     Raises
     ------
     UnreadableFile
-        Names the file and the mend.
+        Names the file and the mend; also where nobody states the unit and mm cannot be right.
     """
     from lsvision.io.profiles import inspect_profiles
 
-    return inspect_profiles(source, **options)
+    file = inspect_profiles(source, **options)
+    if file.doubts and file.units_assumed:
+        raise UnreadableFile(f"{source}: {'; '.join(file.doubts)}, or --units mm if it is right")
+    return file
+
+
+def print_reading_notes(files: "Sequence[ProfileFile]") -> None:
+    """Write on stderr what was guessed while files were read, each remark once."""
+    remarks: dict[str, list[Path]] = {}
+    for file in files:
+        assumed = f"units taken as {file.units}: say --units" if file.units_assumed else ""
+        for remark in (*file.notes, assumed):
+            if remark:
+                remarks.setdefault(remark, []).append(file.path)
+    for remark, paths in remarks.items():
+        more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
+        typer.echo(f"{paths[0]}{more}: note: {remark}", err=True)
 
 
 def _files_of(word: str, suffixes: frozenset[str]) -> list[Path]:

@@ -43,6 +43,8 @@ _FIRST_LINES = (
     (re.compile(r"\s*Info\s*\n\s*CSV Version,"), "gocator"),
     (re.compile(r"[^\n]*\bx0\s*,\s*z0\b", re.IGNORECASE), "gocator-points"),
 )
+_KEYENCE_ROW = re.compile(r"\s*[-+]?[0-9.]+\t[-+]?[0-9.]+\s*[\r\n]")
+"""First line of the exporter's UTF-16 files."""
 _RESULT_LOG = re.compile(r"micro-epsilon|scanCONTROL", re.IGNORECASE)
 _KEYENCE_WIDTHS = frozenset([800, 1600, 3200, 6400])  # columns of an LJ-V and LJ-X profile
 
@@ -90,13 +92,13 @@ def _text_format(content: bytes) -> str:
         raise UnreadableFile(
             "a scanCONTROL log of results, not of profiles: export the profiles as X;Z text"
         )
-    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
+    if content.startswith((b"\xff\xfe", b"\xfe\xff")) and _KEYENCE_ROW.match(start):
         return "keyence"
-    return _table_format(content)
+    return _table_format(start if len(start.splitlines()) > 1 else decode_text(content))
 
 
-def _table_format(content: bytes) -> str:
-    line = content.split(b"\n", 1)[0].decode("latin-1").strip()
+def _table_format(text: str) -> str:
+    line = next((line for line in text.splitlines() if line.strip()), "").strip()
     cells = re.split(r"[,;\t]|\s+", line)
     if len(cells) in _KEYENCE_WIDTHS and all(cell.isdecimal() for cell in cells):
         return "keyence-raw"

@@ -4,6 +4,7 @@ import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
+from lsvision.io.profiles.stated_units import one_unit
 from lsvision.io.profiles.text_table import TextTable, decode_text, parse_table
 from lsvision.shapes import FloatArray
 
@@ -13,7 +14,7 @@ MIN_COLUMNS = 21
 
 def read_matrix(content: bytes, settings: ReadSettings) -> RawProfiles:
     """Profiles of a text with one row of heights each."""
-    return profiles_from_matrix(parse_table(decode_text(content)), settings)
+    return profiles_from_matrix(parse_table(decode_text(content), settings.lost_words), settings)
 
 
 def profiles_from_matrix(table: TextTable, settings: ReadSettings) -> RawProfiles:
@@ -29,13 +30,17 @@ def profiles_from_matrix(table: TextTable, settings: ReadSettings) -> RawProfile
         heights = heights.T
     if settings.dx is None and len(heights) == 2 and _rises(heights[0]):
         return RawProfiles(
-            sections=[heights.T], notes=("two rows: the first taken for x, the other for z",)
+            sections=[heights.T],
+            units=(height_unit(table, settings),) * 2,
+            notes=(*table.notes, "two rows: the first taken for x, the other for z"),
+            lost=table.lost,
         )
     x, notes = column_positions(heights.shape[1], len(heights), settings)
     return RawProfiles(
         sections=[np.column_stack([x, row]) for row in heights],
-        units=("mm", None),
-        notes=notes,
+        units=("mm", height_unit(table, settings)),
+        notes=table.notes + notes,
+        lost=table.lost,
         x_in_mm=True,
     )
 
@@ -57,6 +62,14 @@ def column_positions(
         )
     x: FloatArray = (settings.x0 or 0.0) + settings.dx * np.arange(columns, dtype=np.float64)
     return x, () if settings.x0 is not None else ("x of the first column taken as 0 mm",)
+
+
+def height_unit(table: TextTable, settings: ReadSettings) -> str | None:
+    """The unit that the file states of its heights; None where the user says it."""
+    if settings.units is not None:
+        return None
+    about = [s for s in table.statements if s.axis in (None, "height")]
+    return one_unit(next(filter(None, table.units), None), about)
 
 
 def _rises(row: FloatArray) -> bool:

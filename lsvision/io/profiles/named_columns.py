@@ -5,10 +5,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from lsvision.errors import UnreadableFile
-from lsvision.io.profiles.columns import column_role, profiles_from_table
+from lsvision.io.profiles.column_roles import column_role
+from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.matrix import column_positions
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
-from lsvision.io.profiles.text_table import TextTable, split_unit
+from lsvision.io.profiles.stated_units import one_unit
+from lsvision.io.profiles.text_table import TextTable
+from lsvision.io.profiles.units import StatedUnit, split_label
 from lsvision.shapes import FloatArray
 
 _Column = FloatArray | Sequence[FloatArray]
@@ -30,7 +33,7 @@ def profiles_from_named(columns: Mapping[str, _Column], settings: ReadSettings) 
     UnreadableFile
         If no column is a height or a range, or lengths do not agree.
     """
-    labels = {label: split_unit(label) for label in columns}
+    labels = {label: split_label(label) for label in columns}
     by_role = {column_role(name): label for label, (name, _) in reversed(labels.items())}
     height = by_role.get("height", by_role.get("range", by_role.get("y")))
     if height is None:
@@ -44,9 +47,12 @@ def profiles_from_named(columns: Mapping[str, _Column], settings: ReadSettings) 
     xs = _x_of_rows(rows, None if x is None else columns[x], settings)
     if any(a.shape != b.shape for a, b in zip(xs, rows, strict=True)):
         raise UnreadableFile(f"{x} and {height} differ in length: want an x for each height")
+    units: tuple[str | None, str | None] = (None, None)
+    if settings.units is None:
+        units = "mm" if x is None else one_unit(labels[x][1]), one_unit(labels[height][1])
     return RawProfiles(
         sections=[np.column_stack(pair) for pair in zip(xs, rows, strict=True)],
-        units=("mm" if x is None else labels[x][1], labels[height][1]),
+        units=units,
         away="height" not in by_role and "range" in by_role,
         x_in_mm=x is None,
     )
@@ -54,7 +60,7 @@ def profiles_from_named(columns: Mapping[str, _Column], settings: ReadSettings) 
 
 def _from_points(
     columns: Mapping[str, _Column],
-    labels: Mapping[str, tuple[str, str | None]],
+    labels: Mapping[str, tuple[str, StatedUnit | None]],
     settings: ReadSettings,
 ) -> RawProfiles:
     flat = [label for label in columns if np.ndim(columns[label]) == 1]

@@ -35,7 +35,7 @@ def npy(array) -> bytes:
         ("1\n2\n3\n", "one column in it: want x and height, or .* --x0 and --dx"),
         ("nan,nan\n1,nan\n2,inf\n", "all 3 points are lost: check exposure"),
         ("1,2\n", "one valid point in it, no profile"),
-        ("1,2\n3,4\nend of data\n", "line 3 has 1 cells where 2 are wanted"),
+        ("1,2\nend of data\n3,4\n", "line 2 has 1 cells where 2 are wanted"),
         ("1,2\n3,4\n\n5,six\n", "line 4: 'six' is no number: take such lines out"),
         ("1;2\n3;4,5\n6;7.5\n", "line 2: '4,5' is no number"),
         (
