@@ -26,7 +26,7 @@ MISSING_VALUES = frozenset(
 
 POINT_NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eEdD][-+]?[0-9]+)?")
 COMMA_NUMBER = re.compile(r"[-+]?(?:[0-9]+,?[0-9]*|,[0-9]+)(?:[eEdD][-+]?[0-9]+)?")
-_THOUSANDS = re.compile(
+THOUSANDS = re.compile(
     r"[-+]?[0-9]{1,3}(?:"
     r"(?:,[0-9]{3})+\.[0-9]*|(?:\.[0-9]{3})+,[0-9]*"  # 1,234.5 and 1.234,5
     r"|(?:,[0-9]{3}){2,}|(?:\.[0-9]{3}){2,}"  # 1,234,567
@@ -51,11 +51,14 @@ class Word:
         Its text.
     reason : str
         Why it is no number, and what to do.
+    grouped : bool
+        Whether it is a number with thousands separators.
     """
 
     row: int
     cell: str
     reason: str
+    grouped: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +128,7 @@ def parse_column(
             values[row] = float(cell.replace(",", ".").replace("d", "e").replace("D", "e"))
         elif cell.lower() not in MISSING_VALUES and cell.lower() not in lost_words:
             count += 1
-            first = first or Word(row, cell, _reason(cell))
+            first = first or _word(row, cell)
     return Column(_finite(values), count, first)
 
 
@@ -180,7 +183,8 @@ def _has_decimal_point(cells: Sequence[str]) -> bool:
     return any("." in cell and POINT_NUMBER.fullmatch(cell.strip()) for cell in cells)
 
 
-def _reason(cell: str) -> str:
-    if _THOUSANDS.fullmatch(cell):
-        return "has a thousands separator: export numbers without them"
-    return "is no number: take such lines out, or mark them as comments with #"
+def _word(row: int, cell: str) -> Word:
+    if THOUSANDS.fullmatch(cell):
+        return Word(row, cell, "has a thousands separator: export numbers without them", True)
+    reason = "is no number: take such lines out, mark them as comments with #, or say --lost"
+    return Word(row, cell, f"{reason} {cell[:20]} if it marks lost points")

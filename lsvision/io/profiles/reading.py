@@ -160,6 +160,8 @@ def inspect_profiles(path: str | os.PathLike[str], **options: Unpack[ReadOptions
     try:
         content = _content(file)
         reader = settings.format or detect_format(content, file.suffix)
+        if reader == "matrix" and settings.columns is not None:  # a wide table of points
+            reader = "text"
         raw = _READERS[reader](content, settings)
         return _in_section_frame(file, reader, raw, settings)
     except UnreadableFile as error:
@@ -190,6 +192,8 @@ def _in_section_frame(
 ) -> ProfileFile:
     x_unit = "mm" if raw.x_in_mm else settings.units or raw.units[0]
     height_unit = settings.units or raw.units[1]
+    if raw.x_in_mm and settings.z_unit is not None:  # says more than a unit of all coordinates
+        height_unit = raw.units[1]
     assumed = x_unit is None or height_unit is None
     if not raw.x_in_mm:  # what is stated of one axis is the best guess of the other
         x_unit, height_unit = x_unit or height_unit, height_unit or x_unit

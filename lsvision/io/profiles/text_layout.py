@@ -12,6 +12,7 @@ from lsvision.io.profiles.number_rows import (
     COMMENT_MARKS,
     MISSING_VALUES,
     POINT_NUMBER,
+    THOUSANDS,
 )
 from lsvision.io.profiles.unit_statements import lost_statements
 
@@ -22,7 +23,7 @@ SAMPLE_LINES = 60
 MIN_TEXT_TABLE_FRACTION = 0.5
 """Lines with the same cells, of all, from which on a text with words is a table."""
 
-_ANY_NUMBER = re.compile(f"{POINT_NUMBER.pattern}|{COMMA_NUMBER.pattern}")
+_ANY_NUMBER = re.compile(f"{POINT_NUMBER.pattern}|{COMMA_NUMBER.pattern}|{THOUSANDS.pattern}")
 _QUOTED = re.compile(r'"[^"]*"')
 _WORDS = re.compile(r'"[^"]*"|[^\s"]+')
 
@@ -168,7 +169,9 @@ def _first_text_row(lines: Sequence[str]) -> tuple[int, str | None, int, tuple[i
     rows = [i for i, line in enumerate(lines) if line.strip() and not is_comment(line)]
     sample = rows[len(rows) // 4 :][: 4 * SAMPLE_LINES]
     best: tuple[int, str | None, int, tuple[int, ...]] | None = None
-    for separator in (";", "\t", "|", ",", None):
+    marks = [mark for mark in (";", "\t", "|") if all(mark in lines[i] for i in sample)]
+    separators = marks[:1] or (",", None)  # a comma is a decimal mark where others part cells
+    for separator in separators:
         cells = [split_cells(lines[i].strip(" \r\n"), separator) for i in sample]
         if not cells:
             break

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -199,9 +199,9 @@ def _careful_table(lines: Sequence[str], layout: Layout, lost_words: frozenset[s
         values[:, c] = parsed.values
         if parsed.word is not None:
             known = sum(bool(cell.strip()) for cell in column)
-            if parsed.words > _TEXT_SHARE * known:
+            if parsed.words > _TEXT_SHARE * known and not parsed.word.grouped:
                 texts[c] = [cell.strip() for cell in column]
-            words[c] = Word(rows[parsed.word.row][0], parsed.word.cell, parsed.word.reason)
+            words[c] = replace(parsed.word, row=rows[parsed.word.row][0])
     return TextTable(values, texts=texts, words=words)
 
 
