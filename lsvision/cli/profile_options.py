@@ -7,7 +7,7 @@ import typer
 
 READERS = (
     "text, matrix, gocator, gocator-points, keyence, keyence-raw, npy, npz, ply, pcd, opencv, "
-    "parquet"
+    "parquet, json, yaml, laserscan, height-map, rosbag"
 )
 """Written out, because the reader's own list comes with numpy; a test compares the two."""
 

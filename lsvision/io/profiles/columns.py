@@ -69,6 +69,7 @@ def profiles_from_table(table: TextTable, settings: ReadSettings) -> RawProfiles
         positions=positions,
         notes=table.notes + choice.notes,
         lost=table.lost,
+        limits=table.limits,
         attributes=attributes,
         ignored=ignored,
     )

@@ -55,6 +55,7 @@ def profiles_from_matrix(table: TextTable, settings: ReadSettings) -> RawProfile
         units=("mm", height_unit(table, settings)),
         notes=table.notes + notes + ((hint,) if hint else ()),
         lost=table.lost,
+        limits=table.limits,
         x_in_mm=True,
     )
 

@@ -11,7 +11,10 @@ import numpy as np
 from lsvision.errors import UnreadableFile
 from lsvision.io.profiles.detection import detect_format
 from lsvision.io.profiles.gocator import read_gocator, read_gocator_points
+from lsvision.io.profiles.height_map import read_height_map
+from lsvision.io.profiles.json_points import read_json
 from lsvision.io.profiles.keyence import read_keyence, read_keyence_raw
+from lsvision.io.profiles.laser_scan import read_laser_scan
 from lsvision.io.profiles.lost_points import LostMarker, remove_lost
 from lsvision.io.profiles.matrix import read_matrix
 from lsvision.io.profiles.numpy_arrays import read_npy, read_npz
@@ -19,8 +22,10 @@ from lsvision.io.profiles.opencv_storage import read_opencv_storage
 from lsvision.io.profiles.parquet import read_parquet
 from lsvision.io.profiles.plain_text import read_plain_text
 from lsvision.io.profiles.point_clouds import read_pcd, read_ply
+from lsvision.io.profiles.ros_bags import read_ros_bag
 from lsvision.io.profiles.settings import RawProfiles, ReadOptions, ReadSettings
 from lsvision.io.profiles.units import mm_per_unit
+from lsvision.io.profiles.yaml_points import read_yaml
 from lsvision.profile import Profile
 from lsvision.shapes import FloatArray
 
@@ -37,6 +42,11 @@ _READERS: dict[str, Callable[[bytes, ReadSettings], RawProfiles]] = {
     "pcd": read_pcd,
     "opencv": read_opencv_storage,
     "parquet": read_parquet,
+    "json": read_json,
+    "yaml": read_yaml,
+    "laserscan": read_laser_scan,
+    "height-map": read_height_map,
+    "rosbag": read_ros_bag,
 }
 
 _FARTHEST_MM = 1e4  # no profile sensor looks farther

@@ -24,6 +24,11 @@ FORMATS = (
     "pcd",
     "opencv",
     "parquet",
+    "json",
+    "yaml",
+    "laserscan",
+    "height-map",
+    "rosbag",
 )
 """Names that `format` and ``--format`` take."""
 

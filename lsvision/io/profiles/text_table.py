@@ -55,6 +55,8 @@ class TextTable:
         Markers of lost points that the file states.
     notes : tuple of str
         What was left out, for people.
+    limits : tuple of float
+        Ends of the type that the numbers were stored in.
     """
 
     values: FloatArray
@@ -65,6 +67,7 @@ class TextTable:
     words: Mapping[int, Word] = field(default_factory=dict)
     lost: tuple[float, ...] = ()
     notes: tuple[str, ...] = ()
+    limits: tuple[float, ...] = ()
 
 
 def decode_text(content: bytes) -> str:
