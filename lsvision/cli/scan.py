@@ -86,6 +86,9 @@ def scan(
         float, typer.Option(metavar="DEG", min=0, help="One sigma of the feed's direction.")
     ] = 0.0,
     json_file: JsonFile = None,
+    csv_file: Annotated[
+        Path | None, typer.Option("--csv", metavar="F", help="Write a cylinder a row as CSV.")
+    ] = None,
     plot: Annotated[
         Path | None, typer.Option(metavar="F.png|F.svg", help="Draw points and cylinders in 3D.")
     ] = None,
@@ -136,7 +139,7 @@ def scan(
     search, known = parse_search_range(radius), parse_known_radius(known_radius)
     sources, missing = find_sources(files)
     inputs = [*sources, *filter(None, (poses, flange_from_section))]
-    check_outputs((json_file, plot, points_ply, surfaces_ply), inputs)
+    check_outputs((json_file, csv_file, plot, points_ply, surfaces_ply), inputs)
     for failure in missing:
         print_error(str(failure))
     if missing:
@@ -162,6 +165,10 @@ def scan(
         from lsvision.io.scan_results import scan_record, write_scan_json
 
         write_scan_json(json_file, scan_record(found, shapes, names))
+    if csv_file is not None:
+        from lsvision.io.scan_table_file import write_scan_csv
+
+        write_scan_csv(csv_file, found, base_from_sections)
     _write_views(
         found, _all_points(profiles, base_from_sections), (plot, points_ply, surfaces_ply), files
     )

@@ -11,9 +11,7 @@ _KUKA = re.compile(r"\{\s*(?:E6POS|POS|FRAME|E3POS)?\s*:?\s*(X\s+[-+.0-9][^{}]*)
 _KUKA_AXES = re.compile(r"\{\s*(?:E6AXIS|AXIS)?\s*:?\s*A1\s[^{}]*\}", re.IGNORECASE)
 _KUKA_FIELD = re.compile(rf"([A-Z][A-Z0-9]*)\s+({_NUMBER})", re.IGNORECASE)
 _FANUC = re.compile(r"\bP\[\s*([0-9]+)[^\]]*\]\s*\{([^{}]*)\}", re.IGNORECASE)
-_FANUC_FIELD = re.compile(
-    r"\b([XYZWPR])\s*=\s*(\S+?)\s*(mm|deg|m|rad)?\s*(?=[,\s;}]|$)", re.IGNORECASE
-)
+_FANUC_FIELD = re.compile(r"\b([XYZWPR])\s*=\s*([^\s,;}]+)[ \t]*([A-Z]*)", re.IGNORECASE)
 _FANUC_FRAME = re.compile(r"\bUF\s*:\s*(\S+?)\s*,", re.IGNORECASE)
 
 

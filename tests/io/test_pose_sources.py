@@ -84,7 +84,7 @@ def test_positions_of_a_fanuc_listing(write, expected):
         (fanuc(ROWS[:1]) + fanuc(ROWS[1:], "2"), "fanuc", "several user frames"),
         (fanuc(ROWS).replace("10.500", "********"), "fanuc", r"P\[1\]: Y is .*never taught"),
         ("P[1]{\n J1= 0.0 deg, J2 = 5 deg\n};", "fanuc", r"P\[1\]: no x y z w p r in it"),
-        ("P[1]{X = 1 in, Y = 1 mm, Z = 1 mm}", "fanuc", "no x w p r in it"),
+        ("P[1]{X = 1 in, Y = 1 mm, Z = 1 mm}", "fanuc", r"P\[1\]: X in in, want mm"),
         ("xp={X 1,Y 2,Z 3,A 4,B 5}", "kuka", "position 1: no c in it"),
     ],
 )
