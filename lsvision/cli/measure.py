@@ -40,7 +40,7 @@ from lsvision.cli.profile_options import (
     Verbose,
 )
 from lsvision.cli.robot_frame import parse_robot_frame
-from lsvision.cli.sources import MEASURED_SUFFIXES, PROFILE_SUFFIXES, find_sources
+from lsvision.cli.sources import MEASURED_SUFFIXES, find_sources, suffixes_of_profiles
 
 if TYPE_CHECKING:
     from lsvision.io.results import Record
@@ -167,7 +167,7 @@ def measure(
         verbose=verbose,
         debug=ctx.find_root().params.get("debug", False),
     )  # fmt: skip
-    suffixes = PROFILE_SUFFIXES if imaging is None else MEASURED_SUFFIXES
+    suffixes = suffixes_of_profiles(dx) if imaging is None else MEASURED_SUFFIXES
     paths, missing = find_sources(files or (), suffixes)
     inputs = [*paths, *filter(None, (poses, flange_from_section))]
     check_outputs((json_file, csv_file, plot), inputs)

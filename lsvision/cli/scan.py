@@ -39,7 +39,12 @@ from lsvision.cli.profile_options import (
 from lsvision.cli.progress import Progress
 from lsvision.cli.scan_poses import Robot, motion_uncertainty_caption, parse_motion, scan_poses
 from lsvision.cli.scan_table import scan_lines
-from lsvision.cli.sources import find_sources, print_reading_notes, read_source
+from lsvision.cli.sources import (
+    find_sources,
+    print_reading_notes,
+    read_source,
+    suffixes_of_profiles,
+)
 
 if TYPE_CHECKING:
     from lsvision.io.profiles import ReadOptions
@@ -137,7 +142,7 @@ def scan(
     )  # fmt: skip
     noise = parse_sensor(sensor, range_std, reference_range)
     search, known = parse_search_range(radius), parse_known_radius(known_radius)
-    sources, missing = find_sources(files)
+    sources, missing = find_sources(files, suffixes_of_profiles(dx))
     inputs = [*sources, *filter(None, (poses, flange_from_section))]
     check_outputs((json_file, csv_file, plot, points_ply, surfaces_ply), inputs)
     for failure in missing:

@@ -32,6 +32,15 @@ MEASURED_SUFFIXES = PROFILE_SUFFIXES | IMAGE_SUFFIXES | VIDEO_SUFFIXES
 """What counts in a folder where a rig turns images into profiles."""
 
 
+HEIGHT_MAP_SUFFIXES = frozenset((".tif", ".tiff", ".png"))
+"""Files that count as profiles beside `PROFILE_SUFFIXES` where the spacing of columns is given."""
+
+
+def suffixes_of_profiles(dx: float | None) -> frozenset[str]:
+    """What counts as a profile in a folder, with ``--dx`` or without."""
+    return PROFILE_SUFFIXES if dx is None else PROFILE_SUFFIXES | HEIGHT_MAP_SUFFIXES
+
+
 def find_sources(
     words: Sequence[str], suffixes: frozenset[str] = PROFILE_SUFFIXES
 ) -> tuple[list[Path], list[LsvisionError]]:
@@ -76,7 +85,11 @@ def read_source(source: Path, options: "ReadOptions") -> "ProfileFile":
 
     file = inspect_profiles(source, **options)
     if file.doubts and file.units_assumed:
-        raise UnreadableFile(f"{source}: {'; '.join(file.doubts)}, or --units mm if it is right")
+        marked = [f"{marker.count} by {marker.text}" for marker in file.markers]
+        lost = f" (without {file.lost} lost points, {', '.join(marked)})" if marked else ""
+        raise UnreadableFile(
+            f"{source}: {'; '.join(file.doubts)}, or --units mm if it is right{lost}"
+        )
     return file
 
 
