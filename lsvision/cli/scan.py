@@ -166,14 +166,7 @@ def scan(
     typer.echo(
         "\n".join(scan_lines(found, shapes, motion_uncertainty_caption(motion), verbose=verbose))
     )
-    if json_file is not None:
-        from lsvision.io.scan_results import scan_record, write_scan_json
-
-        write_scan_json(json_file, scan_record(found, shapes, names))
-    if csv_file is not None:
-        from lsvision.io.scan_table_file import write_scan_csv
-
-        write_scan_csv(csv_file, found, base_from_sections)
+    _write_tables(found, shapes, names, base_from_sections, (json_file, csv_file))
     _write_views(
         found, _all_points(profiles, base_from_sections), (plot, points_ply, surfaces_ply), files
     )
@@ -232,6 +225,25 @@ def _all_points(profiles: "Sequence[Profile]", poses: "Sequence[Pose]") -> "Poin
     )
     seen: Points = points[np.isfinite(points[:, 0])]
     return seen
+
+
+def _write_tables(
+    found: "ScanMeasurement",
+    shapes: "Sequence[TubeShape | None]",
+    names: Sequence[str],
+    base_from_sections: "Sequence[Pose]",
+    outputs: tuple[Path | None, Path | None],
+) -> None:
+    """The JSON and the CSV, each where it is wanted."""
+    json_file, csv_file = outputs
+    if json_file is not None:
+        from lsvision.io.scan_results import scan_record, write_scan_json
+
+        write_scan_json(json_file, scan_record(found, shapes, names))
+    if csv_file is not None:
+        from lsvision.io.scan_table_file import write_scan_csv
+
+        write_scan_csv(csv_file, found, base_from_sections)
 
 
 def _write_views(

@@ -67,11 +67,28 @@ def profiles_from_table(table: TextTable, settings: ReadSettings) -> RawProfiles
         units=resolve_units(table, choice.x, choice.height, settings),
         away=choice.away,
         positions=positions,
-        notes=table.notes + choice.notes,
+        notes=table.notes + choice.notes + (_restarts(sections[0]) if len(sections) == 1 else ()),
         lost=table.lost,
         limits=table.limits,
         attributes=attributes,
         ignored=ignored,
+    )
+
+
+def _restarts(section: FloatArray) -> tuple[str, ...]:
+    """A note where x runs through the same range several times: profiles one after the other."""
+    x = section[np.isfinite(section[:, 0]), 0]
+    with np.errstate(over="ignore", invalid="ignore"):  # numbers near the largest there are
+        steps, span = np.diff(x), np.ptp(x) if len(x) else 0.0
+    if len(steps) < 2 * _FEWEST_PER_PROFILE:
+        return ()
+    forwards = 1.0 if np.count_nonzero(steps > 0) >= np.count_nonzero(steps < 0) else -1.0
+    back = np.flatnonzero(forwards * steps < -0.5 * span)
+    if len(back) == 0 or np.diff([-1, *back, len(x) - 1]).min() < _FEWEST_PER_PROFILE:
+        return ()
+    return (
+        f"x begins anew {len(back)} times: several profiles? part them by a column of their "
+        "numbers, or write one a file",
     )
 
 
@@ -138,7 +155,13 @@ def _named(table: TextTable) -> _Choice | None:
 
 
 def _placed(table: TextTable) -> _Choice:
-    columns = [c for c in range(table.values.shape[1]) if c not in table.texts]
+    columns = [
+        c
+        for c in range(table.values.shape[1])
+        if c not in table.texts and (c in table.words or np.isfinite(table.values[:, c]).any())
+    ]
+    if len(columns) < 2:
+        columns = list(range(table.values.shape[1]))
     values = table.values[:, columns]
     width = len(columns)
     if width == 2:
@@ -204,7 +227,8 @@ def _label(table: TextTable, column: int) -> str:
 
 def _spread(column: FloatArray) -> float:
     known = column[np.isfinite(column)]
-    return float(known.max() - known.min()) if len(known) else 0.0
+    with np.errstate(over="ignore"):
+        return float(known.max() - known.min()) if len(known) else 0.0
 
 
 def _whole(column: FloatArray) -> bool:

@@ -12,7 +12,7 @@ from lsvision.errors import UnreadableFile
 from lsvision.io.profiles.column_roles import column_role, is_known_role
 from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.laser_scan import is_laser_scan, profiles_from_scans
-from lsvision.io.profiles.matrix import profiles_from_matrix
+from lsvision.io.profiles.matrix import profiles_from_matrix, rises
 from lsvision.io.profiles.named_columns import profiles_from_named
 from lsvision.io.profiles.number_rows import MISSING_VALUES
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
@@ -173,8 +173,7 @@ def _are_x_and_height(document: list[Any]) -> bool:
     first, second = document
     if not isinstance(first, list) or len(first) != len(second) or len(first) <= MIN_PAIRS:
         return False
-    steps = np.diff(_floats(first))
-    return bool(np.all(steps > 0) or np.all(steps < 0))
+    return rises(_floats(first))
 
 
 def _from_objects(
@@ -255,8 +254,7 @@ def flat_width(key: str, values: FloatArray) -> int | None:
         if values.size % width == 0 and values.size >= 3 * width:
             rows = values.reshape(-1, width)
             flat = width == 2 or len(np.unique(rows[np.isfinite(rows[:, 1]), 1])) <= 1
-            steps = np.diff(rows[np.isfinite(rows[:, 0]), 0])
-            if flat and (bool(np.all(steps > 0)) or bool(np.all(steps < 0))):
+            if flat and rises(rows[:, 0]):
                 return width
     return None
 

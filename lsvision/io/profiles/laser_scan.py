@@ -57,6 +57,8 @@ def read_laser_scan(content: bytes, _: ReadSettings) -> RawProfiles:
         If there is no column of ranges, no row, or a row is cut short.
     """
     rows = [row for row in csv.reader(decode_text(content).splitlines()) if row]
+    if not rows:
+        raise UnreadableFile("a LaserScan table without a row: record it anew")
     names = [name.strip().removeprefix("%").removeprefix("field.") for name in rows[0]]
     places = [k for k, name in enumerate(names) if _RANGE_COLUMN.fullmatch(name)]
     if not places or len(rows) < 2:

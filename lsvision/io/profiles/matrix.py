@@ -41,7 +41,7 @@ def profiles_from_matrix(table: TextTable, settings: ReadSettings) -> RawProfile
             notes=(*table.notes, "the first row of heights rises evenly: taken for x"),
             lost=table.lost,
         )
-    if settings.dx is None and len(heights) == 2 and _rises(heights[0]):
+    if settings.dx is None and len(heights) == 2 and rises(heights[0]):
         return RawProfiles(
             sections=[heights.T],
             units=(height_unit(table, settings),) * 2,
@@ -98,11 +98,13 @@ def _transpose_hint(rows: int, columns: int) -> str:
 
 def _is_x_row(heights: FloatArray) -> bool:
     """Whether the first row rises evenly, and most of the others do not."""
-    steps = np.diff(heights[0])
+    with np.errstate(over="ignore", invalid="ignore"):
+        steps = np.diff(heights[0])
     even = bool(np.all(np.abs(steps - steps.mean()) < MAX_UNEVENNESS * abs(steps.mean())))
-    return even and 2 * sum(map(_rises, heights[1:])) < len(heights) - 1
+    return even and 2 * sum(map(rises, heights[1:])) < len(heights) - 1
 
 
-def _rises(row: FloatArray) -> bool:
-    steps = np.diff(row)
-    return bool(np.all(steps > 0) or np.all(steps < 0))
+def rises(row: FloatArray) -> bool:
+    """Whether the numbers that are not lost rise throughout, or fall throughout."""
+    known = row[np.isfinite(row)]
+    return len(known) > 1 and bool(np.all(known[1:] > known[:-1]) or np.all(known[1:] < known[:-1]))

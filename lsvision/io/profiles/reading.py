@@ -52,7 +52,7 @@ _READERS: dict[str, Callable[[bytes, ReadSettings], RawProfiles]] = {
 _FARTHEST_MM = 1e4  # no profile sensor looks farther
 _USUAL_MM, _FINER_UNITS = 1e3, ("um", "10nm")
 _NARROWEST_MM = 1.0  # nor has one a field as narrow
-_LIDAR_EXTENT = 30.0  # a profile of this size and place may be metres of a lidar, or mm
+_LIDAR_EXTENT = 10.0  # a profile of this size and place may be metres of a lidar, or mm
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -6,15 +6,18 @@ from dataclasses import dataclass
 
 from lsvision.io.profiles.column_roles import is_known_role
 from lsvision.io.profiles.number_rows import COMMENT_MARKS
-from lsvision.io.profiles.text_layout import split_cells
+from lsvision.io.profiles.text_layout import is_number_or_lost, split_cells
 from lsvision.io.profiles.unit_statements import states_unit
-from lsvision.io.profiles.units import NOT_LENGTHS, StatedUnit, parse_unit, split_label
+from lsvision.io.profiles.units import NOT_LENGTHS, StatedUnit, parse_unit, split_label, state_unit
 
 _TYPES = frozenset(
     "float double real int integer number numeric string text f4 f8 i4".split()  # noqa: SIM905
 )
 """Words of a row that says how columns are stored."""
 _KEY_VALUE = re.compile(r"^[^:=]+[:=][^:=]*$")
+_BRACKETS = re.compile(r"\[[^\]]*\]|\([^)]*\)")
+_HELD = "\x00"
+"""Stands for a blank inside brackets while labels are split."""
 _COMMENT = re.compile(r"^[\s#%/!]+")
 
 
@@ -52,37 +55,44 @@ def read_header(preamble: Sequence[str], separator: str | None, width: int) -> H
     units: list[StatedUnit | None] = []
     over: list[StatedUnit | None] = []
     counted = 0
-    first = True
-    for line in reversed(preamble):
-        text = _COMMENT.sub("", line).strip(" \r\n")
-        if not text:
-            continue
+    lines = [(line, text) for line in preamble if (text := _COMMENT.sub("", line).strip(" \r\n"))]
+    for place, (line, text) in enumerate(reversed(lines)):
         labels = _labels(text, separator, width)
         row = None if labels is None else _unit_row(labels)
         if row is not None and not units and any(row):
             units = row
-            continue
-        if states_unit(line) or (separator is None and _is_key_value(text, labels)):
-            continue
-        parsed = [split_label(label) for label in labels or ()]
-        known = sum(is_known_role(name) for name, _ in parsed)
-        if labels is None:
+        elif labels is None and not states_unit(line):
             counted = counted or _count_of_names(text)
-        elif not names and (known >= 2 or first):
-            names = [name for name, _ in parsed]
-            over = [unit for _, unit in parsed]
-            if known < 2 and (above := _names_above(preamble, line, separator, width)):
+            over = over or _bracketed_units(text, width)
+        elif labels is not None and not names and not _is_no_header(line, text, labels, separator):
+            parsed = [split_label(label) for label in labels]
+            if _knows_roles(parsed):
+                names, over = [name for name, _ in parsed], [unit for _, unit in parsed]
+            elif above := _names_above(preamble, line, separator, width):
                 units = _strange_units(labels)
                 names, over = above
-        first = False
+            elif place == 0 or (place == 1 and units):
+                names, over = [name for name, _ in parsed], [unit for _, unit in parsed]
     pairs = zip(units or [None] * width, over or [None] * width, strict=True)
     return Header(
         tuple(names), tuple(row or label for row, label in pairs), 0 if names else counted
     )
 
 
+def _knows_roles(parsed: Sequence[tuple[str, StatedUnit | None]]) -> bool:
+    return sum(is_known_role(name) for name, _ in parsed) >= 2
+
+
+def _is_no_header(line: str, text: str, labels: Sequence[str], separator: str | None) -> bool:
+    """Whether a line with as many words as columns says something else than their names."""
+    if all(map(is_number_or_lost, labels)) or states_unit(line):
+        return True
+    return separator is None and _is_key_value(text, labels)
+
+
 def _labels(text: str, separator: str | None, width: int) -> list[str] | None:
-    tight = re.sub(r" +(?=[\[(])", "", text)
+    tight = _BRACKETS.sub(lambda match: match[0].replace(" ", _HELD), text)
+    tight = re.sub(r" +(?=[\[(])", "", tight)  # 'x [1/10 mm]' is one label, whatever parts cells
     for labels in (
         split_cells(tight, separator),
         [w for w in re.split(r"[,;\s|]+", tight.replace('"', "")) if w],
@@ -90,8 +100,18 @@ def _labels(text: str, separator: str | None, width: int) -> list[str] | None:
         while len(labels) > width and not labels[-1].strip():
             labels.pop()
         if len(labels) == width:
-            return [label.strip() for label in labels]
+            return [label.replace(_HELD, " ").strip() for label in labels]
     return None
+
+
+def _bracketed_units(text: str, width: int) -> list[StatedUnit | None]:
+    """Units in brackets of a line whose names do not go with the columns; of all, or of none."""
+    found = {unit.unit: unit for word in re.findall(r"\[([^\]]+)\]", text)
+             if (unit := state_unit(word)).unit is not None}  # fmt: skip
+    if not found:
+        return []
+    unit = next(iter(found.values())) if len(found) == 1 else StatedUnit(text, None)
+    return [unit] * width
 
 
 def _unit_row(labels: Sequence[str]) -> list[StatedUnit | None] | None:

@@ -51,6 +51,15 @@ class Layout:
     numeric: tuple[int, ...]
 
 
+def _states_size(lines: Sequence[str], first: int, stop: int, separator: str | None) -> bool:
+    """Whether the first line of numbers is how many rows and columns follow, as ``2 60``."""
+    cells = [cell.strip() for cell in split_cells(lines[first].strip(), separator)]
+    if len(cells) != 2 or not all(cell.isdecimal() for cell in cells):
+        return False
+    below = [line for line in lines[first + 1 : stop] if line.strip() and not is_comment(line)]
+    return len(below) > 1 and sorted(map(int, cells)) == sorted((2, len(below)))
+
+
 def split_cells(line: str, separator: str | None) -> list[str]:
     """Cells of a line; quotes hold a cell together and are left out.
 
@@ -95,6 +104,8 @@ def find_layout(lines: Sequence[str]) -> Layout:
     else:
         index, separator, width, numeric = _first_text_row(lines)
     stop = _without_footer(lines, index, separator, numeric, width)
+    if _states_size(lines, index, stop, separator):
+        index += 1
     return Layout(separator, index, stop, width, numeric)
 
 
@@ -140,13 +151,18 @@ def _first_number_row(lines: Sequence[str]) -> tuple[int, str | None] | None:
 
 def _is_above_table(lines: Sequence[str], index: int, width: int) -> bool:
     """True for a count of points or of columns: most lines of numbers below hold other cells."""
-    below = []
+    below: list[int] = []
+    numbers: list[bool] = []
     for line in lines[index + 1 : index + 1 + 2 * SAMPLE_LINES]:
         if line.strip() and not is_comment(line):
             separator = find_separator(line.strip())
-            below.append(len(split_cells(line.strip() if separator is None else line, separator)))
+            cells = split_cells(line.strip() if separator is None else line, separator)
+            below.append(len(cells))
+            numbers.append(all(map(is_number_or_lost, cells)))
         if len(below) == SAMPLE_LINES:
             break
+    if len(numbers) > 2 and not numbers[0] and all(numbers[1:3]):
+        return True  # a header stands between
     if not below or width in below[:1]:
         return False
     common, count = Counter(below).most_common(1)[0]

@@ -109,7 +109,7 @@ def parse_table(text: str, lost_words: frozenset[str] = frozenset()) -> TextTabl
     >>> parse_table("x [mm];z [mm]\n1,5;-2\n2,0;").values.tolist()
     [[1.5, -2.0], [2.0, nan]]
     """
-    lines = text.splitlines()
+    lines = text.replace("\u2212", "-").splitlines()  # a minus sign as typesetters write it
     layout = find_layout(lines)
     table = _quick_table(lines, layout)
     if table is None:

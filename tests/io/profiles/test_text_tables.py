@@ -244,3 +244,21 @@ def test_the_first_column_of_profiles_in_columns_can_be_x(write):
     for head in ("", ",".join(["x", *(f"p{k}" for k in range(60))]) + "\n"):
         file = inspect_profiles(write(head + text), transpose=True)
         npt.assert_allclose(file.profiles[3].points, np.column_stack([x, matrix[3]]), atol=1e-4)
+
+
+def test_profiles_one_after_the_other_are_noted(write, arc):
+    rising = arc[np.argsort(arc[:, 0])]
+    text = "\n".join([*lines_of(rising), "", "", *lines_of(rising)])
+    assert any("x begins anew 1 times" in note for note in inspect_profiles(write(text)).notes)
+    shuffled = np.random.default_rng(2).permutation(arc)
+    assert inspect_profiles(write("\n".join(["x [mm],z [mm]", *lines_of(shuffled)]))).notes == ()
+
+
+@pytest.mark.parametrize("head", [["80 2"], ["2 80", "x z"]])
+def test_the_size_of_the_table_is_no_point(write, arc, head):
+    assert_reads(write, [*head, *lines_of(arc, "{x:.3f} {z:.3f}")], arc)
+
+
+def test_an_empty_first_column_and_typeset_minus_signs_are_read(write, arc):
+    assert_reads(write, lines_of(arc, ",{x:.3f},{z:.3f}"), arc)
+    assert_reads(write, [line.replace("-", "−") for line in lines_of(arc)], arc)

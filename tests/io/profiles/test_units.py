@@ -110,6 +110,8 @@ def written(points, separator=",", decimal="."):
         ("Units: um (X), um (Z)\nx,z\n", 1000),
         ("# [um]\n", 1000),
         ("um\nx,z\n", 1000),
+        ("X [1/10 mm]  Z [1/10 mm]\n", 10),
+        ("position [um] along the line, heights\n", 1000),
         ("Einheit: 1/100 mm\nx,z\n", 100),
         ("# Scale: 0.01 mm\nx,z\n", 100),
         ("# Time unit: ms\n# Unit: um\nx,z\n", 1000),
