@@ -15,6 +15,8 @@ from lsvision.statistics.lost_markers import find_lost_markers
 
 MAX_COORDINATE_MM = 1e9
 """A thousand kilometres: larger numbers of a file are no points, and their squares overflow."""
+MARKER_TOLERANCE = 1e-7
+"""Relative difference of a coordinate from a marker of lost points: single precision rounds."""
 MAX_NOISE_FACTOR, MAX_ESTIMATED_NOISE_FACTOR = 3.0, 4.0
 """Scatter about an ellipse over the standard deviation of a noise model, and over an estimated
 one, which is too small where a sensor smooths along the line."""
@@ -126,7 +128,9 @@ class Profile:
         if lost is None:
             _warn_of_markers(rows)
         else:
-            rows[np.isin(rows, np.atleast_1d(lost)).any(axis=1)] = np.nan
+            for value in np.atleast_1d(np.asarray(lost, dtype=np.float64)):
+                near = np.abs(rows - value) <= MARKER_TOLERANCE * abs(value)
+                rows[near.any(axis=1)] = np.nan
         object.__setattr__(self, "points", as_readonly_array(rows, ("n", 2)))
         object.__setattr__(self, "noise", noise)
 

@@ -1,5 +1,6 @@
 """Which columns of a table are x and height, and which ones tell profiles apart."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NoReturn
@@ -208,6 +209,14 @@ def _refuse_one_column(table: TextTable) -> NoReturn:
     word = next(iter(table.words.values()), None)
     if word is not None and not table.texts:
         raise UnreadableFile(f"line {word.row}: {word.cell[:40]!r} {word.reason}")
+    for column, cells in table.texts.items():
+        text, count = Counter(cells).most_common(1)[0]
+        if count > 1:
+            raise UnreadableFile(
+                f"column {_label(table, column)} holds text ({text[:40]!r} in {count} lines): say "
+                f"--lost {text[:20]} if that marks lost points, or name the columns of x and "
+                "height with --columns"
+            )
     raise UnreadableFile(
         "one column in it: want x and height, or say where the heights lie with --x0 and --dx"
     )

@@ -24,6 +24,11 @@ MISSING_VALUES = frozenset(
 )
 """What a cell says, in lower case, that holds no number."""
 
+_MISSING_PATTERN = re.compile(
+    r"[-+]?1\.#(?:ind|qnan|snan|inf)0*|[*]+|[#]+|[-]+|0x(?:f+|80+|7f+)|(?:over|under|out.?of.?)range"
+)
+"""The same in forms that vary: fields too narrow, ends of integer types in hexadecimal."""
+
 POINT_NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eEdD][-+]?[0-9]+)?")
 COMMA_NUMBER = re.compile(r"[-+]?(?:[0-9]+,?[0-9]*|,[0-9]+)(?:[eEdD][-+]?[0-9]+)?")
 THOUSANDS = re.compile(
@@ -80,6 +85,18 @@ class Column:
     word: Word | None = None
 
 
+def is_missing(cell: str) -> bool:
+    """Whether a cell says that it holds no number.
+
+    Examples
+    --------
+    >>> is_missing("NaN"), is_missing("****"), is_missing("0xFFFFFFFF"), is_missing("six")
+    (True, True, True, False)
+    """
+    word = cell.strip().lower()
+    return word in MISSING_VALUES or bool(_MISSING_PATTERN.fullmatch(word))
+
+
 def numbers_from_cells(cells: Sequence[str]) -> FloatArray:
     """Numbers in text cells; NaN where a cell is empty or a lost word.
 
@@ -126,7 +143,7 @@ def parse_column(
             cell = cell.translate(_TRANSLATED).strip()
         if pattern.fullmatch(cell):
             values[row] = float(cell.replace(",", ".").replace("d", "e").replace("D", "e"))
-        elif cell.lower() not in MISSING_VALUES and cell.lower() not in lost_words:
+        elif cell.lower() not in lost_words and not is_missing(cell):
             count += 1
             first = first or _word(row, cell)
     return Column(_finite(values), count, first)

@@ -222,6 +222,7 @@ def _checked_markers(lost: float | str | Sequence[float | str]) -> tuple[float |
                 markers.append(str(word))
         else:
             markers += [number] if math.isfinite(number) else []
+            markers += [str(word)] if str(word).lower().startswith("0x") else []
     return tuple(markers)
 
 

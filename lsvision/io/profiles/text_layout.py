@@ -10,9 +10,9 @@ from lsvision.errors import UnreadableFile
 from lsvision.io.profiles.number_rows import (
     COMMA_NUMBER,
     COMMENT_MARKS,
-    MISSING_VALUES,
     POINT_NUMBER,
     THOUSANDS,
+    is_missing,
 )
 from lsvision.io.profiles.unit_statements import lost_statements
 
@@ -116,9 +116,7 @@ def find_separator(line: str) -> str | None:
         if mark in bare:
             return mark
     words = bare.split()
-    if len(words) > 1 and all(
-        w.lower() in MISSING_VALUES or COMMA_NUMBER.fullmatch(w) for w in words
-    ):
+    if len(words) > 1 and all(is_missing(w) or COMMA_NUMBER.fullmatch(w) for w in words):
         return None
     return "," if "," in bare else None
 
@@ -126,7 +124,7 @@ def find_separator(line: str) -> str | None:
 def is_number_or_lost(cell: str) -> bool:
     """Whether a cell holds a number, nothing, or a lost word."""
     word = cell.strip()
-    return bool(_ANY_NUMBER.fullmatch(word)) or word.lower() in MISSING_VALUES
+    return bool(_ANY_NUMBER.fullmatch(word)) or is_missing(word)
 
 
 def _first_number_row(lines: Sequence[str]) -> tuple[int, str | None] | None:
@@ -208,7 +206,7 @@ def _first_text_row(lines: Sequence[str]) -> tuple[int, str | None, int, tuple[i
 
 
 def _is_numeric(cells: Iterable[str]) -> bool:
-    known = [cell.strip() for cell in cells if cell.strip().lower() not in MISSING_VALUES]
+    known = [cell.strip() for cell in cells if not is_missing(cell)]
     numbers = sum(bool(_ANY_NUMBER.fullmatch(cell)) for cell in known)
     return bool(known) and 10 * numbers >= 9 * len(known)
 

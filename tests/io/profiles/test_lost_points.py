@@ -6,6 +6,7 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
+from lsvision.errors import UnreadableFile
 from lsvision.io.profiles import inspect_profiles, read_profile
 from lsvision.profile import Profile
 from lsvision.statistics.lost_markers import find_lost_markers
@@ -81,6 +82,23 @@ def test_none_says_that_all_numbers_are_measured(write, arc):
     assert inspect_profiles(write(text), lost="none").lost == 0
 
 
+@pytest.mark.parametrize(
+    "word", ["0xFFFFFFFF", "*****", "-1.#IND00", "1.#QNAN", "overrange", "N/A"]
+)
+@pytest.mark.parametrize("fraction", [0.1, 0.6])
+def test_words_that_sensors_write_mark_lost_points(write, arc, word, fraction):
+    text, lost = spoilt(arc, word, fraction)
+    assert inspect_profiles(write(text)).lost == lost.sum()
+
+
+def test_a_word_in_most_lines_is_named_with_the_option(write, arc):
+    text, lost = spoilt(arc, "dunkel", 0.6)
+    path = write(text)
+    with pytest.raises(UnreadableFile, match=f"'dunkel' in {lost.sum()} lines.*--lost dunkel"):
+        inspect_profiles(path)
+    assert inspect_profiles(path, lost="dunkel").lost == lost.sum()
+
+
 def test_a_word_can_mark_lost_points(write, arc):
     text, lost = spoilt(arc, "ERR", 0.2)
     assert inspect_profiles(write(text), lost="ERR").lost == lost.sum()
@@ -132,6 +150,8 @@ def test_points_in_python_are_warned_of_and_removed_on_request(arc):
         assert Profile(points).lost == 0
     assert Profile(points, lost=-9999).lost == 16
     assert Profile(points, lost=[-9999, 7]).lost == 16
+    points[::5, 1] = -999.9999
+    assert Profile(points.astype(np.float32), lost=-999.9999).lost == 16
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert Profile(points, lost=()).lost == 0
