@@ -14,7 +14,7 @@ from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.laser_scan import is_laser_scan, profiles_from_scans
 from lsvision.io.profiles.matrix import profiles_from_matrix, rises
 from lsvision.io.profiles.named_columns import profiles_from_named
-from lsvision.io.profiles.number_rows import MISSING_VALUES
+from lsvision.io.profiles.number_rows import POINT_NUMBER, is_missing
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.stated_units import one_unit
 from lsvision.io.profiles.text_table import TextTable, decode_text
@@ -27,6 +27,8 @@ MAX_DEPTH = 4
 MIN_PAIRS, MIN_TRIPLES = 3, 5
 """Rows of a list of points: a shorter one is a matrix or a size."""
 _TRIPLES = "scan_line"
+_FLAT_KEYS = ("points", "profile", _TRIPLES, "line")
+_NAME_KEYS = ("columns", "names", "header", "fields", "labels")
 _POINT_KEYS = ("points", "profile", _TRIPLES, "line", "data", "profiles", "scans")
 _OPENCV_NUMBER = re.compile(
     r"(?<![\w.\"])([-+]?)\.(nan|inf)\b|(?<=[0-9])\.(?=[\s,\]}e])", re.IGNORECASE
@@ -122,9 +124,12 @@ def _from_object(
         known = {k: v for k, v in columns.items() if is_known_role(split_label(k)[0])}
         arrays = {key: _arrays(value) for key, value in known.items()}
         return profiles_from_named(arrays, settings, statements)
-    matrix = _opencv_matrix(document)
-    if matrix is not None:
-        return _from_rows(matrix, settings, statements)
+    if settings.dx is not None and len(columns) == 1 and roles & {"height", "range"}:
+        rows = _floats(next(iter(columns.values())))
+        return profiles_from_matrix(TextTable(np.atleast_2d(rows), statements=statements), settings)
+    table = _named_rows(document, statements) or _opencv_matrix(document, statements)
+    if table is not None:
+        return profiles_from_table(table, settings)
     lists = {k: v for k, v in document.items() if isinstance(v, list | Mapping)}
     for key in sorted(lists, key=_rank):
         found = _from_named_list(key, lists[key], settings, statements, depth)
@@ -142,7 +147,7 @@ def _from_named_list(
 ) -> RawProfiles | None:
     """Profiles under a key: a flat list only under a name for points."""
     if isinstance(value, list) and _column(value) and not isinstance(value[0], list):
-        if key.lower() not in _POINT_KEYS:
+        if key.lower() not in _FLAT_KEYS:
             return None
         return _from_flat(key.lower(), _floats(value), settings, statements)
     found = _profiles(value, settings, depth + 1)
@@ -183,7 +188,9 @@ def _from_objects(
     if all(map(is_laser_scan, document)):
         return profiles_from_scans(document)
     keys = list(document[0])
-    scalar = [key for key in keys if all(_is_scalar(item.get(key)) for item in document)]
+    scalar = [
+        key for key in keys if not any(isinstance(i.get(key), list | Mapping) for i in document)
+    ]
     roles = {column_role(split_label(key)[0]) for key in scalar}
     if "x" in roles and roles & {"height", "range", "y"}:
         table = _table_of_objects(document, scalar)
@@ -206,7 +213,7 @@ def _table_of_objects(document: Sequence[Mapping[str, Any]], keys: Sequence[str]
     values = np.full((len(document), len(keys)), np.nan)
     for column, key in enumerate(keys):
         cells = [item.get(key) for item in document]
-        if any(isinstance(c, str) and c.strip().lower() not in MISSING_VALUES for c in cells):
+        if not all(map(_is_scalar, cells)):
             texts[column] = [str(cell) for cell in cells]
         else:
             values[:, column] = _floats(cells)
@@ -262,14 +269,37 @@ def flat_width(key: str, values: FloatArray) -> int | None:
 def _from_rows(
     rows: FloatArray, settings: ReadSettings, statements: tuple[UnitStatement, ...]
 ) -> RawProfiles:
+    return profiles_from_table(_table_of_rows(rows, statements), settings)
+
+
+def _table_of_rows(rows: FloatArray, statements: tuple[UnitStatement, ...]) -> TextTable:
+    """Rows of two or three numbers, or two or three rows, under their usual names."""
     if rows.shape[1] > rows.shape[0] and rows.shape[0] in (2, 3):
         rows = rows.T
     names = {2: ("x", "z"), 3: ("x", "y", "z")}.get(rows.shape[1], ())
-    units = (None,) * rows.shape[1]
-    return profiles_from_table(TextTable(rows, names, units, statements), settings)
+    return TextTable(rows, names, (None,) * rows.shape[1], statements)
 
 
-def _opencv_matrix(document: Mapping[str, Any]) -> FloatArray | None:
+def _named_rows(
+    document: Mapping[str, Any], statements: tuple[UnitStatement, ...]
+) -> TextTable | None:
+    """Rows of numbers beside a list of their columns' names."""
+    for key, labels in document.items():
+        if key.lower() not in _NAME_KEYS or not isinstance(labels, list) or len(labels) < 2:
+            continue
+        parsed = [split_label(str(label)) for label in labels]
+        for value in document.values():
+            if value is labels or not (rows := _column(value)) or not isinstance(rows[0], list):
+                continue
+            if all(len(row) == len(labels) for row in rows):
+                names, units = zip(*parsed, strict=True)
+                return TextTable(_floats(rows), names, units, statements)
+    return None
+
+
+def _opencv_matrix(
+    document: Mapping[str, Any], statements: tuple[UnitStatement, ...]
+) -> TextTable | None:
     if document.get("type_id") != "opencv-matrix":
         return None
     rows, columns, data = (document.get(key) for key in ("rows", "cols", "data"))
@@ -282,7 +312,8 @@ def _opencv_matrix(document: Mapping[str, Any]) -> FloatArray | None:
         raise UnreadableFile(
             f"an opencv-matrix of {rows} x {columns} with {values.size} numbers: write it anew"
         )
-    return values.reshape(-1, columns * channels if channels == 1 or columns > 1 else channels)
+    width = columns * channels if channels == 1 or columns > 1 else channels
+    return _table_of_rows(values.reshape(-1, width), statements)
 
 
 def _statements(document: Mapping[str, Any]) -> tuple[UnitStatement, ...]:
@@ -295,6 +326,10 @@ def _statement_lines(document: Mapping[str, Any]) -> Iterator[str]:
             yield f"{key}: {value}"
         elif isinstance(value, Mapping) and "unit" in key.lower():
             yield from (f"unit_{axis}: {unit}" for axis, unit in value.items())
+        elif isinstance(value, Mapping):
+            yield from (f"{name}: {text}" for name, text in value.items() if isinstance(text, str))
+        elif isinstance(value, int | float) and not isinstance(value, bool):
+            yield f"{key}: {value}"
         elif isinstance(value, list) and "unit" in key.lower():
             yield f"{key}: {', '.join(map(str, value))}"
 
@@ -325,14 +360,14 @@ def _floats(value: Any) -> FloatArray:
 def _known(value: Any) -> Any:
     if isinstance(value, list):
         return [_known(item) for item in value]
-    if value is None or (isinstance(value, str) and value.strip().lower() in MISSING_VALUES):
+    if value is None or (isinstance(value, str) and is_missing(value)):
         return float("nan")
     return value
 
 
 def _is_scalar(value: Any) -> bool:
     if isinstance(value, str):
-        return value.strip().lower() in MISSING_VALUES
+        return is_missing(value) or bool(POINT_NUMBER.fullmatch(value.strip()))
     return value is None or (isinstance(value, int | float) and not isinstance(value, bool))
 
 

@@ -86,7 +86,7 @@ def _section(scan: Mapping[str, Any]) -> FloatArray:
     with np.errstate(invalid="ignore"):
         lost = ~np.isfinite(ranges) | (ranges <= 0)
         lost |= (ranges < low) if math.isfinite(low) else False
-        lost |= (ranges > high) if math.isfinite(high) and high > 0 else False
+        lost |= (ranges >= high) if math.isfinite(high) and high > 0 else False
     ranges[lost] = np.nan
     angles = start + step * np.arange(len(ranges))
     return np.column_stack([ranges * np.sin(angles), -ranges * np.cos(angles)])

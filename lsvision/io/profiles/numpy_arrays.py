@@ -101,6 +101,11 @@ def _profiles_from_array(
         if settings.units is None:
             unit = one_unit(None, [s for s in statements if s.axis is None])
         return RawProfiles(sections=list(values), units=(unit, unit))
+    if values.ndim == 3 and values.shape[2] == 3 and len(values):
+        number = np.repeat(np.arange(float(len(values))), values.shape[1])
+        rows = np.column_stack([number, values.reshape(-1, 3)])
+        table = TextTable(rows, ("scan", "x", "y", "z"), (None,) * 4, statements)
+        return profiles_from_table(table, settings)
     if values.ndim == 1:
         values = values.reshape(1, -1)
     if values.ndim != 2 or values.size == 0:

@@ -189,3 +189,22 @@ def test_a_list_of_numbers_in_opencv_storage_is_no_list_of_points(write):
     numbers = ", ".join(["1", "2", "1", "0"] * 10)
     with pytest.raises(UnreadableFile, match="'labels' are no points"):
         read_profile(write(f"%YAML:1.0\n---\nlabels: [ {numbers} ]\n"))
+
+
+def test_names_beside_rows_say_the_order_of_columns(write, arc):
+    document = {"columns": ["Z [um]", "X [um]"], "data": (1000 * arc[:, ::-1]).tolist()}
+    npt.assert_allclose(read_profile(write(json.dumps(document))).points, arc)
+
+
+def test_units_and_scales_deeper_in_json_are_no_silence(write, arc):
+    um = {"x": (1000 * arc[:, 0]).tolist(), "z": (1000 * arc[:, 1]).tolist()}
+    for more in ({"meta": {"unit": "um"}}, {"header": {"units": "micrometers"}}):
+        npt.assert_allclose(read_profile(write(json.dumps({**more, **um}))).points, arc)
+    with pytest.raises(UnreadableFile, match=r"'scale: 0\.001' is stated"):
+        read_profile(write(json.dumps({"scale": 0.001, **um})))
+
+
+def test_bytes_of_a_point_cloud_message_are_no_points(write):
+    message = {"height": 1, "width": 2, "fields": [{"name": "x"}], "data": list(range(64))}
+    with pytest.raises(UnreadableFile, match="its keys are height, width, fields, data"):
+        read_profile(write(json.dumps(message)))
