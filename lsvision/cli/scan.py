@@ -48,6 +48,7 @@ from lsvision.cli.sources import (
 
 if TYPE_CHECKING:
     from lsvision.io.profiles import ReadOptions
+    from lsvision.io.results import Record
     from lsvision.measure import Measurement
     from lsvision.profile import Profile
     from lsvision.scan import ScanMeasurement, TubeShape
@@ -152,7 +153,7 @@ def scan(
 
     from lsvision.scan import PoseErrors, fit_sections_jointly
 
-    profiles, names = _read_all(sources, reading)
+    profiles, names, records = _read_all(sources, reading)
     base_from_sections = scan_poses(motion, len(profiles))
     measurements = _measure_all(profiles, names, search, known, noise)
     found = fit_sections_jointly(
@@ -166,16 +167,21 @@ def scan(
     typer.echo(
         "\n".join(scan_lines(found, shapes, motion_uncertainty_caption(motion), verbose=verbose))
     )
-    _write_tables(found, shapes, names, base_from_sections, (json_file, csv_file))
+    _write_tables(found, shapes, (names, records), base_from_sections, (json_file, csv_file))
     _write_views(
         found, _all_points(profiles, base_from_sections), (plot, points_ply, surfaces_ply), files
     )
 
 
-def _read_all(sources: Sequence[Path], reading: "ReadOptions") -> "tuple[list[Profile], list[str]]":
-    """Profiles of all files in their order, and a name for each."""
+def _read_all(
+    sources: Sequence[Path], reading: "ReadOptions"
+) -> "tuple[list[Profile], list[str], list[Record]]":
+    """Profiles of all files in their order, a name for each, and how each was read."""
+    from lsvision.io.results import input_record
+
     profiles: list[Profile] = []
     names: list[str] = []
+    inputs: list[Record] = []
     files = [read_source(source, reading) for source in sources]
     print_reading_notes(files)
     for source, file in zip(sources, files, strict=True):
@@ -185,7 +191,8 @@ def _read_all(sources: Sequence[Path], reading: "ReadOptions") -> "tuple[list[Pr
             f"{source}, profile {number}" if several else str(source)
             for number in range(len(file.profiles))
         ]
-    return profiles, names
+        inputs += [input_record(file, number) for number in range(len(file.profiles))]
+    return profiles, names, inputs
 
 
 def _measure_all(
@@ -230,7 +237,7 @@ def _all_points(profiles: "Sequence[Profile]", poses: "Sequence[Pose]") -> "Poin
 def _write_tables(
     found: "ScanMeasurement",
     shapes: "Sequence[TubeShape | None]",
-    names: Sequence[str],
+    read: "tuple[list[str], list[Record]]",
     base_from_sections: "Sequence[Pose]",
     outputs: tuple[Path | None, Path | None],
 ) -> None:
@@ -239,7 +246,7 @@ def _write_tables(
     if json_file is not None:
         from lsvision.io.scan_results import scan_record, write_scan_json
 
-        write_scan_json(json_file, scan_record(found, shapes, names))
+        write_scan_json(json_file, scan_record(found, shapes, *read))
     if csv_file is not None:
         from lsvision.io.scan_table_file import write_scan_csv
 

@@ -146,12 +146,15 @@ def test_a_matrix_of_heights_is_a_scan(run, tmp_path) -> None:
     heights = -300 + np.sqrt(np.maximum(19.0**2 - x**2, 0)) + rng.normal(0, 0.03, (12, 240))
     heights[:, np.abs(x) > 17] = np.nan
     np.save(tmp_path / "rows.npy", heights)
-    found = run(tmp_path / "rows.npy", *MOTION, "--x0", -30, "--dx", 0.25)
+    out = tmp_path / "out.json"
+    found = run(tmp_path / "rows.npy", *MOTION, "--x0", -30, "--dx", 0.25, "--json", out)
     assert found.exit_code == 0, found.output
     assert "12 profiles" in found.stdout
     (radius,) = re.findall(r"(?m)^1 +([0-9.]+) ±", found.stdout)
     assert abs(float(radius) - 19) < 0.05
     assert "units taken as mm" in found.stderr
+    inputs = json.loads(out.read_text())["inputs"]
+    assert [record["units_assumed"] for record in inputs] == [True] * 12
     refused = run(tmp_path / "rows.npy", *MOTION)
     assert refused.exit_code == 1
     assert "--x0 and --dx" in refused.stderr

@@ -1,10 +1,10 @@
-"""ROS bags and MCAP files: read by ``rosbags`` where it is installed, else refused with advice."""
+"""ROS bags and MCAP files: refused, with the commands that write what is read."""
 
 from lsvision.errors import UnreadableFile
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 
 
-def read_ros_bag(content: bytes, settings: ReadSettings) -> RawProfiles:
+def read_ros_bag(content: bytes, _: ReadSettings) -> RawProfiles:
     """Refuse a ROS bag.
 
     Raises
@@ -13,7 +13,6 @@ def read_ros_bag(content: bytes, settings: ReadSettings) -> RawProfiles:
         Always: with the commands that write its scans in a form that is read.
     """
     raise UnreadableFile(
-        f"a ROS bag of {len(content)} bytes is not read: write its LaserScan messages as text, "
-        f"rostopic echo -b FILE -p /scan > scans.csv, or its clouds as PCD (format "
-        f"{settings.format or 'rosbag'})"
+        f"a ROS bag of {len(content)} bytes is not read: write its LaserScan messages as text with "
+        "rostopic echo -b FILE -p /scan > scans.csv, or its clouds as PCD"
     )
