@@ -9,8 +9,8 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.shapes import FloatArray, IntArray, Points, as_readonly_array
-from lsvision.shapes.noisy_points import NoisyPoints
+from lsvision.geometry import FloatArray, IntArray, Points, as_readonly_array
+from lsvision.geometry.noisy_points import NoisyPoints
 from lsvision.statistics.lost_markers import find_lost_markers
 
 MAX_COORDINATE_MM = 1e9

@@ -141,7 +141,7 @@ def sphere(
         transpose=transpose, x0=x0, dx=dx, z_unit=z_unit,
     )  # fmt: skip
     seen = read_target_profiles(job, profiles, reading, plan_out)
-    from lsvision.calibrate.hand_eye import calibrate_hand_eye_sphere
+    from lsvision.calibration.hand_eye import calibrate_hand_eye_sphere
 
     with prefix_file_names(pose=seen.names):
         found = calibrate_hand_eye_sphere(
@@ -196,7 +196,7 @@ def plane(
         transpose=transpose, x0=x0, dx=dx, z_unit=z_unit,
     )  # fmt: skip
     seen = read_target_profiles(job, profiles, reading, plan_out)
-    from lsvision.calibrate.hand_eye import calibrate_hand_eye_plane
+    from lsvision.calibration.hand_eye import calibrate_hand_eye_plane
 
     with prefix_file_names(pose=seen.names):
         found = calibrate_hand_eye_plane(
@@ -241,7 +241,7 @@ def board(
     pattern = parse_target(target_name, counts, square, marker, dictionary)
     files = image_files(images)
     check_files(job, [*files, camera])
-    from lsvision.calibrate.hand_eye import calibrate_hand_eye_board
+    from lsvision.calibration.hand_eye import calibrate_hand_eye_board
 
     names = [file.name for file in files]
     flanges = read_flanges(poses, convention, names)

@@ -20,9 +20,9 @@ from lsvision.cli.sources import (
 from lsvision.errors import LsvisionError, UnreadableFile
 
 if TYPE_CHECKING:
+    from lsvision.geometry import Pose
     from lsvision.io.profiles import ReadOptions
     from lsvision.profile import Profile
-    from lsvision.shapes import Pose
 
 Report = Annotated[
     Path | None, typer.Option(metavar="F.html", help="Write a page with pictures for people.")

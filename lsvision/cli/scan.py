@@ -47,13 +47,13 @@ from lsvision.cli.sources import (
 )
 
 if TYPE_CHECKING:
+    from lsvision.geometry import Points, Pose
     from lsvision.io.profiles import ReadOptions
     from lsvision.io.results import Record
     from lsvision.measure import Measurement
     from lsvision.profile import Profile
     from lsvision.scan import ScanMeasurement, TubeShape
-    from lsvision.sensor.profile_sensor import ProfileSensor
-    from lsvision.shapes import Points, Pose
+    from lsvision.sensors.profile_sensor import ProfileSensor
 
 
 def scan(

@@ -23,7 +23,7 @@ from lsvision.cylinder.problem import (
 )
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import DegenerateGeometry, TooFewPoints
-from lsvision.shapes import Cylinder, FloatArray, Points, as_readonly_array
+from lsvision.geometry import Cylinder, FloatArray, Points, as_readonly_array
 
 COPLANARITY_TOLERANCE = 1e-7
 """Thickness of a set of points over its extent under which it lies in a plane or on a line."""

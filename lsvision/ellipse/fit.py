@@ -32,8 +32,8 @@ from lsvision.ellipse.robust_gauss_newton import (
     solve_positive_definite,
 )
 from lsvision.errors import TooFewPoints
-from lsvision.shapes import Ellipse, FloatArray, Points
-from lsvision.shapes.noisy_points import ComplexArray, NoisyPoints, as_complex, as_vectors
+from lsvision.geometry import Ellipse, FloatArray, Points
+from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints, as_complex, as_vectors
 from lsvision.statistics.correlation import (
     LOW_FREQUENCY_DOF,
     Correlation,

@@ -11,9 +11,9 @@ import numpy as np
 from lsvision.errors import UnreadableFile
 from lsvision.io.atomic_files import write_atomic
 from lsvision.io.calibration import CAMERA_SCHEMA, LASER_PLANE_SCHEMA
-from lsvision.sensor import rig_file
-from lsvision.sensor.camera import Camera
-from lsvision.sensor.rig_file import camera_from_json, read_json
+from lsvision.sensors import rig_file
+from lsvision.sensors.camera import Camera
+from lsvision.sensors.rig_file import camera_from_json, read_json
 
 MATRIX_KEYS = ("camera_matrix", "cameraMatrix", "K", "k", "M1", "mtx")
 DISTORTION_KEYS = (

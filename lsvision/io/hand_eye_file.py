@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from lsvision.calibrate.hand_eye_result import HandEye, RejectedPose, Sphere
+from lsvision.calibration.hand_eye_result import HandEye, RejectedPose, Sphere
 from lsvision.errors import UnreadableFile
+from lsvision.geometry import Plane, Pose
 from lsvision.io.atomic_files import write_atomic
-from lsvision.shapes import Plane, Pose
 
 SCHEMA = "lsvision/hand-eye/1"
 UNITS = {"length": "mm", "angle": "rad", "covariance": "translation mm, left-hand rotation rad"}

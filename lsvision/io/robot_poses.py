@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.errors import UnreadableFile
+from lsvision.geometry import Pose
 from lsvision.io.pose_rows import pose_rows
 from lsvision.io.robot_conventions import (
     AngleUnit,
@@ -18,7 +19,6 @@ from lsvision.io.robot_conventions import (
     convention_named,
     pose_from_numbers,
 )
-from lsvision.shapes import Pose
 
 _Unit = TypeVar("_Unit", LengthUnit, AngleUnit)
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lsvision.geometry import Pose
 from lsvision.io.atomic_files import write_atomic
-from lsvision.shapes import Pose
 
 if TYPE_CHECKING:
     from lsvision.scan import ScanMeasurement, ScannedCylinder

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lsvision.shapes import FloatArray, IntArray
+from lsvision.geometry import FloatArray, IntArray
 
 MIN_REST = 5
 """Values beside a marker; fewer do not show how far from them it lies."""

@@ -8,12 +8,12 @@ from typing import NoReturn
 import numpy as np
 
 from lsvision.errors import UnreadableFile
+from lsvision.geometry import FloatArray, IntArray
 from lsvision.io.profiles.column_roles import column_role, is_part_name
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.stated_units import resolve_units
 from lsvision.io.profiles.text_table import TextTable
 from lsvision.io.profiles.units import split_label
-from lsvision.shapes import FloatArray, IntArray
 
 _FEWEST_PER_PROFILE = 5  # points: fewer make no ellipse, so a key that splits finer is no key
 _CONSTANT = 1e-6  # spread of a column that does not vary, relative to that of the widest

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from lsvision.errors import UnreadableFile
+from lsvision.geometry import FloatArray
 from lsvision.io.profiles.column_roles import column_role, is_known_role
 from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.laser_scan import is_laser_scan, profiles_from_scans
@@ -20,7 +21,6 @@ from lsvision.io.profiles.stated_units import one_unit
 from lsvision.io.profiles.text_table import TextTable, decode_text
 from lsvision.io.profiles.unit_statements import UnitStatement, lost_statements, unit_statements
 from lsvision.io.profiles.units import split_label
-from lsvision.shapes import FloatArray
 
 MAX_DEPTH = 4
 """Levels of objects and lists that are searched for points."""

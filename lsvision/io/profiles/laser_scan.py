@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from lsvision.errors import UnreadableFile
+from lsvision.geometry import FloatArray
 from lsvision.io.profiles.number_rows import numbers_from_cells
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.text_table import decode_text
-from lsvision.shapes import FloatArray
 
 _KEPT_KEYS = ("angle_min", "angle_increment", "angle_max", "range_min", "range_max")
 _RANGE_COLUMN = re.compile(r"ranges[\[_.]?[0-9]+\]?")

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lsvision.geometry import BoolArray, FloatArray
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
-from lsvision.shapes import BoolArray, FloatArray
 from lsvision.statistics.lost_markers import find_lost_markers
 
 KEYENCE_LOST = (-99999.9999, -99999.999, -99999.99, -99999.9)

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from lsvision.errors import UnreadableFile
+from lsvision.geometry import FloatArray
 from lsvision.io.profiles.column_roles import column_role
 from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.matrix import column_positions
@@ -13,7 +14,6 @@ from lsvision.io.profiles.stated_units import one_unit
 from lsvision.io.profiles.text_table import TextTable
 from lsvision.io.profiles.unit_statements import UnitStatement
 from lsvision.io.profiles.units import split_label
-from lsvision.shapes import FloatArray
 
 _Column = FloatArray | Sequence[FloatArray]
 

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from lsvision.errors import UnreadableFile
+from lsvision.geometry import FloatArray
 from lsvision.io.profiles.column_roles import is_known_role
 from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.json_points import flat_width
@@ -16,7 +17,6 @@ from lsvision.io.profiles.number_rows import numbers_from_cells
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.text_table import TextTable, decode_text
 from lsvision.io.profiles.unit_statements import lost_statements, unit_statements
-from lsvision.shapes import FloatArray
 
 _TRIPLES = "scan_line"
 _KEYS = (_TRIPLES, "profile", "points", "line")

@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 
 from lsvision.errors import UnreadableFile
+from lsvision.geometry import FloatArray
 from lsvision.io.profiles.column_roles import column_role
 from lsvision.io.profiles.named_columns import profiles_from_named
 from lsvision.io.profiles.number_rows import floats_from
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.unit_statements import UnitStatement, unit_statements
 from lsvision.io.profiles.units import split_label
-from lsvision.shapes import FloatArray
 
 
 def read_parquet(content: bytes, settings: ReadSettings) -> RawProfiles:

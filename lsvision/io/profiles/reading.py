@@ -9,6 +9,7 @@ from typing import Unpack
 import numpy as np
 
 from lsvision.errors import UnreadableFile
+from lsvision.geometry import FloatArray
 from lsvision.io.profiles.detection import detect_format
 from lsvision.io.profiles.gocator import read_gocator, read_gocator_points
 from lsvision.io.profiles.height_map import read_height_map
@@ -27,7 +28,6 @@ from lsvision.io.profiles.settings import RawProfiles, ReadOptions, ReadSettings
 from lsvision.io.profiles.units import mm_per_unit
 from lsvision.io.profiles.yaml_points import read_yaml
 from lsvision.profile import Profile
-from lsvision.shapes import FloatArray
 
 _READERS: dict[str, Callable[[bytes, ReadSettings], RawProfiles]] = {
     "text": read_plain_text,

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypedDict
 
+from lsvision.geometry import FloatArray
 from lsvision.io.profiles.units import MM_PER_UNIT, mm_per_unit, parse_unit
-from lsvision.shapes import FloatArray
 
 MM_PER_KEYENCE_STEP = 1e-5
 """The controllers of Keyence state their scales in 0.01 um."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from lsvision.errors import UnreadableFile
+from lsvision.geometry import FloatArray
 from lsvision.io.profiles.number_rows import (
     COMMENT_MARKS,
     Word,
@@ -21,7 +22,6 @@ from lsvision.io.profiles.unit_statements import (
     unit_statements,
 )
 from lsvision.io.profiles.units import StatedUnit
-from lsvision.shapes import FloatArray
 
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1b\x7f]")
 _CUT_COMMA = re.compile(r"(?:^|,)[-+]?[0-9]{1,3},0[0-9]+(?=[,.\r\n]|$)", re.MULTILINE)
