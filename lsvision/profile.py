@@ -1,16 +1,22 @@
 """A profile: the ordered points of one section in mm, which sensors give and steps take."""
 
 import math
+import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
+import numpy.typing as npt
 
 from lsvision.geometry import FloatArray, IntArray, Points, as_readonly_array
 from lsvision.geometry.noisy_points import NoisyPoints
+from lsvision.statistics.lost_markers import find_lost_markers
 
 MAX_COORDINATE_MM = 1e9
 """A thousand kilometres: larger numbers of a file are no points, and their squares overflow."""
+MARKER_TOLERANCE = 1e-7
+"""Relative difference of a coordinate from a marker of lost points: single precision rounds."""
 MAX_NOISE_FACTOR, MAX_ESTIMATED_NOISE_FACTOR = 3.0, 4.0
 """Scatter about an ellipse over the standard deviation of a noise model, and over an estimated
 one, which is too small where a sensor smooths along the line."""
@@ -71,7 +77,7 @@ class PointNoise:
         return self.point_covariances
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class Profile:
     """Ordered points of one light section.
 
@@ -83,26 +89,50 @@ class Profile:
         count as lost, and a row with one lost coordinate is lost whole). Units: mm.
     noise : NoiseModel, optional
         What the sensor knows of its own errors.
+    lost : float or sequence of float, optional
+        Values that mark lost points, as -9999, in either coordinate. Without it nothing is
+        removed, and values that look like such a marker are warned of; ``()`` says that there
+        are none.
 
     Raises
     ------
     ValueError
         If `points` is not (n, 2).
 
+    Warns
+    -----
+    UserWarning
+        If a value looks like a marker of lost points and `lost` is not given.
+
     Examples
     --------
     >>> profile = Profile([[0.0, -400.0], [float("nan"), 0.0], [1.2, -399.8]])
     >>> len(profile), profile.lost
     (3, 1)
+    >>> Profile([[0.0, -400.0], [0.6, -9999.0], [1.2, -399.8]], lost=-9999).lost
+    1
     """
 
     points: Points
     noise: NoiseModel | None = None
 
-    def __post_init__(self) -> None:
-        points = np.array(as_readonly_array(self.points, ("n", 2), "points"))
-        points[~(np.abs(points) < MAX_COORDINATE_MM).all(axis=1)] = np.nan
-        object.__setattr__(self, "points", as_readonly_array(points, ("n", 2)))
+    def __init__(
+        self,
+        points: npt.ArrayLike,
+        noise: NoiseModel | None = None,
+        *,
+        lost: float | Sequence[float] | None = None,
+    ) -> None:
+        rows = np.array(as_readonly_array(points, ("n", 2), "points"))
+        rows[~(np.abs(rows) < MAX_COORDINATE_MM).all(axis=1)] = np.nan
+        if lost is None:
+            _warn_of_markers(rows)
+        else:
+            for value in np.atleast_1d(np.asarray(lost, dtype=np.float64)):
+                near = np.abs(rows - value) <= MARKER_TOLERANCE * abs(value)
+                rows[near.any(axis=1)] = np.nan
+        object.__setattr__(self, "points", as_readonly_array(rows, ("n", 2)))
+        object.__setattr__(self, "noise", noise)
 
     def __len__(self) -> int:
         return len(self.points)
@@ -111,6 +141,18 @@ class Profile:
     def lost(self) -> int:
         """Number of lost points."""
         return int(np.isnan(self.points[:, 0]).sum())
+
+
+def _warn_of_markers(points: Points) -> None:
+    for axis in (1, 0):
+        for value in find_lost_markers(points[:, axis], known_only=True):
+            count = int(np.count_nonzero(points[:, axis] == value))
+            warnings.warn(
+                f"{value:.10g} stands in {count} of {len(points)} points and looks like a marker "
+                f"of lost points: say Profile(points, lost={value:.10g}), or lost=() if not",
+                UserWarning,
+                stacklevel=3,
+            )
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -23,7 +23,7 @@ from lsvision.cli.robot_frame import RobotFrame, robot_frame_table
 from lsvision.cli.robot_poses import read_poses
 from lsvision.cli.section_table import measurement_lines
 from lsvision.cli.sources import read_source
-from lsvision.errors import LsvisionError, UnreadableFile
+from lsvision.errors import LsvisionError
 
 if TYPE_CHECKING:
     from lsvision.cylinder.robot_frame import PlacedCylinder
@@ -156,9 +156,6 @@ def _sections(
 ) -> "tuple[ProfileFile | ImageFile, list[_Section]]":
     """Read a file, unless that is done already, and measure its profiles."""
     file, flanges = ahead or (_read(source, batch), None)
-    doubts = [note for note in file.notes if "--units" in note]  # such a note names the mend
-    if doubts and file.units_assumed:
-        raise UnreadableFile(f"{source}: {'; '.join(doubts)}, or --units mm if it is right")
     sections = []
     for number, profile in enumerate(file.profiles):
         show(number, len(file.profiles))
@@ -179,7 +176,8 @@ def _sections(
 
 
 def _read(source: Path | LiveCamera, batch: BatchOptions) -> "ProfileFile | ImageFile":
-    if isinstance(source, LiveCamera) or is_image(source):
+    height_map = batch.imaging is None and batch.reading.get("dx") is not None
+    if isinstance(source, LiveCamera) or (is_image(source) and not height_map):
         return read_image_source(source, batch.imaging)
     return read_source(source, batch.reading)
 
@@ -188,7 +186,7 @@ def _holds_cylinders_upside_down(profile: "Profile", batch: BatchOptions) -> boo
     from lsvision.profile import Profile
 
     step = 1 + len(profile) // MAX_FLIP_CHECK_POINTS
-    mirrored = Profile(profile.points[::step] * (1.0, -1.0))
+    mirrored = Profile(profile.points[::step] * (1.0, -1.0), lost=())
     try:
         return bool(batch.measuring(mirrored).cylinders)
     except LsvisionError:
@@ -200,6 +198,8 @@ def _lines(
 ) -> list[str]:
     doubts = [range_warning(section.profile, batch.sensor) for section in sections]
     notes = [*file.notes, *dict.fromkeys(doubt for doubt in doubts if doubt)]
+    if batch.verbose and not isinstance(file, ImageFile) and file.ignored:
+        notes.append(f"columns not used: {', '.join(file.ignored)}")
     lines = [f"{file.path}: {file.summary}", *(f"  note: {note}" for note in notes)]
     turn = "--no-flip" if file.flipped else "--flip"
     for section in sections:
@@ -216,7 +216,7 @@ def _lines(
 
 
 def _records(file: "ProfileFile | ImageFile", sections: list[_Section]) -> "list[Record]":
-    from lsvision.io.results import measurement_record
+    from lsvision.io.results import input_record, measurement_record
 
     return [
         measurement_record(
@@ -224,6 +224,7 @@ def _records(file: "ProfileFile | ImageFile", sections: list[_Section]) -> "list
             source=str(file.path),
             profile=section.number,
             placed=section.placed,
+            reading=None if isinstance(file, ImageFile) else input_record(file, section.number),
         )
         for section in sections
     ]

@@ -10,7 +10,13 @@ import typer
 
 from lsvision.cli.image_options import check_colours
 from lsvision.cli.messages import FAILED, print_error
-from lsvision.cli.sources import IMAGE_SUFFIXES, PROFILE_SUFFIXES, find_sources, read_source
+from lsvision.cli.sources import (
+    IMAGE_SUFFIXES,
+    PROFILE_SUFFIXES,
+    find_sources,
+    print_reading_notes,
+    read_source,
+)
 from lsvision.errors import LsvisionError, UnreadableFile
 
 if TYPE_CHECKING:
@@ -72,8 +78,9 @@ def read_named_profiles(
     """
     profiles: list[Profile] = []
     names: list[str] = []
-    for path in paths:
-        file = read_source(path, options)
+    files = [read_source(path, options) for path in paths]
+    print_reading_notes(files)
+    for path, file in zip(paths, files, strict=True):
         several = len(file.profiles) > 1
         profiles += file.profiles
         names += [

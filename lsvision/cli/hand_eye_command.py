@@ -165,13 +165,14 @@ def report_hand_eye(
     """Write the files and print the result."""
     from lsvision.io.calibration import provenance_of
     from lsvision.io.hand_eye_file import export_easy_handeye, save_hand_eye
+    from lsvision.io.robot_poses import pose_files
 
     rows = hand_eye_rows(found)
     doubts = [f"left out: {names[pose.index]}: {pose.reason}" for pose in found.rejected]
     doubts += [f"warning: {text}" for text in found.warnings]
     believed = len(names) - len(found.rejected)
     method = f"{type(found.target).__name__.lower()}, {job.mounting}, {job.convention} poses"
-    provenance = provenance_of(method, dict.fromkeys([job.poses, *inputs]))
+    provenance = provenance_of(method, dict.fromkeys([*pose_files(job.poses), *inputs]))
     if job.report is not None:
         from lsvision.draw.calibration_report import ReportContent, hand_eye_page
         from lsvision.io.atomic_files import write_atomic

@@ -21,21 +21,26 @@ from lsvision.cli.outputs import check_outputs, check_picture
 from lsvision.cli.profile_options import (
     Columns,
     Convention,
+    CountUnit,
     FileFormat,
+    FirstX,
     Flip,
     HandEyeFile,
     JsonFile,
     KnownRadius,
+    Lost,
     PoseFile,
     Radius,
     RangeStd,
     ReferenceRange,
     SensorName,
+    Spacing,
+    Transpose,
     Units,
     Verbose,
 )
 from lsvision.cli.robot_frame import parse_robot_frame
-from lsvision.cli.sources import MEASURED_SUFFIXES, PROFILE_SUFFIXES, find_sources
+from lsvision.cli.sources import MEASURED_SUFFIXES, find_sources, suffixes_of_profiles
 
 if TYPE_CHECKING:
     from lsvision.io.results import Record
@@ -99,23 +104,17 @@ def measure(
     columns: Columns = None,
     units: Units = None,
     flip: Flip = None,
-    x0: Annotated[
-        float | None,
-        typer.Option("--x0", metavar="MM", help="Rows of heights: x of the first column."),
-    ] = None,
-    dx: Annotated[
-        float | None,
-        typer.Option("--dx", metavar="MM", help="Rows of heights: spacing of the columns."),
-    ] = None,
+    lost: Lost = None,
+    transpose: Transpose = False,
+    x0: FirstX = None,
+    dx: Spacing = None,
     x_start: Annotated[
         float | None, typer.Option(metavar="N", help="Raw Keyence: XStart, 0.01 um.")
     ] = None,
     x_pitch: Annotated[
         float | None, typer.Option(metavar="N", help="Raw Keyence: XPitch, 0.01 um.")
     ] = None,
-    z_unit: Annotated[
-        float | None, typer.Option(metavar="N", help="Raw Keyence: ZUnit, 0.01 um.")
-    ] = None,
+    z_unit: CountUnit = None,
     verbose: Verbose = False,
 ) -> None:
     """Measure radius and orientation of every cylinder in profiles or images of a laser line.
@@ -159,8 +158,8 @@ def measure(
         measuring=build_measure_function(radius, known_radius, known_phi_deg, noise, paper=paper),
         sensor=noise,
         reading=parse_read_options(
-            format=file_format, columns=columns, units=units, flip=flip,
-            x0=x0, dx=dx, x_start=x_start, x_pitch=x_pitch, z_unit=z_unit,
+            format=file_format, columns=columns, units=units, flip=flip, lost=lost,
+            transpose=transpose, x0=x0, dx=dx, x_start=x_start, x_pitch=x_pitch, z_unit=z_unit,
         ),
         imaging=imaging,
         placing=parse_robot_frame(poses, convention, flange_from_section),
@@ -168,7 +167,7 @@ def measure(
         verbose=verbose,
         debug=ctx.find_root().params.get("debug", False),
     )  # fmt: skip
-    suffixes = PROFILE_SUFFIXES if imaging is None else MEASURED_SUFFIXES
+    suffixes = suffixes_of_profiles(dx) if imaging is None else MEASURED_SUFFIXES
     paths, missing = find_sources(files or (), suffixes)
     inputs = [*paths, *filter(None, (poses, flange_from_section))]
     check_outputs((json_file, csv_file, plot), inputs)

@@ -18,27 +18,38 @@ from lsvision.cli.outputs import check_outputs, check_picture
 from lsvision.cli.profile_options import (
     Columns,
     Convention,
+    CountUnit,
     FileFormat,
+    FirstX,
     Flip,
     HandEyeFile,
     JsonFile,
     KnownRadius,
+    Lost,
     PoseFile,
     Radius,
     RangeStd,
     ReferenceRange,
     SensorName,
+    Spacing,
+    Transpose,
     Units,
     Verbose,
 )
 from lsvision.cli.progress import Progress
 from lsvision.cli.scan_poses import Robot, motion_uncertainty_caption, parse_motion, scan_poses
 from lsvision.cli.scan_table import scan_lines
-from lsvision.cli.sources import find_sources, read_source
+from lsvision.cli.sources import (
+    find_sources,
+    print_reading_notes,
+    read_source,
+    suffixes_of_profiles,
+)
 
 if TYPE_CHECKING:
     from lsvision.geometry import Points, Pose
     from lsvision.io.profiles import ReadOptions
+    from lsvision.io.results import Record
     from lsvision.measure import Measurement
     from lsvision.profile import Profile
     from lsvision.scan import ScanMeasurement, TubeShape
@@ -81,6 +92,9 @@ def scan(
         float, typer.Option(metavar="DEG", min=0, help="One sigma of the feed's direction.")
     ] = 0.0,
     json_file: JsonFile = None,
+    csv_file: Annotated[
+        Path | None, typer.Option("--csv", metavar="F", help="Write a cylinder a row as CSV.")
+    ] = None,
     plot: Annotated[
         Path | None, typer.Option(metavar="F.png|F.svg", help="Draw points and cylinders in 3D.")
     ] = None,
@@ -96,6 +110,11 @@ def scan(
     columns: Columns = None,
     units: Units = None,
     flip: Flip = None,
+    lost: Lost = None,
+    transpose: Transpose = False,
+    x0: FirstX = None,
+    dx: Spacing = None,
+    z_unit: CountUnit = None,
     verbose: Verbose = False,
 ) -> None:
     """Measure cylinders in space from several sections of known pose, jointly.
@@ -118,12 +137,15 @@ def scan(
     """  # noqa: D301 - the backspace tells click to leave the lines as they are
     check_picture(plot)
     motion = parse_motion(feed, step, poses, convention, flange_from_section)
-    reading = parse_read_options(format=file_format, columns=columns, units=units, flip=flip)
+    reading = parse_read_options(
+        format=file_format, columns=columns, units=units, flip=flip, lost=lost,
+        transpose=transpose, x0=x0, dx=dx, z_unit=z_unit,
+    )  # fmt: skip
     noise = parse_sensor(sensor, range_std, reference_range)
     search, known = parse_search_range(radius), parse_known_radius(known_radius)
-    sources, missing = find_sources(files)
+    sources, missing = find_sources(files, suffixes_of_profiles(dx))
     inputs = [*sources, *filter(None, (poses, flange_from_section))]
-    check_outputs((json_file, plot, points_ply, surfaces_ply), inputs)
+    check_outputs((json_file, csv_file, plot, points_ply, surfaces_ply), inputs)
     for failure in missing:
         print_error(str(failure))
     if missing:
@@ -131,7 +153,7 @@ def scan(
 
     from lsvision.scan import PoseErrors, fit_sections_jointly
 
-    profiles, names = _read_all(sources, reading)
+    profiles, names, records = _read_all(sources, reading)
     base_from_sections = scan_poses(motion, len(profiles))
     measurements = _measure_all(profiles, names, search, known, noise)
     found = fit_sections_jointly(
@@ -145,29 +167,33 @@ def scan(
     typer.echo(
         "\n".join(scan_lines(found, shapes, motion_uncertainty_caption(motion), verbose=verbose))
     )
-    if json_file is not None:
-        from lsvision.io.scan_results import scan_record, write_scan_json
-
-        write_scan_json(json_file, scan_record(found, shapes, names))
+    _write_tables(found, shapes, (names, records), base_from_sections, (json_file, csv_file))
     points = _all_points(profiles, base_from_sections)
     if plot is not None:
         _draw(plot, found, points, title=" ".join(files), of_robot=isinstance(motion, Robot))
     _write_clouds(found, points, points_ply, surfaces_ply)
 
 
-def _read_all(sources: Sequence[Path], reading: "ReadOptions") -> "tuple[list[Profile], list[str]]":
-    """Profiles of all files in their order, and a name for each."""
+def _read_all(
+    sources: Sequence[Path], reading: "ReadOptions"
+) -> "tuple[list[Profile], list[str], list[Record]]":
+    """Profiles of all files in their order, a name for each, and how each was read."""
+    from lsvision.io.results import input_record
+
     profiles: list[Profile] = []
     names: list[str] = []
-    for source in sources:
-        file = read_source(source, reading)
+    inputs: list[Record] = []
+    files = [read_source(source, reading) for source in sources]
+    print_reading_notes(files)
+    for source, file in zip(sources, files, strict=True):
         several = len(file.profiles) > 1
         profiles += file.profiles
         names += [
             f"{source}, profile {number}" if several else str(source)
             for number in range(len(file.profiles))
         ]
-    return profiles, names
+        inputs += [input_record(file, number) for number in range(len(file.profiles))]
+    return profiles, names, inputs
 
 
 def _measure_all(
@@ -207,6 +233,25 @@ def _all_points(profiles: "Sequence[Profile]", poses: "Sequence[Pose]") -> "Poin
     )
     seen: Points = points[np.isfinite(points[:, 0])]
     return seen
+
+
+def _write_tables(
+    found: "ScanMeasurement",
+    shapes: "Sequence[TubeShape | None]",
+    read: "tuple[list[str], list[Record]]",
+    base_from_sections: "Sequence[Pose]",
+    outputs: tuple[Path | None, Path | None],
+) -> None:
+    """The JSON and the CSV, each where it is wanted."""
+    json_file, csv_file = outputs
+    if json_file is not None:
+        from lsvision.io.scan_results import scan_record, write_scan_json
+
+        write_scan_json(json_file, scan_record(found, shapes, *read))
+    if csv_file is not None:
+        from lsvision.io.scan_table_file import write_scan_csv
+
+        write_scan_csv(csv_file, found, base_from_sections)
 
 
 def _draw(

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import typer
+
 from lsvision.errors import LsvisionError, UnreadableFile
 
 if TYPE_CHECKING:
@@ -28,6 +30,15 @@ VIDEO_SUFFIXES = frozenset((".avi", ".mp4", ".mkv", ".mov", ".m4v", ".webm"))
 
 MEASURED_SUFFIXES = PROFILE_SUFFIXES | IMAGE_SUFFIXES | VIDEO_SUFFIXES
 """What counts in a folder where a rig turns images into profiles."""
+
+
+HEIGHT_MAP_SUFFIXES = frozenset((".tif", ".tiff", ".png"))
+"""Files that count as profiles beside `PROFILE_SUFFIXES` where the spacing of columns is given."""
+
+
+def suffixes_of_profiles(dx: float | None) -> frozenset[str]:
+    """What counts as a profile in a folder, with ``--dx`` or without."""
+    return PROFILE_SUFFIXES if dx is None else PROFILE_SUFFIXES | HEIGHT_MAP_SUFFIXES
 
 
 def find_sources(
@@ -68,11 +79,31 @@ def read_source(source: Path, options: "ReadOptions") -> "ProfileFile":
     Raises
     ------
     UnreadableFile
-        Names the file and the mend.
+        Names the file and the mend; also where nobody states the unit and mm cannot be right.
     """
     from lsvision.io.profiles import inspect_profiles
 
-    return inspect_profiles(source, **options)
+    file = inspect_profiles(source, **options)
+    if file.doubts and file.units_assumed:
+        marked = [f"{marker.count} by {marker.text}" for marker in file.markers]
+        lost = f" (without {file.lost} lost points, {', '.join(marked)})" if marked else ""
+        raise UnreadableFile(
+            f"{source}: {'; '.join(file.doubts)}, or --units mm if it is right{lost}"
+        )
+    return file
+
+
+def print_reading_notes(files: "Sequence[ProfileFile]") -> None:
+    """Write on stderr what was guessed while files were read, each remark once."""
+    remarks: dict[str, list[Path]] = {}
+    for file in files:
+        assumed = f"units taken as {file.units}: say --units" if file.units_assumed else ""
+        for remark in (*file.notes, assumed):
+            if remark:
+                remarks.setdefault(remark, []).append(file.path)
+    for remark, paths in remarks.items():
+        more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
+        typer.echo(f"{paths[0]}{more}: note: {remark}", err=True)
 
 
 def _files_of(word: str, suffixes: frozenset[str]) -> list[Path]:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from lsvision.cylinder.robot_frame import PlacedCylinder
     from lsvision.ellipse.intervals import Quantity
     from lsvision.ellipse.section import CylinderSection
+    from lsvision.io.profiles import ProfileFile
     from lsvision.measure import Measurement
 
 RECORD_SCHEMA = "lsvision.measurement/1"
@@ -41,6 +42,7 @@ def measurement_record(
     source: str = "",
     profile: int = 0,
     placed: "Sequence[tuple[PlacedCylinder, PlacedCylinder]] | None" = None,
+    reading: Record | None = None,
 ) -> Record:
     """Record of one profile's measurement, ready for JSON.
 
@@ -55,6 +57,8 @@ def measurement_record(
     placed : sequence of pairs of PlacedCylinder, optional
         Both cylinders of each section in the robot's frame; they become ``base_frame`` or
         ``flange_frame`` of its record.
+    reading : dict, optional
+        How the profile was read, from `input_record`; it becomes ``input`` of the record.
 
     Returns
     -------
@@ -70,6 +74,7 @@ def measurement_record(
         "schema": RECORD_SCHEMA,
         "source": source,
         "profile": profile,
+        **({} if reading is None else {"input": reading}),
         "cylinders": cylinders,
         "rejections": [
             {
@@ -80,6 +85,32 @@ def measurement_record(
             for rejection in measurement.rejections
         ],
     }
+
+
+def input_record(file: "ProfileFile", profile: int) -> Record:
+    """How a profile of a file was read: reader, units, lost points, what the file says of it.
+
+    Parameters
+    ----------
+    file : ProfileFile
+        The file.
+    profile : int
+        Place of the profile in it, from 0.
+    """
+    record: Record = {
+        "reader": file.reader,
+        "units": file.units,
+        "units_assumed": file.units_assumed,
+        "heights_turned": file.flipped,
+        "lost_points": file.profiles[profile].lost,
+        "lost_markers": [
+            {"value": marker.text, "points_of_file": marker.count, "guessed": marker.guessed}
+            for marker in file.markers
+        ],
+    }
+    if file.attributes:
+        record["attributes"] = dict(file.attributes[profile])
+    return record
 
 
 def write_json(path: str | os.PathLike[str], records: Sequence[Record]) -> None:
@@ -112,7 +143,7 @@ def write_csv(path: str | os.PathLike[str], records: Sequence[Record]) -> None:
         for record in records
         for place, cylinder in enumerate(record["cylinders"])
     ]
-    columns = rows[0] if rows else _CSV_COLUMNS
+    columns = dict.fromkeys(name for row in rows for name in row) if rows else _CSV_COLUMNS
     writer = csv.DictWriter(text, columns, lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
@@ -194,6 +225,8 @@ def _csv_row(record: Record, place: int, cylinder: Mapping[str, Any]) -> Record:
     for frame in ("base", "flange"):
         if f"{frame}_frame" in cylinder:
             row |= _placed_row(frame, cylinder[f"{frame}_frame"])
+    for name, value in record.get("input", {}).get("attributes", {}).items():
+        row[f"{name}_in_file" if name in row else name] = value
     return row
 
 

@@ -20,7 +20,10 @@ Record = dict[str, Any]
 
 
 def scan_record(
-    scan: "ScanMeasurement", shapes: "Sequence[TubeShape | None]", sources: Sequence[str] = ()
+    scan: "ScanMeasurement",
+    shapes: "Sequence[TubeShape | None]",
+    sources: Sequence[str] = (),
+    inputs: Sequence[Record] = (),
 ) -> Record:
     """Record of a scan, ready for JSON.
 
@@ -32,6 +35,8 @@ def scan_record(
         Of each cylinder; None where it has too few sections.
     sources : sequence of str
         Name of each profile's file.
+    inputs : sequence of dict
+        How each profile was read, from `lsvision.io.results.input_record`.
 
     Returns
     -------
@@ -43,6 +48,7 @@ def scan_record(
         "schema": SCAN_SCHEMA,
         "frame": "base",
         "sources": list(sources),
+        **({"inputs": list(inputs)} if inputs else {}),
         "cylinders": [
             _cylinder_record(cylinder, shape)
             for cylinder, shape in zip(scan.cylinders, shapes, strict=True)

@@ -16,7 +16,9 @@ from lsvision.io.profiles.matrix import MIN_COLUMNS, profiles_from_matrix
 from lsvision.io.profiles.named_columns import profiles_from_named
 from lsvision.io.profiles.number_rows import floats_from
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
+from lsvision.io.profiles.stated_units import one_unit
 from lsvision.io.profiles.text_table import TextTable
+from lsvision.io.profiles.unit_statements import UnitStatement, unit_statements
 
 _BROKEN = (
     ValueError,
@@ -44,14 +46,19 @@ def read_npy(content: bytes, settings: ReadSettings) -> RawProfiles:
 
 def read_npz(content: bytes, settings: ReadSettings) -> RawProfiles:
     """Profiles of arrays ``x`` and ``z`` (or ``range``), or of one array as in `read_npy`."""
-    arrays = _loaded(content)
+    loaded = _loaded(content)
+    words = {name: str(array.item()) for name, array in loaded.items() if _is_text(array)}
+    statements = unit_statements(f"{name}: {word}" for name, word in words.items())
+    arrays = {name: array for name, array in loaded.items() if name not in words}
     key = next((key for key in _KEYS if key in arrays), None)
     if key is None and len(arrays) == 1:
         key = next(iter(arrays))
     if key is not None:
-        return _profiles_from_array(arrays[key], settings)
+        return _profiles_from_array(arrays[key], settings, statements)
     return profiles_from_named(
-        {name: _as_floats(array) for name, array in arrays.items()}, settings
+        {name: _as_floats(array) for name, array in arrays.items() if array.ndim},
+        settings,
+        statements,
     )
 
 
@@ -68,28 +75,54 @@ def _loaded(content: bytes) -> Mapping[str, npt.NDArray[np.generic]]:
         ) from None
 
 
+def _is_text(array: npt.NDArray[np.generic]) -> bool:
+    return array.dtype.kind in "US" and array.size == 1
+
+
 def _as_floats(array: npt.NDArray[np.generic]) -> npt.NDArray[np.float64]:
     if array.dtype.kind not in "iufb":
         raise UnreadableFile(f"an array of {array.dtype}: want numbers")
     return floats_from(array)
 
 
-def _profiles_from_array(array: npt.NDArray[np.generic], settings: ReadSettings) -> RawProfiles:
+def _profiles_from_array(
+    array: npt.NDArray[np.generic],
+    settings: ReadSettings,
+    statements: tuple[UnitStatement, ...] = (),
+) -> RawProfiles:
     if array.dtype.names:
         records: Any = array
         return profiles_from_named(
-            {name: _as_floats(records[name]) for name in array.dtype.names}, settings
+            {name: _as_floats(records[name]) for name in array.dtype.names}, settings, statements
         )
     values = _as_floats(array)
     if values.ndim == 3 and values.shape[2] == 2 and len(values):
-        return RawProfiles(sections=list(values))
+        unit = None
+        if settings.units is None:
+            unit = one_unit(None, [s for s in statements if s.axis is None])
+        return RawProfiles(sections=list(values), units=(unit, unit))
+    if values.ndim == 3 and values.shape[2] == 3 and len(values):
+        number = np.repeat(np.arange(float(len(values))), values.shape[1])
+        rows = np.column_stack([number, values.reshape(-1, 3)])
+        table = TextTable(rows, ("scan", "x", "y", "z"), (None,) * 4, statements)
+        return profiles_from_table(table, settings)
     if values.ndim == 1:
         values = values.reshape(1, -1)
     if values.ndim != 2 or values.size == 0:
         raise UnreadableFile(f"an array of shape {array.shape}: want points of shape (n, 2)")
-    if values.shape[0] in (2, 3) and values.shape[1] >= MIN_COLUMNS and settings.dx is None:
+    wide = values.shape[0] in (2, 3) and values.shape[1] >= MIN_COLUMNS
+    if wide and settings.dx is None and not settings.transpose:
         values = values.T
-    table = TextTable(values)
-    if values.shape[1] >= MIN_COLUMNS or len(values) == 1:
+    table = TextTable(values, statements=statements, limits=_limits(array.dtype))
+    heights = settings.transpose or values.shape[1] >= MIN_COLUMNS or len(values) == 1
+    if settings.columns is None and (heights or (values.shape[1] == 1 and settings.dx)):
         return profiles_from_matrix(table, settings)
     return profiles_from_table(table, settings)
+
+
+def _limits(kind: np.dtype[np.generic]) -> tuple[float, ...]:
+    """Ends of an integer type, which mark lost points where they stand far from the rest."""
+    if kind.kind not in "iu" or kind.itemsize < 2:
+        return ()
+    ends = np.iinfo(kind)  # type: ignore[type-var] # an integer by its kind
+    return float(ends.min), float(ends.max)

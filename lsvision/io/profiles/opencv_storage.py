@@ -1,6 +1,7 @@
 """Profiles in OpenCV's FileStorage: YAML, XML or JSON written by `cv2.FileStorage`."""
 
 import re
+from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -8,14 +9,19 @@ import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
+from lsvision.io.profiles.column_roles import is_known_role
 from lsvision.io.profiles.columns import profiles_from_table
+from lsvision.io.profiles.json_points import flat_width
+from lsvision.io.profiles.named_columns import profiles_from_named
 from lsvision.io.profiles.number_rows import numbers_from_cells
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.text_table import TextTable, decode_text
+from lsvision.io.profiles.unit_statements import lost_statements, unit_statements
 
 _TRIPLES = "scan_line"
 _KEYS = (_TRIPLES, "profile", "points", "line")
 _FEWEST_NUMBERS = 30  # a list under another name as short as a pose or a matrix is no profile
+_KEY_WORD = re.compile(r"^[A-Za-z_]\w*:\s*[^\[\s!]")
 _FLAT_LIST = re.compile(r"^[\s{]*\"?([A-Za-z_]\w*)\"?\s*:\s*\[([^\[\]]*)\]", re.MULTILINE)
 
 
@@ -30,14 +36,34 @@ def read_opencv_storage(content: bytes, settings: ReadSettings) -> RawProfiles:
         If OpenCV cannot parse the file or there is no list of points in it.
     """
     text = decode_text(content)
+    columns = {
+        key: numbers_from_cells(body.split(","))
+        for key, body in _FLAT_LIST.findall(text)
+        if is_known_role(key.lower())
+    }
+    if len(columns) > 1:
+        return profiles_from_named(columns, settings, unit_statements(_lines_of_words(text)))
     # FileNode.at walks from the start each time, so long lists are parsed here, not by OpenCV
     lists = {key: body.split(",") for key, body in _FLAT_LIST.findall(text) if key != "data"}
     key = min(lists, key=_rank, default=None)
     if key is not None and (key in _KEYS or len(lists[key]) >= _FEWEST_NUMBERS):
         values = numbers_from_cells(lists[key])
+        if key not in _KEYS and flat_width(key, values) is None:
+            raise UnreadableFile(
+                f"{len(values)} numbers under {key!r} are no points with rising x: want scan_line: "
+                "[x, y, z, ...] or lists x and z"
+            )
     else:
         key, values = _first_node(text)
-    return profiles_from_table(_as_table(key, np.squeeze(values)), settings)
+    table = _as_table(key, np.squeeze(values))
+    lines = _lines_of_words(text)
+    stated = replace(table, statements=unit_statements(lines), lost=lost_statements(lines))
+    return profiles_from_table(stated, settings)
+
+
+def _lines_of_words(text: str) -> list[str]:
+    """Lines as ``unit: um``, without lists and what is nested."""
+    return [line for line in text.splitlines() if _KEY_WORD.match(line)]
 
 
 def _rank(key: str) -> int:

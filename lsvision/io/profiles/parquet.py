@@ -7,9 +7,12 @@ import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
+from lsvision.io.profiles.column_roles import column_role
 from lsvision.io.profiles.named_columns import profiles_from_named
 from lsvision.io.profiles.number_rows import floats_from
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
+from lsvision.io.profiles.unit_statements import UnitStatement, unit_statements
+from lsvision.io.profiles.units import split_label
 
 
 def read_parquet(content: bytes, settings: ReadSettings) -> RawProfiles:
@@ -29,11 +32,42 @@ def read_parquet(content: bytes, settings: ReadSettings) -> RawProfiles:
         ) from None
     try:
         table = pyarrow.parquet.read_table(io.BytesIO(content))
-        columns = {name.lower(): _values(table[name]) for name in table.column_names}
+        columns = {name: _values(table[name]) for name in table.column_names}
+        texts = {name: _texts(table[name]) for name in table.column_names if columns[name] is None}
+        stated = [*_stated(table.schema.metadata), *_stated_of_fields(table.schema)]
     except (pyarrow.ArrowException, OSError, ValueError, TypeError) as error:
         raise UnreadableFile(f"pyarrow cannot read it ({str(error)[:80]}): write it anew") from None
     known = {name: values for name, values in columns.items() if values is not None}
-    return profiles_from_named(known, settings)
+    words = {name: cells for name, cells in texts.items() if cells is not None}
+    return profiles_from_named(known, settings, tuple(stated), words)
+
+
+def _texts(column: Any) -> list[str] | None:
+    """Cells of a column of words, dates or truth values; None for nested columns."""
+    import pyarrow.types as kinds
+
+    if kinds.is_nested(column.type):
+        return None
+    return ["" if value is None else str(value) for value in column.to_pylist()]
+
+
+def _stated(metadata: Any, axis: str = "") -> tuple[UnitStatement, ...]:
+    """Units in the metadata of a table, as ``unit: um``."""
+    lines = [
+        f"unit {axis}: {value.decode('utf-8', 'replace')}"
+        for key, value in (metadata or {}).items()
+        if key.lower() in (b"unit", b"units")
+    ]
+    return unit_statements(lines)
+
+
+def _stated_of_fields(schema: Any) -> list[UnitStatement]:
+    found: list[UnitStatement] = []
+    for field in schema:
+        role = column_role(split_label(field.name)[0])
+        if role in ("x", "height", "range"):
+            found += _stated(field.metadata, role)
+    return found
 
 
 def _values(column: Any) -> FloatArray | list[FloatArray] | None:
