@@ -5,7 +5,7 @@ import os
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.io.atomic_files import write_atomic
+from lsvision.files.atomic_files import write_atomic
 from lsvision.shapes import FloatArray, IntArray, Points
 
 _VERTEX = np.dtype(

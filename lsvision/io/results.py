@@ -8,7 +8,7 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from lsvision.io.atomic_files import write_atomic
+from lsvision.files.atomic_files import write_atomic
 
 if TYPE_CHECKING:
     from lsvision.cylinder.robot_frame import PlacedCylinder

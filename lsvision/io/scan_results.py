@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lsvision.io.atomic_files import write_atomic
+from lsvision.files.atomic_files import write_atomic
 
 if TYPE_CHECKING:
     from lsvision.scan import ScanMeasurement, ScannedCylinder, TubeShape

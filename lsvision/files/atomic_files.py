@@ -1,0 +1,76 @@
+"""Files that are written whole or not at all."""
+
+import errno
+import os
+import secrets
+import shutil
+from pathlib import Path
+
+from lsvision.errors import UnwritableFile
+
+
+def write_atomic(path: str | os.PathLike[str], content: str | bytes) -> None:
+    """Write a file so that a reader finds the old one or the whole new one, never a part.
+
+    The content goes to a new file in the same folder, which then takes the place of the old
+    one. Devices and pipes (``/dev/stdout``) have no place to take and are written to directly.
+
+    Parameters
+    ----------
+    path : path
+        The file; a link is followed, an existing file keeps its permissions.
+    content : str or bytes
+        Text is written as UTF-8, its line ends as they are; what UTF-8 does not hold (a surrogate
+        out of a file name) as an escape sequence.
+
+    Raises
+    ------
+    UnwritableFile
+        If the folder is missing, not writable or full; nothing is left behind.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp()) / "result.json"
+    >>> write_atomic(path, "{}")
+    >>> path.read_text(), len(list(path.parent.iterdir()))
+    ('{}', 1)
+    """
+    data = content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
+    try:
+        target = Path(os.path.realpath(path))
+        if target.is_symlink():  # realpath stops at a loop
+            raise OSError(errno.ELOOP, "a loop of symbolic links")
+        if target.exists() and not target.is_file() and not target.is_dir():
+            target.write_bytes(data)
+        else:
+            _replace(target, data)
+    except (OSError, ValueError) as error:
+        raise UnwritableFile(f"{os.fspath(path)}: {_hint(error)}") from None
+
+
+def _replace(target: Path, data: bytes) -> None:
+    if target.is_dir():
+        raise IsADirectoryError
+    part = target.with_name(f".lsvision.{secrets.token_hex(8)}.part")
+    try:
+        with part.open("xb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        if target.exists():
+            shutil.copymode(target, part)
+        part.replace(target)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _hint(error: OSError | ValueError) -> str:
+    if isinstance(error, IsADirectoryError):
+        return "a directory: name a file in it"
+    if isinstance(error, FileNotFoundError | NotADirectoryError):
+        return "its folder does not exist: make it first, or name another"
+    if isinstance(error, PermissionError):
+        return "no permission to write there: name another folder"
+    reason = error.strerror if isinstance(error, OSError) else error
+    return f"cannot be written ({reason}): name another file or make room"
