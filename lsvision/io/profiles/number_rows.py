@@ -15,7 +15,7 @@ MISSING_VALUES = frozenset(
     [
         *("", "-", "--", "---", "na", "n/a", "#n/a", "null", "none", "invalid"),
         *("nan", "-nan", "+nan", ".nan", "nan(ind)", "-nan(ind)", "1.#qnan", "-1.#ind"),
-        *("inf", "-inf", "+inf"),
+        *("inf", "-inf", "+inf", ".inf", "-.inf", "+.inf"),
     ]
 )
 """What a cell says, in lower case, that holds no number."""
