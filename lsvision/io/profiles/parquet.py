@@ -6,10 +6,13 @@ from typing import Any
 import numpy as np
 
 from lsvision.errors import UnreadableFile
+from lsvision.files.limited_reading import current_size_limit
 from lsvision.io.profiles.named_columns import profiles_from_named
 from lsvision.io.profiles.number_rows import floats_from
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.shapes import FloatArray
+
+_BYTES_PER_VALUE = 8
 
 
 def read_parquet(content: bytes, settings: ReadSettings) -> RawProfiles:
@@ -28,12 +31,28 @@ def read_parquet(content: bytes, settings: ReadSettings) -> RawProfiles:
             "reading Parquet takes pyarrow: pip install 'lsvision[batch]'"
         ) from None
     try:
-        table = pyarrow.parquet.read_table(io.BytesIO(content))
+        with pyarrow.parquet.ParquetFile(io.BytesIO(content)) as file:
+            _check_size(file.metadata)
+            table = file.read()
         columns = {name.lower(): _values(table[name]) for name in table.column_names}
-    except (pyarrow.ArrowException, OSError, ValueError, TypeError) as error:
-        raise UnreadableFile(f"pyarrow cannot read it ({str(error)[:80]}): write it anew") from None
+    except (pyarrow.ArrowException, OSError, ValueError, TypeError, KeyError) as error:
+        reason = " ".join(str(error).split())[:80]
+        raise UnreadableFile(f"pyarrow cannot read it ({reason}): write it anew") from None
     known = {name: values for name, values in columns.items() if values is not None}
     return profiles_from_named(known, settings)
+
+
+def _check_size(metadata: Any) -> None:
+    """Refuse a file that unpacks to more than the limit: a value may take no byte in the file."""
+    numbers = sum(
+        max(metadata.row_group(group).column(column).num_values, 0)
+        for group in range(metadata.num_row_groups)
+        for column in range(metadata.num_columns)
+    )
+    if max(numbers, metadata.num_rows) * _BYTES_PER_VALUE > current_size_limit():
+        raise ValueError(
+            f"{max(numbers, metadata.num_rows):.3g} values, more than --max-size when unpacked"
+        )
 
 
 def _values(column: Any) -> FloatArray | list[FloatArray] | None:
