@@ -141,6 +141,12 @@ def find_line(image: LineImage, settings: LineSettings) -> DetectedLine:
             )
         refusals.append(refusal or f"the ridge is {wide:.0f} px wide (one sigma), a band of light")
     height, width = image.signal.shape
+    if not refusals:
+        raise NoLaserLine(
+            f"the image is {height} px across the laser line and needs "
+            f"{4 * math.ceil(3 * settings.sigma)} px: take a taller part of it, or give a smaller "
+            "sigma"
+        )
     raise NoLaserLine(
         f"no laser line runs through the {width} x {height} px: {refusals[0]}; darken the room or "
         "give a laser_off frame, expose until the line stands out, set channel to the laser's "
