@@ -173,11 +173,18 @@ def _check_regular(status: os.stat_result) -> None:
 
 
 def _too_large(size: int | None) -> str:
-    got = "more" if size is None else f"{size / 1e9:.3g} GB"
+    got = "more" if size is None else _in_units(size)
     return (
-        f"expected {current_size_limit() / 1e9:.3g} GB at most, got {got}: split the file, or "
+        f"expected {_in_units(current_size_limit())} at most, got {got}: split the file, or "
         "raise the limit, as --max-size 8GB"
     )
+
+
+def _in_units(size: int) -> str:
+    for factor, unit in ((1e9, "GB"), (1e6, "MB"), (1e3, "kB")):
+        if size >= factor:
+            return f"{size / factor:.4g} {unit}"
+    return f"{size} bytes"
 
 
 def _wait_for_writer(descriptor: int) -> bytes:

@@ -89,4 +89,4 @@ def test_name_that_is_no_text_is_shown_with_escapes(tmp_path):
     )
     result = shell(code=code)
     assert result.returncode == 1
-    assert result.stderr == "lsvision: \\udcff.csv: no such file: check the name\n"
+    assert result.stderr == "lsvision: \\xff.csv: no such file: check the name\n"

@@ -39,7 +39,7 @@ def test_a_sparse_file_of_a_terabyte_is_refused_at_once(tmp_path):
     with path.open("wb") as file:
         file.truncate(10**12)
     start = time.monotonic()
-    with pytest.raises(UnreadableFile, match=r"expected 2 GB at most, got 1e\+03 GB"):
+    with pytest.raises(UnreadableFile, match=r"expected 2 GB at most, got 1000 GB"):
         read_bytes(path)
     assert time.monotonic() - start < 1
 
