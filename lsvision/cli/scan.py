@@ -13,8 +13,8 @@ from lsvision.cli.measure_options import (
     parse_search_range,
     parse_sensor,
 )
-from lsvision.cli.messages import FAILED, print_error
-from lsvision.cli.outputs import check_outputs, check_picture
+from lsvision.cli.messages import FAILED, print_error, print_lines
+from lsvision.cli.outputs import STDOUT, check_outputs, check_picture, write_output
 from lsvision.cli.profile_options import (
     Columns,
     Convention,
@@ -35,6 +35,7 @@ from lsvision.cli.progress import Progress
 from lsvision.cli.scan_poses import Robot, motion_uncertainty_caption, parse_motion, scan_poses
 from lsvision.cli.scan_table import scan_lines
 from lsvision.cli.sources import find_sources, read_source
+from lsvision.files.printable import printable, printable_name
 
 if TYPE_CHECKING:
     from lsvision.io.profiles import ReadOptions
@@ -117,13 +118,13 @@ def scan(
     0.1 mm of radius with the same residuals. --feed-std-deg puts that into the errors.
     """  # noqa: D301 - the backspace tells click to leave the lines as they are
     check_picture(plot)
-    motion = parse_motion(feed, step, poses, convention, flange_from_section)
     reading = parse_read_options(format=file_format, columns=columns, units=units, flip=flip)
     noise = parse_sensor(sensor, range_std, reference_range)
     search, known = parse_search_range(radius), parse_known_radius(known_radius)
     sources, missing = find_sources(files)
     inputs = [*sources, *filter(None, (poses, flange_from_section))]
-    check_outputs((json_file, plot, points_ply, surfaces_ply), inputs)
+    check_outputs((plot, points_ply, surfaces_ply), inputs, streams=(json_file,))
+    motion = parse_motion(feed, step, poses, convention, flange_from_section)
     for failure in missing:
         print_error(str(failure))
     if missing:
@@ -142,13 +143,13 @@ def scan(
         ),
     )  # fmt: skip
     shapes = _shapes(found)
-    typer.echo(
-        "\n".join(scan_lines(found, shapes, motion_uncertainty_caption(motion), verbose=verbose))
-    )
     if json_file is not None:
-        from lsvision.io.scan_results import scan_record, write_scan_json
+        from lsvision.io.scan_results import scan_json, scan_record
 
-        write_scan_json(json_file, scan_record(found, shapes, names))
+        shown = [printable_name(name) for name in names]
+        write_output(json_file, scan_json(scan_record(found, shapes, shown)))
+    lines = scan_lines(found, shapes, motion_uncertainty_caption(motion), verbose=verbose)
+    print_lines(lines, err=json_file == STDOUT)
     _write_views(
         found, _all_points(profiles, base_from_sections), (plot, points_ply, surfaces_ply), files
     )
@@ -219,9 +220,9 @@ def _write_views(
     if picture is not None:
         from lsvision.draw import figure_bytes
         from lsvision.draw.scan import draw_scan
-        from lsvision.io.atomic_files import write_atomic
+        from lsvision.files.atomic_files import write_atomic
 
-        figure = draw_scan(found, points, title=" ".join(files))
+        figure = draw_scan(found, points, title=printable(" ".join(files)))
         write_atomic(picture, figure_bytes(figure, picture.suffix[1:].lower()))
     if points_ply is None and surfaces_ply is None:
         return

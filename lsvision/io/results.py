@@ -5,6 +5,7 @@ import io
 import json
 import math
 import os
+import textwrap
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,9 @@ RECORD_SCHEMA = "lsvision.measurement/1"
 """Name and version of one record."""
 FILE_SCHEMA = "lsvision.measurements/1"
 """Name and version of a JSON file of records."""
+
+FRAMES = ("base", "flange")
+"""Frames of a robot that cylinders are placed in."""
 
 Record = dict[str, Any]
 
@@ -41,6 +45,7 @@ def measurement_record(
     source: str = "",
     profile: int = 0,
     placed: "Sequence[tuple[PlacedCylinder, PlacedCylinder]] | None" = None,
+    reason: str | None = None,
 ) -> Record:
     """Record of one profile's measurement, ready for JSON.
 
@@ -55,6 +60,8 @@ def measurement_record(
     placed : sequence of pairs of PlacedCylinder, optional
         Both cylinders of each section in the robot's frame; they become ``base_frame`` or
         ``flange_frame`` of its record.
+    reason : str, optional
+        Why the profile holds no cylinder; left out where it holds one.
 
     Returns
     -------
@@ -66,7 +73,7 @@ def measurement_record(
     if placed is not None:
         for record, twins in zip(cylinders, placed, strict=True):
             record[f"{twins[0].frame}_frame"] = _placed_record(twins)
-    return {
+    record = {
         "schema": RECORD_SCHEMA,
         "source": source,
         "profile": profile,
@@ -80,6 +87,9 @@ def measurement_record(
             for rejection in measurement.rejections
         ],
     }
+    if not cylinders and reason is not None:
+        record["reason"] = reason
+    return record
 
 
 def write_json(path: str | os.PathLike[str], records: Sequence[Record]) -> None:
@@ -90,33 +100,73 @@ def write_json(path: str | os.PathLike[str], records: Sequence[Record]) -> None:
     UnwritableFile
         If the file cannot be written.
     """
-    document = {"schema": FILE_SCHEMA, "measurements": list(records)}
-    write_atomic(path, json.dumps(document, indent=2, allow_nan=False) + "\n")
+    text = JsonText()
+    write_atomic(path, text.head + "".join(map(text.item, records)) + text.tail)
 
 
 def write_csv(path: str | os.PathLike[str], records: Sequence[Record]) -> None:
-    """Write the cylinders of records to one CSV file, a cylinder a row, whole or not at all.
-
-    Intervals become two columns, ``*_low_*`` and ``*_high_*``; in the robot's frame the point and
-    both directions have theirs. Rejections, covariances and the indices of points are left to
-    JSON; a profile without a cylinder has no row.
+    """Write records to one CSV file, a cylinder a row, whole or not at all; see `CsvText`.
 
     Raises
     ------
     UnwritableFile
         If the file cannot be written.
     """
-    text = io.StringIO()
-    rows = [
-        _csv_row(record, place, cylinder)
-        for record in records
-        for place, cylinder in enumerate(record["cylinders"])
-    ]
-    columns = rows[0] if rows else _CSV_COLUMNS
-    writer = csv.DictWriter(text, columns, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    write_atomic(path, text.getvalue())
+    cylinders = [cylinder for record in records for cylinder in record["cylinders"]]
+    frames = [f for f in FRAMES if any(f"{f}_frame" in cylinder for cylinder in cylinders)]
+    text = CsvText(next(iter(frames), None))
+    write_atomic(path, text.head + "".join(map(text.item, records)) + text.tail)
+
+
+class JsonText:
+    """Pieces of a JSON document of records, one after the other."""
+
+    head = f'{{\n  "schema": {json.dumps(FILE_SCHEMA)},\n  "measurements": ['
+    tail = "\n  ]\n}\n"
+
+    def __init__(self) -> None:
+        self._separator = "\n"
+
+    def item(self, record: Record) -> str:
+        """The next record."""
+        separator, self._separator = self._separator, ",\n"
+        text = json.dumps(record, indent=2, allow_nan=False)
+        return separator + textwrap.indent(text, "    ")
+
+
+class CsvText:
+    """Lines of a CSV table of records, one after the other.
+
+    A cylinder is a row; a profile without one is a row with the reason and empty numbers.
+    Intervals are two columns, ``*_low_*`` and ``*_high_*``; in the robot's frame the point and
+    both directions have theirs. Rejections, covariances and the indices of points are left to
+    JSON.
+
+    Parameters
+    ----------
+    frame : {"base", "flange"}, optional
+        The robot's frame that the cylinders are placed in.
+    """
+
+    tail = ""
+
+    def __init__(self, frame: str | None = None) -> None:
+        placed = [] if frame is None else _placed_columns(frame)
+        self._columns = [*_CSV_COLUMNS, *placed, "reason"]
+        self.head = self._lines([dict(zip(self._columns, self._columns, strict=True))])
+
+    def item(self, record: Record) -> str:
+        """Rows of the next record."""
+        rows = [_csv_row(record, k, each) for k, each in enumerate(record["cylinders"])]
+        if not rows:
+            place = {"source": record["source"], "profile": record["profile"]}
+            rows = [place | {"reason": record.get("reason", "")}]
+        return self._lines(rows)
+
+    def _lines(self, rows: Sequence[Record]) -> str:
+        text = io.StringIO()
+        csv.DictWriter(text, self._columns, lineterminator="\n").writerows(rows)
+        return text.getvalue()
 
 
 def _cylinder_record(cylinder: "CylinderSection") -> Record:
@@ -191,10 +241,22 @@ def _csv_row(record: Record, place: int, cylinder: Mapping[str, Any]) -> Record:
         row[f"{name}_low_95_{unit}"], row[f"{name}_high_95_{unit}"] = low, high
     row["theta_determined"] = cylinder["theta_determined"]
     row["points"] = len(cylinder["indices"])
-    for frame in ("base", "flange"):
+    for frame in FRAMES:
         if f"{frame}_frame" in cylinder:
             row |= _placed_row(frame, cylinder[f"{frame}_frame"])
     return row
+
+
+def _placed_columns(frame: str) -> list[str]:
+    numbers = [0.0, 0.0, 0.0]
+    twin = {"direction": numbers, "direction_std_deg": 0.0}
+    empty = {
+        "point_mm": numbers,
+        "point_std_mm": numbers,
+        "twins": [twin, twin],
+        "includes_calibration": False,
+    }
+    return list(_placed_row(frame, empty))
 
 
 def _placed_row(frame: str, placed: Mapping[str, Any]) -> Record:
