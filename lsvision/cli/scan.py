@@ -32,7 +32,13 @@ from lsvision.cli.profile_options import (
     Verbose,
 )
 from lsvision.cli.progress import Progress
-from lsvision.cli.scan_poses import Robot, motion_uncertainty_caption, parse_motion, scan_poses
+from lsvision.cli.scan_poses import (
+    Encoder,
+    Robot,
+    motion_uncertainty_caption,
+    parse_motion,
+    scan_poses,
+)
 from lsvision.cli.scan_table import scan_lines
 from lsvision.cli.sources import find_sources, read_source
 from lsvision.files.printable import printable, printable_name
@@ -41,7 +47,7 @@ if TYPE_CHECKING:
     from lsvision.io.profiles import ReadOptions
     from lsvision.measure import Measurement
     from lsvision.profile import Profile
-    from lsvision.scan import ScanMeasurement, TubeShape
+    from lsvision.scan import PoseErrors, ScanMeasurement, TubeShape
     from lsvision.sensor.profile_sensor import ProfileSensor
     from lsvision.shapes import Points, Pose
 
@@ -130,17 +136,15 @@ def scan(
     if missing:
         raise typer.Exit(FAILED)
 
-    from lsvision.scan import PoseErrors, fit_sections_jointly
+    from lsvision.scan import fit_sections_jointly
 
+    pose_errors = _pose_errors(pose_std, feed_std_deg, motion)
     profiles, names = _read_all(sources, reading)
     base_from_sections = scan_poses(motion, len(profiles))
     measurements = _measure_all(profiles, names, search, known, noise)
     found = fit_sections_jointly(
         profiles, base_from_sections, measurements, known_radius=known, sensor=noise,
-        pose_errors=PoseErrors(
-            pose_std=pose_std, feed_std=math.radians(feed_std_deg),
-            calibration=motion.calibration if isinstance(motion, Robot) else None,
-        ),
+        pose_errors=pose_errors,
     )  # fmt: skip
     shapes = _shapes(found)
     if json_file is not None:
@@ -153,6 +157,19 @@ def scan(
     _write_views(
         found, _all_points(profiles, base_from_sections), (plot, points_ply, surfaces_ply), files
     )
+
+
+def _pose_errors(pose_std: float, feed_std_deg: float, motion: Encoder | Robot) -> "PoseErrors":
+    from lsvision.scan import PoseErrors
+
+    try:
+        return PoseErrors(
+            pose_std=pose_std,
+            feed_std=math.radians(feed_std_deg),
+            calibration=motion.calibration if isinstance(motion, Robot) else None,
+        )
+    except ValueError as slip:
+        raise typer.BadParameter(str(slip)) from None
 
 
 def _read_all(sources: Sequence[Path], reading: "ReadOptions") -> "tuple[list[Profile], list[str]]":

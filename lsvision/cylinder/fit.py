@@ -24,7 +24,11 @@ from lsvision.cylinder.problem import (
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import DegenerateGeometry, TooFewPoints
 from lsvision.shapes import Cylinder, FloatArray, Points, as_readonly_array
+from lsvision.shapes.arrays import require_coordinates, require_covariances
+from lsvision.statistics.numerical_failures import refuse_numerical_failure, require_finite
 
+MIN_EXTENT_MM = 1e-9
+"""Smallest extent of points that a cylinder is fitted to: the size of an atom."""
 COPLANARITY_TOLERANCE = 1e-7
 """Thickness of a set of points over its extent under which it lies in a plane or on a line."""
 SINGULARITY_TOLERANCE = 1e-14
@@ -91,14 +95,15 @@ def fit_cylinder(
     Raises
     ------
     ValueError
-        If the shapes are others or a number is not finite.
+        If the shapes are others, a number is not finite or beyond 1e9 mm, or a covariance is
+        none: not positive semi-definite, or zero.
     TooFewPoints
         Under 6 points.
     DegenerateGeometry
-        If all points lie on a line; or, without a start, in a plane: one section has two
-        cylinders.
+        If all points lie at one place or on a line; or, without a start, in a plane: one section
+        has two cylinders.
     FitFailed
-        If no cylinder fits: the points of a plane with noise.
+        If no cylinder fits: the points of a plane with noise; or the numbers overflow.
 
     Notes
     -----
@@ -114,6 +119,20 @@ def fit_cylinder(
     'radius 19.000000 mm, axis [0. 0. 1.]'
     """
     points, covariances = _checked(points, covariances)
+    with refuse_numerical_failure("a cylinder"):
+        fit = _fit_checked(points, covariances, initial_guess, known_radius, settings)
+    cylinder = fit.cylinder
+    require_finite("a cylinder", cylinder.point, cylinder.direction, fit.radius, fit.covariance)
+    return fit
+
+
+def _fit_checked(
+    points: Points,
+    covariances: FloatArray | None,
+    initial_guess: Cylinder | None,
+    known_radius: RadiusPrior | None,
+    settings: CylinderFittingSettings,
+) -> CylinderFit:
     origin, scale = points.mean(axis=0), float(np.ptp(points, axis=0).max())
     _refuse_degenerate(points - origin, twins_are_settled=initial_guess is not None)
     small = (points - origin) / scale
@@ -139,9 +158,17 @@ def _checked(
         raise TooFewPoints("a cylinder", len(points), PARAMETERS + 1, "see more of it")
     if not np.isfinite(points).all():
         raise ValueError("want finite points, got NaN or infinity: leave lost points out")
+    require_coordinates(points)
+    if np.ptp(points, axis=0).max() < MIN_EXTENT_MM:
+        raise DegenerateGeometry(
+            f"all {len(points)} points lie within {MIN_EXTENT_MM:g} mm, which any cylinder there "
+            "fits: see an arc of it, or check the units"
+        )
     if covariances is None:
         return points, None
-    return points, as_readonly_array(covariances, (len(points), 3, 3), "covariances")
+    covariances = as_readonly_array(covariances, (len(points), 3, 3), "covariances")
+    require_covariances(covariances)
+    return points, covariances
 
 
 def _refuse_degenerate(centred: Points, *, twins_are_settled: bool) -> None:

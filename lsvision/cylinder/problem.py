@@ -19,6 +19,9 @@ MAX_RADIUS_EXTENTS = 1e5
 FOOT_ITERATIONS = 3
 """Steps to the point of the surface from which an error led here; each gains the digits that
 the error has over the radius."""
+MIN_VARIANCE_RATIO = 1e-12
+"""Smallest variance of a distance over the trace of its point's covariance: an error along a ray
+that grazes the surface to 1e-6 rad."""
 PLAUSIBLE_SIGMAS = 6.0
 """Points farther off get the first-order weight: their foot may not exist."""
 
@@ -128,7 +131,8 @@ def distance_stds_and_biases(
     radius = float(parameters[4])
     distances, normals, _ = axis_distances(points, parameters)
     spread = _times(covariances, normals)
-    variances = (normals * spread).sum(axis=0)
+    least = MIN_VARIANCE_RATIO * np.trace(covariances, axis1=1, axis2=2)
+    variances = np.maximum((normals * spread).sum(axis=0), least)
     near = np.abs(distances - radius) < PLAUSIBLE_SIGMAS * np.sqrt(variances)
     step = distances - radius
     for _ in range(FOOT_ITERATIONS):
@@ -137,7 +141,7 @@ def distance_stds_and_biases(
         normals = np.where(near, foot_normals, normals)
         step = step + np.where(near, there - radius, 0.0)
         spread = _times(covariances, normals)
-        variances = (normals * spread).sum(axis=0)
+        variances = np.maximum((normals * spread).sum(axis=0), least)
     tangents = _tangents(normals, parameters)
     shared = (tangents * spread).sum(axis=0)
     loose = (tangents * _times(covariances, tangents)).sum(axis=0) - shared**2 / variances

@@ -189,9 +189,14 @@ def _check_numbers(hand_eye: HandEye) -> None:
             f"expected as many held-out residuals as residuals, got "
             f"{len(hand_eye.leave_one_out_residuals)} and {count}"
         )
+    residuals = np.concatenate([hand_eye.residuals, hand_eye.leave_one_out_residuals])
+    if (np.abs(residuals) > MAX_VALUE).any():
+        raise ValueError(f"expected residuals below {MAX_VALUE:g} mm, got {residuals.tolist()}")
     indices = [pose.index for pose in hand_eye.rejected]
     if not all(isinstance(index, int) and 0 <= index < count for index in indices):
         raise ValueError(f"expected rejected poses from 0 to {count - 1}, got {indices}")
+    if len(set(indices)) == count:
+        raise ValueError(f"expected a pose that is not rejected, got {count}, all rejected")
     if hand_eye.mounting not in get_args(Mounting) or hand_eye.sensor not in get_args(Sensor):
         raise ValueError(
             f"expected mounting {' or '.join(get_args(Mounting))} and sensor "

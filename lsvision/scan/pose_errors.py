@@ -16,6 +16,12 @@ from lsvision.cylinder.robot_frame import SectionMount, rigid_motion_jacobian, r
 from lsvision.scan.cloud import ScanCloud
 from lsvision.shapes import FloatArray, Pose
 
+MAX_POSE_STD_MM = 1e3
+"""Largest standard uncertainty of a pose: beyond a metre it says nothing. Units: mm."""
+MAX_FEED_STD = 1.0
+"""Largest standard uncertainty of the feed's direction, for which small angles still hold some.
+Units: rad."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PoseErrors:
@@ -40,10 +46,10 @@ class PoseErrors:
     calibration: SectionMount | None = None
 
     def __post_init__(self) -> None:
-        for what in ("pose_std", "feed_std"):
+        for what, largest in (("pose_std", MAX_POSE_STD_MM), ("feed_std", MAX_FEED_STD)):
             value = getattr(self, what)
-            if not (np.isfinite(value) and value >= 0):
-                raise ValueError(f"want {what} >= 0, got {value}")
+            if not 0 <= value <= largest:
+                raise ValueError(f"want {what} from 0 to {largest:g}, got {value}")
 
     @property
     def is_zero(self) -> bool:

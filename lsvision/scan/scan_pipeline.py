@@ -15,6 +15,8 @@ from lsvision.scan.scan_result import ScanMeasurement
 from lsvision.scan.track_fitting import fit_tracks
 from lsvision.scan.tracks import TrackSettings, associate_arcs, transform_arc_to_base
 from lsvision.shapes import Pose
+from lsvision.shapes.arrays import require_coordinates
+from lsvision.statistics.numerical_failures import refuse_numerical_failure, require_finite
 
 MIN_POINTS = 6
 """Profiles with fewer points are passed over: a lost section."""
@@ -92,9 +94,11 @@ def measure_scan(  # noqa: PLR0913 - what `measure_cylinders` asks, and the pose
     Raises
     ------
     ValueError
-        If there are not as many poses as profiles, or none.
+        If there are not as many poses as profiles, or none; if one is farther than 1e9 mm.
     DegenerateGeometry
         If all sections lie in one plane: identical poses, or a feed along the laser plane.
+    FitFailed
+        If numbers overflow: poses, standard uncertainties or points of impossible size.
 
     Notes
     -----
@@ -190,11 +194,14 @@ def fit_sections_jointly(  # noqa: PLR0913 - the profiles, what each holds, and 
         for section, measurement in enumerate(measurements)
         for arc in measurement.cylinders
     ]
-    tracks = associate_arcs(sightings, settings.tracks)
-    cloud = build_cloud(profiles, poses, sensor)
     prior = _prior(known_radius)
-    found, rejections = fit_tracks(cloud, tracks, prior, settings.joint_fit)
-    cylinders = [build_scanned_cylinder(settled, pose_errors) for settled in found]
+    with refuse_numerical_failure("a cylinder"):
+        tracks = associate_arcs(sightings, settings.tracks)
+        cloud = build_cloud(profiles, poses, sensor)
+        found, rejections = fit_tracks(cloud, tracks, prior, settings.joint_fit)
+        cylinders = [build_scanned_cylinder(settled, pose_errors) for settled in found]
+    for cylinder in cylinders:
+        require_finite("a cylinder", cylinder.point, cylinder.radius, cylinder.covariance)
     return ScanMeasurement(sort_cylinders(cylinders, poses), tuple(rejections), tuple(measurements))
 
 
@@ -219,6 +226,7 @@ def validate_poses(
     for pose in poses:
         if not isinstance(pose, Pose):
             raise TypeError(f"want a Pose for each profile, got {type(pose).__name__}")
+        require_coordinates(pose.translation)
     require_noncoplanar_sections(poses)
     return poses
 

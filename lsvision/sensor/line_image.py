@@ -19,6 +19,8 @@ MIXTURES: dict[str, tuple[float, float, float]] = {
     "blue": (1.0, -0.5, -0.5),
     "white": (1 / 3, 1 / 3, 1 / 3),
 }
+MAX_LEVEL = 1e30
+"""Largest number of a float image, which is kept in single precision."""
 FULL_SCALES = (1023, 4095, 16383, 65535)
 """Full scales of 10, 12, 14 and 16 bit."""
 
@@ -124,8 +126,10 @@ def _checked(image: npt.ArrayLike, name: str) -> Image:
         )
     if array.dtype in (np.uint8, np.uint16):
         return np.ascontiguousarray(array)
-    if not np.isfinite(array).all():
-        raise ValueError(f"want finite numbers in a float {name}, got NaN or infinity")
+    if not (np.abs(array) <= MAX_LEVEL).all():
+        raise ValueError(
+            f"want finite numbers up to {MAX_LEVEL:g} in a float {name}, got NaN, infinity or more"
+        )
     return np.ascontiguousarray(array, dtype=np.float32)
 
 

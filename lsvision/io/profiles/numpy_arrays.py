@@ -43,7 +43,10 @@ _KEYS = ("points", "profile", "profiles", "arr_0")
 
 def read_npy(content: bytes, settings: ReadSettings) -> RawProfiles:
     """Profiles of one array: points (n, 2 or 3), (k, n, 2), or rows of heights with ``dx``."""
-    return _profiles_from_array(_loaded(content)[""], settings)
+    arrays = _loaded(content)
+    if "" not in arrays:
+        raise UnreadableFile("a zip archive, no array by itself: leave --format npy out")
+    return _profiles_from_array(arrays[""], settings)
 
 
 def read_npz(content: bytes, settings: ReadSettings) -> RawProfiles:
