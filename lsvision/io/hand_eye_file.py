@@ -193,7 +193,7 @@ def _check_numbers(hand_eye: HandEye) -> None:
     if (np.abs(residuals) > MAX_VALUE).any():
         raise ValueError(f"expected residuals below {MAX_VALUE:g} mm, got {residuals.tolist()}")
     indices = [pose.index for pose in hand_eye.rejected]
-    if not all(isinstance(index, int) and 0 <= index < count for index in indices):
+    if not all(type(index) is int and 0 <= index < count for index in indices):
         raise ValueError(f"expected rejected poses from 0 to {count - 1}, got {indices}")
     if len(set(indices)) == count:
         raise ValueError(f"expected a pose that is not rejected, got {count}, all rejected")

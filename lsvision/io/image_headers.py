@@ -3,6 +3,8 @@
 import re
 import struct
 
+_PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
+_ANIMATION_CHUNKS = frozenset([b"acTL", b"fcTL", b"fdAT"])
 _PNM = re.compile(rb"P[1-6](?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{1,9})\s")
 _TIFF_WIDTH, _TIFF_HEIGHT = 256, 257
 _TIFF_TYPES = {3: "H", 4: "I"}
@@ -40,7 +42,16 @@ def image_size(content: bytes) -> tuple[int, int] | None:
 
 
 def _png_size(content: bytes) -> tuple[int, int] | None:
-    return struct.unpack_from(">II", content, 16) if content[12:16] == b"IHDR" else None
+    """Size of a PNG whose chunks are whole: OpenCV's decoder may never end at a cut one."""
+    if content[12:16] != b"IHDR":
+        return None
+    place, kind = len(_PNG_MAGIC), b""
+    while kind != b"IEND":
+        length, kind = struct.unpack_from(">I4s", content, place)
+        place += 12 + length
+        if place > len(content) or kind in _ANIMATION_CHUNKS:
+            return None
+    return struct.unpack_from(">II", content, 16)
 
 
 def _pnm_size(content: bytes) -> tuple[int, int] | None:
@@ -107,7 +118,7 @@ def _tiff_size(content: bytes) -> tuple[int, int] | None:
 
 
 _FORMATS = (
-    (b"\x89PNG\r\n\x1a\n", _png_size),
+    (_PNG_MAGIC, _png_size),
     (b"\xff\xd8\xff", _jpeg_size),
     (b"II*\0", _tiff_size),
     (b"MM\0*", _tiff_size),

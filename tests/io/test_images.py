@@ -16,8 +16,13 @@ GREY = np.arange(30 * 41, dtype=np.uint8).reshape(30, 41)
 
 
 def png_header(width, height):
-    header = b"IHDR" + struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
-    return b"\x89PNG\r\n\x1a\n\0\0\0\x0d" + header + struct.pack(">I", zlib.crc32(header))
+    return b"\x89PNG\r\n\x1a\n" + chunk(
+        b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
+    )
+
+
+def chunk(kind, data=b""):
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
 
 @pytest.mark.parametrize("suffix", ["png", "jpg", "tiff", "bmp", "pgm", "ppm", "webp"])
@@ -34,7 +39,7 @@ def test_the_header_states_the_size(tmp_path, suffix):
 @pytest.mark.parametrize(
     "content",
     [
-        png_header(100_000, 100_000),
+        png_header(100_000, 100_000) + chunk(b"IEND"),
         b"BM" + bytes(12) + struct.pack("<Iii", 40, 1 << 30, -(1 << 30)),
         b"P5 99999 99999 255 ",
         b"II*\0\x08\0\0\0\x02\0"
@@ -59,3 +64,19 @@ def test_what_is_no_image_is_refused(tmp_path, content):
     (tmp_path / "a").write_bytes(content)
     with pytest.raises(UnreadableFile, match="a is no image of 8 or 16 bit"):
         read_image(tmp_path / "a")
+
+
+@pytest.mark.parametrize(
+    "tail",
+    [
+        b"\0\0\xff\xffIDAT" + bytes(9),
+        chunk(b"acTL", bytes(8)) + chunk(b"IEND"),
+        b"",
+        chunk(b"IDAT", zlib.compress(bytes(90)))[:-6],
+    ],
+    ids=["long chunk", "animated", "no end", "cut"],
+)
+def test_a_png_of_broken_chunks_is_refused_and_never_hangs(tmp_path, tail):
+    (tmp_path / "a.png").write_bytes(png_header(9, 9) + tail)
+    with pytest.raises(UnreadableFile, match="is no image of 8 or 16 bit"):
+        read_image(tmp_path / "a.png")

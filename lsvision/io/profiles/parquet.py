@@ -32,8 +32,7 @@ def read_parquet(content: bytes, settings: ReadSettings) -> RawProfiles:
         ) from None
     try:
         with pyarrow.parquet.ParquetFile(io.BytesIO(content)) as file:
-            _check_size(file.metadata)
-            table = file.read()
+            table = _limited_table(file)
         columns = {name.lower(): _values(table[name]) for name in table.column_names}
     except (pyarrow.ArrowException, OSError, ValueError, TypeError, KeyError) as error:
         reason = " ".join(str(error).split())[:80]
@@ -42,17 +41,24 @@ def read_parquet(content: bytes, settings: ReadSettings) -> RawProfiles:
     return profiles_from_named(known, settings)
 
 
-def _check_size(metadata: Any) -> None:
-    """Refuse a file that unpacks to more than the limit: a value may take no byte in the file."""
-    numbers = sum(
-        max(metadata.row_group(group).column(column).num_values, 0)
-        for group in range(metadata.num_row_groups)
-        for column in range(metadata.num_columns)
-    )
-    if max(numbers, metadata.num_rows) * _BYTES_PER_VALUE > current_size_limit():
-        raise ValueError(
-            f"{max(numbers, metadata.num_rows):.3g} values, more than --max-size when unpacked"
-        )
+def _limited_table(file: Any) -> Any:
+    """Table of a file, refused as soon as it unpacks to more than the limit.
+
+    A value may take no byte in the file. Metadata of columns are not asked: a broken one ends the
+    process (pyarrow 26).
+    """
+    import pyarrow
+
+    limit, rows = current_size_limit(), file.metadata.num_rows
+    if rows * max(file.metadata.num_columns, 1) * _BYTES_PER_VALUE > limit:
+        raise ValueError(f"{rows} rows, more than --max-size when unpacked")
+    batches, size = [], 0
+    for batch in file.iter_batches():
+        batches.append(batch)
+        size += batch.nbytes
+        if size > limit:
+            raise ValueError(f"{size / 1e9:.3g} GB and more when unpacked, above --max-size")
+    return pyarrow.Table.from_batches(batches, schema=file.schema_arrow)
 
 
 def _values(column: Any) -> FloatArray | list[FloatArray] | None:
