@@ -128,7 +128,7 @@ def _measure_source(
     try:
         sections = _sections(source, batch, show, ahead)
         lines = _lines(*sections, batch)
-        records = _records(*sections)
+        records = _records(*sections, len(sections[0].profiles))
     except Exception as error:  # noqa: BLE001 - a bug met by one file must not cost the batch
         progress.clear()
         _print_failure(source, error, batch)
@@ -186,28 +186,43 @@ def _sections(
     show: Callable[[int, int], None],
     ahead: "tuple[ProfileFile | ImageFile, list[Pose]] | None",
 ) -> "tuple[ProfileFile | ImageFile, list[_Section]]":
-    """Read a file, unless that is done already, and measure its profiles."""
+    """Read a file, unless that is done already, and measure its profiles.
+
+    If that is interrupted, the results of the profiles that were measured are kept.
+    """
     file, flanges = ahead or (_read(source, batch), None)
     doubts = [note for note in file.notes if "--units" in note]  # such a note names the mend
     if doubts and file.units_assumed:
         raise UnreadableFile(f"{source}: {'; '.join(doubts)}, or --units mm if it is right")
-    sections = []
-    for number, profile in enumerate(file.profiles):
-        show(number, len(file.profiles))
-        if profile.lost == len(profile):
-            continue
-        try:
-            measurement = batch.measuring(profile)
-        except LsvisionError as error:
-            raise LsvisionError(f"{source}, profile {number}: {error}") from error
-        empty = not measurement.cylinders and not isinstance(file, ImageFile)
-        upside_down = empty and _holds_cylinders_upside_down(profile, batch)
-        placed = None
-        if batch.placing is not None:
-            flange = None if flanges is None else flanges[number]
-            placed = batch.placing.place(measurement.cylinders, flange)
-        sections.append(_Section(number, profile, measurement, upside_down, placed))
+    sections: list[_Section] = []
+    number = 0
+    try:
+        for number, profile in enumerate(file.profiles):
+            show(number, len(file.profiles))
+            if profile.lost < len(profile):
+                flange = None if flanges is None else flanges[number]
+                sections.append(_measured_section(file, number, batch, flange))
+    except KeyboardInterrupt:
+        if batch.results is not None:
+            batch.results.add(_records(file, sections, number))
+        raise
     return file, sections
+
+
+def _measured_section(
+    file: "ProfileFile | ImageFile", number: int, batch: BatchOptions, flange: "Pose | None"
+) -> _Section:
+    profile = file.profiles[number]
+    try:
+        measurement = batch.measuring(profile)
+    except LsvisionError as error:
+        raise LsvisionError(f"{file.path}, profile {number}: {error}") from error
+    empty = not measurement.cylinders and not isinstance(file, ImageFile)
+    upside_down = empty and _holds_cylinders_upside_down(profile, batch)
+    placed = None
+    if batch.placing is not None:
+        placed = batch.placing.place(measurement.cylinders, flange)
+    return _Section(number, profile, measurement, upside_down, placed)
 
 
 def _read(source: Path | LiveCamera, batch: BatchOptions) -> "ProfileFile | ImageFile":
@@ -252,8 +267,10 @@ def _lines(
     return lines
 
 
-def _records(file: "ProfileFile | ImageFile", sections: list[_Section]) -> "list[Record]":
-    """Records of a file's profiles, those without a point among them."""
+def _records(
+    file: "ProfileFile | ImageFile", sections: list[_Section], count: int
+) -> "list[Record]":
+    """Records of a file's first `count` profiles, those without a point among them."""
     from lsvision.io.results import measurement_record
     from lsvision.measure import Measurement
 
@@ -262,7 +279,7 @@ def _records(file: "ProfileFile | ImageFile", sections: list[_Section]) -> "list
         number: measurement_record(
             Measurement((), ()), source=name, profile=number, reason="no valid point"
         )
-        for number in range(len(file.profiles))
+        for number in range(count)
     }
     for section in sections:
         records[section.number] = measurement_record(

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 import pytest
 
+import lsvision.measure as measure_module
 from lsvision.cli.outputs import Pictures, check_outputs
 from lsvision.io import result_files
 
@@ -134,6 +135,26 @@ def test_an_interrupted_run_keeps_what_was_measured(written, pipe, tmp_path, num
     assert process.returncode == INTERRUPTED
     assert stderr.decode() == "lsvision: interrupted: 1 of 2 were measured\n"
     assert len(rows_of((tmp_path / "o.csv").read_text())) == 1
+
+
+def test_an_interrupted_file_keeps_its_measured_profiles(run, pipe, tmp_path, monkeypatch):
+    np.save(tmp_path / "three.npy", np.stack([pipe, pipe, np.full_like(pipe, np.nan), pipe]))
+    calls = []
+    real = measure_module.measure_cylinders
+
+    def measure(profile, **options):
+        calls.append(profile)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return real(profile, **options)
+
+    monkeypatch.setattr(measure_module, "measure_cylinders", measure)
+    result = run("measure", tmp_path / "three.npy", "--csv", tmp_path / "o.csv")
+    assert result.exit_code == INTERRUPTED
+    rows = rows_of((tmp_path / "o.csv").read_text())
+    assert [(row["profile"], bool(row["radius_mm"])) for row in rows] == [
+        ("0", True), ("1", True), ("2", False),
+    ]  # fmt: skip
 
 
 def test_a_reader_that_goes_costs_no_result(written, pipe, tmp_path):
