@@ -20,12 +20,14 @@ from lsvision.cli.scan import scan
 from lsvision.cli.simulate import simulate
 from lsvision.errors import LsvisionError
 from lsvision.files.limited_reading import size_limit
+from lsvision.files.printable import printable
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C or SIGTERM, as shells have it."""
 MAX_SIZE_LIMIT = 1e15
 """Largest --max-size. Units: bytes."""
 
+_USAGE_ERROR: Any = typer.BadParameter.__mro__[1]  # click's, which typer has and does not export
 _SIZE = re.compile(r"(\d{1,15}(?:\.\d{1,9})?)\s*([kKMGT]?B?)", re.ASCII)
 _BYTES = {"": 1.0, "b": 1.0} | {
     unit: factor
@@ -51,6 +53,9 @@ class _OneLineErrors(TyperGroup):
                 return super().invoke(ctx)
         except KeyboardInterrupt:
             raise typer.Exit(INTERRUPTED) from None
+        except _USAGE_ERROR as slip:
+            slip.message = printable(slip.message)
+            raise
         except LsvisionError as error:
             print_error(str(error), debug=ctx.params["debug"])
         except MemoryError:
