@@ -9,23 +9,23 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from lsvision import simulate as simulate
-    from lsvision.calibrate.board_in_plane import (
+    from lsvision.calibration.board_in_plane import (
         calibrate_board_in_plane as calibrate_board_in_plane,
     )
-    from lsvision.calibrate.hand_eye import calibrate_hand_eye_board as calibrate_hand_eye_board
-    from lsvision.calibrate.hand_eye import calibrate_hand_eye_plane as calibrate_hand_eye_plane
-    from lsvision.calibrate.hand_eye import calibrate_hand_eye_sphere as calibrate_hand_eye_sphere
-    from lsvision.calibrate.hand_eye_result import HandEye as HandEye
-    from lsvision.calibrate.intrinsics import calibrate_camera as calibrate_camera
-    from lsvision.calibrate.laser_plane import calibrate_laser_plane as calibrate_laser_plane
-    from lsvision.calibrate.lens_blur import measure_lens_blur as measure_lens_blur
-    from lsvision.calibrate.pose_planning import plan_hand_eye_poses as plan_hand_eye_poses
-    from lsvision.calibrate.pose_planning import (
+    from lsvision.calibration.hand_eye import calibrate_hand_eye_board as calibrate_hand_eye_board
+    from lsvision.calibration.hand_eye import calibrate_hand_eye_plane as calibrate_hand_eye_plane
+    from lsvision.calibration.hand_eye import calibrate_hand_eye_sphere as calibrate_hand_eye_sphere
+    from lsvision.calibration.hand_eye_result import HandEye as HandEye
+    from lsvision.calibration.intrinsics import calibrate_camera as calibrate_camera
+    from lsvision.calibration.laser_plane import calibrate_laser_plane as calibrate_laser_plane
+    from lsvision.calibration.lens_blur import measure_lens_blur as measure_lens_blur
+    from lsvision.calibration.pose_planning import plan_hand_eye_poses as plan_hand_eye_poses
+    from lsvision.calibration.pose_planning import (
         plan_hand_eye_poses_plane as plan_hand_eye_poses_plane,
     )
-    from lsvision.calibrate.target import ChArUco as ChArUco
-    from lsvision.calibrate.target import Chessboard as Chessboard
-    from lsvision.calibrate.target import CircleGrid as CircleGrid
+    from lsvision.calibration.target import ChArUco as ChArUco
+    from lsvision.calibration.target import Chessboard as Chessboard
+    from lsvision.calibration.target import CircleGrid as CircleGrid
     from lsvision.cylinder.fit import fit_cylinder as fit_cylinder
     from lsvision.cylinder.robot_frame import PlacedCylinder as PlacedCylinder
     from lsvision.cylinder.robot_frame import place_section as place_section
@@ -34,12 +34,19 @@ if TYPE_CHECKING:
     from lsvision.draw import draw_overlay as draw_overlay
     from lsvision.ellipse.section import CylinderSection as CylinderSection
     from lsvision.errors import LsvisionError as LsvisionError
+    from lsvision.geometry import Cylinder as Cylinder
+    from lsvision.geometry import Ellipse as Ellipse
+    from lsvision.geometry import Plane as Plane
+    from lsvision.geometry import Pose as Pose
     from lsvision.io.hand_eye_file import load_hand_eye as load_hand_eye
     from lsvision.io.hand_eye_file import save_hand_eye as save_hand_eye
     from lsvision.io.profiles import inspect_profiles as inspect_profiles
     from lsvision.io.profiles import read_profile as read_profile
     from lsvision.io.profiles import read_profiles as read_profiles
     from lsvision.io.robot_poses import read_robot_poses as read_robot_poses
+    from lsvision.laser_line.extraction import LaserLine as LaserLine
+    from lsvision.laser_line.extraction import extract_laser_line as extract_laser_line
+    from lsvision.laser_line.settings import LineSettings as LineSettings
     from lsvision.measure import Measurement as Measurement
     from lsvision.measure import Settings as Settings
     from lsvision.measure import measure_cylinders as measure_cylinders
@@ -55,24 +62,17 @@ if TYPE_CHECKING:
     from lsvision.scan import ScanSettings as ScanSettings
     from lsvision.scan import measure_scan as measure_scan
     from lsvision.scan import measure_shape as measure_shape
-    from lsvision.sensor.camera import Camera as Camera
-    from lsvision.sensor.laser_line import LaserLine as LaserLine
-    from lsvision.sensor.laser_line import extract_laser_line as extract_laser_line
-    from lsvision.sensor.light_section import LightSection as LightSection
-    from lsvision.sensor.line_settings import LineSettings as LineSettings
-    from lsvision.sensor.profile_sensor import LPS36 as LPS36
-    from lsvision.sensor.profile_sensor import LPS36HI as LPS36HI
-    from lsvision.sensor.profile_sensor import ProfileSensor as ProfileSensor
-    from lsvision.shapes import Cylinder as Cylinder
-    from lsvision.shapes import Ellipse as Ellipse
-    from lsvision.shapes import Plane as Plane
-    from lsvision.shapes import Pose as Pose
+    from lsvision.sensors.camera import Camera as Camera
+    from lsvision.sensors.light_section import LightSection as LightSection
+    from lsvision.sensors.profile_sensor import LPS36 as LPS36
+    from lsvision.sensors.profile_sensor import LPS36HI as LPS36HI
+    from lsvision.sensors.profile_sensor import ProfileSensor as ProfileSensor
 
 _PUBLIC_NAMES = {
-    "Pose": "lsvision.shapes",
-    "Plane": "lsvision.shapes",
-    "Ellipse": "lsvision.shapes",
-    "Cylinder": "lsvision.shapes",
+    "Pose": "lsvision.geometry",
+    "Plane": "lsvision.geometry",
+    "Ellipse": "lsvision.geometry",
+    "Cylinder": "lsvision.geometry",
     "Profile": "lsvision.profile",
     "Arc": "lsvision.profile",
     "NoiseModel": "lsvision.profile",
@@ -80,14 +80,14 @@ _PUBLIC_NAMES = {
     "read_profile": "lsvision.io.profiles",
     "read_profiles": "lsvision.io.profiles",
     "inspect_profiles": "lsvision.io.profiles",
-    "ProfileSensor": "lsvision.sensor.profile_sensor",
-    "LPS36": "lsvision.sensor.profile_sensor",
-    "LPS36HI": "lsvision.sensor.profile_sensor",
-    "extract_laser_line": "lsvision.sensor.laser_line",
-    "LaserLine": "lsvision.sensor.laser_line",
-    "LineSettings": "lsvision.sensor.line_settings",
-    "Camera": "lsvision.sensor.camera",
-    "LightSection": "lsvision.sensor.light_section",
+    "ProfileSensor": "lsvision.sensors.profile_sensor",
+    "LPS36": "lsvision.sensors.profile_sensor",
+    "LPS36HI": "lsvision.sensors.profile_sensor",
+    "extract_laser_line": "lsvision.laser_line.extraction",
+    "LaserLine": "lsvision.laser_line.extraction",
+    "LineSettings": "lsvision.laser_line.settings",
+    "Camera": "lsvision.sensors.camera",
+    "LightSection": "lsvision.sensors.light_section",
     "measure_cylinders": "lsvision.measure",
     "Measurement": "lsvision.measure",
     "Settings": "lsvision.measure",
@@ -104,19 +104,19 @@ _PUBLIC_NAMES = {
     "plan_section": "lsvision.planning",
     "plan_scan": "lsvision.planning",
     "sections_needed": "lsvision.planning",
-    "ChArUco": "lsvision.calibrate.target",
-    "Chessboard": "lsvision.calibrate.target",
-    "CircleGrid": "lsvision.calibrate.target",
-    "calibrate_camera": "lsvision.calibrate.intrinsics",
-    "calibrate_laser_plane": "lsvision.calibrate.laser_plane",
-    "measure_lens_blur": "lsvision.calibrate.lens_blur",
-    "calibrate_board_in_plane": "lsvision.calibrate.board_in_plane",
-    "calibrate_hand_eye_sphere": "lsvision.calibrate.hand_eye",
-    "calibrate_hand_eye_plane": "lsvision.calibrate.hand_eye",
-    "calibrate_hand_eye_board": "lsvision.calibrate.hand_eye",
-    "HandEye": "lsvision.calibrate.hand_eye_result",
-    "plan_hand_eye_poses": "lsvision.calibrate.pose_planning",
-    "plan_hand_eye_poses_plane": "lsvision.calibrate.pose_planning",
+    "ChArUco": "lsvision.calibration.target",
+    "Chessboard": "lsvision.calibration.target",
+    "CircleGrid": "lsvision.calibration.target",
+    "calibrate_camera": "lsvision.calibration.intrinsics",
+    "calibrate_laser_plane": "lsvision.calibration.laser_plane",
+    "measure_lens_blur": "lsvision.calibration.lens_blur",
+    "calibrate_board_in_plane": "lsvision.calibration.board_in_plane",
+    "calibrate_hand_eye_sphere": "lsvision.calibration.hand_eye",
+    "calibrate_hand_eye_plane": "lsvision.calibration.hand_eye",
+    "calibrate_hand_eye_board": "lsvision.calibration.hand_eye",
+    "HandEye": "lsvision.calibration.hand_eye_result",
+    "plan_hand_eye_poses": "lsvision.calibration.pose_planning",
+    "plan_hand_eye_poses_plane": "lsvision.calibration.pose_planning",
     "read_robot_poses": "lsvision.io.robot_poses",
     "save_hand_eye": "lsvision.io.hand_eye_file",
     "load_hand_eye": "lsvision.io.hand_eye_file",

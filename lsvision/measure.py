@@ -29,9 +29,9 @@ from lsvision.ellipse.refinement import Priors, refine_arc
 from lsvision.ellipse.section import CylinderSection
 from lsvision.ellipse.smoothing import smooth_arc
 from lsvision.errors import LsvisionError
+from lsvision.geometry import IntArray
 from lsvision.paper_pipeline import PaperSettings, measure_paper_pipeline
 from lsvision.profile import Arc, NoiseModel, PreparedProfile, Profile
-from lsvision.shapes import IntArray
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -16,8 +16,8 @@ from lsvision.ellipse.homogenising import homogenise_profile_paper
 from lsvision.ellipse.section import CylinderSection
 from lsvision.ellipse.smoothing import smooth_profile_paper
 from lsvision.errors import LsvisionError
+from lsvision.geometry import Ellipse, IntArray, Points, radial_residuals
 from lsvision.profile import Arc, PreparedProfile
-from lsvision.shapes import Ellipse, IntArray, Points, radial_residuals
 
 RADIAL_FITTING = FittingSettings(residual="radial")
 

@@ -6,8 +6,8 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from lsvision.shapes import FloatArray, IntArray, Points, as_readonly_array
-from lsvision.shapes.noisy_points import NoisyPoints
+from lsvision.geometry import FloatArray, IntArray, Points, as_readonly_array
+from lsvision.geometry.noisy_points import NoisyPoints
 
 MAX_COORDINATE_MM = 1e9
 """A thousand kilometres: larger numbers of a file are no points, and their squares overflow."""

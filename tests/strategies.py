@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 
+from lsvision.geometry import Cylinder, Ellipse, Pose
 from lsvision.profile import Profile
-from lsvision.shapes import Cylinder, Ellipse, Pose
 
 # Same examples each run: a suite is green or it is not. Nothing is written beside the code.
 PROPERTY = settings(

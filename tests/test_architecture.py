@@ -16,8 +16,8 @@ MODULES = sorted(ROOT.rglob("*.py"))
 MAX_MODULE_LINES, MAX_BODY_LINES = 400, 40
 FORBIDDEN = {
     "simulate": ("detection", "ellipse", "cylinder", "measure", "scan", "paper_pipeline"),
-    "calibrate": ("detection", "ellipse", "cylinder", "measure", "scan", "paper_pipeline"),
-    "shapes": ("cv2",),
+    "calibration": ("detection", "ellipse", "cylinder", "measure", "scan", "paper_pipeline"),
+    "geometry": ("cv2",),
     "profile": ("cv2",),
     "statistics": ("cv2",),
     "ellipse": ("cv2",),

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lsvision.shapes import Ellipse, orthogonal_residuals
+from lsvision.geometry import Ellipse, orthogonal_residuals
 
 FIXTURES = Path(__file__).parents[1] / "fixtures"
 SECTIONS = sorted(path.name.removesuffix(".truth.json") for path in FIXTURES.glob("*.truth.json"))

@@ -10,7 +10,7 @@ import pytest
 
 from lsvision.io.images import read_image
 from lsvision.measure import measure_cylinders
-from lsvision.sensor.light_section import LightSection
+from lsvision.sensors.light_section import LightSection
 
 IMAGES = Path(__file__).parents[1] / "fixtures" / "images"
 NAMES = ("single", "pair", "clutter")

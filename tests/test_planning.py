@@ -6,6 +6,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from lsvision.errors import DegenerateGeometry, TooFewPoints
+from lsvision.geometry import Cylinder, Ellipse, Pose
 from lsvision.planning import (
     AccuracyTarget,
     Feed,
@@ -17,8 +18,7 @@ from lsvision.planning import (
     sections_needed,
 )
 from lsvision.planning.sensor_view import cylinder_normals, visible_points
-from lsvision.sensor.profile_sensor import LATERAL_FRACTION, LPS36HI, ProfileSensor
-from lsvision.shapes import Cylinder, Ellipse, Pose
+from lsvision.sensors.profile_sensor import LATERAL_FRACTION, LPS36HI, ProfileSensor
 
 ROUNDING = 1e-9  # relative: two exact formulas in double precision
 DIFFERENCES = 1e-4  # relative: central differences, and the lateral share of ProfileSensor

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from lsvision import Arc, NoiseModel, PointNoise, Profile, ProfileSensor
+from lsvision.geometry.noisy_points import NoisyPoints
 from lsvision.profile import PreparedProfile
-from lsvision.shapes.noisy_points import NoisyPoints
 
 NAN, INF = math.nan, math.inf
 THREE = [[0.0, -400.0], [NAN, NAN], [1.2, -399.8]]

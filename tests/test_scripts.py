@@ -11,7 +11,7 @@ import pytest
 
 from lsvision.io.camera_file import read_camera
 from lsvision.io.hand_eye_file import load_hand_eye
-from lsvision.sensor.light_section import LightSection
+from lsvision.sensors.light_section import LightSection
 
 CALIBRATION = Path(__file__).parents[1] / "calibration"
 EXAMPLE = CALIBRATION / "example"

@@ -21,9 +21,9 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from lsvision.geometry import Cylinder, Pose
 from lsvision.profile import Profile
-from lsvision.sensor.profile_sensor import ProfileSensor
-from lsvision.shapes import Cylinder, Pose
+from lsvision.sensors.profile_sensor import ProfileSensor
 from lsvision.simulate import Scene, SectionSettings, Tube, simulate_section
 from lsvision.simulate.hand_eye import (
     SectionView,

@@ -27,13 +27,13 @@ from lsvision.files.printable import printable, printable_name
 
 if TYPE_CHECKING:
     from lsvision.cylinder.robot_frame import PlacedCylinder
+    from lsvision.geometry import Pose
     from lsvision.io.profiles import ProfileFile, ReadOptions
     from lsvision.io.result_files import ResultFiles
     from lsvision.io.results import Record
     from lsvision.measure import Measurement
     from lsvision.profile import Profile
-    from lsvision.sensor.profile_sensor import ProfileSensor
-    from lsvision.shapes import Pose
+    from lsvision.sensors.profile_sensor import ProfileSensor
 
 MAX_FLIP_CHECK_POINTS = 20_000
 """Points of a profile that are looked at upside down."""

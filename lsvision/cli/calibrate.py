@@ -34,7 +34,7 @@ from lsvision.errors import UnreadableFile
 from lsvision.files.printable import printable
 
 if TYPE_CHECKING:
-    from lsvision.calibrate.laser_plane import LaserPlaneSettings
+    from lsvision.calibration.laser_plane import LaserPlaneSettings
 
 calibrate = typer.Typer(
     name="calibrate",
@@ -72,7 +72,7 @@ def target(
         raise typer.BadParameter(f"want --out F.svg or F.pdf, got {out.name!r}")
     board = parse_target(target_name, counts, square, marker, dictionary)
     check_outputs((out,), ())
-    from lsvision.calibrate.target_files import target_pdf, target_svg
+    from lsvision.calibration.target_files import target_pdf, target_svg
     from lsvision.files.atomic_files import write_atomic
 
     try:
@@ -122,7 +122,7 @@ def camera(
     board = parse_target(target_name, counts, square, marker, dictionary)
     files = image_files(images)
     check_outputs((out, ros_yaml, report), files)
-    from lsvision.calibrate.intrinsics import CameraSettings, calibrate_camera
+    from lsvision.calibration.intrinsics import CameraSettings, calibrate_camera
     from lsvision.io.calibration import provenance_of, write_calibration
     from lsvision.io.camera_file import write_camera_yaml
 
@@ -210,7 +210,7 @@ def laser_plane(
     settings = _line_settings(laser, margin)
     from dataclasses import replace
 
-    from lsvision.calibrate.laser_plane import calibrate_laser_plane
+    from lsvision.calibration.laser_plane import calibrate_laser_plane
     from lsvision.draw.calibration_report import ReportContent, laser_plane_page
     from lsvision.files.atomic_files import write_atomic
     from lsvision.io.calibration import provenance_of, write_calibration
@@ -238,9 +238,9 @@ def laser_plane(
 
 
 def _line_settings(laser: str, margin: float) -> "LaserPlaneSettings":
-    from lsvision.calibrate.laser_line_on_board import LineOnBoardSettings
-    from lsvision.calibrate.laser_plane import LaserPlaneSettings
-    from lsvision.sensor.laser_line import LineSettings
+    from lsvision.calibration.laser_line_on_board import LineOnBoardSettings
+    from lsvision.calibration.laser_plane import LaserPlaneSettings
+    from lsvision.laser_line.extraction import LineSettings
 
     try:
         extraction = LineSettings(channel=cast(Any, laser))

@@ -124,7 +124,7 @@ def sphere(
     check_plan(job, plan_poses, plan_out)
     reading = parse_read_options(format=file_format, columns=columns, units=units, flip=flip)
     seen = read_target_profiles(job, profiles, reading, plan_out)
-    from lsvision.calibrate.hand_eye import calibrate_hand_eye_sphere
+    from lsvision.calibration.hand_eye import calibrate_hand_eye_sphere
 
     with prefix_file_names(pose=seen.names):
         found = calibrate_hand_eye_sphere(
@@ -171,7 +171,7 @@ def plane(
     check_plan(job, plan_poses, plan_out)
     reading = parse_read_options(format=file_format, columns=columns, units=units, flip=flip)
     seen = read_target_profiles(job, profiles, reading, plan_out)
-    from lsvision.calibrate.hand_eye import calibrate_hand_eye_plane
+    from lsvision.calibration.hand_eye import calibrate_hand_eye_plane
 
     with prefix_file_names(pose=seen.names):
         found = calibrate_hand_eye_plane(
@@ -216,7 +216,7 @@ def board(
     pattern = parse_target(target_name, counts, square, marker, dictionary)
     files = image_files(images)
     check_files(job, [*files, camera])
-    from lsvision.calibrate.hand_eye import calibrate_hand_eye_board
+    from lsvision.calibration.hand_eye import calibrate_hand_eye_board
 
     names = [printable(file.name) for file in files]
     flanges = read_flanges(poses, convention, names)

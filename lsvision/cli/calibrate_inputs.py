@@ -17,9 +17,9 @@ from lsvision.files.limited_reading import STDIN
 from lsvision.files.printable import printable
 
 if TYPE_CHECKING:
+    from lsvision.geometry import Pose
     from lsvision.io.profiles import ReadOptions
     from lsvision.profile import Profile
-    from lsvision.shapes import Pose
 
 Report = Annotated[
     Path | None, typer.Option(metavar="F.html", help="Write a page with pictures for people.")

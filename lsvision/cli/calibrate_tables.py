@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 from lsvision.cli.calibrate_inputs import replace_image_numbers
 
 if TYPE_CHECKING:
-    from lsvision.calibrate.hand_eye_result import HandEye
-    from lsvision.calibrate.intrinsics import CameraCalibration
-    from lsvision.calibrate.laser_plane_result import LaserPlaneCalibration
-    from lsvision.calibrate.pose_planning import PosePlan
-    from lsvision.calibrate.views import RejectedView
+    from lsvision.calibration.hand_eye_result import HandEye
+    from lsvision.calibration.intrinsics import CameraCalibration
+    from lsvision.calibration.laser_plane_result import LaserPlaneCalibration
+    from lsvision.calibration.pose_planning import PosePlan
+    from lsvision.calibration.views import RejectedView
 
 Row = tuple[str, str, str]
 """Name, number with sigma, unit."""
@@ -57,7 +57,7 @@ def hand_eye_rows(found: "HandEye") -> list[Row]:
     """Pose of the sensor with one sigma, and what it is worth where it measures."""
     from scipy.spatial.transform import Rotation
 
-    from lsvision.calibrate.hand_eye_result import Sphere
+    from lsvision.calibration.hand_eye_result import Sphere
     from lsvision.draw import format_value
 
     mount = "flange" if found.mounting == "eye_in_hand" else "base"

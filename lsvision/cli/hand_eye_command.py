@@ -19,13 +19,13 @@ from lsvision.cli.messages import print_lines
 from lsvision.cli.outputs import check_outputs
 
 if TYPE_CHECKING:
-    from lsvision.calibrate.hand_eye_result import HandEye
-    from lsvision.calibrate.hand_eye_solver import HandEyeSettings
-    from lsvision.calibrate.pose_planning import PosePlan
-    from lsvision.calibrate.target import Target
+    from lsvision.calibration.hand_eye_result import HandEye
+    from lsvision.calibration.hand_eye_solver import HandEyeSettings
+    from lsvision.calibration.pose_planning import PosePlan
+    from lsvision.calibration.target import Target
+    from lsvision.geometry import FloatArray, Pose
     from lsvision.io.profiles import ReadOptions
     from lsvision.profile import Profile
-    from lsvision.shapes import FloatArray, Pose
 
 FRAMES = "tool0:sensor"
 """Names of the frames in an easy_handeye file."""
@@ -67,7 +67,7 @@ def parse_hand_eye_options(
     typer.BadParameter
         For a mounting, sigma or frames that are none.
     """
-    from lsvision.calibrate.hand_eye_solver import HandEyeSettings
+    from lsvision.calibration.hand_eye_solver import HandEyeSettings
 
     easy_handeye, frames, report = extras
     robot, _, sensor = frames.partition(":")
@@ -140,9 +140,9 @@ def estimate_board_poses(
     LsvisionError
         Names the image that does not.
     """
-    from lsvision.calibrate.board_pose_estimation import estimate_board_pose
-    from lsvision.calibrate.target import find_target
-    from lsvision.calibrate.views import require_size
+    from lsvision.calibration.board_pose_estimation import estimate_board_pose
+    from lsvision.calibration.target import find_target
+    from lsvision.calibration.views import require_size
     from lsvision.errors import LsvisionError
     from lsvision.io.camera_file import read_camera
 
@@ -205,8 +205,8 @@ def check_plan(job: HandEyeOptions, count: int, out: Path | None) -> None:
 
 def plan_next_poses(found: "HandEye", flanges: "Sequence[Pose]", count: int) -> "PosePlan":
     """The next best poses before the sphere or plate that was found."""
-    from lsvision.calibrate import pose_planning as planning
-    from lsvision.shapes import Plane
+    from lsvision.calibration import pose_planning as planning
+    from lsvision.geometry import Plane
 
     left_out = {pose.index for pose in found.rejected}
     believed = [pose for index, pose in enumerate(flanges) if index not in left_out]

@@ -9,7 +9,7 @@ from lsvision.errors import UnreadableFile
 
 if TYPE_CHECKING:
     from lsvision.cli.image_sources import ImagingOptions
-    from lsvision.sensor.line_settings import LineSettings
+    from lsvision.laser_line.settings import LineSettings
 
 LightSectionFile = Annotated[
     Path | None,
@@ -48,7 +48,7 @@ def parse_line_settings(laser: str, method: str) -> "LineSettings":
     typer.BadParameter
         For an unknown colour or method.
     """
-    from lsvision.sensor.line_settings import LineSettings
+    from lsvision.laser_line.settings import LineSettings
 
     try:
         return LineSettings(channel=cast(Any, laser), method=cast(Any, method))
@@ -97,7 +97,7 @@ def parse_imaging(
     if light_section is None:
         return None
     from lsvision.cli.image_sources import ImagingOptions
-    from lsvision.sensor.light_section import LightSection
+    from lsvision.sensors.light_section import LightSection
 
     rig = LightSection.load(light_section)
     dark = read_laser_off(laser_off, rig.camera.size)

@@ -12,10 +12,10 @@ from lsvision.cli.sources import IMAGE_SUFFIXES, VIDEO_SUFFIXES
 from lsvision.errors import LsvisionError, NoLaserLine, UnreadableFile
 
 if TYPE_CHECKING:
+    from lsvision.laser_line.extraction import LaserLine
+    from lsvision.laser_line.settings import LineSettings
     from lsvision.profile import Profile
-    from lsvision.sensor.laser_line import LaserLine
-    from lsvision.sensor.light_section import LightSection
-    from lsvision.sensor.line_settings import LineSettings
+    from lsvision.sensors.light_section import LightSection
 
 MAX_SECOND_LINE_FRACTION = 0.2
 """Share of the columns in which a rival line is followed, from which on it is told."""
@@ -160,7 +160,7 @@ def extract_from(source: Path, image: Any, settings: "LineSettings", dark: Any) 
     LsvisionError
         Names the file and the mend.
     """
-    from lsvision.sensor.laser_line import extract_laser_line
+    from lsvision.laser_line.extraction import extract_laser_line
 
     with _prefix_errors(str(source)):
         check_colours(image, settings.channel)

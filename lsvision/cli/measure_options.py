@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from lsvision.io.profiles import ReadOptions
     from lsvision.measure import Measurement
     from lsvision.profile import Profile
-    from lsvision.sensor.profile_sensor import ProfileSensor
+    from lsvision.sensors.profile_sensor import ProfileSensor
 
 DEFAULT_REFERENCE_MM = 400.0
 """Range that goes with a bare --range-std: the middle of the paper's sensor."""
@@ -74,7 +74,7 @@ def parse_sensor(
         if reference_range is not None:
             raise typer.BadParameter("want --range-std beside --reference-range, got none")
         return None
-    from lsvision.sensor.profile_sensor import LPS36, LPS36HI, ProfileSensor
+    from lsvision.sensors.profile_sensor import LPS36, LPS36HI, ProfileSensor
 
     presets = {"lps36hi": LPS36HI, "lps36": LPS36}
     if name is not None and range_std is not None:

@@ -41,7 +41,12 @@ def paper(
       lsvision paper --noise-mm 0.02 --out quiet.html
     """  # noqa: D301 - the backspace tells click to leave the lines as they are
     check_outputs((), (), streams=(out, json))
-    from lsvision.experiments import ExperimentSizes, report_json, report_page, run_experiments
+    from lsvision.studies.chen_liu_2016 import (
+        ExperimentSizes,
+        report_json,
+        report_page,
+        run_experiments,
+    )
 
     effort = ExperimentSizes.full() if full else ExperimentSizes.quick()
     report = run_experiments(effort, noise_mm=noise_mm, seed=seed, say=_log_progress)

@@ -155,7 +155,7 @@ def _view(
     sensor: str | None, range_std: float | None, standoff: float, pitch: float | None
 ) -> "SensorView":
     from lsvision.planning import SensorView
-    from lsvision.sensor.profile_sensor import LPS36, LPS36HI, ProfileSensor
+    from lsvision.sensors.profile_sensor import LPS36, LPS36HI, ProfileSensor
 
     presets = {"lps36hi": LPS36HI, "lps36": LPS36}
     if range_std is None:

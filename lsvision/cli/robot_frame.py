@@ -14,10 +14,10 @@ from lsvision.cli.robot_poses import (
 )
 
 if TYPE_CHECKING:
-    from lsvision.calibrate.hand_eye_result import HandEye
+    from lsvision.calibration.hand_eye_result import HandEye
     from lsvision.cylinder.robot_frame import PlacedCylinder
     from lsvision.ellipse.section import CylinderSection
-    from lsvision.shapes import Pose
+    from lsvision.geometry import Pose
 
 HEADER = ("", "point x y z mm", "± mm", "direction x y z", "± deg")
 
@@ -42,7 +42,7 @@ class RobotFrame:
     ) -> "list[tuple[PlacedCylinder, PlacedCylinder]]":
         """Both cylinders of each section."""
         from lsvision.cylinder.robot_frame import place_section
-        from lsvision.shapes import Pose
+        from lsvision.geometry import Pose
 
         mount = Pose() if self.calibration is None else self.calibration
         return [place_section(each, mount, flange) for each in sections]

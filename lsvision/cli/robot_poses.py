@@ -9,8 +9,8 @@ import typer
 from lsvision.errors import LsvisionError, UnreadableFile
 
 if TYPE_CHECKING:
-    from lsvision.calibrate.hand_eye_result import HandEye
-    from lsvision.shapes import Pose
+    from lsvision.calibration.hand_eye_result import HandEye
+    from lsvision.geometry import Pose
 
 
 @dataclass(frozen=True)

@@ -44,12 +44,12 @@ from lsvision.cli.sources import find_sources, read_source
 from lsvision.files.printable import printable, printable_name
 
 if TYPE_CHECKING:
+    from lsvision.geometry import Points, Pose
     from lsvision.io.profiles import ReadOptions
     from lsvision.measure import Measurement
     from lsvision.profile import Profile
     from lsvision.scan import PoseErrors, ScanMeasurement, TubeShape
-    from lsvision.sensor.profile_sensor import ProfileSensor
-    from lsvision.shapes import Points, Pose
+    from lsvision.sensors.profile_sensor import ProfileSensor
 
 
 def scan(

@@ -16,8 +16,8 @@ from lsvision.cli.robot_poses import (
 )
 
 if TYPE_CHECKING:
-    from lsvision.calibrate.hand_eye_result import HandEye
-    from lsvision.shapes import Pose
+    from lsvision.calibration.hand_eye_result import HandEye
+    from lsvision.geometry import Pose
 
 
 @dataclass(frozen=True)

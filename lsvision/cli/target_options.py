@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from lsvision.calibrate.target import Target
+    from lsvision.calibration.target import Target
 
 TARGETS = ("charuco", "chessboard", "circles", "circles-asymmetric")
 
@@ -52,7 +52,7 @@ def parse_target(
     typer.BadParameter
         For an unknown name, counts that are none, or lengths that do not go together.
     """
-    from lsvision.calibrate.target import ChArUco, Chessboard, CircleGrid
+    from lsvision.calibration.target import ChArUco, Chessboard, CircleGrid
 
     if name not in TARGETS:
         raise typer.BadParameter(f"want --target {', '.join(TARGETS)}, got {name!r}")

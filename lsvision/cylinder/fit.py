@@ -23,8 +23,8 @@ from lsvision.cylinder.problem import (
 )
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import DegenerateGeometry, TooFewPoints
-from lsvision.shapes import Cylinder, FloatArray, Points, as_readonly_array
-from lsvision.shapes.arrays import require_coordinates, require_covariances
+from lsvision.geometry import Cylinder, FloatArray, Points, as_readonly_array
+from lsvision.geometry.arrays import require_coordinates, require_covariances
 from lsvision.statistics.numerical_failures import refuse_numerical_failure, require_finite
 
 MIN_EXTENT_MM = 1e-9

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from lsvision.cylinder.problem import PARAMETERS, tangent_frame
 from lsvision.ellipse.fit import CHI2_TEST_SIGMAS
-from lsvision.shapes import BoolArray, Cylinder, FloatArray
+from lsvision.geometry import BoolArray, Cylinder, FloatArray
 from lsvision.statistics.correlation import autocorrelation_time
 
 

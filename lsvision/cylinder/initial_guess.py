@@ -11,7 +11,7 @@ from lsvision.cylinder.problem import (
 )
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import FitFailed
-from lsvision.shapes import Cylinder, FloatArray, Points
+from lsvision.geometry import Cylinder, FloatArray, Points
 
 DIRECTIONS = 400
 """Of the grid over the half sphere: 7 deg apart, well inside the minimum of a short arc."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from lsvision.ellipse.problem import RadiusPrior, cache_last_evaluation
 from lsvision.errors import FitFailed
-from lsvision.shapes import Cylinder, FloatArray, Points
+from lsvision.geometry import Cylinder, FloatArray, Points
 
 PARAMETERS = 5
 MAX_RADIUS_EXTENTS = 1e5

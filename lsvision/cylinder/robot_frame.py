@@ -12,7 +12,7 @@ import numpy as np
 
 from lsvision.cylinder.problem import tangent_frame
 from lsvision.ellipse.section import CylinderSection
-from lsvision.shapes import Cylinder, FloatArray, Pose, as_readonly_array
+from lsvision.geometry import Cylinder, FloatArray, Pose, as_readonly_array
 
 Frame = Literal["base", "flange"]
 

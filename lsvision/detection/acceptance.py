@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.ellipse.section import CylinderSection
+from lsvision.geometry import Ellipse, FloatArray
+from lsvision.geometry.noisy_points import ComplexArray
 from lsvision.profile import PreparedProfile
-from lsvision.shapes import Ellipse, FloatArray
-from lsvision.shapes.noisy_points import ComplexArray
 
 MAX_RADIUS_RATIO = 2.0
 """Of an end of a radius' own 95 % interval to the radius, or its inverse: beyond, the radius is

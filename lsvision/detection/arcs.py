@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Self
 
+from lsvision.geometry import Ellipse, IntArray
 from lsvision.profile import Arc
-from lsvision.shapes import Ellipse, IntArray
 
 
 @dataclass(frozen=True, eq=False, slots=True)

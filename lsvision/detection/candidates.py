@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 
 from lsvision.detection.windows import WindowCircles, fit_window_circles, multiscale_windows
+from lsvision.geometry import BoolArray, Ellipse, FloatArray, IntArray, Points
 from lsvision.profile import Arc, PreparedProfile
-from lsvision.shapes import BoolArray, Ellipse, FloatArray, IntArray, Points
 
 MAX_AXIS_RATIO = 2.0
 """Semi-major over semi-minor axis of an ellipse that arcs start from: a tilt of 60 deg."""

@@ -14,9 +14,9 @@ import numpy as np
 from lsvision.detection.arcs import IdentifiedArc
 from lsvision.ellipse.parameters import parameters_from_ellipse
 from lsvision.ellipse.robust_gauss_newton import ellipse_residuals
+from lsvision.geometry import Ellipse, IntArray
+from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints
 from lsvision.profile import PreparedProfile
-from lsvision.shapes import Ellipse, IntArray
-from lsvision.shapes.noisy_points import ComplexArray, NoisyPoints
 from lsvision.statistics.robust import upper_median
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg.lapack import dpotrf, dtrtrs
 
-from lsvision.shapes import BoolArray, FloatArray, IntArray
+from lsvision.geometry import BoolArray, FloatArray, IntArray
 
 OUTLIER_FRACTION = 0.05
 """Prior probability that a point is an outlier: stray light, a jump."""

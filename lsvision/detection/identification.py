@@ -20,8 +20,8 @@ from lsvision.ellipse.robust_gauss_newton import (
     gauss_newton_step,
     refine_ellipse,
 )
+from lsvision.geometry import BoolArray, FloatArray, IntArray
 from lsvision.profile import PreparedProfile
-from lsvision.shapes import BoolArray, FloatArray, IntArray
 from lsvision.statistics.robust import MAD_TO_STD, upper_median
 
 SENSOR_ERROR_SIGMAS = 4.0

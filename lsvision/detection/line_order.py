@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from lsvision.shapes import BoolArray, IntArray, Points
-from lsvision.shapes.noisy_points import as_complex
+from lsvision.geometry import BoolArray, IntArray, Points
+from lsvision.geometry.noisy_points import as_complex
 from lsvision.statistics.robust import upper_median
 
 HALF = 0.5

@@ -6,10 +6,10 @@ from statistics import NormalDist
 import numpy as np
 
 from lsvision.detection.line_order import order_along_line
+from lsvision.geometry import FloatArray, IntArray, Points
+from lsvision.geometry.arrays import extent_of
+from lsvision.geometry.noisy_points import NoisyPoints, as_complex
 from lsvision.profile import NoiseModel, PreparedProfile, Profile
-from lsvision.shapes import FloatArray, IntArray, Points
-from lsvision.shapes.arrays import extent_of
-from lsvision.shapes.noisy_points import NoisyPoints, as_complex
 from lsvision.statistics.robust import upper_median
 
 MAX_POINTS = 20_000

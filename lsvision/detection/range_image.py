@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from lsvision.geometry import IntArray
 from lsvision.profile import PreparedProfile
-from lsvision.shapes import IntArray
 
 JUMP_SIGMAS = 6.0
 """Multiple of the noise by which no point leaves the line."""

@@ -14,9 +14,9 @@ from lsvision.detection.candidates import (
     max_circle_rms,
 )
 from lsvision.detection.windows import fit_window_circles
+from lsvision.geometry import BoolArray, IntArray, Points
+from lsvision.geometry.noisy_points import as_complex
 from lsvision.profile import Arc, PreparedProfile
-from lsvision.shapes import BoolArray, IntArray, Points
-from lsvision.shapes.noisy_points import as_complex
 from lsvision.statistics.robust import mad_std
 
 

@@ -39,9 +39,9 @@ from lsvision.ellipse.robust_gauss_newton import (
     refine_ellipse,
     solve_positive_definite,
 )
+from lsvision.geometry import Ellipse, FloatArray, IntArray
+from lsvision.geometry.noisy_points import NoisyPoints
 from lsvision.profile import PreparedProfile
-from lsvision.shapes import Ellipse, FloatArray, IntArray
-from lsvision.shapes.noisy_points import NoisyPoints
 
 MIDDLE_FRACTION = 0.7
 """Share of the arc's points in its middle part."""

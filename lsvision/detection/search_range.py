@@ -3,8 +3,8 @@
 import math
 
 from lsvision.ellipse.problem import RadiusPrior
+from lsvision.geometry.arrays import extent_of
 from lsvision.profile import PreparedProfile
-from lsvision.shapes.arrays import extent_of
 
 NOMINAL_SPREAD = 0.2
 """A nominal radius is searched within this share of itself, a known one never below the share."""

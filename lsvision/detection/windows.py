@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.shapes import BoolArray, FloatArray, IntArray, Points
-from lsvision.shapes.noisy_points import as_complex, as_vectors
+from lsvision.geometry import BoolArray, FloatArray, IntArray, Points
+from lsvision.geometry.noisy_points import as_complex, as_vectors
 
 WINDOW_GROWTH = 2
 """Ratio of successive lengths."""

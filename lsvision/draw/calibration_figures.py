@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lsvision.calibrate.hand_eye_result import HandEye, Sphere
-from lsvision.calibrate.intrinsics import CameraCalibration
-from lsvision.calibrate.laser_plane_result import LaserPlaneCalibration, rms
-from lsvision.shapes import FloatArray, Plane, Pose
+from lsvision.calibration.hand_eye_result import HandEye, Sphere
+from lsvision.calibration.intrinsics import CameraCalibration
+from lsvision.calibration.laser_plane_result import LaserPlaneCalibration, rms
+from lsvision.geometry import FloatArray, Plane, Pose
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

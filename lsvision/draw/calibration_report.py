@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.calibrate.hand_eye_result import HandEye
-from lsvision.calibrate.intrinsics import CameraCalibration
-from lsvision.calibrate.laser_plane_result import LaserPlaneCalibration
+from lsvision.calibration.hand_eye_result import HandEye
+from lsvision.calibration.intrinsics import CameraCalibration
+from lsvision.calibration.laser_plane_result import LaserPlaneCalibration
 from lsvision.draw.calibration_figures import (
     draw_bars,
     draw_coverage,
@@ -17,7 +17,7 @@ from lsvision.draw.calibration_figures import (
 )
 from lsvision.draw.figure_files import figure_bytes
 from lsvision.draw.html_page import footer, heading, html_page, paragraph, picture, table
-from lsvision.shapes import Points, Pose
+from lsvision.geometry import Points, Pose
 
 
 @dataclass(frozen=True)

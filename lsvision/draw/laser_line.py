@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.draw.photo import show_photo
-from lsvision.sensor.laser_line import LaserLine
+from lsvision.laser_line.extraction import LaserLine
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,7 +38,7 @@ def draw_laser_line(image: npt.ArrayLike, line: LaserLine, *, title: str = "") -
     --------
     >>> rows = np.arange(64)[:, None]
     >>> image = (10 + 90 * np.exp(-0.5 * ((rows - 30.2) / 1.5) ** 2) * np.ones(99)).astype("uint8")
-    >>> from lsvision.sensor.laser_line import extract_laser_line
+    >>> from lsvision.laser_line.extraction import extract_laser_line
     >>> len(draw_laser_line(image, extract_laser_line(image)).axes)
     4
     """
@@ -68,7 +68,7 @@ def line_summary(line: LaserLine) -> str:
     --------
     >>> rows = np.arange(64)[:, None]
     >>> image = (10 + 90 * np.exp(-0.5 * ((rows - 30.2) / 1.5) ** 2) * np.ones(99)).astype("uint8")
-    >>> from lsvision.sensor.laser_line import extract_laser_line
+    >>> from lsvision.laser_line.extraction import extract_laser_line
     >>> line_summary(extract_laser_line(image)).split(", std")[0]
     '99 columns, 0 lost'
     """

@@ -9,9 +9,9 @@ import numpy as np
 from lsvision.draw.panel import colour_of, draw_panel
 from lsvision.draw.rejected import RejectedArc, rejected_arcs
 from lsvision.ellipse.section import CylinderSection
+from lsvision.geometry import FloatArray, Points
 from lsvision.measure import Measurement
 from lsvision.profile import Profile
-from lsvision.shapes import FloatArray, Points
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

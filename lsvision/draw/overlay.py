@@ -11,10 +11,10 @@ from lsvision.draw.panel import colour_of, draw_panel
 from lsvision.draw.photo import show_photo
 from lsvision.draw.rejected import rejected_arcs
 from lsvision.ellipse.section import CylinderSection
+from lsvision.geometry import Points
 from lsvision.measure import Measurement
 from lsvision.profile import Profile
-from lsvision.sensor.light_section import LightSection
-from lsvision.shapes import Points
+from lsvision.sensors.light_section import LightSection
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -57,8 +57,8 @@ def draw_overlay(
 
     Examples
     --------
-    >>> from lsvision.sensor.camera import Camera
-    >>> from lsvision.shapes import Plane
+    >>> from lsvision.sensors.camera import Camera
+    >>> from lsvision.geometry import Plane
     >>> camera = Camera([[600, 0, 32], [0, 600, 24], [0, 0, 1]], [], (64, 48))
     >>> rig = LightSection(camera, Plane((0.0, 0.866, 0.5), 150.0))
     >>> profile = Profile(rig.points_from_pixels([[10.0, 20.0], [50.0, 20.0]]))

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lsvision.geometry import IntArray, Points
 from lsvision.measure import Measurement
-from lsvision.shapes import IntArray, Points
 
 COLOURS = ("#D55E00", "#9A6A00")
 """Vermilion and dark yellow: unlike all colours of cylinders, also to the colour-blind;

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lsvision.draw.panel import colour_of
+from lsvision.geometry import FloatArray, Points
 from lsvision.scan import ScanMeasurement, ScannedCylinder
 from lsvision.scan.surface import tube_surface
-from lsvision.shapes import FloatArray, Points
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

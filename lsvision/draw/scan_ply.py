@@ -3,9 +3,9 @@
 import numpy as np
 
 from lsvision.draw.panel import colour_of
+from lsvision.geometry import FloatArray, IntArray, Points
 from lsvision.scan import ScanMeasurement
 from lsvision.scan.surface import tube_surface
-from lsvision.shapes import FloatArray, IntArray, Points
 
 GREY = (0.6, 0.6, 0.6)
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.ellipse.robust_gauss_newton import EllipseResiduals
-from lsvision.shapes import FloatArray
-from lsvision.shapes.noisy_points import ComplexArray, NoisyPoints
+from lsvision.geometry import FloatArray
+from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints
 from lsvision.statistics.correlation import (
     autocorrelation_time,
     estimate_correlation,

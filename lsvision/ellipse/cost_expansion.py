@@ -14,8 +14,8 @@ import numpy as np
 from lsvision.ellipse.fit import EllipseFit
 from lsvision.ellipse.parameters import PARAMETERS, semi_minor, semi_minor_gradient
 from lsvision.ellipse.problem import EllipseProblem
-from lsvision.shapes import BoolArray, FloatArray, IntArray
-from lsvision.shapes.noisy_points import ComplexArray, as_complex
+from lsvision.geometry import BoolArray, FloatArray, IntArray
+from lsvision.geometry.noisy_points import ComplexArray, as_complex
 
 FOOT_TOLERANCE, MAX_FOOT_ITERATIONS = 1e-4, 20
 """Nearest points are found to the square of this angle (rad), by at most so many Newton steps."""

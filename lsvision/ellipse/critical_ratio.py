@@ -14,7 +14,7 @@ from typing import Self
 import numpy as np
 
 from lsvision.ellipse.fit import EllipseFit
-from lsvision.shapes import FloatArray
+from lsvision.geometry import FloatArray
 
 MAX_SIGMAS = 20.0
 """Distance from the circle, in sigmas, beyond which ring and half line count as straight lines."""

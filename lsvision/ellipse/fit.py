@@ -32,9 +32,9 @@ from lsvision.ellipse.robust_gauss_newton import (
     solve_positive_definite,
 )
 from lsvision.errors import TooFewPoints
-from lsvision.shapes import Ellipse, FloatArray, Points, as_readonly_array
-from lsvision.shapes.arrays import require_coordinates, require_covariances
-from lsvision.shapes.noisy_points import ComplexArray, NoisyPoints, as_complex, as_vectors
+from lsvision.geometry import Ellipse, FloatArray, Points, as_readonly_array
+from lsvision.geometry.arrays import require_coordinates, require_covariances
+from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints, as_complex, as_vectors
 from lsvision.statistics.correlation import (
     LOW_FREQUENCY_DOF,
     Correlation,

@@ -17,8 +17,8 @@ from lsvision.ellipse.parameters import (
 )
 from lsvision.ellipse.robust_gauss_newton import refine_ellipse
 from lsvision.ellipse.smoothing import SmoothedArc
-from lsvision.shapes import Ellipse, Points
-from lsvision.shapes.noisy_points import NoisyPoints, as_vectors
+from lsvision.geometry import Ellipse, Points
+from lsvision.geometry.noisy_points import NoisyPoints, as_vectors
 
 
 @dataclass(frozen=True, eq=False, slots=True)

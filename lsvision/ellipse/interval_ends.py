@@ -27,8 +27,8 @@ from lsvision.ellipse.region_extrema import (
     Region,
     Targets,
 )
-from lsvision.shapes import BoolArray, FloatArray
-from lsvision.shapes.noisy_points import ComplexArray
+from lsvision.geometry import BoolArray, FloatArray
+from lsvision.geometry.noisy_points import ComplexArray
 
 FIRST_ROUNDS, ROUNDS = 4, 2
 """Newton steps of the direction u, at the start and in each iteration."""

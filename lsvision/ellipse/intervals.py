@@ -22,7 +22,7 @@ from lsvision.ellipse.fit import EllipseFit
 from lsvision.ellipse.interval_ends import EndPoints, find_end_points
 from lsvision.ellipse.parameters import semi_minor_gradient
 from lsvision.ellipse.phi_prior import EXACT_PHI_STD
-from lsvision.shapes import BoolArray
+from lsvision.geometry import BoolArray
 
 Quantity = Literal["radius", "theta", "phi", "centre_x", "centre_y"]
 Interval = tuple[float, float]

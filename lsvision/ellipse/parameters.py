@@ -11,9 +11,9 @@ import math
 import numpy as np
 
 from lsvision.errors import FitFailed
-from lsvision.shapes import Ellipse, FloatArray, Points
-from lsvision.shapes.ellipse import foot_directions
-from lsvision.shapes.noisy_points import ComplexArray, as_complex
+from lsvision.geometry import Ellipse, FloatArray, Points
+from lsvision.geometry.ellipse import foot_directions
+from lsvision.geometry.noisy_points import ComplexArray, as_complex
 
 PARAMETERS = 5
 FOOT_TOLERANCE = 3e-3

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.shapes import FloatArray
+from lsvision.geometry import FloatArray
 
 EXACT_PHI_STD = 1e-6
 """One sigma that stands for "exactly": small beside any noise, not singular. Units: rad."""

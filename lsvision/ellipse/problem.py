@@ -18,8 +18,8 @@ from lsvision.ellipse.parameters import (
 )
 from lsvision.ellipse.phi_prior import PhiPrior
 from lsvision.errors import FitFailed, TooFewPoints
-from lsvision.shapes import FloatArray, Points
-from lsvision.shapes.noisy_points import as_complex
+from lsvision.geometry import FloatArray, Points
+from lsvision.geometry.noisy_points import as_complex
 
 MAX_EVALUATIONS = 100
 DEFAULT_TOLERANCE = 1e-10

@@ -7,8 +7,8 @@ from lsvision.ellipse.arc_noise import errors_grow_with_incidence, smoothed_nois
 from lsvision.ellipse.fit import EllipseFit, FittingSettings, fit_noisy_points
 from lsvision.ellipse.phi_prior import PhiPrior
 from lsvision.ellipse.problem import RadiusPrior
-from lsvision.shapes import Ellipse
-from lsvision.shapes.noisy_points import NoisyPoints
+from lsvision.geometry import Ellipse
+from lsvision.geometry.noisy_points import NoisyPoints
 
 
 class Priors(NamedTuple):

@@ -21,7 +21,7 @@ from lsvision.ellipse.cost_expansion import Expansion, apply
 from lsvision.ellipse.critical_ratio import CriticalRatios
 from lsvision.ellipse.fit import EllipseFit
 from lsvision.ellipse.parameters import PARAMETERS
-from lsvision.shapes import FloatArray
+from lsvision.geometry import FloatArray
 
 RADIUS_LOW, RADIUS_HIGH, PHI_LOW, PHI_HIGH, RADIUS_LOW_2, PHI_HIGH_2 = range(6)
 X_LOW, X_HIGH, Y_LOW, Y_HIGH, THETA_LOW, THETA_HIGH, CIRCLE = range(6, 13)

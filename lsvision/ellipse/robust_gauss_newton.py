@@ -13,8 +13,8 @@ import numpy as np
 from scipy.linalg.lapack import dposv
 
 from lsvision.ellipse.parameters import PARAMETERS, is_ellipse, parameter_jacobian
-from lsvision.shapes import FloatArray, IntArray
-from lsvision.shapes.noisy_points import ComplexArray, NoisyPoints
+from lsvision.geometry import FloatArray, IntArray
+from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints
 from lsvision.statistics.robust import MAD_TO_STD, upper_median
 
 FLATTENING_PRIOR_STD = 0.3

@@ -8,8 +8,8 @@ import numpy as np
 from lsvision.ellipse.fit import EllipseFit
 from lsvision.ellipse.intervals import Quantity, interval, theta_is_determined
 from lsvision.ellipse.parameters import semi_major_gradient, semi_minor_gradient
+from lsvision.geometry import Ellipse, FloatArray, IntArray
 from lsvision.profile import Arc
-from lsvision.shapes import Ellipse, FloatArray, IntArray
 
 THETA_UNKNOWN_STD = math.pi / math.sqrt(12)
 """Standard deviation of a direction of which nothing is known, uniform in [0, pi). Units: rad."""

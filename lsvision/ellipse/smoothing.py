@@ -14,8 +14,8 @@ import numpy as np
 from lsvision.ellipse.parameters import parameters_from_ellipse
 from lsvision.ellipse.robust_gauss_newton import ellipse_residuals
 from lsvision.errors import FitFailed
-from lsvision.shapes import BoolArray, Ellipse, FloatArray, Points
-from lsvision.shapes.noisy_points import ComplexArray, NoisyPoints
+from lsvision.geometry import BoolArray, Ellipse, FloatArray, Points
+from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints
 from lsvision.statistics.robust import mad_std
 
 WINDOW_FRACTION = 0.3

@@ -8,15 +8,15 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from lsvision.calibrate.intrinsics import CameraCalibration
-from lsvision.calibrate.laser_plane_result import LaserPlaneCalibration
-from lsvision.calibrate.views import RejectedView
+from lsvision.calibration.intrinsics import CameraCalibration
+from lsvision.calibration.laser_plane_result import LaserPlaneCalibration
+from lsvision.calibration.views import RejectedView
 from lsvision.errors import UnwritableFile
 from lsvision.files.atomic_files import write_atomic
 from lsvision.files.limited_reading import read_bytes
 from lsvision.files.printable import printable
-from lsvision.sensor import rig_file
-from lsvision.sensor.rig_file import camera_as_json, plane_as_json
+from lsvision.sensors import rig_file
+from lsvision.sensors.rig_file import camera_as_json, plane_as_json
 
 CAMERA_SCHEMA = "lsvision/camera-calibration/1"
 LASER_PLANE_SCHEMA = "lsvision/laser-plane-calibration/1"

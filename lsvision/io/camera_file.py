@@ -11,9 +11,9 @@ from lsvision.errors import UnreadableFile
 from lsvision.files.atomic_files import write_atomic
 from lsvision.files.limited_reading import current_size_limit, read_bytes, size_limit
 from lsvision.io.calibration import CAMERA_SCHEMA, LASER_PLANE_SCHEMA
-from lsvision.sensor import rig_file
-from lsvision.sensor.camera import Camera
-from lsvision.sensor.rig_file import camera_from_json, parse_document
+from lsvision.sensors import rig_file
+from lsvision.sensors.camera import Camera
+from lsvision.sensors.rig_file import camera_from_json, parse_document
 
 MATRIX_KEYS = ("camera_matrix", "cameraMatrix", "K", "k", "M1", "mtx")
 DISTORTION_KEYS = (

@@ -8,13 +8,13 @@ from typing import Any, get_args
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.calibrate.flange_poses import Mounting
-from lsvision.calibrate.hand_eye_result import HandEye, RejectedPose, Sensor, Sphere
+from lsvision.calibration.flange_poses import Mounting
+from lsvision.calibration.hand_eye_result import HandEye, RejectedPose, Sensor, Sphere
 from lsvision.errors import UnreadableFile
 from lsvision.files.atomic_files import write_atomic
 from lsvision.files.json_text import parse_json
 from lsvision.files.limited_reading import read_text
-from lsvision.shapes import Plane, Pose
+from lsvision.geometry import Plane, Pose
 
 SCHEMA = "lsvision/hand-eye/1"
 MAX_VALUE = 1e9

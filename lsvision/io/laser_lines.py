@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lsvision.sensor.laser_line import LaserLine
+from lsvision.laser_line.extraction import LaserLine
 
 HEADER = "u [px],v [px],std [px],width [px],intensity [DN],saturated"
 
@@ -19,7 +19,7 @@ def line_csv(line: LaserLine) -> str:
     --------
     >>> rows = np.arange(64)[:, None]
     >>> image = (10 + 90 * np.exp(-0.5 * ((rows - 30.2) / 1.5) ** 2) * np.ones(99)).astype("uint8")
-    >>> from lsvision.sensor.laser_line import extract_laser_line
+    >>> from lsvision.laser_line.extraction import extract_laser_line
     >>> line_csv(extract_laser_line(image)).splitlines()[0]
     'u [px],v [px],std [px],width [px],intensity [DN],saturated'
     """

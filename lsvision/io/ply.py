@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.files.atomic_files import write_atomic
-from lsvision.shapes import FloatArray, IntArray, Points
+from lsvision.geometry import FloatArray, IntArray, Points
 
 _VERTEX = np.dtype(
     [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("red", "u1"), ("green", "u1"), ("blue", "u1")]

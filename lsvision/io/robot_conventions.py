@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from lsvision.shapes import FloatArray, Pose
+from lsvision.geometry import FloatArray, Pose
 
 LengthUnit = Literal["mm", "m"]
 AngleUnit = Literal["deg", "rad"]

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.errors import UnreadableFile
+from lsvision.geometry import Pose
 from lsvision.io.pose_rows import pose_rows
 from lsvision.io.robot_conventions import (
     AngleUnit,
@@ -15,7 +16,6 @@ from lsvision.io.robot_conventions import (
     convention_named,
     pose_from_numbers,
 )
-from lsvision.shapes import Pose
 
 REACH_MM = 20_000.0
 """No flange stands further from its base; millimetres read as metres do."""

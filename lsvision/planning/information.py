@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from lsvision.errors import DegenerateGeometry, TooFewPoints
-from lsvision.shapes import FloatArray
+from lsvision.geometry import FloatArray
 
 SINGULARITY_TOLERANCE = 1e-13
 """Smallest eigenvalue of the information, its diagonal scaled to 1, that still is one."""

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from lsvision.errors import TooFewPoints
+from lsvision.geometry import Cylinder, FloatArray, IntArray, Points, Pose
 from lsvision.planning.scan_bound import Feed, ScanPrediction, scan_bound
 from lsvision.planning.section_bound import SectionPrediction, section_bound
 from lsvision.planning.sensor_view import SensorView, cylinder_normals, visible_points
-from lsvision.shapes import Cylinder, FloatArray, IntArray, Points, Pose
 
 
 def plan_section(

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lsvision.geometry import Cylinder, FloatArray, Points, as_readonly_array
 from lsvision.planning.information import UNIFORM_THETA, information, invert_information
 from lsvision.planning.sensor_view import cylinder_normals
-from lsvision.shapes import Cylinder, FloatArray, Points, as_readonly_array
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lsvision.geometry import Ellipse, FloatArray, Points, as_readonly_array
 from lsvision.planning.information import UNIFORM_THETA, information, invert_information
-from lsvision.shapes import Ellipse, FloatArray, Points, as_readonly_array
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.sensor.profile_sensor import LPS36HI, ProfileSensor
-from lsvision.shapes import Cylinder, Ellipse, FloatArray, Points
-from lsvision.shapes.arrays import BoolArray
+from lsvision.geometry import Cylinder, Ellipse, FloatArray, Points
+from lsvision.geometry.arrays import BoolArray
+from lsvision.sensors.profile_sensor import LPS36HI, ProfileSensor
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

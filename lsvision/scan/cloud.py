@@ -7,8 +7,8 @@ import numpy as np
 
 from lsvision.detection.profile_preparation import prepare_profile
 from lsvision.errors import DegenerateGeometry
+from lsvision.geometry import FloatArray, IntArray, Points, Pose
 from lsvision.profile import NoiseModel, Profile
-from lsvision.shapes import FloatArray, IntArray, Points, Pose
 
 SAME_POSE_MM, SAME_POSE_RAD = 1e-6, 1e-9
 """Sections that differ by less lie in one plane."""

@@ -9,6 +9,7 @@ from lsvision.cylinder.fit import CylinderFittingSettings, fit_cylinder
 from lsvision.cylinder.fit_result import CylinderFit
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import LsvisionError
+from lsvision.geometry import Cylinder, IntArray
 from lsvision.scan.cloud import ScanCloud
 from lsvision.scan.point_assignment import (
     PointAssignmentSettings,
@@ -17,7 +18,6 @@ from lsvision.scan.point_assignment import (
 )
 from lsvision.scan.scan_result import ScanRejection
 from lsvision.scan.tracks import Track
-from lsvision.shapes import Cylinder, IntArray
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

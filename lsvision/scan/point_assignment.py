@@ -11,8 +11,8 @@ from lsvision.cylinder.problem import (
     parameters_from_cylinder,
     tangent_frame,
 )
+from lsvision.geometry import BoolArray, Cylinder, FloatArray, IntArray
 from lsvision.scan.cloud import ScanCloud
-from lsvision.shapes import BoolArray, Cylinder, FloatArray, IntArray
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

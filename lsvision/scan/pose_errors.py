@@ -13,8 +13,8 @@ from lsvision.cylinder.problem import (
     tangent_frame,
 )
 from lsvision.cylinder.robot_frame import SectionMount, rigid_motion_jacobian, robot_covariance
+from lsvision.geometry import FloatArray, Pose
 from lsvision.scan.cloud import ScanCloud
-from lsvision.shapes import FloatArray, Pose
 
 MAX_POSE_STD_MM = 1e3
 """Largest standard uncertainty of a pose: beyond a metre it says nothing. Units: mm."""

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from lsvision.geometry import Pose
 from lsvision.scan.joint_fit import JointFit
 from lsvision.scan.pose_errors import (
     PoseErrors,
@@ -15,7 +16,6 @@ from lsvision.scan.pose_errors import (
     section_error_jacobian,
 )
 from lsvision.scan.scan_result import ScannedCylinder
-from lsvision.shapes import Pose
 
 MIN_FEED_COSINE = 1e-6
 """Cosine between feed and axis under which the feed gives the axis no sign."""

@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 
 from lsvision.cylinder.robot_frame import SectionMount
 from lsvision.ellipse.problem import RadiusPrior
+from lsvision.geometry import Pose
+from lsvision.geometry.arrays import require_coordinates
 from lsvision.measure import Measurement, Settings, measure_cylinders
 from lsvision.profile import NoiseModel, Profile
 from lsvision.scan.cloud import build_cloud, require_noncoplanar_sections
@@ -14,8 +16,6 @@ from lsvision.scan.result_assembly import build_scanned_cylinder, sort_cylinders
 from lsvision.scan.scan_result import ScanMeasurement
 from lsvision.scan.track_fitting import fit_tracks
 from lsvision.scan.tracks import TrackSettings, associate_arcs, transform_arc_to_base
-from lsvision.shapes import Pose
-from lsvision.shapes.arrays import require_coordinates
 from lsvision.statistics.numerical_failures import refuse_numerical_failure, require_finite
 
 MIN_POINTS = 6

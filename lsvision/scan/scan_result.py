@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.cylinder.fit_result import CylinderFit
+from lsvision.geometry import Cylinder, FloatArray, IntArray, Points
 from lsvision.measure import Measurement
-from lsvision.shapes import Cylinder, FloatArray, IntArray, Points
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.shapes import FloatArray, IntArray
+from lsvision.geometry import FloatArray, IntArray
 
 GAUSS_NEWTON_ITERATIONS = 6
 """Gauss-Newton steps for a centre; a millimetre off, four are enough."""

@@ -14,9 +14,9 @@ import numpy as np
 from lsvision.cylinder.fit_result import variance_factor
 from lsvision.cylinder.problem import tangent_frame
 from lsvision.errors import DegenerateGeometry
+from lsvision.geometry import FloatArray
 from lsvision.scan.scan_result import ScannedCylinder
 from lsvision.scan.section_centres import SectionCentres, fit_section_centres
-from lsvision.shapes import FloatArray
 
 PARAMETERS = 10
 """Point and direction across the axis, radius; bow (2), taper, ovality (2)."""

@@ -6,10 +6,10 @@ from lsvision.cylinder.fit_result import CylinderFit
 from lsvision.cylinder.problem import tangent_frame
 from lsvision.cylinder.robot_frame import twin_jacobian
 from lsvision.ellipse.section import CylinderSection
+from lsvision.geometry import Cylinder, FloatArray, Pose
 from lsvision.scan.cloud import ScanCloud
 from lsvision.scan.joint_fit import JointFit
 from lsvision.scan.tracks import ArcObservation
-from lsvision.shapes import Cylinder, FloatArray, Pose
 
 
 def cylinder_from_single_section(cloud: ScanCloud, sighting: ArcObservation) -> JointFit:

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from lsvision.geometry import IntArray, Points
 from lsvision.scan.scan_result import ScannedCylinder
-from lsvision.shapes import IntArray, Points
 
 FACETS = 96
 """Round the tube; the flats stay within r / 1900 of it."""

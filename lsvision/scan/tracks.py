@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.ellipse.section import CylinderSection
-from lsvision.shapes import FloatArray, Pose
+from lsvision.geometry import FloatArray, Pose
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

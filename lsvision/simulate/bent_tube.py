@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.shapes import Cylinder, FloatArray, Points, Pose, as_readonly_array
+from lsvision.geometry import Cylinder, FloatArray, Points, Pose, as_readonly_array
 from lsvision.simulate.rays import NO_HIT, Hits, Rays
 
 STEPS = 400

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
-from lsvision.shapes import FloatArray, Plane, Points, Pose
+from lsvision.geometry import FloatArray, Plane, Points, Pose
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

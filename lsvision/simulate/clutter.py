@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
-from lsvision.shapes import FloatArray
+from lsvision.geometry import FloatArray
 from lsvision.simulate.prism import Prism
 
 SEGMENT_LENGTH_MM = 0.3

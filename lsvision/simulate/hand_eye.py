@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lsvision.geometry import FloatArray, Plane, Pose
 from lsvision.profile import Profile
-from lsvision.shapes import FloatArray, Plane, Pose
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

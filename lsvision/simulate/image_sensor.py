@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.shapes import FloatArray
+from lsvision.geometry import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)

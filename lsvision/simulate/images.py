@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.shapes import BoolArray, FloatArray, IntArray, Points
+from lsvision.geometry import BoolArray, FloatArray, IntArray, Points
 from lsvision.simulate.image_sensor import ImageSensor, expose
 from lsvision.simulate.imaging_rig import ImagingRig
 from lsvision.simulate.rays import Rays

@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.shapes import FloatArray, Plane, Points, Pose, as_readonly_array
+from lsvision.geometry import FloatArray, Plane, Points, Pose, as_readonly_array
 from lsvision.simulate.rays import Rays
 
 UNDISTORT_STEPS = 60

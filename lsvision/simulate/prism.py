@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.shapes import FloatArray, IntArray, Points, as_readonly_array
+from lsvision.geometry import FloatArray, IntArray, Points, as_readonly_array
 from lsvision.simulate.rays import NO_HIT, Hits, Rays
 
 

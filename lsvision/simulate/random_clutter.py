@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from lsvision.shapes import Ellipse
+from lsvision.geometry import Ellipse
 from lsvision.simulate import clutter
 from lsvision.simulate.clutter import Centre
 from lsvision.simulate.prism import Prism

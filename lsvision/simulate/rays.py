@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from lsvision.shapes import FloatArray, Points, Pose, as_readonly_array
+from lsvision.geometry import FloatArray, Points, Pose, as_readonly_array
 
 NO_HIT = math.inf
 """Distance of a ray that meets nothing."""

@@ -12,7 +12,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from lsvision.shapes import Cylinder, IntArray, Pose
+from lsvision.geometry import Cylinder, IntArray, Pose
 from lsvision.simulate.rays import Hits, Rays
 
 CLUTTER = 0

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.errors import DegenerateGeometry
-from lsvision.sensor.profile_sensor import ProfileSensor
-from lsvision.shapes import Ellipse
+from lsvision.geometry import Ellipse
+from lsvision.sensors.profile_sensor import ProfileSensor
 from lsvision.simulate.prism import Prism
 from lsvision.simulate.random_clutter import clutter_around, draw_mixed, draw_planar
 from lsvision.simulate.scene import Scene

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lsvision.geometry import FloatArray, Points, Pose
+from lsvision.geometry.arrays import BoolArray
 from lsvision.profile import NoiseModel, PointNoise, Profile
-from lsvision.sensor.profile_sensor import LATERAL_FRACTION, ProfileSensor
-from lsvision.shapes import FloatArray, Points, Pose
-from lsvision.shapes.arrays import BoolArray
+from lsvision.sensors.profile_sensor import LATERAL_FRACTION, ProfileSensor
 from lsvision.simulate.rays import Hits, Rays
 from lsvision.simulate.scene import NOTHING, Scene
 from lsvision.simulate.sensor_errors import (

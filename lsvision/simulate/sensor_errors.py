@@ -10,9 +10,9 @@ from typing import Literal
 
 import numpy as np
 
-from lsvision.sensor.profile_sensor import ProfileSensor
-from lsvision.shapes import FloatArray, Points
-from lsvision.shapes.arrays import BoolArray
+from lsvision.geometry import FloatArray, Points
+from lsvision.geometry.arrays import BoolArray
+from lsvision.sensors.profile_sensor import ProfileSensor
 from lsvision.simulate.rays import Hits, Rays
 
 

@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from lsvision.shapes import FloatArray
+from lsvision.geometry import FloatArray
 
 OVERSAMPLING = 2
 """Samples of the speckle along each side of a pixel, which then averages them."""

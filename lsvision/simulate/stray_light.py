@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from lsvision.shapes import FloatArray, Points
+from lsvision.geometry import FloatArray, Points
 
 EDGE_BLUR = 1.0
 """px; streaks are drawn hard and seen through a lens."""

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from lsvision.sensor.profile_sensor import ProfileSensor
-from lsvision.shapes import Pose
+from lsvision.geometry import Pose
+from lsvision.sensors.profile_sensor import ProfileSensor
 from lsvision.simulate.bent_tube import BentTube
 from lsvision.simulate.scene import Scene, TubeSolid
 from lsvision.simulate.section import SimulatedSection

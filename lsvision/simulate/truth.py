@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.shapes import Cylinder, Ellipse, FloatArray, IntArray, Points, Pose
+from lsvision.geometry import Cylinder, Ellipse, FloatArray, IntArray, Points, Pose
 from lsvision.simulate.scene import NOTHING, Scene
 
 BRIDGED_COLUMNS = 8

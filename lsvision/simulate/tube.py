@@ -6,7 +6,7 @@ from typing import Self
 
 import numpy as np
 
-from lsvision.shapes import Cylinder, FloatArray, Pose
+from lsvision.geometry import Cylinder, FloatArray, Pose
 from lsvision.simulate.rays import NO_HIT, Hits, Rays
 
 

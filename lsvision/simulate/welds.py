@@ -10,7 +10,7 @@ import math
 import numpy as np
 from scipy.optimize import brentq
 
-from lsvision.shapes import Ellipse, FloatArray, Points
+from lsvision.geometry import Ellipse, FloatArray, Points
 from lsvision.simulate.prism import Prism
 
 DIRECTIONS = 128

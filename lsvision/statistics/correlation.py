@@ -8,7 +8,7 @@ the lowest frequencies that it leaves, and from how fast the spectrum rises towa
 import math
 from dataclasses import dataclass
 
-from lsvision.shapes import FloatArray
+from lsvision.geometry import FloatArray
 
 TINY = 1e-300
 LOW_FREQUENCY_BAND = slice(4, 8)

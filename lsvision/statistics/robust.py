@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lsvision.shapes import FloatArray
+from lsvision.geometry import FloatArray
 
 MAD_TO_STD = 1.4826
 """Standard deviation over the median of the absolute values, for a normal distribution."""

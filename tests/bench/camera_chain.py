@@ -9,12 +9,12 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from lsvision.measure import measure_cylinders
-from lsvision.sensor.camera import Camera
-from lsvision.sensor.light_section import LightSection
+from lsvision.sensors.camera import Camera
+from lsvision.sensors.light_section import LightSection
 from lsvision.simulate.scene import Scene
 from lsvision.simulate.tube import Tube
 from tests.bench.goals import Number, print_numbers
-from tests.sensor.line_scenes import RIG, STAND_OFF, pipe_on_floor, rendered
+from tests.laser_line.line_scenes import RIG, STAND_OFF, pipe_on_floor, rendered
 
 RADIUS = 25.0
 GOAL = 2.0  # um, without speckle

@@ -6,16 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.calibrate.board_pose_estimation import estimate_board_pose
-from lsvision.calibrate.hand_eye import (
+from lsvision.calibration.board_pose_estimation import estimate_board_pose
+from lsvision.calibration.hand_eye import (
     HandEyeSettings,
     calibrate_hand_eye_board,
     calibrate_hand_eye_plane,
     calibrate_hand_eye_sphere,
 )
-from lsvision.calibrate.pose_planning import PosePlanSettings, plan_hand_eye_poses
-from lsvision.sensor.camera import Camera
-from lsvision.shapes import Plane, Pose
+from lsvision.calibration.pose_planning import PosePlanSettings, plan_hand_eye_poses
+from lsvision.geometry import Plane, Pose
+from lsvision.sensors.camera import Camera
 from lsvision.simulate.hand_eye import (
     SectionView,
     TargetMotion,

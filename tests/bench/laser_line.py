@@ -6,9 +6,9 @@ import time
 import cv2
 import numpy as np
 
-from lsvision.sensor.laser_line import LineSettings, extract_laser_line
+from lsvision.laser_line.extraction import LineSettings, extract_laser_line
 from tests.bench.goals import Number, print_numbers
-from tests.sensor.line_scenes import CLUTTER, pipe_on_floor, plank, rendered
+from tests.laser_line.line_scenes import CLUTTER, pipe_on_floor, plank, rendered
 
 FALSE = 3.0  # px
 IMAGES = 3

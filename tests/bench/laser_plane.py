@@ -13,10 +13,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from lsvision.calibrate.bundle_adjustment_state import LaserView
-from lsvision.calibrate.intrinsics import calibrate_camera, fit_camera
-from lsvision.calibrate.laser_plane import calibrate_laser_plane, fit_laser_plane
-from lsvision.calibrate.target import ChArUco, TargetView
+from lsvision.calibration.bundle_adjustment_state import LaserView
+from lsvision.calibration.intrinsics import calibrate_camera, fit_camera
+from lsvision.calibration.laser_plane import calibrate_laser_plane, fit_laser_plane
+from lsvision.calibration.target import ChArUco, TargetView
 from lsvision.simulate.boards import BoardScene, simulate_boards
 
 BOARDS = 15

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lsvision.geometry import Cylinder, FloatArray, Pose
 from lsvision.planning import scan_bound
 from lsvision.scan import ScannedCylinder, TubeShape, measure_scan, measure_shape
-from lsvision.shapes import Cylinder, FloatArray, Pose
 from lsvision.simulate import (
     SCENE_KINDS,
     SCENE_SENSOR,

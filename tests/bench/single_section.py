@@ -11,9 +11,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from lsvision.geometry import Ellipse, orthogonal_residuals
 from lsvision.measure import measure_cylinders
 from lsvision.planning import section_bound
-from lsvision.shapes import Ellipse, orthogonal_residuals
 from lsvision.simulate import (
     SCENE_KINDS,
     SCENE_SENSOR,

@@ -17,9 +17,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from lsvision.ellipse.fit import fit_ellipse
+from lsvision.geometry import Ellipse
 from lsvision.io.profiles import read_profile
 from lsvision.measure import Settings, measure_cylinders
-from lsvision.shapes import Ellipse
 from lsvision.simulate import (
     SCENE_KINDS,
     SCENE_SENSOR,

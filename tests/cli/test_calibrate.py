@@ -9,13 +9,13 @@ import cv2
 import numpy as np
 import pytest
 
-from lsvision.calibrate.target import ChArUco, find_target
+from lsvision.calibration.target import ChArUco, find_target
 from lsvision.cli.calibrate_inputs import replace_image_numbers
 from lsvision.cli.target_options import parse_target
+from lsvision.geometry import Plane, Pose
 from lsvision.io.hand_eye_file import load_hand_eye
 from lsvision.io.images import read_image
 from lsvision.io.robot_poses import read_robot_poses
-from lsvision.shapes import Plane, Pose
 from lsvision.simulate.hand_eye import (
     SectionView,
     TargetMotion,

@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
-from lsvision.calibrate.board_in_plane import calibrate_board_in_plane
-from lsvision.calibrate.target import Chessboard
+from lsvision.calibration.board_in_plane import calibrate_board_in_plane
+from lsvision.calibration.target import Chessboard
 from lsvision.io import frames
 from lsvision.io.images import read_image
 

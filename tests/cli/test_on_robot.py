@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lsvision.calibrate.hand_eye_result import HandEye
+from lsvision.calibration.hand_eye_result import HandEye
+from lsvision.geometry import Pose
 from lsvision.io.hand_eye_file import save_hand_eye
-from lsvision.shapes import Pose
 
 EXAMPLE = Path(__file__).parents[2] / "calibration" / "example"
 PIPE, POSES = EXAMPLE / "pipe", EXAMPLE / "pipe_poses.csv"

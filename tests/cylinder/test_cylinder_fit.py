@@ -9,7 +9,7 @@ import pytest
 from lsvision.cylinder.fit import CylinderFittingSettings, fit_cylinder
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import DegenerateGeometry, FitFailed, TooFewPoints
-from lsvision.shapes import Cylinder, Pose
+from lsvision.geometry import Cylinder, Pose
 
 NIST = Path(__file__).parents[2].parent / "shared" / "real" / "nist-cylinders"
 NIST_DIAMETER = 1e-6  # the certificate's own units; issue 3

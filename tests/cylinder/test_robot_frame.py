@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from lsvision.calibrate.hand_eye_result import HandEye
+from lsvision.calibration.hand_eye_result import HandEye
 from lsvision.cylinder.robot_frame import place_section
 from lsvision.ellipse.fit import fit_ellipse
 from lsvision.ellipse.section import CylinderSection
+from lsvision.geometry import Cylinder, Pose
 from lsvision.profile import Arc
-from lsvision.shapes import Cylinder, Pose
 from tests.ellipse.arcs import SENSOR, about, measured, pipe, upper_arc
 
 MACHINE = 1e-9  # mm, rad: noise-free geometry below a metre

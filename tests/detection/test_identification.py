@@ -12,8 +12,8 @@ from lsvision.detection.identification import connected_inliers, grow_arc, ident
 from lsvision.detection.profile_preparation import prepare_profile
 from lsvision.detection.range_image import connected_components, rasterise
 from lsvision.detection.search_range import search_range
+from lsvision.geometry.noisy_points import NoisyPoints, as_complex
 from lsvision.profile import Arc
-from lsvision.shapes.noisy_points import NoisyPoints, as_complex
 from lsvision.simulate import SectionSettings
 from lsvision.simulate.scene_kinds import random_section
 from tests.detection.scenes import arc_points, dome, exact, flat, line

@@ -9,7 +9,7 @@ from lsvision.detection.profile_preparation import (
     prepare_profile,
     typical_pitch,
 )
-from lsvision.shapes.noisy_points import as_vectors
+from lsvision.geometry.noisy_points import as_vectors
 from tests.detection.scenes import PITCH, dome, flat
 
 NAN = math.nan

@@ -6,12 +6,12 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from lsvision.calibrate.hand_eye import calibrate_hand_eye_board
-from lsvision.calibrate.hand_eye_result import RejectedPose
+from lsvision.calibration.hand_eye import calibrate_hand_eye_board
+from lsvision.calibration.hand_eye_result import RejectedPose
 from lsvision.draw.calibration_figures import OUTLIER_COLOUR, draw_bars, draw_poses
 from lsvision.draw.calibration_report import ReportContent, hand_eye_page
 from lsvision.draw.html_page import html_page, paragraph, table
-from lsvision.shapes import Pose
+from lsvision.geometry import Pose
 from lsvision.simulate.hand_eye import rotation_from_vector
 
 VOID = {"meta", "br"}

@@ -9,7 +9,7 @@ from lsvision.draw import draw_laser_line, draw_overlay, figure_bytes
 from lsvision.draw.panel import colour_of
 from lsvision.io.images import read_image
 from lsvision.measure import Measurement, measure_cylinders
-from lsvision.sensor.light_section import LightSection
+from lsvision.sensors.light_section import LightSection
 
 IMAGES = Path(__file__).parents[2] / "fixtures" / "images"
 WITHIN = 1.0

@@ -6,9 +6,9 @@ import pytest
 from lsvision.draw.figure_files import figure_bytes
 from lsvision.draw.scan import draw_scan
 from lsvision.draw.scan_ply import GREY, coloured_points, coloured_surfaces, rgb_of
+from lsvision.geometry import Points, Pose
 from lsvision.scan import ScanMeasurement, measure_scan
 from lsvision.scan.surface import tube_surface
-from lsvision.shapes import Points, Pose
 from lsvision.simulate import SCENE_SENSOR, Scene, SectionSettings, Tube, simulate_scan
 
 SINGLE = 1e-9  # mm: a mesh is computed in closed form

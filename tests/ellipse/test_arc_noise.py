@@ -10,7 +10,7 @@ from lsvision.ellipse.arc_noise import (
     smoothed_noise,
 )
 from lsvision.ellipse.robust_gauss_newton import EllipseResiduals
-from lsvision.shapes.noisy_points import NoisyPoints
+from lsvision.geometry.noisy_points import NoisyPoints
 from tests.tolerances import FIVE_SIGMA, ROUNDING, spread_of_share
 
 ESTIMATED = 1e-4  # of a variance: smallest factor where the noise is estimated

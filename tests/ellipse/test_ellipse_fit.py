@@ -12,10 +12,10 @@ from lsvision.ellipse.phi_prior import PhiPrior
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.ellipse.section import CylinderSection
 from lsvision.errors import FitFailed, TooFewPoints
+from lsvision.geometry import Ellipse, orthogonal_residuals
+from lsvision.geometry.noisy_points import NoisyPoints
 from lsvision.planning import section_bound
 from lsvision.profile import Arc
-from lsvision.shapes import Ellipse, orthogonal_residuals
-from lsvision.shapes.noisy_points import NoisyPoints
 from tests.alike import assert_same_ellipse, turn_between
 from tests.ellipse.arcs import SENSOR, about, measured, pipe, upper_arc
 from tests.strategies import PROPERTY, arcs_with_noise

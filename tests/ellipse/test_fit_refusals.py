@@ -5,7 +5,7 @@ import pytest
 
 from lsvision.ellipse.fit import fit_ellipse
 from lsvision.errors import FitFailed
-from lsvision.shapes import Ellipse
+from lsvision.geometry import Ellipse
 
 START = Ellipse((0.0, -400.0), 22.0, 20.0, 0.3)
 ARC = START.points_at(np.linspace(0.2, 2.8, 40))

@@ -6,8 +6,8 @@ import pytest
 from lsvision import Ellipse
 from lsvision.ellipse.homogenising import homogenise_arc, homogenise_profile_paper
 from lsvision.ellipse.smoothing import smooth_arc
-from lsvision.shapes import orthogonal_residuals
-from lsvision.shapes.noisy_points import NoisyPoints
+from lsvision.geometry import orthogonal_residuals
+from lsvision.geometry.noisy_points import NoisyPoints
 from tests.alike import assert_same_ellipse
 from tests.ellipse.arcs import SENSOR, measured, pipe, upper_arc
 from tests.tolerances import MACHINE

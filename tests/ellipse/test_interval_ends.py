@@ -13,7 +13,7 @@ from lsvision.ellipse.fit import fit_ellipse
 from lsvision.ellipse.interval_ends import find_end_points
 from lsvision.ellipse.phi_prior import PhiPrior
 from lsvision.ellipse.problem import RadiusPrior
-from lsvision.shapes import orthogonal_residuals
+from lsvision.geometry import orthogonal_residuals
 from tests.ellipse.arcs import SENSOR, measured, pipe, upper_arc
 
 ALL = np.ones(region_extrema.ROWS, dtype=bool)

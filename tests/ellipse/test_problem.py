@@ -21,7 +21,7 @@ from lsvision.ellipse.parameters import (
 from lsvision.ellipse.problem import EllipseProblem, RadiusPrior, minimise
 from lsvision.ellipse.problem import least_squares as levenberg_marquardt
 from lsvision.errors import FitFailed, TooFewPoints
-from lsvision.shapes import orthogonal_residuals, radial_residuals
+from lsvision.geometry import orthogonal_residuals, radial_residuals
 from tests.alike import assert_same_ellipse
 from tests.ellipse.arcs import about, measured, pipe, upper_arc
 from tests.strategies import PROPERTY, ellipses

@@ -10,7 +10,7 @@ from lsvision.ellipse.phi_prior import PhiPrior
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.ellipse.refinement import Priors, refine_arc
 from lsvision.errors import TooFewPoints
-from lsvision.shapes.noisy_points import NoisyPoints
+from lsvision.geometry.noisy_points import NoisyPoints
 from tests.alike import assert_same_ellipse
 from tests.ellipse.arcs import SENSOR, about, measured, pipe, upper_arc
 from tests.tolerances import spread_of_share

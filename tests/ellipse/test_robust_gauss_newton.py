@@ -13,8 +13,8 @@ from lsvision.ellipse.robust_gauss_newton import (
     refine_ellipse,
     solve_positive_definite,
 )
-from lsvision.shapes import Ellipse, orthogonal_residuals
-from lsvision.shapes.noisy_points import NoisyPoints, as_complex
+from lsvision.geometry import Ellipse, orthogonal_residuals
+from lsvision.geometry.noisy_points import NoisyPoints, as_complex
 from tests.alike import assert_same_ellipse
 from tests.ellipse.arcs import SENSOR, about, measured, pipe, upper_arc
 from tests.tolerances import DIFFERENCES, ROUNDING

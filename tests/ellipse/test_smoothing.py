@@ -5,8 +5,8 @@ import pytest
 
 from lsvision import Ellipse
 from lsvision.ellipse.smoothing import smooth_arc, smooth_profile_paper, smooth_residual
-from lsvision.shapes import orthogonal_residuals
-from lsvision.shapes.noisy_points import NoisyPoints, as_vectors
+from lsvision.geometry import orthogonal_residuals
+from lsvision.geometry.noisy_points import NoisyPoints, as_vectors
 from tests.ellipse.arcs import SENSOR, measured, pipe, upper_arc
 from tests.tolerances import MACHINE
 

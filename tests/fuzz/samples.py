@@ -11,11 +11,11 @@ import numpy as np
 import pyarrow
 import pyarrow.parquet
 
-from lsvision.calibrate.hand_eye_result import HandEye, RejectedPose, Sphere
+from lsvision.calibration.hand_eye_result import HandEye, RejectedPose, Sphere
+from lsvision.geometry import Plane, Pose
 from lsvision.io.hand_eye_file import save_hand_eye
-from lsvision.sensor.camera import Camera
-from lsvision.sensor.light_section import LightSection
-from lsvision.shapes import Plane, Pose
+from lsvision.sensors.camera import Camera
+from lsvision.sensors.light_section import LightSection
 
 ANGLE = np.linspace(2.6, 0.5, 40)
 PIPE = 20 * np.column_stack([np.cos(ANGLE), np.sin(ANGLE)]) - [0, 400]

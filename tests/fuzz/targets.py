@@ -17,11 +17,11 @@ from lsvision.cylinder.robot_frame import place_section
 from lsvision.ellipse.fit import fit_ellipse
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import LsvisionError
+from lsvision.geometry import Cylinder, Ellipse, Pose
 from lsvision.io.camera_file import read_camera
 from lsvision.io.images import read_image
 from lsvision.io.profiles import FORMATS, MM_PER_UNIT, inspect_profiles
 from lsvision.io.robot_conventions import CONVENTIONS
-from lsvision.shapes import Cylinder, Ellipse, Pose
 from tests.fuzz import samples
 from tests.fuzz.mutation import VALUES, json_bytes, spoil_array, spoil_bytes, spoil_document
 from tests.laws.test_any_profile import assert_sound

@@ -4,19 +4,19 @@ import cv2
 import numpy as np
 import pytest
 
-from lsvision.calibrate.bundle_adjustment_state import LaserView
-from lsvision.calibrate.intrinsics import CameraSettings, fit_camera
-from lsvision.calibrate.laser_plane import fit_laser_plane
-from lsvision.calibrate.target import TargetView
+from lsvision.calibration.bundle_adjustment_state import LaserView
+from lsvision.calibration.intrinsics import CameraSettings, fit_camera
+from lsvision.calibration.laser_plane import fit_laser_plane
+from lsvision.calibration.target import TargetView
 from lsvision.errors import UnreadableFile, UnwritableFile
+from lsvision.geometry import Plane
 from lsvision.io.calibration import (
     provenance_of,
     write_calibration,
 )
 from lsvision.io.camera_file import read_camera, write_camera_yaml
-from lsvision.sensor.camera import Camera
-from lsvision.sensor.light_section import LightSection
-from lsvision.shapes import Plane
+from lsvision.sensors.camera import Camera
+from lsvision.sensors.light_section import LightSection
 from lsvision.simulate.boards import BoardScene, simulate_boards
 
 MATRIX = [[514.5, 0.0, 329.25], [0.0, 685.75, 237.5], [0.0, 0.0, 1.0]]

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import yaml
 
-from lsvision.calibrate.hand_eye_result import HandEye, RejectedPose, Sphere
+from lsvision.calibration.hand_eye_result import HandEye, RejectedPose, Sphere
 from lsvision.errors import UnreadableFile, UnwritableFile
+from lsvision.geometry import Plane, Pose
 from lsvision.io.hand_eye_file import export_easy_handeye, load_hand_eye, save_hand_eye
-from lsvision.shapes import Plane, Pose
 
 QUARTER = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
 TARGETS = {

@@ -13,6 +13,7 @@ from lsvision.detection.arcs import Rejection
 from lsvision.ellipse.fit import fit_ellipse
 from lsvision.ellipse.section import CylinderSection
 from lsvision.errors import UnwritableFile
+from lsvision.geometry import Ellipse, Pose
 from lsvision.io.results import (
     FILE_SCHEMA,
     RECORD_SCHEMA,
@@ -22,7 +23,6 @@ from lsvision.io.results import (
 )
 from lsvision.measure import Measurement
 from lsvision.profile import Arc
-from lsvision.shapes import Ellipse, Pose
 
 NOISE_MM = 0.02
 

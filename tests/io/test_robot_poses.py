@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from lsvision.errors import UnreadableFile
+from lsvision.geometry import Pose
 from lsvision.io.robot_conventions import CONVENTIONS, pose_from_numbers
 from lsvision.io.robot_poses import encoder_poses, read_robot_poses
-from lsvision.shapes import Pose
 
 REAL = Path(__file__).parents[2] / "../shared/real"
 MACHINE = 1e-12  # products of three rotations in float64

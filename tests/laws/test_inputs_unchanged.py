@@ -29,9 +29,9 @@ from lsvision.ellipse.homogenising import homogenise_arc, homogenise_profile_pap
 from lsvision.ellipse.refinement import Priors, refine_arc
 from lsvision.ellipse.section import CylinderSection
 from lsvision.ellipse.smoothing import smooth_arc, smooth_profile_paper, smooth_residual
+from lsvision.geometry import orthogonal_residuals, radial_residuals
+from lsvision.geometry.ellipse import foot_points
 from lsvision.profile import Arc
-from lsvision.shapes import orthogonal_residuals, radial_residuals
-from lsvision.shapes.ellipse import foot_points
 from lsvision.statistics.correlation import autocorrelation_time, estimate_correlation
 from tests.detection.scenes import dome, flat, line
 from tests.ellipse.arcs import SENSOR, pipe, upper_arc

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
+from lsvision.geometry import Pose
 from lsvision.io.profiles import read_profile
 from lsvision.profile import Profile
-from lsvision.shapes import Pose
 from lsvision.simulate import Tube
 
 FIXTURES = Path(__file__).parents[2] / "fixtures"

@@ -4,8 +4,8 @@ import dataclasses
 
 import numpy as np
 
+from lsvision.geometry import Pose
 from lsvision.profile import Profile
-from lsvision.shapes import Pose
 from lsvision.simulate import SCENE_SENSOR, Scene, SectionSettings, simulate_scan
 
 

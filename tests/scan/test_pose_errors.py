@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from lsvision.cylinder.robot_frame import place_section
 from lsvision.ellipse.section import CylinderSection
+from lsvision.geometry import Pose
 from lsvision.measure import measure_cylinders
 from lsvision.profile import Profile
 from lsvision.scan import PoseErrors, ScannedCylinder, measure_scan
-from lsvision.shapes import Pose
 from lsvision.simulate import Scene, Tube
 from lsvision.simulate.hand_eye import noisy_pose
 from tests.scan.scans import feed, profiles_of

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from lsvision.errors import DegenerateGeometry
+from lsvision.geometry import Pose
 from lsvision.measure import Measurement
 from lsvision.profile import Profile
 from lsvision.scan import ScannedCylinder, fit_sections_jointly, measure_scan, measure_section
-from lsvision.sensor.profile_sensor import ProfileSensor
-from lsvision.shapes import Pose
+from lsvision.sensors.profile_sensor import ProfileSensor
 from lsvision.simulate import SCENE_SENSOR, Scene, Tube
 from lsvision.simulate.clutter import bar, ground
 from tests.scan.scans import feed, profiles_of

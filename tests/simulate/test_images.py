@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from lsvision.shapes import Pose
+from lsvision.geometry import Pose
 from lsvision.simulate.image_sensor import ImageSensor, expose
 from lsvision.simulate.images import ImageSettings, simulate_image
 from lsvision.simulate.imaging_rig import ImagingRig
@@ -15,7 +15,7 @@ from lsvision.simulate.scene import Scene
 from lsvision.simulate.speckle import speckle_field
 from lsvision.simulate.stray_light import StrayLight
 from lsvision.simulate.tube import Tube
-from tests.sensor.line_scenes import (
+from tests.laser_line.line_scenes import (
     ACROSS,
     RIG,
     SMALL_RIG,

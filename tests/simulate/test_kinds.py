@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lsvision.errors import DegenerateGeometry
-from lsvision.shapes import orthogonal_residuals
+from lsvision.geometry import orthogonal_residuals
 from lsvision.simulate import SCENE_KINDS, SCENE_SENSOR, SectionSettings, TubeRanges, random_section
 
 TUBES = {

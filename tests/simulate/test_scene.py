@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from lsvision.shapes import Cylinder, Pose
+from lsvision.geometry import Cylinder, Pose
 from lsvision.simulate import NOTHING, BentTube, Prism, Rays, Scene, Tube
 
 MACHINE = 1e-8  # mm: closed forms at ranges of 500 mm

@@ -6,9 +6,9 @@ import math
 import numpy as np
 import pytest
 
+from lsvision.geometry import Cylinder, Pose
 from lsvision.profile import PointNoise
-from lsvision.sensor.profile_sensor import ProfileSensor
-from lsvision.shapes import Cylinder, Pose
+from lsvision.sensors.profile_sensor import ProfileSensor
 from lsvision.simulate import Prism, Scene, SectionSettings, Tube, simulate_scan, simulate_section
 from lsvision.simulate.truth import longest_run
 

@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from lsvision.shapes import Pose
+from lsvision.geometry import Pose
 from lsvision.simulate import SCENE_SENSOR, Scene, SectionSettings, Tube, random_section
 from lsvision.simulate.rays import Hits
 from lsvision.simulate.section import simulate_section

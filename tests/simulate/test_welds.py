@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from lsvision.shapes import Ellipse, orthogonal_residuals
+from lsvision.geometry import Ellipse, orthogonal_residuals
 from lsvision.simulate.welds import contact_point, nested_centre, touching_centre, weld_bead
 
 TOUCHING = 1e-5  # mm: what 20000 samples of an outline miss of a contact

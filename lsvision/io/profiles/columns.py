@@ -7,9 +7,9 @@ from typing import NoReturn
 import numpy as np
 
 from lsvision.errors import UnreadableFile
+from lsvision.geometry import FloatArray, IntArray
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.text_table import TextTable
-from lsvision.shapes import FloatArray, IntArray
 
 _ROLES = {
     **dict.fromkeys(["x", "xs", "px", "pos_x", "x_pos", "position", "lateral"], "x"),

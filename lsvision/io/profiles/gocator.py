@@ -9,10 +9,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from lsvision.errors import UnreadableFile
+from lsvision.geometry import FloatArray
 from lsvision.io.profiles.number_rows import numbers_from_cells
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.text_table import decode_text
-from lsvision.shapes import FloatArray
 
 _UNITS = ("mm", "mm")
 

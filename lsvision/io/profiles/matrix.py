@@ -3,9 +3,9 @@
 import numpy as np
 
 from lsvision.errors import UnreadableFile
+from lsvision.geometry import FloatArray
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.text_table import TextTable, decode_text, parse_table
-from lsvision.shapes import FloatArray
 
 MIN_COLUMNS = 21
 """A table as wide as this is a matrix of heights: no list of points has so many columns."""

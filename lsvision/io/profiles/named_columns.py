@@ -5,11 +5,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from lsvision.errors import UnreadableFile
+from lsvision.geometry import FloatArray
 from lsvision.io.profiles.columns import column_role, profiles_from_table
 from lsvision.io.profiles.matrix import column_positions
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.text_table import TextTable, split_unit
-from lsvision.shapes import FloatArray
 
 _Column = FloatArray | Sequence[FloatArray]
 

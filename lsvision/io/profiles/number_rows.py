@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.errors import UnreadableFile
-from lsvision.shapes import FloatArray
+from lsvision.geometry import FloatArray
 
 COMMENT_MARKS = ("#", "%", "//")
 """What a line begins with that holds no data."""

@@ -14,12 +14,12 @@ import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.files.json_text import parse_json
+from lsvision.geometry import FloatArray
 from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.number_rows import numbers_from_cells
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.text_table import TextTable, decode_text
 from lsvision.io.yaml_text import parse_yaml
-from lsvision.shapes import FloatArray
 
 _TRIPLES = "scan_line"
 _KEYS = (_TRIPLES, "profile", "points", "line")

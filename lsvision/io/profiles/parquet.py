@@ -7,10 +7,10 @@ import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.files.limited_reading import current_size_limit
+from lsvision.geometry import FloatArray
 from lsvision.io.profiles.named_columns import profiles_from_named
 from lsvision.io.profiles.number_rows import floats_from
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
-from lsvision.shapes import FloatArray
 
 _BYTES_PER_VALUE = 8
 

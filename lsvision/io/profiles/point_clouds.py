@@ -7,11 +7,11 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.errors import UnreadableFile
+from lsvision.geometry import FloatArray
 from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.number_rows import floats_from, numbers_from_cells
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.text_table import TextTable
-from lsvision.shapes import FloatArray
 
 _PLY_TYPES = {
     **dict.fromkeys(["char", "int8"], "i1"),

@@ -10,6 +10,7 @@ import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.files.limited_reading import read_bytes
+from lsvision.geometry import FloatArray
 from lsvision.io.profiles.detection import detect_format
 from lsvision.io.profiles.gocator import read_gocator, read_gocator_points
 from lsvision.io.profiles.keyence import read_keyence, read_keyence_raw
@@ -21,7 +22,6 @@ from lsvision.io.profiles.plain_text import read_plain_text
 from lsvision.io.profiles.point_clouds import read_pcd, read_ply
 from lsvision.io.profiles.settings import MM_PER_UNIT, RawProfiles, ReadOptions, ReadSettings
 from lsvision.profile import Profile
-from lsvision.shapes import FloatArray
 
 _READERS: dict[str, Callable[[bytes, ReadSettings], RawProfiles]] = {
     "text": read_plain_text,

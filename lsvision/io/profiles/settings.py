@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypedDict
 
-from lsvision.shapes import FloatArray
+from lsvision.geometry import FloatArray
 
 MM_PER_UNIT = {
     "nm": 1e-6,

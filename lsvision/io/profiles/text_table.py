@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from lsvision.errors import UnreadableFile
+from lsvision.geometry import FloatArray
 from lsvision.io.profiles.number_rows import COMMENT_MARKS, MISSING_VALUES, parse_rows
-from lsvision.shapes import FloatArray
 
 _HEADER_LINES = 200  # the longest preamble looked through for the first line of numbers
 _NUMBER = re.compile(r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?")

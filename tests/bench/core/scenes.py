@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lsvision.sensor.profile_sensor import ProfileSensor
+from lsvision.sensors.profile_sensor import ProfileSensor
 from lsvision.simulate import NOTHING, SCENE_KINDS, SectionSettings, TubeRanges, random_section
 from tests.bench.core import processed, shapes
 from tests.bench.core.bound import bound_radius

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from lsvision.profile import Profile
-from lsvision.sensor.profile_sensor import ProfileSensor
+from lsvision.sensors.profile_sensor import ProfileSensor
 from lsvision.simulate import Scene, SectionSettings, simulate_section
 from lsvision.simulate.clutter import ground, place_outline
 

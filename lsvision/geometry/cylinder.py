@@ -1,0 +1,85 @@
+"""Circular cylinders in space."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lsvision.geometry.arrays import FloatArray, as_readonly_array
+from lsvision.geometry.ellipse import Ellipse
+from lsvision.geometry.pose import Pose
+
+
+@dataclass(frozen=True, eq=False)
+class Cylinder:
+    """Endless circular cylinder.
+
+    Parameters
+    ----------
+    point : (3,) array_like
+        A point on the axis. Units: mm.
+    direction : (3,) array_like
+        Direction of the axis, any length but zero; kept as a unit vector with its sign.
+    radius : float
+        Units: mm.
+
+    Examples
+    --------
+    >>> rod = Cylinder((0, 0, 0), (0, math.sin(0.5), math.cos(0.5)), radius=10.0)
+    >>> section = rod.section()
+    >>> f"a {section.semi_major:.2f} mm, b {section.semi_minor:.2f} mm, phi {section.phi:.2f} rad"
+    'a 11.39 mm, b 10.00 mm, phi 0.50 rad'
+    """
+
+    point: FloatArray
+    direction: FloatArray
+    radius: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "point", as_readonly_array(self.point, (3,), "point"))
+        direction = as_readonly_array(self.direction, (3,), "direction")
+        with np.errstate(over="ignore"):  # infinite, and refused
+            length = float(np.linalg.norm(direction))
+        if not (np.isfinite(length) and length > 0):
+            raise ValueError(f"want a direction with a length, got {direction}")
+        object.__setattr__(self, "direction", as_readonly_array(direction / length, (3,)))
+        if not (math.isfinite(self.radius) and self.radius > 0):
+            raise ValueError(f"want a positive radius in mm, got {self.radius}")
+
+    def transformed(self, a_from_b: Pose) -> "Cylinder":
+        """The same cylinder of frame b in the coordinates of frame a."""
+        return Cylinder(
+            a_from_b.apply_one(self.point), a_from_b.rotation @ self.direction, self.radius
+        )
+
+    def signed_distances(self, points: npt.ArrayLike) -> FloatArray:
+        """Distance of (n, 3) points from the surface, positive outside. Units: mm."""
+        from_axis = np.asarray(points, dtype=np.float64) - self.point
+        along = from_axis @ self.direction
+        across = from_axis - np.outer(along, self.direction)
+        distances: FloatArray = np.linalg.norm(across, axis=1) - self.radius
+        return distances
+
+    def section(self) -> Ellipse:
+        """Ellipse in which the section plane z = 0 cuts the cylinder (paper section 2.2).
+
+        Raises
+        ------
+        ValueError
+            If the axis lies in the section plane, which then cuts no ellipse.
+        """
+        cos_phi = abs(float(self.direction[2]))
+        if cos_phi < 1e-9:
+            raise ValueError("want an axis that crosses the section plane, got one parallel to it")
+        foot = self.point - self.direction * (self.point[2] / self.direction[2])
+        theta = math.atan2(self.direction[1], self.direction[0])
+        major = self.radius / min(cos_phi, 1.0)
+        return Ellipse((float(foot[0]), float(foot[1])), major, self.radius, theta)
+
+    @classmethod
+    def twins(cls, ellipse: Ellipse) -> tuple["Cylinder", "Cylinder"]:
+        """Both cylinders, in the section frame, whose section is `ellipse`."""
+        point = np.array([*ellipse.centre, 0.0])
+        first, second = ellipse.axis_twins
+        return cls(point, first, ellipse.radius), cls(point, second, ellipse.radius)

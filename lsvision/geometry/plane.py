@@ -1,0 +1,51 @@
+"""Planes: of the laser, of a board, of a plate."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lsvision.geometry.arrays import FloatArray, as_readonly_array
+from lsvision.geometry.pose import Pose
+
+
+@dataclass(frozen=True, eq=False)
+class Plane:
+    """All points p with ``normal . p = distance``.
+
+    Parameters
+    ----------
+    normal : (3,) array_like
+        Any length but zero; kept as a unit vector (and `distance` scaled with it).
+    distance : float
+        From the origin along `normal`. Units: mm.
+
+    Examples
+    --------
+    >>> Plane((0, 0, 2), 10.0).distance
+    5.0
+    """
+
+    normal: FloatArray
+    distance: float
+
+    def __post_init__(self) -> None:
+        normal = as_readonly_array(self.normal, (3,), "normal")
+        with np.errstate(over="ignore"):  # infinite, and refused
+            length = float(np.linalg.norm(normal))
+        if not (np.isfinite(length) and length > 0 and np.isfinite(self.distance)):
+            raise ValueError(
+                f"want a normal with a length, got {normal} and distance {self.distance}"
+            )
+        object.__setattr__(self, "normal", as_readonly_array(normal / length, (3,)))
+        object.__setattr__(self, "distance", float(self.distance) / length)
+
+    def signed_distances(self, points: npt.ArrayLike) -> FloatArray:
+        """Distance of (n, 3) points, positive on the side of the normal. Units: mm."""
+        distances: FloatArray = np.asarray(points, dtype=np.float64) @ self.normal - self.distance
+        return distances
+
+    def transformed(self, a_from_b: Pose) -> "Plane":
+        """The same plane of frame b in the coordinates of frame a."""
+        normal = a_from_b.rotation @ self.normal
+        return Plane(normal, self.distance + float(normal @ a_from_b.translation))

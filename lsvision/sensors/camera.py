@@ -1,0 +1,135 @@
+"""A camera with its lens: from pixels to rays, and from points to pixels."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from lsvision.geometry import FloatArray, Points, as_readonly_array
+from lsvision.sensors.distortion import COEFFICIENTS, distort, invert_2x2, undistort
+
+LENGTHS = (0, 4, 5, 8, 12, 14)
+"""Counts of distortion coefficients that OpenCV knows."""
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """Pinhole camera with lens distortion (OpenCV's model, up to the 14-coefficient tilted one).
+
+    Camera frame: origin in the projection centre, x along image u, y along image v (down),
+    z along the view. Pixel (0, 0) is the centre of the top-left pixel.
+
+    Parameters
+    ----------
+    matrix : (3, 3) array_like
+        ``[[fx, skew, cx], [0, fy, cy], [0, 0, 1]]``. Units: px.
+    distortion : (k,) array_like
+        k in 0, 4, 5, 8, 12, 14; OpenCV's order k1 k2 p1 p2 k3 ...
+    size : tuple of int
+        ``(width, height)`` of the images. Units: px.
+
+    Raises
+    ------
+    ValueError
+        If the matrix is no camera matrix, the count of coefficients is unknown, or the size
+        is not positive.
+
+    Examples
+    --------
+    >>> camera = Camera([[800, 0, 320], [0, 800, 240], [0, 0, 1]], [-0.3, 0.1, 0, 0], (640, 480))
+    >>> pixels = camera.project([[50.0, -20.0, 400.0]])
+    >>> camera.rays(pixels).round(6)
+    array([[ 0.125, -0.05 ,  1.   ]])
+    """
+
+    matrix: FloatArray
+    distortion: FloatArray
+    size: tuple[int, int]
+    _coefficients: FloatArray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        matrix = as_readonly_array(self.matrix, (3, 3), "camera matrix")
+        _check_matrix(matrix)
+        distortion = np.array(self.distortion, dtype=np.float64).reshape(-1)
+        if len(distortion) not in LENGTHS or not np.isfinite(distortion).all():
+            raise ValueError(
+                f"want {', '.join(map(str, LENGTHS))} finite distortion coefficients in "
+                f"OpenCV's order, got {len(distortion)}: {distortion}"
+            )
+        width, height = (int(length) for length in self.size)
+        if not (width > 0 and height > 0):
+            raise ValueError(f"want a size (width, height) in px, got {self.size}")
+        padded = np.pad(distortion, (0, COEFFICIENTS - len(distortion)))
+        object.__setattr__(self, "matrix", matrix)
+        object.__setattr__(self, "distortion", as_readonly_array(distortion, ("k",)))
+        object.__setattr__(self, "size", (width, height))
+        object.__setattr__(self, "_coefficients", as_readonly_array(padded, (COEFFICIENTS,)))
+
+    @property
+    def focal_length(self) -> float:
+        """Geometric mean of fx and fy. Units: px."""
+        return float(np.sqrt(self.matrix[0, 0] * self.matrix[1, 1]))
+
+    def rays(self, pixels: npt.ArrayLike) -> Points:
+        """Undistorted rays through pixels.
+
+        Parameters
+        ----------
+        pixels : (n, 2) array_like
+            u, v; NaN rows are lost. Units: px.
+
+        Returns
+        -------
+        (n, 3) ndarray
+            Camera frame, scaled to z = 1. NaN where the pixel is lost, or lies where the
+            distortion model folds and no ray leads to it.
+        """
+        return self.rays_with_jacobian(pixels)[0]
+
+    def rays_with_jacobian(self, pixels: npt.ArrayLike) -> tuple[Points, FloatArray]:
+        """Rays as `rays` gives them, and d(x / z, y / z) / d(u, v) of each, (n, 2, 2)."""
+        array = as_readonly_array(pixels, ("n", 2), "pixels")
+        from_sensor = np.linalg.inv(self.matrix[:2, :2])
+        distorted = (array - self.matrix[:2, 2]) @ from_sensor.T
+        normalised, jacobian = undistort(distorted, self._coefficients)
+        rays = np.column_stack([normalised, np.ones(len(array))])
+        rays[np.isnan(normalised[:, 0])] = np.nan
+        return rays, invert_2x2(jacobian) @ from_sensor
+
+    def project(self, points: npt.ArrayLike) -> Points:
+        """Pixels in which points appear.
+
+        Parameters
+        ----------
+        points : (n, 3) array_like
+            Camera frame. Units: mm.
+
+        Returns
+        -------
+        (n, 2) ndarray
+            u, v; also outside of the image. NaN for points not in front of the camera.
+            Units: px.
+        """
+        array = as_readonly_array(points, ("n", 3), "points")
+        depth = np.where(array[:, 2] > 0, array[:, 2], np.nan)
+        distorted, _ = distort(array[:, :2] / depth[:, None], self._coefficients)
+        pixels: Points = distorted @ self.matrix[:2, :2].T + self.matrix[:2, 2]
+        return pixels
+
+    def sees(self, pixels: Points) -> npt.NDArray[np.bool_]:
+        """Which of (n, 2) pixels lie in the image; lost ones do not."""
+        width, height = self.size
+        u, v = pixels.T
+        inside: npt.NDArray[np.bool_] = (
+            (u >= -0.5) & (u <= width - 0.5) & (v >= -0.5) & (v <= height - 0.5)
+        )
+        return inside
+
+
+def _check_matrix(matrix: FloatArray) -> None:
+    lower = np.abs([matrix[1, 0], matrix[2, 0], matrix[2, 1], matrix[2, 2] - 1]).max()
+    if not (np.isfinite(matrix).all() and lower < 1e-9 and matrix[0, 0] > 0 and matrix[1, 1] > 0):
+        raise ValueError(
+            "want a camera matrix [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] in px, "
+            f"got {matrix.tolist()}"
+        )

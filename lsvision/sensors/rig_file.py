@@ -1,0 +1,192 @@
+"""The rig file: a light section as JSON with schema, units and provenance.
+
+It stands here and not in ``io`` because `LightSection` saves and loads itself.
+"""
+
+import json
+import math
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lsvision.errors import LsvisionError, UnreadableFile
+from lsvision.files.atomic_files import write_atomic
+from lsvision.files.json_text import parse_json
+from lsvision.files.limited_reading import read_bytes
+from lsvision.geometry import Plane
+from lsvision.sensors.camera import Camera
+
+SCHEMA = "lsvision/light-section/1"
+UNITS = {"length": "mm", "pixel": "px", "angle": "rad"}
+MAX_SIZE_PX = 1 << 20
+"""Largest side of an image, the limit of OpenCV's decoders. Units: px."""
+MAX_LINE_BLUR_PX = 1e3
+"""Largest blur of a laser line that a rig file may state. Units: px."""
+MIN_FOCAL_LENGTH_PX = 1e-3
+"""Shortest focal length that a camera file may state. Units: px."""
+MAX_VALUE = 1e9
+"""Largest number of a camera file: beyond it products overflow, and no lens has such a value."""
+
+_DAMAGED = (
+    KeyError,
+    TypeError,
+    ValueError,
+    AttributeError,
+    OverflowError,
+    LsvisionError,
+)
+
+
+def camera_as_json(camera: Camera) -> dict[str, Any]:
+    """A camera as plain numbers; see `camera_from_json`."""
+    return {
+        "matrix": camera.matrix.tolist(),
+        "distortion": camera.distortion.tolist(),
+        "size": list(camera.size),
+    }
+
+
+def camera_from_json(values: Mapping[str, Any]) -> Camera:
+    """The camera that `camera_as_json` wrote.
+
+    Raises
+    ------
+    KeyError, TypeError, ValueError
+        If `values` is something else.
+    """
+    width, height = (int(length) for length in values["size"])
+    if not (0 < width <= MAX_SIZE_PX and 0 < height <= MAX_SIZE_PX):
+        raise ValueError(f"expected a size of 1 to {MAX_SIZE_PX} px, got {width} x {height}")
+    camera = Camera(values["matrix"], values["distortion"], (width, height))
+    if not (
+        np.abs(camera.matrix).max() <= MAX_VALUE
+        and np.abs(camera.distortion).max(initial=0.0) <= MAX_VALUE
+        and camera.focal_length >= MIN_FOCAL_LENGTH_PX
+    ):
+        raise ValueError(
+            f"expected a focal length of at least {MIN_FOCAL_LENGTH_PX:g} px and no number above "
+            f"{MAX_VALUE:g}, got matrix {camera.matrix.tolist()}"
+        )
+    return camera
+
+
+def plane_as_json(plane: Plane) -> dict[str, Any]:
+    """A plane as plain numbers; see `plane_from_json`."""
+    return {"normal": plane.normal.tolist(), "distance": plane.distance}
+
+
+def plane_from_json(values: Mapping[str, Any]) -> Plane:
+    """The plane that `plane_as_json` wrote.
+
+    Raises
+    ------
+    KeyError, TypeError, ValueError
+        If `values` is something else.
+    """
+    plane = Plane(values["normal"], values["distance"])
+    if not abs(plane.distance) <= MAX_VALUE:
+        raise ValueError(f"expected a plane within {MAX_VALUE:g} mm, got {plane.distance:g} mm")
+    return plane
+
+
+def json_text(schema: str, values: Mapping[str, Any]) -> str:
+    """Text of a JSON file of a schema, in the package's units.
+
+    Raises
+    ------
+    ValueError
+        If a number is NaN or infinite, which JSON does not know.
+    """
+    content = {"schema": schema, "units": UNITS, **values}
+    return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def read_json(path: str | os.PathLike[str], schema: str) -> dict[str, Any]:
+    """Read a JSON file of one schema in the package's units.
+
+    Raises
+    ------
+    UnreadableFile
+        If there is no such file, it is no JSON, or it has another schema or other units.
+    """
+    text = read_bytes(path).decode("utf-8-sig", "replace")  # an image is no JSON, not no text
+    return parse_document(text, Path(path), (schema,))
+
+
+def parse_document(text: str, source: Path, schemas: Sequence[str]) -> dict[str, Any]:
+    """Values of a JSON text of one of several schemas; see `read_json`.
+
+    Parameters
+    ----------
+    text : str
+        The whole text.
+    source : Path
+        What the message calls it.
+    schemas : sequence of str
+        Names of the schemas that are accepted.
+    """
+    try:
+        values = parse_json(text)
+    except ValueError as error:
+        raise UnreadableFile(f"{source} is no JSON ({error}): want a {schemas[-1]} file") from error
+    got = values.get("schema") if isinstance(values, dict) else None
+    if got not in schemas:
+        raise UnreadableFile(
+            f"{source} has schema {got!r} and needs {schemas[-1]!r}: calibrate anew"
+        )
+    if values.get("units") != UNITS:
+        raise UnreadableFile(
+            f"{source} has units {values.get('units')} and needs {UNITS}: convert its numbers"
+        )
+    return dict(values)
+
+
+def write_rig(
+    path: str | os.PathLike[str],
+    camera: Camera,
+    plane: Plane,
+    provenance: Mapping[str, str],
+    line_blur_px: float = 0.0,
+) -> None:
+    """Write a light section's values, whole or not at all; see `read_rig`.
+
+    Raises
+    ------
+    UnwritableFile
+        If the folder is missing or refuses.
+    """
+    text = json_text(
+        SCHEMA,
+        {
+            "camera": camera_as_json(camera),
+            "laser_plane": plane_as_json(plane),
+            "line_blur_px": line_blur_px,
+            "provenance": dict(provenance),
+        },
+    )
+    write_atomic(path, text)
+
+
+def read_rig(path: str | os.PathLike[str]) -> tuple[Camera, Plane, dict[str, str], float]:
+    """Camera, laser plane (camera frame), provenance and line blur (px) of a rig file.
+
+    Raises
+    ------
+    UnreadableFile
+        If the file is missing, damaged, or of another schema; names the file and the mend.
+    """
+    values = read_json(path, SCHEMA)
+    try:
+        camera = camera_from_json(values["camera"])
+        plane = plane_from_json(values["laser_plane"])
+        provenance = {str(key): str(text) for key, text in values["provenance"].items()}
+        blur = float(values.get("line_blur_px", 0.0))
+        if not (math.isfinite(blur) and 0 <= blur <= MAX_LINE_BLUR_PX):
+            raise ValueError(f"expected line_blur_px from 0 to {MAX_LINE_BLUR_PX:g}, got {blur}")
+    except _DAMAGED as error:
+        what = f"lacks {error}" if isinstance(error, KeyError) else f"is damaged: {error}"
+        raise UnreadableFile(f"{path} {what}; save the light section anew") from error
+    return camera, plane, provenance, blur

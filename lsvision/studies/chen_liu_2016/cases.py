@@ -1,0 +1,129 @@
+"""What the paper's tables were measured on, rebuilt on the simulator.
+
+A pipe alone under parallel rays 0.6 mm apart, errors along the ray, points lost beyond 70 deg of
+incidence, nothing else wrong: conditions as good as a light section can have.
+"""
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from lsvision.geometry import Ellipse, Pose
+from lsvision.sensors.profile_sensor import ProfileSensor
+from lsvision.simulate import Scene, SectionSettings, SimulatedSection, Tube, simulate_scan
+from lsvision.simulate.welds import touching_centre, weld_bead
+from lsvision.studies.chen_liu_2016.published_results import PUBLISHED_ROWS, PublishedRow
+
+PITCH_MM = 0.6
+"""Section 4 of the paper: resolution along the line. Units: mm."""
+STANDOFF_MM = 400.0
+COLUMNS = 375
+INCIDENCE_LIMIT_DEG = 70.0
+BEAD_LEG = 0.5
+"""Reach of the bead of a welded pair up each pipe, in radii."""
+
+SECTION_SETTINGS = SectionSettings(
+    rays="parallel",
+    lost_fraction=0,
+    jump_fraction=0,
+    grazing_limit_deg=INCIDENCE_LIMIT_DEG,
+    grazing_ramp_deg=0,
+)
+"""Noise, and loss at grazing incidence; no lost lines and no jumps."""
+
+
+def paper_sensor(noise_mm: float) -> ProfileSensor:
+    """The paper's sensor: pitch 0.6 mm, one sigma of `noise_mm` along the ray at 400 mm."""
+    return ProfileSensor(
+        name="the paper's sensor, simulated",
+        range_std=noise_mm,
+        columns=COLUMNS,
+        min_range=300.0,
+        max_range=500.0,
+        width_at_max_range=PITCH_MM * (COLUMNS - 1),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """What one measurement of the paper looked at: a pipe, or a welded pair.
+
+    Parameters
+    ----------
+    rows : tuple of PublishedRow
+        One for each pipe, left to right; the k-th has label k in the scene.
+    """
+
+    rows: tuple[PublishedRow, ...]
+
+    @property
+    def radius_mm(self) -> float:
+        """Of all its pipes. Units: mm."""
+        return self.rows[0].radius_mm
+
+    @property
+    def scene(self) -> Scene:
+        """The pipes in the base frame, each cut by z = 0 as its row says; a pair has a bead."""
+        ellipses = [_section(row) for row in self.rows]
+        if len(ellipses) == 1:
+            return Scene((_tube(self.rows[0], (0.0, -STANDOFF_MM)),))
+        left, right = ellipses
+        reach, _ = touching_centre(left, right, 0.0)
+        centres = [(x, -STANDOFF_MM) for x in (-reach / 2, reach / 2)]
+        tubes = [_tube(row, centre) for row, centre in zip(self.rows, centres, strict=True)]
+        x, y, z = tubes[0].cylinder.direction
+        sections = [tube.cylinder.section() for tube in tubes]
+        leg = BEAD_LEG * self.radius_mm
+        bead = weld_bead(
+            *sections, leg=leg, bulge=0.0, along=(float(x), float(y), float(z))
+        )  # a fillet, hollow as the paper's Figure 12
+        return Scene((*tubes, bead))
+
+
+def paper_cases() -> tuple[Case, ...]:
+    """The twelve pipes of Tables 1-3 and the three pairs of Table 4."""
+    singles = [Case((row,)) for row in PUBLISHED_ROWS if row.table < 4]
+    pairs = [
+        Case((first, second))
+        for first, second in pairwise(PUBLISHED_ROWS)
+        if first.table == 4 and first.number == 1
+    ]
+    return (*singles, *pairs)
+
+
+def simulate_case(
+    case: Case,
+    seed: int,
+    poses: tuple[Pose, ...],
+    *,
+    noise_mm: float,
+) -> tuple[SimulatedSection, ...]:
+    """Sections of a case; same arguments, same bytes.
+
+    Parameters
+    ----------
+    case : Case
+        What is looked at.
+    seed : int
+        Number of the measurement; other numbers, other noise.
+    poses : tuple of Pose
+        Where the sections are.
+    noise_mm : float
+        One sigma along the ray. Units: mm.
+    """
+    row = case.rows[0]
+    numbers = [seed, row.table, row.number, round(row.phi_deg), len(poses)]
+    rng = np.random.default_rng(numbers)
+    return simulate_scan(case.scene, poses, paper_sensor(noise_mm), SECTION_SETTINGS, rng=rng)
+
+
+def _section(row: PublishedRow) -> Ellipse:
+    phi = math.radians(row.phi_deg)
+    major = row.radius_mm / math.cos(phi)
+    return Ellipse((0.0, 0.0), major, row.radius_mm, math.radians(row.theta_deg))
+
+
+def _tube(row: PublishedRow, centre: tuple[float, float]) -> Tube:
+    return Tube.of(row.radius_mm, math.radians(row.theta_deg), math.radians(row.phi_deg), centre)

@@ -1,0 +1,80 @@
+"""The report as JSON: the same numbers as the page, each key with its unit."""
+
+import dataclasses
+import json
+import math
+from typing import Any
+
+from lsvision.studies.chen_liu_2016.accuracy import readme_table
+from lsvision.studies.chen_liu_2016.methods import METHODS
+from lsvision.studies.chen_liu_2016.repeatability import Repeatability
+from lsvision.studies.chen_liu_2016.report import PaperReport
+from lsvision.studies.chen_liu_2016.scenes import SceneFigure
+
+SCHEMA = "lsvision.paper/1"
+"""Name and version of the file."""
+
+
+def report_json(report: PaperReport) -> str:
+    """The report as JSON text; the same report gives the same bytes.
+
+    Parameters
+    ----------
+    report : PaperReport
+        As from `run_experiments`.
+
+    Returns
+    -------
+    str
+        Lengths in ``*_mm``, angles in ``*_deg``, times in ``*seconds``; a number that does not
+        exist is null.
+    """
+    document = {
+        "schema": SCHEMA,
+        "noise_mm": report.noise_mm,
+        "effort": _plain(report.effort),
+        "ways": {key: {"letter": way.letter, "name": way.name, "places_mm": way.places_mm}
+                 for key, way in METHODS.items()},
+        "tables_1_to_4": [_plain(row) for row in report.rows],
+        "readme_table": readme_table(report.rows),
+        "reach": [
+            {**_plain(reach), "chance": reach.chance, "reachable": reach.reachable}
+            for reach in report.reaches
+        ],
+        "table_5": [{**_plain(timing), "ratio": timing.ratio} for timing in report.timings],
+        "figures_14_and_15": [_scene(scene) for scene in report.scenes],
+        "figure_16": _repeatability(report.repeatability),
+        "ablation_in_units_of_the_bound": [_plain(cost) for cost in report.costs],
+        "traps": [_plain(trap) for trap in report.traps],
+    }  # fmt: skip
+    return json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def _scene(scene: SceneFigure) -> dict[str, Any]:
+    return {"title": scene.title, "false": scene.false, "pipes": _plain(scene.pipes)}
+
+
+def _repeatability(repeated: Repeatability) -> dict[str, Any]:
+    order = ("centre_x_mm", "centre_y_mm", "semi_major_mm", "semi_minor_mm")
+    return {
+        "measurements": len(repeated.ellipses),
+        "missed": repeated.missed,
+        "std": dict(zip(order, repeated.stds_mm, strict=True)),
+        "bound": dict(zip(order, repeated.bound_stds_mm, strict=True)),
+        "box_mm": repeated.box_mm,
+        "expected_box_mm": repeated.expected_box_mm,
+        "noise_of_printed_box_mm": repeated.noise_of_printed_box_mm,
+    }
+
+
+def _plain(value: Any) -> Any:
+    """Dataclasses as mappings, NaN and infinity as None."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {f.name: _plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, tuple | list):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

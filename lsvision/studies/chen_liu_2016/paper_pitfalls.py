@@ -1,0 +1,217 @@
+"""Five traps in the paper's wording, each with a number that anyone can check."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lsvision.geometry import Ellipse, FloatArray, Points, orthogonal_residuals, radial_residuals
+from lsvision.measure import measure_cylinders
+from lsvision.profile import Profile
+from lsvision.studies.chen_liu_2016.cases import Case, paper_sensor, simulate_case
+from lsvision.studies.chen_liu_2016.methods import METHODS
+from lsvision.studies.chen_liu_2016.published_results import PublishedRow, Triple
+
+NOISE_MM = 0.05
+"""Of the section that is turned upside down. Units: mm."""
+SPLINE_STEP_MM = 0.5
+"""Spacing of homogenised points, as in the paper's section 3.3.2. Units: mm."""
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """A number that shows a trap.
+
+    Parameters
+    ----------
+    what : str
+        In words, with the unit.
+    value : float
+        NaN is a finding here: a formula that has no value.
+    """
+
+    what: str
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class Pitfall:
+    """A place where the paper's words mislead.
+
+    Parameters
+    ----------
+    title, wording, ours : str
+        What it is about; what the paper says; what lsvision does.
+    checks : tuple of Check
+        The proof.
+    """
+
+    title: str
+    wording: str
+    ours: str
+    checks: tuple[Check, ...]
+
+
+def check_pitfalls() -> tuple[Pitfall, ...]:
+    """The five traps, each checked anew."""
+    return (_theta(), _distance(), _twins(), _division(), _which_way_is_y())
+
+
+def printed_equation_one(points: Points, ellipse: Ellipse, theta: float) -> FloatArray:
+    """Left side of the paper's Eq. (1) as printed, which should be 1 on the ellipse.
+
+    Parameters
+    ----------
+    points : (n, 2) ndarray
+        Units: mm.
+    ellipse : Ellipse
+        Its centre and semi-axes are used.
+    theta : float
+        Units: rad.
+    """
+    dx, dy = (points - ellipse.centre).T
+    first = dx * math.sin(theta) - dy * math.cos(theta)
+    second = dx * math.cos(theta) + dy * math.sin(theta)
+    total: FloatArray = first**2 / ellipse.semi_major**2 + second**2 / ellipse.semi_minor**2
+    return total
+
+
+def printed_equation_four(points: Points, ellipse: Ellipse, theta: float) -> FloatArray:
+    """The paper's r_j, Eq. (4) as printed, which should be 0 on the ellipse. Units: mm.
+
+    Parameters are those of `printed_equation_one`; points are (n, 2) in mm.
+    """
+    dx, dy = (points - ellipse.centre).T
+    a, b = ellipse.semi_major, ellipse.semi_minor
+    sin, cos = math.sin(theta), math.cos(theta)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slope = dy / dx
+        below = a**2 * (slope * sin + cos) ** 2 + b**2 * (sin - slope * cos) ** 2
+        squared = dx**2 + dy**2
+        gap: FloatArray = np.abs(np.sqrt(squared) - np.sqrt(squared / dx**2 * a**2 * b**2 / below))
+    return gap
+
+
+def _theta() -> Pitfall:
+    ellipse = Ellipse((0.0, 0.0), 20.0, 15.0, math.radians(30))
+    tip = ellipse.points_at(np.zeros(1))
+    as_text, as_printed = ellipse.theta, ellipse.theta - math.pi / 2
+    one, four = printed_equation_one, printed_equation_four
+    return Pitfall(
+        "θ: which axis is it?",
+        "The text says θ is the direction of the major axis. Eqs. (1) and (4) as printed put "
+        "the long semi-axis a across it, at θ + 90°.",
+        "θ is the direction of the major axis, from X towards Y, in [0°, 180°).",
+        (
+            Check("Eq. (1) at the tip of the major axis, θ as the text says (on the ellipse: 1)",
+                  float(one(tip, ellipse, as_text)[0])),
+            Check("Eq. (4) there, mm (on the ellipse: 0)", float(four(tip, ellipse, as_text)[0])),
+            Check("Eq. (1) with θ turned by 90°", float(one(tip, ellipse, as_printed)[0])),
+            Check("Eq. (4) with θ turned by 90°, mm", float(four(tip, ellipse, as_printed)[0])),
+        ),
+    )  # fmt: skip
+
+
+def _distance() -> Pitfall:
+    def ratio(phi_deg: float) -> float:
+        """Largest radial residual over the orthogonal one, 0.1 mm outside the ellipse."""
+        phi = math.radians(phi_deg)
+        ellipse = Ellipse((0.0, 0.0), 19.0 / math.cos(phi), 19.0, 0.0)
+        turns = np.linspace(0, 2 * math.pi, 721)
+        a, b = ellipse.semi_major, ellipse.semi_minor
+        normals = np.column_stack([b * np.cos(turns), a * np.sin(turns)])
+        normals /= np.hypot(*normals.T)[:, None]
+        off = ellipse.points_at(turns) + 0.1 * normals
+        return float((radial_residuals(off, ellipse) / orthogonal_residuals(off, ellipse)).max())
+
+    return Pitfall(
+        "“Absolute Euclidean distance” is not the distance to the ellipse",
+        "The name says nearest distance; Eqs. (2)-(4) measure along the ray from the centre.",
+        "Two names, radial and orthogonal; the fit uses the orthogonal one, each point weighed "
+        "by its error across the curve.",
+        (
+            Check("radial over orthogonal at most, φ = 10°", ratio(10)),
+            Check("radial over orthogonal at most, φ = 30°", ratio(30)),
+            Check("radial over orthogonal at most, φ = 60°", ratio(60)),
+        ),
+    )
+
+
+def _twins() -> Pitfall:
+    ellipse = Ellipse((0.0, -400.0), 19.0 / math.cos(math.radians(20)), 19.0, math.radians(20))
+    first, second = ellipse.axis_twins
+    apart = math.degrees(math.acos(float(first @ second)))
+    sections = [_section_by_rays(axis) for axis in (first, second)]
+    return Pitfall(
+        "One section fits two pipes",
+        "The paper's θ and φ are said to give the orientation; a pipe leaning forwards and one "
+        "leaning back by φ have the same section.",
+        "One section returns both axes (axis_twins); two sections decide.",
+        (
+            Check("angle between the two axes at φ = 20°, degrees", apart),
+            Check("largest difference of their sections, mm", float(
+                np.abs(sections[0] - sections[1]).max())),
+        ),
+    )  # fmt: skip
+
+
+def _section_by_rays(axis: FloatArray, radius: float = 19.0) -> FloatArray:
+    """Distance in z = 0 from a pipe's axis to its surface, in 360 directions. Units: mm."""
+    turns = np.radians(np.arange(360))
+    ways = np.column_stack([np.cos(turns), np.sin(turns), np.zeros(360)])
+    across = ways - (ways @ axis)[:, None] * axis
+    distances: FloatArray = radius / np.linalg.norm(across, axis=1)
+    return distances
+
+
+def _division() -> Pitfall:
+    ellipse = Ellipse((0.0, -400.0), 22.0, 19.0, math.radians(20))
+    up = math.hypot(math.sin(ellipse.theta) / 22.0, math.cos(ellipse.theta) / 19.0)
+    top = np.array([[0.0, -400.0 + 1 / up]])
+    beyond = ellipse.points_at(np.radians(np.linspace(190, -30, 120)))
+    falling = int((np.diff(beyond[:, 0]) <= 0).sum())
+    even = _spline_along_arc(beyond)
+    return Pitfall(
+        "Eq. (4) divides by x − x₀, and the spline S(x) needs x to rise",
+        "A point straight above the centre has no r_j, and an arc past its vertical flank has "
+        "no S(x).",
+        "Residuals in the ellipse's own frame; homogenising runs along the arc.",
+        (
+            Check("Eq. (4) at the point of the ellipse above its centre (should be 0)", float(
+                printed_equation_four(top, ellipse, ellipse.theta - math.pi / 2)[0])),
+            Check("lsvision's radial residual there, mm", float(radial_residuals(top, ellipse)[0])),
+            Check("points of 120 on an arc past both flanks where x does not rise", falling),
+            Check("a spline along that arc instead: farthest from the ellipse, mm", float(
+                np.abs(orthogonal_residuals(even, ellipse)).max())),
+        ),
+    )  # fmt: skip
+
+
+def _spline_along_arc(points: Points) -> Points:
+    """Points at equal steps of arc length, by one spline for each coordinate."""
+    from scipy.interpolate import CubicSpline
+
+    length = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
+    even: Points = CubicSpline(length, points)(np.arange(0.0, length[-1], SPLINE_STEP_MM))
+    return even
+
+
+def _which_way_is_y() -> Pitfall:
+    case = Case((PublishedRow(0, 1, 19.0, 20.0, 20.0, Triple(0.0, 0.0, 0.0)),))
+    (section,) = simulate_case(case, 0, METHODS["section"].poses, noise_mm=NOISE_MM)
+    upright, sensor = section.profile.points, paper_sensor(NOISE_MM)
+    turned = Profile(upright * [1.0, -1.0])
+    start_off = float(np.nanmax(turned.points[:, 1])) - 19.0 - 400.0
+    return Pitfall(
+        "Which way is Y?",
+        "The fit starts at y₀ = y_max − r, so Y grows towards the sensor; section 3.3 lets Y "
+        "grow away from it.",
+        "Y towards the sensor. A file whose range grows away from it is turned where it is read.",
+        (
+            Check("pipes found, Y towards the sensor", len(
+                measure_cylinders(Profile(upright), radius=19.0, sensor=sensor).cylinders)),
+            Check("pipes found in the same profile, Y away from it", len(
+                measure_cylinders(turned, radius=19.0).cylinders)),
+            Check("how far the paper's first centre then is from the true one, mm", abs(start_off)),
+        ),
+    )  # fmt: skip

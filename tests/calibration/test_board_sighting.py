@@ -1,0 +1,36 @@
+"""A board's pose from its corners: truth, honest covariance."""
+
+import numpy as np
+
+from lsvision.calibration.board_pose_estimation import estimate_board_pose
+from lsvision.geometry import Pose
+from lsvision.sensors.camera import Camera
+from lsvision.simulate.hand_eye import rotation_from_vector
+from tests.calibration.hand_eye_scenes import pose_errors
+
+CAMERA = Camera([[2264.0, 0, 640], [0, 2264, 512], [0, 0, 1]], [-0.12, 0.1, 0, 0, 0], (1280, 1024))
+BOARD = np.array([[12.0 * i, 12.0 * j, 0.0] for j in range(7) for i in range(9)])
+TRUTH = Pose(
+    rotation_from_vector(np.array([0.3, -0.4, 0.2])) @ np.diag([1.0, -1, -1]), (-40.0, 30.0, 350.0)
+)
+EXACT_MM, EXACT_RAD = 1e-5, 1e-7  # the undistortion of OpenCV's solver
+
+
+def test_a_board_is_found_where_it_is():
+    error = pose_errors(
+        estimate_board_pose(CAMERA.project(TRUTH.apply(BOARD)), BOARD, CAMERA).camera_from_board,
+        TRUTH,
+    )
+    assert np.abs(error[:3]).max() < EXACT_MM
+    assert np.abs(error[3:]).max() < EXACT_RAD
+
+
+def test_the_covariance_of_a_board_is_that_of_its_errors():
+    rng, pixels = np.random.default_rng(1), CAMERA.project(TRUTH.apply(BOARD))
+    scores = []
+    for _ in range(60):
+        seen = estimate_board_pose(pixels + rng.normal(0, 0.1, pixels.shape), BOARD, CAMERA)
+        error = pose_errors(seen.camera_from_board, TRUTH)
+        scores.append(error @ np.linalg.solve(seen.covariance, error) / 6)
+    # The mean of 360 squared normal numbers has one sigma 0.075.
+    assert abs(np.mean(scores) - 1) < 4 * 0.075

@@ -1,0 +1,233 @@
+"""Sensor-to-robot calibration: truth, laws, honest covariance."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lsvision.calibration.hand_eye import (
+    HandEyeSettings,
+    calibrate_hand_eye_board,
+    calibrate_hand_eye_plane,
+    calibrate_hand_eye_sphere,
+)
+from lsvision.geometry import Pose
+from lsvision.simulate.hand_eye import noisy_pose
+from tests.calibration.hand_eye_scenes import (
+    MOUNT,
+    QUIET,
+    RADIUS,
+    STANDOFF,
+    TARGET,
+    USUAL,
+    board_scene,
+    plane_scene,
+    pose_errors,
+    sphere_scene,
+    wrong_pose,
+)
+
+EXACT_MM, EXACT_RAD = 1e-5, 1e-7  # noise-free; circles and lines are fitted to 1e-8 mm
+PERFECT = (0.0, 0.0)
+FAR_OUT = 25.0  # chi squared with 6 degrees of freedom exceeds it once in 3000
+
+
+def assert_exact(found, truth):
+    error = pose_errors(found, truth)
+    np.testing.assert_allclose(error[:3], 0, atol=EXACT_MM)
+    np.testing.assert_allclose(error[3:], 0, atol=EXACT_RAD)
+
+
+def normalised_error(found, truth=MOUNT):
+    error = pose_errors(found.mount_from_sensor, truth)
+    return error @ np.linalg.solve(found.covariance, error)
+
+
+@pytest.mark.parametrize("radius", [None, RADIUS])
+def test_a_sphere_gives_the_sensor_exactly_without_noise(radius):
+    profiles, flanges = sphere_scene(1, 8, view=QUIET, robot=PERFECT)
+    found = calibrate_hand_eye_sphere(profiles, flanges, radius)
+    assert_exact(found.flange_from_section, MOUNT)
+    np.testing.assert_allclose(found.sphere.centre, TARGET, atol=EXACT_MM)
+    assert found.sphere.radius == pytest.approx(RADIUS, abs=EXACT_MM)
+    assert found.rejected == ()
+
+
+def test_a_plane_gives_the_sensor_exactly_without_noise():
+    profiles, flanges = plane_scene(2, 12, view=QUIET, robot=PERFECT)
+    assert_exact(calibrate_hand_eye_plane(profiles, flanges).flange_from_section, MOUNT)
+
+
+def test_a_board_gives_the_camera_exactly_without_noise():
+    boards, flanges = board_scene(3, 6, robot=PERFECT)
+    found = calibrate_hand_eye_board(boards, flanges)
+    assert_exact(found.flange_from_camera, MOUNT)
+    np.testing.assert_allclose(found.target.translation, TARGET, atol=EXACT_MM)
+
+
+def as_eye_to_hand(flanges):
+    """The same relative motion with a standing sensor: the flange carries the target."""
+    return [pose.inverse() for pose in flanges]
+
+
+def test_a_standing_sensor_is_the_same_problem_with_inverse_poses():
+    profiles, flanges = sphere_scene(4, 8, view=QUIET, robot=PERFECT)
+    found = calibrate_hand_eye_sphere(profiles, as_eye_to_hand(flanges), mounting="eye_to_hand")
+    assert_exact(found.base_from_section, MOUNT)
+    profiles, flanges = plane_scene(4, 10, view=QUIET, robot=PERFECT)
+    found = calibrate_hand_eye_plane(profiles, as_eye_to_hand(flanges), mounting="eye_to_hand")
+    assert_exact(found.base_from_section, MOUNT)
+    boards, flanges = board_scene(4, 6, robot=PERFECT)
+    found = calibrate_hand_eye_board(boards, as_eye_to_hand(flanges), mounting="eye_to_hand")
+    assert_exact(found.base_from_camera, MOUNT)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_error_lies_within_its_covariance(seed):
+    profiles, flanges = sphere_scene([5, seed])
+    assert normalised_error(calibrate_hand_eye_sphere(profiles, flanges)) < FAR_OUT
+
+
+def test_the_error_of_a_plane_and_of_a_board_lies_within_its_covariance():
+    assert normalised_error(calibrate_hand_eye_plane(*plane_scene(6))) < FAR_OUT
+    boards, flanges = board_scene(6)
+    assert normalised_error(calibrate_hand_eye_board(boards, flanges)) < FAR_OUT
+
+
+STANDING = {
+    "sphere": (sphere_scene, calibrate_hand_eye_sphere),
+    "plane": (plane_scene, calibrate_hand_eye_plane),
+    "board": (board_scene, calibrate_hand_eye_board),
+}
+
+
+@pytest.mark.parametrize("target", STANDING)
+def test_the_error_of_a_standing_sensor_lies_within_its_covariance(target):
+    scene, calibrate = STANDING[target]
+    seen, flanges = scene(20, robot=PERFECT)
+    rng = np.random.default_rng(21)
+    # The robot errs in what it says of the flange, not in what is left after inverting.
+    said = [noisy_pose(p, 0.05, np.radians(0.01), rng) for p in as_eye_to_hand(flanges)]
+    assert normalised_error(calibrate(seen, said, mounting="eye_to_hand")) < FAR_OUT
+
+
+def test_a_stated_robot_that_is_too_good_is_widened():
+    profiles, flanges = sphere_scene(7, robot=(0.2, 0.04))
+    boast = HandEyeSettings(robot_std=(0.02, np.radians(0.004)))
+    found = calibrate_hand_eye_sphere(profiles, flanges, settings=boast)
+    assert found.robot_std[0] > 0.08
+    assert normalised_error(found) < FAR_OUT
+
+
+def test_the_error_at_the_working_point_is_smaller_than_at_the_origin():
+    found = calibrate_hand_eye_sphere(*sphere_scene(8))
+    assert found.working_point[1] == pytest.approx(STANDOFF, abs=45)
+    assert found.working_point_std < 0.6 * found.std_at((0, 0))
+
+
+def test_turning_the_base_turns_the_target_and_leaves_the_sensor():
+    profiles, flanges = sphere_scene(9, 8)
+    other_from_base = Pose.from_matrix(MOUNT.matrix)
+    here = calibrate_hand_eye_sphere(profiles, flanges)
+    there = calibrate_hand_eye_sphere(profiles, [other_from_base @ pose for pose in flanges])
+    assert_exact(there.flange_from_section, here.flange_from_section)
+    moved = other_from_base.apply_one(here.sphere.centre)
+    np.testing.assert_allclose(there.sphere.centre, moved, atol=EXACT_MM)
+
+
+def test_the_order_of_the_poses_does_not_matter():
+    profiles, flanges = sphere_scene(10, 8)
+    order = np.random.default_rng(0).permutation(8)
+    here = calibrate_hand_eye_sphere(profiles, flanges)
+    there = calibrate_hand_eye_sphere([profiles[i] for i in order], [flanges[i] for i in order])
+    assert_exact(there.flange_from_section, here.flange_from_section)
+    np.testing.assert_allclose(there.residuals, here.residuals[order], atol=EXACT_MM)
+
+
+@pytest.mark.parametrize(("shift", "turned"), [(30.0, 5.0), (2.0, 0.5)])
+def test_a_wrong_pose_is_named_and_left_out(shift, turned):
+    profiles, flanges = sphere_scene(11)
+    flanges[7] = wrong_pose(flanges[7], shift, turned, np.random.default_rng(1))
+    found = calibrate_hand_eye_sphere(profiles, flanges)
+    assert [pose.index for pose in found.rejected] == [7]
+    assert "mm off what the other poses expect" in found.rejected[0].reason
+    assert normalised_error(found) < FAR_OUT
+
+
+def test_a_profile_without_the_sphere_is_named_and_left_out():
+    profiles, flanges = sphere_scene(12)
+    profiles[3] = type(profiles[3])(np.full((640, 2), np.nan))
+    found = calibrate_hand_eye_sphere(profiles, flanges)
+    assert [pose.index for pose in found.rejected] == [3]
+    assert "no sphere found" in found.rejected[0].reason
+    assert np.isnan(found.residuals[3])
+
+
+def test_a_wrong_board_is_named_and_left_out():
+    boards, flanges = board_scene(13)
+    flanges[2] = wrong_pose(flanges[2], 5.0, 1.0, np.random.default_rng(2))
+    found = calibrate_hand_eye_board(boards, flanges)
+    assert [pose.index for pose in found.rejected] == [2]
+
+
+def test_held_out_residuals_are_those_of_a_calibration_without_the_pose():
+    profiles, flanges = sphere_scene(14)
+    stated = HandEyeSettings(robot_std=(0.05, np.radians(0.01)))
+    whole = calibrate_hand_eye_sphere(profiles, flanges, settings=stated)
+    part = calibrate_hand_eye_sphere(profiles[1:], flanges[1:], settings=stated)
+    centre = (flanges[0] @ part.flange_from_section).inverse().apply_one(part.sphere.centre)
+    points = profiles[0].points[~np.isnan(profiles[0].points[:, 0])]
+    # To first order the mean misfit of the points along their normals is that of the circle.
+    gaps = np.linalg.norm(np.column_stack([points, np.zeros(len(points))]) - centre, axis=1)
+    assert whole.leave_one_out_residuals[0] > whole.residuals[0]
+    assert np.abs(np.mean(gaps - part.sphere.radius)) < 2 * whole.leave_one_out_residuals[0] + 0.01
+
+
+LONG = 1.07
+SIGMAS = 4.0  # of one number; chance 6e-5
+
+
+def test_heights_that_are_too_long_are_told_and_leave_the_radius_right():
+    profiles, flanges = sphere_scene(17, view=replace(USUAL, height_scale=LONG))
+    found = calibrate_hand_eye_sphere(profiles, flanges)
+    factor, std = found.height_scale
+    assert abs(factor - 1 / LONG) < SIGMAS * std
+    assert abs(found.sphere.radius - RADIUS) < SIGMAS * found.sphere.radius_std
+    assert "heights want to be multiplied by 0.93" in found.warnings[0]
+
+
+def test_heights_that_are_right_raise_no_doubt():
+    found = calibrate_hand_eye_sphere(*sphere_scene(18))
+    factor, std = found.height_scale
+    assert abs(factor - 1) < SIGMAS * std
+    assert found.warnings == ()
+
+
+@pytest.mark.parametrize("scene", [sphere_scene, plane_scene])
+def test_neighbours_that_err_alike_widen_the_covariance(scene):
+    calibrate = {sphere_scene: calibrate_hand_eye_sphere, plane_scene: calibrate_hand_eye_plane}
+    stated = HandEyeSettings(robot_std=(0.002, np.radians(0.0005)))
+    found = []
+    for correlation in (0.0, 5.0):
+        view = replace(USUAL, correlation=correlation)
+        profiles, flanges = scene(19, view=view, robot=PERFECT)
+        found.append(calibrate[scene](profiles, flanges, settings=stated))
+        assert normalised_error(found[-1]) < FAR_OUT
+    assert found[1].working_point_std > 2 * found[0].working_point_std
+
+
+def test_only_the_name_that_fits_gives_the_pose():
+    found = calibrate_hand_eye_sphere(*sphere_scene(15, 8))
+    with pytest.raises(ValueError, match="want a calibration of a camera eye_to_hand"):
+        _ = found.base_from_camera
+    with pytest.raises(ValueError, match="want a point"):
+        found.std_at((1, 2, 3, 4))
+    boards, flanges = board_scene(15, 6)
+    with pytest.raises(ValueError, match="want a calibration on a sphere, got Pose"):
+        _ = calibrate_hand_eye_board(boards, flanges).sphere
+
+
+def test_the_same_input_gives_the_same_bytes():
+    scene = sphere_scene(16, 8)
+    first, second = (calibrate_hand_eye_sphere(*scene) for _ in range(2))
+    assert first.covariance.tobytes() == second.covariance.tobytes()

@@ -1,0 +1,177 @@
+"""Sensor-to-robot calibration refuses by name what cannot give an answer."""
+
+import re
+
+import numpy as np
+import pytest
+
+from lsvision.calibration.board_pose_estimation import estimate_board_pose
+from lsvision.calibration.hand_eye import (
+    calibrate_hand_eye_board,
+    calibrate_hand_eye_plane,
+    calibrate_hand_eye_sphere,
+)
+from lsvision.calibration.hand_eye_solver import HandEyeSettings
+from lsvision.errors import CalibrationFailed, DegenerateGeometry
+from lsvision.geometry import Pose
+from lsvision.io.robot_conventions import pose_from_numbers
+from lsvision.sensors.camera import Camera
+from lsvision.simulate.hand_eye import TargetMotion
+from tests.calibration.hand_eye_scenes import (
+    RADIUS,
+    STANDOFF,
+    TARGET,
+    board_scene,
+    plane_scene,
+    sphere_scene,
+)
+
+
+def motion(**changes):
+    full = {"offset": 0.8 * RADIUS, "standoff": STANDOFF}
+    return TargetMotion(**{**full, **changes})
+
+
+def test_one_pose_is_wanted_for_each_profile():
+    profiles, flanges = sphere_scene(1, 8)
+    with pytest.raises(ValueError, match="got 8 profiles and 7 poses"):
+        calibrate_hand_eye_sphere(profiles, flanges[:7])
+    with pytest.raises(ValueError, match="got 8 boards and 7 poses"):
+        calibrate_hand_eye_board(flanges, flanges[:7])
+
+
+def test_a_radius_must_be_positive():
+    with pytest.raises(ValueError, match="positive radius"):
+        calibrate_hand_eye_sphere(*sphere_scene(1, 8), radius=-1.0)
+
+
+def test_too_few_poses_are_refused_with_their_number():
+    profiles, flanges = sphere_scene(2, 5)
+    with pytest.raises(CalibrationFailed, match=r"5 poses with a sphere .* need 6"):
+        calibrate_hand_eye_sphere(profiles, flanges)
+    profiles, flanges = plane_scene(2, 7)
+    with pytest.raises(CalibrationFailed, match=r"7 poses with a straight line .* need 8"):
+        calibrate_hand_eye_plane(profiles, flanges)
+    boards, flanges = board_scene(2, 3)
+    with pytest.raises(CalibrationFailed, match=r"3 poses with a board .* need 4"):
+        calibrate_hand_eye_board(boards, flanges)
+
+
+DEGENERATE = {
+    "translation only": (motion(tilt=0.0, spin=0.0), "never turned"),
+    "spin only": (motion(tilt=0.0), "turned about one axis only"),
+    "cuts through the centre": (motion(offset=0.3), "radii of the sphere's centre"),
+    "same place": (motion(sideways=0.0, depth=0.0), "same place of the profile"),
+}
+
+
+@pytest.mark.parametrize("case", DEGENERATE)
+def test_a_set_that_leaves_a_direction_free_names_the_missing_motion(case):
+    limits, message = DEGENERATE[case]
+    profiles, flanges = sphere_scene(3, motion=limits)
+    with pytest.raises(DegenerateGeometry, match=message) as caught:
+        calibrate_hand_eye_sphere(profiles, flanges)
+    assert "add poses" in str(caught.value)
+
+
+def test_one_axis_is_refused_for_boards_and_planes_too():
+    boards, flanges = board_scene(4)
+    axis_only = [flanges[0]] * 4
+    with pytest.raises(DegenerateGeometry, match="never turned"):
+        calibrate_hand_eye_board(boards[:4], axis_only)
+    profiles, flanges = plane_scene(4, 12)
+    with pytest.raises(DegenerateGeometry, match="never turned"):
+        calibrate_hand_eye_plane(profiles, [flanges[0]] * 12)
+
+
+def test_shuffled_pairs_are_told_by_their_residual():
+    profiles, flanges = sphere_scene(5)
+    order = np.random.default_rng(3).permutation(12)
+    with pytest.raises(CalibrationFailed, match="shuffled"):
+        calibrate_hand_eye_sphere(profiles, [flanges[index] for index in order])
+
+
+def test_pairs_shifted_by_one_are_named():
+    profiles, flanges = sphere_scene(6)
+    with pytest.raises(CalibrationFailed, match="belongs to the next pose"):
+        calibrate_hand_eye_sphere(profiles, [flanges[-1], *flanges[:-1]])
+
+
+@pytest.mark.parametrize("shift", [3.0, 15.0])
+def test_a_target_that_moved_half_way_is_named(shift):
+    targets = [TARGET] * 6 + [TARGET + shift * np.eye(3)[0]] * 6
+    # The section poses follow the target, the calibration believes in one.
+    profiles, flanges = sphere_scene(7, targets=targets)
+    with pytest.raises(CalibrationFailed, match="moved between pose 5 and pose 6"):
+        calibrate_hand_eye_sphere(profiles, flanges)
+
+
+MOVED = 12.0  # mm
+
+
+@pytest.mark.parametrize("target", ["plane", "board"])
+def test_a_plane_or_board_that_moved_is_named_with_how_far(target):
+    scene, calibrate = {
+        "plane": (plane_scene, calibrate_hand_eye_plane),
+        "board": (board_scene, calibrate_hand_eye_board),
+    }[target]
+    seen, flanges = scene(22, 16)
+    # Robot and target moved together look the same: later poses mean another target.
+    aside = Pose.along((0.0, 0.0, 1.0), MOVED)
+    with pytest.raises(CalibrationFailed, match="moved between pose 7 and pose 8") as told:
+        calibrate(seen, [*flanges[:8], *(aside @ pose for pose in flanges[8:])])
+    apart = float(re.search(r"([\d.]+) apart", str(told.value))[1])
+    assert apart == pytest.approx(MOVED, abs=0.5)
+
+
+def kuka_angles(rotation):
+    """A, B, C of R = Rz(A) Ry(B) Rx(C), written out by hand."""
+    a = np.arctan2(rotation[1, 0], rotation[0, 0])
+    b = np.arcsin(np.clip(-rotation[2, 0], -1, 1))
+    c = np.arctan2(rotation[2, 1], rotation[2, 2])
+    return np.degrees([a, b, c])
+
+
+def test_poses_read_in_another_convention_are_found_implausible():
+    profiles, flanges = sphere_scene(8)
+    written = [[*pose.translation, *kuka_angles(pose.rotation)] for pose in flanges]
+    right = [pose_from_numbers(row, "kuka") for row in written]
+    calibrate_hand_eye_sphere(profiles, right)
+    wrong = [pose_from_numbers(row, "fanuc") for row in written]
+    with pytest.raises(CalibrationFailed, match="convention"):
+        calibrate_hand_eye_sphere(profiles, wrong)
+
+
+def test_poses_that_determine_too_little_name_the_weakest_direction():
+    strict = HandEyeSettings(max_least_determined_std=0.01)
+    with pytest.raises(DegenerateGeometry, match=r"leave the sensor free by .* the sensor's own"):
+        calibrate_hand_eye_sphere(*sphere_scene(9, 8), settings=strict)
+
+
+def test_a_second_answer_that_fits_as_well_is_refused():
+    strict = HandEyeSettings(min_ambiguity_ratio=1e9)
+    with pytest.raises(DegenerateGeometry, match="another answer fits nearly as well"):
+        calibrate_hand_eye_sphere(*sphere_scene(14, 6), settings=strict)
+
+
+CAMERA = Camera([[2000.0, 0, 640], [0, 2000, 512], [0, 0, 1]], [0, 0, 0, 0, 0], (1280, 1024))
+
+
+POINTS = np.column_stack([np.arange(8.0), np.arange(8.0) ** 2, np.zeros(8)])
+UNSEEN = {
+    "few": (POINTS[:5], 500 + POINTS[:5, :2], "seen by 5 corners and needs 6"),
+    "point": (POINTS, np.full((8, 2), 500.0), "lie on one line"),
+    "line": (POINTS * (1, 0, 0), 500 + POINTS[:, :2], "lie on one line"),
+}
+
+
+@pytest.mark.parametrize("case", UNSEEN)
+def test_corners_that_give_no_pose_are_refused(case):
+    points, pixels, message = UNSEEN[case]
+    with pytest.raises(CalibrationFailed, match=message):
+        estimate_board_pose(pixels, points, CAMERA)
+
+
+def test_corners_that_were_not_found_must_be_left_out():
+    with pytest.raises(ValueError, match="finite corners"):
+        estimate_board_pose(np.full((8, 2), np.nan), POINTS, CAMERA)

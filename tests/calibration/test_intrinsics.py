@@ -1,0 +1,179 @@
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from lsvision.calibration.intrinsics import CameraSettings, calibrate_camera, fit_camera
+from lsvision.calibration.target import Chessboard, TargetView
+from lsvision.calibration.views import ViewSources
+from lsvision.errors import CalibrationFailed, DegenerateGeometry
+from lsvision.simulate.boards import BoardScene, simulate_boards
+
+SAMPLES = Path(__file__).parents[2] / "../shared/real/opencv-samples"
+PUBLISHED = 0.05  # px: the tolerance on the published focal length
+EXACT_PX = 2e-3  # px: OpenCV takes the corners as float32
+SIGMAS = 4.5  # of some hundred comparisons none is expected beyond
+
+
+def views_of(scene, count, seed):
+    boards = simulate_boards(scene, count, rng=np.random.default_rng(seed))
+    return [TargetView(board.points, board.pixels, scene.size) for board in boards]
+
+
+def parameters(camera):
+    matrix = camera.matrix
+    return np.array([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2], *camera.distortion])
+
+
+def test_camera_is_found_exactly_without_noise():
+    scene = BoardScene(corner_std=0.0)
+    found = fit_camera(views_of(scene, 8, 1))
+    np.testing.assert_allclose(found.camera.matrix, scene.matrix, rtol=0, atol=0.05)
+    assert found.rms_px < EXACT_PX
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_error_is_within_the_predicted_spread(seed):
+    scene = BoardScene()
+    found = fit_camera(views_of(scene, 15, seed))
+    truth = np.array([2264.0, 2264.0, 639.5, 511.5, *scene.distortion])
+    std = np.array(list(found.std.values()))
+    free = std > 0
+    assert free.tolist() == [True] * 8 + [False]
+    assert (np.abs(parameters(found.camera) - truth)[free] < SIGMAS * std[free]).all()
+    assert found.rms_px == pytest.approx(0.05 * np.sqrt(2), rel=0.1)
+
+
+def test_order_of_views_does_not_matter():
+    seen = views_of(BoardScene(), 8, 2)
+    forth, back = fit_camera(seen), fit_camera(seen[::-1])
+    np.testing.assert_allclose(
+        parameters(forth.camera), parameters(back.camera), rtol=1e-5, atol=1e-4
+    )
+    assert forth.views[0].rms_px == pytest.approx(back.views[-1].rms_px, rel=1e-4)
+
+
+def test_tilted_sensor_is_found_when_asked_for():
+    lens = np.array([-0.12, 0.1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, np.radians(10), 0.0])
+    seen = views_of(BoardScene(distortion=lens), 20, 3)
+    plain = fit_camera(seen)
+    tilted = fit_camera(seen, CameraSettings(tilted=True))
+    assert plain.rms_px > 1.05 * tilted.rms_px
+    tau = tilted.camera.distortion[12]
+    assert abs(tau - np.radians(10)) < SIGMAS * tilted.std["tau_x"]
+    assert tilted.std["k4"] == tilted.std["s1"] == 0
+
+
+def test_settings_hold_what_they_hold():
+    seen = views_of(BoardScene(), 6, 4)
+    held = fit_camera(seen, CameraSettings(radial_terms=1, tangential=False, fixed_aspect=True))
+    assert held.camera.distortion[1:].tolist() == [0, 0, 0, 0]
+    assert held.camera.matrix[0, 0] == held.camera.matrix[1, 1]
+    assert held.std["fx"] == held.std["fy"] > 0
+    with pytest.raises(ValueError, match="0 to 3 radial_terms, got 4"):
+        CameraSettings(radial_terms=4)
+
+
+def test_good_set_earns_no_warning():
+    assert fit_camera(views_of(BoardScene(), 20, 6)).warnings == ()
+
+
+def test_spoilt_view_is_named():
+    seen = views_of(BoardScene(), 10, 5)
+    rng = np.random.default_rng(0)
+    spoilt = seen[3].pixels + rng.normal(0, 1.0, seen[3].pixels.shape)
+    seen[3] = replace(seen[3], pixels=spoilt)
+    outlier = fit_camera(seen, sources=ViewSources(tuple(range(10, 20)))).outliers
+    assert [view.index for view in outlier] == [13]
+    assert "px rms where the median view has" in outlier[0].reason
+
+
+@pytest.mark.parametrize(
+    ("scene", "count", "match"),
+    [
+        (BoardScene(tilt=np.radians(12)), 15, "tilted by .* deg at most"),
+        (BoardScene(), 5, "5 views: take 10"),
+        (BoardScene(tilt=np.radians(5)), 4, "focal length is known to"),
+    ],
+)
+def test_weak_sets_are_warned_of(scene, count, match):
+    warnings = "\n".join(fit_camera(views_of(scene, count, 7)).warnings)
+    assert re.search(match, warnings)
+
+
+def test_corners_in_half_of_the_image_are_warned_of():
+    seen = []
+    for view in views_of(BoardScene(), 15, 7):
+        left = view.pixels[:, 0] < 500
+        if left.sum() > 20:
+            seen.append(TargetView(view.points[left], view.pixels[left], view.size))
+    assert any("% of the image" in warning for warning in fit_camera(seen).warnings)
+
+
+def test_square_given_in_metres_is_implausible():
+    seen = [replace(view, points=view.points / 1000) for view in views_of(BoardScene(), 10, 8)]
+    assert any("stand 0.3" in warning for warning in fit_camera(seen).warnings)
+
+
+def test_stretched_print_is_implausible():
+    seen = [
+        replace(view, points=view.points * (1.05, 1, 1)) for view in views_of(BoardScene(), 10, 8)
+    ]
+    assert any("the print is stretched" in warning for warning in fit_camera(seen).warnings)
+
+
+def test_parallel_boards_are_refused():
+    with pytest.raises(DegenerateGeometry, match=r"parallel within .* tilt the board by 25 deg"):
+        fit_camera(views_of(BoardScene(tilt=np.radians(0.5)), 10, 9))
+
+
+def chessboard_image(size=(480, 640)):
+    board = np.kron(np.indices((7, 10)).sum(axis=0) % 2, np.ones((30, 30))) * 255
+    image = np.full(size, 255, np.uint8)
+    image[40 : 40 + 210, 50 : 50 + 300] = board
+    return image
+
+
+def test_images_without_board_are_named_one_by_one():
+    empty = np.full((480, 640), 255, np.uint8)
+    with pytest.raises(CalibrationFailed, match=r"1 views show (.|\n)*image 1: no Chessboard"):
+        calibrate_camera([chessboard_image(), empty], Chessboard(9, 6, 10.0))
+
+
+def test_images_of_mixed_size_are_refused():
+    images = [chessboard_image(), chessboard_image(), chessboard_image((500, 640))]
+    with pytest.raises(CalibrationFailed, match=r"image 2 is \(640, 500\) px and image 0"):
+        calibrate_camera(images, Chessboard(9, 6, 10.0))
+
+
+def test_no_images_at_all_are_refused():
+    with pytest.raises(CalibrationFailed, match="0 views show the target and 3 are needed"):
+        calibrate_camera([], Chessboard())
+
+
+@pytest.fixture(scope="module")
+def samples():
+    paths = sorted(SAMPLES.glob("left*.jpg"))
+    if not paths:
+        pytest.skip(f"{SAMPLES} is not here")
+    return [cv2.imread(str(path)) for path in paths]
+
+
+def test_opencv_samples_give_the_published_camera(samples):
+    # The published figures rest on corners of a fixed half window of 11 px, stopped early.
+    target = Chessboard(9, 6, 25.0, corner_window=11, corner_stop=0.1)
+    found = calibrate_camera(samples, target, CameraSettings(fixed_aspect=True, radial_terms=3))
+    assert found.camera.matrix[0, 0] == pytest.approx(535.91573, abs=PUBLISHED)
+    np.testing.assert_allclose(found.camera.matrix[:2, 2], (342.28315, 235.57083), atol=PUBLISHED)
+    assert found.camera.distortion[0] == pytest.approx(-0.26637, abs=1e-4)
+    assert found.rms_px == pytest.approx(0.39259, abs=1e-3)
+    assert [view.index for view in found.outliers] == [1]
+
+
+def test_our_corners_halve_the_residual_of_the_opencv_samples(samples):
+    found = calibrate_camera(samples, Chessboard(9, 6, 25.0))
+    assert found.rms_px < 0.2
+    assert found.outliers == ()

@@ -1,0 +1,161 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lsvision.calibration.bundle_adjustment_state import LaserView
+from lsvision.calibration.laser_plane import (
+    LaserPlaneSettings,
+    fit_laser_plane,
+)
+from lsvision.calibration.laser_plane_initial_guess import fit_plane
+from lsvision.calibration.views import ViewSources
+from lsvision.errors import CalibrationFailed, DegenerateGeometry
+from lsvision.sensors.camera import Camera
+from lsvision.simulate.boards import BoardScene, simulate_boards
+
+SIZE = (1280, 1024)
+EXACT = 1e-6  # mm, rad: noise-free and converged
+SIGMAS = 4.5  # a predicted spread that a fixed seed keeps to
+OFF = [[9, 0, 7], [0, -5, -9], [0, 0, 0]]  # px: a start as calibrate_camera may give
+HELD = LaserPlaneSettings(refine_camera_from=99, fit_bow_from=99)
+
+
+def camera_of(scene):
+    return Camera(scene.matrix, scene.distortion, SIZE)
+
+
+def views_of(scene, count, seed=0):
+    boards = simulate_boards(scene, count, rng=np.random.default_rng(seed))
+    std = np.full(scene.line_points, 0.1)
+    return [LaserView(board.points, board.pixels, board.line_pixels, std) for board in boards]
+
+
+def assert_same_plane(plane, truth, atol):
+    np.testing.assert_allclose(plane.normal, truth.normal, rtol=0, atol=atol / 100)
+    assert plane.distance == pytest.approx(truth.distance, abs=atol)
+
+
+@pytest.mark.parametrize("bow", [(0.0, 0.0), (0.1, 0.0), (-0.06, 0.04)])
+def test_plane_camera_and_bow_are_found_exactly_without_noise(bow):
+    scene = BoardScene(bow=bow, corner_std=0.0, line_std=0.0)
+    guess = replace(camera_of(scene), matrix=scene.matrix + np.array(OFF))
+    found = fit_laser_plane(guess, views_of(scene, 8))
+    assert_same_plane(found.plane, scene.plane, 100 * EXACT)
+    np.testing.assert_allclose(found.board_bow, bow, atol=EXACT)
+    np.testing.assert_allclose(found.light_section.camera.matrix, scene.matrix, atol=1e-3)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_error_of_the_plane_is_within_its_covariance(seed):
+    scene = BoardScene()
+    found = fit_laser_plane(camera_of(scene), views_of(scene, 12, seed))
+    pose = found.light_section.camera_from_section
+    x, y, z = pose.rotation.T
+    off = scene.plane.normal * np.sign(z @ scene.plane.normal)
+    # Turning by a about X takes Z to Z - a Y, by b about Y to Z + b X.
+    error = [off @ y, -(off @ x), found.plane.distance - scene.plane.distance]
+    assert error @ np.linalg.solve(found.covariance, error) < SIGMAS**2
+    assert found.line_rms == pytest.approx(0.1, rel=0.1)
+    assert found.corner_rms == pytest.approx(0.05 * np.sqrt(2), rel=0.1)
+
+
+def test_bow_of_a_tenth_is_found_and_said():
+    found = fit_laser_plane(camera_of(BoardScene()), views_of(BoardScene(bow=(0.1, 0.0)), 15))
+    np.testing.assert_allclose(found.board_bow, (0.1, 0.0), atol=0.005)
+    assert (np.abs(found.board_bow - (0.1, 0)) < SIGMAS * found.board_bow_std).all()
+    assert any("bowed by +0.1" in warning for warning in found.warnings)
+    flat = fit_laser_plane(camera_of(BoardScene()), views_of(BoardScene(), 15))
+    assert flat.warnings == ()
+
+
+def test_laser_residual_reveals_a_bow_that_is_not_fitted():
+    scene, settings = BoardScene(bow=(0.2, 0.0)), LaserPlaneSettings(fit_bow_from=99)
+    found = fit_laser_plane(camera_of(scene), views_of(scene, 12), settings)
+    assert found.line_rms > 0.14
+    assert found.board_bow.tolist() == found.board_bow_std.tolist() == [0, 0]
+
+
+def test_two_poses_suffice_when_the_camera_is_known():
+    scene = BoardScene(corner_std=0.0, line_std=0.0)
+    found = fit_laser_plane(camera_of(scene), views_of(scene, 2))
+    assert_same_plane(found.plane, scene.plane, 1e-4)
+    np.testing.assert_array_equal(found.light_section.camera.matrix, scene.matrix)
+    assert any("2 views" in warning for warning in found.warnings)
+
+
+def test_order_of_views_does_not_matter():
+    views = views_of(BoardScene(), 6)
+    forth = fit_laser_plane(camera_of(BoardScene()), views, HELD)
+    back = fit_laser_plane(camera_of(BoardScene()), views[::-1], HELD)
+    assert_same_plane(forth.plane, back.plane, 1e-4)
+
+
+def test_mixed_up_images_are_named():
+    views = views_of(BoardScene(), 10)
+    views[4], views[7] = (
+        replace(views[4], line_pixels=views[7].line_pixels),
+        replace(views[7], line_pixels=views[4].line_pixels),
+    )
+    found = fit_laser_plane(
+        camera_of(BoardScene()), views, sources=ViewSources(tuple(range(20, 30)))
+    )
+    assert [view.index for view in found.rejected] == [24, 27]
+    assert "images mixed up" in found.rejected[0].reason
+    assert_same_plane(found.plane, BoardScene().plane, 0.5)
+
+
+def test_spoilt_line_is_named_and_does_not_bend_the_rest():
+    views = views_of(BoardScene(), 10)
+    noise = np.random.default_rng(1).normal(0, 1.0, (100, 2))
+    views[4] = replace(views[4], line_pixels=views[4].line_pixels + noise)
+    found = fit_laser_plane(camera_of(BoardScene()), views)
+    assert [view.index for view in found.outliers] == [4]
+    assert "laser line off by" in found.outliers[0].reason
+    assert_same_plane(found.plane, BoardScene().plane, 0.5)
+
+
+def test_boards_hardly_tilted_are_warned_of():
+    scene = BoardScene(tilt=np.radians(10))
+    found = fit_laser_plane(camera_of(scene), views_of(scene, 10))
+    assert any("deg at most; want 25 deg" in warning for warning in found.warnings)
+
+
+def test_one_view_is_refused():
+    scene = BoardScene()
+    with pytest.raises(CalibrationFailed, match=r"1 views show .* 2 are needed, best 15"):
+        fit_laser_plane(camera_of(scene), views_of(scene, 1))
+
+
+def test_the_same_pose_again_is_refused():
+    scene = BoardScene()
+    with pytest.raises(DegenerateGeometry, match="lie on one line"):
+        fit_laser_plane(camera_of(scene), views_of(scene, 1) * 4)
+
+
+def test_parallel_boards_are_refused_when_the_camera_is_to_be_refined():
+    scene = BoardScene(tilt=0.0)
+    with pytest.raises(DegenerateGeometry, match=r"all boards are parallel within 0\.0 deg"):
+        fit_laser_plane(camera_of(scene), views_of(scene, 8))
+
+
+@pytest.mark.parametrize(
+    ("change", "match"),
+    [
+        ({"line_pixels": [[np.nan, 1.0]], "line_std": [0.1]}, "without lost points"),
+        ({"line_std": np.zeros(100)}, "positive line_std"),
+        ({"line_std": np.ones(3)}, r"line_std of shape \(100\), got \(3,\)"),
+        ({"pixels": np.zeros((3, 2))}, r"pixels of shape \(70, 2\)"),
+    ],
+)
+def test_views_of_nonsense_are_refused(change, match):
+    with pytest.raises(ValueError, match=match):
+        replace(views_of(BoardScene(), 1)[0], **change)
+
+
+def test_plane_through_points_is_the_one_they_lie_in():
+    rng = np.random.default_rng(1)
+    points = rng.normal(0, 30, (50, 3)) * (1, 1, 0) + (0, 0, 200)
+    found = fit_plane(points)
+    np.testing.assert_allclose(found.signed_distances(points), 0, atol=1e-9)
+    assert found.distance == pytest.approx(200)

@@ -1,0 +1,75 @@
+"""Blur from a board's edges, against images drawn by supersampling: no code of the library."""
+
+import cv2
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+from lsvision.calibration.lens_blur import measure_lens_blur
+from lsvision.calibration.target import Chessboard, CircleGrid
+from lsvision.errors import CalibrationFailed
+
+TARGET = Chessboard(columns=7, rows=6, square=10.0)
+FINE = 4  # samples along each side of a pixel
+PIXEL = 1 / np.sqrt(12)  # px: one sigma of a pixel's own width
+CLOSE = 0.03  # px; a Gaussian and a box are not quite a Gaussian, and corners are 0.05 px off
+
+
+def board_image(blur, turn=0.15, tilt=(0.0006, -0.0004), noise=1.0, seed=0, square_px=34.0):
+    """A board under a homography; `blur` = one sigma along u and v, in px."""
+    width, height = 480, 420
+    cos, sin = np.cos(turn) * square_px, np.sin(turn) * square_px
+    forth = np.array([[cos, -sin, 130.0], [sin, cos, 90.0], [*np.array(tilt) * square_px, 1.0]])
+    v, u = (np.mgrid[: height * FINE, : width * FINE] + 0.5) / FINE - 0.5
+    x, y, w = np.tensordot(np.linalg.inv(forth), np.stack([u, v, np.ones_like(u)]), axes=1)
+    x, y = x / w, y / w
+    on_board = (np.abs(x - 3) < 4) & (np.abs(y - 2.5) < 3.5)
+    dark = on_board & ((np.floor(x) + np.floor(y)) % 2 == 0)
+    light = gaussian_filter(np.where(dark, 40.0, 200.0), np.broadcast_to(blur, 2)[::-1] * FINE)
+    image = light.reshape(height, FINE, width, FINE).mean(axis=(1, 3))
+    rng = np.random.default_rng(seed)
+    return np.clip(np.round(image + rng.normal(0, noise, image.shape)), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize("blur", [0.5, 0.7, 1.0, 1.5])
+def test_the_blur_that_was_drawn_is_found(blur):
+    images = [board_image(blur, turn, seed=k) for k, turn in enumerate((0.05, 0.2))]
+    found = measure_lens_blur(images, TARGET)
+    assert found.sigma == pytest.approx(np.hypot(blur, PIXEL), abs=CLOSE)
+    assert found.std < 0.01
+    assert found.edges > 60
+
+
+def test_each_direction_has_its_own():
+    image = board_image((0.6, 1.2), turn=0.02)
+    along_u, along_v = (measure_lens_blur([image], TARGET, along) for along in ("u", "v"))
+    assert along_u.sigma == pytest.approx(np.hypot(0.6, PIXEL), abs=CLOSE)
+    assert along_v.sigma == pytest.approx(np.hypot(1.2, PIXEL), abs=CLOSE)
+
+
+def test_noise_widens_the_scatter_and_not_the_blur():
+    calm, noisy = (measure_lens_blur([board_image(0.8, noise=n)], TARGET) for n in (0.5, 6.0))
+    assert noisy.std > 2 * calm.std
+    assert noisy.sigma == pytest.approx(calm.sigma, abs=4 * noisy.std + CLOSE)
+
+
+def test_brightness_and_depth_of_colour_play_no_part():
+    grey = board_image(0.7)
+    colour = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR).astype(np.uint16) * 257
+    one, other = (measure_lens_blur([image], TARGET).sigma for image in (grey, colour))
+    assert one == pytest.approx(other, abs=0.005)
+
+
+@pytest.mark.parametrize(
+    ("images", "target"),
+    [
+        ([np.full((300, 300), 128, np.uint8)], TARGET),
+        ([board_image(0.7)], CircleGrid(columns=7, rows=6, spacing=10.0)),
+        ([np.where(board_image(0.7) > 120, 255, 20).astype(np.uint8)], TARGET),
+        ([], TARGET),
+    ],
+    ids=["no board", "circles", "overexposed", "none"],
+)
+def test_what_has_no_edges_is_refused(images, target):
+    with pytest.raises(CalibrationFailed, match="edges of squares are sharp enough"):
+        measure_lens_blur(images, target)

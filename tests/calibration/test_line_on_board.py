@@ -1,0 +1,165 @@
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from lsvision.calibration.intrinsics import calibrate_camera
+from lsvision.calibration.laser_line_on_board import LineOnBoardSettings
+from lsvision.calibration.laser_plane import LaserPlaneSettings, calibrate_laser_plane
+from lsvision.calibration.target import Chessboard
+from lsvision.errors import CalibrationFailed
+from lsvision.geometry import Plane
+from lsvision.laser_line.extraction import LineSettings
+from lsvision.sensors.camera import Camera
+
+REAL = Path(__file__).parents[2] / "../shared/real"
+SIZE = (640, 480)
+MATRIX = np.array([[900.0, 0.0, 319.5], [0.0, 900.0, 239.5], [0.0, 0.0, 1.0]])
+CAMERA = Camera(MATRIX, [], SIZE)
+PLANE = Plane((0.0, np.cos(np.pi / 6), 0.5), 140.0)
+TARGET = Chessboard(7, 6, 10.0)
+RENDERED = 0.5  # mm: 0.05 px of the line are 0.03 mm here; six small boards extrapolate it
+HELD = LaserPlaneSettings(refine_camera_from=99, fit_bow_from=99)
+
+
+def board_and_line(turn, depth):
+    """Both images of one pose, pixel by pixel: the board's colour, and the laser's glow."""
+    R, _ = cv2.Rodrigues(np.array(turn, dtype=float))
+    shift = np.array([0, 0, depth]) - R @ (30.0, 25.0, 0.0)
+    u, v = np.meshgrid((np.arange(3 * 640) - 1) / 3, (np.arange(3 * 480) - 1) / 3)
+    rays = np.stack([(u - 319.5) / 900, (v - 239.5) / 900, np.ones_like(u)], axis=-1)
+    points = rays * (R[:, 2] @ shift / (rays @ R[:, 2]))[..., None]
+    x, y = np.moveaxis((points - shift) @ R[:, :2], -1, 0)
+    squares = np.floor(x / 10) + np.floor(y / 10)
+    inside = (x > -10) & (x < 70) & (y > -10) & (y < 60)
+    white = np.where(inside & (squares % 2 == 0), 0.25, 1.0)
+    glow = np.exp(-0.5 * ((points @ PLANE.normal - PLANE.distance) / 0.3) ** 2)
+    return [
+        cv2.resize(image, SIZE, interpolation=cv2.INTER_AREA).astype(np.uint8)
+        for image in (20 + 180 * white, 5 + 200 * white * glow)
+    ]
+
+
+POSES = [
+    ((0.1, 0.4, 0.0), 270),
+    ((-0.4, 0.0, 0.1), 285),
+    ((0.3, -0.4, 0.0), 290),
+    ((0.0, 0.0, 0.0), 275),
+    ((0.4, 0.2, 0.1), 280),
+    ((-0.3, 0.3, 0.0), 270),
+]
+
+
+@pytest.fixture(scope="module")
+def images():
+    pairs = [board_and_line(turn, depth) for turn, depth in POSES]
+    return [pair[0] for pair in pairs], [pair[1] for pair in pairs]
+
+
+def test_plane_is_found_from_rendered_images(images):
+    found = calibrate_laser_plane(CAMERA, TARGET, *images, HELD)
+    assert found.rejected == ()
+    assert np.degrees(np.arccos(min(1.0, found.plane.normal @ PLANE.normal))) < 0.2
+    assert found.plane.distance == pytest.approx(PLANE.distance, abs=RENDERED)
+    assert found.line_rms < 0.3
+
+
+def test_the_blur_along_the_line_is_measured_on_the_boards_edges(images):
+    """Pixels of three samples and no lens: one sigma sqrt(2 / 27) = 0.27 px."""
+    found = calibrate_laser_plane(CAMERA, TARGET, *images, HELD)
+    assert found.light_section.line_blur_px == pytest.approx(np.sqrt(2 / 27), abs=0.05)
+    blurred = [cv2.GaussianBlur(image, (0, 0), 1.0) for image in images[0]]
+    found = calibrate_laser_plane(CAMERA, TARGET, blurred, images[1], HELD)
+    assert found.light_section.line_blur_px == pytest.approx(np.hypot(1.0, 0.27), abs=0.05)
+
+
+def test_a_board_without_edges_leaves_the_blur_unknown_and_says_so(images):
+    bright = [np.where(image > 120, 255, image).astype(np.uint8) for image in images[0]]
+    found = calibrate_laser_plane(CAMERA, TARGET, bright, images[1], HELD)
+    assert found.light_section.line_blur_px == 0
+    assert "the blur along the line is not known" in found.warnings[-1]
+
+
+def test_points_on_the_edges_of_what_is_printed_in_the_squares_are_left_out(images):
+    """Marks all over, as of ChArUco markers' bits; a fifth of the line's light on them."""
+    v, u = np.mgrid[:480, :640]
+    marks = np.where((u // 20 % 2 == 0) & (v // 14 % 2 == 0), 0.2, 1.0)
+    boards, lines = images[0], [(image * marks).astype(np.uint8) for image in images[1]]
+    marked = [(image * (0.7 + 0.3 * marks)).astype(np.uint8) for image in boards]
+    blind = replace(HELD, line=LineOnBoardSettings(max_background_variation=9.0))
+    seeing = replace(HELD, line=LineOnBoardSettings(max_background_variation=0.1))
+    rms = [
+        calibrate_laser_plane(CAMERA, TARGET, marked, lines, settings).line_rms
+        for settings in (blind, seeing)
+    ]
+    assert rms[1] < 0.6 * rms[0]
+
+
+def test_images_without_board_or_line_are_named(images):
+    boards, lines = [list(each) for each in images]
+    boards[1] = np.full((480, 640), 200, np.uint8)
+    lines[3] = np.full((480, 640), 5, np.uint8)
+    found = calibrate_laser_plane(CAMERA, TARGET, boards, lines, HELD)
+    assert [view.index for view in found.rejected] == [1, 3]
+    assert "no Chessboard" in found.rejected[0].reason
+    assert [view.index for view in found.views] == [0, 2, 4, 5]
+
+
+def test_line_along_the_edges_of_the_squares_is_said_with_the_mend(images):
+    # With this clearance all of the line counts as running along an edge.
+    settings = LaserPlaneSettings(line=LineOnBoardSettings(edge_clearance=0.49))
+    with pytest.raises(CalibrationFailed, match=r"image 0: 0 points .* let the line cross"):
+        calibrate_laser_plane(CAMERA, TARGET, *images, settings)
+
+
+def test_no_board_anywhere_is_refused_with_every_reason(images):
+    empty = [np.full((480, 640), 200, np.uint8)] * 2
+    with pytest.raises(CalibrationFailed, match=r"0 views (.|\n)*image 0: no(.|\n)*image 1: no"):
+        calibrate_laser_plane(CAMERA, TARGET, empty, empty, HELD)
+
+
+def test_images_of_another_size_are_refused(images):
+    boards, lines = [list(each) for each in images]
+    lines[2] = lines[2][:400]
+    with pytest.raises(CalibrationFailed, match="line image 2 is 640 x 400 px and the camera 640"):
+        calibrate_laser_plane(CAMERA, TARGET, boards, lines, HELD)
+
+
+def test_lists_of_unequal_length_are_a_slip(images):
+    with pytest.raises(ValueError, match="a line image for each of 6 board images, got 5"):
+        calibrate_laser_plane(CAMERA, TARGET, images[0], images[1][:5], HELD)
+
+
+def real_images(folder, pattern, colours):
+    paths = sorted((REAL / folder).glob(pattern))
+    if not paths:
+        pytest.skip(f"{REAL / folder} is not here")
+    return [cv2.imread(str(path), colours) for path in paths]
+
+
+def test_plane_of_etna_agrees_with_the_published_one():
+    images = real_images("etna/data_calib4", "*.png", cv2.IMREAD_GRAYSCALE)
+    target = Chessboard(7, 6, 10.0)
+    camera = calibrate_camera(images, target).camera
+    # The line falls on the plate beside the pattern.
+    settings = LaserPlaneSettings(line=LineOnBoardSettings(margin=8.0))
+    found = calibrate_laser_plane(camera, target, images, images, settings)
+    published = np.array([0.80572, -0.02855, 0.59161])
+    assert np.degrees(np.arccos(min(1.0, found.plane.normal @ published))) < 0.5
+    assert found.plane.distance == pytest.approx(173.782, abs=0.5)
+
+
+def test_plane_of_the_green_stripe_agrees_with_the_recomputed_one():
+    images = real_images("green-stripe", "*.jpg", cv2.IMREAD_COLOR)
+    matrix = [[514.41205, 0, 329.83671], [0, 685.92876, 237.71471], [0, 0, 1]]
+    camera = Camera(matrix, [-0.350373, 0.158447, 0.000735, -0.000231, 0], (640, 480))
+    line = LineOnBoardSettings(extraction=LineSettings(channel="green"))
+    settings = LaserPlaneSettings(line=line, refine_camera_from=99)
+    found = calibrate_laser_plane(camera, Chessboard(6, 8, 40.0), images, images, settings)
+    recomputed = np.array([0.99987, 0.01487, 0.00537])
+    assert np.degrees(np.arccos(min(1.0, abs(found.plane.normal @ recomputed)))) < 0.5
+    # The corners' refinement alone moves it: 39.31 mm with OpenCV's window of 11 px, 39.64 of 3.
+    assert abs(found.plane.distance - 39.34) < 4 * np.sqrt(found.covariance[2, 2])
+    assert found.plane.distance == pytest.approx(39.34, abs=0.5)

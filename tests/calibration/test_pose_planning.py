@@ -1,0 +1,58 @@
+"""Planned poses: worth more than random ones, and refused where nothing can be planned."""
+
+import numpy as np
+import pytest
+
+from lsvision.calibration.hand_eye import calibrate_hand_eye_sphere
+from lsvision.calibration.pose_planning import PosePlanSettings, plan_hand_eye_poses
+from lsvision.errors import DegenerateGeometry
+from lsvision.geometry import Pose
+from lsvision.simulate.hand_eye import noisy_pose, sphere_profile
+from tests.calibration.hand_eye_scenes import MOUNT, RADIUS, STANDOFF, TARGET, USUAL, pose_errors
+
+SETTINGS = PosePlanSettings(standoff=STANDOFF, count=6)
+
+
+def test_each_pose_promises_more():
+    plan = plan_hand_eye_poses(MOUNT, TARGET, RADIUS, settings=SETTINGS)
+    assert len(plan.base_from_flanges) == 6
+    assert (np.diff(plan.predicted_std) < 0).all()
+
+
+def test_six_chosen_poses_promise_more_than_six_random_ones():
+    plan = plan_hand_eye_poses(MOUNT, TARGET, RADIUS, settings=SETTINGS)
+    few = PosePlanSettings(standoff=STANDOFF, count=6, candidates=6)
+    random = plan_hand_eye_poses(MOUNT, TARGET, RADIUS, settings=few)
+    assert plan.predicted_origin_std[-1] < 0.8 * random.predicted_origin_std[-1]
+
+
+def test_poses_already_measured_count():
+    plan = plan_hand_eye_poses(MOUNT, TARGET, RADIUS, settings=SETTINGS)
+    more = plan_hand_eye_poses(
+        MOUNT, TARGET, RADIUS, measured=plan.base_from_flanges, settings=SETTINGS
+    )
+    assert more.predicted_std[0] < plan.predicted_std[-1]
+
+
+def test_planned_poses_calibrate_as_well_as_promised():
+    settings = PosePlanSettings(standoff=STANDOFF, count=10)
+    plan = plan_hand_eye_poses(MOUNT, TARGET, RADIUS, settings=settings)
+    rng = np.random.default_rng(1)
+    profiles, flanges = [], []
+    for flange in plan.base_from_flanges:
+        centre = (flange @ MOUNT).inverse().apply_one(TARGET)
+        profiles.append(sphere_profile(centre, RADIUS, USUAL, rng))
+        flanges.append(noisy_pose(flange, 0.05, np.radians(0.01), rng))
+    found = calibrate_hand_eye_sphere(profiles, flanges)
+    error = found.flange_from_section.apply_one(found.working_point) - MOUNT.apply_one(
+        found.working_point
+    )
+    assert np.linalg.norm(error) < 4 * plan.predicted_std[-1]
+    assert np.linalg.norm(pose_errors(found.flange_from_section, MOUNT)[3:]) < np.radians(0.5)
+
+
+def test_nothing_to_plan_is_refused():
+    with pytest.raises(DegenerateGeometry, match="0 candidate poses cut the sphere and 6"):
+        plan_hand_eye_poses(MOUNT, TARGET, RADIUS, candidates=[Pose()], settings=SETTINGS)
+    with pytest.raises(ValueError, match="positive radius"):
+        plan_hand_eye_poses(MOUNT, TARGET, 0.0)

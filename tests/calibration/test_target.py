@@ -1,0 +1,191 @@
+import math
+import re
+
+import cv2
+import numpy as np
+import pytest
+
+from lsvision.calibration.board_pose_initial_guess import guess_camera_from_board
+from lsvision.calibration.grey_image import grey_image
+from lsvision.calibration.target import (
+    ChArUco,
+    Chessboard,
+    CircleGrid,
+    Target,
+    TargetNotFound,
+    TargetView,
+    find_target,
+)
+from lsvision.calibration.target_files import target_pdf, target_svg
+from lsvision.calibration.target_layout import (
+    Disc,
+    Rectangle,
+    layout_target,
+)
+from lsvision.geometry import Pose
+
+PRINTED = 0.05  # px: corners of a rendered board, seen straight on (camera.md, section 2)
+MACHINE = 1e-9
+START = 1e-3  # mm: OpenCV finds the homography in single precision
+PER_MM = 6  # px
+
+TARGETS = {
+    "charuco": ChArUco(8, 6, 12.0, 9.0),
+    "charuco legacy": ChArUco(8, 6, 12.0, 9.0, legacy=True),
+    "charuco odd": ChArUco(7, 5, 15.0, 11.0),
+    "chessboard": Chessboard(9, 6, 15.0),
+    "circles": CircleGrid(4, 7, 12.0, 9.0),
+    "symmetric circles": CircleGrid(7, 5, 14.0, 8.0, asymmetric=False),
+}
+each_target = pytest.mark.parametrize("target", TARGETS.values(), ids=TARGETS.keys())
+
+
+def rasterised(page):
+    image = np.full((round(page.height * PER_MM), round(page.width * PER_MM)), 255, np.uint8)
+    for shape in page.shapes:
+        if isinstance(shape, Disc):
+            place = (round((shape.x * PER_MM - 0.5) * 64), round((shape.y * PER_MM - 0.5) * 64))
+            radius = round(shape.radius * PER_MM * 64)
+            cv2.circle(image, place, radius, 0, -1, cv2.LINE_AA, 6)
+        else:
+            rows = np.array([shape.y, shape.y + shape.height]) * PER_MM
+            columns = np.array([shape.x, shape.x + shape.width]) * PER_MM
+            image[slice(*rows.round().astype(int)), slice(*columns.round().astype(int))] = 0
+    return image
+
+
+@each_target
+def test_printed_page_shows_the_target_at_true_scale(target):
+    view = find_target(rasterised(layout_target(target)), target)
+    assert len(view.points) == len(target.points)
+    in_mm = (view.pixels + 0.5) / PER_MM
+    shift = in_mm - view.points[:, :2]
+    np.testing.assert_allclose(shift, shift.mean(axis=0) + 0 * shift, atol=PRINTED / PER_MM)
+
+
+def test_charuco_of_opencv_is_found_in_part():
+    target = TARGETS["charuco"]
+    image = cv2.copyMakeBorder(
+        target.board.generateImage((800, 600)), 40, 40, 40, 40, cv2.BORDER_CONSTANT, value=255
+    )
+    assert len(find_target(image, target).points) == 35
+    part = find_target(image[:, :500], target)
+    assert 6 <= len(part.points) < 35
+    shift = part.pixels / (100 / 12) - part.points[:, :2]
+    np.testing.assert_allclose(shift, shift.mean(axis=0) + 0 * shift, atol=PRINTED)
+
+
+@each_target
+def test_no_target_in_an_empty_image_is_said_by_name(target):
+    empty = np.full((480, 640), 200, np.uint8)
+    with pytest.raises(TargetNotFound, match=rf"no {type(target).__name__}.* 640 x 480 px: show"):
+        find_target(empty, target)
+
+
+@each_target
+def test_targets_keep_the_protocol(target):
+    assert isinstance(target, Target)
+    assert target.points.shape[1] == 3
+    assert hash(target) == hash(target)
+
+
+@pytest.mark.parametrize("scale", [1, 16, 257], ids=["8 bit in 16", "12 bit", "16 bit"])
+def test_deep_and_coloured_images_are_read_like_grey_ones(scale):
+    target = TARGETS["chessboard"]
+    grey = rasterised(layout_target(target))
+    want = find_target(grey, target).pixels
+    deep = grey.astype(np.uint16) * scale
+    np.testing.assert_allclose(find_target(deep, target).pixels, want, atol=PRINTED)
+    coloured = np.repeat(grey[:, :, None], 3, axis=2)
+    np.testing.assert_allclose(find_target(coloured, target).pixels, want, atol=PRINTED)
+
+
+@pytest.mark.parametrize(
+    ("image", "error", "match"),
+    [
+        (np.zeros((5, 5, 4), np.uint8), ValueError, "want an image .* shape"),
+        (np.zeros(5, np.uint8), ValueError, "want an image .* shape"),
+        (np.zeros((0, 5), np.uint8), ValueError, "want an image .* shape"),
+        (np.zeros((5, 5)), TypeError, "uint8 or uint16, got float64"),
+    ],
+)
+def test_what_is_no_image_is_refused(image, error, match):
+    with pytest.raises(error, match=match):
+        grey_image(image)
+
+
+@pytest.mark.parametrize(
+    ("make", "match"),
+    [
+        (lambda: Chessboard(2, 6), "3 columns and rows at least, got 2 x 6"),
+        (lambda: Chessboard(9, 6, -1.0), "positive square in mm, got -1"),
+        (lambda: Chessboard(corner_window=0), "positive corner_window"),
+        (lambda: ChArUco(marker=20.0), "0 < marker < square 15 mm, got 20"),
+        (lambda: ChArUco(dictionary="DICT_NONE"), "dictionary of cv2.aruco, got 'DICT_NONE'"),
+        (lambda: CircleGrid(diameter=50.0), "0 < diameter < 21.2132 mm, got 50"),
+        (lambda: TargetView(np.zeros((2, 3)), np.zeros((3, 2)), (1, 1)), "want 2 pixels, got 3"),
+        (lambda: TargetView(np.zeros((2, 2)), np.zeros((2, 2)), (1, 1)), "board points of shape"),
+    ],
+)
+def test_no_target_is_made_of_nonsense(make, match):
+    with pytest.raises(ValueError, match=match):
+        make()
+
+
+def test_pose_of_a_board_follows_from_its_rays():
+    turn, _ = cv2.Rodrigues(np.array([0.4, -0.3, 0.2]))
+    truth = Pose(turn, (10.0, -20.0, 300.0))
+    board = Chessboard(9, 6, 10.0).points
+    seen = truth.apply(board)
+    view = TargetView(board, np.zeros((54, 2)), (9, 9))
+    found = guess_camera_from_board(view, seen / seen[:, 2:])
+    np.testing.assert_allclose(found.matrix, truth.matrix, rtol=0, atol=START)
+
+
+@each_target
+def test_page_fits_its_sheet_with_a_ruler_of_100_mm(target):
+    page = layout_target(target)
+    assert (page.width, page.height) in [(210, 297), (297, 210)]
+    bar = next(shape for shape in page.shapes if getattr(shape, "width", 0) == 100)
+    for shape in page.shapes:
+        right, bottom = (
+            (shape.x + shape.width, shape.y + shape.height)
+            if isinstance(shape, Rectangle)
+            else (shape.x + shape.radius, shape.y + shape.radius)
+        )
+        assert min(shape.x, shape.y) >= 5
+        assert right <= page.width - 5
+        assert bottom <= max(bar.y + 5, page.height - 5)
+
+
+def test_svg_is_sized_in_mm_and_draws_every_shape():
+    target = TARGETS["chessboard"]
+    svg = target_svg(target)
+    assert 'width="210mm" height="297mm" viewBox="0 0 210 297"' in svg
+    assert svg.count("h15v15h-15z") == 35
+    assert target_svg(TARGETS["circles"]).count('r="4.5"') == 28
+
+
+def test_pdf_is_sized_in_points_and_its_table_points_at_its_objects():
+    pdf = target_pdf(TARGETS["charuco"]).decode("latin-1")
+    box = [float(value) for value in re.search(r"MediaBox \[(.*?)\]", pdf)[1].split()]
+    page = layout_target(TARGETS["charuco"])
+    np.testing.assert_allclose(np.array(box[2:]) * 25.4 / 72, (page.width, page.height), atol=1e-3)
+    offsets = [int(value) for value in re.findall(r"(\d{10}) 00000 n", pdf)]
+    for number, offset in enumerate(offsets, start=1):
+        assert pdf[offset:].startswith(f"{number} 0 obj")
+    stream = pdf.split("stream\n", 1)[1].split("\nendstream")[0]
+    assert int(re.search(r"/Length (\d+)", pdf)[1]) == len(stream)
+    assert pdf[int(re.search(r"startxref\n(\d+)", pdf)[1]) :].startswith("xref")
+
+
+def test_unknown_targets_cannot_be_drawn():
+    with pytest.raises(TypeError, match="want a ChArUco, Chessboard or CircleGrid, got 5"):
+        layout_target(5)
+
+
+def test_asymmetric_circles_lie_on_a_diagonal_grid():
+    points = CircleGrid(4, 11, 15.0).points
+    gaps = np.hypot(*(points[:, None, :2] - points[None, :, :2]).T)
+    np.fill_diagonal(gaps, np.inf)
+    np.testing.assert_allclose(gaps.min(axis=0), 15.0 * math.sqrt(2), atol=MACHINE)

@@ -1,0 +1,83 @@
+import numpy as np
+import pytest
+
+from lsvision import ProfileSensor
+from lsvision.geometry.noisy_points import NoisyPoints, as_complex, as_vectors
+from tests.tolerances import MACHINE
+
+
+def noisy_points(rng, count=7):
+    halves = rng.normal(size=(count, 2, 2))
+    return rng.normal(size=(count, 2)), halves @ halves.transpose(0, 2, 1)
+
+
+def test_the_variance_along_a_normal_is_that_of_the_matrix(rng):
+    points, covariances = noisy_points(rng)
+    normals = np.exp(1j * rng.uniform(0, 2 * np.pi, len(points)))
+    n = as_vectors(normals)
+    expected = np.einsum("ni,nij,nj->n", n, covariances, n)
+    found = NoisyPoints.of(points, covariances).normal_variances(normals)
+    np.testing.assert_allclose(found, expected, rtol=MACHINE)
+
+
+@pytest.mark.parametrize("which", [slice(2, 5), np.array([4, 1]), np.arange(7) > 4])
+def test_a_part_keeps_points_and_covariances_together(which, rng):
+    points, covariances = noisy_points(rng)
+    part = NoisyPoints.of(points, covariances)[which]
+    same = NoisyPoints.of(points[which], covariances[which])
+    assert len(part) == len(points[which])
+    for name in ("z", "mean_variance", "deviator"):
+        np.testing.assert_array_equal(getattr(part, name), getattr(same, name))
+
+
+def test_covariances_come_back(rng):
+    points, covariances = noisy_points(rng)
+    found = NoisyPoints.of(points, covariances).covariances
+    np.testing.assert_allclose(found, covariances, atol=1e-12)
+
+
+def test_points_alike_have_one_covariance(rng):
+    points, _ = noisy_points(rng)
+    alike = NoisyPoints.alike(as_complex(points), 0.2, 0.5)
+    one_by_one = NoisyPoints.of(points, np.tile(np.diag([0.04, 0.25]), (7, 1, 1)))
+    for name in ("z", "mean_variance", "deviator"):
+        np.testing.assert_allclose(getattr(alike, name), getattr(one_by_one, name), atol=1e-15)
+
+
+def test_vectors_come_back_from_complex_numbers(rng):
+    vectors = rng.normal(size=(9, 4))[:, ::2]  # not in one piece
+    np.testing.assert_array_equal(as_vectors(as_complex(vectors)), vectors)
+
+
+def fan(count=61, half_deg=30.0):
+    """Points below a sensor at the origin, and their rays towards it."""
+    directions = np.radians(np.linspace(-90 - half_deg, -90 + half_deg, count))
+    points = 400 * np.column_stack([np.cos(directions), np.sin(directions)])
+    return points, -as_complex(points) / 400
+
+
+def test_a_surface_faces_the_sensor_by_the_cosine_of_its_incidence(rng):
+    points, rays = fan()
+    noisy = NoisyPoints.of(points, ProfileSensor().covariances(points))
+    incidence = rng.uniform(-np.pi, np.pi, len(points))
+    found = noisy.incidence_cosines(rays * np.exp(1j * incidence))
+    np.testing.assert_allclose(found, np.cos(incidence), atol=1e-12)
+
+
+@pytest.mark.parametrize("ratio", [0.8, 1.0, 3.0], ids=lambda ratio: f"x over y {ratio}")
+def test_an_error_that_tells_no_ray_leaves_the_whole_fan_open(ratio):
+    points, _ = fan(1)
+    noisy = NoisyPoints.of(points, np.diag([ratio, 1.0])[None] ** 2)
+    angles_deg = np.array([0, 59, 61, 119, 121, 180])  # of the normal, off +Y
+    normals = np.exp(1j * np.radians(90 - angles_deg))
+    seen = [noisy.incidence_cosines(normal[None])[0] > 0 for normal in normals]
+    assert seen == [True, True, True, True, False, False]
+
+
+@pytest.mark.parametrize(("ray_deg", "told"), [(0, True), (36.5, True), (39, False), (90, False)])
+def test_a_ray_within_38_degrees_of_y_is_told_by_its_error(ray_deg, told):
+    ray = np.exp(1j * np.radians(90 - ray_deg))
+    along = np.array([ray.real, ray.imag])
+    noisy = NoisyPoints.of(np.zeros((1, 2)), np.outer(along, along)[None])
+    facing = noisy.incidence_cosines(np.array([ray * np.exp(1j * np.radians(80))]))[0]
+    assert (facing == pytest.approx(np.cos(np.radians(80)))) == told

@@ -1,0 +1,199 @@
+"""The extracted line against the truth of the simulator."""
+
+import cv2
+import numpy as np
+import pytest
+
+from lsvision.laser_line.extraction import LineSettings, extract_laser_line
+from lsvision.simulate.image_sensor import ImageSensor
+from lsvision.simulate.stray_light import StrayLight
+from tests.laser_line.line_scenes import CLUTTER, SMALL_RIG, pipe_on_floor, plank, rendered
+from tests.tolerances import ROUNDING
+
+FALSE = 3.0  # px: another thing than the line
+GOALS = {200: 0.016, 100: 0.022, 50: 0.034, 25: 0.055, 12: 0.10}  # DN: px, camera.md G1 and G2
+BIAS = 0.003 * 3  # px: the goal, tested on a third of the goal's points
+HONEST = (0.7, 1.4)  # NEES / dof
+GREY = LineSettings(direction="columns")
+
+
+def errors_of(line, image):
+    return line.pixels[:, 1] - image.truth_pixels[:, 1]
+
+
+def rms(errors):
+    return float(np.sqrt(np.nanmean(errors**2)))
+
+
+def nees(errors, line):
+    return float(np.nanmean((errors / line.std) ** 2))
+
+
+@pytest.mark.parametrize("method", ["derivative", "gaussian"])
+@pytest.mark.parametrize("peak", GOALS)
+def test_places_are_right_to_the_goal_and_their_sigma_is_honest(peak, method):
+    image = rendered(plank(), peak=peak)
+    line = extract_laser_line(image.image, LineSettings(method=method))
+    errors = errors_of(line, image)
+    assert line.lost == 0
+    assert rms(errors) <= GOALS[peak]
+    assert abs(errors.mean()) <= BIAS
+    assert HONEST[0] <= nees(errors, line) <= HONEST[1]
+
+
+@pytest.mark.parametrize(
+    ("method", "goal"), [("derivative", 0.035), ("gaussian", 0.013)], ids=["default", "precise"]
+)
+def test_an_overexposed_line_is_measured_by_its_flanks(method, goal):
+    image = rendered(plank(), peak=400)
+    line = extract_laser_line(image.image, LineSettings(method=method))
+    assert line.saturated.all()
+    assert rms(errors_of(line, image)) <= goal
+
+
+def test_speckle_is_told_by_the_sigma():
+    image = rendered(plank(), speckle_looks=4)
+    line = extract_laser_line(image.image)
+    errors = errors_of(line, image)
+    assert rms(errors) <= 0.30
+    assert HONEST[0] <= nees(errors, line) <= HONEST[1]
+
+
+def test_a_given_noise_is_taken_as_given():
+    image = rendered(plank(), sensor=ImageSensor(prnu=0.0))
+    gain = 255 / 10_000
+    given = LineSettings(read_noise=13 * gain, gain=gain)
+    by_hand, by_image = (
+        extract_laser_line(image.image, settings) for settings in (given, LineSettings())
+    )
+    np.testing.assert_allclose(by_hand.std, by_image.std, rtol=0.15, atol=0)
+
+
+@pytest.mark.parametrize("degrees", [0, 20, 40, 70])
+@pytest.mark.parametrize(("method", "goal"), [("derivative", 0.02), ("steger", 0.01)])
+def test_a_slanted_line_is_measured_across_itself(degrees, method, goal, rng):
+    cos, sin = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    v, u = np.mgrid[:400, :500]
+    stripe = 150 * np.exp(-0.5 * (((v - 200.3) * cos - (u - 250) * sin) / 1.5) ** 2)
+    image = np.clip(np.rint(10 + stripe + rng.normal(0, 1.5, u.shape)), 0, 255).astype(np.uint8)
+    line = extract_laser_line(image, LineSettings(method=method))
+    assert line.direction == ("columns" if degrees < 45 else "rows")
+    assert rms((line.pixels[:, 1] - 200.3) * cos - (line.pixels[:, 0] - 250) * sin) <= goal
+    assert np.nanmedian(line.std) <= 1.4 * goal  # along the column or row: up to 1 / cos 45
+
+
+def test_intensity_and_width_are_those_of_the_stripe():
+    image = rendered(plank(), peak=100, sheet_sigma=0.25)
+    line = extract_laser_line(image.image)
+    assert np.median(line.intensity) == pytest.approx(100, rel=0.05)
+    assert np.median(line.width) == pytest.approx(2.25, abs=0.1)
+
+
+@pytest.mark.parametrize("subtract", [False, True], ids=["one frame", "laser-off frame"])
+def test_glints_blobs_and_streaks_do_not_win(subtract):
+    false = []
+    for seed in range(3):
+        image = rendered(pipe_on_floor(), 50 + seed, speckle_looks=4, stray=CLUTTER)
+        off = image.laser_off if subtract else None
+        errors = errors_of(extract_laser_line(image.image, laser_off=off), image)
+        false.append((np.abs(errors) > FALSE).mean())
+    assert np.mean(false) <= (0.002 if subtract else 0.04)
+
+
+def test_a_brighter_shorter_ghost_does_not_win_and_is_told():
+    image = rendered(plank(slope=0.0), peak=80)
+    ghost = image.image.copy()
+    ghost[300:303, 200:900] = 250
+    line = extract_laser_line(ghost)
+    assert np.abs(errors_of(line, image)).max() < FALSE
+    assert line.second_line_fraction == pytest.approx(700 / 1280, abs=0.02)
+    assert extract_laser_line(image.image).second_line_fraction == 0
+
+
+def test_a_hidden_stretch_is_lost_and_keeps_its_columns():
+    image = rendered(plank()).image.copy()
+    image[:, 500:600] = 10
+    line = extract_laser_line(image)
+    assert len(line) == 1280
+    assert np.isnan(line.pixels[505:595]).all()
+    assert np.isfinite(line.std[:495]).all()
+    assert np.isfinite(line.std[605:]).all()
+
+
+def test_a_step_is_followed():
+    image = rendered(pipe_on_floor())
+    errors = errors_of(extract_laser_line(image.image), image)
+    assert np.isfinite(errors).mean() > 0.98
+    assert (np.abs(errors) > FALSE).sum() <= 3
+
+
+def test_a_turned_image_gives_the_turned_line():
+    image = rendered(pipe_on_floor(), peak=100).image
+    level, upright = extract_laser_line(image), extract_laser_line(np.ascontiguousarray(image.T))
+    assert (level.direction, upright.direction) == ("columns", "rows")
+    np.testing.assert_allclose(upright.pixels, level.pixels[:, ::-1], rtol=0, atol=ROUNDING)
+    np.testing.assert_allclose(upright.std, level.std, rtol=ROUNDING, atol=0)
+
+
+@pytest.mark.parametrize("method", ["derivative", "gaussian", "steger"])
+def test_a_mirrored_image_gives_the_mirrored_line(method):
+    image = rendered(plank(), peak=100).image
+    settings = LineSettings(method=method, direction="columns")
+    line, mirrored = (extract_laser_line(view, settings) for view in (image, image[::-1]))
+    np.testing.assert_allclose(mirrored.pixels[:, 1], 1023 - line.pixels[:, 1], rtol=0, atol=1e-4)
+
+
+def test_a_line_shifted_by_whole_pixels_is_the_same_line():
+    image = rendered(plank(), peak=100).image
+    line, moved = (extract_laser_line(view, GREY) for view in (image, np.roll(image, 40, axis=0)))
+    np.testing.assert_allclose(moved.pixels[:, 1], line.pixels[:, 1] + 40, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("bits", [10, 12, 16])
+def test_deeper_images_give_the_line_of_the_shallow_one(bits):
+    scale = (2**bits - 1) / 255
+    sensor, stray = ImageSensor(bits=bits), StrayLight(ambient=10 * scale)
+    image = rendered(plank(), sensor=sensor, stray=stray, peak=200 * scale)
+    full_scale = None if bits == 12 else 2**bits - 1
+    line = extract_laser_line(image.image, LineSettings(full_scale=full_scale))
+    assert rms(errors_of(line, image)) <= GOALS[200]
+
+
+def test_a_float_image_is_the_integer_one():
+    image = rendered(plank()).image
+    whole = extract_laser_line(image, GREY)
+    share = extract_laser_line(image / 255.0, LineSettings(direction="columns", full_scale=1.0))
+    np.testing.assert_allclose(share.pixels, whole.pixels, rtol=0, atol=1e-4)
+
+
+@pytest.mark.parametrize(("channel", "index"), [("blue", 0), ("green", 1), ("red", 2)])
+def test_a_coloured_line_is_found_among_brighter_white_ones(channel, index):
+    image = rendered(plank(slope=0.01), peak=80)
+    colours = np.zeros((1024, 1280, 3), np.uint8)
+    cv2.line(colours, (0, 900), (1279, 820), (220, 220, 220), 3)
+    colours[..., index] = np.maximum(colours[..., index], image.image)
+    line = extract_laser_line(colours, LineSettings(channel=channel))
+    assert np.nanmax(np.abs(errors_of(line, image))) < 0.5
+
+
+def test_a_white_line_and_a_grey_image_stored_as_colours_are_the_grey_line():
+    image = rendered(plank(), rig=SMALL_RIG).image
+    stored = np.repeat(image[:, :, None], 3, axis=2)
+    grey = extract_laser_line(image)
+    for channel in ("grey", "white"):
+        same = extract_laser_line(stored, LineSettings(channel=channel))
+        np.testing.assert_allclose(same.pixels, grey.pixels, rtol=0, atol=1e-6)
+
+
+def test_a_wide_line_widens_the_filter():
+    image = rendered(plank(), rig=SMALL_RIG, sheet_sigma=1.2, psf_sigma=2.0, peak=500)
+    line = extract_laser_line(image.image)
+    assert np.median(line.width) > 5
+    assert rms(errors_of(line, image)) < 0.15
+
+
+def test_the_image_is_left_as_it_was():
+    image = rendered(plank(), rig=SMALL_RIG).image
+    before = image.copy()
+    extract_laser_line(image, laser_off=np.zeros_like(image))
+    np.testing.assert_array_equal(image, before)

@@ -1,0 +1,108 @@
+"""What is no image, and images without a laser line."""
+
+import numpy as np
+import pytest
+
+from lsvision.errors import NoLaserLine
+from lsvision.laser_line.extraction import LineSettings, extract_laser_line
+from lsvision.simulate.stray_light import StrayLight
+from tests.laser_line.line_scenes import SMALL_RIG, nothing, plank, rendered
+
+GREY = np.full((200, 300), 10, np.uint8)
+COLOUR = np.stack([GREY, GREY, GREY + 1], axis=2)
+
+NO_IMAGE = {
+    "words": ("photo.png", None, TypeError, "uint8, uint16 or float"),
+    "booleans": (GREY > 5, None, TypeError, "got bool"),
+    "one row": (GREY[0], None, ValueError, r"shape \(height, width\)"),
+    "four channels": (np.zeros((99, 99, 4), np.uint8), None, ValueError, r"got \(99, 99, 4\)"),
+    "tiny": (GREY[:9, :9], None, ValueError, "16 px or more"),
+    "float": (GREY / 255, None, TypeError, "full_scale beside a float image"),
+    "NaN": (np.full((99, 99), np.nan), None, ValueError, "NaN"),
+    "colour for grey": (COLOUR, None, ValueError, r'LineSettings\(channel="red"\)'),
+    "grey for colour": (GREY, LineSettings(channel="red"), ValueError, 'use channel="grey"'),
+}
+
+
+@pytest.mark.parametrize(("image", "settings", "error", "words"), NO_IMAGE.values(), ids=NO_IMAGE)
+def test_what_is_no_image_is_refused_by_name(image, settings, error, words):
+    with pytest.raises(error, match=words):
+        extract_laser_line(image, settings)
+
+
+def test_a_laser_off_frame_of_another_camera_is_refused():
+    with pytest.raises(ValueError, match=r"want a laser_off frame like the image"):
+        extract_laser_line(GREY, laser_off=GREY[:100])
+
+
+SETTINGS = {
+    "method": ({"method": "centroid"}, "want method in"),
+    "channel": ({"channel": "infrared"}, "want channel in"),
+    "direction": ({"direction": "diagonal"}, "want direction in"),
+    "sigma": ({"sigma": 0.0}, "positive sigma"),
+    "full_scale": ({"full_scale": -1.0}, "positive full_scale"),
+    "gain": ({"gain": -0.1}, "gain >= 0"),
+}
+
+
+@pytest.mark.parametrize(("given", "words"), SETTINGS.values(), ids=SETTINGS)
+def test_settings_that_mean_nothing_are_refused(given, words):
+    with pytest.raises(ValueError, match=words):
+        LineSettings(**given)
+
+
+def noise(seed=0):
+    image = np.random.default_rng(seed).normal(120, 20, (480, 640))
+    return np.clip(image, 0, 255).astype(np.uint8)
+
+
+def board(size=40):
+    v, u = np.mgrid[:480, :640]
+    return (60 + 150 * ((u // size + v // size) % 2)).astype(np.uint8)
+
+
+def grating():
+    return np.repeat((127 + 100 * np.sin(np.arange(480) / 2.0)).astype(np.uint8)[:, None], 640, 1)
+
+
+WITHOUT_A_LINE = {
+    "black": np.zeros((480, 640), np.uint8),
+    "dark": rendered(nothing(), rig=SMALL_RIG).image,
+    "noise": noise(),
+    "board": board(),
+    "grating": grating(),
+    "edge": np.repeat(np.where(np.arange(480) < 200, 50, 200).astype(np.uint8)[:, None], 640, 1),
+    "lamp": rendered(nothing(), stray=StrayLight(ambient=100, gradient=90, blobs=1)).image,
+}
+
+
+@pytest.mark.parametrize("image", WITHOUT_A_LINE.values(), ids=WITHOUT_A_LINE)
+def test_an_image_without_a_line_is_told_with_what_to_do(image):
+    with pytest.raises(NoLaserLine, match=r"no laser line runs through .* px: .*laser_off frame"):
+        extract_laser_line(image)
+
+
+def test_an_overexposed_image_is_told():
+    image = np.full((480, 640), 255, np.uint8)
+    image[:200] = 90
+    with pytest.raises(NoLaserLine, match=r"58% of the image is at its full scale of 255.*shorten"):
+        extract_laser_line(image)
+
+
+def test_a_line_along_the_border_is_told():
+    image = np.roll(rendered(plank(slope=0.0), rig=SMALL_RIG).image, -159, axis=0)
+    with pytest.raises(NoLaserLine, match=r"of the image's border in 100% of its columns.*move"):
+        extract_laser_line(image, LineSettings(direction="columns"))
+
+
+def test_a_line_of_another_colour_is_not_found():
+    colours = np.zeros((320, 640, 3), np.uint8)
+    colours[..., 1] = rendered(plank(), rig=SMALL_RIG).image
+    assert extract_laser_line(colours, LineSettings(channel="green")).lost == 0
+    with pytest.raises(NoLaserLine):
+        extract_laser_line(colours, LineSettings(channel="red"))
+
+
+def test_an_image_too_thin_for_the_filter_is_told():
+    with pytest.raises(NoLaserLine, match="17 px across the laser line and needs 24 px"):
+        extract_laser_line(np.full((17, 800), 10, np.uint8))

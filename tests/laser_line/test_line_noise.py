@@ -1,0 +1,79 @@
+"""The scatter of a line's places that the noise of its pixels does not explain."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter1d
+
+from lsvision.laser_line.extraction import extract_laser_line
+from lsvision.laser_line.noise import excess_variance, line_slopes
+from lsvision.simulate.scene import Scene
+from lsvision.simulate.tube import Tube
+from tests.laser_line.line_scenes import STAND_OFF, rendered
+
+COLUMNS = np.arange(1200)
+NOISE = 0.2  # px
+MAD_SPREAD = 0.15  # four sigma of a median over 1200 columns that share their noise
+LONG_SPREAD = 0.3  # runs of some 8 columns leave 100 independent ones, and a fifth of the size
+RADIUS = 235.0  # px; a pipe of 47 mm half filling the image
+
+
+def std_of(rows, std=0.01, columns=COLUMNS):
+    return np.sqrt(excess_variance(columns, rows, np.full(len(rows), std)))
+
+
+def test_white_noise_is_seen_at_its_size_and_what_is_predicted_is_taken_off(rng):
+    rows = 300 + rng.normal(0, NOISE, len(COLUMNS))
+    assert std_of(rows) == pytest.approx(NOISE, rel=MAD_SPREAD)
+    assert std_of(rows, std=0.75 * NOISE) == pytest.approx(0.66 * NOISE, rel=2 * MAD_SPREAD)
+    assert (std_of(rows, std=1.5 * NOISE) == 0).all()
+
+
+def test_errors_that_run_on_along_the_line_are_seen_too(rng):
+    """As in an enlarged photograph: neighbours differ by a hundredth of the error."""
+    smooth = gaussian_filter1d(rng.normal(size=len(COLUMNS)), 5.0)
+    rows = 300 + smooth * NOISE / smooth.std()
+    assert std_of(rows) == pytest.approx(NOISE, rel=LONG_SPREAD)
+
+
+def test_the_bend_of_a_pipe_is_no_noise():
+    columns = np.arange(-200, 201)
+    rows = 600 - 0.5 * np.sqrt(RADIUS**2 - columns**2)
+    assert (std_of(rows, std=0.02, columns=columns + 200) == 0).all()
+
+
+def test_across_a_slope_the_line_errs_more_down_its_columns(rng):
+    """Half level, half at 60 deg, displaced by the same amount across itself."""
+    slopes = np.where(COLUMNS < 600, 0.0, math.tan(math.radians(60)))
+    rows = np.cumsum(slopes) + rng.normal(0, NOISE, len(COLUMNS)) * np.hypot(1, slopes)
+    std = std_of(rows)
+    assert std[:590] == pytest.approx(NOISE, rel=MAD_SPREAD)
+    assert std[610:] == pytest.approx(2 * NOISE, rel=MAD_SPREAD)
+
+
+def test_beside_a_jump_the_slope_is_that_of_the_line():
+    rows = np.where(np.arange(60) < 30, 0.5 * np.arange(60), 200.0)
+    slopes = line_slopes(np.arange(60), rows)
+    np.testing.assert_allclose(slopes[:30], 0.5)
+    np.testing.assert_allclose(slopes[30:], 0.0)
+
+
+def test_a_point_alone_is_level_and_a_short_line_has_no_scatter():
+    assert line_slopes(np.array([7]), np.array([3.0])) == 0
+    assert (std_of(np.array([3.0, 8.0, 1.0]), columns=np.arange(3)) == 0).all()
+    assert std_of(np.empty(0), columns=np.empty(0, dtype=int)).shape == (0,)
+
+
+@pytest.mark.parametrize("looks", [0, 5], ids=["no speckle", "speckle"])
+def test_the_std_on_a_pipe_is_honest_from_crown_to_flank(looks):
+    pipe = Scene((Tube.of(25.0, math.pi / 2, math.radians(20), (0.0, STAND_OFF - 25.0)),))
+    scores = []
+    for seed in range(3):
+        seen = rendered(pipe, seed, speckle_looks=looks)
+        line = extract_laser_line(seen.image)
+        scores.append((line.pixels - seen.truth_pixels)[:, 1] / line.std)
+    nees = np.square(scores)
+    # Level to 40 deg, and the flanks to 65 deg; beyond, blur draws the line.
+    for columns in (slice(560, 720), slice(476, 520), slice(760, 804)):
+        assert 0.7 < np.nanmean(nees[:, columns]) < 1.4

@@ -1,0 +1,58 @@
+"""A report of a few measurements, made once: its numbers are rough, its form is whole."""
+
+import pytest
+
+from lsvision.studies.chen_liu_2016.ablation import run_ablation
+from lsvision.studies.chen_liu_2016.achievability import compare_with_bound
+from lsvision.studies.chen_liu_2016.cases import paper_cases
+from lsvision.studies.chen_liu_2016.paper_pitfalls import check_pitfalls
+from lsvision.studies.chen_liu_2016.published_results import PUBLISHED_TIMES
+from lsvision.studies.chen_liu_2016.repeatability import measure_repeatedly
+from lsvision.studies.chen_liu_2016.report import ExperimentSizes, PaperReport
+from lsvision.studies.chen_liu_2016.scenes import measure_scenes
+from lsvision.studies.chen_liu_2016.steps import run_steps
+from lsvision.studies.chen_liu_2016.tables import measure_tables
+from lsvision.studies.chen_liu_2016.timing import PipelineTiming, Timing
+
+NOISE = 0.1  # mm
+FEW = ExperimentSizes(
+    runs={"paper": 0, "section": 2, "known": 1, "two": 1, "twenty": 1},
+    timing_scenes=1,
+    repeats=40,
+    ablation_scenes=3,
+)
+
+
+@pytest.fixture(scope="session")
+def bounds():
+    """Tables 1-4 with nothing measured: the bound alone."""
+    runs = dict.fromkeys(FEW.runs, 0)
+    return measure_tables(paper_cases(), runs, noise_mm=NOISE)
+
+
+@pytest.fixture(scope="session")
+def report():
+    """Everything but the times, which are made up: 0.02 s against 2 s."""
+    rows = measure_tables(paper_cases(), FEW.runs, noise_mm=NOISE)
+    timings = [
+        Timing(
+            printed,
+            1,
+            printed.pipes,
+            PipelineTiming(2.0, 0, 7),
+            PipelineTiming(0.02, printed.pipes, 0),
+        )
+        for printed in PUBLISHED_TIMES
+    ]
+    return PaperReport(
+        noise_mm=NOISE,
+        effort=FEW,
+        rows=rows,
+        reaches=compare_with_bound(rows, noise_mm=NOISE),
+        timings=tuple(timings),
+        steps=run_steps(noise_mm=NOISE),
+        scenes=measure_scenes(noise_mm=NOISE),
+        repeatability=measure_repeatedly(FEW.repeats, noise_mm=NOISE),
+        costs=run_ablation(FEW.ablation_scenes, noise_mm=NOISE),
+        traps=check_pitfalls(),
+    )

@@ -1,0 +1,138 @@
+"""The page opens from disk, needs nothing else, and says what the JSON says."""
+
+import json
+import re
+from html.parser import HTMLParser
+
+import pytest
+
+from lsvision.studies.chen_liu_2016 import (
+    ExperimentSizes,
+    readme_table,
+    report_json,
+    report_page,
+    run_experiments,
+)
+from lsvision.studies.chen_liu_2016.html import digits, table
+
+VOID = {"meta", "br", "hr", "img", "link", "path", "use", "stop", "rect", "circle"}
+UNITS = ("_mm", "_deg", "seconds")
+LARGEST_PAGE = 1_500_000  # bytes: a phone opens it at once
+
+
+class Outline(HTMLParser):
+    """Tags left open, ids, and addresses that would be fetched."""
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.ids, self.fetched, self.tags = [], [], [], []
+
+    def handle_starttag(self, tag, attrs):
+        values = dict(attrs)
+        self.tags.append(tag)
+        self.ids += [values["id"]] if "id" in values else []
+        self.fetched += [
+            value
+            for name, value in attrs
+            if name in ("src", "href", "xlink:href", "srcset") and not value.startswith("#")
+        ]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.handle_starttag(tag, attrs)
+        if tag not in VOID:
+            self.open.pop()
+
+    def handle_endtag(self, tag):
+        if tag not in VOID:
+            assert self.open.pop() == tag
+
+
+@pytest.fixture(scope="module")
+def html(report):
+    return report_page(report)
+
+
+@pytest.fixture(scope="module")
+def outline(html):
+    parser = Outline()
+    parser.feed(html)
+    return parser
+
+
+def test_the_page_fetches_nothing_and_runs_nothing(html, outline):
+    assert outline.fetched == []
+    assert "script" not in outline.tags
+    assert not re.search(r"url\((?!#)|@import", html)
+    assert len(html.encode()) < LARGEST_PAGE
+
+
+def test_the_page_is_well_formed_and_no_picture_takes_anothers_marks(outline):
+    assert outline.open == []
+    pictures = [name for name in outline.ids if "-" in name]
+    assert len(set(pictures)) == len(pictures)
+
+
+def test_the_page_suits_a_phone(html, outline):
+    assert 'name="viewport"' in html
+    assert html.count('<div class="scroll"><table>') == outline.tags.count("table")
+    assert not re.search(r'<svg[^>]* width="', html)
+
+
+def test_every_figure_of_the_paper_is_there(html, outline):
+    assert outline.tags.count("svg") == 9
+    assert html.count('role="img" aria-label="') == 9
+    for name in ("Tables 1-4", "Table 5", "Figures 5-10", "Figures 14 and 15", "Figure 16",
+                 "Five traps", "What each step is worth", "Where it is not"):  # fmt: skip
+        assert name in html
+
+
+def test_the_page_is_the_same_each_time(report, html):
+    assert report_page(report) == html
+
+
+def leaves(value, key=""):
+    if isinstance(value, dict):
+        for name, item in value.items():
+            yield from leaves(item, f"{key}.{name}")
+    elif isinstance(value, list):
+        for item in value:
+            yield from leaves(item, key)
+    else:
+        yield key, value
+
+
+def test_the_json_has_the_pages_numbers_with_their_units(report, html):
+    document = json.loads(report_json(report))
+    assert document["schema"] == "lsvision.paper/1"
+    row = document["tables_1_to_4"][0]
+    assert digits(row["spreads"]["section"]["rms"]["theta_deg"]) in html
+    plain = (".figure_16.std", ".figure_16.bound", ".figure_16.box", ".figure_16.expected")
+    measured = [key for key, _ in leaves(document) if ".spreads." in key or key.startswith(plain)]
+    counts = (".runs", ".missed")
+    assert all(key.endswith(UNITS) or key.endswith(counts) for key in measured)
+
+
+def test_what_was_never_measured_is_null_and_a_dash(report):
+    document = json.loads(report_json(report))
+    assert document["tables_1_to_4"][0]["spreads"]["paper"]["rms"]["radius_mm"] is None
+    assert digits(float("nan")) == "–"
+
+
+def test_text_cannot_break_the_page():
+    cells = table("<b>", ("&",), [["<script>"], ["! bad"]])
+    assert "<script>" not in cells
+    assert "&lt;b&gt;" in cells
+
+
+def test_the_readmes_table_has_a_line_for_each_table_and_way(bounds):
+    lines = readme_table(bounds).splitlines()
+    assert len(lines) == 2 + 4 * 6
+    assert all(line.count("|") == 6 for line in lines)
+
+
+@pytest.mark.parametrize("noise_mm", [0.0, -1.0, 0.5, float("nan")])
+def test_noise_with_nothing_to_compare_is_refused(noise_mm):
+    with pytest.raises(ValueError, match=r"want noise_mm in \[0.001, 0.3\]"):
+        run_experiments(ExperimentSizes.quick(), noise_mm=noise_mm)

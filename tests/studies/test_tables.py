@@ -1,0 +1,98 @@
+"""Errors and bounds of the five ways."""
+
+import math
+
+import numpy as np
+import pytest
+
+from lsvision.studies.chen_liu_2016.cases import Case, paper_cases
+from lsvision.studies.chen_liu_2016.methods import METHODS, case_bound, case_errors, measure_case
+from lsvision.studies.chen_liu_2016.published_results import PUBLISHED_ROWS, QUANTITIES, Triple
+from lsvision.studies.chen_liu_2016.tables import ErrorStatistics, measure_tables, pool_errors
+from tests.tolerances import CONVERGED, spread_of_rms
+
+NOISE = 0.1  # mm
+QUIET = 0.001  # mm: a hundredth of the paper's
+RUNS = 60
+NO_RUNS = dict.fromkeys(METHODS, 0)
+PIPE = Case((PUBLISHED_ROWS[2],))  # 18.5 mm, theta 10, phi 30 deg
+OURS = [way for way in METHODS if way != "paper"]
+
+
+def sigmas(triple):
+    return np.array([getattr(triple, name) for name in QUANTITIES])
+
+
+@pytest.mark.parametrize("way", OURS)
+def test_every_way_of_ours_finds_the_truth_when_the_noise_is_small(way):
+    (found,) = measure_case(PIPE, way, 0, noise_mm=QUIET)
+    (bound,) = case_bound(PIPE, way, noise_mm=QUIET)
+    assert (np.abs(sigmas(case_errors(found, PIPE, 0))) <= 5 * sigmas(bound) + CONVERGED).all()
+
+
+@pytest.mark.paper
+def test_the_papers_chain_is_off_even_when_the_noise_is_small():
+    (found,) = measure_case(PIPE, "paper", 0, noise_mm=QUIET)
+    (bound,) = case_bound(PIPE, "paper", noise_mm=QUIET)
+    error = case_errors(found, PIPE, 0)
+    assert abs(error.radius_mm) > 0.3  # mm: the bias of its smoothing, tests/paper
+    assert (np.abs(sigmas(error)) > 50 * sigmas(bound)).all()
+
+
+def test_one_section_reaches_the_bound():
+    (row,) = measure_tables((PIPE,), {**NO_RUNS, "section": RUNS}, noise_mm=NOISE)
+    spread = row.spreads["section"]
+    assert spread.missed == 0
+    ratios = sigmas(spread.rms) / sigmas(spread.bound)
+    assert (ratios < 1 + spread_of_rms(RUNS)).all()
+    assert (ratios > 1 - spread_of_rms(RUNS)).all()
+
+
+@pytest.mark.paper
+def test_the_bounds_are_those_of_the_design(bounds):
+    """Section 5: radius 0.02 mm from two sections, 0.007 mm from twenty; phi 0.07-0.09, 0.02."""
+    single = [row.spreads for row in bounds if row.printed.table < 4]
+    for way, radius, phi in (("two", 0.02, 0.09), ("twenty", 0.007, 0.02)):
+        pooled = pool_errors([spreads[way] for spreads in single])
+        assert pooled.bound.radius_mm == pytest.approx(radius, rel=0.45)  # points even in X: +35 %
+        assert pooled.bound.phi_deg == pytest.approx(phi, rel=0.45)
+
+
+def test_a_known_radius_leaves_nothing_of_its_error_and_less_of_phis(bounds):
+    for row in bounds:
+        one, known = row.spreads["section"].bound, row.spreads["known"].bound
+        assert known.radius_mm == 0.0
+        assert known.phi_deg < one.phi_deg / 1.5
+
+
+def test_more_noise_gives_a_bound_as_much_larger():
+    (low,), (high,) = (case_bound(PIPE, "two", noise_mm=noise) for noise in (0.05, 0.1))
+    np.testing.assert_allclose(2 * sigmas(low), sigmas(high), rtol=1e-9)
+
+
+def test_theta_is_off_by_at_most_a_quarter_turn():
+    error = case_errors((18.5, math.radians(175), math.radians(30)), PIPE, 0)
+    assert error.theta_deg == pytest.approx(-15)
+
+
+def test_both_pipes_of_a_pair_are_told_apart():
+    case = paper_cases()[-3]
+    found = measure_case(case, "two", 0, noise_mm=QUIET)
+    assert len(found) == 2
+    assert [round(one[0], 1) for one in found] == [19.0, 19.0]
+
+
+def test_pooled_spreads_are_root_mean_squares_weighed_by_what_was_found():
+    one, three = Triple(1, 1, 1), Triple(3, 3, 3)
+    pooled = pool_errors(
+        [ErrorStatistics(4, 0, one, one, one), ErrorStatistics(8, 4, three, three, three)]
+    )
+    assert (pooled.runs, pooled.missed) == (12, 4)
+    assert pooled.bias.radius_mm == 2.0
+    assert pooled.rms.phi_deg == pytest.approx(math.sqrt(5))
+
+
+def test_what_is_never_found_has_no_error(bounds):
+    pooled = pool_errors([row.spreads["section"] for row in bounds])
+    assert math.isnan(pooled.rms.radius_mm)
+    assert pooled.bound.radius_mm > 0
