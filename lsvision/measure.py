@@ -116,6 +116,8 @@ def measure_cylinders(
     ------
     ValueError
         If a radius is not positive, its range is reversed, or a known phi is no tilt.
+    TypeError
+        If `sensor` knows no covariances, or a radius or tilt is no number.
 
     Notes
     -----
@@ -131,6 +133,8 @@ def measure_cylinders(
     >>> abs(pipe.radius - truth.radius) < 4 * pipe.radius_std
     True
     """
+    if not (sensor is None or isinstance(sensor, NoiseModel)):
+        raise TypeError(f"expected a NoiseModel as sensor, got {type(sensor).__name__}")
     priors = Priors(radius_prior_from_value(known_radius), _phi_prior_from_value(known_phi))
     prepared = prepare_profile(profile, sensor or profile.noise)
     radius_range = search_range(radius, priors.radius, prepared)

@@ -38,6 +38,7 @@ from lsvision.cli.target_options import (
     TargetName,
     parse_target,
 )
+from lsvision.files.printable import printable
 
 hand_eye = typer.Typer(
     name="hand-eye",
@@ -243,7 +244,7 @@ def board(
     check_files(job, [*files, camera])
     from lsvision.calibration.hand_eye import calibrate_hand_eye_board
 
-    names = [file.name for file in files]
+    names = [printable(file.name) for file in files]
     flanges = read_flanges(poses, convention, names)
     boards, covariances = estimate_board_poses(files, pattern, camera)
     with prefix_file_names(pose=names):

@@ -18,6 +18,9 @@ from lsvision.cli.sources import (
     read_source,
 )
 from lsvision.errors import LsvisionError, UnreadableFile
+from lsvision.files.file_kinds import exists
+from lsvision.files.limited_reading import STDIN
+from lsvision.files.printable import printable
 
 if TYPE_CHECKING:
     from lsvision.geometry import Pose
@@ -84,7 +87,7 @@ def read_named_profiles(
         several = len(file.profiles) > 1
         profiles += file.profiles
         names += [
-            f"{path.name} profile {number}" if several else path.name
+            printable(f"{path.name} profile {number}" if several else path.name)
             for number in range(len(file.profiles))
         ]
     return profiles, names
@@ -160,10 +163,12 @@ def replace_image_numbers(text: str, **names: Sequence[str]) -> str:
 
 def _found(words: Sequence[str], suffixes: frozenset[str]) -> list[Path]:
     files, missing = find_sources(words, suffixes)
+    if any(str(file) == STDIN for file in files):
+        raise typer.BadParameter("want files, got - for standard input: they are read twice")
     missing += [
         UnreadableFile(f"{file}: no such file: check the name")
         for file in files
-        if not file.is_file()
+        if not exists(file)
     ]
     for failure in missing:
         print_error(str(failure))

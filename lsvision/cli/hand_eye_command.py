@@ -15,6 +15,7 @@ from lsvision.cli.calibrate_inputs import (
     read_named_profiles,
 )
 from lsvision.cli.calibrate_tables import aligned, hand_eye_rows, plan_rows, pose_rows, value_lines
+from lsvision.cli.messages import print_lines
 from lsvision.cli.outputs import check_outputs
 
 if TYPE_CHECKING:
@@ -175,7 +176,7 @@ def report_hand_eye(
     provenance = provenance_of(method, dict.fromkeys([*pose_files(job.poses), *inputs]))
     if job.report is not None:
         from lsvision.draw.calibration_report import ReportContent, hand_eye_page
-        from lsvision.io.atomic_files import write_atomic
+        from lsvision.files.atomic_files import write_atomic
 
         page = ReportContent(rows, doubts, names, provenance)
         write_atomic(job.report, hand_eye_page(found, flanges, page))
@@ -185,7 +186,7 @@ def report_hand_eye(
         export_easy_handeye(found, job.easy_handeye, robot_frame=robot, sensor_frame=sensor)
     head = f"{job.out}: sensor to robot from {believed} of {len(names)} poses"
     table = aligned([("pose", "residual mm", "held out mm", ""), *pose_rows(found, names)])
-    typer.echo("\n".join([head, *value_lines(rows), "", *table, *doubts]))
+    print_lines([head, *value_lines(rows), "", *table, *doubts])
 
 
 def check_plan(job: HandEyeOptions, count: int, out: Path | None) -> None:
@@ -231,7 +232,7 @@ def plan_next_poses(found: "HandEye", flanges: "Sequence[Pose]", count: int) -> 
 
 def report_pose_plan(plan: "PosePlan", out: Path | None) -> None:
     """Print the next best poses, and write them as 4x4 rows."""
-    from lsvision.io.atomic_files import write_atomic
+    from lsvision.files.atomic_files import write_atomic
 
     head = ("next pose", "x mm", "y mm", "z mm", "predicted mm")
     typer.echo("\n".join(["", *aligned([head, *plan_rows(plan)])]))

@@ -57,7 +57,8 @@ HandEyeFile = Annotated[
     ),
 ]
 JsonFile = Annotated[
-    Path | None, typer.Option("--json", metavar="F", help="Write all results as JSON.")
+    Path | None,
+    typer.Option("--json", metavar="F", help="Write all results as JSON; - is standard output."),
 ]
 FileFormat = Annotated[
     str | None,

@@ -13,8 +13,8 @@ from lsvision.cli.measure_options import (
     parse_search_range,
     parse_sensor,
 )
-from lsvision.cli.messages import FAILED, print_error
-from lsvision.cli.outputs import check_outputs, check_picture
+from lsvision.cli.messages import FAILED, print_error, print_lines
+from lsvision.cli.outputs import STDOUT, check_outputs, check_picture, write_output
 from lsvision.cli.profile_options import (
     Columns,
     Convention,
@@ -37,7 +37,13 @@ from lsvision.cli.profile_options import (
     Verbose,
 )
 from lsvision.cli.progress import Progress
-from lsvision.cli.scan_poses import Robot, motion_uncertainty_caption, parse_motion, scan_poses
+from lsvision.cli.scan_poses import (
+    Encoder,
+    Robot,
+    motion_uncertainty_caption,
+    parse_motion,
+    scan_poses,
+)
 from lsvision.cli.scan_table import scan_lines
 from lsvision.cli.sources import (
     find_sources,
@@ -45,6 +51,7 @@ from lsvision.cli.sources import (
     read_source,
     suffixes_of_profiles,
 )
+from lsvision.files.printable import printable, printable_name
 
 if TYPE_CHECKING:
     from lsvision.geometry import Points, Pose
@@ -52,7 +59,7 @@ if TYPE_CHECKING:
     from lsvision.io.results import Record
     from lsvision.measure import Measurement
     from lsvision.profile import Profile
-    from lsvision.scan import ScanMeasurement, TubeShape
+    from lsvision.scan import PoseErrors, ScanMeasurement, TubeShape
     from lsvision.sensors.profile_sensor import ProfileSensor
 
 
@@ -93,7 +100,10 @@ def scan(
     ] = 0.0,
     json_file: JsonFile = None,
     csv_file: Annotated[
-        Path | None, typer.Option("--csv", metavar="F", help="Write a cylinder a row as CSV.")
+        Path | None,
+        typer.Option(
+            "--csv", metavar="F", help="Write a cylinder a row as CSV; - is standard output."
+        ),
     ] = None,
     plot: Annotated[
         Path | None, typer.Option(metavar="F.png|F.svg", help="Draw points and cylinders in 3D.")
@@ -136,7 +146,6 @@ def scan(
     0.1 mm of radius with the same residuals. --feed-std-deg puts that into the errors.
     """  # noqa: D301 - the backspace tells click to leave the lines as they are
     check_picture(plot)
-    motion = parse_motion(feed, step, poses, convention, flange_from_section)
     reading = parse_read_options(
         format=file_format, columns=columns, units=units, flip=flip, lost=lost,
         transpose=transpose, x0=x0, dx=dx, z_unit=z_unit,
@@ -145,33 +154,44 @@ def scan(
     search, known = parse_search_range(radius), parse_known_radius(known_radius)
     sources, missing = find_sources(files, suffixes_of_profiles(dx))
     inputs = [*sources, *filter(None, (poses, flange_from_section))]
-    check_outputs((json_file, csv_file, plot, points_ply, surfaces_ply), inputs)
+    check_outputs((plot, points_ply, surfaces_ply), inputs, streams=(json_file, csv_file))
+    motion = parse_motion(feed, step, poses, convention, flange_from_section)
     for failure in missing:
         print_error(str(failure))
     if missing:
         raise typer.Exit(FAILED)
 
-    from lsvision.scan import PoseErrors, fit_sections_jointly
+    from lsvision.scan import fit_sections_jointly
 
+    pose_errors = _pose_errors(pose_std, feed_std_deg, motion)
     profiles, names, records = _read_all(sources, reading)
     base_from_sections = scan_poses(motion, len(profiles))
     measurements = _measure_all(profiles, names, search, known, noise)
     found = fit_sections_jointly(
         profiles, base_from_sections, measurements, known_radius=known, sensor=noise,
-        pose_errors=PoseErrors(
-            pose_std=pose_std, feed_std=math.radians(feed_std_deg),
-            calibration=motion.calibration if isinstance(motion, Robot) else None,
-        ),
+        pose_errors=pose_errors,
     )  # fmt: skip
     shapes = _shapes(found)
-    typer.echo(
-        "\n".join(scan_lines(found, shapes, motion_uncertainty_caption(motion), verbose=verbose))
-    )
     _write_tables(found, shapes, (names, records), base_from_sections, (json_file, csv_file))
+    lines = scan_lines(found, shapes, motion_uncertainty_caption(motion), verbose=verbose)
+    print_lines(lines, err=STDOUT in (json_file, csv_file))
     points = _all_points(profiles, base_from_sections)
     if plot is not None:
         _draw(plot, found, points, title=" ".join(files), of_robot=isinstance(motion, Robot))
     _write_clouds(found, points, points_ply, surfaces_ply)
+
+
+def _pose_errors(pose_std: float, feed_std_deg: float, motion: Encoder | Robot) -> "PoseErrors":
+    from lsvision.scan import PoseErrors
+
+    try:
+        return PoseErrors(
+            pose_std=pose_std,
+            feed_std=math.radians(feed_std_deg),
+            calibration=motion.calibration if isinstance(motion, Robot) else None,
+        )
+    except ValueError as slip:
+        raise typer.BadParameter(str(slip)) from None
 
 
 def _read_all(
@@ -244,14 +264,16 @@ def _write_tables(
 ) -> None:
     """The JSON and the CSV, each where it is wanted."""
     json_file, csv_file = outputs
+    names, records = read
     if json_file is not None:
-        from lsvision.io.scan_results import scan_record, write_scan_json
+        from lsvision.io.scan_results import scan_json, scan_record
 
-        write_scan_json(json_file, scan_record(found, shapes, *read))
+        shown = [printable_name(name) for name in names]
+        write_output(json_file, scan_json(scan_record(found, shapes, shown, records)))
     if csv_file is not None:
-        from lsvision.io.scan_table_file import write_scan_csv
+        from lsvision.io.scan_table_file import scan_csv
 
-        write_scan_csv(csv_file, found, base_from_sections)
+        write_output(csv_file, scan_csv(found, base_from_sections))
 
 
 def _draw(
@@ -260,9 +282,9 @@ def _draw(
     """Write the picture: Z upwards in a robot's base frame, else Y, towards the sensor."""
     from lsvision.draw import figure_bytes
     from lsvision.draw.scan import draw_scan
-    from lsvision.io.atomic_files import write_atomic
+    from lsvision.files.atomic_files import write_atomic
 
-    figure = draw_scan(found, points, title=title, vertical="z" if of_robot else "y")
+    figure = draw_scan(found, points, title=printable(title), vertical="z" if of_robot else "y")
     write_atomic(plot, figure_bytes(figure, plot.suffix[1:].lower()))
 
 

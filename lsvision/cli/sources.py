@@ -1,14 +1,16 @@
 """Which files a command line names, and what one of them holds."""
 
 import glob
+import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import typer
-
+from lsvision.cli.messages import print_lines
 from lsvision.errors import LsvisionError, UnreadableFile
+from lsvision.files.file_kinds import exists, is_directory, is_regular
+from lsvision.files.limited_reading import STDIN
 
 if TYPE_CHECKING:
     from lsvision.io.profiles import ProfileFile, ReadOptions
@@ -49,8 +51,8 @@ def find_sources(
     Parameters
     ----------
     words : sequence of str
-        Files, folders (the profile files right in them) and patterns (``**`` reaches into
-        folders), in the order of the command line.
+        Files, folders (the profile files right in them), patterns (``**`` reaches into folders)
+        and ``-`` for standard input, in the order of the command line.
     suffixes : frozenset of str
         What counts when a folder is named: `PROFILE_SUFFIXES`, `IMAGE_SUFFIXES` or
         `MEASURED_SUFFIXES`.
@@ -62,15 +64,27 @@ def find_sources(
     failures : list of LsvisionError
         One for each word that names nothing.
     """
-    found: dict[Path, Path] = {}
+    found: dict[str, Path] = {}
     failures: list[LsvisionError] = []
     for word in words:
-        files = _files_of(word, suffixes)
-        if not files:
-            failures.append(_nothing_in(word, suffixes))
+        try:
+            files = _files_of(word, suffixes)
+            if not files:
+                failures.append(_nothing_in(word, suffixes))
+        except OSError as error:  # a folder that may not be listed
+            failures.append(UnreadableFile(f"{word}: cannot be listed ({error.strerror})"))
+            continue
         for file in files:
-            found.setdefault(file.resolve(), file)
+            found.setdefault(true_path(file), file)
     return list(found.values()), failures
+
+
+def true_path(path: Path) -> str:
+    """The path with its links followed, as far as they lead; standard input stays ``-``."""
+    try:
+        return STDIN if str(path) == STDIN else os.path.realpath(path)
+    except ValueError:  # a null in it: no file, and told so by its reader
+        return str(path)
 
 
 def read_source(source: Path, options: "ReadOptions") -> "ProfileFile":
@@ -103,24 +117,26 @@ def print_reading_notes(files: "Sequence[ProfileFile]") -> None:
                 remarks.setdefault(remark, []).append(file.path)
     for remark, paths in remarks.items():
         more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
-        typer.echo(f"{paths[0]}{more}: note: {remark}", err=True)
+        print_lines([f"{paths[0]}{more}: note: {remark}"], err=True)
 
 
 def _files_of(word: str, suffixes: frozenset[str]) -> list[Path]:
     path = Path(word)
-    if path.is_dir():
+    if word == STDIN:
+        return [path]
+    if is_directory(path):
         shown = (file for file in path.iterdir() if not file.name.startswith("."))
         wanted = (file for file in shown if file.suffix.lower() in suffixes)
-        return sorted((file for file in wanted if file.is_file()), key=_natural)
-    if path.exists() or not glob.has_magic(word):
+        return sorted((file for file in wanted if is_regular(file)), key=_natural)
+    if exists(path) or not glob.has_magic(word):
         return [path]
     found = glob.glob(word, recursive=True)  # noqa: PTH207 - Path.glob takes no absolute pattern
     matches = [Path(match) for match in found]
-    return sorted((match for match in matches if match.is_file()), key=_natural)
+    return sorted((match for match in matches if is_regular(match)), key=_natural)
 
 
 def _nothing_in(word: str, suffixes: frozenset[str]) -> UnreadableFile:
-    if Path(word).is_dir():
+    if is_directory(word):
         if suffixes is PROFILE_SUFFIXES and _files_of(word, IMAGE_SUFFIXES | VIDEO_SUFFIXES):
             return UnreadableFile(
                 f"{word}: no profile in this folder, only images: they need the rig that took "
@@ -138,4 +154,10 @@ def _nothing_in(word: str, suffixes: frozenset[str]) -> UnreadableFile:
 def _natural(path: Path) -> list[tuple[bool, int, str]]:
     """Sort key: runs of digits by their value, the rest by its letters."""
     parts = re.split(r"([0-9]+)", str(path))
-    return [(part.isdigit(), int(part) if part.isdigit() else 0, part) for part in parts if part]
+    # isdecimal alone takes digits of any script, and isdigit also superscripts: int takes none
+    numbers = [part.isascii() and part.isdecimal() for part in parts]
+    return [
+        (number, int(part) if number else 0, part)
+        for part, number in zip(parts, numbers, strict=True)
+        if part
+    ]

@@ -1,18 +1,20 @@
 """Rows of numbers out of text, JSON and YAML files of poses."""
 
-import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from lsvision.errors import UnreadableFile
+from lsvision.files.json_text import parse_json
+from lsvision.files.limited_reading import read_text
 from lsvision.io.pose_header import PoseHeader, read_pose_header
 from lsvision.io.pose_programs import program_rows
 from lsvision.io.profiles.unit_statements import unit_statements
 from lsvision.io.profiles.units import split_label
 from lsvision.io.robot_conventions import AngleUnit, LengthUnit, PoseConvention
+from lsvision.io.yaml_text import parse_yaml
 
 
 @dataclass(frozen=True)
@@ -49,37 +51,23 @@ def pose_rows(path: Path, rule: PoseConvention, skip_columns: int) -> PoseRows:
     UnreadableFile
         If the file is missing, is not what its name says, or holds other counts of numbers.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise UnreadableFile(f"{path}: want a text file of robot poses, got: {error}") from error
+    text = read_text(path)
     suffix = path.suffix.lower()
     if suffix in {".json", ".rob"}:
-        return PoseRows(_structured_rows(_from_json(path, text), rule, path))
+        return PoseRows(_structured_rows(_parsed(path, text, parse_json), rule, path))
     if suffix in {".yaml", ".yml"}:
-        return PoseRows(_structured_rows(_from_yaml(path, text), rule, path))
+        return PoseRows(_structured_rows(_parsed(path, text, parse_yaml), rule, path))
     program = program_rows(path, text, rule)
     return _text_rows(path, text, rule, skip_columns) if program is None else PoseRows(program)
 
 
-def _from_json(path: Path, text: str) -> Any:
+def _parsed(path: Path, text: str, parse: Callable[[str], Any]) -> Any:
     try:
-        return json.loads(text)
-    except json.JSONDecodeError as error:
-        raise UnreadableFile(f"{path}: want JSON, got: {error}") from error
-
-
-def _from_yaml(path: Path, text: str) -> Any:
-    try:
-        import yaml
-    except ImportError as error:
+        return parse(text)
+    except ValueError as error:
         raise UnreadableFile(
-            f"{path}: reading YAML needs PyYAML: pip install pyyaml, or save the poses as JSON"
-        ) from error
-    try:
-        return yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise UnreadableFile(f"{path}: want YAML, got: {error}") from error
+            f"{path}: expected robot poses in {path.suffix[1:]}, got: {error}"
+        ) from None
 
 
 def _structured_rows(document: Any, rule: PoseConvention, path: Path) -> list[list[float]]:
@@ -95,7 +83,7 @@ def _structured_rows(document: Any, rule: PoseConvention, path: Path) -> list[li
         raise UnreadableFile(f"{path}: want a list of poses, got {type(document).__name__}")
     try:
         return [_flat(row, rule) for row in document]
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise UnreadableFile(f"{path}: want rows of numbers: {error}") from error
 
 

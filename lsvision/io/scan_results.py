@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lsvision.io.atomic_files import write_atomic
+from lsvision.files.atomic_files import write_atomic
 
 if TYPE_CHECKING:
     from lsvision.scan import ScanMeasurement, ScannedCylinder, TubeShape
@@ -69,7 +69,12 @@ def write_scan_json(path: str | os.PathLike[str], record: Record) -> None:
     UnwritableFile
         If the file cannot be written.
     """
-    write_atomic(path, json.dumps(record, indent=2, allow_nan=False) + "\n")
+    write_atomic(path, scan_json(record))
+
+
+def scan_json(record: Record) -> str:
+    """A scan's record as JSON text."""
+    return json.dumps(record, indent=2, allow_nan=False) + "\n"
 
 
 def _cylinder_record(tube: "ScannedCylinder", shape: "TubeShape | None") -> Record:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lsvision.files.atomic_files import write_atomic
 from lsvision.geometry import Pose
-from lsvision.io.atomic_files import write_atomic
 
 if TYPE_CHECKING:
     from lsvision.scan import ScanMeasurement, ScannedCylinder
@@ -41,6 +41,11 @@ def write_scan_csv(
     UnwritableFile
         If the file cannot be written.
     """
+    write_atomic(path, scan_csv(scan, base_from_sections))
+
+
+def scan_csv(scan: "ScanMeasurement", base_from_sections: Sequence[Pose]) -> str:
+    """The cylinders of a scan as CSV text; see `write_scan_csv`."""
     rows = [
         scan_row(number, tube, base_from_sections[tube.sections[0]])
         for number, tube in enumerate(scan.cylinders)
@@ -49,7 +54,7 @@ def write_scan_csv(
     writer = csv.DictWriter(text, list(rows[0]) if rows else ["cylinder"], lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
-    write_atomic(path, text.getvalue())
+    return text.getvalue()
 
 
 def scan_row(number: int, tube: "ScannedCylinder", base_from_section: Pose) -> dict[str, Any]:

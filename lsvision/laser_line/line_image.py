@@ -19,6 +19,8 @@ CHANNEL_WEIGHTS: dict[str, tuple[float, float, float]] = {
 }
 """Weights of blue, green, red (OpenCV's order). For a coloured laser: its colour minus the mean of
 the other two, which is zero on grey surroundings."""
+MAX_LEVEL = 1e30
+"""Largest number of a float image, which is kept in single precision."""
 FULL_SCALES = (1023, 4095, 16383, 65535)
 """Full scales of 10, 12, 14 and 16 bit. Units: DN."""
 MIN_SIZE_PX = 16
@@ -126,8 +128,11 @@ def _checked_image(image: npt.ArrayLike, name: str) -> Image:
         )
     if array.dtype in (np.uint8, np.uint16):
         return np.ascontiguousarray(array)
-    if not np.isfinite(array).all():
-        raise ValueError(f"expected finite numbers in a float {name}, got NaN or infinity")
+    if not (np.abs(array) <= MAX_LEVEL).all():
+        raise ValueError(
+            f"expected finite numbers up to {MAX_LEVEL:g} in a float {name}, got NaN, infinity or "
+            "more"
+        )
     return np.ascontiguousarray(array, dtype=np.float32)
 
 

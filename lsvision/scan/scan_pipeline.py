@@ -9,6 +9,7 @@ import numpy as np
 from lsvision.cylinder.robot_frame import SectionMount
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.geometry import Pose
+from lsvision.geometry.arrays import require_coordinates
 from lsvision.measure import Measurement, Settings, measure_cylinders
 from lsvision.profile import NoiseModel, Profile
 from lsvision.scan.cloud import build_cloud, require_noncoplanar_sections
@@ -22,6 +23,7 @@ from lsvision.scan.pose_errors import (
 )
 from lsvision.scan.scan_result import ScanMeasurement, ScannedCylinder
 from lsvision.scan.tracks import TrackSettings, associate_arcs, transform_arc_to_base
+from lsvision.statistics.numerical_failures import refuse_numerical_failure, require_finite
 
 MIN_POINTS = 6
 """Profiles with fewer points are skipped: too few for an ellipse."""
@@ -101,9 +103,11 @@ def measure_scan(  # noqa: PLR0913 - the options of `measure_cylinders`, the pos
     Raises
     ------
     ValueError
-        If the numbers of poses and profiles differ, or are zero.
+        If the numbers of poses and profiles differ, or are zero; if a pose is farther than 1e9 mm.
     DegenerateGeometry
         If all sections lie in one plane: identical poses, or a feed along the laser plane.
+    FitFailed
+        If numbers overflow: poses, standard uncertainties or points of impossible size.
 
     Notes
     -----
@@ -199,11 +203,14 @@ def fit_sections_jointly(  # noqa: PLR0913 - the measurements and the options of
         for section, measurement in enumerate(measurements)
         for arc in measurement.cylinders
     ]
-    tracks = associate_arcs(observations, settings.tracks)
-    cloud = build_cloud(profiles, poses, sensor)
     prior = _radius_prior(known_radius)
-    joint_fits, rejections = fit_tracks(cloud, tracks, prior, settings.joint_fit)
-    cylinders = [build_scanned_cylinder(joint_fit, pose_errors) for joint_fit in joint_fits]
+    with refuse_numerical_failure("a cylinder"):
+        tracks = associate_arcs(observations, settings.tracks)
+        cloud = build_cloud(profiles, poses, sensor)
+        joint_fits, rejections = fit_tracks(cloud, tracks, prior, settings.joint_fit)
+        cylinders = [build_scanned_cylinder(joint_fit, pose_errors) for joint_fit in joint_fits]
+    for cylinder in cylinders:
+        require_finite("a cylinder", cylinder.point, cylinder.radius, cylinder.covariance)
     return ScanMeasurement(sort_cylinders(cylinders, poses), tuple(rejections), tuple(measurements))
 
 
@@ -228,6 +235,7 @@ def validate_poses(
     for pose in poses:
         if not isinstance(pose, Pose):
             raise TypeError(f"expected a Pose for each profile, got {type(pose).__name__}")
+        require_coordinates(pose.translation)
     require_noncoplanar_sections(poses)
     return poses
 

@@ -43,6 +43,12 @@ def profiles_from_named(
     UnreadableFile
         If no column is a height or a range, or lengths do not agree.
     """
+    odd = [label for label, column in columns.items() if not _is_column(column)]
+    if odd:
+        raise UnreadableFile(
+            f"{', '.join(odd)}: neither one number a point nor one row a profile: want arrays of "
+            "shape (n,) or (k, n)"
+        )
     labels = {label: split_label(label) for label in columns}
     by_role = {column_role(name): label for label, (name, _) in reversed(labels.items())}
     height = by_role.get("height", by_role.get("range", by_role.get("y")))
@@ -98,6 +104,13 @@ def _row_attributes(
 
 def _is_flat(values: _Column) -> bool:
     return len(values) > 0 and np.ndim(values[0]) == 0
+
+
+def _is_column(column: _Column) -> bool:
+    """True for numbers, and for rows of numbers."""
+    if isinstance(column, np.ndarray):
+        return column.ndim in (1, 2)
+    return all(np.ndim(row) == 1 for row in column)
 
 
 def _from_points(

@@ -17,8 +17,8 @@ MISSING_VALUES = frozenset(
     [
         *("", "-", "--", "---", "----", "-----", "na", "n/a", "#n/a", "n.a.", "null", "none"),
         *("nan", "-nan", "+nan", ".nan", "nan(ind)", "-nan(ind)", "1.#qnan", "-1.#ind"),
-        *("inf", "-inf", "+inf", ".inf", "-.inf", "infinity", "-infinity", "+infinity", "∞"),
-        *("1.#inf", "-1.#inf", "1.#ind", "-1.#qnan", "nil", "missing", "invalid", "lost"),
+        *("inf", "-inf", "+inf", ".inf", "-.inf", "+.inf", "infinity", "-infinity", "+infinity"),
+        *("1.#inf", "-1.#inf", "1.#ind", "-1.#qnan", "nil", "missing", "invalid", "lost", "∞"),
         *("no data", "nodata", "out of range", "oor", "overflow", "underflow", "*", "***", "?"),
     ]
 )

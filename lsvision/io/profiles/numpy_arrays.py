@@ -1,7 +1,9 @@
 """Profiles in NumPy's NPY and NPZ; nothing is ever unpickled."""
 
 import io
+import math
 import tokenize
+import warnings
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -11,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.errors import UnreadableFile
+from lsvision.files.limited_reading import current_size_limit
 from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.matrix import MIN_COLUMNS, profiles_from_matrix
 from lsvision.io.profiles.named_columns import profiles_from_named
@@ -36,12 +39,16 @@ _BROKEN = (
     zipfile.BadZipFile,
     zlib.error,
 )
+_NPY_MAGIC = b"\x93NUMPY"
 _KEYS = ("points", "profile", "profiles", "arr_0")
 
 
 def read_npy(content: bytes, settings: ReadSettings) -> RawProfiles:
     """Profiles of one array: points (n, 2 or 3), (k, n, 2), or rows of heights with ``dx``."""
-    return _profiles_from_array(_loaded(content)[""], settings)
+    arrays = _loaded(content)
+    if "" not in arrays:
+        raise UnreadableFile("a zip archive, no array by itself: leave --format npy out")
+    return _profiles_from_array(arrays[""], settings)
 
 
 def read_npz(content: bytes, settings: ReadSettings) -> RawProfiles:
@@ -64,19 +71,51 @@ def read_npz(content: bytes, settings: ReadSettings) -> RawProfiles:
 
 def _loaded(content: bytes) -> Mapping[str, npt.NDArray[np.generic]]:
     try:
-        loaded = np.load(io.BytesIO(content), allow_pickle=False)
-        if isinstance(loaded, np.ndarray):
-            return {"": loaded}
-        with loaded:
-            return {key.lower(): loaded[key] for key in loaded.files}
+        if content.startswith(_NPY_MAGIC):
+            return {"": _array_of(content)}
+        return _unpacked(content)
     except _BROKEN as error:
+        reason = " ".join(str(error).split())[:80]
         raise UnreadableFile(
-            f"NumPy cannot read it ({str(error)[:80]}): save plain arrays of numbers with np.save"
+            f"NumPy cannot read it ({reason}): save plain arrays of numbers with np.save"
         ) from None
 
 
 def _is_text(array: npt.NDArray[np.generic]) -> bool:
     return array.dtype.kind in "US" and array.size == 1
+
+
+def _unpacked(content: bytes) -> dict[str, npt.NDArray[np.generic]]:
+    """Arrays of a zip archive, whose members state their true size before they are unpacked."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        size = sum(member.file_size for member in archive.infolist())
+        if size > current_size_limit():
+            raise ValueError(f"{size / 1e9:.3g} GB when unpacked, above --max-size")
+        arrays = {}
+        for member in archive.infolist():
+            if not member.is_dir():
+                array = _array_of(archive.read(member))
+                arrays[member.filename.removesuffix(".npy").lower()] = array
+    return arrays
+
+
+def _array_of(content: bytes) -> npt.NDArray[np.generic]:
+    """Array of a whole NPY file, its size checked against its header first."""
+    stream = io.BytesIO(content)
+    if not content.startswith(_NPY_MAGIC):
+        raise ValueError(f"no NPY array, but {content[:8]!r}")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of the parser of Python, about odd headers
+        version = np.lib.format.read_magic(stream)
+        if version == (1, 0):
+            shape, _, dtype = np.lib.format.read_array_header_1_0(stream)
+        else:
+            shape, _, dtype = np.lib.format.read_array_header_2_0(stream)
+        needed, got = math.prod(shape) * dtype.itemsize, len(content) - stream.tell()
+        if min(shape, default=0) < 0 or needed > got:
+            raise ValueError(f"an array of shape {shape} needs {needed} bytes, got {got}")
+        array: npt.NDArray[np.generic] = np.load(io.BytesIO(content), allow_pickle=False)
+    return array
 
 
 def _as_floats(array: npt.NDArray[np.generic]) -> npt.NDArray[np.float64]:

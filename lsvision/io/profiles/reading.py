@@ -9,6 +9,7 @@ from typing import Unpack
 import numpy as np
 
 from lsvision.errors import UnreadableFile
+from lsvision.files.limited_reading import read_bytes
 from lsvision.geometry import FloatArray
 from lsvision.io.profiles.detection import detect_format
 from lsvision.io.profiles.gocator import read_gocator, read_gocator_points
@@ -128,7 +129,8 @@ def read_profile(path: str | os.PathLike[str], **options: Unpack[ReadOptions]) -
     Parameters
     ----------
     path : path
-        The file; its format is detected from its content.
+        The file, a named pipe, or ``"-"`` for standard input; its format is detected from its
+        content.
     **options
         Fields of `ReadSettings`, each of which overrides what the file says.
 
@@ -167,8 +169,8 @@ def inspect_profiles(path: str | os.PathLike[str], **options: Unpack[ReadOptions
     """Read all profiles of a file, with the reader, units and guesses; see `read_profile`."""
     settings = ReadSettings(**options)
     file = Path(path)
+    content = read_bytes(file)
     try:
-        content = _content(file)
         reader = settings.format or detect_format(content, file.suffix)
         if reader == "matrix" and settings.columns is not None:  # a wide table of points
             reader = "text"
@@ -176,25 +178,6 @@ def inspect_profiles(path: str | os.PathLike[str], **options: Unpack[ReadOptions
         return _in_section_frame(file, reader, raw, settings)
     except UnreadableFile as error:
         raise UnreadableFile(f"{file}: {error}") from None
-
-
-def _content(file: Path) -> bytes:
-    try:
-        return file.read_bytes()
-    except OSError as error:
-        raise UnreadableFile(_hint(error)) from None
-    except ValueError:  # a null in it
-        raise UnreadableFile("no file can have such a name: check it") from None
-
-
-def _hint(error: OSError) -> str:
-    if isinstance(error, FileNotFoundError):
-        return "no such file: check the name"
-    if isinstance(error, IsADirectoryError):
-        return "a directory: name the files in it, as DIR/*.csv"
-    if isinstance(error, PermissionError):
-        return "no permission to read it: check its owner and mode"
-    return f"cannot be read ({error.strerror or error}): check the disk and the name"
 
 
 def _in_section_frame(

@@ -89,7 +89,10 @@ def npy(array) -> bytes:
         ("%YAML:1.0\n---\nscan_line: 5\n", r"no list of points among its keys \(scan_line\)"),
         ("%YAML:1.0\n---\npose: [ 1., 2., 3., 0., 0., 1. ]\n", r"no list of points .*\(pose\)"),
         ("%YAML:1.0\n---\nscan_line: [ 1, b, 3, 4 ]\n", "'b' is no number"),
-        ("%YAML:1.0\n---\n\t: : [", "OpenCV cannot parse it"),
+        (
+            "%YAML:1.0\n---\n\t: : [",
+            "no FileStorage of OpenCV .*: write it anew",
+        ),
         ("Info\nCSV Version,\nEnd\n", r"without profiles \(it has Info\): export it in profile"),
         ("frame,x0,z0\n", "a header and no profile under it"),
     ],
@@ -142,10 +145,10 @@ def test_a_file_without_permission_is_refused(write):
     ],
 )
 def test_an_error_of_the_system_becomes_one_line(write, monkeypatch, error, message):
-    def fail(_):
+    def fail(*_):
         raise error
 
-    monkeypatch.setattr("pathlib.Path.read_bytes", fail)
+    monkeypatch.setattr(os, "open", fail)
     with pytest.raises(UnreadableFile, match=message):
         read_profile(write("1,2\n"))
 
