@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, cast, runtime_checkable
 
@@ -15,9 +16,12 @@ from lsvision.geometry.arguments import as_section_points
 from lsvision.geometry.arrays import extent_of
 from lsvision.geometry.equality import ComparedByValue
 from lsvision.geometry.noisy_points import NoisyPoints
+from lsvision.statistics.lost_markers import find_lost_markers
 
 MAX_COORDINATE_MM = 1e9
 """A thousand kilometres: larger numbers of a file are no points, and their squares overflow."""
+MARKER_TOLERANCE = 1e-7
+"""Relative difference of a coordinate from a marker of lost points: single precision rounds."""
 MAX_NOISE_FACTOR, MAX_ESTIMATED_NOISE_FACTOR = 3.0, 4.0
 """Scatter about an ellipse over the standard deviation of a noise model, and over an estimated
 one, which is too small where a sensor smooths along the line."""
@@ -105,7 +109,7 @@ class PointNoise(ComparedByValue):
         return self.point_covariances
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False, init=False)
 class Profile(ComparedByValue):
     """Ordered points of one light section.
 
@@ -118,11 +122,20 @@ class Profile(ComparedByValue):
         columns x and z (or y): see `lsvision.geometry.arguments.as_section_points`. Units: mm.
     noise : NoiseModel, optional
         What the sensor knows of its own errors.
+    lost : float or sequence of float, optional
+        Values that mark lost points, as -9999, in either coordinate. Without it nothing is
+        removed, and values that look like such a marker are warned of; ``()`` says that there
+        are none.
 
     Raises
     ------
     TypeError, ValueError
         If `points` is no table of numbers, or not (n, 2).
+
+    Warns
+    -----
+    UserWarning
+        If a value looks like a marker of lost points and `lost` is not given.
 
     Examples
     --------
@@ -131,15 +144,30 @@ class Profile(ComparedByValue):
     (3, 1)
     >>> profile
     <Profile: 3 points, 1 lost, x 0 to 1.2 mm, y -400 to -399.8 mm>
+    >>> Profile([[0.0, -400.0], [0.6, -9999.0], [1.2, -399.8]], lost=-9999).lost
+    1
     """
 
     points: Points
     noise: NoiseModel | None = None
 
-    def __post_init__(self) -> None:
-        points = np.array(as_section_points(self.points))
-        points[~(np.abs(points) < MAX_COORDINATE_MM).all(axis=1)] = np.nan
-        object.__setattr__(self, "points", as_readonly_array(points, ("n", 2)))
+    def __init__(
+        self,
+        points: npt.ArrayLike,
+        noise: NoiseModel | None = None,
+        *,
+        lost: float | Sequence[float] | None = None,
+    ) -> None:
+        rows = np.array(as_section_points(points))
+        rows[~(np.abs(rows) < MAX_COORDINATE_MM).all(axis=1)] = np.nan
+        if lost is None:
+            _warn_of_markers(rows)
+        else:
+            for value in np.atleast_1d(np.asarray(lost, dtype=np.float64)):
+                near = np.abs(rows - value) <= MARKER_TOLERANCE * abs(value)
+                rows[near.any(axis=1)] = np.nan
+        object.__setattr__(self, "points", as_readonly_array(rows, ("n", 2)))
+        object.__setattr__(self, "noise", noise)
 
     def __len__(self) -> int:
         return len(self.points)
@@ -183,6 +211,18 @@ def as_profile(points: Profile | npt.ArrayLike) -> Profile:
             stacklevel=3,
         )
     return profile
+
+
+def _warn_of_markers(points: Points) -> None:
+    for axis in (1, 0):
+        for value in find_lost_markers(points[:, axis], known_only=True):
+            count = int(np.count_nonzero(points[:, axis] == value))
+            warnings.warn(
+                f"{value:.10g} stands in {count} of {len(points)} points and looks like a marker "
+                f"of lost points: say Profile(points, lost={value:.10g}), or lost=() if not",
+                UserWarning,
+                stacklevel=3,
+            )
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -1,9 +1,12 @@
 """The frame of the command line: the commands, and how a failure reaches the shell."""
 
 import io
+import re
+import signal
 import sys
 import warnings
-from typing import Annotated, Any
+from itertools import islice
+from typing import Annotated, Any, NoReturn
 
 import typer
 from typer.core import TyperGroup
@@ -18,27 +21,72 @@ from lsvision.cli.plan import plan
 from lsvision.cli.scan import scan
 from lsvision.cli.simulate import simulate
 from lsvision.errors import LsvisionError
+from lsvision.files.limited_reading import size_limit
+from lsvision.files.printable import printable
+
+INTERRUPTED = 130
+"""Exit code after Ctrl-C or SIGTERM, as shells have it."""
+MAX_SIZE_LIMIT = 1e15
+"""Largest --max-size. Units: bytes."""
+
+_USAGE_ERROR: Any = typer.BadParameter.__mro__[1]  # click's, which typer has and does not export
+_SIZE = re.compile(r"(\d{1,15}(?:\.\d{1,9})?)\s*([kKMGT]?B?)", re.ASCII)
+_BYTES = {"": 1.0, "b": 1.0} | {
+    unit: factor
+    for letter, factor in (("k", 1e3), ("m", 1e6), ("g", 1e9), ("t", 1e12))
+    for unit in (letter, f"{letter}b")
+}
 
 
 class _OneLineErrors(TyperGroup):
     """Turns what a command raises into one line on stderr; ``--debug`` adds the traceback."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Take ``--debug`` wherever it stands, also behind the command."""
-        options = args[: args.index("--")] if "--" in args else args
-        if "--debug" in options:
-            args = ["--debug", *(word for word in args if word != "--debug")]
-        return super().parse_args(ctx, args)
+        """Take ``--debug`` and ``--max-size`` wherever they stand, also behind the command."""
+        end = args.index("--") if "--" in args else len(args)
+        first, rest = _split_frame_options(args[:end])
+        return super().parse_args(ctx, [*first, *rest, *args[end:]])
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command; known failures end with exit code 1."""
+        limit = _parse_size(ctx.params["max_size"])
         try:
-            return super().invoke(ctx)
+            with size_limit(limit):
+                return super().invoke(ctx)
+        except KeyboardInterrupt:
+            raise typer.Exit(INTERRUPTED) from None
+        except _USAGE_ERROR as slip:
+            slip.message = printable(slip.message)
+            raise
         except LsvisionError as error:
             print_error(str(error), debug=ctx.params["debug"])
         except MemoryError:
             print_error("out of memory: measure fewer files at once", debug=ctx.params["debug"])
         raise typer.Exit(FAILED)
+
+
+def _split_frame_options(args: list[str]) -> tuple[list[str], list[str]]:
+    """The options of the frame, and the other words."""
+    first: list[str] = []
+    rest: list[str] = []
+    words = iter(args)
+    for word in words:
+        if word == "--debug" or word.startswith("--max-size="):
+            first.append(word)
+        elif word == "--max-size":
+            first += [word, *islice(words, 1)]
+        else:
+            rest.append(word)
+    return first, rest
+
+
+def _parse_size(text: str) -> int:
+    """Bytes of a size as ``500MB`` or ``8 GB``."""
+    match = _SIZE.fullmatch(text.strip())
+    size = float(match[1]) * _BYTES[match[2].lower()] if match else 0.0
+    if not 1 <= size <= MAX_SIZE_LIMIT:
+        raise typer.BadParameter(f"want --max-size as 500MB or 8GB, got {text!r}")
+    return int(size)
 
 
 app = typer.Typer(
@@ -68,11 +116,18 @@ def _frame(
         typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version."),
     ] = False,
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+    max_size: Annotated[
+        str,
+        typer.Option(
+            "--max-size", metavar="SIZE", help="Largest file that is read, as 500MB or 8GB."
+        ),
+    ] = "2GB",
 ) -> None:
     """Radius and orientation of cylinders from a light section, each with its uncertainty.
 
     Lengths are in mm and angles in deg; X runs along the laser line, Y towards the sensor.
-    lsvision demo measures a shipped profile; lsvision COMMAND --help shows examples.
+    lsvision demo measures a shipped profile; lsvision COMMAND --help shows examples. --debug and
+    --max-size may stand behind the command.
     """
 
 
@@ -86,13 +141,20 @@ app.command()(simulate)
 app.add_typer(calibrate)
 
 
+def _interrupt(*_: Any) -> NoReturn:
+    raise KeyboardInterrupt
+
+
 def main() -> None:
-    """Run the command line; exit code 0, 1 for data and files, 2 for usage."""
+    """Run the command line; exit code 0, 1 for data and files, 2 for usage, 130 if interrupted."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a file name may hold what they cannot show
             stream.reconfigure(errors="backslashreplace")
     # The reader has told of odd units, in a line of its own; --units mm means what it says.
     warnings.filterwarnings("ignore", "expected a profile in mm", UserWarning)
+    for name in ("SIGTERM", "SIGHUP"):  # as Ctrl-C: results so far are written
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), _interrupt)
     try:
         app(prog_name="lsvision")
     except Exception as error:  # noqa: BLE001 - the last place that can turn a bug into a line

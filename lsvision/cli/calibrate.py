@@ -19,6 +19,7 @@ from lsvision.cli.calibrate_tables import (
     value_lines,
     warning_lines,
 )
+from lsvision.cli.messages import print_lines
 from lsvision.cli.outputs import check_outputs
 from lsvision.cli.target_options import (
     Counts,
@@ -29,6 +30,7 @@ from lsvision.cli.target_options import (
     parse_target,
 )
 from lsvision.errors import UnreadableFile
+from lsvision.files.printable import printable
 
 if TYPE_CHECKING:
     from lsvision.calibration.laser_plane import LaserPlaneSettings
@@ -70,7 +72,7 @@ def target(
     board = parse_target(target_name, counts, square, marker, dictionary)
     check_outputs((out,), ())
     from lsvision.calibration.target_files import target_pdf, target_svg
-    from lsvision.io.atomic_files import write_atomic
+    from lsvision.files.atomic_files import write_atomic
 
     try:
         page = target_svg(board) if out.suffix.lower() == ".svg" else target_pdf(board)
@@ -123,7 +125,7 @@ def camera(
     from lsvision.io.calibration import provenance_of, write_calibration
     from lsvision.io.camera_file import write_camera_yaml
 
-    names = [file.name for file in files]
+    names = [printable(file.name) for file in files]
     model = CameraSettings(radial_terms=radial_terms, fixed_aspect=fixed_aspect, tilted=tilted)
     with prefix_file_names(image=names):
         found = calibrate_camera(read_images(files), board, model)
@@ -132,14 +134,14 @@ def camera(
     provenance = provenance_of(f"{len(found.views)} views of {board}", files)
     if report is not None:
         from lsvision.draw.calibration_report import ReportContent, camera_page
-        from lsvision.io.atomic_files import write_atomic
+        from lsvision.files.atomic_files import write_atomic
 
         write_atomic(report, camera_page(found, ReportContent(rows, doubts, names, provenance)))
     write_calibration(out, found, provenance)
     if ros_yaml is not None:
         write_camera_yaml(ros_yaml, found.camera)
     head = f"{out}: camera of {found.camera.size} px from {len(found.views)} of {len(files)} images"
-    typer.echo("\n".join([head, *value_lines(rows), *doubts]))
+    print_lines([head, *value_lines(rows), *doubts])
 
 
 @calibrate.command("laser-plane")
@@ -209,15 +211,15 @@ def laser_plane(
 
     from lsvision.calibration.laser_plane import calibrate_laser_plane
     from lsvision.draw.calibration_report import ReportContent, laser_plane_page
-    from lsvision.io.atomic_files import write_atomic
+    from lsvision.files.atomic_files import write_atomic
     from lsvision.io.calibration import provenance_of, write_calibration
     from lsvision.io.camera_file import read_camera
 
-    names = [file.name for file in board_files]
+    names = [printable(file.name) for file in board_files]
     view = read_camera(camera_file)
     shots, line_shots = read_images(board_files), read_line_images(line_files, laser)
     with prefix_file_names(
-        image=names, board_image=names, line_image=[file.name for file in line_files]
+        image=names, board_image=names, line_image=[printable(file.name) for file in line_files]
     ):
         found = calibrate_laser_plane(view, board, shots, line_shots, settings)
     method = f"laser line on {board} in {len(found.views)} poses"
@@ -231,7 +233,7 @@ def laser_plane(
     if details is not None:
         write_calibration(details, found, provenance)
     head = f"{out}: laser plane from {len(found.views)} of {len(names)} poses of the board"
-    typer.echo("\n".join([head, *value_lines(rows), *doubts]))
+    print_lines([head, *value_lines(rows), *doubts])
 
 
 def _line_settings(laser: str, margin: float) -> "LaserPlaneSettings":

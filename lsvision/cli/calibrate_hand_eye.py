@@ -19,7 +19,17 @@ from lsvision.cli.hand_eye_command import (
     report_pose_plan,
 )
 from lsvision.cli.measure_options import parse_read_options
-from lsvision.cli.profile_options import Columns, FileFormat, Flip, Units
+from lsvision.cli.profile_options import (
+    Columns,
+    CountUnit,
+    FileFormat,
+    FirstX,
+    Flip,
+    Lost,
+    Spacing,
+    Transpose,
+    Units,
+)
 from lsvision.cli.target_options import (
     Counts,
     Dictionary,
@@ -28,6 +38,7 @@ from lsvision.cli.target_options import (
     TargetName,
     parse_target,
 )
+from lsvision.files.printable import printable
 
 hand_eye = typer.Typer(
     name="hand-eye",
@@ -102,6 +113,11 @@ def sphere(
     columns: Columns = None,
     units: Units = None,
     flip: Flip = None,
+    lost: Lost = None,
+    transpose: Transpose = False,
+    x0: FirstX = None,
+    dx: Spacing = None,
+    z_unit: CountUnit = None,
 ) -> None:
     """Calibrate a profile sensor to the robot on a sphere; the best target for most.
 
@@ -121,7 +137,10 @@ def sphere(
     if radius is not None and not (math.isfinite(radius) and radius > 0):
         raise typer.BadParameter(f"want --radius above 0 mm, got {radius:g}")
     check_plan(job, plan_poses, plan_out)
-    reading = parse_read_options(format=file_format, columns=columns, units=units, flip=flip)
+    reading = parse_read_options(
+        format=file_format, columns=columns, units=units, flip=flip, lost=lost,
+        transpose=transpose, x0=x0, dx=dx, z_unit=z_unit,
+    )  # fmt: skip
     seen = read_target_profiles(job, profiles, reading, plan_out)
     from lsvision.calibration.hand_eye import calibrate_hand_eye_sphere
 
@@ -152,6 +171,11 @@ def plane(
     columns: Columns = None,
     units: Units = None,
     flip: Flip = None,
+    lost: Lost = None,
+    transpose: Transpose = False,
+    x0: FirstX = None,
+    dx: Spacing = None,
+    z_unit: CountUnit = None,
 ) -> None:
     """Calibrate a profile sensor to the robot on a flat plate.
 
@@ -168,7 +192,10 @@ def plane(
         poses, convention, mounting, robot_std, out, (easy_handeye, frames, report)
     )
     check_plan(job, plan_poses, plan_out)
-    reading = parse_read_options(format=file_format, columns=columns, units=units, flip=flip)
+    reading = parse_read_options(
+        format=file_format, columns=columns, units=units, flip=flip, lost=lost,
+        transpose=transpose, x0=x0, dx=dx, z_unit=z_unit,
+    )  # fmt: skip
     seen = read_target_profiles(job, profiles, reading, plan_out)
     from lsvision.calibration.hand_eye import calibrate_hand_eye_plane
 
@@ -217,7 +244,7 @@ def board(
     check_files(job, [*files, camera])
     from lsvision.calibration.hand_eye import calibrate_hand_eye_board
 
-    names = [file.name for file in files]
+    names = [printable(file.name) for file in files]
     flanges = read_flanges(poses, convention, names)
     boards, covariances = estimate_board_poses(files, pattern, camera)
     with prefix_file_names(pose=names):

@@ -10,8 +10,16 @@ import typer
 
 from lsvision.cli.image_options import check_colours
 from lsvision.cli.messages import FAILED, print_error
-from lsvision.cli.sources import IMAGE_SUFFIXES, find_sources, read_source
+from lsvision.cli.sources import (
+    IMAGE_SUFFIXES,
+    find_sources,
+    print_reading_notes,
+    read_source,
+)
 from lsvision.errors import LsvisionError, UnreadableFile
+from lsvision.files.file_kinds import exists
+from lsvision.files.limited_reading import STDIN
+from lsvision.files.printable import printable
 from lsvision.io.file_names import PROFILE_SUFFIXES
 
 if TYPE_CHECKING:
@@ -73,12 +81,13 @@ def read_named_profiles(
     """
     profiles: list[Profile] = []
     names: list[str] = []
-    for path in paths:
-        file = read_source(path, options)
+    files = [read_source(path, options) for path in paths]
+    print_reading_notes(files)
+    for path, file in zip(paths, files, strict=True):
         several = len(file.profiles) > 1
         profiles += file.profiles
         names += [
-            f"{path.name} profile {number}" if several else path.name
+            printable(f"{path.name} profile {number}" if several else path.name)
             for number in range(len(file.profiles))
         ]
     return profiles, names
@@ -154,10 +163,12 @@ def replace_image_numbers(text: str, **names: Sequence[str]) -> str:
 
 def _found(words: Sequence[str], suffixes: frozenset[str]) -> list[Path]:
     files, missing = find_sources(words, suffixes)
+    if any(str(file) == STDIN for file in files):
+        raise typer.BadParameter("want files, got - for standard input: they are read twice")
     missing += [
         UnreadableFile(f"{file}: no such file: check the name")
         for file in files
-        if not file.is_file()
+        if not exists(file)
     ]
     for failure in missing:
         print_error(str(failure))

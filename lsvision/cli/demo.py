@@ -37,11 +37,13 @@ def demo(
     """  # noqa: D301 - the backspace tells click to leave the lines as they are
     from lsvision.cli.batch import BatchOptions, measure_sources
     from lsvision.cli.measure_options import build_measure_function
+    from lsvision.cli.outputs import Pictures
 
     profile, picture = _write_profile(out), out / "profile.png"
     typer.echo(f"$ lsvision measure {_quoted(profile)} --plot {_quoted(picture)}")
     measuring = build_measure_function(None, None, None, None, paper=False)
-    _, failed = measure_sources([profile], BatchOptions(measuring=measuring, plot=picture))
+    pictures = Pictures(picture, several=False)
+    failed = measure_sources([profile], BatchOptions(measuring=measuring, pictures=pictures))
     if failed:
         raise typer.Exit(FAILED)
     typer.echo("\n".join(_next_lines(profile, picture)))
@@ -59,7 +61,7 @@ def _write_profile(folder: Path) -> Path:
     """
     from importlib import resources
 
-    from lsvision.io.atomic_files import write_atomic
+    from lsvision.files.atomic_files import write_atomic
 
     content = (resources.files("lsvision.cli") / "demo_data" / "profile.csv").read_bytes()
     profile = folder / "profile.csv"

@@ -16,6 +16,7 @@ from lsvision.cli.calibrate_inputs import (
     read_named_profiles,
 )
 from lsvision.cli.calibrate_tables import aligned, plan_rows, pose_rows, value_lines
+from lsvision.cli.messages import print_lines
 from lsvision.cli.outputs import check_outputs
 
 if TYPE_CHECKING:
@@ -166,16 +167,17 @@ def report_hand_eye(
     """Write the files and print the result."""
     from lsvision.io.calibration import provenance_of
     from lsvision.io.hand_eye_file import export_easy_handeye, save_hand_eye
+    from lsvision.io.robot_poses import pose_files
 
     rows = hand_eye_rows(found)
     doubts = [f"left out: {names[pose.index]}: {pose.reason}" for pose in found.rejected]
     doubts += [f"warning: {text}" for text in found.warnings]
     believed = len(names) - len(found.rejected)
     method = f"{type(found.target).__name__.lower()}, {job.mounting}, {job.convention} poses"
-    provenance = provenance_of(method, dict.fromkeys([job.poses, *inputs]))
+    provenance = provenance_of(method, dict.fromkeys([*pose_files(job.poses), *inputs]))
     if job.report is not None:
         from lsvision.draw.calibration_report import ReportContent, hand_eye_page
-        from lsvision.io.atomic_files import write_atomic
+        from lsvision.files.atomic_files import write_atomic
 
         page = ReportContent(rows, doubts, names, provenance)
         write_atomic(job.report, hand_eye_page(found, flanges, page))
@@ -185,7 +187,7 @@ def report_hand_eye(
         export_easy_handeye(found, job.easy_handeye, robot_frame=robot, sensor_frame=sensor)
     head = f"{job.out}: sensor to robot from {believed} of {len(names)} poses"
     table = aligned([("pose", "residual mm", "held out mm", ""), *pose_rows(found, names)])
-    typer.echo("\n".join([head, *value_lines(rows), "", *table, *doubts]))
+    print_lines([head, *value_lines(rows), "", *table, *doubts])
 
 
 def check_plan(job: HandEyeOptions, count: int, out: Path | None) -> None:
@@ -231,7 +233,7 @@ def plan_next_poses(found: "HandEye", flanges: "Sequence[Pose]", count: int) -> 
 
 def report_pose_plan(plan: "PosePlan", out: Path | None) -> None:
     """Print the next best poses, and write them as 4x4 rows."""
-    from lsvision.io.atomic_files import write_atomic
+    from lsvision.files.atomic_files import write_atomic
 
     head = ("next pose", "x mm", "y mm", "z mm", "predicted mm")
     typer.echo("\n".join(["", *aligned([head, *plan_rows(plan)])]))

@@ -6,7 +6,9 @@ from typing import Annotated
 import typer
 
 from lsvision.cli.image_options import Laser, LaserOff, Method, parse_line_settings, read_laser_off
-from lsvision.cli.outputs import check_outputs, check_picture
+from lsvision.cli.messages import print_lines
+from lsvision.cli.outputs import STDOUT, check_outputs, check_picture, write_output
+from lsvision.files.printable import printable
 
 
 def line(
@@ -17,7 +19,11 @@ def line(
     ] = None,
     csv_file: Annotated[
         Path | None,
-        typer.Option("--csv", metavar="F", help="Write u, v, std, width and more, a point a row."),
+        typer.Option(
+            "--csv",
+            metavar="F",
+            help="Write u, v, std, width and more, a point a row; - is standard output.",
+        ),
     ] = None,
     laser: Laser = "grey",
     method: Method = "derivative",
@@ -36,19 +42,20 @@ def line(
     """  # noqa: D301 - the backspace tells click to leave the lines as they are
     check_picture(plot)
     settings = parse_line_settings(laser, method)
-    check_outputs((plot, csv_file), [image_file])
+    inputs = [image_file, *filter(None, [laser_off])]
+    check_outputs((plot,), inputs, streams=(csv_file,))
     from lsvision.cli.image_sources import extract_from
     from lsvision.draw import draw_laser_line, figure_bytes, line_summary
-    from lsvision.io.atomic_files import write_atomic
+    from lsvision.files.atomic_files import write_atomic
     from lsvision.io.images import read_image
     from lsvision.io.laser_lines import line_csv
 
     image = read_image(image_file)
     height, width = image.shape[:2]
     found = extract_from(image_file, image, settings, read_laser_off(laser_off, (width, height)))
-    if plot is not None:
-        figure = draw_laser_line(image, found, title=str(image_file))
-        write_atomic(plot, figure_bytes(figure, plot.suffix[1:].lower()))
     if csv_file is not None:
-        write_atomic(csv_file, line_csv(found))
-    typer.echo(f"{image_file}: {line_summary(found)}")
+        write_output(csv_file, line_csv(found))
+    print_lines([f"{image_file}: {line_summary(found)}"], err=csv_file == STDOUT)
+    if plot is not None:
+        figure = draw_laser_line(image, found, title=printable(str(image_file)))
+        write_atomic(plot, figure_bytes(figure, plot.suffix[1:].lower()))

@@ -1,7 +1,9 @@
 """``lsvision measure``: profiles and images in, cylinders with their uncertainty out."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -17,29 +19,31 @@ from lsvision.cli.image_options import (
 from lsvision.cli.image_sources import LiveCamera
 from lsvision.cli.measure_options import build_measure_function, parse_read_options, parse_sensor
 from lsvision.cli.messages import FAILED, print_error
-from lsvision.cli.outputs import check_outputs, check_picture
+from lsvision.cli.outputs import STDOUT, Pictures, check_outputs, check_picture
 from lsvision.cli.profile_options import (
     Columns,
     Convention,
+    CountUnit,
     FileFormat,
+    FirstX,
     Flip,
     HandEyeFile,
     JsonFile,
     KnownRadius,
+    Lost,
     PoseFile,
     Radius,
     RangeStd,
     ReferenceRange,
     SensorName,
+    Spacing,
+    Transpose,
     Units,
     Verbose,
 )
 from lsvision.cli.robot_frame import parse_robot_frame
-from lsvision.cli.sources import MEASURED_SUFFIXES, find_sources
-from lsvision.io.file_names import PROFILE_SUFFIXES
-
-if TYPE_CHECKING:
-    from lsvision.results.quantities import Record
+from lsvision.cli.sources import MEASURED_SUFFIXES, find_sources, suffixes_of_profiles
+from lsvision.errors import LsvisionError
 
 
 def measure(
@@ -86,7 +90,10 @@ def measure(
     flange_from_section: HandEyeFile = None,
     json_file: JsonFile = None,
     csv_file: Annotated[
-        Path | None, typer.Option("--csv", metavar="F", help="Write a cylinder a row as CSV.")
+        Path | None,
+        typer.Option(
+            "--csv", metavar="F", help="Write a cylinder a row as CSV; - is standard output."
+        ),
     ] = None,
     plot: Annotated[
         Path | None,
@@ -100,23 +107,17 @@ def measure(
     columns: Columns = None,
     units: Units = None,
     flip: Flip = None,
-    x0: Annotated[
-        float | None,
-        typer.Option("--x0", metavar="MM", help="Rows of heights: x of the first column."),
-    ] = None,
-    dx: Annotated[
-        float | None,
-        typer.Option("--dx", metavar="MM", help="Rows of heights: spacing of the columns."),
-    ] = None,
+    lost: Lost = None,
+    transpose: Transpose = False,
+    x0: FirstX = None,
+    dx: Spacing = None,
     x_start: Annotated[
         float | None, typer.Option(metavar="N", help="Raw Keyence: XStart, 0.01 um.")
     ] = None,
     x_pitch: Annotated[
         float | None, typer.Option(metavar="N", help="Raw Keyence: XPitch, 0.01 um.")
     ] = None,
-    z_unit: Annotated[
-        float | None, typer.Option(metavar="N", help="Raw Keyence: ZUnit, 0.01 um.")
-    ] = None,
+    z_unit: CountUnit = None,
     verbose: Verbose = False,
 ) -> None:
     """Measure radius and orientation of every cylinder in profiles or images of a laser line.
@@ -151,49 +152,74 @@ def measure(
     if not files and camera is None:
         raise typer.BadParameter("want files or folders to measure, or --camera INDEX, got none")
     check_picture(plot)
-    imaging = parse_imaging(
-        light_section, parse_line_settings(laser, method), laser_off,
-        surface_std=surface_std, frames=frames, keep_images=plot is not None,
-    )  # fmt: skip
     noise = parse_sensor(sensor, range_std, reference_range)
-    batch = BatchOptions(
-        measuring=build_measure_function(radius, known_radius, known_phi_deg, noise, paper=paper),
-        sensor=noise,
-        reading=parse_read_options(
-            format=file_format, columns=columns, units=units, flip=flip,
-            x0=x0, dx=dx, x_start=x_start, x_pitch=x_pitch, z_unit=z_unit,
-        ),
-        imaging=imaging,
-        placing=parse_robot_frame(poses, convention, flange_from_section),
-        plot=plot,
-        verbose=verbose,
-        debug=ctx.find_root().params.get("debug", False),
+    measuring = build_measure_function(radius, known_radius, known_phi_deg, noise, paper=paper)
+    reading = parse_read_options(
+        format=file_format, columns=columns, units=units, flip=flip, lost=lost,
+        transpose=transpose, x0=x0, dx=dx, x_start=x_start, x_pitch=x_pitch, z_unit=z_unit,
     )  # fmt: skip
-    suffixes = PROFILE_SUFFIXES if imaging is None else MEASURED_SUFFIXES
+    line = parse_line_settings(laser, method)
+    suffixes = suffixes_of_profiles(dx) if light_section is None else MEASURED_SUFFIXES
     paths, missing = find_sources(files or (), suffixes)
-    inputs = [*paths, *filter(None, (poses, flange_from_section))]
-    check_outputs((json_file, csv_file, plot), inputs)
+    more = (poses, flange_from_section, light_section, laser_off)
+    inputs = [*paths, *filter(None, more)]
+    taken = check_outputs((plot,), inputs, streams=(json_file, csv_file))
+    placing = parse_robot_frame(poses, convention, flange_from_section)
     sources: list[Path | LiveCamera] = [*paths]
     if camera is not None:
         sources.append(LiveCamera(camera, frames or 1))
+    batch = BatchOptions(
+        measuring=measuring,
+        sensor=noise,
+        reading=reading,
+        imaging=parse_imaging(
+            light_section, line, laser_off,
+            surface_std=surface_std, frames=frames, keep_images=plot is not None,
+        ),
+        placing=placing,
+        pictures=None
+        if plot is None
+        else Pictures(plot, several=len(sources) > 1, taken=taken),
+        table_to_stderr=STDOUT in (json_file, csv_file),
+        verbose=verbose,
+        debug=ctx.find_root().params.get("debug", False),
+    )  # fmt: skip
+    _report_missing(missing, poses)
+    failed = _measure_all(sources, batch, json_file, csv_file) + len(missing)
+    _report_failed(failed, len(sources) + len(missing), plot)
+
+
+def _report_missing(missing: Sequence[LsvisionError], poses: Path | None) -> None:
+    """Tell the words that name nothing; end the command if which pose is whose is then open."""
     for failure in missing:
         print_error(str(failure))
-    if missing and poses is not None:  # which pose belongs to which profile is then open
+    if missing and poses is not None:
         raise typer.Exit(FAILED)
-    records, failed = measure_sources(sources, batch)
-    _write(records, json_file, csv_file)
-    failed, total = failed + len(missing), len(sources) + len(missing)
+
+
+def _report_failed(failed: int, total: int, plot: Path | None) -> None:
+    """Tell how many files failed, and end the command with exit code 1 if any did."""
     if failed and total > 1:
-        print_error(f"{failed} of {total} could not be measured")
+        what = "measured" if plot is None else "measured or drawn"
+        print_error(f"{failed} of {total} could not be {what}")
     if failed:
         raise typer.Exit(FAILED)
 
 
-def _write(records: "list[Record]", json_file: Path | None, csv_file: Path | None) -> None:
-    """Write the files that are wanted, if anything was measured."""
-    from lsvision.io.results import write_csv, write_json
+def _measure_all(
+    sources: list[Path | LiveCamera],
+    batch: BatchOptions,
+    json_file: Path | None,
+    csv_file: Path | None,
+) -> int:
+    """Measure the sources; also if the run is cut short, the files hold what was measured."""
+    from lsvision.io.result_files import ResultFiles
 
-    if json_file is not None and records:
-        write_json(json_file, records)
-    if csv_file is not None and records:
-        write_csv(csv_file, records)
+    frame = None
+    if batch.placing is not None:
+        frame = "flange" if batch.placing.rows is None else "base"
+    results = ResultFiles(json_file, csv_file, frame)
+    try:
+        return measure_sources(sources, replace(batch, results=results))
+    finally:
+        results.finish()

@@ -1,17 +1,28 @@
 """Output files of a command: checked before the work, named one for each profile."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from pathlib import Path
 
 import typer
 
+from lsvision.cli.sources import true_path
 from lsvision.errors import UnwritableFile
+from lsvision.files.file_kinds import exists, is_directory, is_regular, status_of
+from lsvision.files.printable import printable
 
 PICTURE_SUFFIXES = (".png", ".svg")
+STDOUT = Path("-")
+"""Output that goes to standard output; the table for people then goes to standard error."""
+MAX_STEM_BYTES = 100
+"""Longest part of a file's name that goes into the name of its picture. Units: bytes."""
 
 
-def check_outputs(outputs: Sequence[Path | None], sources: Sequence[Path]) -> None:
+def check_outputs(
+    outputs: Sequence[Path | None],
+    sources: Sequence[Path],
+    streams: Sequence[Path | None] = (),
+) -> "TakenFiles":
     """Refuse outputs that could not be written once the work is done.
 
     Parameters
@@ -19,26 +30,75 @@ def check_outputs(outputs: Sequence[Path | None], sources: Sequence[Path]) -> No
     outputs : sequence of Path or None
         None where the user wants no such file.
     sources : sequence of Path
-        The inputs, which no output may overwrite.
+        All inputs, which no output may overwrite.
+    streams : sequence of Path or None
+        More outputs, of which one may be ``-``, standard output.
+
+    Returns
+    -------
+    TakenFiles
+        The files of this run, for names that are made up later.
 
     Raises
     ------
     UnwritableFile
         If a folder is missing or refuses, or the file is a folder or not ours to change.
     typer.BadParameter
-        If two outputs, or an output and an input, are the same file.
+        If two outputs, or an output and an input, are the same file, or two inputs are ``-``.
     """
-    taken = {source.resolve(): "an input" for source in sources}
-    for output in outputs:
+    taken = TakenFiles()
+    for source in sources:
+        if source == STDOUT and source in taken:
+            raise typer.BadParameter("want one input from standard input (-), got two")
+        taken.add(source, "an input")
+    if streams.count(STDOUT) > 1:
+        raise typer.BadParameter("want one output to standard output (-), got two")
+    for output in [*outputs, *(stream for stream in streams if stream != STDOUT)]:
         if output is None or _is_device(output):
             continue
-        place = output.resolve()
-        if place in taken:
-            raise typer.BadParameter(f"want another file than {output}: it is {taken[place]} too")
-        taken[place] = "an output"
-        trouble = _write_problem(place)
+        if output in taken:
+            raise typer.BadParameter(
+                f"want another file than {printable(str(output))}: it is {taken.role(output)} too"
+            )
+        taken.add(output, "an output")
+        trouble = _write_problem(Path(true_path(output)))
         if trouble:
             raise UnwritableFile(f"{output}: {trouble}")
+    return taken
+
+
+class TakenFiles:
+    """Files that a command reads or writes, by whatever name."""
+
+    def __init__(self) -> None:
+        self._roles: dict[Hashable, str] = {}
+
+    def __contains__(self, path: Path) -> bool:
+        return any(key in self._roles for key in _identities(path))
+
+    def role(self, path: Path) -> str:
+        """What the file is to the command."""
+        return next(self._roles[key] for key in _identities(path) if key in self._roles)
+
+    def add(self, path: Path, role: str) -> None:
+        """Note a file of the command."""
+        self._roles.update(dict.fromkeys(_identities(path), role))
+
+
+def write_output(path: Path, content: str) -> None:
+    """Write a text to a file, whole or not at all, or to standard output if it is ``-``.
+
+    Raises
+    ------
+    UnwritableFile
+        If the file cannot be written.
+    """
+    if path == STDOUT:
+        typer.echo(content, nl=False)
+        return
+    from lsvision.files.atomic_files import write_atomic
+
+    write_atomic(path, content)
 
 
 def check_picture(plot: Path | None) -> None:
@@ -54,7 +114,7 @@ def check_picture(plot: Path | None) -> None:
 
 
 class Pictures:
-    """Names of the pictures of one command, none given twice.
+    """Names of the pictures of one command, none given twice and none of another file of it.
 
     Parameters
     ----------
@@ -62,11 +122,13 @@ class Pictures:
         As the user names it; of one profile in one file the picture has just this name.
     several : bool
         Whether there is more than one file.
+    taken : TakenFiles, optional
+        The inputs and other outputs of the command, `plot` among them.
     """
 
-    def __init__(self, plot: Path, *, several: bool) -> None:
+    def __init__(self, plot: Path, *, several: bool, taken: TakenFiles | None = None) -> None:
         self._plot, self._several = plot, several
-        self._taken: set[Path] = set()
+        self._taken = TakenFiles() if taken is None else taken
 
     def path_of(self, source: Path, number: int, parts: int) -> Path:
         """Where a profile's picture goes: ``out.png``, or ``out-SOURCE-NUMBER.png``.
@@ -78,20 +140,36 @@ class Pictures:
         number, parts : int
             Its place in the file, named if the file holds more than one, and how many it holds.
         """
-        tags = [source.stem] * self._several + [str(number)] * (parts > 1)
+        tags = [_short(source.stem)] * self._several + [str(number)] * (parts > 1)
+        if not tags:
+            return self._plot
         stem = "-".join([self._plot.stem, *tags])
         path, again = self._plot.with_name(stem + self._plot.suffix), 2
         while path in self._taken:  # two folders may hold files of the same name
             path = self._plot.with_name(f"{stem}-{again}{self._plot.suffix}")
             again += 1
-        self._taken.add(path)
+        self._taken.add(path, "a picture")
         return path
 
 
+def _short(stem: str) -> str:
+    """A file's stem as text that prints and leaves room for the name of the picture."""
+    return printable(stem).encode()[:MAX_STEM_BYTES].decode("utf-8", "ignore")
+
+
+def _identities(path: Path) -> list[Hashable]:
+    """By what two names of a file are known to be one: its true path, its number on its disk."""
+    keys: list[Hashable] = [true_path(path)]
+    status = status_of(path)
+    if status is not None and status.st_ino:
+        keys.append((status.st_dev, status.st_ino))
+    return keys
+
+
 def _write_problem(place: Path) -> str | None:
-    if place.is_dir():
+    if is_directory(place):
         return "a directory: name a file in it"
-    if not place.parent.is_dir():
+    if not is_directory(place.parent):
         return "its folder does not exist: make it first, or name another"
     if not os.access(place.parent, os.W_OK | os.X_OK):
         return "no permission to write there: name another folder"
@@ -100,4 +178,4 @@ def _write_problem(place: Path) -> str | None:
 
 def _is_device(output: Path) -> bool:
     """A terminal or pipe, as ``/dev/stdout``: written to directly."""
-    return output.exists() and not output.is_file() and not output.is_dir()
+    return exists(output) and not is_regular(output) and not is_directory(output)

@@ -6,7 +6,8 @@ from typing import Annotated
 
 import typer
 
-from lsvision.cli.outputs import check_outputs
+from lsvision.cli.messages import print_lines
+from lsvision.cli.outputs import STDOUT, check_outputs, write_output
 
 DEFAULT_PAGE = Path("report.html")
 
@@ -39,8 +40,7 @@ def paper(
       lsvision paper --full --out report.html --json report.json
       lsvision paper --noise-mm 0.02 --out quiet.html
     """  # noqa: D301 - the backspace tells click to leave the lines as they are
-    check_outputs([out, json], [])
-    from lsvision.io.atomic_files import write_atomic
+    check_outputs((), (), streams=(out, json))
     from lsvision.studies.chen_liu_2016 import (
         ExperimentSizes,
         report_json,
@@ -51,10 +51,10 @@ def paper(
     sizes = ExperimentSizes.full() if full else ExperimentSizes.quick()
     report = run_experiments(sizes, noise_mm=noise_mm, seed=seed, progress=_log_progress)
     _log_progress("drawing the page")
-    write_atomic(out, report_page(report))
+    write_output(out, report_page(report))
     if json is not None:
-        write_atomic(json, report_json(report))
-    typer.echo(f"{out}" if json is None else f"{out} and {json}")
+        write_output(json, report_json(report))
+    print_lines([f"{out}" if json is None else f"{out} and {json}"], err=STDOUT in (out, json))
 
 
 def _log_progress(what: str) -> None:

@@ -7,7 +7,7 @@ import typer
 
 READERS = (
     "text, matrix, gocator, gocator-points, keyence, keyence-raw, npy, npz, ply, pcd, opencv, "
-    "parquet"
+    "parquet, json, yaml, laserscan, height-map, rosbag"
 )
 """Written out, because the reader's own list comes with numpy; a test compares the two."""
 
@@ -57,7 +57,8 @@ HandEyeFile = Annotated[
     ),
 ]
 JsonFile = Annotated[
-    Path | None, typer.Option("--json", metavar="F", help="Write all results as JSON.")
+    Path | None,
+    typer.Option("--json", metavar="F", help="Write all results as JSON; - is standard output."),
 ]
 FileFormat = Annotated[
     str | None,
@@ -69,7 +70,35 @@ Columns = Annotated[
     str | None, typer.Option(metavar="X,Z", help="Columns of x and height: from 0, or by name.")
 ]
 Units = Annotated[
-    str | None, typer.Option(metavar="UNIT", help="Of coordinates: nm um mm cm m mil in.")
+    str | None,
+    typer.Option(
+        metavar="UNIT", help="Of coordinates: nm um mm cm dm m km mil in ft, or scaled: 0.1mm."
+    ),
+]
+Lost = Annotated[
+    str | None,
+    typer.Option(
+        metavar="VALUE|none",
+        help="What marks a lost point, as -9999 or ERR; else told from values far from the rest.",
+    ),
+]
+Transpose = Annotated[
+    bool, typer.Option("--transpose", help="Rows and columns change places: profiles in columns.")
+]
+FirstX = Annotated[
+    float | None,
+    typer.Option("--x0", metavar="MM", help="Rows of heights: x of the first column."),
+]
+Spacing = Annotated[
+    float | None,
+    typer.Option("--dx", metavar="MM", help="Rows of heights: spacing of the columns."),
+]
+CountUnit = Annotated[
+    str | None,
+    typer.Option(
+        metavar="UNIT|N",
+        help="Rows of heights: what one count is, as 0.5um; Keyence's ZUnit in 0.01 um.",
+    ),
 ]
 Flip = Annotated[
     bool | None,

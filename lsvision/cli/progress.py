@@ -3,6 +3,8 @@
 import shutil
 import sys
 
+from lsvision.files.printable import printable
+
 BAR = 24
 
 
@@ -35,7 +37,7 @@ class Progress:
             return
         filled = int(BAR * (done + part / parts) / self._total)
         profiles = f", profile {part + 1} of {parts}" if parts > 1 else ""
-        line = f"[{'#' * filled:.<{BAR}}] {done}/{self._total} {name}{profiles}"
+        line = f"[{'#' * filled:.<{BAR}}] {done}/{self._total} {printable(name)}{profiles}"
         width = shutil.get_terminal_size().columns - 1
         sys.stderr.write(f"\r\x1b[K{line[:width]}")
         sys.stderr.flush()

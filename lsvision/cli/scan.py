@@ -13,35 +13,53 @@ from lsvision.cli.measure_options import (
     parse_search_range,
     parse_sensor,
 )
-from lsvision.cli.messages import FAILED, print_error
-from lsvision.cli.outputs import check_outputs, check_picture
+from lsvision.cli.messages import FAILED, print_error, print_lines
+from lsvision.cli.outputs import STDOUT, check_outputs, check_picture, write_output
 from lsvision.cli.profile_options import (
     Columns,
     Convention,
+    CountUnit,
     FileFormat,
+    FirstX,
     Flip,
     HandEyeFile,
     JsonFile,
     KnownRadius,
+    Lost,
     PoseFile,
     Radius,
     RangeStd,
     ReferenceRange,
     SensorName,
+    Spacing,
+    Transpose,
     Units,
     Verbose,
 )
 from lsvision.cli.progress import Progress
-from lsvision.cli.scan_poses import Robot, motion_uncertainty_caption, parse_motion, scan_poses
+from lsvision.cli.scan_poses import (
+    Encoder,
+    Robot,
+    motion_uncertainty_caption,
+    parse_motion,
+    scan_poses,
+)
 from lsvision.cli.scan_table import scan_lines
-from lsvision.cli.sources import find_sources, read_source
+from lsvision.cli.sources import (
+    find_sources,
+    print_reading_notes,
+    read_source,
+    suffixes_of_profiles,
+)
+from lsvision.files.printable import printable, printable_name
 
 if TYPE_CHECKING:
     from lsvision.geometry import Points, Pose
     from lsvision.io.profiles import ReadOptions
     from lsvision.measure import Measurement
     from lsvision.profile import Profile
-    from lsvision.scan import ScanMeasurement, TubeShape
+    from lsvision.results.quantities import Record
+    from lsvision.scan import PoseErrors, ScanMeasurement, TubeShape
     from lsvision.sensors.profile_sensor import ProfileSensor
 
 
@@ -81,6 +99,12 @@ def scan(
         float, typer.Option(metavar="DEG", min=0, help="One sigma of the feed's direction.")
     ] = 0.0,
     json_file: JsonFile = None,
+    csv_file: Annotated[
+        Path | None,
+        typer.Option(
+            "--csv", metavar="F", help="Write a cylinder a row as CSV; - is standard output."
+        ),
+    ] = None,
     plot: Annotated[
         Path | None, typer.Option(metavar="F.png|F.svg", help="Draw points and cylinders in 3D.")
     ] = None,
@@ -96,6 +120,11 @@ def scan(
     columns: Columns = None,
     units: Units = None,
     flip: Flip = None,
+    lost: Lost = None,
+    transpose: Transpose = False,
+    x0: FirstX = None,
+    dx: Spacing = None,
+    z_unit: CountUnit = None,
     verbose: Verbose = False,
 ) -> None:
     """Measure cylinders in space from several sections of known pose, jointly.
@@ -117,57 +146,74 @@ def scan(
     0.1 mm of radius with the same residuals. --feed-std-deg puts that into the errors.
     """  # noqa: D301 - the backspace tells click to leave the lines as they are
     check_picture(plot)
-    motion = parse_motion(feed, step, poses, convention, flange_from_section)
-    reading = parse_read_options(format=file_format, columns=columns, units=units, flip=flip)
+    reading = parse_read_options(
+        format=file_format, columns=columns, units=units, flip=flip, lost=lost,
+        transpose=transpose, x0=x0, dx=dx, z_unit=z_unit,
+    )  # fmt: skip
     noise = parse_sensor(sensor, range_std, reference_range)
     search, known = parse_search_range(radius), parse_known_radius(known_radius)
-    sources, missing = find_sources(files)
+    sources, missing = find_sources(files, suffixes_of_profiles(dx))
     inputs = [*sources, *filter(None, (poses, flange_from_section))]
-    check_outputs((json_file, plot, points_ply, surfaces_ply), inputs)
+    check_outputs((plot, points_ply, surfaces_ply), inputs, streams=(json_file, csv_file))
+    motion = parse_motion(feed, step, poses, convention, flange_from_section)
     for failure in missing:
         print_error(str(failure))
     if missing:
         raise typer.Exit(FAILED)
 
-    from lsvision.scan import PoseErrors, fit_sections_jointly
+    from lsvision.scan import fit_sections_jointly
 
-    profiles, names = _read_all(sources, reading)
+    pose_errors = _pose_errors(pose_std, feed_std_deg, motion)
+    profiles, names, records = _read_all(sources, reading)
     base_from_sections = scan_poses(motion, len(profiles))
     measurements = _measure_all(profiles, names, search, known, noise)
     found = fit_sections_jointly(
         profiles, base_from_sections, measurements, known_radius=known, sensor=noise,
-        pose_errors=PoseErrors(
-            pose_std=pose_std, feed_std=math.radians(feed_std_deg),
-            calibration=motion.calibration if isinstance(motion, Robot) else None,
-        ),
+        pose_errors=pose_errors,
     )  # fmt: skip
     shapes = _shapes(found)
-    typer.echo(
-        "\n".join(scan_lines(found, shapes, motion_uncertainty_caption(motion), verbose=verbose))
-    )
-    if json_file is not None:
-        from lsvision.io.scan_results import scan_record, write_scan_json
-
-        write_scan_json(json_file, scan_record(found, shapes, names))
+    _write_tables(found, shapes, (names, records), base_from_sections, (json_file, csv_file))
+    lines = scan_lines(found, shapes, motion_uncertainty_caption(motion), verbose=verbose)
+    print_lines(lines, err=STDOUT in (json_file, csv_file))
     points = _all_points(profiles, base_from_sections)
     if plot is not None:
         _draw(plot, found, points, title=" ".join(files), of_robot=isinstance(motion, Robot))
     _write_clouds(found, points, points_ply, surfaces_ply)
 
 
-def _read_all(sources: Sequence[Path], reading: "ReadOptions") -> "tuple[list[Profile], list[str]]":
-    """Profiles of all files in their order, and a name for each."""
+def _pose_errors(pose_std: float, feed_std_deg: float, motion: Encoder | Robot) -> "PoseErrors":
+    from lsvision.scan import PoseErrors
+
+    try:
+        return PoseErrors(
+            pose_std=pose_std,
+            feed_std=math.radians(feed_std_deg),
+            calibration=motion.calibration if isinstance(motion, Robot) else None,
+        )
+    except ValueError as slip:
+        raise typer.BadParameter(str(slip)) from None
+
+
+def _read_all(
+    sources: Sequence[Path], reading: "ReadOptions"
+) -> "tuple[list[Profile], list[str], list[Record]]":
+    """Profiles of all files in their order, a name for each, and how each was read."""
+    from lsvision.io.results import input_record
+
     profiles: list[Profile] = []
     names: list[str] = []
-    for source in sources:
-        file = read_source(source, reading)
+    inputs: list[Record] = []
+    files = [read_source(source, reading) for source in sources]
+    print_reading_notes(files)
+    for source, file in zip(sources, files, strict=True):
         several = len(file.profiles) > 1
         profiles += file.profiles
         names += [
             f"{source}, profile {number}" if several else str(source)
             for number in range(len(file.profiles))
         ]
-    return profiles, names
+        inputs += [input_record(file, number) for number in range(len(file.profiles))]
+    return profiles, names, inputs
 
 
 def _measure_all(
@@ -209,15 +255,36 @@ def _all_points(profiles: "Sequence[Profile]", poses: "Sequence[Pose]") -> "Poin
     return seen
 
 
+def _write_tables(
+    found: "ScanMeasurement",
+    shapes: "Sequence[TubeShape | None]",
+    read: "tuple[list[str], list[Record]]",
+    base_from_sections: "Sequence[Pose]",
+    outputs: tuple[Path | None, Path | None],
+) -> None:
+    """The JSON and the CSV, each where it is wanted."""
+    json_file, csv_file = outputs
+    names, records = read
+    if json_file is not None:
+        from lsvision.io.scan_results import scan_json, scan_record
+
+        shown = [printable_name(name) for name in names]
+        write_output(json_file, scan_json(scan_record(found, shapes, shown, records)))
+    if csv_file is not None:
+        from lsvision.io.scan_table_file import scan_csv
+
+        write_output(csv_file, scan_csv(found, base_from_sections))
+
+
 def _draw(
     plot: Path, found: "ScanMeasurement", points: "Points", *, title: str, of_robot: bool
 ) -> None:
     """Write the picture: Z upwards in a robot's base frame, else Y, towards the sensor."""
     from lsvision.draw import figure_bytes
     from lsvision.draw.scan import draw_scan
-    from lsvision.io.atomic_files import write_atomic
+    from lsvision.files.atomic_files import write_atomic
 
-    figure = draw_scan(found, points, title=title, vertical="z" if of_robot else "y")
+    figure = draw_scan(found, points, title=printable(title), vertical="z" if of_robot else "y")
     write_atomic(plot, figure_bytes(figure, plot.suffix[1:].lower()))
 
 

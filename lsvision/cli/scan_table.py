@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from lsvision.cli.section_table import reason_without_cylinder
+
 if TYPE_CHECKING:
     from lsvision.scan import ScanMeasurement, ScannedCylinder, TubeShape
 
@@ -25,7 +27,7 @@ def scan_lines(
     sigma : str
         What the errors are, from `motion_uncertainty_caption`.
     verbose : bool
-        List what was refused; else it is only counted if nothing was found.
+        List what was refused; else only the longest track is told if nothing was found.
     """
     from lsvision.results.tables import text_table
     from lsvision.scan.scan_table import tube_cells
@@ -38,11 +40,20 @@ def scan_lines(
         for number, (tube, shape) in enumerate(zip(scan.cylinders, shapes, strict=True), 1):
             lines += [f"  {number}: {line}" for line in _remarks(tube, shape)]
     else:
-        hint = f" ({len(refused)} tracks refused: -v says why)" if refused and not verbose else ""
-        lines = [f"{profiles}: no cylinder found{hint}"]
+        lines = [f"{profiles}: no cylinder found: {_reason_without_cylinder(scan)}"]
+        if len(refused) > 1 and not verbose:
+            lines[0] += f" ({len(refused)} tracks refused: -v lists them)"
     if verbose and refused:
         lines += [f"refused: {len(refused)}", *refused]
     return lines
+
+
+def _reason_without_cylinder(scan: "ScanMeasurement") -> str:
+    """What is said of the longest track, or else of the first section that holds nothing."""
+    if scan.rejections:
+        return max(scan.rejections, key=lambda rejection: len(rejection.sections)).reason
+    empty = [section for section in scan.measurements if not section.cylinders]
+    return reason_without_cylinder(empty[0]) if empty else "no section goes with another"
 
 
 def _remarks(tube: "ScannedCylinder", shape: "TubeShape | None") -> list[str]:

@@ -24,7 +24,7 @@ def measurement_lines(
         Where it was found.
     verbose : bool
         Say which residuals are correlated, and list the refused arcs from left to right; else
-        they are only counted if nothing was found.
+        only the longest is told if nothing was found.
     """
     from lsvision.ellipse.section_table import section_cells
     from lsvision.results.tables import text_table
@@ -33,13 +33,20 @@ def measurement_lines(
     refused = f"{len(rejections)} arc{'' if len(rejections) == 1 else 's'} refused"
     lines = text_table(section_cells(measurement.cylinders))
     if not measurement.cylinders:
-        hint = f" ({refused}: -v says why)" if rejections and not verbose else ""
-        lines = [f"no cylinder found{hint}"]
+        reason = reason_without_cylinder(measurement)
+        more = f" ({refused}: -v lists them)" if len(rejections) > 1 and not verbose else ""
+        lines = [f"no cylinder found: {reason}{more}"]
     if verbose:
         lines += _correlation_notes(measurement.cylinders)
     if verbose and rejections:
         lines += [f"{refused}:", *(_refusal(rejection, profile) for rejection in rejections)]
     return lines
+
+
+def reason_without_cylinder(measurement: "Measurement") -> str:
+    """Why a profile holds no cylinder: what is said of the longest of its refused arcs."""
+    longest = max(measurement.rejections, key=lambda r: r.arc.stop - r.arc.start, default=None)
+    return "no valid point" if longest is None else longest.reason
 
 
 def _correlation_notes(cylinders: Sequence["CylinderSection"]) -> list[str]:

@@ -57,7 +57,7 @@ def simulate(
     A single pipe tilted by 20 to 30 deg, almost without noise:
       lsvision simulate single --phi-deg 20:30 --noise-mm 0.005 --lost 0 --jumps 0 --out .
     """  # noqa: D301 - the backspace tells click to leave the lines as they are
-    from lsvision.io.atomic_files import write_atomic
+    from lsvision.files.atomic_files import write_atomic
     from lsvision.simulate import SCENE_KINDS, random_section
     from lsvision.simulate.text_export import profile_text, truth_text
 

@@ -1,10 +1,14 @@
 """Which files a command line names, and what one of them holds."""
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lsvision.cli.messages import print_lines
 from lsvision.errors import LsvisionError, UnreadableFile
+from lsvision.files.file_kinds import is_directory
+from lsvision.files.limited_reading import STDIN
 from lsvision.io.file_names import PROFILE_SUFFIXES, find_files
 
 if TYPE_CHECKING:
@@ -20,6 +24,15 @@ MEASURED_SUFFIXES = PROFILE_SUFFIXES | IMAGE_SUFFIXES | VIDEO_SUFFIXES
 """What counts in a folder where a rig turns images into profiles."""
 
 
+HEIGHT_MAP_SUFFIXES = frozenset((".tif", ".tiff", ".png"))
+"""Files that count as profiles beside `PROFILE_SUFFIXES` where the spacing of columns is given."""
+
+
+def suffixes_of_profiles(dx: float | None) -> frozenset[str]:
+    """What counts as a profile in a folder, with ``--dx`` or without."""
+    return PROFILE_SUFFIXES if dx is None else PROFILE_SUFFIXES | HEIGHT_MAP_SUFFIXES
+
+
 def find_sources(
     words: Sequence[str], suffixes: frozenset[str] = PROFILE_SUFFIXES
 ) -> tuple[list[Path], list[LsvisionError]]:
@@ -28,8 +41,8 @@ def find_sources(
     Parameters
     ----------
     words : sequence of str
-        Files, folders (the profile files right in them) and patterns (``**`` reaches into
-        folders), in the order of the command line.
+        Files, folders (the profile files right in them), patterns (``**`` reaches into folders)
+        and ``-`` for standard input, in the order of the command line.
     suffixes : frozenset of str
         What counts when a folder is named: `PROFILE_SUFFIXES`, `IMAGE_SUFFIXES` or
         `MEASURED_SUFFIXES`.
@@ -41,15 +54,27 @@ def find_sources(
     failures : list of LsvisionError
         One for each word that names nothing.
     """
-    found: dict[Path, Path] = {}
+    found: dict[str, Path] = {}
     failures: list[LsvisionError] = []
     for word in words:
-        files = find_files(word, suffixes)
-        if not files:
-            failures.append(_nothing_in(word, suffixes))
+        try:
+            files = find_files(word, suffixes)
+            if not files:
+                failures.append(_nothing_in(word, suffixes))
+        except OSError as error:  # a folder that may not be listed
+            failures.append(UnreadableFile(f"{word}: cannot be listed ({error.strerror})"))
+            continue
         for file in files:
-            found.setdefault(file.resolve(), file)
+            found.setdefault(true_path(file), file)
     return list(found.values()), failures
+
+
+def true_path(path: Path) -> str:
+    """The path with its links followed, as far as they lead; standard input stays ``-``."""
+    try:
+        return STDIN if str(path) == STDIN else os.path.realpath(path)
+    except ValueError:  # a null in it: no file, and told so by its reader
+        return str(path)
 
 
 def read_source(source: Path, options: "ReadOptions") -> "ProfileFile":
@@ -58,15 +83,35 @@ def read_source(source: Path, options: "ReadOptions") -> "ProfileFile":
     Raises
     ------
     UnreadableFile
-        Names the file and the mend.
+        Names the file and the mend; also where nobody states the unit and mm cannot be right.
     """
     from lsvision.io.profiles import inspect_profiles
 
-    return inspect_profiles(source, **options)
+    file = inspect_profiles(source, **options)
+    if file.doubts and file.units_assumed:
+        marked = [f"{marker.count} by {marker.text}" for marker in file.markers]
+        lost = f" (without {file.lost} lost points, {', '.join(marked)})" if marked else ""
+        raise UnreadableFile(
+            f"{source}: {'; '.join(file.doubts)}, or --units mm if it is right{lost}"
+        )
+    return file
+
+
+def print_reading_notes(files: "Sequence[ProfileFile]") -> None:
+    """Write on stderr what was guessed while files were read, each remark once."""
+    remarks: dict[str, list[Path]] = {}
+    for file in files:
+        assumed = f"units taken as {file.units}: say --units" if file.units_assumed else ""
+        for remark in (*file.notes, assumed):
+            if remark:
+                remarks.setdefault(remark, []).append(file.path)
+    for remark, paths in remarks.items():
+        more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
+        print_lines([f"{paths[0]}{more}: note: {remark}"], err=True)
 
 
 def _nothing_in(word: str, suffixes: frozenset[str]) -> UnreadableFile:
-    if Path(word).is_dir():
+    if is_directory(word):
         if suffixes is PROFILE_SUFFIXES and find_files(word, IMAGE_SUFFIXES | VIDEO_SUFFIXES):
             return UnreadableFile(
                 f"{word}: no profile in this folder, only images: they need the rig that took "

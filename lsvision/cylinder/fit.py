@@ -26,10 +26,13 @@ from lsvision.cylinder.problem import (
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import DegenerateGeometry, TooFewPoints
 from lsvision.geometry import Cylinder, FloatArray, Points, as_readonly_array, tangent_frame
-from lsvision.geometry.arrays import TINY, extent_of
+from lsvision.geometry.arrays import TINY, extent_of, require_coordinates, require_covariances
 from lsvision.geometry.settings_repr import ShowsChanges
+from lsvision.statistics.numerical_failures import refuse_numerical_failure, require_finite
 from lsvision.statistics.robust import MAD_TO_STD
 
+MIN_EXTENT_MM = 1e-9
+"""Smallest extent of points that a cylinder is fitted to: the size of an atom."""
 COPLANARITY_TOLERANCE = 1e-7
 """Ratio of the thickness to the extent of points below which they lie in a plane or on a line."""
 SINGULARITY_TOLERANCE = 1e-14
@@ -98,14 +101,15 @@ def fit_cylinder(
     Raises
     ------
     ValueError
-        If a shape is wrong or a number is not finite.
+        If a shape is wrong, a number is not finite or beyond 1e9 mm, or a covariance is zero or
+        not positive semi-definite.
     TooFewPoints
         If there are fewer than 6 points.
     DegenerateGeometry
-        If all points lie on a line; or, without an initial guess, in a plane, where two
-        cylinders fit.
+        If all points lie at one place or on a line; or, without an initial guess, in a plane,
+        where two cylinders fit.
     FitFailed
-        If no cylinder fits, as for noisy points of a plane.
+        If no cylinder fits, as for noisy points of a plane, or if numbers overflow.
 
     Notes
     -----
@@ -121,6 +125,20 @@ def fit_cylinder(
     'radius 19.000000 mm, axis [0. 0. 1.]'
     """
     points, covariances = _validate(points, covariances)
+    with refuse_numerical_failure("a cylinder"):
+        fit = _fit_validated(points, covariances, initial_guess, known_radius, settings)
+    cylinder = fit.cylinder
+    require_finite("a cylinder", cylinder.point, cylinder.direction, fit.radius, fit.covariance)
+    return fit
+
+
+def _fit_validated(
+    points: Points,
+    covariances: FloatArray | None,
+    initial_guess: Cylinder | None,
+    known_radius: RadiusPrior | None,
+    settings: CylinderFittingSettings,
+) -> CylinderFit:
     origin, scale = points.mean(axis=0), extent_of(points)
     _check_not_degenerate(points - origin, has_initial_guess=initial_guess is not None)
     scaled = (points - origin) / scale
@@ -146,9 +164,17 @@ def _validate(
         raise TooFewPoints("a cylinder", len(points), PARAMETERS + 1, "measure more of it")
     if not np.isfinite(points).all():
         raise ValueError("expected finite points, got NaN or infinity: leave lost points out")
+    require_coordinates(points)
+    if np.ptp(points, axis=0).max() < MIN_EXTENT_MM:
+        raise DegenerateGeometry(
+            f"all {len(points)} points lie within {MIN_EXTENT_MM:g} mm, which any cylinder there "
+            "fits: measure an arc of it, or check the units"
+        )
     if covariances is None:
         return points, None
-    return points, as_readonly_array(covariances, (len(points), 3, 3), "covariances")
+    covariances = as_readonly_array(covariances, (len(points), 3, 3), "covariances")
+    require_covariances(covariances)
+    return points, covariances
 
 
 def _check_not_degenerate(centred: Points, *, has_initial_guess: bool) -> None:

@@ -19,6 +19,9 @@ MAX_RADIUS_EXTENTS = 1e5
 """Largest ratio of the radius to the extent of the points; above it, the points lie on a plane."""
 FOOT_ITERATIONS = 3
 """Iterations for the foot point; each reduces its error by the ratio of point error to radius."""
+MIN_VARIANCE_RATIO = 1e-12
+"""Smallest ratio of the variance of a distance to the trace of its point's covariance: that of an
+error along a ray that grazes the surface at 1e-6 rad."""
 PLAUSIBLE_SIGMAS = 6.0
 """Points farther from the surface get a first-order weight: their foot point may not exist."""
 
@@ -138,7 +141,8 @@ def distance_stds_and_biases(
     radius = float(parameters[4])
     distances, normals, _ = axis_distances(points, parameters)
     error_directions = _multiply(covariances, normals)
-    variances = (normals * error_directions).sum(axis=0)
+    min_variances = MIN_VARIANCE_RATIO * np.trace(covariances, axis1=1, axis2=2)
+    variances = np.maximum((normals * error_directions).sum(axis=0), min_variances)
     plausible = np.abs(distances - radius) < PLAUSIBLE_SIGMAS * np.sqrt(variances)
     normal_errors = distances - radius
     for _ in range(FOOT_ITERATIONS):
@@ -147,7 +151,7 @@ def distance_stds_and_biases(
         normals = np.where(plausible, foot_normals, normals)
         normal_errors = normal_errors + np.where(plausible, foot_distances - radius, 0.0)
         error_directions = _multiply(covariances, normals)
-        variances = (normals * error_directions).sum(axis=0)
+        variances = np.maximum((normals * error_directions).sum(axis=0), min_variances)
     tangents = _tangents(normals, parameters)
     normal_tangent = (tangents * error_directions).sum(axis=0)
     tangent_variances = (tangents * _multiply(covariances, tangents)).sum(axis=0)

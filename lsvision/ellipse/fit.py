@@ -32,13 +32,15 @@ from lsvision.ellipse.robust_gauss_newton import (
     solve_positive_definite,
 )
 from lsvision.errors import TooFewPoints
-from lsvision.geometry import Ellipse, FloatArray, Points
+from lsvision.geometry import Ellipse, FloatArray, Points, as_readonly_array
+from lsvision.geometry.arrays import require_coordinates, require_covariances
 from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints, as_complex, as_vectors
 from lsvision.statistics.correlation import (
     LOW_FREQUENCY_DOF,
     Correlation,
     estimate_correlation,
 )
+from lsvision.statistics.numerical_failures import refuse_numerical_failure, require_finite
 
 CHI2_TEST_SIGMAS = 3.3
 """Standard deviations of chi^2 beyond which a noise model is held to be too optimistic."""
@@ -172,10 +174,13 @@ def fit_ellipse(
 
     Raises
     ------
+    ValueError
+        If the shapes are others, a number is not finite or beyond 1e9 mm, or a covariance is none.
     TooFewPoints
         Under 6 points (5 with a known radius would leave nothing to judge by).
     FitFailed
-        If the data have no minimum near the start: a straight line, two crossing lines.
+        If the data have no minimum near the start: a straight line, two crossing lines; or the
+        numbers overflow.
 
     Notes
     -----
@@ -190,12 +195,20 @@ def fit_ellipse(
     >>> f"{fit.ellipse.radius:.6f} mm"
     '19.000000 mm'
     """
-    noisy = None if covariances is None else NoisyPoints.of(points, covariances)
-    if noisy is None:
+    points = as_readonly_array(points, ("n", 2), "points")
+    require_coordinates(points)
+    if covariances is None:
         settings = replace(settings, variance="estimated")
         no_noise = np.zeros(len(points), dtype=complex)
         noisy = NoisyPoints(as_complex(points), np.ones(len(points)), no_noise)
-    return fit_noisy_points(noisy, initial_guess, known_radius, known_phi, settings)
+    else:
+        covariances = as_readonly_array(covariances, (len(points), 2, 2), "covariances")
+        require_covariances(covariances)
+        noisy = NoisyPoints.of(points, covariances)
+    with refuse_numerical_failure("an ellipse"):
+        fit = fit_noisy_points(noisy, initial_guess, known_radius, known_phi, settings)
+    require_finite("an ellipse", fit.parameters, fit.residuals)
+    return fit
 
 
 def fit_noisy_points(

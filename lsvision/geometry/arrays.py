@@ -65,3 +65,51 @@ def extent_of(points: Points) -> float:
     return max(
         (float(column.max() - column.min()) for column in points.T if len(column)), default=0.0
     )
+
+
+MAX_COORDINATE_MM = 1e9
+"""Largest coordinate of a fit: a thousand kilometres; squares of larger ones lose all digits."""
+MAX_VARIANCE_MM2 = MAX_COORDINATE_MM**2
+"""Largest variance of a point."""
+PSD_TOLERANCE = 1e-9
+"""Smallest eigenvalue of a covariance that is still taken for 0, relative to its largest."""
+
+
+def require_coordinates(points: Points) -> None:
+    """Refuse points that are not finite or too far for a fit.
+
+    Raises
+    ------
+    ValueError
+        If a coordinate is NaN, infinite or beyond `MAX_COORDINATE_MM`.
+    """
+    if not (np.abs(points) <= MAX_COORDINATE_MM).all():
+        raise ValueError(
+            f"want finite coordinates within {MAX_COORDINATE_MM:g} mm, got "
+            f"{float(np.abs(points).max()):g}: leave lost points out, check the units"
+        )
+
+
+def require_covariances(covariances: FloatArray) -> None:
+    """Refuse matrices (n, k, k) that are no covariances of points.
+
+    Raises
+    ------
+    ValueError
+        If one is not finite, not symmetric, has a negative eigenvalue, or is zero.
+    """
+    if not (np.abs(covariances) <= MAX_VARIANCE_MM2).all():
+        raise ValueError(f"want finite covariances up to {MAX_VARIANCE_MM2:g} mm^2, got others")
+    if not len(covariances):
+        return
+    largest = np.abs(covariances).max(axis=(1, 2))
+    asymmetry = np.abs(covariances - covariances.swapaxes(1, 2)).max(axis=(1, 2))
+    smallest = np.linalg.eigvalsh(covariances)[:, 0]
+    wrong = (largest < 1 / MAX_VARIANCE_MM2) | (asymmetry > PSD_TOLERANCE * largest)
+    wrong |= smallest < -PSD_TOLERANCE * largest
+    if wrong.any():
+        index = int(np.argmax(wrong))
+        raise ValueError(
+            "want symmetric positive semi-definite covariances other than zero, got "
+            f"{covariances[index].tolist()} for point {index}"
+        )

@@ -42,7 +42,8 @@ class Cylinder(ComparedByValue):
     def __post_init__(self) -> None:
         object.__setattr__(self, "point", as_readonly_array(self.point, (3,), "point"))
         direction = as_readonly_array(self.direction, (3,), "direction")
-        length = float(np.linalg.norm(direction))
+        with np.errstate(over="ignore"):  # infinite, and refused
+            length = float(np.linalg.norm(direction))
         if not (np.isfinite(length) and length > 0):
             raise ValueError(f"expected a finite, non-zero direction, got {direction}")
         object.__setattr__(self, "direction", as_readonly_array(direction / length, (3,)))

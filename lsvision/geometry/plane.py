@@ -34,7 +34,8 @@ class Plane(ComparedByValue):
 
     def __post_init__(self) -> None:
         normal = as_readonly_array(self.normal, (3,), "normal")
-        length = float(np.linalg.norm(normal))
+        with np.errstate(over="ignore"):  # infinite, and refused
+            length = float(np.linalg.norm(normal))
         if not (np.isfinite(length) and length > 0 and np.isfinite(self.distance)):
             raise ValueError(
                 f"expected a finite, non-zero normal, got {normal} and distance {self.distance}"

@@ -48,7 +48,8 @@ class Pose(ComparedByValue):
 
     def __post_init__(self) -> None:
         rotation = as_readonly_array(self.rotation, (3, 3), "rotation")
-        defect = np.abs(rotation.T @ rotation - np.eye(3)).max()
+        with np.errstate(over="ignore", invalid="ignore"):  # not finite, and refused
+            defect = np.abs(rotation.T @ rotation - np.eye(3)).max()
         if not defect <= ORTHONORMALITY_TOLERANCE:
             raise ValueError(f"expected an orthonormal rotation, got R'R off by {defect:.3g}")
         if np.linalg.det(rotation) < 0:
@@ -82,10 +83,13 @@ class Pose(ComparedByValue):
         array([ 0.,  0., 10.])
         """
         axis = as_readonly_array(direction, (3,), "direction")
-        length = float(np.linalg.norm(axis))
+        with np.errstate(over="ignore"):  # infinite, and refused
+            length = float(np.linalg.norm(axis))
         if not (np.isfinite(length) and length > 0):
             raise ValueError(f"expected a finite, non-zero feed direction, got {axis.tolist()}")
-        return cls(translation=axis / length * distance)
+        with np.errstate(over="ignore", invalid="ignore"):  # not finite, and refused
+            translation = axis / length * distance
+        return cls(translation=translation)
 
     @classmethod
     def from_matrix(cls, matrix: npt.ArrayLike) -> Self:

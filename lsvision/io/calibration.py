@@ -11,8 +11,10 @@ from lsvision import __version__
 from lsvision.calibration.intrinsics import CameraCalibration
 from lsvision.calibration.laser_plane import LaserPlaneCalibration
 from lsvision.calibration.views import RejectedView
-from lsvision.errors import UnreadableFile, UnwritableFile
-from lsvision.io.atomic_files import write_atomic
+from lsvision.errors import UnwritableFile
+from lsvision.files.atomic_files import write_atomic
+from lsvision.files.limited_reading import read_bytes
+from lsvision.files.printable import printable
 from lsvision.sensors import rig_file
 from lsvision.sensors.rig_file import camera_as_json, plane_as_json
 
@@ -121,11 +123,8 @@ def provenance_of(method: str, inputs: Iterable[str | os.PathLike[str]]) -> dict
     """
     digest, names = hashlib.sha256(), []
     for path in sorted(Path(each) for each in inputs):
-        try:
-            digest.update(hashlib.sha256(path.read_bytes()).digest())
-        except OSError as error:
-            raise UnreadableFile(f"{path} cannot be read: {error.strerror}") from error
-        names.append(path.name)
+        digest.update(hashlib.sha256(read_bytes(path)).digest())
+        names.append(printable(path.name))
     return {
         "method": method,
         "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),

@@ -4,16 +4,16 @@ import os
 import re
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from lsvision.errors import UnreadableFile
-from lsvision.io.atomic_files import write_atomic
+from lsvision.files.atomic_files import write_atomic
+from lsvision.files.limited_reading import current_size_limit, read_bytes, size_limit
 from lsvision.io.calibration import CAMERA_SCHEMA, LASER_PLANE_SCHEMA
 from lsvision.sensors import rig_file
 from lsvision.sensors.camera import Camera
-from lsvision.sensors.rig_file import camera_from_json, read_json
+from lsvision.sensors.rig_file import camera_from_json, parse_document
 
 MATRIX_KEYS = ("camera_matrix", "cameraMatrix", "K", "k", "M1", "mtx")
 DISTORTION_KEYS = (
@@ -21,6 +21,11 @@ DISTORTION_KEYS = (
     *("D", "d", "D1", "dist"),
 )
 WIDTH_KEYS, HEIGHT_KEYS = ("image_width", "width"), ("image_height", "height")
+
+MAX_SIZE = 64 * 10**6
+"""Largest camera file; one with all residuals of 100 views takes 2 MB. Units: bytes."""
+
+_SCHEMAS = (CAMERA_SCHEMA, LASER_PLANE_SCHEMA, rig_file.SCHEMA)
 
 MODELS = ("plumb_bob", "rational_polynomial", "")
 """ROS's names of models that OpenCV's coefficients express."""
@@ -49,15 +54,13 @@ def read_camera(path: str | os.PathLike[str], *, size: tuple[int, int] | None = 
         (fisheye); names the file and the mend.
     """
     source = Path(path)
-    try:
-        text = source.read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise UnreadableFile(f"{source} cannot be read: {error.strerror}") from error
+    with size_limit(min(current_size_limit(), MAX_SIZE)):
+        text = read_bytes(source).decode("utf-8", "replace")
     try:
         if text.lstrip().startswith("{"):
-            return camera_from_json(_own_json(source)["camera"])
+            return camera_from_json(parse_document(text, source, _SCHEMAS)["camera"])
         return _camera_from_yaml(text, size)
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise UnreadableFile(f"{source} holds no camera: {error}") from error
 
 
@@ -84,16 +87,6 @@ def write_camera_yaml(path: str | os.PathLike[str], camera: Camera) -> None:
     write_atomic(path, "\n".join(lines) + "\n")
 
 
-def _own_json(source: Path) -> dict[str, Any]:
-    schemas = (CAMERA_SCHEMA, LASER_PLANE_SCHEMA, rig_file.SCHEMA)
-    for schema in schemas[:-1]:
-        try:
-            return read_json(source, schema)
-        except UnreadableFile:
-            continue
-    return read_json(source, schemas[-1])
-
-
 def _camera_from_yaml(text: str, size: tuple[int, int] | None) -> Camera:
     model = re.search(r"^distortion_model:[ \t]*[\"']?([^\"'\s]*)", text, re.MULTILINE)
     if model and model.group(1) not in MODELS:
@@ -111,7 +104,9 @@ def _camera_from_yaml(text: str, size: tuple[int, int] | None) -> Camera:
     size = size or (None if None in told else told)  # type: ignore[assignment]
     if size is None:
         raise ValueError("it does not tell the size of the images: give size=(width, height)")
-    return Camera(np.reshape(matrix, (3, 3)), np.asarray(distortion), size)
+    return camera_from_json(
+        {"matrix": np.reshape(matrix, (3, 3)), "distortion": distortion, "size": size}
+    )
 
 
 def _numbers(text: str, keys: Iterable[str], what: str) -> list[float]:
@@ -135,7 +130,7 @@ def _numbers(text: str, keys: Iterable[str], what: str) -> list[float]:
 
 def _length(text: str, keys: Iterable[str]) -> int | None:
     for key in keys:
-        found = re.search(rf"^[ \t]*{key}:[ \t]*(\d+)", text, re.MULTILINE)
+        found = re.search(rf"^[ \t]*{key}:[ \t]*(\d{{1,9}})\b", text, re.MULTILINE)
         if found:
             return int(found.group(1))
     return None

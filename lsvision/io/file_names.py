@@ -4,6 +4,9 @@ import glob
 import re
 from pathlib import Path
 
+from lsvision.files.file_kinds import exists, is_directory, is_regular
+from lsvision.files.limited_reading import STDIN
+
 PROFILE_SUFFIXES = frozenset(
     [
         *(".csv", ".tsv", ".txt", ".asc", ".xyz", ".xz", ".dat", ".yml", ".yaml", ".xml"),
@@ -19,8 +22,8 @@ def find_files(name: str, suffixes: frozenset[str] = PROFILE_SUFFIXES) -> list[P
     Parameters
     ----------
     name : str
-        A file; a folder: the files right in it that have one of `suffixes`, hidden ones left
-        out; or a pattern, in which ``**`` reaches into folders.
+        A file; ``-``, standard input; a folder: the files right in it that have one of
+        `suffixes`, hidden ones left out; or a pattern, in which ``**`` reaches into folders.
     suffixes : frozenset of str
         What counts when a folder is named.
 
@@ -31,18 +34,26 @@ def find_files(name: str, suffixes: frozenset[str] = PROFILE_SUFFIXES) -> list[P
         also if there is no such file: reading it tells.
     """
     path = Path(name)
-    if path.is_dir():
+    if name == STDIN:
+        return [path]
+    if is_directory(path):
         shown = (file for file in path.iterdir() if not file.name.startswith("."))
         wanted = (file for file in shown if file.suffix.lower() in suffixes)
-        return sorted((file for file in wanted if file.is_file()), key=_natural)
-    if path.exists() or not glob.has_magic(name):
+        return sorted((file for file in wanted if is_regular(file)), key=_natural)
+    if exists(path) or not glob.has_magic(name):
         return [path]
     found = glob.glob(name, recursive=True)  # noqa: PTH207 - Path.glob takes no absolute pattern
     matches = [Path(match) for match in found]
-    return sorted((match for match in matches if match.is_file()), key=_natural)
+    return sorted((match for match in matches if is_regular(match)), key=_natural)
 
 
 def _natural(path: Path) -> list[tuple[bool, int, str]]:
     """Sort key: runs of digits by their value, the rest by its letters."""
     parts = re.split(r"([0-9]+)", str(path))
-    return [(part.isdigit(), int(part) if part.isdigit() else 0, part) for part in parts if part]
+    # isdecimal alone takes digits of any script, and isdigit also superscripts: int takes none
+    numbers = [part.isascii() and part.isdecimal() for part in parts]
+    return [
+        (number, int(part) if number else 0, part)
+        for part, number in zip(parts, numbers, strict=True)
+        if part
+    ]

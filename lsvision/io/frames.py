@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.errors import LsvisionError, UnreadableFile
+from lsvision.files.limited_reading import check_readable
 
 Frame = npt.NDArray[Any]
 
@@ -40,8 +41,7 @@ def read_frames(path: str | os.PathLike[str]) -> Iterator[Frame]:
         If the file is missing, is no video, or holds no frame; names the file and the mend.
     """
     source = Path(path)
-    if not source.is_file():
-        raise UnreadableFile(f"{source}: no such file: check the name")
+    check_readable(source)
     with _opened(str(source)) as capture:
         capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
         first = next(frames := _frames(capture), None)

@@ -3,16 +3,24 @@
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
+import numpy.typing as npt
 
-from lsvision.calibration.hand_eye_result import HandEye, RejectedPose, Sphere
+from lsvision.calibration.hand_eye_result import HandEye, RejectedPose, Sensor, Sphere
+from lsvision.calibration.observations import Mounting
 from lsvision.errors import UnreadableFile
+from lsvision.files.atomic_files import write_atomic
+from lsvision.files.json_text import parse_json
+from lsvision.files.limited_reading import read_text
 from lsvision.geometry import Plane, Pose
-from lsvision.io.atomic_files import write_atomic
 
 SCHEMA = "lsvision/hand-eye/1"
+MAX_VALUE = 1e9
+"""Largest number of a hand-eye file: a kilometre, in mm; larger ones overflow later."""
+SYMMETRY_TOLERANCE = 1e-6
+"""Largest asymmetry or negative eigenvalue of a covariance, relative to its largest entry."""
 UNITS = {"length": "mm", "angle": "rad", "covariance": "translation mm, left-hand rotation rad"}
 
 
@@ -86,7 +94,8 @@ def load_hand_eye(path: str | Path) -> HandEye:
     Raises
     ------
     UnreadableFile
-        If the file is missing, is no JSON, is of another schema or lacks a field.
+        If the file is missing, is no JSON, is of another schema or lacks a field; if a pose is no
+        rigid motion, a covariance is none, or a number is not finite.
 
     Examples
     --------
@@ -97,18 +106,30 @@ def load_hand_eye(path: str | Path) -> HandEye:
     """
     path = Path(path)
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        document = parse_json(read_text(path))
+    except ValueError as error:
         raise UnreadableFile(f"{path}: want a hand-eye file (JSON), got: {error}") from error
     schema = document.get("schema") if isinstance(document, dict) else None
     if schema != SCHEMA:
         raise UnreadableFile(f"{path}: want schema {SCHEMA!r}, got {schema!r}: is it another file?")
-    try:
-        return _hand_eye_of(document)
-    except (KeyError, TypeError, ValueError) as error:
+    if document.get("units", UNITS) != UNITS:
         raise UnreadableFile(
-            f"{path}: want a whole hand-eye file, got one with a bad or missing {error}"
+            f"{path}: want units {UNITS}, got {document['units']}: convert its numbers"
+        )
+    try:
+        hand_eye = _hand_eye_of(document)
+        _check_numbers(hand_eye)
+    except KeyError as error:
+        raise UnreadableFile(
+            f"{path}: want a whole hand-eye file, got one with a bad or missing {error}: "
+            "calibrate anew"
         ) from error
+    except (TypeError, ValueError, AttributeError, OverflowError) as error:
+        raise UnreadableFile(
+            f"{path}: want a hand-eye file as lsvision writes it, got one that is damaged: "
+            f"{error}: calibrate anew"
+        ) from error
+    return hand_eye
 
 
 def export_easy_handeye(
@@ -172,6 +193,79 @@ def _hand_eye_of(document: dict[str, Any]) -> HandEye:
         sensor=document["sensor"],
         height_scale=_height_factor_of(document.get("height_factor")),
     )
+
+
+def _check_numbers(hand_eye: HandEye) -> None:
+    """Refuse numbers that would give NaN or nonsense where they are used."""
+    check_covariance(hand_eye.covariance)
+    factor, factor_std = hand_eye.height_scale or (1.0, 0.0)
+    lengths = [*hand_eye.robot_std, hand_eye.least_determined_std, factor, factor_std]
+    target = hand_eye.target
+    if isinstance(target, Sphere):
+        lengths += [target.radius, target.radius_std, *np.abs(target.centre).tolist()]
+    numbers = [*hand_eye.working_point, *hand_eye.mount_from_sensor.translation, *lengths]
+    if not (np.abs(numbers) <= MAX_VALUE).all() or min(lengths) < 0:
+        raise ValueError(
+            f"expected finite numbers below {MAX_VALUE:g} and no negative standard uncertainty, "
+            f"got working point {hand_eye.working_point.tolist()}, standard uncertainties, height "
+            f"factor and sphere {lengths}"
+        )
+    if not hand_eye.ambiguity_ratio >= 0:
+        raise ValueError(f"expected ambiguity from 0, got {hand_eye.ambiguity_ratio}")
+    count = len(hand_eye.residuals)
+    if len(hand_eye.leave_one_out_residuals) != count:
+        raise ValueError(
+            f"expected as many held-out residuals as residuals, got "
+            f"{len(hand_eye.leave_one_out_residuals)} and {count}"
+        )
+    residuals = np.concatenate([hand_eye.residuals, hand_eye.leave_one_out_residuals])
+    if (np.abs(residuals) > MAX_VALUE).any():
+        raise ValueError(f"expected residuals below {MAX_VALUE:g} mm, got {residuals.tolist()}")
+    indices = [pose.index for pose in hand_eye.rejected]
+    if not all(type(index) is int and 0 <= index < count for index in indices):
+        raise ValueError(f"expected rejected poses from 0 to {count - 1}, got {indices}")
+    if len(set(indices)) == count:
+        raise ValueError(f"expected a pose that is not rejected, got {count}, all rejected")
+    if hand_eye.mounting not in get_args(Mounting) or hand_eye.sensor not in get_args(Sensor):
+        raise ValueError(
+            f"expected mounting {' or '.join(get_args(Mounting))} and sensor "
+            f"{' or '.join(get_args(Sensor))}, got {hand_eye.mounting!r} and {hand_eye.sensor!r}"
+        )
+
+
+def check_covariance(covariance: npt.NDArray[np.float64]) -> None:
+    """Refuse a matrix that is no covariance.
+
+    Parameters
+    ----------
+    covariance : (n, n) ndarray
+        Finite, symmetric and positive semi-definite, each within rounding.
+
+    Raises
+    ------
+    ValueError
+        If it is not.
+
+    Examples
+    --------
+    >>> check_covariance(np.diag([1.0, -1.0]))
+    Traceback (most recent call last):
+        ...
+    ValueError: expected a positive semi-definite covariance, got eigenvalues from -1 to 1
+    """
+    largest = float(np.abs(covariance).max(initial=0.0))
+    if not largest <= MAX_VALUE:
+        raise ValueError(f"expected covariances below {MAX_VALUE:g}, got {largest:g}")
+    asymmetry = float(np.abs(covariance - covariance.T).max(initial=0.0))
+    if asymmetry > SYMMETRY_TOLERANCE * largest:
+        raise ValueError(f"expected a symmetric covariance, got entries {asymmetry:.3g} apart")
+    eigenvalues = np.linalg.eigvalsh(covariance)
+    low, high = float(eigenvalues.min(initial=0.0)), float(eigenvalues.max(initial=0.0))
+    if low < -SYMMETRY_TOLERANCE * largest:
+        raise ValueError(
+            "expected a positive semi-definite covariance, got eigenvalues from "
+            f"{low:.3g} to {high:.3g}"
+        )
 
 
 def _height_factor_of(given: Any) -> tuple[float, float] | None:

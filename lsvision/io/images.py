@@ -9,6 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.errors import UnreadableFile
+from lsvision.files.limited_reading import read_bytes
+from lsvision.io.image_headers import image_size
+
+MAX_PIXELS = 10**8
+"""Largest image that is read; finding its line takes 20 to 50 times its pixels in memory."""
 
 
 def read_image(path: str | os.PathLike[str]) -> npt.NDArray[Any]:
@@ -17,7 +22,8 @@ def read_image(path: str | os.PathLike[str]) -> npt.NDArray[Any]:
     Parameters
     ----------
     path : path
-        Any format of OpenCV: PNG, TIFF, JPEG, BMP, PGM.
+        PNG, TIFF, JPEG, BMP, PGM, PPM or WebP, known by its first bytes; ``"-"`` is standard
+        input.
 
     Returns
     -------
@@ -27,7 +33,8 @@ def read_image(path: str | os.PathLike[str]) -> npt.NDArray[Any]:
     Raises
     ------
     UnreadableFile
-        If the file is missing or holds no such image; names the file and the mend.
+        If the file is missing, holds no such image or one of more than `MAX_PIXELS`; names the
+        file and the mend.
 
     Examples
     --------
@@ -38,14 +45,15 @@ def read_image(path: str | os.PathLike[str]) -> npt.NDArray[Any]:
     ((2, 3), 'uint16')
     """
     source = Path(path)
-    try:
-        data = np.frombuffer(source.read_bytes(), dtype=np.uint8)
-    except OSError as error:
+    content = read_bytes(source)
+    size = image_size(content)
+    if size is not None and size[0] * size[1] > MAX_PIXELS:
         raise UnreadableFile(
-            f"{source} cannot be read: {error.strerror}: check the name"
-        ) from error
-    image = _decoded(data)
-    if image is None or image.dtype not in (np.uint8, np.uint16):
+            f"{source}: expected an image of at most {MAX_PIXELS / 1e6:g} megapixels, got "
+            f"{size[0]} x {size[1]} px: crop it to the laser line"
+        )
+    image = None if size is None else _decoded(np.frombuffer(content, dtype=np.uint8))
+    if image is None or image.dtype not in (np.uint8, np.uint16) or not image.size:
         raise UnreadableFile(
             f"{source} is no image of 8 or 16 bit: save it as PNG, TIFF or JPEG, and copy it "
             "anew if it is cut short"
@@ -54,8 +62,6 @@ def read_image(path: str | os.PathLike[str]) -> npt.NDArray[Any]:
 
 
 def _decoded(data: npt.NDArray[np.uint8]) -> npt.NDArray[Any] | None:
-    if not len(data):
-        return None
     try:
         image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
     except cv2.error:

@@ -5,8 +5,8 @@ import os
 import numpy as np
 import numpy.typing as npt
 
+from lsvision.files.atomic_files import write_atomic
 from lsvision.geometry import FloatArray, IntArray, Points
-from lsvision.io.atomic_files import write_atomic
 
 _VERTEX = np.dtype(
     [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("red", "u1"), ("green", "u1"), ("blue", "u1")]

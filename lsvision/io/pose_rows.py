@@ -1,16 +1,40 @@
 """Rows of numbers out of text, JSON and YAML files of poses."""
 
-import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from lsvision.errors import UnreadableFile
-from lsvision.io.robot_conventions import PoseConvention
+from lsvision.files.json_text import parse_json
+from lsvision.files.limited_reading import read_text
+from lsvision.io.pose_header import PoseHeader, read_pose_header
+from lsvision.io.pose_programs import program_rows
+from lsvision.io.profiles.unit_statements import unit_statements
+from lsvision.io.profiles.units import split_label
+from lsvision.io.robot_conventions import AngleUnit, LengthUnit, PoseConvention
+from lsvision.io.yaml_text import parse_yaml
 
 
-def pose_rows(path: Path, rule: PoseConvention, skip_columns: int) -> list[list[float]]:
+@dataclass(frozen=True)
+class PoseRows:
+    """Numbers of the poses of a file, and the units that it states.
+
+    Parameters
+    ----------
+    rows : list of list of float
+        One a pose, in the order of the convention's fields.
+    length_unit, angle_unit : str or None
+        None where the file states none.
+    """
+
+    rows: list[list[float]]
+    length_unit: LengthUnit | None = None
+    angle_unit: AngleUnit | None = None
+
+
+def pose_rows(path: Path, rule: PoseConvention, skip_columns: int) -> PoseRows:
     """Numbers of each pose in a file, in the order of the convention's fields.
 
     Parameters
@@ -27,36 +51,23 @@ def pose_rows(path: Path, rule: PoseConvention, skip_columns: int) -> list[list[
     UnreadableFile
         If the file is missing, is not what its name says, or holds other counts of numbers.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise UnreadableFile(f"{path}: want a text file of robot poses, got: {error}") from error
+    text = read_text(path)
     suffix = path.suffix.lower()
     if suffix in {".json", ".rob"}:
-        return _structured_rows(_from_json(path, text), rule, path)
+        return PoseRows(_structured_rows(_parsed(path, text, parse_json), rule, path))
     if suffix in {".yaml", ".yml"}:
-        return _structured_rows(_from_yaml(path, text), rule, path)
-    return _text_rows(path, text, rule, skip_columns)
+        return PoseRows(_structured_rows(_parsed(path, text, parse_yaml), rule, path))
+    program = program_rows(path, text, rule)
+    return _text_rows(path, text, rule, skip_columns) if program is None else PoseRows(program)
 
 
-def _from_json(path: Path, text: str) -> Any:
+def _parsed(path: Path, text: str, parse: Callable[[str], Any]) -> Any:
     try:
-        return json.loads(text)
-    except json.JSONDecodeError as error:
-        raise UnreadableFile(f"{path}: want JSON, got: {error}") from error
-
-
-def _from_yaml(path: Path, text: str) -> Any:
-    try:
-        import yaml
-    except ImportError as error:
+        return parse(text)
+    except ValueError as error:
         raise UnreadableFile(
-            f"{path}: reading YAML needs PyYAML: pip install pyyaml, or save the poses as JSON"
-        ) from error
-    try:
-        return yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise UnreadableFile(f"{path}: want YAML, got: {error}") from error
+            f"{path}: expected robot poses in {path.suffix[1:]}, got: {error}"
+        ) from None
 
 
 def _structured_rows(document: Any, rule: PoseConvention, path: Path) -> list[list[float]]:
@@ -72,7 +83,7 @@ def _structured_rows(document: Any, rule: PoseConvention, path: Path) -> list[li
         raise UnreadableFile(f"{path}: want a list of poses, got {type(document).__name__}")
     try:
         return [_flat(row, rule) for row in document]
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise UnreadableFile(f"{path}: want rows of numbers: {error}") from error
 
 
@@ -88,20 +99,48 @@ def _flat(row: Any, rule: PoseConvention) -> list[float]:
     return [float(row)]
 
 
-def _text_rows(path: Path, text: str, rule: PoseConvention, skip: int) -> list[list[float]]:
-    numbered = [(n, _cells(line)) for n, line in enumerate(text.splitlines(), 1)]
-    numbered = [(n, cells) for n, cells in numbered if cells]
-    columns: list[int] = []
-    if numbered and not any(_is_number(cell) for cell in numbered[0][1]):
-        columns = _named_columns(numbered[0][1], rule)
-        numbered = numbered[1:]
+def _text_rows(path: Path, text: str, rule: PoseConvention, skip: int) -> PoseRows:
+    lines = text.splitlines()
+    numbered = [(n, cells) for n, line in enumerate(lines, 1) if (cells := _cells(line))]
+    first = numbered[0][0] if numbered else 1
+    header = PoseHeader()
+    try:
+        if numbered and not any(_is_number(cell) for cell in numbered[0][1]):
+            header = read_pose_header(numbered[0][1], rule, skip)
+            numbered = numbered[1:]
+        elif numbered and (commented := _commented_header(lines[: first - 1], numbered[0][1])):
+            header = read_pose_header(commented, rule, skip)
+        length_unit = header.length_unit or _stated_length(lines)
+    except ValueError as error:
+        raise UnreadableFile(f"{path}: {error}") from error
     rows = []
     for number, cells in numbered:
         where = f"{path}: line {number}"
-        if len(cells) <= max(columns, default=0):
+        if len(cells) <= max(header.columns, default=0):
             raise UnreadableFile(f"{where}: want a number under each name, got {len(cells)}")
-        rows.append(_row([cells[c] for c in columns] or cells[skip:], rule, where))
-    return rows
+        rows.append(_row([cells[c] for c in header.columns] or cells[skip:], rule, where))
+    return PoseRows(rows, length_unit, header.angle_unit)
+
+
+def _commented_header(lines: Sequence[str], cells: Sequence[str]) -> list[str] | None:
+    """Names in the last comment above the numbers, where it has as many as there are cells."""
+    comments = [line.strip().lstrip("#%/ ") for line in lines if line.strip()]
+    names = _cells(comments[-1]) if comments else []
+    fields = [name for name in names if split_label(name)[0] in ("x", "y", "z")]
+    return names if len(names) == len(cells) and len(fields) == 3 else None
+
+
+def _stated_length(lines: Sequence[str]) -> LengthUnit | None:
+    """The unit that comments state of all lengths."""
+    comments = [line for line in lines if line.lstrip().startswith(("#", "%", "//"))]
+    stated = {s.unit.unit or s.unit.text for s in unit_statements(comments) if s.axis is None}
+    if not stated:
+        return None
+    if stated == {"mm"}:
+        return "mm"
+    if stated == {"m"}:
+        return "m"
+    raise ValueError(f"lengths in {', '.join(sorted(stated))}: want mm or m")
 
 
 def _row(cells: list[str], rule: PoseConvention, where: str) -> list[float]:
@@ -131,11 +170,3 @@ def _is_number(cell: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _named_columns(header: list[str], rule: PoseConvention) -> list[int]:
-    """Columns of the convention's fields; none where the header names others."""
-    names = [re.split(r"\W", cell.lower())[0] for cell in header]
-    if not all(names.count(field) == 1 for field in rule.fields):
-        return []
-    return [names.index(field) for field in rule.fields]

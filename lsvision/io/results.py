@@ -4,22 +4,28 @@ import csv
 import io
 import json
 import os
+import textwrap
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from lsvision.cylinder.robot_frame import PLACED_COVARIANCE_ORDER
 from lsvision.ellipse.section_table import SECTION_COLUMNS, section_row
-from lsvision.io.atomic_files import write_atomic
-from lsvision.results.quantities import Record
+from lsvision.files.atomic_files import write_atomic
+from lsvision.files.printable import printable_cell, printable_name
+from lsvision.results.quantities import Record, finite
 
 if TYPE_CHECKING:
     from lsvision.cylinder.robot_frame import PlacedCylinder
+    from lsvision.io.profiles import ProfileFile
     from lsvision.measure import Measurement
 
 RECORD_SCHEMA = "lsvision.measurement/1"
 """Name and version of one record."""
 FILE_SCHEMA = "lsvision.measurements/1"
 """Name and version of a JSON file of records."""
+
+FRAMES = ("base", "flange")
+"""Frames of a robot that cylinders are placed in."""
 
 
 def measurement_record(
@@ -28,6 +34,8 @@ def measurement_record(
     source: str = "",
     profile: int = 0,
     placed: "Sequence[tuple[PlacedCylinder, PlacedCylinder]] | None" = None,
+    reading: Record | None = None,
+    reason: str | None = None,
 ) -> Record:
     """Record of one profile's measurement, ready for JSON.
 
@@ -42,6 +50,10 @@ def measurement_record(
     placed : sequence of pairs of PlacedCylinder, optional
         Both cylinders of each section in the robot's frame; they become ``base_frame`` or
         ``flange_frame`` of its record.
+    reading : dict, optional
+        How the profile was read, from `input_record`; it becomes ``input`` of the record.
+    reason : str, optional
+        Why the profile holds no cylinder; left out where it holds one.
 
     Returns
     -------
@@ -53,7 +65,45 @@ def measurement_record(
     if placed is not None:
         for record, twins in zip(found["cylinders"], placed, strict=True):
             record[f"{twins[0].frame}_frame"] = _placed_record(twins)
-    return {"schema": RECORD_SCHEMA, "source": source, "profile": profile, **found}
+    record = {
+        "schema": RECORD_SCHEMA,
+        "source": source,
+        "profile": profile,
+        **({} if reading is None else {"input": reading}),
+        **found,
+    }
+    if not found["cylinders"] and reason is not None:
+        record["reason"] = reason
+    return record
+
+
+def input_record(file: "ProfileFile", profile: int) -> Record:
+    """How a profile of a file was read: reader, units, lost points, what the file says of it.
+
+    Parameters
+    ----------
+    file : ProfileFile
+        The file.
+    profile : int
+        Place of the profile in it, from 0.
+    """
+    record: Record = {
+        "reader": file.reader,
+        "units": file.units,
+        "units_assumed": file.units_assumed,
+        "heights_turned": file.flipped,
+        "lost_points": file.profiles[profile].lost,
+        "lost_markers": [
+            {"value": marker.text, "points_of_file": marker.count, "guessed": marker.guessed}
+            for marker in file.markers
+        ],
+    }
+    if file.attributes:
+        record["attributes"] = {
+            name: finite(value) if isinstance(value, float) else value
+            for name, value in file.attributes[profile].items()
+        }
+    return record
 
 
 def write_json(path: str | os.PathLike[str], records: Sequence[Record]) -> None:
@@ -64,33 +114,116 @@ def write_json(path: str | os.PathLike[str], records: Sequence[Record]) -> None:
     UnwritableFile
         If the file cannot be written.
     """
-    document = {"schema": FILE_SCHEMA, "measurements": list(records)}
-    write_atomic(path, json.dumps(document, indent=2, allow_nan=False) + "\n")
+    text = JsonText()
+    write_atomic(path, text.head + "".join(map(text.item, records)) + text.tail)
 
 
 def write_csv(path: str | os.PathLike[str], records: Sequence[Record]) -> None:
-    """Write the cylinders of records to one CSV file, a cylinder a row, whole or not at all.
-
-    Intervals become two columns, ``*_low_*`` and ``*_high_*``; in the robot's frame the point and
-    both directions have theirs. Rejections, covariances and the indices of points are left to
-    JSON; a profile without a cylinder has no row.
+    """Write records to one CSV file, a cylinder a row, whole or not at all; see `CsvText`.
 
     Raises
     ------
     UnwritableFile
         If the file cannot be written.
     """
-    text = io.StringIO()
-    rows = [
-        _csv_row(record, place, cylinder)
-        for record in records
-        for place, cylinder in enumerate(record["cylinders"])
-    ]
-    columns = rows[0] if rows else ("source", "profile", "cylinder", *SECTION_COLUMNS)
-    writer = csv.DictWriter(text, columns, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    write_atomic(path, text.getvalue())
+    cylinders = [cylinder for record in records for cylinder in record["cylinders"]]
+    frames = [f for f in FRAMES if any(f"{f}_frame" in cylinder for cylinder in cylinders)]
+    text = CsvText(next(iter(frames), None))
+    text.prepare(records)
+    write_atomic(path, text.head + "".join(map(text.item, records)) + text.tail)
+
+
+class JsonText:
+    """Pieces of a JSON document of records, one after the other."""
+
+    head = f'{{\n  "schema": {json.dumps(FILE_SCHEMA)},\n  "measurements": ['
+    tail = "\n  ]\n}\n"
+
+    def __init__(self) -> None:
+        self._separator = "\n"
+
+    def prepare(self, records: Sequence[Record]) -> bool:  # noqa: ARG002 - any record fits
+        """False: nothing that was written changes."""
+        return False
+
+    def item(self, record: Record) -> str:
+        """The next record."""
+        separator, self._separator = self._separator, ",\n"
+        text = json.dumps(record, indent=2, allow_nan=False)
+        return separator + textwrap.indent(text, "    ")
+
+    def rewritten(self, piece: str, head: str) -> str:  # noqa: ARG002 - there is one head
+        """The piece, whose form never changes."""
+        return piece
+
+
+CSV_COLUMNS = ("source", "profile", "cylinder", *SECTION_COLUMNS)
+"""Columns of every row; those of the robot's frame, of the file and the reason follow."""
+
+
+class CsvText:
+    """Lines of a CSV table of records, one after the other.
+
+    A cylinder is a row; a profile without one is a row with the reason and empty numbers.
+    Intervals are two columns, ``*_low_*`` and ``*_high_*``; in the robot's frame the point and
+    both directions have theirs. What the file says of a profile (its attributes) stands before the
+    reason. Rejections, covariances and the indices of points are left to JSON.
+
+    Parameters
+    ----------
+    frame : {"base", "flange"}, optional
+        The robot's frame that the cylinders are placed in.
+    """
+
+    tail = ""
+
+    def __init__(self, frame: str | None = None) -> None:
+        self._fixed = [*CSV_COLUMNS, *([] if frame is None else _placed_columns(frame))]
+        self._attributes: dict[str, str] = {}
+
+    @property
+    def head(self) -> str:
+        """The line of names."""
+        return self._lines([dict(zip(self._columns, self._columns, strict=True))])
+
+    def prepare(self, records: Sequence[Record]) -> bool:
+        """Give each attribute of the records a column; True if one is new, and the head other.
+
+        Attributes without a column are left out of the rows.
+        """
+        before = len(self._attributes)
+        taken = {*self._fixed, "reason"}
+        for record in records:
+            for name in _attributes(record):
+                column = printable_name(name)
+                self._attributes.setdefault(name, column + "_in_file" * (column in taken))
+        return len(self._attributes) > before
+
+    def item(self, record: Record) -> str:
+        """Rows of the next record."""
+        rows = [_csv_row(record, k, each) for k, each in enumerate(record["cylinders"])]
+        if not rows:
+            place = {"source": record["source"], "profile": record["profile"]}
+            rows = [place | {"reason": record.get("reason", "")}]
+        said = {
+            self._attributes[name]: value
+            for name, value in _attributes(record).items()
+            if name in self._attributes
+        }
+        return self._lines([row | said for row in rows])
+
+    def rewritten(self, piece: str, head: str) -> str:
+        """Rows that were written under another head, as they stand under the present one."""
+        return self._lines(list(csv.DictReader(io.StringIO(head + piece, newline=""))))
+
+    @property
+    def _columns(self) -> list[str]:
+        return [*self._fixed, *self._attributes.values(), "reason"]
+
+    def _lines(self, rows: Sequence[Record]) -> str:
+        text = io.StringIO()
+        csv.DictWriter(text, self._columns, lineterminator="\n").writerows(rows)
+        return text.getvalue()
 
 
 def _placed_record(twins: "tuple[PlacedCylinder, PlacedCylinder]") -> Record:
@@ -107,10 +240,31 @@ def _placed_record(twins: "tuple[PlacedCylinder, PlacedCylinder]") -> Record:
 def _csv_row(record: Record, place: int, cylinder: Record) -> Record:
     row: Record = {"source": record["source"], "profile": record["profile"], "cylinder": place}
     row |= section_row(cylinder)
-    for frame in ("base", "flange"):
+    for frame in FRAMES:
         if f"{frame}_frame" in cylinder:
             row |= _placed_row(frame, cylinder[f"{frame}_frame"])
     return row
+
+
+def _attributes(record: Record) -> dict[str, Any]:
+    """What the file says of a profile; texts are no formulas to a spreadsheet."""
+    said: dict[str, Any] = record.get("input", {}).get("attributes", {})
+    return {
+        name: printable_cell(value) if isinstance(value, str) else value
+        for name, value in said.items()
+    }
+
+
+def _placed_columns(frame: str) -> list[str]:
+    numbers = [0.0, 0.0, 0.0]
+    twin = {"direction": numbers, "direction_std_deg": 0.0}
+    empty = {
+        "point_mm": numbers,
+        "point_std_mm": numbers,
+        "twins": [twin, twin],
+        "includes_calibration": False,
+    }
+    return list(_placed_row(frame, empty))
 
 
 def _placed_row(frame: str, placed: Mapping[str, Any]) -> Record:

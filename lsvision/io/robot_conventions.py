@@ -23,6 +23,9 @@ RAD_PER_UNIT: dict[str, float] = {"deg": math.pi / 180, "rad": 1.0}
 UNIT_QUATERNION = 1e-3
 """Largest departure of a quaternion's norm from 1: files carry as few as four digits."""
 
+MAX_NUMBER = 1e9
+"""Largest number of a pose: no position or angle, and its square still has a meaning."""
+
 ORTHONORMAL = 1e-3
 """Largest entry of R'R - I in a written matrix, made orthonormal on the way in."""
 
@@ -138,6 +141,8 @@ def pose_from_numbers(
         )
     if not np.isfinite(values).all():
         raise ValueError(f"want finite numbers, got {values}")
+    if np.abs(values).max() > MAX_NUMBER:
+        raise ValueError(f"want numbers up to {MAX_NUMBER:g}, got {values}")
     mm = MM_PER_UNIT[length_unit or rule.length_unit]
     if rule.rotation == "matrix":
         return _pose_from_matrix(values.reshape(4, 4), mm)

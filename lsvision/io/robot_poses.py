@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import glob
+import re
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +21,8 @@ from lsvision.io.robot_conventions import (
     convention_named,
     pose_from_numbers,
 )
+
+_Unit = TypeVar("_Unit", LengthUnit, AngleUnit)
 
 REACH_MM = 20_000.0
 """No flange stands further from its base; millimetres read as metres do."""
@@ -44,7 +49,9 @@ def read_robot_poses(
     is a list (nested as in ``[[x, y, z], [qx, qy, qz, qw]]`` or a 4x4) or a mapping with the
     convention's field names. In text: separated by commas, blanks, tabs or semicolons (then
     with a decimal comma if the file has one), brackets ignored, ``#`` begins a comment, one
-    header line allowed; with a header that names all fields, columns are taken by name.
+    header line allowed; with a header that names all fields, columns are taken by name and
+    units as stated. Positions of KUKA (``E6POS``, ``FRAME``) and FANUC (``.ls``) programs are
+    read from their text. A folder or a pattern names one file a pose.
 
     Parameters
     ----------
@@ -78,10 +85,18 @@ def read_robot_poses(
     (6, (3,))
     """
     rule = convention_named(convention)
-    path = Path(path)
-    rows = pose_rows(path, rule, skip_columns)
+    files = pose_files(path)
+    parts = [pose_rows(file, rule, skip_columns) for file in files]
+    for file, part in zip(files, parts, strict=True):
+        if len(files) > 1 and len(part.rows) != 1:
+            raise UnreadableFile(
+                f"{file}: want one pose in each of {len(files)} files, got {len(part.rows)}"
+            )
+    rows = [row for part in parts for row in part.rows]
     if not rows:
         raise UnreadableFile(f"{path}: want one pose a row, got no row with numbers")
+    length_unit = length_unit or _one_unit(path, [part.length_unit for part in parts])
+    angle_unit = angle_unit or _one_unit(path, [part.angle_unit for part in parts])
     poses = []
     for number, row in enumerate(rows, start=1):
         try:
@@ -98,6 +113,39 @@ def read_robot_poses(
         if complaint:
             raise UnreadableFile(f"{path}: {complaint}")
     return poses
+
+
+def pose_files(path: str | Path) -> list[Path]:
+    """The files that a path, a folder or a pattern names, 2 before 10.
+
+    Raises
+    ------
+    UnreadableFile
+        If a folder or a pattern names none.
+    """
+    place = Path(path)
+    if place.is_dir():
+        found = [file for file in place.iterdir() if not file.name.startswith(".")]
+    elif place.exists() or not glob.has_magic(str(path)):
+        return [place]
+    else:
+        found = [Path(match) for match in glob.glob(str(path), recursive=True)]  # noqa: PTH207 - absolute patterns
+    files = [file for file in found if file.is_file()]
+    if not files:
+        raise UnreadableFile(f"{path}: no file of poses there: check it with ls")
+    return sorted(files, key=_natural_order)
+
+
+def _natural_order(path: Path) -> list[tuple[bool, int, str]]:
+    parts = re.split(r"([0-9]+)", str(path))
+    return [(part.isdigit(), int(part) if part.isdigit() else 0, part) for part in parts if part]
+
+
+def _one_unit(path: str | Path, units: Sequence[_Unit | None]) -> _Unit | None:
+    known = set(units)
+    if len(known) > 1:
+        raise UnreadableFile(f"{path}: its files state different units: want the same in all")
+    return units[0]
 
 
 def encoder_poses(

@@ -5,7 +5,7 @@ import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from lsvision.io.atomic_files import write_atomic
+from lsvision.files.atomic_files import write_atomic
 from lsvision.results.quantities import Record
 
 if TYPE_CHECKING:
@@ -16,7 +16,10 @@ SCAN_SCHEMA = "lsvision.scan/1"
 
 
 def scan_record(
-    scan: "ScanMeasurement", shapes: "Sequence[TubeShape | None]", sources: Sequence[str] = ()
+    scan: "ScanMeasurement",
+    shapes: "Sequence[TubeShape | None]",
+    sources: Sequence[str] = (),
+    inputs: Sequence[Record] = (),
 ) -> Record:
     """Record of a scan, ready for JSON.
 
@@ -28,6 +31,8 @@ def scan_record(
         Of each cylinder; None where it has too few sections.
     sources : sequence of str
         Name of each profile's file.
+    inputs : sequence of dict
+        How each profile was read, from `lsvision.io.results.input_record`.
 
     Returns
     -------
@@ -39,7 +44,7 @@ def scan_record(
     for record, shape in zip(found["cylinders"], shapes, strict=True):
         record["shape"] = None if shape is None else shape.to_dict()
     head = {"schema": SCAN_SCHEMA, "frame": found["frame"], "sources": list(sources)}
-    return head | found
+    return head | ({"inputs": list(inputs)} if inputs else {}) | found
 
 
 def write_scan_json(path: str | os.PathLike[str], record: Record) -> None:
@@ -50,4 +55,9 @@ def write_scan_json(path: str | os.PathLike[str], record: Record) -> None:
     UnwritableFile
         If the file cannot be written.
     """
-    write_atomic(path, json.dumps(record, indent=2, allow_nan=False) + "\n")
+    write_atomic(path, scan_json(record))
+
+
+def scan_json(record: Record) -> str:
+    """A scan's record as JSON text."""
+    return json.dumps(record, indent=2, allow_nan=False) + "\n"

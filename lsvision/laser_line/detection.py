@@ -154,6 +154,12 @@ def find_line(image: LineImage, settings: LineSettings) -> DetectedLine:
             )
         reasons.append(reason or f"the ridge is {width:.0f} px wide (one sigma), a band of light")
     rows, columns = image.signal.shape
+    if not reasons:
+        raise NoLaserLine(
+            f"the image is {rows} px across the laser line and needs "
+            f"{4 * math.ceil(3 * settings.sigma)} px: take a taller part of it, or give a smaller "
+            "sigma"
+        )
     raise NoLaserLine(
         f"no laser line runs through the {columns} x {rows} px: {reasons[0]}; darken the room or "
         "give a laser_off frame, expose until the line stands out, set channel to the laser's "

@@ -9,6 +9,8 @@ import numpy.typing as npt
 Image = npt.NDArray[Any]
 MIN_SIZE_PX = 16
 """Least height and width. Units: px."""
+MAX_LEVEL = 1e30
+"""Largest number of a float image, which is kept in single precision."""
 
 
 def as_image(image: npt.ArrayLike, name: str = "image") -> Image:
@@ -67,8 +69,11 @@ way, got (480, 640, 4): leave transparency out, image[..., :3]
         )
     if array.dtype.kind != "f":
         return np.ascontiguousarray(array)
-    if not np.isfinite(array).all():
-        raise ValueError(f"expected finite numbers in a float {name}, got NaN or infinity")
+    if not (np.abs(array) <= MAX_LEVEL).all():
+        raise ValueError(
+            f"expected finite numbers up to {MAX_LEVEL:g} in a float {name}, got NaN, infinity or "
+            "more"
+        )
     return np.ascontiguousarray(array, dtype=np.float32)
 
 

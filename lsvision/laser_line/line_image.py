@@ -22,8 +22,6 @@ CHANNEL_WEIGHTS: dict[str, tuple[float, float, float]] = {
 the other two, which is zero on grey surroundings."""
 FULL_SCALES = (1023, 4095, 16383, 65535)
 """Full scales of 10, 12, 14 and 16 bit. Units: DN."""
-MIN_SIZE_PX = 16
-"""Smallest height and width of an image. Units: px."""
 
 
 @dataclass(frozen=True, eq=False)

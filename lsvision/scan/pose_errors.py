@@ -15,6 +15,12 @@ from lsvision.cylinder.robot_frame import SectionMount, rigid_motion_jacobian, r
 from lsvision.geometry import FloatArray, Pose, tangent_frame
 from lsvision.scan.cloud import ScanCloud
 
+MAX_POSE_STD_MM = 1e3
+"""Largest standard uncertainty of a pose: beyond a metre it says nothing. Units: mm."""
+MAX_FEED_STD = 1.0
+"""Largest standard uncertainty of the feed's direction, for which small angles still hold some.
+Units: rad."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PoseErrors:
@@ -40,10 +46,10 @@ class PoseErrors:
     calibration: SectionMount | None = None
 
     def __post_init__(self) -> None:
-        for name in ("pose_std", "feed_std"):
+        for name, largest in (("pose_std", MAX_POSE_STD_MM), ("feed_std", MAX_FEED_STD)):
             value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0):
-                raise ValueError(f"expected {name} >= 0, got {value}")
+            if not 0 <= value <= largest:
+                raise ValueError(f"expected {name} from 0 to {largest:g}, got {value}")
 
     @property
     def is_zero(self) -> bool:

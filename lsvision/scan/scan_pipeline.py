@@ -13,6 +13,7 @@ from lsvision.cylinder.robot_frame import SectionMount
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.geometry import Pose
 from lsvision.geometry.arguments import as_number_or_pair
+from lsvision.geometry.arrays import require_coordinates
 from lsvision.geometry.pose import as_poses
 from lsvision.geometry.settings_repr import ShowsChanges
 from lsvision.measure import Measurement, Settings, measure_cylinders
@@ -29,6 +30,7 @@ from lsvision.scan.pose_errors import (
 from lsvision.scan.scan_result import ScanMeasurement, ScannedCylinder
 from lsvision.scan.tracks import TrackSettings, associate_arcs, transform_arc_to_base
 from lsvision.sensors.profile_sensor import as_noise_model
+from lsvision.statistics.numerical_failures import refuse_numerical_failure, require_finite
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -118,11 +120,14 @@ def measure_scan(  # noqa: PLR0913 - the options of `measure_cylinders`, the pos
     Raises
     ------
     ValueError
-        If the numbers of poses and profiles differ, or are zero, or a matrix is not a rigid motion.
+        If the numbers of poses and profiles differ, or are zero, a matrix is not a rigid motion, or
+        a pose is farther than 1e9 mm.
     TypeError
         If one is not a profile or not a pose.
     DegenerateGeometry
         If all sections lie in one plane: identical poses, or a feed along the laser plane.
+    FitFailed
+        If numbers overflow: poses, standard uncertainties or points of impossible size.
 
     Notes
     -----
@@ -219,11 +224,14 @@ def fit_sections_jointly(  # noqa: PLR0913 - the measurements and the options of
         for section, measurement in enumerate(measurements)
         for arc in measurement.cylinders
     ]
-    tracks = associate_arcs(observations, settings.tracks)
-    cloud = build_cloud(profiles, poses, sensor)
     prior = _radius_prior(known_radius)
-    joint_fits, rejections = fit_tracks(cloud, tracks, prior, settings.joint_fit)
-    cylinders = [build_scanned_cylinder(joint_fit, pose_errors) for joint_fit in joint_fits]
+    with refuse_numerical_failure("a cylinder"):
+        tracks = associate_arcs(observations, settings.tracks)
+        cloud = build_cloud(profiles, poses, sensor)
+        joint_fits, rejections = fit_tracks(cloud, tracks, prior, settings.joint_fit)
+        cylinders = [build_scanned_cylinder(joint_fit, pose_errors) for joint_fit in joint_fits]
+    for cylinder in cylinders:
+        require_finite("a cylinder", cylinder.point, cylinder.radius, cylinder.covariance)
     return ScanMeasurement(sort_cylinders(cylinders, poses), tuple(rejections), tuple(measurements))
 
 
@@ -245,6 +253,8 @@ def validate_poses(
             f"expected one pose for each profile, at least one, got {len(profiles)} profiles and "
             f"{len(poses)} poses"
         )
+    for pose in poses:
+        require_coordinates(pose.translation)
     require_noncoplanar_sections(poses)
     return poses
 

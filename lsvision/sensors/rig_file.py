@@ -6,16 +6,38 @@ Part of this package and not of ``io`` because `LightSection` has methods to sav
 import json
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from lsvision.errors import LsvisionError, UnreadableFile, UnwritableFile
+import numpy as np
+
+from lsvision.errors import LsvisionError, UnreadableFile
+from lsvision.files.atomic_files import write_atomic
+from lsvision.files.json_text import parse_json
+from lsvision.files.limited_reading import read_bytes
 from lsvision.geometry import Plane
 from lsvision.sensors.camera import Camera
 
 SCHEMA = "lsvision/light-section/1"
 UNITS = {"length": "mm", "pixel": "px", "angle": "rad"}
+MAX_SIZE_PX = 1 << 20
+"""Largest side of an image, the limit of OpenCV's decoders. Units: px."""
+MAX_LINE_BLUR_PX = 1e3
+"""Largest blur of a laser line that a rig file may state. Units: px."""
+MIN_FOCAL_LENGTH_PX = 1e-3
+"""Shortest focal length that a camera file may state. Units: px."""
+MAX_VALUE = 1e9
+"""Largest number of a camera file: beyond it products overflow, and no lens has such a value."""
+
+_DAMAGED = (
+    KeyError,
+    TypeError,
+    ValueError,
+    AttributeError,
+    OverflowError,
+    LsvisionError,
+)
 
 
 def camera_as_json(camera: Camera) -> dict[str, Any]:
@@ -35,8 +57,20 @@ def camera_from_json(values: Mapping[str, Any]) -> Camera:
     KeyError, TypeError, ValueError
         If a key is missing or a value has another type or shape.
     """
-    width, height = values["size"]
-    return Camera(values["matrix"], values["distortion"], (width, height))
+    width, height = (int(length) for length in values["size"])
+    if not (0 < width <= MAX_SIZE_PX and 0 < height <= MAX_SIZE_PX):
+        raise ValueError(f"expected a size of 1 to {MAX_SIZE_PX} px, got {width} x {height}")
+    camera = Camera(values["matrix"], values["distortion"], (width, height))
+    if not (
+        np.abs(camera.matrix).max() <= MAX_VALUE
+        and np.abs(camera.distortion).max(initial=0.0) <= MAX_VALUE
+        and camera.focal_length >= MIN_FOCAL_LENGTH_PX
+    ):
+        raise ValueError(
+            f"expected a focal length of at least {MIN_FOCAL_LENGTH_PX:g} px and no number above "
+            f"{MAX_VALUE:g}, got matrix {camera.matrix.tolist()}"
+        )
+    return camera
 
 
 def plane_as_json(plane: Plane) -> dict[str, Any]:
@@ -52,7 +86,10 @@ def plane_from_json(values: Mapping[str, Any]) -> Plane:
     KeyError, TypeError, ValueError
         If a key is missing or a value has another type or shape.
     """
-    return Plane(values["normal"], values["distance"])
+    plane = Plane(values["normal"], values["distance"])
+    if not abs(plane.distance) <= MAX_VALUE:
+        raise ValueError(f"expected a plane within {MAX_VALUE:g} mm, got {plane.distance:g} mm")
+    return plane
 
 
 def json_text(schema: str, values: Mapping[str, Any]) -> str:
@@ -75,16 +112,33 @@ def read_json(path: str | os.PathLike[str], schema: str) -> dict[str, Any]:
     UnreadableFile
         If the file is missing, is no JSON, or has another schema or other units.
     """
-    source = Path(path)
+    text = read_bytes(path).decode("utf-8-sig", "replace")  # an image is no JSON, not no text
+    return parse_document(text, Path(path), (schema,))
+
+
+def parse_document(text: str, source: Path, schemas: Sequence[str]) -> dict[str, Any]:
+    """Values of a JSON text of one of several schemas; see `read_json`.
+
+    Parameters
+    ----------
+    text : str
+        The whole text.
+    source : Path
+        What the message calls it.
+    schemas : sequence of str
+        Names of the schemas that are accepted.
+    """
     try:
-        values = json.loads(source.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise UnreadableFile(f"{source} cannot be read: {error.strerror}") from error
+        values = parse_json(text)
     except ValueError as error:
-        raise UnreadableFile(f"{source} is no JSON ({error}): expected a {schema} file") from error
+        raise UnreadableFile(
+            f"{source} is no JSON ({error}): expected a {schemas[-1]} file"
+        ) from error
     got = values.get("schema") if isinstance(values, dict) else None
-    if got != schema:
-        raise UnreadableFile(f"{source} has schema {got!r} and needs {schema!r}: calibrate again")
+    if got not in schemas:
+        raise UnreadableFile(
+            f"{source} has schema {got!r} and needs {schemas[-1]!r}: calibrate again"
+        )
     if values.get("units") != UNITS:
         raise UnreadableFile(
             f"{source} has units {values.get('units')} and needs {UNITS}: convert its numbers"
@@ -115,17 +169,7 @@ def write_rig(
             "provenance": dict(provenance),
         },
     )
-    target = Path(path)
-    temporary = target.with_name(f".{target.name}.part")
-    try:
-        temporary.write_text(text, encoding="utf-8")
-        temporary.replace(target)
-    except OSError as error:
-        temporary.unlink(missing_ok=True)
-        raise UnwritableFile(
-            f"{target} cannot be written ({error.strerror}): name an existing folder that "
-            "you may write to"
-        ) from error
+    write_atomic(path, text)
 
 
 def read_rig(path: str | os.PathLike[str]) -> tuple[Camera, Plane, dict[str, str], float]:
@@ -142,9 +186,9 @@ def read_rig(path: str | os.PathLike[str]) -> tuple[Camera, Plane, dict[str, str
         plane = plane_from_json(values["laser_plane"])
         provenance = {str(key): str(text) for key, text in values["provenance"].items()}
         blur = float(values.get("line_blur_px", 0.0))
-        if not (math.isfinite(blur) and blur >= 0):
-            raise ValueError(f"expected line_blur_px >= 0, got {blur}")
-    except (KeyError, TypeError, ValueError, AttributeError, LsvisionError) as error:
+        if not (math.isfinite(blur) and 0 <= blur <= MAX_LINE_BLUR_PX):
+            raise ValueError(f"expected line_blur_px from 0 to {MAX_LINE_BLUR_PX:g}, got {blur}")
+    except _DAMAGED as error:
         problem = f"lacks {error}" if isinstance(error, KeyError) else f"is damaged: {error}"
         raise UnreadableFile(f"{path} {problem}; save the light section again") from error
     return camera, plane, provenance, blur

@@ -55,6 +55,16 @@ def test_slip_in_the_words_is_a_usage_error(run, words):
     assert "Traceback" not in result.output
 
 
+@pytest.mark.parametrize(
+    "words", [["\x1b[31m"], ["measure", "--\x1b[31m"], ["plan", "--radius", "9", "\x1b[31m"]]
+)
+def test_words_that_are_no_text_are_shown_with_escapes(run, words):
+    result = run(*words)
+    assert result.exit_code == 2
+    assert "\x1b" not in result.output
+    assert r"\x1b[31m" in result.output
+
+
 def test_failure_is_one_line_and_exit_code_1():
     result = shell("simulate", "single", "--out", "/nowhere/at/all")
     assert result.returncode == 1
@@ -92,7 +102,7 @@ def test_name_that_is_no_text_is_shown_with_escapes(tmp_path):
     )
     result = shell(code=code)
     assert result.returncode == 1
-    assert result.stderr == "lsvision: \\udcff.csv: no such file: check the name\n"
+    assert result.stderr == "lsvision: \\xff.csv: no such file: check the name\n"
 
 
 def test_units_that_are_stated_are_not_doubted(tmp_path):

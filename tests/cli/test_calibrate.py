@@ -151,7 +151,7 @@ def test_what_does_not_exist_is_named(run, boards, out, tmp_path):
         run("calibrate", "camera", empty, "--out", out), out
     )
     words = ("laser-plane", "--boards", boards, "--lines", boards, "--camera", missing)
-    assert "missing.png cannot be read" in refused(run("calibrate", *words, "--out", out), out)
+    assert "missing.png: no such file" in refused(run("calibrate", *words, "--out", out), out)
 
 
 def test_laser_plane_wants_a_line_image_for_each_board(run, boards, camera_json, out):
@@ -234,7 +234,7 @@ def test_sphere_gives_files_for_scan_and_ros(run, out, tmp_path):
 
 def test_wrong_convention_is_refused_and_nothing_written(run, out):
     told = refused(run(*sphere_words(out, convention="fanuc")), out)
-    assert "convention or unit another one than said" in told
+    assert "not w p r of convention 'fanuc'" in told
     assert "want --convention ur, kuka" in refused(
         run(*sphere_words(out, convention="kukka")), out, 2
     )

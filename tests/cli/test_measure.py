@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
+import cv2
 import numpy as np
 import pytest
 
@@ -43,8 +44,8 @@ def test_theta_of_a_circle_is_not_determinable(run, rows, written, pipe):
 
 def test_verbose_lists_the_refused_arcs_with_their_reasons(run):
     quiet = run("measure", REPOSITORY / "fixtures" / "empty.csv")
-    assert "no cylinder found (" in quiet.stdout
-    assert "-v says why" in quiet.stdout
+    assert "no cylinder found: flat: " in quiet.stdout
+    assert "-v lists them" in quiet.stdout
     told = run("measure", REPOSITORY / "fixtures" / "empty.csv", "-v").stdout
     spans = [line.strip() for line in told.splitlines() if line.strip().startswith("points ")]
     starts = [int(line.split()[1]) for line in spans]
@@ -216,3 +217,56 @@ def test_progress_bar_shows_on_a_terminal_only(written, pipe, tmp_path):
     assert b"0/2 " not in done.stdout
     piped = subprocess.run(command, cwd=REPOSITORY, capture_output=True, timeout=60, check=True)
     assert piped.stderr == b""
+
+
+def test_how_a_profile_was_read_stands_in_the_json(run, pipe, tmp_path):
+    rows = [f"{x:.3f},{z:.3f},P7,{k}" for k, (x, z) in enumerate(pipe.tolist())]
+    rows[::6] = [f"{row.split(',')[0]},-9999,P7,0" for row in rows[::6]]
+    path = tmp_path / "p.csv"
+    path.write_text("x,z,part,grey\n" + "\n".join(rows))
+    out = tmp_path / "out.json"
+    result = run("measure", path, "--json", out, "--csv", tmp_path / "out.csv", "-v")
+    assert result.exit_code == 0, result.output
+    assert "p.csv: text, mm (assumed), 1 profile, 27 of 160 points lost (27 by -9999)" in (
+        result.stdout
+    )
+    assert "columns not used: grey" in result.stdout
+    (record,) = json.loads(out.read_text())["measurements"]
+    assert record["input"] == {
+        "reader": "text",
+        "units": "mm",
+        "units_assumed": True,
+        "heights_turned": False,
+        "lost_points": 27,
+        "lost_markers": [{"value": "-9999", "points_of_file": 27, "guessed": True}],
+        "attributes": {"part": "P7"},
+    }
+    assert (tmp_path / "out.csv").read_text().splitlines()[1].endswith(",P7")
+
+
+def test_units_with_a_scale_and_a_marker_can_be_given(run, rows, pipe, tmp_path):
+    path = tmp_path / "p.csv"
+    lines = [f"{10 * x:.2f};{10 * z:.2f}" for x, z in pipe.tolist()]
+    lines[::9] = ["12.0;-77" for _ in lines[::9]]
+    path.write_text("\n".join(lines))
+    result = run("measure", path, "--units", "0.1mm", "--lost", "-77")
+    assert result.exit_code == 0, result.output
+    assert "text, 0.1 mm, 1 profile, 18 of 160 points lost (18 by -77)" in result.stdout
+    ((_, cell, *_),) = rows(result)
+    radius, sigma = map(float, cell.split(" ± "))
+    assert abs(radius - 19) < 5 * sigma
+    assert run("measure", path, "--units", "furlong").exit_code == 2
+
+
+def test_a_height_map_is_measured_with_its_spacing(run, rows, tmp_path):
+    x = -30 + 0.25 * np.arange(240)
+    heights = -300 + np.sqrt(np.maximum(19.0**2 - x**2, 0))
+    heights += np.random.default_rng(3).normal(0, 0.03, heights.shape)
+    counts = np.where(np.abs(x) > 17, 0, np.round((heights + 400) / 0.005)).astype("u2")
+    path = tmp_path / "map.tif"
+    cv2.imwrite(str(path), np.stack([counts, counts]))
+    result = run("measure", path, "--x0", -30, "--dx", 0.25, "--z-unit", "5um")
+    assert result.exit_code == 0, result.output
+    assert [abs(float(cells[1].split(" ± ")[0]) - 19) < 0.2 for cells in rows(result)] == [True] * 2
+    assert "height-map" in result.stdout
+    assert "--light-section" in run("measure", path).stderr

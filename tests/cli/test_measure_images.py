@@ -188,7 +188,7 @@ def test_what_is_no_image_is_refused(run, tmp_path):
         run("measure", tmp_path / "text.png", *RIG)
     )
     assert "holds no frame" in refusal(run("measure", tmp_path / "text.mp4", *RIG))
-    assert "gone.png cannot be read" in refusal(run("measure", tmp_path / "gone.png", *RIG))
+    assert "gone.png: no such file" in refusal(run("measure", tmp_path / "gone.png", *RIG))
 
 
 def test_a_laser_off_frame_that_does_not_fit_is_refused(run, single, tmp_path):

@@ -158,7 +158,7 @@ def rig_file(folder):
             "standing.json: expected a calibration of a section eye_in_hand, got one of a",
         ),
         (rig_file, "rig.json: want schema 'lsvision/hand-eye/1', got None: is it another file?"),
-        (lambda folder: folder / "none.json", "none.json: want a hand-eye file"),
+        (lambda folder: folder / "none.json", "none.json: no such file: check the name"),
     ],
     ids=["camera", "standing", "schema", "missing"],
 )

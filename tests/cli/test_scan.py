@@ -1,6 +1,8 @@
 """``lsvision scan``: from files to numbers, pictures and clouds; and what it refuses."""
 
+import csv
 import json
+import re
 import sys
 from pathlib import Path
 
@@ -113,3 +115,55 @@ def test_a_pose_file_in_another_convention_is_refused(run, tmp_path) -> None:
     told = run(PAIR, "--poses", poses, "--convention", "ur")
     assert told.exit_code == 1
     assert "m" in told.stderr
+
+
+def test_the_csv_holds_intervals_phi_and_theta(run, tmp_path) -> None:
+    path = tmp_path / "a.csv"
+    assert run(PAIR, *MOTION, "--csv", path).exit_code == 0
+    rows = list(csv.DictReader(path.read_text().splitlines()))
+    assert [round(float(row["radius_mm"])) for row in rows] == [19, 15]
+    for row in rows:
+        for name in ("radius", "point_x", "phi"):
+            unit = "deg" if name == "phi" else "mm"
+            value, low, high = (
+                float(row[f"{name}{part}_{unit}"]) for part in ("", "_low_95", "_high_95")
+            )
+            assert low <= value <= high
+        direction = np.array([float(row[f"direction_{axis}"]) for axis in "xyz"])
+        phi, theta = np.radians(float(row["phi_deg"])), np.radians(float(row["theta_deg"]))
+        expected = [np.sin(phi) * np.cos(theta), np.sin(phi) * np.sin(theta), np.cos(phi)]
+        signs = {-1.0, 1.0}
+        assert any(
+            np.allclose(direction, np.array(expected) * [s, s, t], atol=1e-6)
+            for s in signs
+            for t in signs
+        )
+
+
+def test_a_matrix_of_heights_is_a_scan(run, tmp_path) -> None:
+    x = -30 + 0.25 * np.arange(240)
+    rng = np.random.default_rng(3)
+    heights = -300 + np.sqrt(np.maximum(19.0**2 - x**2, 0)) + rng.normal(0, 0.03, (12, 240))
+    heights[:, np.abs(x) > 17] = np.nan
+    np.save(tmp_path / "rows.npy", heights)
+    out = tmp_path / "out.json"
+    found = run(tmp_path / "rows.npy", *MOTION, "--x0", -30, "--dx", 0.25, "--json", out)
+    assert found.exit_code == 0, found.output
+    assert "12 profiles" in found.stdout
+    (radius,) = re.findall(r"(?m)^1 +([0-9.]+) ±", found.stdout)
+    assert abs(float(radius) - 19) < 0.05
+    assert "units taken as mm" in found.stderr
+    inputs = json.loads(out.read_text())["inputs"]
+    assert [record["units_assumed"] for record in inputs] == [True] * 12
+    refused = run(tmp_path / "rows.npy", *MOTION)
+    assert refused.exit_code == 1
+    assert "--x0 and --dx" in refused.stderr
+
+
+def test_a_unit_that_cannot_be_mm_is_refused_in_a_scan_too(run, tmp_path) -> None:
+    for number in range(2):
+        points = np.loadtxt(sorted(PAIR.glob("*.csv"))[number], delimiter=",", comments=["#", "x"])
+        np.savetxt(tmp_path / f"{number}.csv", points[:, [0, -1]] * 1000, delimiter=",")
+    refused = run(tmp_path, *MOTION)
+    assert refused.exit_code == 1
+    assert "--units um, or --units mm if it is right" in refused.stderr

@@ -114,3 +114,47 @@ def test_nothing_is_left_behind_where_nothing_can_be_written(tmp_path):
     with pytest.raises(UnwritableFile, match="nowhere"):
         save_hand_eye(hand_eye(), tmp_path / "nowhere" / "h.json")
     assert list(tmp_path.iterdir()) == []
+
+
+def changed(document, path, value):
+    *parents, last = path
+    for key in parents:
+        document = document[key]
+    document[last] = value
+
+
+DAMAGED = {
+    "nan": (["covariance", 0, 0], float("nan"), "expected finite numbers, got NaN"),
+    "negative": (["covariance", 0, 0], -1.0, "expected a positive semi-definite covariance"),
+    "asymmetric": (["covariance", 0, 1], 1e-4, "expected a symmetric covariance"),
+    "shape": (["covariance"], [[1.0]], "want covariance of shape"),
+    "null": (["covariance", 0, 0], None, "expected covariances below"),
+    "scaled": (["mount_from_sensor", 0, 1], -1.1, "want an orthonormal rotation"),
+    "mirrored": (["mount_from_sensor", 2, 2], -1.0, "it mirrors"),
+    "huge": (["mount_from_sensor", 0, 3], 1e200, "expected finite numbers below"),
+    "text": (["mount_from_sensor"], "here", "damaged"),
+    "point": (["working_point", 1], None, "expected finite numbers below"),
+    "robot": (["robot_std", 0], -0.1, "no negative standard uncertainty"),
+    "ragged": (["held_out"], [0.1], "as many held-out residuals as residuals"),
+    "index": (["rejected", 0, "index"], 3, "expected rejected poses from 0 to 2"),
+    "bool": (["rejected", 0, "index"], True, "expected rejected poses from 0 to 2"),
+    "all": (["rejected"], [{"index": k, "reason": ""} for k in range(3)], "all rejected"),
+    "mounting": (["mounting"], "eye", "expected mounting eye_in_hand or eye_to_hand"),
+    "sensor": (["sensor"], ["section"], "and sensor section or camera"),
+    "radius": (["target", "radius"], None, "damaged"),
+    "factor": (["height_factor"], [1.0], "damaged"),
+    "units": (["units", "length"], "m", "want units"),
+    "list": (["target"], [], "damaged"),
+}
+
+
+@pytest.mark.parametrize("case", DAMAGED)
+def test_numbers_that_are_none_are_refused(tmp_path, case):
+    path, value, message = DAMAGED[case]
+    save_hand_eye(hand_eye(), tmp_path / "h.json")
+    document = json.loads((tmp_path / "h.json").read_text())
+    changed(document, path, value)
+    (tmp_path / "h.json").write_text(json.dumps(document))
+    with pytest.raises(UnreadableFile, match=message) as refusal:
+        load_hand_eye(tmp_path / "h.json")
+    assert "h.json" in str(refusal.value)

@@ -97,11 +97,13 @@ def test_json_gives_the_records_back(tmp_path, record):
 
 
 def test_csv_has_a_row_for_each_cylinder(tmp_path, record):
-    nothing = {**record, "cylinders": []}
+    nothing = {**record, "cylinders": [], "reason": "flat"}
     write_csv(tmp_path / "all.csv", [record, nothing, record])
     rows = list(csv.DictReader((tmp_path / "all.csv").read_text().splitlines()))
     (written,) = record["cylinders"]
-    assert len(rows) == 2
+    assert len(rows) == 3
+    empty = {name: cell for name, cell in rows.pop(1).items() if cell}
+    assert empty == {"source": "tube.csv", "profile": "2", "reason": "flat"}
     assert float(rows[1]["phi_deg"]) == written["phi_deg"]
     assert float(rows[0]["radius_high_95_mm"]) == written["radius_interval_95_mm"][1]
     assert (rows[0]["source"], rows[0]["points"]) == ("tube.csv", "80")

@@ -217,12 +217,12 @@ def test_damaged_rig_files_are_rejected_with_their_name(change, error, match, tm
 
 
 def test_missing_and_foreign_files_are_rejected_with_their_name(tmp_path):
-    with pytest.raises(UnreadableFile, match=r"none\.json cannot be read"):
+    with pytest.raises(UnreadableFile, match=r"none\.json: no such file"):
         LightSection.load(tmp_path / "none.json")
     (tmp_path / "image.json").write_bytes(b"\x89PNG")
     with pytest.raises(UnreadableFile, match=r"image\.json is no JSON"):
         LightSection.load(tmp_path / "image.json")
-    with pytest.raises(UnwritableFile, match="name an existing folder"):
+    with pytest.raises(UnwritableFile, match="its folder does not exist"):
         LightSection(CAMERA, PLANES["slanted"]).save(tmp_path / "gone" / "rig.json")
 
 
@@ -277,3 +277,42 @@ def test_a_rig_goes_to_other_processes_and_is_copied():
         assert dict(twin.provenance) == {"method": "test"}
         with pytest.raises(TypeError):
             twin.provenance["method"] = "other"
+
+
+DAMAGED = {
+    "size": (["camera", "size"], [10**9, 4], "expected a size of 1 to 1048576 px"),
+    "focal length": (["camera", "matrix", 0, 0], 1e-300, "expected a focal length of at least"),
+    "matrix": (["camera", "matrix", 0, 2], 1e300, "no number above 1e"),
+    "lens": (["camera", "distortion", 0], 1e300, "no number above 1e"),
+    "plane": (["laser_plane", "distance"], 1e300, "expected a plane within 1e"),
+    "blur": (["line_blur_px"], 1e300, "expected line_blur_px from 0 to 1000"),
+    "null": (["camera", "size"], None, "damaged"),
+    "list": (["provenance"], [], "damaged"),
+}
+
+
+@pytest.mark.parametrize("case", DAMAGED)
+def test_a_rig_whose_numbers_are_none_is_refused(tmp_path, case):
+    (*parents, last), value, message = DAMAGED[case]
+    LightSection(CAMERA, PLANES["slanted"]).save(tmp_path / "rig.json")
+    document = node = json.loads((tmp_path / "rig.json").read_text())
+    for key in parents:
+        node = node[key]
+    node[last] = value
+    (tmp_path / "rig.json").write_text(json.dumps(document))
+    with pytest.raises(UnreadableFile, match=message):
+        LightSection.load(tmp_path / "rig.json")
+
+
+def test_nested_json_is_no_rig(tmp_path):
+    (tmp_path / "rig.json").write_text("[" * 200_000)
+    with pytest.raises(UnreadableFile, match="levels of nesting"):
+        LightSection.load(tmp_path / "rig.json")
+
+
+def test_a_rig_is_written_whole_and_follows_no_planted_link(tmp_path):
+    (tmp_path / "victim").write_text("precious")
+    (tmp_path / ".rig.json.part").symlink_to(tmp_path / "victim")
+    LightSection(CAMERA, PLANES["slanted"]).save(tmp_path / "rig.json")
+    assert (tmp_path / "victim").read_text() == "precious"
+    assert LightSection.load(tmp_path / "rig.json").camera.size == CAMERA.size

@@ -6,7 +6,8 @@ from lsvision.io.profiles.reading import (
     read_profile,
     read_profiles,
 )
-from lsvision.io.profiles.settings import FORMATS, MM_PER_UNIT, ReadOptions, ReadSettings
+from lsvision.io.profiles.settings import FORMATS, ReadOptions, ReadSettings
+from lsvision.io.profiles.units import MM_PER_UNIT
 
 __all__ = [
     "FORMATS",

@@ -1,24 +1,20 @@
-"""Which columns of a table are x and height, and whether a third one tells profiles apart."""
+"""Which columns of a table are x and height, and which ones tell profiles apart."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import NoReturn
 
 import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray, IntArray
+from lsvision.io.profiles.column_roles import column_role, is_part_name
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
+from lsvision.io.profiles.stated_units import resolve_units
 from lsvision.io.profiles.text_table import TextTable
+from lsvision.io.profiles.units import split_label
 
-_ROLES = {
-    **dict.fromkeys(["x", "xs", "px", "pos_x", "x_pos", "position", "lateral"], "x"),
-    **dict.fromkeys(["y", "ys", "py", "travel", "encoder"], "y"),
-    **dict.fromkeys(["z", "zs", "pz", "height", "heights", "elevation", "höhe"], "height"),
-    **dict.fromkeys(["range", "ranges", "distance", "distances", "dist", "abstand"], "range"),
-    **dict.fromkeys(["angle", "angles", "azimuth", "alpha", "theta", "phi"], "angle"),
-    **dict.fromkeys(["scan", "profile", "frame", "scan_number", "profile_number"], "scan"),
-}
 _FEWEST_PER_PROFILE = 5  # points: fewer make no ellipse, so a key that splits finer is no key
 _CONSTANT = 1e-6  # spread of a column that does not vary, relative to that of the widest
 
@@ -33,6 +29,7 @@ class _Choice:
     away: bool = False
     travel: bool = True  # the key is a place along the travel, not a number of the profile
     notes: tuple[str, ...] = ()
+    used: tuple[int, ...] = field(default=())  # looked at beside these, and left out on purpose
 
 
 def profiles_from_table(table: TextTable, settings: ReadSettings) -> RawProfiles:
@@ -41,44 +38,73 @@ def profiles_from_table(table: TextTable, settings: ReadSettings) -> RawProfiles
     Named columns are taken by their names; unnamed ones by position: two are x and height;
     of three or more the second is left out where it is constant and tells profiles apart where each
     of its values stands in one run of points; otherwise the third must be whole numbers (a label).
+    Columns that do not vary within a profile become its attributes.
 
     Raises
     ------
     UnreadableFile
-        If the columns cannot be told, or those asked for are not there.
+        If the columns cannot be told, those asked for are not there, or a unit is not understood.
     """
+    if table.values.shape[1] - len(table.texts) < 2 and settings.columns is None:
+        _refuse_one_column(table)
     choice = _requested_columns(table, settings) or _named(table) or _placed(table)
+    _check_numbers(table, choice)
     points = table.values[:, [choice.x, choice.height]]
-    units = table.units or (None,) * table.values.shape[1]
     sections: Sequence[FloatArray] = [points]
     positions = None
+    rows = [np.arange(len(points))]
     if choice.key is not None:
-        key = table.values[:, choice.key]
-        key = _without_gaps(key)
+        key = _without_gaps(_codes(table, choice.key))
+        if not choice.travel:
+            key = _composite_key(table, choice, key)
         rows = _split_by(key)
         sections = [points[r] for r in rows]
-        positions = tuple(float(key[r][0]) for r in rows) if choice.travel else None
+        if choice.travel and choice.key not in table.texts:
+            numbers = _without_gaps(table.values[:, choice.key])
+            positions = tuple(float(numbers[r][0]) for r in rows)
+    attributes, ignored = _attributes(table, choice, rows)
     return RawProfiles(
         sections=sections,
-        units=(units[choice.x], units[choice.height]),
+        units=resolve_units(table, choice.x, choice.height, settings),
         away=choice.away,
         positions=positions,
-        notes=choice.notes,
+        notes=table.notes + choice.notes + (_restarts(sections[0]) if len(sections) == 1 else ()),
+        lost=table.lost,
+        limits=table.limits,
+        attributes=attributes,
+        ignored=ignored,
     )
 
 
-def column_role(name: str) -> str:
-    """What a column of this name holds: x, y, height, range, scan, angle, or the name itself."""
-    return _ROLES.get(name, name)
+def _restarts(section: FloatArray) -> tuple[str, ...]:
+    """A note where x runs through the same range several times: profiles one after the other."""
+    x = section[np.isfinite(section[:, 0]), 0]
+    with np.errstate(over="ignore", invalid="ignore"):  # numbers near the largest there are
+        steps, span = np.diff(x), np.ptp(x) if len(x) else 0.0
+    if len(steps) < 2 * _FEWEST_PER_PROFILE:
+        return ()
+    forwards = 1.0 if np.count_nonzero(steps > 0) >= np.count_nonzero(steps < 0) else -1.0
+    back = np.flatnonzero(forwards * steps < -0.5 * span)
+    if len(back) == 0 or np.diff([-1, *back, len(x) - 1]).min() < _FEWEST_PER_PROFILE:
+        return ()
+    return (
+        f"x begins anew {len(back)} times: several profiles? part them by a column of their "
+        "numbers, or write one a file",
+    )
 
 
 def _requested_columns(table: TextTable, settings: ReadSettings) -> _Choice | None:
     if settings.columns is None:
         return None
     indices = [_index(table, column) for column in settings.columns]
-    away = bool(table.names) and _ROLES.get(table.names[indices[-1]]) == "range"
-    key = indices[1] if len(indices) == 3 else None
-    return _Choice(indices[0], indices[-1], key, away)
+    away = bool(table.names) and column_role(table.names[indices[-1]]) == "range"
+    if len(indices) == 3:
+        return _Choice(indices[0], indices[-1], indices[1], away)
+    place = _places(table).get("scan")
+    key = None
+    if place is not None and place not in indices and _parts_profiles(table, place):
+        key = place
+    return _Choice(indices[0], indices[-1], key, away, travel=False)
 
 
 def _index(table: TextTable, column: int | str) -> int:
@@ -87,53 +113,78 @@ def _index(table: TextTable, column: int | str) -> int:
         if column < width:
             return column
         raise UnreadableFile(f"no column {column} in it: want 0 to {width - 1}, see --columns")
-    if column.lower() in table.names:
-        return table.names.index(column.lower())
+    for name in (column.strip().lower(), split_label(column)[0]):
+        if name in table.names:
+            return table.names.index(name)
     has = ", ".join(table.names) or "no names"
     raise UnreadableFile(f"no column named {column!r} in it (it has {has}): see --columns")
 
 
-def _named(table: TextTable) -> _Choice | None:
+def _places(table: TextTable) -> dict[str, int]:
+    """The first column of numbers in each role; what tells profiles apart may be text."""
     place: dict[str, int] = {}
     for index, name in enumerate(table.names):
-        place.setdefault(column_role(name), index)
+        role = column_role(name)
+        if index not in table.texts or role == "scan":
+            place.setdefault(role, index)
+    return place
+
+
+def _named(table: TextTable) -> _Choice | None:
+    place = _places(table)
     away = "range" in place and "height" not in place
     in_order = [place[role] for role in ("x", "y", "range" if away else "height") if role in place]
     if "angle" in place and "x" not in place:
         raise UnreadableFile("an angle and no x among its columns: convert it to x and height")
     if len(in_order) < 2:
         return None
-    if len(in_order) == 2 or "scan" in place:
-        return _Choice(in_order[0], in_order[-1], place.get("scan"), away, travel=False)
+    scan = place.get("scan")
+    if scan is not None and not _parts_profiles(table, scan):
+        scan = None
+    if len(in_order) == 2 or scan is not None:
+        return _Choice(in_order[0], in_order[-1], scan, away, travel=False)
     x, y, height = in_order
     values = table.values[:, in_order]
     in_plane = _in_plane(values)
     if in_plane:
-        return _Choice(x, in_order[in_plane.height], away=away, notes=in_plane.notes)
+        return _Choice(
+            x, in_order[in_plane.height], away=away, notes=in_plane.notes, used=tuple(in_order)
+        )
     if not _is_profile_key(table.values[:, y]):
         _refuse(table, y)
     return _Choice(x, height, y, away)
 
 
 def _placed(table: TextTable) -> _Choice:
-    values = table.values
-    width = values.shape[1]
-    if width == 1:
-        raise UnreadableFile(
-            "one column in it: want x and height, or say where the heights lie with --x0 and --dx"
-        )
+    columns = [
+        c
+        for c in range(table.values.shape[1])
+        if c not in table.texts and (c in table.words or np.isfinite(table.values[:, c]).any())
+    ]
+    if len(columns) < 2:
+        columns = list(range(table.values.shape[1]))
+    values = table.values[:, columns]
+    width = len(columns)
     if width == 2:
-        said = " and ".join(table.names)
-        return _Choice(0, 1, notes=(f"{said} taken for x and height",) if said else ())
-    notes = (f"no column is named: columns 0, 1 and 2 of {width} looked at",)
+        said = " and ".join(table.names[c] if table.names else f"column {c}" for c in columns)
+        noted = bool(table.names or table.texts)
+        x, height = columns
+        return _Choice(x, height, notes=(f"{said} taken for x and height",) if noted else ())
+    first, second, third = columns[:3]
+    notes = (
+        f"no column is named: columns {first}, {second} and {third} of "
+        f"{table.values.shape[1]} looked at",
+    )
+    used = (first, second, third)
     in_plane = _in_plane(values[:, :3])
     if in_plane:
-        return _Choice(0, in_plane.height, notes=notes + in_plane.notes)
+        return _Choice(first, columns[in_plane.height], notes=notes + in_plane.notes, used=used)
     if _whole(values[:, 2]) and not _whole(values[:, 1]) and not _is_profile_key(values[:, 1]):
-        return _Choice(0, 1, notes=(*notes, "column 2 is whole numbers: taken for a label"))
+        note = f"column {third} is whole numbers: taken for a label"
+        return _Choice(first, second, notes=(*notes, note), used=used)
     if not _is_profile_key(values[:, 1]):
-        _refuse(table, 1)
-    return _Choice(0, 2, 1, notes=notes)
+        _refuse(table, second)
+    return _Choice(first, third, second, notes=notes)
 
 
 def _in_plane(xyz: FloatArray) -> _Choice | None:
@@ -146,18 +197,47 @@ def _in_plane(xyz: FloatArray) -> _Choice | None:
     return None
 
 
+def _check_numbers(table: TextTable, choice: _Choice) -> None:
+    for column in (choice.x, choice.height):
+        if column in table.words:
+            word = table.words[column]
+            named = f"column {_label(table, column)} holds text: " if column in table.texts else ""
+            raise UnreadableFile(f"line {word.row}: {named}{word.cell[:40]!r} {word.reason}")
+
+
+def _refuse_one_column(table: TextTable) -> NoReturn:
+    word = next(iter(table.words.values()), None)
+    if word is not None and not table.texts:
+        raise UnreadableFile(f"line {word.row}: {word.cell[:40]!r} {word.reason}")
+    for column, cells in table.texts.items():
+        text, count = Counter(cells).most_common(1)[0]
+        if count > 1:
+            raise UnreadableFile(
+                f"column {_label(table, column)} holds text ({text[:40]!r} in {count} lines): say "
+                f"--lost {text[:20]} if that marks lost points, or name the columns of x and "
+                "height with --columns"
+            )
+    raise UnreadableFile(
+        "one column in it: want x and height, or say where the heights lie with --x0 and --dx"
+    )
+
+
 def _refuse(table: TextTable, key: int) -> NoReturn:
-    name = table.names[key] if table.names else str(key)
     values = len(np.unique(table.values[:, key]))
     raise UnreadableFile(
-        f"column {name} tells no profiles apart ({values} values in {len(table.values)} points): "
-        "say which columns are x and height with --columns"
+        f"column {_label(table, key)} tells no profiles apart ({values} values in "
+        f"{len(table.values)} points): say which columns are x and height with --columns"
     )
+
+
+def _label(table: TextTable, column: int) -> str:
+    return (table.names[column] if table.names else "") or str(column)
 
 
 def _spread(column: FloatArray) -> float:
     known = column[np.isfinite(column)]
-    return float(known.max() - known.min()) if len(known) else 0.0
+    with np.errstate(over="ignore"):
+        return float(known.max() - known.min()) if len(known) else 0.0
 
 
 def _whole(column: FloatArray) -> bool:
@@ -165,11 +245,71 @@ def _whole(column: FloatArray) -> bool:
     return bool(np.all(known == np.round(known)))
 
 
+def _parts_profiles(table: TextTable, column: int) -> bool:
+    """False where each point has a value of its own, as a running number has."""
+    codes = _codes(table, column)
+    known = codes[np.isfinite(codes)]
+    return len(known) < 2 or len(np.unique(known)) < len(known)
+
+
 def _is_profile_key(column: FloatArray) -> bool:
     """True where each value stands in one run of points, long enough for a profile."""
     key = _without_gaps(column)
     runs = 1 + np.count_nonzero(np.diff(key))
     return bool(runs == len(np.unique(key)) and runs * _FEWEST_PER_PROFILE <= len(key))
+
+
+def _codes(table: TextTable, column: int) -> FloatArray:
+    """The numbers of a column, or a number for each of its texts."""
+    texts: Sequence[str] | None = table.texts.get(column)
+    if texts is None:
+        return table.values[:, column]
+    numbers = {text: float(code) for code, text in enumerate(dict.fromkeys(texts))}
+    return np.array([numbers[text] for text in texts])
+
+
+def _composite_key(table: TextTable, choice: _Choice, key: FloatArray) -> FloatArray:
+    """The key made finer by columns of parts, sensors or runs in which its numbers begin anew."""
+    for column, name in enumerate(table.names):
+        if column == choice.key or column in (choice.x, choice.height):
+            continue
+        if is_part_name(name) or (column_role(name) == "scan"):
+            codes = _without_gaps(_codes(table, column))
+            if column_role(name) == "scan" and not _parts_profiles(table, column):
+                continue
+            pairs = np.column_stack([key, codes])
+            _, both = np.unique(pairs, axis=0, return_inverse=True)
+            key = both.ravel().astype(np.float64)
+    return key
+
+
+def _attributes(
+    table: TextTable, choice: _Choice, rows: Sequence[IntArray]
+) -> tuple[tuple[Mapping[str, float | str], ...], tuple[str, ...]]:
+    """What belongs to each profile, and the columns that belong to none."""
+    others = [c for c in range(table.values.shape[1]) if c not in (choice.x, choice.height)]
+    kept: list[dict[str, float | str]] = [{} for _ in rows]
+    ignored = []
+    for column in others:
+        values = [_one_value(table, column, r) for r in rows] if table.names else [None]
+        if all(value is not None for value in values) and column not in choice.used:
+            for attributes, value in zip(kept, values, strict=True):
+                if value is not None:
+                    attributes[_label(table, column)] = value
+        elif column != choice.key:
+            ignored.append(_label(table, column))
+    known = any(kept)
+    return tuple(kept) if known else (), tuple(ignored)
+
+
+def _one_value(table: TextTable, column: int, rows: IntArray) -> float | str | None:
+    """The value that all points of a profile share; None where they differ."""
+    if column in table.texts:
+        texts = {table.texts[column][r] for r in rows.tolist()}
+        return texts.pop() if len(texts) == 1 else None
+    values = table.values[rows, column]
+    values = values[np.isfinite(values)]
+    return float(values[0]) if len(values) and bool(np.all(values == values[0])) else None
 
 
 def _split_by(key: FloatArray) -> list[IntArray]:

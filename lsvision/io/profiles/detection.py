@@ -1,6 +1,8 @@
 """Which format a file is in: first its magic bytes, then its first lines, then its name."""
 
+import io
 import re
+import zipfile
 
 from lsvision.errors import UnreadableFile
 from lsvision.io.profiles.matrix import MIN_COLUMNS
@@ -8,25 +10,54 @@ from lsvision.io.profiles.text_table import decode_text
 
 _MAGIC = (
     (b"\x93NUMPY", "npy"),
-    (b"PK\x03\x04", "npz"),
-    (b"PK\x05\x06", "npz"),
     (b"PAR1", "parquet"),
     (b"ply\n", "ply"),
     (b"ply\r\n", "ply"),
     (b"# .PCD", "pcd"),
-    (b"VERSION", "pcd"),
 )
 
+_ZIP = (b"PK\x03\x04", b"PK\x05\x06", b"PK\x07\x08")
+_SPREADSHEET = "a spreadsheet: save it as CSV and read that"
+_UNPACK = "unpack it first and read what is in it"
 _EXPORT = "export its profiles as CSV with x and z in mm and read that"
+_IMAGE = (
+    "an image: read it with LightSection (--light-section), which makes a profile of it, or as a "
+    "height map with --dx"
+)
 _REFUSED_MAGIC = (
     (b"RIFF", f"a video container (scanCONTROL .avi): {_EXPORT}"),
     (b"\x89HDF", "HDF5 is not read: write its points as NPZ or CSV"),
-    (b"\x89MCAP", "a ROS bag is not read: write its points as PCD or CSV"),
-    (b"#ROSBAG", "a ROS bag is not read: write its points as PCD or CSV"),
-    (b"\x1f\x8b", "a gzip archive: unpack it first"),
-    (b"\x89PNG", "an image: read it with LightSection, which makes a profile of it"),
-    (b"\xff\xd8\xff", "an image: read it with LightSection, which makes a profile of it"),
+    (b"MATLAB 7.3", "a MAT file (HDF5): save x and z in MATLAB with writematrix as CSV"),
+    (b"MATLAB 5.0", "a MAT file: save x and z in MATLAB with writematrix as CSV"),
+    (b"%PDF", "a PDF: export the numbers as CSV"),
+    (b"\xd0\xcf\x11\xe0", f"an old Office document (.xls), {_SPREADSHEET}"),
+    (b"{\\rtf", "a text document (RTF): save it as plain text"),
+    (b"\x1f\x8b", f"a gzip archive: {_UNPACK}"),
+    (b"7z\xbc\xaf", f"a 7z archive: {_UNPACK}"),
+    (b"Rar!", f"a RAR archive: {_UNPACK}"),
+    (b"BZh", f"a bzip2 archive: {_UNPACK}"),
+    (b"\xfd7zXZ", f"an xz archive: {_UNPACK}"),
+    (b"\x28\xb5\x2f\xfd", f"a zstd archive: {_UNPACK}"),
+    (b"ARROW1", "an Arrow (Feather) file: write it as Parquet"),
+    (b"SQLite format 3", "a database (SQLite, or a ROS 2 bag): export its points as CSV"),
+    (b"TDSm", "a TDMS file of LabVIEW: export its points as CSV"),
+    (b"LASF", "a LAS cloud: write its points as PLY or CSV"),
+    (b"ASTM-E57", "an E57 cloud: write its points as PLY or CSV"),
+    (b"solid ", "an STL mesh: write its points as PLY or CSV"),
+    (b"\x80\x04\x95", "a Python pickle, which may run code: save arrays with np.save"),
+    (b"GIF8", _IMAGE),
+    (b"BM", _IMAGE),
+    (b"\xff\xd8\xff", _IMAGE),
 )
+_BAGS = (b"\x89MCAP", b"#ROSBAG")
+_MARKUP = re.compile(r"\s*(<!doctype html|<html|<\?xml)", re.IGNORECASE)
+_OFFICE_PARTS = {
+    "xl/": _SPREADSHEET,
+    "word/": "a text document: save its table as CSV and read that",
+    "ppt/": "a presentation: save its table as CSV and read that",
+    "content.xml": f"an OpenDocument file, {_SPREADSHEET}",
+    "Index/": f"a Numbers document, {_SPREADSHEET}",
+}
 _REFUSED_SUFFIX = {
     ".avi": f"a scanCONTROL recording needs the maker's library: {_EXPORT}",
     ".llt": f"a scanCONTROL recording needs the maker's library: {_EXPORT}",
@@ -39,10 +70,20 @@ _REFUSED_SUFFIX = {
 _FIRST_LINES = (
     (re.compile(r"\s*%YAML", re.IGNORECASE), "opencv"),
     (re.compile(r"\s*(<\?xml[^>]*>\s*)?<opencv_storage>"), "opencv"),
-    (re.compile(r"\s*\{"), "opencv"),
+    (re.compile(r"\s*\{"), "json"),
+    (re.compile(r"\s*\[\s*[\[{]"), "json"),
+    (re.compile(r"[^\n]*\bfield\.(angle_min|ranges)|[^\n]*\bangle_increment\s*,"), "laserscan"),
+    (re.compile(r"(?:\s*#[^\n]*\n|\s*---\s*\n)*\s*header:\s*\n\s+\w+:"), "yaml"),
+    (re.compile(r"(?:\s*#[^\n]*\n|\s*---\s*\n)*\s*[A-Za-z_]\w*:[ \t]*\[[^\]\n]*,"), "yaml"),
+    (
+        re.compile(r"(?:[^\n]*\n)*?(?:ranges|points|x|scan_line|profile):[ \t]*(?:\n\s*-\s|\[)"),
+        "yaml",
+    ),
     (re.compile(r"\s*Info\s*\n\s*CSV Version,"), "gocator"),
     (re.compile(r"[^\n]*\bx0\s*,\s*z0\b", re.IGNORECASE), "gocator-points"),
 )
+_KEYENCE_ROW = re.compile(r"\s*[-+]?[0-9.]+\t[-+]?[0-9.]+\s*[\r\n]")
+"""First line of the exporter's UTF-16 files."""
 _RESULT_LOG = re.compile(r"micro-epsilon|scanCONTROL", re.IGNORECASE)
 _KEYENCE_WIDTHS = frozenset([800, 1600, 3200, 6400])  # columns of an LJ-V and LJ-X profile
 
@@ -73,30 +114,58 @@ def detect_format(content: bytes, suffix: str) -> str:
     for magic, name in _MAGIC:
         if content.startswith(magic):
             return name
+    if content.startswith(b"VERSION") and b"FIELDS" in content[:4000]:
+        return "pcd"
+    if content.startswith(_ZIP):
+        return _zip_format(content, suffix.lower())
+    if content.startswith(_BAGS):
+        return "rosbag"
+    if content.startswith((b"II*\0", b"MM\0*", b"\x89PNG")):
+        return "height-map"
     for magic, advice in _REFUSED_MAGIC:
-        if content.startswith(magic):
+        if content.startswith(magic) and not (magic == b"BM" and content[:400].isascii()):
             raise UnreadableFile(advice)
     if suffix.lower() in _REFUSED_SUFFIX:
         raise UnreadableFile(_REFUSED_SUFFIX[suffix.lower()])
     return _text_format(content)
 
 
+def _zip_format(content: bytes, suffix: str) -> str:
+    """NPZ is a zip archive of arrays; any other is refused by what it holds."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            names = archive.namelist()
+    except (zipfile.BadZipFile, ValueError, NotImplementedError, OSError, EOFError):
+        return "npz"  # whose reader says what is wrong
+    if names and all(name.endswith(".npy") for name in names):
+        return "npz"
+    if suffix in (".xlsx", ".xlsm", ".xlsb", ".ods", ".numbers"):
+        raise UnreadableFile(_SPREADSHEET)
+    for part, advice in _OFFICE_PARTS.items():
+        if any(name.startswith(part) for name in names):
+            raise UnreadableFile(advice)
+    held = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+    raise UnreadableFile(f"a zip archive of {held or 'nothing'}: {_UNPACK}")
+
+
 def _text_format(content: bytes) -> str:
-    start = decode_text(content)[:4000]
+    start = "\n".join(decode_text(content)[:4000].splitlines())
     for pattern, name in _FIRST_LINES:
         if pattern.match(start):
             return name
+    if _MARKUP.match(start):
+        raise UnreadableFile("a web page or an XML file, no table: export the points as CSV")
     if _RESULT_LOG.search("\n".join(start.splitlines()[:3])):
         raise UnreadableFile(
             "a scanCONTROL log of results, not of profiles: export the profiles as X;Z text"
         )
-    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
+    if content.startswith((b"\xff\xfe", b"\xfe\xff")) and _KEYENCE_ROW.match(start):
         return "keyence"
-    return _table_format(content)
+    return _table_format(start if len(start.splitlines()) > 1 else decode_text(content))
 
 
-def _table_format(content: bytes) -> str:
-    line = content.split(b"\n", 1)[0].decode("latin-1").strip()
+def _table_format(text: str) -> str:
+    line = next((line for line in text.splitlines() if line.strip()), "").strip()
     cells = re.split(r"[,;\t]|\s+", line)
     if len(cells) in _KEYENCE_WIDTHS and all(cell.isdecimal() for cell in cells):
         return "keyence-raw"

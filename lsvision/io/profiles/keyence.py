@@ -6,10 +6,9 @@ import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.io.profiles.plain_text import read_plain_text
-from lsvision.io.profiles.settings import RawProfiles, ReadSettings
+from lsvision.io.profiles.settings import MM_PER_KEYENCE_STEP, RawProfiles, ReadSettings
 from lsvision.io.profiles.text_table import decode_text, parse_table
 
-_MM_PER_STEP = 1e-5  # the controller states its scales in 0.01 um
 _ZERO_COUNT = 32768  # height 0
 _LOST_COUNT = 0
 
@@ -22,14 +21,14 @@ def read_keyence_raw(content: bytes, settings: ReadSettings) -> RawProfiles:
     UnreadableFile
         If `settings` lack the controller's scales, which the file does not hold.
     """
-    if settings.x_start is None or settings.x_pitch is None or settings.z_unit is None:
+    if settings.x_start is None or settings.x_pitch is None or settings.height_scale is None:
         raise UnreadableFile(
             "raw Keyence counts without their scale: give XStart, XPitch and ZUnit of the "
             "controller (0.01 um) with --x-start, --x-pitch and --z-unit"
         )
     counts = parse_table(decode_text(content)).values
-    x = (settings.x_start + settings.x_pitch * np.arange(counts.shape[1])) * _MM_PER_STEP
-    heights = (counts - _ZERO_COUNT) * (settings.z_unit * _MM_PER_STEP)
+    x = (settings.x_start + settings.x_pitch * np.arange(counts.shape[1])) * MM_PER_KEYENCE_STEP
+    heights = (counts - _ZERO_COUNT) * settings.height_scale
     heights[counts == _LOST_COUNT] = np.nan
     return RawProfiles(sections=[np.column_stack([x, row]) for row in heights], units=("mm", "mm"))
 

@@ -5,15 +5,22 @@ import numpy as np
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
+from lsvision.io.profiles.stated_units import one_unit
 from lsvision.io.profiles.text_table import TextTable, decode_text, parse_table
 
 MIN_COLUMNS = 21
 """A table as wide as this is a matrix of heights: no list of points has so many columns."""
+MAX_HINTED_COLUMNS = 200
+"""A profile has more points; a table narrower than this and much longer may hold profiles in
+columns."""
+MAX_UNEVENNESS = 0.05
+"""Of the steps of x, relative to their mean: x is rounded to a few digits."""
 
 
 def read_matrix(content: bytes, settings: ReadSettings) -> RawProfiles:
     """Profiles of a text with one row of heights each."""
-    return profiles_from_matrix(parse_table(decode_text(content)), settings)
+    table = parse_table(decode_text(content), settings.lost_words)
+    return profiles_from_matrix(table, settings)
 
 
 def profiles_from_matrix(table: TextTable, settings: ReadSettings) -> RawProfiles:
@@ -24,18 +31,31 @@ def profiles_from_matrix(table: TextTable, settings: ReadSettings) -> RawProfile
     UnreadableFile
         If the spacing of the columns is not given (``dx``, ``--dx``) and no row states x.
     """
-    heights = table.values
+    heights = table.values.T if settings.transpose else table.values
     if heights.shape[1] == 1:
         heights = heights.T
-    if settings.dx is None and len(heights) == 2 and _rises(heights[0]):
+    if settings.dx is None and len(heights) > 2 and _is_x_row(heights):
         return RawProfiles(
-            sections=[heights.T], notes=("two rows: the first taken for x, the other for z",)
+            sections=[np.column_stack([heights[0], row]) for row in heights[1:]],
+            units=(height_unit(table, settings),) * 2,
+            notes=(*table.notes, "the first row of heights rises evenly: taken for x"),
+            lost=table.lost,
         )
+    if settings.dx is None and len(heights) == 2 and rises(heights[0]):
+        return RawProfiles(
+            sections=[heights.T],
+            units=(height_unit(table, settings),) * 2,
+            notes=(*table.notes, "two rows: the first taken for x, the other for z"),
+            lost=table.lost,
+        )
+    hint = "" if settings.transpose else _transpose_hint(*heights.shape)
     x, notes = column_positions(heights.shape[1], len(heights), settings)
     return RawProfiles(
         sections=[np.column_stack([x, row]) for row in heights],
-        units=("mm", None),
-        notes=notes,
+        units=("mm", height_unit(table, settings)),
+        notes=table.notes + notes + ((hint,) if hint else ()),
+        lost=table.lost,
+        limits=table.limits,
         x_in_mm=True,
     )
 
@@ -54,11 +74,37 @@ def column_positions(
         raise UnreadableFile(
             f"{rows} rows of {columns} heights without x: "
             "give x of the first column and the spacing in mm, --x0 and --dx"
+            + (f" ({hint})" if (hint := _transpose_hint(rows, columns)) else "")
         )
     x: FloatArray = (settings.x0 or 0.0) + settings.dx * np.arange(columns, dtype=np.float64)
     return x, () if settings.x0 is not None else ("x of the first column taken as 0 mm",)
 
 
-def _rises(row: FloatArray) -> bool:
-    steps = np.diff(row)
-    return bool(np.all(steps > 0) or np.all(steps < 0))
+def height_unit(table: TextTable, settings: ReadSettings) -> str | None:
+    """The unit that the file states of its heights; None where the user says it."""
+    if settings.z_unit is not None:
+        return f"{float(settings.z_unit) / 100:.12g} um"
+    if settings.units is not None:
+        return None
+    about = [s for s in table.statements if s.axis in (None, "height")]
+    return one_unit(next(filter(None, table.units), None), about)
+
+
+def _transpose_hint(rows: int, columns: int) -> str:
+    if rows < 2 * columns or columns > MAX_HINTED_COLUMNS:
+        return ""
+    return f"{columns} columns of {rows}: profiles may lie in columns, say --transpose"
+
+
+def _is_x_row(heights: FloatArray) -> bool:
+    """Whether the first row rises evenly, and most of the others do not."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        steps = np.diff(heights[0])
+    even = bool(np.all(np.abs(steps - steps.mean()) < MAX_UNEVENNESS * abs(steps.mean())))
+    return even and 2 * sum(map(rises, heights[1:])) < len(heights) - 1
+
+
+def rises(row: FloatArray) -> bool:
+    """Whether the numbers that are not lost rise throughout, or fall throughout."""
+    known = row[np.isfinite(row)]
+    return len(known) > 1 and bool(np.all(known[1:] > known[:-1]) or np.all(known[1:] < known[:-1]))

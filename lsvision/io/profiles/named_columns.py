@@ -6,15 +6,24 @@ import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
-from lsvision.io.profiles.columns import column_role, profiles_from_table
+from lsvision.io.profiles.column_roles import column_role
+from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.matrix import column_positions
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
-from lsvision.io.profiles.text_table import TextTable, split_unit
+from lsvision.io.profiles.stated_units import one_unit
+from lsvision.io.profiles.text_table import TextTable
+from lsvision.io.profiles.unit_statements import UnitStatement
+from lsvision.io.profiles.units import split_label
 
 _Column = FloatArray | Sequence[FloatArray]
 
 
-def profiles_from_named(columns: Mapping[str, _Column], settings: ReadSettings) -> RawProfiles:
+def profiles_from_named(
+    columns: Mapping[str, _Column],
+    settings: ReadSettings,
+    statements: tuple[UnitStatement, ...] = (),
+    texts: Mapping[str, Sequence[str]] | None = None,
+) -> RawProfiles:
     """Profiles of named columns.
 
     Parameters
@@ -24,13 +33,23 @@ def profiles_from_named(columns: Mapping[str, _Column], settings: ReadSettings) 
         arrays of any length, where x may also be the (m,) that all rows share.
     settings : ReadSettings
         What the user says of it.
+    statements : tuple of UnitStatement
+        Units that the file states beside the columns.
+    texts : mapping, optional
+        Columns of text, one a row.
 
     Raises
     ------
     UnreadableFile
         If no column is a height or a range, or lengths do not agree.
     """
-    labels = {label: split_unit(label) for label in columns}
+    odd = [label for label, column in columns.items() if not _is_column(column)]
+    if odd:
+        raise UnreadableFile(
+            f"{', '.join(odd)}: neither one number a point nor one row a profile: want arrays of "
+            "shape (n,) or (k, n)"
+        )
+    labels = {label: split_label(label) for label in columns}
     by_role = {column_role(name): label for label, (name, _) in reversed(labels.items())}
     height = by_role.get("height", by_role.get("range", by_role.get("y")))
     if height is None:
@@ -38,33 +57,82 @@ def profiles_from_named(columns: Mapping[str, _Column], settings: ReadSettings) 
             f"no column of heights among {', '.join(columns) or 'none'}: want x and z"
         )
     if np.ndim(columns[height][0] if len(columns[height]) else 0.0) == 0:
-        return _from_points(columns, labels, settings)
+        return _from_points(columns, texts or {}, settings, statements)
+    if settings.columns is not None:
+        raise UnreadableFile("a profile a row: --columns is for a point a row, leave it out")
     x = by_role.get("x")
     rows = [np.asarray(row) for row in columns[height]]
     xs = _x_of_rows(rows, None if x is None else columns[x], settings)
     if any(a.shape != b.shape for a, b in zip(xs, rows, strict=True)):
         raise UnreadableFile(f"{x} and {height} differ in length: want an x for each height")
+    units: tuple[str | None, str | None] = (None, None)
+    if settings.units is None:
+        about = [[s for s in statements if s.axis in (None, axis)] for axis in ("x", "height")]
+        x_unit = "mm" if x is None else one_unit(labels[x][1], about[0])
+        units = x_unit, one_unit(labels[height][1], about[1])
+    if x is None and settings.z_unit is not None:
+        units = "mm", f"{float(settings.z_unit) / 100:.12g} um"
     return RawProfiles(
         sections=[np.column_stack(pair) for pair in zip(xs, rows, strict=True)],
-        units=("mm" if x is None else labels[x][1], labels[height][1]),
+        units=units,
         away="height" not in by_role and "range" in by_role,
         x_in_mm=x is None,
+        attributes=_row_attributes(columns, texts or {}, {x, height}, len(rows)),
+        ignored=tuple(
+            label for label in columns if label not in (x, height) and not _is_flat(columns[label])
+        ),
     )
+
+
+def _row_attributes(
+    columns: Mapping[str, _Column],
+    texts: Mapping[str, Sequence[str]],
+    used: set[str | None],
+    rows: int,
+) -> tuple[dict[str, float | str], ...]:
+    """What the other columns say of each profile, where they hold one value for each."""
+    flat: dict[str, Sequence[float | str]] = {
+        label: np.asarray(values).tolist()
+        for label, values in columns.items()
+        if label not in used and _is_flat(values) and len(values) == rows
+    }
+    flat |= {label: cells for label, cells in texts.items() if len(cells) == rows}
+    if not flat:
+        return ()
+    return tuple({label: cells[row] for label, cells in flat.items()} for row in range(rows))
+
+
+def _is_flat(values: _Column) -> bool:
+    return len(values) > 0 and np.ndim(values[0]) == 0
+
+
+def _is_column(column: _Column) -> bool:
+    """True for numbers, and for rows of numbers."""
+    if isinstance(column, np.ndarray):
+        return column.ndim in (1, 2)
+    return all(np.ndim(row) == 1 for row in column)
 
 
 def _from_points(
     columns: Mapping[str, _Column],
-    labels: Mapping[str, tuple[str, str | None]],
+    texts: Mapping[str, Sequence[str]],
     settings: ReadSettings,
+    statements: tuple[UnitStatement, ...],
 ) -> RawProfiles:
     flat = [label for label in columns if np.ndim(columns[label]) == 1]
     lengths = {len(columns[label]) for label in flat}
     if len(lengths) != 1 or not lengths.pop():
         raise UnreadableFile(f"columns {', '.join(flat)} differ in length: want one row a point")
+    count = len(columns[flat[0]])
+    words = [label for label in texts if len(texts[label]) == count]
+    labels = [split_label(label) for label in (*flat, *words)]
+    arrays = [np.asarray(columns[label]) for label in flat] + [np.full(count, np.nan)] * len(words)
     table = TextTable(
-        values=np.column_stack([np.asarray(columns[label]) for label in flat]),
-        names=tuple(labels[label][0] for label in flat),
-        units=tuple(labels[label][1] for label in flat),
+        values=np.column_stack(arrays),
+        names=tuple(name for name, _ in labels),
+        units=tuple(unit for _, unit in labels),
+        statements=statements,
+        texts={len(flat) + k: texts[label] for k, label in enumerate(words)},
     )
     return profiles_from_table(table, settings)
 

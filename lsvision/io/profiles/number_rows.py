@@ -1,6 +1,8 @@
-"""Rows of text cells to numbers: quickly where all is well, with the line named where not."""
+"""Cells of text to numbers: quickly where all is well, cell by cell where not."""
 
+import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -8,57 +10,91 @@ import numpy.typing as npt
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
 
-COMMENT_MARKS = ("#", "%", "//")
+COMMENT_MARKS = ("#", "%", "//", "!")
 """What a line begins with that holds no data."""
 
 MISSING_VALUES = frozenset(
     [
-        *("", "-", "--", "---", "na", "n/a", "#n/a", "null", "none", "invalid"),
+        *("", "-", "--", "---", "----", "-----", "na", "n/a", "#n/a", "n.a.", "null", "none"),
         *("nan", "-nan", "+nan", ".nan", "nan(ind)", "-nan(ind)", "1.#qnan", "-1.#ind"),
-        *("inf", "-inf", "+inf"),
+        *("inf", "-inf", "+inf", ".inf", "-.inf", "+.inf", "infinity", "-infinity", "+infinity"),
+        *("1.#inf", "-1.#inf", "1.#ind", "-1.#qnan", "nil", "missing", "invalid", "lost", "∞"),
+        *("no data", "nodata", "out of range", "oor", "overflow", "underflow", "*", "***", "?"),
     ]
 )
 """What a cell says, in lower case, that holds no number."""
 
+_MISSING_PATTERN = re.compile(
+    r"[-+]?1\.#(?:ind|qnan|snan|inf)0*|[*]+|[#]+|[-]+|0x(?:f+|80+|7f+)|(?:over|under|out.?of.?)range"
+)
+"""The same in forms that vary: fields too narrow, ends of integer types in hexadecimal."""
 
-def parse_rows(lines: Sequence[str], first: int, separator: str | None) -> FloatArray:
-    r"""Numbers of the lines from `first` on; empty lines and comments are left out.
+POINT_NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eEdD][-+]?[0-9]+)?")
+COMMA_NUMBER = re.compile(r"[-+]?(?:[0-9]+,?[0-9]*|,[0-9]+)(?:[eEdD][-+]?[0-9]+)?")
+THOUSANDS = re.compile(
+    r"[-+]?[0-9]{1,3}(?:"
+    r"(?:,[0-9]{3})+\.[0-9]*|(?:\.[0-9]{3})+,[0-9]*"  # 1,234.5 and 1.234,5
+    r"|(?:,[0-9]{3}){2,}|(?:\.[0-9]{3}){2,}"  # 1,234,567
+    r"|(?:['’ \u00a0\u2009\u202f_][0-9]{3})+(?:[.,][0-9]*)?)"  # 1'234.5
+)
+_GROUPED = re.compile(r"[-+]?[1-9][0-9]{0,2},[0-9]{3}")
+"""1,234: one and a bit, or a thousand and a bit."""
+MIN_GROUPED_CELLS = 3
+"""Cells as 1,234 beside whole numbers from which on the comma is no decimal mark."""
+_TRANSLATED = str.maketrans({"−": "-", "–": "-", "\u00a0": " ", "\u202f": " ", "\u2009": " "})
+
+
+@dataclass(frozen=True)
+class Word:
+    """A cell that holds no number.
 
     Parameters
     ----------
-    lines : sequence of str
-        The whole text.
-    first : int
-        Index of the first line of numbers.
-    separator : str or None
-        What stands between cells; None for blanks.
+    row : int
+        Which row of the table.
+    cell : str
+        Its text.
+    reason : str
+        Why it is no number, and what to do.
+    grouped : bool
+        Whether it is a number with thousands separators.
+    """
 
-    Returns
-    -------
-    (n, k) ndarray
-        NaN where a cell is empty or a lost word. A column that is empty throughout, as a
-        separator at the end of each line makes it, is left out.
+    row: int
+    cell: str
+    reason: str
+    grouped: bool = False
 
-    Raises
-    ------
-    UnreadableFile
-        Naming the line that has another number of cells, or a word in one.
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """A column of text cells as numbers.
+
+    Parameters
+    ----------
+    values : (n,) ndarray
+        NaN where a cell holds no number.
+    words : int
+        How many cells hold neither a number nor a lost word.
+    word : Word or None
+        The first of them.
+    """
+
+    values: FloatArray
+    words: int = 0
+    word: Word | None = None
+
+
+def is_missing(cell: str) -> bool:
+    """Whether a cell says that it holds no number.
 
     Examples
     --------
-    >>> parse_rows(["x;z", "1,5;2", "# comment", "2,5;"], 1, ";").tolist()
-    [[1.5, 2.0], [2.5, nan]]
+    >>> is_missing("NaN"), is_missing("****"), is_missing("0xFFFFFFFF"), is_missing("six")
+    (True, True, True, False)
     """
-    # a tab at the end of a line stands before an empty cell: only blanks may go there
-    rows = [line.strip(" \r\n" if separator == "\t" else None) for line in lines[first:]]
-    body = [row for row in rows if row and not row.startswith(COMMENT_MARKS)]
-    try:
-        values = np.loadtxt(_filled(body, separator), delimiter=separator, comments=None, ndmin=2)
-    except ValueError:  # lost words, decimal commas, or a broken line
-        values = _parse_carefully(rows, first, separator)
-    while values.shape[1] > 2 and np.isnan(values[:, -1]).all():
-        values = values[:, :-1]
-    return values
+    word = cell.strip().lower()
+    return word in MISSING_VALUES or bool(_MISSING_PATTERN.fullmatch(word))
 
 
 def numbers_from_cells(cells: Sequence[str]) -> FloatArray:
@@ -69,10 +105,84 @@ def numbers_from_cells(cells: Sequence[str]) -> FloatArray:
     UnreadableFile
         At a cell that is another word.
     """
-    try:
-        return np.array(cells, dtype=np.float64)
-    except ValueError:  # numpy is quick where all cells are numbers, and only there
-        return np.array([_number(cell) for cell in cells])
+    column = parse_column(cells, decimal_comma=False)
+    if column.word is not None:
+        raise UnreadableFile(f"{column.word.cell!r} {column.word.reason}")
+    return column.values
+
+
+def parse_column(
+    cells: Sequence[str], *, decimal_comma: bool, lost_words: frozenset[str] = frozenset()
+) -> Column:
+    """Numbers of one column.
+
+    Parameters
+    ----------
+    cells : sequence of str
+        One a row.
+    decimal_comma : bool
+        Whether a comma is the decimal mark.
+    lost_words : frozenset of str
+        Words, in lower case, that mark lost points beside `MISSING_VALUES`.
+
+    Examples
+    --------
+    >>> parse_column(["1.5", "", "six"], decimal_comma=False).word.cell
+    'six'
+    """
+    if not decimal_comma and not any("_" in cell for cell in cells):
+        try:  # numpy is quick where all cells are numbers, and only there
+            return Column(_finite(np.array(cells, dtype=np.float64)))
+        except ValueError:
+            pass
+    pattern = COMMA_NUMBER if decimal_comma else POINT_NUMBER
+    values, first, count = np.full(len(cells), np.nan), None, 0
+    for row, raw in enumerate(cells):
+        cell = raw.strip()
+        if pattern.fullmatch(cell) is None:
+            cell = cell.translate(_TRANSLATED).strip()
+        if pattern.fullmatch(cell):
+            values[row] = float(cell.replace(",", ".").replace("d", "e").replace("D", "e"))
+        elif cell.lower() not in lost_words and not is_missing(cell):
+            count += 1
+            first = first or _word(row, cell)
+    return Column(_finite(values), count, first)
+
+
+def uses_decimal_comma(columns: Sequence[Sequence[str]]) -> bool:
+    """Whether commas are the decimal marks of a table whose cells are split already.
+
+    Parameters
+    ----------
+    columns : sequence of sequence of str
+        Cells of each column.
+
+    Raises
+    ------
+    UnreadableFile
+        Where commas may part thousands as well.
+    """
+    commas = proven = False
+    suspect = None
+    for cells in columns:
+        with_comma = [cell.strip() for cell in cells if "," in cell]
+        numbers = [cell for cell in with_comma if COMMA_NUMBER.fullmatch(cell)]
+        if not numbers:
+            continue
+        commas = True
+        grouped = [cell for cell in numbers if _GROUPED.fullmatch(cell)]
+        proven |= len(grouped) < len(numbers)
+        whole = any(re.fullmatch(r"[-+]?[0-9]{1,3}", cell.strip()) for cell in cells)
+        if len(grouped) >= MIN_GROUPED_CELLS and whole:
+            suspect = grouped[0]
+    if not commas or any(_has_decimal_point(cells) for cells in columns):
+        return False
+    if suspect is not None and not proven:
+        raise UnreadableFile(
+            f"{suspect!r} may be {suspect.replace(',', '.')} or {suspect.replace(',', '')}: "
+            "export numbers without thousands separators"
+        )
+    return True
 
 
 def floats_from(array: npt.NDArray[np.generic]) -> FloatArray:
@@ -81,56 +191,17 @@ def floats_from(array: npt.NDArray[np.generic]) -> FloatArray:
         return array.astype(np.float64)
 
 
-def _filled(rows: Sequence[str], separator: str | None) -> Sequence[str]:
-    """The rows with nan in their empty cells, all at once: a file may have 10^6 of them."""
-    if separator is None:
-        return rows
-    text = "\n" + "\n".join(rows) + "\n"
-    for _ in range(2):  # the second of two empty cells is seen in the second pass
-        text = text.replace(separator * 2, f"{separator}nan{separator}")
-    text = text.replace(f"{separator}\n", f"{separator}nan\n")
-    return text.replace(f"\n{separator}", f"\nnan{separator}").strip("\n").split("\n")
+def _finite(values: FloatArray) -> FloatArray:
+    values[np.isinf(values)] = np.nan
+    return values
 
 
-def _parse_carefully(rows: Sequence[str], first: int, separator: str | None) -> FloatArray:
-    body = [
-        (number, row.split(separator))
-        for number, row in enumerate(rows, start=first + 1)
-        if row and not row.startswith(COMMENT_MARKS)
-    ]
-    width = len(body[0][1])
-    for number, cells in body:
-        if len(cells) != width:
-            raise UnreadableFile(
-                f"line {number} has {len(cells)} cells where {width} are wanted: "
-                "want the same columns in each line"
-            )
-    flat = [cell for _, cells in body for cell in cells]
-    if separator != "," and not any("." in cell for cell in flat if cell.lower() != ".nan"):
-        flat = [cell.replace(",", ".") for cell in flat]
-    try:
-        return numbers_from_cells(flat).reshape(-1, width)
-    except UnreadableFile as error:
-        number = body[_first_word(flat) // width][0]
-        raise UnreadableFile(f"line {number}: {error}") from None
+def _has_decimal_point(cells: Sequence[str]) -> bool:
+    return any("." in cell and POINT_NUMBER.fullmatch(cell.strip()) for cell in cells)
 
 
-def _number(cell: str) -> float:
-    word = cell.strip()
-    if word.lower() in MISSING_VALUES:
-        return float("nan")
-    try:
-        return float(word)
-    except ValueError:
-        raise UnreadableFile(
-            f"{word[:40]!r} is no number: take such lines out, or mark them as comments with #"
-        ) from None
-
-
-def _first_word(cells: Sequence[str]) -> int:
-    for index, cell in enumerate(cells):
-        try:
-            _number(cell)
-        except UnreadableFile:
-            return index
-    return 0
+def _word(row: int, cell: str) -> Word:
+    if THOUSANDS.fullmatch(cell):
+        return Word(row, cell, "has a thousands separator: export numbers without them", True)
+    reason = "is no number: take such lines out, mark them as comments with #, or say --lost"
+    return Word(row, cell, f"{reason} {cell[:20]} if it marks lost points")

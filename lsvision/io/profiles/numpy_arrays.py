@@ -1,7 +1,9 @@
 """Profiles in NumPy's NPY and NPZ; nothing is ever unpickled."""
 
 import io
+import math
 import tokenize
+import warnings
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -11,12 +13,15 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.errors import UnreadableFile
+from lsvision.files.limited_reading import current_size_limit
 from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.matrix import MIN_COLUMNS, profiles_from_matrix
 from lsvision.io.profiles.named_columns import profiles_from_named
 from lsvision.io.profiles.number_rows import floats_from
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
+from lsvision.io.profiles.stated_units import one_unit
 from lsvision.io.profiles.text_table import TextTable
+from lsvision.io.profiles.unit_statements import UnitStatement, unit_statements
 
 _BROKEN = (
     ValueError,
@@ -34,38 +39,83 @@ _BROKEN = (
     zipfile.BadZipFile,
     zlib.error,
 )
+_NPY_MAGIC = b"\x93NUMPY"
 _KEYS = ("points", "profile", "profiles", "arr_0")
 
 
 def read_npy(content: bytes, settings: ReadSettings) -> RawProfiles:
     """Profiles of one array: points (n, 2 or 3), (k, n, 2), or rows of heights with ``dx``."""
-    return _profiles_from_array(_loaded(content)[""], settings)
+    arrays = _loaded(content)
+    if "" not in arrays:
+        raise UnreadableFile("a zip archive, no array by itself: leave --format npy out")
+    return _profiles_from_array(arrays[""], settings)
 
 
 def read_npz(content: bytes, settings: ReadSettings) -> RawProfiles:
     """Profiles of arrays ``x`` and ``z`` (or ``range``), or of one array as in `read_npy`."""
-    arrays = _loaded(content)
+    loaded = _loaded(content)
+    words = {name: str(array.item()) for name, array in loaded.items() if _is_text(array)}
+    statements = unit_statements(f"{name}: {word}" for name, word in words.items())
+    arrays = {name: array for name, array in loaded.items() if name not in words}
     key = next((key for key in _KEYS if key in arrays), None)
     if key is None and len(arrays) == 1:
         key = next(iter(arrays))
     if key is not None:
-        return _profiles_from_array(arrays[key], settings)
+        return _profiles_from_array(arrays[key], settings, statements)
     return profiles_from_named(
-        {name: _as_floats(array) for name, array in arrays.items()}, settings
+        {name: _as_floats(array) for name, array in arrays.items() if array.ndim},
+        settings,
+        statements,
     )
 
 
 def _loaded(content: bytes) -> Mapping[str, npt.NDArray[np.generic]]:
     try:
-        loaded = np.load(io.BytesIO(content), allow_pickle=False)
-        if isinstance(loaded, np.ndarray):
-            return {"": loaded}
-        with loaded:
-            return {key.lower(): loaded[key] for key in loaded.files}
+        if content.startswith(_NPY_MAGIC):
+            return {"": _array_of(content)}
+        return _unpacked(content)
     except _BROKEN as error:
+        reason = " ".join(str(error).split())[:80]
         raise UnreadableFile(
-            f"NumPy cannot read it ({str(error)[:80]}): save plain arrays of numbers with np.save"
+            f"NumPy cannot read it ({reason}): save plain arrays of numbers with np.save"
         ) from None
+
+
+def _is_text(array: npt.NDArray[np.generic]) -> bool:
+    return array.dtype.kind in "US" and array.size == 1
+
+
+def _unpacked(content: bytes) -> dict[str, npt.NDArray[np.generic]]:
+    """Arrays of a zip archive, whose members state their true size before they are unpacked."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        size = sum(member.file_size for member in archive.infolist())
+        if size > current_size_limit():
+            raise ValueError(f"{size / 1e9:.3g} GB when unpacked, above --max-size")
+        arrays = {}
+        for member in archive.infolist():
+            if not member.is_dir():
+                array = _array_of(archive.read(member))
+                arrays[member.filename.removesuffix(".npy").lower()] = array
+    return arrays
+
+
+def _array_of(content: bytes) -> npt.NDArray[np.generic]:
+    """Array of a whole NPY file, its size checked against its header first."""
+    stream = io.BytesIO(content)
+    if not content.startswith(_NPY_MAGIC):
+        raise ValueError(f"no NPY array, but {content[:8]!r}")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of the parser of Python, about odd headers
+        version = np.lib.format.read_magic(stream)
+        if version == (1, 0):
+            shape, _, dtype = np.lib.format.read_array_header_1_0(stream)
+        else:
+            shape, _, dtype = np.lib.format.read_array_header_2_0(stream)
+        needed, got = math.prod(shape) * dtype.itemsize, len(content) - stream.tell()
+        if min(shape, default=0) < 0 or needed > got:
+            raise ValueError(f"an array of shape {shape} needs {needed} bytes, got {got}")
+        array: npt.NDArray[np.generic] = np.load(io.BytesIO(content), allow_pickle=False)
+    return array
 
 
 def _as_floats(array: npt.NDArray[np.generic]) -> npt.NDArray[np.float64]:
@@ -74,22 +124,44 @@ def _as_floats(array: npt.NDArray[np.generic]) -> npt.NDArray[np.float64]:
     return floats_from(array)
 
 
-def _profiles_from_array(array: npt.NDArray[np.generic], settings: ReadSettings) -> RawProfiles:
+def _profiles_from_array(
+    array: npt.NDArray[np.generic],
+    settings: ReadSettings,
+    statements: tuple[UnitStatement, ...] = (),
+) -> RawProfiles:
     if array.dtype.names:
         records: Any = array
         return profiles_from_named(
-            {name: _as_floats(records[name]) for name in array.dtype.names}, settings
+            {name: _as_floats(records[name]) for name in array.dtype.names}, settings, statements
         )
     values = _as_floats(array)
     if values.ndim == 3 and values.shape[2] == 2 and len(values):
-        return RawProfiles(sections=list(values))
+        unit = None
+        if settings.units is None:
+            unit = one_unit(None, [s for s in statements if s.axis is None])
+        return RawProfiles(sections=list(values), units=(unit, unit))
+    if values.ndim == 3 and values.shape[2] == 3 and len(values):
+        number = np.repeat(np.arange(float(len(values))), values.shape[1])
+        rows = np.column_stack([number, values.reshape(-1, 3)])
+        table = TextTable(rows, ("scan", "x", "y", "z"), (None,) * 4, statements)
+        return profiles_from_table(table, settings)
     if values.ndim == 1:
         values = values.reshape(1, -1)
     if values.ndim != 2 or values.size == 0:
         raise UnreadableFile(f"an array of shape {array.shape}: want points of shape (n, 2)")
-    if values.shape[0] in (2, 3) and values.shape[1] >= MIN_COLUMNS and settings.dx is None:
+    wide = values.shape[0] in (2, 3) and values.shape[1] >= MIN_COLUMNS
+    if wide and settings.dx is None and not settings.transpose:
         values = values.T
-    table = TextTable(values)
-    if values.shape[1] >= MIN_COLUMNS or len(values) == 1:
+    table = TextTable(values, statements=statements, limits=_limits(array.dtype))
+    heights = settings.transpose or values.shape[1] >= MIN_COLUMNS or len(values) == 1
+    if settings.columns is None and (heights or (values.shape[1] == 1 and settings.dx)):
         return profiles_from_matrix(table, settings)
     return profiles_from_table(table, settings)
+
+
+def _limits(kind: np.dtype[np.generic]) -> tuple[float, ...]:
+    """Ends of an integer type, which mark lost points where they stand far from the rest."""
+    if kind.kind not in "iu" or kind.itemsize < 2:
+        return ()
+    ends = np.iinfo(kind)  # type: ignore[type-var] # an integer by its kind
+    return float(ends.min), float(ends.max)

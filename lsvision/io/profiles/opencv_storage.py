@@ -1,22 +1,41 @@
-"""Profiles in OpenCV's FileStorage: YAML, XML or JSON written by `cv2.FileStorage`."""
+"""Profiles in OpenCV's FileStorage: YAML, XML or JSON written by `cv2.FileStorage`.
 
+OpenCV's own reader is not used: it trusts a matrix's header (an ``opencv-matrix`` without ``cols``
+corrupts the heap) and ends the process where lists nest deeply.
+"""
+
+import math
 import re
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
+from xml.etree import ElementTree
 
-import cv2
 import numpy as np
 
 from lsvision.errors import UnreadableFile
+from lsvision.files.json_text import parse_json
 from lsvision.geometry import FloatArray
+from lsvision.io.profiles.column_roles import is_known_role
 from lsvision.io.profiles.columns import profiles_from_table
+from lsvision.io.profiles.json_points import flat_width
+from lsvision.io.profiles.named_columns import profiles_from_named
 from lsvision.io.profiles.number_rows import numbers_from_cells
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.text_table import TextTable, decode_text
+from lsvision.io.profiles.unit_statements import lost_statements, unit_statements
+from lsvision.io.yaml_text import parse_yaml
 
 _TRIPLES = "scan_line"
 _KEYS = (_TRIPLES, "profile", "points", "line")
 _FEWEST_NUMBERS = 30  # a list under another name as short as a pose or a matrix is no profile
-_FLAT_LIST = re.compile(r"^[\s{]*\"?([A-Za-z_]\w*)\"?\s*:\s*\[([^\[\]]*)\]", re.MULTILINE)
+_KEY_WORD = re.compile(r"^[A-Za-z_]\w*:\s*[^\[\s!]")
+_FLAT_LIST = re.compile(r"^[ \t{]*\"?([A-Za-z_]\w*)\"?[ \t]*:\s*\[([^\[\]]*)\]", re.MULTILINE)
+_LONG_LIST = re.compile(r"\[([^\[\]{}\"'#&*]{2000,})\]")
+_OPENCV_CONSTANT = re.compile(r"(?<=[\[,\s])[-+]?\.(?:Nan|Inf)(?=[\s,\]])", re.IGNORECASE)
+_MATRIX_TYPE = re.compile(r"(\d{1,3})?[ucwsifdh]")
+_MAX_XML_DEPTH = 16
+_MAX_DIMENSIONS = 32  # of numpy's and OpenCV's arrays
 
 
 def read_opencv_storage(content: bytes, settings: ReadSettings) -> RawProfiles:
@@ -27,17 +46,37 @@ def read_opencv_storage(content: bytes, settings: ReadSettings) -> RawProfiles:
     Raises
     ------
     UnreadableFile
-        If OpenCV cannot parse the file or there is no list of points in it.
+        If the file cannot be parsed or there is no list of points in it.
     """
     text = decode_text(content)
-    # FileNode.at walks from the start each time, so long lists are parsed here, not by OpenCV
+    columns = {
+        key: numbers_from_cells(body.split(","))
+        for key, body in _FLAT_LIST.findall(text)
+        if is_known_role(key.lower())
+    }
+    if len(columns) > 1:
+        return profiles_from_named(columns, settings, unit_statements(_lines_of_words(text)))
+    # Long lists are split here: a parser of YAML needs microseconds a number.
     lists = {key: body.split(",") for key, body in _FLAT_LIST.findall(text) if key != "data"}
     key = min(lists, key=_rank, default=None)
     if key is not None and (key in _KEYS or len(lists[key]) >= _FEWEST_NUMBERS):
         values = numbers_from_cells(lists[key])
+        if key not in _KEYS and flat_width(key, values) is None:
+            raise UnreadableFile(
+                f"{len(values)} numbers under {key!r} are no points with rising x: want scan_line: "
+                "[x, y, z, ...] or lists x and z"
+            )
     else:
         key, values = _first_node(text)
-    return profiles_from_table(_as_table(key, np.squeeze(values)), settings)
+    table = _as_table(key, np.squeeze(values))
+    lines = _lines_of_words(text)
+    stated = replace(table, statements=unit_statements(lines), lost=lost_statements(lines))
+    return profiles_from_table(stated, settings)
+
+
+def _lines_of_words(text: str) -> list[str]:
+    """Lines as ``unit: um``, without lists and what is nested."""
+    return [line for line in text.splitlines() if _KEY_WORD.match(line)]
 
 
 def _rank(key: str) -> int:
@@ -46,37 +85,169 @@ def _rank(key: str) -> int:
 
 def _first_node(text: str) -> tuple[str, FloatArray]:
     try:
-        storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
-        root = storage.root()
-        keys = list(root.keys()) if root.isMap() else []
-        for key in sorted(keys, key=_rank):
-            values = _numbers(root.getNode(key))
-            pairs = values.ndim == 2 and values.shape[1] == 2
-            if values.size and (key in _KEYS or pairs or values.size >= _FEWEST_NUMBERS):
-                return key, values
-    except (cv2.error, SystemError, ValueError, UnicodeError):
-        raise UnreadableFile("OpenCV cannot parse it: write it anew with cv2.FileStorage") from None
+        nodes = _parsed(text)
+    except ValueError as error:
+        raise UnreadableFile(
+            f"no FileStorage of OpenCV ({str(error)[:200]}): write it anew with cv2.FileStorage"
+        ) from None
+    for key in sorted(nodes, key=_rank):
+        values = _numbers(key, nodes[key])
+        pairs = values.ndim == 2 and values.shape[1] == 2
+        if values.size and (key in _KEYS or pairs or values.size >= _FEWEST_NUMBERS):
+            return key, values
     raise UnreadableFile(
-        f"no list of points among its keys ({', '.join(keys) or 'none'}): "
+        f"no list of points among its keys ({', '.join(nodes)[:200] or 'none'}): "
         "want scan_line: [x, y, z, ...]"
     )
 
 
-def _numbers(node: Any) -> FloatArray:
-    if node.isMap():
-        matrix = node.mat() if {"rows", "sizes"} & set(node.keys()) else None
-        return np.empty(0) if matrix is None else np.asarray(matrix, dtype=np.float64)
-    items = [node.at(index) for index in range(node.size())] if node.isSeq() else []
-    if items and all(item.isSeq() for item in items):
-        rows = [[item.at(k).real() for k in range(item.size())] for item in items]
-        return np.array(rows) if len({len(row) for row in rows}) == 1 else np.empty(0)
-    known = all(item.isReal() or item.isInt() for item in items)
-    return np.array([item.real() for item in items]) if known else np.empty(0)
+def _parsed(text: str) -> dict[str, Any]:
+    """Nodes under the root; a matrix is a mapping, long lists are lists of text.
+
+    Raises
+    ------
+    ValueError
+        If the text is no YAML, JSON or XML of the kind that OpenCV writes.
+    """
+    start = text.lstrip()[:1]
+    if start == "<":
+        return _from_xml(text)
+    if start == "{":
+        root = parse_json(_OPENCV_CONSTANT.sub("NaN", text), allow_nan=True)
+    else:
+        long_lists: list[list[str]] = []
+
+        def shorten(match: re.Match[str]) -> str:
+            long_lists.append(match[1].split(","))
+            return f"[\\long list {len(long_lists) - 1}]"
+
+        root = _with_long_lists(parse_yaml(_LONG_LIST.sub(shorten, text)), long_lists)
+    if not isinstance(root, dict):
+        raise ValueError(f"expected keys with values, got a {type(root).__name__}")
+    return {str(key): value for key, value in root.items()}
+
+
+def _with_long_lists(node: Any, long_lists: list[list[str]]) -> Any:
+    if isinstance(node, dict):
+        return {key: _with_long_lists(value, long_lists) for key, value in node.items()}
+    if not isinstance(node, list):
+        return node
+    if len(node) == 1 and isinstance(node[0], str):
+        match = re.fullmatch(r"\\long list (\d{1,9})", node[0])
+        if match and int(match[1]) < len(long_lists):
+            return long_lists[int(match[1])]
+    return [_with_long_lists(value, long_lists) for value in node]
+
+
+def _from_xml(text: str) -> dict[str, Any]:
+    if re.search(r"<!(?:DOCTYPE|ENTITY)", text):
+        raise ValueError("expected XML without DOCTYPE and entities")
+    try:
+        root = ElementTree.fromstring(text, ElementTree.XMLParser(target=_ShallowTree()))
+    except (ElementTree.ParseError, UnicodeError) as error:
+        raise ValueError(f"no XML: {error}") from None
+    return {element.tag: _xml_node(element) for element in root}
+
+
+class _ShallowTree(ElementTree.TreeBuilder):
+    """Builds a tree of limited depth."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._depth = 0
+
+    def start(self, tag: Any, attrs: Any, /) -> ElementTree.Element:
+        """Open an element."""
+        self._depth += 1
+        if self._depth > _MAX_XML_DEPTH:
+            raise ValueError(f"expected at most {_MAX_XML_DEPTH} levels of nesting, got more")
+        return super().start(tag, attrs)
+
+    def end(self, tag: str, /) -> ElementTree.Element:
+        """Close an element."""
+        self._depth -= 1
+        return super().end(tag)
+
+
+def _xml_node(element: ElementTree.Element) -> Any:
+    children = list(element)
+    if not children:
+        return (element.text or "").split()
+    if all(child.tag == "_" for child in children):
+        return [_xml_node(child) for child in children]
+    return {child.tag: _xml_node(child) for child in children}
+
+
+def _numbers(key: str, node: Any) -> FloatArray:
+    """Numbers of a node; none where it is neither a matrix nor a list of numbers or of lists."""
+    if isinstance(node, Mapping):
+        return _matrix(key, node) if {"rows", "sizes"} & set(node) else np.empty(0)
+    if not isinstance(node, list):
+        return np.empty(0)
+    if node and all(isinstance(item, list) for item in node):
+        if len({len(item) for item in node}) != 1:
+            return np.empty(0)
+        flat = [cell for item in node for cell in item]
+        rows = _cells(flat)
+        return rows.reshape(len(node), -1) if rows.size else rows
+    return _cells(node)
+
+
+def _cells(items: list[Any]) -> FloatArray:
+    if any(isinstance(item, list | Mapping | bool) or item is None for item in items):
+        return np.empty(0)
+    try:
+        return numbers_from_cells([str(item) for item in items])
+    except UnreadableFile:
+        return np.empty(0)
+
+
+def _matrix(key: str, node: Mapping[str, Any]) -> FloatArray:
+    """Array of an ``opencv-matrix`` or ``opencv-nd-matrix``, its size checked.
+
+    Raises
+    ------
+    UnreadableFile
+        If rows x columns is another number than that of its data.
+    """
+    try:
+        match = _MATRIX_TYPE.fullmatch(_word(node["dt"]).strip("\"'"))
+        if match is None:
+            raise ValueError(f"dt {_word(node['dt'])!r}")
+        sizes = node["sizes"] if "sizes" in node else [_word(node["rows"]), _word(node["cols"])]
+        shape = [int(size) for size in sizes] + [int(match[1] or 1)]
+        data = node["data"]
+        if not (isinstance(data, list) and min(shape) >= 0 and len(shape) <= _MAX_DIMENSIONS):
+            raise ValueError(f"sizes {shape}")
+    except (KeyError, ValueError, TypeError) as error:
+        raise UnreadableFile(
+            f"{key}: a matrix with a bad or missing {error}: write it anew with cv2.FileStorage"
+        ) from None
+    if math.prod(shape) != len(data):
+        raise UnreadableFile(
+            f"{key}: a matrix of {' x '.join(map(str, shape))} numbers, got {len(data)}: write it "
+            "anew with cv2.FileStorage"
+        )
+    return numbers_from_cells([str(item) for item in data]).reshape(shape)
+
+
+def _word(value: Any) -> str:
+    """Text of a scalar; XML gives it as a list of one word."""
+    if isinstance(value, list) and len(value) == 1:
+        value = value[0]
+    if isinstance(value, str | int | float):
+        return str(value)
+    raise ValueError(f"{value!r:.40}")
 
 
 def _as_table(key: str, values: FloatArray) -> TextTable:
     if values.ndim == 2:
         rows = values if values.shape[1] <= values.shape[0] else values.T
+    elif values.ndim > 2:
+        raise UnreadableFile(
+            f"{key}: an array of {' x '.join(map(str, values.shape))} numbers: want points of "
+            "n x 2 or n x 3"
+        )
     elif values.size % 3 == 0 and (key == _TRIPLES or values.size % 2 or _is_one(values[1::3])):
         rows = values.reshape(-1, 3)
     elif values.size % 2 == 0:

@@ -6,10 +6,16 @@ from typing import Any
 import numpy as np
 
 from lsvision.errors import UnreadableFile
+from lsvision.files.limited_reading import current_size_limit
 from lsvision.geometry import FloatArray
+from lsvision.io.profiles.column_roles import column_role
 from lsvision.io.profiles.named_columns import profiles_from_named
 from lsvision.io.profiles.number_rows import floats_from
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
+from lsvision.io.profiles.unit_statements import UnitStatement, unit_statements
+from lsvision.io.profiles.units import split_label
+
+_BYTES_PER_VALUE = 8
 
 
 def read_parquet(content: bytes, settings: ReadSettings) -> RawProfiles:
@@ -28,12 +34,65 @@ def read_parquet(content: bytes, settings: ReadSettings) -> RawProfiles:
             "reading Parquet takes pyarrow: pip install 'lsvision[batch]'"
         ) from None
     try:
-        table = pyarrow.parquet.read_table(io.BytesIO(content))
-        columns = {name.lower(): _values(table[name]) for name in table.column_names}
-    except (pyarrow.ArrowException, OSError, ValueError, TypeError) as error:
-        raise UnreadableFile(f"pyarrow cannot read it ({str(error)[:80]}): write it anew") from None
+        with pyarrow.parquet.ParquetFile(io.BytesIO(content)) as file:
+            table = _limited_table(file)
+        columns = {name: _values(table[name]) for name in table.column_names}
+        texts = {name: _texts(table[name]) for name in table.column_names if columns[name] is None}
+        stated = [*_stated(table.schema.metadata), *_stated_of_fields(table.schema)]
+    except (pyarrow.ArrowException, OSError, ValueError, TypeError, KeyError) as error:
+        reason = " ".join(str(error).split())[:80]
+        raise UnreadableFile(f"pyarrow cannot read it ({reason}): write it anew") from None
     known = {name: values for name, values in columns.items() if values is not None}
-    return profiles_from_named(known, settings)
+    words = {name: cells for name, cells in texts.items() if cells is not None}
+    return profiles_from_named(known, settings, tuple(stated), words)
+
+
+def _texts(column: Any) -> list[str] | None:
+    """Cells of a column of words, dates or truth values; None for nested columns."""
+    import pyarrow.types as kinds
+
+    if kinds.is_nested(column.type):
+        return None
+    return ["" if value is None else str(value) for value in column.to_pylist()]
+
+
+def _stated(metadata: Any, axis: str = "") -> tuple[UnitStatement, ...]:
+    """Units in the metadata of a table, as ``unit: um``."""
+    lines = [
+        f"unit {axis}: {value.decode('utf-8', 'replace')}"
+        for key, value in (metadata or {}).items()
+        if key.lower() in (b"unit", b"units")
+    ]
+    return unit_statements(lines)
+
+
+def _stated_of_fields(schema: Any) -> list[UnitStatement]:
+    found: list[UnitStatement] = []
+    for field in schema:
+        role = column_role(split_label(field.name)[0])
+        if role in ("x", "height", "range"):
+            found += _stated(field.metadata, role)
+    return found
+
+
+def _limited_table(file: Any) -> Any:
+    """Table of a file, refused as soon as it unpacks to more than the limit.
+
+    A value may take no byte in the file. Metadata of columns are not asked: a broken one ends the
+    process (pyarrow 26).
+    """
+    import pyarrow
+
+    limit, rows = current_size_limit(), file.metadata.num_rows
+    if rows * max(file.metadata.num_columns, 1) * _BYTES_PER_VALUE > limit:
+        raise ValueError(f"{rows} rows, more than --max-size when unpacked")
+    batches, size = [], 0
+    for batch in file.iter_batches():
+        batches.append(batch)
+        size += batch.nbytes
+        if size > limit:
+            raise ValueError(f"{size / 1e9:.3g} GB and more when unpacked, above --max-size")
+    return pyarrow.Table.from_batches(batches, schema=file.schema_arrow)
 
 
 def _values(column: Any) -> FloatArray | list[FloatArray] | None:

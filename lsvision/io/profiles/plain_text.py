@@ -15,10 +15,10 @@ def read_plain_text(content: bytes, settings: ReadSettings) -> RawProfiles:
     >>> raw.units, raw.away
     (('mm', 'mm'), True)
     """
-    table = parse_table(decode_text(content))
+    table = parse_table(decode_text(content), settings.lost_words)
     width = table.values.shape[1]
     if settings.columns is None and (
-        width >= MIN_COLUMNS or (width == 1 and settings.dx is not None)
+        settings.transpose or width >= MIN_COLUMNS or (width == 1 and settings.dx is not None)
     ):
         return profiles_from_matrix(table, settings)
     return profiles_from_table(table, settings)

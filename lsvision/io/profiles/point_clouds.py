@@ -24,6 +24,7 @@ _PLY_TYPES = {
     **dict.fromkeys(["double", "float64"], "f8"),
 }
 _PLY_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+_MAX_COUNT = 4096  # numbers of one field, as of a histogram
 _PCD_TYPES = {"I": "i", "U": "u", "F": "f"}
 
 
@@ -95,7 +96,9 @@ def _ply_vertices(lines: list[list[str]], order: str) -> _Layout:
 
 def _pcd_layout(header: dict[str, list[str]]) -> tuple[_Layout, int]:
     try:
-        counts = map(int, header.get("COUNT", ["1"] * len(header["FIELDS"])))
+        counts = [int(count) for count in header.get("COUNT", ["1"] * len(header["FIELDS"]))]
+        if not all(1 <= count <= _MAX_COUNT for count in counts):
+            raise ValueError(f"COUNT {counts}")
         columns = zip(header["FIELDS"], header["TYPE"], header["SIZE"], counts, strict=True)
         fields = [
             (name if name != "_" else f"_{k}", f"<{_PCD_TYPES[kind]}{size}", (count,))
@@ -103,9 +106,9 @@ def _pcd_layout(header: dict[str, list[str]]) -> tuple[_Layout, int]:
         ]
         rows, width = int(header.get("HEIGHT", ["1"])[0]), int(header["WIDTH"][0])
         layout = _Layout(np.dtype(fields), rows * width)
-    except (KeyError, IndexError, ValueError, TypeError):
+    except (KeyError, IndexError, ValueError, TypeError, OverflowError):
         raise UnreadableFile("a PCD file with a broken header: write it anew") from None
-    if layout.count < 1:
+    if rows < 1 or width < 1:
         raise UnreadableFile("a PCD file without points: check what wrote it")
     return layout, rows
 

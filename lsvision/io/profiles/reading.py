@@ -1,7 +1,7 @@
 """A profile file of any known format in, profiles in the section frame out."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Unpack
@@ -9,18 +9,26 @@ from typing import Unpack
 import numpy as np
 
 from lsvision.errors import UnreadableFile
+from lsvision.files.limited_reading import read_bytes
 from lsvision.geometry import FloatArray
 from lsvision.io.file_names import PROFILE_SUFFIXES, find_files
 from lsvision.io.profiles.detection import detect_format
 from lsvision.io.profiles.gocator import read_gocator, read_gocator_points
+from lsvision.io.profiles.height_map import read_height_map
+from lsvision.io.profiles.json_points import read_json
 from lsvision.io.profiles.keyence import read_keyence, read_keyence_raw
+from lsvision.io.profiles.laser_scan import read_laser_scan
+from lsvision.io.profiles.lost_points import LostMarker, remove_lost
 from lsvision.io.profiles.matrix import read_matrix
 from lsvision.io.profiles.numpy_arrays import read_npy, read_npz
 from lsvision.io.profiles.opencv_storage import read_opencv_storage
 from lsvision.io.profiles.parquet import read_parquet
 from lsvision.io.profiles.plain_text import read_plain_text
 from lsvision.io.profiles.point_clouds import read_pcd, read_ply
-from lsvision.io.profiles.settings import MM_PER_UNIT, RawProfiles, ReadOptions, ReadSettings
+from lsvision.io.profiles.ros_bags import read_ros_bag
+from lsvision.io.profiles.settings import RawProfiles, ReadOptions, ReadSettings
+from lsvision.io.profiles.units import mm_per_unit
+from lsvision.io.profiles.yaml_points import read_yaml
 from lsvision.profile import Profile
 
 _READERS: dict[str, Callable[[bytes, ReadSettings], RawProfiles]] = {
@@ -36,11 +44,17 @@ _READERS: dict[str, Callable[[bytes, ReadSettings], RawProfiles]] = {
     "pcd": read_pcd,
     "opencv": read_opencv_storage,
     "parquet": read_parquet,
+    "json": read_json,
+    "yaml": read_yaml,
+    "laserscan": read_laser_scan,
+    "height-map": read_height_map,
+    "rosbag": read_ros_bag,
 }
 
-_LOST_HEIGHTS = (-99999.9999, -99999.999, -99999.99, -99999.9)  # Keyence, by digits printed
 _FARTHEST_MM = 1e4  # no profile sensor looks farther
+_USUAL_MM, _FINER_UNITS = 1e3, ("um", "10nm")
 _NARROWEST_MM = 1.0  # nor has one a field as narrow
+_LIDAR_EXTENT = 10.0  # a profile of this size and place may be metres of a lidar, or mm
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -65,6 +79,15 @@ class ProfileFile:
         Where along the travel each profile was taken. Units: mm.
     notes : tuple of str
         What was guessed, left out or looks wrong, for people.
+    doubts : tuple of str
+        Those of the notes that say that the unit is wrong, if nobody stated it.
+    markers : tuple of LostMarker
+        Values that mark lost points, in the units of the file.
+    attributes : tuple of mapping
+        What the file says of each profile beside its points: part, time, encoder, pose; empty
+        where it says nothing.
+    ignored : tuple of str
+        Columns that were not used.
     """
 
     path: Path
@@ -75,6 +98,10 @@ class ProfileFile:
     flipped: bool
     positions: tuple[float, ...] | None
     notes: tuple[str, ...]
+    doubts: tuple[str, ...] = ()
+    markers: tuple[LostMarker, ...] = ()
+    attributes: tuple[Mapping[str, float | str], ...] = ()
+    ignored: tuple[str, ...] = ()
 
     @property
     def lost(self) -> int:
@@ -85,13 +112,15 @@ class ProfileFile:
     def summary(self) -> str:
         """One line for people: reader, units, number of profiles, lost points, direction.
 
-        Definition: as ``"text, mm (assumed), 1 profile, 3 of 376 points lost"``.
+        Definition: as ``"text, mm (assumed), 1 profile, 3 of 376 points lost"``, with
+        ``"(3 by -9999)"`` behind it where a value marks them.
         """
         units = f"{self.units} (assumed)" if self.units_assumed else self.units
         count = len(self.profiles)
         total = sum(len(profile) for profile in self.profiles)
         parts = [self.reader, units, f"{count} profile{'s' if count > 1 else ''}"]
-        parts.append(f"{self.lost} of {total} points lost")
+        marked = ", ".join(f"{m.count} by {m.text}" for m in self.markers)
+        parts.append(f"{self.lost} of {total} points lost{marked and f' ({marked})'}")
         return ", ".join(parts + ["heights turned"] * self.flipped)
 
 
@@ -101,7 +130,8 @@ def read_profile(path: str | os.PathLike[str], **options: Unpack[ReadOptions]) -
     Parameters
     ----------
     path : path
-        The file; its format is detected from its content.
+        The file, a named pipe, or ``"-"`` for standard input; its format is detected from its
+        content.
     **options
         Fields of `ReadSettings`, each of which overrides what the file says.
 
@@ -200,66 +230,51 @@ def inspect_profiles(path: str | os.PathLike[str], **options: Unpack[ReadOptions
     """
     settings = ReadSettings(**options)
     file = Path(path)
+    content = read_bytes(file)
     try:
-        content = _content(file)
         reader = settings.format or detect_format(content, file.suffix)
+        if reader == "matrix" and settings.columns is not None:  # a wide table of points
+            reader = "text"
         raw = _READERS[reader](content, settings)
         return _in_section_frame(file, reader, raw, settings)
     except UnreadableFile as error:
         raise UnreadableFile(f"{file}: {error}") from None
 
 
-def _content(file: Path) -> bytes:
-    try:
-        return file.read_bytes()
-    except OSError as error:
-        raise UnreadableFile(_hint(error)) from None
-    except ValueError:  # a null in it
-        raise UnreadableFile("no file can have such a name: check it") from None
-
-
-def _hint(error: OSError) -> str:
-    if isinstance(error, FileNotFoundError):
-        return "no such file: check the name"
-    if isinstance(error, IsADirectoryError):
-        return "a directory: read_profiles reads all files in it"
-    if isinstance(error, PermissionError):
-        return "no permission to read it: check its owner and mode"
-    return f"cannot be read ({error.strerror or error}): check the disk and the name"
-
-
 def _in_section_frame(
     path: Path, reader: str, raw: RawProfiles, settings: ReadSettings
 ) -> ProfileFile:
     x_unit = "mm" if raw.x_in_mm else settings.units or raw.units[0]
-    units = (x_unit, settings.units or raw.units[1])
+    height_unit = settings.units or raw.units[1]
+    if raw.x_in_mm and settings.z_unit is not None:  # says more than a unit of all coordinates
+        height_unit = raw.units[1]
+    assumed = x_unit is None or height_unit is None
+    if not raw.x_in_mm:  # what is stated of one axis is the best guess of the other
+        x_unit, height_unit = x_unit or height_unit, height_unit or x_unit
     away = raw.away if settings.flip is None else settings.flip
-    x_scale, y_scale = (MM_PER_UNIT[unit or "mm"] for unit in units)
+    x_scale, y_scale = mm_per_unit(x_unit or "mm"), mm_per_unit(height_unit or "mm")
     to_mm = np.array([x_scale, -y_scale if away else y_scale])
-    sections = [_without_sentinels(section) for section in raw.sections]
+    sections, markers = remove_lost(raw, settings)
     with np.errstate(over="ignore", invalid="ignore"):  # too large to hold: lost
-        profiles = tuple(Profile(section * to_mm) for section in sections)
+        profiles = tuple(Profile(section * to_mm, lost=()) for section in sections)
     _check_points(profiles)
-    named = tuple(dict.fromkeys(unit or "mm" for unit in units))
+    named = tuple(dict.fromkeys(unit or "mm" for unit in (x_unit, height_unit)))
+    doubts, hints = _doubts(profiles), _hints(profiles, assumed=assumed)
+    guessed = tuple(marker.note for marker in markers if marker.guessed)
     return ProfileFile(
         path=path,
         profiles=profiles,
         reader=reader,
         units=", ".join(named),
-        units_assumed=None in units,
+        units_assumed=assumed,
         flipped=away,
         positions=raw.positions and tuple(p * x_scale for p in raw.positions),
-        notes=raw.notes + _warnings(profiles),
+        notes=raw.notes + guessed + doubts + hints,
+        doubts=doubts,
+        markers=markers,
+        attributes=raw.attributes,
+        ignored=raw.ignored,
     )
-
-
-def _without_sentinels(section: FloatArray) -> FloatArray:
-    x, height = section.T
-    lost = np.isin(height, _LOST_HEIGHTS)
-    zero = (x == 0) & (height == 0)
-    if zero.sum() > 1:  # Leuze writes a lost point as 0, 0; one alone may be a point
-        lost |= zero
-    return np.where(lost[:, np.newaxis], np.nan, section) if lost.any() else section
 
 
 def _check_points(profiles: tuple[Profile, ...]) -> None:
@@ -271,16 +286,34 @@ def _check_points(profiles: tuple[Profile, ...]) -> None:
         raise UnreadableFile("one valid point in it, no profile: check exposure, or --columns")
 
 
-def _warnings(profiles: tuple[Profile, ...]) -> tuple[str, ...]:
-    points = np.concatenate([profile.points for profile in profiles])
-    low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
+def _doubts(profiles: tuple[Profile, ...]) -> tuple[str, ...]:
+    low, high = _extent(profiles)
     farthest = float(np.abs([low, high]).max())
-    notes = []
     if farthest > _FARTHEST_MM:
-        notes.append(f"coordinates reach {farthest:.3g} mm: another unit? see --units um")
+        unit = next(
+            (unit for unit in _FINER_UNITS if farthest * mm_per_unit(unit) < _USUAL_MM), "nm"
+        )
+        return (f"coordinates reach {farthest:.3g} mm: another unit? see --units {unit}",)
     if high[0] - low[0] < _NARROWEST_MM:
-        notes.append(f"the profile is {high[0] - low[0]:.3g} mm wide: metres? see --units m")
+        return (f"the profile is {high[0] - low[0]:.3g} mm wide: metres? see --units m",)
+    return ()
+
+
+def _hints(profiles: tuple[Profile, ...], *, assumed: bool) -> tuple[str, ...]:
+    low, high = _extent(profiles)
+    size = f"{high[0] - low[0]:.3g} x {high[1] - low[1]:.3g}"
+    notes = []
+    wide_enough = high[0] - low[0] >= _NARROWEST_MM
+    if assumed and wide_enough and float(np.abs([low, high]).max()) <= _LIDAR_EXTENT:
+        notes.append(f"the points span {size} mm: metres of a lidar? then say --units m")
     empty = sum(profile.lost == len(profile) for profile in profiles)
     if empty:
         notes.append(f"{empty} of {len(profiles)} profiles hold no point")
     return tuple(notes)
+
+
+def _extent(profiles: tuple[Profile, ...]) -> tuple[FloatArray, FloatArray]:
+    points = np.concatenate([profile.points for profile in profiles])
+    low: FloatArray = np.nanmin(points, axis=0)
+    high: FloatArray = np.nanmax(points, axis=0)
+    return low, high

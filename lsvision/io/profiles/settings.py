@@ -1,21 +1,15 @@
 """What the user may say about a profile file, and what a reader hands back before units."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypedDict
 
 from lsvision.geometry import FloatArray
+from lsvision.io.profiles.units import MM_PER_UNIT, mm_per_unit, parse_unit
 
-MM_PER_UNIT = {
-    "nm": 1e-6,
-    "um": 1e-3,
-    "mm": 1.0,
-    "cm": 10.0,
-    "m": 1e3,
-    "mil": 0.0254,
-    "in": 25.4,
-}
-"""The units a profile may come in, each in mm."""
+MM_PER_KEYENCE_STEP = 1e-5
+"""The controllers of Keyence state their scales in 0.01 um."""
 
 FORMATS = (
     "text",
@@ -30,6 +24,11 @@ FORMATS = (
     "pcd",
     "opencv",
     "parquet",
+    "json",
+    "yaml",
+    "laserscan",
+    "height-map",
+    "rosbag",
 )
 """Names that `format` and ``--format`` take."""
 
@@ -41,11 +40,13 @@ class ReadOptions(TypedDict, total=False):
     columns: str | Sequence[int | str] | None
     units: str | None
     flip: bool | None
+    lost: float | str | Sequence[float | str] | None
+    transpose: bool
     x0: float | None
     dx: float | None
     x_start: float | None
     x_pitch: float | None
-    z_unit: float | None
+    z_unit: float | str | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,14 +61,22 @@ class ReadSettings:
         Columns of x and height, or of x, travel and height: indices from 0 or names, as
         ``(0, 2)`` or ``"x,z"``.
     units : str, optional
-        Unit of all coordinates, one of `MM_PER_UNIT`.
+        Unit of all coordinates, one of `MM_PER_UNIT` or with a scale as ``"0.1mm"``.
     flip : bool, optional
         True where heights grow away from the sensor (ranges), False where they grow towards it.
+    lost : float, str or sequence, optional
+        What the file holds where a point is lost, in its own units, as ``-9999`` or
+        ``"-9999,ERR"``; ``"none"`` where every number is a height. Without it, values that
+        repeat far from the rest are taken for lost points and named.
+    transpose : bool
+        True where rows and columns change places: profiles lie in columns.
     x0, dx : float, optional
         For rows of heights without x: x of the first column, spacing of columns. Units: mm.
-    x_start, x_pitch, z_unit : float, optional
-        For raw Keyence counts: XStart, XPitch and ZUnit as the controller states them.
-        Units: 0.01 um.
+    x_start, x_pitch : float, optional
+        For raw Keyence counts: XStart and XPitch as the controller states them. Units: 0.01 um.
+    z_unit : float or str, optional
+        Of heights in rows without x: what one count is, a number in 0.01 um as a Keyence
+        controller states ZUnit, or a length as ``"0.5um"``.
 
     Raises
     ------
@@ -84,20 +93,52 @@ class ReadSettings:
     columns: str | Sequence[int | str] | None = None
     units: str | None = None
     flip: bool | None = None
+    lost: float | str | Sequence[float | str] | None = None
+    transpose: bool = False
     x0: float | None = None
     dx: float | None = None
     x_start: float | None = None
     x_pitch: float | None = None
-    z_unit: float | None = None
+    z_unit: float | str | None = None
 
     def __post_init__(self) -> None:
         _check_choice("format", self.format, FORMATS)
-        _check_choice("units", self.units, tuple(MM_PER_UNIT))
+        if self.units is not None:
+            object.__setattr__(self, "units", _checked_unit(self.units))
+        if self.z_unit is not None:
+            object.__setattr__(self, "z_unit", _checked_count(self.z_unit))
         for name in ("dx", "x_pitch", "z_unit"):
             if getattr(self, name) == 0:
                 raise ValueError(f"want {name} other than 0, got 0")
+        for name in ("x0", "dx", "x_start", "x_pitch", "z_unit"):
+            value = getattr(self, name)
+            if value is not None and not math.isfinite(value):
+                raise ValueError(f"want a finite {name}, got {value}")
+        if self.lost is not None:
+            object.__setattr__(self, "lost", _checked_markers(self.lost))
         if self.columns is not None:
             object.__setattr__(self, "columns", _checked_columns(self.columns))
+
+    @property
+    def lost_values(self) -> tuple[float, ...] | None:
+        """The numbers among the markers that the user states; None if he states none."""
+        if self.lost is None:
+            return None
+        return tuple(marker for marker in self._markers if isinstance(marker, float))
+
+    @property
+    def lost_words(self) -> frozenset[str]:
+        """The words among them, in lower case."""
+        return frozenset(marker.lower() for marker in self._markers if isinstance(marker, str))
+
+    @property
+    def height_scale(self) -> float | None:
+        """What one count of a height is. Units: mm."""
+        return None if self.z_unit is None else float(self.z_unit) * MM_PER_KEYENCE_STEP
+
+    @property
+    def _markers(self) -> tuple[float | str, ...]:
+        return self.lost if isinstance(self.lost, tuple) else ()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -118,6 +159,14 @@ class RawProfiles:
         What was guessed or left out, for people.
     x_in_mm : bool
         True where the user gave x in mm, whatever the unit of the heights.
+    lost : tuple of float
+        Markers of lost points that the file states, in its own units.
+    limits : tuple of float
+        Ends of the type that the heights were stored in.
+    attributes : tuple of mapping
+        What the file says of each profile beside its points; empty where nothing.
+    ignored : tuple of str
+        Columns that were not used.
     """
 
     sections: Sequence[FloatArray]
@@ -126,11 +175,55 @@ class RawProfiles:
     positions: tuple[float, ...] | None = None
     notes: tuple[str, ...] = ()
     x_in_mm: bool = False
+    lost: tuple[float, ...] = ()
+    limits: tuple[float, ...] = ()
+    attributes: tuple[Mapping[str, float | str], ...] = ()
+    ignored: tuple[str, ...] = ()
 
 
 def _check_choice(name: str, value: str | None, choices: tuple[str, ...]) -> None:
     if value is not None and value not in choices:
         raise ValueError(f"want {name} among {', '.join(choices)}, got {value!r}")
+
+
+def _checked_unit(text: str) -> str:
+    unit = parse_unit(text)
+    if unit is None:
+        raise ValueError(
+            f"want units among {', '.join(MM_PER_UNIT)}, or with a scale as 0.1mm, got {text!r}"
+        )
+    return unit
+
+
+def _checked_count(z_unit: float | str) -> float:
+    try:
+        return float(z_unit)
+    except ValueError:
+        unit = parse_unit(str(z_unit))
+    if unit is None:
+        raise ValueError(
+            f"want z_unit as a number of 0.01 um or as a length, 0.5um, got {z_unit!r}"
+        )
+    return mm_per_unit(unit) / MM_PER_KEYENCE_STEP
+
+
+def _checked_markers(lost: float | str | Sequence[float | str]) -> tuple[float | str, ...]:
+    if isinstance(lost, str):
+        cells: Sequence[float | str] = lost.split(",")
+    else:
+        cells = lost if isinstance(lost, Sequence) else (lost,)
+    markers: list[float | str] = []
+    for cell in cells:
+        word = cell.strip() if isinstance(cell, str) else cell
+        try:
+            number = float(int(word, 16) if str(word).lower().startswith("0x") else word)  # type: ignore[arg-type] # a str then
+        except ValueError:
+            if str(word).lower() != "none":
+                markers.append(str(word))
+        else:
+            markers += [number] if math.isfinite(number) else []
+            markers += [str(word)] if str(word).lower().startswith("0x") else []
+    return tuple(markers)
 
 
 def _checked_columns(columns: str | Sequence[int | str]) -> tuple[int | str, ...]:

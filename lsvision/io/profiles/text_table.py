@@ -1,29 +1,41 @@
-"""A table of numbers in a text file: separator, decimal comma, comments and header sniffed."""
+"""A table of numbers in a text file: encoding, layout, header, statements and numbers."""
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
-from lsvision.io.profiles.number_rows import COMMENT_MARKS, MISSING_VALUES, parse_rows
+from lsvision.io.profiles.number_rows import (
+    COMMENT_MARKS,
+    Word,
+    parse_column,
+    uses_decimal_comma,
+)
+from lsvision.io.profiles.text_header import Header, read_header
+from lsvision.io.profiles.text_layout import Layout, find_layout, is_comment, split_cells
+from lsvision.io.profiles.unit_statements import (
+    UnitStatement,
+    lost_statements,
+    unit_statements,
+)
+from lsvision.io.profiles.units import StatedUnit
 
-_HEADER_LINES = 200  # the longest preamble looked through for the first line of numbers
-_NUMBER = re.compile(r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?")
-_DECIMAL_COMMA = re.compile(r"[-+]?\d+(?:,\d+)?(?:[eE][-+]?\d+)?")
-_UNIT_WORDS = {
-    **dict.fromkeys(["mm", "millimeter", "millimetre"], "mm"),
-    **dict.fromkeys(["um", "µm", "μm", "micron", "microns", "micrometer", "micrometre"], "um"),
-    **dict.fromkeys(["m", "meter", "metre", "meters", "metres"], "m"),
-    **dict.fromkeys(["in", "inch", "inches"], "in"),
-    **{word: word for word in ("nm", "cm", "mil")},
-}
-_UNIT = re.compile(r"^(.*?)[\s_]*[\[(/_\s]\s*([^\W\d_]+)\s*[\])]?$")
+_CONTROL = re.compile(r"[\x00-\x08\x0e-\x1b\x7f]")
+_CUT_COMMA = re.compile(r"(?:^|,)[-+]?[0-9]{1,3},0[0-9]+(?=[,.\r\n]|$)", re.MULTILINE)
+_CUT_NUMBERS = (
+    "numbers look cut at their commas ({cells!r}): export with semicolons between cells and "
+    "without thousands separators"
+)
+_TEXT_SHARE = 0.5
+"""Share of words in a column from which on it holds text, not numbers with errors."""
 
 
 @dataclass(frozen=True, eq=False)
 class TextTable:
-    """Numbers of a text file with what its header says of them.
+    """Numbers of a text file with what the lines around them say.
 
     Parameters
     ----------
@@ -31,131 +43,233 @@ class TextTable:
         NaN where a cell is empty or says that it holds nothing.
     names : tuple of str
         Lower-case name of each column without its unit; empty where the file has no header.
-    units : tuple of (str or None)
+    units : tuple of (StatedUnit or None)
         Unit of each column where its header states one.
+    statements : tuple of UnitStatement
+        Units that other lines state.
+    texts : mapping of int to sequence of str
+        Cells of the columns that hold text.
+    words : mapping of int to Word
+        The first cell that is no number in each column of numbers; its row is a line's number.
+    lost : tuple of float
+        Markers of lost points that the file states.
+    notes : tuple of str
+        What was left out, for people.
+    limits : tuple of float
+        Ends of the type that the numbers were stored in.
     """
 
     values: FloatArray
     names: tuple[str, ...] = ()
-    units: tuple[str | None, ...] = ()
+    units: tuple[StatedUnit | None, ...] = ()
+    statements: tuple[UnitStatement, ...] = ()
+    texts: Mapping[int, Sequence[str]] = field(default_factory=dict)
+    words: Mapping[int, Word] = field(default_factory=dict)
+    lost: tuple[float, ...] = ()
+    notes: tuple[str, ...] = ()
+    limits: tuple[float, ...] = ()
 
 
 def decode_text(content: bytes) -> str:
-    """Text of a file in UTF-8, UTF-16 or Latin-1.
+    """Text of a file in UTF-8, UTF-16, UTF-32 or Latin-1.
 
     Raises
     ------
     UnreadableFile
         If the bytes are no text.
     """
-    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
-        encodings = ["utf-16"]
-    else:
-        encodings = ["utf-8-sig", "latin-1"]
-    for encoding in encodings:
+    content = content.rstrip(b"\x1a") if content.endswith(b"\x1a") else content  # end of DOS files
+    for encoding in _encodings(content):
         try:
             text = content.decode(encoding)
         except UnicodeDecodeError:
             continue
-        if not re.search(r"[\x00-\x08\x0e-\x1b\x7f]", text):
+        if not _CONTROL.search(text):
             return text
     raise UnreadableFile("binary data of no known format: export the profile as text (x,z in mm)")
 
 
-def parse_table(text: str) -> TextTable:
+def parse_table(text: str, lost_words: frozenset[str] = frozenset()) -> TextTable:
     r"""Table of numbers in a text.
+
+    Parameters
+    ----------
+    text : str
+        The whole file.
+    lost_words : frozenset of str
+        Words, in lower case, that mark lost points.
 
     Raises
     ------
     UnreadableFile
-        If there is no line of numbers, or a later line does not fit the first.
+        If there is no table of numbers, or its lines do not fit one another.
 
     Examples
     --------
     >>> parse_table("x [mm];z [mm]\n1,5;-2\n2,0;").values.tolist()
     [[1.5, -2.0], [2.0, nan]]
     """
-    lines = text.replace('"', "").splitlines()
-    first, separator = _first_row(lines)
-    values = parse_rows(lines, first, separator)
-    names, units = _header(lines[:first], separator, values.shape[1])
-    return TextTable(values, names, units)
+    lines = text.replace("\u2212", "-").splitlines()  # a minus sign as typesetters write it
+    layout = find_layout(lines)
+    table = _quick_table(lines, layout)
+    if table is None:
+        table = _careful_table(lines, layout, lost_words)
+    values = table.values
+    while values.shape[1] > 2 and _is_empty(table, values.shape[1] - 1, values):
+        values = values[:, :-1]
+    header = read_header(lines[: layout.first], layout.separator, values.shape[1])
+    _check_cells(header, values, lines, layout)
+    beside = [*lines[: layout.first], *lines[layout.stop :]]
+    beside += [line for line in lines[layout.first : layout.stop] if _may_be_comment(line)]
+    return TextTable(
+        values=values,
+        names=header.names,
+        units=header.units,
+        statements=unit_statements(beside) + _unit_column(table, header),
+        texts=table.texts,
+        words=table.words,
+        lost=lost_statements(beside),
+        notes=_footer_notes(lines[layout.stop :]),
+    )
 
 
-def split_unit(label: str) -> tuple[str, str | None]:
-    """Name and unit of a column's label; None for what is no unit of length.
-
-    Examples
-    --------
-    >>> split_unit("Height [µm]"), split_unit("z_mm"), split_unit("x")
-    (('height', 'um'), ('z', 'mm'), ('x', None))
-    """
-    word = label.strip().strip("\"'").strip().lower()
-    match = _UNIT.match(word)
-    if match and match[1] and match[2] in _UNIT_WORDS:
-        return match[1].strip(), _UNIT_WORDS[match[2]]
-    return re.sub(r"\s*[\[(][^\[(]*[\])]$", "", word), None
+def _encodings(content: bytes) -> list[str]:
+    if content.startswith((b"\xff\xfe\0\0", b"\0\0\xfe\xff")):
+        return ["utf-32"]
+    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return ["utf-16"]
+    start = content[:400]
+    if len(start) >= 4 and start[1::2].count(0) > 0.8 * len(start[1::2]):
+        return ["utf-16-le"]
+    if len(start) >= 4 and start[::2].count(0) > 0.8 * len(start[::2]):
+        return ["utf-16-be"]
+    return ["utf-8-sig", "latin-1"]
 
 
-def _first_row(lines: Sequence[str]) -> tuple[int, str | None]:
-    preamble = 0
-    for index, line in enumerate(lines):
-        separator = _separator(line.strip())
-        cells = line.split(separator)
-        words = line.strip() and not line.lstrip().startswith(COMMENT_MARKS)
-        if not (words and _all_numbers_or_lost(cells)):
-            preamble += 1  # rows of lost points are none of it, however many
-            if preamble == _HEADER_LINES:
-                break
-        elif any(_NUMBER.fullmatch(cell.strip()) for cell in cells):
-            if index == 0 and _counts_points(line, lines[1:2]):
-                continue
-            return _with_lost_rows(lines, index, separator), separator
-    raise UnreadableFile("no line of numbers in it: want x and height in mm, one point a line")
+def _may_be_comment(line: str) -> bool:
+    return line[:1] in "#%/! \t" and is_comment(line)
 
 
-def _counts_points(line: str, following: Sequence[str]) -> bool:
-    """True where the first line of an XYZ file is the number of its points."""
-    more = [part.split(_separator(part.strip())) for part in following]
-    return line.strip().isdecimal() and any(len(m) > 1 and _all_numbers_or_lost(m) for m in more)
+def _rows(lines: Sequence[str], layout: Layout) -> list[tuple[int, str]]:
+    """Number and text of each line of numbers; empty lines and comments are left out."""
+    # a tab at the end of a line stands before an empty cell: only blanks may go there
+    strip = " \r\n" if layout.separator == "\t" else None
+    rows = (
+        (number, line.strip(strip))
+        for number, line in enumerate(lines[layout.first : layout.stop], layout.first + 1)
+    )
+    return [(number, row) for number, row in rows if row and not row.startswith(COMMENT_MARKS)]
 
 
-def _with_lost_rows(lines: Sequence[str], index: int, separator: str | None) -> int:
-    """Index of the first of the lines above that hold as many cells, though all of them lost."""
-    width = len(lines[index].split(separator))
-    while index > 0:
-        cells = lines[index - 1].split(separator)
-        if len(cells) != width or not _all_numbers_or_lost(cells):
-            break
-        index -= 1
-    return index
-
-
-def _separator(line: str) -> str | None:
-    for mark in (";", "\t"):
-        if mark in line:
-            return mark
-    words = line.split()
-    if len(words) > 1 and all(
-        w.lower() in MISSING_VALUES or _DECIMAL_COMMA.fullmatch(w) for w in words
-    ):
+def _quick_table(lines: Sequence[str], layout: Layout) -> TextTable | None:
+    """The table where all its cells are numbers as numpy reads them; else None."""
+    if layout.separator == "|" or len(layout.numeric) < layout.width:
         return None
-    return "," if "," in line else None
+    rows = [row for _, row in _rows(lines, layout)]
+    if '"' in rows[0] or '"' in rows[-1]:
+        return None
+    try:
+        values = np.loadtxt(
+            _filled(rows, layout.separator), delimiter=layout.separator, comments=None, ndmin=2
+        )
+    except ValueError:  # lost words, decimal commas, quotes, or a broken line
+        return None
+    values[np.isinf(values)] = np.nan
+    return TextTable(values)
 
 
-def _all_numbers_or_lost(cells: Sequence[str]) -> bool:
-    words = [cell.strip() for cell in cells]
-    return all(word.lower() in MISSING_VALUES or _NUMBER.fullmatch(word) for word in words)
+def _filled(rows: Sequence[str], separator: str | None) -> Sequence[str]:
+    """The rows with nan in their empty cells, all at once: a file may have 10^6 of them."""
+    if separator is None:
+        return rows
+    text = "\n" + "\n".join(rows) + "\n"
+    for _ in range(2):  # the second of two empty cells is seen in the second pass
+        text = text.replace(separator * 2, f"{separator}nan{separator}")
+    text = text.replace(f"{separator}\n", f"{separator}nan\n")
+    return text.replace(f"\n{separator}", f"\nnan{separator}").strip("\n").split("\n")
 
 
-def _header(
-    preamble: Sequence[str], separator: str | None, width: int
-) -> tuple[tuple[str, ...], tuple[str | None, ...]]:
-    said = [line.strip().lstrip("#%/ \t") for line in preamble]
-    label_line = next((line for line in reversed(said) if line), "")
-    tight = re.sub(r"\s+(?=[\[(])", "", label_line)
-    for labels in (tight.split(separator), re.split(r"[,;\s]+", tight)):
-        parts = [split_unit(label) for label in labels if label.strip()]
-        if len(parts) == width:
-            return tuple(name for name, _ in parts), tuple(unit for _, unit in parts)
-    return (), (None,) * width
+def _careful_table(lines: Sequence[str], layout: Layout, lost_words: frozenset[str]) -> TextTable:
+    rows = _rows(lines, layout)
+    cells = _split_rows(rows, layout)
+    columns = [[row[c] for row in cells] for c in range(layout.width)]
+    decimal_comma = uses_decimal_comma([columns[c] for c in layout.numeric])
+    values = np.full((len(cells), layout.width), np.nan)
+    texts: dict[int, Sequence[str]] = {}
+    words: dict[int, Word] = {}
+    for c, column in enumerate(columns):
+        parsed = parse_column(column, decimal_comma=decimal_comma, lost_words=lost_words)
+        values[:, c] = parsed.values
+        if parsed.word is not None:
+            known = sum(bool(cell.strip()) for cell in column)
+            if parsed.words > _TEXT_SHARE * known and not parsed.word.grouped:
+                texts[c] = [cell.strip() for cell in column]
+            words[c] = replace(parsed.word, row=rows[parsed.word.row][0])
+    return TextTable(values, texts=texts, words=words)
+
+
+def _split_rows(rows: Sequence[tuple[int, str]], layout: Layout) -> list[list[str]]:
+    separator, width = layout.separator, layout.width
+    cells = []
+    for number, row in rows:
+        found = split_cells(row, separator)
+        if len(found) > width and "#" in row:
+            found = split_cells(re.sub(r"\s+#.*$", "", row), separator)
+        while len(found) > width and not found[-1].strip():
+            found.pop()
+        if len(found) == width - 1 and layout.separator and _ends_open(rows, separator):
+            found.append("")
+        if len(found) != width:
+            raise UnreadableFile(
+                f"line {number} has {len(found)} cells where {width} are wanted "
+                f"({row[:40]!r}): want the same columns in each line, no decimal commas or "
+                "thousands separators among commas"
+            )
+        cells.append(found)
+    return cells
+
+
+def _ends_open(rows: Sequence[tuple[int, str]], separator: str | None) -> bool:
+    """Whether the first line ends with a separator, so that its last column may be missing."""
+    return separator is not None and rows[0][1].endswith(separator)
+
+
+def _is_empty(table: TextTable, column: int, values: FloatArray) -> bool:
+    return (
+        column not in table.texts
+        and column not in table.words
+        and bool(np.isnan(values[:, column]).all())
+    )
+
+
+def _check_cells(header: Header, values: FloatArray, lines: Sequence[str], layout: Layout) -> None:
+    """Refuse numbers that commas have cut: decimal commas or thousands separators."""
+    if layout.separator != "," or header.names:
+        return
+    width = values.shape[1]
+    whole = bool(np.all(np.isnan(values) | (values == np.round(values))))
+    if header.counted and width == 2 * header.counted and whole:
+        raise UnreadableFile(_CUT_NUMBERS.format(cells=lines[layout.first][:40]))
+    if width > 2:
+        sample = "\n".join(lines[layout.first : min(layout.stop, layout.first + 5000)])
+        match = None if '"' in sample else _CUT_COMMA.search(sample)
+        if match:
+            raise UnreadableFile(_CUT_NUMBERS.format(cells=match[0].strip(",")))
+
+
+def _unit_column(table: TextTable, header: Header) -> tuple[UnitStatement, ...]:
+    """The unit in a column that is named so."""
+    found: list[UnitStatement] = []
+    for column, cells in table.texts.items():
+        if header.names and header.names[column] in ("unit", "units", "einheit", "uom"):
+            texts = dict.fromkeys(cells)
+            found += unit_statements(f"unit: {text}" for text in texts if text)
+    return tuple(found)
+
+
+def _footer_notes(footer: Sequence[str]) -> tuple[str, ...]:
+    said = [line.strip() for line in footer if line.strip() and not is_comment(line)]
+    if not said:
+        return ()
+    count = f"{len(said)} line{'s' if len(said) > 1 else ''}"
+    return (f"{count} after the numbers left out: {said[0][:60]!r}",)

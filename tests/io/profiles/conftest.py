@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 
@@ -14,3 +15,12 @@ def write(tmp_path: Path) -> Callable[..., Path]:
         return path
 
     return _write
+
+
+@pytest.fixture
+def arc() -> np.ndarray:
+    """Points of a pipe of 20 mm, 150 mm below the sensor, in thousandths of mm."""
+    rng = np.random.default_rng(5)
+    angle = np.linspace(2.6, 0.54, 80)
+    points = 20 * np.column_stack([np.cos(angle), np.sin(angle)]) + [0.0, -150.0]
+    return (points + rng.normal(0, 0.02, points.shape)).round(3)

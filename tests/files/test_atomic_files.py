@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from lsvision.errors import UnwritableFile
-from lsvision.io.atomic_files import write_atomic
+from lsvision.files.atomic_files import write_atomic
 
 
 def test_text_and_bytes_are_written_as_they_are(tmp_path):
@@ -81,3 +81,20 @@ def test_a_folder_without_permission_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr("pathlib.Path.open", refuse)
     with pytest.raises(UnwritableFile, match="no permission to write there: name another folder"):
         write_atomic(tmp_path / "result.json", "content")
+
+
+def test_a_loop_of_links_is_refused(tmp_path):
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    with pytest.raises(UnwritableFile, match="a loop of symbolic links"):
+        write_atomic(tmp_path / "loop", "content")
+
+
+def test_the_longest_name_is_written(tmp_path):
+    for name in ("n" * 255, "µ" * 127):
+        write_atomic(tmp_path / name, "content")
+        assert (tmp_path / name).read_text() == "content"
+
+
+def test_text_that_is_no_utf_8_is_escaped(tmp_path):
+    write_atomic(tmp_path / "a", "\udcff")
+    assert (tmp_path / "a").read_bytes() == b"\\udcff"

@@ -1,5 +1,6 @@
 """Files that are written whole or not at all."""
 
+import errno
 import os
 import secrets
 import shutil
@@ -19,7 +20,8 @@ def write_atomic(path: str | os.PathLike[str], content: str | bytes) -> None:
     path : path
         The file; a link is followed, an existing file keeps its permissions.
     content : str or bytes
-        Text is written as UTF-8, its line ends as they are.
+        Text is written as UTF-8, its line ends as they are; what UTF-8 does not hold (a surrogate
+        out of a file name) as an escape sequence.
 
     Raises
     ------
@@ -34,9 +36,11 @@ def write_atomic(path: str | os.PathLike[str], content: str | bytes) -> None:
     >>> path.read_text(), len(list(path.parent.iterdir()))
     ('{}', 1)
     """
-    data = content.encode() if isinstance(content, str) else content
+    data = content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
     try:
-        target = Path(path).resolve()
+        target = Path(os.path.realpath(path))
+        if target.is_symlink():  # realpath stops at a loop
+            raise OSError(errno.ELOOP, "a loop of symbolic links")
         if target.exists() and not target.is_file() and not target.is_dir():
             target.write_bytes(data)
         else:
@@ -48,7 +52,7 @@ def write_atomic(path: str | os.PathLike[str], content: str | bytes) -> None:
 def _replace(target: Path, data: bytes) -> None:
     if target.is_dir():
         raise IsADirectoryError
-    part = target.with_name(f".{target.name[:80]}.{secrets.token_hex(4)}.part")
+    part = target.with_name(f".lsvision.{secrets.token_hex(8)}.part")
     try:
         with part.open("xb") as file:
             file.write(data)

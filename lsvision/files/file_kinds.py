@@ -1,0 +1,37 @@
+"""What a path names, without an exception for names that no file can have."""
+
+import os
+import stat
+from pathlib import Path
+
+
+def status_of(path: str | os.PathLike[str]) -> os.stat_result | None:
+    """Status of a file, links followed.
+
+    Returns
+    -------
+    os.stat_result, optional
+        None if there is no such file, its name is too long, its links go in a loop, or its folder
+        may not be searched.
+    """
+    try:
+        return Path(path).stat()
+    except (OSError, ValueError):  # ValueError: a null in the name
+        return None
+
+
+def exists(path: str | os.PathLike[str]) -> bool:
+    """Whether there is anything of that name."""
+    return status_of(path) is not None
+
+
+def is_directory(path: str | os.PathLike[str]) -> bool:
+    """Whether the path names a directory."""
+    status = status_of(path)
+    return status is not None and stat.S_ISDIR(status.st_mode)
+
+
+def is_regular(path: str | os.PathLike[str]) -> bool:
+    """Whether the path names a file on a disk: no directory, device, pipe or socket."""
+    status = status_of(path)
+    return status is not None and stat.S_ISREG(status.st_mode)

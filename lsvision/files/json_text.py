@@ -1,0 +1,80 @@
+"""JSON of unknown origin: limited in depth, refused in one line, without NaN and infinity."""
+
+import json
+from typing import Any, NoReturn
+
+MAX_DEPTH = 64
+"""Deepest nesting of lists and mappings; the package's own files need 7."""
+
+
+def parse_json(text: str, *, allow_nan: bool = False) -> Any:
+    """Value of a JSON text.
+
+    Parameters
+    ----------
+    text : str
+        The whole text.
+    allow_nan : bool
+        Accept ``NaN`` and ``Infinity``, as measured points hold them.
+
+    Returns
+    -------
+    object
+        Mappings, lists, strings, numbers, True, False and None. Every integer fits into a float.
+
+    Raises
+    ------
+    ValueError
+        If the text is no JSON, nests deeper than `MAX_DEPTH`, or holds a number beyond double
+        precision, ``NaN`` or ``Infinity``.
+
+    Examples
+    --------
+    >>> parse_json('{"x": [1, 2.5]}')
+    {'x': [1, 2.5]}
+    """
+    try:
+        value = json.loads(
+            text,
+            parse_constant=float if allow_nan else _refuse_constant,
+            parse_int=_integer,
+            parse_float=_number,
+        )
+        _check_depth(value)
+    except RecursionError:
+        raise ValueError(_TOO_DEEP) from None
+    return value
+
+
+_TOO_DEEP = f"expected at most {MAX_DEPTH} levels of nesting, got more"
+
+
+def _check_depth(value: Any) -> None:
+    level = [value]
+    for _ in range(MAX_DEPTH + 1):
+        level = [
+            child
+            for parent in level
+            if isinstance(parent, dict | list)
+            for child in (parent.values() if isinstance(parent, dict) else parent)
+        ]
+        if not level:
+            return
+    raise ValueError(_TOO_DEEP)
+
+
+def _refuse_constant(word: str) -> NoReturn:
+    raise ValueError(f"expected finite numbers, got {word}")
+
+
+def _number(digits: str) -> float:
+    number = float(digits)
+    if number in (float("inf"), float("-inf")):
+        raise ValueError(f"expected numbers below 1.8e308, got {digits[:20]}")
+    return number
+
+
+def _integer(digits: str) -> int | float:
+    if len(digits) > 300:
+        raise ValueError(f"expected numbers below 1.8e308, got one of {len(digits)} digits")
+    return int(digits)

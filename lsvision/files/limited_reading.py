@@ -1,0 +1,210 @@
+"""Content of a file that anyone may have named: its size and its kind are checked first."""
+
+import errno
+import os
+import stat
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from pathlib import Path
+
+from lsvision.errors import UnreadableFile
+
+MAX_SIZE = 2 * 10**9
+"""Largest file that is read without ``--max-size``. Units: bytes."""
+STDIN = "-"
+"""Path that stands for standard input."""
+WRITER_TIMEOUT_S = 10.0
+"""How long a named pipe is waited for until a program opens it for writing. Units: s."""
+
+_POLL_S = 0.02
+_BINARY = getattr(os, "O_BINARY", 0)
+_ADVICE = {
+    errno.ENOENT: "no such file: check the name",
+    errno.ENOTDIR: "no such file: check the name",
+    errno.EISDIR: "a directory: name the files in it, as DIR/*.csv",
+    errno.EACCES: "no permission to read it: check its owner and mode",
+    errno.EPERM: "no permission to read it: check its owner and mode",
+    errno.ELOOP: "a loop of symbolic links: check where it points",
+    errno.ENAMETOOLONG: "its name is too long: no file can have it, check it",
+    errno.ENXIO: "a device or socket: name a file",
+}
+
+_limit: ContextVar[int] = ContextVar("size_limit", default=MAX_SIZE)
+
+
+@contextmanager
+def size_limit(limit: int) -> Iterator[None]:
+    """Set the largest size of a file that is read within the block.
+
+    Parameters
+    ----------
+    limit : int
+        Applies to this thread or task. Units: bytes.
+
+    Examples
+    --------
+    >>> with size_limit(10):
+    ...     current_size_limit()
+    10
+    """
+    token = _limit.set(limit)
+    try:
+        yield
+    finally:
+        _limit.reset(token)
+
+
+def current_size_limit() -> int:
+    """Largest size of a file, and of what is unpacked from it, that is read. Units: bytes."""
+    return _limit.get()
+
+
+def read_bytes(path: str | os.PathLike[str]) -> bytes:
+    """Content of a file, a named pipe or standard input.
+
+    Parameters
+    ----------
+    path : path
+        ``"-"`` is standard input. A named pipe is waited for until a program opens it for
+        writing, `WRITER_TIMEOUT_S` at the most.
+
+    Raises
+    ------
+    UnreadableFile
+        If there is no such file, it is a device, a directory or a socket, it is larger than
+        `current_size_limit`, or nobody writes to the pipe; names the file and the remedy.
+
+    Examples
+    --------
+    >>> read_bytes("no_such_file.csv")
+    Traceback (most recent call last):
+        ...
+    lsvision.errors.UnreadableFile: no_such_file.csv: no such file: check the name
+    """
+    name = os.fspath(path)
+    try:
+        if name == STDIN:
+            return _read_all(sys.stdin.buffer.read)
+        return _read(name)
+    except UnreadableFile as error:
+        raise UnreadableFile(f"{name}: {error}") from None
+    except OSError as error:
+        raise UnreadableFile(f"{name}: {_advice(error)}") from None
+    except ValueError:  # a null in it, or a character that the file system cannot encode
+        raise UnreadableFile(f"{name}: no file can have such a name: check it") from None
+
+
+def read_text(path: str | os.PathLike[str]) -> str:
+    """Text of a UTF-8 file; see `read_bytes`.
+
+    Raises
+    ------
+    UnreadableFile
+        As `read_bytes`, and if the bytes are no UTF-8.
+    """
+    try:
+        return read_bytes(path).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise UnreadableFile(
+            f"{os.fspath(path)}: expected a text file in UTF-8, got byte 0x"
+            f"{error.object[error.start]:02x} at {error.start}: save it as UTF-8"
+        ) from None
+
+
+def check_readable(path: str | os.PathLike[str]) -> None:
+    """Refuse what `read_bytes` refuses, for files that a library opens by their name.
+
+    Raises
+    ------
+    UnreadableFile
+        If it is no regular file, or one that is too large.
+    """
+    name = os.fspath(path)
+    try:
+        _check_regular(Path(name).stat())
+    except UnreadableFile as error:
+        raise UnreadableFile(f"{name}: {error}") from None
+    except OSError as error:
+        raise UnreadableFile(f"{name}: {_advice(error)}") from None
+    except ValueError:
+        raise UnreadableFile(f"{name}: no file can have such a name: check it") from None
+
+
+def _read(name: str) -> bytes:
+    status = Path(name).stat()
+    is_pipe = stat.S_ISFIFO(status.st_mode)
+    if not is_pipe:
+        _check_regular(status)
+    descriptor = os.open(name, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | _BINARY)
+    with open(descriptor, "rb", buffering=0) as file:  # noqa: PTH123 - of a descriptor
+        if is_pipe:
+            start = _wait_for_writer(descriptor)
+            os.set_blocking(descriptor, True)
+            return _read_all(file.read, start)
+        status = os.fstat(descriptor)
+        _check_regular(status)  # it may have been exchanged meanwhile
+        return _read_all(file.read, chunk_size=status.st_size + 1)
+
+
+def _read_all(
+    read: Callable[[int], bytes | None], start: bytes = b"", chunk_size: int = 1 << 20
+) -> bytes:
+    """All that `read` gives, refused as soon as it is more than the limit."""
+    chunks, size, limit = [start] if start else [], len(start), current_size_limit()
+    while size <= limit and (chunk := read(chunk_size)):
+        chunks.append(chunk)
+        size += len(chunk)
+    if size > limit:
+        raise UnreadableFile(_too_large(None))
+    return chunks[0] if len(chunks) == 1 else b"".join(chunks)
+
+
+def _check_regular(status: os.stat_result) -> None:
+    mode = status.st_mode
+    if stat.S_ISDIR(mode):
+        raise UnreadableFile(_ADVICE[errno.EISDIR])
+    if not stat.S_ISREG(mode):
+        raise UnreadableFile("a device or socket: name a file, or - for standard input")
+    if status.st_size > current_size_limit():
+        raise UnreadableFile(_too_large(status.st_size))
+
+
+def _too_large(size: int | None) -> str:
+    got = "more" if size is None else _in_units(size)
+    return (
+        f"expected {_in_units(current_size_limit())} at most, got {got}: split the file, or "
+        "raise the limit, as --max-size 8GB"
+    )
+
+
+def _in_units(size: int) -> str:
+    for factor, unit in ((1e9, "GB"), (1e6, "MB"), (1e3, "kB")):
+        if size >= factor:
+            return f"{size / factor:.4g} {unit}"
+    return f"{size} bytes"
+
+
+def _wait_for_writer(descriptor: int) -> bytes:
+    """First bytes of a pipe; none where a writer is there and has written nothing yet."""
+    deadline = time.monotonic() + WRITER_TIMEOUT_S
+    while True:
+        try:
+            start = os.read(descriptor, 1 << 16)
+        except BlockingIOError:  # a writer is there
+            return b""
+        if start:
+            return start
+        if time.monotonic() > deadline:
+            raise UnreadableFile(
+                f"a named pipe that nobody has written to for {WRITER_TIMEOUT_S:g} s: start the "
+                "program that writes to it first"
+            )
+        time.sleep(_POLL_S)
+
+
+def _advice(error: OSError) -> str:
+    reason = error.strerror or str(error)
+    return _ADVICE.get(error.errno or 0, f"cannot be read ({reason}): check the disk and the name")

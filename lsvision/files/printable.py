@@ -1,0 +1,67 @@
+"""File names and messages as text that no terminal, table or page takes for a command."""
+
+import os
+import re
+import unicodedata
+
+_HIDDEN = frozenset(["Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"])
+_FORMULA_MARKS = ("=", "+", "-", "@")
+_NUMBER = re.compile(r"[-+]?[0-9]*[.,]?[0-9]*(?:[eE][-+]?[0-9]+)?")
+
+
+def printable(text: str) -> str:
+    r"""The text with everything that does not print as an escape sequence.
+
+    Parameters
+    ----------
+    text : str
+        As a file name or a cell of a file: may hold line ends, ESC, marks that turn the direction
+        of writing, and the surrogates that stand for bytes which are no UTF-8.
+
+    Examples
+    --------
+    >>> print(printable("a\nb\x1b[31m \udcff \u202e"))
+    a\nb\x1b[31m \xff \u202e
+    """
+    if text.isascii() and text.isprintable():
+        return text
+    return "".join(
+        _escaped(letter) if unicodedata.category(letter) in _HIDDEN else letter for letter in text
+    )
+
+
+def printable_name(path: str | os.PathLike[str]) -> str:
+    r"""A path as it stands in results: printable, and no formula to a spreadsheet.
+
+    A relative path that begins with ``=``, ``+``, ``-`` or ``@`` gets ``./`` before it: the same
+    file. Standard input stays ``-``.
+
+    Examples
+    --------
+    >>> print(printable_name("=1+1.csv"), printable_name("-"), printable_name("a\tb.csv"))
+    ./=1+1.csv - a\tb.csv
+    """
+    name = printable(os.fspath(path))
+    return f"./{name}" if name.startswith(_FORMULA_MARKS) and name != "-" else name
+
+
+def printable_cell(text: str) -> str:
+    r"""A text out of a file as it stands in a table: printable, and no formula to a spreadsheet.
+
+    A text that begins with ``=``, ``+``, ``-`` or ``@`` gets ``'`` before it, as spreadsheets do,
+    unless it is a number.
+
+    Examples
+    --------
+    >>> print(printable_cell("=1+1"), printable_cell("-1.5"), printable_cell("part\t7"))
+    '=1+1 -1.5 part\t7
+    """
+    cell = printable(text)
+    return f"'{cell}" if cell.startswith(_FORMULA_MARKS) and not _NUMBER.fullmatch(cell) else cell
+
+
+def _escaped(letter: str) -> str:
+    code = ord(letter)
+    if 0xDC80 <= code <= 0xDCFF:  # a byte that is no UTF-8
+        return f"\\x{code - 0xDC00:02x}"
+    return letter.encode("unicode_escape").decode("ascii")

@@ -1,0 +1,128 @@
+"""Width and height of an image, read from its header before anything is unpacked."""
+
+import re
+import struct
+
+_PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
+_ANIMATION_CHUNKS = frozenset([b"acTL", b"fcTL", b"fdAT"])
+_PNM = re.compile(rb"P[1-6](?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{1,9})\s")
+_TIFF_WIDTH, _TIFF_HEIGHT = 256, 257
+_TIFF_TYPES = {3: "H", 4: "I"}
+_JPEG_FRAMES = frozenset([*range(0xC0, 0xD0)]) - {0xC4, 0xC8, 0xCC}
+_JPEG_ALONE = frozenset([0x01, *range(0xD0, 0xD8)])
+_JPEG_SCAN, _JPEG_END = 0xDA, 0xD9
+_WEBP_SIDE = (1 << 14) - 1
+
+
+def image_size(content: bytes) -> tuple[int, int] | None:
+    r"""Width and height of a PNG, JPEG, TIFF, BMP, PNM or WebP image; None for anything else.
+
+    Parameters
+    ----------
+    content : bytes
+        The whole file.
+
+    Returns
+    -------
+    tuple of int, optional
+        ``(width, height)``. Units: px.
+
+    Examples
+    --------
+    >>> image_size(b"P5\n# made by hand\n640 480\n255\n")
+    (640, 480)
+    """
+    try:
+        for magic, size_of in _FORMATS:
+            if content.startswith(magic):
+                return size_of(content)
+    except struct.error:  # cut short
+        pass
+    return None
+
+
+def _png_size(content: bytes) -> tuple[int, int] | None:
+    """Size of a PNG whose chunks are whole: OpenCV's decoder may never end at a cut one."""
+    if content[12:16] != b"IHDR":
+        return None
+    place, kind = len(_PNG_MAGIC), b""
+    while kind != b"IEND":
+        length, kind = struct.unpack_from(">I4s", content, place)
+        place += 12 + length
+        if place > len(content) or kind in _ANIMATION_CHUNKS:
+            return None
+    return struct.unpack_from(">II", content, 16)
+
+
+def _pnm_size(content: bytes) -> tuple[int, int] | None:
+    match = _PNM.match(content[:4096])
+    return (int(match[1]), int(match[2])) if match else None
+
+
+def _bmp_size(content: bytes) -> tuple[int, int]:
+    (header,) = struct.unpack_from("<I", content, 14)
+    if header == 12:  # of OS/2
+        return struct.unpack_from("<HH", content, 18)
+    width, height = struct.unpack_from("<ii", content, 18)
+    return abs(width), abs(height)
+
+
+def _webp_size(content: bytes) -> tuple[int, int] | None:
+    kind = content[12:16] if content[8:12] == b"WEBP" else b""
+    if kind == b"VP8X":
+        low, middle, high = struct.unpack_from("<HHH", content, 24)
+        return 1 + low + ((middle & 0xFF) << 16), 1 + (middle >> 8) + (high << 8)
+    if kind == b"VP8L":
+        (bits,) = struct.unpack_from("<I", content, 21)
+        return 1 + (bits & _WEBP_SIDE), 1 + (bits >> 14 & _WEBP_SIDE)
+    if kind == b"VP8 ":
+        width, height = struct.unpack_from("<HH", content, 26)
+        return width & _WEBP_SIDE, height & _WEBP_SIDE
+    return None
+
+
+def _jpeg_size(content: bytes) -> tuple[int, int] | None:
+    place = 2
+    while True:
+        place = content.find(b"\xff", place)
+        if place < 0:
+            return None
+        marker = content[place + 1] if place + 1 < len(content) else _JPEG_END
+        if marker in _JPEG_FRAMES:
+            height, width = struct.unpack_from(">HH", content, place + 5)
+            return width, height
+        if marker in (_JPEG_SCAN, _JPEG_END):
+            return None
+        if marker == 0xFF:
+            place += 1
+        elif marker in _JPEG_ALONE or marker == 0:
+            place += 2
+        else:
+            (length,) = struct.unpack_from(">H", content, place + 2)
+            place += 2 + length
+
+
+def _tiff_size(content: bytes) -> tuple[int, int] | None:
+    order = "<" if content.startswith(b"II") else ">"
+    (start,) = struct.unpack_from(f"{order}I", content, 4)
+    (count,) = struct.unpack_from(f"{order}H", content, start)
+    found: dict[int, int] = {}
+    for entry in range(start + 2, start + 2 + 12 * count, 12):
+        tag, kind = struct.unpack_from(f"{order}HH", content, entry)
+        if tag in (_TIFF_WIDTH, _TIFF_HEIGHT) and kind in _TIFF_TYPES:
+            (value,) = struct.unpack_from(f"{order}{_TIFF_TYPES[kind]}", content, entry + 8)
+            found.setdefault(tag, value)
+    if len(found) < 2:
+        return None
+    return found[_TIFF_WIDTH], found[_TIFF_HEIGHT]
+
+
+_FORMATS = (
+    (_PNG_MAGIC, _png_size),
+    (b"\xff\xd8\xff", _jpeg_size),
+    (b"II*\0", _tiff_size),
+    (b"MM\0*", _tiff_size),
+    (b"BM", _bmp_size),
+    (b"RIFF", _webp_size),
+    (b"P", _pnm_size),
+)

@@ -1,0 +1,108 @@
+"""The line of names over a table of poses: columns by name, units of lengths and angles."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from lsvision.io.profiles.units import split_label
+from lsvision.io.robot_conventions import CONVENTIONS, AngleUnit, LengthUnit, PoseConvention
+
+_FIELDS = {field for rule in CONVENTIONS.values() for field in rule.fields}
+_ALIASES = {
+    **{prefix + axis: axis for prefix in ("p", "t", "pos", "tcp", "trans") for axis in "xyz"},
+    **{axis + "pos": axis for axis in "xyz"},
+    **{f"rot{axis}": f"r{axis}" for axis in "xyz"},
+}
+_QUATERNION = {"abb": {"qw": "q1", "qx": "q2", "qy": "q3", "qz": "q4"}}
+_ANGLES = {"deg": "deg", "degree": "deg", "degrees": "deg", "°": "deg", "grad": "deg"}
+_ANGLES |= {"rad": "rad", "radian": "rad", "radians": "rad"}
+
+
+@dataclass(frozen=True)
+class PoseHeader:
+    """Where the fields of a convention are in a table.
+
+    Parameters
+    ----------
+    columns : tuple of int
+        Column of each field; empty where they are told by position.
+    length_unit, angle_unit : str or None
+        As the header states them.
+    """
+
+    columns: tuple[int, ...] = ()
+    length_unit: LengthUnit | None = None
+    angle_unit: AngleUnit | None = None
+
+
+def read_pose_header(cells: Sequence[str], rule: PoseConvention, skip: int) -> PoseHeader:
+    """Columns and units that a header names.
+
+    Parameters
+    ----------
+    cells : sequence of str
+        The header's cells.
+    rule : PoseConvention
+        Whose fields are wanted.
+    skip : int
+        Columns before the pose where the header names no field.
+
+    Raises
+    ------
+    ValueError
+        If it names fields of another convention, a field twice, or units that are none.
+
+    Examples
+    --------
+    >>> read_pose_header(["Z", "Y", "X", "C", "B", "A"], CONVENTIONS["kuka"], 0).columns
+    (2, 1, 0, 5, 4, 3)
+    """
+    labels = [split_label(cell) for cell in cells]
+    names = [_field(name, rule) for name, _ in labels]
+    missing = [field for field in rule.fields if field not in names]
+    twice = [field for field in rule.fields if names.count(field) > 1]
+    if twice:
+        raise ValueError(f"the header names {twice[0]} {names.count(twice[0])} times: rename one")
+    if missing:
+        known = [(k, name) for k, name in enumerate(names) if name in _FIELDS]
+        expected = dict(enumerate(rule.fields, start=skip))
+        if any(expected.get(k) != name for k, name in known):
+            raise ValueError(
+                f"the header names {' '.join(name for _, name in known)} and not "
+                f"{' '.join(missing)} of convention {rule.name!r}: is it another convention?"
+            )
+        return PoseHeader()
+    columns = tuple(names.index(field) for field in rule.fields)
+    units = ["" if stated is None else stated.text.lower() for _, stated in labels]
+    lengths = {units[columns[k]] for k in range(3)} - {""}
+    angles = {units[c] for c in columns[3:]} - {"", "-", "1"}
+    if rule.rotation == "matrix":
+        lengths, angles = {units[columns[k]] for k in (3, 7, 11)} - {""}, set()
+    return PoseHeader(columns, _length(lengths), _angle(angles))
+
+
+def _field(name: str, rule: PoseConvention) -> str:
+    bare = re.sub(r"[\W_]", "", name)
+    bare = _ALIASES.get(bare, bare)
+    return _QUATERNION.get(rule.name, {}).get(bare, bare)
+
+
+def _length(units: set[str]) -> LengthUnit | None:
+    if not units:
+        return None
+    if units == {"mm"}:
+        return "mm"
+    if units == {"m"}:
+        return "m"
+    raise ValueError(f"lengths in {', '.join(sorted(units))}: want all in mm, or all in m")
+
+
+def _angle(units: set[str]) -> AngleUnit | None:
+    if not units:
+        return None
+    known = {_ANGLES.get(unit) for unit in units}
+    if known == {"deg"}:
+        return "deg"
+    if known == {"rad"}:
+        return "rad"
+    raise ValueError(f"angles in {', '.join(sorted(units))}: want all in deg, or all in rad")

@@ -1,0 +1,102 @@
+"""Positions in robot programs: KUKA ``E6POS`` and ``FRAME`` aggregates, FANUC ``.ls`` listings."""
+
+import re
+from pathlib import Path
+
+from lsvision.errors import UnreadableFile
+from lsvision.io.robot_conventions import PoseConvention
+
+_NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+_KUKA = re.compile(r"\{\s*(?:E6POS|POS|FRAME|E3POS)?\s*:?\s*(X\s+[-+.0-9][^{}]*)\}", re.IGNORECASE)
+_KUKA_AXES = re.compile(r"\{\s*(?:E6AXIS|AXIS)?\s*:?\s*A1\s[^{}]*\}", re.IGNORECASE)
+_KUKA_FIELD = re.compile(rf"([A-Z][A-Z0-9]*)\s+({_NUMBER})", re.IGNORECASE)
+_FANUC = re.compile(r"\bP\[\s*([0-9]+)[^\]]*\]\s*\{([^{}]*)\}", re.IGNORECASE)
+_FANUC_FIELD = re.compile(r"\b([XYZWPR])\s*=\s*([^\s,;}]+)[ \t]*([A-Z]*)", re.IGNORECASE)
+_FANUC_FRAME = re.compile(r"\bUF\s*:\s*(\S+?)\s*,", re.IGNORECASE)
+
+
+def program_rows(path: Path, text: str, rule: PoseConvention) -> list[list[float]] | None:
+    """Positions of a robot program, in the order of the convention's fields.
+
+    Parameters
+    ----------
+    path : Path
+        For messages.
+    text : str
+        The whole file.
+    rule : PoseConvention
+        What the caller says of the poses; a program of another maker is refused.
+
+    Returns
+    -------
+    list of list of float, or None
+        One row a position; None where the text is no robot program.
+
+    Raises
+    ------
+    UnreadableFile
+        For joint angles, positions that were never taught, several user frames, or a convention
+        that does not name the program's fields.
+    """
+    for pattern, maker, read_rows in (
+        (_KUKA, "kuka", _kuka_rows),
+        (_FANUC, "fanuc", _fanuc_rows),
+    ):
+        if pattern.search(text):
+            if rule.name != maker:
+                raise UnreadableFile(
+                    f"{path}: positions of a {maker.upper()} program, got convention "
+                    f"{rule.name!r}: say --convention {maker}"
+                )
+            return read_rows(path, text, rule)
+    if _KUKA_AXES.search(text):
+        raise UnreadableFile(
+            f"{path}: joint angles (E6AXIS), no positions: write E6POS or FRAME of the flange"
+        )
+    return None
+
+
+def _kuka_rows(path: Path, text: str, rule: PoseConvention) -> list[list[float]]:
+    rows = []
+    for number, aggregate in enumerate(_KUKA.findall(_without_kuka_comments(text)), 1):
+        values = {name.lower(): float(value) for name, value in _KUKA_FIELD.findall(aggregate)}
+        rows.append(_ordered(path, f"position {number}", values, rule))
+    return rows
+
+
+def _without_kuka_comments(text: str) -> str:
+    return re.sub(r"(?m);[^\n{]*$", "", text)
+
+
+def _fanuc_rows(path: Path, text: str, rule: PoseConvention) -> list[list[float]]:
+    rows, frames = [], {}
+    for name, body in _FANUC.findall(text):
+        where = f"P[{name}]"
+        values: dict[str, float] = {}
+        for field, cell, unit in _FANUC_FIELD.findall(body):
+            wanted = "mm" if field.upper() in "XYZ" else "deg"
+            if unit and unit.lower() != wanted:
+                raise UnreadableFile(f"{path}: {where}: {field} in {unit}, want {wanted}")
+            try:
+                values[field.lower()] = float(cell)
+            except ValueError:
+                raise UnreadableFile(
+                    f"{path}: {where}: {field} is {cell[:20]!r}: the position was never taught"
+                ) from None
+        frame = _FANUC_FRAME.search(body)
+        frames[frame[1] if frame else ""] = where
+        rows.append(_ordered(path, where, values, rule))
+    if len(frames) > 1:
+        raise UnreadableFile(
+            f"{path}: positions in several user frames (UF {', '.join(frames)}): teach all in one"
+        )
+    return rows
+
+
+def _ordered(path: Path, where: str, values: dict[str, float], rule: PoseConvention) -> list[float]:
+    missing = [field for field in rule.fields if field not in values]
+    if missing:
+        raise UnreadableFile(
+            f"{path}: {where}: no {' '.join(missing)} in it: joint angles? write positions"
+        )
+    return [values[field] for field in rule.fields]

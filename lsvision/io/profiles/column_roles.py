@@ -1,0 +1,52 @@
+"""What a column holds, by its name."""
+
+_ROLES = {
+    **dict.fromkeys(["x", "xs", "px", "pos_x", "x_pos", "position", "lateral"], "x"),
+    **dict.fromkeys(["y", "ys", "py", "travel", "encoder"], "y"),
+    **dict.fromkeys(["z", "zs", "pz", "height", "heights", "elevation", "höhe"], "height"),
+    **dict.fromkeys(["pos_z", "z_pos", "z position", "z-position", "hoehe"], "height"),
+    **dict.fromkeys(["x position", "x-position", "x_position"], "x"),
+    **dict.fromkeys(["range", "ranges", "distance", "distances", "dist", "abstand"], "range"),
+    **dict.fromkeys(["angle", "angles", "azimuth", "alpha", "theta", "phi"], "angle"),
+    **dict.fromkeys(["scan", "profile", "frame", "scan_number", "profile_number"], "scan"),
+}
+_SCAN_WORDS = ("scan", "profile", "profil", "frame", "section", "shot")
+_PART_WORDS = frozenset(
+    "part piece workpiece sensor camera head run pass batch lot station serial file job "  # noqa: SIM905
+    "measurement layer".split()
+)
+_SCAN_ENDINGS = ("id", "no", "nr", "num", "number", "index", "idx", "count", "counter")
+
+
+def column_role(name: str) -> str:
+    """What a column of this name holds: x, y, height, range, scan, angle, or the name itself.
+
+    Examples
+    --------
+    >>> column_role("lateral"), column_role("profile_id"), column_role("FrameNo".lower())
+    ('x', 'scan', 'scan')
+    """
+    if name in _ROLES:
+        return _ROLES[name]
+    bare = name.replace("_", "").replace(" ", "").replace("-", "").replace(".", "")
+    for word in _SCAN_WORDS:
+        if bare.startswith(word) and bare.removeprefix(word) in ("", *_SCAN_ENDINGS):
+            return "scan"
+    return name
+
+
+def is_known_role(name: str) -> bool:
+    """Whether a column's name says what it holds."""
+    return column_role(name) in {"x", "y", "height", "range", "scan", "angle"}
+
+
+def is_part_name(name: str) -> bool:
+    """Whether a column of this name tells parts, sensors or runs apart.
+
+    Examples
+    --------
+    >>> is_part_name("part_id"), is_part_name("sensor"), is_part_name("intensity")
+    (True, True, False)
+    """
+    bare = name.replace("_", " ").replace("-", " ").split()
+    return bool(bare) and bare[0] in _PART_WORDS and all(w in _SCAN_ENDINGS for w in bare[1:])

@@ -1,0 +1,48 @@
+"""Height maps: images whose pixels are heights, one profile a row (TIFF, PNG)."""
+
+import cv2
+import numpy as np
+
+from lsvision.errors import UnreadableFile
+from lsvision.io.profiles.matrix import profiles_from_matrix
+from lsvision.io.profiles.number_rows import floats_from
+from lsvision.io.profiles.settings import RawProfiles, ReadSettings
+from lsvision.io.profiles.text_table import TextTable
+
+
+def read_height_map(content: bytes, settings: ReadSettings) -> RawProfiles:
+    """Profiles of an image of heights: 16-bit or 32-bit counts, or floating-point numbers.
+
+    Raises
+    ------
+    UnreadableFile
+        If it is a photograph (8 bit, colours) or damaged, or its spacing or the size of a count
+        is not given.
+    """
+    if settings.dx is None:
+        raise UnreadableFile(
+            "an image: of a laser line it needs its rig, --light-section rig.json; of heights say "
+            "--x0, --dx and --z-unit"
+        )
+    try:
+        flags = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_UNCHANGED
+        image = cv2.imdecode(np.frombuffer(content, np.uint8), flags)
+    except cv2.error:
+        image = None
+    if image is None:
+        raise UnreadableFile("an image that OpenCV cannot decode: save its heights as NPY or CSV")
+    if image.ndim != 2 or image.dtype == np.uint8:
+        channels = 1 if image.ndim == 2 else image.shape[2]
+        raise UnreadableFile(
+            f"an image of {channels} x {8 * image.dtype.itemsize} bit, no height map: want one "
+            "channel of 16 bit or floating point"
+        )
+    limits: tuple[float, ...] = ()
+    if image.dtype.kind in "iu":
+        if settings.z_unit is None and settings.units is None:
+            raise UnreadableFile(
+                "counts without their size: say what one is, as --z-unit 0.5um or --units um"
+            )
+        ends = np.iinfo(image.dtype)
+        limits = (float(ends.min), float(ends.max))
+    return profiles_from_matrix(TextTable(floats_from(image), limits=limits), settings)

@@ -1,0 +1,100 @@
+"""ROS LaserScan: angles and ranges to points, also from the CSV of ``rostopic echo -p``.
+
+Definition (sensor_msgs/LaserScan): ranges in m at ``angle_min + k angle_increment`` in rad, counted
+from the x axis (forwards) towards y (left); ranges outside ``range_min`` to ``range_max`` are none.
+In the section frame X is the scanner's y and Y the opposite of its x.
+"""
+
+import csv
+import math
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from lsvision.errors import UnreadableFile
+from lsvision.geometry import FloatArray
+from lsvision.io.profiles.number_rows import numbers_from_cells
+from lsvision.io.profiles.settings import RawProfiles, ReadSettings
+from lsvision.io.profiles.text_table import decode_text
+
+_KEPT_KEYS = ("angle_min", "angle_increment", "angle_max", "range_min", "range_max")
+_RANGE_COLUMN = re.compile(r"ranges[\[_.]?[0-9]+\]?")
+
+
+def is_laser_scan(document: Any) -> bool:
+    """Whether a mapping is a LaserScan."""
+    return (
+        isinstance(document, Mapping)
+        and isinstance(document.get("ranges"), Sequence)
+        and ({"angle_min", "angle_increment", "angle_max"} & set(document) != set())
+    )
+
+
+def profiles_from_scans(scans: Sequence[Mapping[str, Any]]) -> RawProfiles:
+    """Profiles of LaserScan messages.
+
+    Raises
+    ------
+    UnreadableFile
+        If angles are missing or no numbers.
+    """
+    sections = [_section(scan) for scan in scans]
+    return RawProfiles(
+        sections=sections,
+        units=("m", "m"),
+        notes=("LaserScan: X is the scanner's left, Y the opposite of its forward direction",),
+    )
+
+
+def read_laser_scan(content: bytes, _: ReadSettings) -> RawProfiles:
+    """Profiles of the CSV that ``rostopic echo -p`` writes, one message a row.
+
+    Raises
+    ------
+    UnreadableFile
+        If there is no column of ranges, no row, or a row is cut short.
+    """
+    rows = [row for row in csv.reader(decode_text(content).splitlines()) if row]
+    if not rows:
+        raise UnreadableFile("a LaserScan table without a row: record it anew")
+    names = [name.strip().removeprefix("%").removeprefix("field.") for name in rows[0]]
+    places = [k for k, name in enumerate(names) if _RANGE_COLUMN.fullmatch(name)]
+    if not places or len(rows) < 2:
+        raise UnreadableFile("a LaserScan table without ranges or without a row: record it anew")
+    scans: list[dict[str, Any]] = []
+    for number, row in enumerate(rows[1:], 2):
+        if len(row) < len(names):
+            raise UnreadableFile(f"row {number} has {len(row)} cells where {len(names)} are wanted")
+        scan: dict[str, Any] = {name: row[k] for k, name in enumerate(names) if name in _KEPT_KEYS}
+        scan["ranges"] = [row[k] for k in places]
+        scans.append(scan)
+    return profiles_from_scans(scans)
+
+
+def _section(scan: Mapping[str, Any]) -> FloatArray:
+    ranges = np.array([_number(value) for value in scan["ranges"]], dtype=np.float64)
+    start, step, stop = (_number(scan.get(f"angle_{key}")) for key in ("min", "increment", "max"))
+    if math.isnan(step) and not math.isnan(stop) and len(ranges) > 1:
+        step = (stop - start) / (len(ranges) - 1)
+    if not (math.isfinite(start) and math.isfinite(step)) or step == 0 or ranges.size == 0:
+        raise UnreadableFile(
+            "a LaserScan without angle_min and angle_increment, or without ranges: want all three"
+        )
+    low, high = _number(scan.get("range_min")), _number(scan.get("range_max"))
+    with np.errstate(invalid="ignore"):
+        lost = ~np.isfinite(ranges) | (ranges <= 0)
+        lost |= (ranges < low) if math.isfinite(low) else False
+        lost |= (ranges >= high) if math.isfinite(high) and high > 0 else False
+    ranges[lost] = np.nan
+    angles = start + step * np.arange(len(ranges))
+    return np.column_stack([ranges * np.sin(angles), -ranges * np.cos(angles)])
+
+
+def _number(value: Any) -> float:
+    if value is None:
+        return math.nan
+    if isinstance(value, int | float):
+        return float(value)
+    return float(numbers_from_cells([str(value)])[0])

@@ -1,0 +1,100 @@
+"""Points that a file marks as lost by a value: stated by the user or the file, or guessed."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lsvision.geometry import BoolArray, FloatArray
+from lsvision.io.profiles.settings import RawProfiles, ReadSettings
+from lsvision.statistics.lost_markers import find_lost_markers
+
+KEYENCE_LOST = (-99999.9999, -99999.999, -99999.99, -99999.9)
+"""What Keyence controllers write, by the digits printed: never a height."""
+_TOLERANCE = 1e-7  # of a marker, relative: more digits than single precision has
+
+
+@dataclass(frozen=True)
+class LostMarker:
+    """A value that marks lost points.
+
+    Parameters
+    ----------
+    text : str
+        The value in the units of the file; ``"0, 0"`` where both coordinates are 0.
+    count : int
+        Points that it marks.
+    guessed : bool
+        True where neither the file nor the user states it.
+    """
+
+    text: str
+    count: int
+    guessed: bool
+
+    @property
+    def note(self) -> str:
+        """What to say of a guess."""
+        return (
+            f"{self.text} stands in {self.count} points, far from the rest: taken for lost points "
+            "(--lost none if it is measured)"
+        )
+
+
+def remove_lost(
+    raw: RawProfiles, settings: ReadSettings
+) -> tuple[list[FloatArray], tuple[LostMarker, ...]]:
+    """Sections with NaN where a marker stands, and the markers.
+
+    A marker that the user states is the only one; else those that the file states, the well known,
+    and values that look like one, see `find_lost_markers`.
+
+    Parameters
+    ----------
+    raw : RawProfiles
+        Sections in the units of the file.
+    settings : ReadSettings
+        Gives the user's markers.
+    """
+    sections = list(raw.sections)
+    points = np.concatenate(sections) if sections else np.empty((0, 2))
+    lost = np.zeros(len(points), dtype=bool)
+    markers: list[LostMarker] = []
+
+    def mark(text: str, rows: BoolArray, *, guessed: bool) -> None:
+        fresh = rows & ~lost
+        if fresh.any():
+            markers.append(LostMarker(text, int(fresh.sum()), guessed))
+            lost[fresh] = True
+
+    if settings.lost_values is not None:
+        for value in settings.lost_values:
+            mark(f"{value:.10g}", _has(points, value), guessed=False)
+    else:
+        for value in (*raw.lost, *KEYENCE_LOST):
+            mark(f"{value:.10g}", _has(points, value), guessed=False)
+        zero = np.concatenate([_repeated_zeros(section) for section in sections])
+        mark("0, 0", zero, guessed=False)
+        left = np.where(lost[:, np.newaxis], np.nan, points)
+        for axis in (1, 0):
+            guesses = find_lost_markers(
+                left[:, axis], limits=raw.limits if axis else (), is_range=raw.away and axis == 1
+            )
+            for value in guesses:
+                mark(f"{value:.10g}", np.equal(left[:, axis], value), guessed=True)
+    if not lost.any():
+        return sections, ()
+    kept = np.where(lost[:, np.newaxis], np.nan, points)
+    return np.split(kept, np.cumsum([len(s) for s in sections])[:-1]), tuple(markers)
+
+
+def _has(points: FloatArray, value: float) -> BoolArray:
+    near: BoolArray = np.abs(points - value) <= _TOLERANCE * abs(value)
+    return near[:, 0] | near[:, 1]
+
+
+def _repeated_zeros(section: Sequence[float] | FloatArray) -> BoolArray:
+    """Rows of 0, 0 where there are several, as Leuze writes lost points; one may be a point."""
+    x, height = np.asarray(section).T
+    zero: BoolArray = np.equal(x, 0) & np.equal(height, 0)
+    return zero if zero.sum() > 1 else np.zeros(len(zero), dtype=bool)

@@ -1,0 +1,74 @@
+"""The units of x and height out of all that a file says of them."""
+
+from collections.abc import Iterable
+
+from lsvision.errors import UnreadableFile
+from lsvision.io.profiles.column_roles import column_role
+from lsvision.io.profiles.settings import ReadSettings
+from lsvision.io.profiles.text_table import TextTable
+from lsvision.io.profiles.unit_statements import UnitStatement
+from lsvision.io.profiles.units import StatedUnit, mm_per_unit
+
+_REMEDY = "say which it is, as --units um or --units 0.1mm"
+
+
+def resolve_units(
+    table: TextTable, x: int, height: int, settings: ReadSettings
+) -> tuple[str | None, str | None]:
+    """Units of two columns of a table.
+
+    Parameters
+    ----------
+    table : TextTable
+        With the units over its columns and those that other lines state.
+    x, height : int
+        The columns.
+    settings : ReadSettings
+        The user's word is taken before the file's.
+
+    Returns
+    -------
+    x_unit, height_unit : str or None
+        None where the file states none.
+
+    Raises
+    ------
+    UnreadableFile
+        If a unit is stated and not understood, or two are stated that differ.
+    """
+    if settings.units is not None:
+        return None, None
+    over = table.units or (None,) * table.values.shape[1]
+    names = table.names or ("",) * table.values.shape[1]
+    return (
+        one_unit(over[x], _about(table.statements, column_role(names[x]), "x")),
+        one_unit(over[height], _about(table.statements, column_role(names[height]), "height")),
+    )
+
+
+def one_unit(over: StatedUnit | None, statements: Iterable[UnitStatement] = ()) -> str | None:
+    """The unit that all statements about a column agree on; None without any.
+
+    Raises
+    ------
+    UnreadableFile
+        If one is not understood, or they differ.
+    """
+    stated = [over] if over is not None else []
+    stated += [statement.unit for statement in statements]
+    for unit in stated:
+        if unit.unit is None:
+            raise UnreadableFile(
+                f"the unit {unit.text!r} is stated in it and not understood: {_REMEDY}"
+            )
+    sizes = {mm_per_unit(unit.unit): unit for unit in stated if unit.unit is not None}
+    if len(sizes) > 1:
+        texts = " and ".join(repr(unit.text) for unit in sizes.values())
+        raise UnreadableFile(f"it states two units for the same numbers, {texts}: {_REMEDY}")
+    return next(iter(sizes.values())).unit if sizes else None
+
+
+def _about(statements: Iterable[UnitStatement], role: str, default: str) -> list[UnitStatement]:
+    """Statements about all lengths, or about the axis that a column is."""
+    axis = {"range": "height"}.get(role, role) if role in ("x", "y", "height", "range") else default
+    return [s for s in statements if s.axis is None or s.axis == axis]

@@ -1,0 +1,169 @@
+"""Names and units of columns in the lines above the numbers of a text."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from lsvision.io.profiles.column_roles import is_known_role
+from lsvision.io.profiles.number_rows import COMMENT_MARKS
+from lsvision.io.profiles.text_layout import is_number_or_lost, split_cells
+from lsvision.io.profiles.unit_statements import states_unit
+from lsvision.io.profiles.units import NOT_LENGTHS, StatedUnit, parse_unit, split_label, state_unit
+
+_TYPES = frozenset(
+    "float double real int integer number numeric string text f4 f8 i4".split()  # noqa: SIM905
+)
+"""Words of a row that says how columns are stored."""
+_KEY_VALUE = re.compile(r"^[^:=]+[:=][^:=]*$")
+_BRACKETS = re.compile(r"\[[^\]]*\]|\([^)]*\)")
+_HELD = "\x00"
+"""Stands for a blank inside brackets while labels are split."""
+_COMMENT = re.compile(r"^[\s#%/!]+")
+
+
+@dataclass(frozen=True)
+class Header:
+    """What stands above the columns of a table.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Lower-case name of each column without its unit; empty where the file has no names.
+    units : tuple of (StatedUnit or None)
+        Unit of each column where one is stated over it.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[StatedUnit | None, ...]
+    counted: int = 0
+    """Names in a line that names x and height but not as many columns as there are; else 0."""
+
+
+def read_header(preamble: Sequence[str], separator: str | None, width: int) -> Header:
+    """Names and units of the columns.
+
+    Parameters
+    ----------
+    preamble : sequence of str
+        Lines above the numbers.
+    separator : str or None
+        What parts the cells of the numbers.
+    width : int
+        Number of columns.
+    """
+    names: list[str] = []
+    units: list[StatedUnit | None] = []
+    over: list[StatedUnit | None] = []
+    counted = 0
+    lines = [(line, text) for line in preamble if (text := _COMMENT.sub("", line).strip(" \r\n"))]
+    for place, (line, text) in enumerate(reversed(lines)):
+        labels = _labels(text, separator, width)
+        row = None if labels is None else _unit_row(labels)
+        if row is not None and not units and any(row):
+            units = row
+        elif labels is None and not states_unit(line):
+            counted = counted or _count_of_names(text)
+            over = over or _bracketed_units(text, width)
+        elif labels is not None and not names and not _is_no_header(line, text, labels, separator):
+            parsed = [split_label(label) for label in labels]
+            if _knows_roles(parsed):
+                names, over = [name for name, _ in parsed], [unit for _, unit in parsed]
+            elif above := _names_above(preamble, line, separator, width):
+                units = _strange_units(labels)
+                names, over = above
+            elif place == 0 or (place == 1 and units):
+                names, over = [name for name, _ in parsed], [unit for _, unit in parsed]
+    pairs = zip(units or [None] * width, over or [None] * width, strict=True)
+    return Header(
+        tuple(names), tuple(row or label for row, label in pairs), 0 if names else counted
+    )
+
+
+def _knows_roles(parsed: Sequence[tuple[str, StatedUnit | None]]) -> bool:
+    return sum(is_known_role(name) for name, _ in parsed) >= 2
+
+
+def _is_no_header(line: str, text: str, labels: Sequence[str], separator: str | None) -> bool:
+    """Whether a line with as many words as columns says something else than their names."""
+    if all(map(is_number_or_lost, labels)) or states_unit(line):
+        return True
+    return separator is None and _is_key_value(text, labels)
+
+
+def _labels(text: str, separator: str | None, width: int) -> list[str] | None:
+    tight = _BRACKETS.sub(lambda match: match[0].replace(" ", _HELD), text)
+    tight = re.sub(r" +(?=[\[(])", "", tight)  # 'x [1/10 mm]' is one label, whatever parts cells
+    for labels in (
+        split_cells(tight, separator),
+        [w for w in re.split(r"[,;\s|]+", tight.replace('"', "")) if w],
+    ):
+        while len(labels) > width and not labels[-1].strip():
+            labels.pop()
+        if len(labels) == width:
+            return [label.replace(_HELD, " ").strip() for label in labels]
+    return None
+
+
+def _bracketed_units(text: str, width: int) -> list[StatedUnit | None]:
+    """Units in brackets of a line whose names do not go with the columns; of all, or of none."""
+    found = {unit.unit: unit for word in re.findall(r"\[([^\]]+)\]", text)
+             if (unit := state_unit(word)).unit is not None}  # fmt: skip
+    if not found:
+        return []
+    unit = next(iter(found.values())) if len(found) == 1 else StatedUnit(text, None)
+    return [unit] * width
+
+
+def _unit_row(labels: Sequence[str]) -> list[StatedUnit | None] | None:
+    """Units of a row of nothing else; None for another row."""
+    row: list[StatedUnit | None] = []
+    lengths = 0
+    for label in labels:
+        name, stated = split_label(label)
+        word = label.strip("[](){}<> \"'").lower()
+        bracketed = label.strip("\"' ").startswith(("[", "(", "<", "{"))
+        if not word or word in ("-", "1", "--"):
+            row.append(None)
+        elif parse_unit(word) is not None:
+            row.append(StatedUnit(word, parse_unit(word)))
+            lengths += 1
+        elif word in NOT_LENGTHS or (bracketed and not name and stated):
+            row.append(StatedUnit(word, None))
+            lengths += 1
+        else:
+            return None
+    # 'x m' names two columns rather than giving the unit of one
+    return row if lengths and not any(is_known_role(label.lower()) for label in labels) else None
+
+
+def _names_above(
+    preamble: Sequence[str], line: str, separator: str | None, width: int
+) -> tuple[list[str], list[StatedUnit | None]] | None:
+    """Names of the row above a row of strange words, where that row names x and height."""
+    above = [text for text in preamble[: list(preamble).index(line)] if text.strip()]
+    if not above or line.lstrip().startswith(COMMENT_MARKS):
+        return None
+    labels = _labels(_COMMENT.sub("", above[-1]).strip(" \r\n"), separator, width)
+    parsed = [split_label(label) for label in labels or ()]
+    if sum(is_known_role(name) for name, _ in parsed) < 2:
+        return None
+    return [name for name, _ in parsed], [unit for _, unit in parsed]
+
+
+def _strange_units(labels: Sequence[str]) -> list[StatedUnit | None]:
+    return [
+        None if not label or label.lower() in _TYPES else StatedUnit(label, parse_unit(label))
+        for label in labels
+    ]
+
+
+def _is_key_value(text: str, labels: Sequence[str] | None) -> bool:
+    return bool(_KEY_VALUE.match(text)) and not any(
+        is_known_role(split_label(label)[0]) for label in labels or ()
+    )
+
+
+def _count_of_names(text: str) -> int:
+    labels = [w for w in re.split(r"[,;\s|]+", re.sub(r"\s+(?=[\[(])", "", text)) if w]
+    roles = [is_known_role(split_label(label.strip('"'))[0]) for label in labels]
+    return len(labels) if all(roles) and len(labels) >= 2 else 0

@@ -1,0 +1,236 @@
+"""How the lines of a text are a table: separator, first row of numbers, footer."""
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from lsvision.errors import UnreadableFile
+from lsvision.io.profiles.number_rows import (
+    COMMA_NUMBER,
+    COMMENT_MARKS,
+    POINT_NUMBER,
+    THOUSANDS,
+    is_missing,
+)
+from lsvision.io.profiles.unit_statements import lost_statements
+
+MAX_PREAMBLE_LINES = 200
+"""Lines that are looked through for the first line of numbers."""
+SAMPLE_LINES = 60
+"""Lines behind the first line of numbers that tell whether the table begins there."""
+MIN_TEXT_TABLE_FRACTION = 0.5
+"""Lines with the same cells, of all, from which on a text with words is a table."""
+
+_ANY_NUMBER = re.compile(f"{POINT_NUMBER.pattern}|{COMMA_NUMBER.pattern}|{THOUSANDS.pattern}")
+_QUOTED = re.compile(r'"[^"]*"')
+_WORDS = re.compile(r'"[^"]*"|[^\s"]+')
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where the numbers of a text are.
+
+    Parameters
+    ----------
+    separator : str or None
+        What stands between cells; None for blanks.
+    first, stop : int
+        Half-open span of lines with numbers; what follows is a footer.
+    width : int
+        Cells in each line.
+    numeric : tuple of int
+        Columns that hold numbers; others hold text.
+    """
+
+    separator: str | None
+    first: int
+    stop: int
+    width: int
+    numeric: tuple[int, ...]
+
+
+def _states_size(lines: Sequence[str], first: int, stop: int, separator: str | None) -> bool:
+    """Whether the first line of numbers is how many rows and columns follow, as ``2 60``."""
+    cells = [cell.strip() for cell in split_cells(lines[first].strip(), separator)]
+    if len(cells) != 2 or not all(cell.isdecimal() for cell in cells):
+        return False
+    below = [line for line in lines[first + 1 : stop] if line.strip() and not is_comment(line)]
+    return len(below) > 1 and sorted(map(int, cells)) == sorted((2, len(below)))
+
+
+def split_cells(line: str, separator: str | None) -> list[str]:
+    """Cells of a line; quotes hold a cell together and are left out.
+
+    Examples
+    --------
+    >>> split_cells('"1,5","-2"', ","), split_cells("1.5  -2", None)
+    (['1,5', '-2'], ['1.5', '-2'])
+    """
+    if '"' not in line:
+        return line.split(separator)
+    if separator is None:
+        return [word.strip('"') for word in _WORDS.findall(line)]
+    try:
+        return next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
+    except csv.Error:
+        return line.replace('"', "").split(separator)
+
+
+def is_comment(line: str) -> bool:
+    """Whether a line holds no data by its first character."""
+    return line.lstrip().startswith(COMMENT_MARKS)
+
+
+def find_layout(lines: Sequence[str]) -> Layout:
+    """Where the table of numbers in a text is.
+
+    Parameters
+    ----------
+    lines : sequence of str
+        The whole text.
+
+    Raises
+    ------
+    UnreadableFile
+        If there is no table of numbers.
+    """
+    start = _first_number_row(lines)
+    if start is not None:
+        index, separator = start
+        width = len(split_cells(lines[index], separator))
+        numeric = tuple(range(width))
+    else:
+        index, separator, width, numeric = _first_text_row(lines)
+    stop = _without_footer(lines, index, separator, numeric, width)
+    if _states_size(lines, index, stop, separator):
+        index += 1
+    return Layout(separator, index, stop, width, numeric)
+
+
+def find_separator(line: str) -> str | None:
+    """What parts the cells of a line of numbers; None for blanks."""
+    bare = _QUOTED.sub("0", line) if '"' in line else line
+    for mark in (";", "\t", "|"):
+        if mark in bare:
+            return mark
+    words = bare.split()
+    if len(words) > 1 and all(is_missing(w) or COMMA_NUMBER.fullmatch(w) for w in words):
+        return None
+    return "," if "," in bare else None
+
+
+def is_number_or_lost(cell: str) -> bool:
+    """Whether a cell holds a number, nothing, or a lost word."""
+    word = cell.strip()
+    return bool(_ANY_NUMBER.fullmatch(word)) or is_missing(word)
+
+
+def _first_number_row(lines: Sequence[str]) -> tuple[int, str | None] | None:
+    preamble = 0
+    for index, line in enumerate(lines):
+        text = line.strip()
+        if not text or is_comment(line) or lost_statements([line]):
+            preamble += 1
+        else:
+            separator = find_separator(text)
+            cells = split_cells(line if separator else text, separator)
+            if not all(map(is_number_or_lost, cells)):
+                preamble += 1
+            elif any(_ANY_NUMBER.fullmatch(cell.strip()) for cell in cells):
+                if not _is_above_table(lines, index, len(cells)):
+                    return _with_lost_rows(lines, index, separator), separator
+                preamble += 1
+        if preamble >= MAX_PREAMBLE_LINES:  # rows of lost points are none of it, however many
+            return None
+    return None
+
+
+def _is_above_table(lines: Sequence[str], index: int, width: int) -> bool:
+    """True for a count of points or of columns: most lines of numbers below hold other cells."""
+    below: list[int] = []
+    numbers: list[bool] = []
+    for line in lines[index + 1 : index + 1 + 2 * SAMPLE_LINES]:
+        if line.strip() and not is_comment(line):
+            separator = find_separator(line.strip())
+            cells = split_cells(line.strip() if separator is None else line, separator)
+            below.append(len(cells))
+            numbers.append(all(map(is_number_or_lost, cells)))
+        if len(below) == SAMPLE_LINES:
+            break
+    if len(numbers) > 2 and not numbers[0] and all(numbers[1:3]):
+        return True  # a header stands between
+    if not below or width in below[:1]:
+        return False
+    common, count = Counter(below).most_common(1)[0]
+    return common > width and 2 * count > len(below)
+
+
+def _with_lost_rows(lines: Sequence[str], index: int, separator: str | None) -> int:
+    """Index of the first of the lines above that hold as many cells, though all of them lost."""
+    width = len(split_cells(lines[index], separator))
+    while index > 0:
+        cells = split_cells(lines[index - 1], separator)
+        if len(cells) != width or not all(map(is_number_or_lost, cells)):
+            break
+        index -= 1
+    return index
+
+
+def _first_text_row(lines: Sequence[str]) -> tuple[int, str | None, int, tuple[int, ...]]:
+    """The table whose rows hold words beside numbers, by what most lines have in common."""
+    rows = [i for i, line in enumerate(lines) if line.strip() and not is_comment(line)]
+    sample = rows[len(rows) // 4 :][: 4 * SAMPLE_LINES]
+    best: tuple[int, str | None, int, tuple[int, ...]] | None = None
+    marks = [mark for mark in (";", "\t", "|") if all(mark in lines[i] for i in sample)]
+    separators = marks[:1] or (",", None)  # a comma is a decimal mark where others part cells
+    for separator in separators:
+        cells = [split_cells(lines[i].strip(" \r\n"), separator) for i in sample]
+        if not cells:
+            break
+        width, count = Counter(map(len, cells)).most_common(1)[0]
+        table = [row for row in cells if len(row) == width]
+        numeric = tuple(c for c in range(width) if _is_numeric(row[c] for row in table))
+        enough = count >= max(2, MIN_TEXT_TABLE_FRACTION * len(cells))
+        if len(numeric) >= 2 and enough and (best is None or len(numeric) > len(best[3])):
+            best = sample[0], separator, width, numeric
+    if best is None:
+        raise UnreadableFile("no line of numbers in it: want x and height in mm, one point a line")
+    _, separator, width, numeric = best
+    for index in rows:
+        row = split_cells(lines[index].strip(" \r\n"), separator)
+        if len(row) == width and all(is_number_or_lost(row[c]) for c in numeric):
+            return index, separator, width, numeric
+    raise UnreadableFile("no line of numbers in it: want x and height in mm, one point a line")
+
+
+def _is_numeric(cells: Iterable[str]) -> bool:
+    known = [cell.strip() for cell in cells if not is_missing(cell)]
+    numbers = sum(bool(_ANY_NUMBER.fullmatch(cell)) for cell in known)
+    return bool(known) and 10 * numbers >= 9 * len(known)
+
+
+def _without_footer(
+    lines: Sequence[str], first: int, separator: str | None, numeric: tuple[int, ...], width: int
+) -> int:
+    stop = len(lines)
+    while stop > first + 1:
+        line = lines[stop - 1]
+        if line.strip() and not is_comment(line):
+            cells = split_cells(line.strip() if separator is None else line, separator)
+            if not _is_footer(cells, numeric, width, stop - 1 - first):
+                break
+        stop -= 1
+    return stop
+
+
+def _is_footer(cells: Sequence[str], numeric: tuple[int, ...], width: int, rows: int) -> bool:
+    if len(cells) in (width, width + 1):
+        head = cells[numeric[0]]
+        return not is_number_or_lost(head) and not any(
+            is_number_or_lost(cells[column]) and cells[column].strip() for column in numeric[:1]
+        )
+    words = [cell for cell in cells if not is_number_or_lost(cell)]
+    counts_rows = len(cells) == 1 and cells[0].strip().isdecimal()
+    return bool(words) or (counts_rows and abs(int(cells[0].strip()) - rows) <= 1)

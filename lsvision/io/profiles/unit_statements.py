@@ -1,0 +1,194 @@
+"""What lines beside the numbers of a text say of units and of lost points."""
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+from lsvision.io.profiles.units import NOT_LENGTHS, StatedUnit, parse_unit, state_unit
+
+_UNIT_KEYS = frozenset(
+    "unit units uom einheit einheiten maßeinheit masseinheit unité unités".split()  # noqa: SIM905
+)
+_SCALE_KEYS = frozenset(
+    ["scale", "scaling", "factor", "multiplier", "lsb", "skalierung", "skalierungsfaktor"]
+)
+_OTHER_KEYS = frozenset(
+    "time zeit intensity intensität angle angles winkel temperature temperatur speed "  # noqa: SIM905
+    "velocity frequency rate exposure power current voltage serial id number no nr name "
+    "type version count control controller device weight force mass pressure gray grey "
+    "color colour image plot display encoder".split()
+)
+"""Words of a key that speaks of something else than lengths."""
+_LOST_KEYS = frozenset(
+    "nodata invalid lost missing fill dropout novalue lostvalue fillvalue".split()  # noqa: SIM905
+)
+_LOST_OTHER = frozenset(
+    "points count number of rate share percent pixels total".split()  # noqa: SIM905
+)
+_FILLERS = frozenset(
+    "and und et all for values axes axis each both length lengths coordinates si of in "  # noqa: SIM905
+    "the distances dimension dimensions".split()
+)
+_AXES = {
+    **dict.fromkeys(["x", "lateral", "width"], "x"),
+    **dict.fromkeys(["z", "height", "heights", "range", "ranges", "distance", "depth"], "height"),
+    **dict.fromkeys(["höhe", "abstand"], "height"),
+    "y": "y",
+}
+_COMMENT = re.compile(r"^[\s#%!;*/\"'<-]+|[\s\"'*>-]+$")
+_KEY_VALUE = re.compile(r"^([^:=,;\t]{1,60}?)\s*(?:[:=,;\t]+|\bis\b|\bare\b)\s*(\S.*)$")
+_KEY_BLANK_VALUE = re.compile(r"^(\S*unit\S*|Einheit\S*)\s+(\S.*)$", re.IGNORECASE)
+_KEY_WORDS = re.compile(r"[A-Z]?[^\W\d_A-Z]+|[A-Z]+(?![^\W\d_A-Z])")
+_AXIS_UNIT = re.compile(
+    r"\b(x|y|z|heights?|ranges?|distance|lateral|depth)(?:[ _]?units?)?\b"
+    r"\s*(?:[:=]|\bin\b)?\s*[\[(]?\s*"
+    r"([0-9./^*+e-]*\s?[^\W\d_]+)\s*[\])]?"
+)
+_UNIT_AXIS = re.compile(
+    r"([0-9./^*+e-]*\s?[^\W\d_]+)\s*[\[(]\s*"
+    r"(x|y|z|heights?|ranges?|distance|lateral|depth)\b[^\])]*[\])]"
+)
+_PHRASE = re.compile(
+    r"\b(lateral|depth|values?|coordinates?|lengths?|distances?|dimensions?|data|numbers?|points?|heights?|"
+    r"ranges?|positions?|profiles?|everything|all|columns?|x|y|z)\b"
+    r"(?:\s*(?:,|/|and|und|&|are|is|given|stated|expressed|measured|values?|coordinates?|x|y|z))*"
+    r"\s+in\s+([0-9./^*-]*\s?[^\W\d_%]+)"
+)
+_NUMBER = re.compile(r"[-+]?(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:[eE][-+]?[0-9]+)?")
+
+
+@dataclass(frozen=True)
+class UnitStatement:
+    """A unit that a line beside the numbers states.
+
+    Parameters
+    ----------
+    unit : StatedUnit
+        The unit; its text is the whole line where it is not understood.
+    axis : str or None
+        ``"x"``, ``"y"`` or ``"height"``; None where the line speaks of all lengths.
+    """
+
+    unit: StatedUnit
+    axis: str | None = None
+
+
+def unit_statements(lines: Iterable[str]) -> tuple[UnitStatement, ...]:
+    """Units that comments and ``key: value`` lines state.
+
+    Parameters
+    ----------
+    lines : iterable of str
+        Lines without numbers: preamble, comments, footer.
+
+    Examples
+    --------
+    >>> [s.unit.unit for s in unit_statements(["# unit: um", "exposure: 2 ms", "x in mm"])]
+    ['um', 'mm']
+    """
+    found: dict[UnitStatement, None] = {}
+    for line in lines:
+        for statement in _statements(line):
+            found[statement] = None
+    return tuple(found)
+
+
+def states_unit(line: str) -> bool:
+    """Whether a line states a unit, and is no header therefore."""
+    return any(True for _ in _statements(line))
+
+
+def lost_statements(lines: Iterable[str]) -> tuple[float, ...]:
+    """Markers of lost points that ``key: value`` lines state, as ``# invalid value: -9999``.
+
+    Examples
+    --------
+    >>> lost_statements(["NODATA_value -9999", "# lost points: 12"])
+    (-9999.0,)
+    """
+    markers: dict[float, None] = {}
+    for line in lines:
+        text = _COMMENT.sub("", line)
+        number = re.search(rf"^(.*?)[\s:=,;]+({_NUMBER.pattern})$", text)
+        if number is None:
+            continue
+        key = re.split(r"[\W_]+", number[1].lower())
+        words = {*key, *map("".join, pairwise(key))}
+        if words & _LOST_KEYS and not words & _LOST_OTHER:
+            markers[float(number[2].replace(",", "."))] = None
+    return tuple(markers)
+
+
+def _statements(line: str) -> Iterator[UnitStatement]:
+    text = _COMMENT.sub("", line).strip()
+    if not text or len(text) > 300:
+        return
+    alone = parse_unit(text.strip("[](){} "))
+    if alone is not None:
+        yield UnitStatement(StatedUnit(text, alone))
+        return
+    key_value = _KEY_VALUE.match(text) or _KEY_BLANK_VALUE.match(text)
+    if key_value:
+        words = _words_of_key(key_value[1])
+        if words & _UNIT_KEYS and not words & _OTHER_KEYS:
+            yield from _from_value(key_value[2], text, _axis(words))
+            return
+        if words & _SCALE_KEYS and not words & _OTHER_KEYS:
+            yield from _from_scale(key_value[2], text, _axis(words))
+            return
+        unit = parse_unit(key_value[2].strip("[](){} "))
+        if unit is not None and words <= set(_AXES):
+            yield UnitStatement(StatedUnit(text, unit), _axis(words))
+            return
+    if line.lstrip().startswith(("#", "%", "//", "!", "*")) or key_value or " in " in text:
+        for subject, unit in _PHRASE.findall(text.lower()):
+            if parse_unit(unit) is not None or unit.strip() in NOT_LENGTHS:
+                yield UnitStatement(state_unit(unit), _AXES.get(subject))
+
+
+def _words_of_key(key: str) -> set[str]:
+    words = {word.lower() for word in _KEY_WORDS.findall(key)}
+    for word in list(words):
+        for ending in ("units", "unit"):
+            if word.endswith(ending) and word != ending:
+                words |= {ending, word.removesuffix(ending)}
+                break
+    return words
+
+
+def _axis(words: set[str]) -> str | None:
+    axes = {_AXES[word] for word in words if word in _AXES}
+    return axes.pop() if len(axes) == 1 else None
+
+
+def _from_value(value: str, line: str, axis: str | None) -> Iterator[UnitStatement]:
+    value = value.strip().strip("\"'[](){} ").rstrip(",;. ")
+    unit = parse_unit(value)
+    if unit is not None:
+        yield UnitStatement(StatedUnit(value, unit), axis)
+        return
+    pairs = _AXIS_UNIT.findall(line.lower())
+    if not pairs or any(parse_unit(text) is None for _, text in pairs):
+        pairs = [(name, text) for text, name in _UNIT_AXIS.findall(line.lower())]
+    by_axis = [
+        UnitStatement(state_unit(text), _AXES[name]) for name, text in pairs if name in _AXES
+    ]
+    if by_axis and all(statement.unit.unit for statement in by_axis):
+        yield from by_axis
+        return
+    words = [word for word in re.split(r"[\s,;/()\[\]]+", value.lower()) if word]
+    known = {parse_unit(word) for word in words} - {None}
+    strange = [w for w in words if not parse_unit(w) and w not in _FILLERS | NOT_LENGTHS]
+    if len(known) == 1 and not strange:
+        yield UnitStatement(StatedUnit(value, known.pop()), axis)
+    else:
+        yield UnitStatement(StatedUnit(line, None), axis)
+
+
+def _from_scale(value: str, line: str, axis: str | None) -> Iterator[UnitStatement]:
+    text = value.strip().strip("\"'[](){} ")
+    unit = parse_unit(text)
+    if unit is None and _NUMBER.fullmatch(text) and float(text.replace(",", ".")) == 1:
+        return
+    yield UnitStatement(StatedUnit(text if unit else line, unit), axis)

@@ -1,0 +1,198 @@
+"""Units of length as files and people write them, with a scale where they state one."""
+
+import re
+from dataclasses import dataclass
+
+MM_PER_UNIT = {
+    "nm": 1e-6,
+    "um": 1e-3,
+    "mm": 1.0,
+    "cm": 10.0,
+    "dm": 100.0,
+    "m": 1e3,
+    "km": 1e6,
+    "mil": 0.0254,
+    "in": 25.4,
+    "ft": 304.8,
+}
+"""The units that profiles come in, each in mm."""
+
+_SPELLINGS = {
+    "nm": "nanometer nanometre nanometers nanometres",
+    "um": "µm μm µ μ micron microns micrometer micrometre micrometers micrometres mikrometer "
+    "micromètre micromètres",
+    "mm": "millimeter millimetre millimeters millimetres millimètre millimètres",
+    "cm": "centimeter centimetre centimeters centimetres zentimeter centimètre centimètres",
+    "dm": "decimeter decimetre decimeters decimetres dezimeter décimètre",
+    "m": "meter metre meters metres mètre mètres",
+    "km": "kilometer kilometre kilometers kilometres",
+    "mil": "mils thou thous",
+    "in": "inch inches zoll",
+    "ft": "foot feet",
+}
+_WORDS = {word: unit for unit, words in _SPELLINGS.items() for word in words.split()}
+_WORDS.update({unit: unit for unit in MM_PER_UNIT})
+_WORDS.update({'"': "in", "''": "in"})
+
+_FRACTION_WORDS = {
+    **dict.fromkeys(["tenth", "tenths", "zehntel", "dixième", "dixièmes"], 0.1),
+    **dict.fromkeys(["hundredth", "hundredths", "hundertstel", "centième", "centièmes"], 0.01),
+    **dict.fromkeys(["thousandth", "thousandths", "tausendstel", "millième", "millièmes"], 1e-3),
+}
+_SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺", "0123456789-+")
+_COUNT = r"(?:counts?|digits?|lsb|incr?|increments?|steps?|ticks?|bits?|units?|inkremente?)"
+_SCALED = re.compile(
+    r"(?:(?P<numerator>[0-9]+)\s*/\s*(?P<denominator>[0-9]+)"
+    r"|(?:[0-9]+\s*[x*·×]\s*)?10\s*(?:\^|\*\*)\s*\(?(?P<power>[-+]?[0-9]+)\)?"
+    r"|(?P<scale>(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:e[-+]?[0-9]+)?)"
+    rf"|(?P<fraction>{'|'.join(sorted(_FRACTION_WORDS, key=len, reverse=True))}))?"
+    r"\s*(?:of\s+an?|of|[x*·×])?\s*"
+    r"(?P<word>[^\W\d_]+|\"|'')\.?"
+    r"(?:\s*/\s*(?P<divisor>[0-9]+))?"
+    rf"(?:\s*(?:/|per|pro)\s*{_COUNT})?"
+)
+_POWER_OF_TEN = re.compile(r"10[-+][0-9]+")
+
+NOT_LENGTHS = frozenset(
+    "px pix pixel pixels count counts digit digits lsb inc incr increment increments "  # noqa: SIM905
+    "inkremente tick ticks raw step steps bit bits v volt volts mv ma deg degree degrees "
+    "grad ° rad mrad s sec ms us µs ns min h hz khz % percent a.u. au dn adu arb".split()
+)
+"""Units of something else than a length, and of none."""
+
+_REMARKS = frozenset(
+    "sensor lateral height range distance depth axis horizontal vertical left right "  # noqa: SIM905
+    "towards away filtered smoothed corrected calibrated absolute relative float double "
+    "int integer".split()
+)
+"""What stands in round brackets behind a name and is no unit."""
+_BRACKETED = re.compile(r"^(.*?)\s*([\[({<])\s*([^\])}>]*?)\s*[\])}>]\s*(.*)$")
+_SUFFIXED = re.compile(r"^(.+?)(\s+in\s+|[\s_/:-]+)([^\s_/:]+)$")
+_SHORT = re.compile(r"^([xyzhrd])(mm|um|µm|μm|nm|cm)$")
+
+
+@dataclass(frozen=True)
+class StatedUnit:
+    """A unit of length as a file states it.
+
+    Parameters
+    ----------
+    text : str
+        The file's own words.
+    unit : str or None
+        Name that `mm_per_unit` takes; None where the words are not understood.
+    """
+
+    text: str
+    unit: str | None
+
+
+def parse_unit(text: str) -> str | None:
+    """Name of a unit of length, with its scale; None where the text is no such unit.
+
+    Examples
+    --------
+    >>> parse_unit("µm"), parse_unit("1/10 mm"), parse_unit("10um"), parse_unit("furlong")
+    ('um', '0.1 mm', '10 um', None)
+    """
+    words = " ".join(text.strip().lower().translate(_SUPERSCRIPTS).split())
+    words = _POWER_OF_TEN.sub(lambda match: f"10^{match[0][2:]}", words, count=1)
+    match = _SCALED.fullmatch(words)
+    if match is None or match["word"] not in _WORDS:
+        return None
+    scale = _scale(match)
+    if not 0 < scale < float("inf"):
+        return None
+    unit = _WORDS[match["word"]]
+    return unit if scale == 1 else f"{scale:.12g} {unit}"
+
+
+def mm_per_unit(unit: str) -> float:
+    """How many mm one of a unit is.
+
+    Parameters
+    ----------
+    unit : str
+        From `parse_unit`, or anything it understands.
+
+    Raises
+    ------
+    ValueError
+        If it is no unit of length.
+
+    Examples
+    --------
+    >>> mm_per_unit("um"), mm_per_unit("0.1 mm")
+    (0.001, 0.1)
+    """
+    name = parse_unit(unit)
+    if name is None:
+        raise ValueError(f"expected a unit of length, got {unit!r}")
+    scale, _, word = name.rpartition(" ")
+    return (float(scale) if scale else 1.0) * MM_PER_UNIT[word]
+
+
+def state_unit(text: str) -> StatedUnit:
+    """The unit that a text states."""
+    return StatedUnit(text.strip(), parse_unit(text))
+
+
+def split_label(label: str) -> tuple[str, StatedUnit | None]:
+    """Lower-case name and stated unit of a column's label.
+
+    Examples
+    --------
+    >>> split_label("Height [µm]")
+    ('height', StatedUnit(text='µm', unit='um'))
+    >>> split_label("z_mm")[1].unit, split_label("X [1/10 mm]")[1].unit, split_label("x")
+    ('mm', '0.1 mm', ('x', None))
+    >>> split_label("z [furlong]")[1]
+    StatedUnit(text='furlong', unit=None)
+    """
+    word = " ".join(label.strip().strip("\"'").split()).lower()
+    bracketed = _BRACKETED.match(word)
+    if bracketed:
+        return _from_brackets(*bracketed.groups())
+    short = _SHORT.match(word)
+    if short:
+        return short[1], state_unit(short[2])
+    suffixed = _SUFFIXED.match(word)
+    if suffixed:
+        name, mark, tail = suffixed.groups()
+        if parse_unit(tail) is not None or tail in NOT_LENGTHS or "/" in mark:
+            return name.strip(" _:-/"), state_unit(tail)
+        scaled = re.match(r"^([^\W\d]+)[\s_:/-]+(\S*\d\S*[\s_]*\S+)$", word)
+        if scaled and parse_unit(scaled[2].replace("_", " ")) is not None:
+            return scaled[1], state_unit(scaled[2].replace("_", " "))
+    return word, None
+
+
+def _from_brackets(
+    before: str, bracket: str, inside: str, after: str
+) -> tuple[str, StatedUnit | None]:
+    name = before.strip(" _:-/,") or after.strip(" _:-/,")
+    if not inside or inside in ("-", "1"):
+        return name, None
+    stated = state_unit(inside)
+    first = re.split(r"[\s,;:]+", inside)[0]
+    if stated.unit is None and parse_unit(first) is not None and bracket != "[":
+        stated = state_unit(first)  # as "(mm, towards the sensor)"
+    words = inside.split()
+    if stated.unit is None and bracket == "(" and (len(words) > 2 or set(words) <= _REMARKS):
+        return name, None
+    return name, stated
+
+
+def _scale(match: re.Match[str]) -> float:
+    scale = 1.0
+    if match["numerator"]:
+        denominator = float(match["denominator"])
+        scale = float(match["numerator"]) / denominator if denominator else 0.0
+    elif match["power"]:
+        scale = 10.0 ** max(-99, min(99, int(match["power"])))
+    elif match["scale"]:
+        scale = float(match["scale"].replace(",", "."))
+    elif match["fraction"]:
+        scale = _FRACTION_WORDS[match["fraction"]]
+    divisor = float(match["divisor"] or 1)
+    return scale / divisor if divisor else 0.0

@@ -1,0 +1,101 @@
+"""Points in plain YAML as ROS and loggers write it: keys with numbers and lists, nothing else.
+
+No aliases, tags or types: what is not understood is text, so that no file can do harm.
+"""
+
+import json
+import re
+from typing import Any
+
+from lsvision.errors import UnreadableFile
+from lsvision.io.profiles.json_points import profiles_from_document
+from lsvision.io.profiles.settings import RawProfiles, ReadSettings
+from lsvision.io.profiles.text_table import decode_text
+
+_KEY = re.compile(r"^([^\s#:\[\]{},\"'-][^:#]*?)\s*:(?:\s+(.*)|)$")
+_DOCUMENT_END = re.compile(r"(?m)^(?:---|\.\.\.)\s*$")
+_LOST_NUMBER = re.compile(r"(?<![\w.])([-+]?)\.?(nan|inf|infinity|null|~)(?![\w.])", re.IGNORECASE)
+_BARE_KEY = re.compile(r"([{,]\s*)([A-Za-z_]\w*)\s*:")
+_COMMENT = re.compile(r"\s+#.*$")
+
+
+def read_yaml(content: bytes, settings: ReadSettings) -> RawProfiles:
+    """Profiles of a YAML file; several documents are several profiles.
+
+    Raises
+    ------
+    UnreadableFile
+        If no points are found in it; the keys found are named.
+    """
+    parts = [part for part in _DOCUMENT_END.split(decode_text(content)) if part.strip()]
+    documents = [document for part in parts if (document := parse_plain_yaml(part))]
+    if not documents:
+        raise UnreadableFile("YAML without a key: want ranges, or lists x and z")
+    document = documents[0] if len(documents) == 1 else documents
+    return profiles_from_document(document, settings, "YAML")
+
+
+def parse_plain_yaml(text: str) -> dict[str, Any] | list[Any]:
+    r"""Keys of the top level with their numbers, texts and lists.
+
+    Examples
+    --------
+    >>> parse_plain_yaml("unit: um\nx: [1, 2]\nz:\n- 3\n- .nan\n")["z"]
+    [3, nan]
+    """
+    document: dict[str, Any] = {}
+    key: str | None = None
+    body: list[str] = []
+    for line in [*text.splitlines(), "end:"]:
+        line = _COMMENT.sub("", line)  # noqa: PLW2901 - the line without its comment
+        match = _KEY.match(line)
+        if match is None:
+            if line.strip() and not line.lstrip().startswith(("#", "%")):
+                body.append(line)
+            continue
+        if key is not None:
+            document[key] = _value(body)
+        elif body:
+            return _items(body)
+        key, body = match[1].strip("\"'"), [match[2]] if match[2] else []
+    return document
+
+
+def _value(body: list[str]) -> Any:
+    if not body:
+        return None
+    if body[0].lstrip().startswith("- ") or body[0].strip() == "-":
+        return _items(body)
+    return _scalar(" ".join(line.strip() for line in body))
+
+
+def _items(body: list[str]) -> list[Any]:
+    """Items of a block list; an item may be a mapping over several lines."""
+    items: list[list[str]] = []
+    for line in body:
+        text = line.strip()
+        if text.startswith("-") and (text == "-" or text[1] == " "):
+            items.append([text[1:].strip()])
+        elif items:
+            items[-1].append(text)
+    return [_item(lines) for lines in items]
+
+
+def _item(lines: list[str]) -> Any:
+    pairs = [_KEY.match(line) for line in lines]
+    if all(pairs):
+        return {pair[1]: _scalar(pair[2] or "") for pair in pairs if pair}
+    return _scalar(" ".join(lines))
+
+
+def _scalar(text: str) -> Any:
+    text = text.strip()
+    plain = _LOST_NUMBER.sub("NaN", text)
+    plain = re.sub(r"(?<=[0-9])\.(?=[\s,\]}e]|$)", ".0", plain)
+    plain = re.sub(r"(?<![0-9])\.(?=[0-9])", "0.", plain)
+    for candidate in (plain, _BARE_KEY.sub(r'\1"\2":', plain)):
+        try:
+            return json.loads(candidate)
+        except (ValueError, RecursionError):
+            continue
+    return text.strip("\"'")

@@ -1,0 +1,140 @@
+"""Results of a run written as they come: files that are whole at any time, and streams."""
+
+import sys
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Protocol, TextIO
+
+from lsvision.errors import UnwritableFile
+from lsvision.files.atomic_files import write_atomic
+from lsvision.io.results import CsvText, JsonText
+from lsvision.results.quantities import Record
+
+CHECKPOINT_S = 1.0
+"""Shortest time between two writings of a file. Units: s."""
+MAX_WRITING_FRACTION = 0.05
+"""Largest part of the time that may go into writing the file anew."""
+STDOUT = Path("-")
+"""Path that stands for standard output."""
+
+
+class RecordText(Protocol):
+    """A format: what stands before the records, each record, and what stands behind them."""
+
+    @property
+    def head(self) -> str:
+        """Text before the first record."""
+        ...
+
+    @property
+    def tail(self) -> str:
+        """Text behind the last record."""
+        ...
+
+    def prepare(self, records: Sequence[Record]) -> bool:
+        """Make room for the next records; True if the head is another one now."""
+        ...
+
+    def item(self, record: Record) -> str:
+        """Text of the next record."""
+        ...
+
+    def rewritten(self, piece: str, head: str) -> str:
+        """Text of a record that was written under another head."""
+        ...
+
+
+class ResultFiles:
+    """The JSON and the CSV file of a run, each on a disk or on standard output.
+
+    A file is written anew from time to time while results come, whole each time: a run that is
+    killed leaves what was measured until a moment before. Standard output gets each result at
+    once, with the columns that the first one needs. Nothing is written where there is no result.
+
+    Parameters
+    ----------
+    json_file, csv_file : Path, optional
+        ``-`` is standard output.
+    frame : {"base", "flange"}, optional
+        The robot's frame that the cylinders are placed in.
+    """
+
+    def __init__(
+        self, json_file: Path | None, csv_file: Path | None, frame: str | None = None
+    ) -> None:
+        texts: list[tuple[Path | None, RecordText]] = [
+            (json_file, JsonText()),
+            (csv_file, CsvText(frame)),
+        ]
+        # Files before the stream: a reader that has gone must not cost them a result.
+        self._files: list[_Checkpoints | _Stream] = [
+            _Checkpoints(path, text) for path, text in texts if path is not None and path != STDOUT
+        ]
+        self._files += [_Stream(sys.stdout, text) for path, text in texts if path == STDOUT]
+
+    def add(self, records: Sequence[Record]) -> None:
+        """Take results; what cannot be written now is tried again at the end."""
+        for file in self._files:
+            file.add(records)
+
+    def finish(self) -> None:
+        """Write what is left.
+
+        Raises
+        ------
+        UnwritableFile
+            If a file cannot be written; the other one is.
+        """
+        failures = []
+        for file in self._files:
+            try:
+                file.finish()
+            except UnwritableFile as error:
+                failures.append(error)
+        if failures:
+            raise failures[0]
+
+
+class _Stream:
+    def __init__(self, stream: TextIO, text: RecordText) -> None:
+        self._stream, self._text, self._started = stream, text, False
+
+    def add(self, records: Sequence[Record]) -> None:
+        if records and not self._started:
+            self._started = True
+            self._text.prepare(records)  # a column that comes later has no place any more
+            self._stream.write(self._text.head)
+        self._stream.write("".join(map(self._text.item, records)))
+        self._stream.flush()
+
+    def finish(self) -> None:
+        if self._started:
+            self._stream.write(self._text.tail)
+            self._stream.flush()
+
+
+class _Checkpoints:
+    def __init__(self, path: Path, text: RecordText) -> None:
+        self._path, self._text = path, text
+        self._pieces: list[str] = []
+        self._unwritten, self._next = False, time.monotonic() + CHECKPOINT_S
+
+    def add(self, records: Sequence[Record]) -> None:
+        head = self._text.head
+        if self._text.prepare(records):
+            self._pieces = [self._text.rewritten(piece, head) for piece in self._pieces]
+        self._pieces += map(self._text.item, records)
+        self._unwritten |= bool(records)
+        start = time.monotonic()
+        if start >= self._next:
+            with suppress(UnwritableFile):  # a full disk may have room again at the end
+                self.finish()
+            stop = time.monotonic()
+            self._next = stop + max(CHECKPOINT_S, (stop - start) / MAX_WRITING_FRACTION)
+
+    def finish(self) -> None:
+        if self._unwritten:
+            write_atomic(self._path, "".join([self._text.head, *self._pieces, self._text.tail]))
+            self._unwritten = False

@@ -1,0 +1,133 @@
+"""Cylinders of a scan as CSV: a cylinder a row, each quantity with its 95 % interval."""
+
+import csv
+import io
+import math
+import os
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lsvision.files.atomic_files import write_atomic
+from lsvision.geometry import Pose
+
+if TYPE_CHECKING:
+    from lsvision.scan import ScanMeasurement, ScannedCylinder
+
+Z_95 = 1.959963984540054
+"""Half width of a 95 % interval in standard deviations: a scan has hundreds of points."""
+MIN_PHI_SIGMAS = Z_95
+"""A tilt below so many of its standard deviations may be 0, and has no direction then."""
+_AXES = "xyz"
+
+
+def write_scan_csv(
+    path: str | os.PathLike[str], scan: "ScanMeasurement", base_from_sections: Sequence[Pose]
+) -> None:
+    """Write the cylinders of a scan, whole or not at all.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    scan : ScanMeasurement
+        What was found.
+    base_from_sections : sequence of Pose
+        Of each profile; phi and theta are those in the first section that shows the cylinder.
+
+    Raises
+    ------
+    UnwritableFile
+        If the file cannot be written.
+    """
+    write_atomic(path, scan_csv(scan, base_from_sections))
+
+
+def scan_csv(scan: "ScanMeasurement", base_from_sections: Sequence[Pose]) -> str:
+    """The cylinders of a scan as CSV text; see `write_scan_csv`."""
+    rows = [
+        scan_row(number, tube, base_from_sections[tube.sections[0]])
+        for number, tube in enumerate(scan.cylinders)
+    ]
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]) if rows else ["cylinder"], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def scan_row(number: int, tube: "ScannedCylinder", base_from_section: Pose) -> dict[str, Any]:
+    """One cylinder as a row; lengths in mm, angles in deg, empty where not determined.
+
+    Parameters
+    ----------
+    number : int
+        Its place in the scan, from 0.
+    tube : ScannedCylinder
+        The cylinder, base frame.
+    base_from_section : Pose
+        Of the section that phi and theta are given in.
+    """
+    basis, covariance = tube.fit.tangent_basis, tube.covariance
+    row: dict[str, Any] = {
+        "cylinder": number,
+        "sections": len(tube.sections),
+        "first_section": tube.sections[0],
+        "points": len(tube.points),
+        **_quantity("radius", "mm", tube.radius, tube.radius_std),
+        **_tilt(tube, base_from_section),
+    }
+    point_stds = np.sqrt(np.diag(basis.T @ covariance[:2, :2] @ basis))
+    for axis, value, std in zip(_AXES, tube.point, point_stds, strict=True):
+        row |= _quantity(f"point_{axis}", "mm", float(value), float(std))
+    row |= {f"direction_{axis}": float(v) for axis, v in zip(_AXES, tube.direction, strict=True)}
+    row["direction_std_deg"] = math.degrees(tube.direction_std)
+    row["start_mm"], row["end_mm"] = tube.axial_range
+    row["includes_calibration"] = tube.includes_calibration
+    return row
+
+
+def _tilt(tube: "ScannedCylinder", base_from_section: Pose) -> dict[str, Any]:
+    """Phi and theta of the axis in a section, with intervals.
+
+    Definition: phi is the angle between the axis and the section's normal Z, theta the direction of
+    the axis in the section's plane, from X towards Y, in [0, pi).
+    """
+    x, y, z = base_from_section.rotation.T @ tube.direction
+    phi = math.atan2(math.hypot(x, y), abs(z))
+    theta = math.atan2(y, x) % math.pi
+    along = math.copysign(1.0, z)
+    cos, sin = (
+        math.cos(math.atan2(y * along, x * along)),
+        math.sin(math.atan2(y * along, x * along)),
+    )
+    steps = np.array([[math.cos(phi) * cos, math.cos(phi) * sin, -math.sin(phi)], [-sin, cos, 0.0]])
+    tangents = tube.fit.tangent_basis @ base_from_section.rotation * along
+    jacobian = steps @ tangents.T
+    variances = np.diag(jacobian @ tube.covariance[2:4, 2:4] @ jacobian.T)
+    phi_std, across_std = (math.sqrt(max(0.0, float(v))) for v in variances)
+    row = _quantity("phi", "deg", math.degrees(phi), math.degrees(phi_std))
+    row["phi_low_95_deg"] = max(0.0, row["phi_low_95_deg"])
+    row["phi_high_95_deg"] = min(90.0, row["phi_high_95_deg"])
+    if phi <= MIN_PHI_SIGMAS * max(phi_std, across_std):
+        row |= dict.fromkeys(_names("theta", "deg"), "")
+        row |= {"theta_low_95_deg": 0.0, "theta_high_95_deg": 180.0, "theta_determined": False}
+        return row
+    theta_std = across_std / math.sin(phi)
+    row |= _quantity("theta", "deg", math.degrees(theta), math.degrees(theta_std))
+    return row | {"theta_determined": True}
+
+
+def _names(name: str, unit: str) -> tuple[str, str, str, str]:
+    return (
+        f"{name}_{unit}",
+        f"{name}_std_{unit}",
+        f"{name}_low_95_{unit}",
+        f"{name}_high_95_{unit}",
+    )
+
+
+def _quantity(name: str, unit: str, value: float, std: float) -> dict[str, Any]:
+    half = Z_95 * std
+    return dict(zip(_names(name, unit), (value, std, value - half, value + half), strict=True))

@@ -1,0 +1,60 @@
+"""Overflow and singular matrices as refusals of a fit, never as warnings or bare errors."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+
+from lsvision.errors import FitFailed
+
+
+@contextmanager
+def refuse_numerical_failure(what: str) -> Iterator[None]:
+    """Turn a singular matrix or an overflow within the block into a `FitFailed`.
+
+    Floating-point warnings are silent within the block: what comes out is checked by
+    `require_finite`.
+
+    Parameters
+    ----------
+    what : str
+        What is fitted, as the user knows it.
+
+    Raises
+    ------
+    FitFailed
+        Instead of ``LinAlgError``, ``OverflowError`` and ``ZeroDivisionError``.
+
+    Examples
+    --------
+    >>> with refuse_numerical_failure("an ellipse"):
+    ...     np.linalg.inv(np.zeros((2, 2)))
+    Traceback (most recent call last):
+        ...
+    lsvision.errors.FitFailed: an ellipse cannot be fitted to the points (Singular matrix): ...
+    """
+    try:
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            yield
+    except (np.linalg.LinAlgError, OverflowError, ZeroDivisionError) as error:
+        raise FitFailed(_message(what, str(error))) from None
+
+
+def require_finite(what: str, *numbers: object) -> None:
+    """Refuse a fit whose numbers are not finite.
+
+    Raises
+    ------
+    FitFailed
+        If a number is NaN or infinite.
+    """
+    for number in numbers:
+        if not np.isfinite(np.asarray(number, dtype=np.float64)).all():
+            raise FitFailed(_message(what, "its numbers are not finite"))
+
+
+def _message(what: str, reason: str) -> str:
+    return (
+        f"{what} cannot be fitted to the points ({reason}): they do not determine it, or their "
+        "coordinates or covariances span too many orders of magnitude; check the units"
+    )

@@ -1,0 +1,38 @@
+"""JSON of unknown origin: what is read is finite and shallow; all else is a ValueError."""
+
+import math
+
+import pytest
+
+from lsvision.files.json_text import MAX_DEPTH, parse_json
+
+
+def test_plain_json_is_read():
+    assert parse_json('{"a": [1, -2.5, true, null, "x"]}') == {"a": [1, -2.5, True, None, "x"]}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[" * 200_000, "levels of nesting, got more"),
+        ('{"a":' * 200_000, "levels of nesting, got more"),
+        ("[" * (MAX_DEPTH + 2) + "]" * (MAX_DEPTH + 2), "levels of nesting, got more"),
+        ("[NaN]", "expected finite numbers, got NaN"),
+        ("[-Infinity]", "expected finite numbers, got -Infinity"),
+        ("[1e999]", "expected numbers below 1.8e308, got 1e999"),
+        ("9" * 5000, "got one of 5000 digits"),
+        ("{", "Expecting property name"),
+        ("", "Expecting value"),
+    ],
+)
+def test_other_text_is_a_value_error(text, message):
+    with pytest.raises(ValueError, match=message):
+        parse_json(text)
+
+
+def test_nesting_up_to_the_limit_is_read():
+    parse_json("[" * MAX_DEPTH + "]" * MAX_DEPTH)
+
+
+def test_measured_points_may_be_lost():
+    assert math.isnan(parse_json("[NaN]", allow_nan=True)[0])

@@ -1,0 +1,45 @@
+"""Names and messages come out as text that gives no orders."""
+
+import csv
+import io
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lsvision.files.printable import printable, printable_name
+from tests.strategies import PROPERTY
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("profile 1.csv", "profile 1.csv"),
+        ("Höhe µ 管.csv", "Höhe µ 管.csv"),
+        ("a\nb\r\tc", r"a\nb\r\tc"),
+        ("\x1b[2J\x07\x9b", r"\x1b[2J\x07\x9b"),
+        ("gpj\u202egnp.csv", r"gpj\u202egnp.csv"),
+        ("\udcff\ud800", r"\xff\ud800"),
+        ("a\u2028b\x85\ufeff", r"a\u2028b\x85\ufeff"),
+    ],
+)
+def test_what_does_not_print_is_escaped(text, shown):
+    assert printable(text) == shown
+
+
+@pytest.mark.parametrize("mark", "=+-@")
+def test_a_name_that_a_spreadsheet_takes_for_a_formula_gets_its_folder(mark):
+    assert printable_name(f"{mark}1.csv") == f"./{mark}1.csv"
+    assert printable_name(f"/data/{mark}1.csv") == f"/data/{mark}1.csv"
+
+
+@PROPERTY
+@given(st.text(st.characters()))
+def test_any_name_is_one_line_of_utf_8(text):
+    shown = printable_name(text)
+    assert shown.encode().decode() == shown
+    assert len((shown + "x").splitlines()) == 1
+    assert "\x1b" not in shown
+    stream = io.StringIO()
+    csv.writer(stream).writerow([shown, 1])
+    assert next(csv.reader(io.StringIO(stream.getvalue())))[0] == shown

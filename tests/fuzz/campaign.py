@@ -1,0 +1,76 @@
+"""A campaign bounded by time: a worker tries inputs, and is replaced when one ends or stops it."""
+
+import collections
+import json
+import queue
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+REPOSITORY = Path(__file__).parents[2]
+DEAD_SECONDS = 20.0
+"""Silence of the worker after which it is ended: code that Python cannot interrupt."""
+
+
+@dataclass
+class Findings:
+    """What a campaign tried and found."""
+
+    tried: collections.Counter = field(default_factory=collections.Counter)
+    wrong: list = field(default_factory=list)
+
+
+def run_campaign(seconds, seed, names, say=print):
+    """Try inputs from number `seed` on, for so many seconds."""
+    findings, number, stop = Findings(), seed, time.monotonic() + seconds
+    while time.monotonic() < stop:
+        number = _run_worker(number, names, stop, findings, say)
+    return findings
+
+
+def _run_worker(first, names, stop, findings, say):
+    command = [sys.executable, "-m", "tests.fuzz.worker", str(first), ",".join(names)]
+    worker = subprocess.Popen(
+        command, cwd=REPOSITORY, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    )
+    lines = queue.Queue()
+    threading.Thread(target=_read, args=(worker.stdout, lines), daemon=True).start()
+    last, deadline = {"begin": first, "target": "start"}, time.monotonic() + 120
+    while time.monotonic() < stop:
+        try:
+            line = lines.get(timeout=max(0.01, min(deadline, stop) - time.monotonic()))
+        except queue.Empty:
+            if time.monotonic() < stop:
+                _note(findings, last, f"no answer for {DEAD_SECONDS:g} s", say)
+            break
+        if line is None:
+            _note(findings, last, f"the process ended with {worker.wait()}", say)
+            break
+        told = json.loads(line)
+        deadline = time.monotonic() + DEAD_SECONDS
+        if "wrong" in told:
+            _note(findings, {"begin": told["wrong"], "target": told["target"]}, told["error"], say)
+        else:
+            last = told
+            findings.tried[told["target"]] += 1
+    worker.kill()
+    worker.wait()
+    worker.stdout.close()
+    return last["begin"] + 1
+
+
+def _read(stream, lines):
+    try:
+        for line in stream:
+            lines.put(line)
+    except ValueError:  # closed
+        return
+    lines.put(None)
+
+
+def _note(findings, last, error, say):
+    findings.wrong.append((last["target"], last["begin"], error))
+    say(f"--- {last['target']} {last['begin']}\n{error.strip()}")

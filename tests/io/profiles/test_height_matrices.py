@@ -1,0 +1,142 @@
+"""Matrices of heights, one profile a row, in every container, and long tables in Parquet."""
+
+import io
+
+import cv2
+import numpy as np
+import numpy.testing as npt
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from lsvision.errors import UnreadableFile
+from lsvision.io.profiles import ReadSettings, inspect_profiles, read_profiles
+
+X = -15 + 0.1 * np.arange(300)
+HEIGHTS = np.stack([-150 + np.sqrt(np.maximum(225 - X**2, 0)) - k for k in range(3)]).round(3)
+HEIGHTS[:, ::7] = np.nan
+
+
+def saved(save, *args, **named):
+    stream = io.BytesIO()
+    save(stream, *args, **named)
+    return stream.getvalue()
+
+
+def tiff(image):
+    done, data = cv2.imencode(".tiff", image)
+    assert done
+    return data.tobytes()
+
+
+def counts(kind, lost, scale=0.005, offset=0.0):
+    values = np.where(np.isnan(HEIGHTS), lost, np.round((HEIGHTS - offset) / scale))
+    return values.astype(kind)
+
+
+TEXT = "\n".join(",".join("" if np.isnan(v) else f"{v}" for v in row) for row in HEIGHTS)
+MATRICES = {
+    "npy": (saved(np.save, HEIGHTS), {}),
+    "npy single precision": (saved(np.save, HEIGHTS.astype("f4")), {}),
+    "npy counts": (saved(np.save, counts("i4", -(2**31))), {"z_unit": "5um"}),
+    "npy 16 bit": (saved(np.save, counts("i2", -(2**15))), {"z_unit": "0.005mm"}),
+    "npz with unit": (saved(np.savez, HEIGHTS * 1000, unit="um"), {}),
+    "csv": (TEXT, {}),
+    "csv in um": ("# unit: um\n" + TEXT.replace(".", "").replace("-", "-"), {}),
+    "csv with a header": (",".join(f"c{k}" for k in range(300)) + "\n" + TEXT, {}),
+    "tiff float": (tiff(HEIGHTS.astype("f4")), {}),
+    "tiff float, lost": (tiff(np.nan_to_num(HEIGHTS, nan=-9999).astype("f4")), {}),
+    "keyence number": (saved(np.save, counts("i4", -(2**31))), {"z_unit": 500}),
+}
+
+
+@pytest.mark.parametrize("name", [name for name in MATRICES if name != "csv in um"])
+def test_rows_of_heights_are_profiles(write, name):
+    content, options = MATRICES[name]
+    file = inspect_profiles(write(content, "heights"), x0=-15, dx=0.1, **options)
+    assert len(file.profiles) == 3
+    for profile, row in zip(file.profiles, HEIGHTS, strict=True):
+        lost = np.isnan(row)
+        npt.assert_array_equal(np.isnan(profile.points[:, 0]), lost)
+        npt.assert_allclose(profile.points[~lost], np.column_stack([X, row])[~lost], atol=3e-3)
+
+
+@pytest.mark.parametrize("kind", ["u2", "i2"])
+def test_counts_in_a_tiff_need_their_size(write, kind):
+    raised = 0.0 if kind == "i2" else -200.0
+    lost = 0 if kind == "u2" else -(2**15)
+    image = counts(kind, lost, offset=raised)
+    path = write(tiff(image) if kind == "u2" else saved(np.save, image), "map.tif")
+    if kind == "u2":
+        with pytest.raises(UnreadableFile, match=r"--z-unit 0\.5um or --units um"):
+            inspect_profiles(path, dx=0.1)
+    file = inspect_profiles(path, x0=-15, dx=0.1, z_unit="5um")
+    assert file.lost == np.isnan(HEIGHTS).sum()
+    assert not file.units_assumed
+    npt.assert_allclose(
+        np.nanmax(file.profiles[1].points[:, 1]), np.nanmax(HEIGHTS[1]) - raised, atol=3e-3
+    )
+
+
+def test_an_image_of_colours_is_no_height_map(write):
+    for image in (np.zeros((4, 4), "u1"), np.zeros((4, 4, 3), "u2")):
+        with pytest.raises(UnreadableFile, match="no height map"):
+            inspect_profiles(write(tiff(image)), dx=0.1, z_unit="um")
+    with pytest.raises(UnreadableFile, match="cannot decode"):
+        inspect_profiles(write(b"II*\0rubbish"), dx=0.1)
+
+
+def test_transposed_arrays_are_read(write):
+    path = write(saved(np.save, HEIGHTS.T), "heights")
+    profiles = read_profiles(path, x0=-15, dx=0.1, transpose=True)
+    npt.assert_allclose(profiles[2].points[1], [X[1], HEIGHTS[2, 1]])
+
+
+def test_a_wrong_size_of_a_count_is_refused():
+    assert ReadSettings(z_unit="0.4 um").height_scale == pytest.approx(4e-4)
+    assert ReadSettings(z_unit=40).height_scale == pytest.approx(4e-4)
+    with pytest.raises(ValueError, match=r"want z_unit as a number of 0\.01 um or as a length"):
+        ReadSettings(z_unit="px")
+    with pytest.raises(ValueError, match="want a finite dx"):
+        ReadSettings(dx=float("nan"))
+
+
+def parquet(table):
+    return saved(lambda stream: pq.write_table(table, stream))
+
+
+def test_a_long_table_in_parquet_is_as_many_profiles(write, arc):
+    three = [arc - [0, k] for k in range(3)]
+    table = pa.table({
+        "Profile_ID": np.repeat(["a", "b", "a2"], 80).tolist(),
+        "part": np.repeat(["P1", "P1", "P2"], 80).tolist(),
+        "encoder_counts": np.repeat([10, 20, 30], 80),
+        "X_mm": np.concatenate(three)[:, 0],
+        "Z_um": 1000 * np.concatenate(three)[:, 1],
+        "grey": np.arange(240),
+    })  # fmt: skip
+    file = inspect_profiles(write(parquet(table)))
+    assert len(file.profiles) == 3
+    npt.assert_allclose(file.profiles[2].points, three[2])
+    assert file.attributes[2]["part"] == "P2"
+    assert file.ignored == ("grey",)
+
+
+def test_a_profile_a_row_in_parquet_keeps_its_other_columns(write, arc):
+    table = pa.table({
+        "part": ["P1", "P2"], "encoder": [1.5, 2.5],
+        "x": [arc[:, 0]] * 2, "z": [arc[:, 1], arc[:, 1] - 1],
+    })  # fmt: skip
+    file = inspect_profiles(write(parquet(table)))
+    assert file.attributes[1] == {"part": "P2", "encoder": 2.5}
+
+
+def test_units_in_the_metadata_of_parquet_count(write, arc):
+    table = pa.table({"x": arc[:, 0] * 1000, "z": arc[:, 1] * 1000})
+    whole = table.replace_schema_metadata({"unit": "um"})
+    field = pa.field("x", pa.float64(), metadata={"unit": "um"})
+    columns = table.cast(pa.schema([field, field.with_name("z")]))
+    for stated in (whole, columns):
+        file = inspect_profiles(write(parquet(stated)))
+        npt.assert_allclose(file.profiles[0].points, arc)
+        assert not file.units_assumed

@@ -1,0 +1,163 @@
+"""Lost points are told by the values that mark them, counted and named."""
+
+import warnings
+
+import numpy as np
+import numpy.testing as npt
+import pytest
+
+from lsvision.errors import UnreadableFile
+from lsvision.io.profiles import inspect_profiles, read_profile
+from lsvision.profile import Profile
+from lsvision.statistics.lost_markers import find_lost_markers
+
+MARKERS = [
+    "-999.9999",
+    "-999",
+    "999.99",
+    "-9999",
+    "-9999.0",
+    "-10000",
+    "-32768",
+    "32767",
+    "65535",
+    "-2147483648",
+    "4294967295",
+    "-3.4028235e38",
+    "1e30",
+    "-327.68",
+    "500.000",
+    "-1000",
+    "0",
+    "0.000",
+]
+
+
+def spoilt(points, marker, fraction, both=False, separator=","):
+    """Rows of text, a fraction of whose heights (or whole rows) are the marker."""
+    lost = np.random.default_rng(3).permutation(len(points)) < fraction * len(points)
+    rows = [
+        separator.join((marker if both and gone else f"{x:.3f}", marker if gone else f"{z:.3f}"))
+        for (x, z), gone in zip(points.tolist(), lost.tolist(), strict=True)
+    ]
+    return "\n".join(rows) + "\n", lost
+
+
+@pytest.mark.parametrize("marker", MARKERS)
+@pytest.mark.parametrize("fraction", [0.1, 0.3, 0.6])
+@pytest.mark.parametrize("both", [False, True])
+def test_a_marker_reads_as_nan_does(write, arc, marker, fraction, both):
+    text, lost = spoilt(arc, marker, fraction, both)
+    file = inspect_profiles(write(text))
+    expected = np.where(lost[:, np.newaxis], np.nan, arc)
+    npt.assert_array_equal(file.profiles[0].points, expected)
+    assert file.lost == lost.sum()
+    assert file.doubts == ()
+    beyond = abs(float(marker)) >= 1e15
+    shown = "0, 0" if both and float(marker) == 0 else f"{float(marker):.10g}"
+    assert f"{lost.sum()} by {shown}" in file.summary or beyond
+
+
+def test_two_markers_are_told_apart(write, arc):
+    text, _ = spoilt(arc, "-9999", 0.2)
+    lines = text.splitlines()
+    lines[3:60:7] = [line.split(",")[0] + ",9999" for line in lines[3:60:7]]
+    file = inspect_profiles(write("\n".join(lines)))
+    assert {marker.text for marker in file.markers} == {"-9999", "9999"}
+    assert file.profiles[0].points[:, 1][~np.isnan(file.profiles[0].points[:, 1])].max() < -100
+
+
+@pytest.mark.parametrize("lost", ["-180.5", -180.5, (-180.5,)])
+def test_a_marker_that_is_given_is_the_only_one(write, arc, lost):
+    text, gone = spoilt(arc, "-180.5", 0.1)
+    more = text + "90.0,-9999\n90.1,-9999\n"
+    file = inspect_profiles(write(more), lost=lost)
+    assert file.lost == gone.sum()
+    assert not any(marker.guessed for marker in file.markers)
+    assert float(np.nanmin(file.profiles[0].points[:, 1])) == -9999
+
+
+def test_none_says_that_all_numbers_are_measured(write, arc):
+    text, _ = spoilt(arc, "-999.9999", 0.1)
+    assert inspect_profiles(write(text), lost="none").lost == 0
+
+
+@pytest.mark.parametrize(
+    "word", ["0xFFFFFFFF", "*****", "-1.#IND00", "1.#QNAN", "overrange", "N/A"]
+)
+@pytest.mark.parametrize("fraction", [0.1, 0.6])
+def test_words_that_sensors_write_mark_lost_points(write, arc, word, fraction):
+    text, lost = spoilt(arc, word, fraction)
+    assert inspect_profiles(write(text)).lost == lost.sum()
+
+
+def test_a_word_in_most_lines_is_named_with_the_option(write, arc):
+    text, lost = spoilt(arc, "dunkel", 0.6)
+    path = write(text)
+    with pytest.raises(UnreadableFile, match=f"'dunkel' in {lost.sum()} lines.*--lost dunkel"):
+        inspect_profiles(path)
+    assert inspect_profiles(path, lost="dunkel").lost == lost.sum()
+
+
+def test_a_word_can_mark_lost_points(write, arc):
+    text, lost = spoilt(arc, "ERR", 0.2)
+    assert inspect_profiles(write(text), lost="ERR").lost == lost.sum()
+
+
+@pytest.mark.parametrize(
+    "line", ["# invalid value: -77", "NODATA_value -77", "# lost = -77", "No data;-77"]
+)
+def test_a_marker_that_the_file_states_is_used(write, arc, line):
+    text, lost = spoilt(arc, "-77", 0.2)
+    file = inspect_profiles(write(f"{line}\nx,z\n{text}"))
+    assert file.lost == lost.sum()
+    assert [marker.guessed for marker in file.markers] == [False]
+
+
+def test_a_guess_of_a_unit_waits_for_the_marker(write, arc):
+    rows = (arc * 1000).round()
+    text, _ = spoilt(rows, "-2147483648", 0.1)
+    file = inspect_profiles(write(text.replace(".000", "")))
+    assert "coordinates reach 1.4e+05 mm" in file.doubts[0]
+    assert file.markers[0].text == "-2147483648"
+
+
+def test_the_lost_points_of_a_range_are_zero_or_less_or_its_largest(write, arc):
+    for marker in ("0", "-1", "800"):
+        text, lost = spoilt(arc * [1, -1], marker, 0.3)
+        file = inspect_profiles(write("x,range\n" + text))
+        assert file.lost == lost.sum(), marker
+
+
+@pytest.mark.parametrize(
+    "heights",
+    [
+        np.repeat([-200.0, -140.0], 100),  # two planes without noise
+        np.concatenate([np.full(100, -190.0), np.linspace(-165, -140, 80).round(1)]),
+        np.linspace(-165, -140, 80).round(0),
+        np.concatenate([[-300.0], np.linspace(-165, -140, 80)]),  # one stray point
+        np.concatenate([np.full(90, -170.0), -130 + 20 * np.sin(np.linspace(0.3, 2.8, 90))]),
+    ],
+)
+def test_planes_and_rounded_heights_are_no_markers(heights):
+    assert find_lost_markers(heights) == ()
+
+
+def test_points_in_python_are_warned_of_and_removed_on_request(arc):
+    points = arc.copy()
+    points[::5, 1] = -9999
+    with pytest.warns(UserWarning, match=r"-9999 stands in 16 of 80 points .*lost=-9999"):
+        assert Profile(points).lost == 0
+    assert Profile(points, lost=-9999).lost == 16
+    assert Profile(points, lost=[-9999, 7]).lost == 16
+    points[::5, 1] = -999.9999
+    assert Profile(points.astype(np.float32), lost=-999.9999).lost == 16
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert Profile(points, lost=()).lost == 0
+        assert Profile(arc).lost == 0
+
+
+def test_a_single_profile_with_a_marker_is_read(write, arc):
+    text, lost = spoilt(arc, "-9999", 0.3, separator=";")
+    assert read_profile(write(text)).lost == lost.sum()

@@ -1,0 +1,161 @@
+"""Poses from robot programs, from one file each, and from columns in any order."""
+
+import numpy as np
+import numpy.testing as npt
+import pytest
+
+from lsvision.errors import UnreadableFile
+from lsvision.io.robot_poses import read_robot_poses
+
+ROWS = [[600.0, 10.5, 400.25, 10.0, -20.0, 175.0], [610.0, -3.0, 380.0, 12.0, -25.0, 170.5]]
+
+
+@pytest.fixture
+def write(tmp_path):
+    def _write(text, name="poses.csv"):
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+        return path
+
+    return _write
+
+
+@pytest.fixture
+def expected(write):
+    def _expected(convention="kuka"):
+        text = "\n".join(",".join(map(str, row)) for row in ROWS)
+        return read_robot_poses(write(text, "plain.txt"), convention)
+
+    return _expected
+
+
+def assert_same(poses, expected):
+    assert len(poses) == len(expected)
+    for pose, other in zip(poses, expected, strict=True):
+        npt.assert_allclose(pose.matrix, other.matrix, atol=1e-9)
+
+
+KUKA = [
+    "DECL E6POS XP{n}={{X {0},Y {1},Z {2},A {3},B {4},C {5},S 6,T 27,E1 0.0,E2 0.0}}",
+    "DECL POS XP{n}={{X {0},Y {1},Z {2},A {3},B {4},C {5},S 'B110',T 2}}",
+    "FRAME F{n}={{FRAME: X {0}, Y {1}, Z {2}, A {3}, B {4}, C {5}}}",
+    "{{C {5},B {4}}} ;no position\nxp{n}={{x {0},y {1},z {2},c {5},b {4},a {3}}}",
+    "PTP {{E6POS: X {0}, Y {1}, Z {2}, A {3}, B {4}, C {5}}} ; point {n}",
+]
+
+
+@pytest.mark.parametrize("form", KUKA)
+def test_positions_of_a_kuka_program(write, expected, form):
+    lines = [
+        "&ACCESS RVP",
+        "DEFDAT scan PUBLIC",
+        "DECL FDAT FP1={TOOL_NO 1,BASE_NO 0}",
+    ]
+    lines += [form.format(*row, n=n) for n, row in enumerate(ROWS)] + ["ENDDAT"]
+    path = write("\n".join(lines), "scan.dat")
+    assert_same(read_robot_poses(path, "kuka"), expected())
+    for other in ("fanuc", "mitsubishi", "matrix"):
+        with pytest.raises(UnreadableFile, match=r"KUKA program.*say --convention kuka"):
+            read_robot_poses(path, other)
+
+
+def fanuc(rows, frame="0"):
+    text = "/PROG SCAN\n/MN\n 1:L P[1] 100mm/sec FINE ;\n/POS\n"
+    for number, (x, y, z, w, p, r) in enumerate(rows, 1):
+        name = f'{number}:"view"' if number == 1 else number
+        text += f"P[{name}]{{\n   GP1:\n\tUF : {frame}, UT : 1,\tCONFIG : 'N U T, 0, 0, 0',\n"
+        text += f"\tX = {x:9.3f}  mm,\tY = {y:9.3f}  mm,\tZ = {z:9.3f}  mm,\n"
+        text += f"\tW = {w:9.3f} deg,\tP = {p:9.3f} deg,\tR = {r:9.3f} deg\n}};\n"
+    return text + "/END\n"
+
+
+def test_positions_of_a_fanuc_listing(write, expected):
+    path = write(fanuc(ROWS), "SCAN.LS")
+    assert_same(read_robot_poses(path, "fanuc"), expected("fanuc"))
+    with pytest.raises(UnreadableFile, match=r"FANUC program.*say --convention fanuc"):
+        read_robot_poses(path, "kuka")
+
+
+@pytest.mark.parametrize(
+    ("text", "convention", "message"),
+    [
+        ("DECL E6AXIS XP1={A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}", "kuka", "joint angles"),
+        (fanuc(ROWS[:1]) + fanuc(ROWS[1:], "2"), "fanuc", "several user frames"),
+        (fanuc(ROWS).replace("10.500", "********"), "fanuc", r"P\[1\]: Y is .*never taught"),
+        ("P[1]{\n J1= 0.0 deg, J2 = 5 deg\n};", "fanuc", r"P\[1\]: no x y z w p r in it"),
+        ("P[1]{X = 1 in, Y = 1 mm, Z = 1 mm}", "fanuc", r"P\[1\]: X in in, want mm"),
+        ("xp={X 1,Y 2,Z 3,A 4,B 5}", "kuka", "position 1: no c in it"),
+    ],
+)
+def test_what_is_no_position_is_refused(write, text, convention, message):
+    with pytest.raises(UnreadableFile, match=message):
+        read_robot_poses(write(text, "p.ls"), convention)
+
+
+@pytest.mark.parametrize("pattern", ["poses/*.txt", "poses", "poses/pose_?*.txt"])
+def test_one_file_a_pose_in_natural_order(write, tmp_path, expected, pattern):
+    for number, row in zip((10, 2), reversed(ROWS), strict=True):
+        write(" ".join(map(str, row)) + "\n", f"poses/pose_{number}.txt")
+    assert_same(read_robot_poses(tmp_path / pattern, "kuka"), expected())
+
+
+def test_a_file_of_two_poses_among_others_and_a_pattern_of_none_are_refused(write, tmp_path):
+    write("1 2 3 4 5 6\n", "poses/a.txt")
+    write("1 2 3 4 5 6\n600 2 3 4 5 6\n", "poses/b.txt")
+    with pytest.raises(UnreadableFile, match=r"b.txt: want one pose in each of 2 files, got 2"):
+        read_robot_poses(tmp_path / "poses", "kuka")
+    with pytest.raises(UnreadableFile, match="no file of poses there"):
+        read_robot_poses(tmp_path / "*.none", "kuka")
+
+
+@pytest.mark.parametrize("order", ["xyzabc", "zyxcba", "abcxyz", "xaybzc"])
+@pytest.mark.parametrize("form", ["{}", "{} ", "{}_", "pos", "#", "upper"])
+def test_columns_are_taken_by_their_names(write, expected, order, form):
+    place = dict(zip("xyzabc", range(6), strict=True))
+    units = dict.fromkeys("xyz", "mm") | dict.fromkeys("abc", "deg")
+    names = list(order)
+    if form == "upper":
+        names = [f"{name.upper()} [{units[name]}]" for name in order]
+    if form == "{}_":
+        names = [f"{name}_{units[name]}" for name in order]
+    if form == "pos":
+        names = [f"pos_{name}" if name in "xyz" else name for name in order]
+    head = ("# " if form == "#" else "") + ",".join(["time", *names] if form != "#" else names)
+    rows = [[row[place[name]] for name in order] for row in ROWS]
+    lines = [",".join(map(str, row if form == "#" else [7, *row])) for row in rows]
+    assert_same(read_robot_poses(write("\n".join([head, *lines])), "kuka"), expected())
+
+
+def test_units_in_the_header_count(write, expected):
+    rows = [[*(np.array(row[:3]) / 1000), *np.radians(row[3:])] for row in ROWS]
+    lines = [",".join(map(str, row)) for row in rows]
+    head = "X [m],Y [m],Z [m],A [rad],B [rad],C [rad]"
+    assert_same(read_robot_poses(write("\n".join([head, *lines])), "kuka"), expected())
+    head = "# all values in m\nx,y,z,a [rad],b [rad],c [rad]"
+    assert_same(read_robot_poses(write("\n".join([head, *lines])), "kuka"), expected())
+
+
+@pytest.mark.parametrize(
+    ("head", "message"),
+    [
+        ("x,y,z,rx,ry,rz", "names x y z rx ry rz and not a b c of convention 'kuka'"),
+        ("x,y,z,w,p,r", "another convention"),
+        ("z,y,x,q,q,q", "another convention"),
+        ("x,x,y,z,a,b,c", "names x 2 times"),
+        ("x [in],y [in],z [in],a,b,c", "lengths in in: want all in mm, or all in m"),
+        ("x [mm],y [m],z [m],a,b,c", "lengths in m, mm"),
+        ("x,y,z,a [grad],b [rad],c", "angles in grad, rad"),
+    ],
+)
+def test_a_header_that_says_something_else_is_refused(write, head, message):
+    count = head.count(",") + 1
+    lines = [",".join(map(str, [*row, 0.5][:count])) for row in ROWS]
+    with pytest.raises(UnreadableFile, match=message):
+        read_robot_poses(write("\n".join([head, *lines])), "kuka")
+
+
+def test_a_quaternion_is_read_by_name_in_any_order(write):
+    text = "qw,qx,qy,qz,x,y,z\n0.5,0.5,0.5,0.5,100,200,300\n1,0,0,0,100,200,400\n"
+    first, _ = read_robot_poses(write(text), "abb")
+    npt.assert_allclose(first.apply_one([1.0, 0, 0]), [100, 201, 300])

@@ -1,0 +1,31 @@
+"""Poses and uncertainties of impossible size are refused in words."""
+
+import numpy as np
+import pytest
+
+from lsvision import Pose, Profile, fit_cylinder, measure_scan
+from lsvision.errors import DegenerateGeometry
+
+ANGLE = np.linspace(2.6, 0.5, 60)
+PIPE = Profile(20 * np.column_stack([np.cos(ANGLE), np.sin(ANGLE)]) - [0, 400])
+
+
+@pytest.mark.parametrize("step", [1e10, 1e200, 1e308])
+def test_poses_that_are_too_far_are_refused(step):
+    with pytest.raises(ValueError, match=r"want finite coordinates within 1e\+09 mm"):
+        measure_scan([PIPE, PIPE], [Pose(), Pose.along((0, 0, 1), step)])
+
+
+@pytest.mark.parametrize(
+    "errors", [{"pose_std": 1e9}, {"pose_std": np.nan}, {"feed_std": 10.0}, {"feed_std": -1.0}]
+)
+def test_uncertainties_that_are_none_are_refused(errors):
+    with pytest.raises(ValueError, match=r"want (pose|feed)_std from 0 to 1"):
+        measure_scan([PIPE, PIPE], [Pose(), Pose.along((0, 0, 1), 5.0)], **errors)
+
+
+@pytest.mark.parametrize("scale", [1e-12, 1e-100, 1e-300])
+def test_points_at_one_place_are_no_cylinder(scale):
+    rng = np.random.default_rng(0)
+    with pytest.raises(DegenerateGeometry, match="points lie within 1e-09 mm"):
+        fit_cylinder(rng.normal(size=(20, 3)) * scale, np.tile(np.eye(3), (20, 1, 1)))

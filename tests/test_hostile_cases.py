@@ -1,0 +1,60 @@
+"""The cases of ../shared/cases/hostile, where the folder is there: refused in one line, or read."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).parents[1]
+FOLDERS = [
+    REPOSITORY.parent / "shared/cases/hostile",
+    Path("/work/shared/cases/hostile"),
+]
+HOSTILE = next((folder for folder in FOLDERS if folder.is_dir()), FOLDERS[0])
+CASES = sorted(path.name for path in HOSTILE.iterdir()) if HOSTILE.is_dir() else []
+SINGLE = REPOSITORY / "fixtures/single.csv"
+PAIR = REPOSITORY / "fixtures/images/pair.png"
+READ = {"cr.csv", "u2028.csv"}
+"""Line ends of other kinds: may be read."""
+
+
+def words_for(path):
+    if path.name.startswith("p_"):
+        return ["measure", SINGLE, "--poses", path, "--convention", "kuka"]
+    if path.name.startswith("he_"):
+        return ["measure", SINGLE, "--flange-from-section", path]
+    if path.name.startswith("rig_"):
+        return ["measure", PAIR, "--light-section", path]
+    if path.suffix == ".png":
+        return ["line", path]
+    return ["measure", path]
+
+
+@pytest.mark.skipif(not CASES, reason=f"{HOSTILE} is not here")
+@pytest.mark.parametrize("name", CASES)
+def test_a_hostile_file_is_one_line(name):
+    path = HOSTILE / name
+    words = [sys.executable, "-W", "error", "-m", "lsvision", *map(str, words_for(path))]
+    result = subprocess.run(
+        words, cwd=REPOSITORY, capture_output=True, text=True, timeout=60, check=False
+    )
+    if name in READ and result.returncode == 0:
+        return
+    assert result.returncode == 1
+    (line,) = result.stderr.splitlines()
+    assert line.startswith(f"lsvision: {path}")
+    assert "internal error" not in line
+
+
+@pytest.mark.skipif("h_nocols.json" not in CASES, reason=f"{HOSTILE} is not here")
+def test_a_matrix_without_columns_spoils_no_memory():
+    code = (
+        "import sys\nfrom lsvision import LsvisionError, read_profile\n"
+        "for _ in range(2000):\n"
+        "    try: read_profile(sys.argv[1])\n"
+        "    except LsvisionError: pass\n"
+    )
+    words = [sys.executable, "-c", code, str(HOSTILE / "h_nocols.json")]
+    result = subprocess.run(words, cwd=REPOSITORY, capture_output=True, timeout=60, check=False)
+    assert (result.returncode, result.stderr) == (0, b"")
