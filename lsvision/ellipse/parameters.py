@@ -19,8 +19,8 @@ PARAMETERS = 5
 FOOT_TOLERANCE = 3e-3
 """Nearest points to some 1e-5 rad: then the distance, stationary there, is right to 1e-9 mm."""
 MAX_FOOT_ITERATIONS = 30
-MAX_FIRST_STEP = 0.2
-"""A first step of more rad is none of a point near the ellipse."""
+MAX_STEP = 0.2
+"""A step of more rad is none of a point near the ellipse."""
 MIN_AXIS_RATIO = 1e-3
 """Thinner than this an ellipse is a straight line that lost its way."""
 
@@ -40,7 +40,7 @@ def orthogonal_residuals_and_normals(
     Notes
     -----
     Newton's steps along the ellipse, from where the ray of each point meets it. That far beside
-    an ellipse may lead to the farthest point: then all start from their nearest.
+    an ellipse may lead to the farthest point: then all begin again from their nearest.
     """
     (m, p, q), own = parameters[2:].tolist(), as_complex(points) - centre_of(parameters)
     d = complex(p, q)
@@ -48,7 +48,7 @@ def orthogonal_residuals_and_normals(
     w = side * (m * own - d * own.conj())
     w /= np.abs(w)
     largest = math.inf
-    for step in range(MAX_FOOT_ITERATIONS):
+    for _ in range(MAX_FOOT_ITERATIONS):
         along, across = m * w, d * w.conj()
         foot, normals = along + across, along - across
         gap = own - foot
@@ -57,7 +57,7 @@ def orthogonal_residuals_and_normals(
         bending = normals.real**2 + normals.imag**2 + (gap * foot.conj()).real
         turn = (gap * normals.conj()).imag / bending
         largest = float(np.abs(turn).max(initial=0.0))
-        if step == 0 and not (largest < MAX_FIRST_STEP and bending.min() > 0):
+        if not (largest < MAX_STEP and bending.min() > 0):
             w = _nearest_directions(own, parameters)
         else:
             w *= 1 + 1j * turn

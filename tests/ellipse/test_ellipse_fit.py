@@ -293,6 +293,16 @@ def test_a_known_radius_weighs_as_its_std_says_whatever_the_assumed_noise(assume
     assert_same_ellipse(fit.ellipse, wanted, atol=0.02 * abs(free.radius - wanted.radius))
 
 
+def test_with_a_prior_a_too_optimistic_noise_model_scales_the_points_and_not_the_prior(rng):
+    truth = pipe(25.0)
+    points = measured(upper_arc(truth), rng)
+    known = RadiusPrior(19.0, 0.5)
+    fit = fit_ellipse(points, truth, SENSOR.covariances(points) / 16, known_radius=known)
+    right = fit_ellipse(points, truth, SENSOR.covariances(points), known_radius=known)
+    assert fit.variance_factor == 1
+    np.testing.assert_allclose(fit.problem.stds / right.problem.stds, 1.0, atol=0.4)
+
+
 def test_a_known_tilt_weighs_as_its_std_says_whatever_the_assumed_noise():
     truth, std = pipe(30.0), math.radians(0.5)
     points = measured(upper_arc(truth, count=200), np.random.default_rng(1))
