@@ -2,6 +2,8 @@
 
 from typing import TYPE_CHECKING
 
+from lsvision.draw.titles import printable
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -14,6 +16,6 @@ def figure_of(ax: "Axes") -> "Figure":
 
 
 def set_title(ax: "Axes", title: str) -> None:
-    """Put a title above axes, as it is; an empty one leaves theirs."""
+    """Put a title above axes, as far as the font has its characters; an empty one leaves theirs."""
     if title:
-        ax.set_title(title, loc="left", parse_math=False, pad=24)
+        ax.set_title(printable(title), loc="left", parse_math=False, pad=24)

@@ -39,6 +39,14 @@ def test_it_is_drawn_into_the_callers_axes(name):
     assert figure.get_suptitle() == ""
 
 
+def test_a_title_beyond_the_font_warns_of_nothing():
+    figure = Figure()
+    ax = figure.add_subplot()
+    DRAWINGS["measurement"](ax, "\u7ba1.csv")
+    assert ax.get_title(loc="left") == "?.csv"
+    figure.draw_without_rendering()
+
+
 def test_axes_of_a_subfigure_give_the_whole_figure():
     figure = Figure()
     part, _ = figure.subfigures(1, 2)

@@ -140,7 +140,7 @@ def test_a_matrix_is_taken_for_a_pose():
         ([Pose(), "flange"], TypeError, "pose 1: expected a Pose or a 4x4 matrix .* got str"),
         (np.eye(4), TypeError, r"pose 0: .* got ndarray of shape \(4,\)"),
         (Pose(), TypeError, "expected a sequence of poses, got one Pose"),
-        ([Pose(), 2 * np.eye(4)], ValueError, "pose 1: want last row 0 0 0 1"),
+        ([Pose(), 2 * np.eye(4)], ValueError, "pose 1: expected last row 0 0 0 1"),
     ],
     ids=["3x3", "word", "one matrix", "one pose", "scaled"],
 )
