@@ -2,14 +2,13 @@
 
 import glob
 import os
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lsvision.cli.messages import print_lines
 from lsvision.errors import LsvisionError, UnreadableFile
-from lsvision.files.file_kinds import exists, is_directory, is_regular
+from lsvision.files.file_kinds import exists, is_directory, is_regular, natural_order
 from lsvision.files.limited_reading import STDIN
 
 if TYPE_CHECKING:
@@ -127,12 +126,12 @@ def _files_of(word: str, suffixes: frozenset[str]) -> list[Path]:
     if is_directory(path):
         shown = (file for file in path.iterdir() if not file.name.startswith("."))
         wanted = (file for file in shown if file.suffix.lower() in suffixes)
-        return sorted((file for file in wanted if is_regular(file)), key=_natural)
+        return sorted((file for file in wanted if is_regular(file)), key=natural_order)
     if exists(path) or not glob.has_magic(word):
         return [path]
     found = glob.glob(word, recursive=True)  # noqa: PTH207 - Path.glob takes no absolute pattern
     matches = [Path(match) for match in found]
-    return sorted((match for match in matches if is_regular(match)), key=_natural)
+    return sorted((match for match in matches if is_regular(match)), key=natural_order)
 
 
 def _nothing_in(word: str, suffixes: frozenset[str]) -> UnreadableFile:
@@ -149,15 +148,3 @@ def _nothing_in(word: str, suffixes: frozenset[str]) -> UnreadableFile:
             f"{' '.join(sorted(suffixes))}"
         )
     return UnreadableFile(f"{word}: no file matches this pattern: check it with ls")
-
-
-def _natural(path: Path) -> list[tuple[bool, int, str]]:
-    """Sort key: runs of digits by their value, the rest by its letters."""
-    parts = re.split(r"([0-9]+)", str(path))
-    # isdecimal alone takes digits of any script, and isdigit also superscripts: int takes none
-    numbers = [part.isascii() and part.isdecimal() for part in parts]
-    return [
-        (number, int(part) if number else 0, part)
-        for part, number in zip(parts, numbers, strict=True)
-        if part
-    ]
