@@ -1,6 +1,7 @@
 """What a path names, without an exception for names that no file can have."""
 
 import os
+import re
 import stat
 from pathlib import Path
 
@@ -35,3 +36,21 @@ def is_regular(path: str | os.PathLike[str]) -> bool:
     """Whether the path names a file on a disk: no directory, device, pipe or socket."""
     status = status_of(path)
     return status is not None and stat.S_ISREG(status.st_mode)
+
+
+def natural_order(path: Path) -> list[tuple[bool, int, str]]:
+    """Key to sort paths by: runs of digits by their value, the rest by its letters.
+
+    Examples
+    --------
+    >>> [path.name for path in sorted(map(Path, ["p10.csv", "p2.csv"]), key=natural_order)]
+    ['p2.csv', 'p10.csv']
+    """
+    parts = re.split(r"([0-9]+)", str(path))
+    # isdecimal alone takes digits of any script, and isdigit also superscripts: int takes none
+    numbers = [part.isascii() and part.isdecimal() for part in parts]
+    return [
+        (number, int(part) if number else 0, part)
+        for part, number in zip(parts, numbers, strict=True)
+        if part
+    ]

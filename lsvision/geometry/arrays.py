@@ -85,7 +85,7 @@ def require_coordinates(points: Points) -> None:
     """
     if not (np.abs(points) <= MAX_COORDINATE_MM).all():
         raise ValueError(
-            f"want finite coordinates within {MAX_COORDINATE_MM:g} mm, got "
+            f"expected finite coordinates within {MAX_COORDINATE_MM:g} mm, got "
             f"{float(np.abs(points).max()):g}: leave lost points out, check the units"
         )
 
@@ -99,7 +99,7 @@ def require_covariances(covariances: FloatArray) -> None:
         If one is not finite, not symmetric, has a negative eigenvalue, or is zero.
     """
     if not (np.abs(covariances) <= MAX_VARIANCE_MM2).all():
-        raise ValueError(f"want finite covariances up to {MAX_VARIANCE_MM2:g} mm^2, got others")
+        raise ValueError(f"expected finite covariances up to {MAX_VARIANCE_MM2:g} mm^2, got others")
     if not len(covariances):
         return
     largest = np.abs(covariances).max(axis=(1, 2))
@@ -110,6 +110,6 @@ def require_covariances(covariances: FloatArray) -> None:
     if wrong.any():
         index = int(np.argmax(wrong))
         raise ValueError(
-            "want symmetric positive semi-definite covariances other than zero, got "
+            "expected symmetric positive semi-definite covariances other than zero, got "
             f"{covariances[index].tolist()} for point {index}"
         )

@@ -1,10 +1,9 @@
 """Which files a name stands for: a file, those right in a folder, or those of a pattern."""
 
 import glob
-import re
 from pathlib import Path
 
-from lsvision.files.file_kinds import exists, is_directory, is_regular
+from lsvision.files.file_kinds import exists, is_directory, is_regular, natural_order
 from lsvision.files.limited_reading import STDIN
 
 PROFILE_SUFFIXES = frozenset(
@@ -39,21 +38,9 @@ def find_files(name: str, suffixes: frozenset[str] = PROFILE_SUFFIXES) -> list[P
     if is_directory(path):
         shown = (file for file in path.iterdir() if not file.name.startswith("."))
         wanted = (file for file in shown if file.suffix.lower() in suffixes)
-        return sorted((file for file in wanted if is_regular(file)), key=_natural)
+        return sorted((file for file in wanted if is_regular(file)), key=natural_order)
     if exists(path) or not glob.has_magic(name):
         return [path]
     found = glob.glob(name, recursive=True)  # noqa: PTH207 - Path.glob takes no absolute pattern
     matches = [Path(match) for match in found]
-    return sorted((match for match in matches if is_regular(match)), key=_natural)
-
-
-def _natural(path: Path) -> list[tuple[bool, int, str]]:
-    """Sort key: runs of digits by their value, the rest by its letters."""
-    parts = re.split(r"([0-9]+)", str(path))
-    # isdecimal alone takes digits of any script, and isdigit also superscripts: int takes none
-    numbers = [part.isascii() and part.isdecimal() for part in parts]
-    return [
-        (number, int(part) if number else 0, part)
-        for part, number in zip(parts, numbers, strict=True)
-        if part
-    ]
+    return sorted((match for match in matches if is_regular(match)), key=natural_order)

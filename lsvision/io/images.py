@@ -45,14 +45,10 @@ def read_image(path: str | os.PathLike[str]) -> npt.NDArray[Any]:
     ((2, 3), 'uint16')
     """
     source = Path(path)
-    content = read_bytes(source)
-    size = image_size(content)
-    if size is not None and size[0] * size[1] > MAX_PIXELS:
-        raise UnreadableFile(
-            f"{source}: expected an image of at most {MAX_PIXELS / 1e6:g} megapixels, got "
-            f"{size[0]} x {size[1]} px: crop it to the laser line"
-        )
-    image = None if size is None else _decoded(np.frombuffer(content, dtype=np.uint8))
+    try:
+        image = decode_image(read_bytes(source))
+    except TooManyPixels as error:
+        raise UnreadableFile(f"{source}: {error}: crop it to the laser line") from None
     if image is None or image.dtype not in (np.uint8, np.uint16) or not image.size:
         raise UnreadableFile(
             f"{source} is no image of 8 or 16 bit: save it as PNG, TIFF or JPEG, and copy it "
@@ -61,9 +57,33 @@ def read_image(path: str | os.PathLike[str]) -> npt.NDArray[Any]:
     return image[..., :3] if image.ndim == 3 else image
 
 
-def _decoded(data: npt.NDArray[np.uint8]) -> npt.NDArray[Any] | None:
+class TooManyPixels(ValueError):
+    """An image of more than `MAX_PIXELS`."""
+
+
+def decode_image(content: bytes) -> npt.NDArray[Any] | None:
+    """Image of a whole file, as it was stored; its size is checked before it is unpacked.
+
+    Returns
+    -------
+    ndarray, optional
+        Of any depth; None where the bytes are no image.
+
+    Raises
+    ------
+    TooManyPixels
+        If it is larger than `MAX_PIXELS`.
+    """
+    size = image_size(content)
+    if size is None:
+        return None
+    if size[0] * size[1] > MAX_PIXELS:
+        raise TooManyPixels(
+            f"expected an image of at most {MAX_PIXELS / 1e6:g} megapixels, got "
+            f"{size[0]} x {size[1]} px"
+        )
     try:
-        image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+        image = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error:
         return None
     return None if image is None else np.asarray(image)

@@ -6,13 +6,15 @@ from pathlib import Path
 from lsvision.errors import UnreadableFile
 from lsvision.io.robot_conventions import PoseConvention
 
-_NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
-_KUKA = re.compile(r"\{\s*(?:E6POS|POS|FRAME|E3POS)?\s*:?\s*(X\s+[-+.0-9][^{}]*)\}", re.IGNORECASE)
-_KUKA_AXES = re.compile(r"\{\s*(?:E6AXIS|AXIS)?\s*:?\s*A1\s[^{}]*\}", re.IGNORECASE)
-_KUKA_FIELD = re.compile(rf"([A-Z][A-Z0-9]*)\s+({_NUMBER})", re.IGNORECASE)
-_FANUC = re.compile(r"\bP\[\s*([0-9]+)[^\]]*\]\s*\{([^{}]*)\}", re.IGNORECASE)
+_NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+_KUKA = re.compile(
+    r"\{\s*(?:(?:E6POS|POS|FRAME|E3POS)\s*)?(?::\s*)?(X\s+[-+.0-9][^{}]*)\}", re.IGNORECASE
+)
+_KUKA_AXES = re.compile(r"\{\s*(?:(?:E6AXIS|AXIS)\s*)?(?::\s*)?A1\s[^{}]*\}", re.IGNORECASE)
+_KUKA_FIELD = re.compile(rf"(?<![A-Z0-9])([A-Z][A-Z0-9]*)\s+({_NUMBER})", re.IGNORECASE)
+_FANUC = re.compile(r"\bP\[\s*([0-9]{1,9})[^\]]{0,200}\]\s*\{([^{}]*)\}", re.IGNORECASE)
 _FANUC_FIELD = re.compile(r"\b([XYZWPR])\s*=\s*([^\s,;}]+)[ \t]*([A-Z]*)", re.IGNORECASE)
-_FANUC_FRAME = re.compile(r"\bUF\s*:\s*(\S+?)\s*,", re.IGNORECASE)
+_FANUC_FRAME = re.compile(r"\bUF\s*:\s*(\S{1,40}?)\s*,", re.IGNORECASE)
 
 
 def program_rows(path: Path, text: str, rule: PoseConvention) -> list[list[float]] | None:
@@ -65,7 +67,13 @@ def _kuka_rows(path: Path, text: str, rule: PoseConvention) -> list[list[float]]
 
 
 def _without_kuka_comments(text: str) -> str:
-    return re.sub(r"(?m);[^\n{]*$", "", text)
+    """The text without what stands behind a semicolon, where no aggregate follows in its line."""
+    return "\n".join(map(_without_kuka_comment, text.split("\n")))
+
+
+def _without_kuka_comment(line: str) -> str:
+    before, brace, behind = line.rpartition("{")
+    return before + brace + behind.partition(";")[0]
 
 
 def _fanuc_rows(path: Path, text: str, rule: PoseConvention) -> list[list[float]]:

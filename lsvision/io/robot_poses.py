@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import glob
-import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TypeVar
@@ -12,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.errors import UnreadableFile
+from lsvision.files.file_kinds import exists, is_directory, is_regular, natural_order
 from lsvision.geometry import Pose
 from lsvision.io.pose_rows import pose_rows
 from lsvision.io.robot_conventions import (
@@ -124,21 +124,19 @@ def pose_files(path: str | Path) -> list[Path]:
         If a folder or a pattern names none.
     """
     place = Path(path)
-    if place.is_dir():
-        found = [file for file in place.iterdir() if not file.name.startswith(".")]
-    elif place.exists() or not glob.has_magic(str(path)):
+    if is_directory(place):
+        try:
+            found = [file for file in place.iterdir() if not file.name.startswith(".")]
+        except OSError as error:
+            raise UnreadableFile(f"{path}: cannot be listed ({error.strerror})") from None
+    elif exists(place) or not glob.has_magic(str(path)):
         return [place]
     else:
         found = [Path(match) for match in glob.glob(str(path), recursive=True)]  # noqa: PTH207 - absolute patterns
-    files = [file for file in found if file.is_file()]
+    files = [file for file in found if is_regular(file)]
     if not files:
         raise UnreadableFile(f"{path}: no file of poses there: check it with ls")
-    return sorted(files, key=_natural_order)
-
-
-def _natural_order(path: Path) -> list[tuple[bool, int, str]]:
-    parts = re.split(r"([0-9]+)", str(path))
-    return [(part.isdigit(), int(part) if part.isdigit() else 0, part) for part in parts if part]
+    return sorted(files, key=natural_order)
 
 
 def _one_unit(path: str | Path, units: Sequence[_Unit | None]) -> _Unit | None:

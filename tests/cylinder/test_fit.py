@@ -155,7 +155,7 @@ RINGS = surface(PIPE, np.array([0.0, 10.0]))
         (np.outer(np.arange(9.0), [1, 2, 3]), DegenerateGeometry, "on one straight line"),
         (surface(PIPE, np.array([0.0])), DegenerateGeometry, "the twins: add a second section"),
         (np.ones((9, 3)), DegenerateGeometry, "all 9 points lie within 1e-09 mm"),
-        (RINGS * 1e12, ValueError, r"want finite coordinates within 1e\+09 mm"),
+        (RINGS * 1e12, ValueError, r"expected finite coordinates within 1e\+09 mm"),
     ],
     ids=["five", "flat", "nan", "line", "one section", "one point", "far"],
 )

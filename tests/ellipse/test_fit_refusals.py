@@ -15,15 +15,15 @@ ALIKE = np.tile(np.eye(2) * 0.01, (40, 1, 1))
 @pytest.mark.parametrize(
     ("points", "covariances", "message"),
     [
-        (ARC[:, 0], None, r"want points of shape \(n, 2\), got \(40,\)"),
-        (np.where(ARC > 0, np.nan, ARC), None, "want finite coordinates"),
-        (ARC * 1e12, None, r"want finite coordinates within 1e\+09 mm"),
-        (ARC, ALIKE[:9], r"want covariances of shape \(40, 2, 2\)"),
-        (ARC, ALIKE * np.nan, "want finite covariances"),
-        (ARC, ALIKE * 1e30, "want finite covariances"),
-        (ARC, -ALIKE, "want symmetric positive semi-definite covariances other than zero"),
-        (ARC, 0 * ALIKE, "want symmetric positive semi-definite covariances other than zero"),
-        (ARC, ALIKE + np.eye(2, k=1), "want symmetric positive semi-definite covariances"),
+        (ARC[:, 0], None, r"expected points of shape \(n, 2\), got \(40,\)"),
+        (np.where(ARC > 0, np.nan, ARC), None, "expected finite coordinates"),
+        (ARC * 1e12, None, r"expected finite coordinates within 1e\+09 mm"),
+        (ARC, ALIKE[:9], r"expected covariances of shape \(40, 2, 2\)"),
+        (ARC, ALIKE * np.nan, "expected finite covariances"),
+        (ARC, ALIKE * 1e30, "expected finite covariances"),
+        (ARC, -ALIKE, "expected symmetric positive semi-definite covariances other than zero"),
+        (ARC, 0 * ALIKE, "expected symmetric positive semi-definite covariances other than zero"),
+        (ARC, ALIKE + np.eye(2, k=1), "expected symmetric positive semi-definite covariances"),
     ],
 )
 def test_arrays_that_are_no_points_are_a_value_error(points, covariances, message):

@@ -13,9 +13,11 @@ from lsvision.ellipse.fit import fit_ellipse
 from lsvision.ellipse.section import CylinderSection
 from lsvision.errors import UnwritableFile
 from lsvision.geometry import Ellipse, Pose
+from lsvision.io.result_files import STDOUT, ResultFiles
 from lsvision.io.results import (
     FILE_SCHEMA,
     RECORD_SCHEMA,
+    input_record,
     measurement_record,
     write_csv,
     write_json,
@@ -122,3 +124,54 @@ def test_a_number_that_does_not_exist_is_null(tmp_path, record):
 def test_results_that_cannot_be_written_name_the_file(tmp_path, record, write):
     with pytest.raises(UnwritableFile, match="none/all: its folder does not exist"):
         write(tmp_path / "none" / "all", [record])
+
+
+def with_attributes(record, **attributes):
+    return record | {"input": {"attributes": attributes}}
+
+
+def test_what_a_file_says_stands_before_the_reason(tmp_path, record):
+    without = {"source": "b.csv", "profile": 0, "cylinders": [], "reason": "flat"}
+    records = [
+        with_attributes(record, part="=1+1", reason="shift"),
+        with_attributes(without, part="-5", encoder=2.5),
+    ]
+    write_csv(tmp_path / "out.csv", records)
+    header, *_ = (tmp_path / "out.csv").read_text().splitlines()
+    assert header.endswith(",part,reason_in_file,encoder,reason")
+    first, second = csv.DictReader((tmp_path / "out.csv").read_text().splitlines())
+    assert (first["part"], first["reason_in_file"], first["encoder"]) == ("'=1+1", "shift", "")
+    assert (first["reason"], second["reason"]) == ("", "flat")
+    assert (second["part"], second["encoder"], second["radius_mm"]) == ("-5", "2.5", "")
+
+
+def test_a_column_that_comes_late_is_given_to_the_rows_before(tmp_path, record, capsys):
+    late = with_attributes(record, part="P7", encoder=1.5)
+    for name, rows in (("late.csv", [record, late]), ("early.csv", [late, record])):
+        files = ResultFiles(None, tmp_path / name)
+        for row in rows:
+            files.add([row])
+        files.finish()
+    late_rows, early_rows = (
+        list(csv.DictReader((tmp_path / name).read_text().splitlines()))
+        for name in ("late.csv", "early.csv")
+    )
+    assert late_rows == early_rows[::-1]
+    assert [row["encoder"] for row in late_rows] == ["", "1.5"]
+    stream = ResultFiles(None, STDOUT)
+    stream.add([record])
+    stream.add([late])
+    stream.finish()
+    header, *lines = csv.reader(capsys.readouterr().out.splitlines())
+    assert "encoder" not in header
+    assert [len(line) for line in lines] == [len(header)] * 2
+
+
+def test_attributes_that_are_no_numbers_are_null_in_json(tmp_path, record):
+    file = SimpleNamespace(
+        reader="text", units="mm", units_assumed=False, flipped=False, markers=(),
+        profiles=[SimpleNamespace(lost=0)], attributes=({"time": math.nan, "part": "P7"},),
+    )  # fmt: skip
+    read = input_record(file, 0)
+    assert read["attributes"] == {"time": None, "part": "P7"}
+    write_json(tmp_path / "out.json", [record | {"input": read}])

@@ -222,3 +222,16 @@ def test_real_files_of_two_robots_read():
     abb = read_robot_poses(REAL / "etna/data_calib3/pose0001.txt", "ros")
     assert (len(fanuc), len(text), len(abb)) == (15, 10, 1)
     assert abb[0].translation[0] == pytest.approx(1360.04, abs=0.01)
+
+
+def test_names_of_pose_files_may_hold_digits_of_any_script(tmp_path):
+    rows = {"1\u00b22.csv": "100,0,0,0,0,0", "1\u00b210.csv": "200,0,0,0,0,0"}
+    for name, row in rows.items():
+        (tmp_path / name).write_text(row)
+    poses = read_robot_poses(tmp_path, "kuka")
+    assert [pose.translation[0] for pose in poses] == [100.0, 200.0]
+
+
+def test_a_name_that_no_file_can_have_is_refused(tmp_path):
+    with pytest.raises(UnreadableFile, match="its name is too long"):
+        read_robot_poses(tmp_path / ("a" * 5000), "kuka")

@@ -12,7 +12,7 @@ PIPE = Profile(20 * np.column_stack([np.cos(ANGLE), np.sin(ANGLE)]) - [0, 400])
 
 @pytest.mark.parametrize("step", [1e10, 1e200, 1e308])
 def test_poses_that_are_too_far_are_refused(step):
-    with pytest.raises(ValueError, match=r"want finite coordinates within 1e\+09 mm"):
+    with pytest.raises(ValueError, match=r"expected finite coordinates within 1e\+09 mm"):
         measure_scan([PIPE, PIPE], [Pose(), Pose.along((0, 0, 1), step)])
 
 
@@ -20,7 +20,7 @@ def test_poses_that_are_too_far_are_refused(step):
     "errors", [{"pose_std": 1e9}, {"pose_std": np.nan}, {"feed_std": 10.0}, {"feed_std": -1.0}]
 )
 def test_uncertainties_that_are_none_are_refused(errors):
-    with pytest.raises(ValueError, match=r"want (pose|feed)_std from 0 to 1"):
+    with pytest.raises(ValueError, match=r"expected (pose|feed)_std from 0 to 1"):
         measure_scan([PIPE, PIPE], [Pose(), Pose.along((0, 0, 1), 5.0)], **errors)
 
 

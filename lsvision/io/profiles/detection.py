@@ -73,8 +73,8 @@ _FIRST_LINES = (
     (re.compile(r"\s*\{"), "json"),
     (re.compile(r"\s*\[\s*[\[{]"), "json"),
     (re.compile(r"[^\n]*\bfield\.(angle_min|ranges)|[^\n]*\bangle_increment\s*,"), "laserscan"),
-    (re.compile(r"(?:\s*#[^\n]*\n|\s*---\s*\n)*\s*header:\s*\n\s+\w+:"), "yaml"),
-    (re.compile(r"(?:\s*#[^\n]*\n|\s*---\s*\n)*\s*[A-Za-z_]\w*:[ \t]*\[[^\]\n]*,"), "yaml"),
+    (re.compile(r"(?:\s*#[^\n]*\n|\s*---[ \t]*\n)*\s*header:\s*\n\s+\w+:"), "yaml"),
+    (re.compile(r"(?:\s*#[^\n]*\n|\s*---[ \t]*\n)*\s*[A-Za-z_]\w*:[ \t]*\[[^\]\n]*,"), "yaml"),
     (
         re.compile(r"(?:[^\n]*\n)*?(?:ranges|points|x|scan_line|profile):[ \t]*(?:\n\s*-\s|\[)"),
         "yaml",

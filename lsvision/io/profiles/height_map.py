@@ -1,9 +1,9 @@
 """Height maps: images whose pixels are heights, one profile a row (TIFF, PNG)."""
 
-import cv2
 import numpy as np
 
 from lsvision.errors import UnreadableFile
+from lsvision.io.images import TooManyPixels, decode_image
 from lsvision.io.profiles.matrix import profiles_from_matrix
 from lsvision.io.profiles.number_rows import floats_from
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
@@ -25,11 +25,10 @@ def read_height_map(content: bytes, settings: ReadSettings) -> RawProfiles:
             "--x0, --dx and --z-unit"
         )
     try:
-        flags = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_UNCHANGED
-        image = cv2.imdecode(np.frombuffer(content, np.uint8), flags)
-    except cv2.error:
-        image = None
-    if image is None:
+        image = decode_image(content)
+    except TooManyPixels as error:
+        raise UnreadableFile(f"{error}: cut it, or save its heights as NPY") from None
+    if image is None or not image.size:
         raise UnreadableFile("an image that OpenCV cannot decode: save its heights as NPY or CSV")
     if image.ndim != 2 or image.dtype == np.uint8:
         channels = 1 if image.ndim == 2 else image.shape[2]

@@ -1,14 +1,15 @@
 """Points in JSON: lists under names, pairs, objects, matrices of OpenCV, ROS LaserScan."""
 
-import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from lsvision.errors import UnreadableFile
+from lsvision.files.json_text import parse_json
 from lsvision.geometry import FloatArray
 from lsvision.io.profiles.column_roles import column_role, is_known_role
 from lsvision.io.profiles.columns import profiles_from_table
@@ -16,6 +17,7 @@ from lsvision.io.profiles.laser_scan import is_laser_scan, profiles_from_scans
 from lsvision.io.profiles.matrix import profiles_from_matrix, rises
 from lsvision.io.profiles.named_columns import profiles_from_named
 from lsvision.io.profiles.number_rows import POINT_NUMBER, is_missing
+from lsvision.io.profiles.opencv_matrix import TRIPLES, matrix_of_node, table_of_points
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.stated_units import one_unit
 from lsvision.io.profiles.text_table import TextTable, decode_text
@@ -24,16 +26,15 @@ from lsvision.io.profiles.units import split_label
 
 MAX_DEPTH = 4
 """Levels of objects and lists that are searched for points."""
-MIN_PAIRS, MIN_TRIPLES = 3, 5
+MIN_PAIRS, MINTRIPLES = 3, 5
 """Rows of a list of points: a shorter one is a matrix or a size."""
-_TRIPLES = "scan_line"
-_FLAT_KEYS = ("points", "profile", _TRIPLES, "line")
+_FLAT_KEYS = ("points", "profile", TRIPLES, "line")
 _NAME_KEYS = ("columns", "names", "header", "fields", "labels")
-_POINT_KEYS = ("points", "profile", _TRIPLES, "line", "data", "profiles", "scans")
+_POINT_KEYS = ("points", "profile", TRIPLES, "line", "data", "profiles", "scans")
 _OPENCV_NUMBER = re.compile(
     r"(?<![\w.\"])([-+]?)\.(nan|inf)\b|(?<=[0-9])\.(?=[\s,\]}e])", re.IGNORECASE
 )
-_LINES_OF_OBJECTS = re.compile(r"\}\s*\n\s*\{")
+_LINES_OF_OBJECTS = re.compile(r"\}[^\S\n]*\n\s*\{")
 _WANTED = 'want {"x": [...], "z": [...]} or {"points": [[x, z], ...]}'
 
 
@@ -54,7 +55,7 @@ def profiles_from_document(document: Any, settings: ReadSettings, kind: str) -> 
     Parameters
     ----------
     document : mapping or list
-        As `json.loads` returns it.
+        As `parse_json` returns it.
     settings : ReadSettings
         What the user says of it.
     kind : str
@@ -80,19 +81,15 @@ def _parsed(text: str) -> Any:
     text = text.strip()
     if _LINES_OF_OBJECTS.search(text) and text.startswith("{"):
         lines = [line for line in text.splitlines() if line.strip()]
-        try:
-            return [json.loads(line) for line in lines]
-        except (ValueError, RecursionError):
-            pass
+        with suppress(ValueError):
+            return [parse_json(line, allow_nan=True) for line in lines]
     try:
-        return json.loads(text)
-    except RecursionError:
-        raise UnreadableFile("JSON nested too deep for points: " + _WANTED) from None
+        return parse_json(text, allow_nan=True)
     except ValueError as error:
         reason = str(error)
     try:  # cv2.FileStorage writes .Nan and 1. into its JSON
-        return json.loads(_OPENCV_NUMBER.sub(_plain_number, text))
-    except (ValueError, RecursionError):
+        return parse_json(_OPENCV_NUMBER.sub(_plain_number, text), allow_nan=True)
+    except ValueError:
         raise UnreadableFile(f"JSON that cannot be parsed ({reason[:80]}): write it anew") from None
 
 
@@ -162,7 +159,7 @@ def _from_list(document: list[Any], settings: ReadSettings, depth: int) -> RawPr
         return _from_objects(document, settings, depth)
     widths = {len(item) for item in document if _is_pair(item)}
     if len(widths) == 1 and all(map(_is_pair, document)):
-        if len(document) < (MIN_TRIPLES if widths == {3} else MIN_PAIRS):
+        if len(document) < (MINTRIPLES if widths == {3} else MIN_PAIRS):
             return None
         return _from_rows(_floats(document), settings, ())
     if len(document) == 2 and _column(document) and _are_x_and_height(document):
@@ -255,7 +252,7 @@ def flat_width(key: str, values: FloatArray) -> int | None:
     values : (n,) ndarray
         The numbers.
     """
-    if key == _TRIPLES and values.size % 3 == 0:
+    if key == TRIPLES and values.size % 3 == 0:
         return 3
     for width in (3, 2):
         if values.size % width == 0 and values.size >= 3 * width:
@@ -300,20 +297,11 @@ def _named_rows(
 def _opencv_matrix(
     document: Mapping[str, Any], statements: tuple[UnitStatement, ...]
 ) -> TextTable | None:
-    if document.get("type_id") != "opencv-matrix":
+    if document.get("type_id") not in ("opencv-matrix", "opencv-nd-matrix"):
         return None
-    rows, columns, data = (document.get(key) for key in ("rows", "cols", "data"))
-    numbers = isinstance(data, list) and all(_is_scalar(value) for value in data)
-    if not (isinstance(rows, int) and isinstance(columns, int) and numbers):
-        raise UnreadableFile("an opencv-matrix without rows, cols and data: write it anew")
-    values = _floats(data)
-    channels = values.size // max(1, rows * columns)
-    if rows < 1 or columns < 1 or values.size != rows * columns * channels:
-        raise UnreadableFile(
-            f"an opencv-matrix of {rows} x {columns} with {values.size} numbers: write it anew"
-        )
-    width = columns * channels if channels == 1 or columns > 1 else channels
-    return _table_of_rows(values.reshape(-1, width), statements)
+    return replace(
+        table_of_points("", np.squeeze(matrix_of_node("", document))), statements=statements
+    )
 
 
 def _statements(document: Mapping[str, Any]) -> tuple[UnitStatement, ...]:

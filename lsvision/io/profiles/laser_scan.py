@@ -56,7 +56,12 @@ def read_laser_scan(content: bytes, _: ReadSettings) -> RawProfiles:
     UnreadableFile
         If there is no column of ranges, no row, or a row is cut short.
     """
-    rows = [row for row in csv.reader(decode_text(content).splitlines()) if row]
+    try:
+        rows = [row for row in csv.reader(decode_text(content).splitlines()) if row]
+    except csv.Error as error:
+        raise UnreadableFile(
+            f"a LaserScan table that is broken ({error}): record it anew"
+        ) from None
     if not rows:
         raise UnreadableFile("a LaserScan table without a row: record it anew")
     names = [name.strip().removeprefix("%").removeprefix("field.") for name in rows[0]]

@@ -29,8 +29,8 @@ _MISSING_PATTERN = re.compile(
 )
 """The same in forms that vary: fields too narrow, ends of integer types in hexadecimal."""
 
-POINT_NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eEdD][-+]?[0-9]+)?")
-COMMA_NUMBER = re.compile(r"[-+]?(?:[0-9]+,?[0-9]*|,[0-9]+)(?:[eEdD][-+]?[0-9]+)?")
+POINT_NUMBER = re.compile(r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eEdD][-+]?[0-9]+)?")
+COMMA_NUMBER = re.compile(r"[-+]?(?:[0-9]+(?:,[0-9]*)?|,[0-9]+)(?:[eEdD][-+]?[0-9]+)?")
 THOUSANDS = re.compile(
     r"[-+]?[0-9]{1,3}(?:"
     r"(?:,[0-9]{3})+\.[0-9]*|(?:\.[0-9]{3})+,[0-9]*"  # 1,234.5 and 1.234,5

@@ -62,10 +62,9 @@ def read_npz(content: bytes, settings: ReadSettings) -> RawProfiles:
         key = next(iter(arrays))
     if key is not None:
         return _profiles_from_array(arrays[key], settings, statements)
+    rows = {name: array for name, array in arrays.items() if array.ndim} or arrays
     return profiles_from_named(
-        {name: _as_floats(array) for name, array in arrays.items() if array.ndim},
-        settings,
-        statements,
+        {name: _as_floats(array) for name, array in rows.items()}, settings, statements
     )
 
 

@@ -4,7 +4,6 @@ OpenCV's own reader is not used: it trusts a matrix's header (an ``opencv-matrix
 corrupts the heap) and ends the process where lists nest deeply.
 """
 
-import math
 import re
 from collections.abc import Mapping
 from dataclasses import replace
@@ -21,21 +20,19 @@ from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.json_points import flat_width
 from lsvision.io.profiles.named_columns import profiles_from_named
 from lsvision.io.profiles.number_rows import numbers_from_cells
+from lsvision.io.profiles.opencv_matrix import TRIPLES, matrix_of_node, table_of_points
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
-from lsvision.io.profiles.text_table import TextTable, decode_text
+from lsvision.io.profiles.text_table import decode_text
 from lsvision.io.profiles.unit_statements import lost_statements, unit_statements
 from lsvision.io.yaml_text import parse_yaml
 
-_TRIPLES = "scan_line"
-_KEYS = (_TRIPLES, "profile", "points", "line")
+_KEYS = (TRIPLES, "profile", "points", "line")
 _FEWEST_NUMBERS = 30  # a list under another name as short as a pose or a matrix is no profile
 _KEY_WORD = re.compile(r"^[A-Za-z_]\w*:\s*[^\[\s!]")
 _FLAT_LIST = re.compile(r"^[ \t{]*\"?([A-Za-z_]\w*)\"?[ \t]*:\s*\[([^\[\]]*)\]", re.MULTILINE)
 _LONG_LIST = re.compile(r"\[([^\[\]{}\"'#&*]{2000,})\]")
 _OPENCV_CONSTANT = re.compile(r"(?<=[\[,\s])[-+]?\.(?:Nan|Inf)(?=[\s,\]])", re.IGNORECASE)
-_MATRIX_TYPE = re.compile(r"(\d{1,3})?[ucwsifdh]")
 _MAX_XML_DEPTH = 16
-_MAX_DIMENSIONS = 32  # of numpy's and OpenCV's arrays
 
 
 def read_opencv_storage(content: bytes, settings: ReadSettings) -> RawProfiles:
@@ -68,7 +65,7 @@ def read_opencv_storage(content: bytes, settings: ReadSettings) -> RawProfiles:
             )
     else:
         key, values = _first_node(text)
-    table = _as_table(key, np.squeeze(values))
+    table = table_of_points(key, np.squeeze(values))
     lines = _lines_of_words(text)
     stated = replace(table, statements=unit_statements(lines), lost=lost_statements(lines))
     return profiles_from_table(stated, settings)
@@ -181,7 +178,7 @@ def _xml_node(element: ElementTree.Element) -> Any:
 def _numbers(key: str, node: Any) -> FloatArray:
     """Numbers of a node; none where it is neither a matrix nor a list of numbers or of lists."""
     if isinstance(node, Mapping):
-        return _matrix(key, node) if {"rows", "sizes"} & set(node) else np.empty(0)
+        return matrix_of_node(key, node) if {"rows", "sizes"} & set(node) else np.empty(0)
     if not isinstance(node, list):
         return np.empty(0)
     if node and all(isinstance(item, list) for item in node):
@@ -200,65 +197,3 @@ def _cells(items: list[Any]) -> FloatArray:
         return numbers_from_cells([str(item) for item in items])
     except UnreadableFile:
         return np.empty(0)
-
-
-def _matrix(key: str, node: Mapping[str, Any]) -> FloatArray:
-    """Array of an ``opencv-matrix`` or ``opencv-nd-matrix``, its size checked.
-
-    Raises
-    ------
-    UnreadableFile
-        If rows x columns is another number than that of its data.
-    """
-    try:
-        match = _MATRIX_TYPE.fullmatch(_word(node["dt"]).strip("\"'"))
-        if match is None:
-            raise ValueError(f"dt {_word(node['dt'])!r}")
-        sizes = node["sizes"] if "sizes" in node else [_word(node["rows"]), _word(node["cols"])]
-        shape = [int(size) for size in sizes] + [int(match[1] or 1)]
-        data = node["data"]
-        if not (isinstance(data, list) and min(shape) >= 0 and len(shape) <= _MAX_DIMENSIONS):
-            raise ValueError(f"sizes {shape}")
-    except (KeyError, ValueError, TypeError) as error:
-        raise UnreadableFile(
-            f"{key}: a matrix with a bad or missing {error}: write it anew with cv2.FileStorage"
-        ) from None
-    if math.prod(shape) != len(data):
-        raise UnreadableFile(
-            f"{key}: a matrix of {' x '.join(map(str, shape))} numbers, got {len(data)}: write it "
-            "anew with cv2.FileStorage"
-        )
-    return numbers_from_cells([str(item) for item in data]).reshape(shape)
-
-
-def _word(value: Any) -> str:
-    """Text of a scalar; XML gives it as a list of one word."""
-    if isinstance(value, list) and len(value) == 1:
-        value = value[0]
-    if isinstance(value, str | int | float):
-        return str(value)
-    raise ValueError(f"{value!r:.40}")
-
-
-def _as_table(key: str, values: FloatArray) -> TextTable:
-    if values.ndim == 2:
-        rows = values if values.shape[1] <= values.shape[0] else values.T
-    elif values.ndim > 2:
-        raise UnreadableFile(
-            f"{key}: an array of {' x '.join(map(str, values.shape))} numbers: want points of "
-            "n x 2 or n x 3"
-        )
-    elif values.size % 3 == 0 and (key == _TRIPLES or values.size % 2 or _is_one(values[1::3])):
-        rows = values.reshape(-1, 3)
-    elif values.size % 2 == 0:
-        rows = values.reshape(-1, 2)
-    else:
-        raise UnreadableFile(
-            f"{values.size} numbers in it are neither pairs nor triples: want [x, y, z, x, ...]"
-        )
-    names = {2: ("x", "z"), 3: ("x", "y", "z")}.get(rows.shape[1], ())
-    return TextTable(rows, names, (None,) * rows.shape[1])
-
-
-def _is_one(values: FloatArray) -> bool:
-    return len(np.unique(values[np.isfinite(values)])) <= 1

@@ -15,7 +15,7 @@ _TYPES = frozenset(
 )
 """Words of a row that says how columns are stored."""
 _KEY_VALUE = re.compile(r"^[^:=]+[:=][^:=]*$")
-_BRACKETS = re.compile(r"\[[^\]]*\]|\([^)]*\)")
+_BRACKETS = re.compile(r"\[[^\]]{0,80}\]|\([^)]{0,80}\)")
 _HELD = "\x00"
 """Stands for a blank inside brackets while labels are split."""
 _COMMENT = re.compile(r"^[\s#%/!]+")
@@ -92,7 +92,9 @@ def _is_no_header(line: str, text: str, labels: Sequence[str], separator: str | 
 
 def _labels(text: str, separator: str | None, width: int) -> list[str] | None:
     tight = _BRACKETS.sub(lambda match: match[0].replace(" ", _HELD), text)
-    tight = re.sub(r" +(?=[\[(])", "", tight)  # 'x [1/10 mm]' is one label, whatever parts cells
+    tight = re.sub(
+        r"(?<! ) +(?=[\[(])", "", tight
+    )  # 'x [1/10 mm]' is one label, whatever parts cells
     for labels in (
         split_cells(tight, separator),
         [w for w in re.split(r"[,;\s|]+", tight.replace('"', "")) if w],
@@ -106,7 +108,7 @@ def _labels(text: str, separator: str | None, width: int) -> list[str] | None:
 
 def _bracketed_units(text: str, width: int) -> list[StatedUnit | None]:
     """Units in brackets of a line whose names do not go with the columns; of all, or of none."""
-    found = {unit.unit: unit for word in re.findall(r"\[([^\]]+)\]", text)
+    found = {unit.unit: unit for word in re.findall(r"\[([^\]]{1,80})\]", text)
              if (unit := state_unit(word)).unit is not None}  # fmt: skip
     if not found:
         return []
@@ -164,6 +166,6 @@ def _is_key_value(text: str, labels: Sequence[str] | None) -> bool:
 
 
 def _count_of_names(text: str) -> int:
-    labels = [w for w in re.split(r"[,;\s|]+", re.sub(r"\s+(?=[\[(])", "", text)) if w]
+    labels = [w for w in re.split(r"[,;\s|]+", re.sub(r"(?<!\s)\s+(?=[\[(])", "", text)) if w]
     roles = [is_known_role(split_label(label.strip('"'))[0]) for label in labels]
     return len(labels) if all(roles) and len(labels) >= 2 else 0

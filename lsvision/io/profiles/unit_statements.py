@@ -7,6 +7,9 @@ from itertools import pairwise
 
 from lsvision.io.profiles.units import NOT_LENGTHS, StatedUnit, parse_unit, state_unit
 
+MAX_LINE_LENGTH = 300
+"""Longest line that may state a unit or a marker of lost points. Units: characters."""
+
 _UNIT_KEYS = frozenset(
     "unit units uom einheit einheiten maßeinheit masseinheit unité unités".split()  # noqa: SIM905
 )
@@ -109,6 +112,8 @@ def lost_statements(lines: Iterable[str]) -> tuple[float, ...]:
     """
     markers: dict[float, None] = {}
     for line in lines:
+        if len(line) > MAX_LINE_LENGTH:
+            continue
         text = _COMMENT.sub("", line)
         number = re.search(rf"^(.*?)[\s:=,;]+({_NUMBER.pattern})$", text)
         if number is None:
@@ -121,8 +126,8 @@ def lost_statements(lines: Iterable[str]) -> tuple[float, ...]:
 
 
 def _statements(line: str) -> Iterator[UnitStatement]:
-    text = _COMMENT.sub("", line).strip()
-    if not text or len(text) > 300:
+    text = "" if len(line) > MAX_LINE_LENGTH else _COMMENT.sub("", line).strip()
+    if not text:
         return
     alone = parse_unit(text.strip("[](){} "))
     if alone is not None:

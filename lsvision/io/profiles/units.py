@@ -17,6 +17,9 @@ MM_PER_UNIT = {
 }
 """The units that profiles come in, each in mm."""
 
+MAX_LABEL_LENGTH = 200
+"""Longest label or text that may state a unit. Units: characters."""
+
 _SPELLINGS = {
     "nm": "nanometer nanometre nanometers nanometres",
     "um": "µm μm µ μ micron microns micrometer micrometre micrometers micrometres mikrometer "
@@ -95,6 +98,8 @@ def parse_unit(text: str) -> str | None:
     >>> parse_unit("µm"), parse_unit("1/10 mm"), parse_unit("10um"), parse_unit("furlong")
     ('um', '0.1 mm', '10 um', None)
     """
+    if len(text) > MAX_LABEL_LENGTH:
+        return None
     words = " ".join(text.strip().lower().translate(_SUPERSCRIPTS).split())
     words = _POWER_OF_TEN.sub(lambda match: f"10^{match[0][2:]}", words, count=1)
     match = _SCALED.fullmatch(words)
@@ -150,6 +155,8 @@ def split_label(label: str) -> tuple[str, StatedUnit | None]:
     StatedUnit(text='furlong', unit=None)
     """
     word = " ".join(label.strip().strip("\"'").split()).lower()
+    if len(word) > MAX_LABEL_LENGTH:
+        return word, None
     bracketed = _BRACKETED.match(word)
     if bracketed:
         return _from_brackets(*bracketed.groups())

@@ -3,20 +3,20 @@
 No aliases, tags or types: what is not understood is text, so that no file can do harm.
 """
 
-import json
 import re
 from typing import Any
 
 from lsvision.errors import UnreadableFile
+from lsvision.files.json_text import parse_json
 from lsvision.io.profiles.json_points import profiles_from_document
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.text_table import decode_text
 
-_KEY = re.compile(r"^([^\s#:\[\]{},\"'-][^:#]*?)\s*:(?:\s+(.*)|)$")
+_KEY = re.compile(r"^([^\s#:\[\]{},\"'-][^:#]*):(?:\s+(.*)|)$")
 _DOCUMENT_END = re.compile(r"(?m)^(?:---|\.\.\.)\s*$")
 _LOST_NUMBER = re.compile(r"(?<![\w.])([-+]?)\.?(nan|inf|infinity|null|~)(?![\w.])", re.IGNORECASE)
 _BARE_KEY = re.compile(r"([{,]\s*)([A-Za-z_]\w*)\s*:")
-_COMMENT = re.compile(r"\s+#.*$")
+_COMMENT = re.compile(r"(?<!\s)\s+#.*$")
 
 
 def read_yaml(content: bytes, settings: ReadSettings) -> RawProfiles:
@@ -57,7 +57,7 @@ def parse_plain_yaml(text: str) -> dict[str, Any] | list[Any]:
             document[key] = _value(body)
         elif body:
             return _items(body)
-        key, body = match[1].strip("\"'"), [match[2]] if match[2] else []
+        key, body = match[1].strip("\"' \t"), [match[2]] if match[2] else []
     return document
 
 
@@ -84,18 +84,20 @@ def _items(body: list[str]) -> list[Any]:
 def _item(lines: list[str]) -> Any:
     pairs = [_KEY.match(line) for line in lines]
     if all(pairs):
-        return {pair[1]: _scalar(pair[2] or "") for pair in pairs if pair}
+        return {pair[1].strip(): _scalar(pair[2] or "") for pair in pairs if pair}
     return _scalar(" ".join(lines))
 
 
 def _scalar(text: str) -> Any:
     text = text.strip()
+    if not text:
+        return text
     plain = _LOST_NUMBER.sub("NaN", text)
     plain = re.sub(r"(?<=[0-9])\.(?=[\s,\]}e]|$)", ".0", plain)
     plain = re.sub(r"(?<![0-9])\.(?=[0-9])", "0.", plain)
     for candidate in (plain, _BARE_KEY.sub(r'\1"\2":', plain)):
         try:
-            return json.loads(candidate)
-        except (ValueError, RecursionError):
+            return parse_json(candidate, allow_nan=True)
+        except ValueError:
             continue
     return text.strip("\"'")

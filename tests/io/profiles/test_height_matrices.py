@@ -78,6 +78,13 @@ def test_counts_in_a_tiff_need_their_size(write, kind):
     )
 
 
+def test_a_height_map_of_too_many_pixels_is_refused_before_it_is_unpacked(write):
+    content = bytearray(cv2.imencode(".png", np.zeros((4, 4), np.uint16))[1].tobytes())
+    content[16:24] = (1_000_000).to_bytes(4, "big") * 2
+    with pytest.raises(UnreadableFile, match="at most 100 megapixels, got 1000000 x 1000000 px"):
+        read_profiles(write(bytes(content), "m.png"), dx=0.1, z_unit="1um")
+
+
 def test_an_image_of_colours_is_no_height_map(write):
     for image in (np.zeros((4, 4), "u1"), np.zeros((4, 4, 3), "u2")):
         with pytest.raises(UnreadableFile, match="no height map"):

@@ -60,7 +60,8 @@ def parquet_of_many_values():
         (npy((-5, 2)), "NumPy cannot read it"),
         (npy("(" * 2000), "NumPy cannot read it"),
         (npy("1(2)"), "NumPy cannot read it"),
-        (npz(a=b"hello"), "NumPy cannot read it .*no NPY array"),
+        (npz(**{"a.npy": b"hello"}), "NumPy cannot read it .*no NPY array"),
+        (npz(a=b"hello"), "a zip archive of a: unpack it"),
         (npz(**{"x.npy": npy(()) + bytes(8), "z.npy": npy(()) + bytes(8)}), "x, z: neither one"),
         (npy((1,), [("x", "<f8", (2, 2)), ("z", "<f8", (2, 2))]) + bytes(64), "x, z: neither one"),
     ],
@@ -71,7 +72,7 @@ def test_a_header_that_promises_too_much_is_refused(write, content, message):
     assert "\n" not in str(refusal.value)
 
 
-@pytest.mark.parametrize("content", [npz(a=bytes(10**6)), parquet_of_many_values()])
+@pytest.mark.parametrize("content", [npz(**{"a.npy": bytes(10**6)}), parquet_of_many_values()])
 def test_what_unpacks_to_more_than_the_limit_is_refused(write, content):
     assert len(content) < 100_000
     with size_limit(500_000), pytest.raises(UnreadableFile, match=r"--max-size"):

@@ -1,0 +1,106 @@
+"""Matrices of OpenCV's FileStorage, whatever parser read them."""
+
+import math
+import re
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from lsvision.errors import UnreadableFile
+from lsvision.geometry import FloatArray
+from lsvision.io.profiles.number_rows import numbers_from_cells
+from lsvision.io.profiles.text_table import TextTable
+
+TRIPLES = "scan_line"
+"""Name of a list that holds x, y, z after one another."""
+_MATRIX_TYPE = re.compile(r"(\d{1,3})?[ucwsifdh]")
+_MAX_DIMENSIONS = 32  # of numpy's and OpenCV's arrays
+
+
+def matrix_of_node(key: str, node: Mapping[str, Any]) -> FloatArray:
+    """Array of an ``opencv-matrix`` or ``opencv-nd-matrix``, its size checked.
+
+    Parameters
+    ----------
+    key : str
+        What messages call it; may be empty.
+    node : mapping
+        Its entries.
+
+    Raises
+    ------
+    UnreadableFile
+        If rows x columns is another number than that of its data.
+    """
+    try:
+        match = _MATRIX_TYPE.fullmatch(_word(node["dt"]).strip("\"'"))
+        if match is None:
+            raise ValueError(f"dt {_word(node['dt'])!r}")
+        sizes = node["sizes"] if "sizes" in node else [_word(node["rows"]), _word(node["cols"])]
+        shape = [int(size) for size in sizes] + [int(match[1] or 1)]
+        data = node["data"]
+        if not (isinstance(data, list) and min(shape) >= 0 and len(shape) <= _MAX_DIMENSIONS):
+            raise ValueError(f"sizes {shape}")
+    except (KeyError, ValueError, TypeError) as error:
+        raise UnreadableFile(
+            f"{_said(key)}a matrix with a bad or missing {error}: write it anew with "
+            "cv2.FileStorage"
+        ) from None
+    if math.prod(shape) != len(data):
+        raise UnreadableFile(
+            f"{_said(key)}a matrix of {' x '.join(map(str, shape))} numbers, got {len(data)}: "
+            "write it anew with cv2.FileStorage"
+        )
+    return numbers_from_cells([str(item) for item in data]).reshape(shape)
+
+
+def _word(value: Any) -> str:
+    """Text of a scalar; XML gives it as a list of one word."""
+    if isinstance(value, list) and len(value) == 1:
+        value = value[0]
+    if isinstance(value, str | int | float):
+        return str(value)
+    raise ValueError(f"{value!r:.40}")
+
+
+def table_of_points(key: str, values: FloatArray) -> TextTable:
+    """Table of a list or an array of points, under their usual names.
+
+    Parameters
+    ----------
+    key : str
+        Its name; ``scan_line`` holds triples.
+    values : ndarray
+        Its numbers.
+
+    Raises
+    ------
+    UnreadableFile
+        If they are neither pairs nor triples.
+    """
+    if values.ndim == 2:
+        rows = values if values.shape[1] <= values.shape[0] else values.T
+    elif values.ndim > 2:
+        raise UnreadableFile(
+            f"{_said(key)}an array of {' x '.join(map(str, values.shape))} numbers: want points of "
+            "n x 2 or n x 3"
+        )
+    elif values.size % 3 == 0 and (key == TRIPLES or values.size % 2 or _is_one(values[1::3])):
+        rows = values.reshape(-1, 3)
+    elif values.size % 2 == 0:
+        rows = values.reshape(-1, 2)
+    else:
+        raise UnreadableFile(
+            f"{values.size} numbers in it are neither pairs nor triples: want [x, y, z, x, ...]"
+        )
+    names = {2: ("x", "z"), 3: ("x", "y", "z")}.get(rows.shape[1], ())
+    return TextTable(rows, names, (None,) * rows.shape[1])
+
+
+def _is_one(values: FloatArray) -> bool:
+    return len(np.unique(values[np.isfinite(values)])) <= 1
+
+
+def _said(key: str) -> str:
+    return f"{key}: " if key else ""
