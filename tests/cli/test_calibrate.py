@@ -234,7 +234,7 @@ def test_sphere_gives_files_for_scan_and_ros(run, out, tmp_path):
 
 def test_wrong_convention_is_refused_and_nothing_written(run, out):
     told = refused(run(*sphere_words(out, convention="fanuc")), out)
-    assert "convention or unit another one than said" in told
+    assert "convention or unit of the poses another one than stated" in told
     assert "want --convention ur, kuka" in refused(
         run(*sphere_words(out, convention="kukka")), out, 2
     )

@@ -203,7 +203,7 @@ def damaged(path, change):
         (
             lambda v: v["camera"].update(matrix=[1]),
             UnreadableFile,
-            "is damaged: want camera matrix",
+            "is damaged: expected camera matrix",
         ),
         (lambda v: v.update(camera=5), UnreadableFile, "is damaged"),
         (lambda v: v["laser_plane"].update(distance=0.0), DegenerateGeometry, "camera's centre"),
