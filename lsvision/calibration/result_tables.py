@@ -5,13 +5,13 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from lsvision.results.number_format import format_value
-from lsvision.results.quantities import Record, numbers
 
 if TYPE_CHECKING:
     from lsvision.calibration.hand_eye_result import HandEye
     from lsvision.calibration.intrinsics import CameraCalibration
     from lsvision.calibration.laser_plane import LaserPlaneCalibration
     from lsvision.calibration.views import RejectedView
+    from lsvision.results.quantities import Record
 
 Row = tuple[str, str, str]
 """Name, number with sigma, unit."""
@@ -43,7 +43,7 @@ def camera_rows(found: "CameraCalibration") -> list[Row]:
     return [*rows, ("residual, rms", f"{found.rms_px:.3f}", "px")]
 
 
-def camera_record(found: "CameraCalibration") -> Record:
+def camera_record(found: "CameraCalibration") -> "Record":
     """Intrinsics with their standard deviations, and residuals, ready for JSON."""
     record: Record = {}
     for name, (value, std) in found.parameters.items():
@@ -86,8 +86,10 @@ def laser_plane_rows(found: "LaserPlaneCalibration") -> list[Row]:
     return rows
 
 
-def laser_plane_record(found: "LaserPlaneCalibration") -> Record:
+def laser_plane_record(found: "LaserPlaneCalibration") -> "Record":
     """The plane with its standard deviations, and residuals, ready for JSON."""
+    from lsvision.results.quantities import numbers
+
     tilt_x, tilt_y, distance = (math.sqrt(value) for value in found.covariance.diagonal())
     return {
         "normal": numbers(found.plane.normal),

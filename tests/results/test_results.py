@@ -181,9 +181,9 @@ def test_the_frame_has_the_columns_and_numbers_of_the_csv(tmp_path):
     write_csv(tmp_path / "all.csv", [measurement_record(MEASURED)])
     rows = list(csv.reader((tmp_path / "all.csv").read_text().splitlines()))
     frame = MEASURED.to_dataframe()
-    assert list(frame.columns) == rows[0][3:]
+    assert list(frame.columns) == rows[0][3:-1]  # the reason stands last
     for place in range(2):
-        assert [str(value) for value in frame.iloc[place]] == rows[1 + place][3:]
+        assert [str(value) for value in frame.iloc[place]] == rows[1 + place][3:-1]
 
 
 def test_the_record_is_that_of_the_command():

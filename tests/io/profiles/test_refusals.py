@@ -117,7 +117,7 @@ def test_a_missing_file_is_named(tmp_path):
 
 
 def test_a_directory_is_refused(tmp_path):
-    with pytest.raises(UnreadableFile, match="a directory: read_profiles reads all files in it"):
+    with pytest.raises(UnreadableFile, match="a directory: name the files in it"):
         read_profile(tmp_path)
 
 
