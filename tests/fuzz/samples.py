@@ -99,6 +99,16 @@ def profile_files():
         json.dumps([{"x": a, "z": b} for a, b in PIPE]).encode(),
         b"header:\n  seq: 1\nangle_min: -1.5\nangle_max: 1.5\nangle_increment: 0.1\n"
         b"range_max: 10.0\nranges: [" + b"1.5, " * 30 + b"1.5]\n",
+        b"header:\n  seq: 1\nangle_min: -1.5\nangle_increment: 0.1\nranges:\n"
+        + b"- 1.5\n- .inf\n" * 15,
+        b"%time,field.angle_min,field.angle_increment,field.ranges0,field.ranges1\n"
+        b"1,-0.5,0.1,1.5,inf\n2,-0.5,0.1,1.6,1.7\n",
+        b"# invalid: -9999\n" + _text(PIPE, ";", "X [1/10 mm];Z [1/10 mm]\n") + b"\n3;-9999\nEND",
+        _text(PIPE, ",", "x,z\num,um\n").replace(b"-400", b"-999.9999"),
+        b"x,z,part\n" + b"".join(b'"%d,5",-400.25,P7\n' % k for k in range(40)),
+        _text(np.tile(z, (5, 1)), ",", "# unit: um\n"),
+        cv2.imencode(".png", np.full((5, 40), 700, np.uint16))[1].tobytes(),
+        cv2.imencode(".tif", np.full((5, 40), 7.5, np.float32))[1].tobytes(),
         b"",
         b"\x89PNG\r\n\x1a\n",
         b"PK\x05\x06" + bytes(18),
@@ -128,6 +138,18 @@ def pose_files():
             ).encode(),
         ),
         (".csv", _text(matrices)),
+        (".txt", b"x [m],y [m],z [m],rx,ry,rz\n1,2,3,0.1,0.2,0.3\n1,2,4,0.1,0.2,0.5\n"),
+        (
+            ".src",
+            b"; DECL\nDECL E6POS P1={X 1.5,Y 2,Z 300,A 10,B 0,C 180,S 2,T 1} ; a\n"
+            b"P2={FRAME: X 90,Y 2,Z 300,A 0,B 0,C 90}\n",
+        ),
+        (
+            ".ls",
+            b'/POS\nP[1:"a"]{\n GP1:\n UF : 0, UT : 1,\n X = 1.5 mm, Y = 2 mm, Z = 300 mm,\n'
+            b" W = 10 deg, P = 0 deg, R = 180 deg\n};\nP[2]{ GP1: UF : 0, UT : 1, X = 90 mm, "
+            b"Y = 2 mm, Z = 300 mm, W = 0 deg, P = 0 deg, R = 90 deg };\n/END\n",
+        ),
         (".rob", json.dumps({"RobPoses": rows, "n": 1}).encode()),
         (".txt", b"((0.1,0.2,0.3),(0,0,0,1))\n((0.1,0.3,0.3),(0,0.6,0,0.8))\n"),
     )

@@ -43,14 +43,8 @@ def require_named(error, path):
     assert str(path) in one_line(error)
 
 
-def profiles(rng, folder):
-    """Any bytes as a profile file, read as what they look like or as any format."""
-    files = samples.profile_files()
-    content = choose(rng, files)
-    if rng.random() < 0.95:
-        content = spoil_bytes(rng, content, files)
-    path = folder / f"a{choose(rng, ['.csv', '.txt', '.npy', '.dat', ''])}"
-    path.write_bytes(content)
+def _read_options(rng):
+    """What a user may say of a profile file."""
     options = {}
     if rng.random() < 0.3:
         options["format"] = choose(rng, FORMATS)
@@ -62,6 +56,24 @@ def profiles(rng, folder):
         options |= {"dx": choose(rng, [0.5, -1.0, 1e300]), "x0": choose(rng, [0.0, 1e300])}
     if rng.random() < 0.1:
         options |= {"x_start": -1e5, "x_pitch": 1000.0, "z_unit": choose(rng, [100.0, 1e300])}
+    if rng.random() < 0.1:
+        options["lost"] = choose(rng, ["none", "-9999", "n/a", "0,1e300"])
+    if rng.random() < 0.1:
+        options["transpose"] = True
+    if rng.random() < 0.1:
+        options["z_unit"] = choose(rng, ["0.5um", "1mm", 100.0])
+    return options
+
+
+def profiles(rng, folder):
+    """Any bytes as a profile file, read as what they look like or as any format."""
+    files = samples.profile_files()
+    content = choose(rng, files)
+    if rng.random() < 0.95:
+        content = spoil_bytes(rng, content, files)
+    path = folder / f"a{choose(rng, ['.csv', '.txt', '.npy', '.dat', ''])}"
+    path.write_bytes(content)
+    options = _read_options(rng)
     try:
         file = inspect_profiles(path, **options)
     except LsvisionError as error:

@@ -56,7 +56,7 @@ def remove_lost(
     settings : ReadSettings
         Gives the user's markers.
     """
-    sections = list(raw.sections)
+    sections = [np.where(np.isfinite(section), section, np.nan) for section in raw.sections]
     points = np.concatenate(sections) if sections else np.empty((0, 2))
     lost = np.zeros(len(points), dtype=bool)
     markers: list[LostMarker] = []
