@@ -1,4 +1,4 @@
-"""Whether an arc is a section of a cylinder, and of two that share their points the one to keep."""
+"""Acceptance tests of fitted sections, and suppression of sections that share their points."""
 
 import math
 from collections.abc import Sequence
@@ -12,27 +12,27 @@ from lsvision.geometry.noisy_points import ComplexArray
 from lsvision.profile import PreparedProfile
 
 MAX_OVERLAP = 0.3
-"""A cylinder with a larger share of its points in a larger cylinder is the same one."""
+"""Largest fraction of a section's points that may belong to a section with more points."""
 MAX_RADIUS_RATIO = 2.0
-"""Of an end of a radius' own 95 % interval to the radius, or its inverse: beyond, the radius is
-not determinable."""
+"""Largest ratio of an end of the radius' 95 % interval to the radius, or its inverse; beyond it the
+radius is not determinable."""
 MIN_RADIUS_SIGMAS, CERTAIN_RADIUS_SIGMAS = 2.0, 6.0
-"""A radius of fewer standard deviations is not determinable, one of more has an interval well
-within that ratio: the interval need not be computed."""
+"""Ratio of radius to standard uncertainty below which the radius is not determinable, and ratio
+above which its interval is well within `MAX_RADIUS_RATIO` and need not be computed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class AcceptanceSettings:
-    """What an arc must be to count as a cylinder's section.
+    """Limits for accepting an arc as the section of a cylinder.
 
     Parameters
     ----------
     min_points : int
-        Inliers.
+        Smallest number of inliers.
     min_coverage_deg : float
-        Angle of the arc, as directions of its normal. Units: deg.
+        Smallest range of the directions of the arc's normals. Units: deg.
     max_tilt_deg : float
-        Largest phi. Units: deg.
+        Largest tilt phi of the cylinder. Units: deg.
     """
 
     min_points: int = 12
@@ -46,7 +46,7 @@ def shape_rejection_reason(
     radius_range: tuple[float, float],
     settings: AcceptanceSettings = AcceptanceSettings(),
 ) -> str | None:
-    """Why an ellipse with these normals at its points is none of a cylinder; None if it may be."""
+    """Return why an ellipse, with its normals at the points, is no cylinder; None if it may be."""
     low, high = radius_range
     if len(normals) < settings.min_points:
         return f"only {len(normals)} points on an ellipse, needs {settings.min_points}"
@@ -71,7 +71,7 @@ def rejection_reason(
     radius_range: tuple[float, float],
     settings: AcceptanceSettings = AcceptanceSettings(),
 ) -> str | None:
-    """Why a section, with indices of the prepared profile, is none of a cylinder; None if it is."""
+    """Return why a section (indices of the prepared profile) is not accepted, or None if it is."""
     fit = section.fit
     reason = shape_rejection_reason(fit.ellipse, fit.normals, radius_range, settings)
     if reason is not None:
@@ -83,7 +83,7 @@ def rejection_reason(
     if scatter > limit:
         hint = "" if profile.noise_is_estimated else ": is the sensor's noise right?"
         return f"residual rms {scatter:.1f} times the noise, limit {limit:.1f}{hint}"
-    # With a known radius the fit cannot run off to a needle: it stops at the kink of b at a circle.
+    # With a known radius b cannot vanish: the fit stops, unconverged, at the kink of b at a circle.
     if not fit.converged and fit.problem.known_radius is None:
         tilt = f"the fit stopped at {math.degrees(fit.ellipse.phi):.0f} deg"
         return f"no ellipse fits best: the flatter the better ({tilt})"
@@ -91,9 +91,9 @@ def rejection_reason(
 
 
 def undeterminable_radius_reason(section: CylinderSection) -> str | None:
-    """Why a radius is not determinable: its own 95 % interval does not bound it within a factor 2.
+    """Return why a radius is not determinable: its 95 % interval exceeds a factor of 2; or None.
 
-    A known radius or tilt bounds it from outside; then it is None.
+    None also where a prior on radius or tilt bounds the radius.
     """
     problem = section.fit.problem
     if problem.known_radius is not None or problem.known_phi is not None:
@@ -115,12 +115,12 @@ def undeterminable_radius_reason(section: CylinderSection) -> str | None:
 
 
 def suppress_overlapping(cylinders: Sequence[CylinderSection]) -> list[CylinderSection]:
-    """Those that are no part of a cylinder with more points, by falling number of points."""
+    """Return the sections that overlap none with more points, by descending number of points."""
     taken: set[int] = set()
-    whole: list[CylinderSection] = []
+    kept: list[CylinderSection] = []
     for cylinder in sorted(cylinders, key=lambda cylinder: -len(cylinder.indices)):
         indices = cylinder.indices.tolist()
         if len(taken.intersection(indices)) <= MAX_OVERLAP * len(indices):
-            whole.append(cylinder)
+            kept.append(cylinder)
             taken.update(indices)
-    return whole
+    return kept

@@ -1,4 +1,4 @@
-"""What detection passes from step to step: an arc with its points and ellipse, or a rejection."""
+"""Results of the detection steps: an identified arc with its ellipse, or a rejection."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -11,7 +11,7 @@ from lsvision.results.result import Result
 
 @dataclass(frozen=True, eq=False, slots=True)
 class IdentifiedArc:
-    """An arc, the rising indices of its points that lie on the ellipse, and the ellipse."""
+    """Arc with the ascending indices of its inliers, and their ellipse in mm and rad."""
 
     arc: Arc
     indices: IntArray
@@ -19,20 +19,20 @@ class IdentifiedArc:
 
     @classmethod
     def of(cls, indices: IntArray, ellipse: Ellipse) -> Self:
-        """The arc from the first to the last of rising indices."""
+        """Return the arc from the first to the last of ascending indices."""
         return cls(Arc(int(indices[0]), int(indices[-1]) + 1), indices, ellipse)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Rejection(Result):
-    """An arc that is no cylinder, and why.
+    """Arc that is not accepted as a cylinder, with the reason.
 
     Parameters
     ----------
     arc : Arc
-        The span.
+        Index span of the profile.
     reason : str
-        In words and numbers.
+        What is wrong, with the measured value and its limit.
 
     Examples
     --------

@@ -1,9 +1,9 @@
-"""Seeds of arcs: windows of a component that a circle fits, and an ellipse through each.
+"""Candidate arcs: windows of a component that fit a circle, with an initial ellipse for each.
 
-Where the paper fits an ellipse to every window of 10 % of the profile, and so finds huge
-ellipses on flat bars, here windows of many lengths are first judged together by the circle
-through their moments; the few that curve like a pipe get an ellipse (``cv2.fitEllipse*``).
-The windows are a fixed lattice instead of random draws: same profile, same seeds.
+The paper fits an ellipse to every window of 10 % of the profile, and so finds huge ellipses on
+flat bars. Here circles are first fitted to windows of many lengths at once, from their moments;
+only those with the curvature of a pipe get an ellipse (``cv2.fitEllipseDirect``). The windows
+are a fixed lattice instead of random draws, so that results are repeatable.
 """
 
 import math
@@ -17,26 +17,26 @@ from lsvision.geometry import BoolArray, Ellipse, FloatArray, IntArray, Points
 from lsvision.profile import MAX_RELATIVE_SCATTER, Arc, PreparedProfile
 
 MAX_AXIS_RATIO = 2.0
-"""Semi-major over semi-minor axis of an ellipse that arcs start from: a tilt of 60 deg."""
+"""Largest ratio of the semi-axes of an initial ellipse: a tilt of 60 deg."""
 MAX_RMS_SIGMAS = 2.5
-"""Rms distance of points from their line, or from their circle (plus `MAX_RELATIVE_SCATTER` of its
-radius: 90 deg of a section tilted by 50 deg leave 1.2 %), as a multiple of the noise."""
+"""Largest rms distance of points from their line or circle, as a multiple of the noise; for circles
+plus `MAX_RELATIVE_SCATTER` of the radius (90 deg of a section tilted by 50 deg leave 1.2 %)."""
 MIN_COVERAGE_POINTS = 15.7
-"""Angle that a window covers (rad) times its points, 25 deg at 36 points: few points curve by
-chance."""
+"""Smallest product of the angle that a window covers (rad) and its number of points, 25 deg at 36
+points: few points may curve by chance."""
 MAX_OVERLAP = 0.5
-"""Of two windows that share more than this of their union, the one that covers more is tried; what
-shares more than this of its points with a cylinder needs no reason of its own."""
+"""Largest intersection over union of two windows, and largest fraction of the points of a candidate
+or rejection that may lie in the arcs treated before it; beyond it, it is left out."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CandidateSettings:
-    """What is tried as a seed.
+    """Limits for candidates.
 
     Parameters
     ----------
     min_span_points : int
-        Points of the shortest window, and of the smallest component: fewer curve by chance.
+        Number of points of the shortest window and of the smallest component.
     """
 
     min_span_points: int = 10
@@ -44,7 +44,7 @@ class CandidateSettings:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Candidate:
-    """A window that curves like a pipe: its span, its connected points, and their circle in mm."""
+    """Window with the curvature of a pipe: span, indices of its points, and their circle in mm."""
 
     arc: Arc
     indices: IntArray
@@ -58,9 +58,9 @@ def find_candidates(
     radius_range: tuple[float, float],
     settings: CandidateSettings = CandidateSettings(),
 ) -> list[Candidate]:
-    """Windows of all components that curve like a pipe, by falling angle covered.
+    """Return the windows with the curvature of a pipe, by descending angle covered.
 
-    The same whichever end the points are listed from.
+    Reversing the order of the points does not change the result.
     """
     if not components:
         return []
@@ -72,7 +72,7 @@ def find_candidates(
     passed = _passes_gates(circles, profile.noise_std, radius_range).nonzero()[0]
     starts, stops, centres = starts[passed], stops[passed], circles.centre[passed]
     coverage = windows.arc_coverage(points, starts, stops, centres)
-    # Among equals, whose order rounding would choose, the leftmost first.
+    # float32: windows whose coverage differs by rounding only are sorted by their centre's x.
     order = np.lexsort((centres[:, 0], -coverage.astype(np.float32)))
     order = order[(coverage * (stops - starts) >= MIN_COVERAGE_POINTS)[order]]
     kept = order[_non_maximum_suppression(starts[order], stops[order])]
@@ -87,7 +87,7 @@ def find_candidates(
 def _passes_gates(
     circles: windows.WindowCircles, noise_std: float, radius_range: tuple[float, float]
 ) -> BoolArray:
-    """Gates: radius of curvature, convexity towards the sensor, residuals."""
+    """Return which windows pass the limits of curvature, convexity and residuals."""
     low, high = radius_range
     passed: BoolArray = circles.convex & (circles.rms < circles.line_rms)
     # Radius of curvature of an ellipse: from b^2 / a at its sharp ends to a^2 / b.
@@ -98,12 +98,12 @@ def _passes_gates(
 
 
 def max_circle_rms(radius: FloatArray, noise_std: float) -> FloatArray:
-    """Largest rms distance of a section's points from circles of these radii. Units: mm."""
+    """Return the largest accepted rms distance of points from circles of these radii. Units: mm."""
     return MAX_RMS_SIGMAS * noise_std + MAX_RELATIVE_SCATTER * radius
 
 
 def _non_maximum_suppression(starts: IntArray, stops: IntArray) -> list[int]:
-    """Positions of the windows that no better one kept before overlaps."""
+    """Return the positions of the windows, sorted best first, that overlap no better one."""
     kept: dict[int, tuple[int, int]] = {}
     for i, (start, stop) in enumerate(zip(starts.tolist(), stops.tolist(), strict=True)):
         for first, last in kept.values():
@@ -116,7 +116,7 @@ def _non_maximum_suppression(starts: IntArray, stops: IntArray) -> list[int]:
 
 
 def seed_ellipse(profile: PreparedProfile, candidate: Candidate) -> Ellipse:
-    """Algebraic ellipse of a candidate's points, or its circle where that is no pipe."""
+    """Return the algebraic ellipse of a candidate's points, or its circle if that is no pipe."""
     circle, radius = candidate.centre, candidate.radius
     ellipse = _algebraic_ellipse(profile.points[candidate.indices])
     if (
@@ -130,9 +130,9 @@ def seed_ellipse(profile: PreparedProfile, candidate: Candidate) -> Ellipse:
 
 
 def _algebraic_ellipse(points: Points) -> Ellipse | None:
-    """Halir and Flusser's fit: small by bias, but never a hyperbola. None where it fails."""
+    """Return the ellipse of Halir and Flusser's fit, biased to small axes; None if it fails."""
     centroid = points.mean(axis=0)
-    # float32: subtract the centroid first, or 0.1 mm is lost at 400 mm.
+    # OpenCV uses float32: without subtracting the centroid, 0.1 mm would be lost at 400 mm.
     centred: FloatArray = points - centroid
     try:
         (x, y), (width, height), angle_deg = cv2.fitEllipseDirect(centred.astype(np.float32))

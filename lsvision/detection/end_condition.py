@@ -1,8 +1,8 @@
-"""What the line does beyond the ends of an arc: a cylinder's does not go on tangentially.
+"""End condition: the line of a cylinder does not go on tangentially beyond the ends of its arc.
 
-The line of a cylinder ends at its own horizon, or in a kink at the next thing. The crest of a bent
-sheet, or the rounded corner of a tube, goes on tangentially. The exception is a fillet, such as
-the foot of a weld bead: it leaves tangentially too, but curves away from the cylinder.
+It ends where the surface turns away from the sensor, or in a kink at the next object. The crest of
+a bent sheet, or the rounded corner of a tube, goes on tangentially. The exception is a fillet, such
+as the foot of a weld bead: it begins tangentially, too, but is concave towards the sensor.
 """
 
 import cmath
@@ -21,30 +21,30 @@ if TYPE_CHECKING:
     from lsvision.detection.screening import ScreenedArc
 
 MIN_TURN_DEG = 20.0
-"""An end that turns less goes on tangentially. Units: deg."""
+"""Turn of the line at an end below which it goes on tangentially. Units: deg."""
 POINTS_BEYOND, BEYOND_FRACTION = 6, 1 / 8
-"""Points beyond an end over which its turn is measured: so many, or this share of the arc's."""
+"""Points beyond an end over which its turn is measured: this number or this fraction of the arc."""
 FILLET_WINDOWS = (6, 12, 18)
-"""Points beyond an end whose curvature may show a fillet: a fillet is short, and noise hides it
-over too few points."""
+"""Numbers of points beyond an end whose curvature is tested for a fillet: a fillet is short, but
+the curvature of few points is not significant."""
 MAX_GAP_STEPS = 3.0
-"""A next point further away than so many of the arc's own steps is not connected."""
+"""Largest distance between connected points, in median steps of the arc."""
 FILLET_SIGMAS = 3.0
-"""Standard deviations by which the curvature of a fillet must be concave."""
+"""Smallest concave curvature of a fillet, in standard deviations of that curvature."""
 MIN_FILLET_CURVATURE = 0.5
-"""Its curvature over that of the cylinder; feet of weld beads have 0.9 to 1.6, the line beyond a
-rounded corner at most 0."""
+"""Smallest curvature of a fillet over that of the cylinder: feet of weld beads have 0.9 to 1.6, the
+line beyond a rounded corner at max_count 0."""
 MIN_DOUBLE_FILLET_CURVATURE = 1.5
-"""The same where both ends go on tangentially: the valleys of a corrugated sheet have up to 1."""
+"""The limit where both ends go on tangentially: the valleys of a corrugated sheet have up to 1."""
 
 
 def tangential_end_reason(
     profile: PreparedProfile, arc: IdentifiedArc, screened: "ScreenedArc", noise_std: float
 ) -> str | None:
-    """Why the line beyond the ends shows that an arc is none of a cylinder; None if it does not.
+    """Return why an arc whose line goes on tangentially is no cylinder; None if it does not.
 
-    The turn is measured at the outer ends of `arc`, because screening may cut them short; fillets
-    begin at the ends of `screened`. `noise_std` is that of a point. Units: mm.
+    The turn is measured at the outer ends of `arc`, because screening may shorten them; fillets
+    begin at the ends of `screened`. `noise_std` is the standard deviation of a point. Units: mm.
     """
     widest = np.union1d(arc.indices, screened.indices)
     count = max(POINTS_BEYOND, int(BEYOND_FRACTION * len(arc.indices)))
@@ -58,33 +58,33 @@ def tangential_end_reason(
     curvature = MIN_DOUBLE_FILLET_CURVATURE if both else MIN_FILLET_CURVATURE
     curvature /= screened.ellipse.radius
     lines = [beyond for _, beyond in _ends(profile, screened.indices, FILLET_WINDOWS[-1])]
-    bare_deg = [
+    tangential_deg = [
         turn_deg
         for turn_deg, line in zip(turns_deg, lines, strict=True)
         if turn_deg < MIN_TURN_DEG and not _is_fillet(line, curvature, noise_std)
     ]
-    if not bare_deg:
+    if not tangential_deg:
         return None
     if both:
         first, second = sorted(turns_deg)
         return f"goes on tangentially at both ends (turns {first:.0f} and {second:.0f} deg)"
-    return f"goes on tangentially at one end (turns {bare_deg[0]:.0f} deg): a rounded corner"
+    return f"goes on tangentially at one end (turns {tangential_deg[0]:.0f} deg): a rounded corner"
 
 
-def connected_beyond(own: ComplexArray, beyond: ComplexArray, most: int) -> IntArray:
-    """Positions of up to `most` points beyond an arc, each within reach of the one before.
+def connected_beyond(arc_points: ComplexArray, beyond: ComplexArray, max_count: int) -> IntArray:
+    """Return the positions of up to `max_count` points beyond an arc, each near the one before.
 
-    `own` are at least two points of the arc towards its end, `beyond` those that follow outwards,
-    as x + iy. Units: mm.
+    `arc_points` are at least two points of the arc towards its end, `beyond` those that follow
+    outwards, as x + iy. Units: mm.
     """
-    own = own[-2 * POINTS_BEYOND :]
-    reach = MAX_GAP_STEPS * upper_median(np.abs(own[1:] - own[:-1]))
-    last, chain = complex(own[-1]), []
+    arc_points = arc_points[-2 * POINTS_BEYOND :]
+    reach = MAX_GAP_STEPS * upper_median(np.abs(arc_points[1:] - arc_points[:-1]))
+    last, chain = complex(arc_points[-1]), []
     for i, point in enumerate(beyond.tolist()):
         if abs(point - last) <= reach:
             chain.append(i)
             last = point
-            if len(chain) == most:
+            if len(chain) == max_count:
                 break
     return np.array(chain, dtype=int)
 
@@ -92,7 +92,7 @@ def connected_beyond(own: ComplexArray, beyond: ComplexArray, most: int) -> IntA
 def _ends(
     profile: PreparedProfile, indices: IntArray, count: int
 ) -> list[tuple[ComplexArray, ComplexArray]]:
-    """Points of an arc towards its start and its end, and those connected beyond, outwards."""
+    """Return the points near each end of an arc and those connected beyond it, both outwards."""
     valid, z = profile.valid_indices, profile.noisy_points.z
     first, last = np.searchsorted(valid, indices[[0, -1]]).tolist()
     near = 2 * POINTS_BEYOND
@@ -100,23 +100,23 @@ def _ends(
         (z[indices[:near]][::-1], z[valid[max(0, first - 2 * count) : first]][::-1]),
         (z[indices[-near:]], z[valid[last + 1 : last + 1 + 2 * count]]),
     ]
-    return [(own, beyond[connected_beyond(own, beyond, count)]) for own, beyond in sides]
+    return [(inner, beyond[connected_beyond(inner, beyond, count)]) for inner, beyond in sides]
 
 
-def _end_turn(own: ComplexArray, beyond: ComplexArray, ellipse: Ellipse, fewest: int) -> float:
-    """Angle between the tangent at the last point and the line beyond it. Units: rad.
+def _end_turn(inner: ComplexArray, beyond: ComplexArray, ellipse: Ellipse, min_count: int) -> float:
+    """Return the angle between the tangent at the last point and the line beyond it. Units: rad.
 
-    pi where fewer than `fewest` points follow, or only the far side of a ring: nothing goes on.
+    pi (the line ends) for fewer than `min_count` points, or an end that faces away from the sensor.
     """
-    if len(beyond) < fewest:
+    if len(beyond) < min_count:
         return math.pi
     along_major = cmath.rect(1.0, ellipse.theta)
-    out = (complex(own[-1]) - complex(*ellipse.centre)) * along_major.conjugate()
+    out = (complex(inner[-1]) - complex(*ellipse.centre)) * along_major.conjugate()
     normal = complex(out.real / ellipse.semi_major**2, out.imag / ellipse.semi_minor**2)
     normal *= along_major
     if normal.imag < 0:
         return math.pi
-    tangent = _oriented(1j * normal, own)
+    tangent = _oriented(1j * normal, inner)
     # The principal axis of points has half the angle of the sum of their squares.
     centred = beyond - beyond.sum() / len(beyond)
     direction = _oriented(cmath.sqrt(complex((centred * centred).sum())), beyond)
@@ -124,25 +124,25 @@ def _end_turn(own: ComplexArray, beyond: ComplexArray, ellipse: Ellipse, fewest:
 
 
 def _oriented(direction: complex, points: ComplexArray) -> complex:
-    """The direction or its opposite, whichever leads from the first to the last point."""
+    """Return the direction or its opposite, whichever leads from the first to the last point."""
     onwards = (direction * complex(points[-1] - points[0]).conjugate()).real >= 0
     return direction if onwards else -direction
 
 
 def _is_fillet(line: ComplexArray, min_curvature: float, noise_std: float) -> bool:
-    """Whether the line beyond an end is significantly concave to the sensor."""
+    """Return whether the line beyond an end is significantly concave towards the sensor."""
     counts = [count for count in FILLET_WINDOWS if count <= len(line)]
     fits = [_curvature(line[:count], noise_std) for count in counts]
     return any(value > max(FILLET_SIGMAS * std, min_curvature) for value, std in fits)
 
 
 def _curvature(line: ComplexArray, noise_std: float) -> tuple[float, float]:
-    """Curvature of a line, positive where concave towards +Y, and its standard deviation. 1/mm."""
+    """Return the curvature of a line, positive if concave towards +Y, and its std. Units: 1/mm."""
     chord = complex(line[-1] - line[0])
     turned = (line - line[0]) * (chord.conjugate() / abs(chord))
     x, height = turned.real, turned.imag if chord.real > 0 else -turned.imag
     parabola, covariance = np.polyfit(x, height, 2, cov="unscaled")
-    misfit = height - np.polyval(parabola, x)
+    residuals = height - np.polyval(parabola, x)
     dof = len(line) - len(parabola)
-    scatter = max(noise_std, math.sqrt(float(misfit @ misfit) / dof))
+    scatter = max(noise_std, math.sqrt(float(residuals @ residuals) / dof))
     return 2 * float(parabola[0]), 2 * scatter * math.sqrt(float(covariance[0, 0]))

@@ -1,8 +1,8 @@
 """Posterior probability that each point at an end of an arc lies on the arc's ellipse.
 
-Outwards from the middle part a Kalman filter of the ellipse predicts each point from the inliers
-further inside. Its density there is compared with that of an outlier, of another line that goes
-on smoothly, and of a gradual departure from the ellipse such as the foot of a weld bead.
+From the middle part outwards, a Kalman filter of the ellipse predicts each point from the inliers
+further inside. The density of its residual is compared with that of an outlier, of another line
+that goes on smoothly, and of a gradual departure from the ellipse (foot of a weld bead).
 """
 
 import math
@@ -16,40 +16,40 @@ from lsvision.geometry import BoolArray, FloatArray, IntArray
 OUTLIER_FRACTION = 0.05
 """Prior probability that a point is an outlier: stray light, a jump."""
 END_LOG_MARGIN = 3.0
-"""An arc ends at the last inlier whose cumulated log likelihood ratio is within this of the
-largest, a factor of 20. With 5 more of a weld's foot gets in, with 0 good ends are cut off."""
+"""Largest decrease of the cumulated log likelihood ratio from its maximum to the last inlier of an
+arc, a factor of 20. 5 would include more of a weld's foot, 0 would cut off valid ends."""
 WINDOW_INSIDE = 20
-"""Points inside the end, before which no departure is looked for."""
+"""Number of outermost inliers at which a departure may begin."""
 WINDOW_BEYOND = 8
-"""Connected points beyond the end that show where a departure leads."""
+"""Largest number of connected points beyond the end that are used to detect a departure."""
 TURN_STD = 0.5
-"""Prior standard deviation of the turn with which a line departs. Units: rad."""
+"""Prior standard deviation of the angle at which a line departs. Units: rad."""
 BEND_STD_RADII = 2.0
 """Prior standard deviation of the departing line's curvature over that of the ellipse."""
 NO_DEPARTURE_PRIOR = 0.5
 """Prior probability that no departure begins inside the end."""
 MAX_STEP_RATIO = 5.0
-"""Of two steps along the line; a longer step extrapolates no further."""
+"""Largest ratio of two steps along the line by which another line is extrapolated."""
 EXCLUDED = 1e6
 """Factor on the variance of points that the filter must not use."""
 PREDECESSORS = 2
-"""Points of the middle part from which another line is extrapolated first."""
+"""Number of points of the middle part, before an end, from which another line is extrapolated."""
 LOG_INLIER = math.log(1 - OUTLIER_FRACTION) - 0.5 * math.log(2 * math.pi)
 
 
 class EndPoints(NamedTuple):
-    """Points outwards from the middle part of an arc, after two of the middle part itself.
+    """Last two points of the middle part of an arc, and k points outwards from it.
 
     Parameters
     ----------
     residuals, variances : (k + 2,) ndarray
         Signed distance from the ellipse, and its variance. Units: mm, mm^2.
     jacobian : (5, k + 2) ndarray
-        Of the ellipse along the normals.
+        Displacement of the ellipse along its normals, by each parameter.
     visible : (k + 2,) bool ndarray
         Whether the sensor can see a surface of that normal.
     positions : (k + 2,) ndarray
-        Arc length, outwards. Units: mm.
+        Arc length, increasing outwards. Units: mm.
     """
 
     residuals: FloatArray
@@ -60,16 +60,16 @@ class EndPoints(NamedTuple):
 
 
 class Prediction(NamedTuple):
-    """Ellipse as the middle part and the other end determine it.
+    """Ellipse predicted from the middle part and the other end.
 
     Parameters
     ----------
     offset : (5,) ndarray
-        Parameters less those from which the residuals were taken. Units: mm.
+        Its parameters less those of the ellipse of the residuals. Units: mm.
     covariance : (5, 5) ndarray
-        Units: mm^2.
+        Covariance of its parameters. Units: mm^2.
     autocorrelation_time : float
-        Of the points' errors.
+        Autocorrelation time of the points' errors, in points.
     radius : float
         Mean semi-axis. Units: mm.
     """
@@ -81,7 +81,7 @@ class Prediction(NamedTuple):
 
 
 class EndInliers(NamedTuple):
-    """Inliers of an end, and what they rest on.
+    """Inliers of an end, with their odds and leverages.
 
     Parameters
     ----------
@@ -99,25 +99,25 @@ class EndInliers(NamedTuple):
 
 
 def find_end_inliers(end: EndPoints, prediction: Prediction) -> EndInliers:
-    """Which points of an end lie on the ellipse, up to where the line leaves it.
+    """Return the points of an end that lie on the ellipse, up to where the line leaves it.
 
     Parameters
     ----------
     end : EndPoints
-        k points, and two of the middle part before.
+        Two points of the middle part, and k points outwards.
     prediction : Prediction
-        Of the ellipse.
+        Ellipse predicted without these k points.
     """
     rows, time = end.jacobian[:, PREDECESSORS:], prediction.autocorrelation_time
     residuals = end.residuals[PREDECESSORS:] - prediction.offset @ rows
-    own, visible = end.variances[PREDECESSORS:], end.visible[PREDECESSORS:]
+    point_variances, visible = end.variances[PREDECESSORS:], end.visible[PREDECESSORS:]
     log_outlier = math.log(OUTLIER_FRACTION / (2 * prediction.radius))
     covariance = rows.T @ prediction.covariance @ rows
-    # Points that the middle part alone leaves possible are what the filter uses.
-    possible = visible & (_log_inlier(residuals, own + covariance.diagonal()) > log_outlier)
-    used = np.where(possible, time, EXCLUDED) * own
+    # The filter uses only points that are possible inliers of the ellipse predicted without them.
+    possible = _log_inlier(residuals, point_variances + covariance.diagonal()) > log_outlier
+    used = np.where(visible & possible, time, EXCLUDED) * point_variances
     residuals, variances = _innovations(_cholesky(covariance, used), residuals, used)
-    variances += own
+    variances += point_variances
     log_inlier = np.where(visible, _log_inlier(residuals, variances), -np.inf)
     evidence = np.logaddexp(log_inlier, log_outlier)
     evidence -= _log_other_line(end, prediction.radius, log_outlier)
@@ -127,23 +127,23 @@ def find_end_inliers(end: EndPoints, prediction: Prediction) -> EndInliers:
     last = (within & inliers).nonzero()[0]
     members = inliers[: last[-1] + 1 if len(last) else 0].nonzero()[0]
     odds = np.exp(np.minimum(log_inlier[members] - log_outlier, 700.0))
-    return EndInliers(members, odds, variances[members] / own[members])
+    return EndInliers(members, odds, variances[members] / point_variances[members])
 
 
 def departure_free_probability(
     end: EndPoints, prediction: Prediction, members: IntArray, following: IntArray
 ) -> FloatArray:
-    """Probability, for each inlier, that the line departs from the ellipse only beyond it.
+    """Return the probability, for each inlier, that the line leaves the ellipse only beyond it.
 
-    The marginal likelihood of a departure, with normal priors on its turn and its bend, for each
-    inlier at which it may begin, is compared with that of none.
+    For each inlier the marginal likelihood of a departure that begins there, with normal priors on
+    its angle and curvature, is compared with that of no departure.
 
     Parameters
     ----------
     end : EndPoints
-        k points, and two of the middle part before.
+        Two points of the middle part, and k points outwards.
     prediction : Prediction
-        Of the ellipse.
+        Ellipse predicted without these k points.
     members : (m,) int ndarray
         Positions of the inliers, at least one.
     following : (f,) int ndarray
@@ -165,19 +165,19 @@ def departure_free_probability(
         prediction.autocorrelation_time * end.variances[chosen],
     )
     positions = end.positions[np.concatenate([[PREDECESSORS - 1], chosen])]
-    # A departure that begins with a point has left the ellipse at the point before.
+    # A departure that begins at a point starts from the ellipse at the point before.
     beyond = np.maximum(positions[1:, None] - positions[before:-1], 0.0)
-    right = np.empty((len(rows), 1 + 2 * window))
-    right[:, 0] = residuals
-    right[:, 1 : 1 + window] = TURN_STD * beyond
-    right[:, 1 + window :] = (BEND_STD_RADII / (2 * prediction.radius)) * beyond * beyond
-    whitened, _ = dtrtrs(factor, right, lower=1)
+    rhs = np.empty((len(rows), 1 + 2 * window))
+    rhs[:, 0] = residuals
+    rhs[:, 1 : 1 + window] = TURN_STD * beyond
+    rhs[:, 1 + window :] = (BEND_STD_RADII / (2 * prediction.radius)) * beyond * beyond
+    whitened, _ = dtrtrs(factor, rhs, lower=1)
     log_ratio = _log_marginal_ratio(
         whitened[:, 0], whitened[:, 1 : 1 + window], whitened[:, 1 + window :]
     )
     log_ratio += math.log((1 - NO_DEPARTURE_PRIOR) / NO_DEPARTURE_PRIOR / window)
     log_weights = np.append(log_ratio, 0.0)
-    # Departures that begin beyond each point, and none at all, over all of them.
+    # Cumulated weights of no departure and of the departures that begin at each point or beyond.
     free = np.exp(log_weights - log_weights.max())[::-1].cumsum()[::-1]
     probability = np.ones(len(members))
     probability[before:] = free[1 : 1 + len(members) - before] / free[0]
@@ -185,7 +185,7 @@ def departure_free_probability(
 
 
 def _log_marginal_ratio(u: FloatArray, turn: FloatArray, bend: FloatArray) -> FloatArray:
-    """Log likelihood ratio of each pair of whitened columns with unit normal priors to none."""
+    """Return the log likelihood ratio of each departure (unit normal priors) to no departure."""
     m11, m12, m22 = 1 + (turn * turn).sum(0), (turn * bend).sum(0), 1 + (bend * bend).sum(0)
     g1, g2 = u @ turn, u @ bend
     determinant = m11 * m22 - m12 * m12
@@ -195,7 +195,7 @@ def _log_marginal_ratio(u: FloatArray, turn: FloatArray, bend: FloatArray) -> Fl
 
 
 def _log_inlier(residuals: FloatArray, variances: FloatArray) -> FloatArray:
-    """Log density of residuals, times the prior probability of an inlier."""
+    """Return the log of the density of residuals times the prior probability of an inlier."""
     density: FloatArray = residuals * residuals
     density /= variances
     density += np.log(variances)
@@ -205,7 +205,7 @@ def _log_inlier(residuals: FloatArray, variances: FloatArray) -> FloatArray:
 
 
 def _log_other_line(end: EndPoints, radius: float, log_outlier: float) -> FloatArray:
-    """Log density of each point as one of another line, which goes on from the two before."""
+    """Return the log density of each point on another line, extrapolated from the two before."""
     e, v = end.residuals, end.variances
     steps = end.positions[1:] - end.positions[:-1]
     ratio = np.minimum(steps[1:] / steps[:-1], MAX_STEP_RATIO)
@@ -216,7 +216,7 @@ def _log_other_line(end: EndPoints, radius: float, log_outlier: float) -> FloatA
 
 
 def _cholesky(covariance: FloatArray, variances: FloatArray) -> FloatArray:
-    """Lower factor of a covariance with variances added to its diagonal."""
+    """Return the Cholesky factor of a covariance with variances added to its diagonal."""
     total = np.array(covariance, order="F")
     total.flat[:: len(total) + 1] += variances
     spread = np.sqrt(total.diagonal())
@@ -227,7 +227,7 @@ def _cholesky(covariance: FloatArray, variances: FloatArray) -> FloatArray:
 def _innovations(
     factor: FloatArray, residuals: FloatArray, used_variances: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Residuals less their prediction from the points further inside, and its variance."""
+    """Return residuals less their prediction from the points further inside, and its variance."""
     whitened, _ = dtrtrs(factor, residuals, lower=1)
     diagonal = factor.diagonal()
     return whitened * diagonal, np.maximum(diagonal * diagonal - used_variances, 0.0)

@@ -1,9 +1,9 @@
-"""Rough identification: the arc that belongs to each candidate (paper section 3.2.1).
+"""Rough identification: region growing from each candidate to an arc (paper section 3.2.1).
 
-The paper slides a window of 10 % of the points over the whole profile and asks whether all r_j
-lie below the sensor error. Here the window starts at a candidate and grows outwards from it, the
-ellipse fitted anew after each step, until points beyond the sensor error follow one another;
-single lost columns and jumps inside do not end an arc.
+The paper slides a window of 10 % of the points over the whole profile and tests whether all r_j
+lie below the sensor error. Here the window starts at a candidate and grows outwards, with a refit
+of the ellipse after each step, until consecutive points exceed the sensor error; single lost
+columns and jumps inside do not end an arc.
 """
 
 import math
@@ -27,15 +27,15 @@ from lsvision.statistics.robust import MAD_TO_STD, upper_median
 SENSOR_ERROR_SIGMAS = 4.0
 """The paper's sensor error, in standard deviations of a point along the normal."""
 MAX_OUTLIER_RUN = 3
-"""So many points in a row beyond the sensor error interrupt an arc."""
+"""Number of consecutive points beyond the sensor error that interrupts an arc."""
 MAX_GAP_FRACTION = 0.25
-"""An interruption shorter than this share of the arc is bridged where more inliers follow."""
+"""Longest interruption, as a fraction of the arc, that is bridged to a longer run of inliers."""
 MIN_NORMAL_Y = -0.5
 """Smallest y of an outward normal that a sensor with a fan of +/- 30 deg can still see."""
 MAX_ITERATIONS = 20
-"""A seed of ten points needs more than ten steps to the ends of a wide pipe."""
+"""Largest number of growing steps: from ten points to the ends of a wide pipe it takes over ten."""
 MIN_POINTS = 8
-"""Inliers below which the growth has failed."""
+"""Number of inliers below which growing fails."""
 
 
 def identify_arcs(
@@ -44,25 +44,25 @@ def identify_arcs(
     radius_range: tuple[float, float],
     settings: AcceptanceSettings = AcceptanceSettings(),
 ) -> tuple[list[IdentifiedArc], list[Rejection]]:
-    """Grow candidates to arcs, the best first; each point belongs to one arc.
+    """Grow candidates to arcs, in the given order; each point belongs to one arc at most.
 
     Parameters
     ----------
     profile : PreparedProfile
         The profile.
     candidates : list of Candidate
-        In the order of trying.
+        Candidates, the best first.
     radius_range : tuple of float
-        Units: mm.
+        Smallest and largest radius. Units: mm.
     settings : AcceptanceSettings
-        What the shape of an arc must be.
+        Limits of the shape of an arc.
 
     Returns
     -------
     arcs : list of IdentifiedArc
-        Unscreened.
+        Arcs before screening.
     rejections : list of Rejection
-        Arcs that grew, and have not the shape of a cylinder's.
+        Grown arcs whose shape is not accepted.
     """
     explained = np.zeros(len(profile.points), dtype=bool)
     arcs: list[IdentifiedArc] = []
@@ -95,17 +95,17 @@ def grow_arc(
     profile : PreparedProfile
         The profile.
     candidate : Candidate
-        Where to begin.
+        Initial window.
     free : (k,) int ndarray
-        Indices of the points that may belong to it, ordered.
+        Indices of the points that may belong to the arc, in order.
 
     Returns
     -------
     arc : IdentifiedArc
         Its inliers and their ellipse.
     compared : EllipseResiduals
-        Residuals of the inliers. None in place of both where the growth fails: the points around
-        the seed are on no ellipse.
+        Residuals of the inliers. The function returns None where growing fails: the points around
+        the candidate lie on no ellipse.
     """
     seeded = np.zeros(len(profile.points), dtype=bool)
     seeded[candidate.indices] = True
@@ -140,7 +140,7 @@ def grow_arc(
 
 
 def _expand(inside: IntArray, count: int) -> tuple[int, int]:
-    """The span of the points inside, wider by half of itself at either end."""
+    """Return the span of the points inside, extended by half its length at either end."""
     start, stop = int(inside[0]), int(inside[-1]) + 1
     step = (stop - start + 1) // 2
     return max(0, start - step), min(count, stop + step)
@@ -149,7 +149,7 @@ def _expand(inside: IntArray, count: int) -> tuple[int, int]:
 def _within_sensor_error(
     compared: EllipseResiduals, inside: IntArray, max_scatter: float
 ) -> BoolArray:
-    """Which points face the sensor and lie within the sensor error, scaled to the arc's scatter."""
+    """Return which points face the sensor and lie within the sensor error times the scatter."""
     squares = compared.residuals * compared.residuals / compared.inflated_variances
     scatter = MAD_TO_STD * math.sqrt(upper_median(squares[inside]))
     limit = SENSOR_ERROR_SIGMAS * min(max(scatter, 1.0), max_scatter)
@@ -158,12 +158,12 @@ def _within_sensor_error(
 
 
 def connected_inliers(inliers: BoolArray, inside: IntArray) -> IntArray:
-    """Positions of the inliers around the middle of an arc, over short interruptions.
+    """Return the positions of the inliers around the middle of an arc, bridging short gaps.
 
     Parameters
     ----------
     inliers : (n,) bool ndarray
-        Of the window.
+        Inlier mask of the window.
     inside : (k,) int ndarray
         Positions of the arc so far.
     """
@@ -173,8 +173,8 @@ def connected_inliers(inliers: BoolArray, inside: IntArray) -> IntArray:
         return members
     runs = np.split(members, cuts)
     middle = (int(inside[0]) + int(inside[-1])) / 2
-    away = [max(run[0] - middle, middle - run[-1], 0) for run in runs]
-    first = last = away.index(min(away))
+    distances = [max(run[0] - middle, middle - run[-1], 0) for run in runs]
+    first = last = distances.index(min(distances))
     bridge = MAX_GAP_FRACTION * (int(runs[first][-1]) + 1 - int(runs[first][0]))
 
     def bridged(gap: int, run: IntArray) -> bool:
