@@ -1,4 +1,4 @@
-"""The order of points along the laser line, where the order of the sensor's columns is none."""
+"""Order of points along the laser line, where it is not the order of the sensor's columns."""
 
 import math
 
@@ -9,22 +9,22 @@ from lsvision.geometry.noisy_points import as_complex
 from lsvision.statistics.robust import upper_median
 
 HALF = 0.5
-"""What is less than half counts as small here: progress along X over the travel, a path over
-another one, the ends' distance over the width, a spacing over the typical one."""
+"""Ratio below which a quantity is small: progress along X over the travel, a path length over
+another one, the distance of the ends over the width, a spacing over the typical one."""
 MAX_CLIMB_WIDTHS = 5.0
-"""Travel along Y over the width of a profile from which two returns a column are looked for;
-one line with clutter and jumps has 3 at the most."""
+"""Travel along Y over the width of a profile above which two returns per column are looked for;
+one line with clutter and jumps has at most 3."""
 RETURN_STEPS = 10.0
-"""Two returns lie so many times further apart than half of all points from the nearer of their
-neighbours, which is 5 sigma where the line is flat."""
+"""Smallest distance of two returns of a column along Y, in medians of the distance of points from
+the nearer of their neighbours; 5 sigma on a flat line."""
 
 
 def order_along_line(points: Points) -> IntArray | None:
-    """Order of points, none lost, in which each follows its neighbour on the line.
+    """Return the order in which each of the valid points follows its neighbour on the line.
 
-    None where the order is kept: x progresses, or the points follow a path that sorting by x
-    would not make much shorter. Two returns a column, and the two sides of a closed section, are
-    two lines, the one nearer to the sensor first.
+    None means the given order: x progresses, or sorting by x would not make the path of the points
+    much shorter. Two returns per column, and the two sides of a closed section, are two lines, of
+    which the one nearer to the sensor comes first.
     """
     if len(points) <= 2:
         return None
@@ -42,14 +42,14 @@ def order_along_line(points: Points) -> IntArray | None:
 
 
 def _sides_of_loop(points: Points, leftmost: int, rightmost: int) -> IntArray:
-    """The two ways from the leftmost to the rightmost point of a closed path."""
+    """Return the order with the two sides of a closed path, both from left to right."""
     path = np.roll(np.arange(len(points)), -leftmost)
     turn = (rightmost - leftmost) % len(points)
     return _nearest_first(points, path[: turn + 1], path[turn + 1 :][::-1])
 
 
 def _separate_returns(points: Points) -> IntArray | None:
-    """The nearer of two lines, then the farther one; None where there is one line."""
+    """Return the order with the nearer of two lines first; None where there is one line."""
     x, y = points.T
     climb = float(np.abs(y[1:] - y[:-1]).sum())
     if climb <= MAX_CLIMB_WIDTHS * abs(float(x[-1] - x[0])):
@@ -60,7 +60,10 @@ def _separate_returns(points: Points) -> IntArray | None:
 
 
 def _is_first_line(points: Points) -> BoolArray:
-    """Which points continue the first of two lines, each the nearer one or the column's other."""
+    """Return which points lie on the first of two lines; each point continues the line nearer in Y.
+
+    The second return of a column continues the line that the first one does not.
+    """
     x, y = points.T
     near, next_but_one = np.abs(y[1:] - y[:-1]), np.abs(y[2:] - y[:-2])
     limit = RETURN_STEPS * upper_median(np.minimum(near[1:], next_but_one))
@@ -70,8 +73,8 @@ def _is_first_line(points: Points) -> BoolArray:
     ends: list[float | None] = [float(y[0]), None]
     lines = [0]
     for height, is_second in zip(y[1:].tolist(), second_of_column[1:].tolist(), strict=True):
-        away = [limit if end is None else abs(height - end) for end in ends]
-        line = 1 - lines[-1] if is_second else int(away[1] < away[0])
+        distances = [limit if end is None else abs(height - end) for end in ends]
+        line = 1 - lines[-1] if is_second else int(distances[1] < distances[0])
         ends[line] = height
         lines.append(line)
     first: BoolArray = np.array(lines) == 0
@@ -79,9 +82,9 @@ def _is_first_line(points: Points) -> BoolArray:
 
 
 def _nearest_first(points: Points, *lines: IntArray) -> IntArray:
-    """The nearer line, then the farther one from its lowest point round to that again.
+    """Return the order with the nearer line first, then the farther one from its lowest point on.
 
-    So the end of the one is not followed by points of the other that lie on the same ellipse.
+    The end of the nearer line is then not followed by points of the other on the same ellipse.
     """
     near, far = sorted(lines, key=lambda line: -points[line, 1].mean() if len(line) else math.inf)
     return np.concatenate([near, np.roll(far, -int(points[far, 1].argmin()) if len(far) else 0)])

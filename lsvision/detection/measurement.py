@@ -1,4 +1,4 @@
-"""What the measurement of one profile yields."""
+"""Result of the measurement of one profile."""
 
 from dataclasses import dataclass, field
 
@@ -16,16 +16,16 @@ from lsvision.results.result import Result
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Measurement(Result):
-    """What one profile holds.
+    """Cylinders and rejected arcs of one profile.
 
     Parameters
     ----------
     cylinders : tuple of CylinderSection
-        Left to right by centre x.
+        Sections in ascending order of the x of their centres.
     rejections : tuple of Rejection
-        What else was looked at, and why it is no cylinder; in the order of the profile.
+        Arcs that are no cylinders, with reasons, in the order of the profile.
     profile : Profile, optional
-        What was measured, for pictures; it does not count in comparisons.
+        Measured profile, for pictures; ignored in comparisons.
 
     Examples
     --------
@@ -45,7 +45,7 @@ class Measurement(Result):
     profile: Profile | None = field(default=None, compare=False)
 
     def to_dict(self) -> Record:
-        """Return cylinders and rejections as plain numbers and words, ready for JSON.
+        """Return cylinders and rejections as plain numbers and text, ready for JSON.
 
         Returns
         -------
@@ -67,8 +67,8 @@ class Measurement(Result):
         radii = ", ".join(
             f"radius {format_value(each.radius, each.radius_std)} mm" for each in self.cylinders
         )
-        found = counted(len(self.cylinders), "cylinder") + (f" ({radii})" if radii else "")
-        return f"{found}, {counted(len(self.rejections), 'arc')} refused"
+        cylinders = counted(len(self.cylinders), "cylinder") + (f" ({radii})" if radii else "")
+        return f"{cylinders}, {counted(len(self.rejections), 'arc')} refused"
 
     def _cells(self) -> list[tuple[str, ...]]:
         return section_cells(self.cylinders)
@@ -84,14 +84,14 @@ class Measurement(Result):
         return [row for cylinder in self.cylinders for row in cylinder._rows()]
 
     def _picture(self) -> str:
-        owned = [each.fit.problem.points for each in self.cylinders]
-        points = np.concatenate([np.zeros((0, 2)), *owned])
+        arcs = [cylinder.fit.problem.points for cylinder in self.cylinders]
+        points = np.concatenate([np.zeros((0, 2)), *arcs])
         if self.profile is not None:
             points = self.profile.points
-            owned = [points[each.indices] for each in self.cylinders]
-        ellipses = [each.ellipse for each in self.cylinders]
-        found = list(zip(owned, ellipses, strict=True))
-        return draw_svg(points, found, f"a profile with {counted(len(found), 'cylinder')}")
+            arcs = [points[cylinder.indices] for cylinder in self.cylinders]
+        ellipses = [cylinder.ellipse for cylinder in self.cylinders]
+        sections = list(zip(arcs, ellipses, strict=True))
+        return draw_svg(points, sections, f"a profile with {counted(len(sections), 'cylinder')}")
 
 
 def counted(count: int, noun: str) -> str:

@@ -1,4 +1,4 @@
-"""Order and noise of a profile, before anything is detected in it."""
+"""Preparation of a profile for detection: order of its points along the line, and their noise."""
 
 import math
 from statistics import NormalDist
@@ -13,25 +13,26 @@ from lsvision.profile import NoiseModel, PreparedProfile, Profile
 from lsvision.statistics.robust import upper_median
 
 MAX_POINTS = 20_000
-"""Denser profiles (no sensor has more than 4096 columns) are thinned to so many points at most."""
+"""Largest number of points; denser profiles are thinned (no sensor has more than 4096 columns)."""
 NOISE_QUANTILE = 0.35
-"""The smaller offsets tell the noise even where many points are outliers."""
+"""Quantile of the offsets that estimates the noise: low, since large offsets may be outliers."""
 NOISE_QUANTILE_SIGMAS = NormalDist().inv_cdf((1 + NOISE_QUANTILE) / 2) * math.sqrt(1 + 1 / 2)
-"""That quantile for errors of 1 sigma, of a point less the mean of its two neighbours."""
+"""This quantile of a point's offset from the mean of its neighbours, over the noise's std."""
 LATERAL_FRACTION = 0.2
 """Error along X over the error along Y where no noise model is given: the tangent of 11 deg,
-by which the unknown ray usually leaves Y."""
+the usual angle between Y and the (unknown) ray."""
 MIN_ESTIMATED_VARIANCE_FACTOR = 0.5**2
-"""An estimated standard deviation may be twice the true one: outliers and rounding raise it."""
+"""Smallest variance factor of an estimated noise: outliers and rounding may double its std."""
 MIN_NOISE_PITCHES = 1e-5
-"""Noise in pitches of points that show none: above the rounding of float64."""
+"""Smallest noise, in pitches, of points without visible noise: above the rounding of float64."""
 
 
 def prepare_profile(profile: Profile, noise: NoiseModel | None) -> PreparedProfile:
     """Order a profile's valid points along the line and add their noise.
 
-    Without a noise model the noise is along Y, estimated from how neighbours scatter about their
-    chords. More than 20 000 points are thinned evenly. Lost points are left out, unless all are.
+    Without a noise model the noise is along Y, estimated from the offsets of points from the mean
+    of their neighbours. More than 20 000 points are thinned. Lost points are left out, unless all
+    points are lost.
     """
     columns = _valid_columns(profile.points)
     points = profile.points[columns]
@@ -52,17 +53,16 @@ def prepare_profile(profile: Profile, noise: NoiseModel | None) -> PreparedProfi
 
 
 def _valid_columns(points: Points) -> IntArray:
-    """Columns that are not lost, thinned from both ends alike."""
+    """Return the columns that are not lost, thinned symmetrically from both ends."""
     valid: IntArray = (~np.isnan(points[:, 0])).nonzero()[0]
     if len(valid) <= MAX_POINTS:
         return valid
     half = np.arange(0, len(valid) // 2, -(-len(valid) // MAX_POINTS))
-    both = np.concatenate([half, len(valid) - 1 - half[::-1]])
-    return np.asarray(valid[both])
+    return np.asarray(valid[np.concatenate([half, len(valid) - 1 - half[::-1]])])
 
 
 def typical_pitch(points: Points) -> float:
-    """Median spacing of ordered points along X, or 1 where all are at one place. Units: mm."""
+    """Return the median spacing of ordered points along X, 1 if all coincide. Units: mm."""
     x = points[:, 0]
     spacing = np.abs(x[1:] - x[:-1])
     spacing = spacing[spacing > 0]
@@ -72,16 +72,16 @@ def typical_pitch(points: Points) -> float:
 
 
 def estimate_noise_std(points: Points, pitch: float) -> float:
-    """Noise of ordered points, from the height of each above the middle of its neighbours.
+    """Return the noise of ordered points, from their offsets from the mean of their neighbours.
 
-    One sigma along Y; never zero. Too small where neighbours' errors are correlated. Units: mm.
+    Standard deviation along Y, never zero; too small if neighbours' errors correlate. Units: mm.
     """
     z, y = as_complex(points), points[:, 1]
     repeated = z[1:] == z[:-1]
     if repeated.any():
         y = y[np.append(True, ~repeated)]
     offset = np.abs(y[1:-1] - (y[2:] + y[:-2]) / 2)
-    # Without zeros: a file may round its numbers, or hold them over several columns.
+    # Zeros are excluded: a file may round its numbers, or repeat them over several columns.
     offset = offset[offset > 0]
     if len(offset) == 0:
         return MIN_NOISE_PITCHES * pitch

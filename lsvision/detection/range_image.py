@@ -1,7 +1,7 @@
-"""A profile as a range image of one row, and its connected components.
+"""Profile as a range image of one row, and its connected components.
 
-A column is a point; neighbours on one line are connected: lost points are bridged and a step
-cuts. Points that jumped away are removed first by a median filter of the ranges.
+Each column is a point. Neighbours on one line are connected; lost points are bridged, a step
+separates. Points that jump off the line are removed first, by a median filter of the ranges.
 """
 
 from dataclasses import dataclass
@@ -14,24 +14,24 @@ from lsvision.geometry import BoolArray, IntArray
 from lsvision.profile import PreparedProfile
 
 JUMP_SIGMAS = 6.0
-"""Multiple of the noise by which no point leaves the line."""
+"""Largest distance of a point from the filtered line, in standard deviations of the noise."""
 JUMP_PITCHES = 0.5
-"""Added to it: a narrow crest is so much higher than the median of five of its points."""
+"""Pitches added to this distance: the height of a narrow crest above the median of five points."""
 MEDIAN_COLUMNS = 5
-"""Width of the median filter: two jumps side by side are removed."""
+"""Width of the median filter, which removes two adjacent jumps."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RangeImageSettings:
-    """How a profile is cut into connected components.
+    """Limits for connected components of a profile.
 
     Parameters
     ----------
     bridged_columns : int
-        Lost columns in a row that do not cut the line.
+        Largest number of consecutive lost columns that do not separate a line.
     step_slope : float
-        Neighbours further apart in Y than this many pitches are cut: tan of the steepest
-        flank that is followed (4: 76 deg). The rest of a flank is found by the arc's growth.
+        Largest distance of connected neighbours along Y, in pitches: tangent of the steepest
+        flank of a component (4: 76 deg). Growing an arc finds the rest of a flank.
     """
 
     bridged_columns: int = 5
@@ -40,7 +40,7 @@ class RangeImageSettings:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RangeImage:
-    """Indices (k,) of the points on the line, without jumps; whether each is connected (k - 1,)."""
+    """Indices (k,) of the points without jumps; whether each is connected to the next (k - 1,)."""
 
     indices: IntArray
     connected: BoolArray
@@ -49,12 +49,12 @@ class RangeImage:
 def rasterise(
     profile: PreparedProfile, settings: RangeImageSettings = RangeImageSettings()
 ) -> RangeImage:
-    """Remove the points that jumped away from the line, and connect neighbours."""
+    """Remove the points that jump off the line, and connect neighbours."""
     valid, tolerance = profile.valid_indices, JUMP_SIGMAS * profile.noise_std
     if len(valid) == 0:
         return RangeImage(valid, np.zeros(0, dtype=bool))
     z = profile.noisy_points.z[valid]
-    # float32: subtract a height of the line first, or 0.1 mm is lost at 400 mm.
+    # OpenCV uses float32: without subtracting a height, 0.1 mm would be lost at 400 mm.
     heights = (z.imag - (z[0] + z[-1]).imag / 2).astype(np.float32)
     jump = np.abs(heights - cv2.medianBlur(heights[None], MEDIAN_COLUMNS)[0])
     on_line = jump <= tolerance + JUMP_PITCHES * profile.pitch
@@ -66,9 +66,9 @@ def rasterise(
 
 
 def connected_components(range_image: RangeImage, smallest: int) -> list[IntArray]:
-    """Indices of the profile's points, in order, for each component of `smallest` or more points.
+    """Return the profile's indices, in order, for each component of `smallest` or more points.
 
-    Smaller ones are jumps and dust.
+    Smaller components are jumps and dust.
     """
     cuts = (~range_image.connected).nonzero()[0] + 1
     bounds = [0, *cuts.tolist(), len(range_image.indices)]

@@ -1,4 +1,4 @@
-"""Every stretch of a profile that holds no cylinder, with one reason: never silence."""
+"""Rejection reasons for all segments of a profile without a cylinder."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -20,11 +20,11 @@ def complete_rejections(
     radius_range: tuple[float, float],
     min_span_points: int = candidates.CandidateSettings().min_span_points,
 ) -> list[Rejection]:
-    """Rejections without repetition, and one for each stretch nothing was said of yet.
+    """Return the rejections without overlaps, and one for each segment without a reason so far.
 
-    Of `rejections` the most telling comes first. The result is in the order of the profile, and
-    empty only where there are cylinders or no columns. Stretches of fewer than `min_span_points`
-    are left out; where there is no longer one, that is the reason.
+    Of overlapping `rejections` the first is kept. The result is in the order of the profile, and
+    empty only where there are cylinders or no columns. Segments of fewer than `min_span_points`
+    are left out; if all are as short, that is the reason for the whole profile.
     """
     explained = np.zeros(len(profile.points), dtype=bool)
     for cylinder in cylinders:
@@ -49,7 +49,7 @@ def complete_rejections(
 def _unexplained_runs(
     components: list[IntArray], unexplained: BoolArray, smallest: int
 ) -> list[IntArray]:
-    """The stretches of components of which nothing was said."""
+    """Return the unexplained segments of components, of at least `smallest` points."""
     runs = []
     for component in components:
         left = unexplained[component]
@@ -65,7 +65,7 @@ def _explain(
     rejections: list[Rejection],
     radius_range: tuple[float, float],
 ) -> list[Rejection]:
-    """Rejections with a reason: a line, or the one given before, or what their circle shows."""
+    """Return rejections with reasons: flat, else the given reason, else one from their circle."""
     spans = np.array([(rejection.arc.start, rejection.arc.stop) for rejection in rejections])
     starts, stops = np.searchsorted(connected, spans).T
     circles = windows.fit_window_circles(profile.points[connected], starts, stops)

@@ -1,4 +1,4 @@
-"""Which radii are looked for."""
+"""Search range of the radius."""
 
 import math
 
@@ -7,21 +7,22 @@ from lsvision.geometry.arrays import extent_of
 from lsvision.profile import PreparedProfile
 
 NOMINAL_SPREAD = 0.2
-"""A nominal radius is searched within this share of itself, a known one never below the share."""
+"""Half width of the search over a nominal radius, and smallest radius searched over a known one."""
 MIN_RADIUS_FRACTION = 1 / 3
-"""Of the geometric mean of the extent and the pitch: 4 pitches where a profile has 150 points, 7
-where it has 400, 21 where it has 4000. A smaller pipe has under twelve points, or is dust."""
+"""Smallest radius over the geometric mean of extent and pitch: 4 pitches for a profile of 150
+points, 7 for 400, 21 for 4000. A smaller pipe has under twelve points, or is dust."""
 MAX_RADIUS_EXTENTS = 1.5
-"""A larger pipe would be seen as less than 38 deg of an arc, the least that is accepted."""
+"""Largest radius over the extent: larger pipes show less than 38 deg, the smallest accepted arc."""
 
 
 def search_range(
     radius: float | tuple[float, float] | None, known: RadiusPrior | None, profile: PreparedProfile
 ) -> tuple[float, float]:
-    """Smallest and largest radius that a measurement looks for. Units: mm.
+    """Return the smallest and largest radius of the search. Units: mm.
 
-    `radius` is a nominal one or a range; without one that of `known` is nominal; without either
-    the range follows the profile. Raises ValueError if `radius` is not positive or reversed.
+    `radius` is a nominal radius or a range; without it the radius of the prior `known` is nominal;
+    without both the range follows the profile. Raises ValueError if `radius` is not positive or
+    reversed.
     """
     if isinstance(radius, tuple):
         low, high = (float(value) for value in radius)

@@ -1,4 +1,4 @@
-"""Circles through many overlapping windows of ordered points at once, from running moments."""
+"""Circle fits of many overlapping windows of ordered points at once, from running moments."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,18 +9,18 @@ from lsvision.geometry import BoolArray, FloatArray, IntArray, Points
 from lsvision.geometry.noisy_points import as_complex, as_vectors
 
 WINDOW_GROWTH = 2
-"""Ratio of successive lengths."""
+"""Ratio of successive window lengths."""
 SHIFTS_PER_WINDOW = 3
-"""Windows of one length are no more than this part of it apart."""
+"""Length of a window over the largest distance of windows of that length."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class WindowCircles:
-    """Circle of each window, w of them. Units: mm.
+    """Circles of w windows. Units: mm.
 
-    `radius` is infinite where a window is straight. `rms` is the root mean square distance of the
+    `radius` is infinite where a window is straight. `rms` is the root mean var_q distance of the
     points from the circle, to first order, and 0 or NaN where the window is straight; `line_rms`
-    is that from the best line. A `convex` window bulges towards the sensor.
+    is the same from the best line. A `convex` window bulges towards the sensor.
     """
 
     centre: FloatArray
@@ -31,17 +31,17 @@ class WindowCircles:
 
 
 def multiscale_windows(sizes: Sequence[int], smallest: int) -> tuple[IntArray, IntArray]:
-    """Starts and stops of windows of growing length, the same from either end of a component.
+    """Return starts and stops of windows of growing length, symmetric within each component.
 
-    `sizes` are those of the components, which lie one behind the other. No window crosses from
-    one into the next; the last one of each is the component itself.
+    `sizes` are the numbers of points of successive components. No window reaches from one into
+    the next; the last window of each is the component itself.
     """
     starts, stops, first = [], [], 0
     for size in sizes:
         length = smallest
         while length < size:
             room = size - length
-            # An odd number of steps: rounding to the nearest point then has no ties, so no side.
+            # With an odd number of steps rounding has no ties, which would break the symmetry.
             steps = -(-room // (length // SHIFTS_PER_WINDOW)) | 1
             row = [first + (2 * k * room + steps) // (2 * steps) for k in range(steps + 1)]
             starts += row
@@ -54,12 +54,12 @@ def multiscale_windows(sizes: Sequence[int], smallest: int) -> tuple[IntArray, I
 
 
 def fit_window_circles(points: Points, starts: IntArray, stops: IntArray) -> WindowCircles:
-    """Kasa's circle of each window [start, stop): linear least squares in x^2 + y^2.
+    """Fit Kasa's circle to each window [start, stop): linear least squares in x^2 + y^2.
 
-    Biased small on short noisy arcs: to choose windows by, never a result.
+    Biased to small radii on short noisy arcs: used to select windows, not as a result.
     """
     z = as_complex(points)
-    origin = (z[0] + z[-1]) / 2  # so that squares keep their digits
+    origin = (z[0] + z[-1]) / 2  # a near origin keeps the digits of the squares
     z = z - origin
     running = np.zeros((4, len(z) + 1), dtype=complex)
     q = running[3, 1:].real = z.real**2 + z.imag**2
@@ -72,14 +72,14 @@ def fit_window_circles(points: Points, starts: IntArray, stops: IntArray) -> Win
     mean, zz, qz, qq = moments
     # Covariances of z with its conjugate, with z, and of q = |z|^2 with z and with q.
     spread, slant = qq.real - (mean * mean.conj()).real, zz - mean * mean
-    pull, square = qz - qq.real * mean, qq.imag - qq.real**2
+    cov_qz, var_q = qz - qq.real * mean, qq.imag - qq.real**2
     size = np.abs(slant)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        centre = (spread * pull - slant * pull.conj()) / (spread**2 - size**2)
+        centre = (spread * cov_qz - slant * cov_qz.conj()) / (spread**2 - size**2)
         from_mean = centre - mean
         radius = np.sqrt(spread + (from_mean * from_mean.conj()).real)
         radius[~(radius < np.inf)] = np.inf
-        rms = np.sqrt(np.maximum(square - 2 * (centre.conj() * pull).real, 0.0)) / (2 * radius)
+        rms = np.sqrt(np.maximum(var_q - 2 * (centre.conj() * cov_qz).real, 0.0)) / (2 * radius)
     line_rms = np.sqrt(np.maximum(spread - size, 0.0) / 2)
     return WindowCircles(as_vectors(centre + origin), radius, rms, line_rms, from_mean.imag < 0)
 
@@ -87,7 +87,7 @@ def fit_window_circles(points: Points, starts: IntArray, stops: IntArray) -> Win
 def arc_coverage(
     points: Points, starts: IntArray, stops: IntArray, centres: FloatArray
 ) -> FloatArray:
-    """Angle from the first to the last point of each window over the top of its circle. rad."""
+    """Return the angle of each window's arc, over the top of its circle. Units: rad."""
     z, from_top = as_complex(points), -1j
     first, last = ((z[i] - as_complex(centres)) * from_top for i in (starts, stops - 1))
     coverage: FloatArray = np.abs(np.angle(first) - np.angle(last))
