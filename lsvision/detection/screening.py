@@ -2,8 +2,8 @@
 
 As in the paper, an ellipse is fitted to the middle part of the arc and the points at both ends are
 compared with it. Here the comparison is a posterior probability (`lsvision.detection.end_points`),
-and it is repeated with the inliers of the other end in the fit, so that both ends count alike and
-the order of the points does not matter.
+and it is repeated with the inliers of the other end in the fit, so that both ends are treated
+alike and reversing the order of the points does not change the result.
 """
 
 import math
@@ -45,45 +45,44 @@ from lsvision.geometry.noisy_points import NoisyPoints
 from lsvision.profile import PreparedProfile
 
 MIDDLE_FRACTION = 0.7
-"""Share of the arc's points in its middle part."""
+"""Fraction of the arc's points in its middle part."""
 MIN_MIDDLE_POINTS = 8
-"""In the middle part; with fewer an arc is not screened."""
+"""Smallest number of points in the middle part; with fewer an arc is not screened."""
 POINTS_BEYOND = 14
-"""Points beyond the ends among which more of the arc is looked for: growth stops early where the
-seed's ellipse bends away from a tilted section. An arc that turns out to go on as far as was
-looked is screened once more."""
+"""Points beyond each end that are screened, too: growing stops early where the initial ellipse
+deviates from a tilted section. An arc that reaches the last of them is screened once more."""
 MAX_END_POINTS = 100
-"""Points of an end of the arc: the filter of an end takes time with the cube of its points."""
+"""Largest number of the arc's points at an end: the filter's time grows with its cube."""
 MAX_ITERATIONS = 3
-"""Of fit and comparison: more change no inlier that matters."""
+"""Largest number of fits and comparisons; more of them change no relevant inlier."""
 MIN_INCIDENCE_COSINE = 0.05
-"""Cosine of the incidence, 87 deg, from which on no sensor sees a surface."""
+"""Cosine of the largest incidence at which a sensor can see a surface, 87 deg."""
 GUARD_POINTS = 1
-"""Inliers dropped at a contact: the last one was chosen by its own residual, and with a model of
-the sensor 4 % of the intervals would miss the radius for it. Two cost accuracy and gain nothing."""
+"""Inliers dropped at a contact: the last inlier is selected by its own residual, and with a noise
+model 4 % of the radius intervals would miss because of it. Dropping two only costs accuracy."""
 MIN_CONTACT_POINTS = 3
-"""Connected points beyond an end that make it a contact: a bead, a neighbour, a plate."""
+"""Smallest number of connected points beyond an end that are a contact: bead, pipe or plate."""
 EDGE_POINTS_PER_CORRELATION = 1.7
-"""Points dropped at each end for each unit of the autocorrelation time over 1: before an edge, a
-sensor that smooths along the line mixes in what lies beyond."""
+"""Points dropped at each end per unit of autocorrelation time above 1: near an edge, a sensor that
+smooths along the line mixes in the surface beyond the edge."""
 TINY_MM = 1e-9
-"""Points may share a foot; arc length must rise all the same."""
+"""Smallest step of arc length: points may share a foot, but arc length must increase."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ScreenedArc:
-    """An arc with its inliers and the noise that they show.
+    """Inliers of an arc, with the noise estimated from their residuals.
 
     Parameters
     ----------
     indices : (n,) int ndarray
-        The inliers, rising.
+        Indices of the inliers, ascending.
     points : NoisyPoints
-        The same points, with the noise model of a smoothing sensor where they show one.
+        The inliers, with the noise of a smoothing sensor if neighbouring errors are correlated.
     ellipse : Ellipse
-        Units: mm, rad.
+        Ellipse of the inliers. Units: mm, rad.
     variance_factor : float
-        Of their residuals over the noise model of the profile.
+        Variance of the residuals over that of the noise model.
     """
 
     indices: IntArray
@@ -94,10 +93,10 @@ class ScreenedArc:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Line:
-    """The middle part of an arc, and what lies before and beyond it.
+    """The middle part of an arc, and the points on both sides of it.
 
-    `ends` holds the positions in `indices` of the points outwards from the middle part, after two
-    of the middle part itself; `identified` says which of `indices` are the arc's so far.
+    For each side, `ends` holds positions in `indices`: two points of the middle part, then those
+    outwards from it. `identified` marks the `indices` that belong to the identified arc.
     """
 
     indices: IntArray
@@ -108,24 +107,24 @@ class _Line:
     smoothed: bool = False
 
     def end_rows(self, side: int, members: IntArray) -> IntArray:
-        """Positions in `indices` of members of an end, outwards."""
+        """Return the positions in `indices` of members of an end, outwards."""
         return self.ends[side][members + PREDECESSORS]
 
     def rows_with(self, members: Sequence[IntArray]) -> IntArray:
-        """Positions in `indices` of the middle part and the members of both ends, rising."""
+        """Return the positions in `indices` of the middle part and the ends' members, ascending."""
         middle = np.arange(self.middle.start, self.middle.stop)
         return np.concatenate(
             [self.end_rows(0, members[0])[::-1], middle, self.end_rows(1, members[1])]
         )
 
     def identified_members(self, side: int) -> IntArray:
-        """Positions among the points of an end that are the arc's so far."""
+        """Return the positions, within an end, of the points of the identified arc."""
         members: IntArray = self.identified[self.ends[side][PREDECESSORS:]].nonzero()[0]
         return members
 
 
 class _MiddleFit(NamedTuple):
-    """Ellipse of the middle part, all points compared with it, and the noise that they show."""
+    """Ellipse of the middle part, residuals of all points from it, and the noise of the arc."""
 
     line: _Line
     parameters: FloatArray
@@ -134,11 +133,11 @@ class _MiddleFit(NamedTuple):
 
 
 class _ComparedEnd(NamedTuple):
-    """The points of an end, what predicts them, and which are inliers."""
+    """Points of an end, the ellipse that predicts them, and their inliers."""
 
     points: EndPoints
     prediction: Prediction
-    found: EndInliers
+    inliers: EndInliers
 
 
 class _Comparison(NamedTuple):
@@ -149,7 +148,7 @@ class _Comparison(NamedTuple):
 
 
 def screen_arc(profile: PreparedProfile, arc: IdentifiedArc) -> ScreenedArc | None:
-    """Find the inliers at both ends of an arc.
+    """Select the inliers at both ends of an arc.
 
     Parameters
     ----------
@@ -162,7 +161,7 @@ def screen_arc(profile: PreparedProfile, arc: IdentifiedArc) -> ScreenedArc | No
     -------
     ScreenedArc or None
         None where no ellipse fits the middle part; an arc with too few points to be screened
-        comes back as it is.
+        is returned unchanged.
     """
     line = _split_arc(profile, arc)
     if line is None:
@@ -172,7 +171,7 @@ def screen_arc(profile: PreparedProfile, arc: IdentifiedArc) -> ScreenedArc | No
     if fitted is None or compared is None:
         return None
     line, noise = fitted.line, fitted.noise
-    members = [end.found.members for end in compared.ends]
+    members = [end.inliers.members for end in compared.ends]
     wider = IdentifiedArc.of(line.indices[line.rows_with(members)], compared.ellipse)
     if _reaches_limit(profile, arc, wider, line):
         return screen_arc(profile, wider)
@@ -183,37 +182,38 @@ def screen_arc(profile: PreparedProfile, arc: IdentifiedArc) -> ScreenedArc | No
 
 
 def _compare_ends(fitted: _MiddleFit) -> _Comparison | None:
-    """Compare the points of both ends with the ellipse of all others, until no inlier changes."""
+    """Compare each end with the ellipse of all other inliers, until no inlier changes."""
     line, parameters, compared, noise = fitted
     members = [line.identified_members(side) for side in (0, 1)]
     for _ in range(MAX_ITERATIONS):
         system = WeightedSystem.of(compared, noise.variance_factor)
         middle = system.normal_equations(line.middle)
         add_flattening_prior(middle, parameters)
-        known = [system.normal_equations(line.end_rows(i, members[i])) for i in (0, 1)]
-        predictions = [_predict(middle + known[1 - i], noise, parameters) for i in (0, 1)]
+        equations = [system.normal_equations(line.end_rows(i, members[i])) for i in (0, 1)]
+        predictions = [_predict(middle + equations[1 - i], noise, parameters) for i in (0, 1)]
         if not all(math.isfinite(p.covariance[0, 0]) for p in predictions):
             return None
         points = _end_points(line, compared, system.rows, noise)
-        found = [find_end_inliers(*pair) for pair in zip(points, predictions, strict=True)]
-        before, members = members, [end.members for end in found]
-        settled = all(a.tobytes() == b.tobytes() for a, b in zip(members, before, strict=True))
-        if not settled:
-            known = [system.normal_equations(line.end_rows(i, members[i])) for i in (0, 1)]
-        parameters = parameters + damped_step(middle + known[0] + known[1], parameters)
+        inliers = [find_end_inliers(*pair) for pair in zip(points, predictions, strict=True)]
+        previous, members = members, [end.members for end in inliers]
+        same = (a.tobytes() == b.tobytes() for a, b in zip(members, previous, strict=True))
+        converged = all(same)
+        if not converged:
+            equations = [system.normal_equations(line.end_rows(i, members[i])) for i in (0, 1)]
+        parameters = parameters + damped_step(middle + equations[0] + equations[1], parameters)
         if not is_ellipse(parameters):
             return None
-        if settled:
+        if converged:
             break
         compared = ellipse_residuals(line.points, parameters)
-    ends = tuple(map(_ComparedEnd, points, predictions, found))
+    ends = tuple(map(_ComparedEnd, points, predictions, inliers))
     return _Comparison(ellipse_from_parameters(parameters), ends)
 
 
 def _reaches_limit(
     profile: PreparedProfile, arc: IdentifiedArc, wider: IdentifiedArc, line: _Line
 ) -> bool:
-    """Whether an arc has grown as far as was looked, and the line goes on beyond."""
+    """Return whether an arc reaches the last screened point, and the profile goes on beyond."""
     first, last = profile.valid_indices[[0, -1]]
     start, stop = wider.indices[[0, -1]]
     return bool(
@@ -223,10 +223,10 @@ def _reaches_limit(
 
 
 def _split_arc(profile: PreparedProfile, arc: IdentifiedArc) -> _Line | None:
-    """The inliers of the middle part, and all points from there to beyond the ends."""
+    """Return the inliers of the middle part, and all points from there to beyond the ends."""
     count, valid = len(arc.indices), profile.valid_indices
-    part = min(max(2, round((1 - MIDDLE_FRACTION) / 2 * count)), MAX_END_POINTS)
-    inner = arc.indices[part : count - part]
+    end_count = min(max(2, round((1 - MIDDLE_FRACTION) / 2 * count)), MAX_END_POINTS)
+    inner = arc.indices[end_count : count - end_count]
     if len(inner) < MIN_MIDDLE_POINTS:
         return None
     first, last = np.searchsorted(valid, inner[[0, -1]]).tolist()
@@ -245,7 +245,7 @@ def _split_arc(profile: PreparedProfile, arc: IdentifiedArc) -> _Line | None:
 def _fit_middle(
     profile: PreparedProfile, line: _Line, initial_guess: FloatArray
 ) -> _MiddleFit | None:
-    """Ellipse of the middle part and the noise that it shows; the points with that noise."""
+    """Fit the ellipse of the middle part and estimate the noise from its residuals."""
     parameters = refine_ellipse(line.points[line.middle], initial_guess, steps=1)
     if not is_ellipse(parameters):
         return None
@@ -257,10 +257,10 @@ def _fit_middle(
     return _fit_middle(profile, replace(line, points=points, smoothed=True), parameters)
 
 
-def _predict(known: FloatArray, noise: ArcNoise, parameters: FloatArray) -> Prediction:
-    covariance = inverse_information(known)
+def _predict(equations: FloatArray, noise: ArcNoise, parameters: FloatArray) -> Prediction:
+    covariance = inverse_information(equations)
     return Prediction(
-        covariance @ known[:, -1],
+        covariance @ equations[:, -1],
         covariance * noise.low_frequency_time,
         noise.autocorrelation_time,
         float(parameters[2]),
@@ -288,22 +288,23 @@ def _end_points(
 
 
 def _keep(line: _Line, side: int, end: _ComparedEnd, noise: ArcNoise) -> IntArray:
-    """Members of an end that are kept: before a departure, and worth more than they may spoil."""
-    found, z = end.found, line.points.z[line.ends[side]]
-    if len(found.members) == 0:
-        return found.members
-    inside = np.append(np.arange(PREDECESSORS), found.members + PREDECESSORS)
+    """Return the inliers of an end that are probable enough for their leverage."""
+    inliers, z = end.inliers, line.points.z[line.ends[side]]
+    if len(inliers.members) == 0:
+        return inliers.members
+    inside = np.append(np.arange(PREDECESSORS), inliers.members + PREDECESSORS)
     following = connected_beyond(z[inside], z[inside[-1] + 1 :], WINDOW_BEYOND)
-    following += found.members[-1] + 1
-    probability = found.odds / (1 + found.odds)
+    following += inliers.members[-1] + 1
+    probability = inliers.odds / (1 + inliers.odds)
     if len(following):
         probability *= departure_free_probability(
-            end.points, end.prediction, found.members, following
+            end.points, end.prediction, inliers.members, following
         )
-    # A wrong inlier may shift the ellipse by the square root of its leverage, in its own sigmas.
-    kept = found.members[probability > np.sqrt(found.leverages) * (1 - probability)]
+    # A wrong inlier may shift the ellipse by sqrt(leverage) of the ellipse's standard deviations.
+    kept = inliers.members[probability > np.sqrt(inliers.leverages) * (1 - probability)]
     dropped = round(EDGE_POINTS_PER_CORRELATION * (noise.autocorrelation_time - 1))
-    # Connected points beyond the last inlier, or from the last one kept on, make it a contact.
-    if len(following) >= MIN_CONTACT_POINTS or len(found.members) - len(kept) >= MIN_CONTACT_POINTS:
+    # A contact: enough connected points beyond the last inlier, or enough rejected inliers.
+    rejected = len(inliers.members) - len(kept)
+    if max(len(following), rejected) >= MIN_CONTACT_POINTS:
         dropped += GUARD_POINTS
     return kept[: max(0, len(kept) - dropped)]
