@@ -17,7 +17,7 @@ TINY = 1e-300
 LOW_FREQUENCY_BAND = slice(4, 8)
 """Half waves along the arc: the lowest four that five parameters do not absorb."""
 REFERENCE_BAND = slice(12, 34)
-"""Half waves with which the lowest are compared."""
+"""Half waves with which the low-frequency band is compared."""
 MIN_WAVES = REFERENCE_BAND.stop + 6
 """Number of points below which there is no reference band."""
 LOW_FREQUENCY_DOF = float(LOW_FREQUENCY_BAND.stop - LOW_FREQUENCY_BAND.start)

@@ -1,4 +1,4 @@
-"""Values that sensors write where they measured nothing, told by what they are and where."""
+"""Detection of marker values, which sensors write in place of lost points."""
 
 from collections.abc import Sequence
 
@@ -7,18 +7,18 @@ import numpy as np
 from lsvision.geometry import FloatArray, IntArray
 
 MIN_REST = 5
-"""Values beside a marker; fewer do not show how far from them it lies."""
+"""Smallest number of values beside the markers, from which the distance of a marker is measured."""
 MAX_MARKERS_PER_SIDE = 3
-"""Different markers below the heights, and above them."""
+"""Largest number of different markers below the other values, and above them."""
 MIN_REPEATS = 3
-"""How often an unknown value repeats to be a marker."""
+"""Smallest number of repetitions of a marker that is no common marker value."""
 MIN_MULTIPLICITY_RATIO = 2.5
-"""How much more often than the other values an unknown value repeats: rounded heights and
-planes without noise repeat, too."""
+"""Smallest ratio of these repetitions to the mean of the other values: rounded heights and planes
+without noise repeat, too."""
 MIN_LIMIT_GAP, MIN_KNOWN_GAP, MIN_ZERO_GAP, MIN_UNKNOWN_GAP = 0.1, 1.0, 2.0, 4.0
-"""Distance of a marker from the nearest other value, in spans of the other values: of the limit of
-an integer type, of a value as -9999, of 0, and of any other value (a floor without noise under a
-pipe lies 3 spans from it)."""
+"""Smallest distance of a marker from the nearest other value, in spans of the other values: for the
+limit of an integer type, a value such as -9999, 0, and any other value (a floor without noise
+under a pipe is 3 spans from it)."""
 _BITS = (15, 16, 23, 24, 31, 32, 63, 64)
 _LIMITS = np.unique([sign * (2.0**k + d) for k in _BITS for sign in (1, -1) for d in (0, -1)])
 _LIMITS = _LIMITS[(_LIMITS < -32000) | (_LIMITS > 32000)]
@@ -32,24 +32,24 @@ def find_lost_markers(
     is_range: bool = False,
     known_only: bool = False,
 ) -> tuple[float, ...]:
-    """Values that look like marks of lost points: far from the rest, and repeated.
+    """Return the values that look like markers of lost points: far from the rest, and repeated.
 
     Parameters
     ----------
     values : (n,) ndarray
-        One coordinate of all points, in the units of the file; NaN is passed over.
+        One coordinate of all points, in the units of the file; NaN is ignored.
     limits : sequence of float
-        Ends of the type that the values were stored in.
+        Smallest and largest number of the type in which the values were stored.
     is_range : bool
-        True for distances from the sensor: 0 and less is none, and the largest may be the end
-        of the sensor's range.
+        True for distances from the sensor: 0 and less are no distances, and the largest may be
+        the end of the sensor's range.
     known_only : bool
-        Pass over values that only repeat: a number that is known for it is wanted.
+        Return common marker values only, not others that are merely repeated.
 
     Returns
     -------
     tuple of float
-        Rising.
+        Markers, ascending.
 
     Examples
     --------
@@ -87,7 +87,7 @@ def find_lost_markers(
 
 
 def _may_hold_marker(known: FloatArray) -> bool:
-    """Quick refusal of what holds none: an end that repeats, or is known for it."""
+    """Return whether an extreme value repeats or is a common marker; if not, there is no marker."""
     low, high = float(known.min()), float(known.max())
     repeated = np.count_nonzero(known == low) > 1 or np.count_nonzero(known == high) > 1
     return bool(repeated) or any(_is_limit(v) or _is_nines(v) for v in (low, high))
@@ -96,7 +96,7 @@ def _may_hold_marker(known: FloatArray) -> bool:
 def _needed_gap(
     value: float, count: int, limits: Sequence[float], *, is_range: bool, known_only: bool
 ) -> float | None:
-    """Spans of the rest that the value must lie from it; None where it is no marker at all."""
+    """Return the smallest distance of a marker in spans of the rest; None if it is no marker."""
     if value in limits or _is_limit(value) or (is_range and value <= 0 and not known_only):
         return MIN_LIMIT_GAP
     if _is_nines(value):
@@ -109,7 +109,7 @@ def _needed_gap(
 
 
 def _is_limit(value: float) -> bool:
-    """The end of an integer type, in whole numbers or in thousandths, or beyond all numbers."""
+    """Return whether a value is the limit of an integer type, scaled by up to 1e4, or is huge."""
     size = abs(value)
     if size >= _HUGE:
         return True
@@ -120,7 +120,7 @@ def _is_limit(value: float) -> bool:
 
 
 def _is_nines(value: float) -> bool:
-    """A number as 9999 or -999.9999, or a negative power of ten from -10 000 on."""
+    """Return whether a value is like 9999 or -999.9999, or a negative power of ten <= -10 000."""
     digits = f"{abs(value):.10f}".rstrip("0").replace(".", "").lstrip("0")
     if len(digits) >= 3 and set(digits) == {"9"} and abs(value) > 99:
         return True
@@ -133,7 +133,7 @@ def _gap(value: float, rest: FloatArray) -> float:
 
 
 def _span(rest: FloatArray, counts: IntArray) -> float:
-    """Span of the rest without its outer fiftieths: single stray points lie there."""
+    """Return the span of the rest between its 2 % and 98 % quantiles, without single outliers."""
     heights = np.repeat(rest, counts)
     low, high = np.quantile(heights, [0.02, 0.98])
     return float(high - low)

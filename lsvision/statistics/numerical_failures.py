@@ -1,4 +1,4 @@
-"""Overflow and singular matrices as refusals of a fit, never as warnings or bare errors."""
+"""Conversion of overflow and singular matrices in a fit to `FitFailed`."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,13 +12,13 @@ from lsvision.errors import FitFailed
 def refuse_numerical_failure(what: str) -> Iterator[None]:
     """Turn a singular matrix or an overflow within the block into a `FitFailed`.
 
-    Floating-point warnings are silent within the block: what comes out is checked by
+    Floating-point warnings are suppressed within the block: check its results with
     `require_finite`.
 
     Parameters
     ----------
     what : str
-        What is fitted, as the user knows it.
+        What is fitted, for the message.
 
     Raises
     ------
@@ -41,7 +41,7 @@ def refuse_numerical_failure(what: str) -> Iterator[None]:
 
 
 def require_finite(what: str, *numbers: object) -> None:
-    """Refuse a fit whose numbers are not finite.
+    """Raise `FitFailed` if a number of a fit is not finite.
 
     Raises
     ------

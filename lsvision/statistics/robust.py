@@ -9,7 +9,7 @@ MAD_TO_STD = 1.4826
 
 
 def upper_median(values: FloatArray) -> float:
-    """Return the median of finite values, the upper one of two; five times as fast as `np.median`.
+    """Return the median of finite values, the upper of two; five times as fast as `np.median`.
 
     Parameters
     ----------
