@@ -1,7 +1,7 @@
-"""The paper on one page: one profile in, cylinders out (Figure 4).
+"""Pipeline from one profile to its cylinders (the paper's Figure 4).
 
-Range image and candidates stand before the paper's steps, because rough identification alone
-takes planes for huge ellipses. The paper's own chain, without them, is
+Range image and candidates precede the paper's steps, because rough identification alone takes
+planes for huge ellipses. The paper's pipeline without them is
 `lsvision.studies.chen_liu_2016.measure_cylinders_paper`.
 """
 
@@ -52,16 +52,16 @@ __all__ = ["Measurement", "Settings", "measure_cylinders"]
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Settings(ShowsChanges):
-    """What a user may want to set, in the order of the steps.
+    """Settings of a measurement, in the order of the steps.
 
     Parameters
     ----------
     range_image, candidates : settings
-        Before rough identification.
+        Steps before rough identification.
     acceptance : AcceptanceSettings
-        What counts as a cylinder.
+        Limits for accepting a section as a cylinder.
     fitting : FittingSettings
-        Geometric refinement, section 2.3.
+        Geometric refinement (paper section 2.3).
 
     Examples
     --------
@@ -72,9 +72,9 @@ class Settings(ShowsChanges):
     range_image: RangeImageSettings = RangeImageSettings()
     candidates: CandidateSettings = CandidateSettings()
     acceptance: AcceptanceSettings = AcceptanceSettings()
-    # Homogenised arcs start so near their fit that renewed weights change nothing, and each step
-    # is a hundredth of the one before: after one of 1e-3 of chi^2, some 0.2 sigma, what is left
-    # is 0.002 sigma. Pipes need 2 to 14 evaluations, and what needs more runs off to a needle.
+    # The initial guess from the homogenised arc is so near that reweighting changes nothing, and
+    # each step is a hundredth of the one before: after a relative decrease of chi^2 of 1e-3, a step
+    # of 0.2 sigma, 0.002 sigma remain. Pipes take 2 to 14 evaluations; more means divergence.
     fitting: FittingSettings = FittingSettings(reweightings=0, max_evaluations=20, tolerance=1e-3)
 
 
@@ -87,34 +87,33 @@ def measure_cylinders(
     sensor: NoiseModel | str | None = None,
     settings: Settings = Settings(),
 ) -> Measurement:
-    """Radius, orientation and position of every cylinder in a profile.
+    """Measure radius, orientation and position of every cylinder in a profile.
 
     Parameters
     ----------
     profile : Profile, (n, 2) array_like or data frame
-        Points of one light section, as `Profile` takes them: y grows towards the sensor, a NaN
-        row is a lost point, a data frame has columns x and z (or y). Units: mm.
+        Points of one light section, as `Profile` takes them: y increases towards the sensor, a
+        NaN row is a lost point, a data frame has columns x and z (or y). Units: mm.
     radius : float or (float, float), optional
         Search range (min, max), or a nominal radius that is searched within 20 %. Units: mm.
     known_radius : float or (float, float), optional
-        Radius, or (radius, std): a prior in the fit, and the search range where `radius` gives
-        none. Units: mm.
+        Radius, or (radius, std): a prior in the fit, and the centre of the search range if
+        `radius` is not given. Units: mm.
     known_phi : float or (float, float), optional
-        Tilt of the axis from the laser plane's normal, or (tilt, std): a prior in the fit. 0
-        makes circles of the sections, and so a radius of an arc too short for an ellipse; see
-        `PhiPrior`. Units: rad.
+        Tilt of the axis from the laser plane's normal, or (tilt, std): a prior in the fit. With
+        0 circles are fitted, also to arcs too short for an ellipse; see `PhiPrior`.
+        Units: rad.
     sensor : NoiseModel or str, optional
         Noise of the points, as a `ProfileSensor` or the name of a known one ("lps36",
-        "lps36hi"). Without, that of the profile; where neither is given its size is
-        estimated from the residuals, and its direction taken along Y within some 11 deg.
+        "lps36hi"). Default: the noise of the profile; if that has none, its size is
+        estimated from the residuals, and its direction is assumed within 11 deg of Y.
     settings : Settings
-        One value for each step.
+        Settings of the steps.
 
     Returns
     -------
     Measurement
-        Same input and settings, same numbers out. A profile without cylinders has at least one
-        rejection with its reason.
+        Deterministic. A profile without cylinders has at least one rejection with its reason.
 
     Raises
     ------
@@ -132,8 +131,8 @@ def measure_cylinders(
 
     Notes
     -----
-    One section leaves the sign of the tilt open (`CylinderSection.axis_twins`), and knows
-    little of phi below 10 deg: look at ``interval("phi")``; two sections know both.
+    One section does not determine the sign of the tilt (`CylinderSection.axis_twins`), and hardly
+    a phi below 10 deg (see ``interval("phi")``); two sections determine both.
 
     Examples
     --------
@@ -146,8 +145,8 @@ def measure_cylinders(
     """
     priors = Priors(radius_prior_from_value(known_radius), _phi_prior_from_value(known_phi))
     search = as_number_or_pair(radius, "radius", "mm", "(min, max)")
-    seen, noise = as_profile(profile), as_noise_model(sensor)
-    return replace(_find_cylinders(seen, search, priors, noise, settings), profile=seen)
+    measured, noise = as_profile(profile), as_noise_model(sensor)
+    return replace(_find_cylinders(measured, search, priors, noise, settings), profile=measured)
 
 
 def _find_cylinders(
@@ -157,7 +156,7 @@ def _find_cylinders(
     sensor: NoiseModel | None,
     settings: Settings,
 ) -> Measurement:
-    """The steps of Figure 4."""
+    """Run the steps of the paper's Figure 4 on a profile."""
     prepared = prepare_profile(profile, sensor or profile.noise)
     radius_range = search_range(radius, priors.radius, prepared)
     range_image = rasterise(prepared, settings.range_image)
@@ -186,7 +185,7 @@ def _measure_arc(
     radius_range: tuple[float, float],
     settings: Settings,
 ) -> CylinderSection | Rejection:
-    """The cylinder of an identified arc, or the reason why there is none."""
+    """Return the cylinder of an identified arc, or the rejection with its reason."""
     # Accurate screening, section 3.2.2.
     screened = screen_arc(profile, arc)
     if screened is None:
@@ -218,9 +217,9 @@ def measurement_in_sensor_columns(
     Parameters
     ----------
     cylinders, rejections : list
-        Their indices and arcs refer to the points of `profile`.
+        Results with indices and arcs that refer to the points of `profile`.
     profile : PreparedProfile
-        Maps its points to the columns of the sensor.
+        Prepared profile, with the sensor column of each point.
     """
 
     def arc_of(indices: IntArray) -> Arc:
@@ -241,7 +240,7 @@ def measurement_in_sensor_columns(
 
 
 def radius_prior_from_value(known_radius: float | Sequence[float] | None) -> RadiusPrior | None:
-    """Prior of a known radius, or of (radius, std); None without one. Units: mm."""
+    """Return the prior of a known radius or (radius, std), None for None. Units: mm."""
     known = as_number_or_pair(known_radius, "known_radius", "mm", "(radius, std)")
     if known is None:
         return None
@@ -249,7 +248,7 @@ def radius_prior_from_value(known_radius: float | Sequence[float] | None) -> Rad
 
 
 def _phi_prior_from_value(known_phi: float | Sequence[float] | None) -> PhiPrior | None:
-    """Prior of a known tilt, or of (tilt, std); None without one. Units: rad."""
+    """Return the prior of a known tilt or (tilt, std), None for None. Units: rad."""
     known = as_known_phi(known_phi)
     if known is None:
         return None

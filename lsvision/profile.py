@@ -1,4 +1,4 @@
-"""A profile: the ordered points of one section in mm, which sensors give and steps take."""
+"""Profiles: the ordered points of one light section in mm, and the noise model of the points."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ from lsvision.geometry.noisy_points import NoisyPoints
 from lsvision.statistics.lost_markers import find_lost_markers
 
 MAX_COORDINATE_MM = 1e9
-"""A thousand kilometres: larger numbers of a file are no points, and their squares overflow."""
+"""Largest coordinate of a valid point: a thousand kilometres, far from overflow of its powers."""
 MARKER_TOLERANCE = 1e-7
 """Relative difference of a coordinate from a marker of lost points: single precision rounds."""
 MAX_NOISE_FACTOR, MAX_ESTIMATED_NOISE_FACTOR = 3.0, 4.0
-"""Scatter about an ellipse over the standard deviation of a noise model, and over an estimated
-one, which is too small where a sensor smooths along the line."""
+"""Largest scatter about an ellipse over the standard deviation of a noise model, and over that of
+an estimated noise, which is too small where a sensor smooths along the line."""
 MAX_RELATIVE_SCATTER = 1e-2
-"""Scatter over the radius that is always allowed: form error of pipes (below 1e-3), and errors
-that neighbours share, which no difference of neighbours shows (0.1 mm at a radius of 10 mm)."""
+"""Scatter over the radius that is always accepted: form deviation of pipes (below 1e-3), and errors
+common to neighbours, of which the noise estimate is free (0.1 mm at a radius of 10 mm)."""
 
 METRES_EXTENTS, METRES_PITCH, MIN_STEPS = (1e-3, 1.0), 0.002, 5
-"""Extents between which, and pitch below which, both together, a profile is taken to be in metres,
-and the fewest steps that tell a pitch. No profile sensor is as fine: the smallest fields of view
-are some mm wide, the finest pitch is 0.0025 mm. Units: mm."""
+"""Range of the extent and largest pitch of a profile that is taken to be in metres, and smallest
+number of steps for that test. No profile sensor is as fine: the smallest fields of view are some
+mm wide, the finest pitch is 0.0025 mm. Units: mm."""
 
 
 @runtime_checkable
 class NoiseModel(Protocol):
-    """What is known of the errors of a profile's points.
+    """Covariances of the errors of a profile's points.
 
     Examples
     --------
@@ -46,7 +46,7 @@ class NoiseModel(Protocol):
     """
 
     def covariances(self, points: Points) -> FloatArray:
-        """Covariance of each point's error.
+        """Return the covariance of each point's error.
 
         Parameters
         ----------
@@ -63,7 +63,7 @@ class NoiseModel(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class PointNoise(ComparedByValue):
-    """Noise given point by point, as a calibrated camera knows it.
+    """Noise given point by point, as by a calibrated camera.
 
     Parameters
     ----------
@@ -87,17 +87,17 @@ class PointNoise(ComparedByValue):
         )
 
     def covariances(self, points: Points) -> FloatArray:
-        """The covariances as given; one for each of `points`.
+        """Return the given covariances, one for each of `points`.
 
         Raises
         ------
         ValueError
-            If there are not as many as points.
+            If the number of points differs from that of the covariances.
 
         Parameters
         ----------
         points : (n, 2) ndarray
-            Of the profile.
+            Points of the profile. Units: mm.
 
         Returns
         -------
@@ -121,11 +121,11 @@ class Profile(ComparedByValue):
         count as lost, and a row with one lost coordinate is lost whole). Of a data frame the
         columns x and z (or y): see `lsvision.geometry.arguments.as_section_points`. Units: mm.
     noise : NoiseModel, optional
-        What the sensor knows of its own errors.
+        Noise model of the points.
     lost : float or sequence of float, optional
-        Values that mark lost points, as -9999, in either coordinate. Without it nothing is
-        removed, and values that look like such a marker are warned of; ``()`` says that there
-        are none.
+        Values that mark lost points, such as -9999, in either coordinate. By default nothing is
+        removed, and a value that looks like such a marker causes a warning; ``()`` means that
+        there are no markers.
 
     Raises
     ------
@@ -173,10 +173,10 @@ class Profile(ComparedByValue):
         return len(self.points)
 
     def __repr__(self) -> str:
-        seen = self.points[~np.isnan(self.points[:, 0])]
+        valid = self.points[~np.isnan(self.points[:, 0])]
         spans = [
             f", {name} {column.min():.6g} to {column.max():.6g} mm"
-            for name, column in zip("xy", seen.T, strict=True)
+            for name, column in zip("xy", valid.T, strict=True)
             if len(column)
         ]
         return f"<Profile: {len(self)} points, {self.lost} lost{''.join(spans)}>"
@@ -188,7 +188,7 @@ class Profile(ComparedByValue):
 
 
 def as_profile(points: Profile | npt.ArrayLike) -> Profile:
-    """Return a profile as it is, and anything that `Profile` takes as one.
+    """Return a `Profile` unchanged, or construct one from points.
 
     Warns
     -----
@@ -200,7 +200,7 @@ def as_profile(points: Profile | npt.ArrayLike) -> Profile:
     profile = points if isinstance(points, Profile) else Profile(cast("Points", points))
     valid = profile.points[~np.isnan(profile.points[:, 0])]
     steps = np.abs(np.diff(valid[:, 0]))
-    steps = steps[steps > 0]  # held samples
+    steps = steps[steps > 0]  # sensors may repeat a sample
     extent = extent_of(valid)
     low, high = METRES_EXTENTS
     if len(steps) >= MIN_STEPS and low < extent < high and np.median(steps) < METRES_PITCH:
@@ -232,20 +232,20 @@ class PreparedProfile:
     Parameters
     ----------
     points : (n, 2) ndarray
-        As in `Profile`, but in their order along the line. Units: mm.
+        Points of the profile in their order along the line. Units: mm.
     noisy_points : NoisyPoints
         The same points with the covariances of their errors, in complex numbers.
     valid_indices : (k,) int ndarray
-        Which of `points` are not lost, rising.
+        Indices of the `points` that are not lost, ascending.
     sensor_columns : (n,) int ndarray
-        Index that each of `points` has in the `Profile`.
+        Index of each of `points` in the `Profile`.
     noise_std : float
         Typical standard deviation of a point along its largest error. Units: mm.
     pitch : float
         Typical spacing of neighbouring points along X; positive always. Units: mm.
     min_variance_factor : float
-        The points' variances may be so many times smaller than `noisy_points` says, not more:
-        1 for a given noise model, less for an estimated one.
+        Smallest ratio of the true variances to those of `noisy_points`: 1 for a given noise
+        model, less for an estimated one.
     """
 
     points: Points
@@ -258,16 +258,16 @@ class PreparedProfile:
 
     @property
     def noise_is_estimated(self) -> bool:
-        """Whether the noise was estimated from neighbours; else it comes from a noise model."""
+        """Whether the noise was estimated from neighbours, not given by a noise model."""
         return self.min_variance_factor < 1
 
     def max_noise_factor(self, radius: float) -> float:
-        """How many times larger than the noise the scatter about an ellipse may be.
+        """Return the largest accepted scatter about an ellipse, as a multiple of the noise.
 
         Parameters
         ----------
         radius : float
-            Of the cylinder. Units: mm.
+            Radius of the cylinder. Units: mm.
         """
         modelled = MAX_ESTIMATED_NOISE_FACTOR if self.noise_is_estimated else MAX_NOISE_FACTOR
         scatter = MAX_RELATIVE_SCATTER * radius
@@ -276,7 +276,7 @@ class PreparedProfile:
 
 @dataclass(frozen=True)
 class Arc:
-    """Index span of a profile believed to lie on one ellipse.
+    """Index span of a profile whose inliers lie on one ellipse.
 
     Parameters
     ----------
@@ -300,12 +300,12 @@ class Arc:
         return self.stop - self.start
 
     def of(self, profile: Profile) -> Points:
-        """Points of the span, lost ones as NaN rows. Units: mm.
+        """Return the points of the span, lost points as NaN rows. Units: mm.
 
         Parameters
         ----------
         profile : Profile
-            The one that the arc is of.
+            Profile of the arc.
 
         Returns
         -------
