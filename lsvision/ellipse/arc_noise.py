@@ -1,9 +1,9 @@
-"""Noise of the points of one arc, as the residuals of its own fit show it.
+"""Noise of the points of one arc, estimated from the residuals of its ellipse.
 
-The noise model of a profile says how the errors of single points are directed and how large they
-are; where it was estimated from neighbours, or the sensor smooths along the line, the residuals
-of an arc correct it: a variance factor, an autocorrelation time, and errors that grow with the
-angle of incidence.
+The noise model of a profile gives size and direction of the errors of single points. Where it was
+estimated from neighbours, or the sensor smooths along the line, the residuals of an arc correct
+it by a variance factor, an autocorrelation time, and variances that increase with the angle of
+incidence.
 """
 
 import math
@@ -21,18 +21,18 @@ from lsvision.statistics.correlation import (
 from lsvision.statistics.robust import mad_std
 
 CLIPPED_SIGMAS = 3.0
-"""Residuals are clipped at so many standard deviations before their correlation is estimated."""
+"""Standard deviations at which residuals are clipped before their correlation is estimated."""
 GRAZING_INCIDENCE_DEG = 45.0
-"""Incidence at which the error of a sensor that smooths along the line has grown by sqrt(2): the
-spot lies across an ever longer stretch of the surface. From the arcs of real spheres, whose
-errors have the same sign from about 55 deg on. Units: deg."""
+"""Incidence at which the error of a sensor that smooths along the line has grown by sqrt(2), since
+its spot covers a longer part of the surface. From arcs of real spheres, whose errors have the same
+sign above about 55 deg. Units: deg."""
 GRAZING_POWER = 8
-"""Power with which the variance grows with the incidence, from the same arcs."""
+"""Power of the incidence with which the variance increases, from the same arcs."""
 MAX_INCIDENCE_STD_FACTOR = 4.0
-"""Reached at 64 deg: beyond, a larger one would let the ground beside a pipe pass for noise."""
+"""Largest growth of the error, at 64 deg: above it the ground beside a pipe would be an inlier."""
 MIN_SCORE_SIGMAS = 2.0
-"""Standard deviations of the score test (Breusch and Pagan) above which the errors are taken to
-grow with incidence: 2 % of the arcs whose errors do not."""
+"""Score (Breusch and Pagan), in standard deviations, above which errors are taken to increase with
+incidence: by chance in 2 % of the arcs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,9 +44,9 @@ class ArcNoise:
     variance_factor : float
         Variance of the residuals over that of the noise model.
     autocorrelation_time : float
-        Points for each independent one; 1 for independent errors.
+        Number of points per effective point; 1 for uncorrelated errors.
     low_frequency_time : float
-        The same for the lowest frequencies, to which the covariance of a fit is proportional.
+        This number at the lowest frequencies, to which the covariance of a fit is proportional.
     smoothed : bool
         Whether neighbouring errors are correlated: the sensor smooths along the line.
     """
@@ -58,15 +58,15 @@ class ArcNoise:
 
 
 def estimate_arc_noise(compared: EllipseResiduals, min_variance_factor: float) -> ArcNoise:
-    """Noise of the middle part of an arc from its residuals.
+    """Estimate the noise of an arc from the residuals of its middle part.
 
     Parameters
     ----------
     compared : EllipseResiduals
-        In order along the line, of the ellipse fitted to them.
+        Residuals of the ellipse fitted to the middle part, in order along the line.
     min_variance_factor : float
-        Smallest variance factor: 1 for a given noise model, which is also taken at its word
-        about independence.
+        Smallest variance factor; 1 for a given noise model, whose errors are taken to be
+        uncorrelated.
 
     Returns
     -------
@@ -87,7 +87,7 @@ def estimate_arc_noise(compared: EllipseResiduals, min_variance_factor: float) -
 
 
 def smoothed_noise(points: NoisyPoints, normals: ComplexArray, std: float) -> NoisyPoints:
-    """The points with the noise of a sensor that smooths along the line.
+    """Return the points with the noise of a sensor that smooths along the line.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def smoothed_noise(points: NoisyPoints, normals: ComplexArray, std: float) -> No
     normals : (n,) complex ndarray
         Unit normals of the ellipse.
     std : float
-        Standard deviation where the surface lies square on. Units: mm.
+        Standard deviation at normal incidence. Units: mm.
 
     Returns
     -------
@@ -110,19 +110,19 @@ def smoothed_noise(points: NoisyPoints, normals: ComplexArray, std: float) -> No
 
 
 def errors_grow_with_incidence(normalised: FloatArray, normals: ComplexArray) -> bool:
-    """Whether residuals scatter more where the surface is inclined than the noise model says.
+    """Return whether the variance of normalised residuals increases with the incidence.
 
     Parameters
     ----------
     normalised : (n,) ndarray
         Residuals over their standard deviations.
     normals : (n,) complex ndarray
-        Unit normals there.
+        Unit normals of the ellipse at the points.
 
     Notes
     -----
     Score test of Breusch and Pagan (Econometrica 47, 1979) for a variance that grows with the
-    squared sine of the incidence; squares are limited to 9 times their mean, for outliers.
+    squared sine of the incidence; squared residuals are clipped at 9 times their mean (outliers).
     """
     inclination = normals.real * normals.real
     inclination -= inclination.sum() / len(inclination)

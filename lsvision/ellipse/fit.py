@@ -1,9 +1,9 @@
 """Geometric refinement: the maximum-likelihood ellipse of an arc (paper section 2.3).
 
-The paper minimises radial residuals with equal weights. Measured on simulated sections that
-costs 5-20 % of accuracy, because a light section's errors lie along the ray: here each
-orthogonal residual is divided by the standard deviation of the point's error along the
-ellipse's normal n, sqrt(n' Sigma n), which reaches the Cramer-Rao bound.
+The paper minimises radial residuals with equal weights. On simulated sections that costs 5-20 %
+of accuracy, because the errors of a light section lie along the ray. Here each orthogonal
+residual is divided by the standard deviation of the point's error along the ellipse's normal n,
+sqrt(n' Sigma n), which attains the Cramer-Rao bound.
 """
 
 import math
@@ -43,29 +43,29 @@ from lsvision.statistics.correlation import (
 from lsvision.statistics.numerical_failures import refuse_numerical_failure, require_finite
 
 CHI2_TEST_SIGMAS = 3.3
-"""Standard deviations of chi^2 beyond which a noise model is held to be too optimistic."""
+"""Standard deviations of chi^2 above which a noise model is rejected as too small."""
 
 TINY = 1e-300
 NONCIRCULAR_SIGMAS = 5.0
-"""Sigmas of (p, q) beyond which phi and theta have errors as normal as any."""
+"""Standard deviations of (p, q) from 0 above which phi and theta are normally distributed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FittingSettings:
-    """Ellipse fitting, section 2.3.
+    """Settings of the ellipse fit (paper section 2.3).
 
     Parameters
     ----------
     residual : {"orthogonal", "radial"}
-        What is minimised: the distance to the nearest point of the ellipse, or the paper's
+        Residual that is minimised: distance to the nearest point of the ellipse, or the paper's
         r_j along the ray from the centre (Eq. 4).
     reweightings : int
-        How often the weights 1 / (n' Sigma n) are renewed at the fitted ellipse. One is
-        enough from a conditioned start; the paper has none.
+        Number of updates of the weights 1 / (n' Sigma n) at the fitted ellipse. One is
+        enough for a good initial guess; the paper has none.
     max_evaluations : int
-        Of the residuals; then the iteration ends where it is, unsettled.
+        Largest number of evaluations of the residuals; then the fit has not converged.
     tolerance : float
-        A step that reduces chi^2 by so small a share is the last.
+        Relative decrease of chi^2 in a step, below which the iteration has converged.
     variance : {"given", "estimated"}
         Whether the covariances of the points are known, or only up to a common factor, which is
         then estimated from the residuals.
@@ -80,35 +80,35 @@ class FittingSettings:
 
 @dataclass(frozen=True, eq=False)
 class EllipseFit:
-    """An ellipse with the evidence it rests on.
+    """Fitted ellipse with its residuals and covariance.
 
     Parameters
     ----------
     ellipse : Ellipse
-        The estimate.
+        Estimated ellipse. Units: mm, rad.
     problem : EllipseProblem
-        Points, weights and prior: what the likelihood is made of.
+        Points, weights and priors of the least-squares problem.
     parameters : (5,) ndarray
         ``centre_x, centre_y, m, p, q``; see `lsvision.ellipse.parameters`. Units: mm.
     residuals : (n,) ndarray
-        Signed, positive outside. Units: mm.
+        Signed residuals, positive outside the ellipse. Units: mm.
     normalised : (n,) ndarray
         Residuals over their predicted standard deviation (over their rms where no noise
         model is given).
     normals : (n,) complex ndarray
         Outward unit normals of the ellipse at the points.
     unscaled_covariance : (5, 5) ndarray
-        Of the parameters, if the points' weights are right. Units: mm^2.
+        Covariance of the parameters for a variance factor of 1. Units: mm^2.
     variance_factor : float
-        By which the covariance of the model is multiplied: 1 where the noise model explains
-        the residuals; more where they are larger, or correlated along the line.
+        Factor on that covariance: 1 where the noise model explains the residuals; more where
+        they are larger, or correlated along the line.
     degrees_of_freedom : float
-        Of `variance_factor`; infinite where it comes from the noise model alone.
+        Degrees of freedom of `variance_factor`; infinite if it follows from the noise model.
     correlation : Correlation
-        Of the residuals along the line.
+        Correlation of the residuals along the line.
     converged : bool
-        Whether the iteration reached its minimum; false for an ellipse that was still on its way
-        to a needle.
+        Whether the iteration reached its minimum; false where the ellipse was still becoming
+        flatter.
     """
 
     ellipse: Ellipse
@@ -125,12 +125,12 @@ class EllipseFit:
 
     @property
     def parameter_covariance(self) -> FloatArray:
-        """(5, 5), order of `parameters`. Units: mm^2."""
+        """Covariance of `parameters`, (5, 5). Units: mm^2."""
         return self.variance_factor * self.unscaled_covariance
 
     @property
     def is_noncircular(self) -> bool:
-        """Whether (p, q) is so far from a circle that its error hardly turns it."""
+        """Whether (p, q) differs from 0 by more than 5 standard deviations, so theta is defined."""
         largest = float(np.linalg.eigvalsh(self.parameter_covariance[3:, 3:])[-1])
         return math.hypot(*self.parameters[3:]) > NONCIRCULAR_SIGMAS * math.sqrt(largest)
 
@@ -149,24 +149,24 @@ def fit_ellipse(
     known_phi: PhiPrior | None = None,
     settings: FittingSettings = FittingSettings(),
 ) -> EllipseFit:
-    """Maximum-likelihood ellipse of the points of an arc.
+    """Fit the maximum-likelihood ellipse to the points of an arc.
 
     Parameters
     ----------
     points : (n, 2) ndarray
         Points of one arc without lost ones, in order along the line. Section frame. Units: mm.
     initial_guess : Ellipse
-        Where to begin; an algebraic fit or a screened ellipse.
+        Initial guess, such as an algebraic fit or the ellipse of screening.
     covariances : (n, 2, 2) ndarray, optional
-        Covariance of each point's error. None: equal, isotropic, estimated from the
+        Covariance of each point's error. Default: equal, isotropic, estimated from the
         residuals. Units: mm^2.
     known_radius : RadiusPrior, optional
-        A prior on the semi-minor axis.
+        Prior on the semi-minor axis.
     known_phi : PhiPrior, optional
-        A prior on the tilt: makes a circle, or nearly one, of an arc too short for an ellipse.
-        One that is surely no circle is used where the points tell theta, else nothing of it.
+        Prior on the tilt. Near 0 it gives a circle for an arc too short for an ellipse. A prior
+        that excludes a circle is ignored where the points do not determine theta.
     settings : FittingSettings
-        Residual and number of reweightings.
+        Settings of the fit.
 
     Returns
     -------
@@ -175,17 +175,17 @@ def fit_ellipse(
     Raises
     ------
     ValueError
-        If the shapes are others, a number is not finite or beyond 1e9 mm, or a covariance is none.
+        If a shape is wrong, a number is not finite or beyond 1e9 mm, or a covariance is invalid.
     TooFewPoints
-        Under 6 points (5 with a known radius would leave nothing to judge by).
+        For fewer than 6 points: 5 leave no degree of freedom for the residuals.
     FitFailed
-        If the data have no minimum near the start: a straight line, two crossing lines; or the
+        If there is no minimum near the initial guess (a straight line, two crossing lines), or
         numbers overflow.
 
     Notes
     -----
-    An arc under 60 deg leaves a and b almost free; the covariance says so. Near phi = 0 theta
-    means nothing: a and b are equal.
+    An arc under 60 deg hardly determines a and b; their variances are then large. Near phi = 0
+    theta is not defined, because a and b are equal.
 
     Examples
     --------
@@ -218,7 +218,7 @@ def fit_noisy_points(
     known_phi: PhiPrior | None = None,
     settings: FittingSettings = FittingSettings(),
 ) -> EllipseFit:
-    """`fit_ellipse` for points that carry their covariances: same parameters, errors and notes."""
+    """Fit an ellipse to points with covariances; parameters and errors as in `fit_ellipse`."""
     if len(points) <= PARAMETERS:
         raise TooFewPoints(
             "an arc", len(points), PARAMETERS + 1, "scan slower or nearer, or lower the pitch"
@@ -245,7 +245,7 @@ def fit_noisy_points(
 def _scale_by_free_fit(
     points: NoisyPoints, initial_guess: FloatArray, settings: FittingSettings
 ) -> NoisyPoints:
-    """The points with the variance that a fit without priors finds: a prior needs its size."""
+    """Return the points with the variance of a fit without priors, which scales their weights."""
     vectors = as_vectors(points.z)
     stds = np.sqrt(ellipse_residuals(points, initial_guess).variances)
     residuals = minimise(
@@ -278,7 +278,7 @@ def _refit_with_scaled_stds(fit: EllipseFit) -> EllipseFit:
 
 
 def _inverse(information: FloatArray) -> FloatArray:
-    """Inverse of the information; huge variances where it is singular."""
+    """Return the inverse of the information; huge variances where it is singular."""
     inverse = solve_positive_definite(information, IDENTITY)
     if math.isnan(inverse[0, 0]):
         scale = 1 / np.sqrt(np.maximum(information.diagonal(), TINY))
@@ -295,17 +295,17 @@ def _build_fit(problem: EllipseProblem, solution: Solution, *, known_noise: bool
     residuals = normalised * problem.stds
     normals = -as_complex(solution.jacobian[:count, :2])
     correlation = estimate_correlation(normalised)
-    freedom = float(max(count - PARAMETERS, 1)) + problem.prior_residual_count
-    excess = float(normalised @ normalised) / freedom
+    dof = float(max(count - PARAMETERS, 1)) + problem.prior_residual_count
+    reduced_chi2 = float(normalised @ normalised) / dof
     if known_noise:
-        surprising = excess > 1 + CHI2_TEST_SIGMAS * np.sqrt(2 / freedom)
-        factor, freedom = (excess if surprising else 1.0), np.inf
+        significant = reduced_chi2 > 1 + CHI2_TEST_SIGMAS * np.sqrt(2 / dof)
+        factor, dof = (reduced_chi2 if significant else 1.0), np.inf
     else:
-        factor = max(excess, TINY)
+        factor = max(reduced_chi2, TINY)
         normalised = normalised / np.sqrt(factor)
-        freedom = max(freedom / correlation.autocorrelation_time, 1.0)
+        dof = max(dof / correlation.autocorrelation_time, 1.0)
     if correlation.coloured:
-        freedom = min(freedom, LOW_FREQUENCY_DOF)
+        dof = min(dof, LOW_FREQUENCY_DOF)
     return EllipseFit(
         ellipse=ellipse_from_parameters(solution.parameters),
         problem=problem,
@@ -315,7 +315,7 @@ def _build_fit(problem: EllipseProblem, solution: Solution, *, known_noise: bool
         normals=normals / np.maximum(np.abs(normals), TINY),
         unscaled_covariance=_inverse(solution.jacobian.T @ solution.jacobian),
         variance_factor=factor * correlation.autocorrelation_time,
-        degrees_of_freedom=freedom,
+        degrees_of_freedom=dof,
         correlation=correlation,
         converged=solution.converged,
     )

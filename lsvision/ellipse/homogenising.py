@@ -1,8 +1,8 @@
-"""Homogenising (paper section 3.3.2): points at equal steps, along arc length.
+"""Homogenising (paper section 3.3.2): resampling of an arc at equal steps of arc length.
 
-The paper's spline runs over x and breaks where a flank is vertical (x no longer rises); along
-arc length it does not. There the local quadratics of smoothing are evaluated at equal steps
-already, so no spline is needed.
+The paper's spline over x fails on vertical flanks, where x does not increase; arc length always
+does. The local quadratics of smoothing are already evaluated at equal steps of arc length, so that
+no spline is needed.
 """
 
 from dataclasses import dataclass
@@ -25,14 +25,14 @@ from lsvision.geometry.noisy_points import as_vectors
 
 @dataclass(frozen=True, eq=False, slots=True)
 class HomogenisedArc:
-    """An arc, smoothed and homogenised.
+    """A smoothed and homogenised arc.
 
     Parameters
     ----------
     points : (k, 2) ndarray
-        Equally spaced along the arc, smoothed. Units: mm.
+        Smoothed points, equally spaced along the arc. Units: mm.
     ellipse : Ellipse
-        Fit to them: the initial guess of the geometric refinement. Units: mm, rad.
+        Ellipse fitted to these points: the initial guess of the refinement. Units: mm, rad.
     """
 
     points: Points
@@ -40,17 +40,17 @@ class HomogenisedArc:
 
 
 def homogenise_arc(smoothed: SmoothedArc) -> HomogenisedArc:
-    """Place the smoothed residual beside the ellipse at equal steps, and fit an ellipse to it.
+    """Convert smoothed residuals at equal steps to points, and fit an ellipse to them.
 
     Parameters
     ----------
     smoothed : SmoothedArc
-        k positions of an arc.
+        Smoothed residuals at k positions of an arc.
 
     Returns
     -------
     HomogenisedArc
-        Every part of the arc counts alike, however densely the sensor sampled it.
+        All parts of the arc have equal weight, whatever the sensor's sampling density.
     """
     parameters, w = parameters_from_ellipse(smoothed.ellipse), smoothed.directions
     m, d = float(parameters[2]), complex(parameters[3], parameters[4])
@@ -58,11 +58,11 @@ def homogenise_arc(smoothed: SmoothedArc) -> HomogenisedArc:
     normals = along - across
     normals /= np.abs(normals)
     z = centre_of(parameters) + along + across + normals * smoothed.residuals
-    # The smoothed residual is linear in the change of the parameters: one step fits it.
+    # The residual is linear in small changes of the parameters: one Gauss-Newton step is enough.
     rows = np.concatenate([parameter_jacobian(normals, w), smoothed.residuals[None]])
     equations = (rows[:PARAMETERS] / smoothed.stds**2) @ rows.T
     add_flattening_prior(equations, parameters)
-    found = parameters + damped_step(equations, parameters)
+    fitted = parameters + damped_step(equations, parameters)
     return HomogenisedArc(
-        as_vectors(z), ellipse_from_parameters(found if is_ellipse(found) else parameters)
+        as_vectors(z), ellipse_from_parameters(fitted if is_ellipse(fitted) else parameters)
     )

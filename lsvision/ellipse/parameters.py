@@ -1,9 +1,9 @@
-"""An ellipse in parameters that stay regular at a circle, and points compared with it.
+"""Ellipse parameters that are regular at a circle, and residuals of points from the ellipse.
 
 The ellipse is ``c + E w`` for all unit vectors w, with the symmetric matrix
 ``E = [[m + p, q], [q, m - p]]``; so ``a = m + h``, ``b = m - h``, ``h = |(p, q)|`` and
-``theta = atan2(q, p) / 2``. In (a, b, theta) a circle (a pipe seen square on) is a singular
-point; in (m, p, q) it is a point like any other.
+``theta = atan2(q, p) / 2``. In (a, b, theta) a circle (a pipe at right angles to the laser plane)
+is a singular point; in (m, p, q) it is regular.
 """
 
 import math
@@ -17,18 +17,18 @@ from lsvision.geometry.noisy_points import ComplexArray, as_complex
 
 PARAMETERS = 5
 FOOT_TOLERANCE = 3e-3
-"""Nearest points to some 1e-5 rad: then the distance, stationary there, is right to 1e-9 mm."""
+"""Last Newton step (rad). Nearest points are then exact to 1e-5 rad and distances to 1e-9 mm."""
 MAX_FOOT_ITERATIONS = 30
 MAX_STEP = 0.2
-"""A step of more rad is none of a point near the ellipse."""
+"""Largest Newton step (rad) of a point near the ellipse."""
 MIN_AXIS_RATIO = 1e-3
-"""Thinner than this an ellipse is a straight line that lost its way."""
+"""Smallest axis ratio of a valid ellipse; below it the points are collinear."""
 
 
 def orthogonal_residuals_and_normals(
     points: Points, parameters: FloatArray
 ) -> tuple[FloatArray, ComplexArray, ComplexArray]:
-    """Signed distance to the nearest point c + E w, and n, w there, with d' = -n d(c + E w).
+    """Return signed distances to the nearest points c + E w, with normal n and w of each.
 
     Returns
     -------
@@ -39,8 +39,9 @@ def orthogonal_residuals_and_normals(
 
     Notes
     -----
-    Newton's steps along the ellipse, from where the ray of each point meets it. That far beside
-    an ellipse may lead to the farthest point: then all begin again from their nearest.
+    Newton's method along the ellipse, from its intersection with the ray to each point; the
+    distance changes by -n d(c + E w). Far from an ellipse it may converge to the farthest point:
+    after a large step all points restart from the closed-form nearest point.
     """
     (m, p, q), own = parameters[2:].tolist(), as_complex(points) - centre_of(parameters)
     d = complex(p, q)
@@ -67,7 +68,7 @@ def orthogonal_residuals_and_normals(
 
 
 def _nearest_directions(own: ComplexArray, parameters: FloatArray) -> ComplexArray:
-    """Unit vectors w of the nearest points E w, wherever the points are; centre at 0."""
+    """Return the unit vectors w of the nearest points E w, from any distance; centre at 0."""
     a, b, turn = axes_of(parameters)
     turned = own * turn.conjugate()
     cos, sin = foot_directions(turned.real, turned.imag, a, b)
@@ -77,7 +78,7 @@ def _nearest_directions(own: ComplexArray, parameters: FloatArray) -> ComplexArr
 def radial_residuals_and_normals(
     points: Points, parameters: FloatArray
 ) -> tuple[FloatArray, ComplexArray, ComplexArray]:
-    """The same along the ray from the centre: the paper's r_j (Eq. 4).
+    """Return signed distances along the ray from the centre: the paper's r_j (Eq. 4).
 
     Returns
     -------
@@ -100,7 +101,7 @@ def radial_residuals_and_normals(
 def parameter_jacobian(
     normals: ComplexArray, w: ComplexArray, out: FloatArray | None = None
 ) -> FloatArray:
-    """How far each point of the ellipse moves along its normal, by each parameter: (5, n)."""
+    """Return the derivative of the ellipse along its normals by each parameter: (5, n)."""
     jacobian = np.empty((PARAMETERS, len(w))) if out is None else out
     deviating = normals * w
     jacobian[0], jacobian[1] = normals.real, normals.imag
@@ -110,12 +111,12 @@ def parameter_jacobian(
 
 
 def centre_of(parameters: FloatArray) -> complex:
-    """Centre as x + iy. Units: mm."""
+    """Return the centre as x + iy. Units: mm."""
     return complex(*parameters[:2].tolist())
 
 
 def parameters_from_ellipse(ellipse: Ellipse) -> FloatArray:
-    """(centre_x, centre_y, m, p, q) of an ellipse. Units: mm."""
+    """Return (centre_x, centre_y, m, p, q) of an ellipse. Units: mm."""
     m = (ellipse.semi_major + ellipse.semi_minor) / 2
     h = (ellipse.semi_major - ellipse.semi_minor) / 2
     p, q = h * math.cos(2 * ellipse.theta), h * math.sin(2 * ellipse.theta)
@@ -123,12 +124,12 @@ def parameters_from_ellipse(ellipse: Ellipse) -> FloatArray:
 
 
 def ellipse_from_parameters(parameters: FloatArray) -> Ellipse:
-    """Ellipse of (centre_x, centre_y, m, p, q).
+    """Return the ellipse of (centre_x, centre_y, m, p, q).
 
     Raises
     ------
     FitFailed
-        If the parameters are no ellipse: not finite, or an axis of no length.
+        If the parameters are not finite, or the axis ratio is below `MIN_AXIS_RATIO`.
     """
     a, b, turn = axes_of(parameters)
     if not is_ellipse(parameters):
@@ -141,31 +142,31 @@ def ellipse_from_parameters(parameters: FloatArray) -> Ellipse:
 
 
 def is_ellipse(parameters: FloatArray) -> bool:
-    """Whether parameters are finite and of an ellipse that is no needle, 0 < m - h."""
+    """Return whether parameters are finite and their axis ratio is above `MIN_AXIS_RATIO`."""
     x, y, m, p, q = parameters.tolist()
     h = math.hypot(p, q)
     return math.isfinite(x + y + m + h) and MIN_AXIS_RATIO * (m + h) < m - h
 
 
 def semi_minor(parameters: FloatArray) -> float:
-    """Semi-minor axis b = m - h. Units: mm."""
+    """Return the semi-minor axis b = m - h. Units: mm."""
     return float(parameters[2]) - math.hypot(parameters[3], parameters[4])
 
 
 def semi_minor_gradient(parameters: FloatArray) -> FloatArray:
-    """Derivative of b by the parameters, (5,); at a circle in the direction p > 0."""
+    """Return the derivative of b by the parameters, (5,); at a circle in the direction p > 0."""
     direction = _deviator_direction(parameters)
     return np.array([0.0, 0.0, 1.0, -direction[0], -direction[1]])
 
 
 def semi_major_gradient(parameters: FloatArray) -> FloatArray:
-    """Derivative of a by the parameters, (5,); at a circle in the direction p > 0."""
+    """Return the derivative of a by the parameters, (5,); at a circle in the direction p > 0."""
     direction = _deviator_direction(parameters)
     return np.array([0.0, 0.0, 1.0, direction[0], direction[1]])
 
 
 def axes_of(parameters: FloatArray) -> tuple[float, float, complex]:
-    """a, |b| in mm, cos theta + i sin theta of (centre_x, centre_y, m, p, q)."""
+    """Return a, |b| in mm and cos theta + i sin theta of (centre_x, centre_y, m, p, q)."""
     _, _, m, p, q = parameters.tolist()
     h = math.hypot(p, q)
     theta = 0.5 * math.atan2(q, p)
