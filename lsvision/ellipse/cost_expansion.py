@@ -1,4 +1,4 @@
-"""The cost of an ellipse fit to second order about many ellipses at once.
+"""Second-order expansion of the cost of an ellipse fit, about many ellipses at once.
 
 F is the weighted sum of squares of the residuals, priors included, over the variance factor. About
 parameters (centre_x, centre_y, m, p, q) it is F + 2 b' delta + delta' A delta, with b = J' r and
@@ -18,13 +18,13 @@ from lsvision.geometry import BoolArray, FloatArray, IntArray
 from lsvision.geometry.noisy_points import ComplexArray, as_complex
 
 FOOT_TOLERANCE, MAX_FOOT_ITERATIONS = 1e-4, 20
-"""Nearest points are found to the square of this angle (rad), by at most so many Newton steps."""
+"""Last Newton step (rad) of the nearest points, which are exact to its square, and most steps."""
 STRAIN_SIGNS = np.array([0.0, 0.0, 1.0, -1.0, -1.0])[:, None]
-"""How each parameter turns the tangent, as a multiple of its tangential displacement."""
+"""Rotation of the tangent by each parameter, as a multiple of its tangential displacement."""
 DIFFERENCE_STEP = 1e-4
-"""Step of central differences of the priors, as a share of h (of m at a circle, squared)."""
+"""Step of central differences of the priors, as a fraction of h (of m at a circle, squared)."""
 RIDGE = 1e-12
-"""Share of its diagonal, and of 1, added to A: invertible also where points tell nothing."""
+"""Fraction of its diagonal, and of 1, that is added to A, so that A is always invertible."""
 
 SecondOrder = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 """Sum of squares (k,), J'r (k, 5), J'J and sum r Hess r (k, 5, 5)."""
@@ -33,8 +33,8 @@ SecondOrder = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 class Expansion(NamedTuple):
     """F about k rows of parameters.
 
-    cost (k,): F; gradient (k, 5): b; information, covariance (k, 5, 5): A and its inverse. Those
-    of the points are without the priors.
+    cost (k,): F; gradient (k, 5): b; information, covariance (k, 5, 5): A and its inverse. The
+    fields ``..._of_points`` do not include the priors.
     """
 
     cost: FloatArray
@@ -46,7 +46,7 @@ class Expansion(NamedTuple):
     information_of_points: FloatArray
 
     def replaced(self, rows: IntArray, values: "Expansion", chosen: BoolArray) -> "Expansion":
-        """Copy with `values` (of the rows) in those of the rows that are chosen."""
+        """Return a copy with `values` (one for each of `rows`) in the rows that are chosen."""
         copies = [field.copy() for field in self]
         for field, value in zip(copies, values, strict=True):
             field[rows[chosen]] = value[chosen]
@@ -59,15 +59,15 @@ def expand_cost(fit: EllipseFit, parameters: FloatArray) -> Expansion:
     Parameters
     ----------
     fit : EllipseFit
-        Its problem and variance factor.
+        Fit with its problem and variance factor.
     parameters : (k, 5) ndarray
-        Where. Units: mm.
+        Parameters about which F is expanded. Units: mm.
 
     Returns
     -------
     Expansion
-        The Gauss-Newton approximation A = J'J has the place of an indefinite A; an infinite cost
-        marks parameters where there is no finite one.
+        An indefinite A is replaced by its Gauss-Newton approximation J'J; the cost is infinite
+        where the expansion is not finite.
     """
     problem, s2 = fit.problem, fit.variance_factor
     of_points = _orthogonal if problem.residual == "orthogonal" else _radial
@@ -92,12 +92,12 @@ def expand_cost(fit: EllipseFit, parameters: FloatArray) -> Expansion:
 
 
 def _orthogonal(problem: EllipseProblem, parameters: FloatArray) -> SecondOrder:
-    """Of the orthogonal distances.
+    """Expand the sum of squares of the orthogonal distances.
 
     Parameter i moves the ellipse by X_i = (1, i, w, conj w, i conj w), with normal and tangential
     components N_i and T_i. The distance has the derivative -N_i and the second
-    derivative kappa T_i T_j - a_i T_j - a_j T_i, with kappa the curvature and a_i the turn of the
-    tangent; terms in distance times curvature are left out.
+    derivative kappa T_i T_j - a_i T_j - a_j T_i, with kappa the curvature and a_i the rotation of
+    the tangent; terms in distance times curvature are neglected.
     """
     distances, steepness, normals, w = _nearest_points(problem, parameters)
     m, d = parameters[:, 2:3], flattening(parameters)[:, None]
@@ -121,7 +121,7 @@ def _orthogonal(problem: EllipseProblem, parameters: FloatArray) -> SecondOrder:
 def _nearest_points(
     problem: EllipseProblem, parameters: FloatArray
 ) -> tuple[FloatArray, FloatArray, ComplexArray, ComplexArray]:
-    """Distances, |m w - d conj(w)|, unit normals and w of the nearest points, (k, n) each."""
+    """Return distance, |m w - d conj(w)|, unit normal and w of the nearest points, (k, n) each."""
     own = as_complex(problem.points) - (parameters[:, 0] + 1j * parameters[:, 1])[:, None]
     m, d = parameters[:, 2:3], flattening(parameters)[:, None]
     w = m * own - d * own.conj()
@@ -142,7 +142,7 @@ def _nearest_points(
 
 
 def _radial(problem: EllipseProblem, parameters: FloatArray) -> SecondOrder:
-    """Of the paper's radial residuals, without their second derivative."""
+    """Expand the sum of squares of the paper's radial residuals, without second derivatives."""
     points = replace(problem, known_radius=None, known_phi=None)
     rows = [points.evaluate(row) for row in parameters]
     return (
@@ -154,7 +154,7 @@ def _radial(problem: EllipseProblem, parameters: FloatArray) -> SecondOrder:
 
 
 def _prior(problem: EllipseProblem, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Residuals (j,) and Jacobian (j, 5) of what is known beforehand."""
+    """Return residuals (j,) and Jacobian (j, 5) of the priors."""
     residuals, jacobian = np.empty(0), np.empty((0, PARAMETERS))
     if problem.known_phi is not None:
         residuals, jacobian = problem.known_phi.residuals_and_jacobian(parameters)
@@ -169,7 +169,7 @@ def _prior(problem: EllipseProblem, parameters: FloatArray) -> tuple[FloatArray,
 def _prior_curvature(
     problem: EllipseProblem, parameters: FloatArray, residuals: FloatArray
 ) -> FloatArray:
-    """Sum of residual times second derivative of the priors, (5, 5), by central differences."""
+    """Return the sum of residual times second derivative of the priors, (5, 5), by differences."""
     m, p, q = parameters[2:].tolist()
     step = DIFFERENCE_STEP * max(math.hypot(p, q), DIFFERENCE_STEP * m)
     curvature = np.zeros((PARAMETERS, PARAMETERS))
@@ -181,12 +181,12 @@ def _prior_curvature(
 
 
 def flattening(parameters: FloatArray) -> ComplexArray:
-    """D = p + iq of (k, 5) parameters. Units: mm."""
+    """Return d = p + iq of (k, 5) parameters. Units: mm."""
     d: ComplexArray = parameters[:, 3] + 1j * parameters[:, 4]
     return d
 
 
 def apply(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
-    """Each of (k, i, j) times each of (k, j)."""
+    """Multiply k matrices (k, i, j) by k vectors (k, j)."""
     product: FloatArray = (matrices @ vectors[:, :, None])[:, :, 0]
     return product

@@ -1,12 +1,12 @@
-"""Intervals from the profile likelihood: right also where the linear approximation is not.
+"""Profile-likelihood intervals, valid also where the linear approximation is not.
 
-With F the weighted sum of squares over the variance factor, the interval of a quantity g holds the
-values v with min {F : g = v} - min F <= c. Its ends are the extrema of g over {F <= min F + c}, and
-those of all quantities are found together (`lsvision.ellipse.interval_ends`).
+With F the weighted sum of squares over the variance factor, the interval of a quantity g contains
+the values v with min {F : g = v} - min F <= c. Its ends are the extrema of g over {F <= min F + c};
+those of all quantities are computed together (`lsvision.ellipse.interval_ends`).
 
-For radius and centre c is the quantile of chi^2 with one degree of freedom. Phi and theta are polar
-coordinates of d = (p, q), whose origin is the circle: within a few sigmas of it their ratio is no
-chi^2, and its quantile is computed in the normal approximation of d alone, which is regular there.
+For radius and centre, c is the quantile of chi^2 with one degree of freedom. Phi and theta are
+polar coordinates of d = (p, q), with the circle as origin. Within a few sigmas of it their ratio is
+not chi^2 distributed; its quantile is computed from the normal approximation of d.
 """
 
 import math
@@ -28,19 +28,19 @@ Quantity = Literal["radius", "theta", "phi", "centre_x", "centre_y"]
 Interval = tuple[float, float]
 
 THETA_LEVEL, THETA_MAX_ERROR = 0.99, math.radians(30.0)
-"""Confidence at which a theta that counts as determined is no further off."""
+"""Level of confidence of a determined theta, and largest half width of its interval. Units: rad."""
 CIRCLE_LEVEL = 0.999
-"""Confidence at which a section must be no circle before its theta counts as determined."""
+"""Level of confidence at which a circle must be excluded for theta to be determined."""
 MAX_PHI = math.radians(88.0)
 """Largest phi of an interval."""
 MIN_RADIUS_FACTOR, MAX_RADIUS_FACTOR = 0.02, 50.0
 """Limits of an interval of the radius, in radii; the second, in semi-major axes, of the centre."""
 PRIOR_SHARE = 0.995
-"""Sigma of a known quantity, over that of its prior, above which the points tell nothing of it."""
+"""Ratio of a known quantity's std to its prior's, above which its interval is that of the prior."""
 MIN_NOISE = 1e-9
-"""Least noise of points that counts, over m: below it F is rounding errors."""
+"""Smallest noise of points over m: below it F consists of rounding errors."""
 CACHED_FITS = 64
-"""Fits and levels whose intervals are kept: several profiles' worth."""
+"""Number of fits and levels whose intervals are cached: those of several profiles."""
 
 
 class Intervals(NamedTuple):
@@ -54,16 +54,16 @@ class Intervals(NamedTuple):
 
 
 def interval(fit: EllipseFit, quantity: Quantity, level: float = 0.95) -> Interval:
-    """Interval that holds the true value of one quantity with probability `level`.
+    """Return the interval that contains the true value of a quantity with probability `level`.
 
     Parameters
     ----------
     fit : EllipseFit
         The fit.
     quantity : {"radius", "theta", "phi", "centre_x", "centre_y"}
-        What the interval is of.
+        Quantity of the interval.
     level : float
-        Between 0 and 1.
+        Level of confidence, between 0 and 1.
 
     Returns
     -------
@@ -82,22 +82,22 @@ def interval(fit: EllipseFit, quantity: Quantity, level: float = 0.95) -> Interv
 
 
 def intervals(fit: EllipseFit, level: float = 0.95) -> Intervals:
-    """Intervals of all quantities, each of which holds the true value with probability `level`.
+    """Return the intervals of all quantities, each with a coverage probability of `level`.
 
     Parameters
     ----------
     fit : EllipseFit
-        The fit. Asked again, the intervals are not computed again.
+        The fit; its intervals are cached.
     level : float
-        Between 0 and 1.
+        Level of confidence, between 0 and 1.
 
     Returns
     -------
     Intervals
-        Units: mm or rad. Theta runs from low to high and may leave [0, pi) to do so; (0, pi) if
-        every direction is possible. Phi stays in [0, 88 deg], the radius between 0.02 and 50
-        times the estimate: those limits are the intervals where the region has no end that the
-        search reaches, as on arcs of less than 60 deg.
+        Units: mm or rad. Theta extends from low to high, also beyond [0, pi); (0, pi) if every
+        direction is possible. Phi is limited to [0, 88 deg], the radius to 0.02 to 50 times the
+        estimate; these limits are returned where the search finds no end, as on arcs of less
+        than 60 deg.
 
     Raises
     ------
@@ -116,7 +116,7 @@ def intervals(fit: EllipseFit, level: float = 0.95) -> Intervals:
 
 @lru_cache(maxsize=CACHED_FITS)
 def theta_is_determined(fit: EllipseFit) -> bool:
-    """Whether theta means something: no circle, at 99.9 %, and not 30 deg off, at 99 %."""
+    """Return whether a circle is excluded at 99.9 %, and an error of theta of 30 deg at 99 %."""
     fit = _with_noise(fit)
     ratios = CriticalRatios.of(fit, CIRCLE_LEVEL)
     circle = find_end_points(fit, ratios, _mask(rows.CIRCLE))
@@ -140,18 +140,18 @@ def _compute_intervals(fit: EllipseFit, level: float) -> Intervals:
     if "phi" in known:
         wanted[[rows.PHI_LOW, rows.PHI_HIGH, rows.PHI_HIGH_2]] = False
     ends = find_end_points(fit, ratios, wanted)
-    found = _intervals_between(fit, ratios, ends) if ends.reliable else _limits(fit)
-    return found._replace(**known)
+    computed = _intervals_between(fit, ratios, ends) if ends.reliable else _limits(fit)
+    return computed._replace(**known)
 
 
 def _with_noise(fit: EllipseFit) -> EllipseFit:
-    """The fit with at least the noise that F can resolve."""
+    """Return the fit with at least the noise that F can resolve numerically."""
     least = (MIN_NOISE * float(fit.parameters[2]) / float(fit.problem.stds.min())) ** 2
     return fit if fit.variance_factor >= least else replace(fit, variance_factor=least)
 
 
 def _known_quantities(fit: EllipseFit, sigmas: float) -> dict[str, Interval]:
-    """Intervals of quantities of which the points tell nothing: those of their priors."""
+    """Return the intervals of quantities that only their priors determine, not the points."""
     covariance, ellipse, problem = fit.parameter_covariance, fit.ellipse, fit.problem
     known = {}
     if problem.known_radius is not None:
@@ -169,7 +169,7 @@ def _known_quantities(fit: EllipseFit, sigmas: float) -> dict[str, Interval]:
 
 
 def _intervals_between(fit: EllipseFit, ratios: CriticalRatios, ends: EndPoints) -> Intervals:
-    """Intervals between end points, within their limits."""
+    """Return the intervals between end points, clipped to their limits."""
     x, y, m, p, q = ends.parameters.T
     h = np.hypot(p, q)
     radii, phis = m - h, 2 * np.arctan(np.sqrt(np.minimum(h / m, 1.0)))
@@ -196,7 +196,7 @@ def _intervals_between(fit: EllipseFit, ratios: CriticalRatios, ends: EndPoints)
 
 
 def _theta_interval(fit: EllipseFit, ends: EndPoints) -> Interval:
-    """Theta between its end points, at most 90 deg to either side of the estimate."""
+    """Return the interval of theta, at most 90 deg to either side of the estimate."""
     theta, quarter = fit.ellipse.theta, math.pi / 2
     turns = []
     for row in (rows.THETA_LOW, rows.THETA_HIGH):
@@ -207,7 +207,7 @@ def _theta_interval(fit: EllipseFit, ends: EndPoints) -> Interval:
 
 
 def _limits(fit: EllipseFit) -> Intervals:
-    """The widest intervals that are reported."""
+    """Return the widest intervals that are reported."""
     ellipse, (x, y) = fit.ellipse, fit.ellipse.centre
     far = MAX_RADIUS_FACTOR * ellipse.semi_major
     return Intervals(

@@ -1,7 +1,7 @@
-"""What is known of the tilt of a cylinder before the measurement: a prior on phi in the fit.
+"""Prior on the tilt phi of a cylinder in the ellipse fit.
 
 In the fit's parameters (centre, m, p, q) the tilt is ``tan^2(phi / 2) = h / m`` with
-``h = |(p, q)|``; how the axis lies, theta, stays open.
+``h = |(p, q)|``; the prior does not constrain theta.
 """
 
 import math
@@ -12,18 +12,18 @@ import numpy as np
 from lsvision.geometry import FloatArray
 
 EXACT_PHI_STD = 1e-6
-"""One sigma that stands for "exactly": small beside any noise, not singular. Units: rad."""
+"""Standard deviation of an exact phi: negligible against noise, but not singular. Units: rad."""
 PERPENDICULAR_PHI_STD = 1e-3
-"""The same about a circle, where phi^2 counts: a millionth of the radius. Units: rad."""
+"""Standard deviation of an exact phi near 0: phi^2 is a millionth of the radius. Units: rad."""
 CIRCLE_SIGMAS = 2.0
-"""Sigmas of a known phi within which the section may be a circle."""
+"""Ratio of phi to its prior std up to which the section may be a circle."""
 PHI_RANGE = math.pi / 2
 TINY = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
 class PhiPrior:
-    """A tilt that is known beforehand, because the laser or the part was set up so.
+    """Tilt that is known before the measurement, from the setup of laser and part.
 
     Parameters
     ----------
@@ -31,19 +31,19 @@ class PhiPrior:
         Angle between the cylinder's axis and the normal of the laser plane. Units: rad, from 0
         to below pi / 2. At 0 the section is a circle.
     std : float
-        One sigma; ``std = 0`` means exactly known. Units: rad.
+        Standard uncertainty; ``std = 0`` means exactly known. Units: rad.
 
     Notes
     -----
-    More than two sigmas from 0 the prior is normal on phi. It leaves (p, q) a ring to turn on,
-    so `fit_ellipse` uses it only where the points themselves tell theta.
+    More than two sigmas from 0 the prior is normal in phi. All (p, q) on a ring have this phi, so
+    `fit_ellipse` uses the prior only where the points themselves determine theta.
 
-    Nearer, the section may be a circle, where phi is no regular parameter: a cost of
-    (phi / std)^2 has a cusp there, the fit would stick to the circle and call it certain. There
-    (p, q) / m gets a normal prior about zero with the second moments that it has where phi is
-    the modulus of a normal variable and theta uniform:
-    E h^2 / m^2 = (phi^4 + 6 phi^2 std^2 + 3 std^4) / 16. The linear estimate and its covariance
-    need no more.
+    Nearer to 0 the section may be a circle, where phi is no regular parameter: a cost of
+    (phi / std)^2 has a cusp there, at which the fit would stop with far too small a variance.
+    There (p, q) / m has a normal prior about zero, with the second moments for a phi that is the
+    modulus of a normal variable and a uniform theta:
+    E h^2 / m^2 = (phi^4 + 6 phi^2 std^2 + 3 std^4) / 16. These moments determine the linear
+    estimate and its covariance.
 
     Raises
     ------
@@ -74,21 +74,21 @@ class PhiPrior:
 
     @property
     def residual_count(self) -> int:
-        """Number of residuals."""
+        """Number of residuals of the prior."""
         return 2 if self.includes_circle else 1
 
     @property
     def deviator_std(self) -> float:
-        """One sigma of p / m and of q / m about a circle."""
+        """Standard deviation of p / m and of q / m in the prior about a circle."""
         s = max(self.std, PERPENDICULAR_PHI_STD)
         fourth = self.phi**4 + 6 * (self.phi * s) ** 2 + 3 * s**4
         return math.sqrt(fourth / 32)
 
     def max_likelihood_ratio(self, level: float) -> float:
-        """Likelihood ratio, under the prior alone, that the circle's neighbours stay below.
+        """Return the critical likelihood ratio of the prior alone, near a circle.
 
-        Definition: (h / m)^2 / deviator_std^2 at the phi below which the modulus of a normal
-        variable stays with probability `level`. More than chi^2 gives: h goes with phi^2.
+        Definition: (h / m)^2 / deviator_std^2 at the `level` quantile of phi, the modulus of a
+        normal variable. It exceeds the quantile of chi^2, because h is quadratic in phi.
         """
         from scipy.optimize import brentq
         from scipy.special import ndtr
@@ -99,17 +99,17 @@ class PhiPrior:
         return float((upper * s) ** 4 / (16 * self.deviator_std**2))
 
     def residuals_and_jacobian(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Residuals of the prior over their standard deviations, and their derivative.
+        """Return the residuals of the prior over their standard deviations, and their derivative.
 
         Returns
         -------
         residuals : (k,) ndarray
             Two near a circle, else one.
         jacobian : (k, 5) ndarray
-            By (centre_x, centre_y, m, p, q). Units: 1/mm.
+            Derivative by (centre_x, centre_y, m, p, q). Units: 1/mm.
         """
         m, p, q = (float(value) for value in parameters[2:])
-        # Steps of the iteration may leave the ellipses; the tilt they have then must not matter.
+        # A step of the iteration may have m <= 0, which is no ellipse: avoid division by zero.
         m = max(m, TINY)
         jacobian = np.zeros((self.residual_count, 5))
         if self.includes_circle:

@@ -1,4 +1,4 @@
-"""The least-squares problem of one arc, and its solution by Levenberg and Marquardt."""
+"""Least-squares problem of one arc, and its solution by the Levenberg-Marquardt method."""
 
 import math
 from collections.abc import Callable
@@ -23,24 +23,24 @@ from lsvision.geometry.noisy_points import as_complex
 
 MAX_EVALUATIONS = 100
 DEFAULT_TOLERANCE = 1e-10
-"""The last step is one that reduces chi^2 by this share."""
+"""Relative decrease of chi^2 in a step, below which the iteration has converged."""
 STEP_TOLERANCE = 1e-10
-"""Or one of this share of the parameters: rounding; a larger share would be a length that depends
-on how far away the origin is."""
+"""Relative change of the parameters, with the same effect: of the order of rounding, because a
+larger one would be a length that depends on the distance of the origin."""
 MINPACK_MAXFEV_REACHED = 5
-"""MINPACK's info for that."""
+"""Value of MINPACK's `info` after the largest number of evaluations."""
 EXACT_RADIUS_STD = 1e-6
-"""Share of a known radius that stands for "exactly": small beside any noise, not singular."""
+"""Standard deviation of an exact radius over the radius: negligible, but not singular."""
 
 
 @dataclass(frozen=True, slots=True)
 class RadiusPrior:
-    """What is known of a radius before the measurement: a prior on b.
+    """Radius that is known before the measurement: a normal prior on b.
 
     Parameters
     ----------
     radius, std : float
-        Units: mm. ``std = 0`` means exactly known.
+        Mean and standard uncertainty; ``std = 0`` means exactly known. Units: mm.
     """
 
     radius: float
@@ -54,18 +54,18 @@ class RadiusPrior:
 
     @property
     def effective_std(self) -> float:
-        """One sigma as the fit uses it. Units: mm."""
+        """Standard deviation of the prior in the fit, never 0. Units: mm."""
         return max(self.std, EXACT_RADIUS_STD * self.radius)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class EllipseProblem:
-    """Least-squares problem of one arc with its weights held fixed.
+    """Least-squares problem of one arc with fixed weights.
 
     Parameters
     ----------
     points : (n, 2) ndarray
-        Section frame. Units: mm.
+        Points in the section frame. Units: mm.
     stds : (n,) ndarray
         Standard deviation of each residual. Units: mm.
     known_radius : RadiusPrior or None
@@ -84,12 +84,12 @@ class EllipseProblem:
 
     @property
     def prior_residual_count(self) -> int:
-        """How many residuals are not of points."""
+        """Number of residuals of the priors."""
         tilt = 0 if self.known_phi is None else self.known_phi.residual_count
         return tilt + (self.known_radius is not None)
 
     def evaluate(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Residuals over their standard deviations, and their derivative.
+        """Return the residuals over their standard deviations, and their derivative.
 
         Returns
         -------
@@ -106,8 +106,8 @@ class EllipseProblem:
         signed, n, w = compare(self.points, parameters)
         rows = parameter_jacobian(n, w)
         if self.residual == "radial":
-            # The ray turns as the centre moves: n counts where it meets the ellipse, and the
-            # rest of the residual lies along the ray.
+            # A shift of the centre also rotates the ray about the point: the residual lies along
+            # the ray, while n is the derivative at its intersection with the ellipse.
             ray = as_complex(self.points) - centre_of(parameters)
             length = np.abs(ray)
             turning = (ray - n * length) * (signed / length**2)
@@ -136,9 +136,9 @@ class EllipseProblem:
 
 
 class Solution(NamedTuple):
-    """Least squares' parameters (k,), and residuals (n,) and Jacobian (n, k) there.
+    """Estimated parameters (k,), with residuals (n,) and Jacobian (n, k) at them.
 
-    `converged` is false where the iteration was still moving when it had to end.
+    `converged` is false where the largest number of evaluations ended the iteration.
     """
 
     parameters: FloatArray
@@ -153,12 +153,12 @@ def minimise(
     max_evaluations: int = MAX_EVALUATIONS,
     tolerance: float = DEFAULT_TOLERANCE,
 ) -> Solution:
-    """The ellipse of least squares, by Levenberg-Marquardt (MINPACK) with analytic Jacobian.
+    """Fit the least-squares ellipse by Levenberg-Marquardt (MINPACK) with analytic Jacobian.
 
     Raises
     ------
     FitFailed
-        If the iteration leaves the finite numbers.
+        If the parameters are not finite.
     """
     rows = len(problem.points) + problem.prior_residual_count
     if rows < PARAMETERS:
@@ -178,39 +178,40 @@ def least_squares(
     max_evaluations: int = MAX_EVALUATIONS,
     tolerance: float = DEFAULT_TOLERANCE,
 ) -> Solution:
-    """Least squares by Levenberg-Marquardt (MINPACK) with analytic Jacobian.
+    """Solve a least-squares problem by Levenberg-Marquardt (MINPACK) with analytic Jacobian.
 
     Parameters
     ----------
     evaluate : callable
-        Parameters to residuals (n,) and Jacobian (n, k).
+        Function of the parameters (k,) that returns residuals (n,) and Jacobian (n, k).
     initial_guess : (k,) ndarray
-        Where to begin.
+        Initial parameters.
     max_evaluations : int
-        Then the iteration ends where it is.
+        Largest number of evaluations.
     tolerance : float
-        The last step is one that reduces chi^2 by this share.
+        Relative decrease of chi^2 in a step, below which the iteration has converged.
     """
     from scipy.optimize import leastsq
 
-    remembered = cache_last_evaluation(evaluate)
+    cached = cache_last_evaluation(evaluate)
     with np.errstate(all="ignore"):
-        found, *_, ending = leastsq(
-            lambda x: remembered(x)[0], initial_guess, Dfun=lambda x: remembered(x)[1],
+        parameters, *_, info = leastsq(
+            lambda x: cached(x)[0], initial_guess, Dfun=lambda x: cached(x)[1],
             xtol=STEP_TOLERANCE, ftol=tolerance, maxfev=max_evaluations, full_output=True,
         )  # fmt: skip
-        return Solution(found, *remembered(found), converged=ending != MINPACK_MAXFEV_REACHED)
+        converged = info != MINPACK_MAXFEV_REACHED
+        return Solution(parameters, *cached(parameters), converged=converged)
 
 
 def cache_last_evaluation(evaluate: Evaluation) -> Evaluation:
-    """MINPACK asks for residuals and Jacobian apart, at the same point; compute both once."""
+    """Return a function that keeps its last result: MINPACK calls for both parts separately."""
     last: dict[bytes, tuple[FloatArray, FloatArray]] = {}
 
-    def remembered(parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def cached(parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
         key = parameters.tobytes()
         if key not in last:
             last.clear()
             last[key] = evaluate(parameters)
         return last[key]
 
-    return remembered
+    return cached

@@ -1,4 +1,4 @@
-"""Geometric refinement of one arc (paper section 2.3), and of the noise model that it rests on."""
+"""Geometric refinement of one arc (paper section 2.3), with a correction of its noise model."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -12,7 +12,7 @@ from lsvision.geometry.noisy_points import NoisyPoints
 
 
 class Priors(NamedTuple):
-    """What is known of a cylinder before the measurement."""
+    """Priors on radius and tilt of a cylinder."""
 
     radius: RadiusPrior | None
     phi: PhiPrior | None
@@ -25,22 +25,22 @@ def refine_arc(
     settings: FittingSettings,
     estimated_std: float | None,
 ) -> EllipseFit:
-    """Fit an ellipse to the inliers of an arc, with the noise that its residuals show.
+    """Fit an ellipse to the inliers of an arc, with the noise model corrected by its residuals.
 
     Parameters
     ----------
     points : NoisyPoints
         Inliers, in order along the line.
     initial_guess : Ellipse
-        Of the homogenised arc. Units: mm, rad.
+        Ellipse of the homogenised arc. Units: mm, rad.
     priors : Priors
-        On radius and phi.
+        Priors on radius and phi.
     settings : FittingSettings
-        Of the fit.
+        Settings of the fit.
     estimated_std : float or None
-        Standard deviation of the noise where it was estimated: the variance is then free, and
-        an arc whose errors are correlated or grow with incidence is fitted again with the noise
-        model of a sensor that smooths along the line. Units: mm.
+        Standard deviation of an estimated noise, None for a noise model. The variance of an
+        estimated noise is free, and an arc whose errors are correlated or grow with incidence is
+        refitted with the noise of a sensor that smooths along the line. Units: mm.
 
     Returns
     -------
@@ -49,7 +49,7 @@ def refine_arc(
     Raises
     ------
     LsvisionError
-        If the points have no ellipse; see `fit_ellipse`.
+        If no ellipse can be fitted; see `fit_ellipse`.
     """
     if estimated_std is None:
         return fit_noisy_points(points, initial_guess, priors.radius, priors.phi, settings)
