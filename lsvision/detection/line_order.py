@@ -60,10 +60,7 @@ def _separate_returns(points: Points) -> IntArray | None:
 
 
 def _is_first_line(points: Points) -> BoolArray:
-    """Return which points lie on the first of two lines; each point continues the line nearer in Y.
-
-    The second return of a column continues the line that the first one does not.
-    """
+    """Return which points lie on the first of two lines: each joins the line nearer along Y."""
     x, y = points.T
     near, next_but_one = np.abs(y[1:] - y[:-1]), np.abs(y[2:] - y[:-2])
     limit = RETURN_STEPS * upper_median(np.minimum(near[1:], next_but_one))
@@ -74,6 +71,7 @@ def _is_first_line(points: Points) -> BoolArray:
     lines = [0]
     for height, is_second in zip(y[1:].tolist(), second_of_column[1:].tolist(), strict=True):
         distances = [limit if end is None else abs(height - end) for end in ends]
+        # The second return of a column lies on the line that the first one is not on.
         line = 1 - lines[-1] if is_second else int(distances[1] < distances[0])
         ends[line] = height
         lines.append(line)

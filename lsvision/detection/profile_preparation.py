@@ -30,9 +30,8 @@ MIN_NOISE_PITCHES = 1e-5
 def prepare_profile(profile: Profile, noise: NoiseModel | None) -> PreparedProfile:
     """Order a profile's valid points along the line and add their noise.
 
-    Without a noise model the noise is along Y, estimated from the offsets of points from the mean
-    of their neighbours. More than 20 000 points are thinned. Lost points are left out, unless all
-    points are lost.
+    Without a noise model the noise is along Y, by `estimate_noise_std`. More than 20 000 points are
+    thinned evenly. Lost points are left out, unless all points are lost.
     """
     columns = _valid_columns(profile.points)
     points = profile.points[columns]
