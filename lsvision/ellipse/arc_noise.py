@@ -2,8 +2,7 @@
 
 The noise model of a profile gives size and direction of the errors of single points. Where it was
 estimated from neighbours, or the sensor smooths along the line, the residuals of an arc correct
-it by a variance factor, an autocorrelation time, and variances that increase with the angle of
-incidence.
+it by a variance factor, an autocorrelation time, and variances that increase with incidence.
 """
 
 import math

@@ -1,7 +1,7 @@
-"""Ends of intervals: the extrema of five quantities over {F <= min F + c}, found together.
+"""Ends of intervals: the extrema of five quantities over {F <= min F + c}, computed together.
 
 Each end is a row of parameters (centre_x, centre_y, m, p, q). An iteration expands F to second
-order at every row, which makes the region an ellipsoid, and moves the row to the extremum of its
+order at every row, so that the region is an ellipsoid, and moves the row to the extremum of its
 quantity over that ellipsoid (`lsvision.ellipse.region_extrema`). Convergence is quadratic. One more
 row is the best circle, the minimum of F on d = 0.
 """
@@ -31,42 +31,42 @@ from lsvision.geometry import BoolArray, FloatArray
 from lsvision.geometry.noisy_points import ComplexArray
 
 FIRST_ROUNDS, ROUNDS = 4, 2
-"""Newton steps of the direction u, at the start and in each iteration."""
+"""Numbers of Newton steps of the direction u, at the start and in each iteration."""
 SAME_DIRECTION = 0.99
 """Cosine of the angle between two directions above which both lead to the same extremum."""
 MAX_EVALUATIONS = 20
-"""Iterations. One to three suffice on an arc over 90 deg; where so many do not, the region has no
-end that matters."""
+"""Largest number of iterations. One to three suffice on an arc over 90 deg; where 20 do not, the
+end of the region is too far away to be of use."""
 MAX_RESTARTS = 2
-"""How often rows start again from a point further out that another row found."""
+"""Largest number of restarts of rows from a point further out that another row found."""
 STEP_TOLERANCE, RATIO_TOLERANCE, CRITICAL_TOLERANCE = 0.15, 0.06, 0.005
-"""A step so short, in radii of the region, from where F - min F is so near to c, and c to that of
-the step before, as shares of c, is the last. The end that it leads to is right to about the square,
-0.3 % of the width."""
+"""Limits of convergence: length of the last step in radii of the region; difference of F - min F
+from c, and of c from its last value, as fractions of c. The error of the end is quadratic in them,
+about 0.3 % of the width."""
 MAX_STEP = 2.5
 """Longest step, in radii of the region."""
 MAX_LOG_STEP = 2.0
 """Largest change of log m in a step."""
 MAX_RATIO = 6.0
-"""F of the points, less its minimum and over c, above which a step has left the region behind."""
+"""Largest F - min F of the points over c after a step; a step beyond it is rejected."""
 STEP_REDUCTION, STEP_GROWTH = 0.35, 1.5
-"""Share of a step that is tried after one that has, or that led to no ellipse."""
+"""Factors on the fraction of a step after a rejected (also: no ellipse) and an accepted step."""
 MAX_FLATTENING = 0.998
-"""Largest h / m of a step: axes of 1 to 1000."""
+"""Largest h / m of a step: an axis ratio of 1 to 1000."""
 FAR_CIRCLE, CIRCLE_PRECISION = 2.0, 20.0
-"""A best circle predicted beyond so many times its critical ratio, from one whose F is no more than
-so many times the prediction, is none that matters."""
+"""The search for the best circle ends, and a circle is excluded, if its predicted ratio exceeds the
+critical one by the first factor, and the present ratio the predicted one by under the second."""
 CRITICAL_SLACK, SURPASSING_SHARE = 1.001, 0.02
-"""An end lies in all regions of a c that is greater, or less by rounding; it surpasses another end
-if it is further out by this share of half the width."""
+"""Tolerance for rounding in the comparison of two c, and distance by which an end must be further
+out than another one to replace it, as a fraction of half the width."""
 
 
 class EndPoints(NamedTuple):
-    """Where the extrema are.
+    """Extrema of all quantities.
 
-    parameters (13, 5); wanted (13,): false for rows that do not matter; circle_ratio: F of the best
-    circle less min F, or a value beyond all critical ones; reliable: false if a wanted row did not
-    arrive, or another end is further out for it than its own.
+    parameters (13, 5); wanted (13,): false for rows not needed; circle_ratio: F of the best circle
+    less min F, or a value above all critical ones; reliable: false if a wanted row has not
+    converged, or another row has a more extreme value of its quantity.
     """
 
     parameters: FloatArray
@@ -76,7 +76,7 @@ class EndPoints(NamedTuple):
 
 
 class _State(NamedTuple):
-    """Rows on their way: parameters (13, 5), expansion, targets, step shares and flags (13,)."""
+    """State of the iteration: parameters (13, 5), expansion, targets, step factors, flags (13,)."""
 
     parameters: FloatArray
     expansion: Expansion
@@ -87,18 +87,18 @@ class _State(NamedTuple):
 
 
 def find_end_points(fit: EllipseFit, ratios: CriticalRatios, wanted: BoolArray) -> EndPoints:
-    """Extrema of radius, centre, phi and theta over {F <= min F + c}, and the best circle.
+    """Find the extrema of radius, centre, phi and theta over {F <= min F + c}, and the best circle.
 
     Parameters
     ----------
     fit : EllipseFit
         The fit.
     ratios : CriticalRatios
-        c of each quantity.
+        Critical ratios c of the quantities.
     wanted : (13,) bool ndarray
         Rows to find.
     """
-    with np.errstate(all="ignore"):  # rows that leave the finite numbers are sent back
+    with np.errstate(all="ignore"):  # steps to parameters without finite cost are rejected
         region = Region(fit, ratios, expand_cost(fit, fit.parameters[None]))
         state = _start(region, wanted)
         for _ in range(1 + MAX_RESTARTS):
@@ -114,7 +114,7 @@ def find_end_points(fit: EllipseFit, ratios: CriticalRatios, wanted: BoolArray) 
 
 
 def _start(region: Region, wanted: BoolArray) -> _State:
-    """All rows at the estimate, with the targets of the linear approximation."""
+    """Return the initial state: all rows at the estimate, with targets from its expansion."""
     parameters = np.repeat(region.fit.parameters[None], ROWS, axis=0)
     expansion = Expansion(*(np.repeat(field, ROWS, axis=0) for field in region.best))
     angles, kappas = region.search_directions()
@@ -133,12 +133,12 @@ def _start(region: Region, wanted: BoolArray) -> _State:
 
 
 def _fit_circle(fit: EllipseFit) -> FloatArray:
-    """Parameters (5,) of the algebraic circle of the points."""
+    """Return the parameters (5,) of the algebraic circle of the points."""
     points, weights = fit.problem.points, 1 / fit.problem.stds
     origin = points.mean(axis=0)
-    own = points - origin
-    rows = np.column_stack([2 * own, np.ones(len(own))]) * weights[:, None]
-    x, y, power = np.linalg.lstsq(rows, (own**2).sum(axis=1) * weights)[0]
+    centred = points - origin
+    rows = np.column_stack([2 * centred, np.ones(len(centred))]) * weights[:, None]
+    x, y, power = np.linalg.lstsq(rows, (centred**2).sum(axis=1) * weights)[0]
     return np.array([origin[0] + x, origin[1] + y, math.sqrt(power + x * x + y * y), 0.0, 0.0])
 
 
@@ -176,7 +176,7 @@ def _advance(region: Region, state: _State) -> _State:
 
 
 def _step_lengths(state: _State) -> FloatArray:
-    """Steps to the targets in radii of the region, sqrt(delta' A delta / c)."""
+    """Return the steps to the targets in radii of the region, sqrt(delta' A delta / c)."""
     steps = state.targets.parameters - state.parameters
     squares = (apply(state.expansion.information, steps) * steps).sum(axis=1)
     lengths: FloatArray = np.sqrt(np.maximum(squares, 0.0) / state.targets.critical)
@@ -190,7 +190,7 @@ def _step_shares(state: _State) -> FloatArray:
 
 
 def _is_last_step(region: Region, state: _State, previous: FloatArray) -> BoolArray:
-    """Whether the next step is the last of each row; `previous` is its c (13,) one step ago."""
+    """Return whether the next step is the last of each row; `previous` is c (13,) one step ago."""
     critical, ratio = state.targets.critical, state.expansion.cost - region.best.cost
     last: BoolArray = _step_lengths(state) < STEP_TOLERANCE
     last &= np.abs(critical - previous) < CRITICAL_TOLERANCE * critical
@@ -204,10 +204,10 @@ def _is_last_step(region: Region, state: _State, previous: FloatArray) -> BoolAr
 def _move(
     fit: EllipseFit, parameters: FloatArray, targets: FloatArray, shares: FloatArray
 ) -> FloatArray:
-    """Rows moved by a share of the step to the targets, straight in coordinates of an arc.
+    """Return the rows moved by a fraction of the step to the targets, in coordinates of an arc.
 
-    These are the middle of the arc, log m and d / m: in them the region of a short arc is more
-    nearly an ellipsoid. What is known beforehand is a coordinate too, so that a step keeps to it.
+    The coordinates are the middle point of the arc, log m and d / m, in which the region of a short
+    arc is more nearly an ellipsoid. A known radius or phi is a coordinate, too: steps preserve it.
     """
     steps = shares[:, None] * (targets - parameters)
     m, d, dm, dd = parameters[:, 2], flattening(parameters), steps[:, 2], flattening(steps)
@@ -225,7 +225,7 @@ def _move(
 
 
 def _bend(fit: EllipseFit, delta: ComplexArray, step: ComplexArray) -> ComplexArray:
-    """Step of d / m, straight in phi where that is known and no circle."""
+    """Return d / m after a step, linear in phi if a prior on phi excludes a circle."""
     known, bent = fit.problem.known_phi, delta + step
     if known is None or known.includes_circle:
         return bent
@@ -237,10 +237,10 @@ def _bend(fit: EllipseFit, delta: ComplexArray, step: ComplexArray) -> ComplexAr
 
 
 def _restart_surpassed(region: Region, state: _State) -> _State:
-    """Start rows again that did not arrive, or whose end is not the furthest that is known.
+    """Restart rows that have not converged, or for which another row found a more extreme value.
 
-    Every end lies in the region of all others that have no smaller c, and so does the estimate:
-    a row whose own end is surpassed goes on from the furthest.
+    Every end, and the estimate, lies in the regions of all rows whose c is not smaller: such a row
+    restarts from the most extreme of these points.
     """
     estimate = region.fit.parameters
     candidates = np.vstack([state.parameters, estimate])
@@ -249,19 +249,19 @@ def _restart_surpassed(region: Region, state: _State) -> _State:
     sources[CIRCLE] = False
     inside = sources[:, None] & (critical[:, None] < CRITICAL_SLACK * critical[:-1])
     heights = _heights(candidates, estimate)
-    known = np.where(inside, heights, -np.inf)
-    own, of_estimate = heights.diagonal().copy(), heights[ROWS]
+    reached = np.where(inside, heights, -np.inf)
+    ends, of_estimate = heights.diagonal().copy(), heights[ROWS]
     for first, second in SECOND_ROWS.items():
         if sources[second]:
-            own[[first, second]] = own[[first, second]].max()
-    surpassed = known.max(axis=0) > own + SURPASSING_SHARE * np.abs(own - of_estimate)
+            ends[[first, second]] = ends[[first, second]].max()
+    surpassed = reached.max(axis=0) > ends + SURPASSING_SHARE * np.abs(ends - of_estimate)
     again = state.wanted & (state.active | surpassed)
     again[CIRCLE] = state.active[CIRCLE]
-    return _restart(region, state, again, candidates[known.argmax(axis=0)])
+    return _restart(region, state, again, candidates[reached.argmax(axis=0)])
 
 
 def _restart(region: Region, state: _State, again: BoolArray, starts: FloatArray) -> _State:
-    """State with some rows at new parameters (13, 5); only those are active."""
+    """Return the state with some rows at new parameters (13, 5); only those are active."""
     rows = np.flatnonzero(again)
     if not rows.size:
         return state
@@ -279,7 +279,7 @@ def _restart(region: Region, state: _State, again: BoolArray, starts: FloatArray
 
 
 def _heights(parameters: FloatArray, estimate: FloatArray) -> FloatArray:
-    """How far out (k, 5) parameters are for each row, (k, 13): the quantity or its negative."""
+    """Return the quantity that each row maximises, (k, 13), for parameters (k, 5)."""
     x, y, m = parameters[:, :3].T
     d = flattening(parameters)
     h = np.abs(d)
@@ -289,9 +289,9 @@ def _heights(parameters: FloatArray, estimate: FloatArray) -> FloatArray:
 
 
 def _arc_middle(fit: EllipseFit) -> complex:
-    """Unit vector w of the point in the middle of the arc."""
+    """Return the unit vector w of the point in the middle of the arc."""
     x, y, m, p, q = fit.parameters.tolist()
     points = fit.problem.points
-    own = complex(*points[len(points) // 2].tolist()) - complex(x, y)
-    w: complex = m * own - complex(p, q) * own.conjugate()
+    offset = complex(*points[len(points) // 2].tolist()) - complex(x, y)
+    w: complex = m * offset - complex(p, q) * offset.conjugate()
     return w / max(abs(w), TINY)

@@ -42,8 +42,7 @@ class PhiPrior:
     (phi / std)^2 has a cusp there, at which the fit would stop with far too small a variance.
     There (p, q) / m has a normal prior about zero, with the second moments for a phi that is the
     modulus of a normal variable and a uniform theta:
-    E h^2 / m^2 = (phi^4 + 6 phi^2 std^2 + 3 std^4) / 16. These moments determine the linear
-    estimate and its covariance.
+    E h^2 / m^2 = (phi^4 + 6 phi^2 std^2 + 3 std^4) / 16, which suffice for a linear estimate.
 
     Raises
     ------

@@ -199,8 +199,7 @@ def least_squares(
             lambda x: cached(x)[0], initial_guess, Dfun=lambda x: cached(x)[1],
             xtol=STEP_TOLERANCE, ftol=tolerance, maxfev=max_evaluations, full_output=True,
         )  # fmt: skip
-        converged = info != MINPACK_MAXFEV_REACHED
-        return Solution(parameters, *cached(parameters), converged=converged)
+        return Solution(parameters, *cached(parameters), converged=info != MINPACK_MAXFEV_REACHED)
 
 
 def cache_last_evaluation(evaluate: Evaluation) -> Evaluation:

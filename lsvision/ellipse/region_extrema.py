@@ -1,9 +1,9 @@
-"""Extrema of five quantities over ellipsoids: where a step towards the ends of intervals leads.
+"""Extrema of five quantities over ellipsoids: the targets of a step towards the ends of intervals.
 
 About parameters (centre_x, centre_y, m, p, q) the region {F <= min F + c} is an ellipsoid with
-centre mu, radius rho and shape C. The quantities are not approximated: each is linear while the
-direction of d = (p, q) is held, so its extremum is ``mu + rho C f / |f|_C``, with f the gradient
-for that direction:
+centre mu, radius rho and shape C. The quantities are not approximated: each is linear for a fixed
+direction of d = (p, q), so its extremum is ``mu + rho C f / |f|_C``, with f the gradient for that
+direction:
 
 - centre: f is an axis;
 - theta: f is normal to the tangent from the circle d = 0 to the ellipsoid;
@@ -26,9 +26,9 @@ from lsvision.geometry import FloatArray
 RADIUS_LOW, RADIUS_HIGH, PHI_LOW, PHI_HIGH, RADIUS_LOW_2, PHI_HIGH_2 = range(6)
 X_LOW, X_HIGH, Y_LOW, Y_HIGH, THETA_LOW, THETA_HIGH, CIRCLE = range(6, 13)
 DIRECTED, ROWS = 6, 13
-"""Number of the rows that have a direction u, the first, and of all."""
+"""Number of rows that have a direction u, which come first, and of all rows."""
 SECOND_ROWS = {RADIUS_LOW: RADIUS_LOW_2, PHI_HIGH: PHI_HIGH_2}
-"""The least radius and the largest phi may have two local extrema, with opposite d."""
+"""The smallest radius and the largest phi may have two local extrema, with opposite d."""
 OUTWARD = np.array([1.0, -1.0, -1.0, 1.0, 1.0, 1.0])
 """+1 for the ends of largest h, -1 for those of smallest."""
 IS_PHI = np.array([False, False, True, True, False, True])
@@ -42,17 +42,17 @@ RIDGE_ROWS = {
 """Rows whose end may be a circle, with their gradient by (x, y, m) there."""
 
 SEARCHED_ANGLES, SEARCH_ROUNDS = 48, 3
-"""Directions of d among which radius and phi start, 7.5 deg apart, and how often kappa follows."""
+"""Number of initial directions of d for radius and phi, 7.5 deg apart, and of updates of kappa."""
 MAX_TURN = 0.7
 """Longest Newton step of the direction u. Units: rad."""
 MAX_TANGENT = 0.98
-"""Sine of half the angle that the ellipsoid fills seen from the circle, at most: an expansion that
-still contains the circle has no tangent."""
+"""Largest sine of half the angle that the ellipsoid subtends at the circle: a circle inside the
+ellipsoid has no tangent to it."""
 TINY = 1e-300
 
 
 class Targets(NamedTuple):
-    """Where to move: parameters (13, 5), angles and kappas (6,), c (13,), least F on d = 0."""
+    """Targets of a step: parameters (13, 5), angles and kappas (6,), c (13,), min F on d = 0."""
 
     parameters: FloatArray
     angles: FloatArray
@@ -63,7 +63,7 @@ class Targets(NamedTuple):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Region:
-    """{F <= min F + c} of a fit; `best` is the expansion at the estimate."""
+    """Region {F <= min F + c} of a fit; `best` is the expansion at the estimate."""
 
     fit: EllipseFit
     ratios: CriticalRatios
@@ -72,7 +72,7 @@ class Region:
     def find_targets(
         self, parameters: FloatArray, expansion: Expansion, last: Targets, rounds: int
     ) -> Targets:
-        """Extrema over the ellipsoids of the expansion at each row."""
+        """Return the extrema over the ellipsoids of the expansion at each row."""
         to_centre = apply(expansion.covariance, expansion.gradient)
         centres = parameters - to_centre
         # Squared radius of each ellipsoid less c.
@@ -98,7 +98,7 @@ class Region:
         return Targets(targets, angles, kappas, critical, circle_ratio)
 
     def search_directions(self) -> tuple[FloatArray, FloatArray]:
-        """Angles and kappas (6,) of the extrema over the ellipsoid at the estimate."""
+        """Return angles and kappas (6,) of the extrema over the ellipsoid at the estimate."""
         centre = (self.fit.parameters - apply(self.best.covariance, self.best.gradient)[0])[2:]
         shape, critical = self.best.covariance[0, 2:, 2:], self.ratios.one
         turns = np.linspace(0, 2 * np.pi, SEARCHED_ANGLES, endpoint=False)
@@ -127,7 +127,7 @@ class Region:
         last: Targets,
         rounds: int,
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Angles, kappas and c (6,) of the directed rows, from ellipsoids of (m, p, q)."""
+        """Return angles, kappas and c (6,) of the directed rows, from ellipsoids of (m, p, q)."""
         angles, kappas, critical = last.angles, last.kappas, last.critical[:DIRECTED].copy()
         for _ in range(rounds):
             cos, sin = np.cos(angles), np.sin(angles)
@@ -155,11 +155,11 @@ class Region:
         critical: FloatArray,
         targets: FloatArray,
     ) -> float:
-        """Write the targets that are circles; the least F of circles, less min F.
+        """Replace targets that are circles, and return the smallest F of circles, less min F.
 
-        On d = 0 the radius b = m - |d| has a ridge. Its greatest value, or any extremum that a
-        known radius holds on the surface b = const, stays there where F of the points grows faster
-        across the ridge than along m.
+        On d = 0 the radius b = m - |d| has a ridge. The largest radius, and with a known radius any
+        extremum on the surface b = const, lies on the ridge if F of the points increases faster
+        across it than along m.
         """
         level = self.best.cost[0] + critical
         for row, f in RIDGE_ROWS.items():
@@ -180,7 +180,7 @@ class Region:
 
 
 def _directed_gradients(angles: FloatArray, kappas: FloatArray) -> FloatArray:
-    """Gradients of +/- (u . d - kappa m) by (m, p, q), (6, 3)."""
+    """Return the gradients of +/- (u . d - kappa m) by (m, p, q), (6, 3)."""
     gradients: FloatArray = OUTWARD[:, None] * np.stack(
         [-kappas, np.cos(angles), np.sin(angles)], axis=1
     )
@@ -190,7 +190,7 @@ def _directed_gradients(angles: FloatArray, kappas: FloatArray) -> FloatArray:
 def _find_tangent(
     centre: FloatArray, shape: FloatArray, rho: float, side: float
 ) -> tuple[FloatArray, float, FloatArray]:
-    """Normal of a tangent from 0 to an ellipse in the plane, its radius, and where it touches."""
+    """Return normal, radius and point of contact of a tangent from 0 to an ellipse in the plane."""
     first = math.sqrt(max(shape[0, 0], TINY))
     mixed = shape[1, 0] / first
     root = np.array([[first, 0.0], [mixed, math.sqrt(max(shape[1, 1] - mixed * mixed, TINY))]])
@@ -206,7 +206,7 @@ def _find_tangent(
 def _circle_section(
     parameters: FloatArray, expansion: Expansion, row: int
 ) -> tuple[FloatArray, FloatArray, float]:
-    """Least F on d = 0 in the expansion at a row: where, covariance of (x, y, m), and F."""
+    """Minimise the expansion at a row on d = 0; return parameters, covariance (x, y, m) and F."""
     A, b, d = expansion.information[row], expansion.gradient[row], -parameters[row, 3:]
     covariance = np.linalg.inv(A[:3, :3])
     slope = b[:3] + A[:3, 3:] @ d

@@ -1,8 +1,8 @@
-"""Ellipses good enough to look around with: stable on short arcs, biased a little, fast.
+"""Robust ellipse fit for detection: fast and stable on short arcs, with a small bias.
 
-An arc of 40 deg leaves the tilt of a free ellipse almost undetermined, and a fit that runs off
-to a needle recognises nothing. Here a weak prior (few pipes are tilted by more than 60 deg)
-holds the difference of the semi-axes; on a long arc the data overrule it.
+An arc of 40 deg hardly determines the tilt of a free ellipse, whose fit may degenerate to a
+straight line. Here a weak prior (few pipes are tilted by more than 60 deg) limits the difference
+of the semi-axes; on a long arc it has no effect.
 """
 
 import math
@@ -18,35 +18,35 @@ from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints
 from lsvision.statistics.robust import MAD_TO_STD, upper_median
 
 FLATTENING_PRIOR_STD = 0.3
-"""Standard deviation of (a - b) / (a + b) before the data speak: a tilt of 57 deg."""
+"""Prior standard deviation of (a - b) / (a + b): a tilt of 57 deg."""
 TINY = 1e-300
 IDENTITY = np.eye(PARAMETERS)
 MAX_RELATIVE_STEP = 0.1
-"""Damping: a step of this share of the size is as dear as a misfit of one sigma."""
+"""Damping: a step of this fraction of m costs as much as a residual of one sigma."""
 CAUCHY_SCALE_SIGMAS = 3.0
-"""A point so far off has half its weight."""
+"""Normalised residual of a point with half its weight."""
 VARIANCE_FLOOR_FRACTION = 0.05
-"""Share of the total variance that counts along any normal: one 13 deg off."""
+"""Fraction of the total variance added along any normal: as for a normal that is 13 deg wrong."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class EllipseResiduals:
-    """Points compared with an ellipse, to first order.
+    """Residuals of points from an ellipse, to first order.
 
     Parameters
     ----------
     residuals : (n,) ndarray
-        Orthogonal distance, positive outside; exact at the ellipse, right to second order near
-        it. Units: mm.
+        Orthogonal distance, positive outside; its error is of second order near the ellipse.
+        Units: mm.
     normals, w : (n,) complex ndarray
         Outward unit normal, and unit vector of c + E w, where the ray from the centre meets the
         ellipse.
     variances : (n,) ndarray
-        Of the points' errors along these normals, n' Sigma n. Units: mm^2.
+        Variance of the points' errors along these normals, n' Sigma n. Units: mm^2.
     inflated_variances : (n,) ndarray
-        The same where a normal is itself not yet known well: at a grazing flank n' Sigma n
-        almost vanishes, and a normal a few degrees off would give that point all the weight;
-        `VARIANCE_FLOOR_FRACTION` of the total variance is added. Units: mm^2.
+        These variances plus `VARIANCE_FLOOR_FRACTION` of the total variance: on a steep flank
+        n' Sigma n almost vanishes, and with a normal a few degrees wrong a single point would
+        dominate the fit. Units: mm^2.
     """
 
     residuals: FloatArray
@@ -66,7 +66,7 @@ class EllipseResiduals:
 
 
 def ellipse_residuals(points: NoisyPoints, parameters: FloatArray) -> EllipseResiduals:
-    """Points compared with an ellipse (see `lsvision.ellipse.parameters`).
+    """Return the residuals of points from an ellipse (see `lsvision.ellipse.parameters`).
 
     The symmetric matrix E / m acts on w as w + d conj(w), with d = (p + iq) / m, and its adjugate,
     which the inverse and the normals are made of, as w - d conj(w).
@@ -87,7 +87,7 @@ def ellipse_residuals(points: NoisyPoints, parameters: FloatArray) -> EllipseRes
 
 
 class WeightedSystem(NamedTuple):
-    """Linearised least squares of points compared with an ellipse.
+    """Linearised least-squares problem of the residuals from an ellipse.
 
     Parameters
     ----------
@@ -102,10 +102,10 @@ class WeightedSystem(NamedTuple):
 
     @classmethod
     def of(cls, compared: EllipseResiduals, variance_factor: float) -> "WeightedSystem":
-        """Cauchy's weights: scaled variances that grow with the square of the residual.
+        """Return the system with Cauchy's weights: variances grow with the squared residual.
 
-        The foot of a weld bead at a flank, where n' Sigma n is small, would else pull the whole
-        ellipse to itself, and the next step far beyond.
+        Otherwise the foot of a weld bead on a flank, where n' Sigma n is small, would dominate the
+        fit, and the next step would diverge.
         """
         rows = np.empty((PARAMETERS + 1, len(compared.residuals)))
         parameter_jacobian(compared.normals, compared.w, out=rows[:PARAMETERS])
@@ -116,7 +116,7 @@ class WeightedSystem(NamedTuple):
         return cls(rows, 1 / variances)
 
     def normal_equations(self, which: slice | IntArray = slice(None)) -> FloatArray:
-        """Normal equations of some of the points: information and gradient side by side, (5, 6)."""
+        """Return the normal equations of some points, (5, 6): information, then gradient."""
         rows = self.rows[:, which]
         equations: FloatArray = (rows[:PARAMETERS] * self.weights[which]) @ rows.T
         return equations
@@ -131,33 +131,33 @@ def add_flattening_prior(equations: FloatArray, parameters: FloatArray) -> None:
 
 
 def damped_step(equations: FloatArray, parameters: FloatArray) -> FloatArray:
-    """Step (5,) towards the minimum, damped on the scale of the ellipse; NaN if singular."""
+    """Return the step (5,) to the minimum, damped in units of the ellipse's m; NaN if singular."""
     damping = 1 / (MAX_RELATIVE_STEP * float(parameters[2])) ** 2
     damped = equations[:, :PARAMETERS] + damping * IDENTITY
     return solve_positive_definite(damped, equations[:, PARAMETERS])
 
 
 def inverse_information(equations: FloatArray) -> FloatArray:
-    """Covariance (5, 5) of the parameters; NaN if singular. Units: mm^2."""
+    """Return the covariance (5, 5) of the parameters; NaN if singular. Units: mm^2."""
     return solve_positive_definite(equations[:, :PARAMETERS], IDENTITY)
 
 
 def refine_ellipse(points: NoisyPoints, parameters: FloatArray, steps: int) -> FloatArray:
-    """A few Gauss-Newton steps of the robust weighted fit, the tilt held by its prior.
+    """Refine an ellipse by robust, weighted Gauss-Newton steps with a prior on its flattening.
 
     Parameters
     ----------
     points : NoisyPoints
-        Of the arc.
+        Points of the arc.
     parameters : (5,) ndarray
-        Start; see `lsvision.ellipse.parameters`. Units: mm.
+        Initial guess; see `lsvision.ellipse.parameters`. Units: mm.
     steps : int
-        Gauss-Newton steps.
+        Number of Gauss-Newton steps.
 
     Returns
     -------
     (5,) ndarray
-        NaN where the iteration breaks down.
+        Refined parameters, NaN where a step gives no ellipse. Units: mm.
     """
     for _ in range(steps):
         if math.isnan(parameters[0]):
@@ -167,16 +167,16 @@ def refine_ellipse(points: NoisyPoints, parameters: FloatArray, steps: int) -> F
 
 
 def gauss_newton_step(compared: EllipseResiduals, parameters: FloatArray) -> FloatArray:
-    """One Gauss-Newton step of `refine_ellipse`, from points compared with the ellipse."""
+    """Return the parameters after one step of `refine_ellipse`; NaN if they are no ellipse."""
     squares = compared.residuals * compared.residuals / compared.inflated_variances
     factor = max(upper_median(squares) * MAD_TO_STD**2, 1.0)
     equations = WeightedSystem.of(compared, factor).normal_equations()
     add_flattening_prior(equations, parameters)
-    nearer = parameters + damped_step(equations, parameters)
-    return nearer if is_ellipse(nearer) else np.full(PARAMETERS, np.nan)
+    refined = parameters + damped_step(equations, parameters)
+    return refined if is_ellipse(refined) else np.full(PARAMETERS, np.nan)
 
 
-def solve_positive_definite(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    """Solution of a symmetric positive definite system; NaN where the matrix is none."""
-    _, solution, failed = dposv(matrix, right)
+def solve_positive_definite(matrix: FloatArray, rhs: FloatArray) -> FloatArray:
+    """Solve a symmetric positive definite system; NaN if the matrix is not positive definite."""
+    _, solution, failed = dposv(matrix, rhs)
     return np.full_like(solution, np.nan) if failed else solution

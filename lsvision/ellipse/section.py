@@ -1,4 +1,4 @@
-"""One measured section of a cylinder: the numbers a user asks for, each with its sigma."""
+"""Measured section of a cylinder: its quantities with standard uncertainties and intervals."""
 
 import math
 from dataclasses import dataclass, replace
@@ -17,21 +17,21 @@ from lsvision.results.quantities import LEVEL, Estimate, Record, finite, numbers
 from lsvision.results.result import Result
 
 THETA_UNKNOWN_STD = math.pi / math.sqrt(12)
-"""Standard deviation of a direction of which nothing is known, uniform in [0, pi). Units: rad."""
+"""Standard deviation of an undetermined direction, uniform in [0, pi). Units: rad."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CylinderSection(Result):
-    """A cylinder as one light section sees it.
+    """Cylinder measured in one light section.
 
     Parameters
     ----------
     fit : EllipseFit
-        The ellipse with its evidence.
+        Fitted ellipse with its covariance.
     arc : Arc
-        The span of the profile.
+        Index span of the profile.
     indices : (k,) int ndarray
-        The points of the profile it rests on.
+        Indices of the fitted points in the profile.
 
     Examples
     --------
@@ -51,12 +51,12 @@ class CylinderSection(Result):
 
     @property
     def ellipse(self) -> Ellipse:
-        """The section. Units: mm, rad."""
+        """Fitted ellipse. Units: mm, rad."""
         return self.fit.ellipse
 
     @property
     def radius(self) -> float:
-        """Definition: b. Units: mm."""
+        """Radius of the cylinder: the semi-minor axis b. Units: mm."""
         return self.ellipse.radius
 
     @property
@@ -71,12 +71,12 @@ class CylinderSection(Result):
 
     @property
     def centre(self) -> tuple[float, float]:
-        """Section frame. Units: mm."""
+        """Centre of the ellipse in the section frame. Units: mm."""
         return self.ellipse.centre
 
     @property
     def axis_candidates(self) -> FloatArray:
-        """Both axes that this one section allows: (2, 3) unit vectors, section frame.
+        """Both axis directions consistent with this section: (2, 3) unit vectors, section frame.
 
         cos(phi) n + sin(phi) m and cos(phi) n - sin(phi) m, with n the laser plane's normal and
         m the ellipse's major axis.
@@ -85,15 +85,15 @@ class CylinderSection(Result):
 
     @property
     def axis_twins(self) -> FloatArray:
-        """The same as `axis_candidates`, by its older name."""
+        """Older name of `axis_candidates`."""
         return self.axis_candidates
 
     @property
     def covariance(self) -> FloatArray:
         """Covariance of centre_x, centre_y, semi_major, semi_minor, theta: (5, 5).
 
-        Linear approximation; units mm and rad. Near a circle the variance of theta grows
-        without limit, as it should; `interval` is right there too.
+        Linear approximation; units mm and rad. Towards a circle the variance of theta grows
+        without limit; `interval` is valid there, too.
         """
         rows = np.zeros((5, 5))
         rows[0, 0] = rows[1, 1] = 1.0
@@ -107,9 +107,9 @@ class CylinderSection(Result):
     def radius_std(self) -> float:
         """Standard uncertainty of the radius. Units: mm.
 
-        Definition: rms change of b over the distribution of (m, p, q), by the six points of a
-        rule of third degree. That is the linear approximation where the section is surely no
-        circle; near one, b = m - |(p, q)| has a kink that the linear approximation does not see.
+        Definition: rms change of b over the distribution of (m, p, q), by a cubature rule of third
+        degree with six points. Far from a circle this is the linear approximation; near a circle,
+        b = m - |(p, q)| has a kink, where the linear approximation is wrong.
         """
         covariance = self.fit.parameter_covariance[2:, 2:]
         variances, axes = np.linalg.eigh(covariance)
@@ -120,15 +120,15 @@ class CylinderSection(Result):
 
     @property
     def theta_std(self) -> float:
-        """One sigma of theta; at most that of a uniform direction. Units: rad."""
+        """Standard uncertainty of theta; at most that of a uniform direction. Units: rad."""
         return min(self._std(self._theta_gradient), THETA_UNKNOWN_STD)
 
     @property
     def phi_std(self) -> float:
-        """One sigma of phi. Units: rad.
+        """Standard uncertainty of phi. Units: rad.
 
-        Definition: that of the ratio b / a divided by sin(phi); where phi is smaller than its
-        own error, the phi whose ratio is one sigma from 1.
+        Definition: the uncertainty of the ratio b / a, divided by sin(phi); where phi is smaller
+        than its error, the phi whose ratio is one standard uncertainty from 1.
         """
         a, b = self.ellipse.semi_major, self.ellipse.semi_minor
         parameters = self.fit.parameters
@@ -139,36 +139,36 @@ class CylinderSection(Result):
 
     @property
     def residual_correlation(self) -> float:
-        """Points for each independent one among the residuals; 1 for independent errors.
+        """Autocorrelation time of the residuals in points; 1 for uncorrelated errors.
 
-        Above 1 the residuals are not random at the level of the noise: the sensor smooths along
-        the line, or the surface is no cylinder's to that level. The covariance and the intervals
-        are wider by as much already.
+        Above 1 the residuals are not random: the sensor smooths along the line, or the form
+        deviation of the surface exceeds the noise. The covariance and the intervals already
+        include this factor.
         """
         return self.fit.correlation.autocorrelation_time
 
     @property
     def theta_determined(self) -> bool:
-        """Whether theta means something.
+        """Whether theta is determined.
 
-        The section is no circle, at 99.9 % confidence, and theta not off by 30 deg, at 99 %.
+        A circle is excluded at 99.9 % confidence, and an error of theta of 30 deg at 99 %.
         """
         return theta_is_determined(self.fit)
 
     def interval(self, quantity: Quantity, level: float = 0.95) -> tuple[float, float]:
-        """Interval that holds the true value with probability `level`.
+        """Return the interval that contains the true value with probability `level`.
 
         Parameters
         ----------
         quantity : {"radius", "theta", "phi", "centre_x", "centre_y"}
             Units: mm or rad.
         level : float
-            Between 0 and 1.
+            Level of confidence, between 0 and 1.
 
         Returns
         -------
         low, high : float
-            For theta both may leave [0, pi): the interval runs from low to high through pi;
+            For theta both may lie outside [0, pi): the interval extends from low to high;
             (0, pi) means any direction.
 
         Raises
@@ -189,7 +189,7 @@ class CylinderSection(Result):
 
     @property
     def estimates(self) -> tuple[Estimate, ...]:
-        """The numbers of tables and files in mm and deg, with sigmas and 95 % intervals."""
+        """Quantities of tables and files in mm and deg, with uncertainties and 95 % intervals."""
         return tuple(
             replace(each, interval=each.quantity.in_unit(self.interval(name, LEVEL)))
             for each, name in zip(self._values, get_args(Quantity), strict=True)
@@ -197,7 +197,7 @@ class CylinderSection(Result):
 
     @property
     def _values(self) -> tuple[Estimate, ...]:
-        """The same without the intervals, which take some ms."""
+        """The `estimates` without intervals, whose computation takes some ms."""
         x_std, y_std = (math.sqrt(variance) for variance in self.covariance.diagonal()[:2])
         values = (self.radius, self.theta, self.phi, *self.centre)
         stds = (self.radius_std, self.theta_std, self.phi_std, x_std, y_std)

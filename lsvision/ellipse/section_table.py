@@ -1,4 +1,4 @@
-"""Sections of cylinders as a table: the one list of the numbers that people and files get."""
+"""Sections of cylinders as a table: quantities and columns of text output and files."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -26,12 +26,12 @@ SECTION_COLUMNS = (
 
 
 def section_cells(sections: "Sequence[CylinderSection]") -> list[tuple[str, ...]]:
-    """Cells of a table: two rows a section, values with one sigma, then 95 % intervals.
+    """Return the cells of a table: per section a row of values with std, and one of intervals.
 
     Parameters
     ----------
     sections : sequence of CylinderSection
-        Numbered from 1.
+        Sections, numbered from 1 in the table.
 
     Returns
     -------
@@ -48,17 +48,17 @@ def section_cells(sections: "Sequence[CylinderSection]") -> list[tuple[str, ...]
 
 
 def section_row(record: Record) -> Record:
-    """Row of a data frame or of CSV, from the record of a section.
+    """Return the row of a data frame or CSV file, from the record of a section.
 
     Parameters
     ----------
     record : dict
-        As `CylinderSection.to_dict` gives it.
+        Result of `CylinderSection.to_dict`.
 
     Returns
     -------
     dict
-        Its columns are `SECTION_COLUMNS`.
+        Row with the columns `SECTION_COLUMNS`.
     """
     row = flat_row(record, SECTION_QUANTITIES) | {"points": len(record["indices"])}
     return {column: row[column] for column in SECTION_COLUMNS}
