@@ -122,23 +122,23 @@ def _nearest_points(
     problem: EllipseProblem, parameters: FloatArray
 ) -> tuple[FloatArray, FloatArray, ComplexArray, ComplexArray]:
     """Return distance, |m w - d conj(w)|, unit normal and w of the nearest points, (k, n) each."""
-    own = as_complex(problem.points) - (parameters[:, 0] + 1j * parameters[:, 1])[:, None]
+    offsets = as_complex(problem.points) - (parameters[:, 0] + 1j * parameters[:, 1])[:, None]
     m, d = parameters[:, 2:3], flattening(parameters)[:, None]
-    w = m * own - d * own.conj()
+    w = m * offsets - d * offsets.conj()
     w /= np.abs(w)
     for _ in range(MAX_FOOT_ITERATIONS):
         along, across = m * w, d * w.conj()
         foot, normals = along + across, along - across
-        gap = own - foot
-        bending = normals.real**2 + normals.imag**2 + (gap * foot.conj()).real
-        turn = (gap * normals.conj()).imag / bending
+        residuals = offsets - foot
+        bending = normals.real**2 + normals.imag**2 + (residuals * foot.conj()).real
+        turn = (residuals * normals.conj()).imag / bending
         if np.abs(turn).max() < FOOT_TOLERANCE:
             break
         w *= 1 + 1j * turn
         w /= np.abs(w)
     steepness = np.abs(normals)
     normals /= steepness
-    return (gap * normals.conj()).real, steepness, normals, w
+    return (residuals * normals.conj()).real, steepness, normals, w
 
 
 def _radial(problem: EllipseProblem, parameters: FloatArray) -> SecondOrder:

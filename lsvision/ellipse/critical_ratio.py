@@ -76,13 +76,13 @@ class CriticalRatios:
         variances, axes = np.linalg.eigh(covariance)
         known = fit.problem.known_phi
         may_be_circle = known is None or known.includes_circle
-        share = of_prior = 0.0
+        fraction = of_prior = 0.0
         if known is not None and may_be_circle:
-            share = min(float(np.trace(covariance)) / (2 * (known.deviator_std * m) ** 2), 1.0)
+            fraction = min(float(np.trace(covariance)) / (2 * (known.deviator_std * m) ** 2), 1.0)
             of_prior = known.max_likelihood_ratio(level)
         semi_axes = 1 / np.sqrt(np.maximum(variances, TINY))
         return cls(
-            level, chi2, float(one), float(two), m, fit.parameters[3:], semi_axes, axes, share,
+            level, chi2, float(one), float(two), m, fit.parameters[3:], semi_axes, axes, fraction,
             of_prior, may_be_circle,
         )  # fmt: skip
 
@@ -170,6 +170,6 @@ class CriticalRatios:
             quantile += (
                 self.chi2[i] * weight / (tail[:, i] - tail[:, j]) / (tail[:, i] - tail[:, k])
             )
-        share = np.clip((quantile - self.chi2[0]) / (self.chi2[2] - self.chi2[0]), 0.0, 1.0)
-        critical: FloatArray = (1 - share) * self.one + share * self.two
+        fraction = np.clip((quantile - self.chi2[0]) / (self.chi2[2] - self.chi2[0]), 0.0, 1.0)
+        critical: FloatArray = (1 - fraction) * self.one + fraction * self.two
         return critical

@@ -161,9 +161,9 @@ def _known_quantities(fit: EllipseFit, sigmas: float) -> dict[str, Interval]:
             known["radius"] = ellipse.radius - sigmas * std, ellipse.radius + sigmas * std
     if problem.known_phi is not None and not problem.known_phi.includes_circle:
         _, (gradient,) = problem.known_phi.residuals_and_jacobian(fit.parameters)
-        share = math.sqrt(float(gradient @ covariance @ gradient))
-        if share > PRIOR_SHARE:
-            std = share * max(problem.known_phi.std, EXACT_PHI_STD)
+        std_ratio = math.sqrt(float(gradient @ covariance @ gradient))
+        if std_ratio > PRIOR_SHARE:
+            std = std_ratio * max(problem.known_phi.std, EXACT_PHI_STD)
             known["phi"] = ellipse.phi - sigmas * std, ellipse.phi + sigmas * std
     return known
 

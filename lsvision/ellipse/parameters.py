@@ -43,34 +43,34 @@ def orthogonal_residuals_and_normals(
     distance changes by -n d(c + E w). Far from an ellipse it may converge to the farthest point:
     after a large step all points restart from the closed-form nearest point.
     """
-    (m, p, q), own = parameters[2:].tolist(), as_complex(points) - centre_of(parameters)
+    (m, p, q), offsets = parameters[2:].tolist(), as_complex(points) - centre_of(parameters)
     d = complex(p, q)
     side = math.copysign(1.0, m * m - abs(d) ** 2)
-    w = side * (m * own - d * own.conj())
+    w = side * (m * offsets - d * offsets.conj())
     w /= np.abs(w)
     largest = math.inf
     for _ in range(MAX_FOOT_ITERATIONS):
         along, across = m * w, d * w.conj()
         foot, normals = along + across, along - across
-        gap = own - foot
+        residuals = offsets - foot
         if largest < FOOT_TOLERANCE:
             break
-        bending = normals.real**2 + normals.imag**2 + (gap * foot.conj()).real
-        turn = (gap * normals.conj()).imag / bending
+        bending = normals.real**2 + normals.imag**2 + (residuals * foot.conj()).real
+        turn = (residuals * normals.conj()).imag / bending
         largest = float(np.abs(turn).max(initial=0.0))
         if not (largest < MAX_STEP and bending.min() > 0):
-            w = _nearest_directions(own, parameters)
+            w = _nearest_directions(offsets, parameters)
         else:
             w *= 1 + 1j * turn
             w /= np.abs(w)
     normals *= side / np.abs(normals)
-    return (gap * normals.conj()).real, normals, w
+    return (residuals * normals.conj()).real, normals, w
 
 
-def _nearest_directions(own: ComplexArray, parameters: FloatArray) -> ComplexArray:
+def _nearest_directions(offsets: ComplexArray, parameters: FloatArray) -> ComplexArray:
     """Return the unit vectors w of the nearest points E w, from any distance; centre at 0."""
     a, b, turn = axes_of(parameters)
-    turned = own * turn.conjugate()
+    turned = offsets * turn.conjugate()
     cos, sin = foot_directions(turned.real, turned.imag, a, b)
     return _complex(cos, sin) * turn
 
@@ -89,12 +89,12 @@ def radial_residuals_and_normals(
         derivative of the residual; unit vector of the point on the ray.
     """
     a, b, turn = axes_of(parameters)
-    own = (as_complex(points) - centre_of(parameters)) * turn.conjugate()
-    w = _complex(own.real / a, own.imag / b)
-    rho, scaled = np.abs(own), np.abs(w)
+    offsets = (as_complex(points) - centre_of(parameters)) * turn.conjugate()
+    w = _complex(offsets.real / a, offsets.imag / b)
+    rho, scaled = np.abs(offsets), np.abs(w)
     w /= scaled
     gradient = _complex(w.real / a, w.imag / b)
-    along_ray = (gradient * own.conj()).real / rho
+    along_ray = (gradient * offsets.conj()).real / rho
     return rho - rho / scaled, gradient * (turn / along_ray), w * turn
 
 

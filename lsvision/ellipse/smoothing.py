@@ -94,7 +94,7 @@ def smooth_residual(
     Parameters
     ----------
     length, residuals, stds : (n,) ndarray
-        Arc length of each point, rising; orthogonal residual to the screened ellipse; its
+        Arc length of each point, ascending; orthogonal residual to the screened ellipse; its
         standard deviation. Units: mm.
     even : (k,) ndarray
         Arc lengths at which the regression is evaluated, from the first to the last. Units: mm.

@@ -14,7 +14,7 @@ def upper_median(values: FloatArray) -> float:
     Parameters
     ----------
     values : (n,) ndarray
-        At least one.
+        At least one value.
     """
     middle, ordered = len(values) // 2, values.copy()
     ordered.partition(middle)
