@@ -42,7 +42,7 @@ def test_a_path_that_the_guide_names_exists(path):
 
 def test_modules_that_the_guide_runs_exist():
     modules = set(re.findall(r"python -m (tests[\w.]*)", GUIDE))
-    assert modules == {"tests.bench", "tests.mutations"}
+    assert modules == {"tests.bench", "tests.fuzz", "tests.mutations"}
     assert all(importlib.util.find_spec(module) for module in modules)
 
 
