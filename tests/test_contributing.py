@@ -57,8 +57,8 @@ def test_new_names_in_the_table_of_changes_exist():
 
 
 def test_nothing_refers_to_documents_that_are_not_here():
-    """The pages of this repository are its READMEs and the two in .github."""
-    here = {"README.md", "CONTRIBUTING.md", "CHANGELOG.md"}
+    """The pages of this repository are its READMEs and those in .github."""
+    here = {"README.md", "ACCURACY.md", "CONTRIBUTING.md", "CHANGELOG.md"}
     for folder in ("lsvision", "tests", "calibration", "fixtures", ".github"):
         for path in (ROOT / folder).rglob("*"):
             if path.suffix in SUFFIXES:

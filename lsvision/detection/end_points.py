@@ -28,6 +28,8 @@ BEND_STD_RADII = 2.0
 """Prior standard deviation of the departing line's curvature over that of the ellipse."""
 NO_DEPARTURE_PRIOR = 0.5
 """Prior probability that no departure begins inside the end."""
+MIN_STEP_MM = 1e-9
+"""Points may share a position on the ellipse: a step of no length has no ratio to the next."""
 MAX_STEP_RATIO = 5.0
 """Largest ratio of two steps along the line by which another line is extrapolated."""
 EXCLUDED = 1e6
@@ -207,7 +209,7 @@ def _log_inlier(residuals: FloatArray, variances: FloatArray) -> FloatArray:
 def _log_other_line(end: EndPoints, radius: float, log_outlier: float) -> FloatArray:
     """Return the log density of each point on another line, extrapolated from the two before."""
     e, v = end.residuals, end.variances
-    steps = end.positions[1:] - end.positions[:-1]
+    steps = np.maximum(end.positions[1:] - end.positions[:-1], MIN_STEP_MM)
     ratio = np.minimum(steps[1:] / steps[:-1], MAX_STEP_RATIO)
     deviation = e[2:] - (1 + ratio) * e[1:-1] + ratio * e[:-2]
     bend = steps[1:] * (steps[1:] + steps[:-1]) / (2 * radius)

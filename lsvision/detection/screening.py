@@ -65,8 +65,6 @@ MIN_CONTACT_POINTS = 3
 EDGE_POINTS_PER_CORRELATION = 1.7
 """Points dropped at each end per unit of autocorrelation time above 1: near an edge, a sensor that
 smooths along the line mixes in the surface beyond the edge."""
-TINY_MM = 1e-9
-"""Smallest step of arc length: points may share a foot, but arc length must increase."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -271,8 +269,7 @@ def _end_points(
     line: _Line, compared: EllipseResiduals, system_rows: FloatArray, noise: ArcNoise
 ) -> list[EndPoints]:
     feet = line.points.z - compared.residuals * compared.normals
-    steps = np.maximum(np.abs(feet[1:] - feet[:-1]), TINY_MM)
-    positions = np.concatenate([[0.0], steps.cumsum()])
+    positions = np.concatenate([[0.0], np.abs(feet[1:] - feet[:-1]).cumsum()])
     visible = line.points.incidence_cosines(compared.normals) > MIN_INCIDENCE_COSINE
     variances = compared.inflated_variances * noise.variance_factor
     return [

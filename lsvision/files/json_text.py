@@ -7,6 +7,13 @@ MAX_DEPTH = 64
 """Deepest nesting of lists and mappings; the package's own files need 7."""
 
 
+class NestedTooDeep(ValueError):
+    """A text that nests deeper than `MAX_DEPTH`."""
+
+    def __init__(self) -> None:
+        super().__init__(f"expected at most {MAX_DEPTH} levels of nesting, got more")
+
+
 def parse_json(text: str, *, allow_nan: bool = False) -> Any:
     """Value of a JSON text.
 
@@ -24,8 +31,10 @@ def parse_json(text: str, *, allow_nan: bool = False) -> Any:
 
     Raises
     ------
+    NestedTooDeep
+        If the text nests deeper than `MAX_DEPTH`.
     ValueError
-        If the text is no JSON, nests deeper than `MAX_DEPTH`, or holds a number beyond double
+        If the text is no JSON, or holds a number beyond double
         precision, ``NaN`` or ``Infinity``.
 
     Examples
@@ -42,11 +51,8 @@ def parse_json(text: str, *, allow_nan: bool = False) -> Any:
         )
         _check_depth(value)
     except RecursionError:
-        raise ValueError(_TOO_DEEP) from None
+        raise NestedTooDeep from None
     return value
-
-
-_TOO_DEEP = f"expected at most {MAX_DEPTH} levels of nesting, got more"
 
 
 def _check_depth(value: Any) -> None:
@@ -60,7 +66,7 @@ def _check_depth(value: Any) -> None:
         ]
         if not level:
             return
-    raise ValueError(_TOO_DEEP)
+    raise NestedTooDeep
 
 
 def _refuse_constant(word: str) -> NoReturn:

@@ -99,10 +99,10 @@ def load_hand_eye(path: str | Path) -> HandEye:
 
     Examples
     --------
-    >>> load_hand_eye("nowhere.json")  # doctest: +ELLIPSIS
+    >>> load_hand_eye("nowhere.json")
     Traceback (most recent call last):
     ...
-    lsvision.errors.UnreadableFile: nowhere.json: want a hand-eye file (JSON), got: ...
+    lsvision.errors.UnreadableFile: nowhere.json: no such file: check the name
     """
     path = Path(path)
     try:

@@ -29,10 +29,12 @@ def rows_of(text):
 
 
 def shell(*words, stdin=None, env=None, **more):
+    """The command in a process that heeds Ctrl-C, also where the tests run in the background."""
     return subprocess.Popen(
         [sys.executable, "-m", "lsvision", *map(str, words)],
         cwd=REPOSITORY, stdin=stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         env={**os.environ, **(env or {})}, **more,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),  # noqa: PLW1509
     )  # fmt: skip
 
 

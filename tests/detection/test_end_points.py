@@ -118,6 +118,15 @@ def test_inliers_are_those_of_a_plain_kalman_filter(seed, leaves_at, time):
     assert_same_inliers(spoiled(rng, end, leaves_at=leaves_at), prediction)
 
 
+@pytest.mark.parametrize("scale", [1.0, 1e9])
+def test_points_at_one_position_of_the_ellipse_are_judged_without_breaking(scale):
+    end, prediction = circle_end(np.random.default_rng(3))
+    positions = scale * end.positions
+    positions[4:7] = positions[4]
+    found = find_end_inliers(end._replace(positions=positions), prediction)
+    assert np.isfinite(found.odds).all()
+
+
 @pytest.mark.parametrize("seed", SEEDS)
 def test_inliers_of_a_coarse_and_quiet_line_are_those_of_the_filter_as_well(seed):
     """Where two steps bend more than the noise the other line may bend as well, by 1 / R."""

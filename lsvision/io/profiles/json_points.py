@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from lsvision.errors import UnreadableFile
-from lsvision.files.json_text import parse_json
+from lsvision.files.json_text import NestedTooDeep, parse_json
 from lsvision.geometry import FloatArray
 from lsvision.io.profiles.column_roles import column_role, is_known_role
 from lsvision.io.profiles.columns import profiles_from_table
@@ -85,6 +85,8 @@ def _parsed(text: str) -> Any:
             return [parse_json(line, allow_nan=True) for line in lines]
     try:
         return parse_json(text, allow_nan=True)
+    except NestedTooDeep as error:
+        raise UnreadableFile(f"JSON nested too deep for points ({error}): {_WANTED}") from None
     except ValueError as error:
         reason = str(error)
     try:  # cv2.FileStorage writes .Nan and 1. into its JSON

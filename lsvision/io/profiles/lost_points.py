@@ -56,7 +56,10 @@ def remove_lost(
     settings : ReadSettings
         Gives the user's markers.
     """
-    sections = [np.where(np.isfinite(section), section, np.nan) for section in raw.sections]
+    sections = [
+        np.where(np.isinf(section), np.nan, section) if np.isinf(section).any() else section
+        for section in raw.sections
+    ]
     points = np.concatenate(sections) if sections else np.empty((0, 2))
     lost = np.zeros(len(points), dtype=bool)
     markers: list[LostMarker] = []

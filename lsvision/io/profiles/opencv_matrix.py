@@ -34,10 +34,10 @@ def matrix_of_node(key: str, node: Mapping[str, Any]) -> FloatArray:
         If rows x columns is another number than that of its data.
     """
     try:
+        sizes = node["sizes"] if "sizes" in node else [_word(node["rows"]), _word(node["cols"])]
         match = _MATRIX_TYPE.fullmatch(_word(node["dt"]).strip("\"'"))
         if match is None:
             raise ValueError(f"dt {_word(node['dt'])!r}")
-        sizes = node["sizes"] if "sizes" in node else [_word(node["rows"]), _word(node["cols"])]
         shape = [int(size) for size in sizes] + [int(match[1] or 1)]
         data = node["data"]
         if not (isinstance(data, list) and min(shape) >= 0 and len(shape) <= _MAX_DIMENSIONS):

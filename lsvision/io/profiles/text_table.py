@@ -24,6 +24,7 @@ from lsvision.io.profiles.unit_statements import (
 from lsvision.io.profiles.units import StatedUnit
 
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1b\x7f]")
+_COMMENT_STARTS = "#%/! \t"
 _CUT_COMMA = re.compile(r"(?:^|,)[-+]?[0-9]{1,3},0[0-9]+(?=[,.\r\n]|$)", re.MULTILINE)
 _CUT_NUMBERS = (
     "numbers look cut at their commas ({cells!r}): export with semicolons between cells and "
@@ -120,7 +121,8 @@ def parse_table(text: str, lost_words: frozenset[str] = frozenset()) -> TextTabl
     header = read_header(lines[: layout.first], layout.separator, values.shape[1])
     _check_cells(header, values, lines, layout)
     beside = [*lines[: layout.first], *lines[layout.stop :]]
-    beside += [line for line in lines[layout.first : layout.stop] if _may_be_comment(line)]
+    rows = lines[layout.first : layout.stop]  # there may be 10^6 of them
+    beside += [line for line in rows if line[:1] in _COMMENT_STARTS and is_comment(line)]
     return TextTable(
         values=values,
         names=header.names,
@@ -144,10 +146,6 @@ def _encodings(content: bytes) -> list[str]:
     if len(start) >= 4 and start[::2].count(0) > 0.8 * len(start[::2]):
         return ["utf-16-be"]
     return ["utf-8-sig", "latin-1"]
-
-
-def _may_be_comment(line: str) -> bool:
-    return line[:1] in "#%/! \t" and is_comment(line)
 
 
 def _rows(lines: Sequence[str], layout: Layout) -> list[tuple[int, str]]:

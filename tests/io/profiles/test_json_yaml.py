@@ -103,8 +103,12 @@ def test_several_profiles_in_json(write, arc):
         ('{"x": [1, 2, 3], "z": [1, 2]}', "differ in length"),
         ('{"x": [1, 2, ', "JSON that cannot be parsed"),
         ("[" * 5000 + "]" * 5000, "nested too deep|without a list of points"),
-        ('{"m": {"type_id": "opencv-matrix", "rows": 9, "data": [1, 2]}}', "without rows, cols"),
-        ('{"m": {"type_id": "opencv-matrix", "rows": 9, "cols": 9, "data": [1]}}', "9 x 9 with 1"),
+        ('{"m": {"type_id": "opencv-matrix", "rows": 9, "data": [1, 2]}}', "missing 'cols'"),
+        ('{"m": {"type_id": "opencv-matrix", "rows": 9, "cols": 9, "data": [1]}}', "missing 'dt'"),
+        (
+            '{"m": {"type_id": "opencv-matrix", "rows": 9, "cols": 9, "dt": "d", "data": [1]}}',
+            "9 x 9 x 1 numbers, got 1",
+        ),
     ],
 )
 def test_json_without_points_is_refused_with_its_keys(write, text, message):
