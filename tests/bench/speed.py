@@ -8,8 +8,10 @@ import math
 import resource
 import subprocess
 import sys
+import tempfile
 import time
 from dataclasses import dataclass, replace
+from pathlib import Path
 from unittest import mock
 
 import cv2
@@ -39,6 +41,7 @@ COLUMNS = (256, 512, 1024, 2048, 4096)
 LONG_PROFILE = 1200
 """Least points of the real profiles that stand for 1280."""
 HELP_RUNS = 9
+LONG_FILE_POINTS, READING_RUNS = 100_000, 5
 
 
 @dataclass(frozen=True)
@@ -95,6 +98,7 @@ class Speed:
     growth: tuple[Times, ...]
     lacking: int
     show_help: np.ndarray
+    reading: float
 
     @property
     def slope(self):
@@ -125,6 +129,8 @@ class Speed:
         yield Number(
             "lsvision --help", float(np.median(self.show_help)), high=0.3, unit="s", note=note
         )
+        note = f"{LONG_FILE_POINTS} points of a plain CSV, median of {READING_RUNS} rounds"
+        yield Number("read_profile / numpy.loadtxt", self.reading, high=2.0, note=note)
 
 
 def measure_speed(scenes, repeats):
@@ -143,6 +149,7 @@ def measure_speed(scenes, repeats):
         growth=growth,
         lacking=lacking,
         show_help=np.array([_time_help() for _ in range(HELP_RUNS)]),
+        reading=_compare_reading(),
     )
 
 
@@ -221,3 +228,21 @@ def _time_help():
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     processor = after.ru_utime - used.ru_utime + after.ru_stime - used.ru_stime
     return time.perf_counter() - start, processor
+
+
+def _compare_reading():
+    """Processor time of reading a plain CSV, over that of `numpy.loadtxt` on the same file."""
+    points = np.random.default_rng(1).normal(0, 50, (LONG_FILE_POINTS, 2)).round(4)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "long.csv"
+        path.write_text("".join(f"{x},{z}\n" for x, z in points.tolist()))
+        readers = (read_profile, lambda path: np.loadtxt(path, delimiter=","))
+        seconds = [[_seconds_of(reader, path) for reader in readers] for _ in range(READING_RUNS)]
+    ours, peer = np.median(seconds, axis=0)
+    return float(ours / peer)
+
+
+def _seconds_of(read, path):
+    start = time.process_time()
+    read(path)
+    return time.process_time() - start
