@@ -36,7 +36,6 @@ from lsvision.geometry import Ellipse, FloatArray, Points, as_readonly_array
 from lsvision.geometry.arrays import require_coordinates, require_covariances
 from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints, as_complex, as_vectors
 from lsvision.statistics.correlation import (
-    LOW_FREQUENCY_DOF,
     Correlation,
     estimate_correlation,
 )
@@ -304,8 +303,7 @@ def _build_fit(problem: EllipseProblem, solution: Solution, *, known_noise: bool
         factor = max(reduced_chi2, TINY)
         normalised = normalised / np.sqrt(factor)
         dof = max(dof / correlation.autocorrelation_time, 1.0)
-    if correlation.coloured:
-        dof = min(dof, LOW_FREQUENCY_DOF)
+    dof = min(dof, correlation.degrees_of_freedom)
     return EllipseFit(
         ellipse=ellipse_from_parameters(solution.parameters),
         problem=problem,

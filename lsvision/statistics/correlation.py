@@ -14,17 +14,17 @@ import numpy as np
 from lsvision.geometry import FloatArray
 
 TINY = 1e-300
-LOW_FREQUENCY_BAND = slice(4, 8)
-"""Half waves along the arc: the lowest four that five parameters do not absorb."""
+FORM_BANDS = ((slice(4, 6), 3.689), (slice(4, 8), 2.786))
+"""Bands of half waves along the arc, from the lowest that five parameters do not absorb, and the
+mean power of each, over that of uncorrelated errors, above which the errors are correlated: 97.5 %
+quantiles of chi^2 with 2 and 4 degrees of freedom over their number. A shape that is no ellipse, as
+an arc of two radii, shows in the first."""
+SMOOTHED_BAND = slice(4, 8)
+"""Half waves from which the autocorrelation time is estimated where the sensor smooths."""
 REFERENCE_BAND = slice(12, 34)
-"""Half waves with which the low-frequency band is compared."""
+"""Half waves with which the lowest are compared."""
 MIN_WAVES = REFERENCE_BAND.stop + 6
 """Number of points below which there is no reference band."""
-LOW_FREQUENCY_DOF = float(LOW_FREQUENCY_BAND.stop - LOW_FREQUENCY_BAND.start)
-"""Degrees of freedom of a variance estimated from the low-frequency band."""
-MAX_LOW_FREQUENCY_POWER = 2.786
-"""Largest mean power of the low-frequency band, over that of uncorrelated errors: the 97.5 %
-quantile of chi^2 with 4 degrees of freedom over 4 (exceeded by chance in one of 40 arcs)."""
 MAX_SMOOTHED_RISE = 2.0
 """Largest rise of the spectrum towards low frequencies for a sensor that smooths, since it
 attenuates the reference band, too. Without the limit the interval of smoothed data is far too
@@ -50,16 +50,16 @@ class Correlation:
     ----------
     autocorrelation_time : float
         Number of points per effective point; 1 for uncorrelated errors.
-    coloured : bool
-        Whether `autocorrelation_time` is estimated from the low-frequency band, with its few
-        degrees of freedom: neighbours are correlated, or the lowest frequencies are significantly
-        larger.
+    degrees_of_freedom : float
+        Degrees of freedom of `autocorrelation_time`: the number of half waves from which it is
+        estimated where neighbours are correlated or the lowest half waves are significantly
+        larger; infinite elsewhere.
     neighbours_correlated : bool
         Whether neighbours are significantly correlated: a sensor that smooths along the line.
     """
 
     autocorrelation_time: float
-    coloured: bool
+    degrees_of_freedom: float
     neighbours_correlated: bool
 
 
@@ -76,28 +76,38 @@ def estimate_correlation(normalised: FloatArray) -> Correlation:
     Correlation
         Below 40 points only neighbours are compared.
     """
-    n = len(normalised)
     time, neighbours = neighbour_correlation(normalised)
-    if n < MIN_WAVES:
-        return Correlation(time, neighbours, neighbours)
-    low, reference = _band_powers(normalised)
-    if not neighbours and low < MAX_LOW_FREQUENCY_POWER:
-        return Correlation(time, coloured=False, neighbours_correlated=False)
+    if len(normalised) < MIN_WAVES:
+        dof = _count(SMOOTHED_BAND) if neighbours else math.inf
+        return Correlation(time, dof, neighbours)
+    powers = _relative_powers(normalised)
+    band = SMOOTHED_BAND if neighbours else _form_band(powers)
+    if band is None:
+        return Correlation(time, math.inf, neighbours_correlated=False)
+    low, reference = float(powers[band].mean()), float(powers[REFERENCE_BAND].mean())
     rise = max(low / max(reference, TINY), 1.0)
     if neighbours:
         rise = min(rise, MAX_SMOOTHED_RISE)
-    return Correlation(max(time, reference, low * rise), True, neighbours)
+    return Correlation(max(time, reference, low * rise), _count(band), neighbours)
 
 
-def _band_powers(normalised: FloatArray) -> tuple[float, float]:
-    """Return the mean powers of the two bands, over that of uncorrelated errors."""
-    n = len(normalised)
+def _form_band(powers: FloatArray) -> slice | None:
+    """Return the first band with significant power, None if there is none."""
+    significant = (band for band, limit in FORM_BANDS if powers[band].mean() > limit)
+    return next(significant, None)
+
+
+def _count(band: slice) -> float:
+    return float(band.stop - band.start)
+
+
+def _relative_powers(normalised: FloatArray) -> FloatArray:
+    """Return the powers of the lowest half waves over that of uncorrelated errors."""
     # Half waves by the Fourier transform of the residuals and their mirror image.
     waves = np.fft.rfft(np.concatenate([normalised, normalised[::-1]]))[: REFERENCE_BAND.stop]
-    powers = (waves.real**2 + waves.imag**2) / (2 * n)
-    typical = max(float(normalised @ normalised) / n, TINY)
-    low, reference = (float(powers[band].mean()) for band in (LOW_FREQUENCY_BAND, REFERENCE_BAND))
-    return low / typical, reference / typical
+    typical = 2 * max(float(normalised @ normalised), TINY)
+    powers: FloatArray = (waves.real**2 + waves.imag**2) / typical
+    return powers
 
 
 def neighbour_correlation(normalised: FloatArray) -> tuple[float, bool]:

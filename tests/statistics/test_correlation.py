@@ -76,28 +76,33 @@ def test_chance_passes_for_correlation_as_often_as_two_sigma_allow():
 
 def test_independent_errors_count_in_full():
     found = estimate_correlation(series(np.ones(COUNT)))
-    assert not found.coloured
+    assert found.degrees_of_freedom == math.inf
     assert not found.neighbours_correlated
     assert found.autocorrelation_time == 1.0
 
 
-@pytest.mark.parametrize(("wave", "counts"), [(3, False), (4, True), (7, True), (8, False)])
-def test_the_four_lowest_waves_that_five_parameters_leave_are_looked_at(wave, counts):
-    assert estimate_correlation(series(raised(wave, 20.0))).coloured is counts
+@pytest.mark.parametrize(
+    ("wave", "dof"), [(3, math.inf), (4, 2), (5, 2), (6, 4), (7, 4), (8, math.inf)]
+)
+def test_the_lowest_waves_that_five_parameters_leave_are_looked_at(wave, dof):
+    assert estimate_correlation(series(raised(wave, 20.0))).degrees_of_freedom == dof
 
 
 @pytest.mark.parametrize("factor", [0.8, 0.97, 1.03, 1.2])
-def test_low_waves_stand_out_where_chance_would_do_it_once_in_40(factor):
-    ratio = factor * chi2.isf(1 / 40, 4) / 4
-    found = estimate_correlation(series(raised(slice(4, 8), power_for(ratio))))
-    assert found.coloured is (factor > 1)
+@pytest.mark.parametrize(("band", "waves"), [(slice(4, 6), 2), (slice(4, 8), 4)])
+def test_low_waves_stand_out_where_chance_would_do_it_once_in_40(band, waves, factor):
+    ratio = factor * chi2.isf(1 / 40, waves) / waves
+    found = estimate_correlation(series(raised(band, power_for(ratio, waves))))
+    assert found.degrees_of_freedom == (waves if factor > 1 else math.inf)
 
 
-def test_one_arc_in_40_of_independent_errors_is_called_coloured():
+def test_each_band_calls_one_arc_in_40_of_independent_errors_correlated():
     runs = 4000
     values = np.random.default_rng(2).normal(size=(runs, 120))
-    share = np.mean([estimate_correlation(row).coloured for row in values])
-    assert abs(share - 1 / 40) < spread_of_share(1 / 40, runs)
+    dofs = np.array([estimate_correlation(row).degrees_of_freedom for row in values])
+    first, either = np.mean(dofs == 2), np.mean(dofs < math.inf)
+    assert abs(first - 1 / 40) < spread_of_share(1 / 40, runs)
+    assert 1 / 40 < either < 2 / 40
 
 
 def test_the_rise_towards_low_waves_is_extrapolated():
@@ -126,7 +131,7 @@ def test_the_rise_counts_twice_at_most_where_the_sensor_smooths():
     found = estimate_correlation(values)
     waves = dct(values, norm="ortho") ** 2
     assert found.neighbours_correlated
-    assert found.coloured
+    assert found.degrees_of_freedom == 4
     assert waves[4:8].mean() > 4 * waves[12:34].mean()
     assert found.autocorrelation_time == pytest.approx(2 * waves[4:8].mean() / waves.mean())
 
@@ -136,14 +141,14 @@ def test_forty_points_have_a_reference_band(count, has_bands):
     values = series(raised(slice(4, 8), power_for(3.0, count=count), count))
     found = estimate_correlation(values)
     assert not found.neighbours_correlated
-    assert found.coloured is has_bands
+    assert (found.degrees_of_freedom < math.inf) is has_bands
 
 
 def test_below_forty_points_neighbours_tell_alone():
     blocks = np.repeat([1.0, -1.0, 1.0, -1.0, 1.0], 7)
     found = estimate_correlation(blocks)
     assert found.neighbours_correlated
-    assert found.coloured
+    assert found.degrees_of_freedom == 4
     assert found.autocorrelation_time == autocorrelation_time(blocks) > 3
 
 
@@ -161,8 +166,8 @@ def test_correlation_is_the_same_from_either_end():
     values = smoothed_by(0.8)
     there, back = estimate_correlation(values), estimate_correlation(values[::-1])
     assert there.autocorrelation_time == pytest.approx(back.autocorrelation_time, rel=ROUNDING)
-    assert (there.coloured, there.neighbours_correlated) == (True, True)
-    assert (back.coloured, back.neighbours_correlated) == (True, True)
+    assert (there.degrees_of_freedom, there.neighbours_correlated) == (4, True)
+    assert (back.degrees_of_freedom, back.neighbours_correlated) == (4, True)
 
 
 def residuals_of_decaying_noise(length, seed):
