@@ -39,6 +39,7 @@ from .measure import (
     Measurement as Measurement,
     Settings as Settings,
 )
+from .batch.measure_many import measure_many as measure_many
 from .ellipse.section import CylinderSection as CylinderSection
 from .detection.arcs import Rejection as Rejection
 from .cylinder.robot_frame import (

@@ -11,6 +11,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 from typer.core import TyperGroup
 
+from lsvision.cli.batch_command import batch
 from lsvision.cli.calibrate import calibrate
 from lsvision.cli.demo import demo
 from lsvision.cli.line import line
@@ -133,6 +134,7 @@ def _frame(
 
 app.command()(demo)
 app.command()(measure)
+app.command()(batch)
 app.command()(line)
 app.command()(paper)
 app.command()(plan)

@@ -29,6 +29,7 @@ from lsvision.cli.profile_options import (
     Flip,
     HandEyeFile,
     JsonFile,
+    KnownPhi,
     KnownRadius,
     Lost,
     PoseFile,
@@ -56,13 +57,7 @@ def measure(
     ] = None,
     radius: Radius = None,
     known_radius: KnownRadius = None,
-    known_phi_deg: Annotated[
-        str | None,
-        typer.Option(
-            metavar="DEG|DEG:SIGMA",
-            help="Tilt known beforehand, as 0 for a scan square to the pipe; sharpens the radius.",
-        ),
-    ] = None,
+    known_phi_deg: KnownPhi = None,
     sensor: SensorName = None,
     range_std: RangeStd = None,
     reference_range: ReferenceRange = None,

@@ -1,7 +1,6 @@
 """What the options of a measurement mean; a slip in them is a usage error."""
 
 import math
-from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Unpack
 
@@ -27,7 +26,7 @@ def build_measure_function(
     sensor: "ProfileSensor | None",
     *,
     paper: bool,
-) -> "Callable[[Profile], Measurement]":
+) -> "partial[Measurement]":
     """`measure_cylinders`, or `measure_cylinders_paper`, with the options filled in.
 
     Parameters

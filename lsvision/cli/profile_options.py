@@ -24,6 +24,13 @@ KnownRadius = Annotated[
         help="Radius known beforehand, exactly or with one sigma; sharpens phi and theta.",
     ),
 ]
+KnownPhi = Annotated[
+    str | None,
+    typer.Option(
+        metavar="DEG|DEG:SIGMA",
+        help="Tilt known beforehand, as 0 for a scan square to the pipe; sharpens the radius.",
+    ),
+]
 SensorName = Annotated[
     str | None,
     typer.Option(

@@ -44,6 +44,20 @@ class Measurement(Result):
     rejections: tuple[Rejection, ...]
     profile: Profile | None = field(default=None, compare=False)
 
+    @property
+    def reason(self) -> str:
+        """Why there is no cylinder: the reason of the longest rejected arc; empty if there is one.
+
+        Examples
+        --------
+        >>> Measurement((), ()).reason
+        'no valid point'
+        """
+        if self.cylinders:
+            return ""
+        longest = max(self.rejections, key=lambda r: r.arc.stop - r.arc.start, default=None)
+        return "no valid point" if longest is None else longest.reason
+
     def to_dict(self) -> Record:
         """Return cylinders and rejections as plain numbers and text, ready for JSON.
 

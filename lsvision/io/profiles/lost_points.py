@@ -74,7 +74,7 @@ def remove_lost(
         for value in settings.lost_values:
             mark(f"{value:.10g}", _has(points, value), guessed=False)
     else:
-        for value in (*raw.lost, *KEYENCE_LOST):
+        for value in (*raw.lost, *settings.known_lost, *KEYENCE_LOST):
             mark(f"{value:.10g}", _has(points, value), guessed=False)
         zero = np.concatenate([_repeated_zeros(section) for section in sections])
         mark("0, 0", zero, guessed=False)

@@ -7,7 +7,8 @@ import warnings
 import zipfile
 import zlib
 from collections.abc import Mapping
-from typing import Any
+from pathlib import Path
+from typing import Any, BinaryIO
 
 import numpy as np
 import numpy.typing as npt
@@ -39,7 +40,7 @@ _BROKEN = (
     zipfile.BadZipFile,
     zlib.error,
 )
-_NPY_MAGIC = b"\x93NUMPY"
+NPY_MAGIC = b"\x93NUMPY"
 _KEYS = ("points", "profile", "profiles", "arr_0")
 
 
@@ -48,7 +49,7 @@ def read_npy(content: bytes, settings: ReadSettings) -> RawProfiles:
     arrays = _loaded(content)
     if "" not in arrays:
         raise UnreadableFile("a zip archive, no array by itself: leave --format npy out")
-    return _profiles_from_array(arrays[""], settings)
+    return profiles_from_array(arrays[""], settings)
 
 
 def read_npz(content: bytes, settings: ReadSettings) -> RawProfiles:
@@ -61,7 +62,7 @@ def read_npz(content: bytes, settings: ReadSettings) -> RawProfiles:
     if key is None and len(arrays) == 1:
         key = next(iter(arrays))
     if key is not None:
-        return _profiles_from_array(arrays[key], settings, statements)
+        return profiles_from_array(arrays[key], settings, statements)
     rows = {name: array for name, array in arrays.items() if array.ndim} or arrays
     return profiles_from_named(
         {name: _as_floats(array) for name, array in rows.items()}, settings, statements
@@ -70,14 +71,18 @@ def read_npz(content: bytes, settings: ReadSettings) -> RawProfiles:
 
 def _loaded(content: bytes) -> Mapping[str, npt.NDArray[np.generic]]:
     try:
-        if content.startswith(_NPY_MAGIC):
+        if content.startswith(NPY_MAGIC):
             return {"": _array_of(content)}
         return _unpacked(content)
     except _BROKEN as error:
-        reason = " ".join(str(error).split())[:80]
-        raise UnreadableFile(
-            f"NumPy cannot read it ({reason}): save plain arrays of numbers with np.save"
-        ) from None
+        raise _unreadable(error) from None
+
+
+def _unreadable(error: BaseException) -> UnreadableFile:
+    reason = " ".join(str(error).split())[:80]
+    return UnreadableFile(
+        f"NumPy cannot read it ({reason}): save plain arrays of numbers with np.save"
+    )
 
 
 def _is_text(array: npt.NDArray[np.generic]) -> bool:
@@ -100,9 +105,32 @@ def _unpacked(content: bytes) -> dict[str, npt.NDArray[np.generic]]:
 
 def _array_of(content: bytes) -> npt.NDArray[np.generic]:
     """Array of a whole NPY file, its size checked against its header first."""
-    stream = io.BytesIO(content)
-    if not content.startswith(_NPY_MAGIC):
+    if not content.startswith(NPY_MAGIC):
         raise ValueError(f"no NPY array, but {content[:8]!r}")
+    _check_size(io.BytesIO(content), len(content))
+    array: npt.NDArray[np.generic] = np.load(io.BytesIO(content), allow_pickle=False)
+    return array
+
+
+def open_npy(path: Path) -> npt.NDArray[np.generic]:
+    """Array of an NPY file that is read from the disk where it is used.
+
+    Raises
+    ------
+    UnreadableFile
+        If NumPy cannot read it.
+    """
+    try:
+        with path.open("rb") as file:
+            _check_size(file, path.stat().st_size)
+        array: npt.NDArray[np.generic] = np.load(path, mmap_mode="r", allow_pickle=False)
+    except _BROKEN as error:
+        raise _unreadable(error) from None
+    return array
+
+
+def _check_size(stream: BinaryIO, size: int) -> None:
+    """Raise ValueError if an NPY file is smaller than its header states."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of the parser of Python, about odd headers
         version = np.lib.format.read_magic(stream)
@@ -110,11 +138,9 @@ def _array_of(content: bytes) -> npt.NDArray[np.generic]:
             shape, _, dtype = np.lib.format.read_array_header_1_0(stream)
         else:
             shape, _, dtype = np.lib.format.read_array_header_2_0(stream)
-        needed, got = math.prod(shape) * dtype.itemsize, len(content) - stream.tell()
+        needed, got = math.prod(shape) * dtype.itemsize, size - stream.tell()
         if min(shape, default=0) < 0 or needed > got:
             raise ValueError(f"an array of shape {shape} needs {needed} bytes, got {got}")
-        array: npt.NDArray[np.generic] = np.load(io.BytesIO(content), allow_pickle=False)
-    return array
 
 
 def _as_floats(array: npt.NDArray[np.generic]) -> npt.NDArray[np.float64]:
@@ -123,11 +149,12 @@ def _as_floats(array: npt.NDArray[np.generic]) -> npt.NDArray[np.float64]:
     return floats_from(array)
 
 
-def _profiles_from_array(
+def profiles_from_array(
     array: npt.NDArray[np.generic],
     settings: ReadSettings,
     statements: tuple[UnitStatement, ...] = (),
 ) -> RawProfiles:
+    """Profiles of one array; see `read_npy`."""
     if array.dtype.names:
         records: Any = array
         return profiles_from_named(

@@ -1,7 +1,9 @@
 """Profiles in Parquet: a point a row (x, z) or a profile a row (lists x and z)."""
 
 import io
-from typing import Any
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
@@ -15,6 +17,10 @@ from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.unit_statements import UnitStatement, unit_statements
 from lsvision.io.profiles.units import split_label
 
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+PARQUET_MAGIC = b"PAR1"
 _BYTES_PER_VALUE = 8
 
 
@@ -26,6 +32,39 @@ def read_parquet(content: bytes, settings: ReadSettings) -> RawProfiles:
     UnreadableFile
         If pyarrow is missing, cannot read the file, or finds no column of heights.
     """
+    (table,) = _tables(io.BytesIO(content), None)
+    return profiles_from_table(table, settings)
+
+
+def iterate_tables(path: Path, rows: int) -> "Iterator[pa.Table]":
+    """Yield a Parquet file in tables of at most `rows` profiles.
+
+    A file with a point a row is one table, since a profile may lie anywhere in it.
+
+    Raises
+    ------
+    UnreadableFile
+        As `read_parquet`.
+    """
+    with path.open("rb") as file:
+        yield from _tables(file, rows)
+
+
+def profiles_from_table(table: "pa.Table", settings: ReadSettings) -> RawProfiles:
+    """Profiles of a table, or of consecutive rows of one; see `read_parquet`."""
+    pyarrow = _pyarrow()
+    try:
+        columns = {name: _values(table[name]) for name in table.column_names}
+        texts = {name: _texts(table[name]) for name in table.column_names if columns[name] is None}
+        stated = [*_stated(table.schema.metadata), *_stated_of_fields(table.schema)]
+    except (pyarrow.ArrowException, OSError, ValueError, TypeError, KeyError) as error:
+        raise _unreadable(error) from None
+    known = {name: values for name, values in columns.items() if values is not None}
+    words = {name: cells for name, cells in texts.items() if cells is not None}
+    return profiles_from_named(known, settings, tuple(stated), words)
+
+
+def _pyarrow() -> Any:
     try:
         import pyarrow
         import pyarrow.parquet
@@ -33,18 +72,27 @@ def read_parquet(content: bytes, settings: ReadSettings) -> RawProfiles:
         raise UnreadableFile(
             "reading Parquet takes pyarrow: pip install 'lsvision[batch]'"
         ) from None
+    return pyarrow
+
+
+def _unreadable(error: Exception) -> UnreadableFile:
+    reason = " ".join(str(error).split())[:80]
+    return UnreadableFile(f"pyarrow cannot read it ({reason}): write it anew")
+
+
+def _tables(file: BinaryIO, rows: int | None) -> "Iterator[pa.Table]":
+    """Yield the batches of a file, all in one table where a point is a row or `rows` is None."""
+    pyarrow = _pyarrow()
     try:
-        with pyarrow.parquet.ParquetFile(io.BytesIO(content)) as file:
-            table = _limited_table(file)
-        columns = {name: _values(table[name]) for name in table.column_names}
-        texts = {name: _texts(table[name]) for name in table.column_names if columns[name] is None}
-        stated = [*_stated(table.schema.metadata), *_stated_of_fields(table.schema)]
+        with pyarrow.parquet.ParquetFile(file) as source:
+            schema = source.schema_arrow
+            if rows is None or not any(map(_is_list, schema.types)):
+                yield _limited_table(source)
+                return
+            for batch in source.iter_batches(batch_size=rows):
+                yield pyarrow.Table.from_batches([batch], schema=schema)
     except (pyarrow.ArrowException, OSError, ValueError, TypeError, KeyError) as error:
-        reason = " ".join(str(error).split())[:80]
-        raise UnreadableFile(f"pyarrow cannot read it ({reason}): write it anew") from None
-    known = {name: values for name, values in columns.items() if values is not None}
-    words = {name: cells for name, cells in texts.items() if cells is not None}
-    return profiles_from_named(known, settings, tuple(stated), words)
+        raise _unreadable(error) from None
 
 
 def _texts(column: Any) -> list[str] | None:
@@ -96,15 +144,19 @@ def _limited_table(file: Any) -> Any:
 
 
 def _values(column: Any) -> FloatArray | list[FloatArray] | None:
-    import pyarrow.types as kinds
-
     kind = column.type
-    if kinds.is_list(kind) or kinds.is_large_list(kind) or kinds.is_fixed_size_list(kind):
+    if _is_list(kind):
         if not _is_number(kind.value_type):
             return None
         rows = (row.values for row in column)
         return [np.empty(0) if row is None else _floats(row) for row in rows]
     return _floats(column) if _is_number(kind) else None
+
+
+def _is_list(kind: Any) -> bool:
+    import pyarrow.types as kinds
+
+    return bool(kinds.is_list(kind) or kinds.is_large_list(kind) or kinds.is_fixed_size_list(kind))
 
 
 def _is_number(kind: Any) -> bool:

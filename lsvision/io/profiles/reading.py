@@ -236,14 +236,29 @@ def inspect_profiles(path: str | os.PathLike[str], **options: Unpack[ReadOptions
         if reader == "matrix" and settings.columns is not None:  # a wide table of points
             reader = "text"
         raw = _READERS[reader](content, settings)
-        return _in_section_frame(file, reader, raw, settings)
+        found = in_section_frame(file, reader, raw, settings)
+        _check_points(found.profiles)
     except UnreadableFile as error:
         raise UnreadableFile(f"{file}: {error}") from None
+    return found
 
 
-def _in_section_frame(
+def in_section_frame(
     path: Path, reader: str, raw: RawProfiles, settings: ReadSettings
 ) -> ProfileFile:
+    """Return profiles in mm, Y towards the sensor, lost points as NaN.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    reader : str
+        Its format.
+    raw : RawProfiles
+        What it holds.
+    settings : ReadSettings
+        What the user says of it.
+    """
     x_unit = "mm" if raw.x_in_mm else settings.units or raw.units[0]
     height_unit = settings.units or raw.units[1]
     if raw.x_in_mm and settings.z_unit is not None:  # says more than a unit of all coordinates
@@ -257,7 +272,6 @@ def _in_section_frame(
     sections, markers = remove_lost(raw, settings)
     with np.errstate(over="ignore", invalid="ignore"):  # too large to hold: lost
         profiles = tuple(Profile(section * to_mm, lost=()) for section in sections)
-    _check_points(profiles)
     named = tuple(dict.fromkeys(unit or "mm" for unit in (x_unit, height_unit)))
     doubts, hints = _doubts(profiles), _hints(profiles, assumed=assumed)
     guessed = tuple(marker.note for marker in markers if marker.guessed)
@@ -287,6 +301,8 @@ def _check_points(profiles: tuple[Profile, ...]) -> None:
 
 
 def _doubts(profiles: tuple[Profile, ...]) -> tuple[str, ...]:
+    if all(profile.lost == len(profile) for profile in profiles):
+        return ()
     low, high = _extent(profiles)
     farthest = float(np.abs([low, high]).max())
     if farthest > _FARTHEST_MM:
@@ -300,6 +316,8 @@ def _doubts(profiles: tuple[Profile, ...]) -> tuple[str, ...]:
 
 
 def _hints(profiles: tuple[Profile, ...], *, assumed: bool) -> tuple[str, ...]:
+    if all(profile.lost == len(profile) for profile in profiles):
+        return ()
     low, high = _extent(profiles)
     size = f"{high[0] - low[0]:.3g} x {high[1] - low[1]:.3g}"
     notes = []

@@ -77,6 +77,8 @@ class ReadSettings:
     z_unit : float or str, optional
         Of heights in rows without x: what one count is, a number in 0.01 um as a Keyence
         controller states ZUnit, or a length as ``"0.5um"``.
+    known_lost : tuple of float
+        Markers of lost points that earlier parts of the same file have shown, in its own units.
 
     Raises
     ------
@@ -100,6 +102,7 @@ class ReadSettings:
     x_start: float | None = None
     x_pitch: float | None = None
     z_unit: float | str | None = None
+    known_lost: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         _check_choice("format", self.format, FORMATS)

@@ -1,0 +1,1 @@
+"""Many profiles: measured in parallel, from files to files, on one machine or several."""

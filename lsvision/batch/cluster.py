@@ -1,0 +1,104 @@
+"""Tasks on the machines of a Dask cluster, a bounded number of them in flight."""
+
+from collections.abc import Callable, Iterable, Iterator
+from itertools import islice
+from typing import Any, TypeVar
+
+from lsvision.batch.process_pool import EndedProcess, Finished
+from lsvision.errors import LsvisionError
+
+Task = TypeVar("Task")
+Value = TypeVar("Value")
+
+IN_FLIGHT_PER_THREAD = 3
+"""Tasks handed to the scheduler per thread of its workers."""
+CONNECT_TIMEOUT_S = 10.0
+"""How long the scheduler is waited for. Units: s."""
+
+
+def run_on_cluster(
+    function: Callable[[Task], Value], tasks: Iterable[Task], address: str
+) -> Iterator[Finished[Task, Value]]:
+    """Yield the results of tasks as they finish on a cluster.
+
+    Parameters
+    ----------
+    function : callable
+        Function of a module that is installed on all workers.
+    tasks : iterable
+        Taken as results come.
+    address : str
+        Address of the scheduler, as ``tcp://192.168.0.10:8786``.
+
+    Yields
+    ------
+    Finished
+        A task that ended several workers has the value `EndedProcess`; other workers do the
+        tasks of one that ends.
+
+    Raises
+    ------
+    LsvisionError
+        If dask is not installed, no scheduler answers, or it goes away.
+    """
+    client = _connect(address)
+    try:
+        yield from _run(client, function, iter(tasks))
+    except (OSError, TimeoutError) as error:
+        raise _gone(address, error) from None
+    finally:
+        client.close(timeout=2)
+
+
+def _connect(address: str) -> Any:
+    try:
+        import distributed
+    except ModuleNotFoundError:
+        raise LsvisionError(
+            "--scheduler takes dask: pip install 'lsvision[cluster]' here and on all workers"
+        ) from None
+    try:
+        open_client: Any = distributed.Client
+        return open_client(address, timeout=CONNECT_TIMEOUT_S, set_as_default=False)
+    except (OSError, ValueError, TimeoutError) as error:
+        reason = " ".join(str(error).split())[:100]
+        raise LsvisionError(
+            f"{address}: no scheduler answers ({reason}): start `dask scheduler` there"
+        ) from None
+
+
+def _run(
+    client: Any, function: Callable[[Task], Value], remaining: Iterator[Task]
+) -> Iterator[Finished[Task, Value]]:
+    import distributed
+
+    in_flight: dict[Any, Task] = {}
+
+    def submit() -> list[Any]:
+        most = IN_FLIGHT_PER_THREAD * max(sum(client.nthreads().values()), 1)
+        new = {
+            client.submit(function, task, pure=False): task
+            for task in islice(remaining, max(most - len(in_flight), 0))
+        }
+        in_flight.update(new)
+        return list(new)
+
+    as_completed: Any = distributed.as_completed  # without annotations
+    completed = as_completed(submit(), loop=client.loop)
+    for future in completed:
+        task = in_flight.pop(future)
+        try:
+            value = future.result()
+        except distributed.KilledWorker:
+            value = EndedProcess()
+        except distributed.CancelledError as error:
+            raise _gone(client.scheduler.address, error) from None
+        yield Finished(task, value)
+        completed.update(submit())
+
+
+def _gone(address: str, error: Exception) -> LsvisionError:
+    return LsvisionError(
+        f"{address}: the scheduler has gone away ({type(error).__name__}): start it, and give the "
+        "same command again: what is done stays done"
+    )

@@ -1,0 +1,60 @@
+"""What a batch does with each file: how it is read, and how its profiles are measured."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, is_dataclass
+from functools import partial
+from typing import Any
+
+from lsvision.io.profiles.settings import ReadOptions
+from lsvision.measure import Measurement, measure_cylinders
+
+
+@dataclass(frozen=True, eq=False)
+class BatchJob:
+    """Settings of a batch; the same for each of its files.
+
+    Parameters
+    ----------
+    measure : functools.partial
+        Profile to Measurement: `measure_cylinders` with its keyword arguments.
+    reading : ReadOptions
+        Options of reading.
+
+    Examples
+    --------
+    >>> from functools import partial
+    >>> BatchJob(partial(measure_cylinders, radius=19.0)).settings["radius"]
+    19.0
+    """
+
+    measure: partial[Measurement] = field(default_factory=lambda: partial(measure_cylinders))
+    reading: ReadOptions = field(default_factory=ReadOptions)
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """All settings that differ from their defaults, as plain numbers and text."""
+        chosen: dict[str, Any] = {"measure": self.measure.func.__name__}
+        chosen |= {name: _plain(value) for name, value in self.measure.keywords.items()}
+        reading = {name: _plain(value) for name, value in self.reading.items()}
+        chosen["reading"] = {
+            name: value for name, value in reading.items() if value not in (None, False)
+        }
+        return {name: value for name, value in chosen.items() if value is not None}
+
+    @property
+    def hash(self) -> str:
+        """Return a hash of the settings: results of equal hashes may lie in one folder."""
+        canonical = json.dumps(self.settings, sort_keys=True, allow_nan=False)
+        return hashlib.sha256(canonical.encode()).hexdigest()[:16]
+
+
+def _plain(value: Any) -> Any:
+    if is_dataclass(value) and not isinstance(value, type):
+        return {name: _plain(each) for name, each in asdict(value).items()}
+    if isinstance(value, Mapping):
+        return {str(name): _plain(each) for name, each in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(each) for each in value]
+    return value if value is None or isinstance(value, (bool, int, float, str)) else str(value)

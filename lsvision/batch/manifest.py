@@ -1,0 +1,238 @@
+"""Manifest of a batch: which files are done, with which job; one line of JSON each."""
+
+import json
+import os
+import time
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, TextIO
+
+from lsvision import __version__
+from lsvision.batch.job import BatchJob
+from lsvision.batch.measure_file import TEMPORARY, FileOutcome, FileTask, file_version
+from lsvision.errors import LsvisionError, UnreadableFile, UnwritableFile
+
+MANIFEST = "manifest.jsonl"
+"""Name of the manifest in the folder of the results."""
+SCHEMA = "lsvision.batch/1"
+"""Name and version of its format."""
+
+
+@dataclass(frozen=True)
+class Status:
+    """State of a batch.
+
+    Parameters
+    ----------
+    job_hash : str
+        Hash of its job.
+    settings : dict
+        Settings of its job.
+    files : int
+        Number of files of the last run.
+    outcomes : dict
+        Last outcome of each file, by its name.
+    set_aside : frozenset of str
+        Files that ended their process and are not tried again.
+    """
+
+    job_hash: str
+    settings: dict[str, Any]
+    files: int
+    outcomes: dict[str, FileOutcome] = field(default_factory=dict)
+    set_aside: frozenset[str] = frozenset()
+
+    @property
+    def done(self) -> list[FileOutcome]:
+        """Outcomes of the files that are measured."""
+        return [outcome for outcome in self.outcomes.values() if not outcome.error]
+
+    @property
+    def failed(self) -> list[FileOutcome]:
+        """Outcomes of the files that could not be measured."""
+        return [outcome for outcome in self.outcomes.values() if outcome.error]
+
+    def is_done(self, task: FileTask) -> bool:
+        """Return whether a file need not be measured: done before, unchanged, and still there."""
+        outcome = self.outcomes.get(task.name)
+        if outcome is None:
+            return False
+        if outcome.error:
+            return task.name in self.set_aside
+        return task.output.exists() and outcome.version == file_version(task.source)
+
+
+def read_status(folder: Path) -> Status | None:
+    """Return the state of the batch whose results lie in a folder; None if there is none.
+
+    Raises
+    ------
+    UnreadableFile
+        If the manifest is not one of this version.
+    """
+    path = folder / MANIFEST
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except FileNotFoundError:
+        return None
+    except (OSError, UnicodeDecodeError) as error:
+        raise UnreadableFile(f"{path}: {error}: no manifest of a batch") from None
+    records = [record for record in map(_parsed, lines) if record is not None]
+    if not records or records[0].get("schema") != SCHEMA:
+        raise UnreadableFile(
+            f"{path}: expected a manifest of {SCHEMA}, got another file: name another folder"
+        )
+    outcomes: dict[str, FileOutcome] = {}
+    set_aside: set[str] = set()
+    files = 0
+    for record in records[1:]:
+        if "files" in record:
+            files = int(record["files"])
+        else:
+            aside = bool(record.pop("set_aside", False))
+            outcome = FileOutcome(**record | {"version": tuple(record["version"])})
+            outcomes[outcome.name] = outcome
+            (set_aside.add if aside else set_aside.discard)(outcome.name)
+    head = records[0]
+    return Status(head["job_hash"], head["job"], files, outcomes, frozenset(set_aside))
+
+
+def _parsed(line: str) -> dict[str, Any] | None:
+    """Return the record of a line; None for one that was cut off by the end of a process."""
+    try:
+        record = json.loads(line)
+    except ValueError:
+        return None
+    return record if isinstance(record, dict) else None
+
+
+class Manifest:
+    """Manifest that is being written; use as a context manager, which holds its lock.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the results; it is created.
+    job : BatchJob
+        Job of the batch.
+    """
+
+    def __init__(self, folder: Path, job: BatchJob) -> None:
+        self._folder, self._job = folder, job
+        self._file: TextIO | None = None
+
+    def __enter__(self) -> "Manifest":
+        """Open and lock the manifest, and remove what an interrupted run left.
+
+        Raises
+        ------
+        LsvisionError
+            If the folder holds results of another job, another run writes into it, or it
+            cannot be written.
+        """
+        path = self._folder / MANIFEST
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            status = read_status(self._folder)
+            self._file = path.open("a", encoding="utf-8")
+        except OSError as error:
+            raise UnwritableFile(
+                f"{path}: {error.strerror}: name a folder that can be written"
+            ) from None
+        try:
+            _lock(self._file, self._folder)
+            self._check(status)
+        except LsvisionError:
+            self._file.close()
+            raise
+        for leftover in self._folder.rglob(f"{TEMPORARY}*.part"):
+            leftover.unlink(missing_ok=True)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._file is not None:
+            self._file.close()
+
+    def begin(self, files: int) -> None:
+        """Note the beginning of a run over so many files."""
+        now = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
+        self._append({"files": files, "started": now, "version": __version__})
+
+    def add(self, outcome: FileOutcome, *, set_aside: bool = False) -> None:
+        """Note what became of a file.
+
+        Raises
+        ------
+        UnwritableFile
+            If the disk is full.
+        """
+        self._append(asdict(outcome) | ({"set_aside": True} if set_aside else {}))
+
+    def _check(self, status: Status | None) -> None:
+        if status is None:
+            head = {"schema": SCHEMA, "job_hash": self._job.hash, "job": self._job.settings}
+            self._append(head)
+        elif status.job_hash != self._job.hash:
+            raise LsvisionError(
+                f"{self._folder}: it holds results of another job ({_difference(status, self._job)}"
+                "): name another folder, or give the same options"
+            )
+
+    def _append(self, record: dict[str, Any]) -> None:
+        if self._file is None:
+            raise ValueError("expected an open manifest: use it in a with statement")
+        try:
+            self._file.write(json.dumps(record, allow_nan=False) + "\n")
+            self._file.flush()
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            raise UnwritableFile(
+                f"{self._folder / MANIFEST}: {error.strerror}: make room, then run again"
+            ) from None
+
+
+def _difference(status: Status, job: BatchJob) -> str:
+    names = sorted({*status.settings, *job.settings})
+    changed = [
+        f"{name} {status.settings.get(name, 'default')}, now {job.settings.get(name, 'default')}"
+        for name in names
+        if status.settings.get(name) != job.settings.get(name)
+    ]
+    return "; ".join(changed)
+
+
+def _lock(file: TextIO, folder: Path) -> None:
+    """Lock a manifest until it is closed, on systems that have such locks."""
+    try:
+        import fcntl
+    except ModuleNotFoundError:  # Windows
+        return
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        raise LsvisionError(
+            f"{folder}: another run writes into it: wait for it, or name another folder"
+        ) from None
+
+
+def summary(status: Status, names: Iterable[str] = ()) -> str:
+    """Return the counts of a batch in one line.
+
+    Parameters
+    ----------
+    status : Status
+        The batch.
+    names : iterable of str
+        Names of its files; without them the number of the last run counts.
+    """
+    done, failed = status.done, status.failed
+    total = len(set(names)) or status.files
+    profiles = sum(outcome.profiles for outcome in done)
+    cylinders = sum(outcome.cylinders for outcome in done)
+    aside = f" ({len(status.set_aside)} set aside)" if status.set_aside else ""
+    left = max(total - len(done) - len(failed), 0)
+    return (
+        f"{len(done)} of {total} files done, {len(failed)} failed{aside}, {left} left: "
+        f"{profiles} profiles, {cylinders} cylinders"
+    )

@@ -1,0 +1,186 @@
+"""The unit of a batch: one file of profiles in, one Parquet file of cylinders out."""
+
+import os
+import secrets
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lsvision.batch.job import BatchJob
+from lsvision.batch.result_table import result_table
+from lsvision.errors import LsvisionError, UnreadableFile, UnwritableFile
+from lsvision.files.limited_reading import MAX_SIZE, size_limit
+from lsvision.io.profiles.streaming import ProfilePart, iterate_profiles
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+    from lsvision.measure import Measurement
+
+TEMPORARY = ".lsvision."
+"""Beginning of the name of an output that is being written."""
+
+
+@dataclass(frozen=True)
+class FileTask:
+    """A file to be measured.
+
+    Parameters
+    ----------
+    source, output : Path
+        Profiles in, Parquet out.
+    name : str
+        Name of the source in the results and the manifest.
+    job : BatchJob
+        How it is read and measured.
+    max_size : int
+        Largest size of a file that is read. Units: bytes.
+    """
+
+    source: Path
+    output: Path
+    name: str
+    job: BatchJob
+    max_size: int = MAX_SIZE
+
+
+@dataclass(frozen=True)
+class FileOutcome:
+    """What became of a file.
+
+    Parameters
+    ----------
+    name : str
+        Name of the source.
+    profiles, cylinders, rejections : int
+        Counts; 0 if it failed.
+    seconds : float
+        Time of the measurement. Units: s.
+    version : (int, int)
+        Size in bytes and time of the last change in ns of the source.
+    error : str
+        Why it failed; empty if it did not.
+    """
+
+    name: str
+    profiles: int = 0
+    cylinders: int = 0
+    rejections: int = 0
+    seconds: float = 0.0
+    version: tuple[int, int] = (0, 0)
+    error: str = ""
+
+
+def measure_file(task: FileTask) -> FileOutcome:
+    """Measure a file and write its results, whole or not at all.
+
+    Parameters
+    ----------
+    task : FileTask
+        The file.
+
+    Returns
+    -------
+    FileOutcome
+        With the error of a file that cannot be read or measured.
+
+    Raises
+    ------
+    UnwritableFile
+        If the results cannot be written: this concerns all files.
+    """
+    start = time.monotonic()
+    try:
+        version = file_version(task.source)
+        with size_limit(task.max_size):
+            counts = _measure_to(task)
+        if file_version(task.source) != version:
+            task.output.unlink(missing_ok=True)
+            raise UnreadableFile(f"{task.source}: it changed while it was read: run again")
+    except UnwritableFile:
+        raise
+    except LsvisionError as error:
+        return FileOutcome(task.name, error=str(error))
+    except (MemoryError, OSError) as error:
+        return FileOutcome(task.name, error=f"{task.source}: {type(error).__name__}: {error}")
+    return FileOutcome(task.name, *counts, time.monotonic() - start, version)
+
+
+def file_version(path: Path) -> tuple[int, int]:
+    """Return size in bytes and time of the last change in ns; they tell a changed file.
+
+    Raises
+    ------
+    UnreadableFile
+        If there is no such file.
+    """
+    try:
+        status = path.stat()
+    except OSError:
+        raise UnreadableFile(f"{path}: no such file: check the name") from None
+    return status.st_size, status.st_mtime_ns
+
+
+def _measure_to(task: FileTask) -> tuple[int, int, int]:
+    """Measure all profiles part by part; return the counts of profiles, cylinders, rejections."""
+    counts = [0, 0, 0]
+    temporary = task.output.with_name(f"{TEMPORARY}{secrets.token_hex(8)}.part")
+    writer = None
+    try:
+        for part in iterate_profiles(task.source, **task.job.reading):
+            measured = [_measure_profile(task, part, k) for k in range(len(part.file.profiles))]
+            table = result_table(task.name, part, measured)
+            writer = writer or _open(temporary, table.schema)
+            _write(writer, table, task.output)
+            counts[0] += len(measured)
+            counts[1] += sum(len(m.cylinders) for m in measured if m is not None)
+            counts[2] += sum(len(m.rejections) for m in measured if m is not None)
+        if writer is None:
+            raise UnreadableFile(f"{task.source}: it holds no profile")
+        _close(writer, temporary, task.output)
+    finally:
+        temporary.unlink(missing_ok=True)
+    return counts[0], counts[1], counts[2]
+
+
+def _measure_profile(task: FileTask, part: ProfilePart, index: int) -> "Measurement | None":
+    profile = part.file.profiles[index]
+    if profile.lost == len(profile):
+        return None
+    try:
+        return task.job.measure(profile)
+    except LsvisionError as error:
+        number = part.first + index
+        raise LsvisionError(f"{task.source}, profile {number}: {error}") from error
+
+
+def _open(path: Path, schema: "pa.Schema") -> "pa.parquet.ParquetWriter":
+    from pyarrow import parquet
+
+    try:
+        return parquet.ParquetWriter(path, schema, compression="zstd")
+    except OSError as error:
+        raise _unwritable(path.parent, error) from None
+
+
+def _write(writer: "pa.parquet.ParquetWriter", table: "pa.Table", output: Path) -> None:
+    try:
+        writer.write_table(table.cast(writer.schema))
+    except OSError as error:
+        raise _unwritable(output, error) from None
+
+
+def _close(writer: "pa.parquet.ParquetWriter", temporary: Path, output: Path) -> None:
+    try:
+        writer.close()
+        with temporary.open("rb+") as file:
+            os.fsync(file.fileno())
+        temporary.replace(output)
+    except OSError as error:
+        raise _unwritable(output, error) from None
+
+
+def _unwritable(path: Path, error: OSError) -> UnwritableFile:
+    reason = error.strerror or str(error)
+    return UnwritableFile(f"{path}: {reason}: make room or choose another folder, then run again")

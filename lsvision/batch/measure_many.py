@@ -1,0 +1,83 @@
+"""Many profiles in Python, measured in parallel."""
+
+from collections.abc import Iterable, Iterator
+from functools import partial
+from itertools import islice
+from typing import TYPE_CHECKING, Any
+
+from lsvision.batch.process_pool import EndedProcess, default_jobs, run_tasks
+from lsvision.errors import LsvisionError
+from lsvision.measure import Measurement, measure_cylinders
+from lsvision.profile import Profile, as_profile
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+PROFILES_PER_TASK = 16
+"""Profiles that go to a process at once: some 50 ms of work, far more than the way there."""
+
+
+def measure_many(
+    profiles: "Iterable[Profile | npt.ArrayLike]", *, jobs: int | None = None, **options: Any
+) -> Iterator[Measurement]:
+    """Measure many profiles in parallel.
+
+    Parameters
+    ----------
+    profiles : iterable of Profile, (n, 2) array_like or data frame
+        Taken as results are asked for, a bounded number ahead: a generator may be endless.
+    jobs : int, optional
+        Number of processes; 1 measures in this one. Default: the number of cores. A script
+        that asks for more than 1 needs ``if __name__ == "__main__":``, since each process imports
+        it.
+    **options
+        Arguments of `measure_cylinders`: radius, known_radius, known_phi, sensor, settings.
+
+    Yields
+    ------
+    Measurement
+        In the order of the profiles, the same as by `measure_cylinders`.
+
+    Raises
+    ------
+    ValueError, TypeError
+        As `measure_cylinders`, and if `jobs` is below 1.
+    LsvisionError
+        If a profile ended its process twice (out of memory); names it.
+
+    Examples
+    --------
+    >>> import lsvision as lsv
+    >>> profiles = [lsv.simulate.random_section("single", seed).profile for seed in (7, 8)]
+    >>> [len(found.cylinders) for found in measure_many(profiles, jobs=1)]
+    [1, 1]
+    """
+    jobs = default_jobs() if jobs is None else jobs
+    if jobs < 1:
+        raise ValueError(f"expected jobs >= 1, got {jobs}")
+    return _measure_many(profiles, jobs, options)
+
+
+def _measure_many(
+    profiles: "Iterable[Profile | npt.ArrayLike]", jobs: int, options: dict[str, Any]
+) -> Iterator[Measurement]:
+    measured = 0
+    groups = _groups(map(as_profile, profiles))
+    for task, found in run_tasks(partial(_measure_group, options), groups, jobs, ordered=True):
+        if isinstance(found, EndedProcess):
+            last = measured + len(task) - 1
+            raise LsvisionError(
+                f"profiles {measured} to {last} ended their process twice, out of memory? "
+                "measure them with jobs=1"
+            )
+        yield from found
+        measured += len(task)
+
+
+def _measure_group(options: dict[str, Any], profiles: list[Profile]) -> list[Measurement]:
+    return [measure_cylinders(profile, **options) for profile in profiles]
+
+
+def _groups(profiles: Iterator[Profile]) -> Iterator[list[Profile]]:
+    while group := list(islice(profiles, PROFILES_PER_TASK)):
+        yield group

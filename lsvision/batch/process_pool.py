@@ -1,0 +1,150 @@
+"""Tasks in several processes of this machine, a bounded number of them in flight."""
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from itertools import islice
+from typing import Generic, NamedTuple, TypeVar
+
+Task = TypeVar("Task")
+Value = TypeVar("Value")
+
+IN_FLIGHT_PER_JOB = 3
+"""Tasks handed to the pool per process: one at work, others that wait for it."""
+THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+"""Variables that limit the threads of linear algebra to one a process."""
+
+
+class EndedProcess(NamedTuple):
+    """Stands for the result of a task that ended its process twice: out of memory, a crash."""
+
+
+class Finished(NamedTuple, Generic[Task, Value]):
+    """A task and what its function returned."""
+
+    task: Task
+    value: Value | EndedProcess
+
+
+def default_jobs() -> int:
+    """Return the number of cores that this process may use."""
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:  # macOS and Windows
+        return os.cpu_count() or 1
+
+
+def run_tasks(
+    function: Callable[[Task], Value], tasks: Iterable[Task], jobs: int, *, ordered: bool
+) -> Iterator[Finished[Task, Value]]:
+    """Yield the results of tasks.
+
+    Parameters
+    ----------
+    function : callable
+        Function of a module; it, its arguments and its results can be pickled.
+    tasks : iterable
+        Taken as results are asked for, at most `IN_FLIGHT_PER_JOB` a process ahead.
+    jobs : int
+        Number of processes; with 1 the work is done in this one.
+    ordered : bool
+        Yield in the order of the tasks, else as they finish.
+
+    Yields
+    ------
+    Finished
+        If a process ends (killed, out of memory, a crash), the tasks in flight are tried once
+        more, one at a time; one that ends its process again has the value `EndedProcess`.
+    """
+    if jobs == 1:
+        yield from (Finished(task, function(task)) for task in tasks)
+        return
+    remaining = iter(tasks)
+    while True:
+        lost: list[Task] = []
+        yield from _run_pool(function, remaining, jobs, lost, ordered=ordered)
+        if not lost:
+            return
+        for task in lost:
+            yield Finished(task, _run_alone(function, task))
+
+
+def _run_pool(
+    function: Callable[[Task], Value],
+    remaining: Iterator[Task],
+    jobs: int,
+    lost: list[Task],
+    *,
+    ordered: bool,
+) -> Iterator[Finished[Task, Value]]:
+    """Yield results until no task remains or a process ends; then `lost` holds those in flight."""
+    in_flight: dict[Future[Value], Task] = {}
+    with _pool(jobs) as pool:
+        while True:
+            try:
+                for task in islice(remaining, IN_FLIGHT_PER_JOB * jobs - len(in_flight)):
+                    in_flight[pool.submit(function, task)] = task
+            except BrokenProcessPool:
+                lost.append(task)
+                lost.extend(in_flight.values())
+                return
+            if not in_flight:
+                return
+            first = [next(iter(in_flight))] if ordered else in_flight
+            for future in wait(first, return_when=FIRST_COMPLETED).done:
+                if isinstance(future.exception(), BrokenProcessPool):
+                    lost.extend(in_flight.values())
+                    return
+                yield Finished(in_flight.pop(future), future.result())
+
+
+def _run_alone(function: Callable[[Task], Value], task: Task) -> Value | EndedProcess:
+    with _pool(1) as pool:
+        try:
+            return pool.submit(function, task).result()
+        except BrokenProcessPool:
+            return EndedProcess()
+
+
+@contextmanager
+def _pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
+    """Open a pool of processes of one thread each; where the work is given up they are ended."""
+    others = set(multiprocessing.active_children())
+    variables = {name: os.environ.get(name) for name in THREAD_VARIABLES}
+    os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(jobs, context, initializer=_prepare_process)
+    try:
+        yield pool
+    except BaseException:  # an interrupt, or the caller wants no more results
+        for process in set(multiprocessing.active_children()) - others:
+            process.terminate()
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
+        for name, value in variables.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def _prepare_process() -> None:
+    """Leave interrupts to the parent process, and end with it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+    import cv2
+
+    cv2.setNumThreads(1)
+
+
+def _end_with(parent: "multiprocessing.process.BaseProcess") -> None:
+    parent.join()
+    os._exit(1)

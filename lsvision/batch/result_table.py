@@ -1,0 +1,100 @@
+"""Results of a batch as a Parquet table: a cylinder a row."""
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+from lsvision.ellipse.section_table import SECTION_COLUMNS, section_row
+from lsvision.io.profiles.streaming import ProfilePart
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+    from lsvision.measure import Measurement
+
+PLACE_COLUMNS = ("source", "profile", "cylinder")
+"""Columns before those of the section."""
+INTEGERS, FLAGS = ("profile", "cylinder", "points"), ("theta_determined",)
+
+
+def result_table(
+    source: str, part: ProfilePart, measurements: Sequence["Measurement | None"]
+) -> "pa.Table":
+    """Return the results of consecutive profiles.
+
+    Parameters
+    ----------
+    source : str
+        Name of the file.
+    part : ProfilePart
+        The profiles, with what the file says of each.
+    measurements : sequence of Measurement or None
+        Result of each profile; None for one without a valid point.
+
+    Returns
+    -------
+    pyarrow.Table
+        ``source, profile, cylinder`` (from 0), the columns of ``lsvision measure --csv``, the
+        other columns of the file with their types, ``reason`` and ``rejections``. A profile
+        without cylinders is one row with the reason and no numbers; the rejections of a profile
+        stand in its first row.
+    """
+    import pyarrow as pa
+
+    places: list[int] = []
+    rows: list[dict[str, Any]] = []
+    for index, measurement in enumerate(measurements):
+        for row in _rows(measurement):
+            rows.append(row | {"source": source, "profile": part.first + index})
+            places.append(index)
+    names = (*PLACE_COLUMNS, *SECTION_COLUMNS)
+    columns = {
+        name: pa.array([row.get(name) for row in rows], type=_type_of(name)) for name in names
+    }
+    columns |= _columns_of_file(part, places, taken=(*names, "reason", "rejections"))
+    columns["reason"] = pa.array([row["reason"] for row in rows], type=pa.string())
+    columns["rejections"] = pa.array([row["rejections"] for row in rows], type=_rejections_type())
+    return pa.table(columns)
+
+
+def _rows(measurement: "Measurement | None") -> Iterator[dict[str, Any]]:
+    if measurement is None:
+        yield {"reason": "no valid point", "rejections": []}
+        return
+    rejections = [rejection.to_dict() for rejection in measurement.rejections]
+    if not measurement.cylinders:
+        yield {"reason": measurement.reason, "rejections": rejections}
+    for number, cylinder in enumerate(measurement.cylinders):
+        row = section_row(cylinder.to_dict())
+        yield row | {"cylinder": number, "reason": None, "rejections": [] if number else rejections}
+
+
+def _columns_of_file(
+    part: ProfilePart, places: list[int], taken: tuple[str, ...]
+) -> dict[str, "pa.ChunkedArray | pa.Array"]:
+    """Return the other columns of the file, repeated for each cylinder of a profile."""
+    import pyarrow as pa
+
+    table = part.columns
+    if table is None and part.file.attributes:
+        table = pa.Table.from_pylist([dict(said) for said in part.file.attributes])
+    if table is None:
+        return {}
+    repeated = table.take(pa.array(places, type=pa.int64()))
+    return {name + "_in_file" * (name in taken): repeated[name] for name in repeated.column_names}
+
+
+def _type_of(name: str) -> "pa.DataType":
+    import pyarrow as pa
+
+    if name == "source":
+        return pa.string()
+    if name in INTEGERS:
+        return pa.int64()
+    return pa.bool_() if name in FLAGS else pa.float64()
+
+
+def _rejections_type() -> "pa.DataType":
+    import pyarrow as pa
+
+    fields = [("start", pa.int64()), ("stop", pa.int64()), ("reason", pa.string())]
+    return pa.list_(pa.struct(fields))

@@ -1,0 +1,115 @@
+"""A batch: files in, a Parquet file each out, a manifest that tells what is done."""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
+
+from lsvision.batch.cluster import run_on_cluster
+from lsvision.batch.job import BatchJob
+from lsvision.batch.manifest import Manifest, Status, read_status
+from lsvision.batch.measure_file import FileOutcome, FileTask, measure_file
+from lsvision.batch.process_pool import EndedProcess, Finished, run_tasks
+from lsvision.errors import LsvisionError
+from lsvision.files.limited_reading import current_size_limit
+from lsvision.files.printable import printable_name
+
+Report = Callable[[FileOutcome], None]
+
+
+def plan_tasks(sources: Sequence[Path], root: Path, folder: Path, job: BatchJob) -> list[FileTask]:
+    """Return the tasks of a batch: where the results of each file go.
+
+    Parameters
+    ----------
+    sources : sequence of Path
+        Files of profiles.
+    root : Path
+        Folder to which the names of the files are relative.
+    folder : Path
+        Folder of the results: ``part.parquet`` goes to ``part.parquet``, ``a.csv`` to
+        ``a.csv.parquet``.
+    job : BatchJob
+        How they are measured.
+
+    Raises
+    ------
+    LsvisionError
+        If results would overwrite a source.
+    """
+    tasks = []
+    inputs = {source.resolve() for source in sources}
+    for source in sources:
+        name = source.relative_to(root) if source.is_relative_to(root) else Path(source.name)
+        suffix = "" if name.suffix.lower() == ".parquet" else ".parquet"
+        output = folder / name.with_name(name.name + suffix)
+        if output.resolve() in inputs:
+            raise LsvisionError(f"{output}: the results would overwrite it: name another --out")
+        tasks.append(FileTask(source, output, printable_name(name), job, current_size_limit()))
+    return tasks
+
+
+def run_batch(
+    tasks: Sequence[FileTask],
+    folder: Path,
+    *,
+    jobs: int = 1,
+    scheduler: str | None = None,
+    report: Report = lambda _: None,
+) -> Status:
+    """Measure the files that are not done yet.
+
+    Parameters
+    ----------
+    tasks : sequence of FileTask
+        Files of one job.
+    folder : Path
+        Folder of the results and the manifest.
+    jobs : int
+        Number of processes on this machine.
+    scheduler : str, optional
+        Address of a Dask scheduler, which takes the place of the processes.
+    report : callable
+        Called with the outcome of each file as it is noted.
+
+    Returns
+    -------
+    Status
+        State after the run.
+
+    Raises
+    ------
+    LsvisionError
+        If the folder holds results of another job or cannot be written, or the scheduler goes
+        away; what is done stays done.
+    """
+    if not tasks:
+        raise ValueError("expected at least one file, got none")
+    with Manifest(folder, tasks[0].job) as manifest:
+        status = read_status(folder)
+        open_tasks = [task for task in tasks if status is None or not status.is_done(task)]
+        manifest.begin(len(tasks))
+        for task in open_tasks:
+            task.output.parent.mkdir(parents=True, exist_ok=True)
+        for task, value in _results(open_tasks, jobs, scheduler):
+            ended = isinstance(value, EndedProcess)
+            outcome = value if isinstance(value, FileOutcome) else _set_aside(task)
+            manifest.add(outcome, set_aside=ended)
+            report(outcome)
+    status = read_status(folder)
+    if status is None:
+        raise LsvisionError(f"{folder}: the manifest has gone: it was removed during the run")
+    return status
+
+
+def _results(
+    tasks: Iterable[FileTask], jobs: int, scheduler: str | None
+) -> Iterator[Finished[FileTask, FileOutcome]]:
+    if scheduler is not None:
+        return run_on_cluster(measure_file, tasks, scheduler)
+    return run_tasks(measure_file, tasks, jobs, ordered=False)
+
+
+def _set_aside(task: FileTask) -> FileOutcome:
+    return FileOutcome(
+        task.name,
+        error=f"{task.source}: it ended its process twice (out of memory, or a crash): set aside",
+    )

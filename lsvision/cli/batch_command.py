@@ -1,0 +1,184 @@
+"""``lsvision batch``: files of profiles in, a Parquet file of cylinders each out, resumable."""
+
+import os
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from lsvision.cli.measure_options import build_measure_function, parse_read_options, parse_sensor
+from lsvision.cli.messages import FAILED, print_error
+from lsvision.cli.profile_options import (
+    Columns,
+    CountUnit,
+    FileFormat,
+    FirstX,
+    Flip,
+    KnownPhi,
+    KnownRadius,
+    Lost,
+    Radius,
+    RangeStd,
+    ReferenceRange,
+    SensorName,
+    Spacing,
+    Transpose,
+    Units,
+)
+from lsvision.cli.sources import find_sources, suffixes_of_profiles
+from lsvision.errors import LsvisionError
+
+if TYPE_CHECKING:
+    from lsvision.batch.manifest import Status
+    from lsvision.batch.measure_file import FileOutcome
+
+
+def batch(
+    files: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="FILE|DIR|GLOB", help="Profiles: as many files as you like."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Folder of the results.")
+    ] = None,
+    jobs: Annotated[
+        int | None,
+        typer.Option(min=1, metavar="N", help="Processes on this machine [number of cores]."),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="tcp://HOST:PORT", help="Work on the cluster of this Dask scheduler."),
+    ] = None,
+    status: Annotated[
+        Path | None,
+        typer.Option("--status", metavar="DIR", help="Tell what is done in a folder of results."),
+    ] = None,
+    radius: Radius = None,
+    known_radius: KnownRadius = None,
+    known_phi_deg: KnownPhi = None,
+    sensor: SensorName = None,
+    range_std: RangeStd = None,
+    reference_range: ReferenceRange = None,
+    file_format: FileFormat = None,
+    columns: Columns = None,
+    units: Units = None,
+    flip: Flip = None,
+    lost: Lost = None,
+    transpose: Transpose = False,
+    x0: FirstX = None,
+    dx: Spacing = None,
+    z_unit: CountUnit = None,
+) -> None:
+    """Measure many files: one Parquet file of cylinders out for each file of profiles in.
+
+    A cylinder is a row: source, profile, cylinder, the columns of ``lsvision measure --csv``, the
+    other columns of the input (ids, times), reason and rejections; a profile without cylinders is
+    a row with its reason. Parquet (lists x and z, a profile a row) and NPY are read bit by bit,
+    so that the memory does not grow with the file. manifest.jsonl in the folder of the results
+    says what is done: the same command again goes on where the last one was interrupted, and
+    measures files that are new, changed or failed.
+
+    \b
+    A folder of Parquet files, on all cores:
+      lsvision batch profiles --out cylinders --radius 10:40
+    How far it is:
+      lsvision batch --status cylinders
+    On several machines (first `dask scheduler` on one, `dask worker tcp://HOST:8786` on each; the
+    folders are shared):
+      lsvision batch /data/profiles --out /data/cylinders --scheduler tcp://HOST:8786
+    """  # noqa: D301 - the backspace tells click to leave the lines as they are
+    if status is not None:
+        _print_status(status)
+        return
+    if not files or out is None:
+        raise typer.BadParameter("expected files and --out DIR, or --status DIR")
+    from lsvision.batch.job import BatchJob
+    from lsvision.batch.process_pool import default_jobs
+    from lsvision.batch.run import plan_tasks, run_batch
+
+    noise = parse_sensor(sensor, range_std, reference_range)
+    measuring = build_measure_function(radius, known_radius, known_phi_deg, noise, paper=False)
+    reading = parse_read_options(
+        format=file_format, columns=columns, units=units, flip=flip, lost=lost,
+        transpose=transpose, x0=x0, dx=dx, z_unit=z_unit,
+    )  # fmt: skip
+    sources, missing = find_sources(files, suffixes_of_profiles(dx))
+    for failure in missing:
+        print_error(str(failure))
+    if not sources:
+        raise typer.Exit(FAILED)
+    tasks = plan_tasks(sources, _root(sources), out, BatchJob(measuring, reading))
+    report = _Report(len(tasks))
+    try:
+        result = run_batch(
+            tasks, out, jobs=jobs or default_jobs(), scheduler=scheduler, report=report
+        )
+    except KeyboardInterrupt:
+        report.clear()
+        print_error(f"interrupted: {out} holds what is done; the same command goes on from there")
+        raise
+    report.clear()
+    _print_summary(result, [task.name for task in tasks])
+    if missing or any(outcome.error for outcome in result.outcomes.values()):
+        raise typer.Exit(FAILED)
+
+
+def _root(sources: Sequence[Path]) -> Path:
+    """Return the folder that holds all sources."""
+    return Path(os.path.commonpath([source.absolute().parent for source in sources]))
+
+
+def _print_status(folder: Path) -> None:
+    from lsvision.batch.manifest import MANIFEST, read_status
+
+    status = read_status(folder)
+    if status is None:
+        raise LsvisionError(f"{folder / MANIFEST}: no such file: name the --out of a batch")
+    _print_summary(status)
+    for outcome in status.failed:
+        typer.echo(f"  {outcome.error}")
+
+
+def _print_summary(status: "Status", names: Sequence[str] = ()) -> None:
+    from lsvision.batch.manifest import summary
+
+    typer.echo(summary(status, names))
+
+
+class _Report:
+    """Progress on stderr: files, profiles, rate and the time that is left; failures as lines."""
+
+    def __init__(self, total: int) -> None:
+        self._total, self._start = total, time.monotonic()
+        self._files = self._profiles = 0
+        self._shown = sys.stderr.isatty()
+
+    def __call__(self, outcome: "FileOutcome") -> None:
+        self._files += 1
+        self._profiles += outcome.profiles
+        if outcome.error:
+            self.clear()
+            print_error(outcome.error)
+        if self._shown:
+            seconds = max(time.monotonic() - self._start, 1e-3)
+            left = seconds / self._files * (self._total - self._files)
+            sys.stderr.write(
+                f"\r\x1b[K{self._files}/{self._total} files, {self._profiles} profiles, "
+                f"{self._profiles / seconds:.0f}/s, {_duration(left)} left"
+            )
+            sys.stderr.flush()
+
+    def clear(self) -> None:
+        """Wipe the progress, so that other lines can be written."""
+        if self._shown:
+            sys.stderr.write("\r\x1b[K")
+            sys.stderr.flush()
+
+
+def _duration(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes:02} min" if hours else f"{minutes} min {rest:02} s"

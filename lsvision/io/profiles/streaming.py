@@ -1,0 +1,139 @@
+"""Profiles of a file of any size, some at a time: the memory does not grow with the file."""
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Unpack
+
+import numpy as np
+
+from lsvision.errors import UnreadableFile
+from lsvision.files.limited_reading import check_readable
+from lsvision.io.profiles.numpy_arrays import NPY_MAGIC, open_npy, profiles_from_array
+from lsvision.io.profiles.parquet import PARQUET_MAGIC, iterate_tables
+from lsvision.io.profiles.parquet import profiles_from_table as profiles_from_parquet
+from lsvision.io.profiles.reading import ProfileFile, in_section_frame, inspect_profiles
+from lsvision.io.profiles.settings import RawProfiles, ReadOptions, ReadSettings
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+PROFILES_AT_ONCE = 256
+"""Profiles of a part: 256 of 4096 points take 17 MB."""
+MARKERS_KEPT = 8
+"""Most lost markers that are handed from part to part."""
+
+
+@dataclass(frozen=True, eq=False)
+class ProfilePart:
+    """Consecutive profiles of a file.
+
+    Parameters
+    ----------
+    first : int
+        Place of the first profile in the file, from 0.
+    file : ProfileFile
+        The profiles of this part.
+    columns : pyarrow.Table, optional
+        Other columns of a Parquet file with their types, a row a profile.
+    """
+
+    first: int
+    file: ProfileFile
+    columns: "pa.Table | None" = None
+
+
+def iterate_profiles(
+    path: str | os.PathLike[str],
+    at_once: int = PROFILES_AT_ONCE,
+    **options: Unpack[ReadOptions],
+) -> Iterator[ProfilePart]:
+    r"""Read the profiles of a file in parts.
+
+    Parquet with a profile a row and NPY arrays are read as far as they are asked for; any other
+    file is one part.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    at_once : int
+        Largest number of profiles of a part.
+    **options
+        Fields of `ReadSettings`, as for `read_profile`.
+
+    Yields
+    ------
+    ProfilePart
+        In the order of the file. A value that marks lost points in one part does so in those
+        after it.
+
+    Raises
+    ------
+    UnreadableFile
+        If the file cannot be read, or a part of it (named by its first profile).
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "profiles.npy"
+    >>> np.save(path, np.random.default_rng(0).normal(size=(5, 40, 2)))
+    >>> [len(part.file.profiles) for part in iterate_profiles(path, at_once=2)]
+    [2, 2, 1]
+    """
+    settings, file = ReadSettings(**options), Path(path)
+    kind = _streamed_kind(file, settings)
+    if kind is None:
+        yield ProfilePart(0, inspect_profiles(file, **options))
+        return
+    parts = _parquet_parts if kind == "parquet" else _npy_parts
+    first = 0
+    try:
+        for raw, columns in parts(file, settings, at_once):
+            part = in_section_frame(file, kind, raw, settings)
+            yield ProfilePart(first, part, columns)
+            first += len(part.profiles)
+            if settings.lost is None and part.markers:
+                stated = tuple(float(m.text) for m in part.markers if "," not in m.text)
+                known = tuple(dict.fromkeys((*settings.known_lost, *stated)))[:MARKERS_KEPT]
+                settings = replace(settings, known_lost=known)
+    except UnreadableFile as error:
+        where = f"from profile {first} on: " if first else ""
+        raise UnreadableFile(f"{file}: {where}{error}") from None
+
+
+def _streamed_kind(file: Path, settings: ReadSettings) -> str | None:
+    """Return the format of a file whose parts can be read by themselves, else None."""
+    if str(file) == "-" or not file.is_file():
+        return None
+    check_readable(file)
+    with file.open("rb") as stream:
+        start = stream.read(len(NPY_MAGIC))
+    if start.startswith(PARQUET_MAGIC) and settings.format in (None, "parquet"):
+        return "parquet"
+    if start == NPY_MAGIC and settings.format in (None, "npy") and not settings.transpose:
+        return "npy"
+    return None
+
+
+def _parquet_parts(
+    file: Path, settings: ReadSettings, at_once: int
+) -> Iterator[tuple[RawProfiles, Any]]:
+    for table in iterate_tables(file, at_once):
+        raw = profiles_from_parquet(table, settings)
+        names = [
+            name for name in table.column_names if raw.attributes and name in raw.attributes[0]
+        ]
+        by_row = len(raw.sections) == table.num_rows
+        yield raw, table.select(names) if by_row else None
+
+
+def _npy_parts(
+    file: Path, settings: ReadSettings, at_once: int
+) -> Iterator[tuple[RawProfiles, None]]:
+    array = open_npy(file)
+    rows = array.ndim == 3 or (array.ndim == 2 and settings.dx is not None)
+    for start in range(0, len(array), at_once) if rows else (0,):
+        part = array[start : start + at_once] if rows else array
+        yield profiles_from_array(np.array(part), settings), None

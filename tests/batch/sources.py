@@ -1,0 +1,33 @@
+"""Files of profiles for batches, with known pipes in them."""
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from lsvision.simulate import random_section
+
+FIRST_SEED = 871_000
+
+
+def profiles(count, kind="single"):
+    """Points (n, 2) of so many sections; the third holds no point."""
+    sections = [random_section(kind, FIRST_SEED + k).profile.points.copy() for k in range(count)]
+    if count > 2:
+        sections[2][:] = np.nan
+    return sections
+
+
+def write_parquet(path, count=5, first_id=10**15):
+    """A profile a row, with an id that no float holds, a text and a time beside it."""
+    points = profiles(count)
+    table = pa.table(
+        {
+            "part_id": pa.array([first_id + k for k in range(count)], pa.int64()),
+            "x": [p[:, 0] for p in points],
+            "z": [p[:, 1] for p in points],
+            "station": [f"line {k % 2}" for k in range(count)],
+            "taken": pa.array(range(count), pa.timestamp("ms")),
+        }
+    )
+    pq.write_table(table, path)
+    return points

@@ -1,0 +1,48 @@
+"""Functions that other processes run."""
+
+import os
+import signal
+import time
+from pathlib import Path
+
+from lsvision.measure import measure_cylinders
+
+
+def square(number):
+    return number * number
+
+
+def slow_if_zero(number):
+    time.sleep(0.0 if number else 0.4)
+    return number
+
+
+def ends_its_process(task):
+    """Ends the process at the first call, or at every call, of the tasks that say so."""
+    number, folder, when = task
+    mark = Path(folder) / f"{number}"
+    if when == "always" or (when == "once" and not mark.exists()):
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number
+
+
+def fails(number):
+    raise ValueError(f"task {number}")
+
+
+class Killer:
+    """Measures, but ends its process at the first profiles of so many points."""
+
+    __name__ = "killer"
+
+    def __init__(self, folder, length, times):
+        self.folder, self.length, self.times = folder, length, times
+
+    def __call__(self, profile):
+        if len(profile) == self.length:
+            calls = len(list(self.folder.glob("call*")))
+            if calls < self.times:
+                (self.folder / f"call{calls}").touch()
+                os._exit(9)
+        return measure_cylinders(profile)

@@ -1,0 +1,43 @@
+"""Many profiles in Python: as one by one, in order, without reading far ahead."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+import lsvision as lsv
+from lsvision.batch.measure_many import PROFILES_PER_TASK
+from lsvision.batch.process_pool import IN_FLIGHT_PER_JOB
+from tests.batch.sources import profiles
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_results_are_those_of_measure_cylinders_in_order(jobs):
+    every = profiles(2 * PROFILES_PER_TASK + 3)
+    points = [section for section in every if np.isfinite(section).any()]
+    found = list(lsv.measure_many(points, jobs=jobs, sensor="lps36hi", radius=(5, 60)))
+    single = [lsv.measure_cylinders(p, sensor="lps36hi", radius=(5, 60)) for p in points]
+    assert found == single
+    assert sum(len(each.cylinders) for each in found) > len(points) / 2
+
+
+def test_an_endless_generator_is_read_a_bounded_number_ahead():
+    (points,) = profiles(1)
+    taken = []
+
+    def endless():
+        for number in itertools.count():
+            taken.append(number)
+            yield points
+
+    results = lsv.measure_many(endless(), jobs=2)
+    next(results)
+    results.close()
+    assert len(taken) <= (1 + 2 * IN_FLIGHT_PER_JOB) * PROFILES_PER_TASK
+
+
+def test_slips_are_told():
+    with pytest.raises(ValueError, match="expected jobs >= 1, got 0"):
+        lsv.measure_many([], jobs=0)
+    with pytest.raises(TypeError):
+        next(lsv.measure_many(["text"], jobs=1))

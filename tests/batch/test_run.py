@@ -1,0 +1,195 @@
+"""Batches of files: results, resume, other jobs, failures."""
+
+import json
+from functools import partial
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+import lsvision as lsv
+from lsvision.batch.job import BatchJob
+from lsvision.batch.manifest import MANIFEST, read_status, summary
+from lsvision.batch.measure_file import TEMPORARY, FileOutcome, measure_file
+from lsvision.batch.run import plan_tasks, run_batch
+from lsvision.errors import LsvisionError, UnreadableFile, UnwritableFile
+from lsvision.measure import measure_cylinders
+from tests.batch.sources import profiles, write_parquet
+from tests.batch.tasks import Killer
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Two Parquet files and a text."""
+    source = tmp_path / "in"
+    (source / "sub").mkdir(parents=True)
+    write_parquet(source / "part-1.parquet")
+    write_parquet(source / "sub" / "part-2.parquet", 3, first_id=7)
+    np.savetxt(source / "a.csv", profiles(1)[0], delimiter=",")
+    return tmp_path
+
+
+def tasks_of(folder, job=BatchJob()):
+    sources = sorted(path for path in (folder / "in").rglob("*") if path.is_file())
+    return plan_tasks(sources, folder / "in", folder / "out", job)
+
+
+def files(folder):
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*.parquet")}
+
+
+def test_each_file_has_its_results_with_the_columns_of_the_input(folder):
+    status = run_batch(tasks_of(folder), folder / "out")
+    names = ["a.csv.parquet", "part-1.parquet", "sub/part-2.parquet"]
+    assert sorted(files(folder / "out")) == names
+    rows = pq.read_table(folder / "out" / "part-1.parquet").to_pylist()
+    points = profiles(5)
+    wanted = [lsv.measure_cylinders(p).cylinders if k != 2 else () for k, p in enumerate(points)]
+    found = [(row["profile"], row["cylinder"], row["radius_mm"]) for row in rows]
+    assert [place for place in found if place[1] is not None] == [
+        (k, number, each.radius)
+        for k, cylinders in enumerate(wanted)
+        for number, each in enumerate(cylinders)
+    ]
+    assert [row["part_id"] for row in rows] == [10**15 + row["profile"] for row in rows]
+    assert {row["station"] for row in rows if row["profile"] == 1} == {"line 1"}
+    (empty,) = [row for row in rows if row["profile"] == 2]
+    assert (empty["radius_mm"], empty["reason"]) == (None, "no valid point")
+    low, high = wanted[0][0].interval("phi")
+    assert rows[0]["phi_low_95_deg"] == pytest.approx(np.degrees(low))
+    assert rows[0]["phi_high_95_deg"] == pytest.approx(np.degrees(high))
+    assert len(status.done) == 3
+    assert summary(status) == (
+        f"3 of 3 files done, 0 failed, 0 left: 9 profiles, "
+        f"{sum(outcome.cylinders for outcome in status.done)} cylinders"
+    )
+
+
+def test_any_number_of_processes_writes_the_same_bytes(folder):
+    run_batch(tasks_of(folder), folder / "out")
+    alone = files(folder / "out")
+    (folder / "out").rename(folder / "first")
+    run_batch(tasks_of(folder), folder / "out", jobs=2)
+    assert files(folder / "out") == alone
+
+
+def test_what_is_done_is_not_done_again_and_what_changed_is(folder):
+    run_batch(tasks_of(folder), folder / "out")
+    seen = []
+    run_batch(tasks_of(folder), folder / "out", report=seen.append)
+    assert seen == []
+    write_parquet(folder / "in" / "part-1.parquet", 4)
+    (folder / "out" / "a.csv.parquet").unlink()
+    run_batch(tasks_of(folder), folder / "out", report=seen.append)
+    assert sorted(outcome.name for outcome in seen) == ["a.csv", "part-1.parquet"]
+
+
+def test_a_manifest_that_was_cut_off_costs_one_file(folder):
+    run_batch(tasks_of(folder), folder / "out")
+    path = folder / "out" / MANIFEST
+    path.write_text(path.read_text()[:-20])
+    leftover = folder / "out" / "sub" / f"{TEMPORARY}00.part"
+    leftover.touch()
+    seen = []
+    status = run_batch(tasks_of(folder), folder / "out", report=seen.append)
+    assert len(seen) == 1
+    assert len(status.done) == 3
+    assert not leftover.exists()
+
+
+def test_results_of_another_job_are_refused(folder):
+    run_batch(tasks_of(folder), folder / "out")
+    other = BatchJob(partial(measure_cylinders, radius=19.0))
+    with pytest.raises(LsvisionError, match=r"another job \(radius default, now 19\.0\)"):
+        run_batch(tasks_of(folder, other), folder / "out")
+
+
+def test_the_hash_of_a_job_tells_every_setting():
+    jobs = [
+        BatchJob(),
+        BatchJob(partial(measure_cylinders, radius=(10.0, 40.0))),
+        BatchJob(partial(measure_cylinders, sensor=lsv.LPS36)),
+        BatchJob(partial(measure_cylinders, sensor=lsv.LPS36HI)),
+        BatchJob(reading={"units": "um"}),
+    ]
+    assert len({job.hash for job in jobs}) == len(jobs)
+    assert BatchJob(reading={"units": None, "transpose": False}).hash == BatchJob().hash
+
+
+def test_a_broken_file_is_told_and_tried_again(folder):
+    broken = folder / "in" / "part-1.parquet"
+    content = broken.read_bytes()
+    broken.write_bytes(content[:100])
+    status = run_batch(tasks_of(folder), folder / "out", jobs=2)
+    (failed,) = status.failed
+    assert "part-1.parquet: pyarrow cannot read it" in failed.error
+    assert not (folder / "out" / "part-1.parquet").exists()
+    broken.write_bytes(content)
+    assert not run_batch(tasks_of(folder), folder / "out").failed
+
+
+@pytest.mark.parametrize(("times", "aside"), [(1, False), (99, True)])
+def test_a_process_that_ends_costs_nothing_and_a_file_that_ends_it_twice_is_set_aside(
+    folder, times, aside
+):
+    np.savetxt(folder / "in" / "a.csv", profiles(1)[0][100:223], delimiter=",")
+    marks = folder / "marks"
+    marks.mkdir()
+    job = BatchJob(partial(Killer(marks, 123, times)))
+    status = run_batch(tasks_of(folder, job), folder / "out", jobs=2)
+    assert len(status.done) == (2 if aside else 3)
+    assert status.set_aside == ({"a.csv"} if aside else set())
+    if aside:
+        (failed,) = status.failed
+        assert "a.csv: it ended its process twice" in failed.error
+        assert "(1 set aside)" in summary(status)
+        seen = []
+        run_batch(tasks_of(folder, job), folder / "out", jobs=2, report=seen.append)
+        assert seen == []
+
+
+def test_a_file_that_grows_while_it_is_read_has_no_results(folder, monkeypatch):
+    (task, *_) = tasks_of(folder)
+    versions = iter([(1, 1), (2, 2)])
+    monkeypatch.setattr("lsvision.batch.measure_file.file_version", lambda _: next(versions))
+    task.output.parent.mkdir()
+    outcome = measure_file(task)
+    assert "it changed while it was read" in outcome.error
+    assert not task.output.exists()
+
+
+def test_a_folder_that_cannot_be_written_ends_the_batch(folder):
+    (folder / "out").write_text("a file")
+    with pytest.raises((UnwritableFile, UnreadableFile), match="out"):
+        run_batch(tasks_of(folder), folder / "out")
+
+
+def test_a_second_run_into_the_same_folder_is_refused(folder):
+    def again(_):
+        with pytest.raises(LsvisionError, match="another run writes into it"):
+            run_batch(tasks_of(folder), folder / "out")
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_batch(tasks_of(folder), folder / "out", report=again)
+    status = run_batch(tasks_of(folder), folder / "out")
+    assert len(status.done) == 3
+
+
+def test_results_never_overwrite_a_source(folder):
+    sources = [folder / "in" / "part-1.parquet"]
+    with pytest.raises(LsvisionError, match="would overwrite it: name another --out"):
+        plan_tasks(sources, folder / "in", folder / "in", BatchJob())
+
+
+def test_another_file_is_no_manifest(tmp_path):
+    (tmp_path / MANIFEST).write_text(json.dumps({"schema": "other"}))
+    with pytest.raises(UnreadableFile, match=r"expected a manifest of lsvision\.batch/1"):
+        read_status(tmp_path)
+    assert read_status(tmp_path / "none") is None
+
+
+def test_without_files_there_is_no_batch(tmp_path):
+    with pytest.raises(ValueError, match="expected at least one file"):
+        run_batch([], tmp_path)
+    assert FileOutcome("a").error == ""

@@ -1,0 +1,77 @@
+"""Parts of a file hold what the whole file holds."""
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from lsvision.errors import UnreadableFile
+from lsvision.io.profiles import inspect_profiles
+from lsvision.io.profiles.streaming import iterate_profiles
+from tests.batch.sources import profiles, write_parquet
+
+
+def joined(parts):
+    return [profile for part in parts for profile in part.file.profiles]
+
+
+@pytest.mark.parametrize("at_once", [1, 2, 5, 100])
+def test_parquet_in_parts_is_parquet_as_a_whole(tmp_path, at_once):
+    path = tmp_path / "a.parquet"
+    write_parquet(path)
+    parts = list(iterate_profiles(path, at_once=at_once))
+    assert joined(parts) == list(inspect_profiles(path).profiles)
+    assert [part.first for part in parts] == list(range(0, 5, at_once))
+    assert all(len(part.file.profiles) <= at_once for part in parts)
+    columns = pa.concat_tables([part.columns for part in parts])
+    assert columns.equals(pq.read_table(path, columns=["part_id", "station", "taken"]))
+
+
+def test_arrays_in_parts_are_arrays_as_a_whole(tmp_path):
+    points = np.array([p[:200] for p in profiles(5)])
+    cube, heights = tmp_path / "cube.npy", tmp_path / "heights.npy"
+    np.save(cube, points)
+    np.save(heights, points[:, :, 1])
+    assert joined(iterate_profiles(cube, at_once=2)) == list(inspect_profiles(cube).profiles)
+    options = {"x0": -3.0, "dx": 0.25}
+    parts = list(iterate_profiles(heights, at_once=2, **options))
+    assert joined(parts) == list(inspect_profiles(heights, **options).profiles)
+    assert len(parts) == 3
+
+
+def test_a_table_of_points_and_a_text_are_one_part(tmp_path):
+    points = profiles(1)[0]
+    long, text = tmp_path / "long.parquet", tmp_path / "a.csv"
+    pq.write_table(pa.table({"x": points[:, 0], "z": points[:, 1]}), long)
+    np.savetxt(text, points, delimiter=",")
+    for path in (long, text):
+        (part,) = iterate_profiles(path, at_once=3)
+        assert list(part.file.profiles) == list(inspect_profiles(path).profiles)
+
+
+def test_a_lost_marker_counts_in_all_parts_after_the_one_that_shows_it(tmp_path):
+    points = np.array([np.column_stack([np.arange(60.0), np.linspace(-300.0, -250.0, 60)]) for _ in range(4)])
+    points[0, ::2, 1] = -9999.0
+    points[2, 7, 1] = -9999.0  # alone it would be a stray point
+    path = tmp_path / "a.npy"
+    np.save(path, points)
+    lost = [profile.lost for profile in joined(iterate_profiles(path, at_once=2))]
+    assert lost == [30, 0, 1, 0]
+    lost = [profile.lost for profile in joined(iterate_profiles(path, at_once=2, lost="none"))]
+    assert lost == [0, 0, 0, 0]
+
+
+def test_a_broken_file_is_told_with_its_first_bad_profile(tmp_path):
+    path = tmp_path / "a.parquet"
+    write_parquet(path)
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) // 2])
+    with pytest.raises(UnreadableFile, match=r"a\.parquet: pyarrow cannot read it"):
+        list(iterate_profiles(path))
+    np.save(tmp_path / "a.npy", np.zeros((3, 4, 2)))
+    content = (tmp_path / "a.npy").read_bytes()
+    (tmp_path / "a.npy").write_bytes(content[:-8])
+    with pytest.raises(UnreadableFile, match="NumPy cannot read it"):
+        list(iterate_profiles(tmp_path / "a.npy"))
+    with pytest.raises(UnreadableFile, match="no such file"):
+        list(iterate_profiles(tmp_path / "none.npy"))
