@@ -90,6 +90,15 @@ def test_every_other_command_runs(command, tmp_path):
         assert done.returncode == 0, done.stderr
 
 
+def test_the_batch_is_done_and_tells_its_status(tmp_path):
+    (commands,) = (c for c in COMMANDS if c.startswith("lsvision batch"))
+    first, second = (run_lsvision(line, tmp_path) for line in commands.strip().splitlines())
+    assert (first.returncode, second.returncode) == (0, 0), first.stderr + second.stderr
+    assert first.stdout == second.stdout
+    assert first.stdout.startswith("20 of 20 files done, 0 failed, 0 left: 20 profiles")
+    assert len(list((tmp_path / "cylinders").glob("*.parquet"))) == 20
+
+
 def test_the_python_example_prints_what_it_says(monkeypatch):
     monkeypatch.chdir(ROOT)
     printed = io.StringIO()

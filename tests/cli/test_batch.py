@@ -1,0 +1,95 @@
+"""``lsvision batch``: files in, Parquet out, status, interrupts and refusals."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+REPOSITORY = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def folder(tmp_path, written, pipe):
+    written(pipe, "in/a.csv")
+    written(pipe + [30.0, 0.0], "in/b.csv")
+    return tmp_path
+
+
+def test_a_folder_becomes_a_folder_of_results(run, folder):
+    out = folder / "out"
+    done = run("batch", folder / "in", "--out", out, "--jobs", 1, "--range-std", 0.03)
+    assert done.exit_code == 0, done.stderr
+    assert done.stdout == "2 of 2 files done, 0 failed, 0 left: 2 profiles, 2 cylinders\n"
+    assert run("batch", "--status", out).stdout == done.stdout
+    (row,) = pq.read_table(out / "b.csv.parquet").to_pylist()
+    assert row["source"] == "b.csv"
+    assert row["radius_low_95_mm"] < 19.0 < row["radius_high_95_mm"]
+    other = run("batch", folder / "in", "--out", out, "--jobs", 1)
+    assert other.exit_code == 1
+    assert "results of another job (sensor" in other.stderr
+
+
+def test_a_broken_file_and_a_missing_one_are_told_and_the_rest_is_done(run, folder):
+    (folder / "in" / "b.csv").write_text("no numbers\n")
+    out = folder / "out"
+    done = run("batch", folder / "in", folder / "none.csv", "--out", out, "--jobs", 1)
+    assert done.exit_code == 1
+    assert done.stdout.startswith("1 of 3 files done, 2 failed, 0 left")
+    assert "in/b.csv: no line of numbers" in done.stderr
+    assert "none.csv: no such file" in done.stderr
+    assert "in/b.csv: no line of numbers" in run("batch", "--status", out).stdout
+
+
+@pytest.mark.parametrize("words", [[], ["a.csv"], ["--out", "x"]])
+def test_usage_is_told(run, words):
+    told = run("batch", *words)
+    assert told.exit_code == 2
+    assert "expected files and --out DIR, or --status DIR" in told.stderr
+
+
+def test_a_folder_without_a_batch_has_no_status(run, tmp_path):
+    told = run("batch", "--status", tmp_path)
+    assert told.exit_code == 1
+    assert "manifest.jsonl: no such file: name the --out of a batch" in told.stderr
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_an_interrupted_batch_goes_on_from_there(run, folder, pipe, written):
+    for number in range(30):
+        written(pipe + [number, 0.0], f"in/{number}.csv")
+    out = folder / "out"
+    words = ["batch", folder / "in", "--out", out, "--jobs", 2]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "lsvision", *map(str, words)],
+        stderr=subprocess.PIPE, env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),  # noqa: PLW1509
+    )  # fmt: skip
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline and not list(out.glob("*.parquet")):
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert b"the same command goes on from there" in errors
+    before = {path.name: path.stat().st_mtime_ns for path in out.glob("*.parquet")}
+    assert 0 < len(before) < 32
+    assert run(*words[:-1], 1).exit_code == 0
+    after = {path.name: path.stat().st_mtime_ns for path in out.glob("*.parquet")}
+    assert len(after) == 32
+    assert sum(after[name] == seen for name, seen in before.items()) >= len(before) - 1
+
+
+def test_the_columns_of_a_table_come_along(run, tmp_path, pipe):
+    rows = [f"{part},{x:.4f},{z:.4f}" for part in (7, 8) for x, z in pipe]
+    (tmp_path / "a.csv").write_text("\n".join(["part_id,x,z", *rows]))
+    out = tmp_path / "out"
+    assert run("batch", tmp_path / "a.csv", "--out", out, "--jobs", 1).exit_code == 0
+    found = pq.read_table(out / "a.csv.parquet").to_pylist()
+    assert [(row["profile"], row["part_id"]) for row in found] == [(0, 7), (1, 8)]
+    assert np.allclose([row["radius_mm"] for row in found], 19.0, atol=0.5)
