@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lsvision.cli.image_options import check_colours
+from lsvision.cli.image_sources import check_colours
 from lsvision.cli.messages import FAILED, print_error
 from lsvision.cli.sources import (
     IMAGE_SUFFIXES,

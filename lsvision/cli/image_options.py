@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
+from lsvision.cli.image_sources import ImagingOptions
 from lsvision.errors import UnreadableFile
 
 if TYPE_CHECKING:
-    from lsvision.cli.image_sources import ImagingOptions
     from lsvision.laser_line.settings import LineSettings
 
 LightSectionFile = Annotated[
@@ -56,26 +56,9 @@ def parse_line_settings(laser: str, method: str) -> "LineSettings":
         raise typer.BadParameter(str(slip).replace("channel", "--laser")) from None
 
 
-def check_colours(image: Any, laser: str, where: str = "it") -> None:
-    """Refuse an image whose colours and ``--laser`` disagree.
-
-    Raises
-    ------
-    UnreadableFile
-        With the option that mends it, after `where`.
-    """
-    coloured = image.ndim == 3 and bool((image != image[..., :1]).any())
-    if coloured and laser == "grey":
-        raise UnreadableFile(
-            f"{where} has colours: say the laser's, --laser red, green, blue or white"
-        )
-    if not coloured and laser not in ("grey", "white"):
-        raise UnreadableFile(f"{where} has no colours: leave --laser {laser} out")
-
-
 def parse_imaging(
     light_section: Path | None, line: "LineSettings", laser_off: Path | None, **more: Any
-) -> "ImagingOptions | None":
+) -> ImagingOptions | None:
     """How images become profiles; None without a rig.
 
     Parameters
@@ -96,7 +79,6 @@ def parse_imaging(
     """
     if light_section is None:
         return None
-    from lsvision.cli.image_sources import ImagingOptions
     from lsvision.sensors.light_section import LightSection
 
     rig = LightSection.load(light_section)

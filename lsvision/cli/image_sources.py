@@ -7,7 +7,6 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from lsvision.cli.image_options import check_colours
 from lsvision.cli.sources import IMAGE_SUFFIXES, VIDEO_SUFFIXES
 from lsvision.errors import LsvisionError, NoLaserLine, UnreadableFile
 
@@ -100,6 +99,23 @@ class LiveCamera:
 def is_image(source: Path) -> bool:
     """Whether a file counts as an image or video, by its suffix."""
     return source.suffix.lower() in IMAGE_SUFFIXES | VIDEO_SUFFIXES
+
+
+def check_colours(image: Any, laser: str, where: str = "it") -> None:
+    """Refuse an image whose colours and ``--laser`` disagree.
+
+    Raises
+    ------
+    UnreadableFile
+        With the option that mends it, after `where`.
+    """
+    coloured = image.ndim == 3 and bool((image != image[..., :1]).any())
+    if coloured and laser == "grey":
+        raise UnreadableFile(
+            f"{where} has colours: say the laser's, --laser red, green, blue or white"
+        )
+    if not coloured and laser not in ("grey", "white"):
+        raise UnreadableFile(f"{where} has no colours: leave --laser {laser} out")
 
 
 def read_image_source(source: Path | LiveCamera, imaging: ImagingOptions | None) -> ImageFile:
