@@ -85,7 +85,7 @@ def _parse_size(text: str) -> int:
     match = _SIZE.fullmatch(text.strip())
     size = float(match[1]) * _BYTES[match[2].lower()] if match else 0.0
     if not 1 <= size <= MAX_SIZE_LIMIT:
-        raise typer.BadParameter(f"want --max-size as 500MB or 8GB, got {text!r}")
+        raise typer.BadParameter(f"expected --max-size as 500MB or 8GB, got {text!r}")
     return int(size)
 
 
@@ -99,8 +99,8 @@ app = typer.Typer(
 )
 
 
-def _print_version(wanted: bool) -> None:
-    if not wanted:
+def _print_version(requested: bool) -> None:
+    if not requested:
         return
     from lsvision import __version__
 

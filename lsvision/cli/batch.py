@@ -18,7 +18,6 @@ from lsvision.cli.messages import internal_error, print_error, print_lines
 from lsvision.cli.outputs import Pictures
 from lsvision.cli.progress import Progress
 from lsvision.cli.robot_frame import RobotFrame, robot_frame_table
-from lsvision.cli.robot_poses import read_poses
 from lsvision.cli.section_table import measurement_lines, reason_without_cylinder
 from lsvision.cli.sources import read_source
 from lsvision.errors import LsvisionError
@@ -174,7 +173,8 @@ def _read_ahead(
     if batch.placing is None or batch.placing.rows is None:
         return {}
     files = [_read(source, batch) for source in sources]
-    poses = iter(read_poses(batch.placing.rows, sum(len(file.profiles) for file in files)))
+    count = sum(len(file.profiles) for file in files)
+    poses = iter(batch.placing.rows.read(count))
     return {
         number: (file, [next(poses) for _ in file.profiles]) for number, file in enumerate(files)
     }

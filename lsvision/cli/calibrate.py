@@ -20,15 +20,9 @@ from lsvision.cli.calibrate_tables import (
     warning_lines,
 )
 from lsvision.cli.messages import print_lines
+from lsvision.cli.option_groups import expand_option_groups
 from lsvision.cli.outputs import check_outputs
-from lsvision.cli.target_options import (
-    Counts,
-    Dictionary,
-    Marker,
-    Square,
-    TargetName,
-    parse_target,
-)
+from lsvision.cli.target_options import TargetOptions
 from lsvision.errors import UnreadableFile
 from lsvision.files.printable import printable
 
@@ -45,15 +39,13 @@ calibrate.add_typer(hand_eye)
 
 
 @calibrate.command()
+@expand_option_groups
 def target(
+    *,
     out: Annotated[
         Path, typer.Option("--out", "-o", metavar="F.svg|F.pdf", help="The page to print.")
     ],
-    target_name: TargetName = "charuco",
-    counts: Counts = None,
-    square: Square = None,
-    marker: Marker = None,
-    dictionary: Dictionary = "DICT_4X4_100",
+    target_options: TargetOptions,
 ) -> None:
     """Draw a calibration target at true scale.
 
@@ -68,8 +60,8 @@ def target(
       lsvision calibrate target --target chessboard --counts 9x6 --square 20 --out board.svg
     """  # noqa: D301 - the backspace tells click to leave the lines as they are
     if out.suffix.lower() not in (".svg", ".pdf"):
-        raise typer.BadParameter(f"want --out F.svg or F.pdf, got {out.name!r}")
-    board = parse_target(target_name, counts, square, marker, dictionary)
+        raise typer.BadParameter(f"expected --out F.svg or F.pdf, got {out.name!r}")
+    board = target_options.parse()
     check_outputs((out,), ())
     from lsvision.calibration.target_files import target_pdf, target_svg
     from lsvision.files.atomic_files import write_atomic
@@ -83,17 +75,15 @@ def target(
 
 
 @calibrate.command()
+@expand_option_groups
 def camera(
+    *,
     images: Annotated[
         list[str],
         typer.Argument(metavar="FILE|DIR|GLOB", help="Images of the target, best 15 to 20."),
     ],
     out: Annotated[Path, typer.Option("--out", "-o", metavar="F.json", help="The camera.")],
-    target_name: TargetName = "charuco",
-    counts: Counts = None,
-    square: Square = None,
-    marker: Marker = None,
-    dictionary: Dictionary = "DICT_4X4_100",
+    target_options: TargetOptions,
     radial_terms: Annotated[
         int, typer.Option(min=0, max=3, help="How many of k1, k2, k3 are free.")
     ] = 2,
@@ -118,7 +108,7 @@ def camera(
       lsvision calibrate camera 'shots/*.png' --target chessboard --counts 9x6 --square 25 \\
         --out camera.json --ros-yaml camera.yaml --report camera.html
     """  # noqa: D301 - the backspace tells click to leave the lines as they are
-    board = parse_target(target_name, counts, square, marker, dictionary)
+    board = target_options.parse()
     files = image_files(images)
     check_outputs((out, ros_yaml, report), files)
     from lsvision.calibration.intrinsics import CameraSettings, calibrate_camera
@@ -145,7 +135,9 @@ def camera(
 
 
 @calibrate.command("laser-plane")
+@expand_option_groups
 def laser_plane(
+    *,
     boards: Annotated[
         list[str],
         typer.Option(
@@ -168,11 +160,7 @@ def laser_plane(
     out: Annotated[
         Path, typer.Option("--out", "-o", metavar="F.json", help="The rig: camera and plane.")
     ],
-    target_name: TargetName = "charuco",
-    counts: Counts = None,
-    square: Square = None,
-    marker: Marker = None,
-    dictionary: Dictionary = "DICT_4X4_100",
+    target_options: TargetOptions,
     laser: Annotated[
         str,
         typer.Option(
@@ -201,7 +189,7 @@ def laser_plane(
       lsvision calibrate laser-plane --camera camera.json --boards shots --lines shots \\
         --target chessboard --counts 6x8 --square 40 --laser green --out rig.json
     """  # noqa: D301 - the backspace tells click to leave the lines as they are
-    board = parse_target(target_name, counts, square, marker, dictionary)
+    board = target_options.parse()
     board_files, line_files = image_files(boards), image_files(lines)
     _require_pairs(board_files, line_files)
     files = [camera_file, *board_files, *line_files]
@@ -251,7 +239,7 @@ def _line_settings(laser: str, margin: float) -> "LaserPlaneSettings":
 def _require_pairs(boards: Sequence[Path], lines: Sequence[Path]) -> None:
     if len(boards) != len(lines):
         raise UnreadableFile(
-            f"want a line image for each of {len(boards)} board images ({boards[0].name} to "
+            f"expected a line image for each of {len(boards)} board images ({boards[0].name} to "
             f"{boards[-1].name}), got {len(lines)} ({lines[0].name} to {lines[-1].name}): leave "
             "out what has no partner"
         )

@@ -23,7 +23,6 @@ from lsvision.files.printable import printable
 from lsvision.io.file_names import PROFILE_SUFFIXES
 
 if TYPE_CHECKING:
-    from lsvision.geometry import Pose
     from lsvision.io.profiles import ReadOptions
     from lsvision.profile import Profile
 
@@ -93,33 +92,6 @@ def read_named_profiles(
     return profiles, names
 
 
-def read_flanges(path: Path, convention: str, names: Sequence[str]) -> "list[Pose]":
-    """Poses of the flange, one for each sighting.
-
-    Raises
-    ------
-    typer.BadParameter
-        For an unknown convention.
-    UnreadableFile
-        If the file cannot be read, or holds another number of poses than there are sightings.
-    """
-    from lsvision.io.robot_conventions import CONVENTIONS
-    from lsvision.io.robot_poses import read_robot_poses
-
-    if convention not in CONVENTIONS:
-        raise typer.BadParameter(
-            f"want --convention {', '.join(CONVENTIONS)}, got {convention!r}: the same numbers "
-            "mean another pose in each"
-        )
-    flanges = read_robot_poses(path, convention)
-    if len(flanges) != len(names):
-        raise UnreadableFile(
-            f"{path}: want one pose for each of {len(names)} sightings ({names[0]} to "
-            f"{names[-1]}), got {len(flanges)} poses: leave out what has no partner"
-        )
-    return flanges
-
-
 @contextmanager
 def prefix_file_names(**names: Sequence[str]) -> Iterator[None]:
     """Put file names beside the numbers in a refusal.
@@ -164,7 +136,7 @@ def replace_image_numbers(text: str, **names: Sequence[str]) -> str:
 def _found(words: Sequence[str], suffixes: frozenset[str]) -> list[Path]:
     files, missing = find_sources(words, suffixes)
     if any(str(file) == STDIN for file in files):
-        raise typer.BadParameter("want files, got - for standard input: they are read twice")
+        raise typer.BadParameter("expected files, got - for standard input: they are read twice")
     missing += [
         UnreadableFile(f"{file}: no such file: check the name")
         for file in files

@@ -28,7 +28,7 @@ def check_outputs(
     Parameters
     ----------
     outputs : sequence of Path or None
-        None where the user wants no such file.
+        None for a file that is not written.
     sources : sequence of Path
         All inputs, which no output may overwrite.
     streams : sequence of Path or None
@@ -49,21 +49,22 @@ def check_outputs(
     taken = TakenFiles()
     for source in sources:
         if source == STDOUT and source in taken:
-            raise typer.BadParameter("want one input from standard input (-), got two")
+            raise typer.BadParameter("expected one input from standard input (-), got two")
         taken.add(source, "an input")
     if streams.count(STDOUT) > 1:
-        raise typer.BadParameter("want one output to standard output (-), got two")
+        raise typer.BadParameter("expected one output to standard output (-), got two")
     for output in [*outputs, *(stream for stream in streams if stream != STDOUT)]:
         if output is None or _is_device(output):
             continue
         if output in taken:
             raise typer.BadParameter(
-                f"want another file than {printable(str(output))}: it is {taken.role(output)} too"
+                f"expected different files, got {printable(str(output))}: it is also "
+                f"{taken.role(output)}"
             )
         taken.add(output, "an output")
-        trouble = _write_problem(Path(true_path(output)))
-        if trouble:
-            raise UnwritableFile(f"{output}: {trouble}")
+        problem = _write_problem(Path(true_path(output)))
+        if problem:
+            raise UnwritableFile(f"{output}: {problem}")
     return taken
 
 
@@ -110,7 +111,7 @@ def check_picture(plot: Path | None) -> None:
         If the suffix is neither .png nor .svg.
     """
     if plot is not None and plot.suffix.lower() not in PICTURE_SUFFIXES:
-        raise typer.BadParameter(f"want --plot F.png or F.svg, got {plot.name!r}")
+        raise typer.BadParameter(f"expected --plot F.png or F.svg, got {plot.name!r}")
 
 
 class Pictures:

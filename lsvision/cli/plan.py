@@ -88,7 +88,7 @@ def plan(
         view = _view(sensor, range_std, standoff, pitch)
         target = _target(target_phi_deg, target_radius)
         if spacing is not None and sections is None and target is None:
-            raise ValueError("want --sections or a target beside --spacing, got neither")
+            raise ValueError("expected --sections or a target with --spacing, got neither")
         feed = Feed(
             sections=1 if sections is None else sections,
             spacing=1.0 if spacing is None else spacing,
@@ -160,7 +160,7 @@ def _view(
     if range_std is None:
         return SensorView(sensor=find_sensor(sensor or "lps36hi"), standoff=standoff, pitch=pitch)
     if sensor is not None:
-        raise ValueError("want --sensor or --range-std, got both")
+        raise ValueError("expected --sensor or --range-std, got both")
     bare = ProfileSensor(
         name=f"a sensor with {range_std:g} mm noise",
         range_std=range_std,

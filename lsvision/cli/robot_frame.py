@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lsvision.cli.robot_poses import (
     PoseFile,
+    RobotOptions,
     parse_pose_file,
     read_calibration,
     uncertainty_caption,
@@ -45,9 +45,7 @@ class RobotFrame:
         return [place_section(each, mount, flange) for each in sections]
 
 
-def parse_robot_frame(
-    poses: Path | None, convention: str | None, hand_eye: Path | None
-) -> RobotFrame | None:
+def parse_robot_frame(robot: RobotOptions) -> RobotFrame | None:
     """What the options say of the robot; None without any.
 
     Raises
@@ -57,7 +55,7 @@ def parse_robot_frame(
     LsvisionError
         If the hand-eye file cannot be used.
     """
-    rows = parse_pose_file(poses, convention)
+    rows, hand_eye = parse_pose_file(robot), robot.flange_from_section
     if rows is None and hand_eye is None:
         return None
     calibration = None if hand_eye is None else read_calibration(hand_eye)

@@ -62,9 +62,9 @@ def simulate(
     from lsvision.simulate.text_export import profile_text, truth_text
 
     if kind not in SCENE_KINDS:
-        raise typer.BadParameter(f"want one of {', '.join(SCENE_KINDS)}, got {kind!r}")
+        raise typer.BadParameter(f"expected one of {', '.join(SCENE_KINDS)}, got {kind!r}")
     if noise_mm is not None and not 0 < noise_mm < float("inf"):
-        raise typer.BadParameter(f"want --noise-mm above 0, got {noise_mm:g}")
+        raise typer.BadParameter(f"expected --noise-mm above 0, got {noise_mm:g}")
     tubes = _tube_ranges(radius, theta_deg, phi_deg)
     settings = _settings(lost, jumps)
     for number in range(seed, seed + count):
@@ -104,7 +104,7 @@ def _range(text: str, option: str) -> tuple[float, float]:
         least, largest = numbers if len(numbers) == 2 else (numbers[0], *numbers)
     except ValueError:
         raise typer.BadParameter(
-            f"want a number or least:largest for {option}, got {text!r}"
+            f"expected a number or least:largest for {option}, got {text!r}"
         ) from None
     return least, largest
 

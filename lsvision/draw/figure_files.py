@@ -33,7 +33,7 @@ def figure_bytes(figure: "Figure", picture_format: str) -> bytes:
         For another format.
     """
     if picture_format not in FORMATS:
-        raise ValueError(f"want a format among {', '.join(FORMATS)}, got {picture_format!r}")
+        raise ValueError(f"expected a format among {', '.join(FORMATS)}, got {picture_format!r}")
     content = io.BytesIO()
     if picture_format == "png":
         figure.savefig(content, format="png")

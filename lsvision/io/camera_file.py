@@ -91,12 +91,12 @@ def _camera_from_yaml(text: str, size: tuple[int, int] | None) -> Camera:
     model = re.search(r"^distortion_model:[ \t]*[\"']?([^\"'\s]*)", text, re.MULTILINE)
     if model and model.group(1) not in MODELS:
         raise ValueError(
-            f"its lens model is {model.group(1)!r}; want {MODELS[0]} or {MODELS[1]}: "
+            f"its lens model is {model.group(1)!r}; expected {MODELS[0]} or {MODELS[1]}: "
             "calibrate anew with that model"
         )
     matrix = _numbers(text, MATRIX_KEYS, "camera matrix")
     if len(matrix) != 9:
-        raise ValueError(f"want a camera matrix of 9 numbers, got {len(matrix)}")
+        raise ValueError(f"expected a camera matrix of 9 numbers, got {len(matrix)}")
     distortion = _numbers(text, DISTORTION_KEYS, "distortion coefficients")
     told = _length(text, WIDTH_KEYS), _length(text, HEIGHT_KEYS)
     if None not in told and size not in (None, told):
@@ -125,7 +125,7 @@ def _numbers(text: str, keys: Iterable[str], what: str) -> list[float]:
                 for each in re.findall(rf"(?:^|(?<=[\[,\s])){number}", found[1])
                 if each != "-"
             ]
-    raise ValueError(f"want {what} under one of {', '.join(keys)}; found none")
+    raise ValueError(f"expected {what} under one of {', '.join(keys)}; got none")
 
 
 def _length(text: str, keys: Iterable[str]) -> int | None:

@@ -108,25 +108,27 @@ def load_hand_eye(path: str | Path) -> HandEye:
     try:
         document = parse_json(read_text(path))
     except ValueError as error:
-        raise UnreadableFile(f"{path}: want a hand-eye file (JSON), got: {error}") from error
+        raise UnreadableFile(f"{path}: expected a hand-eye file (JSON), got: {error}") from error
     schema = document.get("schema") if isinstance(document, dict) else None
     if schema != SCHEMA:
-        raise UnreadableFile(f"{path}: want schema {SCHEMA!r}, got {schema!r}: is it another file?")
+        raise UnreadableFile(
+            f"{path}: expected schema {SCHEMA!r}, got {schema!r}: is it another file?"
+        )
     if document.get("units", UNITS) != UNITS:
         raise UnreadableFile(
-            f"{path}: want units {UNITS}, got {document['units']}: convert its numbers"
+            f"{path}: expected units {UNITS}, got {document['units']}: convert its numbers"
         )
     try:
         hand_eye = _hand_eye_of(document)
         _check_numbers(hand_eye)
     except KeyError as error:
         raise UnreadableFile(
-            f"{path}: want a whole hand-eye file, got one with a bad or missing {error}: "
+            f"{path}: expected a whole hand-eye file, got one with a bad or missing {error}: "
             "calibrate anew"
         ) from error
     except (TypeError, ValueError, AttributeError, OverflowError) as error:
         raise UnreadableFile(
-            f"{path}: want a hand-eye file as lsvision writes it, got one that is damaged: "
+            f"{path}: expected a hand-eye file as lsvision writes it, got one that is damaged: "
             f"{error}: calibrate anew"
         ) from error
     return hand_eye

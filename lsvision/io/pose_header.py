@@ -43,7 +43,7 @@ def read_pose_header(cells: Sequence[str], rule: PoseConvention, skip: int) -> P
     cells : sequence of str
         The header's cells.
     rule : PoseConvention
-        Whose fields are wanted.
+        Convention with the names of the fields.
     skip : int
         Columns before the pose where the header names no field.
 
@@ -94,7 +94,7 @@ def _length(units: set[str]) -> LengthUnit | None:
         return "mm"
     if units == {"m"}:
         return "m"
-    raise ValueError(f"lengths in {', '.join(sorted(units))}: want all in mm, or all in m")
+    raise ValueError(f"lengths in {', '.join(sorted(units))}: expected all in mm, or all in m")
 
 
 def _angle(units: set[str]) -> AngleUnit | None:
@@ -105,4 +105,4 @@ def _angle(units: set[str]) -> AngleUnit | None:
         return "deg"
     if known == {"rad"}:
         return "rad"
-    raise ValueError(f"angles in {', '.join(sorted(units))}: want all in deg, or all in rad")
+    raise ValueError(f"angles in {', '.join(sorted(units))}: expected all in deg, or all in rad")

@@ -82,9 +82,9 @@ def _fanuc_rows(path: Path, text: str, rule: PoseConvention) -> list[list[float]
         where = f"P[{name}]"
         values: dict[str, float] = {}
         for field, cell, unit in _FANUC_FIELD.findall(body):
-            wanted = "mm" if field.upper() in "XYZ" else "deg"
-            if unit and unit.lower() != wanted:
-                raise UnreadableFile(f"{path}: {where}: {field} in {unit}, want {wanted}")
+            expected = "mm" if field.upper() in "XYZ" else "deg"
+            if unit and unit.lower() != expected:
+                raise UnreadableFile(f"{path}: {where}: expected {field} in {expected}, got {unit}")
             try:
                 values[field.lower()] = float(cell)
             except ValueError:

@@ -86,8 +86,8 @@ def convention_named(name: str) -> PoseConvention:
     """
     if name not in CONVENTIONS:
         raise ValueError(
-            f"want a pose convention, one of {', '.join(CONVENTIONS)}; got {name!r}: the same six "
-            "numbers mean another rotation in each, so it is never guessed"
+            f"expected a pose convention, one of {', '.join(CONVENTIONS)}; got {name!r}: the same "
+            "six numbers mean another rotation in each, so it is never guessed"
         )
     return CONVENTIONS[name]
 
@@ -136,13 +136,13 @@ def pose_from_numbers(
     values = np.asarray(numbers, dtype=np.float64).ravel()
     if len(values) != len(rule.fields):
         raise ValueError(
-            f"want {len(rule.fields)} numbers ({' '.join(rule.fields)}) for convention "
+            f"expected {len(rule.fields)} numbers ({' '.join(rule.fields)}) for convention "
             f"{rule.name!r}, got {len(values)}"
         )
     if not np.isfinite(values).all():
-        raise ValueError(f"want finite numbers, got {values}")
+        raise ValueError(f"expected finite numbers, got {values}")
     if np.abs(values).max() > MAX_NUMBER:
-        raise ValueError(f"want numbers up to {MAX_NUMBER:g}, got {values}")
+        raise ValueError(f"expected numbers up to {MAX_NUMBER:g}, got {values}")
     mm = MM_PER_UNIT[length_unit or rule.length_unit]
     if rule.rotation == "matrix":
         return _pose_from_matrix(values.reshape(4, 4), mm)
@@ -156,7 +156,7 @@ def _rotation(values: FloatArray, kind: str, rad: float) -> FloatArray:
     if kind.startswith("quaternion"):
         norm = float(np.linalg.norm(values))
         if abs(norm - 1) > UNIT_QUATERNION:
-            raise ValueError(f"want a quaternion of length 1, got length {norm:.4f}: {values}")
+            raise ValueError(f"expected a quaternion of length 1, got length {norm:.4f}: {values}")
         xyzw = np.roll(values, -1) if kind.endswith("wxyz") else values
         matrix: FloatArray = Rotation.from_quat(xyzw / norm).as_matrix()
     elif kind == "rotvec":
@@ -171,10 +171,10 @@ def _pose_from_matrix(matrix: FloatArray, mm: float) -> Pose:
     defect = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
     if defect > ORTHONORMAL or not np.allclose(matrix[3], (0, 0, 0, 1), rtol=0, atol=ORTHONORMAL):
         raise ValueError(
-            f"want a 4x4 of a rotation with last row 0 0 0 1, got R'R off by {defect:.3g} and "
+            f"expected a 4x4 of a rotation with last row 0 0 0 1, got R'R off by {defect:.3g} and "
             f"last row {matrix[3]}: is it written column by column?"
         )
     left, _, right = np.linalg.svd(rotation)
     if np.linalg.det(rotation) < 0:
-        raise ValueError("want a rotation, got a matrix of determinant -1: it mirrors")
+        raise ValueError("expected a rotation, got a matrix of determinant -1: it mirrors")
     return Pose(left @ right, matrix[:3, 3] * mm)

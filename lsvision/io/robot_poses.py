@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import glob
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TypeVar
@@ -11,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.errors import UnreadableFile
-from lsvision.files.file_kinds import exists, is_directory, is_regular, natural_order
 from lsvision.geometry import Pose
+from lsvision.io.file_names import find_files
 from lsvision.io.pose_rows import pose_rows
 from lsvision.io.robot_conventions import (
     AngleUnit,
@@ -90,11 +89,11 @@ def read_robot_poses(
     for file, part in zip(files, parts, strict=True):
         if len(files) > 1 and len(part.rows) != 1:
             raise UnreadableFile(
-                f"{file}: want one pose in each of {len(files)} files, got {len(part.rows)}"
+                f"{file}: expected one pose in each of {len(files)} files, got {len(part.rows)}"
             )
     rows = [row for part in parts for row in part.rows]
     if not rows:
-        raise UnreadableFile(f"{path}: want one pose a row, got no row with numbers")
+        raise UnreadableFile(f"{path}: expected one pose a row, got no row with numbers")
     length_unit = length_unit or _one_unit(path, [part.length_unit for part in parts])
     angle_unit = angle_unit or _one_unit(path, [part.angle_unit for part in parts])
     poses = []
@@ -116,33 +115,26 @@ def read_robot_poses(
 
 
 def pose_files(path: str | Path) -> list[Path]:
-    """The files that a path, a folder or a pattern names, 2 before 10.
+    """Return the files that a path, a folder or a pattern names, in natural order.
 
     Raises
     ------
     UnreadableFile
         If a folder or a pattern names none.
     """
-    place = Path(path)
-    if is_directory(place):
-        try:
-            found = [file for file in place.iterdir() if not file.name.startswith(".")]
-        except OSError as error:
-            raise UnreadableFile(f"{path}: cannot be listed ({error.strerror})") from None
-    elif exists(place) or not glob.has_magic(str(path)):
-        return [place]
-    else:
-        found = [Path(match) for match in glob.glob(str(path), recursive=True)]  # noqa: PTH207 - absolute patterns
-    files = [file for file in found if is_regular(file)]
+    try:
+        files = find_files(str(path), frozenset())
+    except OSError as error:
+        raise UnreadableFile(f"{path}: cannot be listed ({error.strerror})") from None
     if not files:
         raise UnreadableFile(f"{path}: no file of poses there: check it with ls")
-    return sorted(files, key=natural_order)
+    return files
 
 
 def _one_unit(path: str | Path, units: Sequence[_Unit | None]) -> _Unit | None:
     known = set(units)
     if len(known) > 1:
-        raise UnreadableFile(f"{path}: its files state different units: want the same in all")
+        raise UnreadableFile(f"{path}: its files state different units: expected the same in all")
     return units[0]
 
 
@@ -175,9 +167,9 @@ def encoder_poses(
     array([0., 0., 1.])
     """
     if count < 1:
-        raise ValueError(f"want at least one pose, got count {count}")
+        raise ValueError(f"expected at least one pose, got count {count}")
     if not (np.isfinite(step) and step != 0):
-        raise ValueError(f"want a step in mm other than 0, got {step}")
+        raise ValueError(f"expected a step in mm other than 0, got {step}")
     first = Pose() if start is None else start
     return [Pose.along(direction, index * step) @ first for index in range(count)]
 

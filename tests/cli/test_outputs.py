@@ -49,7 +49,7 @@ def test_csv_and_json_go_to_standard_output_and_the_table_to_stderr(run, written
         assert "radius mm" in result.stderr
     both = run("measure", path, "--csv", "-", "--json", "-")
     assert both.exit_code == USAGE
-    assert "want one output to standard output (-), got two" in " ".join(both.stderr.split())
+    assert "expected one output to standard output (-), got two" in " ".join(both.stderr.split())
 
 
 def test_standard_input_is_measured(run, pipe):
@@ -63,7 +63,7 @@ def test_standard_input_is_measured(run, pipe):
     assert rows_of(result.stdout)[0]["source"] == "-"
     twice = run("measure", "-", "--poses", "-", "--convention", "kuka")
     assert twice.exit_code == USAGE
-    assert "want one input from standard input (-), got two" in " ".join(twice.stderr.split())
+    assert "expected one input from standard input (-), got two" in " ".join(twice.stderr.split())
 
 
 def test_a_file_above_the_limit_is_refused_and_the_limit_can_be_raised(run, written, pipe):

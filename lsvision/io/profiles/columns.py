@@ -112,7 +112,7 @@ def _index(table: TextTable, column: int | str) -> int:
     if isinstance(column, int):
         if column < width:
             return column
-        raise UnreadableFile(f"no column {column} in it: want 0 to {width - 1}, see --columns")
+        raise UnreadableFile(f"no column {column} in it: expected 0 to {width - 1}, see --columns")
     for name in (column.strip().lower(), split_label(column)[0]):
         if name in table.names:
             return table.names.index(name)
@@ -218,7 +218,7 @@ def _refuse_one_column(table: TextTable) -> NoReturn:
                 "height with --columns"
             )
     raise UnreadableFile(
-        "one column in it: want x and height, or say where the heights lie with --x0 and --dx"
+        "one column in it: expected x and height, or say where the heights lie with --x0 and --dx"
     )
 
 

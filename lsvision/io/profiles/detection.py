@@ -110,7 +110,7 @@ def detect_format(content: bytes, suffix: str) -> str:
     ('text', 'opencv')
     """
     if not content.strip():
-        raise UnreadableFile("the file is empty: want x and height in mm, one point a line")
+        raise UnreadableFile("the file is empty: expected x and height in mm, one point a line")
     for magic, name in _MAGIC:
         if content.startswith(magic):
             return name

@@ -33,7 +33,7 @@ def read_height_map(content: bytes, settings: ReadSettings) -> RawProfiles:
     if image.ndim != 2 or image.dtype == np.uint8:
         channels = 1 if image.ndim == 2 else image.shape[2]
         raise UnreadableFile(
-            f"an image of {channels} x {8 * image.dtype.itemsize} bit, no height map: want one "
+            f"an image of {channels} x {8 * image.dtype.itemsize} bit, no height map: expected one "
             "channel of 16 bit or floating point"
         )
     limits: tuple[float, ...] = ()

@@ -35,7 +35,7 @@ _OPENCV_NUMBER = re.compile(
     r"(?<![\w.\"])([-+]?)\.(nan|inf)\b|(?<=[0-9])\.(?=[\s,\]}e])", re.IGNORECASE
 )
 _LINES_OF_OBJECTS = re.compile(r"\}[^\S\n]*\n\s*\{")
-_WANTED = 'want {"x": [...], "z": [...]} or {"points": [[x, z], ...]}'
+_EXPECTED_KEYS = 'expected {"x": [...], "z": [...]} or {"points": [[x, z], ...]}'
 
 
 def read_json(content: bytes, settings: ReadSettings) -> RawProfiles:
@@ -68,7 +68,9 @@ def profiles_from_document(document: Any, settings: ReadSettings, kind: str) -> 
     """
     profiles = _profiles(document, settings, depth=0)
     if profiles is None:
-        raise UnreadableFile(f"{kind} without a list of points ({_shape(document)}): {_WANTED}")
+        raise UnreadableFile(
+            f"{kind} without a list of points ({_shape(document)}): {_EXPECTED_KEYS}"
+        )
     if isinstance(document, Mapping):
         stated = lost_statements(
             f"{key}: {value}" for key, value in document.items() if isinstance(value, int | float)
@@ -86,7 +88,9 @@ def _parsed(text: str) -> Any:
     try:
         return parse_json(text, allow_nan=True)
     except NestedTooDeep as error:
-        raise UnreadableFile(f"JSON nested too deep for points ({error}): {_WANTED}") from None
+        raise UnreadableFile(
+            f"JSON nested too deep for points ({error}): {_EXPECTED_KEYS}"
+        ) from None
     except ValueError as error:
         reason = str(error)
     try:  # cv2.FileStorage writes .Nan and 1. into its JSON
@@ -239,7 +243,7 @@ def _from_flat(
     if width is None:
         raise UnreadableFile(
             f"{values.size} numbers under {key!r} are neither pairs x, z nor triples x, y, z with "
-            f"rising x: {_WANTED}, or of heights alone say --x0 and --dx"
+            f"rising x: {_EXPECTED_KEYS}, or of heights alone say --x0 and --dx"
         )
     return _from_rows(values.reshape(-1, width), settings, statements)
 

@@ -71,7 +71,7 @@ def read_laser_scan(content: bytes, _: ReadSettings) -> RawProfiles:
     scans: list[dict[str, Any]] = []
     for number, row in enumerate(rows[1:], 2):
         if len(row) < len(names):
-            raise UnreadableFile(f"row {number} has {len(row)} cells where {len(names)} are wanted")
+            raise UnreadableFile(f"row {number} has {len(row)} cells, expected {len(names)}")
         scan: dict[str, Any] = {name: row[k] for k, name in enumerate(names) if name in _KEPT_KEYS}
         scan["ranges"] = [row[k] for k in places]
         scans.append(scan)
@@ -85,7 +85,7 @@ def _section(scan: Mapping[str, Any]) -> FloatArray:
         step = (stop - start) / (len(ranges) - 1)
     if not (math.isfinite(start) and math.isfinite(step)) or step == 0 or ranges.size == 0:
         raise UnreadableFile(
-            "a LaserScan without angle_min and angle_increment, or without ranges: want all three"
+            "expected angle_min, angle_increment and ranges of a LaserScan, got only some of them"
         )
     low, high = _number(scan.get("range_min")), _number(scan.get("range_max"))
     with np.errstate(invalid="ignore"):

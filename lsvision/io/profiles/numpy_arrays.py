@@ -119,7 +119,7 @@ def _array_of(content: bytes) -> npt.NDArray[np.generic]:
 
 def _as_floats(array: npt.NDArray[np.generic]) -> npt.NDArray[np.float64]:
     if array.dtype.kind not in "iufb":
-        raise UnreadableFile(f"an array of {array.dtype}: want numbers")
+        raise UnreadableFile(f"an array of {array.dtype}: expected numbers")
     return floats_from(array)
 
 
@@ -147,7 +147,7 @@ def _profiles_from_array(
     if values.ndim == 1:
         values = values.reshape(1, -1)
     if values.ndim != 2 or values.size == 0:
-        raise UnreadableFile(f"an array of shape {array.shape}: want points of shape (n, 2)")
+        raise UnreadableFile(f"an array of shape {array.shape}: expected points of shape (n, 2)")
     wide = values.shape[0] in (2, 3) and values.shape[1] >= MIN_COLUMNS
     if wide and settings.dx is None and not settings.transpose:
         values = values.T

@@ -60,8 +60,8 @@ def read_opencv_storage(content: bytes, settings: ReadSettings) -> RawProfiles:
         values = numbers_from_cells(lists[key])
         if key not in _KEYS and flat_width(key, values) is None:
             raise UnreadableFile(
-                f"{len(values)} numbers under {key!r} are no points with rising x: want scan_line: "
-                "[x, y, z, ...] or lists x and z"
+                f"expected points with rising x under {key!r}, got {len(values)} numbers: write "
+                "scan_line: [x, y, z, ...] or lists x and z"
             )
     else:
         key, values = _first_node(text)
@@ -94,7 +94,7 @@ def _first_node(text: str) -> tuple[str, FloatArray]:
             return key, values
     raise UnreadableFile(
         f"no list of points among its keys ({', '.join(nodes)[:200] or 'none'}): "
-        "want scan_line: [x, y, z, ...]"
+        "expected scan_line: [x, y, z, ...]"
     )
 
 

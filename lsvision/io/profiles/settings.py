@@ -109,11 +109,11 @@ class ReadSettings:
             object.__setattr__(self, "z_unit", _checked_count(self.z_unit))
         for name in ("dx", "x_pitch", "z_unit"):
             if getattr(self, name) == 0:
-                raise ValueError(f"want {name} other than 0, got 0")
+                raise ValueError(f"expected {name} other than 0, got 0")
         for name in ("x0", "dx", "x_start", "x_pitch", "z_unit"):
             value = getattr(self, name)
             if value is not None and not math.isfinite(value):
-                raise ValueError(f"want a finite {name}, got {value}")
+                raise ValueError(f"expected a finite {name}, got {value}")
         if self.lost is not None:
             object.__setattr__(self, "lost", _checked_markers(self.lost))
         if self.columns is not None:
@@ -183,14 +183,14 @@ class RawProfiles:
 
 def _check_choice(name: str, value: str | None, choices: tuple[str, ...]) -> None:
     if value is not None and value not in choices:
-        raise ValueError(f"want {name} among {', '.join(choices)}, got {value!r}")
+        raise ValueError(f"expected {name} among {', '.join(choices)}, got {value!r}")
 
 
 def _checked_unit(text: str) -> str:
     unit = parse_unit(text)
     if unit is None:
         raise ValueError(
-            f"want units among {', '.join(MM_PER_UNIT)}, or with a scale as 0.1mm, got {text!r}"
+            f"expected units among {', '.join(MM_PER_UNIT)}, or with a scale as 0.1mm, got {text!r}"
         )
     return unit
 
@@ -202,7 +202,7 @@ def _checked_count(z_unit: float | str) -> float:
         unit = parse_unit(str(z_unit))
     if unit is None:
         raise ValueError(
-            f"want z_unit as a number of 0.01 um or as a length, 0.5um, got {z_unit!r}"
+            f"expected z_unit as a number of 0.01 um or as a length, 0.5um, got {z_unit!r}"
         )
     return mm_per_unit(unit) / MM_PER_KEYENCE_STEP
 
@@ -232,6 +232,6 @@ def _checked_columns(columns: str | Sequence[int | str]) -> tuple[int | str, ...
     chosen = tuple(int(w) if isinstance(w, str) and w.isdecimal() else w for w in words)
     if len(chosen) not in (2, 3) or any(isinstance(c, int) and c < 0 for c in chosen):
         raise ValueError(
-            f"want columns of x and height (or x, travel and height) from 0, got {columns!r}"
+            f"expected columns of x and height (or x, travel and height) from 0, got {columns!r}"
         )
     return chosen

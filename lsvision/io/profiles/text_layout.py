@@ -26,6 +26,7 @@ MIN_TEXT_TABLE_FRACTION = 0.5
 _ANY_NUMBER = re.compile(f"{POINT_NUMBER.pattern}|{COMMA_NUMBER.pattern}|{THOUSANDS.pattern}")
 _QUOTED = re.compile(r'"[^"]*"')
 _WORDS = re.compile(r'"[^"]*"|[^\s"]+')
+_NO_NUMBERS = "expected x and height in mm, one point a line, got no line of numbers"
 
 
 @dataclass(frozen=True)
@@ -196,13 +197,13 @@ def _first_text_row(lines: Sequence[str]) -> tuple[int, str | None, int, tuple[i
         if len(numeric) >= 2 and enough and (best is None or len(numeric) > len(best[3])):
             best = sample[0], separator, width, numeric
     if best is None:
-        raise UnreadableFile("no line of numbers in it: want x and height in mm, one point a line")
+        raise UnreadableFile(_NO_NUMBERS)
     _, separator, width, numeric = best
     for index in rows:
         row = split_cells(lines[index].strip(" \r\n"), separator)
         if len(row) == width and all(is_number_or_lost(row[c]) for c in numeric):
             return index, separator, width, numeric
-    raise UnreadableFile("no line of numbers in it: want x and height in mm, one point a line")
+    raise UnreadableFile(_NO_NUMBERS)
 
 
 def _is_numeric(cells: Iterable[str]) -> bool:

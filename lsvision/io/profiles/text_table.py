@@ -219,8 +219,8 @@ def _split_rows(rows: Sequence[tuple[int, str]], layout: Layout) -> list[list[st
             found.append("")
         if len(found) != width:
             raise UnreadableFile(
-                f"line {number} has {len(found)} cells where {width} are wanted "
-                f"({row[:40]!r}): want the same columns in each line, no decimal commas or "
+                f"line {number} has {len(found)} cells, expected {width} "
+                f"({row[:40]!r}): write the same columns in each line, no decimal commas or "
                 "thousands separators among commas"
             )
         cells.append(found)
