@@ -42,6 +42,12 @@ def figure_bytes(figure: "Figure", picture_format: str) -> bytes:
     return content.getvalue()
 
 
+def svg_element(figure: "Figure") -> str:
+    """Return a figure as an ``<svg>`` element of an HTML page."""
+    text = figure_bytes(figure, "svg").decode("utf-8")
+    return text[text.index("<svg") :]
+
+
 def _save_svg(figure: "Figure", content: io.BytesIO) -> None:
     import matplotlib as mpl
 

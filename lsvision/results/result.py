@@ -5,8 +5,9 @@ from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
 
 from lsvision.geometry.equality import ComparedByValue
+from lsvision.results.html import html_environment
 from lsvision.results.quantities import Record, flat_row
-from lsvision.results.tables import Cells, html_lines, html_table, text_table
+from lsvision.results.tables import Cells, text_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -97,9 +98,11 @@ class Result(ComparedByValue, ABC):
 
     def _repr_html_(self) -> str:
         """The table and a small picture, for notebooks."""
-        rows = self._cells()
-        table = html_table(rows) if len(rows) > 1 else ""
-        return f"{table}{html_lines(self._notes())}{self._picture()}"
+        return (
+            html_environment()
+            .get_template("result.html.j2")
+            .render(rows=self._cells(), notes=self._notes(), picture=self._picture())
+        )
 
     @abstractmethod
     def _summary(self) -> str:

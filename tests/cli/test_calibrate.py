@@ -242,9 +242,7 @@ def test_poses_of_another_count_are_refused(run, out, tmp_path):
     fewer = tmp_path / "poses.csv"
     fewer.write_text("\n".join(POSES.read_text().splitlines()[:-1]))
     told = refused(run(*sphere_words(out, fewer)), out)
-    assert (
-        "poses.csv: expected 12 poses, one for each of pose_00.csv to pose_11.csv, got" in told
-    )
+    assert "poses.csv: expected 12 poses, one for each of pose_00.csv to pose_11.csv, got" in told
     assert "got 11 poses" in told
 
 
