@@ -1,10 +1,11 @@
 """Calibrations as text: each number with its sigma, and what was left out with its reason."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from lsvision.cli.calibrate_inputs import replace_image_numbers
+from lsvision.results.tables import text_table
 
 if TYPE_CHECKING:
     from lsvision.calibration.hand_eye_result import HandEye
@@ -34,25 +35,9 @@ def plan_rows(plan: "PosePlan") -> list[tuple[str, ...]]:
     ]
 
 
-def aligned(rows: Iterable[Sequence[str]]) -> list[str]:
-    """Rows as lines: the first column to the left, the others to the right."""
-    cells = [tuple(row) for row in rows]
-    if not cells:
-        return []
-    widths = [max(len(row[column]) for row in cells) for column in range(len(cells[0]))]
-    return [
-        "  ".join(
-            [row[0].ljust(widths[0])]
-            + [cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True)]
-        ).rstrip()
-        for row in cells
-    ]
-
-
 def value_lines(rows: "Sequence[Row]") -> list[str]:
-    """Names and numbers as lines, the unit behind each number."""
-    width = max(len(name) for name, _, _ in rows)
-    return [f"{name.ljust(width)}  {value} {unit}".rstrip() for name, value, unit in rows]
+    """Return names and values as lines, with the unit after each value."""
+    return text_table([(name, f"{value} {unit}") for name, value, unit in rows], left=2)
 
 
 def warning_lines(

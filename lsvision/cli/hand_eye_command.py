@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lsvision.calibration.result_tables import hand_eye_rows
 from lsvision.cli.calibrate_inputs import (
     Report,
     prefix_file_names,
@@ -16,11 +15,12 @@ from lsvision.cli.calibrate_inputs import (
     read_images,
     read_named_profiles,
 )
-from lsvision.cli.calibrate_tables import aligned, plan_rows, pose_rows, value_lines
+from lsvision.cli.calibrate_tables import plan_rows, pose_rows, value_lines
 from lsvision.cli.messages import print_lines
 from lsvision.cli.outputs import check_outputs
 from lsvision.cli.profile_options import ReadingOptions
 from lsvision.cli.robot_poses import PoseFile, parse_convention
+from lsvision.results.tables import text_table
 
 if TYPE_CHECKING:
     from lsvision.calibration.hand_eye_result import HandEye, HandEyeSettings
@@ -228,6 +228,7 @@ def report_hand_eye(
     inputs: Sequence[Path],
 ) -> None:  # fmt: skip
     """Write the files and print the result."""
+    from lsvision.calibration.hand_eye_result import hand_eye_rows
     from lsvision.io.calibration import provenance_of
     from lsvision.io.hand_eye_file import export_easy_handeye, save_hand_eye
     from lsvision.io.robot_poses import pose_files
@@ -249,7 +250,9 @@ def report_hand_eye(
         robot, sensor = job.frame_names
         export_easy_handeye(found, job.easy_handeye, robot_frame=robot, sensor_frame=sensor)
     head = f"{job.out}: sensor to robot from {believed} of {len(names)} poses"
-    table = aligned([("pose", "residual mm", "held out mm", ""), *pose_rows(found, names)])
+    table = text_table(
+        [("pose", "residual mm", "held out mm", ""), *pose_rows(found, names)], left=1
+    )
     print_lines([head, *value_lines(rows), "", *table, *doubts])
 
 
@@ -294,7 +297,7 @@ def _report_pose_plan(plan: "PosePlan", out: Path | None) -> None:
     from lsvision.files.atomic_files import write_atomic
 
     head = ("next pose", "x mm", "y mm", "z mm", "predicted mm")
-    typer.echo("\n".join(["", *aligned([head, *plan_rows(plan)])]))
+    typer.echo("\n".join(["", *text_table([head, *plan_rows(plan)], left=1)]))
     if out is not None:
         rows = [
             ",".join(f"{value:.6f}" for value in pose.matrix.flat)

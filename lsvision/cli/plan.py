@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from lsvision.results.tables import text_table
+
 if TYPE_CHECKING:
     from lsvision.planning import (
         AccuracyTarget,
@@ -189,12 +191,7 @@ _HEADER = ("sections", "spacing mm", "length mm", "points", "radius mm", "theta 
 
 
 def _table(predictions: "list[SectionPrediction | ScanPrediction]") -> str:
-    rows = [_HEADER, *(_row(prediction) for prediction in predictions)]
-    widths = [max(len(row[column]) for row in rows) for column in range(len(_HEADER))]
-    return "\n".join(
-        "  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True))
-        for row in rows
-    )
+    return "\n".join(text_table([_HEADER, *map(_row, predictions)]))
 
 
 def _row(prediction: "SectionPrediction | ScanPrediction") -> tuple[str, ...]:

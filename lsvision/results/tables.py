@@ -5,8 +5,16 @@ from collections.abc import Sequence
 Cells = Sequence[Sequence[str]]
 
 
-def text_table(rows: Cells) -> list[str]:
-    r"""Return the lines of a table, every column aligned to the right.
+def text_table(rows: Cells, left: int = 0) -> list[str]:
+    r"""Return the lines of a table.
+
+    Parameters
+    ----------
+    rows : sequence of sequence of str
+        Cells, as many in each row.
+    left : int
+        Number of columns, from the first, that are aligned to the left; the others are aligned to
+        the right.
 
     Examples
     --------
@@ -14,8 +22,14 @@ def text_table(rows: Cells) -> list[str]:
        radius mm
     1       19.0
     """
+    # Not by rich: it cuts or wraps cells to the width of the terminal (80 characters in a pipe),
+    # and takes brackets in file names for markup.
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return [
-        "  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+    lines = (
+        "  ".join(
+            cell.ljust(width) if column < left else cell.rjust(width)
+            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
+        )
         for row in rows
-    ]
+    )
+    return [line.rstrip() for line in lines]
