@@ -57,7 +57,7 @@ def sphere(
         --poses calibration/example/sphere_poses.csv --convention kuka --out hand_eye.json
     Where to drive next:
       lsvision calibrate hand-eye sphere ... --out hand_eye.json --plan-poses 6 --plan-out next.csv
-    """  # noqa: D301 - the backspace tells click to leave the lines as they are
+    """  # noqa: D301 - the backspace makes click keep the line breaks
     if radius is not None and not (math.isfinite(radius) and radius > 0):
         raise typer.BadParameter(f"expected --radius above 0 mm, got {radius:g}")
     from lsvision.calibration.hand_eye import calibrate_hand_eye_sphere
@@ -81,7 +81,7 @@ def plane(
     Eight poses by hand, and where to drive next; then once more with all of them:
       lsvision calibrate hand-eye plane plate/ --poses poses.csv --convention ur \\
         --out hand_eye.json --plan-poses 6 --plan-out next.csv
-    """  # noqa: D301 - the backspace tells click to leave the lines as they are
+    """  # noqa: D301 - the backspace makes click keep the line breaks
     from lsvision.calibration.hand_eye import calibrate_hand_eye_plane
 
     calibrate_from_profiles(calibrate_hand_eye_plane, profiles, job, plan, reading)
@@ -104,7 +104,7 @@ def board(
     \b
       lsvision calibrate hand-eye board shots/ --camera camera.json --poses poses.csv \\
         --convention fanuc --out hand_eye.json
-    """  # noqa: D301 - the backspace tells click to leave the lines as they are
+    """  # noqa: D301 - the backspace makes click keep the line breaks
     target = target_options.parse()
     files = image_files(images)
     job.check_files([*files, camera])

@@ -1,4 +1,4 @@
-"""What the options of a calibration name: images, profiles, poses, the target."""
+"""Input files of calibrations: images and profiles, and their names in messages."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -27,27 +27,27 @@ if TYPE_CHECKING:
     from lsvision.profile import Profile
 
 Report = Annotated[
-    Path | None, typer.Option(metavar="F.html", help="Write a page with pictures for people.")
+    Path | None, typer.Option(metavar="F.html", help="Write an HTML page with pictures.")
 ]
 
 
-def image_files(words: Sequence[str]) -> list[Path]:
-    """Images that words name, in natural order; ends the command if a word names nothing."""
-    return _found(words, IMAGE_SUFFIXES)
+def image_files(names: Sequence[str]) -> list[Path]:
+    """Return the images that names stand for, in natural order; exit if a name has none."""
+    return _find(names, IMAGE_SUFFIXES)
 
 
-def profile_files(words: Sequence[str]) -> list[Path]:
-    """Profile files that words name; see `image_files`."""
-    return _found(words, PROFILE_SUFFIXES)
+def profile_files(names: Sequence[str]) -> list[Path]:
+    """Return the profile files that names stand for; see `image_files`."""
+    return _find(names, PROFILE_SUFFIXES)
 
 
 def read_images(paths: Sequence[Path]) -> list[Any]:
-    """The images of files, in their order.
+    """Read the images of files, in order.
 
     Raises
     ------
     UnreadableFile
-        Names the file and the mend.
+        Names the file and the remedy.
     """
     from lsvision.io.images import read_image
 
@@ -55,12 +55,12 @@ def read_images(paths: Sequence[Path]) -> list[Any]:
 
 
 def read_line_images(paths: Sequence[Path], laser: str) -> list[Any]:
-    """Images of a laser line, checked for the laser's colour.
+    """Read images of a laser line whose colours suit the laser.
 
     Raises
     ------
     UnreadableFile
-        If an image has colours and `laser` is none, or the other way round.
+        If an image is coloured and `laser` is grey, or the other way round.
     """
     images = read_images(paths)
     for path, image in zip(paths, images, strict=True):
@@ -71,12 +71,12 @@ def read_line_images(paths: Sequence[Path], laser: str) -> list[Any]:
 def read_named_profiles(
     paths: Sequence[Path], options: "ReadOptions"
 ) -> "tuple[list[Profile], list[str]]":
-    """Profiles of all files in their order, one a pose, and a name for each.
+    """Read the profiles of all files in order, and name each.
 
     Raises
     ------
     UnreadableFile
-        Names the file and the mend.
+        Names the file and the remedy.
     """
     profiles: list[Profile] = []
     names: list[str] = []
@@ -94,18 +94,18 @@ def read_named_profiles(
 
 @contextmanager
 def prefix_file_names(**names: Sequence[str]) -> Iterator[None]:
-    """Put file names beside the numbers in a refusal.
+    """Add file names to the image numbers in the message of an error.
 
     Parameters
     ----------
     **names : sequence of str
-        What ``image 3`` (`image`), ``board image 3`` (`board_image`) or ``pose 3`` (`pose`)
-        is called by the user.
+        File names of ``image 3`` (`image`), ``board image 3`` (`board_image`) or ``pose 3``
+        (`pose`).
 
     Raises
     ------
     LsvisionError
-        With the names.
+        The same error with the names.
     """
     try:
         yield
@@ -114,7 +114,7 @@ def prefix_file_names(**names: Sequence[str]) -> Iterator[None]:
 
 
 def replace_image_numbers(text: str, **names: Sequence[str]) -> str:
-    """A message in which ``image 3`` is followed by the file's name.
+    """Return a message with the file's name after each ``image 3``.
 
     Examples
     --------
@@ -122,21 +122,21 @@ def replace_image_numbers(text: str, **names: Sequence[str]) -> str:
     'image 1 (b.png) is blurred'
     """
     for kind, every in sorted(names.items(), key=lambda item: -len(item[0])):
-        words = kind.replace("_", " ")
-        before = r"(?<!board )(?<!line )" if words == "image" else ""
+        label = kind.replace("_", " ")
+        before = r"(?<!board )(?<!line )" if label == "image" else ""
 
-        def told(found: re.Match[str], every: Sequence[str] = every) -> str:
+        def with_name(found: re.Match[str], every: Sequence[str] = every) -> str:
             number = int(found[1])
             return f"{found[0]} ({every[number]})" if number < len(every) else found[0]
 
-        text = re.sub(rf"{before}\b{words} (\d+)\b", told, text)
+        text = re.sub(rf"{before}\b{label} (\d+)\b", with_name, text)
     return text
 
 
-def _found(words: Sequence[str], suffixes: frozenset[str]) -> list[Path]:
-    files, missing = find_sources(words, suffixes)
+def _find(names: Sequence[str], suffixes: frozenset[str]) -> list[Path]:
+    files, missing = find_sources(names, suffixes)
     if any(str(file) == STDIN for file in files):
-        raise typer.BadParameter("expected files, got - for standard input: they are read twice")
+        raise typer.BadParameter("expected files, which are read twice, got - for standard input")
     missing += [
         UnreadableFile(f"{file}: no such file: check the name")
         for file in files

@@ -1,4 +1,4 @@
-"""Calibrations as text: each number with its sigma, and what was left out with its reason."""
+"""Calibrations as text: values with one sigma, and warnings."""
 
 import math
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def pose_rows(found: "HandEye", names: Sequence[str]) -> list[tuple[str, str, str, str]]:
-    """Each pose: name, residual, held-out residual, whether it was left out."""
+    """Return for each pose: name, residual, held-out residual, and whether it was left out."""
     left_out = {pose.index for pose in found.rejected}
     return [
         (name, _mm(residual), _mm(held_out), "left out" if index in left_out else "")
@@ -26,7 +26,7 @@ def pose_rows(found: "HandEye", names: Sequence[str]) -> list[tuple[str, str, st
 
 
 def plan_rows(plan: "PosePlan") -> list[tuple[str, ...]]:
-    """Each proposed pose with the accuracy it promises."""
+    """Return for each planned pose: number, position and predicted standard deviation."""
     return [
         (str(number), *(f"{value:.1f}" for value in pose.translation), f"{std:.4f}")
         for number, (pose, std) in enumerate(
@@ -46,7 +46,7 @@ def warning_lines(
     outliers: "Sequence[RejectedView]",
     warnings: Sequence[str],
 ) -> list[str]:
-    """What was left out, what fits badly, and what makes the set weak; each by name."""
+    """Return lines on rejected views, outliers and warnings, with the names of the images."""
     lines = [f"left out: {names[view.index]}: {view.reason}" for view in rejected]
     lines += [f"fits badly: {names[view.index]}: {view.reason}" for view in outliers]
     return lines + [f"warning: {replace_image_numbers(text, image=names)}" for text in warnings]

@@ -1,4 +1,4 @@
-"""A sensor-to-robot calibration from its options to its files and its printed table."""
+"""Hand-eye calibration: options, input files, output files and printed table."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -196,12 +196,12 @@ def calibrate_from_profiles(
 def estimate_board_poses(
     files: Sequence[Path], target: "Target", camera_file: Path
 ) -> "tuple[list[Pose], list[FloatArray]]":
-    """The board before the camera in each image, with covariances (6, 6); all must show it.
+    """Return the pose of the board in each image, with covariances (6, 6).
 
     Raises
     ------
     LsvisionError
-        Names the image that does not.
+        If an image does not show the board; names it.
     """
     from lsvision.calibration.board_pose import estimate_board_pose
     from lsvision.calibration.target import find_target
@@ -215,11 +215,11 @@ def estimate_board_poses(
         require_size(camera, image, str(file))
         try:
             seen = find_target(image, target)
-            sighting = estimate_board_pose(seen.pixels, seen.points, camera)
+            estimate = estimate_board_pose(seen.pixels, seen.points, camera)
         except LsvisionError as error:
             raise LsvisionError(f"{file}: {error}; or leave out this image and its pose") from error
-        poses.append(sighting.camera_from_board)
-        covariances.append(sighting.covariance)
+        poses.append(estimate.camera_from_board)
+        covariances.append(estimate.covariance)
     return poses, covariances
 
 
@@ -234,26 +234,26 @@ def report_hand_eye(
     from lsvision.io.robot_poses import pose_files
 
     rows = hand_eye_rows(found)
-    doubts = [f"left out: {names[pose.index]}: {pose.reason}" for pose in found.rejected]
-    doubts += [f"warning: {text}" for text in found.warnings]
-    believed = len(names) - len(found.rejected)
+    warnings = [f"left out: {names[pose.index]}: {pose.reason}" for pose in found.rejected]
+    warnings += [f"warning: {text}" for text in found.warnings]
+    used = len(names) - len(found.rejected)
     method = f"{type(found.target).__name__.lower()}, {job.placement}, {job.convention} poses"
     provenance = provenance_of(method, dict.fromkeys([*pose_files(job.poses), *inputs]))
     if job.report is not None:
         from lsvision.draw.calibration_report import ReportContent, hand_eye_page
         from lsvision.files.atomic_files import write_atomic
 
-        page = ReportContent(rows, doubts, names, provenance)
+        page = ReportContent(rows, warnings, names, provenance)
         write_atomic(job.report, hand_eye_page(found, flanges, page))
     save_hand_eye(found, job.out, provenance)
     if job.easy_handeye is not None:
         robot, sensor = job.frame_names
         export_easy_handeye(found, job.easy_handeye, robot_frame=robot, sensor_frame=sensor)
-    head = f"{job.out}: sensor to robot from {believed} of {len(names)} poses"
+    head = f"{job.out}: sensor to robot from {used} of {len(names)} poses"
     table = text_table(
         [("pose", "residual mm", "held out mm", ""), *pose_rows(found, names)], left=1
     )
-    print_lines([head, *value_lines(rows), "", *table, *doubts])
+    print_lines([head, *value_lines(rows), "", *table, *warnings])
 
 
 def _check_plan(job: HandEyeOptions, plan: PosePlanOptions) -> None:
@@ -266,12 +266,12 @@ def _check_plan(job: HandEyeOptions, plan: PosePlanOptions) -> None:
 
 
 def _plan_next_poses(found: "HandEye", flanges: "Sequence[Pose]", count: int) -> "PosePlan":
-    """The next best poses before the sphere or plate that was found."""
+    """Return the poses that improve the calibration most, at the sphere or plate found."""
     from lsvision.calibration import pose_planning as planning
     from lsvision.geometry import Plane
 
     left_out = {pose.index for pose in found.rejected}
-    believed = [pose for index, pose in enumerate(flanges) if index not in left_out]
+    used = [pose for index, pose in enumerate(flanges) if index not in left_out]
     mount = found.mount_from_sensor
     settings = replace(
         planning.PLANE_DEFAULTS if isinstance(found.target, Plane) else planning.SPHERE_DEFAULTS,
@@ -281,19 +281,19 @@ def _plan_next_poses(found: "HandEye", flanges: "Sequence[Pose]", count: int) ->
         candidates=max(150, 10 * count),
     )
     if isinstance(found.target, Plane):
-        seen_at = [(pose @ mount).apply_one(found.working_point) for pose in believed]
-        middle = sum(seen_at) / len(seen_at)
+        targets = [(pose @ mount).apply_one(found.working_point) for pose in used]
+        middle = sum(targets) / len(targets)
         return planning.plan_hand_eye_poses_plane(
-            mount, found.target, middle, measured=believed, settings=settings
+            mount, found.target, middle, measured=used, settings=settings
         )
-    ball = found.sphere
+    sphere = found.sphere
     return planning.plan_hand_eye_poses(
-        mount, ball.centre, ball.radius, measured=believed, settings=settings
+        mount, sphere.centre, sphere.radius, measured=used, settings=settings
     )
 
 
 def _report_pose_plan(plan: "PosePlan", out: Path | None) -> None:
-    """Print the next best poses, and write them as 4x4 rows."""
+    """Print the planned poses, and write them as 4x4 rows."""
     from lsvision.files.atomic_files import write_atomic
 
     head = ("next pose", "x mm", "y mm", "z mm", "predicted mm")

@@ -1,4 +1,4 @@
-"""Options that say how a laser line is found in images, shared by the commands that do."""
+"""Options of the commands that extract a laser line from images."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
@@ -41,7 +41,7 @@ LaserOff = Annotated[
 
 
 def parse_line_settings(laser: str, method: str) -> "LineSettings":
-    """How to look for the line.
+    """Return the settings of the line extraction.
 
     Raises
     ------
@@ -52,21 +52,21 @@ def parse_line_settings(laser: str, method: str) -> "LineSettings":
 
     try:
         return LineSettings(channel=cast(Any, laser), method=cast(Any, method))
-    except ValueError as slip:
-        raise typer.BadParameter(str(slip).replace("channel", "--laser")) from None
+    except ValueError as error:
+        raise typer.BadParameter(str(error).replace("channel", "--laser")) from None
 
 
 def parse_imaging(
     light_section: Path | None, line: "LineSettings", laser_off: Path | None, **more: Any
 ) -> ImagingOptions | None:
-    """How images become profiles; None without a rig.
+    """Return how images become profiles; None without a rig.
 
     Parameters
     ----------
     light_section : Path, optional
         The rig file.
     line : LineSettings
-        How to look for the line.
+        Settings of the line extraction.
     laser_off : Path, optional
         The frame without the laser.
     **more
@@ -87,12 +87,12 @@ def parse_imaging(
 
 
 def read_laser_off(path: Path | None, size: tuple[int, int]) -> Any:
-    """The frame without the laser; None without a path.
+    """Read the image without the laser; None without a path.
 
     Raises
     ------
     UnreadableFile
-        If it is no image, or of another size than ``(width, height)``.
+        If it is not an image, or of another size than ``(width, height)``.
     """
     if path is None:
         return None

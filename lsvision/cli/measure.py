@@ -123,7 +123,7 @@ def measure(
     lsvision calibrate hand-eye wrote:
       lsvision measure calibration/example/pipe --flange-from-section hand_eye.json \\
         --poses calibration/example/pipe_poses.csv --convention kuka --known-radius 15:0.02
-    """  # noqa: D301 - the backspace tells click to leave the lines as they are
+    """  # noqa: D301 - the backspace makes click keep the line breaks
     if not files and camera is None:
         raise typer.BadParameter("expected files, folders or --camera INDEX, got none")
     check_picture(plot)
@@ -161,7 +161,7 @@ def measure(
 
 
 def _report_missing(missing: Sequence[LsvisionError], poses: Path | None) -> None:
-    """Tell the words that name nothing; end the command if which pose is whose is then open."""
+    """Report names without files; exit if there are poses, which cannot be paired then."""
     for failure in missing:
         print_error(str(failure))
     if missing and poses is not None:
@@ -169,7 +169,7 @@ def _report_missing(missing: Sequence[LsvisionError], poses: Path | None) -> Non
 
 
 def _report_failed(failed: int, total: int, plot: Path | None) -> None:
-    """Tell how many files failed, and end the command with exit code 1 if any did."""
+    """Report how many files failed; exit with code 1 if any did."""
     if failed and total > 1:
         what = "measured" if plot is None else "measured or drawn"
         print_error(f"{failed} of {total} could not be {what}")
@@ -183,7 +183,7 @@ def _measure_all(
     json_file: Path | None,
     csv_file: Path | None,
 ) -> int:
-    """Measure the sources; also if the run is cut short, the files hold what was measured."""
+    """Measure the sources; after an interruption the files contain the results so far."""
     from lsvision.io.result_files import ResultFiles
 
     frame = None

@@ -1,4 +1,4 @@
-"""What the options of a measurement mean; a slip in them is a usage error."""
+"""Values of the options of a measurement; an invalid value is a usage error."""
 
 import math
 from collections.abc import Callable
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from lsvision.sensors.profile_sensor import ProfileSensor
 
 RANGE_WARNING_FACTOR = 3.0
-"""Times the ends of a sensor's range, from which on a profile is not one of that sensor."""
+"""Factor beyond the limits of a sensor's range from which a warning is given."""
 
 
 def build_measure_function(
@@ -42,7 +42,7 @@ def build_measure_function(
     Raises
     ------
     typer.BadParameter
-        If a radius is no number, not positive, or the range is reversed; if a tilt is none.
+        If a radius is not a number, not positive, or the range is reversed; if a tilt is none.
     """
     search_range, known = parse_search_range(radius), parse_known_radius(known_radius)
     known_phi = parse_known_phi(known_phi_deg)
@@ -62,17 +62,17 @@ def build_measure_function(
 
 
 def range_warning(profile: "Profile", sensor: "ProfileSensor | None") -> str | None:
-    """What is odd if the profile lies far from where the sensor measures; else None.
+    """Return a warning if the profile lies far outside the range of the sensor; else None.
 
     A sensor's noise grows with the distance from its origin; where heights are counted from
-    elsewhere, as from the middle of its range, that noise is nonsense.
+    elsewhere, as from the middle of its range, that noise is wrong.
 
     Parameters
     ----------
     profile : Profile
         With at least one point.
     sensor : ProfileSensor, optional
-        None has no range.
+        Sensor with its range; None gives no warning.
     """
     if sensor is None:
         return None

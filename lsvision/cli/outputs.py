@@ -23,7 +23,7 @@ def check_outputs(
     sources: Sequence[Path],
     streams: Sequence[Path | None] = (),
 ) -> "TakenFiles":
-    """Refuse outputs that could not be written once the work is done.
+    """Raise an error if an output could not be written after the work.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def check_outputs(
     Raises
     ------
     UnwritableFile
-        If a folder is missing or refuses, or the file is a folder or not ours to change.
+        If a folder is missing or not writable, or the file is a folder.
     typer.BadParameter
         If two outputs, or an output and an input, are the same file, or two inputs are ``-``.
     """
@@ -69,7 +69,7 @@ def check_outputs(
 
 
 class TakenFiles:
-    """Files that a command reads or writes, by whatever name."""
+    """Files that a command reads or writes, however they are named."""
 
     def __init__(self) -> None:
         self._roles: dict[Hashable, str] = {}
@@ -78,11 +78,11 @@ class TakenFiles:
         return any(key in self._roles for key in _identities(path))
 
     def role(self, path: Path) -> str:
-        """What the file is to the command."""
+        """Return the role of the file in the command."""
         return next(self._roles[key] for key in _identities(path) if key in self._roles)
 
     def add(self, path: Path, role: str) -> None:
-        """Note a file of the command."""
+        """Add a file of the command."""
         self._roles.update(dict.fromkeys(_identities(path), role))
 
 
@@ -103,7 +103,7 @@ def write_output(path: Path, content: str) -> None:
 
 
 def check_picture(plot: Path | None) -> None:
-    """Refuse a picture of another format.
+    """Raise an error if the format of a picture is not supported.
 
     Raises
     ------
@@ -159,7 +159,7 @@ def _short(stem: str) -> str:
 
 
 def _identities(path: Path) -> list[Hashable]:
-    """By what two names of a file are known to be one: its true path, its number on its disk."""
+    """Return keys that are equal for two names of one file: real path, device and inode."""
     keys: list[Hashable] = [true_path(path)]
     status = status_of(path)
     if status is not None and status.st_ino:

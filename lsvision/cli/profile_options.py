@@ -40,7 +40,7 @@ CsvFile = Annotated[
     typer.Option("--csv", metavar="F", help="Write a cylinder a row as CSV; - is standard output."),
 ]
 Verbose = Annotated[
-    bool, typer.Option("--verbose", "-v", help="Also say what was rejected, and why.")
+    bool, typer.Option("--verbose", "-v", help="Also say what was refused, and why.")
 ]
 
 
@@ -118,8 +118,8 @@ class ReadingOptions:
         str | None,
         typer.Option(
             metavar="VALUE|none",
-            help="What marks a lost point, as -9999 or ERR; else told from values far from the "
-            "rest.",
+            help="What marks a lost point, as -9999 or ERR; else guessed from values far from "
+            "the rest.",
         ),
     ] = None
     transpose: Annotated[

@@ -1,4 +1,4 @@
-"""Sections measured by a sensor on a robot: their cylinders in the robot's frame."""
+"""Cylinders in the robot's frame, from sections of a sensor on the robot."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RobotFrame:
-    """How sections come to the robot's frame.
+    """Transformation of sections to the robot's frame.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class RobotFrame:
     def place(
         self, sections: "Sequence[CylinderSection]", flange: "Pose | None"
     ) -> "list[tuple[PlacedCylinder, PlacedCylinder]]":
-        """Both cylinders of each section."""
+        """Return both possible cylinders of each section."""
         from lsvision.cylinder.robot_frame import place_section
         from lsvision.geometry import Pose
 
@@ -46,7 +46,7 @@ class RobotFrame:
 
 
 def parse_robot_frame(robot: RobotOptions) -> RobotFrame | None:
-    """What the options say of the robot; None without any.
+    """Return the frame that the options describe; None without any.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def parse_robot_frame(robot: RobotOptions) -> RobotFrame | None:
 
 
 def robot_frame_table(placed: "Sequence[tuple[PlacedCylinder, PlacedCylinder]]") -> list[str]:
-    """Lines of a table: each cylinder twice, with both directions that one section allows."""
+    """Return a table with both possible directions of each cylinder."""
     if not placed:
         return []
     from lsvision.cylinder.robot_frame import PLACED_HEADER, placed_cells

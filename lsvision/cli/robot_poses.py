@@ -1,4 +1,4 @@
-"""Where a robot held the sensor: poses of its flange, and the hand-eye file."""
+"""Options of a robot that carries the sensor: poses of its flange, and the hand-eye file."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -109,12 +109,12 @@ def parse_convention(name: str | None) -> str:
 
 
 def read_calibration(path: Path) -> "HandEye":
-    """The hand-eye file of a profile sensor on the flange.
+    """Read the hand-eye file of a profile sensor on the flange.
 
     Raises
     ------
     LsvisionError
-        If it is none, of another schema, of a camera, or of a sensor that stands still.
+        If it is invalid, of another schema, of a camera, or of a fixed sensor.
     """
     from lsvision.io.hand_eye_file import load_hand_eye
 
@@ -130,7 +130,7 @@ def read_calibration(path: Path) -> "HandEye":
 
 
 def uncertainty_caption(*, calibrated: bool, in_base: bool) -> str:
-    """What the errors of a table are, of a sensor on a robot."""
+    """Return what the standard deviations of a table include."""
     if not calibrated:
         return "one sigma, the sensor's place on the robot taken as exact"
     sources = "calibration's and the robot's" if in_base else "calibration's"

@@ -114,7 +114,7 @@ def scan(
 
     The fit cannot see a wrong feed: a direction 0.5 deg off turns the axis by 0.45 deg and costs
     0.1 mm of radius with the same residuals. --feed-std-deg puts that into the errors.
-    """  # noqa: D301 - the backspace tells click to leave the lines as they are
+    """  # noqa: D301 - the backspace makes click keep the line breaks
     check_picture(plot)
     options = reading.parse()
     noise = sensor.parse()
@@ -157,8 +157,8 @@ def _pose_errors(pose_std: float, feed_std_deg: float, motion: Encoder | Robot) 
             feed_std=math.radians(feed_std_deg),
             calibration=motion.calibration if isinstance(motion, Robot) else None,
         )
-    except ValueError as slip:
-        raise typer.BadParameter(str(slip)) from None
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from None
 
 
 def _read_all(

@@ -1,4 +1,4 @@
-"""Where each section of a scan stands: an encoder axis, or a robot's poses."""
+"""Poses of the sections of a scan: from an encoder axis, or from a robot."""
 
 import math
 from dataclasses import dataclass
@@ -29,19 +29,19 @@ class Encoder:
 
 @dataclass(frozen=True)
 class Robot:
-    """``--poses``, ``--convention`` and what ``--flange-from-section`` holds."""
+    """``--poses`` with ``--convention``, and the calibration of ``--flange-from-section``."""
 
     rows: PoseFile
     calibration: "HandEye | None"
 
 
 def parse_motion(feed: str | None, step: float | None, robot: RobotOptions) -> Encoder | Robot:
-    """What the options say of the motion.
+    """Return the motion that the options describe.
 
     Raises
     ------
     typer.BadParameter
-        If they say too little, both ways at once, or numbers that are none.
+        If an option is missing or invalid, or both motions are given.
     LsvisionError
         If the hand-eye file cannot be used.
     """
@@ -63,7 +63,7 @@ def parse_motion(feed: str | None, step: float | None, robot: RobotOptions) -> E
 
 
 def scan_poses(motion: Encoder | Robot, count: int) -> "list[Pose]":
-    """``base_from_section`` of each profile.
+    """Return ``base_from_section`` of each profile.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def scan_poses(motion: Encoder | Robot, count: int) -> "list[Pose]":
 
 
 def motion_uncertainty_caption(motion: Encoder | Robot) -> str:
-    """What the errors of the table are."""
+    """Return what the standard deviations of the table include."""
     if isinstance(motion, Encoder):
         return "one sigma"
     return uncertainty_caption(calibrated=motion.calibration is not None, in_base=True)

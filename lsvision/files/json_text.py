@@ -34,7 +34,7 @@ def parse_json(text: str, *, allow_nan: bool = False) -> Any:
     NestedTooDeep
         If the text nests deeper than `MAX_DEPTH`.
     ValueError
-        If the text is no JSON, or holds a number beyond double
+        If the text is not JSON, or holds a number beyond double
         precision, ``NaN`` or ``Infinity``.
 
     Examples

@@ -103,7 +103,7 @@ def read_text(path: str | os.PathLike[str]) -> str:
     Raises
     ------
     UnreadableFile
-        As `read_bytes`, and if the bytes are no UTF-8.
+        As `read_bytes`, and if the bytes are not UTF-8.
     """
     try:
         return read_bytes(path).decode("utf-8-sig")

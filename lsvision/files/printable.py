@@ -16,7 +16,7 @@ def printable(text: str) -> str:
     ----------
     text : str
         As a file name or a cell of a file: may hold line ends, ESC, marks that turn the direction
-        of writing, and the surrogates that stand for bytes which are no UTF-8.
+        of writing, and the surrogates that stand for bytes which are not UTF-8.
 
     Examples
     --------
@@ -62,6 +62,6 @@ def printable_cell(text: str) -> str:
 
 def _escaped(letter: str) -> str:
     code = ord(letter)
-    if 0xDC80 <= code <= 0xDCFF:  # a byte that is no UTF-8
+    if 0xDC80 <= code <= 0xDCFF:  # a byte that is not UTF-8
         return f"\\x{code - 0xDC00:02x}"
     return letter.encode("unicode_escape").decode("ascii")

@@ -41,7 +41,7 @@ def write_calibration(
     Raises
     ------
     UnwritableFile
-        If the folder is missing or refuses, or a number of the result is none.
+        If the folder is missing or not writable, or a number of the result is none.
     """
     if isinstance(calibration, CameraCalibration):
         schema, values = CAMERA_SCHEMA, _camera_values(calibration)

@@ -51,7 +51,7 @@ def read_camera(path: str | os.PathLike[str], *, size: tuple[int, int] | None = 
     ------
     UnreadableFile
         If the file is missing, holds no camera, or one of a lens model that is not OpenCV's
-        (fisheye); names the file and the mend.
+        (fisheye); names the file and the remedy.
     """
     source = Path(path)
     with size_limit(min(current_size_limit(), MAX_SIZE)):
@@ -70,7 +70,7 @@ def write_camera_yaml(path: str | os.PathLike[str], camera: Camera) -> None:
     Raises
     ------
     UnwritableFile
-        If the folder is missing or refuses.
+        If the folder is missing or not writable.
     """
     width, height = camera.size
     lines = ["%YAML:1.0", "---", f"image_width: {width}", f"image_height: {height}"]

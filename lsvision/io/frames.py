@@ -38,7 +38,7 @@ def read_frames(path: str | os.PathLike[str]) -> Iterator[Frame]:
     Raises
     ------
     UnreadableFile
-        If the file is missing, is no video, or holds no frame; names the file and the mend.
+        If the file is missing, is not a video, or holds no frame; names the file and the remedy.
     """
     source = Path(path)
     check_readable(source)
@@ -72,7 +72,7 @@ def capture_frames(index: int, count: int) -> Iterator[Frame]:
     Raises
     ------
     LsvisionError
-        If there is no such camera, or it stops sending; names the index and the mend.
+        If there is no such camera, or it stops sending; names the index and the remedy.
     """
     with _opened(index) as capture:
         got = 0

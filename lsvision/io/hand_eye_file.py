@@ -94,7 +94,7 @@ def load_hand_eye(path: str | Path) -> HandEye:
     Raises
     ------
     UnreadableFile
-        If the file is missing, is no JSON, is of another schema or lacks a field; if a pose is no
+        If the file is missing, is not JSON, is of another schema or lacks a field; if a pose is no
         rigid motion, a covariance is none, or a number is not finite.
 
     Examples
@@ -236,7 +236,7 @@ def _check_numbers(hand_eye: HandEye) -> None:
 
 
 def check_covariance(covariance: npt.NDArray[np.float64]) -> None:
-    """Refuse a matrix that is no covariance.
+    """Refuse a matrix that is not a covariance.
 
     Parameters
     ----------

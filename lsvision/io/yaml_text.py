@@ -11,7 +11,7 @@ MAX_LENGTH = 10_000_000
 """Longest text; 10^5 poses. Units: characters."""
 
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # the same events, 20 times as fast
-_DIRECTIVE = re.compile(r"\A\s*%YAML[: ][^\n]*\n")  # OpenCV writes %YAML:1.0, which is no YAML
+_DIRECTIVE = re.compile(r"\A\s*%YAML[: ][^\n]*\n")  # OpenCV writes %YAML:1.0, which is not YAML
 
 Yaml = str | list[Any] | dict[str, Any]
 
@@ -35,7 +35,7 @@ def parse_yaml(text: str) -> Yaml:
     Raises
     ------
     ValueError
-        If the text is no YAML, nests deeper than `MAX_DEPTH`, is longer than `MAX_LENGTH`, holds
+        If the text is not YAML, nests deeper than `MAX_DEPTH`, is longer than `MAX_LENGTH`, holds
         an alias, or a key that is no text.
 
     Examples

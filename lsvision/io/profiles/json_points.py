@@ -44,7 +44,7 @@ def read_json(content: bytes, settings: ReadSettings) -> RawProfiles:
     Raises
     ------
     UnreadableFile
-        If it is no JSON, or no points are found in it; the keys found are named.
+        If it is not JSON, or no points are found in it; the keys found are named.
     """
     return profiles_from_document(_parsed(decode_text(content)), settings, "JSON")
 
@@ -57,7 +57,7 @@ def profiles_from_document(document: Any, settings: ReadSettings, kind: str) -> 
     document : mapping or list
         As `parse_json` returns it.
     settings : ReadSettings
-        What the user says of it.
+        Reading options for it.
     kind : str
         What the file is, for people.
 

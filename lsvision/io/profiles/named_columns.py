@@ -32,7 +32,7 @@ def profiles_from_named(
         One array each: (n,) with a point a row; or, with a profile a row, (k, m) arrays or k
         arrays of any length, where x may also be the (m,) that all rows share.
     settings : ReadSettings
-        What the user says of it.
+        Reading options for it.
     statements : tuple of UnitStatement
         Units that the file states beside the columns.
     texts : mapping, optional

@@ -55,7 +55,7 @@ class Word:
     cell : str
         Its text.
     reason : str
-        Why it is no number, and what to do.
+        Why it is not a number, and what to do.
     grouped : bool
         Whether it is a number with thousands separators.
     """
@@ -203,5 +203,5 @@ def _has_decimal_point(cells: Sequence[str]) -> bool:
 def _word(row: int, cell: str) -> Word:
     if THOUSANDS.fullmatch(cell):
         return Word(row, cell, "has a thousands separator: export numbers without them", True)
-    reason = "is no number: take such lines out, mark them as comments with #, or say --lost"
+    reason = "is not a number: take such lines out, mark them as comments with #, or say --lost"
     return Word(row, cell, f"{reason} {cell[:20]} if it marks lost points")

@@ -104,7 +104,7 @@ def _parsed(text: str) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        If the text is no YAML, JSON or XML of the kind that OpenCV writes.
+        If the text is not YAML, JSON or XML of the kind that OpenCV writes.
     """
     start = text.lstrip()[:1]
     if start == "<":

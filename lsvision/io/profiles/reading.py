@@ -84,7 +84,7 @@ class ProfileFile:
     markers : tuple of LostMarker
         Values that mark lost points, in the units of the file.
     attributes : tuple of mapping
-        What the file says of each profile beside its points: part, time, encoder, pose; empty
+        Data of the file on each profile other than its points: part, time, encoder, pose; empty
         where it says nothing.
     ignored : tuple of str
         Columns that were not used.

@@ -51,7 +51,7 @@ class ReadOptions(TypedDict, total=False):
 
 @dataclass(frozen=True, kw_only=True)
 class ReadSettings:
-    """What the user says of a file; None leaves it to the file.
+    """Reading options for a file; None leaves it to the file.
 
     Parameters
     ----------
@@ -164,7 +164,7 @@ class RawProfiles:
     limits : tuple of float
         Ends of the type that the heights were stored in.
     attributes : tuple of mapping
-        What the file says of each profile beside its points; empty where nothing.
+        Data of the file on each profile other than its points; empty where nothing.
     ignored : tuple of str
         Columns that were not used.
     """

@@ -51,7 +51,7 @@ class TextTable:
     texts : mapping of int to sequence of str
         Cells of the columns that hold text.
     words : mapping of int to Word
-        The first cell that is no number in each column of numbers; its row is a line's number.
+        The first cell that is not a number in each column of numbers; its row is a line's number.
     lost : tuple of float
         Markers of lost points that the file states.
     notes : tuple of str
@@ -77,7 +77,7 @@ def decode_text(content: bytes) -> str:
     Raises
     ------
     UnreadableFile
-        If the bytes are no text.
+        If the bytes are not text.
     """
     content = content.rstrip(b"\x1a") if content.endswith(b"\x1a") else content  # end of DOS files
     for encoding in _encodings(content):

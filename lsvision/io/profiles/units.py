@@ -68,7 +68,7 @@ _REMARKS = frozenset(
     "towards away filtered smoothed corrected calibrated absolute relative float double "
     "int integer".split()
 )
-"""What stands in round brackets behind a name and is no unit."""
+"""What stands in round brackets behind a name and is not a unit."""
 _BRACKETED = re.compile(r"^(.*?)\s*([\[({<])\s*([^\])}>]*?)\s*[\])}>]\s*(.*)$")
 _SUFFIXED = re.compile(r"^(.+?)(\s+in\s+|[\s_/:-]+)([^\s_/:]+)$")
 _SHORT = re.compile(r"^([xyzhrd])(mm|um|µm|μm|nm|cm)$")
@@ -123,7 +123,7 @@ def mm_per_unit(unit: str) -> float:
     Raises
     ------
     ValueError
-        If it is no unit of length.
+        If it is not a unit of length.
 
     Examples
     --------
