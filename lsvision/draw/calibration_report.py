@@ -31,7 +31,7 @@ class ReportContent:
     warnings : sequence of str
         What was left out, fits badly, or leaves the result poorly determined.
     names : sequence of str
-        Of the images or poses, in the order of their indices.
+        Names of the images or poses, in the order of their indices.
     provenance : mapping of str to str
         Method, date, version, inputs and their hash.
     """
@@ -43,14 +43,14 @@ class ReportContent:
 
 
 def camera_page(found: CameraCalibration, page: ReportContent) -> str:
-    """A camera calibration as a page.
+    """Return the page of a camera calibration.
 
     Parameters
     ----------
     found : CameraCalibration
         The calibration.
     page : ReportContent
-        Its numbers and names.
+        Its values, warnings, names and provenance.
 
     Returns
     -------
@@ -78,7 +78,7 @@ def camera_page(found: CameraCalibration, page: ReportContent) -> str:
 def laser_plane_page(
     found: LaserPlaneCalibration, board_points: Points, page: ReportContent
 ) -> str:
-    """A laser-plane calibration as a page; see `camera_page`.
+    """Return the page of a laser-plane calibration; see `camera_page`.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def laser_plane_page(
     board_points : (n, 3) ndarray
         Points of the board, board frame. Units: mm.
     page : ReportContent
-        Its numbers and names.
+        Its values, warnings, names and provenance.
     """
     names = [page.names[view.index] for view in found.views]
     bad = _places([view.index for view in found.views], [view.index for view in found.outliers])
@@ -109,7 +109,7 @@ def laser_plane_page(
 
 
 def hand_eye_page(found: HandEye, flanges: Sequence[Pose], page: ReportContent) -> str:
-    """A sensor-to-robot calibration as a page; see `camera_page`.
+    """Return the page of a hand-eye calibration; see `camera_page`.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def hand_eye_page(found: HandEye, flanges: Sequence[Pose], page: ReportContent) 
     flanges : sequence of Pose
         ``base_from_flange``, one a pose.
     page : ReportContent
-        Its numbers and names.
+        Its values, warnings, names and provenance.
     """
     bad = [pose.index for pose in found.rejected]
     series = [
@@ -151,6 +151,6 @@ def _places(indices: Sequence[int], marked: Sequence[int]) -> list[int]:
 
 
 def _outline(points: Points) -> Points:
-    """(4, 3) corners of the rectangle around a board's points, board frame."""
+    """Return the (4, 3) corners of the rectangle around a board's points, board frame."""
     (left, top, _), (right, bottom, _) = points.min(axis=0), points.max(axis=0)
     return np.array([[left, top, 0], [right, top, 0], [right, bottom, 0], [left, bottom, 0]])

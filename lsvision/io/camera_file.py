@@ -23,7 +23,7 @@ DISTORTION_KEYS = (
 WIDTH_KEYS, HEIGHT_KEYS = ("image_width", "width"), ("image_height", "height")
 
 MAX_SIZE = 64 * 10**6
-"""Largest camera file; one with all residuals of 100 views takes 2 MB. Units: bytes."""
+"""Largest camera file; residuals of 100 views take 2 MB. Units: bytes."""
 
 _SCHEMAS = (CAMERA_SCHEMA, LASER_PLANE_SCHEMA, rig_file.SCHEMA)
 
@@ -40,7 +40,7 @@ def read_camera(path: str | os.PathLike[str], *, size: tuple[int, int] | None = 
         A camera or laser-plane calibration or a rig file of lsvision; a YAML file of OpenCV's
         FileStorage; a camera_info file, or the printout of such a message of ROS 1 or 2.
     size : tuple of int, optional
-        ``(width, height)``, for files that do not tell it. Units: px.
+        ``(width, height)``, for files that do not state it. Units: px.
 
     Returns
     -------
@@ -98,19 +98,19 @@ def _camera_from_yaml(text: str, size: tuple[int, int] | None) -> Camera:
     if len(matrix) != 9:
         raise ValueError(f"expected a camera matrix of 9 numbers, got {len(matrix)}")
     distortion = _numbers(text, DISTORTION_KEYS, "distortion coefficients")
-    told = _length(text, WIDTH_KEYS), _length(text, HEIGHT_KEYS)
-    if None not in told and size not in (None, told):
-        raise ValueError(f"it is for images of {told} px, not {size}")
-    size = size or (None if None in told else told)  # type: ignore[assignment]
+    stated = _length(text, WIDTH_KEYS), _length(text, HEIGHT_KEYS)
+    if None not in stated and size not in (None, stated):
+        raise ValueError(f"it is for images of {stated} px, not {size}")
+    size = size or (None if None in stated else stated)  # type: ignore[assignment]
     if size is None:
-        raise ValueError("it does not tell the size of the images: give size=(width, height)")
+        raise ValueError("it does not state the size of the images: give size=(width, height)")
     return camera_from_json(
         {"matrix": np.reshape(matrix, (3, 3)), "distortion": distortion, "size": size}
     )
 
 
 def _numbers(text: str, keys: Iterable[str], what: str) -> list[float]:
-    """Numbers under a key: a list in brackets or of dashes, perhaps one level down at `data`."""
+    """Return the numbers under a key: a list in brackets or of dashes, or its `data`."""
     number = r"[-+.\deE]+"
     for key in keys:
         found = re.search(

@@ -1,4 +1,4 @@
-"""Sensor-to-robot calibrations in files: our JSON, and ROS easy_handeye's YAML."""
+"""Hand-eye calibrations in files: JSON, and YAML of ROS easy_handeye."""
 
 import json
 from collections.abc import Mapping
@@ -95,7 +95,7 @@ def load_hand_eye(path: str | Path) -> HandEye:
     ------
     UnreadableFile
         If the file is missing, is not JSON, is of another schema or lacks a field; if a pose is no
-        rigid motion, a covariance is none, or a number is not finite.
+        rigid motion, a covariance is invalid, or a number is not finite.
 
     Examples
     --------
@@ -236,7 +236,7 @@ def _check_numbers(hand_eye: HandEye) -> None:
 
 
 def check_covariance(covariance: npt.NDArray[np.float64]) -> None:
-    """Refuse a matrix that is not a covariance.
+    """Raise an error for a matrix that is not a covariance.
 
     Parameters
     ----------

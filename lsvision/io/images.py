@@ -1,4 +1,4 @@
-"""Images from files, with their own depth: 8 or 16 bit, grey or colour."""
+"""Image files of 8 or 16 bit, grey or colour."""
 
 import os
 from pathlib import Path

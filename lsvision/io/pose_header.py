@@ -1,4 +1,4 @@
-"""The line of names over a table of poses: columns by name, units of lengths and angles."""
+"""Header of a table of poses: order of the columns, units of lengths and angles."""
 
 import re
 from collections.abc import Sequence
@@ -20,12 +20,12 @@ _ANGLES |= {"rad": "rad", "radian": "rad", "radians": "rad"}
 
 @dataclass(frozen=True)
 class PoseHeader:
-    """Where the fields of a convention are in a table.
+    """Columns of the fields of a convention in a table.
 
     Parameters
     ----------
     columns : tuple of int
-        Column of each field; empty where they are told by position.
+        Column of each field; empty if the columns are in the order of the convention.
     length_unit, angle_unit : str or None
         As the header states them.
     """
@@ -36,7 +36,7 @@ class PoseHeader:
 
 
 def read_pose_header(cells: Sequence[str], rule: PoseConvention, skip: int) -> PoseHeader:
-    """Columns and units that a header names.
+    """Return the columns and units that a header names.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def read_pose_header(cells: Sequence[str], rule: PoseConvention, skip: int) -> P
     Raises
     ------
     ValueError
-        If it names fields of another convention, a field twice, or units that are none.
+        If it names fields of another convention, a field twice, or an unknown unit.
 
     Examples
     --------

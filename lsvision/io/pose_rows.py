@@ -1,4 +1,4 @@
-"""Rows of numbers out of text, JSON and YAML files of poses."""
+"""Poses as rows of numbers, from text, JSON and YAML files."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -19,7 +19,7 @@ from lsvision.io.yaml_text import parse_yaml
 
 @dataclass(frozen=True)
 class PoseRows:
-    """Numbers of the poses of a file, and the units that it states.
+    """Numbers of the poses in a file, and the units that it states.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class PoseRows:
 
 
 def pose_rows(path: Path, rule: PoseConvention, skip_columns: int) -> PoseRows:
-    """Numbers of each pose in a file, in the order of the convention's fields.
+    """Read the numbers of each pose in a file, in the order of the convention's fields.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def pose_rows(path: Path, rule: PoseConvention, skip_columns: int) -> PoseRows:
     Raises
     ------
     UnreadableFile
-        If the file is missing, is not what its name says, or holds other counts of numbers.
+        If the file is missing, is not of the format of its suffix, or has rows of another length.
     """
     text = read_text(path)
     suffix = path.suffix.lower()

@@ -1,8 +1,8 @@
-"""How robot makers write a pose down, as a table; nothing here is ever guessed.
+"""Pose conventions of robot makers, as a table; a convention is never guessed.
 
 KUKA, FANUC, Yaskawa and Mitsubishi write the *same* rotation with their letters in another
-order, so a KUKA file read as FANUC gives poses that look right and are wrong: a convention is
-stated by the caller, or the file is refused.
+order, so a KUKA file read as FANUC gives plausible but wrong poses. The caller therefore
+must state the convention.
 """
 
 import math
@@ -21,13 +21,13 @@ MM_PER_UNIT: dict[str, float] = {"mm": 1.0, "m": 1000.0}
 RAD_PER_UNIT: dict[str, float] = {"deg": math.pi / 180, "rad": 1.0}
 
 UNIT_QUATERNION = 1e-3
-"""Largest departure of a quaternion's norm from 1: files carry as few as four digits."""
+"""Largest deviation of a quaternion's norm from 1: some files have only four digits."""
 
 MAX_NUMBER = 1e9
-"""Largest number of a pose: no position or angle, and its square still has a meaning."""
+"""Largest number of a pose, far above any position or angle; its square does not overflow."""
 
 ORTHONORMAL = 1e-3
-"""Largest entry of R'R - I in a written matrix, made orthonormal on the way in."""
+"""Largest entry of R'R - I of a matrix in a file, which is then made orthonormal."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,14 +37,14 @@ class PoseConvention:
     Parameters
     ----------
     name : str
-        What the caller states.
+        Name of the convention.
     fields : tuple of str
         Names of the numbers in their order.
     rotation : str
         ``"rotvec"``, ``"quaternion"``, ``"matrix"`` or scipy's Euler sequence (upper case =
         moving axes, lower case = fixed axes), in the order of `fields`.
     length_unit, angle_unit : str
-        What the maker's files hold.
+        Units of the maker's files.
     """
 
     name: str
@@ -73,16 +73,16 @@ _TABLE = (
 )
 
 CONVENTIONS: dict[str, PoseConvention] = {row.name: row for row in _TABLE}
-"""Every convention that can be stated, by name."""
+"""All conventions by name."""
 
 
 def convention_named(name: str) -> PoseConvention:
-    """The convention of that name.
+    """Return the convention of a name.
 
     Raises
     ------
     ValueError
-        If there is none; the message lists them all.
+        If the name is unknown; the message lists all names.
     """
     if name not in CONVENTIONS:
         raise ValueError(
@@ -99,7 +99,7 @@ def pose_from_numbers(
     length_unit: LengthUnit | None = None,
     angle_unit: AngleUnit | None = None,
 ) -> Pose:
-    """Pose of the numbers a robot shows.
+    """Return the pose of the numbers that a robot shows.
 
     Parameters
     ----------
@@ -111,9 +111,9 @@ def pose_from_numbers(
         ``mitsubishi``, ``kawasaki``, ``staubli`` (mm, deg), ``abb`` (mm, w first), ``ros``
         (m, w last), ``matrix`` (mm, row-major).
     length_unit : {"mm", "m"}, optional
-        Where the numbers depart from the maker's own unit.
+        Unit of the positions, if not the maker's.
     angle_unit : {"deg", "rad"}, optional
-        Likewise; quaternions and matrices have none.
+        Unit of the angles; quaternions and matrices have none.
 
     Returns
     -------

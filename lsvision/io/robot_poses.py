@@ -24,13 +24,13 @@ from lsvision.io.robot_conventions import (
 _Unit = TypeVar("_Unit", LengthUnit, AngleUnit)
 
 REACH_MM = 20_000.0
-"""No flange stands further from its base; millimetres read as metres do."""
+"""Largest distance of a flange from its base; above it, mm were probably read as m."""
 SPREAD_MM = 5_000.0
-"""No calibration or scan moves a flange further."""
+"""Largest motion of a flange in a calibration or scan."""
 MIN_POSITION_MM = 5.0
-"""A flange always nearer than this to its base's origin was written in metres."""
+"""Smallest distance of a flange from its base's origin; below it, m were probably read as mm."""
 SAME_POSE_MM, SAME_POSE_RAD = 0.01, 1e-5
-"""Poses that differ by less are one pose."""
+"""Differences below which two poses are the same."""
 MAX_ANGLE_RAD = 2 * np.pi * 1.001
 
 
@@ -42,7 +42,7 @@ def read_robot_poses(
     angle_unit: AngleUnit | None = None,
     skip_columns: int = 0,
 ) -> list[Pose]:
-    """Poses of a robot's flange from a CSV, text, JSON or YAML file.
+    """Read poses of a robot's flange from a CSV, text, JSON or YAML file.
 
     One pose a row. In JSON and YAML: a list of rows, or one list of rows under one key; a row
     is a list (nested as in ``[[x, y, z], [qx, qy, qz, qw]]`` or a 4x4) or a mapping with the
@@ -59,8 +59,8 @@ def read_robot_poses(
     convention : str
         See `pose_from_numbers`; never guessed.
     length_unit, angle_unit : str, optional
-        Where the file departs from the maker's own units. Said explicitly, a unit is taken at
-        its word and only impossible motion is refused.
+        Units of the file, if not the maker's. An explicit unit
+        is not questioned unless the motion is impossible.
     skip_columns : int
         Columns before the pose in a text file without named columns (a number, a time stamp).
 
@@ -105,12 +105,12 @@ def read_robot_poses(
         except ValueError as error:
             raise UnreadableFile(f"{path}: pose {number}: {error}") from error
         poses.append(pose)
-    for complaint in (
+    for problem in (
         _angle_error(np.array(rows), rule, angle_unit),
         _motion_error(poses, length_unit),
     ):
-        if complaint:
-            raise UnreadableFile(f"{path}: {complaint}")
+        if problem:
+            raise UnreadableFile(f"{path}: {problem}")
     return poses
 
 
@@ -141,7 +141,7 @@ def _one_unit(path: str | Path, units: Sequence[_Unit | None]) -> _Unit | None:
 def encoder_poses(
     count: int, direction: npt.ArrayLike, step: float, start: Pose | None = None
 ) -> list[Pose]:
-    """Poses of a section moved along an encoder axis in equal steps.
+    """Return the poses of a section moved along an encoder axis in equal steps.
 
     Parameters
     ----------

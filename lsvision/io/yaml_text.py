@@ -1,4 +1,4 @@
-"""YAML of unknown origin as mappings, lists and texts: no aliases, no types, limited depth."""
+"""Untrusted YAML as mappings, lists and texts: no aliases, no types, limited depth."""
 
 import re
 from typing import Any
@@ -17,10 +17,10 @@ Yaml = str | list[Any] | dict[str, Any]
 
 
 def parse_yaml(text: str) -> Yaml:
-    """First document of a YAML text; every scalar stays the text that it is.
+    """Return the first document of a YAML text; every scalar stays text.
 
-    Only the events of the parser are used: nothing is converted by its tag, so that dates,
-    integers and binary data cannot fail, and no type is constructed.
+    Only the events of the parser are used: nothing is converted, so that no conversion can fail
+    and no type is constructed.
 
     Parameters
     ----------
@@ -57,14 +57,14 @@ def parse_yaml(text: str) -> Yaml:
 
 
 class _Builder:
-    """Puts events together; without recursion, so that no depth exhausts the stack."""
+    """Builds the document from events, without recursion: deep nesting cannot exhaust the stack."""
 
     def __init__(self) -> None:
         self.document: Yaml = ""
         self._open: list[tuple[list[Any] | dict[str, Any], str | None]] = []
 
     def add(self, event: Any) -> None:
-        """Take the next event of the parser."""
+        """Add the next event of the parser."""
         if isinstance(event, yaml.AliasEvent):
             raise ValueError("expected YAML without aliases (*name), got one: write it out")
         if isinstance(event, yaml.ScalarEvent):

@@ -1,4 +1,4 @@
-"""What every result can do: a short repr, a table, a notebook's view, records and data frames."""
+"""Base class of results: short repr, table, notebook view, records and data frames."""
 
 import json
 from abc import ABC, abstractmethod
@@ -106,7 +106,7 @@ class Result(ComparedByValue, ABC):
 
     @abstractmethod
     def _summary(self) -> str:
-        """What stands in the repr."""
+        """Content of the repr."""
 
     @abstractmethod
     def _cells(self) -> Cells:

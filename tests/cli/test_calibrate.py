@@ -133,7 +133,7 @@ def test_images_of_mixed_sizes_are_named(run, boards, out):
 def test_files_that_are_no_images_are_named(run, boards, out):
     (boards / "board_04.jpg").write_bytes(b"not an image")
     told = refused(run("calibrate", "camera", boards, "--out", out), out)
-    assert "board_04.jpg is no image of 8 or 16 bit" in told
+    assert "board_04.jpg is not an image of 8 or 16 bit" in told
     (boards / "board_04.jpg").write_bytes(b"")
     assert "board_04.jpg" in refused(run("calibrate", "camera", boards, "--out", out), out)
 

@@ -39,8 +39,8 @@ def npy(array) -> bytes:
         ("nan,nan\n1,nan\n2,inf\n", "all 3 points are lost: check exposure"),
         ("1,2\n", "one valid point in it, no profile"),
         ("1,2\nend of data\n3,4\n", "line 2 has 1 cells, expected 2"),
-        ("1,2\n3,4\n\n5,six\n", "line 4: 'six' is no number: take such lines out"),
-        ("1;2\n3;4,5\n6;7.5\n", "line 2: '4,5' is no number"),
+        ("1,2\n3,4\n\n5,six\n", "line 4: 'six' is not a number: take such lines out"),
+        ("1;2\n3;4,5\n6;7.5\n", "line 2: '4,5' is not a number"),
         (
             SLANTED,
             r"1 tells no profiles apart \(20 values in 20 points\): say which .* with --columns",
@@ -97,7 +97,7 @@ def npy(array) -> bytes:
         ),
         ("%YAML:1.0\n---\nscan_line: 5\n", r"no list of points among its keys \(scan_line\)"),
         ("%YAML:1.0\n---\npose: [ 1., 2., 3., 0., 0., 1. ]\n", r"no list of points .*\(pose\)"),
-        ("%YAML:1.0\n---\nscan_line: [ 1, b, 3, 4 ]\n", "'b' is no number"),
+        ("%YAML:1.0\n---\nscan_line: [ 1, b, 3, 4 ]\n", "'b' is not a number"),
         (
             "%YAML:1.0\n---\n\t: : [",
             "no FileStorage of OpenCV .*: write it anew",
