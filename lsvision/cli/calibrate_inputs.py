@@ -13,8 +13,8 @@ from lsvision.cli.messages import FAILED, print_error
 from lsvision.cli.sources import (
     IMAGE_SUFFIXES,
     find_sources,
-    print_reading_notes,
-    read_source,
+    profile_names,
+    read_sources,
 )
 from lsvision.errors import LsvisionError, UnreadableFile
 from lsvision.files.file_kinds import exists
@@ -78,17 +78,9 @@ def read_named_profiles(
     UnreadableFile
         Names the file and the remedy.
     """
-    profiles: list[Profile] = []
-    names: list[str] = []
-    files = [read_source(path, options) for path in paths]
-    print_reading_notes(files)
-    for path, file in zip(paths, files, strict=True):
-        several = len(file.profiles) > 1
-        profiles += file.profiles
-        names += [
-            printable(f"{path.name} profile {number}" if several else path.name)
-            for number in range(len(file.profiles))
-        ]
+    files = read_sources(paths, options)
+    profiles = [profile for file in files for profile in file.profiles]
+    names = [name for file in files for name in profile_names(file, printable(file.path.name))]
     return profiles, names
 
 

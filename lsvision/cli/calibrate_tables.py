@@ -4,13 +4,13 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from lsvision.calibration.result_tables import Row, doubt_lines
 from lsvision.cli.calibrate_inputs import replace_image_numbers
 from lsvision.results.tables import text_table
 
 if TYPE_CHECKING:
     from lsvision.calibration.hand_eye_result import HandEye
     from lsvision.calibration.pose_planning import PosePlan
-    from lsvision.calibration.result_tables import Row
     from lsvision.calibration.views import RejectedView
 
 
@@ -35,7 +35,7 @@ def plan_rows(plan: "PosePlan") -> list[tuple[str, ...]]:
     ]
 
 
-def value_lines(rows: "Sequence[Row]") -> list[str]:
+def value_lines(rows: Sequence[Row]) -> list[str]:
     """Return names and values as lines, with the unit after each value."""
     return text_table([(name, f"{value} {unit}") for name, value, unit in rows], left=2)
 
@@ -47,9 +47,8 @@ def warning_lines(
     warnings: Sequence[str],
 ) -> list[str]:
     """Return lines on rejected views, outliers and warnings, with the names of the images."""
-    lines = [f"left out: {names[view.index]}: {view.reason}" for view in rejected]
-    lines += [f"fits badly: {names[view.index]}: {view.reason}" for view in outliers]
-    return lines + [f"warning: {replace_image_numbers(text, image=names)}" for text in warnings]
+    lines = doubt_lines(rejected, outliers, warnings)
+    return [replace_image_numbers(line, image=names) for line in lines]
 
 
 def _mm(value: float) -> str:

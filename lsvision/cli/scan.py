@@ -32,8 +32,8 @@ from lsvision.cli.scan_poses import (
 from lsvision.cli.scan_table import scan_lines
 from lsvision.cli.sources import (
     find_sources,
-    print_reading_notes,
-    read_source,
+    profile_names,
+    read_sources,
     suffixes_of_profiles,
 )
 from lsvision.files.printable import printable, printable_name
@@ -167,20 +167,11 @@ def _read_all(
     """Profiles of all files in their order, a name for each, and how each was read."""
     from lsvision.io.results import input_record
 
-    profiles: list[Profile] = []
-    names: list[str] = []
-    inputs: list[Record] = []
-    files = [read_source(source, reading) for source in sources]
-    print_reading_notes(files)
-    for source, file in zip(sources, files, strict=True):
-        several = len(file.profiles) > 1
-        profiles += file.profiles
-        names += [
-            f"{source}, profile {number}" if several else str(source)
-            for number in range(len(file.profiles))
-        ]
-        inputs += [input_record(file, number) for number in range(len(file.profiles))]
-    return profiles, names, inputs
+    files = read_sources(sources, reading)
+    profiles = [profile for file in files for profile in file.profiles]
+    names = [name for file in files for name in profile_names(file, str(file.path))]
+    records = [input_record(file, k) for file in files for k in range(len(file.profiles))]
+    return profiles, names, records
 
 
 def _measure_all(

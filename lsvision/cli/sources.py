@@ -97,8 +97,15 @@ def read_source(source: Path, options: "ReadOptions") -> "ProfileFile":
     return file
 
 
-def print_reading_notes(files: "Sequence[ProfileFile]") -> None:
-    """Print on stderr what was assumed while files were read, each remark once."""
+def read_sources(sources: Sequence[Path], options: "ReadOptions") -> "list[ProfileFile]":
+    """Read files in order; print on stderr what was assumed, each remark once.
+
+    Raises
+    ------
+    UnreadableFile
+        As `read_source`.
+    """
+    files = [read_source(source, options) for source in sources]
     remarks: dict[str, list[Path]] = {}
     for file in files:
         assumed = f"units taken as {file.units}: say --units" if file.units_assumed else ""
@@ -108,6 +115,13 @@ def print_reading_notes(files: "Sequence[ProfileFile]") -> None:
     for remark, paths in remarks.items():
         more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
         print_lines([f"{paths[0]}{more}: note: {remark}"], err=True)
+    return files
+
+
+def profile_names(file: "ProfileFile", name: str) -> list[str]:
+    """Return a name for each profile of a file, with its number if there are several."""
+    count = len(file.profiles)
+    return [f"{name}, profile {number}" for number in range(count)] if count > 1 else [name] * count
 
 
 def _no_file_error(name: str, suffixes: frozenset[str]) -> UnreadableFile:

@@ -110,9 +110,9 @@ def test_image_without_board_is_left_out_by_name(run, boards, out):
     page = out.with_suffix(".html")
     result = run("calibrate", "camera", boards, "--out", out, "--report", page)
     assert result.exit_code == 0
-    assert "left out: board_03.jpg: no ChArUco" in result.stdout
+    assert "left out: image 3 (board_03.jpg): no ChArUco" in result.stdout
     assert "5 of 6 images" in result.stdout
-    assert "left out: board_03.jpg" in page.read_text()
+    assert "left out: image 3 (board_03.jpg)" in page.read_text()
     assert json.loads(out.read_text())["rejected"][0]["image"] == 3
 
 
@@ -171,8 +171,8 @@ def test_shuffled_pair_of_board_and_line_is_left_out_by_name(run, camera_json, o
     words = ("--boards", tmp_path / "boards", "--lines", tmp_path / "lines")
     result = run("calibrate", "laser-plane", *words, "--camera", camera_json, "--out", out)
     assert result.exit_code == 0, result.output
-    assert "left out: board_04.jpg: its laser line lies" in result.stdout
-    assert "left out: board_01.jpg: its laser line lies" in result.stdout
+    assert "left out: image 4 (board_04.jpg): its laser line lies" in result.stdout
+    assert "left out: image 1 (board_01.jpg): its laser line lies" in result.stdout
 
 
 def test_line_images_all_shuffled_are_refused(run, boards, camera_json, out, tmp_path):
