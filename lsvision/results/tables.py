@@ -21,6 +21,8 @@ def text_table(rows: Cells, left: int = 0) -> list[str]:
     >>> print("\n".join(text_table([("", "radius mm"), ("1", "19.0")])))
        radius mm
     1       19.0
+    >>> text_table([("name", "mm"), ("a", "1.5")], left=1)
+    ['name   mm', 'a     1.5']
     """
     # Not by rich: it cuts or wraps cells to the width of the terminal (80 characters in a pipe),
     # and takes brackets in file names for markup.
