@@ -52,7 +52,7 @@ class ImagingOptions:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ImageFile:
-    """Profiles of an image or of the frames of a video; corresponds to `ProfileFile`.
+    """Return the profiles of an image or of the frames of a video; corresponds to `ProfileFile`.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ class LiveCamera:
 
 
 def is_image(source: Path) -> bool:
-    """Whether a file counts as an image or video, by its suffix."""
+    """Return whether a file counts as an image or video, by its suffix."""
     return source.suffix.lower() in IMAGE_SUFFIXES | VIDEO_SUFFIXES
 
 
@@ -119,7 +119,7 @@ def check_colours(image: Any, laser: str, where: str = "it") -> None:
 
 
 def read_image_source(source: Path | LiveCamera, imaging: ImagingOptions | None) -> ImageFile:
-    """Profiles of an image, a video, or what a camera sends.
+    """Return the profiles of an image, a video, or what a camera sends.
 
     Raises
     ------

@@ -164,7 +164,7 @@ def _pose_errors(pose_std: float, feed_std_deg: float, motion: Encoder | Robot) 
 def _read_all(
     sources: Sequence[Path], reading: "ReadOptions"
 ) -> "tuple[list[Profile], list[str], list[Record]]":
-    """Profiles of all files in their order, a name for each, and how each was read."""
+    """Return the profiles of all files in their order, a name for each, and how each was read."""
     from lsvision.io.results import input_record
 
     files = read_sources(sources, reading)

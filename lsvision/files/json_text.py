@@ -15,7 +15,7 @@ class NestedTooDeep(ValueError):
 
 
 def parse_json(text: str, *, allow_nan: bool = False) -> Any:
-    """Value of a JSON text.
+    """Return the value of a JSON text.
 
     Parameters
     ----------

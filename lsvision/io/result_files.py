@@ -38,7 +38,7 @@ class RecordText(Protocol):
         ...
 
     def item(self, record: Record) -> str:
-        """Text of the next record."""
+        """Return the text of the next record."""
         ...
 
     def rewritten(self, piece: str, head: str) -> str:

@@ -110,7 +110,7 @@ class Result(ComparedByValue, ABC):
 
     @abstractmethod
     def _cells(self) -> Cells:
-        """Rows of the table, the first its header."""
+        """Return rows of the table, the first its header."""
 
     def _notes(self) -> list[str]:
         """Lines below the table."""
@@ -121,7 +121,7 @@ class Result(ComparedByValue, ABC):
         return [*(text_table(rows) if len(rows) > 1 else []), *self._notes()]
 
     def _rows(self) -> list[Record]:
-        """Rows of the data frame."""
+        """Return rows of the data frame."""
         return [flat_row(self.to_dict())]
 
     def _picture(self) -> str:

@@ -11,7 +11,7 @@ from lsvision.io.profiles.text_table import TextTable
 
 
 def read_height_map(content: bytes, settings: ReadSettings) -> RawProfiles:
-    """Profiles of an image of heights: 16-bit or 32-bit counts, or floating-point numbers.
+    """Return the profiles of an image of heights: counts of 16 or 32 bit, or floating point.
 
     Raises
     ------

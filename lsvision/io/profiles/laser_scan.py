@@ -24,7 +24,7 @@ _RANGE_COLUMN = re.compile(r"ranges[\[_.]?[0-9]+\]?")
 
 
 def is_laser_scan(document: Any) -> bool:
-    """Whether a mapping is a LaserScan."""
+    """Return whether a mapping is a LaserScan."""
     return (
         isinstance(document, Mapping)
         and isinstance(document.get("ranges"), Sequence)
@@ -33,7 +33,7 @@ def is_laser_scan(document: Any) -> bool:
 
 
 def profiles_from_scans(scans: Sequence[Mapping[str, Any]]) -> RawProfiles:
-    """Profiles of LaserScan messages.
+    """Return the profiles of LaserScan messages.
 
     Raises
     ------
@@ -49,7 +49,7 @@ def profiles_from_scans(scans: Sequence[Mapping[str, Any]]) -> RawProfiles:
 
 
 def read_laser_scan(content: bytes, _: ReadSettings) -> RawProfiles:
-    """Profiles of the CSV that ``rostopic echo -p`` writes, one message a row.
+    """Return the profiles of the CSV that ``rostopic echo -p`` writes, one message a row.
 
     Raises
     ------

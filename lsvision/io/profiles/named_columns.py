@@ -24,7 +24,7 @@ def profiles_from_named(
     statements: tuple[UnitStatement, ...] = (),
     texts: Mapping[str, Sequence[str]] | None = None,
 ) -> RawProfiles:
-    """Profiles of named columns.
+    """Return the profiles of named columns.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def _row_attributes(
     used: set[str | None],
     rows: int,
 ) -> tuple[dict[str, float | str], ...]:
-    """What the other columns say of each profile, where they hold one value for each."""
+    """Return the other columns with one value per profile as attributes of the profiles."""
     flat: dict[str, Sequence[float | str]] = {
         label: np.asarray(values).tolist()
         for label, values in columns.items()
@@ -107,7 +107,7 @@ def _is_flat(values: _Column) -> bool:
 
 
 def _is_column(column: _Column) -> bool:
-    """True for numbers, and for rows of numbers."""
+    """Return True for numbers, and for rows of numbers."""
     if isinstance(column, np.ndarray):
         return column.ndim in (1, 2)
     return all(np.ndim(row) == 1 for row in column)

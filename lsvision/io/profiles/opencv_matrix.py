@@ -19,7 +19,7 @@ _MAX_DIMENSIONS = 32  # of numpy's and OpenCV's arrays
 
 
 def matrix_of_node(key: str, node: Mapping[str, Any]) -> FloatArray:
-    """Array of an ``opencv-matrix`` or ``opencv-nd-matrix``, its size checked.
+    """Return the array of an ``opencv-matrix`` or ``opencv-nd-matrix``, its size checked.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def matrix_of_node(key: str, node: Mapping[str, Any]) -> FloatArray:
 
 
 def _word(value: Any) -> str:
-    """Text of a scalar; XML gives it as a list of one word."""
+    """Return the text of a scalar; XML gives it as a list of one word."""
     if isinstance(value, list) and len(value) == 1:
         value = value[0]
     if isinstance(value, str | int | float):
@@ -65,7 +65,7 @@ def _word(value: Any) -> str:
 
 
 def table_of_points(key: str, values: FloatArray) -> TextTable:
-    """Table of a list or an array of points, under their usual names.
+    """Return the table of a list or an array of points, under their usual names.
 
     Parameters
     ----------

@@ -72,7 +72,7 @@ def read_opencv_storage(content: bytes, settings: ReadSettings) -> RawProfiles:
 
 
 def _lines_of_words(text: str) -> list[str]:
-    """Lines as ``unit: um``, without lists and what is nested."""
+    """Return lines like ``unit: um``, without lists and nested content."""
     return [line for line in text.splitlines() if _KEY_WORD.match(line)]
 
 
@@ -176,7 +176,7 @@ def _xml_node(element: ElementTree.Element) -> Any:
 
 
 def _numbers(key: str, node: Any) -> FloatArray:
-    """Numbers of a node; none where it is neither a matrix nor a list of numbers or of lists."""
+    """Return the numbers of a node; empty if it is neither a matrix nor a list."""
     if isinstance(node, Mapping):
         return matrix_of_node(key, node) if {"rows", "sizes"} & set(node) else np.empty(0)
     if not isinstance(node, list):

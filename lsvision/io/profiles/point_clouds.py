@@ -29,7 +29,7 @@ _PCD_TYPES = {"I": "i", "U": "u", "F": "f"}
 
 
 def read_ply(content: bytes, settings: ReadSettings) -> RawProfiles:
-    """Profiles of the vertices of a PLY file.
+    """Return the profiles of the vertices of a PLY file.
 
     Raises
     ------
@@ -47,7 +47,7 @@ def read_ply(content: bytes, settings: ReadSettings) -> RawProfiles:
 
 
 def read_pcd(content: bytes, settings: ReadSettings) -> RawProfiles:
-    """Profiles of a PCD file; an organised cloud (HEIGHT above 1) holds one in each row.
+    """Return the profiles of a PCD file; an organised cloud (HEIGHT above 1) holds one in each row.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def read_pcd(content: bytes, settings: ReadSettings) -> RawProfiles:
 
 @dataclass(frozen=True)
 class _Layout:
-    """How the points of a cloud lie in its body."""
+    """Layout of the points in the body of a cloud."""
 
     dtype: npt.DTypeLike
     count: int

@@ -1,4 +1,4 @@
-"""What the user may say about a profile file, and what a reader hands back before units."""
+"""Reading options of a profile file, and the raw profiles that a reader returns."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -30,7 +30,7 @@ FORMATS = (
     "height-map",
     "rosbag",
 )
-"""Names that `format` and ``--format`` take."""
+"""Values of `format` and ``--format``."""
 
 
 class ReadOptions(TypedDict, total=False):
@@ -121,19 +121,19 @@ class ReadSettings:
 
     @property
     def lost_values(self) -> tuple[float, ...] | None:
-        """The numbers among the markers that the user states; None if he states none."""
+        """Return the numbers among the markers that the user states; None without markers."""
         if self.lost is None:
             return None
         return tuple(marker for marker in self._markers if isinstance(marker, float))
 
     @property
     def lost_words(self) -> frozenset[str]:
-        """The words among them, in lower case."""
+        """Return the words among the markers, in lower case."""
         return frozenset(marker.lower() for marker in self._markers if isinstance(marker, str))
 
     @property
     def height_scale(self) -> float | None:
-        """What one count of a height is. Units: mm."""
+        """Return the height of one count. Units: mm."""
         return None if self.z_unit is None else float(self.z_unit) * MM_PER_KEYENCE_STEP
 
     @property
@@ -143,7 +143,7 @@ class ReadSettings:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RawProfiles:
-    """What a file holds, in its own units and its own direction.
+    """Profiles of a file in its own units and direction.
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ _COMMENT = re.compile(r"(?<!\s)\s+#.*$")
 
 
 def read_yaml(content: bytes, settings: ReadSettings) -> RawProfiles:
-    """Profiles of a YAML file; several documents are several profiles.
+    """Return the profiles of a YAML file; several documents are several profiles.
 
     Raises
     ------
