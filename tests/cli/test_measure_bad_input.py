@@ -27,8 +27,8 @@ def one_line(result):
         (bytes(range(256)) * 8, "export the profile as text"),
         (b"the quick brown fox\njumps over\n", "expected x and height in mm, one point a line"),
         (b"1.5\n2.5\n3.5\n", "one column in it: expected x and height"),
-        (b"x,z\n" + b"nan,nan\n" * 50, "no line of numbers in it"),
-        (b"inf,inf\n" * 50, "no line of numbers in it"),
+        (b"x,z\n" + b"nan,nan\n" * 50, "got no line of numbers"),
+        (b"inf,inf\n" * 50, "got no line of numbers"),
         (b"1.0,-400.0\n", "one valid point in it, no profile: check exposure"),
         (b"0.0,0.0\n" * 50, "all 50 points are lost: check exposure"),
     ],
@@ -70,7 +70,7 @@ def test_other_files_are_measured_and_the_failures_counted_at_the_end(run, writt
     assert result.exit_code == FAILED
     pattern, bad, count = result.stderr.splitlines()
     assert "*.xyz: no file matches" in pattern
-    assert "b.csv: no line of numbers" in bad
+    assert "b.csv: expected x and height" in bad
     assert count == "lsvision: 2 of 4 could not be measured"
     measured = json.loads((tmp_path / "out.json").read_text())["measurements"]
     assert [record["source"][-5:] for record in measured] == ["a.csv", "c.csv"]
@@ -179,8 +179,8 @@ def test_output_over_an_input_or_another_output_is_a_usage_error(run, written, p
     over = run("measure", path, "--csv", path)
     twice = run("measure", path, "--csv", tmp_path / "o", "--json", tmp_path / "o")
     assert over.exit_code == twice.exit_code == USAGE
-    assert "it is an input too" in over.stderr
-    assert "it is an output too" in twice.stderr
+    assert "it is also an input" in over.stderr
+    assert "it is also an output" in twice.stderr
     assert path.read_bytes() == before
 
 

@@ -216,5 +216,5 @@ def test_a_profile_that_cannot_be_read_leaves_every_pose_open(run, hand_eye, tmp
 
 def test_no_output_overwrites_the_hand_eye_file(on_robot, hand_eye):
     before = hand_eye.read_bytes()
-    assert "it is an input too" in on_robot("measure", "--json", hand_eye).stderr
+    assert "it is also an input" in on_robot("measure", "--json", hand_eye).stderr
     assert hand_eye.read_bytes() == before

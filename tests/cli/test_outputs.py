@@ -191,7 +191,7 @@ def test_an_output_that_is_an_input_by_another_name_is_refused(run, written, pip
     for name in ("hard.csv", "soft.csv"):
         result = run("measure", path, "--csv", tmp_path / name)
         assert result.exit_code == USAGE
-        assert "it is an input too" in " ".join(result.stderr.split())
+        assert "it is also an input" in " ".join(result.stderr.split())
 
 
 @pytest.mark.parametrize("option", ["--light-section", "--laser-off"])
