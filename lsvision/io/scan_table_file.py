@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 Z_95 = 1.959963984540054
 """Half width of a 95 % interval in standard deviations: a scan has hundreds of points."""
 MIN_PHI_SIGMAS = Z_95
-"""A tilt below so many of its standard deviations may be 0, and has no direction then."""
+"""Smallest tilt with a direction, in its standard deviations; a smaller one may be 0."""
 _AXES = "xyz"
 
 
@@ -45,7 +45,7 @@ def write_scan_csv(
 
 
 def scan_csv(scan: "ScanMeasurement", base_from_sections: Sequence[Pose]) -> str:
-    """The cylinders of a scan as CSV text; see `write_scan_csv`."""
+    """Return the cylinders of a scan as CSV text; see `write_scan_csv`."""
     rows = [
         scan_row(number, tube, base_from_sections[tube.sections[0]])
         for number, tube in enumerate(scan.cylinders)
@@ -58,7 +58,7 @@ def scan_csv(scan: "ScanMeasurement", base_from_sections: Sequence[Pose]) -> str
 
 
 def scan_row(number: int, tube: "ScannedCylinder", base_from_section: Pose) -> dict[str, Any]:
-    """One cylinder as a row; lengths in mm, angles in deg, empty where not determined.
+    """Return a cylinder as a row; lengths in mm, angles in deg, empty where not determined.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def scan_row(number: int, tube: "ScannedCylinder", base_from_section: Pose) -> d
 
 
 def _tilt(tube: "ScannedCylinder", base_from_section: Pose) -> dict[str, Any]:
-    """Phi and theta of the axis in a section, with intervals.
+    """Return phi and theta of the axis in a section, with intervals.
 
     Definition: phi is the angle between the axis and the section's normal Z, theta the direction of
     the axis in the section's plane, from X towards Y, in [0, pi).

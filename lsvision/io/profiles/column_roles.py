@@ -1,4 +1,4 @@
-"""What a column holds, by its name."""
+"""Content of a column, by its name."""
 
 _ROLES = {
     **dict.fromkeys(["x", "xs", "px", "pos_x", "x_pos", "position", "lateral"], "x"),
@@ -19,7 +19,7 @@ _SCAN_ENDINGS = ("id", "no", "nr", "num", "number", "index", "idx", "count", "co
 
 
 def column_role(name: str) -> str:
-    """What a column of this name holds: x, y, height, range, scan, angle, or the name itself.
+    """Return the role of a name: x, y, height, range, scan, angle, or the name itself.
 
     Examples
     --------
@@ -36,12 +36,12 @@ def column_role(name: str) -> str:
 
 
 def is_known_role(name: str) -> bool:
-    """Whether a column's name says what it holds."""
+    """Return whether the content of a column is known from its name."""
     return column_role(name) in {"x", "y", "height", "range", "scan", "angle"}
 
 
 def is_part_name(name: str) -> bool:
-    """Whether a column of this name tells parts, sensors or runs apart.
+    """Return whether a column of this name identifies parts, sensors or runs.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Which format a file is in: first its magic bytes, then its first lines, then its name."""
+"""Format of a file: by its magic bytes, then its first lines, then its suffix."""
 
 import io
 import re
@@ -89,14 +89,14 @@ _KEYENCE_WIDTHS = frozenset([800, 1600, 3200, 6400])  # columns of an LJ-V and L
 
 
 def detect_format(content: bytes, suffix: str) -> str:
-    r"""Name of the format, one of `FORMATS`.
+    r"""Return the name of the format, one of `FORMATS`.
 
     Parameters
     ----------
     content : bytes
         The whole file.
     suffix : str
-        As ``".csv"``; asked only where the content does not tell.
+        As ``".csv"``; used only if the content is ambiguous.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def detect_format(content: bytes, suffix: str) -> str:
     ('text', 'opencv')
     """
     if not content.strip():
-        raise UnreadableFile("the file is empty: want x and height in mm, one point a line")
+        raise UnreadableFile("the file is empty: expected x and height in mm, one point a line")
     for magic, name in _MAGIC:
         if content.startswith(magic):
             return name
@@ -131,7 +131,7 @@ def detect_format(content: bytes, suffix: str) -> str:
 
 
 def _zip_format(content: bytes, suffix: str) -> str:
-    """NPZ is a zip archive of arrays; any other is refused by what it holds."""
+    """Return npz for a zip archive of arrays; raise an error for other archives."""
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             names = archive.namelist()

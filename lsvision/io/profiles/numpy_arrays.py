@@ -1,4 +1,4 @@
-"""Profiles in NumPy's NPY and NPZ; nothing is ever unpickled."""
+"""Profiles in NumPy's NPY and NPZ; pickled objects are never loaded."""
 
 import io
 import math
@@ -44,7 +44,7 @@ _KEYS = ("points", "profile", "profiles", "arr_0")
 
 
 def read_npy(content: bytes, settings: ReadSettings) -> RawProfiles:
-    """Profiles of one array: points (n, 2 or 3), (k, n, 2), or rows of heights with ``dx``."""
+    """Return the profiles of an array: (n, 2 or 3), (k, n, 2), or rows of heights with ``dx``."""
     arrays = _loaded(content)
     if "" not in arrays:
         raise UnreadableFile("a zip archive, no array by itself: leave --format npy out")
@@ -52,7 +52,7 @@ def read_npy(content: bytes, settings: ReadSettings) -> RawProfiles:
 
 
 def read_npz(content: bytes, settings: ReadSettings) -> RawProfiles:
-    """Profiles of arrays ``x`` and ``z`` (or ``range``), or of one array as in `read_npy`."""
+    """Return the profiles of arrays ``x`` and ``z`` (or ``range``), or of one as `read_npy`."""
     loaded = _loaded(content)
     words = {name: str(array.item()) for name, array in loaded.items() if _is_text(array)}
     statements = unit_statements(f"{name}: {word}" for name, word in words.items())
@@ -85,7 +85,7 @@ def _is_text(array: npt.NDArray[np.generic]) -> bool:
 
 
 def _unpacked(content: bytes) -> dict[str, npt.NDArray[np.generic]]:
-    """Arrays of a zip archive, whose members state their true size before they are unpacked."""
+    """Return the arrays of a zip archive; their sizes are checked before they are unpacked."""
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         size = sum(member.file_size for member in archive.infolist())
         if size > current_size_limit():
@@ -99,7 +99,7 @@ def _unpacked(content: bytes) -> dict[str, npt.NDArray[np.generic]]:
 
 
 def _array_of(content: bytes) -> npt.NDArray[np.generic]:
-    """Array of a whole NPY file, its size checked against its header first."""
+    """Return the array of a whole NPY file, its size checked against its header first."""
     stream = io.BytesIO(content)
     if not content.startswith(_NPY_MAGIC):
         raise ValueError(f"no NPY array, but {content[:8]!r}")
@@ -119,7 +119,7 @@ def _array_of(content: bytes) -> npt.NDArray[np.generic]:
 
 def _as_floats(array: npt.NDArray[np.generic]) -> npt.NDArray[np.float64]:
     if array.dtype.kind not in "iufb":
-        raise UnreadableFile(f"an array of {array.dtype}: want numbers")
+        raise UnreadableFile(f"an array of {array.dtype}: expected numbers")
     return floats_from(array)
 
 
@@ -147,7 +147,7 @@ def _profiles_from_array(
     if values.ndim == 1:
         values = values.reshape(1, -1)
     if values.ndim != 2 or values.size == 0:
-        raise UnreadableFile(f"an array of shape {array.shape}: want points of shape (n, 2)")
+        raise UnreadableFile(f"an array of shape {array.shape}: expected points of shape (n, 2)")
     wide = values.shape[0] in (2, 3) and values.shape[1] >= MIN_COLUMNS
     if wide and settings.dx is None and not settings.transpose:
         values = values.T
@@ -159,7 +159,7 @@ def _profiles_from_array(
 
 
 def _limits(kind: np.dtype[np.generic]) -> tuple[float, ...]:
-    """Ends of an integer type, which mark lost points where they stand far from the rest."""
+    """Return the limits of an integer type, which mark lost points if far from other values."""
     if kind.kind not in "iu" or kind.itemsize < 2:
         return ()
     ends = np.iinfo(kind)  # type: ignore[type-var] # an integer by its kind

@@ -29,7 +29,7 @@ _PCD_TYPES = {"I": "i", "U": "u", "F": "f"}
 
 
 def read_ply(content: bytes, settings: ReadSettings) -> RawProfiles:
-    """Profiles of the vertices of a PLY file.
+    """Return the profiles of the vertices of a PLY file.
 
     Raises
     ------
@@ -47,7 +47,7 @@ def read_ply(content: bytes, settings: ReadSettings) -> RawProfiles:
 
 
 def read_pcd(content: bytes, settings: ReadSettings) -> RawProfiles:
-    """Profiles of a PCD file; an organised cloud (HEIGHT above 1) holds one in each row.
+    """Return the profiles of a PCD file; an organised cloud (HEIGHT above 1) holds one in each row.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def read_pcd(content: bytes, settings: ReadSettings) -> RawProfiles:
     match = re.search(rb"^DATA[ \t]+(\w+)[ \t]*\r?\n", content, re.MULTILINE)
     if match is None or match[1] not in (b"ascii", b"binary"):
         raise UnreadableFile(
-            "want PCD with DATA ascii or binary: convert it with pcl_convert_pcd_ascii_binary"
+            "expected PCD with DATA ascii or binary: convert it with pcl_convert_pcd_ascii_binary"
         )
     lines = content[: match.start()].decode("latin-1").splitlines()
     header = {words[0]: words[1:] for words in map(str.split, lines) if words}
@@ -73,7 +73,7 @@ def read_pcd(content: bytes, settings: ReadSettings) -> RawProfiles:
 
 @dataclass(frozen=True)
 class _Layout:
-    """How the points of a cloud lie in its body."""
+    """Layout of the points in the body of a cloud."""
 
     dtype: npt.DTypeLike
     count: int
@@ -90,7 +90,7 @@ def _ply_vertices(lines: list[list[str]], order: str) -> _Layout:
     except (IndexError, ValueError, KeyError):
         raise UnreadableFile("a PLY header without plain vertices: write x, y, z only") from None
     if name != "vertex" or layout.count < 1:
-        raise UnreadableFile(f"a PLY file that begins with {count} {name}: want vertices first")
+        raise UnreadableFile(f"a PLY file that begins with {count} {name}: expected vertices first")
     return layout
 
 
@@ -117,7 +117,7 @@ def _points(body: bytes, layout: _Layout, *, ascii_: bool) -> TextTable:
     dtype = np.dtype(layout.dtype)
     names = dtype.names or ()
     if not {"x", "y", "z"} <= set(names):
-        raise UnreadableFile(f"points with {', '.join(names) or 'nothing'}: want x, y and z")
+        raise UnreadableFile(f"points with {', '.join(names) or 'nothing'}: expected x, y and z")
     if ascii_:
         columns = _ascii_columns(body, dtype, layout.count)
     elif len(body) < layout.count * dtype.itemsize:

@@ -1,11 +1,11 @@
-"""ROS bags and MCAP files: refused, with the commands that write what is read."""
+"""ROS bags and MCAP files: an error with the commands that convert them."""
 
 from lsvision.errors import UnreadableFile
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 
 
 def read_ros_bag(content: bytes, _: ReadSettings) -> RawProfiles:
-    """Refuse a ROS bag.
+    """Raise an error for a ROS bag.
 
     Raises
     ------

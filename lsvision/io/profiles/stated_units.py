@@ -1,4 +1,4 @@
-"""The units of x and height out of all that a file says of them."""
+"""Units of x and height from all statements in a file."""
 
 from collections.abc import Iterable
 
@@ -15,7 +15,7 @@ _REMEDY = "say which it is, as --units um or --units 0.1mm"
 def resolve_units(
     table: TextTable, x: int, height: int, settings: ReadSettings
 ) -> tuple[str | None, str | None]:
-    """Units of two columns of a table.
+    """Return the units of two columns of a table.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def resolve_units(
 
 
 def one_unit(over: StatedUnit | None, statements: Iterable[UnitStatement] = ()) -> str | None:
-    """The unit that all statements about a column agree on; None without any.
+    """Return the unit on which all statements about a column agree; None without any.
 
     Raises
     ------
@@ -69,6 +69,6 @@ def one_unit(over: StatedUnit | None, statements: Iterable[UnitStatement] = ()) 
 
 
 def _about(statements: Iterable[UnitStatement], role: str, default: str) -> list[UnitStatement]:
-    """Statements about all lengths, or about the axis that a column is."""
+    """Return the statements about all lengths, or about the axis of a column."""
     axis = {"range": "height"}.get(role, role) if role in ("x", "y", "height", "range") else default
     return [s for s in statements if s.axis is None or s.axis == axis]

@@ -1,4 +1,4 @@
-"""What lines beside the numbers of a text say of units and of lost points."""
+"""Statements on units and lost points in the lines around the numbers of a text."""
 
 import re
 from collections.abc import Iterable, Iterator
@@ -22,7 +22,7 @@ _OTHER_KEYS = frozenset(
     "type version count control controller device weight force mass pressure gray grey "
     "color colour image plot display encoder".split()
 )
-"""Words of a key that speaks of something else than lengths."""
+"""Words of a key of a quantity that is not a length."""
 _LOST_KEYS = frozenset(
     "nodata invalid lost missing fill dropout novalue lostvalue fillvalue".split()  # noqa: SIM905
 )
@@ -63,7 +63,7 @@ _NUMBER = re.compile(r"[-+]?(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:[eE][-+]?[0-9]+)?
 
 @dataclass(frozen=True)
 class UnitStatement:
-    """A unit that a line beside the numbers states.
+    """Unit stated by a line that is not of numbers.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class UnitStatement:
 
 
 def unit_statements(lines: Iterable[str]) -> tuple[UnitStatement, ...]:
-    """Units that comments and ``key: value`` lines state.
+    """Return the units that comments and ``key: value`` lines state.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def unit_statements(lines: Iterable[str]) -> tuple[UnitStatement, ...]:
 
 
 def states_unit(line: str) -> bool:
-    """Whether a line states a unit, and is no header therefore."""
+    """Return whether a line states a unit, and therefore is not a header."""
     return any(True for _ in _statements(line))
 
 

@@ -1,4 +1,4 @@
-"""Units of length as files and people write them, with a scale where they state one."""
+"""Units of length as written in files and options, with an optional scale."""
 
 import re
 from dataclasses import dataclass
@@ -68,7 +68,7 @@ _REMARKS = frozenset(
     "towards away filtered smoothed corrected calibrated absolute relative float double "
     "int integer".split()
 )
-"""What stands in round brackets behind a name and is no unit."""
+"""Text in round brackets after a name that is not a unit."""
 _BRACKETED = re.compile(r"^(.*?)\s*([\[({<])\s*([^\])}>]*?)\s*[\])}>]\s*(.*)$")
 _SUFFIXED = re.compile(r"^(.+?)(\s+in\s+|[\s_/:-]+)([^\s_/:]+)$")
 _SHORT = re.compile(r"^([xyzhrd])(mm|um|µm|μm|nm|cm)$")
@@ -113,7 +113,7 @@ def parse_unit(text: str) -> str | None:
 
 
 def mm_per_unit(unit: str) -> float:
-    """How many mm one of a unit is.
+    """Return the length of a unit. Units: mm.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def mm_per_unit(unit: str) -> float:
     Raises
     ------
     ValueError
-        If it is no unit of length.
+        If it is not a unit of length.
 
     Examples
     --------

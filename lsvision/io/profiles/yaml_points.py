@@ -20,7 +20,7 @@ _COMMENT = re.compile(r"(?<!\s)\s+#.*$")
 
 
 def read_yaml(content: bytes, settings: ReadSettings) -> RawProfiles:
-    """Profiles of a YAML file; several documents are several profiles.
+    """Return the profiles of a YAML file; several documents are several profiles.
 
     Raises
     ------
@@ -30,7 +30,7 @@ def read_yaml(content: bytes, settings: ReadSettings) -> RawProfiles:
     parts = [part for part in _DOCUMENT_END.split(decode_text(content)) if part.strip()]
     documents = [document for part in parts if (document := parse_plain_yaml(part))]
     if not documents:
-        raise UnreadableFile("YAML without a key: want ranges, or lists x and z")
+        raise UnreadableFile("YAML without a key: expected ranges, or lists x and z")
     document = documents[0] if len(documents) == 1 else documents
     return profiles_from_document(document, settings, "YAML")
 

@@ -146,7 +146,7 @@ def test_planes_and_rounded_heights_are_no_markers(heights):
 def test_points_in_python_are_warned_of_and_removed_on_request(arc):
     points = arc.copy()
     points[::5, 1] = -9999
-    with pytest.warns(UserWarning, match=r"-9999 stands in 16 of 80 points .*lost=-9999"):
+    with pytest.warns(UserWarning, match=r"-9999 occurs in 16 of 80 points .*lost=-9999"):
         assert Profile(points).lost == 0
     assert Profile(points, lost=-9999).lost == 16
     assert Profile(points, lost=[-9999, 7]).lost == 16
