@@ -24,7 +24,7 @@ def measurement_lines(
         Where it was found.
     verbose : bool
         Say which residuals are correlated, and list the refused arcs from left to right; else
-        only the longest is told if nothing was found.
+        only one is told if nothing was found.
     """
     from lsvision.ellipse.section_table import section_cells
     from lsvision.results.tables import text_table
@@ -44,9 +44,9 @@ def measurement_lines(
 
 
 def reason_without_cylinder(measurement: "Measurement") -> str:
-    """Why a profile holds no cylinder: what is said of the longest of its refused arcs."""
-    longest = max(measurement.rejections, key=lambda r: r.arc.stop - r.arc.start, default=None)
-    return "no valid point" if longest is None else longest.reason
+    """Why a profile holds no cylinder: what is said of its longest convex arc, else of any."""
+    told = max(measurement.rejections, key=lambda r: (r.convex, len(r.arc)), default=None)
+    return "no valid point" if told is None else told.reason
 
 
 def _correlation_notes(cylinders: Sequence["CylinderSection"]) -> list[str]:
