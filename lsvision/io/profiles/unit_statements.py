@@ -1,5 +1,6 @@
 """What lines beside the numbers of a text say of units and of lost points."""
 
+import math
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -122,7 +123,7 @@ def lost_statements(lines: Iterable[str]) -> tuple[float, ...]:
         words = {*key, *map("".join, pairwise(key))}
         if words & _LOST_KEYS and not words & _LOST_OTHER:
             markers[float(number[2].replace(",", "."))] = None
-    return tuple(markers)
+    return tuple(filter(math.isfinite, markers))
 
 
 def _statements(line: str) -> Iterator[UnitStatement]:
