@@ -5,6 +5,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import NoReturn
 
 from lsvision.errors import UnreadableFile
 from lsvision.io.profiles.number_rows import (
@@ -196,12 +197,23 @@ def _first_text_row(lines: Sequence[str]) -> tuple[int, str | None, int, tuple[i
         if len(numeric) >= 2 and enough and (best is None or len(numeric) > len(best[3])):
             best = sample[0], separator, width, numeric
     if best is None:
-        raise UnreadableFile("no line of numbers in it: want x and height in mm, one point a line")
+        _refuse(lines, rows)
     _, separator, width, numeric = best
     for index in rows:
         row = split_cells(lines[index].strip(" \r\n"), separator)
         if len(row) == width and all(is_number_or_lost(row[c]) for c in numeric):
             return index, separator, width, numeric
+    _refuse(lines, rows)
+
+
+def _refuse(lines: Sequence[str], rows: Sequence[int]) -> NoReturn:
+    """Say that all points are lost, or that there is no table of numbers."""
+    lost = 0
+    for index in rows:
+        cells = split_cells(lines[index], find_separator(lines[index].strip()))
+        lost += len(cells) > 1 and all(map(is_missing, cells))
+    if 2 * lost > len(rows):
+        raise UnreadableFile(f"all {lost} points are lost: check exposure and range, or --columns")
     raise UnreadableFile("no line of numbers in it: want x and height in mm, one point a line")
 
 

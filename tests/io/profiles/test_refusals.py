@@ -183,3 +183,19 @@ def test_a_wrong_format_by_hand_is_refused_not_crashed(write):
     for name in ("npy", "npz", "ply", "pcd", "parquet", "gocator", "gocator-points", "opencv"):
         with pytest.raises(UnreadableFile):
             inspect_profiles(path, format=name)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "x,z\n" + "nan,nan\n" * 3,
+        "NaN;NaN\n" * 3,
+        "x;z\n" + ";\n" * 3,
+        "# sensor 7\nx z\n" + "NaN NaN\n" * 3,
+        "---\t---\n" * 3,
+        "x,z\n1,nan\n2,nan\n3,\n",
+    ],
+)
+def test_a_table_without_a_number_says_that_all_points_are_lost(write, content):
+    with pytest.raises(UnreadableFile, match="all 3 points are lost: check exposure and range"):
+        read_profile(write(content))
