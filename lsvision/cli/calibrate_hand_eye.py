@@ -27,6 +27,7 @@ from lsvision.cli.profile_options import (
     Flip,
     Lost,
     Spacing,
+    Topic,
     Transpose,
     Units,
 )
@@ -118,6 +119,7 @@ def sphere(
     x0: FirstX = None,
     dx: Spacing = None,
     z_unit: CountUnit = None,
+    topic: Topic = None,
 ) -> None:
     """Calibrate a profile sensor to the robot on a sphere; the best target for most.
 
@@ -139,7 +141,7 @@ def sphere(
     check_plan(job, plan_poses, plan_out)
     reading = parse_read_options(
         format=file_format, columns=columns, units=units, flip=flip, lost=lost,
-        transpose=transpose, x0=x0, dx=dx, z_unit=z_unit,
+        transpose=transpose, x0=x0, dx=dx, z_unit=z_unit, topic=topic,
     )  # fmt: skip
     seen = read_target_profiles(job, profiles, reading, plan_out)
     from lsvision.calibration.hand_eye import calibrate_hand_eye_sphere
@@ -176,6 +178,7 @@ def plane(
     x0: FirstX = None,
     dx: Spacing = None,
     z_unit: CountUnit = None,
+    topic: Topic = None,
 ) -> None:
     """Calibrate a profile sensor to the robot on a flat plate.
 
@@ -194,7 +197,7 @@ def plane(
     check_plan(job, plan_poses, plan_out)
     reading = parse_read_options(
         format=file_format, columns=columns, units=units, flip=flip, lost=lost,
-        transpose=transpose, x0=x0, dx=dx, z_unit=z_unit,
+        transpose=transpose, x0=x0, dx=dx, z_unit=z_unit, topic=topic,
     )  # fmt: skip
     seen = read_target_profiles(job, profiles, reading, plan_out)
     from lsvision.calibration.hand_eye import calibrate_hand_eye_plane

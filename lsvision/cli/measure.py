@@ -37,6 +37,7 @@ from lsvision.cli.profile_options import (
     ReferenceRange,
     SensorName,
     Spacing,
+    Topic,
     Transpose,
     Units,
     Verbose,
@@ -118,6 +119,7 @@ def measure(
         float | None, typer.Option(metavar="N", help="Raw Keyence: XPitch, 0.01 um.")
     ] = None,
     z_unit: CountUnit = None,
+    topic: Topic = None,
     verbose: Verbose = False,
 ) -> None:
     """Measure radius and orientation of every cylinder in profiles or images of a laser line.
@@ -157,6 +159,7 @@ def measure(
     reading = parse_read_options(
         format=file_format, columns=columns, units=units, flip=flip, lost=lost,
         transpose=transpose, x0=x0, dx=dx, x_start=x_start, x_pitch=x_pitch, z_unit=z_unit,
+        topic=topic,
     )  # fmt: skip
     line = parse_line_settings(laser, method)
     suffixes = suffixes_of_profiles(dx) if light_section is None else MEASURED_SUFFIXES

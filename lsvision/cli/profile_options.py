@@ -100,6 +100,10 @@ CountUnit = Annotated[
         help="Rows of heights: what one count is, as 0.5um; Keyence's ZUnit in 0.01 um.",
     ),
 ]
+Topic = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="Of a ROS bag, where several hold profiles, as /scan."),
+]
 Flip = Annotated[
     bool | None,
     typer.Option("--flip/--no-flip", help="Heights grow away from the sensor, or towards it."),

@@ -32,6 +32,7 @@ from lsvision.cli.profile_options import (
     ReferenceRange,
     SensorName,
     Spacing,
+    Topic,
     Transpose,
     Units,
     Verbose,
@@ -125,6 +126,7 @@ def scan(
     x0: FirstX = None,
     dx: Spacing = None,
     z_unit: CountUnit = None,
+    topic: Topic = None,
     verbose: Verbose = False,
 ) -> None:
     """Measure cylinders in space from several sections of known pose, jointly.
@@ -148,7 +150,7 @@ def scan(
     check_picture(plot)
     reading = parse_read_options(
         format=file_format, columns=columns, units=units, flip=flip, lost=lost,
-        transpose=transpose, x0=x0, dx=dx, z_unit=z_unit,
+        transpose=transpose, x0=x0, dx=dx, z_unit=z_unit, topic=topic,
     )  # fmt: skip
     noise = parse_sensor(sensor, range_std, reference_range)
     search, known = parse_search_range(radius), parse_known_radius(known_radius)

@@ -9,10 +9,12 @@ from lsvision.files.limited_reading import STDIN
 PROFILE_SUFFIXES = frozenset(
     [
         *(".csv", ".tsv", ".txt", ".asc", ".xyz", ".xz", ".dat", ".yml", ".yaml", ".xml"),
-        *(".npy", ".npz", ".ply", ".pcd", ".parquet"),
+        *(".npy", ".npz", ".ply", ".pcd", ".parquet", ".bag", ".db3", ".mcap"),
     ]
 )
 """Files that count as profiles when a folder is named; any file can be named by itself."""
+
+_ROS2_STORAGE, _ROS2_METADATA = (".db3", ".mcap"), "metadata.yaml"
 
 
 def find_files(name: str, suffixes: frozenset[str] = PROFILE_SUFFIXES) -> list[Path]:
@@ -37,8 +39,10 @@ def find_files(name: str, suffixes: frozenset[str] = PROFILE_SUFFIXES) -> list[P
         return [path]
     if is_directory(path):
         shown = (file for file in path.iterdir() if not file.name.startswith("."))
-        wanted = (file for file in shown if file.suffix.lower() in suffixes)
-        return sorted((file for file in wanted if is_regular(file)), key=natural_order)
+        wanted = [file for file in shown if file.suffix.lower() in suffixes and is_regular(file)]
+        if any(file.suffix.lower() in _ROS2_STORAGE for file in wanted):
+            wanted = [file for file in wanted if file.name != _ROS2_METADATA]
+        return sorted(wanted, key=natural_order)
     if exists(path) or not glob.has_magic(name):
         return [path]
     found = glob.glob(name, recursive=True)  # noqa: PTH207 - Path.glob takes no absolute pattern

@@ -110,15 +110,20 @@ def _tilt(tube: "ScannedCylinder", base_from_section: Pose) -> dict[str, Any]:
     factor = tube.fit.coverage_factor()
     determined = phi > tube.fit.coverage_factor(quantities=2) * max(phi_std, across_std)
     low = max(0.0, phi - factor * phi_std) if determined else 0.0
-    high = min(math.pi / 2, phi + factor * phi_std)
-    row = _row("phi", "deg", *np.degrees((phi, phi_std)).tolist(), np.degrees((low, high)).tolist())
+    row = _degrees_row("phi", phi, phi_std, (low, min(math.pi / 2, phi + factor * phi_std)))
     if not determined:
         row |= _row("theta", "deg", "", "", (0.0, 180.0))
         return row | {"theta_determined": False}
     std = across_std / math.sin(phi)
-    numbers = np.degrees((theta, std, theta - factor * std, theta + factor * std)).tolist()
-    row |= _row("theta", "deg", *numbers[:2], numbers[2:])
+    row |= _degrees_row("theta", theta, std, (theta - factor * std, theta + factor * std))
     return row | {"theta_determined": True}
+
+
+def _degrees_row(
+    name: str, value: float, std: float, interval: tuple[float, float]
+) -> dict[str, Any]:
+    low, high = map(math.degrees, interval)
+    return _row(name, "deg", math.degrees(value), math.degrees(std), (low, high))
 
 
 def _row(

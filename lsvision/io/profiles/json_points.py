@@ -325,7 +325,12 @@ def _statement_lines(document: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _column(value: Any) -> Any:
-    """The value where it is a list of numbers, or of lists of numbers; else None."""
+    """The value where it is a list of numbers, or of lists of numbers; else None.
+
+    An object with the keys 0, 1, 2, ... is a list: so pandas writes a column.
+    """
+    if isinstance(value, Mapping) and list(value) == [str(k) for k in range(len(value))]:
+        value = list(value.values())
     if not isinstance(value, list) or not value:
         return None
     if all(_is_scalar(item) for item in value):

@@ -25,7 +25,7 @@ MISSING_VALUES = frozenset(
 """What a cell says, in lower case, that holds no number."""
 
 _MISSING_PATTERN = re.compile(
-    r"[-+]?1\.#(?:ind|qnan|snan|inf)0*|[*]+|[#]+|[-]+|0x(?:f+|80+|7f+)|(?:over|under|out.?of.?)range"
+    r"[-+]?1\.#(?:ind|qnan|snan|inf)0*|[-+]?[sq]?nan(?:\(\w*\))?|<na>|\\n|[*]+|[#]+|-+(?:\.-+)?|0x(?:f+|80+|7f+)|(?:over|under|out.?of.?)range"
 )
 """The same in forms that vary: fields too narrow, ends of integer types in hexadecimal."""
 

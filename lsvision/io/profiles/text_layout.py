@@ -5,7 +5,6 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import NoReturn
 
 from lsvision.errors import UnreadableFile
 from lsvision.io.profiles.number_rows import (
@@ -25,6 +24,8 @@ MIN_TEXT_TABLE_FRACTION = 0.5
 """Lines with the same cells, of all, from which on a text with words is a table."""
 
 _ANY_NUMBER = re.compile(f"{POINT_NUMBER.pattern}|{COMMA_NUMBER.pattern}|{THOUSANDS.pattern}")
+_RULE = re.compile(r"[-=_*~]{3,}")
+"""A line that is drawn under a table."""
 _QUOTED = re.compile(r'"[^"]*"')
 _WORDS = re.compile(r'"[^"]*"|[^\s"]+')
 
@@ -197,24 +198,24 @@ def _first_text_row(lines: Sequence[str]) -> tuple[int, str | None, int, tuple[i
         if len(numeric) >= 2 and enough and (best is None or len(numeric) > len(best[3])):
             best = sample[0], separator, width, numeric
     if best is None:
-        _refuse(lines, rows)
+        raise _no_table(lines, rows)
     _, separator, width, numeric = best
     for index in rows:
         row = split_cells(lines[index].strip(" \r\n"), separator)
         if len(row) == width and all(is_number_or_lost(row[c]) for c in numeric):
             return index, separator, width, numeric
-    _refuse(lines, rows)
+    raise _no_table(lines, rows)
 
 
-def _refuse(lines: Sequence[str], rows: Sequence[int]) -> NoReturn:
-    """Say that all points are lost, or that there is no table of numbers."""
+def _no_table(lines: Sequence[str], rows: Sequence[int]) -> UnreadableFile:
+    """The error that all points are lost, or that there is no table of numbers."""
     lost = 0
     for index in rows:
         cells = split_cells(lines[index], find_separator(lines[index].strip()))
         lost += len(cells) > 1 and all(map(is_missing, cells))
     if 2 * lost > len(rows):
-        raise UnreadableFile(f"all {lost} points are lost: check exposure and range, or --columns")
-    raise UnreadableFile("no line of numbers in it: want x and height in mm, one point a line")
+        return UnreadableFile(f"all {lost} points are lost: check exposure and range, or --columns")
+    return UnreadableFile("no line of numbers in it: want x and height in mm, one point a line")
 
 
 def _is_numeric(cells: Iterable[str]) -> bool:
@@ -245,4 +246,6 @@ def _is_footer(cells: Sequence[str], numeric: tuple[int, ...], width: int, rows:
         )
     words = [cell for cell in cells if not is_number_or_lost(cell)]
     counts_rows = len(cells) == 1 and cells[0].strip().isdecimal()
+    if len(cells) == 1 and _RULE.fullmatch(cells[0].strip()):
+        return True
     return bool(words) or (counts_rows and abs(int(cells[0].strip()) - rows) <= 1)

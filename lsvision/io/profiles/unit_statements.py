@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
-from lsvision.io.profiles.units import NOT_LENGTHS, StatedUnit, parse_unit, state_unit
+from lsvision.io.profiles.units import COUNT_WORD, NOT_LENGTHS, StatedUnit, parse_unit, state_unit
 
 MAX_LINE_LENGTH = 300
 """Longest line that may state a unit or a marker of lost points. Units: characters."""
@@ -59,6 +59,7 @@ _PHRASE = re.compile(
     r"(?:\s*(?:,|/|and|und|&|are|is|given|stated|expressed|measured|values?|coordinates?|x|y|z))*"
     r"\s+in\s+([0-9./^*-]*\s?[^\W\d_%]+)"
 )
+_PER_COUNT = re.compile(rf"(?:/|\bper\b|\bpro\b)\s*{COUNT_WORD}\b", re.IGNORECASE)
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:[eE][-+]?[0-9]+)?")
 
 
@@ -144,7 +145,8 @@ def _statements(line: str) -> Iterator[UnitStatement]:
             yield from _from_scale(key_value[2], text, _axis(words))
             return
         unit = parse_unit(key_value[2].strip("[](){} "))
-        if unit is not None and words <= set(_AXES):
+        per_count = _PER_COUNT.search(key_value[2]) and not words & _OTHER_KEYS
+        if unit is not None and (words <= set(_AXES) or per_count):
             yield UnitStatement(StatedUnit(text, unit), _axis(words))
             return
     if line.lstrip().startswith(("#", "%", "//", "!", "*")) or key_value or " in " in text:

@@ -43,7 +43,8 @@ _FRACTION_WORDS = {
     **dict.fromkeys(["thousandth", "thousandths", "tausendstel", "millième", "millièmes"], 1e-3),
 }
 _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺", "0123456789-+")
-_COUNT = r"(?:counts?|digits?|lsb|incr?|increments?|steps?|ticks?|bits?|units?|inkremente?)"
+COUNT_WORD = r"(?:counts?|digits?|lsb|incr?|increments?|steps?|ticks?|bits?|units?|inkremente?)"
+"""Pattern of what a sensor's integers are called."""
 _SCALED = re.compile(
     r"(?:(?P<numerator>[0-9]+)\s*/\s*(?P<denominator>[0-9]+)"
     r"|(?:[0-9]+\s*[x*·×]\s*)?10\s*(?:\^|\*\*)\s*\(?(?P<power>[-+]?[0-9]+)\)?"
@@ -52,7 +53,7 @@ _SCALED = re.compile(
     r"\s*(?:of\s+an?|of|[x*·×])?\s*"
     r"(?P<word>[^\W\d_]+|\"|'')\.?"
     r"(?:\s*/\s*(?P<divisor>[0-9]+))?"
-    rf"(?:\s*(?:/|per|pro)\s*{_COUNT})?"
+    rf"(?:\s*(?:/|per|pro)\s*{COUNT_WORD})?"
 )
 _POWER_OF_TEN = re.compile(r"10[-+][0-9]+")
 
