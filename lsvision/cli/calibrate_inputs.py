@@ -15,12 +15,12 @@ from lsvision.cli.sources import (
     find_sources,
     print_reading_notes,
     read_source,
+    suffixes_of_profiles,
 )
 from lsvision.errors import LsvisionError, UnreadableFile
 from lsvision.files.file_kinds import exists
 from lsvision.files.limited_reading import STDIN
 from lsvision.files.printable import printable
-from lsvision.io.file_names import PROFILE_SUFFIXES
 
 if TYPE_CHECKING:
     from lsvision.geometry import Pose
@@ -37,9 +37,9 @@ def image_files(words: Sequence[str]) -> list[Path]:
     return _found(words, IMAGE_SUFFIXES)
 
 
-def profile_files(words: Sequence[str]) -> list[Path]:
-    """Profile files that words name; see `image_files`."""
-    return _found(words, PROFILE_SUFFIXES)
+def profile_files(words: Sequence[str], dx: float | None) -> list[Path]:
+    """Profile files that words name, with ``--dx`` height maps as well; see `image_files`."""
+    return _found(words, suffixes_of_profiles(dx))
 
 
 def read_images(paths: Sequence[Path]) -> list[Any]:

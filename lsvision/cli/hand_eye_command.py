@@ -124,7 +124,7 @@ def read_target_profiles(
     LsvisionError
         Names the file and the mend.
     """
-    files = profile_files(words)
+    files = profile_files(words, reading.get("dx"))
     check_files(job, files, *more)
     profiles, names = read_named_profiles(files, reading)
     return TargetProfiles(files, profiles, names, read_flanges(job.poses, job.convention, names))

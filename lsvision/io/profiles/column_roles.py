@@ -3,10 +3,12 @@
 import re
 
 _ROLES = {
-    **dict.fromkeys(["x", "xs", "px", "position", "lateral"], "x"),
+    **dict.fromkeys(["x", "xs", "px", "position", "lateral", "width", "breite"], "x"),
     **dict.fromkeys(["y", "ys", "py", "travel", "encoder"], "y"),
     **dict.fromkeys(["z", "zs", "pz", "height", "heights", "elevation", "höhe", "hoehe"], "height"),
-    **dict.fromkeys(["range", "ranges", "distance", "distances", "dist", "abstand"], "range"),
+    **dict.fromkeys(
+        ["range", "ranges", "distance", "distances", "dist", "abstand", "depth", "tiefe"], "range"
+    ),
     **dict.fromkeys(["angle", "angles", "azimuth", "alpha", "theta", "phi"], "angle"),
     **dict.fromkeys(["scan", "profile", "frame", "scan_number", "profile_number"], "scan"),
 }

@@ -204,4 +204,5 @@ def _word(row: int, cell: str) -> Word:
     if THOUSANDS.fullmatch(cell):
         return Word(row, cell, "has a thousands separator: export numbers without them", True)
     reason = "is no number: take such lines out, mark them as comments with #, or say --lost"
-    return Word(row, cell, f"{reason} {cell[:20]} if it marks lost points")
+    shown = " ".join(cell.split())[:20]
+    return Word(row, cell, f"{reason} {shown} if it marks lost points")

@@ -199,3 +199,9 @@ def test_a_wrong_format_by_hand_is_refused_not_crashed(write):
 def test_a_table_without_a_number_says_that_all_points_are_lost(write, content):
     with pytest.raises(UnreadableFile, match="all 3 points are lost: check exposure and range"):
         read_profile(write(content))
+
+
+def test_a_word_over_two_lines_is_told_in_one(write):
+    with pytest.raises(UnreadableFile) as refused:
+        read_profile(write("%YAML:1.0\n---\nscan_line: [!\n!]", "a.yml"))
+    assert "\n" not in str(refused.value)
