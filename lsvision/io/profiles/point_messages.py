@@ -43,12 +43,14 @@ def profiles_from_clouds(
     Raises
     ------
     UnreadableFile
-        If the points of a row lie in no section.
+        If there is no row of points, or those of a row lie in no section.
     """
     rows, kept = [], []
     for cloud, said in zip(clouds, attributes, strict=True):
         rows += list(cloud)
         kept += [said] * len(cloud)
+    if not rows:
+        raise UnreadableFile("PointCloud2 messages without a row of points: record the topic anew")
     columns, away, notes = _section_columns(rows, settings)
     return RawProfiles(
         sections=[row[:, columns] for row in rows],

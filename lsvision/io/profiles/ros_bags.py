@@ -71,7 +71,7 @@ def _messages(path: Path, topic: str | None) -> tuple[str, list[Message]]:
         with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
             connections = _chosen(reader.connections, topic)
             kind: str = connections[0].msgtype
-            return kind, list(_decoded(reader, connections))
+            messages = list(_decoded(reader, connections))
     except UnreadableFile:
         raise
     except Exception as error:  # noqa: BLE001 - rosbags states no list of what broken bytes raise
@@ -80,6 +80,9 @@ def _messages(path: Path, topic: str | None) -> tuple[str, list[Message]]:
             f"a ROS bag that rosbags cannot read ({reason or type(error).__name__}): check it with "
             "rosbag info or ros2 bag info, repair it with rosbag reindex, or record it anew"
         ) from None
+    if not messages:
+        raise UnreadableFile("a ROS bag whose index leads to no message: repair or record it anew")
+    return kind, messages
 
 
 def _chosen(connections: Sequence[Any], topic: str | None) -> list[Any]:

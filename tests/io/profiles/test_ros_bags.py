@@ -275,6 +275,16 @@ def test_a_cloud_that_is_cut_short_is_refused(bag):
         read_profile(bag("mcap", {"/line": [flat]}, "flat"))
 
 
+def test_a_bag_without_messages_or_points_is_refused(bag, monkeypatch):
+    empty = [lambda store, k: cloud_message(store, k, np.zeros((0, 5, 3)))]
+    with pytest.raises(UnreadableFile, match="PointCloud2 messages without a row of points"):
+        read_profile(bag("mcap", {"/line": empty}, "rows"))
+    path = bag("bag", {"/scan": scans(1)})
+    monkeypatch.setattr("lsvision.io.profiles.ros_bags._decoded", lambda *_: iter(()))
+    with pytest.raises(UnreadableFile, match="a ROS bag whose index leads to no message"):
+        read_profile(path)
+
+
 def test_without_the_library_the_extra_is_named(bag, monkeypatch):
     path = bag("mcap", {"/scan": scans()})
     monkeypatch.setitem(__import__("sys").modules, "rosbags.highlevel", None)
