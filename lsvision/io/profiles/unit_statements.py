@@ -85,7 +85,8 @@ _FRACTION = re.compile(
     r"|1/10+\s?mm"
 )
 _CONVERSION = re.compile(
-    rf"\b(?:multipl\w+|divide\w*)\b.*?[0-9]|\bto\s+(?:mm|m|um)\b|{COUNT_WORD}\s*(?:/|per|pro)\s*[^\W\d_]+"
+    rf"\b(?:multiply|multiplied|divide\w*)\b.*?[0-9]|\bto\s+(?:mm|m|um)\b"
+    rf"|{COUNT_WORD}\s*(?:/|per|pro)\s*[^\W\d_]+"
 )
 
 
