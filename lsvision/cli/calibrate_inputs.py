@@ -15,12 +15,12 @@ from lsvision.cli.sources import (
     find_sources,
     profile_names,
     read_sources,
+    suffixes_of_profiles,
 )
 from lsvision.errors import LsvisionError, UnreadableFile
 from lsvision.files.file_kinds import exists
 from lsvision.files.limited_reading import STDIN
 from lsvision.files.printable import printable
-from lsvision.io.file_names import PROFILE_SUFFIXES
 
 if TYPE_CHECKING:
     from lsvision.io.profiles import ReadOptions
@@ -36,9 +36,9 @@ def image_files(names: Sequence[str]) -> list[Path]:
     return _find(names, IMAGE_SUFFIXES)
 
 
-def profile_files(names: Sequence[str]) -> list[Path]:
-    """Return the profile files that names stand for; see `image_files`."""
-    return _find(names, PROFILE_SUFFIXES)
+def profile_files(names: Sequence[str], dx: float | None) -> list[Path]:
+    """Return the profile files that names stand for, with ``--dx`` height maps as well."""
+    return _find(names, suffixes_of_profiles(dx))
 
 
 def read_images(paths: Sequence[Path]) -> list[Any]:

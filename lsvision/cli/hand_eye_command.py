@@ -181,7 +181,7 @@ def calibrate_from_profiles(
     """
     _check_plan(job, plan)
     options = reading.parse()
-    files = profile_files(words)
+    files = profile_files(words, reading.dx)
     job.check_files(files, plan.plan_out)
     profiles, names = read_named_profiles(files, options)
     flanges = job.read_flanges(names)

@@ -141,6 +141,10 @@ class ReadingOptions:
             help="Rows of heights: what one count is, as 0.5um; Keyence's ZUnit in 0.01 um.",
         ),
     ] = None
+    topic: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Of a ROS bag, where several hold profiles, as /scan."),
+    ] = None
 
     def parse(self, **more: Unpack["ReadOptions"]) -> "ReadOptions":
         """Return the arguments of `read_profiles`, checked before any file is opened.
@@ -160,6 +164,7 @@ class ReadingOptions:
         options = ReadOptions(
             format=self.file_format, columns=self.columns, units=self.units, flip=self.flip,
             lost=self.lost, transpose=self.transpose, x0=self.x0, dx=self.dx, z_unit=self.z_unit,
+            topic=self.topic,
         ) | more  # fmt: skip
         try:
             ReadSettings(**options)

@@ -24,7 +24,7 @@ def measurement_lines(
         The measured profile.
     verbose : bool
         Add notes on correlated residuals, and the refused arcs from left to right; else, if
-        nothing was found, only the longest arc.
+        nothing was found, only one arc.
     """
     from lsvision.ellipse.section_table import section_cells
     from lsvision.results.tables import text_table
@@ -44,8 +44,8 @@ def measurement_lines(
 
 
 def reason_without_cylinder(measurement: "Measurement") -> str:
-    """Return why a profile has no cylinder: the reason of the longest refused arc."""
-    longest = max(measurement.rejections, key=lambda r: r.arc.stop - r.arc.start, default=None)
+    """Return why a profile has no cylinder: the reason of its longest convex arc, else of any."""
+    longest = max(measurement.rejections, key=lambda r: (r.convex, len(r.arc)), default=None)
     return "no valid point" if longest is None else longest.reason
 
 

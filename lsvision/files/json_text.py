@@ -34,7 +34,7 @@ def parse_json(text: str, *, allow_nan: bool = False) -> Any:
     NestedTooDeep
         If the text nests deeper than `MAX_DEPTH`.
     ValueError
-        If the text is not JSON, or holds a number beyond double
+        If the text is not JSON, or holds a key twice in one object, a number beyond double
         precision, ``NaN`` or ``Infinity``.
 
     Examples
@@ -48,6 +48,7 @@ def parse_json(text: str, *, allow_nan: bool = False) -> Any:
             parse_constant=float if allow_nan else _reject_constant,
             parse_int=_integer,
             parse_float=_number,
+            object_pairs_hook=_mapping,
         )
         _check_depth(value)
     except RecursionError:
@@ -67,6 +68,15 @@ def _check_depth(value: Any) -> None:
         if not level:
             return
     raise NestedTooDeep
+
+
+def _mapping(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    mapping = dict(pairs)
+    if len(mapping) < len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for key in mapping if keys.count(key) > 1)
+        raise ValueError(f"expected each key once, got {twice[:40]!r} twice in one object")
+    return mapping
 
 
 def _reject_constant(word: str) -> NoReturn:

@@ -9,10 +9,12 @@ from lsvision.files.limited_reading import STDIN
 PROFILE_SUFFIXES = frozenset(
     [
         *(".csv", ".tsv", ".txt", ".asc", ".xyz", ".xz", ".dat", ".yml", ".yaml", ".xml"),
-        *(".npy", ".npz", ".ply", ".pcd", ".parquet"),
+        *(".npy", ".npz", ".ply", ".pcd", ".parquet", ".bag", ".db3", ".mcap"),
     ]
 )
 """Files that count as profiles when a folder is named; any file can be named by itself."""
+
+_ROS2_STORAGE, _ROS2_METADATA = (".db3", ".mcap"), "metadata.yaml"
 
 
 def find_files(name: str, suffixes: frozenset[str] = PROFILE_SUFFIXES) -> list[Path]:
@@ -38,6 +40,8 @@ def find_files(name: str, suffixes: frozenset[str] = PROFILE_SUFFIXES) -> list[P
     if is_directory(path):
         visible = (file for file in path.iterdir() if not file.name.startswith("."))
         found = [file for file in visible if not suffixes or file.suffix.lower() in suffixes]
+        if any(file.suffix.lower() in _ROS2_STORAGE for file in found):
+            found = [file for file in found if file.name != _ROS2_METADATA]
     elif exists(path) or not glob.has_magic(name):
         return [path]
     else:

@@ -162,6 +162,7 @@ def _cells(line: str) -> list[str]:
     line = line.split("#", maxsplit=1)[0].strip()
     if ";" in line:  # European spreadsheets: decimal comma
         return [cell.strip().replace(",", ".") for cell in line.rstrip("; ").split(";")]
+    line = re.sub(r"\bp\[", "[", line)  # as Universal Robots write a pose
     bare = re.sub(r"[()\[\]]", " ", line).strip().rstrip(",")
     return [cell.strip() for cell in bare.split(",")] if "," in bare else bare.split()
 

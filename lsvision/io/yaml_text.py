@@ -36,7 +36,7 @@ def parse_yaml(text: str) -> Yaml:
     ------
     ValueError
         If the text is not YAML, nests deeper than `MAX_DEPTH`, is longer than `MAX_LENGTH`, holds
-        an alias, or a key that is no text.
+        an alias, a key that is no text, or one twice in a mapping.
 
     Examples
     --------
@@ -86,6 +86,8 @@ class _Builder:
         if isinstance(parent, list):
             parent.append(value)
         elif key is not None:
+            if key in parent:
+                raise ValueError(f"expected each key once, got {key[:40]!r} twice in one mapping")
             parent[key] = value
             self._open[-1] = (parent, None)
         elif isinstance(value, str):

@@ -159,3 +159,11 @@ def test_a_quaternion_is_read_by_name_in_any_order(write):
     text = "qw,qx,qy,qz,x,y,z\n0.5,0.5,0.5,0.5,100,200,300\n1,0,0,0,100,200,400\n"
     first, _ = read_robot_poses(write(text), "abb")
     npt.assert_allclose(first.apply_one([1.0, 0, 0]), [100, 201, 300])
+
+
+def test_poses_as_universal_robots_write_them(write):
+    rows = [[0.6, 0.01, 0.4, 0.1, -2.0, 1.1], [0.61, -0.03, 0.38, 0.2, -1.9, 1.0]]
+    plain = "\n".join(", ".join(map(str, row)) for row in rows)
+    marked = "\n".join(f"p[{', '.join(map(str, row))}]" for row in rows)
+    expected = read_robot_poses(write(plain, "plain.txt"), "ur")
+    assert_same(read_robot_poses(write(marked, "marked.txt"), "ur"), expected)

@@ -1,15 +1,19 @@
 """Content of a column, by its name."""
 
+import re
+
 _ROLES = {
-    **dict.fromkeys(["x", "xs", "px", "pos_x", "x_pos", "position", "lateral"], "x"),
+    **dict.fromkeys(["x", "xs", "px", "position", "lateral", "width", "breite"], "x"),
     **dict.fromkeys(["y", "ys", "py", "travel", "encoder"], "y"),
-    **dict.fromkeys(["z", "zs", "pz", "height", "heights", "elevation", "höhe"], "height"),
-    **dict.fromkeys(["pos_z", "z_pos", "z position", "z-position", "hoehe"], "height"),
-    **dict.fromkeys(["x position", "x-position", "x_position"], "x"),
-    **dict.fromkeys(["range", "ranges", "distance", "distances", "dist", "abstand"], "range"),
+    **dict.fromkeys(["z", "zs", "pz", "height", "heights", "elevation", "höhe", "hoehe"], "height"),
+    **dict.fromkeys(
+        ["range", "ranges", "distance", "distances", "dist", "abstand", "depth", "tiefe"], "range"
+    ),
     **dict.fromkeys(["angle", "angles", "azimuth", "alpha", "theta", "phi"], "angle"),
     **dict.fromkeys(["scan", "profile", "frame", "scan_number", "profile_number"], "scan"),
 }
+_AXIS_WORDS = r"(?:pos|position|coord|coordinate|koordinate|value|wert|axis|achse)"
+_AXIS_NAME = re.compile(rf"([xyz])[ _-]?{_AXIS_WORDS}|{_AXIS_WORDS}[ _-]?([xyz])")
 _SCAN_WORDS = ("scan", "profile", "profil", "frame", "section", "shot")
 _PART_WORDS = frozenset(
     "part piece workpiece sensor camera head run pass batch lot station serial file job "  # noqa: SIM905
@@ -28,6 +32,8 @@ def column_role(name: str) -> str:
     """
     if name in _ROLES:
         return _ROLES[name]
+    if axis := _AXIS_NAME.fullmatch(name):
+        return _ROLES[axis[1] or axis[2]]
     bare = name.replace("_", "").replace(" ", "").replace("-", "").replace(".", "")
     for word in _SCAN_WORDS:
         if bare.startswith(word) and bare.removeprefix(word) in ("", *_SCAN_ENDINGS):

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NoReturn
 
 import numpy as np
@@ -131,6 +131,19 @@ def _places(table: TextTable) -> dict[str, int]:
 
 
 def _named(table: TextTable) -> _Choice | None:
+    choice = _by_names(table)
+    if choice is None:
+        return None
+    twice = [
+        table.names[c] for c in (choice.x, choice.height) if table.names.count(table.names[c]) > 1
+    ]
+    if not twice:
+        return choice
+    note = f"{' and '.join(twice)} stand twice in the header: the first taken, others by --columns"
+    return replace(choice, notes=(*choice.notes, note))
+
+
+def _by_names(table: TextTable) -> _Choice | None:
     place = _places(table)
     away = "range" in place and "height" not in place
     in_order = [place[role] for role in ("x", "y", "range" if away else "height") if role in place]

@@ -39,7 +39,7 @@ _REFUSED_MAGIC = (
     (b"\xfd7zXZ", f"an xz archive: {_UNPACK}"),
     (b"\x28\xb5\x2f\xfd", f"a zstd archive: {_UNPACK}"),
     (b"ARROW1", "an Arrow (Feather) file: write it as Parquet"),
-    (b"SQLite format 3", "a database (SQLite, or a ROS 2 bag): export its points as CSV"),
+    (b"SQLite format 3", "a database (SQLite) and no ROS 2 bag: export its points as CSV"),
     (b"TDSm", "a TDMS file of LabVIEW: export its points as CSV"),
     (b"LASF", "a LAS cloud: write its points as PLY or CSV"),
     (b"ASTM-E57", "an E57 cloud: write its points as PLY or CSV"),
@@ -50,6 +50,8 @@ _REFUSED_MAGIC = (
     (b"\xff\xd8\xff", _IMAGE),
 )
 _BAGS = (b"\x89MCAP", b"#ROSBAG")
+_BAG_TABLE = re.compile(rb"CREATE TABLE [\"'`\[]?topics", re.IGNORECASE)
+_SCHEMA_BYTES = 100_000  # of a database, whose tables are described in its first page
 _MARKUP = re.compile(r"\s*(<!doctype html|<html|<\?xml)", re.IGNORECASE)
 _OFFICE_PARTS = {
     "xl/": _SPREADSHEET,
@@ -118,7 +120,7 @@ def detect_format(content: bytes, suffix: str) -> str:
         return "pcd"
     if content.startswith(_ZIP):
         return _zip_format(content, suffix.lower())
-    if content.startswith(_BAGS):
+    if content.startswith(_BAGS) or _is_ros2_database(content):
         return "rosbag"
     if content.startswith((b"II*\0", b"MM\0*", b"\x89PNG")):
         return "height-map"
@@ -128,6 +130,12 @@ def detect_format(content: bytes, suffix: str) -> str:
     if suffix.lower() in _REFUSED_SUFFIX:
         raise UnreadableFile(_REFUSED_SUFFIX[suffix.lower()])
     return _text_format(content)
+
+
+def _is_ros2_database(content: bytes) -> bool:
+    if not content.startswith(b"SQLite format 3"):
+        return False
+    return bool(_BAG_TABLE.search(content[:_SCHEMA_BYTES]))
 
 
 def _zip_format(content: bytes, suffix: str) -> str:

@@ -19,7 +19,7 @@ from lsvision.io.profiles.named_columns import profiles_from_named
 from lsvision.io.profiles.number_rows import POINT_NUMBER, is_missing
 from lsvision.io.profiles.opencv_matrix import TRIPLES, matrix_of_node, table_of_points
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
-from lsvision.io.profiles.stated_units import one_unit
+from lsvision.io.profiles.stated_units import one_unit, refuse_mentions
 from lsvision.io.profiles.text_table import TextTable, decode_text
 from lsvision.io.profiles.unit_statements import UnitStatement, lost_statements, unit_statements
 from lsvision.io.profiles.units import split_label
@@ -72,6 +72,7 @@ def profiles_from_document(document: Any, settings: ReadSettings, kind: str) -> 
             f"{kind} without a list of points ({_shape(document)}): {_EXPECTED_KEYS}"
         )
     if isinstance(document, Mapping):
+        refuse_mentions(profiles.units, _statement_lines(document), settings)
         stated = lost_statements(
             f"{key}: {value}" for key, value in document.items() if isinstance(value, int | float)
         )
@@ -322,6 +323,12 @@ def _statement_lines(document: Mapping[str, Any]) -> Iterator[str]:
             yield from (f"unit_{axis}: {unit}" for axis, unit in value.items())
         elif isinstance(value, Mapping):
             yield from (f"{name}: {text}" for name, text in value.items() if isinstance(text, str))
+            yield from (
+                line
+                for name, inner in value.items()
+                if isinstance(inner, Mapping) and "unit" in name.lower()
+                for line in _statement_lines({name: inner})
+            )
         elif isinstance(value, int | float) and not isinstance(value, bool):
             yield f"{key}: {value}"
         elif isinstance(value, list) and "unit" in key.lower():
@@ -329,7 +336,12 @@ def _statement_lines(document: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _column(value: Any) -> Any:
-    """Return the value if it is a list of numbers, or of lists of numbers; else None."""
+    """Return the value if it is a list of numbers, or of lists of numbers; else None.
+
+    An object with the keys 0, 1, 2, ... is a list: so pandas writes a column.
+    """
+    if isinstance(value, Mapping) and list(value) == [str(k) for k in range(len(value))]:
+        value = list(value.values())
     if not isinstance(value, list) or not value:
         return None
     if all(_is_scalar(item) for item in value):

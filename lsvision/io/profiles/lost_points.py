@@ -56,8 +56,8 @@ def remove_lost(
     settings : ReadSettings
         Gives the user's markers.
     """
-    sections = [
-        np.where(np.isinf(section), np.nan, section) if np.isinf(section).any() else section
+    sections = [  # one quiet NaN for all: arithmetic with a signalling one warns
+        section if np.isfinite(section).all() else np.where(np.isfinite(section), section, np.nan)
         for section in raw.sections
     ]
     points = np.concatenate(sections) if sections else np.empty((0, 2))

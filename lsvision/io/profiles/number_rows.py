@@ -25,7 +25,7 @@ MISSING_VALUES = frozenset(
 """Content, in lower case, of a cell without a number."""
 
 _MISSING_PATTERN = re.compile(
-    r"[-+]?1\.#(?:ind|qnan|snan|inf)0*|[*]+|[#]+|[-]+|0x(?:f+|80+|7f+)|(?:over|under|out.?of.?)range"
+    r"[-+]?1\.#(?:ind|qnan|snan|inf)0*|[-+]?[sq]?nan(?:\(\w*\))?|<na>|\\n|[*]+|[#]+|-+(?:\.-+)?|0x(?:f+|80+|7f+)|(?:over|under|out.?of.?)range"
 )
 """The same with variable content: fields too narrow, ends of integer types in hexadecimal."""
 
@@ -204,4 +204,5 @@ def _word(row: int, cell: str) -> Word:
     if THOUSANDS.fullmatch(cell):
         return Word(row, cell, "has a thousands separator: export numbers without them", True)
     reason = "is not a number: take such lines out, mark them as comments with #, or say --lost"
-    return Word(row, cell, f"{reason} {cell[:20]} if it marks lost points")
+    shown = " ".join(cell.split())[:20]
+    return Word(row, cell, f"{reason} {shown} if it marks lost points")

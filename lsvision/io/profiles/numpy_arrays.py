@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from lsvision.errors import UnreadableFile
 from lsvision.files.limited_reading import current_size_limit
+from lsvision.io.profiles.column_roles import is_known_role
 from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.matrix import MIN_COLUMNS, profiles_from_matrix
 from lsvision.io.profiles.named_columns import profiles_from_named
@@ -54,7 +55,11 @@ def read_npy(content: bytes, settings: ReadSettings) -> RawProfiles:
 def read_npz(content: bytes, settings: ReadSettings) -> RawProfiles:
     """Return the profiles of arrays ``x`` and ``z`` (or ``range``), or of one as `read_npy`."""
     loaded = _loaded(content)
-    words = {name: str(array.item()) for name, array in loaded.items() if _is_text(array)}
+    words = {
+        name: str(array.item())
+        for name, array in loaded.items()
+        if _is_text(array) or (_is_number(array) and not is_known_role(name))
+    }
     statements = unit_statements(f"{name}: {word}" for name, word in words.items())
     arrays = {name: array for name, array in loaded.items() if name not in words}
     key = next((key for key in _KEYS if key in arrays), None)
@@ -82,6 +87,10 @@ def _loaded(content: bytes) -> Mapping[str, npt.NDArray[np.generic]]:
 
 def _is_text(array: npt.NDArray[np.generic]) -> bool:
     return array.dtype.kind in "US" and array.size == 1
+
+
+def _is_number(array: npt.NDArray[np.generic]) -> bool:
+    return array.dtype.kind in "iuf" and array.ndim == 0
 
 
 def _unpacked(content: bytes) -> dict[str, npt.NDArray[np.generic]]:

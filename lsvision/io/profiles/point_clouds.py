@@ -1,7 +1,7 @@
 """Point clouds in PLY and PCD, ascii and binary: each profile at one y, or each row of one."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +12,7 @@ from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.number_rows import floats_from, numbers_from_cells
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.text_table import TextTable
+from lsvision.io.profiles.unit_statements import lost_statements, unit_statements
 
 _PLY_TYPES = {
     **dict.fromkeys(["char", "int8"], "i1"),
@@ -43,7 +44,8 @@ def read_ply(content: bytes, settings: ReadSettings) -> RawProfiles:
         raise UnreadableFile("a PLY file with a broken header: write it anew")
     body = body.partition(b"\n")[2]
     layout = _ply_vertices(lines, _PLY_ORDERS[order])
-    return profiles_from_table(_points(body, layout, ascii_=order == "ascii"), settings)
+    table = _points(body, layout, ascii_=order == "ascii")
+    return profiles_from_table(_with_comments(table, head, "comment"), settings)
 
 
 def read_pcd(content: bytes, settings: ReadSettings) -> RawProfiles:
@@ -68,7 +70,20 @@ def read_pcd(content: bytes, settings: ReadSettings) -> RawProfiles:
         table = TextTable(
             np.column_stack([table.values, scan]), (*table.names, "scan"), (None,) * 4
         )
-    return profiles_from_table(table, settings)
+    return profiles_from_table(_with_comments(table, content[: match.start()], "#"), settings)
+
+
+def _with_comments(table: TextTable, head: bytes, mark: str) -> TextTable:
+    """The table with what the comments of a header say of units and lost points."""
+    lines = [line.strip() for line in head.decode("latin-1").splitlines()]
+    said = [line.removeprefix(mark).strip() for line in lines if line.startswith(mark)]
+    comments = tuple(f"# {line}" for line in said)
+    return replace(
+        table,
+        statements=unit_statements(comments),
+        lost=lost_statements(comments),
+        mentions=comments,
+    )
 
 
 @dataclass(frozen=True)

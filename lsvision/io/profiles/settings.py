@@ -47,6 +47,7 @@ class ReadOptions(TypedDict, total=False):
     x_start: float | None
     x_pitch: float | None
     z_unit: float | str | None
+    topic: str | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,6 +78,8 @@ class ReadSettings:
     z_unit : float or str, optional
         Of heights in rows without x: what one count is, a number in 0.01 um as a Keyence
         controller states ZUnit, or a length as ``"0.5um"``.
+    topic : str, optional
+        Of a ROS bag, where several hold profiles, as ``"/scan"``.
 
     Raises
     ------
@@ -100,6 +103,7 @@ class ReadSettings:
     x_start: float | None = None
     x_pitch: float | None = None
     z_unit: float | str | None = None
+    topic: str | None = None
 
     def __post_init__(self) -> None:
         _check_choice("format", self.format, FORMATS)

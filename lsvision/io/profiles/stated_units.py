@@ -6,7 +6,7 @@ from lsvision.errors import UnreadableFile
 from lsvision.io.profiles.column_roles import column_role
 from lsvision.io.profiles.settings import ReadSettings
 from lsvision.io.profiles.text_table import TextTable
-from lsvision.io.profiles.unit_statements import UnitStatement
+from lsvision.io.profiles.unit_statements import UnitStatement, unit_mentions
 from lsvision.io.profiles.units import StatedUnit, mm_per_unit
 
 _REMEDY = "say which it is, as --units um or --units 0.1mm"
@@ -38,6 +38,30 @@ def resolve_units(
     """
     if settings.units is not None:
         return None, None
+    units = _stated(table, x, height)
+    refuse_mentions(units, table.mentions, settings)
+    return units
+
+
+def refuse_mentions(
+    units: tuple[str | None, str | None], lines: Iterable[str], settings: ReadSettings
+) -> None:
+    """Refuse a file that states no unit in known words and yet speaks of one.
+
+    Raises
+    ------
+    UnreadableFile
+        With the first line that does.
+    """
+    mentions = unit_mentions(lines) if units == (None, None) and settings.units is None else ()
+    if mentions:
+        raise UnreadableFile(
+            f"the line {mentions[0].strip()[:80]!r} speaks of a unit and is not understood: "
+            f"{_REMEDY}"
+        )
+
+
+def _stated(table: TextTable, x: int, height: int) -> tuple[str | None, str | None]:
     over = table.units or (None,) * table.values.shape[1]
     names = table.names or ("",) * table.values.shape[1]
     return (

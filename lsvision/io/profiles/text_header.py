@@ -69,7 +69,7 @@ def read_header(preamble: Sequence[str], separator: str | None, width: int) -> H
             if _knows_roles(parsed):
                 names, over = [name for name, _ in parsed], [unit for _, unit in parsed]
             elif above := _names_above(preamble, line, separator, width):
-                units = _strange_units(labels)
+                units = units or _strange_units(labels)
                 names, over = above
             elif place == 0 or (place == 1 and units):
                 names, over = [name for name, _ in parsed], [unit for _, unit in parsed]

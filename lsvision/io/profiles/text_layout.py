@@ -24,6 +24,8 @@ MIN_TEXT_TABLE_FRACTION = 0.5
 """Smallest fraction of lines with the same cells in a text table with words."""
 
 _ANY_NUMBER = re.compile(f"{POINT_NUMBER.pattern}|{COMMA_NUMBER.pattern}|{THOUSANDS.pattern}")
+_RULE = re.compile(r"[-=_*~]{3,}")
+"""A line that is drawn under a table."""
 _QUOTED = re.compile(r'"[^"]*"')
 _WORDS = re.compile(r'"[^"]*"|[^\s"]+')
 _NO_NUMBERS = "expected x and height in mm, one point a line, got no line of numbers"
@@ -197,13 +199,24 @@ def _first_text_row(lines: Sequence[str]) -> tuple[int, str | None, int, tuple[i
         if len(numeric) >= 2 and enough and (best is None or len(numeric) > len(best[3])):
             best = sample[0], separator, width, numeric
     if best is None:
-        raise UnreadableFile(_NO_NUMBERS)
+        raise _no_table(lines, rows)
     _, separator, width, numeric = best
     for index in rows:
         row = split_cells(lines[index].strip(" \r\n"), separator)
         if len(row) == width and all(is_number_or_lost(row[c]) for c in numeric):
             return index, separator, width, numeric
-    raise UnreadableFile(_NO_NUMBERS)
+    raise _no_table(lines, rows)
+
+
+def _no_table(lines: Sequence[str], rows: Sequence[int]) -> UnreadableFile:
+    """The error that all points are lost, or that there is no table of numbers."""
+    lost = 0
+    for index in rows:
+        cells = split_cells(lines[index], find_separator(lines[index].strip()))
+        lost += len(cells) > 1 and all(map(is_missing, cells))
+    if 2 * lost > len(rows):
+        return UnreadableFile(f"all {lost} points are lost: check exposure and range, or --columns")
+    return UnreadableFile(_NO_NUMBERS)
 
 
 def _is_numeric(cells: Iterable[str]) -> bool:
@@ -234,4 +247,6 @@ def _is_footer(cells: Sequence[str], numeric: tuple[int, ...], width: int, rows:
         )
     words = [cell for cell in cells if not is_number_or_lost(cell)]
     counts_rows = len(cells) == 1 and cells[0].strip().isdecimal()
+    if len(cells) == 1 and _RULE.fullmatch(cells[0].strip()):
+        return True
     return bool(words) or (counts_rows and abs(int(cells[0].strip()) - rows) <= 1)

@@ -17,6 +17,7 @@ from lsvision.io.profiles.number_rows import (
 from lsvision.io.profiles.text_header import Header, read_header
 from lsvision.io.profiles.text_layout import Layout, find_layout, is_comment, split_cells
 from lsvision.io.profiles.unit_statements import (
+    MAX_MENTION_LINES,
     UnitStatement,
     lost_statements,
     unit_statements,
@@ -58,6 +59,8 @@ class TextTable:
         What was left out, for people.
     limits : tuple of float
         Ends of the type that the numbers were stored in.
+    mentions : tuple of str
+        Lines beside the numbers, which may speak of a unit in other words.
     """
 
     values: FloatArray
@@ -69,6 +72,7 @@ class TextTable:
     lost: tuple[float, ...] = ()
     notes: tuple[str, ...] = ()
     limits: tuple[float, ...] = ()
+    mentions: tuple[str, ...] = ()
 
 
 def decode_text(content: bytes) -> str:
@@ -132,6 +136,7 @@ def parse_table(text: str, lost_words: frozenset[str] = frozenset()) -> TextTabl
         words=table.words,
         lost=lost_statements(beside),
         notes=_footer_notes(lines[layout.stop :]),
+        mentions=tuple(beside[:MAX_MENTION_LINES]),
     )
 
 

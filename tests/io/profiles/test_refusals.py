@@ -51,7 +51,7 @@ def npy(array) -> bytes:
         ("www.micro-epsilon.com\nscanCONTROL\n", "log of results, not of profiles: export"),
         (b"RIFF\0\0\0\0AVI LIST", "a video container .*: export its profiles as CSV"),
         (b"\x89HDF\r\n\x1a\n", "HDF5 is not read: write its points as NPZ or CSV"),
-        (b"#ROSBAG V2.0\n", "a ROS bag of 13 bytes .*: write"),
+        (b"#ROSBAG V2.0\n", "a ROS bag"),
         (b"\x1f\x8b\x08", "a gzip archive: unpack it first"),
         (b"\x89PNG\r\n", "an image: .* its rig, --light-section"),
         (b"\x93NUMPY\x01\x00rubbish", "NumPy cannot read it"),
@@ -192,3 +192,25 @@ def test_a_wrong_format_by_hand_is_refused_not_crashed(write):
     for name in ("npy", "npz", "ply", "pcd", "parquet", "gocator", "gocator-points", "opencv"):
         with pytest.raises(UnreadableFile):
             inspect_profiles(path, format=name)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "x,z\n" + "nan,nan\n" * 3,
+        "NaN;NaN\n" * 3,
+        "x;z\n" + ";\n" * 3,
+        "# sensor 7\nx z\n" + "NaN NaN\n" * 3,
+        "---\t---\n" * 3,
+        "x,z\n1,nan\n2,nan\n3,\n",
+    ],
+)
+def test_a_table_without_a_number_says_that_all_points_are_lost(write, content):
+    with pytest.raises(UnreadableFile, match="all 3 points are lost: check exposure and range"):
+        read_profile(write(content))
+
+
+def test_a_word_over_two_lines_is_told_in_one(write):
+    with pytest.raises(UnreadableFile) as refused:
+        read_profile(write("%YAML:1.0\n---\nscan_line: [!\n!]", "a.yml"))
+    assert "\n" not in str(refused.value)
