@@ -231,7 +231,7 @@ def measurement_in_sensor_columns(
         for cylinder in cylinders
     ]
     rejected = [
-        Rejection(arc_of(columns[rejection.arc.start : rejection.arc.stop]), rejection.reason)
+        replace(rejection, arc=arc_of(columns[rejection.arc.start : rejection.arc.stop]))
         for rejection in rejections
     ]
     return Measurement(

@@ -218,7 +218,7 @@ def _warn_of_markers(points: Points) -> None:
         for value in find_lost_markers(points[:, axis], known_only=True):
             count = int(np.count_nonzero(points[:, axis] == value))
             warnings.warn(
-                f"{value:.10g} stands in {count} of {len(points)} points and looks like a marker "
+                f"{value:.10g} occurs in {count} of {len(points)} points and looks like a marker "
                 f"of lost points: say Profile(points, lost={value:.10g}), or lost=() if not",
                 UserWarning,
                 stacklevel=3,

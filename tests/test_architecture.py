@@ -4,6 +4,7 @@ import ast
 import importlib
 import inspect
 import pkgutil
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -52,6 +53,32 @@ def imports_of(path):
         if isinstance(node, ast.ImportFrom) and node.module:
             yield node.module
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def imported_modules(path, modules):
+    """Modules that a module imports when it runs, those imported inside functions included."""
+    tree = tree_of(path)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING":
+            node.body = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from modules & {alias.name for alias in node.names}
+        if isinstance(node, ast.ImportFrom):
+            for alias in node.names:
+                candidates = (f"{node.module}.{alias.name}", node.module)
+                yield from [name for name in candidates if name in modules][:1]
+
+
+def test_no_modules_import_each_other():
+    names = {
+        ".".join(("lsvision", *path.relative_to(ROOT).with_suffix("").parts)): path
+        for path in MODULES
+    }
+    paths = {name.removesuffix(".__init__"): path for name, path in names.items()}
+    imports = {name: set(imported_modules(path, paths.keys())) for name, path in paths.items()}
+    assert len(imports["lsvision.measure"]) > 5
+    TopologicalSorter(imports).prepare()  # raises CycleError, which names the circle
 
 
 def test_nothing_prints():

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from lsvision.results.number_format import format_value
 
 if TYPE_CHECKING:
-    from lsvision.calibration.hand_eye_result import HandEye
     from lsvision.calibration.intrinsics import CameraCalibration
     from lsvision.calibration.laser_plane import LaserPlaneCalibration
     from lsvision.calibration.views import RejectedView
@@ -104,35 +103,3 @@ def laser_plane_record(found: "LaserPlaneCalibration") -> "Record":
         "outliers": [{"image": view.index, "reason": view.reason} for view in found.outliers],
         "warnings": list(found.warnings),
     }
-
-
-def hand_eye_rows(found: "HandEye") -> list[Row]:
-    """Pose of the sensor with one sigma, and what it is worth where it measures."""
-    from scipy.spatial.transform import Rotation
-
-    from lsvision.calibration.hand_eye_result import Sphere
-
-    mount = "flange" if found.mounting == "eye_in_hand" else "base"
-    std = [math.sqrt(value) for value in found.covariance.diagonal()]
-    pose, deg = found.mount_from_sensor, math.degrees(1)
-    vector = Rotation.from_matrix(pose.rotation).as_rotvec()
-    x, y, z = (f"{value:.1f}" for value in found.working_point)
-    rows: list[Row] = [
-        *((f"{mount}_from_{found.sensor} {axis}", format_value(float(value), sigma), "mm")
-          for axis, value, sigma in zip("xyz", pose.translation, std[:3], strict=True)),
-        *((f"rotation vector {axis}", format_value(float(value) * deg, sigma * deg), "deg")
-          for axis, value, sigma in zip("xyz", vector, std[3:], strict=True)),
-        (f"error at the working point ({x}, {y}, {z})", f"{found.working_point_std:.3f}", "mm"),
-        ("residual, rms", f"{found.residual_rms:.3f}", "mm"),
-        ("the same, held out", f"{found.leave_one_out_rms:.3f}", "mm"),
-        ("robot, one sigma", f"{found.robot_std[0]:.3f}", "mm"),
-        ("robot, one sigma", f"{found.robot_std[1] * deg:.4f}", "deg"),
-    ]  # fmt: skip
-    if isinstance(found.target, Sphere):
-        ball = found.target
-        free = ball.radius_std > 0
-        told = format_value(ball.radius, ball.radius_std) if free else f"{ball.radius:g}"
-        rows.append(("sphere's radius", told, "mm" if free else "mm (given)"))
-    if found.height_scale is not None:
-        rows.append(("heights to be multiplied by", format_value(*found.height_scale), ""))
-    return rows

@@ -1,4 +1,4 @@
-"""The frame of the command line: the commands, and how a failure reaches the shell."""
+"""Root of the command line: its commands, global options, and errors as one line."""
 
 import io
 import re
@@ -30,7 +30,7 @@ INTERRUPTED = 130
 MAX_SIZE_LIMIT = 1e15
 """Largest --max-size. Units: bytes."""
 
-_USAGE_ERROR: Any = typer.BadParameter.__mro__[1]  # click's, which typer has and does not export
+_USAGE_ERROR: Any = typer.BadParameter.__mro__[1]  # click's class, which typer does not export
 _SIZE = re.compile(r"(\d{1,15}(?:\.\d{1,9})?)\s*([kKMGT]?B?)", re.ASCII)
 _BYTES = {"": 1.0, "b": 1.0} | {
     unit: factor
@@ -40,12 +40,12 @@ _BYTES = {"": 1.0, "b": 1.0} | {
 
 
 class _OneLineErrors(TyperGroup):
-    """Turns what a command raises into one line on stderr; ``--debug`` adds the traceback."""
+    """Command group that reports an error as one line on stderr; ``--debug`` adds the traceback."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Take ``--debug`` and ``--max-size`` wherever they stand, also behind the command."""
+        """Accept ``--debug`` and ``--max-size`` before and after the command."""
         end = args.index("--") if "--" in args else len(args)
-        first, rest = _split_frame_options(args[:end])
+        first, rest = _split_global_options(args[:end])
         return super().parse_args(ctx, [*first, *rest, *args[end:]])
 
     def invoke(self, ctx: Any) -> Any:
@@ -56,8 +56,8 @@ class _OneLineErrors(TyperGroup):
                 return super().invoke(ctx)
         except KeyboardInterrupt:
             raise typer.Exit(INTERRUPTED) from None
-        except _USAGE_ERROR as slip:
-            slip.message = printable(slip.message)
+        except _USAGE_ERROR as error:
+            error.message = printable(error.message)
             raise
         except LsvisionError as error:
             print_error(str(error), debug=ctx.params["debug"])
@@ -66,27 +66,27 @@ class _OneLineErrors(TyperGroup):
         raise typer.Exit(FAILED)
 
 
-def _split_frame_options(args: list[str]) -> tuple[list[str], list[str]]:
-    """The options of the frame, and the other words."""
+def _split_global_options(args: list[str]) -> tuple[list[str], list[str]]:
+    """Return the global options, and the other arguments."""
     first: list[str] = []
     rest: list[str] = []
-    words = iter(args)
-    for word in words:
+    remaining = iter(args)
+    for word in remaining:
         if word == "--debug" or word.startswith("--max-size="):
             first.append(word)
         elif word == "--max-size":
-            first += [word, *islice(words, 1)]
+            first += [word, *islice(remaining, 1)]
         else:
             rest.append(word)
     return first, rest
 
 
 def _parse_size(text: str) -> int:
-    """Bytes of a size as ``500MB`` or ``8 GB``."""
+    """Return the number of bytes of a size as ``500MB`` or ``8 GB``."""
     match = _SIZE.fullmatch(text.strip())
     size = float(match[1]) * _BYTES[match[2].lower()] if match else 0.0
     if not 1 <= size <= MAX_SIZE_LIMIT:
-        raise typer.BadParameter(f"want --max-size as 500MB or 8GB, got {text!r}")
+        raise typer.BadParameter(f"expected --max-size as 500MB or 8GB, got {text!r}")
     return int(size)
 
 
@@ -100,8 +100,8 @@ app = typer.Typer(
 )
 
 
-def _print_version(wanted: bool) -> None:
-    if not wanted:
+def _print_version(requested: bool) -> None:
+    if not requested:
         return
     from lsvision import __version__
 
@@ -110,7 +110,7 @@ def _print_version(wanted: bool) -> None:
 
 
 @app.callback()
-def _frame(
+def _global_options(
     *,
     version: Annotated[
         bool,
@@ -128,7 +128,7 @@ def _frame(
 
     Lengths are in mm and angles in deg; X runs along the laser line, Y towards the sensor.
     lsvision demo measures a shipped profile; lsvision COMMAND --help shows examples. --debug and
-    --max-size may stand behind the command.
+    --max-size may follow the command.
     """
 
 
@@ -150,15 +150,17 @@ def _interrupt(*_: Any) -> NoReturn:
 def main() -> None:
     """Run the command line; exit code 0, 1 for data and files, 2 for usage, 130 if interrupted."""
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # a file name may hold what they cannot show
+        if isinstance(
+            stream, io.TextIOWrapper
+        ):  # file names may have characters outside their encoding
             stream.reconfigure(errors="backslashreplace")
-    # The reader has told of odd units, in a line of its own; --units mm means what it says.
+    # The commands report implausible units themselves, unless --units states them.
     warnings.filterwarnings("ignore", "expected a profile in mm", UserWarning)
-    for name in ("SIGTERM", "SIGHUP"):  # as Ctrl-C: results so far are written
+    for name in ("SIGTERM", "SIGHUP"):  # like Ctrl-C: results so far are written
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), _interrupt)
     try:
         app(prog_name="lsvision")
-    except Exception as error:  # noqa: BLE001 - the last place that can turn a bug into a line
+    except Exception as error:  # noqa: BLE001 - a bug is reported in one line, too
         print_error(internal_error(error), debug="--debug" in sys.argv)
         sys.exit(FAILED)

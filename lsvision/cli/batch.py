@@ -1,4 +1,4 @@
-"""Many files, or a camera's frames, one after the other: a failure does not stop the rest."""
+"""Measure files and camera frames one by one; an error in one does not stop the others."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -18,8 +18,7 @@ from lsvision.cli.messages import internal_error, print_error, print_lines
 from lsvision.cli.outputs import Pictures
 from lsvision.cli.progress import Progress
 from lsvision.cli.robot_frame import RobotFrame, robot_frame_table
-from lsvision.cli.robot_poses import read_poses
-from lsvision.cli.section_table import measurement_lines, reason_without_cylinder
+from lsvision.cli.section_table import measurement_lines
 from lsvision.cli.sources import read_source
 from lsvision.errors import LsvisionError
 from lsvision.files.limited_reading import STDIN
@@ -36,33 +35,33 @@ if TYPE_CHECKING:
     from lsvision.sensors.profile_sensor import ProfileSensor
 
 MAX_FLIP_CHECK_POINTS = 20_000
-"""Points of a profile that are looked at upside down."""
+"""Largest number of points of a profile that is measured upside down."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class BatchOptions:
-    """What is done with each file.
+    """How each file is measured, and what is written.
 
     Parameters
     ----------
     measuring : callable
-        Profile to Measurement.
+        Function from `Profile` to `Measurement`.
     sensor : ProfileSensor, optional
-        That `measuring` weighs the points by.
+        Noise model that `measuring` uses.
     reading : ReadOptions
-        What the user says of the files.
+        Reading options for the files.
     imaging : ImagingOptions, optional
-        How images become profiles; without it they are refused.
+        Conversion of images to profiles; without it images are refused.
     placing : RobotFrame, optional
-        How cylinders come to the robot's frame; without it they stay in the section's.
+        Transformation of cylinders to the robot's frame; by default they stay in the section's.
     pictures : Pictures, optional
-        Names of the pictures; without it none is drawn.
+        Names of the pictures; by default none is drawn.
     results : ResultFiles, optional
-        Files that take the results as they come.
+        Files to which each result is written at once.
     table_to_stderr : bool
-        Print what each file holds on standard error, because results go to standard output.
+        Print the tables on standard error, because results go to standard output.
     verbose : bool
-        Also say what was refused.
+        Also list the refused arcs.
     debug : bool
         Show tracebacks.
     """
@@ -80,27 +79,27 @@ class BatchOptions:
 
 
 def measure_sources(sources: Sequence[Path | LiveCamera], batch: BatchOptions) -> int:
-    """Measure files in their order, print what each holds, keep its results, and draw it.
+    """Measure files in order; print, write and draw the results of each.
 
     Parameters
     ----------
     sources : sequence of Path or LiveCamera
         The files.
     batch : BatchOptions
-        What is done with each.
+        How they are measured, and what is written.
 
     Returns
     -------
     int
-        How many files failed, or have a picture that could not be written; each told on stderr.
+        Number of files that could not be measured or drawn; each is reported on stderr.
 
     Raises
     ------
     LsvisionError
-        If profiles go with a robot's poses and a file cannot be read, or their numbers differ:
-        which pose belongs to which profile is then open.
+        With poses of a robot: if a file cannot be read, or there are not as many poses as profiles,
+        so that poses and profiles cannot be paired.
     KeyboardInterrupt
-        If the run is interrupted; told on stderr.
+        If the run is interrupted; reported on stderr.
     """
     progress, failed = Progress(len(sources)), 0
     done = 0
@@ -124,12 +123,12 @@ def _measure_source(
     show: Callable[[int, int], None],
     ahead: "tuple[ProfileFile | ImageFile, list[Pose]] | None",
 ) -> bool:
-    """Measure a file; False if it fails, which is told on stderr."""
+    """Measure a file; return False if that fails, which is reported on stderr."""
     try:
         sections = _sections(source, batch, show, ahead)
         lines = _lines(*sections, batch)
         records = _records(*sections, len(sections[0].profiles))
-    except Exception as error:  # noqa: BLE001 - a bug met by one file must not cost the batch
+    except Exception as error:  # noqa: BLE001 - a bug in one file must not stop the batch
         progress.clear()
         _print_failure(source, error, batch)
         return False
@@ -140,7 +139,7 @@ def _measure_source(
     try:
         if batch.pictures is not None:
             _draw(*sections, batch.pictures, batch)
-    except Exception as error:  # noqa: BLE001 - a picture must not cost the numbers
+    except Exception as error:  # noqa: BLE001 - a picture must not cost the results
         _print_failure(source, error, batch)
         return False
     return True
@@ -158,7 +157,7 @@ def _print_failure(source: Path | LiveCamera, error: Exception, batch: BatchOpti
 
 @dataclass(frozen=True, eq=False)
 class _Section:
-    """A profile that holds points, its place in its file, and what it holds."""
+    """Profile with valid points, its number in the file, and its measurement."""
 
     number: int
     profile: "Profile"
@@ -170,11 +169,12 @@ class _Section:
 def _read_ahead(
     sources: Sequence[Path | LiveCamera], batch: BatchOptions
 ) -> "dict[int, tuple[ProfileFile | ImageFile, list[Pose]]]":
-    """Files by their number with the robot's pose of each profile; none without poses."""
+    """Return the files by number, with the poses of their profiles; empty without poses."""
     if batch.placing is None or batch.placing.rows is None:
         return {}
     files = [_read(source, batch) for source in sources]
-    poses = iter(read_poses(batch.placing.rows, sum(len(file.profiles) for file in files)))
+    count = sum(len(file.profiles) for file in files)
+    poses = iter(batch.placing.rows.read(count))
     return {
         number: (file, [next(poses) for _ in file.profiles]) for number, file in enumerate(files)
     }
@@ -186,9 +186,9 @@ def _sections(
     show: Callable[[int, int], None],
     ahead: "tuple[ProfileFile | ImageFile, list[Pose]] | None",
 ) -> "tuple[ProfileFile | ImageFile, list[_Section]]":
-    """Read a file, unless that is done already, and measure its profiles.
+    """Read a file, unless it was read ahead, and measure its profiles.
 
-    If that is interrupted, the results of the profiles that were measured are kept.
+    After an interruption the results of the profiles measured so far are written.
     """
     file, flanges = ahead or (_read(source, batch), None)
     sections: list[_Section] = []
@@ -234,7 +234,7 @@ def _read(source: Path | LiveCamera, batch: BatchOptions) -> "ProfileFile | Imag
 
 
 def _is_image_stream(source: Path, batch: BatchOptions) -> bool:
-    """Whether standard input holds an image: where there is a rig, nothing else does."""
+    """Return whether a source is an image on standard input: with a rig, it always is."""
     return str(source) == STDIN and batch.imaging is not None
 
 
@@ -252,19 +252,21 @@ def _holds_cylinders_upside_down(profile: "Profile", batch: BatchOptions) -> boo
 def _lines(
     file: "ProfileFile | ImageFile", sections: list[_Section], batch: BatchOptions
 ) -> list[str]:
-    doubts = [range_warning(section.profile, batch.sensor) for section in sections]
-    notes = [*file.notes, *dict.fromkeys(doubt for doubt in doubts if doubt)]
+    warnings = [range_warning(section.profile, batch.sensor) for section in sections]
+    notes = [*file.notes, *dict.fromkeys(filter(None, warnings))]
     if batch.verbose and not isinstance(file, ImageFile) and file.ignored:
         notes.append(f"columns not used: {', '.join(file.ignored)}")
     lines = [f"{file.path}: {file.summary}", *(f"  note: {note}" for note in notes)]
     turn = "--no-flip" if file.flipped else "--flip"
     for section in sections:
-        verdict = measurement_lines(section.measurement, section.profile, verbose=batch.verbose)
+        text_lines = measurement_lines(section.measurement, section.profile, verbose=batch.verbose)
         if len(file.profiles) > 1:
             head = f"{_part(file)} {section.number}:"
             found = bool(section.measurement.cylinders)
-            verdict = [head, *verdict] if found else [f"{head} {verdict[0]}", *verdict[1:]]
-        lines += [f"  {line}" for line in (*verdict, *robot_frame_table(section.placed or ()))]
+            text_lines = (
+                [head, *text_lines] if found else [f"{head} {text_lines[0]}", *text_lines[1:]]
+            )
+        lines += [f"  {line}" for line in (*text_lines, *robot_frame_table(section.placed or ()))]
         if section.upside_down:
             lines.append(f"  upside down it holds cylinders: do its heights grow the other way? "
                          f"then say {turn}")  # fmt: skip
@@ -274,7 +276,7 @@ def _lines(
 def _records(
     file: "ProfileFile | ImageFile", sections: list[_Section], count: int
 ) -> "list[Record]":
-    """Records of a file's first `count` profiles, those without a point among them."""
+    """Return records of a file's first `count` profiles, also of those without valid points."""
     from lsvision.io.results import measurement_record
     from lsvision.measure import Measurement
 
@@ -296,13 +298,13 @@ def _records(
             profile=section.number,
             placed=section.placed,
             reading=_reading(file, section.number),
-            reason=reason_without_cylinder(section.measurement),
+            reason=section.measurement.reason,
         )
     return list(records.values())
 
 
 def _reading(file: "ProfileFile | ImageFile", number: int) -> "Record | None":
-    """How a profile was read; None for a frame."""
+    """Return how a profile was read; None for an image."""
     from lsvision.io.results import input_record
 
     return None if isinstance(file, ImageFile) else input_record(file, number)

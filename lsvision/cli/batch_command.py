@@ -9,24 +9,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lsvision.cli.measure_options import build_measure_function, parse_read_options, parse_sensor
+from lsvision.cli.measure_options import build_measure_function
 from lsvision.cli.messages import FAILED, print_error
+from lsvision.cli.option_groups import expand_option_groups
 from lsvision.cli.profile_options import (
-    Columns,
-    CountUnit,
-    FileFormat,
-    FirstX,
-    Flip,
     KnownPhi,
     KnownRadius,
-    Lost,
     Radius,
-    RangeStd,
-    ReferenceRange,
-    SensorName,
-    Spacing,
-    Transpose,
-    Units,
+    ReadingOptions,
+    SensorOptions,
 )
 from lsvision.cli.sources import find_sources, suffixes_of_profiles
 from lsvision.errors import LsvisionError
@@ -36,7 +27,9 @@ if TYPE_CHECKING:
     from lsvision.batch.measure_file import FileOutcome
 
 
+@expand_option_groups
 def batch(
+    *,
     files: Annotated[
         list[str] | None,
         typer.Argument(metavar="FILE|DIR|GLOB", help="Profiles: as many files as you like."),
@@ -59,18 +52,8 @@ def batch(
     radius: Radius = None,
     known_radius: KnownRadius = None,
     known_phi_deg: KnownPhi = None,
-    sensor: SensorName = None,
-    range_std: RangeStd = None,
-    reference_range: ReferenceRange = None,
-    file_format: FileFormat = None,
-    columns: Columns = None,
-    units: Units = None,
-    flip: Flip = None,
-    lost: Lost = None,
-    transpose: Transpose = False,
-    x0: FirstX = None,
-    dx: Spacing = None,
-    z_unit: CountUnit = None,
+    sensor: SensorOptions,
+    reading: ReadingOptions,
 ) -> None:
     """Measure many files: one Parquet file of cylinders out for each file of profiles in.
 
@@ -89,7 +72,7 @@ def batch(
     On several machines (first `dask scheduler` on one, `dask worker tcp://HOST:8786` on each; the
     folders are shared):
       lsvision batch /data/profiles --out /data/cylinders --scheduler tcp://HOST:8786
-    """  # noqa: D301 - the backspace tells click to leave the lines as they are
+    """  # noqa: D301 - the backspace makes click keep the line breaks
     if status is not None:
         _print_status(status)
         return
@@ -99,18 +82,16 @@ def batch(
     from lsvision.batch.process_pool import default_jobs
     from lsvision.batch.run import plan_tasks, run_batch
 
-    noise = parse_sensor(sensor, range_std, reference_range)
-    measuring = build_measure_function(radius, known_radius, known_phi_deg, noise, paper=False)
-    reading = parse_read_options(
-        format=file_format, columns=columns, units=units, flip=flip, lost=lost,
-        transpose=transpose, x0=x0, dx=dx, z_unit=z_unit,
-    )  # fmt: skip
-    sources, missing = find_sources(files, suffixes_of_profiles(dx))
+    measuring = build_measure_function(
+        radius, known_radius, known_phi_deg, sensor.parse(), paper=False
+    )
+    options = reading.parse()
+    sources, missing = find_sources(files, suffixes_of_profiles(reading.dx))
     for failure in missing:
         print_error(str(failure))
     if not sources:
         raise typer.Exit(FAILED)
-    tasks = plan_tasks(sources, _root(sources), out, BatchJob(measuring, reading))
+    tasks = plan_tasks(sources, _root(sources), out, BatchJob(measuring, options))
     report = _Report(len(tasks))
     try:
         result = run_batch(

@@ -20,15 +20,9 @@ from lsvision.cli.calibrate_tables import (
     warning_lines,
 )
 from lsvision.cli.messages import print_lines
+from lsvision.cli.option_groups import expand_option_groups
 from lsvision.cli.outputs import check_outputs
-from lsvision.cli.target_options import (
-    Counts,
-    Dictionary,
-    Marker,
-    Square,
-    TargetName,
-    parse_target,
-)
+from lsvision.cli.target_options import TargetOptions
 from lsvision.errors import UnreadableFile
 from lsvision.files.printable import printable
 
@@ -45,15 +39,13 @@ calibrate.add_typer(hand_eye)
 
 
 @calibrate.command()
+@expand_option_groups
 def target(
+    *,
     out: Annotated[
         Path, typer.Option("--out", "-o", metavar="F.svg|F.pdf", help="The page to print.")
     ],
-    target_name: TargetName = "charuco",
-    counts: Counts = None,
-    square: Square = None,
-    marker: Marker = None,
-    dictionary: Dictionary = "DICT_4X4_100",
+    target_options: TargetOptions,
 ) -> None:
     """Draw a calibration target at true scale.
 
@@ -66,34 +58,32 @@ def target(
       lsvision calibrate target --out board.pdf
     A chessboard of 9 x 6 inner corners:
       lsvision calibrate target --target chessboard --counts 9x6 --square 20 --out board.svg
-    """  # noqa: D301 - the backspace tells click to leave the lines as they are
+    """  # noqa: D301 - the backspace makes click keep the line breaks
     if out.suffix.lower() not in (".svg", ".pdf"):
-        raise typer.BadParameter(f"want --out F.svg or F.pdf, got {out.name!r}")
-    board = parse_target(target_name, counts, square, marker, dictionary)
+        raise typer.BadParameter(f"expected --out F.svg or F.pdf, got {out.name!r}")
+    board = target_options.parse()
     check_outputs((out,), ())
     from lsvision.calibration.target_files import target_pdf, target_svg
     from lsvision.files.atomic_files import write_atomic
 
     try:
         page = target_svg(board) if out.suffix.lower() == ".svg" else target_pdf(board)
-    except ValueError as slip:
-        raise typer.BadParameter(str(slip)) from None
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from None
     write_atomic(out, page)
     typer.echo(f"{out}: {board}; print at 100 %, then check the bar of 100 mm with a ruler")
 
 
 @calibrate.command()
+@expand_option_groups
 def camera(
+    *,
     images: Annotated[
         list[str],
         typer.Argument(metavar="FILE|DIR|GLOB", help="Images of the target, best 15 to 20."),
     ],
     out: Annotated[Path, typer.Option("--out", "-o", metavar="F.json", help="The camera.")],
-    target_name: TargetName = "charuco",
-    counts: Counts = None,
-    square: Square = None,
-    marker: Marker = None,
-    dictionary: Dictionary = "DICT_4X4_100",
+    target_options: TargetOptions,
     radial_terms: Annotated[
         int, typer.Option(min=0, max=3, help="How many of k1, k2, k3 are free.")
     ] = 2,
@@ -117,8 +107,8 @@ def camera(
     A chessboard of 9 x 6 inner corners of 25 mm, with a page of pictures:
       lsvision calibrate camera 'shots/*.png' --target chessboard --counts 9x6 --square 25 \\
         --out camera.json --ros-yaml camera.yaml --report camera.html
-    """  # noqa: D301 - the backspace tells click to leave the lines as they are
-    board = parse_target(target_name, counts, square, marker, dictionary)
+    """  # noqa: D301 - the backspace makes click keep the line breaks
+    board = target_options.parse()
     files = image_files(images)
     check_outputs((out, ros_yaml, report), files)
     from lsvision.calibration.intrinsics import CameraSettings, calibrate_camera
@@ -130,22 +120,24 @@ def camera(
     with prefix_file_names(image=names):
         found = calibrate_camera(read_images(files), board, model)
     rows = camera_rows(found)
-    doubts = warning_lines(names, found.rejected, found.outliers, found.warnings)
+    warnings = warning_lines(names, found.rejected, found.outliers, found.warnings)
     provenance = provenance_of(f"{len(found.views)} views of {board}", files)
     if report is not None:
         from lsvision.draw.calibration_report import ReportContent, camera_page
         from lsvision.files.atomic_files import write_atomic
 
-        write_atomic(report, camera_page(found, ReportContent(rows, doubts, names, provenance)))
+        write_atomic(report, camera_page(found, ReportContent(rows, warnings, names, provenance)))
     write_calibration(out, found, provenance)
     if ros_yaml is not None:
         write_camera_yaml(ros_yaml, found.camera)
     head = f"{out}: camera of {found.camera.size} px from {len(found.views)} of {len(files)} images"
-    print_lines([head, *value_lines(rows), *doubts])
+    print_lines([head, *value_lines(rows), *warnings])
 
 
 @calibrate.command("laser-plane")
+@expand_option_groups
 def laser_plane(
+    *,
     boards: Annotated[
         list[str],
         typer.Option(
@@ -168,11 +160,7 @@ def laser_plane(
     out: Annotated[
         Path, typer.Option("--out", "-o", metavar="F.json", help="The rig: camera and plane.")
     ],
-    target_name: TargetName = "charuco",
-    counts: Counts = None,
-    square: Square = None,
-    marker: Marker = None,
-    dictionary: Dictionary = "DICT_4X4_100",
+    target_options: TargetOptions,
     laser: Annotated[
         str,
         typer.Option(
@@ -200,8 +188,8 @@ def laser_plane(
     A green laser in colour images that show board and line at once:
       lsvision calibrate laser-plane --camera camera.json --boards shots --lines shots \\
         --target chessboard --counts 6x8 --square 40 --laser green --out rig.json
-    """  # noqa: D301 - the backspace tells click to leave the lines as they are
-    board = parse_target(target_name, counts, square, marker, dictionary)
+    """  # noqa: D301 - the backspace makes click keep the line breaks
+    board = target_options.parse()
     board_files, line_files = image_files(boards), image_files(lines)
     _require_pairs(board_files, line_files)
     files = [camera_file, *board_files, *line_files]
@@ -225,15 +213,15 @@ def laser_plane(
     method = f"laser line on {board} in {len(found.views)} poses"
     provenance = provenance_of(method, dict.fromkeys(files))
     rows = laser_plane_rows(found)
-    doubts = warning_lines(names, found.rejected, found.outliers, found.warnings)
+    warnings = warning_lines(names, found.rejected, found.outliers, found.warnings)
     if report is not None:
-        page = ReportContent(rows, doubts, names, provenance)
+        page = ReportContent(rows, warnings, names, provenance)
         write_atomic(report, laser_plane_page(found, board.points, page))
     replace(found.light_section, provenance=provenance).save(out)
     if details is not None:
         write_calibration(details, found, provenance)
     head = f"{out}: laser plane from {len(found.views)} of {len(names)} poses of the board"
-    print_lines([head, *value_lines(rows), *doubts])
+    print_lines([head, *value_lines(rows), *warnings])
 
 
 def _line_settings(laser: str, margin: float) -> "LaserPlaneSettings":
@@ -243,15 +231,15 @@ def _line_settings(laser: str, margin: float) -> "LaserPlaneSettings":
 
     try:
         extraction = LineSettings(channel=cast(Any, laser))
-    except ValueError as slip:
-        raise typer.BadParameter(f"--laser: {slip}") from None
+    except ValueError as error:
+        raise typer.BadParameter(f"--laser: {error}") from None
     return LaserPlaneSettings(line=LineOnBoardSettings(extraction=extraction, margin=margin))
 
 
 def _require_pairs(boards: Sequence[Path], lines: Sequence[Path]) -> None:
     if len(boards) != len(lines):
         raise UnreadableFile(
-            f"want a line image for each of {len(boards)} board images ({boards[0].name} to "
+            f"expected a line image for each of {len(boards)} board images ({boards[0].name} to "
             f"{boards[-1].name}), got {len(lines)} ({lines[0].name} to {lines[-1].name}): leave "
             "out what has no partner"
         )

@@ -1,4 +1,4 @@
-"""What the options of a calibration name: images, profiles, poses, the target."""
+"""Input files of calibrations: images and profiles, and their names in messages."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -8,47 +8,46 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lsvision.cli.image_options import check_colours
+from lsvision.cli.image_sources import check_colours
 from lsvision.cli.messages import FAILED, print_error
 from lsvision.cli.sources import (
     IMAGE_SUFFIXES,
     find_sources,
-    print_reading_notes,
-    read_source,
+    profile_names,
+    read_sources,
+    suffixes_of_profiles,
 )
 from lsvision.errors import LsvisionError, UnreadableFile
 from lsvision.files.file_kinds import exists
 from lsvision.files.limited_reading import STDIN
 from lsvision.files.printable import printable
-from lsvision.io.file_names import PROFILE_SUFFIXES
 
 if TYPE_CHECKING:
-    from lsvision.geometry import Pose
     from lsvision.io.profiles import ReadOptions
     from lsvision.profile import Profile
 
 Report = Annotated[
-    Path | None, typer.Option(metavar="F.html", help="Write a page with pictures for people.")
+    Path | None, typer.Option(metavar="F.html", help="Write an HTML page with pictures.")
 ]
 
 
-def image_files(words: Sequence[str]) -> list[Path]:
-    """Images that words name, in natural order; ends the command if a word names nothing."""
-    return _found(words, IMAGE_SUFFIXES)
+def image_files(names: Sequence[str]) -> list[Path]:
+    """Return the images that names stand for, in natural order; exit if a name has none."""
+    return _find(names, IMAGE_SUFFIXES)
 
 
-def profile_files(words: Sequence[str]) -> list[Path]:
-    """Profile files that words name; see `image_files`."""
-    return _found(words, PROFILE_SUFFIXES)
+def profile_files(names: Sequence[str], dx: float | None) -> list[Path]:
+    """Return the profile files that names stand for, with ``--dx`` height maps as well."""
+    return _find(names, suffixes_of_profiles(dx))
 
 
 def read_images(paths: Sequence[Path]) -> list[Any]:
-    """The images of files, in their order.
+    """Read the images of files, in order.
 
     Raises
     ------
     UnreadableFile
-        Names the file and the mend.
+        Names the file and the remedy.
     """
     from lsvision.io.images import read_image
 
@@ -56,12 +55,12 @@ def read_images(paths: Sequence[Path]) -> list[Any]:
 
 
 def read_line_images(paths: Sequence[Path], laser: str) -> list[Any]:
-    """Images of a laser line, checked for the laser's colour.
+    """Read images of a laser line whose colours suit the laser.
 
     Raises
     ------
     UnreadableFile
-        If an image has colours and `laser` is none, or the other way round.
+        If an image is coloured and `laser` is grey, or the other way round.
     """
     images = read_images(paths)
     for path, image in zip(paths, images, strict=True):
@@ -72,68 +71,33 @@ def read_line_images(paths: Sequence[Path], laser: str) -> list[Any]:
 def read_named_profiles(
     paths: Sequence[Path], options: "ReadOptions"
 ) -> "tuple[list[Profile], list[str]]":
-    """Profiles of all files in their order, one a pose, and a name for each.
+    """Read the profiles of all files in order, and name each.
 
     Raises
     ------
     UnreadableFile
-        Names the file and the mend.
+        Names the file and the remedy.
     """
-    profiles: list[Profile] = []
-    names: list[str] = []
-    files = [read_source(path, options) for path in paths]
-    print_reading_notes(files)
-    for path, file in zip(paths, files, strict=True):
-        several = len(file.profiles) > 1
-        profiles += file.profiles
-        names += [
-            printable(f"{path.name} profile {number}" if several else path.name)
-            for number in range(len(file.profiles))
-        ]
+    files = read_sources(paths, options)
+    profiles = [profile for file in files for profile in file.profiles]
+    names = [name for file in files for name in profile_names(file, printable(file.path.name))]
     return profiles, names
-
-
-def read_flanges(path: Path, convention: str, names: Sequence[str]) -> "list[Pose]":
-    """Poses of the flange, one for each sighting.
-
-    Raises
-    ------
-    typer.BadParameter
-        For an unknown convention.
-    UnreadableFile
-        If the file cannot be read, or holds another number of poses than there are sightings.
-    """
-    from lsvision.io.robot_conventions import CONVENTIONS
-    from lsvision.io.robot_poses import read_robot_poses
-
-    if convention not in CONVENTIONS:
-        raise typer.BadParameter(
-            f"want --convention {', '.join(CONVENTIONS)}, got {convention!r}: the same numbers "
-            "mean another pose in each"
-        )
-    flanges = read_robot_poses(path, convention)
-    if len(flanges) != len(names):
-        raise UnreadableFile(
-            f"{path}: want one pose for each of {len(names)} sightings ({names[0]} to "
-            f"{names[-1]}), got {len(flanges)} poses: leave out what has no partner"
-        )
-    return flanges
 
 
 @contextmanager
 def prefix_file_names(**names: Sequence[str]) -> Iterator[None]:
-    """Put file names beside the numbers in a refusal.
+    """Add file names to the image numbers in the message of an error.
 
     Parameters
     ----------
     **names : sequence of str
-        What ``image 3`` (`image`), ``board image 3`` (`board_image`) or ``pose 3`` (`pose`)
-        is called by the user.
+        File names of ``image 3`` (`image`), ``board image 3`` (`board_image`) or ``pose 3``
+        (`pose`).
 
     Raises
     ------
     LsvisionError
-        With the names.
+        The same error with the names.
     """
     try:
         yield
@@ -142,7 +106,7 @@ def prefix_file_names(**names: Sequence[str]) -> Iterator[None]:
 
 
 def replace_image_numbers(text: str, **names: Sequence[str]) -> str:
-    """A message in which ``image 3`` is followed by the file's name.
+    """Return a message with the file's name after each ``image 3``.
 
     Examples
     --------
@@ -150,21 +114,21 @@ def replace_image_numbers(text: str, **names: Sequence[str]) -> str:
     'image 1 (b.png) is blurred'
     """
     for kind, every in sorted(names.items(), key=lambda item: -len(item[0])):
-        words = kind.replace("_", " ")
-        before = r"(?<!board )(?<!line )" if words == "image" else ""
+        label = kind.replace("_", " ")
+        before = r"(?<!board )(?<!line )" if label == "image" else ""
 
-        def told(found: re.Match[str], every: Sequence[str] = every) -> str:
+        def with_name(found: re.Match[str], every: Sequence[str] = every) -> str:
             number = int(found[1])
             return f"{found[0]} ({every[number]})" if number < len(every) else found[0]
 
-        text = re.sub(rf"{before}\b{words} (\d+)\b", told, text)
+        text = re.sub(rf"{before}\b{label} (\d+)\b", with_name, text)
     return text
 
 
-def _found(words: Sequence[str], suffixes: frozenset[str]) -> list[Path]:
-    files, missing = find_sources(words, suffixes)
+def _find(names: Sequence[str], suffixes: frozenset[str]) -> list[Path]:
+    files, missing = find_sources(names, suffixes)
     if any(str(file) == STDIN for file in files):
-        raise typer.BadParameter("want files, got - for standard input: they are read twice")
+        raise typer.BadParameter("expected files, which are read twice, got - for standard input")
     missing += [
         UnreadableFile(f"{file}: no such file: check the name")
         for file in files

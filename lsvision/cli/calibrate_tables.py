@@ -1,20 +1,21 @@
-"""Calibrations as text: each number with its sigma, and what was left out with its reason."""
+"""Calibrations as text: values with one sigma, and warnings."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from lsvision.calibration.result_tables import Row, doubt_lines
 from lsvision.cli.calibrate_inputs import replace_image_numbers
+from lsvision.results.tables import text_table
 
 if TYPE_CHECKING:
     from lsvision.calibration.hand_eye_result import HandEye
     from lsvision.calibration.pose_planning import PosePlan
-    from lsvision.calibration.result_tables import Row
     from lsvision.calibration.views import RejectedView
 
 
 def pose_rows(found: "HandEye", names: Sequence[str]) -> list[tuple[str, str, str, str]]:
-    """Each pose: name, residual, held-out residual, whether it was left out."""
+    """Return for each pose: name, residual, held-out residual, and whether it was left out."""
     left_out = {pose.index for pose in found.rejected}
     return [
         (name, _mm(residual), _mm(held_out), "left out" if index in left_out else "")
@@ -25,7 +26,7 @@ def pose_rows(found: "HandEye", names: Sequence[str]) -> list[tuple[str, str, st
 
 
 def plan_rows(plan: "PosePlan") -> list[tuple[str, ...]]:
-    """Each proposed pose with the accuracy it promises."""
+    """Return for each planned pose: number, position and predicted standard deviation."""
     return [
         (str(number), *(f"{value:.1f}" for value in pose.translation), f"{std:.4f}")
         for number, (pose, std) in enumerate(
@@ -34,25 +35,9 @@ def plan_rows(plan: "PosePlan") -> list[tuple[str, ...]]:
     ]
 
 
-def aligned(rows: Iterable[Sequence[str]]) -> list[str]:
-    """Rows as lines: the first column to the left, the others to the right."""
-    cells = [tuple(row) for row in rows]
-    if not cells:
-        return []
-    widths = [max(len(row[column]) for row in cells) for column in range(len(cells[0]))]
-    return [
-        "  ".join(
-            [row[0].ljust(widths[0])]
-            + [cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True)]
-        ).rstrip()
-        for row in cells
-    ]
-
-
-def value_lines(rows: "Sequence[Row]") -> list[str]:
-    """Names and numbers as lines, the unit behind each number."""
-    width = max(len(name) for name, _, _ in rows)
-    return [f"{name.ljust(width)}  {value} {unit}".rstrip() for name, value, unit in rows]
+def value_lines(rows: Sequence[Row]) -> list[str]:
+    """Return names and values as lines, with the unit after each value."""
+    return text_table([(name, f"{value} {unit}") for name, value, unit in rows], left=2)
 
 
 def warning_lines(
@@ -61,10 +46,9 @@ def warning_lines(
     outliers: "Sequence[RejectedView]",
     warnings: Sequence[str],
 ) -> list[str]:
-    """What was left out, what fits badly, and what makes the set weak; each by name."""
-    lines = [f"left out: {names[view.index]}: {view.reason}" for view in rejected]
-    lines += [f"fits badly: {names[view.index]}: {view.reason}" for view in outliers]
-    return lines + [f"warning: {replace_image_numbers(text, image=names)}" for text in warnings]
+    """Return lines on rejected views, outliers and warnings, with the names of the images."""
+    lines = doubt_lines(rejected, outliers, warnings)
+    return [replace_image_numbers(line, image=names) for line in lines]
 
 
 def _mm(value: float) -> str:

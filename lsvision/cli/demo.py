@@ -1,4 +1,4 @@
-"""``lsvision demo``: a shipped profile measured and drawn, to see that everything works."""
+"""``lsvision demo``: measure and draw a profile that comes with the package."""
 
 from pathlib import Path
 from typing import Annotated
@@ -15,7 +15,7 @@ NEXT_COMMANDS = (
     ("{profile} --json results.json --csv results.csv", "results for other programs"),
     ("YOUR_PROFILE.csv --plot yours.png", "your own data: x, height in mm, a point a line"),
 )
-"""Words behind ``lsvision measure``, and what they show."""
+"""Arguments of ``lsvision measure``, and their purpose."""
 
 
 def demo(
@@ -34,7 +34,7 @@ def demo(
       lsvision demo
     Into a folder of yours, and open the picture:
       lsvision demo --out /tmp/first-look --open
-    """  # noqa: D301 - the backspace tells click to leave the lines as they are
+    """  # noqa: D301 - the backspace makes click keep the line breaks
     from lsvision.cli.batch import BatchOptions, measure_sources
     from lsvision.cli.measure_options import build_measure_function
     from lsvision.cli.outputs import Pictures
@@ -52,7 +52,7 @@ def demo(
 
 
 def _write_profile(folder: Path) -> Path:
-    """Write the shipped profile into a folder, which is made; its path.
+    """Write the shipped profile into a folder, made if missing; return its path.
 
     Raises
     ------
@@ -73,15 +73,17 @@ def _write_profile(folder: Path) -> Path:
             f"{folder}: cannot be made or read ({error.strerror}): name another with --out"
         ) from None
     if foreign:
-        raise UnwritableFile(f"{profile}: is there and no demo: name another folder with --out")
+        raise UnwritableFile(
+            f"{profile}: exists with other content: name another folder with --out"
+        )
     write_atomic(profile, content)
     return profile
 
 
 def _next_lines(profile: Path, picture: Path) -> list[str]:
     commands = [
-        (f"lsvision measure {words.format(profile=_quoted(profile))}", what)
-        for words, what in NEXT_COMMANDS
+        (f"lsvision measure {arguments.format(profile=_quoted(profile))}", what)
+        for arguments, what in NEXT_COMMANDS
     ]
     commands.append(("lsvision --help", "scans, camera images, calibration, robots"))
     return [
@@ -94,7 +96,7 @@ def _next_lines(profile: Path, picture: Path) -> list[str]:
 
 
 def _quoted(path: Path) -> str:
-    """A path as it is typed in a shell."""
+    """Return a path as it is typed in a shell."""
     import shlex
 
     return shlex.quote(str(path))

@@ -1,93 +1,148 @@
-"""A sensor-to-robot calibration from its options to its files and its printed table."""
+"""Hand-eye calibration: options, input files, output files and printed table."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lsvision.calibration.result_tables import hand_eye_rows
 from lsvision.cli.calibrate_inputs import (
+    Report,
+    prefix_file_names,
     profile_files,
-    read_flanges,
     read_images,
     read_named_profiles,
 )
-from lsvision.cli.calibrate_tables import aligned, plan_rows, pose_rows, value_lines
+from lsvision.cli.calibrate_tables import plan_rows, pose_rows, value_lines
 from lsvision.cli.messages import print_lines
 from lsvision.cli.outputs import check_outputs
+from lsvision.cli.profile_options import ReadingOptions
+from lsvision.cli.robot_poses import PoseFile, parse_convention
+from lsvision.results.tables import text_table
 
 if TYPE_CHECKING:
     from lsvision.calibration.hand_eye_result import HandEye, HandEyeSettings
+    from lsvision.calibration.observations import Mounting
     from lsvision.calibration.pose_planning import PosePlan
     from lsvision.calibration.target import Target
     from lsvision.geometry import FloatArray, Pose
-    from lsvision.io.profiles import ReadOptions
-    from lsvision.profile import Profile
 
+PLACEMENTS: "dict[str, Mounting]" = {"eye-in-hand": "eye_in_hand", "eye-to-hand": "eye_to_hand"}
+"""Names of the mountings: of the option, and of the library."""
 FRAMES = "tool0:sensor"
 """Names of the frames in an easy_handeye file."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class HandEyeOptions:
-    """Options that all targets share."""
-
-    poses: Path
-    convention: str
-    mounting: 'Literal["eye_in_hand", "eye_to_hand"]'
-    settings: "HandEyeSettings"
-    out: Path
-    easy_handeye: Path | None
-    frames: tuple[str, str]
-    report: Path | None
-
-
-def parse_hand_eye_options(
-    poses: Path,
-    convention: str,
-    mounting: str,
-    robot_std: str | None,
-    out: Path,
-    extras: tuple[Path | None, str, Path | None],
-) -> HandEyeOptions:
-    """The options that all targets share, checked.
-
-    Parameters
-    ----------
-    poses, convention, mounting, robot_std, out
-        As typed.
-    extras : tuple
-        ``--easy-handeye``, ``--frames`` and ``--report``.
+    """Options of every target: poses of the robot, mounting of the sensor, and outputs.
 
     Raises
     ------
     typer.BadParameter
-        For a mounting, sigma or frames that are none.
+        For an unknown convention or mounting, or an invalid sigma or pair of frames.
     """
-    from lsvision.calibration.hand_eye_result import HandEyeSettings
 
-    easy_handeye, frames, report = extras
-    robot, _, sensor = frames.partition(":")
-    if not (robot and sensor):
-        raise typer.BadParameter(f"want --frames ROBOT:SENSOR, as {FRAMES}, got {frames!r}")
-    if mounting not in ("eye-in-hand", "eye-to-hand"):
-        raise typer.BadParameter(f"want --mounting eye-in-hand or eye-to-hand, got {mounting!r}")
-    return HandEyeOptions(
-        poses=poses,
-        convention=convention,
-        mounting="eye_in_hand" if mounting == "eye-in-hand" else "eye_to_hand",
-        settings=HandEyeSettings(robot_std=_robot_std(robot_std)),
-        out=out,
-        easy_handeye=easy_handeye,
-        frames=(robot, sensor),
-        report=report,
-    )
+    poses: Annotated[
+        Path, typer.Option(metavar="F", help="Poses of the flange: CSV, text, JSON or YAML.")
+    ]
+    convention: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="How the poses are written, never guessed: ur, kuka, fanuc, yaskawa, mitsubishi, "
+            "kawasaki, staubli, abb, ros, matrix.",
+        ),
+    ]
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="F.json", help="The calibration, for scan.")
+    ]
+    mounting: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="eye-in-hand: sensor on the flange, target fixed; eye-to-hand: the other way "
+            "round.",
+        ),
+    ] = "eye-in-hand"
+    robot_std: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MM:DEG", help="One sigma of the robot's pose per axis; else from residuals."
+        ),
+    ] = None
+    easy_handeye: Annotated[
+        Path | None,
+        typer.Option(metavar="F.yaml", help="Also write it as ROS easy_handeye reads it."),
+    ] = None
+    frames: Annotated[
+        str, typer.Option(metavar="ROBOT:SENSOR", help="Names of the frames in that file.")
+    ] = FRAMES
+    report: Report = None
+
+    def __post_init__(self) -> None:
+        if not all(self.frame_names):
+            raise typer.BadParameter(
+                f"expected --frames ROBOT:SENSOR, as {FRAMES}, got {self.frames!r}"
+            )
+        if self.mounting not in PLACEMENTS:
+            raise typer.BadParameter(
+                f"expected --mounting {' or '.join(PLACEMENTS)}, got {self.mounting!r}"
+            )
+        _parse_robot_std(self.robot_std)
+        parse_convention(self.convention)
+
+    @property
+    def frame_names(self) -> tuple[str, str]:
+        """Return the names of the robot's and of the sensor's frame."""
+        robot, _, sensor = self.frames.partition(":")
+        return robot, sensor
+
+    @property
+    def placement(self) -> "Mounting":
+        """Return the mounting as the library names it."""
+        return PLACEMENTS[self.mounting]
+
+    @property
+    def settings(self) -> "HandEyeSettings":
+        """Return the settings of the calibration."""
+        from lsvision.calibration.hand_eye_result import HandEyeSettings
+
+        return HandEyeSettings(robot_std=_parse_robot_std(self.robot_std))
+
+    def check_files(self, inputs: Sequence[Path], *more: Path | None) -> None:
+        """Refuse outputs, with `more` of them, that could not be written; see `check_outputs`."""
+        outputs = (self.out, self.easy_handeye, self.report, *more)
+        check_outputs(outputs, [self.poses, *inputs])
+
+    def read_flanges(self, names: Sequence[str]) -> "list[Pose]":
+        """Read the poses of the flange, one for each of the named profiles or images.
+
+        Raises
+        ------
+        UnreadableFile
+            If the file cannot be read, or holds another number of poses.
+        """
+        rows = PoseFile(self.poses, self.convention)
+        return rows.read(len(names), f"of {names[0]} to {names[-1]}")
 
 
-def _robot_std(text: str | None) -> tuple[float, float] | None:
+@dataclass(frozen=True, kw_only=True)
+class PosePlanOptions:
+    """Options for the next best poses."""
+
+    plan_poses: Annotated[
+        int, typer.Option(min=0, metavar="N", help="Propose the N next best poses.")
+    ] = 0
+    plan_out: Annotated[
+        Path | None,
+        typer.Option(metavar="F.csv", help="Write them as 4x4 rows (--convention matrix)."),
+    ] = None
+
+
+def _parse_robot_std(text: str | None) -> tuple[float, float] | None:
     if text is None:
         return None
     try:
@@ -95,50 +150,58 @@ def _robot_std(text: str | None) -> tuple[float, float] | None:
     except ValueError:
         position = rotation = 0.0
     if not (0 < position < math.inf and 0 < rotation < math.inf):
-        raise typer.BadParameter(f"want --robot-std MM:DEG above 0, as 0.05:0.01, got {text!r}")
+        raise typer.BadParameter(f"expected --robot-std MM:DEG above 0, as 0.05:0.01, got {text!r}")
     return position, math.radians(rotation)
 
 
-def check_files(job: HandEyeOptions, inputs: Sequence[Path], *more: Path | None) -> None:
-    """Refuse outputs that could not be written; see `check_outputs`."""
-    check_outputs((job.out, job.easy_handeye, job.report, *more), [job.poses, *inputs])
+def calibrate_from_profiles(
+    calibrate: "Callable[..., HandEye]",
+    words: Sequence[str],
+    job: HandEyeOptions,
+    plan: PosePlanOptions,
+    reading: ReadingOptions,
+) -> None:
+    """Calibrate a profile sensor, write the files and print the result.
 
-
-@dataclass(frozen=True)
-class TargetProfiles:
-    """Profiles of a target with the files they are from, a name and a flange pose for each."""
-
-    files: list[Path]
-    profiles: "list[Profile]"
-    names: list[str]
-    flanges: "list[Pose]"
-
-
-def read_target_profiles(
-    job: HandEyeOptions, words: Sequence[str], reading: "ReadOptions", *more: Path | None
-) -> TargetProfiles:
-    """What the words of a command name, once its outputs (and `more` of them) can be written.
+    Parameters
+    ----------
+    calibrate : callable
+        `calibrate_hand_eye_sphere` or `calibrate_hand_eye_plane`.
+    words : sequence of str
+        Files, folders and patterns of the profiles, one profile for each pose.
+    job, plan, reading
+        Options of the command.
 
     Raises
     ------
+    typer.BadParameter
+        For options that contradict each other.
     LsvisionError
-        Names the file and the mend.
+        If a file cannot be read, or the profiles do not suffice.
     """
-    files = profile_files(words)
-    check_files(job, files, *more)
-    profiles, names = read_named_profiles(files, reading)
-    return TargetProfiles(files, profiles, names, read_flanges(job.poses, job.convention, names))
+    _check_plan(job, plan)
+    options = reading.parse()
+    files = profile_files(words, reading.dx)
+    job.check_files(files, plan.plan_out)
+    profiles, names = read_named_profiles(files, options)
+    flanges = job.read_flanges(names)
+    with prefix_file_names(pose=names):
+        found = calibrate(profiles, flanges, mounting=job.placement, settings=job.settings)
+        planned = _plan_next_poses(found, flanges, plan.plan_poses) if plan.plan_poses else None
+    report_hand_eye(found, flanges, names, job, files)
+    if planned is not None:
+        _report_pose_plan(planned, plan.plan_out)
 
 
 def estimate_board_poses(
     files: Sequence[Path], target: "Target", camera_file: Path
 ) -> "tuple[list[Pose], list[FloatArray]]":
-    """The board before the camera in each image, with covariances (6, 6); all must show it.
+    """Return the pose of the board in each image, with covariances (6, 6).
 
     Raises
     ------
     LsvisionError
-        Names the image that does not.
+        If an image does not show the board; names it.
     """
     from lsvision.calibration.board_pose import estimate_board_pose
     from lsvision.calibration.target import find_target
@@ -152,11 +215,11 @@ def estimate_board_poses(
         require_size(camera, image, str(file))
         try:
             seen = find_target(image, target)
-            sighting = estimate_board_pose(seen.pixels, seen.points, camera)
+            estimate = estimate_board_pose(seen.pixels, seen.points, camera)
         except LsvisionError as error:
             raise LsvisionError(f"{file}: {error}; or leave out this image and its pose") from error
-        poses.append(sighting.camera_from_board)
-        covariances.append(sighting.covariance)
+        poses.append(estimate.camera_from_board)
+        covariances.append(estimate.covariance)
     return poses, covariances
 
 
@@ -165,52 +228,50 @@ def report_hand_eye(
     inputs: Sequence[Path],
 ) -> None:  # fmt: skip
     """Write the files and print the result."""
+    from lsvision.calibration.hand_eye_result import hand_eye_rows
     from lsvision.io.calibration import provenance_of
     from lsvision.io.hand_eye_file import export_easy_handeye, save_hand_eye
     from lsvision.io.robot_poses import pose_files
 
     rows = hand_eye_rows(found)
-    doubts = [f"left out: {names[pose.index]}: {pose.reason}" for pose in found.rejected]
-    doubts += [f"warning: {text}" for text in found.warnings]
-    believed = len(names) - len(found.rejected)
-    method = f"{type(found.target).__name__.lower()}, {job.mounting}, {job.convention} poses"
+    warnings = [f"left out: {names[pose.index]}: {pose.reason}" for pose in found.rejected]
+    warnings += [f"warning: {text}" for text in found.warnings]
+    used = len(names) - len(found.rejected)
+    method = f"{type(found.target).__name__.lower()}, {job.placement}, {job.convention} poses"
     provenance = provenance_of(method, dict.fromkeys([*pose_files(job.poses), *inputs]))
     if job.report is not None:
         from lsvision.draw.calibration_report import ReportContent, hand_eye_page
         from lsvision.files.atomic_files import write_atomic
 
-        page = ReportContent(rows, doubts, names, provenance)
+        page = ReportContent(rows, warnings, names, provenance)
         write_atomic(job.report, hand_eye_page(found, flanges, page))
     save_hand_eye(found, job.out, provenance)
     if job.easy_handeye is not None:
-        robot, sensor = job.frames
+        robot, sensor = job.frame_names
         export_easy_handeye(found, job.easy_handeye, robot_frame=robot, sensor_frame=sensor)
-    head = f"{job.out}: sensor to robot from {believed} of {len(names)} poses"
-    table = aligned([("pose", "residual mm", "held out mm", ""), *pose_rows(found, names)])
-    print_lines([head, *value_lines(rows), "", *table, *doubts])
+    head = f"{job.out}: sensor to robot from {used} of {len(names)} poses"
+    table = text_table(
+        [("pose", "residual mm", "held out mm", ""), *pose_rows(found, names)], left=1
+    )
+    print_lines([head, *value_lines(rows), "", *table, *warnings])
 
 
-def check_plan(job: HandEyeOptions, count: int, out: Path | None) -> None:
-    """Refuse a plan that cannot be made or was not asked for.
-
-    Raises
-    ------
-    typer.BadParameter
-        ``--plan-poses`` for a sensor that stands still, ``--plan-out`` alone.
-    """
-    if count and job.mounting == "eye_to_hand":
-        raise typer.BadParameter("want --plan-poses with --mounting eye-in-hand only")
-    if out is not None and not count:
-        raise typer.BadParameter("want --plan-poses N beside --plan-out")
+def _check_plan(job: HandEyeOptions, plan: PosePlanOptions) -> None:
+    if plan.plan_poses and job.placement == "eye_to_hand":
+        raise typer.BadParameter(
+            "expected --plan-poses with --mounting eye-in-hand, got eye-to-hand"
+        )
+    if plan.plan_out is not None and not plan.plan_poses:
+        raise typer.BadParameter("expected --plan-poses N with --plan-out, got none")
 
 
-def plan_next_poses(found: "HandEye", flanges: "Sequence[Pose]", count: int) -> "PosePlan":
-    """The next best poses before the sphere or plate that was found."""
+def _plan_next_poses(found: "HandEye", flanges: "Sequence[Pose]", count: int) -> "PosePlan":
+    """Return the poses that improve the calibration most, at the sphere or plate found."""
     from lsvision.calibration import pose_planning as planning
     from lsvision.geometry import Plane
 
     left_out = {pose.index for pose in found.rejected}
-    believed = [pose for index, pose in enumerate(flanges) if index not in left_out]
+    used = [pose for index, pose in enumerate(flanges) if index not in left_out]
     mount = found.mount_from_sensor
     settings = replace(
         planning.PLANE_DEFAULTS if isinstance(found.target, Plane) else planning.SPHERE_DEFAULTS,
@@ -220,23 +281,23 @@ def plan_next_poses(found: "HandEye", flanges: "Sequence[Pose]", count: int) -> 
         candidates=max(150, 10 * count),
     )
     if isinstance(found.target, Plane):
-        seen_at = [(pose @ mount).apply_one(found.working_point) for pose in believed]
-        middle = sum(seen_at) / len(seen_at)
+        targets = [(pose @ mount).apply_one(found.working_point) for pose in used]
+        middle = sum(targets) / len(targets)
         return planning.plan_hand_eye_poses_plane(
-            mount, found.target, middle, measured=believed, settings=settings
+            mount, found.target, middle, measured=used, settings=settings
         )
-    ball = found.sphere
+    sphere = found.sphere
     return planning.plan_hand_eye_poses(
-        mount, ball.centre, ball.radius, measured=believed, settings=settings
+        mount, sphere.centre, sphere.radius, measured=used, settings=settings
     )
 
 
-def report_pose_plan(plan: "PosePlan", out: Path | None) -> None:
-    """Print the next best poses, and write them as 4x4 rows."""
+def _report_pose_plan(plan: "PosePlan", out: Path | None) -> None:
+    """Print the planned poses, and write them as 4x4 rows."""
     from lsvision.files.atomic_files import write_atomic
 
     head = ("next pose", "x mm", "y mm", "z mm", "predicted mm")
-    typer.echo("\n".join(["", *aligned([head, *plan_rows(plan)])]))
+    typer.echo("\n".join(["", *text_table([head, *plan_rows(plan)], left=1)]))
     if out is not None:
         rows = [
             ",".join(f"{value:.6f}" for value in pose.matrix.flat)

@@ -1,14 +1,14 @@
-"""Options that say how a laser line is found in images, shared by the commands that do."""
+"""Options of the commands that extract a laser line from images."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
+from lsvision.cli.image_sources import ImagingOptions
 from lsvision.errors import UnreadableFile
 
 if TYPE_CHECKING:
-    from lsvision.cli.image_sources import ImagingOptions
     from lsvision.laser_line.settings import LineSettings
 
 LightSectionFile = Annotated[
@@ -41,7 +41,7 @@ LaserOff = Annotated[
 
 
 def parse_line_settings(laser: str, method: str) -> "LineSettings":
-    """How to look for the line.
+    """Return the settings of the line extraction.
 
     Raises
     ------
@@ -52,38 +52,21 @@ def parse_line_settings(laser: str, method: str) -> "LineSettings":
 
     try:
         return LineSettings(channel=cast(Any, laser), method=cast(Any, method))
-    except ValueError as slip:
-        raise typer.BadParameter(str(slip).replace("channel", "--laser")) from None
-
-
-def check_colours(image: Any, laser: str, where: str = "it") -> None:
-    """Refuse an image whose colours and ``--laser`` disagree.
-
-    Raises
-    ------
-    UnreadableFile
-        With the option that mends it, after `where`.
-    """
-    coloured = image.ndim == 3 and bool((image != image[..., :1]).any())
-    if coloured and laser == "grey":
-        raise UnreadableFile(
-            f"{where} has colours: say the laser's, --laser red, green, blue or white"
-        )
-    if not coloured and laser not in ("grey", "white"):
-        raise UnreadableFile(f"{where} has no colours: leave --laser {laser} out")
+    except ValueError as error:
+        raise typer.BadParameter(str(error).replace("channel", "--laser")) from None
 
 
 def parse_imaging(
     light_section: Path | None, line: "LineSettings", laser_off: Path | None, **more: Any
-) -> "ImagingOptions | None":
-    """How images become profiles; None without a rig.
+) -> ImagingOptions | None:
+    """Return how images become profiles; None without a rig.
 
     Parameters
     ----------
     light_section : Path, optional
         The rig file.
     line : LineSettings
-        How to look for the line.
+        Settings of the line extraction.
     laser_off : Path, optional
         The frame without the laser.
     **more
@@ -96,7 +79,6 @@ def parse_imaging(
     """
     if light_section is None:
         return None
-    from lsvision.cli.image_sources import ImagingOptions
     from lsvision.sensors.light_section import LightSection
 
     rig = LightSection.load(light_section)
@@ -105,12 +87,12 @@ def parse_imaging(
 
 
 def read_laser_off(path: Path | None, size: tuple[int, int]) -> Any:
-    """The frame without the laser; None without a path.
+    """Read the image without the laser; None without a path.
 
     Raises
     ------
     UnreadableFile
-        If it is no image, or of another size than ``(width, height)``.
+        If it is not an image, or of another size than ``(width, height)``.
     """
     if path is None:
         return None

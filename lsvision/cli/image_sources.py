@@ -7,7 +7,6 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from lsvision.cli.image_options import check_colours
 from lsvision.cli.sources import IMAGE_SUFFIXES, VIDEO_SUFFIXES
 from lsvision.errors import LsvisionError, NoLaserLine, UnreadableFile
 
@@ -18,9 +17,9 @@ if TYPE_CHECKING:
     from lsvision.sensors.light_section import LightSection
 
 MAX_SECOND_LINE_FRACTION = 0.2
-"""Share of the columns in which a rival line is followed, from which on it is told."""
+"""Fraction of columns with a second line above which a note is printed."""
 MAX_SATURATED_FRACTION = 0.2
-"""Share of the line at full scale, from which on it is told."""
+"""Fraction of saturated points of the line above which a note is printed."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -32,15 +31,15 @@ class ImagingOptions:
     light_section : LightSection
         The rig.
     line : LineSettings
-        How the laser line is looked for.
+        Settings of the line extraction.
     laser_off : (height, width) or (height, width, 3) ndarray, optional
         The same view without the laser.
     surface_std : float
         Roughness of the surface, one sigma, that adds to the noise of the pixels. Units: mm.
     frames : int, optional
-        How many frames of a video are taken; all if None.
+        Number of frames to read from a video; all if None.
     keep_images : bool
-        Whether they are needed after their line was found, for pictures.
+        Whether to keep the images, for pictures.
     """
 
     light_section: "LightSection"
@@ -53,20 +52,20 @@ class ImagingOptions:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ImageFile:
-    """Profiles of an image or of a video's frames; for a batch what `ProfileFile` is.
+    """Return the profiles of an image or of the frames of a video; corresponds to `ProfileFile`.
 
     Parameters
     ----------
     path : Path
         The file, or the name of a live camera.
     profiles : tuple of Profile
-        One a frame; without a point where no line was found.
+        One per frame; without valid points where no line was found.
     images : tuple of ndarray
         The frames, if they are kept.
     summary : str
-        One line for people.
+        One line of text.
     notes : tuple of str
-        What looks odd.
+        Remarks on the images.
     """
 
     path: Path
@@ -87,7 +86,7 @@ class LiveCamera:
     index : int
         Of ``cv2.VideoCapture``.
     frames : int
-        How many frames are taken.
+        Number of frames to take.
     """
 
     index: int
@@ -98,17 +97,34 @@ class LiveCamera:
 
 
 def is_image(source: Path) -> bool:
-    """Whether a file counts as an image or video, by its suffix."""
+    """Return whether a file counts as an image or video, by its suffix."""
     return source.suffix.lower() in IMAGE_SUFFIXES | VIDEO_SUFFIXES
 
 
+def check_colours(image: Any, laser: str, where: str = "it") -> None:
+    """Raise an error if the colours of an image contradict ``--laser``.
+
+    Raises
+    ------
+    UnreadableFile
+        Begins with `where` and names the option to change.
+    """
+    coloured = image.ndim == 3 and bool((image != image[..., :1]).any())
+    if coloured and laser == "grey":
+        raise UnreadableFile(
+            f"{where} has colours: say the laser's, --laser red, green, blue or white"
+        )
+    if not coloured and laser not in ("grey", "white"):
+        raise UnreadableFile(f"{where} has no colours: leave --laser {laser} out")
+
+
 def read_image_source(source: Path | LiveCamera, imaging: ImagingOptions | None) -> ImageFile:
-    """Profiles of an image, a video, or what a camera sends.
+    """Return the profiles of an image, a video, or what a camera sends.
 
     Raises
     ------
     LsvisionError
-        Names the file and the mend: without a rig, for another size or the wrong colours, or if
+        Names the file and the remedy: without a rig, for another size or the wrong colours, or if
         no frame holds a line.
     """
     if imaging is None:
@@ -116,10 +132,10 @@ def read_image_source(source: Path | LiveCamera, imaging: ImagingOptions | None)
             f"{source}: an image needs the rig that took it, --light-section rig.json: make one "
             "with lsvision calibrate laser-plane"
         )
-    return _profiles_of(Path(str(source)), _images_of(source, imaging.frames), imaging)
+    return _read_profiles(Path(str(source)), _read_images(source, imaging.frames), imaging)
 
 
-def _images_of(source: Path | LiveCamera, most: int | None) -> Iterable[Any]:
+def _read_images(source: Path | LiveCamera, max_frames: int | None) -> Iterable[Any]:
     if isinstance(source, LiveCamera):
         from lsvision.io.frames import capture_frames
 
@@ -127,20 +143,20 @@ def _images_of(source: Path | LiveCamera, most: int | None) -> Iterable[Any]:
     if source.suffix.lower() in VIDEO_SUFFIXES:
         from lsvision.io.frames import read_frames
 
-        return islice(read_frames(source), most)
+        return islice(read_frames(source), max_frames)
     from lsvision.io.images import read_image
 
     return [read_image(source)]
 
 
-def _profiles_of(source: Path, images: Iterable[Any], imaging: ImagingOptions) -> ImageFile:
-    """Profiles of images, one each; see `read_image_source`."""
+def _read_profiles(source: Path, images: Iterable[Any], imaging: ImagingOptions) -> ImageFile:
+    """Return the profiles of images; see `read_image_source`."""
     found: list[tuple[Profile, Any, LaserLine | None]] = []
     failure: NoLaserLine | None = None
     for number, image in enumerate(images):
         try:
             with _prefix_errors(f"{source}, frame {number}" if number else str(source)):
-                found.append(_measured(image, imaging))
+                found.append(_profile_of_image(image, imaging))
         except NoLaserLine as error:
             failure = failure or error
             found.append((_empty_profile(imaging), image if imaging.keep_images else None, None))
@@ -152,13 +168,15 @@ def _profiles_of(source: Path, images: Iterable[Any], imaging: ImagingOptions) -
     return ImageFile(path=source, profiles=profiles, images=kept, summary=summary, notes=notes)
 
 
-def extract_from(source: Path, image: Any, settings: "LineSettings", dark: Any) -> "LaserLine":
-    """The laser line of an image without a rig; see `check_colours`.
+def extract_named_line(
+    source: Path, image: Any, settings: "LineSettings", dark: Any
+) -> "LaserLine":
+    """Extract the laser line of an image; errors name its file.
 
     Raises
     ------
     LsvisionError
-        Names the file and the mend.
+        Names the file and the remedy.
     """
     from lsvision.laser_line.extraction import extract_laser_line
 
@@ -169,7 +187,7 @@ def extract_from(source: Path, image: Any, settings: "LineSettings", dark: Any) 
 
 @contextmanager
 def _prefix_errors(where: str) -> Iterator[None]:
-    """Put a file's name before what is wrong with its image."""
+    """Prefix errors with the name of a file."""
     try:
         yield
     except NoLaserLine as error:
@@ -178,7 +196,7 @@ def _prefix_errors(where: str) -> Iterator[None]:
         raise LsvisionError(f"{where}: {error}") from error
 
 
-def _measured(image: Any, imaging: ImagingOptions) -> "tuple[Profile, Any, LaserLine]":
+def _profile_of_image(image: Any, imaging: ImagingOptions) -> "tuple[Profile, Any, LaserLine]":
     check_colours(image, imaging.line.channel)
     line = imaging.light_section.line(image, imaging.line, imaging.laser_off)
     profile = _with_surface_noise(
@@ -188,7 +206,7 @@ def _measured(image: Any, imaging: ImagingOptions) -> "tuple[Profile, Any, Laser
 
 
 def _with_surface_noise(profile: "Profile", surface_std: float) -> "Profile":
-    """The profile with a surface's roughness in its noise."""
+    """Return the profile with the roughness of the surface added to its noise."""
     if not surface_std:
         return profile
     import numpy as np

@@ -39,12 +39,12 @@ def line(
       lsvision line fixtures/images/clutter.png --plot line.png
     Its points, a white-hot line of a red laser in a colour image:
       lsvision line photo.jpg --laser red --method gaussian --csv line.csv
-    """  # noqa: D301 - the backspace tells click to leave the lines as they are
+    """  # noqa: D301 - the backspace makes click keep the line breaks
     check_picture(plot)
     settings = parse_line_settings(laser, method)
     inputs = [image_file, *filter(None, [laser_off])]
     check_outputs((plot,), inputs, streams=(csv_file,))
-    from lsvision.cli.image_sources import extract_from
+    from lsvision.cli.image_sources import extract_named_line
     from lsvision.draw import draw_laser_line, figure_bytes, line_summary
     from lsvision.files.atomic_files import write_atomic
     from lsvision.io.images import read_image
@@ -52,7 +52,9 @@ def line(
 
     image = read_image(image_file)
     height, width = image.shape[:2]
-    found = extract_from(image_file, image, settings, read_laser_off(laser_off, (width, height)))
+    found = extract_named_line(
+        image_file, image, settings, read_laser_off(laser_off, (width, height))
+    )
     if csv_file is not None:
         write_output(csv_file, line_csv(found))
     print_lines([f"{image_file}: {line_summary(found)}"], err=csv_file == STDOUT)

@@ -17,37 +17,29 @@ from lsvision.cli.image_options import (
     parse_line_settings,
 )
 from lsvision.cli.image_sources import LiveCamera
-from lsvision.cli.measure_options import build_measure_function, parse_read_options, parse_sensor
+from lsvision.cli.measure_options import build_measure_function
 from lsvision.cli.messages import FAILED, print_error
+from lsvision.cli.option_groups import expand_option_groups
 from lsvision.cli.outputs import STDOUT, Pictures, check_outputs, check_picture
 from lsvision.cli.profile_options import (
-    Columns,
-    Convention,
-    CountUnit,
-    FileFormat,
-    FirstX,
-    Flip,
-    HandEyeFile,
+    CsvFile,
     JsonFile,
     KnownPhi,
     KnownRadius,
-    Lost,
-    PoseFile,
     Radius,
-    RangeStd,
-    ReferenceRange,
-    SensorName,
-    Spacing,
-    Transpose,
-    Units,
+    ReadingOptions,
+    SensorOptions,
     Verbose,
 )
 from lsvision.cli.robot_frame import parse_robot_frame
+from lsvision.cli.robot_poses import RobotOptions
 from lsvision.cli.sources import MEASURED_SUFFIXES, find_sources, suffixes_of_profiles
 from lsvision.errors import LsvisionError
 
 
+@expand_option_groups
 def measure(
+    *,
     ctx: typer.Context,
     files: Annotated[
         list[str] | None,
@@ -58,9 +50,7 @@ def measure(
     radius: Radius = None,
     known_radius: KnownRadius = None,
     known_phi_deg: KnownPhi = None,
-    sensor: SensorName = None,
-    range_std: RangeStd = None,
-    reference_range: ReferenceRange = None,
+    sensor: SensorOptions,
     paper: Annotated[
         bool, typer.Option("--paper", help="The paper's chain to the letter, for comparison.")
     ] = False,
@@ -80,16 +70,9 @@ def measure(
         int | None,
         typer.Option(min=1, metavar="N", help="Frames of a video [all] or of the camera [1]."),
     ] = None,
-    poses: PoseFile = None,
-    convention: Convention = None,
-    flange_from_section: HandEyeFile = None,
+    robot: RobotOptions,
     json_file: JsonFile = None,
-    csv_file: Annotated[
-        Path | None,
-        typer.Option(
-            "--csv", metavar="F", help="Write a cylinder a row as CSV; - is standard output."
-        ),
-    ] = None,
+    csv_file: CsvFile = None,
     plot: Annotated[
         Path | None,
         typer.Option(
@@ -98,21 +81,13 @@ def measure(
             "each, of several profiles or frames in a file F-NAME-K.png.",
         ),
     ] = None,
-    file_format: FileFormat = None,
-    columns: Columns = None,
-    units: Units = None,
-    flip: Flip = None,
-    lost: Lost = None,
-    transpose: Transpose = False,
-    x0: FirstX = None,
-    dx: Spacing = None,
+    reading: ReadingOptions,
     x_start: Annotated[
         float | None, typer.Option(metavar="N", help="Raw Keyence: XStart, 0.01 um.")
     ] = None,
     x_pitch: Annotated[
         float | None, typer.Option(metavar="N", help="Raw Keyence: XPitch, 0.01 um.")
     ] = None,
-    z_unit: CountUnit = None,
     verbose: Verbose = False,
 ) -> None:
     """Measure radius and orientation of every cylinder in profiles or images of a laser line.
@@ -143,30 +118,26 @@ def measure(
     lsvision calibrate hand-eye wrote:
       lsvision measure calibration/example/pipe --flange-from-section hand_eye.json \\
         --poses calibration/example/pipe_poses.csv --convention kuka --known-radius 15:0.02
-    """  # noqa: D301 - the backspace tells click to leave the lines as they are
+    """  # noqa: D301 - the backspace makes click keep the line breaks
     if not files and camera is None:
-        raise typer.BadParameter("want files or folders to measure, or --camera INDEX, got none")
+        raise typer.BadParameter("expected files, folders or --camera INDEX, got none")
     check_picture(plot)
-    noise = parse_sensor(sensor, range_std, reference_range)
+    noise = sensor.parse()
     measuring = build_measure_function(radius, known_radius, known_phi_deg, noise, paper=paper)
-    reading = parse_read_options(
-        format=file_format, columns=columns, units=units, flip=flip, lost=lost,
-        transpose=transpose, x0=x0, dx=dx, x_start=x_start, x_pitch=x_pitch, z_unit=z_unit,
-    )  # fmt: skip
+    options = reading.parse(x_start=x_start, x_pitch=x_pitch)
     line = parse_line_settings(laser, method)
-    suffixes = suffixes_of_profiles(dx) if light_section is None else MEASURED_SUFFIXES
+    suffixes = suffixes_of_profiles(reading.dx) if light_section is None else MEASURED_SUFFIXES
     paths, missing = find_sources(files or (), suffixes)
-    more = (poses, flange_from_section, light_section, laser_off)
-    inputs = [*paths, *filter(None, more)]
+    inputs = [*paths, *robot.files, *filter(None, (light_section, laser_off))]
     taken = check_outputs((plot,), inputs, streams=(json_file, csv_file))
-    placing = parse_robot_frame(poses, convention, flange_from_section)
+    placing = parse_robot_frame(robot)
     sources: list[Path | LiveCamera] = [*paths]
     if camera is not None:
         sources.append(LiveCamera(camera, frames or 1))
     batch = BatchOptions(
         measuring=measuring,
         sensor=noise,
-        reading=reading,
+        reading=options,
         imaging=parse_imaging(
             light_section, line, laser_off,
             surface_std=surface_std, frames=frames, keep_images=plot is not None,
@@ -179,13 +150,13 @@ def measure(
         verbose=verbose,
         debug=ctx.find_root().params.get("debug", False),
     )  # fmt: skip
-    _report_missing(missing, poses)
+    _report_missing(missing, robot.poses)
     failed = _measure_all(sources, batch, json_file, csv_file) + len(missing)
     _report_failed(failed, len(sources) + len(missing), plot)
 
 
 def _report_missing(missing: Sequence[LsvisionError], poses: Path | None) -> None:
-    """Tell the words that name nothing; end the command if which pose is whose is then open."""
+    """Report names without files; exit if there are poses, which cannot be paired then."""
     for failure in missing:
         print_error(str(failure))
     if missing and poses is not None:
@@ -193,7 +164,7 @@ def _report_missing(missing: Sequence[LsvisionError], poses: Path | None) -> Non
 
 
 def _report_failed(failed: int, total: int, plot: Path | None) -> None:
-    """Tell how many files failed, and end the command with exit code 1 if any did."""
+    """Report how many files failed; exit with code 1 if any did."""
     if failed and total > 1:
         what = "measured" if plot is None else "measured or drawn"
         print_error(f"{failed} of {total} could not be {what}")
@@ -207,7 +178,7 @@ def _measure_all(
     json_file: Path | None,
     csv_file: Path | None,
 ) -> int:
-    """Measure the sources; also if the run is cut short, the files hold what was measured."""
+    """Measure the sources; after an interruption the files contain the results so far."""
     from lsvision.io.result_files import ResultFiles
 
     frame = None

@@ -1,22 +1,18 @@
-"""What the options of a measurement mean; a slip in them is a usage error."""
+"""Values of the options of a measurement; an invalid value is a usage error."""
 
 import math
 from functools import partial
-from typing import TYPE_CHECKING, Unpack
+from typing import TYPE_CHECKING
 
 import typer
 
 if TYPE_CHECKING:
-    from lsvision.io.profiles import ReadOptions
     from lsvision.measure import Measurement
     from lsvision.profile import Profile
     from lsvision.sensors.profile_sensor import ProfileSensor
 
-DEFAULT_REFERENCE_MM = 400.0
-"""Range that goes with a bare --range-std: the middle of the paper's sensor."""
-
 RANGE_WARNING_FACTOR = 3.0
-"""Times the ends of a sensor's range, from which on a profile is not one of that sensor."""
+"""Factor beyond the limits of a sensor's range from which a warning is given."""
 
 
 def build_measure_function(
@@ -45,7 +41,7 @@ def build_measure_function(
     Raises
     ------
     typer.BadParameter
-        If a radius is no number, not positive, or the range is reversed; if a tilt is none.
+        If a radius is not a number, not positive, or the range is reversed; if a tilt is none.
     """
     search_range, known = parse_search_range(radius), parse_known_radius(known_radius)
     known_phi = parse_known_phi(known_phi_deg)
@@ -64,45 +60,18 @@ def build_measure_function(
     )
 
 
-def parse_sensor(
-    name: str | None, range_std: float | None, reference_range: float | None
-) -> "ProfileSensor | None":
-    """The sensor that the options name or describe; None without any.
-
-    Raises
-    ------
-    typer.BadParameter
-        For an unknown name, both ways at once, or a length that is not positive.
-    """
-    if name is None and range_std is None:
-        if reference_range is not None:
-            raise typer.BadParameter("want --range-std beside --reference-range, got none")
-        return None
-    from lsvision.sensors.profile_sensor import ProfileSensor, find_sensor
-
-    if name is not None and range_std is not None:
-        raise typer.BadParameter("want --sensor or --range-std, got both")
-    reference = DEFAULT_REFERENCE_MM if reference_range is None else reference_range
-    try:
-        if name is not None:
-            return find_sensor(name)
-        return ProfileSensor(range_std=range_std or 0.0, reference_range=reference)
-    except ValueError as slip:
-        raise typer.BadParameter(str(slip)) from None
-
-
 def range_warning(profile: "Profile", sensor: "ProfileSensor | None") -> str | None:
-    """What is odd if the profile lies far from where the sensor measures; else None.
+    """Return a warning if the profile lies far outside the range of the sensor; else None.
 
     A sensor's noise grows with the distance from its origin; where heights are counted from
-    elsewhere, as from the middle of its range, that noise is nonsense.
+    elsewhere, as from the middle of its range, that noise is wrong.
 
     Parameters
     ----------
     profile : Profile
         With at least one point.
     sensor : ProfileSensor, optional
-        None has no range.
+        Sensor with its range; None gives no warning.
     """
     if sensor is None:
         return None
@@ -117,30 +86,13 @@ def range_warning(profile: "Profile", sensor: "ProfileSensor | None") -> str | N
     )
 
 
-def parse_read_options(**options: Unpack["ReadOptions"]) -> "ReadOptions":
-    """The options of reading, checked before any file is opened.
-
-    Raises
-    ------
-    typer.BadParameter
-        For an unknown format or unit, or columns that are none.
-    """
-    from lsvision.io.profiles import ReadSettings
-
-    try:
-        ReadSettings(**options)
-    except ValueError as slip:
-        raise typer.BadParameter(str(slip)) from None
-    return options
-
-
 def parse_search_range(text: str | None) -> float | tuple[float, float] | None:
     """Search range of ``--radius``: ``min:max`` or a nominal radius. Units: mm."""
     if text is None:
         return None
     low, high = _pair(text, "--radius 19 or --radius 10:40")
     if low <= 0 or (high is not None and not low < high):
-        raise typer.BadParameter(f"want --radius above 0 mm, least:largest, got {text!r}")
+        raise typer.BadParameter(f"expected --radius above 0 mm, least:largest, got {text!r}")
     return low if high is None else (low, high)
 
 
@@ -150,7 +102,7 @@ def parse_known_radius(text: str | None) -> float | tuple[float, float] | None:
         return None
     radius, std = _pair(text, "--known-radius 19 or --known-radius 19:0.05")
     if radius <= 0 or (std is not None and std <= 0):
-        raise typer.BadParameter(f"want --known-radius and its sigma above 0 mm, got {text!r}")
+        raise typer.BadParameter(f"expected --known-radius and its sigma above 0 mm, got {text!r}")
     return radius if std is None else (radius, std)
 
 
@@ -161,18 +113,18 @@ def parse_known_phi(text: str | None) -> float | tuple[float, float] | None:
     phi_deg, std_deg = _pair(text, "--known-phi-deg 0 or --known-phi-deg 0:2", "deg")
     if not 0 <= phi_deg < 90 or (std_deg is not None and std_deg <= 0):
         raise typer.BadParameter(
-            f"want --known-phi-deg from 0 to below 90 deg and its sigma above 0, got {text!r}"
+            f"expected --known-phi-deg from 0 to below 90 deg and its sigma above 0, got {text!r}"
         )
     phi = math.radians(phi_deg)
     return phi if std_deg is None else (phi, math.radians(std_deg))
 
 
-def _pair(text: str, wanted: str, unit: str = "mm") -> tuple[float, float | None]:
+def _pair(text: str, expected: str, unit: str = "mm") -> tuple[float, float | None]:
     """One finite number, or two with a colon between them."""
     try:
         numbers = [float(part) for part in text.split(":")]
     except ValueError:
         numbers = []
     if len(numbers) not in (1, 2) or not all(map(math.isfinite, numbers)):
-        raise typer.BadParameter(f"want {wanted} in {unit}, got {text!r}")
+        raise typer.BadParameter(f"expected {expected} in {unit}, got {text!r}")
     return numbers[0], numbers[1] if len(numbers) == 2 else None

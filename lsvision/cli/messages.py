@@ -1,4 +1,4 @@
-"""How a failure reaches the person at the shell: one line on stderr."""
+"""Messages on the terminal: an error is one line on stderr."""
 
 import sys
 import traceback
@@ -25,6 +25,6 @@ def print_lines(lines: Iterable[str], *, err: bool = False) -> None:
 
 
 def internal_error(error: Exception) -> str:
-    """What to say of an exception that nobody foresaw."""
+    """Return the message of an unexpected exception, a bug."""
     reason = " ".join(str(error).split()) or "no message"
     return f"internal error, {type(error).__name__}: {reason} (--debug shows where; please report)"

@@ -23,12 +23,12 @@ def check_outputs(
     sources: Sequence[Path],
     streams: Sequence[Path | None] = (),
 ) -> "TakenFiles":
-    """Refuse outputs that could not be written once the work is done.
+    """Raise an error if an output could not be written after the work.
 
     Parameters
     ----------
     outputs : sequence of Path or None
-        None where the user wants no such file.
+        None for a file that is not written.
     sources : sequence of Path
         All inputs, which no output may overwrite.
     streams : sequence of Path or None
@@ -42,33 +42,34 @@ def check_outputs(
     Raises
     ------
     UnwritableFile
-        If a folder is missing or refuses, or the file is a folder or not ours to change.
+        If a folder is missing or not writable, or the file is a folder.
     typer.BadParameter
         If two outputs, or an output and an input, are the same file, or two inputs are ``-``.
     """
     taken = TakenFiles()
     for source in sources:
         if source == STDOUT and source in taken:
-            raise typer.BadParameter("want one input from standard input (-), got two")
+            raise typer.BadParameter("expected one input from standard input (-), got two")
         taken.add(source, "an input")
     if streams.count(STDOUT) > 1:
-        raise typer.BadParameter("want one output to standard output (-), got two")
+        raise typer.BadParameter("expected one output to standard output (-), got two")
     for output in [*outputs, *(stream for stream in streams if stream != STDOUT)]:
         if output is None or _is_device(output):
             continue
         if output in taken:
             raise typer.BadParameter(
-                f"want another file than {printable(str(output))}: it is {taken.role(output)} too"
+                f"expected different files, got {printable(str(output))}: it is also "
+                f"{taken.role(output)}"
             )
         taken.add(output, "an output")
-        trouble = _write_problem(Path(true_path(output)))
-        if trouble:
-            raise UnwritableFile(f"{output}: {trouble}")
+        problem = _write_problem(Path(true_path(output)))
+        if problem:
+            raise UnwritableFile(f"{output}: {problem}")
     return taken
 
 
 class TakenFiles:
-    """Files that a command reads or writes, by whatever name."""
+    """Files that a command reads or writes, however they are named."""
 
     def __init__(self) -> None:
         self._roles: dict[Hashable, str] = {}
@@ -77,11 +78,11 @@ class TakenFiles:
         return any(key in self._roles for key in _identities(path))
 
     def role(self, path: Path) -> str:
-        """What the file is to the command."""
+        """Return the role of the file in the command."""
         return next(self._roles[key] for key in _identities(path) if key in self._roles)
 
     def add(self, path: Path, role: str) -> None:
-        """Note a file of the command."""
+        """Add a file of the command."""
         self._roles.update(dict.fromkeys(_identities(path), role))
 
 
@@ -102,7 +103,7 @@ def write_output(path: Path, content: str) -> None:
 
 
 def check_picture(plot: Path | None) -> None:
-    """Refuse a picture of another format.
+    """Raise an error if the format of a picture is not supported.
 
     Raises
     ------
@@ -110,7 +111,7 @@ def check_picture(plot: Path | None) -> None:
         If the suffix is neither .png nor .svg.
     """
     if plot is not None and plot.suffix.lower() not in PICTURE_SUFFIXES:
-        raise typer.BadParameter(f"want --plot F.png or F.svg, got {plot.name!r}")
+        raise typer.BadParameter(f"expected --plot F.png or F.svg, got {plot.name!r}")
 
 
 class Pictures:
@@ -158,7 +159,7 @@ def _short(stem: str) -> str:
 
 
 def _identities(path: Path) -> list[Hashable]:
-    """By what two names of a file are known to be one: its true path, its number on its disk."""
+    """Return keys that are equal for two names of one file: real path, device and inode."""
     keys: list[Hashable] = [true_path(path)]
     status = status_of(path)
     if status is not None and status.st_ino:

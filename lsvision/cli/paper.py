@@ -28,7 +28,7 @@ def paper(
     ] = 0.1,
     seed: Annotated[int, typer.Option(min=0, help="Of the first measurement.")] = 0,
 ) -> None:
-    """Run the paper's experiments again and say what can be believed.
+    """Run the paper's experiments again and assess its results.
 
     Its Tables 1-5 and Figures 5-16 on the simulator: the paper's chain taken literally, lsvision
     from one section, with a known radius, from two sections and from twenty, each beside the
@@ -39,7 +39,7 @@ def paper(
       lsvision paper --out report.html
       lsvision paper --full --out report.html --json report.json
       lsvision paper --noise-mm 0.02 --out quiet.html
-    """  # noqa: D301 - the backspace tells click to leave the lines as they are
+    """  # noqa: D301 - the backspace makes click keep the line breaks
     check_outputs((), (), streams=(out, json))
     from lsvision.studies.chen_liu_2016 import (
         ExperimentSizes,
@@ -58,6 +58,6 @@ def paper(
 
 
 def _log_progress(what: str) -> None:
-    """One line on stderr, so that a minute of silence is none."""
+    """Write a line of progress on stderr."""
     sys.stderr.write(f"{what}\n")
     sys.stderr.flush()

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from lsvision.results.tables import text_table
+
 if TYPE_CHECKING:
     from lsvision.planning import (
         AccuracyTarget,
@@ -16,13 +18,13 @@ if TYPE_CHECKING:
     )
 
 SPACINGS_MM = (0.5, 1.0, 2.0, 5.0, 10.0)
-"""Offered to who asks for a target without a spacing."""
+"""Spacings of the proposals for a target accuracy without a given spacing. Units: mm."""
 
 UNDETERMINED_DEG = 50.0
-"""Sigma of theta from which on nothing is known of it: nearly that of a guess, 52 deg."""
+"""Standard deviation from which theta counts as undetermined; a uniform guess has 52 deg."""
 
 DEFAULT_PITCH_MM = 0.6
-"""Pitch that goes with a bare --range-std: the paper's."""
+"""Default of --pitch with --range-std: that of the paper. Units: mm."""
 
 
 def plan(
@@ -88,23 +90,23 @@ def plan(
         view = _view(sensor, range_std, standoff, pitch)
         target = _target(target_phi_deg, target_radius)
         if spacing is not None and sections is None and target is None:
-            raise ValueError("want --sections or a target beside --spacing, got neither")
+            raise ValueError("expected --sections or a target with --spacing, got neither")
         feed = Feed(
             sections=1 if sections is None else sections,
             spacing=1.0 if spacing is None else spacing,
             pose_std=pose_std,
             feed_std=math.radians(feed_std_deg),
         )
-        ask = _PlanRequest(
+        request = _PlanRequest(
             (radius_mm, math.radians(theta_deg), math.radians(phi_deg)),
             view,
             0.0 if known_radius else None,
         )
-        expected = ask.expected(feed)
+        expected = request.expected(feed)
         spacings = SPACINGS_MM if spacing is None else (spacing,)
-        needed = [] if target is None else ask.needed(target, feed, spacings)
-    except ValueError as slip:
-        raise typer.BadParameter(str(slip)) from slip
+        needed = [] if target is None else request.needed(target, feed, spacings)
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from error
     typer.echo(
         f"pipe of radius {radius_mm:g} mm, theta {theta_deg:g} deg, phi {phi_deg:g} deg, "
         f"under {view.sensor.name} at {standoff:g} mm; errors are one sigma"
@@ -117,14 +119,14 @@ def plan(
 
 @dataclass(frozen=True)
 class _PlanRequest:
-    """The pipe (radius, theta, phi), how it is seen, and what is known of its radius."""
+    """The pipe (radius, theta, phi), the view of the sensor, and the std of a known radius."""
 
     pipe: tuple[float, float, float]
     view: "SensorView"
     known: float | None
 
     def expected(self, feed: "Feed") -> "list[SectionPrediction | ScanPrediction]":
-        """Of one section, and of the scan if it has more."""
+        """Return the prediction for one section, and for the scan if it has more."""
         from lsvision.planning import plan_scan, plan_section
 
         one = plan_section(*self.pipe, view=self.view, known_radius_std=self.known)
@@ -136,7 +138,7 @@ class _PlanRequest:
     def needed(
         self, target: "AccuracyTarget", feed: "Feed", spacings: tuple[float, ...]
     ) -> "list[SectionPrediction | ScanPrediction]":
-        """The shortest scan at each spacing."""
+        """Return the shortest scan at each spacing."""
         from lsvision.planning import sections_needed
 
         return [
@@ -160,7 +162,7 @@ def _view(
     if range_std is None:
         return SensorView(sensor=find_sensor(sensor or "lps36hi"), standoff=standoff, pitch=pitch)
     if sensor is not None:
-        raise ValueError("want --sensor or --range-std, got both")
+        raise ValueError("expected --sensor or --range-std, got both")
     bare = ProfileSensor(
         name=f"a sensor with {range_std:g} mm noise",
         range_std=range_std,
@@ -189,12 +191,7 @@ _HEADER = ("sections", "spacing mm", "length mm", "points", "radius mm", "theta 
 
 
 def _table(predictions: "list[SectionPrediction | ScanPrediction]") -> str:
-    rows = [_HEADER, *(_row(prediction) for prediction in predictions)]
-    widths = [max(len(row[column]) for row in rows) for column in range(len(_HEADER))]
-    return "\n".join(
-        "  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True))
-        for row in rows
-    )
+    return "\n".join(text_table([_HEADER, *map(_row, predictions)]))
 
 
 def _row(prediction: "SectionPrediction | ScanPrediction") -> tuple[str, ...]:

@@ -1,15 +1,22 @@
-"""Options of the commands that measure profiles: what is looked for, its noise, the files."""
+"""Options of the commands that measure profiles: radii, noise, and how files are read."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Unpack
 
 import typer
+
+if TYPE_CHECKING:
+    from lsvision.io.profiles import ReadOptions
+    from lsvision.sensors.profile_sensor import ProfileSensor
 
 READERS = (
     "text, matrix, gocator, gocator-points, keyence, keyence-raw, npy, npz, ply, pcd, opencv, "
     "parquet, json, yaml, laserscan, height-map, rosbag"
 )
-"""Written out, because the reader's own list comes with numpy; a test compares the two."""
+"""Names of the readers; written out because importing their list imports numpy. A test compares."""
+DEFAULT_REFERENCE_MM = 400.0
+"""Default of --reference-range: the middle of the range of the paper's sensor. Units: mm."""
 
 Radius = Annotated[
     str | None,
@@ -31,86 +38,143 @@ KnownPhi = Annotated[
         help="Tilt known beforehand, as 0 for a scan square to the pipe; sharpens the radius.",
     ),
 ]
-SensorName = Annotated[
-    str | None,
-    typer.Option(
-        metavar="lps36hi|lps36", help="Noise of this sensor; else estimated from the profile."
-    ),
-]
-RangeStd = Annotated[
-    float | None,
-    typer.Option(metavar="MM", help="Noise of another sensor: one sigma along the ray..."),
-]
-ReferenceRange = Annotated[
-    float | None,
-    typer.Option(metavar="MM", help="...at this range, growing with range squared [400]."),
-]
-PoseFile = Annotated[
-    Path | None,
-    typer.Option("--poses", metavar="F", help="Poses of the robot's flange, one a profile."),
-]
-Convention = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NAME", help="Of the poses, never guessed: ur, kuka, fanuc, abb, ros, matrix, ..."
-    ),
-]
-HandEyeFile = Annotated[
-    Path | None,
-    typer.Option(
-        "--flange-from-section",
-        metavar="F",
-        help="Hand-eye file, its errors carried through; else the poses are the section's own.",
-    ),
-]
 JsonFile = Annotated[
     Path | None,
     typer.Option("--json", metavar="F", help="Write all results as JSON; - is standard output."),
 ]
-FileFormat = Annotated[
-    str | None,
-    typer.Option(
-        "--format", metavar="NAME", help=f"Reader; else detected from the content: {READERS}."
-    ),
-]
-Columns = Annotated[
-    str | None, typer.Option(metavar="X,Z", help="Columns of x and height: from 0, or by name.")
-]
-Units = Annotated[
-    str | None,
-    typer.Option(
-        metavar="UNIT", help="Of coordinates: nm um mm cm dm m km mil in ft, or scaled: 0.1mm."
-    ),
-]
-Lost = Annotated[
-    str | None,
-    typer.Option(
-        metavar="VALUE|none",
-        help="What marks a lost point, as -9999 or ERR; else told from values far from the rest.",
-    ),
-]
-Transpose = Annotated[
-    bool, typer.Option("--transpose", help="Rows and columns change places: profiles in columns.")
-]
-FirstX = Annotated[
-    float | None,
-    typer.Option("--x0", metavar="MM", help="Rows of heights: x of the first column."),
-]
-Spacing = Annotated[
-    float | None,
-    typer.Option("--dx", metavar="MM", help="Rows of heights: spacing of the columns."),
-]
-CountUnit = Annotated[
-    str | None,
-    typer.Option(
-        metavar="UNIT|N",
-        help="Rows of heights: what one count is, as 0.5um; Keyence's ZUnit in 0.01 um.",
-    ),
-]
-Flip = Annotated[
-    bool | None,
-    typer.Option("--flip/--no-flip", help="Heights grow away from the sensor, or towards it."),
+CsvFile = Annotated[
+    Path | None,
+    typer.Option("--csv", metavar="F", help="Write a cylinder a row as CSV; - is standard output."),
 ]
 Verbose = Annotated[
     bool, typer.Option("--verbose", "-v", help="Also say what was refused, and why.")
 ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorOptions:
+    """Noise of the sensor: that of a known sensor, or one sigma at a range."""
+
+    sensor: Annotated[
+        str | None,
+        typer.Option(
+            metavar="lps36hi|lps36", help="Noise of this sensor; else estimated from the profile."
+        ),
+    ] = None
+    range_std: Annotated[
+        float | None,
+        typer.Option(metavar="MM", help="Noise of another sensor: one sigma along the ray..."),
+    ] = None
+    reference_range: Annotated[
+        float | None,
+        typer.Option(metavar="MM", help="...at this range, growing with range squared [400]."),
+    ] = None
+
+    def parse(self) -> "ProfileSensor | None":
+        """Return the sensor that the options name or describe; None without any.
+
+        Raises
+        ------
+        typer.BadParameter
+            For an unknown name, a name and a noise, or a length that is not positive.
+        """
+        if self.sensor is None and self.range_std is None:
+            if self.reference_range is not None:
+                raise typer.BadParameter("expected --range-std with --reference-range, got none")
+            return None
+        from lsvision.sensors.profile_sensor import ProfileSensor, find_sensor
+
+        if self.sensor is not None and self.range_std is not None:
+            raise typer.BadParameter("expected --sensor or --range-std, got both")
+        reference = self.reference_range
+        try:
+            if self.sensor is not None:
+                return find_sensor(self.sensor)
+            return ProfileSensor(
+                range_std=self.range_std or 0.0,
+                reference_range=DEFAULT_REFERENCE_MM if reference is None else reference,
+            )
+        except ValueError as error:
+            raise typer.BadParameter(str(error)) from None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadingOptions:
+    """How profile files are read: format, columns, units and lost points."""
+
+    file_format: Annotated[
+        str | None,
+        typer.Option(
+            "--format", metavar="NAME", help=f"Reader; else detected from the content: {READERS}."
+        ),
+    ] = None
+    columns: Annotated[
+        str | None, typer.Option(metavar="X,Z", help="Columns of x and height: from 0, or by name.")
+    ] = None
+    units: Annotated[
+        str | None,
+        typer.Option(
+            metavar="UNIT", help="Of coordinates: nm um mm cm dm m km mil in ft, or scaled: 0.1mm."
+        ),
+    ] = None
+    flip: Annotated[
+        bool | None,
+        typer.Option("--flip/--no-flip", help="Heights grow away from the sensor, or towards it."),
+    ] = None
+    lost: Annotated[
+        str | None,
+        typer.Option(
+            metavar="VALUE|none",
+            help="What marks a lost point, as -9999 or ERR; else guessed from values far from "
+            "the rest.",
+        ),
+    ] = None
+    transpose: Annotated[
+        bool,
+        typer.Option("--transpose", help="Rows and columns change places: profiles in columns."),
+    ] = False
+    x0: Annotated[
+        float | None,
+        typer.Option("--x0", metavar="MM", help="Rows of heights: x of the first column."),
+    ] = None
+    dx: Annotated[
+        float | None,
+        typer.Option("--dx", metavar="MM", help="Rows of heights: spacing of the columns."),
+    ] = None
+    z_unit: Annotated[
+        str | None,
+        typer.Option(
+            metavar="UNIT|N",
+            help="Rows of heights: what one count is, as 0.5um; Keyence's ZUnit in 0.01 um.",
+        ),
+    ] = None
+    topic: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Of a ROS bag, where several hold profiles, as /scan."),
+    ] = None
+
+    def parse(self, **more: Unpack["ReadOptions"]) -> "ReadOptions":
+        """Return the arguments of `read_profiles`, checked before any file is opened.
+
+        Parameters
+        ----------
+        **more
+            Arguments that only some commands have.
+
+        Raises
+        ------
+        typer.BadParameter
+            For an unknown format or unit, or invalid columns.
+        """
+        from lsvision.io.profiles import ReadOptions, ReadSettings
+
+        options = ReadOptions(
+            format=self.file_format, columns=self.columns, units=self.units, flip=self.flip,
+            lost=self.lost, transpose=self.transpose, x0=self.x0, dx=self.dx, z_unit=self.z_unit,
+            topic=self.topic,
+        ) | more  # fmt: skip
+        try:
+            ReadSettings(**options)
+        except ValueError as error:
+            raise typer.BadParameter(str(error)) from None
+        return options

@@ -1,4 +1,4 @@
-"""A bar on stderr while many files are worked on."""
+"""Progress bar on stderr."""
 
 import shutil
 import sys
@@ -9,7 +9,7 @@ BAR = 24
 
 
 class Progress:
-    """One line that is drawn over itself; silent unless stderr is a terminal.
+    """Progress bar in one line; nothing is shown unless stderr is a terminal.
 
     Parameters
     ----------
@@ -29,9 +29,9 @@ class Progress:
         done : int
             Files that are finished.
         name : str
-            The file that is worked on.
+            The current file.
         part, parts : int
-            Profiles of it that are finished, and how many it holds.
+            Number of its finished profiles, and of all its profiles.
         """
         if not self._shown or self._total * parts == 1:
             return
@@ -43,7 +43,7 @@ class Progress:
         sys.stderr.flush()
 
     def clear(self) -> None:
-        """Wipe the bar, so that other lines can be written."""
+        """Erase the bar, so that other lines can be written."""
         if self._shown:
             sys.stderr.write("\r\x1b[K")
             sys.stderr.flush()

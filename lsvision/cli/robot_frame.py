@@ -1,12 +1,12 @@
-"""Sections measured by a sensor on a robot: their cylinders in the robot's frame."""
+"""Cylinders in the robot's frame, from sections of a sensor on the robot."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lsvision.cli.robot_poses import (
     PoseFile,
+    RobotOptions,
     parse_pose_file,
     read_calibration,
     uncertainty_caption,
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RobotFrame:
-    """How sections come to the robot's frame.
+    """Transformation of sections to the robot's frame.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class RobotFrame:
     def place(
         self, sections: "Sequence[CylinderSection]", flange: "Pose | None"
     ) -> "list[tuple[PlacedCylinder, PlacedCylinder]]":
-        """Both cylinders of each section."""
+        """Return both possible cylinders of each section."""
         from lsvision.cylinder.robot_frame import place_section
         from lsvision.geometry import Pose
 
@@ -45,10 +45,8 @@ class RobotFrame:
         return [place_section(each, mount, flange) for each in sections]
 
 
-def parse_robot_frame(
-    poses: Path | None, convention: str | None, hand_eye: Path | None
-) -> RobotFrame | None:
-    """What the options say of the robot; None without any.
+def parse_robot_frame(robot: RobotOptions) -> RobotFrame | None:
+    """Return the frame that the options describe; None without any.
 
     Raises
     ------
@@ -57,7 +55,7 @@ def parse_robot_frame(
     LsvisionError
         If the hand-eye file cannot be used.
     """
-    rows = parse_pose_file(poses, convention)
+    rows, hand_eye = parse_pose_file(robot), robot.flange_from_section
     if rows is None and hand_eye is None:
         return None
     calibration = None if hand_eye is None else read_calibration(hand_eye)
@@ -65,7 +63,7 @@ def parse_robot_frame(
 
 
 def robot_frame_table(placed: "Sequence[tuple[PlacedCylinder, PlacedCylinder]]") -> list[str]:
-    """Lines of a table: each cylinder twice, with both directions that one section allows."""
+    """Return a table with both possible directions of each cylinder."""
     if not placed:
         return []
     from lsvision.cylinder.robot_frame import PLACED_HEADER, placed_cells

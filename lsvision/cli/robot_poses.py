@@ -1,8 +1,8 @@
-"""Where a robot held the sensor: poses of its flange, and the hand-eye file."""
+"""Options of a robot that carries the sensor: poses of its flange, and the hand-eye file."""
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -13,61 +13,108 @@ if TYPE_CHECKING:
     from lsvision.geometry import Pose
 
 
+@dataclass(frozen=True, kw_only=True)
+class RobotOptions:
+    """Poses of a robot that carries the sensor, and where the sensor sits on it."""
+
+    poses: Annotated[
+        Path | None,
+        typer.Option(metavar="F", help="Poses of the robot's flange, one a profile."),
+    ] = None
+    convention: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Of the poses, never guessed: ur, kuka, fanuc, abb, ros, matrix, ...",
+        ),
+    ] = None
+    flange_from_section: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="F",
+            help="Hand-eye file, its errors carried through; else the poses are the section's own.",
+        ),
+    ] = None
+
+    @property
+    def files(self) -> list[Path]:
+        """Return the files that the options name."""
+        return [file for file in (self.poses, self.flange_from_section) if file is not None]
+
+
 @dataclass(frozen=True)
 class PoseFile:
-    """``--poses`` and ``--convention``."""
+    """A file of poses and the convention in which they are written."""
 
     path: Path
     convention: str
 
+    def read(self, count: int, each: str = "profile") -> "list[Pose]":
+        """Read the poses of the flange.
 
-def parse_pose_file(poses: Path | None, convention: str | None) -> PoseFile | None:
-    """What the options say of the robot's poses; None without any.
+        Parameters
+        ----------
+        count : int
+            Expected number of poses.
+        each : str
+            Of what there is one for each pose; for the message.
+
+        Raises
+        ------
+        UnreadableFile
+            If the file cannot be read, or holds another number of poses.
+        """
+        from lsvision.io.robot_poses import read_robot_poses
+
+        flanges = read_robot_poses(self.path, self.convention)
+        if len(flanges) != count:
+            raise UnreadableFile(
+                f"{self.path}: expected {count} pose{'' if count == 1 else 's'}, one for each "
+                f"{each}, got {len(flanges)}: leave out what has no partner"
+            )
+        return flanges
+
+
+def parse_pose_file(robot: RobotOptions) -> PoseFile | None:
+    """Return ``--poses`` with ``--convention``; None without both.
 
     Raises
     ------
     typer.BadParameter
         If one of them is missing, or the convention is unknown.
     """
-    if poses is None:
-        if convention is not None:
-            raise typer.BadParameter("want --poses beside --convention, got none")
-        return None
-    from lsvision.io.robot_conventions import CONVENTIONS
-
-    if convention not in CONVENTIONS:
-        raise typer.BadParameter(
-            f"want --convention {', '.join(CONVENTIONS)} beside --poses, got {convention}"
-        )
-    return PoseFile(poses, convention)
+    if robot.poses is not None:
+        return PoseFile(robot.poses, parse_convention(robot.convention))
+    if robot.convention is not None:
+        raise typer.BadParameter("expected --poses with --convention, got none")
+    return None
 
 
-def read_poses(rows: PoseFile, count: int) -> "list[Pose]":
-    """The poses, one a profile.
+def parse_convention(name: str | None) -> str:
+    """Return the name of a pose convention.
 
     Raises
     ------
-    UnreadableFile
-        If the file cannot be read, or there are not as many poses as profiles.
+    typer.BadParameter
+        If the name is unknown or missing.
     """
-    from lsvision.io.robot_poses import read_robot_poses
+    from lsvision.io.robot_conventions import CONVENTIONS
 
-    flanges = read_robot_poses(rows.path, rows.convention)
-    if len(flanges) != count:
-        raise UnreadableFile(
-            f"{rows.path}: want one pose a profile, got {len(flanges)} poses for {count} "
-            f"profile{'' if count == 1 else 's'}: leave out what has no partner"
+    if name not in CONVENTIONS:
+        raise typer.BadParameter(
+            f"expected --convention {', '.join(CONVENTIONS)}, got {name or 'none'}: the same "
+            "numbers mean another pose in each"
         )
-    return flanges
+    return name
 
 
 def read_calibration(path: Path) -> "HandEye":
-    """The hand-eye file of a profile sensor on the flange.
+    """Read the hand-eye file of a profile sensor on the flange.
 
     Raises
     ------
     LsvisionError
-        If it is none, of another schema, of a camera, or of a sensor that stands still.
+        If it is invalid, of another schema, of a camera, or of a fixed sensor.
     """
     from lsvision.io.hand_eye_file import load_hand_eye
 
@@ -83,7 +130,7 @@ def read_calibration(path: Path) -> "HandEye":
 
 
 def uncertainty_caption(*, calibrated: bool, in_base: bool) -> str:
-    """What the errors of a table are, of a sensor on a robot."""
+    """Return what the standard deviations of a table include."""
     if not calibrated:
         return "one sigma, the sensor's place on the robot taken as exact"
     sources = "calibration's and the robot's" if in_base else "calibration's"

@@ -7,36 +7,21 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lsvision.cli.measure_options import (
-    parse_known_radius,
-    parse_read_options,
-    parse_search_range,
-    parse_sensor,
-)
+from lsvision.cli.measure_options import parse_known_radius, parse_search_range
 from lsvision.cli.messages import FAILED, print_error, print_lines
+from lsvision.cli.option_groups import expand_option_groups
 from lsvision.cli.outputs import STDOUT, check_outputs, check_picture, write_output
 from lsvision.cli.profile_options import (
-    Columns,
-    Convention,
-    CountUnit,
-    FileFormat,
-    FirstX,
-    Flip,
-    HandEyeFile,
+    CsvFile,
     JsonFile,
     KnownRadius,
-    Lost,
-    PoseFile,
     Radius,
-    RangeStd,
-    ReferenceRange,
-    SensorName,
-    Spacing,
-    Transpose,
-    Units,
+    ReadingOptions,
+    SensorOptions,
     Verbose,
 )
 from lsvision.cli.progress import Progress
+from lsvision.cli.robot_poses import RobotOptions
 from lsvision.cli.scan_poses import (
     Encoder,
     Robot,
@@ -47,8 +32,8 @@ from lsvision.cli.scan_poses import (
 from lsvision.cli.scan_table import scan_lines
 from lsvision.cli.sources import (
     find_sources,
-    print_reading_notes,
-    read_source,
+    profile_names,
+    read_sources,
     suffixes_of_profiles,
 )
 from lsvision.files.printable import printable, printable_name
@@ -63,7 +48,9 @@ if TYPE_CHECKING:
     from lsvision.sensors.profile_sensor import ProfileSensor
 
 
+@expand_option_groups
 def scan(
+    *,
     files: Annotated[
         list[str],
         typer.Argument(metavar="FILE|DIR|GLOB", help="Profiles in the order of the feed."),
@@ -79,14 +66,10 @@ def scan(
     step: Annotated[
         float | None, typer.Option(metavar="MM", help="Feed from one profile to the next.")
     ] = None,
-    poses: PoseFile = None,
-    convention: Convention = None,
-    flange_from_section: HandEyeFile = None,
+    robot: RobotOptions,
     radius: Radius = None,
     known_radius: KnownRadius = None,
-    sensor: SensorName = None,
-    range_std: RangeStd = None,
-    reference_range: ReferenceRange = None,
+    sensor: SensorOptions,
     pose_std: Annotated[
         float,
         typer.Option(
@@ -99,12 +82,7 @@ def scan(
         float, typer.Option(metavar="DEG", min=0, help="One sigma of the feed's direction.")
     ] = 0.0,
     json_file: JsonFile = None,
-    csv_file: Annotated[
-        Path | None,
-        typer.Option(
-            "--csv", metavar="F", help="Write a cylinder a row as CSV; - is standard output."
-        ),
-    ] = None,
+    csv_file: CsvFile = None,
     plot: Annotated[
         Path | None, typer.Option(metavar="F.png|F.svg", help="Draw points and cylinders in 3D.")
     ] = None,
@@ -116,15 +94,7 @@ def scan(
         Path | None,
         typer.Option("--surfaces", metavar="F.ply", help="Write the cylinders' surfaces."),
     ] = None,
-    file_format: FileFormat = None,
-    columns: Columns = None,
-    units: Units = None,
-    flip: Flip = None,
-    lost: Lost = None,
-    transpose: Transpose = False,
-    x0: FirstX = None,
-    dx: Spacing = None,
-    z_unit: CountUnit = None,
+    reading: ReadingOptions,
     verbose: Verbose = False,
 ) -> None:
     """Measure cylinders in space from several sections of known pose, jointly.
@@ -144,18 +114,15 @@ def scan(
 
     The fit cannot see a wrong feed: a direction 0.5 deg off turns the axis by 0.45 deg and costs
     0.1 mm of radius with the same residuals. --feed-std-deg puts that into the errors.
-    """  # noqa: D301 - the backspace tells click to leave the lines as they are
+    """  # noqa: D301 - the backspace makes click keep the line breaks
     check_picture(plot)
-    reading = parse_read_options(
-        format=file_format, columns=columns, units=units, flip=flip, lost=lost,
-        transpose=transpose, x0=x0, dx=dx, z_unit=z_unit,
-    )  # fmt: skip
-    noise = parse_sensor(sensor, range_std, reference_range)
+    options = reading.parse()
+    noise = sensor.parse()
     search, known = parse_search_range(radius), parse_known_radius(known_radius)
-    sources, missing = find_sources(files, suffixes_of_profiles(dx))
-    inputs = [*sources, *filter(None, (poses, flange_from_section))]
-    check_outputs((plot, points_ply, surfaces_ply), inputs, streams=(json_file, csv_file))
-    motion = parse_motion(feed, step, poses, convention, flange_from_section)
+    sources, missing = find_sources(files, suffixes_of_profiles(reading.dx))
+    outputs = (plot, points_ply, surfaces_ply)
+    check_outputs(outputs, [*sources, *robot.files], streams=(json_file, csv_file))
+    motion = parse_motion(feed, step, robot)
     for failure in missing:
         print_error(str(failure))
     if missing:
@@ -164,7 +131,7 @@ def scan(
     from lsvision.scan import fit_sections_jointly
 
     pose_errors = _pose_errors(pose_std, feed_std_deg, motion)
-    profiles, names, records = _read_all(sources, reading)
+    profiles, names, records = _read_all(sources, options)
     base_from_sections = scan_poses(motion, len(profiles))
     measurements = _measure_all(profiles, names, search, known, noise)
     found = fit_sections_jointly(
@@ -190,30 +157,21 @@ def _pose_errors(pose_std: float, feed_std_deg: float, motion: Encoder | Robot) 
             feed_std=math.radians(feed_std_deg),
             calibration=motion.calibration if isinstance(motion, Robot) else None,
         )
-    except ValueError as slip:
-        raise typer.BadParameter(str(slip)) from None
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from None
 
 
 def _read_all(
     sources: Sequence[Path], reading: "ReadOptions"
 ) -> "tuple[list[Profile], list[str], list[Record]]":
-    """Profiles of all files in their order, a name for each, and how each was read."""
+    """Return the profiles of all files in their order, a name for each, and how each was read."""
     from lsvision.io.results import input_record
 
-    profiles: list[Profile] = []
-    names: list[str] = []
-    inputs: list[Record] = []
-    files = [read_source(source, reading) for source in sources]
-    print_reading_notes(files)
-    for source, file in zip(sources, files, strict=True):
-        several = len(file.profiles) > 1
-        profiles += file.profiles
-        names += [
-            f"{source}, profile {number}" if several else str(source)
-            for number in range(len(file.profiles))
-        ]
-        inputs += [input_record(file, number) for number in range(len(file.profiles))]
-    return profiles, names, inputs
+    files = read_sources(sources, reading)
+    profiles = [profile for file in files for profile in file.profiles]
+    names = [name for file in files for name in profile_names(file, str(file.path))]
+    records = [input_record(file, k) for file in files for k in range(len(file.profiles))]
+    return profiles, names, records
 
 
 def _measure_all(
@@ -262,7 +220,7 @@ def _write_tables(
     base_from_sections: "Sequence[Pose]",
     outputs: tuple[Path | None, Path | None],
 ) -> None:
-    """The JSON and the CSV, each where it is wanted."""
+    """Write the JSON and CSV files that the options name."""
     json_file, csv_file = outputs
     names, records = read
     if json_file is not None:
@@ -291,7 +249,7 @@ def _draw(
 def _write_clouds(
     found: "ScanMeasurement", points: "Points", points_ply: Path | None, surfaces_ply: Path | None
 ) -> None:
-    """Write the points and the surfaces, each where it is wanted."""
+    """Write the PLY files that the options name."""
     if points_ply is None and surfaces_ply is None:
         return
     from lsvision.draw.scan_ply import coloured_points, coloured_surfaces

@@ -1,17 +1,16 @@
-"""Where each section of a scan stands: an encoder axis, or a robot's poses."""
+"""Poses of the sections of a scan: from an encoder axis, or from a robot."""
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
 
 from lsvision.cli.robot_poses import (
     PoseFile,
+    RobotOptions,
     parse_pose_file,
     read_calibration,
-    read_poses,
     uncertainty_caption,
 )
 
@@ -30,47 +29,41 @@ class Encoder:
 
 @dataclass(frozen=True)
 class Robot:
-    """``--poses``, ``--convention`` and what ``--flange-from-section`` holds."""
+    """``--poses`` with ``--convention``, and the calibration of ``--flange-from-section``."""
 
     rows: PoseFile
     calibration: "HandEye | None"
 
 
-def parse_motion(
-    feed: str | None,
-    step: float | None,
-    poses: Path | None,
-    convention: str | None,
-    hand_eye: Path | None,
-) -> Encoder | Robot:
-    """What the options say of the motion.
+def parse_motion(feed: str | None, step: float | None, robot: RobotOptions) -> Encoder | Robot:
+    """Return the motion that the options describe.
 
     Raises
     ------
     typer.BadParameter
-        If they say too little, both ways at once, or numbers that are none.
+        If an option is missing or invalid, or both motions are given.
     LsvisionError
         If the hand-eye file cannot be used.
     """
-    if poses is not None and (feed is not None or step is not None):
-        raise typer.BadParameter("want --feed with --step, or --poses, got both")
-    rows = parse_pose_file(poses, convention)
+    if robot.poses is not None and (feed is not None or step is not None):
+        raise typer.BadParameter("expected --feed with --step, or --poses, got both")
+    rows, hand_eye = parse_pose_file(robot), robot.flange_from_section
     if rows is not None:
         return Robot(rows, None if hand_eye is None else read_calibration(hand_eye))
     if hand_eye is not None:
-        raise typer.BadParameter("want --poses beside --flange-from-section, got none")
+        raise typer.BadParameter("expected --poses with --flange-from-section, got none")
     if feed is None or step is None:
         raise typer.BadParameter(
-            "want --feed X,Y,Z and --step MM, or --poses F and --convention NAME: without "
+            "expected --feed X,Y,Z and --step MM, or --poses F and --convention NAME: without "
             "poses sections cannot be joined"
         )
     if not (math.isfinite(step) and step != 0):
-        raise typer.BadParameter(f"want --step in mm other than 0, got {step:g}")
+        raise typer.BadParameter(f"expected --step in mm other than 0, got {step:g}")
     return Encoder(_direction(feed), step)
 
 
 def scan_poses(motion: Encoder | Robot, count: int) -> "list[Pose]":
-    """``base_from_section`` of each profile.
+    """Return ``base_from_section`` of each profile.
 
     Parameters
     ----------
@@ -88,14 +81,14 @@ def scan_poses(motion: Encoder | Robot, count: int) -> "list[Pose]":
         from lsvision.io.robot_poses import encoder_poses
 
         return encoder_poses(count, motion.direction, motion.step)
-    flanges = read_poses(motion.rows, count)
+    flanges = motion.rows.read(count)
     if motion.calibration is None:
         return flanges
     return [flange @ motion.calibration.flange_from_section for flange in flanges]
 
 
 def motion_uncertainty_caption(motion: Encoder | Robot) -> str:
-    """What the errors of the table are."""
+    """Return what the standard deviations of the table include."""
     if isinstance(motion, Encoder):
         return "one sigma"
     return uncertainty_caption(calibrated=motion.calibration is not None, in_base=True)
@@ -105,7 +98,7 @@ def _direction(text: str) -> tuple[float, float, float]:
     try:
         x, y, z = (float(part) for part in text.split(","))
     except ValueError:
-        raise typer.BadParameter(f"want --feed X,Y,Z, as 0,0,1, got {text!r}") from None
+        raise typer.BadParameter(f"expected --feed X,Y,Z, as 0,0,1, got {text!r}") from None
     if not 0 < math.hypot(x, y, z) < math.inf:
-        raise typer.BadParameter(f"want a --feed with a length, got {text!r}")
+        raise typer.BadParameter(f"expected --feed of a length above 0, got {text!r}")
     return x, y, z

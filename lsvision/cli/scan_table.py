@@ -3,8 +3,6 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from lsvision.cli.section_table import reason_without_cylinder
-
 if TYPE_CHECKING:
     from lsvision.scan import ScanMeasurement, ScannedCylinder, TubeShape
 
@@ -16,18 +14,18 @@ def scan_lines(
     *,
     verbose: bool,
 ) -> list[str]:
-    """What a scan holds: the table, and below it what is special about each cylinder.
+    """Return the table of a scan, with remarks on each cylinder below.
 
     Parameters
     ----------
     scan : ScanMeasurement
-        What was found.
+        The measurement.
     shapes : sequence of TubeShape or None
-        Of each cylinder.
+        Shape of each cylinder.
     sigma : str
-        What the errors are, from `motion_uncertainty_caption`.
+        What the standard deviations include, from `motion_uncertainty_caption`.
     verbose : bool
-        List what was refused; else only the longest track is told if nothing was found.
+        List the refused tracks; else, if nothing was found, only the longest.
     """
     from lsvision.results.tables import text_table
     from lsvision.scan.scan_table import tube_cells
@@ -49,11 +47,11 @@ def scan_lines(
 
 
 def _reason_without_cylinder(scan: "ScanMeasurement") -> str:
-    """What is said of the longest track, or else of the first section that holds nothing."""
+    """Return the reason of the longest track, or else of the first section without a cylinder."""
     if scan.rejections:
         return max(scan.rejections, key=lambda rejection: len(rejection.sections)).reason
     empty = [section for section in scan.measurements if not section.cylinders]
-    return reason_without_cylinder(empty[0]) if empty else "no section goes with another"
+    return empty[0].reason if empty else "no section goes with another"
 
 
 def _remarks(tube: "ScannedCylinder", shape: "TubeShape | None") -> list[str]:

@@ -14,17 +14,17 @@ if TYPE_CHECKING:
 def measurement_lines(
     measurement: "Measurement", profile: "Profile", *, verbose: bool
 ) -> list[str]:
-    """What a profile holds: the table, or that there is nothing; and what was refused.
+    """Return the table of a profile, or why it is empty, and the refused arcs.
 
     Parameters
     ----------
     measurement : Measurement
-        What was found.
+        The measurement.
     profile : Profile
-        Where it was found.
+        The measured profile.
     verbose : bool
-        Say which residuals are correlated, and list the refused arcs from left to right; else
-        only the longest is told if nothing was found.
+        Add notes on correlated residuals, and the refused arcs from left to right; else, if
+        nothing was found, only one arc.
     """
     from lsvision.ellipse.section_table import section_cells
     from lsvision.results.tables import text_table
@@ -33,7 +33,7 @@ def measurement_lines(
     refused = f"{len(rejections)} arc{'' if len(rejections) == 1 else 's'} refused"
     lines = text_table(section_cells(measurement.cylinders))
     if not measurement.cylinders:
-        reason = reason_without_cylinder(measurement)
+        reason = measurement.reason
         more = f" ({refused}: -v lists them)" if len(rejections) > 1 and not verbose else ""
         lines = [f"no cylinder found: {reason}{more}"]
     if verbose:
@@ -41,12 +41,6 @@ def measurement_lines(
     if verbose and rejections:
         lines += [f"{refused}:", *(_refusal(rejection, profile) for rejection in rejections)]
     return lines
-
-
-def reason_without_cylinder(measurement: "Measurement") -> str:
-    """Why a profile holds no cylinder: what is said of the longest of its refused arcs."""
-    longest = max(measurement.rejections, key=lambda r: r.arc.stop - r.arc.start, default=None)
-    return "no valid point" if longest is None else longest.reason
 
 
 def _correlation_notes(cylinders: Sequence["CylinderSection"]) -> list[str]:
@@ -61,6 +55,6 @@ def _correlation_notes(cylinders: Sequence["CylinderSection"]) -> list[str]:
 def _refusal(rejection: "Rejection", profile: "Profile") -> str:
     arc = rejection.arc
     x = arc.of(profile)[:, 0]
-    seen = [value for value in x.tolist() if math.isfinite(value)]
-    where = f", x {min(seen):.1f} to {max(seen):.1f} mm" if seen else ""
+    finite = [value for value in x.tolist() if math.isfinite(value)]
+    where = f", x {min(finite):.1f} to {max(finite):.1f} mm" if finite else ""
     return f"  points {arc.start} to {arc.stop - 1}{where}: {rejection.reason}"

@@ -56,15 +56,15 @@ def simulate(
       mkdir trial && lsvision simulate complex --count 100 --radius 19 --out trial
     A single pipe tilted by 20 to 30 deg, almost without noise:
       lsvision simulate single --phi-deg 20:30 --noise-mm 0.005 --lost 0 --jumps 0 --out .
-    """  # noqa: D301 - the backspace tells click to leave the lines as they are
+    """  # noqa: D301 - the backspace makes click keep the line breaks
     from lsvision.files.atomic_files import write_atomic
     from lsvision.simulate import SCENE_KINDS, random_section
     from lsvision.simulate.text_export import profile_text, truth_text
 
     if kind not in SCENE_KINDS:
-        raise typer.BadParameter(f"want one of {', '.join(SCENE_KINDS)}, got {kind!r}")
+        raise typer.BadParameter(f"expected one of {', '.join(SCENE_KINDS)}, got {kind!r}")
     if noise_mm is not None and not 0 < noise_mm < float("inf"):
-        raise typer.BadParameter(f"want --noise-mm above 0, got {noise_mm:g}")
+        raise typer.BadParameter(f"expected --noise-mm above 0, got {noise_mm:g}")
     tubes = _tube_ranges(radius, theta_deg, phi_deg)
     settings = _settings(lost, jumps)
     for number in range(seed, seed + count):
@@ -104,17 +104,17 @@ def _range(text: str, option: str) -> tuple[float, float]:
         least, largest = numbers if len(numbers) == 2 else (numbers[0], *numbers)
     except ValueError:
         raise typer.BadParameter(
-            f"want a number or least:largest for {option}, got {text!r}"
+            f"expected a number or least:largest for {option}, got {text!r}"
         ) from None
     return least, largest
 
 
 def _command(kind: str, seed: int, section: "SimulatedSection", tubes: "TubeRanges") -> str:
-    """The command that writes this scene alone, everything said."""
+    """Return the command that writes this scene alone, with all options."""
     ranges = (("radius", tubes.radius_mm), ("theta-deg", tubes.theta_deg),
               ("phi-deg", tubes.phi_deg))  # fmt: skip
-    words = [f"--{name} {low!r}:{high!r}" for name, (low, high) in ranges]
+    arguments = [f"--{name} {low!r}:{high!r}" for name, (low, high) in ranges]
     settings = section.settings
-    words.append(f"--noise-mm {section.sensor.range_std!r}")
-    words.append(f"--lost {settings.lost_fraction!r} --jumps {settings.jump_fraction!r}")
-    return f"lsvision simulate {kind} --seed {seed} " + " ".join(words)
+    arguments.append(f"--noise-mm {section.sensor.range_std!r}")
+    arguments.append(f"--lost {settings.lost_fraction!r} --jumps {settings.jump_fraction!r}")
+    return f"lsvision simulate {kind} --seed {seed} " + " ".join(arguments)

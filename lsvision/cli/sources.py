@@ -1,4 +1,4 @@
-"""Which files a command line names, and what one of them holds."""
+"""Input files of a command line, and their profiles."""
 
 import os
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ VIDEO_SUFFIXES = frozenset((".avi", ".mp4", ".mkv", ".mov", ".m4v", ".webm"))
 """Files that are read frame by frame."""
 
 MEASURED_SUFFIXES = PROFILE_SUFFIXES | IMAGE_SUFFIXES | VIDEO_SUFFIXES
-"""What counts in a folder where a rig turns images into profiles."""
+"""Files that count in a folder when a rig is given."""
 
 
 HEIGHT_MAP_SUFFIXES = frozenset((".tif", ".tiff", ".png"))
@@ -29,19 +29,19 @@ HEIGHT_MAP_SUFFIXES = frozenset((".tif", ".tiff", ".png"))
 
 
 def suffixes_of_profiles(dx: float | None) -> frozenset[str]:
-    """What counts as a profile in a folder, with ``--dx`` or without."""
+    """Return the suffixes of profiles in a folder, with ``--dx`` or without."""
     return PROFILE_SUFFIXES if dx is None else PROFILE_SUFFIXES | HEIGHT_MAP_SUFFIXES
 
 
 def find_sources(
-    words: Sequence[str], suffixes: frozenset[str] = PROFILE_SUFFIXES
+    names: Sequence[str], suffixes: frozenset[str] = PROFILE_SUFFIXES
 ) -> tuple[list[Path], list[LsvisionError]]:
-    """Files that the words of a command line name.
+    """Return the files that the arguments of a command line name.
 
     Parameters
     ----------
-    words : sequence of str
-        Files, folders (the profile files right in them), patterns (``**`` reaches into folders)
+    names : sequence of str
+        Files, folders (the profile files directly in them), patterns (``**`` matches folders)
         and ``-`` for standard input, in the order of the command line.
     suffixes : frozenset of str
         What counts when a folder is named: `PROFILE_SUFFIXES`, `IMAGE_SUFFIXES` or
@@ -52,17 +52,17 @@ def find_sources(
     sources : list of Path
         Each file once; within a folder or pattern in natural order, 2 before 10.
     failures : list of LsvisionError
-        One for each word that names nothing.
+        One for each name without a file.
     """
     found: dict[str, Path] = {}
     failures: list[LsvisionError] = []
-    for word in words:
+    for name in names:
         try:
-            files = find_files(word, suffixes)
+            files = find_files(name, suffixes)
             if not files:
-                failures.append(_nothing_in(word, suffixes))
+                failures.append(_no_file_error(name, suffixes))
         except OSError as error:  # a folder that may not be listed
-            failures.append(UnreadableFile(f"{word}: cannot be listed ({error.strerror})"))
+            failures.append(UnreadableFile(f"{name}: cannot be listed ({error.strerror})"))
             continue
         for file in files:
             found.setdefault(true_path(file), file)
@@ -70,20 +70,20 @@ def find_sources(
 
 
 def true_path(path: Path) -> str:
-    """The path with its links followed, as far as they lead; standard input stays ``-``."""
+    """Return the path with its links resolved; standard input stays ``-``."""
     try:
         return STDIN if str(path) == STDIN else os.path.realpath(path)
-    except ValueError:  # a null in it: no file, and told so by its reader
+    except ValueError:  # contains a null: no file, which its reader reports
         return str(path)
 
 
 def read_source(source: Path, options: "ReadOptions") -> "ProfileFile":
-    """Profiles of a file, with how they were read.
+    """Read the profiles of a file.
 
     Raises
     ------
     UnreadableFile
-        Names the file and the mend; also where nobody states the unit and mm cannot be right.
+        Names the file and the remedy; also if mm, which is assumed, is implausible.
     """
     from lsvision.io.profiles import inspect_profiles
 
@@ -97,8 +97,15 @@ def read_source(source: Path, options: "ReadOptions") -> "ProfileFile":
     return file
 
 
-def print_reading_notes(files: "Sequence[ProfileFile]") -> None:
-    """Write on stderr what was guessed while files were read, each remark once."""
+def read_sources(sources: Sequence[Path], options: "ReadOptions") -> "list[ProfileFile]":
+    """Read files in order; print on stderr what was assumed, each remark once.
+
+    Raises
+    ------
+    UnreadableFile
+        As `read_source`.
+    """
+    files = [read_source(source, options) for source in sources]
     remarks: dict[str, list[Path]] = {}
     for file in files:
         assumed = f"units taken as {file.units}: say --units" if file.units_assumed else ""
@@ -108,19 +115,26 @@ def print_reading_notes(files: "Sequence[ProfileFile]") -> None:
     for remark, paths in remarks.items():
         more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
         print_lines([f"{paths[0]}{more}: note: {remark}"], err=True)
+    return files
 
 
-def _nothing_in(word: str, suffixes: frozenset[str]) -> UnreadableFile:
-    if is_directory(word):
-        if suffixes is PROFILE_SUFFIXES and find_files(word, IMAGE_SUFFIXES | VIDEO_SUFFIXES):
+def profile_names(file: "ProfileFile", name: str) -> list[str]:
+    """Return a name for each profile of a file, with its number if there are several."""
+    count = len(file.profiles)
+    return [f"{name}, profile {number}" for number in range(count)] if count > 1 else [name] * count
+
+
+def _no_file_error(name: str, suffixes: frozenset[str]) -> UnreadableFile:
+    if is_directory(name):
+        if suffixes is PROFILE_SUFFIXES and find_files(name, IMAGE_SUFFIXES | VIDEO_SUFFIXES):
             return UnreadableFile(
-                f"{word}: no profile in this folder, only images: they need the rig that took "
+                f"{name}: no profile in this folder, only images: they need the rig that took "
                 "them, --light-section rig.json"
             )
         what, pattern = ("image", "*.png") if suffixes is IMAGE_SUFFIXES else ("profile", "*.csv")
         return UnreadableFile(
-            f"{word}: no {what} in this folder: name another, its subfolders as "
-            f"'{Path(word) / '**' / pattern}', or files whose suffix is none of "
+            f"{name}: no {what} in this folder: name another, its subfolders as "
+            f"'{Path(name) / '**' / pattern}', or files whose suffix is none of "
             f"{' '.join(sorted(suffixes))}"
         )
-    return UnreadableFile(f"{word}: no file matches this pattern: check it with ls")
+    return UnreadableFile(f"{name}: no file matches this pattern: check it with ls")

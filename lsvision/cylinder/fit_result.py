@@ -144,14 +144,11 @@ class CylinderFit(Result):
         >>> low < 0 < high
         True
         """
-        from scipy.special import ndtri, stdtrit
-
         if quantity not in AXIS_QUANTITIES:
             raise ValueError(
                 f"expected a quantity among {', '.join(AXIS_QUANTITIES)}, got {quantity!r}"
             )
-        if not 0 < level < 1:
-            raise ValueError(f"expected a level between 0 and 1, got {level}")
+        factor = self.coverage_factor(level)
         name, _, axis = quantity.partition("_")
         if name == "radius":
             value, std = self.radius, self.radius_std
@@ -161,9 +158,45 @@ class CylinderFit(Result):
             covariance = self.covariance[first : first + 2, first : first + 2]
             value = float((self.point if name == "point" else self.direction)[place])
             std = math.sqrt(float(gradient @ covariance @ gradient))
-        freedom, quantile = self.degrees_of_freedom, (1 + level) / 2
-        factor = stdtrit(freedom, quantile) if math.isfinite(freedom) else ndtri(quantile)
-        return value - float(factor) * std, value + float(factor) * std
+        return value - factor * std, value + factor * std
+
+    def coverage_factor(self, level: float = 0.95, quantities: int = 1) -> float:
+        """Return the half width of an interval, or of a joint region, in standard uncertainties.
+
+        Parameters
+        ----------
+        level : float
+            Between 0 and 1.
+        quantities : int
+            Number of quantities that the region holds together: 2 for a direction.
+
+        Returns
+        -------
+        float
+            By Student's t, or Hotelling's T^2, for the fit's degrees of freedom.
+
+        Raises
+        ------
+        ValueError
+            If the level is no probability.
+
+        Examples
+        --------
+        >>> import lsvision as lsv
+        >>> angle, height = np.meshgrid(np.linspace(0, 2, 30), [0.0, 10.0])
+        >>> pipe = np.stack([19 * np.cos(angle), 19 * np.sin(angle), height], -1).reshape(-1, 3)
+        >>> fit = lsv.fit_cylinder(pipe + np.random.default_rng(1).normal(0, 0.01, pipe.shape))
+        >>> bool(1.96 < fit.coverage_factor() < 2.1 < fit.coverage_factor(quantities=2) < 2.7)
+        True
+        """
+        from scipy.special import chdtri, fdtri
+
+        if not 0 < level < 1:
+            raise ValueError(f"expected a level between 0 and 1, got {level}")
+        if math.isinf(self.degrees_of_freedom):
+            return math.sqrt(chdtri(quantities, 1 - level))
+        squared = quantities * fdtri(quantities, self.degrees_of_freedom, level)
+        return math.sqrt(squared)
 
     def to_dict(self) -> Record:
         """Return axis, radius, covariance and scatter as plain numbers, ready for JSON.

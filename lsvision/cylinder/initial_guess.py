@@ -11,12 +11,16 @@ from lsvision.cylinder.problem import (
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.errors import FitFailed
 from lsvision.geometry import Cylinder, FloatArray, Points, hemisphere_directions, tangent_frame
+from lsvision.geometry.arrays import TINY
 
 DIRECTIONS = 400
 """Directions of the grid over the hemisphere: 7 deg apart, so that at least one lies in the region
 of convergence even of a short arc."""
 MAX_CANDIDATES = 8
-"""Number of best directions that are refined."""
+"""Number of best directions of each grid that are refined."""
+MIN_STRETCH = 2.0
+"""Smallest elongation of the points for which the stretched grid is searched. Their axis must be
+known to about radius / length: the regular grid is fine enough up to about 5."""
 DISTINCT_DIRECTION_COSINE = np.cos(np.radians(12.0))
 """Cosine of the angle between two candidates, which must exceed 12 deg."""
 MAX_POINTS = 400
@@ -27,7 +31,8 @@ def guess_cylinder(points: Points, known_radius: RadiusPrior | None = None) -> C
     """Estimate a cylinder by least squares with equal weights, without an initial guess.
 
     For each direction of a grid, an algebraic circle is fitted to the projection of the points
-    along it; the best directions are refined, and the best cylinder is returned.
+    along it; the best directions are refined, and the best cylinder is returned. For elongated
+    points a second grid is as much finer near their long axis.
 
     Parameters
     ----------
@@ -42,12 +47,9 @@ def guess_cylinder(points: Points, known_radius: RadiusPrior | None = None) -> C
         If no direction leads to a cylinder.
     """
     subset = points[np.linspace(0, len(points) - 1, min(len(points), MAX_POINTS)).astype(int)]
-    directions = hemisphere_directions(DIRECTIONS)
-    centres, radii, costs = projected_circles(subset, directions)
     best: Cylinder | None = None
     lowest_cost = np.inf
-    for index in _best_distinct_directions(directions, costs):
-        candidate = Cylinder(centres[index], directions[index], radii[index])
+    for candidate in _candidates(subset):
         try:
             refined, cost = _refine(subset, candidate, known_radius)
         except FitFailed:
@@ -57,6 +59,29 @@ def guess_cylinder(points: Points, known_radius: RadiusPrior | None = None) -> C
     if best is None:
         raise FitFailed("no cylinder fits the points: they lie on another surface")
     return best
+
+
+def _candidates(points: Points) -> list[Cylinder]:
+    """Return the circles of least cost on a regular grid of directions, and on a stretched one.
+
+    The stretched grid is regular where the points, shortened along their long axis, are as wide as
+    long: there a direction must be known equally well in all places.
+    """
+    grid = hemisphere_directions(DIRECTIONS)
+    grids = [grid]
+    _, extents, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
+    stretch = extents[0] / max(extents[1], TINY)
+    if stretch > MIN_STRETCH:
+        stretched = grid + (stretch - 1) * np.outer(grid @ axes[0], axes[0])
+        grids.append(stretched / np.linalg.norm(stretched, axis=1, keepdims=True))
+    candidates = []
+    for directions in grids:
+        centres, radii, costs = projected_circles(points, directions)
+        candidates += [
+            Cylinder(centres[k], directions[k], radii[k])
+            for k in _best_distinct_directions(grid, costs)
+        ]
+    return candidates
 
 
 def projected_circles(
@@ -95,7 +120,10 @@ def projected_circles(
 
 
 def _best_distinct_directions(directions: FloatArray, costs: FloatArray) -> list[int]:
-    """Return the indices of the directions of least cost that differ from one another."""
+    """Return the indices of the directions of least cost that differ from one another.
+
+    Of a stretched grid, `directions` are those before stretching.
+    """
     selected: list[int] = []
     for index in np.argsort(costs, kind="stable"):
         if all(

@@ -33,6 +33,9 @@ class Rejection(Result):
         Index span of the profile.
     reason : str
         What is wrong, with the measured value and its limit.
+    convex : bool
+        True where the points bend as those of a cylinder do: towards the sensor, and better fitted
+        by a circle than by a straight line.
 
     Examples
     --------
@@ -42,6 +45,7 @@ class Rejection(Result):
 
     arc: Arc
     reason: str
+    convex: bool = True
 
     def to_dict(self) -> Record:
         """Return span and reason, ready for JSON.

@@ -46,7 +46,7 @@ class Measurement(Result):
 
     @property
     def reason(self) -> str:
-        """Why there is no cylinder: the reason of the longest rejected arc; empty if there is one.
+        """Reason why there is no cylinder, that of the longest convex arc; empty if there is one.
 
         Examples
         --------
@@ -55,7 +55,7 @@ class Measurement(Result):
         """
         if self.cylinders:
             return ""
-        longest = max(self.rejections, key=lambda r: r.arc.stop - r.arc.start, default=None)
+        longest = max(self.rejections, key=lambda r: (r.convex, len(r.arc)), default=None)
         return "no valid point" if longest is None else longest.reason
 
     def to_dict(self) -> Record:

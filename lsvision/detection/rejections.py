@@ -71,16 +71,13 @@ def _explain(
     circles = windows.fit_window_circles(profile.points[connected], starts, stops)
     flat = circles.line_rms < candidates.MAX_RMS_SIGMAS * profile.noise_std
     fits = circles.rms <= candidates.max_circle_rms(circles.radius, profile.noise_std)
+    straight = flat | ~(circles.rms < circles.line_rms)
     low, high = radius_range
 
-    def reason(i: int, given: str) -> str:
+    def own_reason(i: int) -> str:
         radius, rms, line_rms = circles.radius[i], circles.rms[i], circles.line_rms[i]
-        if flat[i]:
-            return f"flat: {line_rms:.2f} mm rms from a straight line"
-        if given:
-            return given
-        if not rms < line_rms:
-            return f"no arc: {line_rms:.2f} mm rms from a straight line"
+        if straight[i]:
+            return f"{'flat' if flat[i] else 'no arc'}: {line_rms:.2f} mm rms from a straight line"
         if not circles.convex[i]:
             return "concave towards the sensor"
         if fits[i] and not low <= radius <= high:
@@ -88,4 +85,9 @@ def _explain(
         noise = f"{profile.noise_std:.2f} mm noise"
         return f"no ellipse: best circle leaves {rms:.2f} mm rms at {noise}"
 
-    return [Rejection(r.arc, reason(i, r.reason)) for i, r in enumerate(rejections)]
+    explained = []
+    for i, old in enumerate(rejections):
+        given = "" if flat[i] else old.reason
+        convex = bool(circles.convex[i] and not straight[i])
+        explained.append(Rejection(old.arc, given or own_reason(i), convex=convex))
+    return explained

@@ -1,4 +1,4 @@
-"""Pictures of calibrations: where the target was seen, and how large the residuals are."""
+"""Pictures of calibrations: positions of the target in the view, and residuals."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SPACE = (0.54, 0.02, 0.45, 0.82)
-"""Place of a drawing in space beside one in a plane, as shares of the figure."""
+"""Left, bottom, width and height of the 3D drawing, as fractions of the figure."""
 MAX_BAR_LABELS = 24
-"""Bars beyond which only every few get a name."""
+"""Largest number of bars that all have a name below them."""
 
 
 def new_figure(width: float, height: float, layout: str = "constrained") -> "Figure":
-    """An empty figure with a canvas of its own; inches."""
+    """Return an empty figure with its own canvas. Units: inch."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -33,7 +33,7 @@ def new_figure(width: float, height: float, layout: str = "constrained") -> "Fig
 
 
 def draw_coverage(found: CameraCalibration) -> "Figure":
-    """Where in the image the target's points were seen, and the residuals of all points."""
+    """Draw the target's points of all views in the image, and the residuals of all points."""
     figure = new_figure(9.5, 4.2)
     left, right = figure.subplots(1, 2, width_ratios=(1.5, 1))
     for view in found.views:
@@ -55,12 +55,12 @@ def draw_bars(
     bad: Sequence[int],
     unit: str,
 ) -> "Figure":
-    """Residuals as bars, a group each view or pose.
+    """Draw residuals as bars, a group for each view or pose.
 
     Parameters
     ----------
     names : sequence of str
-        Of the groups.
+        Names of the groups.
     series : sequence of (str, sequence of float)
         Its name and a value for each group; NaN leaves a gap.
     bad : sequence of int
@@ -87,7 +87,7 @@ def draw_bars(
 
 
 def draw_laser_plane(found: LaserPlaneCalibration, board: FloatArray) -> "Figure":
-    """Camera, laser plane and boards in space, and from the side.
+    """Draw camera, laser plane and boards in space, and from the side.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def draw_laser_plane(found: LaserPlaneCalibration, board: FloatArray) -> "Figure
 
 
 def draw_poses(found: HandEye, flanges: Sequence[Pose]) -> "Figure":
-    """Where the sensor stood, and where in its view the target was."""
+    """Draw the poses of the sensor, and the positions of the target in its view."""
     figure = new_figure(9.5, 4.6, "none")
     space: Any = figure.add_axes(SPACE, projection="3d")
     view = figure.add_axes((0.075, 0.13, 0.4, 0.73))
@@ -144,13 +144,13 @@ def draw_poses(found: HandEye, flanges: Sequence[Pose]) -> "Figure":
 
 
 def _title_space(figure: "Figure", title: str) -> None:
-    """A title above the drawing in space; as high as that of the plane drawing beside it."""
+    """Put a title above the 3D drawing, at the height of the title of the 2D drawing."""
     left, _, width, _ = SPACE
     figure.text(left + width / 2, 0.885, title, ha="center", va="bottom", fontsize=12)
 
 
 def view_sizes(found: LaserPlaneCalibration) -> tuple[list[float], list[float]]:
-    """Root mean square of line and corner residuals of each view. Units: px."""
+    """Return the root mean square of line and corner residuals of each view. Units: px."""
     return (
         [rms(view.line_residuals) for view in found.views],
         [float(np.sqrt(2)) * rms(view.corner_residuals) for view in found.views],
@@ -181,7 +181,7 @@ def _draw_view(axes: "Axes", seen: FloatArray, left_out: set[int], found: HandEy
 
 
 def _sensors(found: HandEye, flanges: Sequence[Pose]) -> list[Pose]:
-    """The sensor in the frame in which the target stands still."""
+    """Return the poses of the sensor in the frame in which the target is fixed."""
     if found.mounting == "eye_in_hand":
         return [flange @ found.mount_from_sensor for flange in flanges]
     return [flange.inverse() @ found.mount_from_sensor for flange in flanges]
@@ -191,9 +191,9 @@ def _target_point(found: HandEye, flanges: Sequence[Pose]) -> FloatArray:
     if isinstance(found.target, Sphere):
         return found.target.centre
     if isinstance(found.target, Plane):
-        # Of a plane, the point below the middle of where the sensors looked.
-        looked = [pose.apply_one(found.working_point) for pose in _sensors(found, flanges)]
-        middle = np.mean(looked, axis=0)
+        # Of a plane: the point nearest to the mean of the points that the sensors aimed at.
+        aimed_at = [pose.apply_one(found.working_point) for pose in _sensors(found, flanges)]
+        middle = np.mean(aimed_at, axis=0)
         normal = found.target.normal
         foot: FloatArray = middle - normal * (normal @ middle - found.target.distance)
         return foot
@@ -201,7 +201,7 @@ def _target_point(found: HandEye, flanges: Sequence[Pose]) -> FloatArray:
 
 
 def _sheet(plane: Plane, points: FloatArray) -> FloatArray:
-    """(4, 3) corners of the part of the laser plane near points."""
+    """Return the (4, 3) corners of the part of the laser plane near points."""
     along = np.cross(plane.normal, (1.0, 0.0, 0.0))
     along = along / np.linalg.norm(along)
     other = np.cross(along, plane.normal)

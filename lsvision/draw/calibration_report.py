@@ -1,4 +1,4 @@
-"""Calibrations as pages for people: numbers, what to doubt, and pictures."""
+"""Calibrations as HTML pages: numbers, warnings and pictures."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,23 +15,23 @@ from lsvision.draw.calibration_figures import (
     draw_poses,
     view_sizes,
 )
-from lsvision.draw.figure_files import figure_bytes
-from lsvision.draw.html_page import footer, heading, html_page, paragraph, picture, table
+from lsvision.draw.figure_files import svg_element
 from lsvision.geometry import Points, Pose
+from lsvision.results.html import html_environment
 
 
 @dataclass(frozen=True)
 class ReportContent:
-    """What every page shows beside its pictures.
+    """Content of every page other than its pictures.
 
     Parameters
     ----------
     rows : sequence of (str, str, str)
         Name, number with one sigma, unit.
     warnings : sequence of str
-        What was left out, fits badly, or makes the set weak.
+        What was left out, fits badly, or leaves the result poorly determined.
     names : sequence of str
-        Of the images or poses, in the order of their indices.
+        Names of the images or poses, in the order of their indices.
     provenance : mapping of str to str
         Method, date, version, inputs and their hash.
     """
@@ -43,14 +43,14 @@ class ReportContent:
 
 
 def camera_page(found: CameraCalibration, page: ReportContent) -> str:
-    """A camera calibration as a page.
+    """Return the page of a camera calibration.
 
     Parameters
     ----------
     found : CameraCalibration
         The calibration.
     page : ReportContent
-        Its numbers and names.
+        Its values, warnings, names and provenance.
 
     Returns
     -------
@@ -61,13 +61,13 @@ def camera_page(found: CameraCalibration, page: ReportContent) -> str:
     bad = _places([view.index for view in found.views], [view.index for view in found.outliers])
     sizes = [view.rms_px for view in found.views]
     pictures = [
-        picture(
-            figure_bytes(draw_coverage(found), "svg"),
+        (
+            svg_element(draw_coverage(found)),
             "Good: the points fill the image into its corners, and the residuals are one round "
             "cloud. A gap is where the lens is guessed.",
         ),
-        picture(
-            figure_bytes(draw_bars(names, [("rms", sizes)], bad, "rms, px"), "svg"),
+        (
+            svg_element(draw_bars(names, [("rms", sizes)], bad, "rms, px")),
             "Residual of each view. Good: all alike, 0.05 to 0.3 px. Orange fits badly: blurred, "
             "moved, or wrongly found.",
         ),
@@ -78,7 +78,7 @@ def camera_page(found: CameraCalibration, page: ReportContent) -> str:
 def laser_plane_page(
     found: LaserPlaneCalibration, board_points: Points, page: ReportContent
 ) -> str:
-    """A laser-plane calibration as a page; see `camera_page`.
+    """Return the page of a laser-plane calibration; see `camera_page`.
 
     Parameters
     ----------
@@ -87,20 +87,20 @@ def laser_plane_page(
     board_points : (n, 3) ndarray
         Points of the board, board frame. Units: mm.
     page : ReportContent
-        Its numbers and names.
+        Its values, warnings, names and provenance.
     """
     names = [page.names[view.index] for view in found.views]
     bad = _places([view.index for view in found.views], [view.index for view in found.outliers])
     line, corners = view_sizes(found)
     bars = draw_bars(names, [("laser line", line), ("corners", corners)], bad, "rms, px")
     pictures = [
-        picture(
-            figure_bytes(draw_laser_plane(found, _outline(board_points)), "svg"),
+        (
+            svg_element(draw_laser_plane(found, _outline(board_points))),
             "Good: the boards lean to all sides and fill the depth in which will be measured. "
             "The triangle is the camera.",
         ),
-        picture(
-            figure_bytes(bars, "svg"),
+        (
+            svg_element(bars),
             "Residual of each view, laser line dark and corners light. Good: all alike, the line "
             "0.1 to 0.3 px. A line much worse than that on every view: a bowed or glossy board.",
         ),
@@ -109,7 +109,7 @@ def laser_plane_page(
 
 
 def hand_eye_page(found: HandEye, flanges: Sequence[Pose], page: ReportContent) -> str:
-    """A sensor-to-robot calibration as a page; see `camera_page`.
+    """Return the page of a hand-eye calibration; see `camera_page`.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def hand_eye_page(found: HandEye, flanges: Sequence[Pose], page: ReportContent) 
     flanges : sequence of Pose
         ``base_from_flange``, one a pose.
     page : ReportContent
-        Its numbers and names.
+        Its values, warnings, names and provenance.
     """
     bad = [pose.index for pose in found.rejected]
     series = [
@@ -126,13 +126,13 @@ def hand_eye_page(found: HandEye, flanges: Sequence[Pose], page: ReportContent) 
         ("held out", found.leave_one_out_residuals.tolist()),
     ]
     pictures = [
-        picture(
-            figure_bytes(draw_poses(found, flanges), "svg"),
+        (
+            svg_element(draw_poses(found, flanges)),
             "Good: the sensor looks from many sides and turned all around; the target lies left, "
             "right, near and far in its view, and on both sides of the laser plane.",
         ),
-        picture(
-            figure_bytes(draw_bars(page.names, series, bad, "mm"), "svg"),
+        (
+            svg_element(draw_bars(page.names, series, bad, "mm")),
             "Residual of each pose (dark), and had the pose not taken part (light). Good: about "
             "the robot's own accuracy. Orange was left out.",
         ),
@@ -140,31 +140,17 @@ def hand_eye_page(found: HandEye, flanges: Sequence[Pose], page: ReportContent) 
     return _page("Sensor to robot", page, pictures)
 
 
-def _page(title: str, page: ReportContent, pictures: Sequence[str]) -> str:
-    doubts = [paragraph(text, "doubt") for text in page.warnings]
-    if not doubts:
-        doubts = [paragraph("Nothing left out, nothing to doubt.", "fine")]
-    source = page.provenance
-    small = [f"{key}: {text}" for key, text in source.items()]
-    return html_page(
-        title,
-        [
-            paragraph(f"{source.get('method', '')}; {source.get('date', '')}"),
-            *doubts,
-            heading("Result, with one sigma"),
-            table(page.rows),
-            heading("Pictures"),
-            *pictures,
-            footer(small),
-        ],
-    )
+def _page(title: str, page: ReportContent, pictures: Sequence[tuple[str, str]]) -> str:
+    """Render a page; each picture is an ``<svg>`` element with its caption."""
+    template = html_environment("lsvision.draw").get_template("calibration.html.j2")
+    return template.render(title=title, pictures=pictures, **vars(page))
 
 
-def _places(indices: Sequence[int], wanted: Sequence[int]) -> list[int]:
-    return [place for place, index in enumerate(indices) if index in wanted]
+def _places(indices: Sequence[int], marked: Sequence[int]) -> list[int]:
+    return [place for place, index in enumerate(indices) if index in marked]
 
 
 def _outline(points: Points) -> Points:
-    """(4, 3) corners of the rectangle around a board's points, board frame."""
+    """Return the (4, 3) corners of the rectangle around a board's points, board frame."""
     (left, top, _), (right, bottom, _) = points.min(axis=0), points.max(axis=0)
     return np.array([[left, top, 0], [right, top, 0], [right, bottom, 0], [left, bottom, 0]])

@@ -1,4 +1,4 @@
-"""Drawing into axes that the caller brings."""
+"""Drawing into axes of the caller."""
 
 from typing import TYPE_CHECKING
 
@@ -10,12 +10,12 @@ if TYPE_CHECKING:
 
 
 def figure_of(ax: "Axes") -> "Figure":
-    """Return the whole figure in which axes stand, also those of a subfigure."""
+    """Return the figure of axes, also of axes in a subfigure."""
     figure: Figure = ax.figure.figure
     return figure
 
 
 def set_title(ax: "Axes", title: str) -> None:
-    """Put a title above axes, as far as the font has its characters; an empty one leaves theirs."""
+    """Set the title of axes, ``?`` for glyphs that the font lacks; an empty one is ignored."""
     if title:
         ax.set_title(printable(title), loc="left", parse_math=False, pad=24)

@@ -1,4 +1,4 @@
-"""A figure as the content of a file."""
+"""Figures as PNG, SVG or an element of a page."""
 
 import io
 import threading
@@ -13,14 +13,14 @@ _SALT_LOCK = threading.Lock()
 
 
 def figure_bytes(figure: "Figure", picture_format: str) -> bytes:
-    """A figure as a PNG or SVG file; the same figure gives the same bytes.
+    """Return a figure as a PNG or SVG file; the same figure gives the same bytes.
 
     Parameters
     ----------
     figure : matplotlib.figure.Figure
         As `draw_measurement` returns it.
     picture_format : {"png", "svg"}
-        What the file is to be.
+        Format of the file.
 
     Returns
     -------
@@ -33,7 +33,7 @@ def figure_bytes(figure: "Figure", picture_format: str) -> bytes:
         For another format.
     """
     if picture_format not in FORMATS:
-        raise ValueError(f"want a format among {', '.join(FORMATS)}, got {picture_format!r}")
+        raise ValueError(f"expected a format among {', '.join(FORMATS)}, got {picture_format!r}")
     content = io.BytesIO()
     if picture_format == "png":
         figure.savefig(content, format="png")
@@ -42,10 +42,16 @@ def figure_bytes(figure: "Figure", picture_format: str) -> bytes:
     return content.getvalue()
 
 
+def svg_element(figure: "Figure") -> str:
+    """Return a figure as an ``<svg>`` element of an HTML page."""
+    text = figure_bytes(figure, "svg").decode("utf-8")
+    return text[text.index("<svg") :]
+
+
 def _save_svg(figure: "Figure", content: io.BytesIO) -> None:
     import matplotlib as mpl
 
-    # The names inside an SVG are random unless this setting, a global one, has a value.
+    # The ids inside an SVG are random unless this global setting has a value.
     with _SALT_LOCK:
         salt = mpl.rcParams["svg.hashsalt"]
         mpl.rcParams["svg.hashsalt"] = "lsvision"

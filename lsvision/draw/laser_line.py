@@ -1,4 +1,4 @@
-"""A laser line as it was extracted: on the image, and column by column."""
+"""Pictures of an extracted laser line: on the image, and its values by column."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ DPI = 100
 MAX_PHOTO_INCH = {"columns": (11.7, 9.0), "rows": (7.5, 10.5)}
 """Largest width and height of the photo, for a line along the columns and along the rows."""
 MIN_WIDTH_INCH = 10.5
-"""Of the figure: the summary above the photo fits."""
+"""Smallest width of the figure, for the summary above the image. Units: inch."""
 LEFT_INCH, RIGHT_INCH, TOP_INCH, BOTTOM_INCH = 0.95, 0.3, 1.05, 0.65
 CURVE_INCH, CURVE_GAP_INCH, PHOTO_GAP_INCH = 1.45, 0.2, 0.75
 """Extent of a curve's axes across the line, and the gaps between curves and below the photo."""
 AXIS_PERCENTILE = 99.0
-"""Percentile of a curve that still fits its axes."""
+"""Percentile of the values of a curve that its axes show."""
 Box = tuple[float, float, float, float]
 """Left, bottom, width, height."""
 
@@ -35,7 +35,7 @@ Box = tuple[float, float, float, float]
 def draw_laser_line(
     image: npt.ArrayLike, line: LaserLine, *, title: str = "", ax: Axes | None = None
 ) -> Figure:
-    """Draw a laser line into its image, with its std, width and brightness beside it.
+    """Draw a laser line into its image, with curves of its std, width and brightness.
 
     The curves share the photo's axis along the line: below the photo, a point stands under its
     column; of a line that runs from top to bottom they stand to the right, a point in its row.
@@ -43,7 +43,7 @@ def draw_laser_line(
     Parameters
     ----------
     image : (height, width) or (height, width, 3) array_like
-        From which it was extracted; blue first.
+        Image of the line; blue first.
     line : LaserLine
         The line.
     title : str
@@ -91,7 +91,7 @@ def draw_laser_line(
 
 
 def line_summary(line: LaserLine) -> str:
-    """One line for people: points, lost, std, width, saturation.
+    """Return a line of text: points, lost points, std, width and saturation.
 
     Examples
     --------
@@ -120,7 +120,7 @@ def _draw_on_photo(photo: Axes, image: npt.ArrayLike, line: LaserLine) -> None:
 def _layout(
     shape: tuple[int, ...], direction: str
 ) -> tuple[tuple[float, float], Box, tuple[Box, Box, Box]]:
-    """Size of the figure, and the boxes of the photo and of the three curves. Units: inch."""
+    """Return the size of the figure, and boxes of photo and curves. Units: inch."""
     height, width = shape[:2]
     max_width, max_height = MAX_PHOTO_INCH[direction]
     scale = min(max_width / width, max_height / height)
@@ -142,7 +142,7 @@ def _layout(
 
 
 def _shares_of(box: Box, size: tuple[float, float]) -> Box:
-    """A box in inches as shares of the figure."""
+    """Return a box in inches as fractions of the figure."""
     return box[0] / size[0], box[1] / size[1], box[2] / size[0], box[3] / size[1]
 
 
@@ -152,7 +152,7 @@ def _draw_points(axes: Axes, points: Points, saturated: BoolArray) -> None:
 
 
 def _curves(line: LaserLine) -> tuple[tuple[str, FloatArray], ...]:
-    """Name with unit, and a value for each point."""
+    """Curve of the line: name with unit, and a value for each point."""
     return (
         ("std / px", line.std),
         ("width / px (1 sigma)", line.width),
@@ -163,7 +163,7 @@ def _curves(line: LaserLine) -> tuple[tuple[str, FloatArray], ...]:
 def _draw_curve(
     figure: Figure, photo: Axes, line: LaserLine, curve: tuple[str, FloatArray], box: Box
 ) -> None:
-    """A quantity of the line's points, on the photo's axis along the line."""
+    """Draw a quantity of the line's points over the image's axis along the line."""
     name, values = curve
     limits = (0, 1.1 * float(np.nanpercentile(values, AXIS_PERCENTILE)))
     if line.direction == "columns":

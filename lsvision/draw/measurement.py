@@ -1,4 +1,4 @@
-"""A profile with what was found in it and what was refused (the paper's Figure 15)."""
+"""Picture of a profile with its cylinders and refused arcs (the paper's Figure 15)."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 
 SIZE_INCH, DPI = (13.0, 7.0), 110
 MARGIN = 0.05
-"""Share of the drawing left free around what it shows."""
+"""Margin of the drawing, as a fraction of its extent."""
 LABEL_GAP_PX = 22.0
-"""Least distance between the letters of refused arcs."""
+"""Smallest distance between the letters of refused arcs."""
 RASTERISE_POINTS = 20_000
-"""From here on an SVG holds the points as an image."""
+"""Number of points above which an SVG contains them as an image, to stay small."""
 
 
 def draw_measurement(
@@ -39,9 +39,9 @@ def draw_measurement(
     Parameters
     ----------
     profile : Profile
-        What was measured.
+        The measured profile.
     measurement : Measurement
-        What was found in it.
+        Its measurement.
     title : str
         Above the drawing, as the name of the file.
     ax : matplotlib.axes.Axes, optional
@@ -79,16 +79,16 @@ def draw_measurement(
 
 
 def draw_on_axes(axes: Axes, profile: Profile, measurement: Measurement) -> None:
-    """Draw into axes of the caller's: points, arcs, ellipses, major axes, refused arcs.
+    """Draw a measurement into axes: points, arcs, ellipses, major axes, refused arcs.
 
     Parameters
     ----------
     axes : matplotlib.axes.Axes
         Gets the same scale on both axes. Units: mm.
     profile : Profile
-        What was measured.
+        The measured profile.
     measurement : Measurement
-        What was found in it.
+        Its measurement.
     """
     points = profile.points
     refused = rejected_arcs(points, measurement)
@@ -115,7 +115,7 @@ def _draw_cylinder(axes: Axes, points: Points, cylinder: CylinderSection, number
     outline = ellipse.points_at(np.linspace(0, 2 * math.pi, 361))
     axes.plot(*outline.T, "-", color=colour, lw=1.1, zorder=2,
               label=label_once(axes, "fitted ellipse"))  # fmt: skip
-    if cylinder.theta_determined:  # else the eye would take its direction for a result
+    if cylinder.theta_determined:  # otherwise its direction would look like a result
         tips = ellipse.points_at(np.array([0.0, math.pi]))
         axes.plot(*tips.T, "--", color=colour, lw=1.3, zorder=2,
                   label=label_once(axes, "major axis (direction θ)"))  # fmt: skip
@@ -125,7 +125,7 @@ def _draw_cylinder(axes: Axes, points: Points, cylinder: CylinderSection, number
 
 
 def _label_rejected(axes: Axes, points: Points, refused: Sequence[RejectedArc]) -> None:
-    """Letters above the arcs, each moved up until it is clear of those before it."""
+    """Draw letters above the arcs, each moved up until it overlaps none before it."""
     axes.autoscale_view()
     axes.apply_aspect()
     to_pixels = axes.transData

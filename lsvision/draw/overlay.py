@@ -1,4 +1,4 @@
-"""What was found in an image, drawn back into it: a person sees whether it lies on the pipe."""
+"""Picture of an image with the measured ellipses projected into it."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ def draw_overlay(
     title: str = "",
     ax: Axes | None = None,
 ) -> Figure:
-    """Draw a photo with the found ellipses projected back into it, and the section below.
+    """Draw an image with the measured ellipses projected into it, and the section below.
 
     Parameters
     ----------
     image : (height, width) or (height, width, 3) array_like
-        As measured; blue first.
+        Measured image; blue first.
     light_section : LightSection
         The rig that took it.
     profile : Profile
@@ -87,7 +87,7 @@ def draw_overlay(
     above, below = figure.subfigures(2, 1, height_ratios=HEIGHT_RATIOS)
     photo = above.add_axes((0.065, 0.06, 0.915, 0.84))
     show_photo(photo, image)
-    photo.set_anchor("W")  # its left edge stands above that of the section
+    photo.set_anchor("W")  # its left edge is aligned with that of the section
     draw_on_photo(photo, light_section, profile, measurement)
     refused = rejected_arcs(profile.points, measurement)
     figure.suptitle(summary_title(len(measurement.cylinders), len(refused), title),
@@ -101,7 +101,7 @@ def draw_overlay(
 def draw_on_photo(
     axes: Axes, light_section: LightSection, profile: Profile, measurement: Measurement
 ) -> None:
-    """Draw what was found into axes that show the photo.
+    """Draw a measurement into axes that show the image.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The panel beside a drawing: the numbers of each cylinder, and why the rest was refused."""
+"""Panel next to a drawing: values of each cylinder, and reasons of the refused arcs."""
 
 import textwrap
 from collections.abc import Sequence
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 HEADING = "black"
 
 LEFT, TOP, LINE = 0.685, 0.865, 0.0225
-"""Place of the panel and height of its lines, as shares of the figure."""
+"""Left and top of the panel and height of its lines, as fractions of the figure."""
 COLUMNS, LINES = 48, 31
-"""Characters of a line, and lines, that fit."""
+"""Number of characters of a line, and of lines, that fit."""
 MAX_FULL_CYLINDERS = 4
-"""More cylinders get two lines each."""
+"""Number of cylinders above which each gets two lines."""
 
 LEGEND = (
     "θ: direction of the major axis, from X towards Y\n"

@@ -1,4 +1,4 @@
-"""An image of any depth in axes, in its own pixels."""
+"""Images of any depth in axes in pixels."""
 
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,7 @@ WHITE_PERCENTILE = 99.9
 
 
 def show_photo(axes: "Axes", image: npt.ArrayLike) -> None:
-    """Show an image; the axes then count its pixels, v downwards.
+    """Show an image in axes in pixels, v downwards.
 
     Parameters
     ----------

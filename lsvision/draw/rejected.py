@@ -1,4 +1,4 @@
-"""The refused arcs as a picture shows them: a letter each, keyed to its reason."""
+"""Refused arcs of a picture: each has a letter, which the panel explains."""
 
 from dataclasses import dataclass
 
@@ -16,11 +16,11 @@ class RejectedArc:
     Parameters
     ----------
     letter : str
-        Its name in the picture.
+        Label in the picture.
     indices : (k,) int ndarray
         Its points that are there and belong to no cylinder; never empty.
     reason : str
-        Why it is no cylinder.
+        Reason of the rejection.
     colour : str
         As matplotlib takes it.
     """
@@ -32,12 +32,12 @@ class RejectedArc:
 
 
 def rejected_arcs(points: Points, measurement: Measurement) -> tuple[RejectedArc, ...]:
-    """Refused arcs from left to right, each span once.
+    """Return the refused arcs from left to right, each span once.
 
     Parameters
     ----------
     points : (n, 2) ndarray
-        Of the profile. Units: mm.
+        Points of the profile. Units: mm.
     measurement : Measurement
         Its cylinders and rejections. A rejection whose points all went to cylinders in the end
         says nothing about the picture and is left out.
@@ -58,6 +58,6 @@ def rejected_arcs(points: Points, measurement: Measurement) -> tuple[RejectedArc
 
 
 def _letter(place: int) -> str:
-    """A to Z, then A1 to Z1."""
+    """Return A to Z, then A1 to Z1."""
     turn, letter = divmod(place, 26)
     return chr(ord("A") + letter) + (str(turn) if turn else "")

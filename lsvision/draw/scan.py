@@ -1,4 +1,4 @@
-"""Sections and cylinders of a scan in space."""
+"""Picture of the points and cylinders of a scan in 3D."""
 
 import math
 from typing import TYPE_CHECKING, Literal
@@ -20,17 +20,17 @@ if TYPE_CHECKING:
 
 SIZE_INCH, DPI = (13.0, 8.0), 110
 DRAWING = (0.03, 0.03, 0.66, 0.83)
-"""Left, bottom, width, height of the drawing with all its labels, as shares of the figure."""
+"""Left, bottom, width, height of the drawing with all its labels, as fractions of the figure."""
 MAX_POINTS = 6000
-"""Of the scan; more only make one blot."""
+"""Largest number of points drawn; more would overlap."""
 FACETS = 40
 Vertical = Literal["y", "z"]
 ELEVATION_DEG, AZIMUTH_DEG = 25.0, -55.0
 MIN_FACING = -0.3
-"""Cosine between the measured sides and the eye below which the scan is seen from elsewhere."""
+"""Smallest cosine between the measured sides and the view; below it the view is turned."""
 PANEL_LEFT, PANEL_TOP, PANEL_LINE = 0.715, 0.86, 0.024
 MAX_FULL_CYLINDERS, MAX_CYLINDERS = 4, 9
-"""Cylinders of the panel with all their numbers, and with two lines each."""
+"""Number of cylinders of the panel with all values, and with two lines each."""
 
 
 def draw_scan(
@@ -46,7 +46,7 @@ def draw_scan(
     Parameters
     ----------
     scan : ScanMeasurement
-        What was found.
+        The measurement.
     points : (n, 3) ndarray
         All points of the scan, base frame. Units: mm.
     title : str
@@ -55,8 +55,8 @@ def draw_scan(
         Axis that is drawn upwards: Y of a section frame, towards the sensor, or Z of a robot's
         base frame.
     ax : mpl_toolkits.mplot3d.Axes3D, optional
-        Draw into these axes (``projection="3d"``), without the numbers beside them; without,
-        into a figure of its own.
+        Draw into these axes (``projection="3d"``), without the panel; by default a new
+        figure is made.
 
     Returns
     -------
@@ -111,7 +111,7 @@ def _draw_in_space(
 
 
 def _azimuth(scan: ScanMeasurement, vertical: Vertical) -> float:
-    """Azimuth of the eye: the usual one, unless it looks at the cylinders from behind."""
+    """Return the azimuth of the view: the default, unless it shows the cylinders from behind."""
     outward = [tube.points.mean(axis=0) - _ends(tube, 0.0).mean(axis=0) for tube in scan.cylinders]
     if not outward:
         return AZIMUTH_DEG
@@ -119,17 +119,17 @@ def _azimuth(scan: ScanMeasurement, vertical: Vertical) -> float:
     # Matplotlib counts the azimuth from the axis after the vertical one, in the cyclic order xyz.
     first, second = (facing[2], facing[0]) if vertical == "y" else (facing[0], facing[1])
 
-    def seen(azimuth_deg: float) -> float:
+    def cosine_of_view(azimuth_deg: float) -> float:
         angle = math.radians(azimuth_deg)
         return float(first * math.cos(angle) + second * math.sin(angle))
 
-    if seen(AZIMUTH_DEG) >= MIN_FACING:
+    if cosine_of_view(AZIMUTH_DEG) >= MIN_FACING:
         return AZIMUTH_DEG
-    return max((AZIMUTH_DEG + turn for turn in (90.0, 180.0, 270.0)), key=seen)
+    return max((AZIMUTH_DEG + turn for turn in (90.0, 180.0, 270.0)), key=cosine_of_view)
 
 
 def _about_cylinders(points: Points, scan: ScanMeasurement) -> Points:
-    """Points within the cylinders' box and half its size around; all without cylinders."""
+    """Return the points near the cylinders, within half the size of their box; else all points."""
     if not scan.cylinders:
         return points
     corners = np.concatenate([tube_surface(tube, FACETS)[0] for tube in scan.cylinders])
@@ -160,14 +160,14 @@ def _draw_tube(axes: "Axes3D", tube: ScannedCylinder, number: int) -> None:
 
 
 def _ends(tube: ScannedCylinder, beyond: float) -> FloatArray:
-    """(2, 3) ends of the axis as seen, and so much of its length more."""
+    """Return the (2, 3) ends of the measured part of the axis, extended by a fraction of it."""
     low, high = tube.axial_range
     more = beyond * (high - low)
     return tube.point + np.outer([low - more, high + more], tube.direction)
 
 
 def _draw_numbers(figure: "Figure", scan: ScanMeasurement) -> None:
-    """The numbers of each cylinder, in a panel to the right."""
+    """Write the values of each cylinder into a panel on the right."""
     y = PANEL_TOP
     full = len(scan.cylinders) <= MAX_FULL_CYLINDERS
     for number, tube in enumerate(scan.cylinders[:MAX_CYLINDERS], 1):
@@ -184,7 +184,7 @@ def _draw_numbers(figure: "Figure", scan: ScanMeasurement) -> None:
 
 
 def _numbers_of(tube: ScannedCylinder) -> list[str]:
-    """Lines of text, the most important first."""
+    """Return lines of text, the most important first."""
     direction = ", ".join(f"{value:+.4f}" for value in tube.direction)
     point = ", ".join(f"{value:.2f}" for value in tube.point)
     sections = f"{len(tube.sections)} section{'' if len(tube.sections) == 1 else 's'}"

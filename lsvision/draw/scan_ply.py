@@ -11,12 +11,12 @@ GREY = (0.6, 0.6, 0.6)
 
 
 def coloured_points(scan: ScanMeasurement, points: Points) -> tuple[Points, FloatArray]:
-    """All points of a scan: grey, and those of each cylinder over them in its colour.
+    """Return all points of a scan in grey, then those of each cylinder in its colour.
 
     Parameters
     ----------
     scan : ScanMeasurement
-        What was found.
+        The measurement.
     points : (n, 3) ndarray
         All points, base frame. Units: mm.
 
@@ -36,12 +36,12 @@ def coloured_points(scan: ScanMeasurement, points: Points) -> tuple[Points, Floa
 
 
 def coloured_surfaces(scan: ScanMeasurement) -> tuple[Points, FloatArray, IntArray]:
-    """Surfaces of all cylinders as one mesh.
+    """Return the surfaces of all cylinders as one mesh.
 
     Parameters
     ----------
     scan : ScanMeasurement
-        What was found.
+        The measurement.
 
     Returns
     -------
@@ -64,7 +64,7 @@ def coloured_surfaces(scan: ScanMeasurement) -> tuple[Points, FloatArray, IntArr
 
 
 def rgb_of(number: int) -> tuple[float, float, float]:
-    """Colour of a cylinder, numbered from 1, as red, green, blue from 0 to 1."""
+    """Return the colour of a cylinder, numbered from 1, as red, green, blue from 0 to 1."""
     from matplotlib.colors import to_rgb
 
     red, green, blue = to_rgb(cylinder_colour(number))

@@ -1,4 +1,4 @@
-"""Axes in space: one scale for all three, and a drawing that fits its place with its labels."""
+"""3D axes: equal scales, and a drawing that fills its place with all labels."""
 
 from collections.abc import Sequence
 from itertools import product
@@ -11,9 +11,9 @@ if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D
 
 MAX_TICKS = 6
-"""On the longest axis; shorter ones get fewer."""
+"""Number of ticks on the longest axis; shorter ones get fewer."""
 FIT_ITERATIONS = 3
-"""Times the drawing is scaled into its place; the labels do not scale with it."""
+"""Iterations of the scaling: labels do not scale with the drawing."""
 
 
 def scale_axes(
@@ -22,12 +22,12 @@ def scale_axes(
     *,
     max_ticks: int = MAX_TICKS,
 ) -> None:
-    """Give all axes the same scale, a name, and as many ticks as each has room for.
+    """Give all axes the same scale, a name, and ticks in proportion to their length.
 
     Parameters
     ----------
     axes : mpl_toolkits.mplot3d.Axes3D
-        With all that is to be drawn in it.
+        Axes with their complete content.
     names : (3,) sequence of str
         Of the axes, with units.
     max_ticks : int
@@ -42,7 +42,7 @@ def scale_axes(
         getattr(axes, f"set_{letter}label")(name, labelpad=13, fontsize=11)
         axis = getattr(axes, f"{letter}axis")
         axis.set_major_locator(MaxNLocator(max(2, round(max_ticks * share))))
-        axis.set_tick_params(pad=8, labelsize=10)  # a minus sign stands clear of its tick
+        axis.set_tick_params(pad=8, labelsize=10)  # room between a minus sign and its tick
 
 
 def fit_into(axes: "Axes3D", place: tuple[float, float, float, float]) -> None:
@@ -51,7 +51,7 @@ def fit_into(axes: "Axes3D", place: tuple[float, float, float, float]) -> None:
     Parameters
     ----------
     axes : mpl_toolkits.mplot3d.Axes3D
-        In a figure that lays nothing out by itself.
+        Axes of a figure without automatic layout.
     place : tuple of float
         Left, bottom, width, height, as shares of the figure.
     """
@@ -70,7 +70,7 @@ def fit_into(axes: "Axes3D", place: tuple[float, float, float, float]) -> None:
 
 
 def _drawn_box(axes: "Axes3D") -> "Bbox":
-    """What axes draw: the corners of their box, ticks and labels, without the margins."""
+    """Return the extent of the box, ticks and labels of axes, without margins."""
     from matplotlib.transforms import Bbox
     from mpl_toolkits.mplot3d.proj3d import proj_transform
 

@@ -11,7 +11,7 @@ LAST_SUPPORTED_CHARACTER = "\u058f"
 
 
 def printable(title: str) -> str:
-    """A title with ``?`` for what the font cannot show, and its end only if it is too long.
+    """Return a title with ``?`` for glyphs that the font lacks, and only its end if it is long.
 
     Examples
     --------
@@ -23,27 +23,27 @@ def printable(title: str) -> str:
 
 
 def summary_title(cylinders: int, refused: int, title: str) -> str:
-    """What a picture holds, in a line behind its title; both counted.
+    """Return a title followed by the numbers of cylinders and refused arcs.
 
     Examples
     --------
     >>> summary_title(2, 1, "pair.csv")
     'pair.csv: 2 cylinders, 1 arc refused'
     """
-    verdict = f"{cylinders or 'no'} cylinder{'' if cylinders in {0, 1} else 's'}"
+    summary = f"{cylinders or 'no'} cylinder{'' if cylinders in {0, 1} else 's'}"
     if refused:
-        verdict += f", {refused} arc{'' if refused == 1 else 's'} refused"
+        summary += f", {refused} arc{'' if refused == 1 else 's'} refused"
     shown = printable(title)
-    return f"{shown}: {verdict}" if shown else verdict
+    return f"{shown}: {summary}" if shown else summary
 
 
 def label_once(axes: "Axes", label: str) -> str | None:
-    """The label, unless the legend of the axes has it."""
+    """Return the label, or an ignored one if the legend of the axes has it already."""
     return None if label in axes.get_legend_handles_labels()[1] else label
 
 
 def draw_legend(axes: "Axes", *, marker_scale: float = 1.6) -> None:
-    """The legend of axes in one row above them, where it hides nothing."""
+    """Put the legend of axes in one row above them, where it hides nothing."""
     axes.legend(
         loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=6, frameon=False, fontsize=9,
         borderaxespad=0.2, columnspacing=1.2, handlelength=1.8, markerscale=marker_scale,

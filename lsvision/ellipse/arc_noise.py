@@ -123,9 +123,12 @@ def errors_grow_with_incidence(normalised: FloatArray, normals: ComplexArray) ->
     Score test of Breusch and Pagan (Econometrica 47, 1979) for a variance that grows with the
     squared sine of the incidence; squared residuals are clipped at 9 times their mean (outliers).
     """
+    largest = float(np.abs(normalised).max(initial=0.0))
+    if largest == 0.0:
+        return False
     inclination = normals.real * normals.real
     inclination -= inclination.sum() / len(inclination)
-    squares = normalised * normalised
+    squares = (normalised / largest) ** 2
     excess = np.minimum(squares * (len(squares) / squares.sum()), CLIPPED_SIGMAS**2) - 1
     spread = math.sqrt(2 * float(inclination @ inclination))
     return float(inclination @ excess) > MIN_SCORE_SIGMAS * spread

@@ -260,7 +260,8 @@ def _refit_with_scaled_stds(fit: EllipseFit) -> EllipseFit:
     factor = fit.variance_factor
     if factor == 1:
         return fit
-    problem = replace(fit.problem, stds=fit.problem.stds * np.sqrt(factor))
+    stds = np.maximum(fit.problem.stds * np.sqrt(factor), math.sqrt(TINY))
+    problem = replace(fit.problem, stds=stds)
     solution = minimise(problem, fit.parameters)
     residuals = solution.residuals[: len(problem.points)] * problem.stds
     return replace(

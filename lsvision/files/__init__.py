@@ -1,1 +1,1 @@
-"""How files of unknown origin are read, and how outputs are written: the ground of all readers."""
+"""Safe reading of untrusted files, and atomic writing."""

@@ -1,4 +1,4 @@
-"""What a path names, without an exception for names that no file can have."""
+"""Kind of a file, without an exception for invalid names."""
 
 import os
 import re
@@ -22,18 +22,18 @@ def status_of(path: str | os.PathLike[str]) -> os.stat_result | None:
 
 
 def exists(path: str | os.PathLike[str]) -> bool:
-    """Whether there is anything of that name."""
+    """Return whether anything of that name exists."""
     return status_of(path) is not None
 
 
 def is_directory(path: str | os.PathLike[str]) -> bool:
-    """Whether the path names a directory."""
+    """Return whether the path names a directory."""
     status = status_of(path)
     return status is not None and stat.S_ISDIR(status.st_mode)
 
 
 def is_regular(path: str | os.PathLike[str]) -> bool:
-    """Whether the path names a file on a disk: no directory, device, pipe or socket."""
+    """Return whether the path names a file on a disk: no directory, device, pipe or socket."""
     status = status_of(path)
     return status is not None and stat.S_ISREG(status.st_mode)
 

@@ -1,4 +1,4 @@
-"""JSON of unknown origin: limited in depth, refused in one line, without NaN and infinity."""
+"""Untrusted JSON: limited depth, errors in one line, no NaN or infinity."""
 
 import json
 from typing import Any, NoReturn
@@ -15,7 +15,7 @@ class NestedTooDeep(ValueError):
 
 
 def parse_json(text: str, *, allow_nan: bool = False) -> Any:
-    """Value of a JSON text.
+    """Return the value of a JSON text.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def parse_json(text: str, *, allow_nan: bool = False) -> Any:
     NestedTooDeep
         If the text nests deeper than `MAX_DEPTH`.
     ValueError
-        If the text is no JSON, or holds a number beyond double
+        If the text is not JSON, or holds a key twice in one object, a number beyond double
         precision, ``NaN`` or ``Infinity``.
 
     Examples
@@ -45,9 +45,10 @@ def parse_json(text: str, *, allow_nan: bool = False) -> Any:
     try:
         value = json.loads(
             text,
-            parse_constant=float if allow_nan else _refuse_constant,
+            parse_constant=float if allow_nan else _reject_constant,
             parse_int=_integer,
             parse_float=_number,
+            object_pairs_hook=_mapping,
         )
         _check_depth(value)
     except RecursionError:
@@ -69,7 +70,16 @@ def _check_depth(value: Any) -> None:
     raise NestedTooDeep
 
 
-def _refuse_constant(word: str) -> NoReturn:
+def _mapping(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    mapping = dict(pairs)
+    if len(mapping) < len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for key in mapping if keys.count(key) > 1)
+        raise ValueError(f"expected each key once, got {twice[:40]!r} twice in one object")
+    return mapping
+
+
+def _reject_constant(word: str) -> NoReturn:
     raise ValueError(f"expected finite numbers, got {word}")
 
 

@@ -1,4 +1,4 @@
-"""Content of a file that anyone may have named: its size and its kind are checked first."""
+"""Content of an untrusted file, after a check of its size and kind."""
 
 import errno
 import os
@@ -17,7 +17,7 @@ MAX_SIZE = 2 * 10**9
 STDIN = "-"
 """Path that stands for standard input."""
 WRITER_TIMEOUT_S = 10.0
-"""How long a named pipe is waited for until a program opens it for writing. Units: s."""
+"""Time after which a named pipe that no program opens for writing is given up. Units: s."""
 
 _POLL_S = 0.02
 _BINARY = getattr(os, "O_BINARY", 0)
@@ -63,7 +63,7 @@ def current_size_limit() -> int:
 
 
 def read_bytes(path: str | os.PathLike[str]) -> bytes:
-    """Content of a file, a named pipe or standard input.
+    """Return the content of a file, a named pipe or standard input.
 
     Parameters
     ----------
@@ -98,12 +98,12 @@ def read_bytes(path: str | os.PathLike[str]) -> bytes:
 
 
 def read_text(path: str | os.PathLike[str]) -> str:
-    """Text of a UTF-8 file; see `read_bytes`.
+    """Return the text of a UTF-8 file; see `read_bytes`.
 
     Raises
     ------
     UnreadableFile
-        As `read_bytes`, and if the bytes are no UTF-8.
+        As `read_bytes`, and if the bytes are not UTF-8.
     """
     try:
         return read_bytes(path).decode("utf-8-sig")
@@ -115,7 +115,7 @@ def read_text(path: str | os.PathLike[str]) -> str:
 
 
 def check_readable(path: str | os.PathLike[str]) -> None:
-    """Refuse what `read_bytes` refuses, for files that a library opens by their name.
+    """Raise the errors of `read_bytes`, for a file that a library opens by its name.
 
     Raises
     ------
@@ -152,7 +152,7 @@ def _read(name: str) -> bytes:
 def _read_all(
     read: Callable[[int], bytes | None], start: bytes = b"", chunk_size: int = 1 << 20
 ) -> bytes:
-    """All that `read` gives, refused as soon as it is more than the limit."""
+    """Return all that `read` gives; raise an error as soon as it exceeds the limit."""
     chunks, size, limit = [start] if start else [], len(start), current_size_limit()
     while size <= limit and (chunk := read(chunk_size)):
         chunks.append(chunk)
@@ -188,7 +188,7 @@ def _in_units(size: int) -> str:
 
 
 def _wait_for_writer(descriptor: int) -> bytes:
-    """First bytes of a pipe; none where a writer is there and has written nothing yet."""
+    """Return the first bytes of a pipe; none if its writer has written nothing yet."""
     deadline = time.monotonic() + WRITER_TIMEOUT_S
     while True:
         try:

@@ -1,4 +1,4 @@
-"""File names and messages as text that no terminal, table or page takes for a command."""
+"""File names and messages without control characters and spreadsheet formulas."""
 
 import os
 import re
@@ -10,13 +10,13 @@ _NUMBER = re.compile(r"[-+]?[0-9]*[.,]?[0-9]*(?:[eE][-+]?[0-9]+)?")
 
 
 def printable(text: str) -> str:
-    r"""The text with everything that does not print as an escape sequence.
+    r"""Return a text with non-printable characters as escape sequences.
 
     Parameters
     ----------
     text : str
         As a file name or a cell of a file: may hold line ends, ESC, marks that turn the direction
-        of writing, and the surrogates that stand for bytes which are no UTF-8.
+        of writing, and the surrogates that stand for bytes which are not UTF-8.
 
     Examples
     --------
@@ -31,7 +31,7 @@ def printable(text: str) -> str:
 
 
 def printable_name(path: str | os.PathLike[str]) -> str:
-    r"""A path as it stands in results: printable, and no formula to a spreadsheet.
+    r"""Return a path for results: printable, and not a formula of a spreadsheet.
 
     A relative path that begins with ``=``, ``+``, ``-`` or ``@`` gets ``./`` before it: the same
     file. Standard input stays ``-``.
@@ -46,7 +46,7 @@ def printable_name(path: str | os.PathLike[str]) -> str:
 
 
 def printable_cell(text: str) -> str:
-    r"""A text out of a file as it stands in a table: printable, and no formula to a spreadsheet.
+    r"""Return a text for a table: printable, and not a formula of a spreadsheet.
 
     A text that begins with ``=``, ``+``, ``-`` or ``@`` gets ``'`` before it, as spreadsheets do,
     unless it is a number.
@@ -62,6 +62,6 @@ def printable_cell(text: str) -> str:
 
 def _escaped(letter: str) -> str:
     code = ord(letter)
-    if 0xDC80 <= code <= 0xDCFF:  # a byte that is no UTF-8
+    if 0xDC80 <= code <= 0xDCFF:  # a byte that is not UTF-8
         return f"\\x{code - 0xDC00:02x}"
     return letter.encode("unicode_escape").decode("ascii")

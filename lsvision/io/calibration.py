@@ -1,4 +1,4 @@
-"""Calibrations with their evidence, as JSON with schema, units and provenance."""
+"""Calibration files: JSON with schema, units, residuals and provenance."""
 
 import datetime
 import hashlib
@@ -41,22 +41,22 @@ def write_calibration(
     Raises
     ------
     UnwritableFile
-        If the folder is missing or refuses, or a number of the result is none.
+        If the folder is missing or not writable, or a number of the result is not finite.
     """
     if isinstance(calibration, CameraCalibration):
         schema, values = CAMERA_SCHEMA, _camera_values(calibration)
     else:
         schema, values = LASER_PLANE_SCHEMA, _laser_plane_values(calibration)
-    evidence = {
+    details = {
         "rejected": _named(calibration.rejected),
         "outliers": _named(calibration.outliers),
         "warnings": list(calibration.warnings),
         "provenance": dict(provenance),
     }
     try:
-        text = rig_file.json_text(schema, {**values, **evidence})
+        text = rig_file.json_text(schema, {**values, **details})
     except ValueError as error:
-        raise UnwritableFile(f"{path}: the calibration holds numbers that are none") from error
+        raise UnwritableFile(f"{path}: the calibration has numbers that are not finite") from error
     write_atomic(path, text)
 
 
@@ -102,14 +102,14 @@ def _laser_plane_values(calibration: LaserPlaneCalibration) -> dict[str, Any]:
 
 
 def provenance_of(method: str, inputs: Iterable[str | os.PathLike[str]]) -> dict[str, str]:
-    """Where a calibration comes from: method, date, version, and a hash over the inputs.
+    """Return method, date, version, and names and hash of the inputs of a calibration.
 
     Parameters
     ----------
     method : str
-        In words.
+        Description of the method.
     inputs : iterable of paths
-        The files it rests on; their names and SHA-256 are kept.
+        Input files; their names and SHA-256 are recorded.
 
     Returns
     -------

@@ -23,7 +23,7 @@ DISTORTION_KEYS = (
 WIDTH_KEYS, HEIGHT_KEYS = ("image_width", "width"), ("image_height", "height")
 
 MAX_SIZE = 64 * 10**6
-"""Largest camera file; one with all residuals of 100 views takes 2 MB. Units: bytes."""
+"""Largest camera file; residuals of 100 views take 2 MB. Units: bytes."""
 
 _SCHEMAS = (CAMERA_SCHEMA, LASER_PLANE_SCHEMA, rig_file.SCHEMA)
 
@@ -40,7 +40,7 @@ def read_camera(path: str | os.PathLike[str], *, size: tuple[int, int] | None = 
         A camera or laser-plane calibration or a rig file of lsvision; a YAML file of OpenCV's
         FileStorage; a camera_info file, or the printout of such a message of ROS 1 or 2.
     size : tuple of int, optional
-        ``(width, height)``, for files that do not tell it. Units: px.
+        ``(width, height)``, for files that do not state it. Units: px.
 
     Returns
     -------
@@ -51,7 +51,7 @@ def read_camera(path: str | os.PathLike[str], *, size: tuple[int, int] | None = 
     ------
     UnreadableFile
         If the file is missing, holds no camera, or one of a lens model that is not OpenCV's
-        (fisheye); names the file and the mend.
+        (fisheye); names the file and the remedy.
     """
     source = Path(path)
     with size_limit(min(current_size_limit(), MAX_SIZE)):
@@ -70,7 +70,7 @@ def write_camera_yaml(path: str | os.PathLike[str], camera: Camera) -> None:
     Raises
     ------
     UnwritableFile
-        If the folder is missing or refuses.
+        If the folder is missing or not writable.
     """
     width, height = camera.size
     lines = ["%YAML:1.0", "---", f"image_width: {width}", f"image_height: {height}"]
@@ -91,26 +91,26 @@ def _camera_from_yaml(text: str, size: tuple[int, int] | None) -> Camera:
     model = re.search(r"^distortion_model:[ \t]*[\"']?([^\"'\s]*)", text, re.MULTILINE)
     if model and model.group(1) not in MODELS:
         raise ValueError(
-            f"its lens model is {model.group(1)!r}; want {MODELS[0]} or {MODELS[1]}: "
+            f"its lens model is {model.group(1)!r}; expected {MODELS[0]} or {MODELS[1]}: "
             "calibrate anew with that model"
         )
     matrix = _numbers(text, MATRIX_KEYS, "camera matrix")
     if len(matrix) != 9:
-        raise ValueError(f"want a camera matrix of 9 numbers, got {len(matrix)}")
+        raise ValueError(f"expected a camera matrix of 9 numbers, got {len(matrix)}")
     distortion = _numbers(text, DISTORTION_KEYS, "distortion coefficients")
-    told = _length(text, WIDTH_KEYS), _length(text, HEIGHT_KEYS)
-    if None not in told and size not in (None, told):
-        raise ValueError(f"it is for images of {told} px, not {size}")
-    size = size or (None if None in told else told)  # type: ignore[assignment]
+    stated = _length(text, WIDTH_KEYS), _length(text, HEIGHT_KEYS)
+    if None not in stated and size not in (None, stated):
+        raise ValueError(f"it is for images of {stated} px, not {size}")
+    size = size or (None if None in stated else stated)  # type: ignore[assignment]
     if size is None:
-        raise ValueError("it does not tell the size of the images: give size=(width, height)")
+        raise ValueError("it does not state the size of the images: give size=(width, height)")
     return camera_from_json(
         {"matrix": np.reshape(matrix, (3, 3)), "distortion": distortion, "size": size}
     )
 
 
 def _numbers(text: str, keys: Iterable[str], what: str) -> list[float]:
-    """Numbers under a key: a list in brackets or of dashes, perhaps one level down at `data`."""
+    """Return the numbers under a key: a list in brackets or of dashes, or its `data`."""
     number = r"[-+.\deE]+"
     for key in keys:
         found = re.search(
@@ -125,7 +125,7 @@ def _numbers(text: str, keys: Iterable[str], what: str) -> list[float]:
                 for each in re.findall(rf"(?:^|(?<=[\[,\s])){number}", found[1])
                 if each != "-"
             ]
-    raise ValueError(f"want {what} under one of {', '.join(keys)}; found none")
+    raise ValueError(f"expected {what} under one of {', '.join(keys)}; got none")
 
 
 def _length(text: str, keys: Iterable[str]) -> int | None:

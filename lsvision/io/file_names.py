@@ -1,4 +1,4 @@
-"""Which files a name stands for: a file, those right in a folder, or those of a pattern."""
+"""Files that a name stands for: a file, the files of a folder, or those of a pattern."""
 
 import glob
 from pathlib import Path
@@ -9,10 +9,12 @@ from lsvision.files.limited_reading import STDIN
 PROFILE_SUFFIXES = frozenset(
     [
         *(".csv", ".tsv", ".txt", ".asc", ".xyz", ".xz", ".dat", ".yml", ".yaml", ".xml"),
-        *(".npy", ".npz", ".ply", ".pcd", ".parquet"),
+        *(".npy", ".npz", ".ply", ".pcd", ".parquet", ".bag", ".db3", ".mcap"),
     ]
 )
 """Files that count as profiles when a folder is named; any file can be named by itself."""
+
+_ROS2_STORAGE, _ROS2_METADATA = (".db3", ".mcap"), "metadata.yaml"
 
 
 def find_files(name: str, suffixes: frozenset[str] = PROFILE_SUFFIXES) -> list[Path]:
@@ -21,26 +23,27 @@ def find_files(name: str, suffixes: frozenset[str] = PROFILE_SUFFIXES) -> list[P
     Parameters
     ----------
     name : str
-        A file; ``-``, standard input; a folder: the files right in it that have one of
-        `suffixes`, hidden ones left out; or a pattern, in which ``**`` reaches into folders.
+        A file; ``-``, standard input; a folder: the files directly in it with one of `suffixes`,
+        without hidden ones; or a pattern, in which ``**`` matches any folders.
     suffixes : frozenset of str
-        What counts when a folder is named.
+        Suffixes of the files to take from a folder; all files if empty.
 
     Returns
     -------
     list of Path
-        Empty if a folder or a pattern holds none. A name that is neither is returned as it is,
-        also if there is no such file: reading it tells.
+        Empty if a folder or a pattern matches no file. Any other name is returned as it is, also
+        if there is no such file: reading it fails then.
     """
     path = Path(name)
     if name == STDIN:
         return [path]
     if is_directory(path):
-        shown = (file for file in path.iterdir() if not file.name.startswith("."))
-        wanted = (file for file in shown if file.suffix.lower() in suffixes)
-        return sorted((file for file in wanted if is_regular(file)), key=natural_order)
-    if exists(path) or not glob.has_magic(name):
+        visible = (file for file in path.iterdir() if not file.name.startswith("."))
+        found = [file for file in visible if not suffixes or file.suffix.lower() in suffixes]
+        if any(file.suffix.lower() in _ROS2_STORAGE for file in found):
+            found = [file for file in found if file.name != _ROS2_METADATA]
+    elif exists(path) or not glob.has_magic(name):
         return [path]
-    found = glob.glob(name, recursive=True)  # noqa: PTH207 - Path.glob takes no absolute pattern
-    matches = [Path(match) for match in found]
-    return sorted((match for match in matches if is_regular(match)), key=natural_order)
+    else:
+        found = [Path(match) for match in glob.glob(name, recursive=True)]  # noqa: PTH207 - Path.glob takes no absolute pattern
+    return sorted(filter(is_regular, found), key=natural_order)

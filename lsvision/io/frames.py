@@ -1,4 +1,4 @@
-"""Frames of a video file or of a camera that is connected, one after the other."""
+"""Frames of a video file or of a connected camera."""
 
 import os
 from collections.abc import Iterator
@@ -17,13 +17,13 @@ from lsvision.files.limited_reading import check_readable
 Frame = npt.NDArray[Any]
 
 SILENT = 0
-"""LOG_LEVEL_SILENT of either version."""
+"""LOG_LEVEL_SILENT of OpenCV 4 and 5."""
 FFMPEG_SILENT = ("OPENCV_FFMPEG_LOGLEVEL", "-8")
-"""What keeps ffmpeg, which OpenCV reads videos with, from writing on stderr beside our errors."""
+"""Environment variable that stops messages of ffmpeg, with which OpenCV reads videos."""
 
 
 def read_frames(path: str | os.PathLike[str]) -> Iterator[Frame]:
-    """Frames of a video file, in its order.
+    """Read the frames of a video file in order.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def read_frames(path: str | os.PathLike[str]) -> Iterator[Frame]:
     Raises
     ------
     UnreadableFile
-        If the file is missing, is no video, or holds no frame; names the file and the mend.
+        If the file is missing, is not a video, or holds no frame; names the file and the remedy.
     """
     source = Path(path)
     check_readable(source)
@@ -55,14 +55,14 @@ def read_frames(path: str | os.PathLike[str]) -> Iterator[Frame]:
 
 
 def capture_frames(index: int, count: int) -> Iterator[Frame]:
-    """Frames of a connected camera, as they come.
+    """Read frames of a connected camera.
 
     Parameters
     ----------
     index : int
-        Of ``cv2.VideoCapture``: 0 is the first camera of the computer.
+        Index of ``cv2.VideoCapture``: 0 is the first camera of the computer.
     count : int
-        How many frames.
+        Number of frames.
 
     Yields
     ------
@@ -72,7 +72,7 @@ def capture_frames(index: int, count: int) -> Iterator[Frame]:
     Raises
     ------
     LsvisionError
-        If there is no such camera, or it stops sending; names the index and the mend.
+        If there is no such camera, or it stops sending; names the index and the remedy.
     """
     with _opened(index) as capture:
         got = 0

@@ -1,4 +1,4 @@
-"""Sensor-to-robot calibrations in files: our JSON, and ROS easy_handeye's YAML."""
+"""Hand-eye calibrations in files: JSON, and YAML of ROS easy_handeye."""
 
 import json
 from collections.abc import Mapping
@@ -94,8 +94,8 @@ def load_hand_eye(path: str | Path) -> HandEye:
     Raises
     ------
     UnreadableFile
-        If the file is missing, is no JSON, is of another schema or lacks a field; if a pose is no
-        rigid motion, a covariance is none, or a number is not finite.
+        If the file is missing, is not JSON, is of another schema or lacks a field; if a pose is no
+        rigid motion, a covariance is invalid, or a number is not finite.
 
     Examples
     --------
@@ -108,25 +108,27 @@ def load_hand_eye(path: str | Path) -> HandEye:
     try:
         document = parse_json(read_text(path))
     except ValueError as error:
-        raise UnreadableFile(f"{path}: want a hand-eye file (JSON), got: {error}") from error
+        raise UnreadableFile(f"{path}: expected a hand-eye file (JSON), got: {error}") from error
     schema = document.get("schema") if isinstance(document, dict) else None
     if schema != SCHEMA:
-        raise UnreadableFile(f"{path}: want schema {SCHEMA!r}, got {schema!r}: is it another file?")
+        raise UnreadableFile(
+            f"{path}: expected schema {SCHEMA!r}, got {schema!r}: is it another file?"
+        )
     if document.get("units", UNITS) != UNITS:
         raise UnreadableFile(
-            f"{path}: want units {UNITS}, got {document['units']}: convert its numbers"
+            f"{path}: expected units {UNITS}, got {document['units']}: convert its numbers"
         )
     try:
         hand_eye = _hand_eye_of(document)
         _check_numbers(hand_eye)
     except KeyError as error:
         raise UnreadableFile(
-            f"{path}: want a whole hand-eye file, got one with a bad or missing {error}: "
+            f"{path}: expected a whole hand-eye file, got one with a bad or missing {error}: "
             "calibrate anew"
         ) from error
     except (TypeError, ValueError, AttributeError, OverflowError) as error:
         raise UnreadableFile(
-            f"{path}: want a hand-eye file as lsvision writes it, got one that is damaged: "
+            f"{path}: expected a hand-eye file as lsvision writes it, got one that is damaged: "
             f"{error}: calibrate anew"
         ) from error
     return hand_eye
@@ -234,7 +236,7 @@ def _check_numbers(hand_eye: HandEye) -> None:
 
 
 def check_covariance(covariance: npt.NDArray[np.float64]) -> None:
-    """Refuse a matrix that is no covariance.
+    """Raise an error for a matrix that is not a covariance.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Width and height of an image, read from its header before anything is unpacked."""
+"""Width and height of an image from its header, without decoding it."""
 
 import re
 import struct
@@ -15,7 +15,7 @@ _WEBP_SIDE = (1 << 14) - 1
 
 
 def image_size(content: bytes) -> tuple[int, int] | None:
-    r"""Width and height of a PNG, JPEG, TIFF, BMP, PNM or WebP image; None for anything else.
+    r"""Return the size of a PNG, JPEG, TIFF, BMP, PNM or WebP image; None for anything else.
 
     Parameters
     ----------
@@ -36,13 +36,13 @@ def image_size(content: bytes) -> tuple[int, int] | None:
         for magic, size_of in _FORMATS:
             if content.startswith(magic):
                 return size_of(content)
-    except struct.error:  # cut short
+    except struct.error:  # truncated
         pass
     return None
 
 
 def _png_size(content: bytes) -> tuple[int, int] | None:
-    """Size of a PNG whose chunks are whole: OpenCV's decoder may never end at a cut one."""
+    """Return the size of a PNG with complete chunks: OpenCV may hang at a truncated one."""
     if content[12:16] != b"IHDR":
         return None
     place, kind = len(_PNG_MAGIC), b""
@@ -61,7 +61,7 @@ def _pnm_size(content: bytes) -> tuple[int, int] | None:
 
 def _bmp_size(content: bytes) -> tuple[int, int]:
     (header,) = struct.unpack_from("<I", content, 14)
-    if header == 12:  # of OS/2
+    if header == 12:  # BMP of OS/2
         return struct.unpack_from("<HH", content, 18)
     width, height = struct.unpack_from("<ii", content, 18)
     return abs(width), abs(height)

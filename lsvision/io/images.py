@@ -1,4 +1,4 @@
-"""Images from files, with their own depth: 8 or 16 bit, grey or colour."""
+"""Image files of 8 or 16 bit, grey or colour."""
 
 import os
 from pathlib import Path
@@ -33,8 +33,8 @@ def read_image(path: str | os.PathLike[str]) -> npt.NDArray[Any]:
     Raises
     ------
     UnreadableFile
-        If the file is missing, holds no such image or one of more than `MAX_PIXELS`; names the
-        file and the mend.
+        If the file is missing, not such an image, or larger than `MAX_PIXELS`; names the file
+        and the remedy.
 
     Examples
     --------
@@ -51,7 +51,7 @@ def read_image(path: str | os.PathLike[str]) -> npt.NDArray[Any]:
         raise UnreadableFile(f"{source}: {error}: crop it to the laser line") from None
     if image is None or image.dtype not in (np.uint8, np.uint16) or not image.size:
         raise UnreadableFile(
-            f"{source} is no image of 8 or 16 bit: save it as PNG, TIFF or JPEG, and copy it "
+            f"{source} is not an image of 8 or 16 bit: save it as PNG, TIFF or JPEG, and copy it "
             "anew if it is cut short"
         )
     return image[..., :3] if image.ndim == 3 else image

@@ -42,13 +42,13 @@ def write_ply(
     """
     points, colours = np.asarray(points, dtype=np.float64), np.asarray(colours, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != 3 or colours.shape != points.shape:
-        raise ValueError(f"want (n, 3) points and colours, got {points.shape}, {colours.shape}")
+        raise ValueError(f"expected (n, 3) points and colours, got {points.shape}, {colours.shape}")
     in_range = colours.min(initial=0.0) >= 0 and colours.max(initial=1.0) <= 1
     if not (np.isfinite(points).all() and in_range):
-        raise ValueError("want finite points and colours from 0 to 1")
+        raise ValueError("expected finite points and colours from 0 to 1")
     faces = np.zeros((0, 3), dtype=np.int64) if triangles is None else triangles
     if faces.size and not (faces.min() >= 0 and faces.max() < len(points)):
-        raise ValueError(f"want triangles of rows below {len(points)}, got {faces.max()}")
+        raise ValueError(f"expected triangles of rows below {len(points)}, got {faces.max()}")
     header = _header(len(points), None if triangles is None else len(faces))
     write_atomic(path, header + _vertices(points, colours) + _faces(faces))
 

@@ -1,4 +1,4 @@
-"""The line of names over a table of poses: columns by name, units of lengths and angles."""
+"""Header of a table of poses: order of the columns, units of lengths and angles."""
 
 import re
 from collections.abc import Sequence
@@ -20,12 +20,12 @@ _ANGLES |= {"rad": "rad", "radian": "rad", "radians": "rad"}
 
 @dataclass(frozen=True)
 class PoseHeader:
-    """Where the fields of a convention are in a table.
+    """Columns of the fields of a convention in a table.
 
     Parameters
     ----------
     columns : tuple of int
-        Column of each field; empty where they are told by position.
+        Column of each field; empty if the columns are in the order of the convention.
     length_unit, angle_unit : str or None
         As the header states them.
     """
@@ -36,21 +36,21 @@ class PoseHeader:
 
 
 def read_pose_header(cells: Sequence[str], rule: PoseConvention, skip: int) -> PoseHeader:
-    """Columns and units that a header names.
+    """Return the columns and units that a header names.
 
     Parameters
     ----------
     cells : sequence of str
         The header's cells.
     rule : PoseConvention
-        Whose fields are wanted.
+        Convention with the names of the fields.
     skip : int
         Columns before the pose where the header names no field.
 
     Raises
     ------
     ValueError
-        If it names fields of another convention, a field twice, or units that are none.
+        If it names fields of another convention, a field twice, or an unknown unit.
 
     Examples
     --------
@@ -94,7 +94,7 @@ def _length(units: set[str]) -> LengthUnit | None:
         return "mm"
     if units == {"m"}:
         return "m"
-    raise ValueError(f"lengths in {', '.join(sorted(units))}: want all in mm, or all in m")
+    raise ValueError(f"lengths in {', '.join(sorted(units))}: expected all in mm, or all in m")
 
 
 def _angle(units: set[str]) -> AngleUnit | None:
@@ -105,4 +105,4 @@ def _angle(units: set[str]) -> AngleUnit | None:
         return "deg"
     if known == {"rad"}:
         return "rad"
-    raise ValueError(f"angles in {', '.join(sorted(units))}: want all in deg, or all in rad")
+    raise ValueError(f"angles in {', '.join(sorted(units))}: expected all in deg, or all in rad")

@@ -18,21 +18,21 @@ _FANUC_FRAME = re.compile(r"\bUF\s*:\s*(\S{1,40}?)\s*,", re.IGNORECASE)
 
 
 def program_rows(path: Path, text: str, rule: PoseConvention) -> list[list[float]] | None:
-    """Positions of a robot program, in the order of the convention's fields.
+    """Return the positions of a robot program in the order of the convention's fields.
 
     Parameters
     ----------
     path : Path
-        For messages.
+        Path of the file, for messages.
     text : str
         The whole file.
     rule : PoseConvention
-        What the caller says of the poses; a program of another maker is refused.
+        Convention of the poses; a program of another maker is an error.
 
     Returns
     -------
     list of list of float, or None
-        One row a position; None where the text is no robot program.
+        One row per position; None if the text is not a robot program.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def _kuka_rows(path: Path, text: str, rule: PoseConvention) -> list[list[float]]
 
 
 def _without_kuka_comments(text: str) -> str:
-    """The text without what stands behind a semicolon, where no aggregate follows in its line."""
+    """Return the text without comments: from a semicolon to the end, after the last aggregate."""
     return "\n".join(map(_without_kuka_comment, text.split("\n")))
 
 
@@ -82,9 +82,9 @@ def _fanuc_rows(path: Path, text: str, rule: PoseConvention) -> list[list[float]
         where = f"P[{name}]"
         values: dict[str, float] = {}
         for field, cell, unit in _FANUC_FIELD.findall(body):
-            wanted = "mm" if field.upper() in "XYZ" else "deg"
-            if unit and unit.lower() != wanted:
-                raise UnreadableFile(f"{path}: {where}: {field} in {unit}, want {wanted}")
+            expected = "mm" if field.upper() in "XYZ" else "deg"
+            if unit and unit.lower() != expected:
+                raise UnreadableFile(f"{path}: {where}: expected {field} in {expected}, got {unit}")
             try:
                 values[field.lower()] = float(cell)
             except ValueError:

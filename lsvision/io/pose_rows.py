@@ -1,4 +1,4 @@
-"""Rows of numbers out of text, JSON and YAML files of poses."""
+"""Poses as rows of numbers, from text, JSON and YAML files."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -19,7 +19,7 @@ from lsvision.io.yaml_text import parse_yaml
 
 @dataclass(frozen=True)
 class PoseRows:
-    """Numbers of the poses of a file, and the units that it states.
+    """Numbers of the poses in a file, and the units that it states.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class PoseRows:
 
 
 def pose_rows(path: Path, rule: PoseConvention, skip_columns: int) -> PoseRows:
-    """Numbers of each pose in a file, in the order of the convention's fields.
+    """Read the numbers of each pose in a file, in the order of the convention's fields.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def pose_rows(path: Path, rule: PoseConvention, skip_columns: int) -> PoseRows:
     Raises
     ------
     UnreadableFile
-        If the file is missing, is not what its name says, or holds other counts of numbers.
+        If the file is missing, is not of the format of its suffix, or has rows of another length.
     """
     text = read_text(path)
     suffix = path.suffix.lower()
@@ -75,16 +75,16 @@ def _structured_rows(document: Any, rule: PoseConvention, path: Path) -> list[li
         lists = {key: value for key, value in document.items() if isinstance(value, list)}
         if len(lists) != 1:
             raise UnreadableFile(
-                f"{path}: want one list of poses under one key, got {len(lists)} lists "
+                f"{path}: expected one list of poses under one key, got {len(lists)} lists "
                 f"({', '.join(map(str, lists)) or 'none'})"
             )
         (document,) = lists.values()
     if not isinstance(document, list):
-        raise UnreadableFile(f"{path}: want a list of poses, got {type(document).__name__}")
+        raise UnreadableFile(f"{path}: expected a list of poses, got {type(document).__name__}")
     try:
         return [_flat(row, rule) for row in document]
     except (TypeError, ValueError, OverflowError) as error:
-        raise UnreadableFile(f"{path}: want rows of numbers: {error}") from error
+        raise UnreadableFile(f"{path}: expected rows of numbers: {error}") from error
 
 
 def _flat(row: Any, rule: PoseConvention) -> list[float]:
@@ -92,7 +92,9 @@ def _flat(row: Any, rule: PoseConvention) -> list[float]:
         named = {str(key).lower(): value for key, value in row.items()}
         missing = [field for field in rule.fields if field not in named]
         if missing:
-            raise ValueError(f"want fields {' '.join(rule.fields)}, missing {' '.join(missing)}")
+            raise ValueError(
+                f"expected fields {' '.join(rule.fields)}, missing {' '.join(missing)}"
+            )
         return [float(named[field]) for field in rule.fields]
     if isinstance(row, Sequence) and not isinstance(row, str):
         return [number for item in row for number in _flat(item, rule)]
@@ -117,7 +119,7 @@ def _text_rows(path: Path, text: str, rule: PoseConvention, skip: int) -> PoseRo
     for number, cells in numbered:
         where = f"{path}: line {number}"
         if len(cells) <= max(header.columns, default=0):
-            raise UnreadableFile(f"{where}: want a number under each name, got {len(cells)}")
+            raise UnreadableFile(f"{where}: expected a number under each name, got {len(cells)}")
         rows.append(_row([cells[c] for c in header.columns] or cells[skip:], rule, where))
     return PoseRows(rows, length_unit, header.angle_unit)
 
@@ -140,26 +142,27 @@ def _stated_length(lines: Sequence[str]) -> LengthUnit | None:
         return "mm"
     if stated == {"m"}:
         return "m"
-    raise ValueError(f"lengths in {', '.join(sorted(stated))}: want mm or m")
+    raise ValueError(f"lengths in {', '.join(sorted(stated))}: expected mm or m")
 
 
 def _row(cells: list[str], rule: PoseConvention, where: str) -> list[float]:
     if len(cells) != len(rule.fields):
         raise UnreadableFile(
-            f"{where}: want {len(rule.fields)} numbers ({' '.join(rule.fields)}), got "
+            f"{where}: expected {len(rule.fields)} numbers ({' '.join(rule.fields)}), got "
             f"{len(cells)}; is it another convention than {rule.name!r}? A leading number or "
             "time stamp is left out by skip_columns=1"
         )
     try:
         return [float(cell) for cell in cells]
     except ValueError as error:
-        raise UnreadableFile(f"{where}: want numbers only: {error}") from error
+        raise UnreadableFile(f"{where}: expected numbers only: {error}") from error
 
 
 def _cells(line: str) -> list[str]:
     line = line.split("#", maxsplit=1)[0].strip()
     if ";" in line:  # European spreadsheets: decimal comma
         return [cell.strip().replace(",", ".") for cell in line.rstrip("; ").split(";")]
+    line = re.sub(r"\bp\[", "[", line)  # as Universal Robots write a pose
     bare = re.sub(r"[()\[\]]", " ", line).strip().rstrip(",")
     return [cell.strip() for cell in bare.split(",")] if "," in bare else bare.split()
 

@@ -15,13 +15,13 @@ from lsvision.results.quantities import Record
 CHECKPOINT_S = 1.0
 """Shortest time between two writings of a file. Units: s."""
 MAX_WRITING_FRACTION = 0.05
-"""Largest part of the time that may go into writing the file anew."""
+"""Largest fraction of the run time for rewriting the file."""
 STDOUT = Path("-")
 """Path that stands for standard output."""
 
 
 class RecordText(Protocol):
-    """A format: what stands before the records, each record, and what stands behind them."""
+    """Format of a file of records: head, text of each record, and tail."""
 
     @property
     def head(self) -> str:
@@ -30,19 +30,19 @@ class RecordText(Protocol):
 
     @property
     def tail(self) -> str:
-        """Text behind the last record."""
+        """Text after the last record."""
         ...
 
     def prepare(self, records: Sequence[Record]) -> bool:
-        """Make room for the next records; True if the head is another one now."""
+        """Prepare for the next records; return whether the head has changed."""
         ...
 
     def item(self, record: Record) -> str:
-        """Text of the next record."""
+        """Return the text of the next record."""
         ...
 
     def rewritten(self, piece: str, head: str) -> str:
-        """Text of a record that was written under another head."""
+        """Return the text of a record written under another head."""
         ...
 
 
@@ -68,19 +68,19 @@ class ResultFiles:
             (json_file, JsonText()),
             (csv_file, CsvText(frame)),
         ]
-        # Files before the stream: a reader that has gone must not cost them a result.
+        # Files before the stream: a closed pipe must not cost them a result.
         self._files: list[_Checkpoints | _Stream] = [
             _Checkpoints(path, text) for path, text in texts if path is not None and path != STDOUT
         ]
         self._files += [_Stream(sys.stdout, text) for path, text in texts if path == STDOUT]
 
     def add(self, records: Sequence[Record]) -> None:
-        """Take results; what cannot be written now is tried again at the end."""
+        """Add results; what cannot be written now is tried again at the end."""
         for file in self._files:
             file.add(records)
 
     def finish(self) -> None:
-        """Write what is left.
+        """Write the remaining results.
 
         Raises
         ------
@@ -104,7 +104,7 @@ class _Stream:
     def add(self, records: Sequence[Record]) -> None:
         if records and not self._started:
             self._started = True
-            self._text.prepare(records)  # a column that comes later has no place any more
+            self._text.prepare(records)  # later attributes get no column
             self._stream.write(self._text.head)
         self._stream.write("".join(map(self._text.item, records)))
         self._stream.flush()
@@ -129,7 +129,7 @@ class _Checkpoints:
         self._unwritten |= bool(records)
         start = time.monotonic()
         if start >= self._next:
-            with suppress(UnwritableFile):  # a full disk may have room again at the end
+            with suppress(UnwritableFile):  # the disk may no longer be full at the end
                 self.finish()
             stop = time.monotonic()
             self._next = stop + max(CHECKPOINT_S, (stop - start) / MAX_WRITING_FRACTION)

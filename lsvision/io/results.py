@@ -37,7 +37,7 @@ def measurement_record(
     reading: Record | None = None,
     reason: str | None = None,
 ) -> Record:
-    """Record of one profile's measurement, ready for JSON.
+    """Return the record of a profile's measurement, ready for JSON.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def measurement_record(
 
 
 def input_record(file: "ProfileFile", profile: int) -> Record:
-    """How a profile of a file was read: reader, units, lost points, what the file says of it.
+    """Return how a profile was read: reader, units, lost points, attributes in the file.
 
     Parameters
     ----------
@@ -143,22 +143,22 @@ class JsonText:
         self._separator = "\n"
 
     def prepare(self, records: Sequence[Record]) -> bool:  # noqa: ARG002 - any record fits
-        """False: nothing that was written changes."""
+        """Return False: the head never changes."""
         return False
 
     def item(self, record: Record) -> str:
-        """The next record."""
+        """Return the text of the next record."""
         separator, self._separator = self._separator, ",\n"
         text = json.dumps(record, indent=2, allow_nan=False)
         return separator + textwrap.indent(text, "    ")
 
     def rewritten(self, piece: str, head: str) -> str:  # noqa: ARG002 - there is one head
-        """The piece, whose form never changes."""
+        """Return the piece unchanged."""
         return piece
 
 
 CSV_COLUMNS = ("source", "profile", "cylinder", *SECTION_COLUMNS)
-"""Columns of every row; those of the robot's frame, of the file and the reason follow."""
+"""First columns; those of the robot's frame, attributes of the file and the reason follow."""
 
 
 class CsvText:
@@ -166,7 +166,7 @@ class CsvText:
 
     A cylinder is a row; a profile without one is a row with the reason and empty numbers.
     Intervals are two columns, ``*_low_*`` and ``*_high_*``; in the robot's frame the point and
-    both directions have theirs. What the file says of a profile (its attributes) stands before the
+    both directions have theirs. Attributes of a profile in the file come before the
     reason. Rejections, covariances and the indices of points are left to JSON.
 
     Parameters
@@ -183,11 +183,11 @@ class CsvText:
 
     @property
     def head(self) -> str:
-        """The line of names."""
+        """Return the header line."""
         return self._lines([dict(zip(self._columns, self._columns, strict=True))])
 
     def prepare(self, records: Sequence[Record]) -> bool:
-        """Give each attribute of the records a column; True if one is new, and the head other.
+        """Add a column for each new attribute of the records; return whether there is one.
 
         Attributes without a column are left out of the rows.
         """
@@ -200,20 +200,20 @@ class CsvText:
         return len(self._attributes) > before
 
     def item(self, record: Record) -> str:
-        """Rows of the next record."""
+        """Return the rows of the next record."""
         rows = [_csv_row(record, k, each) for k, each in enumerate(record["cylinders"])]
         if not rows:
             place = {"source": record["source"], "profile": record["profile"]}
             rows = [place | {"reason": record.get("reason", "")}]
-        said = {
+        attributes = {
             self._attributes[name]: value
             for name, value in _attributes(record).items()
             if name in self._attributes
         }
-        return self._lines([row | said for row in rows])
+        return self._lines([row | attributes for row in rows])
 
     def rewritten(self, piece: str, head: str) -> str:
-        """Rows that were written under another head, as they stand under the present one."""
+        """Return rows written under another header with the columns of the present one."""
         return self._lines(list(csv.DictReader(io.StringIO(head + piece, newline=""))))
 
     @property
@@ -247,11 +247,11 @@ def _csv_row(record: Record, place: int, cylinder: Record) -> Record:
 
 
 def _attributes(record: Record) -> dict[str, Any]:
-    """What the file says of a profile; texts are no formulas to a spreadsheet."""
-    said: dict[str, Any] = record.get("input", {}).get("attributes", {})
+    """Return the attributes of a profile; a spreadsheet does not take the texts for formulas."""
+    attributes: dict[str, Any] = record.get("input", {}).get("attributes", {})
     return {
         name: printable_cell(value) if isinstance(value, str) else value
-        for name, value in said.items()
+        for name, value in attributes.items()
     }
 
 

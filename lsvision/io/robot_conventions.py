@@ -1,8 +1,8 @@
-"""How robot makers write a pose down, as a table; nothing here is ever guessed.
+"""Pose conventions of robot makers, as a table; a convention is never guessed.
 
 KUKA, FANUC, Yaskawa and Mitsubishi write the *same* rotation with their letters in another
-order, so a KUKA file read as FANUC gives poses that look right and are wrong: a convention is
-stated by the caller, or the file is refused.
+order, so a KUKA file read as FANUC gives plausible but wrong poses. The caller therefore
+must state the convention.
 """
 
 import math
@@ -21,13 +21,13 @@ MM_PER_UNIT: dict[str, float] = {"mm": 1.0, "m": 1000.0}
 RAD_PER_UNIT: dict[str, float] = {"deg": math.pi / 180, "rad": 1.0}
 
 UNIT_QUATERNION = 1e-3
-"""Largest departure of a quaternion's norm from 1: files carry as few as four digits."""
+"""Largest deviation of a quaternion's norm from 1: some files have only four digits."""
 
 MAX_NUMBER = 1e9
-"""Largest number of a pose: no position or angle, and its square still has a meaning."""
+"""Largest number of a pose, far above any position or angle; its square does not overflow."""
 
 ORTHONORMAL = 1e-3
-"""Largest entry of R'R - I in a written matrix, made orthonormal on the way in."""
+"""Largest entry of R'R - I of a matrix in a file, which is then made orthonormal."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,14 +37,14 @@ class PoseConvention:
     Parameters
     ----------
     name : str
-        What the caller states.
+        Name of the convention.
     fields : tuple of str
         Names of the numbers in their order.
     rotation : str
         ``"rotvec"``, ``"quaternion"``, ``"matrix"`` or scipy's Euler sequence (upper case =
         moving axes, lower case = fixed axes), in the order of `fields`.
     length_unit, angle_unit : str
-        What the maker's files hold.
+        Units of the maker's files.
     """
 
     name: str
@@ -73,21 +73,21 @@ _TABLE = (
 )
 
 CONVENTIONS: dict[str, PoseConvention] = {row.name: row for row in _TABLE}
-"""Every convention that can be stated, by name."""
+"""All conventions by name."""
 
 
 def convention_named(name: str) -> PoseConvention:
-    """The convention of that name.
+    """Return the convention of a name.
 
     Raises
     ------
     ValueError
-        If there is none; the message lists them all.
+        If the name is unknown; the message lists all names.
     """
     if name not in CONVENTIONS:
         raise ValueError(
-            f"want a pose convention, one of {', '.join(CONVENTIONS)}; got {name!r}: the same six "
-            "numbers mean another rotation in each, so it is never guessed"
+            f"expected a pose convention, one of {', '.join(CONVENTIONS)}; got {name!r}: the same "
+            "six numbers mean another rotation in each, so it is never guessed"
         )
     return CONVENTIONS[name]
 
@@ -99,7 +99,7 @@ def pose_from_numbers(
     length_unit: LengthUnit | None = None,
     angle_unit: AngleUnit | None = None,
 ) -> Pose:
-    """Pose of the numbers a robot shows.
+    """Return the pose of the numbers that a robot shows.
 
     Parameters
     ----------
@@ -111,9 +111,9 @@ def pose_from_numbers(
         ``mitsubishi``, ``kawasaki``, ``staubli`` (mm, deg), ``abb`` (mm, w first), ``ros``
         (m, w last), ``matrix`` (mm, row-major).
     length_unit : {"mm", "m"}, optional
-        Where the numbers depart from the maker's own unit.
+        Unit of the positions, if not the maker's.
     angle_unit : {"deg", "rad"}, optional
-        Likewise; quaternions and matrices have none.
+        Unit of the angles; quaternions and matrices have none.
 
     Returns
     -------
@@ -136,13 +136,13 @@ def pose_from_numbers(
     values = np.asarray(numbers, dtype=np.float64).ravel()
     if len(values) != len(rule.fields):
         raise ValueError(
-            f"want {len(rule.fields)} numbers ({' '.join(rule.fields)}) for convention "
+            f"expected {len(rule.fields)} numbers ({' '.join(rule.fields)}) for convention "
             f"{rule.name!r}, got {len(values)}"
         )
     if not np.isfinite(values).all():
-        raise ValueError(f"want finite numbers, got {values}")
+        raise ValueError(f"expected finite numbers, got {values}")
     if np.abs(values).max() > MAX_NUMBER:
-        raise ValueError(f"want numbers up to {MAX_NUMBER:g}, got {values}")
+        raise ValueError(f"expected numbers up to {MAX_NUMBER:g}, got {values}")
     mm = MM_PER_UNIT[length_unit or rule.length_unit]
     if rule.rotation == "matrix":
         return _pose_from_matrix(values.reshape(4, 4), mm)
@@ -156,7 +156,7 @@ def _rotation(values: FloatArray, kind: str, rad: float) -> FloatArray:
     if kind.startswith("quaternion"):
         norm = float(np.linalg.norm(values))
         if abs(norm - 1) > UNIT_QUATERNION:
-            raise ValueError(f"want a quaternion of length 1, got length {norm:.4f}: {values}")
+            raise ValueError(f"expected a quaternion of length 1, got length {norm:.4f}: {values}")
         xyzw = np.roll(values, -1) if kind.endswith("wxyz") else values
         matrix: FloatArray = Rotation.from_quat(xyzw / norm).as_matrix()
     elif kind == "rotvec":
@@ -171,10 +171,10 @@ def _pose_from_matrix(matrix: FloatArray, mm: float) -> Pose:
     defect = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
     if defect > ORTHONORMAL or not np.allclose(matrix[3], (0, 0, 0, 1), rtol=0, atol=ORTHONORMAL):
         raise ValueError(
-            f"want a 4x4 of a rotation with last row 0 0 0 1, got R'R off by {defect:.3g} and "
+            f"expected a 4x4 of a rotation with last row 0 0 0 1, got R'R off by {defect:.3g} and "
             f"last row {matrix[3]}: is it written column by column?"
         )
     left, _, right = np.linalg.svd(rotation)
     if np.linalg.det(rotation) < 0:
-        raise ValueError("want a rotation, got a matrix of determinant -1: it mirrors")
+        raise ValueError("expected a rotation, got a matrix of determinant -1: it mirrors")
     return Pose(left @ right, matrix[:3, 3] * mm)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import glob
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TypeVar
@@ -11,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.errors import UnreadableFile
-from lsvision.files.file_kinds import exists, is_directory, is_regular, natural_order
 from lsvision.geometry import Pose
+from lsvision.io.file_names import find_files
 from lsvision.io.pose_rows import pose_rows
 from lsvision.io.robot_conventions import (
     AngleUnit,
@@ -25,13 +24,13 @@ from lsvision.io.robot_conventions import (
 _Unit = TypeVar("_Unit", LengthUnit, AngleUnit)
 
 REACH_MM = 20_000.0
-"""No flange stands further from its base; millimetres read as metres do."""
+"""Largest distance of a flange from its base; above it, mm were probably read as m."""
 SPREAD_MM = 5_000.0
-"""No calibration or scan moves a flange further."""
+"""Largest motion of a flange in a calibration or scan."""
 MIN_POSITION_MM = 5.0
-"""A flange always nearer than this to its base's origin was written in metres."""
+"""Smallest distance of a flange from its base's origin; below it, m were probably read as mm."""
 SAME_POSE_MM, SAME_POSE_RAD = 0.01, 1e-5
-"""Poses that differ by less are one pose."""
+"""Differences below which two poses are the same."""
 MAX_ANGLE_RAD = 2 * np.pi * 1.001
 
 
@@ -43,7 +42,7 @@ def read_robot_poses(
     angle_unit: AngleUnit | None = None,
     skip_columns: int = 0,
 ) -> list[Pose]:
-    """Poses of a robot's flange from a CSV, text, JSON or YAML file.
+    """Read poses of a robot's flange from a CSV, text, JSON or YAML file.
 
     One pose a row. In JSON and YAML: a list of rows, or one list of rows under one key; a row
     is a list (nested as in ``[[x, y, z], [qx, qy, qz, qw]]`` or a 4x4) or a mapping with the
@@ -60,8 +59,8 @@ def read_robot_poses(
     convention : str
         See `pose_from_numbers`; never guessed.
     length_unit, angle_unit : str, optional
-        Where the file departs from the maker's own units. Said explicitly, a unit is taken at
-        its word and only impossible motion is refused.
+        Units of the file, if not the maker's. An explicit unit
+        is not questioned unless the motion is impossible.
     skip_columns : int
         Columns before the pose in a text file without named columns (a number, a time stamp).
 
@@ -90,11 +89,11 @@ def read_robot_poses(
     for file, part in zip(files, parts, strict=True):
         if len(files) > 1 and len(part.rows) != 1:
             raise UnreadableFile(
-                f"{file}: want one pose in each of {len(files)} files, got {len(part.rows)}"
+                f"{file}: expected one pose in each of {len(files)} files, got {len(part.rows)}"
             )
     rows = [row for part in parts for row in part.rows]
     if not rows:
-        raise UnreadableFile(f"{path}: want one pose a row, got no row with numbers")
+        raise UnreadableFile(f"{path}: expected one pose a row, got no row with numbers")
     length_unit = length_unit or _one_unit(path, [part.length_unit for part in parts])
     angle_unit = angle_unit or _one_unit(path, [part.angle_unit for part in parts])
     poses = []
@@ -106,50 +105,43 @@ def read_robot_poses(
         except ValueError as error:
             raise UnreadableFile(f"{path}: pose {number}: {error}") from error
         poses.append(pose)
-    for complaint in (
+    for problem in (
         _angle_error(np.array(rows), rule, angle_unit),
         _motion_error(poses, length_unit),
     ):
-        if complaint:
-            raise UnreadableFile(f"{path}: {complaint}")
+        if problem:
+            raise UnreadableFile(f"{path}: {problem}")
     return poses
 
 
 def pose_files(path: str | Path) -> list[Path]:
-    """The files that a path, a folder or a pattern names, 2 before 10.
+    """Return the files that a path, a folder or a pattern names, in natural order.
 
     Raises
     ------
     UnreadableFile
         If a folder or a pattern names none.
     """
-    place = Path(path)
-    if is_directory(place):
-        try:
-            found = [file for file in place.iterdir() if not file.name.startswith(".")]
-        except OSError as error:
-            raise UnreadableFile(f"{path}: cannot be listed ({error.strerror})") from None
-    elif exists(place) or not glob.has_magic(str(path)):
-        return [place]
-    else:
-        found = [Path(match) for match in glob.glob(str(path), recursive=True)]  # noqa: PTH207 - absolute patterns
-    files = [file for file in found if is_regular(file)]
+    try:
+        files = find_files(str(path), frozenset())
+    except OSError as error:
+        raise UnreadableFile(f"{path}: cannot be listed ({error.strerror})") from None
     if not files:
         raise UnreadableFile(f"{path}: no file of poses there: check it with ls")
-    return sorted(files, key=natural_order)
+    return files
 
 
 def _one_unit(path: str | Path, units: Sequence[_Unit | None]) -> _Unit | None:
     known = set(units)
     if len(known) > 1:
-        raise UnreadableFile(f"{path}: its files state different units: want the same in all")
+        raise UnreadableFile(f"{path}: its files state different units: expected the same in all")
     return units[0]
 
 
 def encoder_poses(
     count: int, direction: npt.ArrayLike, step: float, start: Pose | None = None
 ) -> list[Pose]:
-    """Poses of a section moved along an encoder axis in equal steps.
+    """Return the poses of a section moved along an encoder axis in equal steps.
 
     Parameters
     ----------
@@ -175,9 +167,9 @@ def encoder_poses(
     array([0., 0., 1.])
     """
     if count < 1:
-        raise ValueError(f"want at least one pose, got count {count}")
+        raise ValueError(f"expected at least one pose, got count {count}")
     if not (np.isfinite(step) and step != 0):
-        raise ValueError(f"want a step in mm other than 0, got {step}")
+        raise ValueError(f"expected a step in mm other than 0, got {step}")
     first = Pose() if start is None else start
     return [Pose.along(direction, index * step) @ first for index in range(count)]
 

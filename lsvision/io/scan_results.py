@@ -21,14 +21,14 @@ def scan_record(
     sources: Sequence[str] = (),
     inputs: Sequence[Record] = (),
 ) -> Record:
-    """Record of a scan, ready for JSON.
+    """Return the record of a scan, ready for JSON.
 
     Parameters
     ----------
     scan : ScanMeasurement
         Cylinders and rejections.
     shapes : sequence of TubeShape or None
-        Of each cylinder; None where it has too few sections.
+        Shape of each cylinder; None if it has too few sections.
     sources : sequence of str
         Name of each profile's file.
     inputs : sequence of dict
@@ -59,5 +59,5 @@ def write_scan_json(path: str | os.PathLike[str], record: Record) -> None:
 
 
 def scan_json(record: Record) -> str:
-    """A scan's record as JSON text."""
+    """Return a scan's record as JSON text."""
     return json.dumps(record, indent=2, allow_nan=False) + "\n"

@@ -13,13 +13,11 @@ from lsvision.files.atomic_files import write_atomic
 from lsvision.geometry import Pose
 
 if TYPE_CHECKING:
+    from lsvision.cylinder.axis_table import AxisQuantity
     from lsvision.scan import ScanMeasurement, ScannedCylinder
 
-Z_95 = 1.959963984540054
-"""Half width of a 95 % interval in standard deviations: a scan has hundreds of points."""
-MIN_PHI_SIGMAS = Z_95
-"""A tilt below so many of its standard deviations may be 0, and has no direction then."""
 _AXES = "xyz"
+_POINT: "tuple[AxisQuantity, ...]" = ("point_x", "point_y", "point_z")
 
 
 def write_scan_csv(
@@ -45,7 +43,7 @@ def write_scan_csv(
 
 
 def scan_csv(scan: "ScanMeasurement", base_from_sections: Sequence[Pose]) -> str:
-    """The cylinders of a scan as CSV text; see `write_scan_csv`."""
+    """Return the cylinders of a scan as CSV text; see `write_scan_csv`."""
     rows = [
         scan_row(number, tube, base_from_sections[tube.sections[0]])
         for number, tube in enumerate(scan.cylinders)
@@ -58,7 +56,7 @@ def scan_csv(scan: "ScanMeasurement", base_from_sections: Sequence[Pose]) -> str
 
 
 def scan_row(number: int, tube: "ScannedCylinder", base_from_section: Pose) -> dict[str, Any]:
-    """One cylinder as a row; lengths in mm, angles in deg, empty where not determined.
+    """Return a cylinder as a row; lengths in mm, angles in deg, empty where not determined.
 
     Parameters
     ----------
@@ -75,12 +73,13 @@ def scan_row(number: int, tube: "ScannedCylinder", base_from_section: Pose) -> d
         "sections": len(tube.sections),
         "first_section": tube.sections[0],
         "points": len(tube.points),
-        **_quantity("radius", "mm", tube.radius, tube.radius_std),
+        **_row("radius", "mm", tube.radius, tube.radius_std, tube.interval("radius")),
         **_tilt(tube, base_from_section),
     }
     point_stds = np.sqrt(np.diag(basis.T @ covariance[:2, :2] @ basis))
-    for axis, value, std in zip(_AXES, tube.point, point_stds, strict=True):
-        row |= _quantity(f"point_{axis}", "mm", float(value), float(std))
+    for k, quantity in enumerate(_POINT):
+        interval = tube.interval(quantity)
+        row |= _row(quantity, "mm", float(tube.point[k]), float(point_stds[k]), interval)
     row |= {f"direction_{axis}": float(v) for axis, v in zip(_AXES, tube.direction, strict=True)}
     row["direction_std_deg"] = math.degrees(tube.direction_std)
     row["start_mm"], row["end_mm"] = tube.axial_range
@@ -89,10 +88,11 @@ def scan_row(number: int, tube: "ScannedCylinder", base_from_section: Pose) -> d
 
 
 def _tilt(tube: "ScannedCylinder", base_from_section: Pose) -> dict[str, Any]:
-    """Phi and theta of the axis in a section, with intervals.
+    """Return phi and theta of the axis in a section, with intervals.
 
     Definition: phi is the angle between the axis and the section's normal Z, theta the direction of
-    the axis in the section's plane, from X towards Y, in [0, pi).
+    the axis in the section's plane, from X towards Y, in [0, pi). Where the region of the direction
+    (two quantities) reaches Z, phi may be 0 and theta is not determined.
     """
     x, y, z = base_from_section.rotation.T @ tube.direction
     phi = math.atan2(math.hypot(x, y), abs(z))
@@ -107,27 +107,32 @@ def _tilt(tube: "ScannedCylinder", base_from_section: Pose) -> dict[str, Any]:
     jacobian = steps @ tangents.T
     variances = np.diag(jacobian @ tube.covariance[2:4, 2:4] @ jacobian.T)
     phi_std, across_std = (math.sqrt(max(0.0, float(v))) for v in variances)
-    row = _quantity("phi", "deg", math.degrees(phi), math.degrees(phi_std))
-    row["phi_low_95_deg"] = max(0.0, row["phi_low_95_deg"])
-    row["phi_high_95_deg"] = min(90.0, row["phi_high_95_deg"])
-    if phi <= MIN_PHI_SIGMAS * max(phi_std, across_std):
-        row |= dict.fromkeys(_names("theta", "deg"), "")
-        row |= {"theta_low_95_deg": 0.0, "theta_high_95_deg": 180.0, "theta_determined": False}
-        return row
-    theta_std = across_std / math.sin(phi)
-    row |= _quantity("theta", "deg", math.degrees(theta), math.degrees(theta_std))
+    factor = tube.fit.coverage_factor()
+    determined = phi > tube.fit.coverage_factor(quantities=2) * max(phi_std, across_std)
+    low = max(0.0, phi - factor * phi_std) if determined else 0.0
+    row = _degrees_row("phi", phi, phi_std, (low, min(math.pi / 2, phi + factor * phi_std)))
+    if not determined:
+        row |= _row("theta", "deg", "", "", (0.0, 180.0))
+        return row | {"theta_determined": False}
+    std = across_std / math.sin(phi)
+    row |= _degrees_row("theta", theta, std, (theta - factor * std, theta + factor * std))
     return row | {"theta_determined": True}
 
 
-def _names(name: str, unit: str) -> tuple[str, str, str, str]:
-    return (
-        f"{name}_{unit}",
-        f"{name}_std_{unit}",
-        f"{name}_low_95_{unit}",
-        f"{name}_high_95_{unit}",
-    )
+def _degrees_row(
+    name: str, value: float, std: float, interval: tuple[float, float]
+) -> dict[str, Any]:
+    low, high = map(math.degrees, interval)
+    return _row(name, "deg", math.degrees(value), math.degrees(std), (low, high))
 
 
-def _quantity(name: str, unit: str, value: float, std: float) -> dict[str, Any]:
-    half = Z_95 * std
-    return dict(zip(_names(name, unit), (value, std, value - half, value + half), strict=True))
+def _row(
+    name: str, unit: str, value: float | str, std: float | str, interval: Sequence[float]
+) -> dict[str, Any]:
+    low, high = interval
+    return {
+        f"{name}_{unit}": value,
+        f"{name}_std_{unit}": std,
+        f"{name}_low_95_{unit}": low,
+        f"{name}_high_95_{unit}": high,
+    }

@@ -1,4 +1,4 @@
-"""YAML of unknown origin as mappings, lists and texts: no aliases, no types, limited depth."""
+"""Untrusted YAML as mappings, lists and texts: no aliases, no types, limited depth."""
 
 import re
 from typing import Any
@@ -11,16 +11,16 @@ MAX_LENGTH = 10_000_000
 """Longest text; 10^5 poses. Units: characters."""
 
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # the same events, 20 times as fast
-_DIRECTIVE = re.compile(r"\A\s*%YAML[: ][^\n]*\n")  # OpenCV writes %YAML:1.0, which is no YAML
+_DIRECTIVE = re.compile(r"\A\s*%YAML[: ][^\n]*\n")  # OpenCV writes %YAML:1.0, which is not YAML
 
 Yaml = str | list[Any] | dict[str, Any]
 
 
 def parse_yaml(text: str) -> Yaml:
-    """First document of a YAML text; every scalar stays the text that it is.
+    """Return the first document of a YAML text; every scalar stays text.
 
-    Only the events of the parser are used: nothing is converted by its tag, so that dates,
-    integers and binary data cannot fail, and no type is constructed.
+    Only the events of the parser are used: nothing is converted, so that no conversion can fail
+    and no type is constructed.
 
     Parameters
     ----------
@@ -35,8 +35,8 @@ def parse_yaml(text: str) -> Yaml:
     Raises
     ------
     ValueError
-        If the text is no YAML, nests deeper than `MAX_DEPTH`, is longer than `MAX_LENGTH`, holds
-        an alias, or a key that is no text.
+        If the text is not YAML, nests deeper than `MAX_DEPTH`, is longer than `MAX_LENGTH`, holds
+        an alias, a key that is no text, or one twice in a mapping.
 
     Examples
     --------
@@ -57,14 +57,14 @@ def parse_yaml(text: str) -> Yaml:
 
 
 class _Builder:
-    """Puts events together; without recursion, so that no depth exhausts the stack."""
+    """Builds the document from events, without recursion: deep nesting cannot exhaust the stack."""
 
     def __init__(self) -> None:
         self.document: Yaml = ""
         self._open: list[tuple[list[Any] | dict[str, Any], str | None]] = []
 
     def add(self, event: Any) -> None:
-        """Take the next event of the parser."""
+        """Add the next event of the parser."""
         if isinstance(event, yaml.AliasEvent):
             raise ValueError("expected YAML without aliases (*name), got one: write it out")
         if isinstance(event, yaml.ScalarEvent):
@@ -86,6 +86,8 @@ class _Builder:
         if isinstance(parent, list):
             parent.append(value)
         elif key is not None:
+            if key in parent:
+                raise ValueError(f"expected each key once, got {key[:40]!r} twice in one mapping")
             parent[key] = value
             self._open[-1] = (parent, None)
         elif isinstance(value, str):

@@ -1,18 +1,18 @@
-"""A number as people read it beside its sigma."""
+"""Numbers as text, with the digits that their standard deviation justifies."""
 
 import math
 import re
 
 DEFAULT_DECIMALS = 4
 MAX_DECIMALS = 6
-"""Decimals of a number that has no sigma (a radius known exactly), and the most of any."""
+"""Decimals of a number without std (a radius known exactly), and the largest number of decimals."""
 
 
 _HYPHEN_MINUS = re.compile(r"(?<![\w.)])-(?=\.?\d)")
 
 
 def with_minus_signs(text: str) -> str:
-    """A text for a picture: the hyphen before a number becomes a minus sign, wide as the plus.
+    """Return a text in which the hyphen before a number is a minus sign, as wide as a plus.
 
     Examples
     --------
@@ -23,7 +23,7 @@ def with_minus_signs(text: str) -> str:
 
 
 def format_value(value: float, std: float) -> str:
-    """A number with its sigma; two digits of the sigma decide the decimals of both.
+    """Return a number with its std; two digits of the std set the decimals of both.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def format_value(value: float, std: float) -> str:
 
 
 def format_std(std: float) -> str:
-    """A sigma with two digits, the zero at its end too.
+    """Return a std with two digits, also if the last is 0.
 
     Examples
     --------
@@ -54,7 +54,7 @@ def format_std(std: float) -> str:
 
 
 def decimals_for(std: float) -> int:
-    """Decimals that show two digits of a sigma; 4 for a number that has none."""
+    """Return the decimals that show two digits of a std; 4 without a valid std."""
     if not (math.isfinite(std) and std > 0):
         return DEFAULT_DECIMALS
     return min(max(1 - math.floor(math.log10(std)), 0), MAX_DECIMALS)

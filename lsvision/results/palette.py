@@ -7,7 +7,7 @@ colour-blind readers, on white and on a dark photo.
 CYLINDERS = ("#0072B2", "#00805E", "#A8457E", "#4B4BC8")
 """Of the cylinders in turn; see `cylinder_colour`."""
 REJECTED = ("#D55E00", "#9A6A00")
-"""Of refused arcs in turn; neighbours differ, and none has the colour of a cylinder."""
+"""Colours of refused arcs in turn; neighbours differ, and none has the colour of a cylinder."""
 POINTS = "#8C8C8C"
 """Measured points that belong to nothing found."""
 LASER_LINE, SATURATED = "#0095C8", "#D55E00"

@@ -1,4 +1,4 @@
-"""Numbers of a result in the units of people and files, each with its uncertainty."""
+"""Numbers of a result in the units of output, each with its uncertainty."""
 
 import math
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ DEG = math.degrees(1.0)
 
 @dataclass(frozen=True)
 class Quantity:
-    """Name and unit of a number: what its columns and keys are called.
+    """Name and unit of a number, from which its columns and keys are named.
 
     Parameters
     ----------
@@ -40,28 +40,28 @@ class Quantity:
 
     @property
     def heading(self) -> str:
-        """Of a table's column."""
+        """Heading of a column."""
         return f"{self.name.replace('_', ' ')} {self.unit}"
 
     @property
     def scale(self) -> float:
-        """How many of its units make one of the package's, mm or rad."""
+        """Number of its units per unit of the package, mm or rad."""
         return DEG if self.unit == "deg" else 1.0
 
     def in_unit(self, interval: tuple[float, float]) -> tuple[float, float]:
-        """Both ends of an interval in mm or rad, in its unit."""
+        """Convert both ends of an interval from mm or rad to its unit."""
         low, high = interval
         return low * self.scale, high * self.scale
 
     @property
     def keys(self) -> tuple[str, str, str]:
-        """Of a record: value, standard uncertainty, interval."""
+        """Keys of a record: value, standard uncertainty, interval."""
         name, unit = self.name, self.unit
         return f"{name}_{unit}", f"{name}_std_{unit}", f"{name}_interval_95_{unit}"
 
     @property
     def columns(self) -> tuple[str, str, str, str]:
-        """Of a flat row: value, standard uncertainty, both ends of the interval."""
+        """Columns of a row: value, standard uncertainty, both ends of the interval."""
         value, std, _ = self.keys
         return value, std, f"{self.name}_low_95_{self.unit}", f"{self.name}_high_95_{self.unit}"
 
@@ -99,7 +99,7 @@ class Estimate:
     def of(
         cls, quantity: Quantity, value: float, std: float, determined: bool = True
     ) -> "Estimate":
-        """The estimate of a number in mm or rad, as the package holds it, without interval."""
+        """Return the estimate of a number in mm or rad, without interval."""
         nothing = (math.nan, math.nan)
         return cls(quantity, value * quantity.scale, std * quantity.scale, nothing, determined)
 
@@ -123,12 +123,12 @@ class Estimate:
 
 
 def finite(value: float) -> float | None:
-    """The number as JSON knows it: None where it is infinite or none."""
+    """Return a number for JSON: None if it is infinite or NaN."""
     return float(value) if math.isfinite(value) else None
 
 
 def numbers(values: npt.ArrayLike) -> list[float | None]:
-    """A sequence of numbers as JSON knows them."""
+    """Return a sequence of numbers for JSON."""
     return [finite(float(value)) for value in np.asarray(values)]
 
 

@@ -1,12 +1,13 @@
-"""What every result can do: a short repr, a table, a notebook's view, records and data frames."""
+"""Base class of results: short repr, table, notebook view, records and data frames."""
 
 import json
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
 
 from lsvision.geometry.equality import ComparedByValue
+from lsvision.results.html import html_environment
 from lsvision.results.quantities import Record, flat_row
-from lsvision.results.tables import Cells, html_lines, html_table, text_table
+from lsvision.results.tables import Cells, text_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -97,17 +98,19 @@ class Result(ComparedByValue, ABC):
 
     def _repr_html_(self) -> str:
         """The table and a small picture, for notebooks."""
-        rows = self._cells()
-        table = html_table(rows) if len(rows) > 1 else ""
-        return f"{table}{html_lines(self._notes())}{self._picture()}"
+        return (
+            html_environment()
+            .get_template("result.html.j2")
+            .render(rows=self._cells(), notes=self._notes(), picture=self._picture())
+        )
 
     @abstractmethod
     def _summary(self) -> str:
-        """What stands in the repr."""
+        """Content of the repr."""
 
     @abstractmethod
     def _cells(self) -> Cells:
-        """Rows of the table, the first its header."""
+        """Return rows of the table, the first its header."""
 
     def _notes(self) -> list[str]:
         """Lines below the table."""
@@ -118,7 +121,7 @@ class Result(ComparedByValue, ABC):
         return [*(text_table(rows) if len(rows) > 1 else []), *self._notes()]
 
     def _rows(self) -> list[Record]:
-        """Rows of the data frame."""
+        """Return rows of the data frame."""
         return [flat_row(self.to_dict())]
 
     def _picture(self) -> str:

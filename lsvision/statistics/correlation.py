@@ -14,13 +14,15 @@ import numpy as np
 from lsvision.geometry import FloatArray
 
 TINY = 1e-300
-FORM_BANDS = ((slice(4, 6), 3.689), (slice(4, 8), 2.786))
-"""Bands of half waves along the arc, from the lowest that five parameters do not absorb, and the
-mean power of each, over that of uncorrelated errors, above which the errors are correlated: 97.5 %
-quantiles of chi^2 with 2 and 4 degrees of freedom over their number. A shape that is no ellipse, as
-an arc of two radii, shows in the first."""
-SMOOTHED_BAND = slice(4, 8)
-"""Half waves from which the autocorrelation time is estimated where the sensor smooths."""
+LOW_FREQUENCY_BAND = slice(4, 8)
+"""Half waves along the arc: the lowest four that five parameters do not absorb."""
+FORM_BAND = slice(4, 6)
+"""The lowest two of them, in which a shape that is no ellipse shows, as an arc of two radii."""
+LOW_FREQUENCY_DOF = float(LOW_FREQUENCY_BAND.stop - LOW_FREQUENCY_BAND.start)
+"""Degrees of freedom of a variance estimated from the low-frequency band."""
+MAX_LOW_FREQUENCY_POWER = 2.786
+"""Largest mean power of the low-frequency band, over that of uncorrelated errors: the 97.5 %
+quantile of chi^2 with 4 degrees of freedom over 4 (exceeded by chance in one of 40 arcs)."""
 REFERENCE_BAND = slice(12, 34)
 """Half waves with which the lowest are compared."""
 MIN_WAVES = REFERENCE_BAND.stop + 6
@@ -51,9 +53,9 @@ class Correlation:
     autocorrelation_time : float
         Number of points per effective point; 1 for uncorrelated errors.
     degrees_of_freedom : float
-        Degrees of freedom of `autocorrelation_time`: the number of half waves from which it is
-        estimated where neighbours are correlated or the lowest half waves are significantly
-        larger; infinite elsewhere.
+        Degrees of freedom of `autocorrelation_time`: 4 where it is estimated from the lowest half
+        waves, since neighbours are correlated or these waves are significantly larger; infinite
+        elsewhere.
     neighbours_correlated : bool
         Whether neighbours are significantly correlated: a sensor that smooths along the line.
     """
@@ -78,27 +80,20 @@ def estimate_correlation(normalised: FloatArray) -> Correlation:
     """
     time, neighbours = neighbour_correlation(normalised)
     if len(normalised) < MIN_WAVES:
-        dof = _count(SMOOTHED_BAND) if neighbours else math.inf
+        dof = LOW_FREQUENCY_DOF if neighbours else math.inf
         return Correlation(time, dof, neighbours)
     powers = _relative_powers(normalised)
-    band = SMOOTHED_BAND if neighbours else _form_band(powers)
-    if band is None:
-        return Correlation(time, math.inf, neighbours_correlated=False)
-    low, reference = float(powers[band].mean()), float(powers[REFERENCE_BAND].mean())
+    low, form, reference = (
+        float(powers[band].mean()) for band in (LOW_FREQUENCY_BAND, FORM_BAND, REFERENCE_BAND)
+    )
+    if not neighbours:
+        if low < MAX_LOW_FREQUENCY_POWER:
+            return Correlation(time, math.inf, neighbours_correlated=False)
+        low = max(low, form)
     rise = max(low / max(reference, TINY), 1.0)
     if neighbours:
         rise = min(rise, MAX_SMOOTHED_RISE)
-    return Correlation(max(time, reference, low * rise), _count(band), neighbours)
-
-
-def _form_band(powers: FloatArray) -> slice | None:
-    """Return the first band with significant power, None if there is none."""
-    significant = (band for band, limit in FORM_BANDS if powers[band].mean() > limit)
-    return next(significant, None)
-
-
-def _count(band: slice) -> float:
-    return float(band.stop - band.start)
+    return Correlation(max(time, reference, low * rise), LOW_FREQUENCY_DOF, neighbours)
 
 
 def _relative_powers(normalised: FloatArray) -> FloatArray:

@@ -50,7 +50,9 @@ def test_a_table_of_points_and_a_text_are_one_part(tmp_path):
 
 
 def test_a_lost_marker_counts_in_all_parts_after_the_one_that_shows_it(tmp_path):
-    points = np.array([np.column_stack([np.arange(60.0), np.linspace(-300.0, -250.0, 60)]) for _ in range(4)])
+    points = np.array(
+        [np.column_stack([np.arange(60.0), np.linspace(-300.0, -250.0, 60)]) for _ in range(4)]
+    )
     points[0, ::2, 1] = -9999.0
     points[2, 7, 1] = -9999.0  # alone it would be a stray point
     path = tmp_path / "a.npy"

@@ -14,10 +14,14 @@ import pytest
 REPOSITORY = Path(__file__).parents[2]
 
 
+def shifted(points, distance):
+    return points + np.array([distance, 0.0])
+
+
 @pytest.fixture
 def folder(tmp_path, written, pipe):
     written(pipe, "in/a.csv")
-    written(pipe + [30.0, 0.0], "in/b.csv")
+    written(shifted(pipe, 30.0), "in/b.csv")
     return tmp_path
 
 
@@ -41,9 +45,9 @@ def test_a_broken_file_and_a_missing_one_are_told_and_the_rest_is_done(run, fold
     done = run("batch", folder / "in", folder / "none.csv", "--out", out, "--jobs", 1)
     assert done.exit_code == 1
     assert done.stdout.startswith("1 of 3 files done, 2 failed, 0 left")
-    assert "in/b.csv: no line of numbers" in done.stderr
+    assert "in/b.csv: expected x and height" in done.stderr
     assert "none.csv: no such file" in done.stderr
-    assert "in/b.csv: no line of numbers" in run("batch", "--status", out).stdout
+    assert "in/b.csv: expected x and height" in run("batch", "--status", out).stdout
 
 
 @pytest.mark.parametrize("words", [[], ["a.csv"], ["--out", "x"]])
@@ -62,7 +66,7 @@ def test_a_folder_without_a_batch_has_no_status(run, tmp_path):
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 def test_an_interrupted_batch_goes_on_from_there(run, folder, pipe, written):
     for number in range(30):
-        written(pipe + [number, 0.0], f"in/{number}.csv")
+        written(shifted(pipe, number), f"in/{number}.csv")
     out = folder / "out"
     words = ["batch", folder / "in", "--out", out, "--jobs", 2]
     process = subprocess.Popen(

@@ -11,7 +11,7 @@ import pytest
 
 from lsvision.calibration.target import ChArUco, find_target
 from lsvision.cli.calibrate_inputs import replace_image_numbers
-from lsvision.cli.target_options import parse_target
+from lsvision.cli.target_options import TargetOptions
 from lsvision.geometry import Plane, Pose
 from lsvision.io.hand_eye_file import load_hand_eye
 from lsvision.io.images import read_image
@@ -81,9 +81,7 @@ def test_printed_target_is_the_one_that_is_looked_for(run, tmp_path):
         assert run("calibrate", "target", "--out", tmp_path / name).exit_code == 0
         assert (tmp_path / name).stat().st_size > 10_000
     picture = ChArUco().board.generateImage((660, 480), marginSize=20)
-    assert len(
-        find_target(picture, parse_target("charuco", None, None, None, "DICT_4X4_100")).points
-    )
+    assert len(find_target(picture, TargetOptions().parse()).points)
 
 
 def test_circle_grid_and_chessboard_need_counts_and_square(run, tmp_path):
@@ -96,8 +94,8 @@ def test_circle_grid_and_chessboard_need_counts_and_square(run, tmp_path):
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (("--target", "checkers"), "want --target charuco, chessboard"),
-        (("--counts", "eleven"), "want --counts NxM, as 11x8, got 'eleven'"),
+        (("--target", "checkers"), "expected --target charuco, chessboard"),
+        (("--counts", "eleven"), "expected --counts NxM, as 11x8, got 'eleven'"),
         (("--square", "10", "--marker", "12"), "expected 0 < marker < square 10 mm, got 12"),
         (("--dictionary", "DICT_NONE"), "expected a dictionary of cv2.aruco, got 'DICT_NONE'"),
     ],
@@ -112,9 +110,9 @@ def test_image_without_board_is_left_out_by_name(run, boards, out):
     page = out.with_suffix(".html")
     result = run("calibrate", "camera", boards, "--out", out, "--report", page)
     assert result.exit_code == 0
-    assert "left out: board_03.jpg: no ChArUco" in result.stdout
+    assert "left out: image 3 (board_03.jpg): no ChArUco" in result.stdout
     assert "5 of 6 images" in result.stdout
-    assert "left out: board_03.jpg" in page.read_text()
+    assert "left out: image 3 (board_03.jpg)" in page.read_text()
     assert json.loads(out.read_text())["rejected"][0]["image"] == 3
 
 
@@ -135,7 +133,7 @@ def test_images_of_mixed_sizes_are_named(run, boards, out):
 def test_files_that_are_no_images_are_named(run, boards, out):
     (boards / "board_04.jpg").write_bytes(b"not an image")
     told = refused(run("calibrate", "camera", boards, "--out", out), out)
-    assert "board_04.jpg is no image of 8 or 16 bit" in told
+    assert "board_04.jpg is not an image of 8 or 16 bit" in told
     (boards / "board_04.jpg").write_bytes(b"")
     assert "board_04.jpg" in refused(run("calibrate", "camera", boards, "--out", out), out)
 
@@ -157,7 +155,7 @@ def test_what_does_not_exist_is_named(run, boards, out, tmp_path):
 def test_laser_plane_wants_a_line_image_for_each_board(run, boards, camera_json, out):
     words = ("laser-plane", "--boards", boards, "--lines", LINES, "--camera", camera_json)
     told = refused(run("calibrate", *words, "--out", out), out)
-    assert "want a line image for each of 6 board images (board_00.jpg to board_05.jpg)" in told
+    assert "expected a line image for each of 6 board images (board_00.jpg to board_05.jpg)" in told
     assert "got 14 (line_00.jpg to line_13.jpg)" in told
 
 
@@ -173,8 +171,8 @@ def test_shuffled_pair_of_board_and_line_is_left_out_by_name(run, camera_json, o
     words = ("--boards", tmp_path / "boards", "--lines", tmp_path / "lines")
     result = run("calibrate", "laser-plane", *words, "--camera", camera_json, "--out", out)
     assert result.exit_code == 0, result.output
-    assert "left out: board_04.jpg: its laser line lies" in result.stdout
-    assert "left out: board_01.jpg: its laser line lies" in result.stdout
+    assert "left out: image 4 (board_04.jpg): its laser line lies" in result.stdout
+    assert "left out: image 1 (board_01.jpg): its laser line lies" in result.stdout
 
 
 def test_line_images_all_shuffled_are_refused(run, boards, camera_json, out, tmp_path):
@@ -235,7 +233,7 @@ def test_sphere_gives_files_for_scan_and_ros(run, out, tmp_path):
 def test_wrong_convention_is_refused_and_nothing_written(run, out):
     told = refused(run(*sphere_words(out, convention="fanuc")), out)
     assert "not w p r of convention 'fanuc'" in told
-    assert "want --convention ur, kuka" in refused(
+    assert "expected --convention ur, kuka" in refused(
         run(*sphere_words(out, convention="kukka")), out, 2
     )
 
@@ -244,8 +242,8 @@ def test_poses_of_another_count_are_refused(run, out, tmp_path):
     fewer = tmp_path / "poses.csv"
     fewer.write_text("\n".join(POSES.read_text().splitlines()[:-1]))
     told = refused(run(*sphere_words(out, fewer)), out)
-    assert "poses.csv: want one pose for each of 12 sightings (pose_00.csv to pose_11.csv)" in told
-    assert "got 11 poses" in told
+    expected = "expected 12 poses, one for each of pose_00.csv to pose_11.csv, got 11:"
+    assert f"poses.csv: {expected}" in told
 
 
 POSE_ROWS = POSES.read_text().splitlines()[1:]
@@ -254,7 +252,7 @@ SPOILT_POSES = {
     "reversed": (POSE_ROWS[::-1], "the poses are in reverse order"),
     "lost": ([POSE_ROWS[0].replace(POSE_ROWS[0].split(",")[0], "nan"), *POSE_ROWS[1:]], "finite"),
     "none": ([], "no row with numbers"),
-    "words": (["home"] * 12, "want a number under each name"),
+    "words": (["home"] * 12, "expected a number under each name"),
 }
 
 
@@ -298,10 +296,10 @@ def test_one_wrong_pose_is_left_out_by_the_name_of_its_profile(run, out, tmp_pat
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (("--mounting", "on-the-wall"), "want --mounting eye-in-hand or eye-to-hand"),
-        (("--robot-std", "0.05"), "want --robot-std MM:DEG above 0"),
-        (("--radius", "-3"), "want --radius above 0 mm"),
-        (("--frames", "tool0"), "want --frames ROBOT:SENSOR"),
+        (("--mounting", "on-the-wall"), "expected --mounting eye-in-hand or eye-to-hand"),
+        (("--robot-std", "0.05"), "expected --robot-std MM:DEG above 0"),
+        (("--radius", "-3"), "expected --radius above 0 mm"),
+        (("--frames", "tool0"), "expected --frames ROBOT:SENSOR"),
     ],
 )
 def test_slip_in_an_option_is_a_usage_error(run, out, words, told):
@@ -317,7 +315,7 @@ def test_output_that_cannot_be_written_costs_no_work(run, out, tmp_path):
     bad = tmp_path / "nowhere" / "page.html"
     assert "its folder does not exist" in refused(run(*sphere_words(out), "--report", bad), out)
     words = ("calibrate", "camera", BOARDS, "--out", BOARDS / "board_00.jpg")
-    assert "it is an input too" in run(*words).stderr
+    assert "it is also an input" in run(*words).stderr
 
 
 def test_numbers_in_a_refusal_get_the_names_of_files():
@@ -440,10 +438,10 @@ def test_plane_proposes_where_to_drive_next(run, plate_words, out, tmp_path):
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (("--plan-out", "next.csv"), "want --plan-poses N beside --plan-out"),
+        (("--plan-out", "next.csv"), "expected --plan-poses N with --plan-out"),
         (
             ("--plan-poses", 2, "--mounting", "eye-to-hand"),
-            "want --plan-poses with --mounting eye-in-hand only",
+            "expected --plan-poses with --mounting eye-in-hand, got",
         ),
         (("--plan-poses", -1), "--plan-poses"),
     ],

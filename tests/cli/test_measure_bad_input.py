@@ -23,12 +23,12 @@ def one_line(result):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (b"", "the file is empty: want x and height"),
+        (b"", "the file is empty: expected x and height"),
         (bytes(range(256)) * 8, "export the profile as text"),
-        (b"the quick brown fox\njumps over\n", "want x and height in mm, one point a line"),
-        (b"1.5\n2.5\n3.5\n", "one column in it: want x and height"),
-        (b"x,z\n" + b"nan,nan\n" * 50, "no line of numbers in it"),
-        (b"inf,inf\n" * 50, "no line of numbers in it"),
+        (b"the quick brown fox\njumps over\n", "expected x and height in mm, one point a line"),
+        (b"1.5\n2.5\n3.5\n", "one column in it: expected x and height"),
+        (b"x,z\n" + b"nan,nan\n" * 50, "all 50 points are lost"),
+        (b"inf,inf\n" * 50, "all 50 points are lost"),
         (b"1.0,-400.0\n", "one valid point in it, no profile: check exposure"),
         (b"0.0,0.0\n" * 50, "all 50 points are lost: check exposure"),
     ],
@@ -70,7 +70,7 @@ def test_other_files_are_measured_and_the_failures_counted_at_the_end(run, writt
     assert result.exit_code == FAILED
     pattern, bad, count = result.stderr.splitlines()
     assert "*.xyz: no file matches" in pattern
-    assert "b.csv: no line of numbers" in bad
+    assert "b.csv: expected x and height" in bad
     assert count == "lsvision: 2 of 4 could not be measured"
     measured = json.loads((tmp_path / "out.json").read_text())["measurements"]
     assert [record["source"][-5:] for record in measured] == ["a.csv", "c.csv"]
@@ -143,27 +143,27 @@ def test_million_points_take_seconds(run, tmp_path):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--radius", "40:10"], "want --radius above 0 mm, least:largest, got '40:10'"),
-        (["--radius", "-5"], "want --radius above 0 mm"),
-        (["--radius", "0:10"], "want --radius above 0 mm"),
-        (["--radius", "ten"], "want --radius 19 or --radius 10:40 in mm, got 'ten'"),
-        (["--radius", "1:2:3"], "want --radius 19 or --radius 10:40 in mm"),
-        (["--radius", "nan"], "want --radius 19 or --radius 10:40 in mm"),
-        (["--known-radius", "-19"], "want --known-radius and its sigma above 0 mm"),
-        (["--known-radius", "19:0"], "want --known-radius and its sigma above 0 mm"),
-        (["--known-radius", "x"], "want --known-radius 19 or --known-radius 19:0.05"),
-        (["--known-phi-deg", "-1"], "want --known-phi-deg from 0 to below 90 deg"),
-        (["--known-phi-deg", "90"], "want --known-phi-deg from 0 to below 90 deg"),
+        (["--radius", "40:10"], "expected --radius above 0 mm, least:largest, got '40:10'"),
+        (["--radius", "-5"], "expected --radius above 0 mm"),
+        (["--radius", "0:10"], "expected --radius above 0 mm"),
+        (["--radius", "ten"], "expected --radius 19 or --radius 10:40 in mm, got 'ten'"),
+        (["--radius", "1:2:3"], "expected --radius 19 or --radius 10:40 in mm"),
+        (["--radius", "nan"], "expected --radius 19 or --radius 10:40 in mm"),
+        (["--known-radius", "-19"], "expected --known-radius and its sigma above 0 mm"),
+        (["--known-radius", "19:0"], "expected --known-radius and its sigma above 0 mm"),
+        (["--known-radius", "x"], "expected --known-radius 19 or --known-radius 19:0.05"),
+        (["--known-phi-deg", "-1"], "expected --known-phi-deg from 0 to below 90 deg"),
+        (["--known-phi-deg", "90"], "expected --known-phi-deg from 0 to below 90 deg"),
         (["--known-phi-deg", "0:0"], "and its sigma above 0, got '0:0'"),
-        (["--known-phi-deg", "flat"], "want --known-phi-deg 0 or --known-phi-deg 0:2 in deg"),
+        (["--known-phi-deg", "flat"], "expected --known-phi-deg 0 or --known-phi-deg 0:2 in deg"),
         (["--sensor", "lps99"], "expected a sensor among lps36hi, lps36, got 'lps99'"),
-        (["--sensor", "lps36", "--range-std", "0.1"], "want --sensor or --range-std, got both"),
+        (["--sensor", "lps36", "--range-std", "0.1"], "expected --sensor or --range-std, got both"),
         (["--range-std", "0"], "expected a positive range_std in mm"),
-        (["--reference-range", "300"], "want --range-std beside --reference-range"),
-        (["--units", "furlong"], "want units among nm, um, mm"),
-        (["--format", "docx"], "want format among text"),
-        (["--columns", "1"], "want columns of x and height"),
-        (["--plot", "out.pdf"], "want --plot F.png or F.svg, got 'out.pdf'"),
+        (["--reference-range", "300"], "expected --range-std with --reference-range"),
+        (["--units", "furlong"], "expected units among nm, um, mm"),
+        (["--format", "docx"], "expected format among text"),
+        (["--columns", "1"], "expected columns of x and height"),
+        (["--plot", "out.pdf"], "expected --plot F.png or F.svg, got 'out.pdf'"),
     ],
 )
 def test_slip_in_an_option_is_a_usage_error(run, written, pipe, options, words):
@@ -179,8 +179,8 @@ def test_output_over_an_input_or_another_output_is_a_usage_error(run, written, p
     over = run("measure", path, "--csv", path)
     twice = run("measure", path, "--csv", tmp_path / "o", "--json", tmp_path / "o")
     assert over.exit_code == twice.exit_code == USAGE
-    assert "it is an input too" in over.stderr
-    assert "it is an output too" in twice.stderr
+    assert "it is also an input" in over.stderr
+    assert "it is also an output" in twice.stderr
     assert path.read_bytes() == before
 
 

@@ -184,7 +184,7 @@ def test_a_line_at_the_border_is_refused(run, single, tmp_path):
 def test_what_is_no_image_is_refused(run, tmp_path):
     (tmp_path / "text.png").write_text("no image")
     (tmp_path / "text.mp4").write_text("no video")
-    assert "text.png is no image of 8 or 16 bit" in refusal(
+    assert "text.png is not an image of 8 or 16 bit" in refusal(
         run("measure", tmp_path / "text.png", *RIG)
     )
     assert "holds no frame" in refusal(run("measure", tmp_path / "text.mp4", *RIG))

@@ -157,7 +157,10 @@ def rig_file(folder):
             standing_file,
             "standing.json: expected a calibration of a section eye_in_hand, got one of a",
         ),
-        (rig_file, "rig.json: want schema 'lsvision/hand-eye/1', got None: is it another file?"),
+        (
+            rig_file,
+            "rig.json: expected schema 'lsvision/hand-eye/1', got None: is it another file?",
+        ),
         (lambda folder: folder / "none.json", "none.json: no such file: check the name"),
     ],
     ids=["camera", "standing", "schema", "missing"],
@@ -174,9 +177,9 @@ def test_another_file_is_no_hand_eye_file(run, tmp_path, command, file, message)
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--poses", POSES], "want --convention ur, kuka"),
+        (["--poses", POSES], "expected --convention ur, kuka"),
         (["--poses", POSES, "--convention", "euler"], "got euler"),
-        (["--convention", "kuka"], "want --poses beside --convention, got none"),
+        (["--convention", "kuka"], "expected --poses with --convention, got none"),
     ],
 )
 def test_poses_are_never_guessed(run, command, words, message):
@@ -188,7 +191,7 @@ def test_poses_are_never_guessed(run, command, words, message):
 def test_a_scan_needs_poses_beside_the_hand_eye_file(run, hand_eye):
     told = run("scan", PIPE, "--flange-from-section", hand_eye, "--feed", "0,0,1", "--step", 1)
     assert told.exit_code == 2
-    assert "want --poses beside --flange-from-section, got none" in told.stderr
+    assert "expected --poses with --flange-from-section, got none" in told.stderr
 
 
 @pytest.mark.parametrize("command", ["measure", "scan"])
@@ -196,7 +199,7 @@ def test_poses_must_be_as_many_as_profiles(run, hand_eye, command):
     words = ("--poses", POSES, "--convention", "kuka", "--flange-from-section", hand_eye)
     told = run(command, PIPE / "pipe_0.csv", *words)
     assert told.exit_code == 1
-    assert "want one pose a profile, got 6 poses for 1 profile: leave out" in told.stderr
+    assert "expected 1 pose, one for each profile, got 6: leave out" in told.stderr
     assert told.stdout == ""
 
 
@@ -213,5 +216,5 @@ def test_a_profile_that_cannot_be_read_leaves_every_pose_open(run, hand_eye, tmp
 
 def test_no_output_overwrites_the_hand_eye_file(on_robot, hand_eye):
     before = hand_eye.read_bytes()
-    assert "it is an input too" in on_robot("measure", "--json", hand_eye).stderr
+    assert "it is also an input" in on_robot("measure", "--json", hand_eye).stderr
     assert hand_eye.read_bytes() == before

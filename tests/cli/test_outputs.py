@@ -49,7 +49,7 @@ def test_csv_and_json_go_to_standard_output_and_the_table_to_stderr(run, written
         assert "radius mm" in result.stderr
     both = run("measure", path, "--csv", "-", "--json", "-")
     assert both.exit_code == USAGE
-    assert "want one output to standard output (-), got two" in " ".join(both.stderr.split())
+    assert "expected one output to standard output (-), got two" in " ".join(both.stderr.split())
 
 
 def test_standard_input_is_measured(run, pipe):
@@ -63,7 +63,7 @@ def test_standard_input_is_measured(run, pipe):
     assert rows_of(result.stdout)[0]["source"] == "-"
     twice = run("measure", "-", "--poses", "-", "--convention", "kuka")
     assert twice.exit_code == USAGE
-    assert "want one input from standard input (-), got two" in " ".join(twice.stderr.split())
+    assert "expected one input from standard input (-), got two" in " ".join(twice.stderr.split())
 
 
 def test_a_file_above_the_limit_is_refused_and_the_limit_can_be_raised(run, written, pipe):
@@ -191,7 +191,7 @@ def test_an_output_that_is_an_input_by_another_name_is_refused(run, written, pip
     for name in ("hard.csv", "soft.csv"):
         result = run("measure", path, "--csv", tmp_path / name)
         assert result.exit_code == USAGE
-        assert "it is an input too" in " ".join(result.stderr.split())
+        assert "it is also an input" in " ".join(result.stderr.split())
 
 
 @pytest.mark.parametrize("option", ["--light-section", "--laser-off"])

@@ -29,7 +29,7 @@ def test_a_page_that_cannot_be_written_is_refused_before_the_work(run, tmp_path)
 def test_page_and_json_cannot_be_one_file(run, tmp_path):
     result = run("paper", "--out", tmp_path / "r", "--json", tmp_path / "r")
     assert result.exit_code == 2
-    assert "it is an output too" in result.stderr
+    assert "it is also an output" in result.stderr
 
 
 @pytest.mark.parametrize("noise", ["0", "-1", "1", "nan"])

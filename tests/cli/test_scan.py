@@ -82,16 +82,16 @@ def test_a_scan_without_cylinders_says_so(run) -> None:
 @pytest.mark.parametrize(
     ("words", "code", "message"),
     [
-        ([PAIR], 2, "want --feed X,Y,Z and --step MM, or --poses F and --convention NAME"),
-        ([PAIR, "--feed", "0,0,1"], 2, "want --feed X,Y,Z and --step MM"),
-        ([PAIR, "--feed", "0,1", "--step", 1], 2, "want --feed X,Y,Z, as 0,0,1, got '0,1'"),
-        ([PAIR, "--feed", "0,0,0", "--step", 1], 2, "want a --feed with a length"),
-        ([PAIR, "--feed", "0,0,1", "--step", 0], 2, "want --step in mm other than 0"),
+        ([PAIR], 2, "expected --feed X,Y,Z and --step MM, or --poses F and --convention NAME"),
+        ([PAIR, "--feed", "0,0,1"], 2, "expected --feed X,Y,Z and --step MM"),
+        ([PAIR, "--feed", "0,1", "--step", 1], 2, "expected --feed X,Y,Z, as 0,0,1, got '0,1'"),
+        ([PAIR, "--feed", "0,0,0", "--step", 1], 2, "expected --feed of a length above 0"),
+        ([PAIR, "--feed", "0,0,1", "--step", 0], 2, "expected --step in mm other than 0"),
         ([PAIR, *MOTION, "--poses", "p.csv"], 2, "or --poses, got both"),
-        ([PAIR, *MOTION, "--convention", "ur"], 2, "want --poses beside --convention"),
-        ([PAIR, "--poses", "p.csv"], 2, "want --convention ur, kuka"),
+        ([PAIR, *MOTION, "--convention", "ur"], 2, "expected --poses with --convention"),
+        ([PAIR, "--poses", "p.csv"], 2, "expected --convention ur, kuka"),
         ([PAIR, "--poses", "p.csv", "--convention", "euler"], 2, "got euler"),
-        ([PAIR, *MOTION, "--plot", "a.bmp"], 2, "want --plot F.png or F.svg"),
+        ([PAIR, *MOTION, "--plot", "a.bmp"], 2, "expected --plot F.png or F.svg"),
         (["nowhere.csv", *MOTION], 1, "nowhere.csv"),
         ([PAIR, "--feed", "1,0,0", "--step", 1], 1, "all 20 sections lie in one plane"),
     ],
@@ -107,7 +107,7 @@ def test_poses_must_be_as_many_as_profiles(run, tmp_path) -> None:
     poses = write_poses(tmp_path / "poses.csv", 7)
     told = run(PAIR, "--poses", poses, "--convention", "kuka")
     assert told.exit_code == 1
-    assert "want one pose a profile, got 7 poses for 20 profiles" in told.stderr
+    assert "expected 20 poses, one for each profile, got 7" in told.stderr
 
 
 def test_a_pose_file_in_another_convention_is_refused(run, tmp_path) -> None:

@@ -62,12 +62,12 @@ def test_the_command_in_the_truth_writes_the_same_bytes(run, tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["double"], "want one of single"),
-        (["single", "--radius", "ten"], "want a number or least:largest for --radius"),
-        (["single", "--radius", "1:2:3"], "want a number or least:largest for --radius"),
+        (["double"], "expected one of single"),
+        (["single", "--radius", "ten"], "expected a number or least:largest for --radius"),
+        (["single", "--radius", "1:2:3"], "expected a number or least:largest for --radius"),
         (["single", "--radius", "40:10"], "0 < least"),
         (["single", "--phi-deg", "89"], "phi within"),
-        (["single", "--noise-mm", "0"], "want --noise-mm above 0"),
+        (["single", "--noise-mm", "0"], "expected --noise-mm above 0"),
         (["single", "--count", "0"], "--count"),
     ],
 )

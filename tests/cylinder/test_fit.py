@@ -198,3 +198,17 @@ def test_a_noisy_plane_raises_an_error() -> None:
 def test_settings_out_of_range_raise_an_error(slip: dict[str, float], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         CylinderFittingSettings(**slip)
+
+
+@pytest.mark.parametrize("radius", [0.5, 1.0, 19.0, 5000.0])
+@pytest.mark.parametrize("length", [0.1, 2.0, 10.0, 30.0, 100.0])
+def test_slender_and_short_pipes_are_fitted_without_an_initial_guess(radius, length) -> None:
+    """Two and three rings, which a cylinder across the long axis nearly fits as well."""
+    rng = np.random.default_rng([int(10 * radius), int(10 * length)])
+    for rings in (2, 3):
+        axis, offset = rng.normal(size=3), rng.normal(size=3) * 1000
+        pipe = Cylinder(offset, axis / np.linalg.norm(axis), radius)
+        turns = np.linspace(0.0, 2.0, 30) + rng.uniform(0, 6)
+        fit = fit_cylinder(surface(pipe, np.linspace(0, length * radius, rings), turns))
+        assert abs(fit.radius / radius - 1) < 1e-6
+        assert axis_deg(fit.direction, pipe.direction) < 1e-4

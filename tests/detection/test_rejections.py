@@ -124,3 +124,13 @@ def test_flat_is_what_scatters_by_less_than_two_and_a_half_sigma(sigmas, flat_, 
 
 def test_points_at_one_place_are_flat():
     assert reason_of_run(np.zeros((20, 2))) == ("flat: 0.00 mm rms from a straight line")
+
+
+def test_only_what_bends_as_a_cylinder_is_convex(rng):
+    step = np.concatenate([flat(0, 20), flat(20, 40, y=-430)])
+    kinds = ((flat(0, 60), False), (step, False), (bowl(0, 20), False), (dome(0, 80, 40), True))
+    for points, convex in kinds:
+        profile = exact(points + 0.02 * rng.normal(size=points.shape), 0.02 / 2**0.5)
+        every = [np.arange(len(points))]
+        (own,) = complete_rejections(profile, every, [], [], RANGE)
+        assert own.convex == convex

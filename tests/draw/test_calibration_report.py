@@ -10,7 +10,6 @@ from lsvision.calibration.hand_eye import calibrate_hand_eye_board
 from lsvision.calibration.hand_eye_result import RejectedPose
 from lsvision.draw.calibration_figures import draw_bars, draw_poses
 from lsvision.draw.calibration_report import ReportContent, hand_eye_page
-from lsvision.draw.html_page import html_page, paragraph, table
 from lsvision.geometry import Pose
 from lsvision.results.palette import OUTLIER
 from lsvision.simulate.hand_eye import rotation_from_vector
@@ -93,7 +92,8 @@ def test_view_shows_the_board_where_the_camera_saw_it(solved):
     assert len(space.get_xticks()) <= 8
 
 
-def test_text_is_escaped_everywhere():
-    text = html_page("<t>", [paragraph("<p>", "doubt"), table([("<c>", "1")], header=("<h>", ""))])
-    assert not any(raw in text for raw in ("<t>", "<c>", "<h>"))
-    assert '<p class="doubt">&lt;p&gt;</p>' in text
+def test_text_is_escaped_everywhere(solved):
+    page = ReportContent([("<n>", "<v>", "<u>")], ["<w>"], ["p"] * 8, {"<k>": "<s>"})
+    text = hand_eye_page(*solved, page)
+    assert not [raw for raw in ("<n>", "<v>", "<u>", "<w>", "<k>", "<s>") if raw in text]
+    assert '<p class="warning">&lt;w&gt;</p>' in text

@@ -186,7 +186,7 @@ def test_same_scene_gives_the_same_bytes_also_from_threads(scene):
 
 
 def test_other_formats_are_refused(figure):
-    with pytest.raises(ValueError, match="want a format among png, svg, got 'pdf'"):
+    with pytest.raises(ValueError, match="expected a format among png, svg, got 'pdf'"):
         figure_bytes(figure, "pdf")
 
 

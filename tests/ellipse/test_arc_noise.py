@@ -137,3 +137,10 @@ def test_one_outlier_at_a_flank_is_no_growth():
     normals, draws = fan(100), np.random.default_rng(9).normal(size=(200, 100))
     draws[:, 0] = 30.0
     assert np.mean([errors_grow_with_incidence(draw, normals) for draw in draws]) < 0.1
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-300, 1e200])
+def test_residuals_of_any_size_are_compared(size):
+    normals = np.exp(1j * np.linspace(0.3, 2.8, 40))
+    residuals = size * np.where(np.abs(normals.real) > 0.6, 1.0, 0.1)
+    assert errors_grow_with_incidence(residuals, normals) == (size > 0)

@@ -209,7 +209,7 @@ def test_an_estimated_variance_follows_chi_square(rng):
     assert abs(below - 0.5) < spread_of_share(0.5, len(factors))
 
 
-def test_a_form_error_of_five_half_waves_has_two_degrees_of_freedom(rng):
+def test_a_form_error_of_five_half_waves_has_four_degrees_of_freedom(rng):
     """A form error of five half waves, which the ellipse cannot follow."""
     exact = upper_arc(pipe(30.0), count=200)
     outwards = exact - pipe(30.0).centre
@@ -218,7 +218,7 @@ def test_a_form_error_of_five_half_waves_has_two_degrees_of_freedom(rng):
     points = measured(exact, rng) + wave * outwards
     for settings in (ESTIMATED, FittingSettings()):
         fit = fit_noisy_points(noisy(points), pipe(30.0), settings=settings)
-        assert fit.degrees_of_freedom == 2
+        assert fit.degrees_of_freedom == 4
         assert fit.variance_factor > 2
 
 

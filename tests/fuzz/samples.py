@@ -109,10 +109,50 @@ def profile_files():
         _text(np.tile(z, (5, 1)), ",", "# unit: um\n"),
         cv2.imencode(".png", np.full((5, 40), 700, np.uint16))[1].tobytes(),
         cv2.imencode(".tif", np.full((5, 40), 7.5, np.float32))[1].tobytes(),
+        *_bags(),
         b"",
         b"\x89PNG\r\n\x1a\n",
         b"PK\x05\x06" + bytes(18),
     )
+
+
+def _bags():
+    """ROS bags of two scans in each format; none where rosbags is not installed."""
+    try:
+        from rosbags import rosbag1, rosbag2
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError:
+        return ()
+    contents = []
+    for suffix in (".bag", ".db3", ".mcap"):
+        store = get_typestore(Stores.ROS1_NOETIC if suffix == ".bag" else Stores.ROS2_HUMBLE)
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / f"b{suffix if suffix == '.bag' else ''}"
+            if suffix == ".bag":
+                writer, serialize = rosbag1.Writer(path), store.serialize_ros1
+            else:
+                plugin = rosbag2.StoragePlugin
+                storage = plugin.MCAP if suffix == ".mcap" else plugin.SQLITE3
+                writer = rosbag2.Writer(path, version=9, storage_plugin=storage)
+                serialize, path = store.serialize_cdr, path / f"b{suffix}"
+            with writer:
+                kind = "sensor_msgs/msg/LaserScan"
+                connection = writer.add_connection("/scan", kind, typestore=store)
+                for number in range(2):
+                    writer.write(connection, number + 1, serialize(_scan(store, number), kind))
+            contents.append(path.read_bytes())
+    return tuple(contents)
+
+
+def _scan(store, number):
+    time = store.types["builtin_interfaces/msg/Time"](number, 0)
+    head = store.types["std_msgs/msg/Header"]
+    names = {"seq": number} if "seq" in head.__dataclass_fields__ else {}
+    ranges = np.linspace(0.4, 0.5, 30, dtype=np.float32)
+    return store.types["sensor_msgs/msg/LaserScan"](
+        head(stamp=time, frame_id="a", **names), -0.1, 0.1, 0.2 / 29, 0.0, 0.1, 0.05, 10.0, ranges,
+        np.zeros(0, np.float32),
+    )  # fmt: skip
 
 
 def pose_rows():

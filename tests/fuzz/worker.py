@@ -50,6 +50,8 @@ def chosen(names, number):
 def main():
     first, names = int(sys.argv[1]), sys.argv[2].split(",")
     warnings.simplefilter("error")
+    # Documented; the program ignores it, because the reader tells of odd units.
+    warnings.filterwarnings("ignore", "expected a profile in mm", UserWarning)
     if hasattr(signal, "setitimer"):
         signal.signal(signal.SIGPROF, _too_slow)
         import resource

@@ -190,9 +190,9 @@ def test_provenance_tells_the_inputs_apart(tmp_path):
     ("text", "match"),
     [
         (ROS_FILE.replace("plumb_bob", "equidistant"), "lens model is 'equidistant'"),
-        (ROS_FILE.replace("camera_matrix", "matrix"), "want camera matrix under one of"),
+        (ROS_FILE.replace("camera_matrix", "matrix"), "expected camera matrix under one of"),
         (ROS_FILE.replace("0., 0., 1.]", "0.]"), "matrix of 9 numbers, got 7"),
-        (ROS_FILE.replace("distortion_coefficients", "x"), "want distortion coefficients"),
+        (ROS_FILE.replace("distortion_coefficients", "x"), "expected distortion coefficients"),
         ('{"schema": "something"}', "has schema 'something'"),
         ("{ broken", "is no JSON"),
         ("\x89PNG", "holds no camera"),

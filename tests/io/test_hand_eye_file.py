@@ -86,8 +86,8 @@ def test_a_standing_sensor_names_the_base_frame(tmp_path):
 
 
 UNREADABLE = {
-    "words": ("not json", "want a hand-eye file"),
-    "schema": ('{"schema": "other/1"}', "want schema 'lsvision/hand-eye/1', got 'other/1'"),
+    "words": ("not json", "expected a hand-eye file"),
+    "schema": ('{"schema": "other/1"}', "expected schema 'lsvision/hand-eye/1', got 'other/1'"),
     "list": ("[]", "got None"),
     "field": ('{"schema": "lsvision/hand-eye/1"}', "bad or missing 'ambiguity'"),
 }
@@ -143,7 +143,7 @@ DAMAGED = {
     "sensor": (["sensor"], ["section"], "and sensor section or camera"),
     "radius": (["target", "radius"], None, "damaged"),
     "factor": (["height_factor"], [1.0], "damaged"),
-    "units": (["units", "length"], "m", "want units"),
+    "units": (["units", "length"], "m", "expected units"),
     "list": (["target"], [], "damaged"),
 }
 

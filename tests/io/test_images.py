@@ -62,7 +62,7 @@ def test_an_image_of_many_pixels_is_refused_before_it_is_unpacked(tmp_path, cont
 )
 def test_what_is_no_image_is_refused(tmp_path, content):
     (tmp_path / "a").write_bytes(content)
-    with pytest.raises(UnreadableFile, match="a is no image of 8 or 16 bit"):
+    with pytest.raises(UnreadableFile, match="a is not an image of 8 or 16 bit"):
         read_image(tmp_path / "a")
 
 
@@ -78,5 +78,5 @@ def test_what_is_no_image_is_refused(tmp_path, content):
 )
 def test_a_png_of_broken_chunks_is_refused_and_never_hangs(tmp_path, tail):
     (tmp_path / "a.png").write_bytes(png_header(9, 9) + tail)
-    with pytest.raises(UnreadableFile, match="is no image of 8 or 16 bit"):
+    with pytest.raises(UnreadableFile, match="is not an image of 8 or 16 bit"):
         read_image(tmp_path / "a.png")

@@ -49,7 +49,7 @@ def test_a_surface_without_triangles_is_a_whole_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("points", "colours", "triangles", "message"),
     [
-        (POINTS[:, :2], COLOURS, None, r"want \(n, 3\) points and colours, got \(3, 2\)"),
+        (POINTS[:, :2], COLOURS, None, r"expected \(n, 3\) points and colours, got \(3, 2\)"),
         (POINTS, COLOURS[:2], None, r"got \(3, 3\), \(2, 3\)"),
         (POINTS, 255 * COLOURS, None, "colours from 0 to 1"),
         (np.nan * POINTS, COLOURS, None, "finite points"),

@@ -84,7 +84,7 @@ def test_positions_of_a_fanuc_listing(write, expected):
         (fanuc(ROWS[:1]) + fanuc(ROWS[1:], "2"), "fanuc", "several user frames"),
         (fanuc(ROWS).replace("10.500", "********"), "fanuc", r"P\[1\]: Y is .*never taught"),
         ("P[1]{\n J1= 0.0 deg, J2 = 5 deg\n};", "fanuc", r"P\[1\]: no x y z w p r in it"),
-        ("P[1]{X = 1 in, Y = 1 mm, Z = 1 mm}", "fanuc", r"P\[1\]: X in in, want mm"),
+        ("P[1]{X = 1 in, Y = 1 mm, Z = 1 mm}", "fanuc", r"P\[1\]: expected X in mm, got in"),
         ("xp={X 1,Y 2,Z 3,A 4,B 5}", "kuka", "position 1: no c in it"),
     ],
 )
@@ -103,7 +103,7 @@ def test_one_file_a_pose_in_natural_order(write, tmp_path, expected, pattern):
 def test_a_file_of_two_poses_among_others_and_a_pattern_of_none_are_refused(write, tmp_path):
     write("1 2 3 4 5 6\n", "poses/a.txt")
     write("1 2 3 4 5 6\n600 2 3 4 5 6\n", "poses/b.txt")
-    with pytest.raises(UnreadableFile, match=r"b.txt: want one pose in each of 2 files, got 2"):
+    with pytest.raises(UnreadableFile, match=r"b.txt: expected one pose in each of 2 files, got 2"):
         read_robot_poses(tmp_path / "poses", "kuka")
     with pytest.raises(UnreadableFile, match="no file of poses there"):
         read_robot_poses(tmp_path / "*.none", "kuka")
@@ -143,7 +143,7 @@ def test_units_in_the_header_count(write, expected):
         ("x,y,z,w,p,r", "another convention"),
         ("z,y,x,q,q,q", "another convention"),
         ("x,x,y,z,a,b,c", "names x 2 times"),
-        ("x [in],y [in],z [in],a,b,c", "lengths in in: want all in mm, or all in m"),
+        ("x [in],y [in],z [in],a,b,c", "lengths in in: expected all in mm, or all in m"),
         ("x [mm],y [m],z [m],a,b,c", "lengths in m, mm"),
         ("x,y,z,a [grad],b [rad],c", "angles in grad, rad"),
     ],
@@ -159,3 +159,11 @@ def test_a_quaternion_is_read_by_name_in_any_order(write):
     text = "qw,qx,qy,qz,x,y,z\n0.5,0.5,0.5,0.5,100,200,300\n1,0,0,0,100,200,400\n"
     first, _ = read_robot_poses(write(text), "abb")
     npt.assert_allclose(first.apply_one([1.0, 0, 0]), [100, 201, 300])
+
+
+def test_poses_as_universal_robots_write_them(write):
+    rows = [[0.6, 0.01, 0.4, 0.1, -2.0, 1.1], [0.61, -0.03, 0.38, 0.2, -1.9, 1.0]]
+    plain = "\n".join(", ".join(map(str, row)) for row in rows)
+    marked = "\n".join(f"p[{', '.join(map(str, row))}]" for row in rows)
+    expected = read_robot_poses(write(plain, "plain.txt"), "ur")
+    assert_same(read_robot_poses(write(marked, "marked.txt"), "ur"), expected)

@@ -104,7 +104,7 @@ def test_units_can_be_stated_where_a_file_departs_from_its_maker():
 
 NUMBERS_REFUSED = [
     ([1, 2, 3, 4, 5, 6], "denso", "one of ur, kuka, fanuc"),
-    ([1, 2, 3, 4, 5], "kuka", r"want 6 numbers \(x y z a b c\)"),
+    ([1, 2, 3, 4, 5], "kuka", r"expected 6 numbers \(x y z a b c\)"),
     ([1, 2, 3, math.nan, 5, 6], "kuka", "finite"),
     ([1, 2, 3, 0.5, 0.5, 0.5, 0.6], "ros", "quaternion of length 1, got length 1.05"),
     (np.eye(4).ravel() * 2, "matrix", "column by column"),
@@ -152,32 +152,37 @@ MM_AS_UR = "300 100 500 0.1 0.2 0.3\n310 100 500 0.1 0.3 0.3"
 M_AS_KUKA = "0.3 0.1 0.5 10 20 30\n0.4 0.1 0.5 10 20 30"
 REFUSED = {
     "empty": ("e.csv", "", "kuka", "no row with numbers"),
-    "count": ("c.csv", "1,2,3,4,5,6,7", "kuka", "line 1: want 6 numbers .* got 7"),
-    "short": ("h.csv", "t,x,y,z,a,b,c\n0,1,2,3,4,5", "kuka", "line 2: want a number under each"),
-    "words": ("w.csv", "1,2,3,4,5,6\n1,2,x,4,5,6", "kuka", "line 2: want numbers only"),
-    "nan": ("n.csv", "1,2,nan,4,5,6", "kuka", "pose 1: want finite"),
+    "count": ("c.csv", "1,2,3,4,5,6,7", "kuka", "line 1: expected 6 numbers .* got 7"),
+    "short": (
+        "h.csv",
+        "t,x,y,z,a,b,c\n0,1,2,3,4,5",
+        "kuka",
+        "line 2: expected a number under each",
+    ),
+    "words": ("w.csv", "1,2,3,4,5,6\n1,2,x,4,5,6", "kuka", "line 2: expected numbers only"),
+    "nan": ("n.csv", "1,2,nan,4,5,6", "kuka", "pose 1: expected finite"),
     "json": ("j.json", "{", "kuka", "expected robot poses in json, got: Expecting"),
     "yaml": ("y.yaml", "a: [", "kuka", "expected robot poses in yaml, got: no YAML"),
     "alias": ("a.yaml", "a: &x [*x]", "kuka", "expected YAML without aliases"),
     "deep": ("d.yml", "- " * 900, "kuka", "expected at most 64 levels of nesting"),
     "deep json": ("d.json", "[" * 900 + "]" * 900, "kuka", "at most 64 levels of nesting"),
-    "empty integer": ("i.yaml", '!!int ""', "kuka", "want a list of poses, got str"),
+    "empty integer": ("i.yaml", '!!int ""', "kuka", "expected a list of poses, got str"),
     "empty number": ("n.yaml", '- [1, 2, 3, 4, 5, !!int ""]', "kuka", "could not convert"),
     "date": ("d.yaml", "- [2026-99-99, 1, 2, 3, 4, 5]", "kuka", "could not convert"),
     "null": ("z.yaml", "- [1, 2, \0]", "kuka", "no YAML: unacceptable character"),
     "400 digits": ("h.json", "[[" + "9" * 400 + "]]", "kuka", "one of 400 digits"),
     "nan json": ("nan.json", "[[NaN]]", "kuka", "expected finite numbers, got NaN"),
-    "overflow": ("o.csv", "1e200,1,2,3,4,5", "kuka", r"want numbers up to 1e\+09"),
-    "null csv": ("null.csv", "1,2,3,4,5,\0", "kuka", "want numbers only"),
+    "overflow": ("o.csv", "1e200,1,2,3,4,5", "kuka", r"expected numbers up to 1e\+09"),
+    "null csv": ("null.csv", "1,2,3,4,5,\0", "kuka", "expected numbers only"),
     "two lists": ("t.json", '{"a": [1], "b": [2]}', "kuka", "one key, got 2 lists"),
-    "no list": ("s.json", "3", "kuka", "want a list of poses, got int"),
+    "no list": ("s.json", "3", "kuka", "expected a list of poses, got int"),
     "fields": ("f.json", '[{"x": 1}]', "kuka", "missing y z a b c"),
     "mm as m": ("m.txt", MM_AS_UR, "ur", "length_unit='mm'"),
     "m as mm": ("k.txt", M_AS_KUKA, "kuka", "length_unit='m'"),
     "radians": ("r.txt", "300 0 0 3.1 0 1\n350 0 0 3 0.1 1", "fanuc", "angle_unit='rad'"),
     "degrees": ("d.txt", ".3 0 0 90 0 0\n.4 0 0 80 0 0", "ur", "angle_unit='deg'"),
     "still": ("i.txt", "300 0 0 90 0 0\n300 0 0 90 0 0", "kuka", "did not move"),
-    "norm": ("q.txt", "((1,0,0),(0,0,0,0.9))", "ros", "pose 1: want a quaternion"),
+    "norm": ("q.txt", "((1,0,0),(0,0,0,0.9))", "ros", "pose 1: expected a quaternion"),
 }
 
 
@@ -211,7 +216,7 @@ def test_an_encoder_axis_moves_the_section_in_equal_steps():
 
 @pytest.mark.parametrize(("count", "step"), [(0, 1.0), (3, 0.0), (3, math.nan)])
 def test_an_encoder_that_does_not_move_is_refused(count, step):
-    with pytest.raises(ValueError, match="want"):
+    with pytest.raises(ValueError, match="expected"):
         encoder_poses(count, (0, 0, 1), step)
 
 

@@ -81,28 +81,35 @@ def test_independent_errors_count_in_full():
     assert found.autocorrelation_time == 1.0
 
 
-@pytest.mark.parametrize(
-    ("wave", "dof"), [(3, math.inf), (4, 2), (5, 2), (6, 4), (7, 4), (8, math.inf)]
-)
-def test_the_lowest_waves_that_five_parameters_leave_are_looked_at(wave, dof):
-    assert estimate_correlation(series(raised(wave, 20.0))).degrees_of_freedom == dof
+@pytest.mark.parametrize(("wave", "counts"), [(3, False), (4, True), (7, True), (8, False)])
+def test_the_four_lowest_waves_that_five_parameters_leave_are_looked_at(wave, counts):
+    found = estimate_correlation(series(raised(wave, 20.0)))
+    assert found.degrees_of_freedom == (4 if counts else math.inf)
 
 
 @pytest.mark.parametrize("factor", [0.8, 0.97, 1.03, 1.2])
-@pytest.mark.parametrize(("band", "waves"), [(slice(4, 6), 2), (slice(4, 8), 4)])
-def test_low_waves_stand_out_where_chance_would_do_it_once_in_40(band, waves, factor):
-    ratio = factor * chi2.isf(1 / 40, waves) / waves
-    found = estimate_correlation(series(raised(band, power_for(ratio, waves))))
-    assert found.degrees_of_freedom == (waves if factor > 1 else math.inf)
+def test_low_waves_stand_out_where_chance_would_do_it_once_in_40(factor):
+    ratio = factor * chi2.isf(1 / 40, 4) / 4
+    found = estimate_correlation(series(raised(slice(4, 8), power_for(ratio))))
+    assert found.degrees_of_freedom == (4 if factor > 1 else math.inf)
 
 
-def test_each_band_calls_one_arc_in_40_of_independent_errors_correlated():
+def test_one_arc_in_40_of_independent_errors_is_called_correlated():
     runs = 4000
     values = np.random.default_rng(2).normal(size=(runs, 120))
-    dofs = np.array([estimate_correlation(row).degrees_of_freedom for row in values])
-    first, either = np.mean(dofs == 2), np.mean(dofs < math.inf)
-    assert abs(first - 1 / 40) < spread_of_share(1 / 40, runs)
-    assert 1 / 40 < either < 2 / 40
+    share = np.mean([estimate_correlation(row).degrees_of_freedom == 4 for row in values])
+    assert abs(share - 1 / 40) < spread_of_share(1 / 40, runs)
+
+
+@pytest.mark.parametrize(("waves", "power"), [(slice(4, 6), 16.0), (slice(6, 8), 8.5)])
+def test_a_form_error_in_the_lowest_two_waves_counts_with_its_own_power(waves, power):
+    """An arc of two radii shows there; spread over four waves its error would be too small."""
+    powers = raised(waves, 16.0)
+    found = estimate_correlation(series(powers))
+    low = power / powers.mean()
+    rise = low / (powers[12:34].mean() / powers.mean())
+    assert not found.neighbours_correlated
+    assert found.autocorrelation_time == pytest.approx(low * rise, rel=ROUNDING)
 
 
 def test_the_rise_towards_low_waves_is_extrapolated():

@@ -1,15 +1,19 @@
-"""What a column holds, by its name."""
+"""Content of a column, by its name."""
+
+import re
 
 _ROLES = {
-    **dict.fromkeys(["x", "xs", "px", "pos_x", "x_pos", "position", "lateral"], "x"),
+    **dict.fromkeys(["x", "xs", "px", "position", "lateral", "width", "breite"], "x"),
     **dict.fromkeys(["y", "ys", "py", "travel", "encoder"], "y"),
-    **dict.fromkeys(["z", "zs", "pz", "height", "heights", "elevation", "höhe"], "height"),
-    **dict.fromkeys(["pos_z", "z_pos", "z position", "z-position", "hoehe"], "height"),
-    **dict.fromkeys(["x position", "x-position", "x_position"], "x"),
-    **dict.fromkeys(["range", "ranges", "distance", "distances", "dist", "abstand"], "range"),
+    **dict.fromkeys(["z", "zs", "pz", "height", "heights", "elevation", "höhe", "hoehe"], "height"),
+    **dict.fromkeys(
+        ["range", "ranges", "distance", "distances", "dist", "abstand", "depth", "tiefe"], "range"
+    ),
     **dict.fromkeys(["angle", "angles", "azimuth", "alpha", "theta", "phi"], "angle"),
     **dict.fromkeys(["scan", "profile", "frame", "scan_number", "profile_number"], "scan"),
 }
+_AXIS_WORDS = r"(?:pos|position|coord|coordinate|koordinate|value|wert|axis|achse)"
+_AXIS_NAME = re.compile(rf"([xyz])[ _-]?{_AXIS_WORDS}|{_AXIS_WORDS}[ _-]?([xyz])")
 _SCAN_WORDS = ("scan", "profile", "profil", "frame", "section", "shot")
 _PART_WORDS = frozenset(
     "part piece workpiece sensor camera head run pass batch lot station serial file job "  # noqa: SIM905
@@ -19,7 +23,7 @@ _SCAN_ENDINGS = ("id", "no", "nr", "num", "number", "index", "idx", "count", "co
 
 
 def column_role(name: str) -> str:
-    """What a column of this name holds: x, y, height, range, scan, angle, or the name itself.
+    """Return the role of a name: x, y, height, range, scan, angle, or the name itself.
 
     Examples
     --------
@@ -28,6 +32,8 @@ def column_role(name: str) -> str:
     """
     if name in _ROLES:
         return _ROLES[name]
+    if axis := _AXIS_NAME.fullmatch(name):
+        return _ROLES[axis[1] or axis[2]]
     bare = name.replace("_", "").replace(" ", "").replace("-", "").replace(".", "")
     for word in _SCAN_WORDS:
         if bare.startswith(word) and bare.removeprefix(word) in ("", *_SCAN_ENDINGS):
@@ -36,12 +42,12 @@ def column_role(name: str) -> str:
 
 
 def is_known_role(name: str) -> bool:
-    """Whether a column's name says what it holds."""
+    """Return whether the content of a column is known from its name."""
     return column_role(name) in {"x", "y", "height", "range", "scan", "angle"}
 
 
 def is_part_name(name: str) -> bool:
-    """Whether a column of this name tells parts, sensors or runs apart.
+    """Return whether a column of this name identifies parts, sensors or runs.
 
     Examples
     --------

@@ -1,8 +1,8 @@
-"""Which columns of a table are x and height, and which ones tell profiles apart."""
+"""Columns of x and height in a table, and columns that identify profiles."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NoReturn
 
 import numpy as np
@@ -21,7 +21,7 @@ _CONSTANT = 1e-6  # spread of a column that does not vary, relative to that of t
 
 @dataclass(frozen=True)
 class _Choice:
-    """Columns of x, height and, where there is one, of what tells profiles apart."""
+    """Columns of x and height, and the column that identifies profiles, if any."""
 
     x: int
     height: int
@@ -33,7 +33,7 @@ class _Choice:
 
 
 def profiles_from_table(table: TextTable, settings: ReadSettings) -> RawProfiles:
-    """Profiles in a table of points, one point a row.
+    """Return the profiles in a table of points, one point a row.
 
     Named columns are taken by their names; unnamed ones by position: two are x and height;
     of three or more the second is left out where it is constant and tells profiles apart where each
@@ -77,7 +77,7 @@ def profiles_from_table(table: TextTable, settings: ReadSettings) -> RawProfiles
 
 
 def _restarts(section: FloatArray) -> tuple[str, ...]:
-    """A note where x runs through the same range several times: profiles one after the other."""
+    """Return a note if x repeats its range: probably several profiles one after the other."""
     x = section[np.isfinite(section[:, 0]), 0]
     with np.errstate(over="ignore", invalid="ignore"):  # numbers near the largest there are
         steps, span = np.diff(x), np.ptp(x) if len(x) else 0.0
@@ -112,7 +112,7 @@ def _index(table: TextTable, column: int | str) -> int:
     if isinstance(column, int):
         if column < width:
             return column
-        raise UnreadableFile(f"no column {column} in it: want 0 to {width - 1}, see --columns")
+        raise UnreadableFile(f"no column {column} in it: expected 0 to {width - 1}, see --columns")
     for name in (column.strip().lower(), split_label(column)[0]):
         if name in table.names:
             return table.names.index(name)
@@ -121,7 +121,7 @@ def _index(table: TextTable, column: int | str) -> int:
 
 
 def _places(table: TextTable) -> dict[str, int]:
-    """The first column of numbers in each role; what tells profiles apart may be text."""
+    """Return the first column in each role: numbers, or also text if it identifies profiles."""
     place: dict[str, int] = {}
     for index, name in enumerate(table.names):
         role = column_role(name)
@@ -131,6 +131,19 @@ def _places(table: TextTable) -> dict[str, int]:
 
 
 def _named(table: TextTable) -> _Choice | None:
+    choice = _by_names(table)
+    if choice is None:
+        return None
+    twice = [
+        table.names[c] for c in (choice.x, choice.height) if table.names.count(table.names[c]) > 1
+    ]
+    if not twice:
+        return choice
+    note = f"{' and '.join(twice)} stand twice in the header: the first taken, others by --columns"
+    return replace(choice, notes=(*choice.notes, note))
+
+
+def _by_names(table: TextTable) -> _Choice | None:
     place = _places(table)
     away = "range" in place and "height" not in place
     in_order = [place[role] for role in ("x", "y", "range" if away else "height") if role in place]
@@ -141,6 +154,8 @@ def _named(table: TextTable) -> _Choice | None:
     scan = place.get("scan")
     if scan is not None and not _parts_profiles(table, scan):
         scan = None
+    if scan is None:
+        scan = _part_key(table)
     if len(in_order) == 2 or scan is not None:
         return _Choice(in_order[0], in_order[-1], scan, away, travel=False)
     x, y, height = in_order
@@ -188,7 +203,7 @@ def _placed(table: TextTable) -> _Choice:
 
 
 def _in_plane(xyz: FloatArray) -> _Choice | None:
-    """The choice where y, or else z, is the same for all points."""
+    """Return the choice if y, or else z, is the same for all points."""
     spread = [_spread(column) for column in xyz.T]
     if spread[1] <= _CONSTANT * max(spread):
         return _Choice(0, 2)
@@ -218,7 +233,7 @@ def _refuse_one_column(table: TextTable) -> NoReturn:
                 "height with --columns"
             )
     raise UnreadableFile(
-        "one column in it: want x and height, or say where the heights lie with --x0 and --dx"
+        "one column in it: expected x and height, or say where the heights lie with --x0 and --dx"
     )
 
 
@@ -246,21 +261,31 @@ def _whole(column: FloatArray) -> bool:
 
 
 def _parts_profiles(table: TextTable, column: int) -> bool:
-    """False where each point has a value of its own, as a running number has."""
+    """Return False if all values differ, as of a running number."""
     codes = _codes(table, column)
     known = codes[np.isfinite(codes)]
     return len(known) < 2 or len(np.unique(known)) < len(known)
 
 
+def _part_key(table: TextTable) -> int | None:
+    """Return the first column of parts, sensors or runs that has a run of points for each value."""
+    for column, name in enumerate(table.names):
+        if is_part_name(name):
+            codes = _codes(table, column)
+            if len(np.unique(codes[np.isfinite(codes)])) > 1 and _is_profile_key(codes):
+                return column
+    return None
+
+
 def _is_profile_key(column: FloatArray) -> bool:
-    """True where each value stands in one run of points, long enough for a profile."""
+    """Return True where each value occupies one run of points, long enough for a profile."""
     key = _without_gaps(column)
     runs = 1 + np.count_nonzero(np.diff(key))
     return bool(runs == len(np.unique(key)) and runs * _FEWEST_PER_PROFILE <= len(key))
 
 
 def _codes(table: TextTable, column: int) -> FloatArray:
-    """The numbers of a column, or a number for each of its texts."""
+    """Return the numbers of a column, or a number for each of its texts."""
     texts: Sequence[str] | None = table.texts.get(column)
     if texts is None:
         return table.values[:, column]
@@ -269,7 +294,7 @@ def _codes(table: TextTable, column: int) -> FloatArray:
 
 
 def _composite_key(table: TextTable, choice: _Choice, key: FloatArray) -> FloatArray:
-    """The key made finer by columns of parts, sensors or runs in which its numbers begin anew."""
+    """Return the key refined by columns of parts, sensors or runs in which it restarts."""
     for column, name in enumerate(table.names):
         if column == choice.key or column in (choice.x, choice.height):
             continue
@@ -286,7 +311,7 @@ def _composite_key(table: TextTable, choice: _Choice, key: FloatArray) -> FloatA
 def _attributes(
     table: TextTable, choice: _Choice, rows: Sequence[IntArray]
 ) -> tuple[tuple[Mapping[str, float | str], ...], tuple[str, ...]]:
-    """What belongs to each profile, and the columns that belong to none."""
+    """Return the attributes of each profile, and the columns that are not used."""
     others = [c for c in range(table.values.shape[1]) if c not in (choice.x, choice.height)]
     kept: list[dict[str, float | str]] = [{} for _ in rows]
     ignored = []
@@ -303,7 +328,7 @@ def _attributes(
 
 
 def _one_value(table: TextTable, column: int, rows: IntArray) -> float | str | None:
-    """The value that all points of a profile share; None where they differ."""
+    """Return the common value of all points of a profile; None if they differ."""
     if column in table.texts:
         texts = {table.texts[column][r] for r in rows.tolist()}
         return texts.pop() if len(texts) == 1 else None
@@ -313,7 +338,7 @@ def _one_value(table: TextTable, column: int, rows: IntArray) -> float | str | N
 
 
 def _split_by(key: FloatArray) -> list[IntArray]:
-    """Rows of each profile, in the order in which profiles begin."""
+    """Return the rows of each profile, in the order in which profiles begin."""
     _, starts, group = np.unique(key, return_index=True, return_inverse=True)
     order = np.argsort(starts)
     by_group = np.split(np.argsort(group, kind="stable"), np.cumsum(np.bincount(group))[:-1])
@@ -321,7 +346,7 @@ def _split_by(key: FloatArray) -> list[IntArray]:
 
 
 def _without_gaps(key: FloatArray) -> FloatArray:
-    """The key with that of the point before where a point is lost, key and all."""
+    """Return the key in which a lost point without a key takes that of the point before."""
     known = np.isfinite(key)
     rows = np.where(known, np.arange(len(key)), np.argmax(known))
     return np.where(known.any(), key[np.maximum.accumulate(rows)], 0.0)

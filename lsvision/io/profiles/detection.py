@@ -1,4 +1,4 @@
-"""Which format a file is in: first its magic bytes, then its first lines, then its name."""
+"""Format of a file: by its magic bytes, then its first lines, then its suffix."""
 
 import io
 import re
@@ -39,7 +39,7 @@ _REFUSED_MAGIC = (
     (b"\xfd7zXZ", f"an xz archive: {_UNPACK}"),
     (b"\x28\xb5\x2f\xfd", f"a zstd archive: {_UNPACK}"),
     (b"ARROW1", "an Arrow (Feather) file: write it as Parquet"),
-    (b"SQLite format 3", "a database (SQLite, or a ROS 2 bag): export its points as CSV"),
+    (b"SQLite format 3", "a database (SQLite) and no ROS 2 bag: export its points as CSV"),
     (b"TDSm", "a TDMS file of LabVIEW: export its points as CSV"),
     (b"LASF", "a LAS cloud: write its points as PLY or CSV"),
     (b"ASTM-E57", "an E57 cloud: write its points as PLY or CSV"),
@@ -50,6 +50,8 @@ _REFUSED_MAGIC = (
     (b"\xff\xd8\xff", _IMAGE),
 )
 _BAGS = (b"\x89MCAP", b"#ROSBAG")
+_BAG_TABLE = re.compile(rb"CREATE TABLE [\"'`\[]?topics", re.IGNORECASE)
+_SCHEMA_BYTES = 100_000  # of a database, whose tables are described in its first page
 _MARKUP = re.compile(r"\s*(<!doctype html|<html|<\?xml)", re.IGNORECASE)
 _OFFICE_PARTS = {
     "xl/": _SPREADSHEET,
@@ -89,14 +91,14 @@ _KEYENCE_WIDTHS = frozenset([800, 1600, 3200, 6400])  # columns of an LJ-V and L
 
 
 def detect_format(content: bytes, suffix: str) -> str:
-    r"""Name of the format, one of `FORMATS`.
+    r"""Return the name of the format, one of `FORMATS`.
 
     Parameters
     ----------
     content : bytes
         The whole file.
     suffix : str
-        As ``".csv"``; asked only where the content does not tell.
+        As ``".csv"``; used only if the content is ambiguous.
 
     Raises
     ------
@@ -110,7 +112,7 @@ def detect_format(content: bytes, suffix: str) -> str:
     ('text', 'opencv')
     """
     if not content.strip():
-        raise UnreadableFile("the file is empty: want x and height in mm, one point a line")
+        raise UnreadableFile("the file is empty: expected x and height in mm, one point a line")
     for magic, name in _MAGIC:
         if content.startswith(magic):
             return name
@@ -118,7 +120,7 @@ def detect_format(content: bytes, suffix: str) -> str:
         return "pcd"
     if content.startswith(_ZIP):
         return _zip_format(content, suffix.lower())
-    if content.startswith(_BAGS):
+    if content.startswith(_BAGS) or _is_ros2_database(content):
         return "rosbag"
     if content.startswith((b"II*\0", b"MM\0*", b"\x89PNG")):
         return "height-map"
@@ -130,8 +132,14 @@ def detect_format(content: bytes, suffix: str) -> str:
     return _text_format(content)
 
 
+def _is_ros2_database(content: bytes) -> bool:
+    if not content.startswith(b"SQLite format 3"):
+        return False
+    return bool(_BAG_TABLE.search(content[:_SCHEMA_BYTES]))
+
+
 def _zip_format(content: bytes, suffix: str) -> str:
-    """NPZ is a zip archive of arrays; any other is refused by what it holds."""
+    """Return npz for a zip archive of arrays; raise an error for other archives."""
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             names = archive.namelist()

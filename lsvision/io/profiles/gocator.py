@@ -18,7 +18,7 @@ _UNITS = ("mm", "mm")
 
 
 def read_gocator(content: bytes, _: ReadSettings) -> RawProfiles:
-    """Profiles of the sections Part (a surface, one profile a row), Profile and RawProfile.
+    """Return the profiles of the sections Part (one profile a row), Profile and RawProfile.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def read_gocator(content: bytes, _: ReadSettings) -> RawProfiles:
 
 
 def read_gocator_points(content: bytes, _: ReadSettings) -> RawProfiles:
-    """Profiles of a list with columns x0, z0, x1, z1, ..., one profile a row."""
+    """Return the profiles of a list with columns x0, z0, x1, z1, ..., one profile a row."""
     lines = [line for line in decode_text(content).splitlines() if line.strip()]
     names = [name.strip().lower() for name in lines[0].split(",")] if lines else []
     if "x0" not in names:
@@ -84,7 +84,7 @@ def _surface(lines: Sequence[str]) -> Iterator[tuple[float, FloatArray]]:
 
 
 def _profiles(lines: Sequence[str]) -> Iterator[tuple[float, FloatArray]]:
-    """Rows marked X, Z or I in the column Axis; without a row X the header states x."""
+    """Return rows marked X, Z or I in the column Axis; without a row X the header states x."""
     axis = -1
     x = np.empty(0)
     for line in lines:

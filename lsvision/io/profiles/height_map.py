@@ -11,7 +11,7 @@ from lsvision.io.profiles.text_table import TextTable
 
 
 def read_height_map(content: bytes, settings: ReadSettings) -> RawProfiles:
-    """Profiles of an image of heights: 16-bit or 32-bit counts, or floating-point numbers.
+    """Return the profiles of an image of heights: counts of 16 or 32 bit, or floating point.
 
     Raises
     ------
@@ -33,7 +33,7 @@ def read_height_map(content: bytes, settings: ReadSettings) -> RawProfiles:
     if image.ndim != 2 or image.dtype == np.uint8:
         channels = 1 if image.ndim == 2 else image.shape[2]
         raise UnreadableFile(
-            f"an image of {channels} x {8 * image.dtype.itemsize} bit, no height map: want one "
+            f"an image of {channels} x {8 * image.dtype.itemsize} bit, no height map: expected one "
             "channel of 16 bit or floating point"
         )
     limits: tuple[float, ...] = ()

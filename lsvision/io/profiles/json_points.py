@@ -19,15 +19,15 @@ from lsvision.io.profiles.named_columns import profiles_from_named
 from lsvision.io.profiles.number_rows import POINT_NUMBER, is_missing
 from lsvision.io.profiles.opencv_matrix import TRIPLES, matrix_of_node, table_of_points
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
-from lsvision.io.profiles.stated_units import one_unit
+from lsvision.io.profiles.stated_units import one_unit, refuse_mentions
 from lsvision.io.profiles.text_table import TextTable, decode_text
 from lsvision.io.profiles.unit_statements import UnitStatement, lost_statements, unit_statements
 from lsvision.io.profiles.units import split_label
 
 MAX_DEPTH = 4
-"""Levels of objects and lists that are searched for points."""
+"""Number of levels of objects and lists that are searched for points."""
 MIN_PAIRS, MINTRIPLES = 3, 5
-"""Rows of a list of points: a shorter one is a matrix or a size."""
+"""Smallest number of rows of a list of points; a shorter list is a matrix or a size."""
 _FLAT_KEYS = ("points", "profile", TRIPLES, "line")
 _NAME_KEYS = ("columns", "names", "header", "fields", "labels")
 _POINT_KEYS = ("points", "profile", TRIPLES, "line", "data", "profiles", "scans")
@@ -35,29 +35,29 @@ _OPENCV_NUMBER = re.compile(
     r"(?<![\w.\"])([-+]?)\.(nan|inf)\b|(?<=[0-9])\.(?=[\s,\]}e])", re.IGNORECASE
 )
 _LINES_OF_OBJECTS = re.compile(r"\}[^\S\n]*\n\s*\{")
-_WANTED = 'want {"x": [...], "z": [...]} or {"points": [[x, z], ...]}'
+_EXPECTED_KEYS = 'expected {"x": [...], "z": [...]} or {"points": [[x, z], ...]}'
 
 
 def read_json(content: bytes, settings: ReadSettings) -> RawProfiles:
-    """Profiles of a JSON file, or of one with an object a line.
+    """Return the profiles of a JSON file, or of one with an object a line.
 
     Raises
     ------
     UnreadableFile
-        If it is no JSON, or no points are found in it; the keys found are named.
+        If it is not JSON, or no points are found in it; the keys found are named.
     """
     return profiles_from_document(_parsed(decode_text(content)), settings, "JSON")
 
 
 def profiles_from_document(document: Any, settings: ReadSettings, kind: str) -> RawProfiles:
-    """Profiles in what a JSON or YAML file holds.
+    """Return the profiles in the content of a JSON or YAML file.
 
     Parameters
     ----------
     document : mapping or list
         As `parse_json` returns it.
     settings : ReadSettings
-        What the user says of it.
+        Reading options for it.
     kind : str
         What the file is, for people.
 
@@ -68,8 +68,11 @@ def profiles_from_document(document: Any, settings: ReadSettings, kind: str) -> 
     """
     profiles = _profiles(document, settings, depth=0)
     if profiles is None:
-        raise UnreadableFile(f"{kind} without a list of points ({_shape(document)}): {_WANTED}")
+        raise UnreadableFile(
+            f"{kind} without a list of points ({_shape(document)}): {_EXPECTED_KEYS}"
+        )
     if isinstance(document, Mapping):
+        refuse_mentions(profiles.units, _statement_lines(document), settings)
         stated = lost_statements(
             f"{key}: {value}" for key, value in document.items() if isinstance(value, int | float)
         )
@@ -86,7 +89,9 @@ def _parsed(text: str) -> Any:
     try:
         return parse_json(text, allow_nan=True)
     except NestedTooDeep as error:
-        raise UnreadableFile(f"JSON nested too deep for points ({error}): {_WANTED}") from None
+        raise UnreadableFile(
+            f"JSON nested too deep for points ({error}): {_EXPECTED_KEYS}"
+        ) from None
     except ValueError as error:
         reason = str(error)
     try:  # cv2.FileStorage writes .Nan and 1. into its JSON
@@ -144,7 +149,7 @@ def _from_named_list(
     statements: tuple[UnitStatement, ...],
     depth: int,
 ) -> RawProfiles | None:
-    """Profiles under a key: a flat list only under a name for points."""
+    """Return the profiles under a key; of a flat list only if the key is a name for points."""
     if isinstance(value, list) and _column(value) and not isinstance(value[0], list):
         if key.lower() not in _FLAT_KEYS:
             return None
@@ -173,7 +178,7 @@ def _from_list(document: list[Any], settings: ReadSettings, depth: int) -> RawPr
 
 
 def _are_x_and_height(document: list[Any]) -> bool:
-    """Whether two lists of numbers are as long, and the first rises or falls."""
+    """Return whether two lists of numbers have equal length, and the first rises or falls."""
     first, second = document
     if not isinstance(first, list) or len(first) != len(second) or len(first) <= MIN_PAIRS:
         return False
@@ -183,7 +188,7 @@ def _are_x_and_height(document: list[Any]) -> bool:
 def _from_objects(
     document: Sequence[Mapping[str, Any]], settings: ReadSettings, depth: int
 ) -> RawProfiles | None:
-    """A list of points as objects, or of profiles as objects."""
+    """Return profiles of a list of points as objects, or of profiles as objects."""
     if all(map(is_laser_scan, document)):
         return profiles_from_scans(document)
     keys = list(document[0])
@@ -231,7 +236,7 @@ def _joined(parts: Sequence[RawProfiles | None]) -> RawProfiles | None:
 def _from_flat(
     key: str, values: FloatArray, settings: ReadSettings, statements: tuple[UnitStatement, ...]
 ) -> RawProfiles:
-    """Points one after the other in a flat list; heights alone where ``dx`` is given."""
+    """Return the points of a flat list; with ``dx`` it has only heights."""
     table = TextTable(values.reshape(1, -1), statements=statements)
     if settings.dx is not None:
         return profiles_from_matrix(table, settings)
@@ -239,13 +244,13 @@ def _from_flat(
     if width is None:
         raise UnreadableFile(
             f"{values.size} numbers under {key!r} are neither pairs x, z nor triples x, y, z with "
-            f"rising x: {_WANTED}, or of heights alone say --x0 and --dx"
+            f"rising x: {_EXPECTED_KEYS}, or of heights alone say --x0 and --dx"
         )
     return _from_rows(values.reshape(-1, width), settings, statements)
 
 
 def flat_width(key: str, values: FloatArray) -> int | None:
-    """How many numbers of a flat list are one point; None where it is no list of points.
+    """Return how many numbers of a flat list are one point; None if it has no points.
 
     Parameters
     ----------
@@ -272,7 +277,7 @@ def _from_rows(
 
 
 def _table_of_rows(rows: FloatArray, statements: tuple[UnitStatement, ...]) -> TextTable:
-    """Rows of two or three numbers, or two or three rows, under their usual names."""
+    """Return rows of two or three numbers, or two or three rows, under their usual names."""
     if rows.shape[1] > rows.shape[0] and rows.shape[0] in (2, 3):
         rows = rows.T
     names = {2: ("x", "z"), 3: ("x", "y", "z")}.get(rows.shape[1], ())
@@ -282,7 +287,7 @@ def _table_of_rows(rows: FloatArray, statements: tuple[UnitStatement, ...]) -> T
 def _named_rows(
     document: Mapping[str, Any], statements: tuple[UnitStatement, ...]
 ) -> TextTable | None:
-    """Rows of numbers beside a list of their columns' names."""
+    """Return rows of numbers with a list of their columns' names."""
     for key, labels in document.items():
         if key.lower() not in _NAME_KEYS or not isinstance(labels, list) or len(labels) < 2:
             continue
@@ -318,6 +323,12 @@ def _statement_lines(document: Mapping[str, Any]) -> Iterator[str]:
             yield from (f"unit_{axis}: {unit}" for axis, unit in value.items())
         elif isinstance(value, Mapping):
             yield from (f"{name}: {text}" for name, text in value.items() if isinstance(text, str))
+            yield from (
+                line
+                for name, inner in value.items()
+                if isinstance(inner, Mapping) and "unit" in name.lower()
+                for line in _statement_lines({name: inner})
+            )
         elif isinstance(value, int | float) and not isinstance(value, bool):
             yield f"{key}: {value}"
         elif isinstance(value, list) and "unit" in key.lower():
@@ -325,7 +336,12 @@ def _statement_lines(document: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _column(value: Any) -> Any:
-    """The value where it is a list of numbers, or of lists of numbers; else None."""
+    """Return the value if it is a list of numbers, or of lists of numbers; else None.
+
+    An object with the keys 0, 1, 2, ... is a list: so pandas writes a column.
+    """
+    if isinstance(value, Mapping) and list(value) == [str(k) for k in range(len(value))]:
+        value = list(value.values())
     if not isinstance(value, list) or not value:
         return None
     if all(_is_scalar(item) for item in value):

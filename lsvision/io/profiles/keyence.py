@@ -14,7 +14,7 @@ _LOST_COUNT = 0
 
 
 def read_keyence_raw(content: bytes, settings: ReadSettings) -> RawProfiles:
-    """Profiles of 16-bit counts, one a row: height (count - 32768) z_unit, 0 where lost.
+    """Return the profiles of 16-bit counts, one a row: height (count - 32768) z_unit, 0 where lost.
 
     Raises
     ------
@@ -34,6 +34,6 @@ def read_keyence_raw(content: bytes, settings: ReadSettings) -> RawProfiles:
 
 
 def read_keyence(content: bytes, settings: ReadSettings) -> RawProfiles:
-    """Profile of the exporter's UTF-16 lines of x and z; mm unless a header says otherwise."""
+    """Return the profile of the exporter's UTF-16 lines of x and z, in mm by default."""
     raw = read_plain_text(content, settings)
     return dataclasses.replace(raw, units=(raw.units[0] or "mm", raw.units[1] or "mm"))

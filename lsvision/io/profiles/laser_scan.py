@@ -24,7 +24,7 @@ _RANGE_COLUMN = re.compile(r"ranges[\[_.]?[0-9]+\]?")
 
 
 def is_laser_scan(document: Any) -> bool:
-    """Whether a mapping is a LaserScan."""
+    """Return whether a mapping is a LaserScan."""
     return (
         isinstance(document, Mapping)
         and isinstance(document.get("ranges"), Sequence)
@@ -33,7 +33,7 @@ def is_laser_scan(document: Any) -> bool:
 
 
 def profiles_from_scans(scans: Sequence[Mapping[str, Any]]) -> RawProfiles:
-    """Profiles of LaserScan messages.
+    """Return the profiles of LaserScan messages.
 
     Raises
     ------
@@ -49,7 +49,7 @@ def profiles_from_scans(scans: Sequence[Mapping[str, Any]]) -> RawProfiles:
 
 
 def read_laser_scan(content: bytes, _: ReadSettings) -> RawProfiles:
-    """Profiles of the CSV that ``rostopic echo -p`` writes, one message a row.
+    """Return the profiles of the CSV that ``rostopic echo -p`` writes, one message a row.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def read_laser_scan(content: bytes, _: ReadSettings) -> RawProfiles:
     scans: list[dict[str, Any]] = []
     for number, row in enumerate(rows[1:], 2):
         if len(row) < len(names):
-            raise UnreadableFile(f"row {number} has {len(row)} cells where {len(names)} are wanted")
+            raise UnreadableFile(f"row {number} has {len(row)} cells, expected {len(names)}")
         scan: dict[str, Any] = {name: row[k] for k, name in enumerate(names) if name in _KEPT_KEYS}
         scan["ranges"] = [row[k] for k in places]
         scans.append(scan)
@@ -85,7 +85,7 @@ def _section(scan: Mapping[str, Any]) -> FloatArray:
         step = (stop - start) / (len(ranges) - 1)
     if not (math.isfinite(start) and math.isfinite(step)) or step == 0 or ranges.size == 0:
         raise UnreadableFile(
-            "a LaserScan without angle_min and angle_increment, or without ranges: want all three"
+            "expected angle_min, angle_increment and ranges of a LaserScan, got only some of them"
         )
     low, high = _number(scan.get("range_min")), _number(scan.get("range_max"))
     with np.errstate(invalid="ignore"):

@@ -10,7 +10,7 @@ from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.statistics.lost_markers import find_lost_markers
 
 KEYENCE_LOST = (-99999.9999, -99999.999, -99999.99, -99999.9)
-"""What Keyence controllers write, by the digits printed: never a height."""
+"""Markers of Keyence controllers, by the number of digits; never a height."""
 _TOLERANCE = 1e-7  # of a marker, relative: more digits than single precision has
 
 
@@ -34,9 +34,9 @@ class LostMarker:
 
     @property
     def note(self) -> str:
-        """What to say of a guess."""
+        """Note on a guessed marker."""
         return (
-            f"{self.text} stands in {self.count} points, far from the rest: taken for lost points "
+            f"{self.text} occurs in {self.count} points, far from the rest: taken for lost points "
             "(--lost none if it is measured)"
         )
 
@@ -44,7 +44,7 @@ class LostMarker:
 def remove_lost(
     raw: RawProfiles, settings: ReadSettings
 ) -> tuple[list[FloatArray], tuple[LostMarker, ...]]:
-    """Sections with NaN where a marker stands, and the markers.
+    """Return sections with NaN in place of markers, and the markers.
 
     A marker that the user states is the only one; else those that the file states, the well known,
     and values that look like one, see `find_lost_markers`.
@@ -56,8 +56,8 @@ def remove_lost(
     settings : ReadSettings
         Gives the user's markers.
     """
-    sections = [
-        np.where(np.isinf(section), np.nan, section) if np.isinf(section).any() else section
+    sections = [  # one quiet NaN for all: arithmetic with a signalling one warns
+        section if np.isfinite(section).all() else np.where(np.isfinite(section), section, np.nan)
         for section in raw.sections
     ]
     points = np.concatenate(sections) if sections else np.empty((0, 2))
@@ -74,7 +74,7 @@ def remove_lost(
         for value in settings.lost_values:
             mark(f"{value:.10g}", _has(points, value), guessed=False)
     else:
-        for value in (*raw.lost, *settings.known_lost, *KEYENCE_LOST):
+        for value in (*raw.lost, *KEYENCE_LOST):
             mark(f"{value:.10g}", _has(points, value), guessed=False)
         zero = np.concatenate([_repeated_zeros(section) for section in sections])
         mark("0, 0", zero, guessed=False)
@@ -97,7 +97,7 @@ def _has(points: FloatArray, value: float) -> BoolArray:
 
 
 def _repeated_zeros(section: Sequence[float] | FloatArray) -> BoolArray:
-    """Rows of 0, 0 where there are several, as Leuze writes lost points; one may be a point."""
+    """Return several rows of 0, 0, as Leuze writes lost points; a single one may be a point."""
     x, height = np.asarray(section).T
     zero: BoolArray = np.equal(x, 0) & np.equal(height, 0)
     return zero if zero.sum() > 1 else np.zeros(len(zero), dtype=bool)

@@ -14,17 +14,17 @@ MAX_HINTED_COLUMNS = 200
 """A profile has more points; a table narrower than this and much longer may hold profiles in
 columns."""
 MAX_UNEVENNESS = 0.05
-"""Of the steps of x, relative to their mean: x is rounded to a few digits."""
+"""Largest deviation of the steps of x, relative to their mean: x is rounded to a few digits."""
 
 
 def read_matrix(content: bytes, settings: ReadSettings) -> RawProfiles:
-    """Profiles of a text with one row of heights each."""
+    """Return the profiles of a text with one row of heights each."""
     table = parse_table(decode_text(content), settings.lost_words)
     return profiles_from_matrix(table, settings)
 
 
 def profiles_from_matrix(table: TextTable, settings: ReadSettings) -> RawProfiles:
-    """Profiles of a matrix of heights, or of one row of x over one row of heights.
+    """Return the profiles of a matrix of heights, or of one row of x over one row of heights.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def profiles_from_matrix(table: TextTable, settings: ReadSettings) -> RawProfile
 def column_positions(
     columns: int, rows: int, settings: ReadSettings
 ) -> tuple[FloatArray, tuple[str, ...]]:
-    """Where each column lies as the user states it, and a note where the first is assumed.
+    """Return x of each column as the user states it, and a note if the first is assumed.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def column_positions(
 
 
 def height_unit(table: TextTable, settings: ReadSettings) -> str | None:
-    """The unit that the file states of its heights; None where the user says it."""
+    """Return the unit of the heights that the file states; None if the user states one."""
     if settings.z_unit is not None:
         return f"{float(settings.z_unit) / 100:.12g} um"
     if settings.units is not None:
@@ -97,7 +97,7 @@ def _transpose_hint(rows: int, columns: int) -> str:
 
 
 def _is_x_row(heights: FloatArray) -> bool:
-    """Whether the first row rises evenly, and most of the others do not."""
+    """Return whether the first row rises evenly, and most of the others do not."""
     with np.errstate(over="ignore", invalid="ignore"):
         steps = np.diff(heights[0])
     even = bool(np.all(np.abs(steps - steps.mean()) < MAX_UNEVENNESS * abs(steps.mean())))
@@ -105,6 +105,6 @@ def _is_x_row(heights: FloatArray) -> bool:
 
 
 def rises(row: FloatArray) -> bool:
-    """Whether the numbers that are not lost rise throughout, or fall throughout."""
+    """Return whether the numbers that are not lost rise throughout, or fall throughout."""
     known = row[np.isfinite(row)]
     return len(known) > 1 and bool(np.all(known[1:] > known[:-1]) or np.all(known[1:] < known[:-1]))

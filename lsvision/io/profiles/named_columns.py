@@ -24,7 +24,7 @@ def profiles_from_named(
     statements: tuple[UnitStatement, ...] = (),
     texts: Mapping[str, Sequence[str]] | None = None,
 ) -> RawProfiles:
-    """Profiles of named columns.
+    """Return the profiles of named columns.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def profiles_from_named(
         One array each: (n,) with a point a row; or, with a profile a row, (k, m) arrays or k
         arrays of any length, where x may also be the (m,) that all rows share.
     settings : ReadSettings
-        What the user says of it.
+        Reading options for it.
     statements : tuple of UnitStatement
         Units that the file states beside the columns.
     texts : mapping, optional
@@ -46,15 +46,15 @@ def profiles_from_named(
     odd = [label for label, column in columns.items() if not _is_column(column)]
     if odd:
         raise UnreadableFile(
-            f"{', '.join(odd)}: neither one number a point nor one row a profile: want arrays of "
-            "shape (n,) or (k, n)"
+            f"expected arrays of shape (n,), one number a point, or (k, n), one row a profile: "
+            f"{', '.join(odd)} is neither"
         )
     labels = {label: split_label(label) for label in columns}
     by_role = {column_role(name): label for label, (name, _) in reversed(labels.items())}
     height = by_role.get("height", by_role.get("range", by_role.get("y")))
     if height is None:
         raise UnreadableFile(
-            f"no column of heights among {', '.join(columns) or 'none'}: want x and z"
+            f"no column of heights among {', '.join(columns) or 'none'}: expected x and z"
         )
     if np.ndim(columns[height][0] if len(columns[height]) else 0.0) == 0:
         return _from_points(columns, texts or {}, settings, statements)
@@ -64,7 +64,7 @@ def profiles_from_named(
     rows = [np.asarray(row) for row in columns[height]]
     xs = _x_of_rows(rows, None if x is None else columns[x], settings)
     if any(a.shape != b.shape for a, b in zip(xs, rows, strict=True)):
-        raise UnreadableFile(f"{x} and {height} differ in length: want an x for each height")
+        raise UnreadableFile(f"{x} and {height} differ in length: expected an x for each height")
     units: tuple[str | None, str | None] = (None, None)
     if settings.units is None:
         about = [[s for s in statements if s.axis in (None, axis)] for axis in ("x", "height")]
@@ -90,7 +90,7 @@ def _row_attributes(
     used: set[str | None],
     rows: int,
 ) -> tuple[dict[str, float | str], ...]:
-    """What the other columns say of each profile, where they hold one value for each."""
+    """Return the other columns with one value per profile as attributes of the profiles."""
     flat: dict[str, Sequence[float | str]] = {
         label: np.asarray(values).tolist()
         for label, values in columns.items()
@@ -107,7 +107,7 @@ def _is_flat(values: _Column) -> bool:
 
 
 def _is_column(column: _Column) -> bool:
-    """True for numbers, and for rows of numbers."""
+    """Return True for numbers, and for rows of numbers."""
     if isinstance(column, np.ndarray):
         return column.ndim in (1, 2)
     return all(np.ndim(row) == 1 for row in column)
@@ -122,7 +122,9 @@ def _from_points(
     flat = [label for label in columns if np.ndim(columns[label]) == 1]
     lengths = {len(columns[label]) for label in flat}
     if len(lengths) != 1 or not lengths.pop():
-        raise UnreadableFile(f"columns {', '.join(flat)} differ in length: want one row a point")
+        raise UnreadableFile(
+            f"expected columns of equal length, got other lengths of {', '.join(flat)}"
+        )
     count = len(columns[flat[0]])
     words = [label for label in texts if len(texts[label]) == count]
     labels = [split_label(label) for label in (*flat, *words)]
@@ -145,5 +147,5 @@ def _x_of_rows(
     if np.ndim(x[0] if len(x) else 0.0) == 0:
         return [np.asarray(x)] * len(rows)
     if len(x) != len(rows):
-        raise UnreadableFile(f"{len(x)} rows of x and {len(rows)} of heights: want as many")
+        raise UnreadableFile(f"{len(x)} rows of x and {len(rows)} of heights: expected as many")
     return [np.asarray(row) for row in x]

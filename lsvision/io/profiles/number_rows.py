@@ -1,4 +1,4 @@
-"""Cells of text to numbers: quickly where all is well, cell by cell where not."""
+"""Text cells to numbers: a fast path for valid cells, cell by cell otherwise."""
 
 import re
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
 
 COMMENT_MARKS = ("#", "%", "//", "!")
-"""What a line begins with that holds no data."""
+"""First characters of a line without data."""
 
 MISSING_VALUES = frozenset(
     [
@@ -22,12 +22,12 @@ MISSING_VALUES = frozenset(
         *("no data", "nodata", "out of range", "oor", "overflow", "underflow", "*", "***", "?"),
     ]
 )
-"""What a cell says, in lower case, that holds no number."""
+"""Content, in lower case, of a cell without a number."""
 
 _MISSING_PATTERN = re.compile(
-    r"[-+]?1\.#(?:ind|qnan|snan|inf)0*|[*]+|[#]+|[-]+|0x(?:f+|80+|7f+)|(?:over|under|out.?of.?)range"
+    r"[-+]?1\.#(?:ind|qnan|snan|inf)0*|[-+]?[sq]?nan(?:\(\w*\))?|<na>|\\n|[*]+|[#]+|-+(?:\.-+)?|0x(?:f+|80+|7f+)|(?:over|under|out.?of.?)range"
 )
-"""The same in forms that vary: fields too narrow, ends of integer types in hexadecimal."""
+"""The same with variable content: fields too narrow, ends of integer types in hexadecimal."""
 
 POINT_NUMBER = re.compile(r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eEdD][-+]?[0-9]+)?")
 COMMA_NUMBER = re.compile(r"[-+]?(?:[0-9]+(?:,[0-9]*)?|,[0-9]+)(?:[eEdD][-+]?[0-9]+)?")
@@ -40,13 +40,13 @@ THOUSANDS = re.compile(
 _GROUPED = re.compile(r"[-+]?[1-9][0-9]{0,2},[0-9]{3}")
 """1,234: one and a bit, or a thousand and a bit."""
 MIN_GROUPED_CELLS = 3
-"""Cells as 1,234 beside whole numbers from which on the comma is no decimal mark."""
+"""Number of cells like 1,234 from which, with whole numbers, the comma is no decimal mark."""
 _TRANSLATED = str.maketrans({"−": "-", "–": "-", "\u00a0": " ", "\u202f": " ", "\u2009": " "})
 
 
 @dataclass(frozen=True)
 class Word:
-    """A cell that holds no number.
+    """A cell without a number.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class Word:
     cell : str
         Its text.
     reason : str
-        Why it is no number, and what to do.
+        Why it is not a number, and what to do.
     grouped : bool
         Whether it is a number with thousands separators.
     """
@@ -86,7 +86,7 @@ class Column:
 
 
 def is_missing(cell: str) -> bool:
-    """Whether a cell says that it holds no number.
+    """Return whether a cell is marked as without a number.
 
     Examples
     --------
@@ -98,7 +98,7 @@ def is_missing(cell: str) -> bool:
 
 
 def numbers_from_cells(cells: Sequence[str]) -> FloatArray:
-    """Numbers in text cells; NaN where a cell is empty or a lost word.
+    """Return the numbers in text cells; NaN for an empty cell or a word for lost points.
 
     Raises
     ------
@@ -114,7 +114,7 @@ def numbers_from_cells(cells: Sequence[str]) -> FloatArray:
 def parse_column(
     cells: Sequence[str], *, decimal_comma: bool, lost_words: frozenset[str] = frozenset()
 ) -> Column:
-    """Numbers of one column.
+    """Return the numbers of one column.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ def parse_column(
 
 
 def uses_decimal_comma(columns: Sequence[Sequence[str]]) -> bool:
-    """Whether commas are the decimal marks of a table whose cells are split already.
+    """Return whether commas are the decimal marks of a table whose cells are split already.
 
     Parameters
     ----------
@@ -186,7 +186,7 @@ def uses_decimal_comma(columns: Sequence[Sequence[str]]) -> bool:
 
 
 def floats_from(array: npt.NDArray[np.generic]) -> FloatArray:
-    """The array in double precision, without a warning at what double precision does not hold."""
+    """Return the array in double precision, without a warning for numbers beyond its range."""
     with np.errstate(invalid="ignore", over="ignore"):  # a signalling nan is lost all the same
         return array.astype(np.float64)
 
@@ -203,5 +203,6 @@ def _has_decimal_point(cells: Sequence[str]) -> bool:
 def _word(row: int, cell: str) -> Word:
     if THOUSANDS.fullmatch(cell):
         return Word(row, cell, "has a thousands separator: export numbers without them", True)
-    reason = "is no number: take such lines out, mark them as comments with #, or say --lost"
-    return Word(row, cell, f"{reason} {cell[:20]} if it marks lost points")
+    reason = "is not a number: take such lines out, mark them as comments with #, or say --lost"
+    shown = " ".join(cell.split())[:20]
+    return Word(row, cell, f"{reason} {shown} if it marks lost points")

@@ -1,4 +1,4 @@
-"""Profiles in NumPy's NPY and NPZ; nothing is ever unpickled."""
+"""Profiles in NumPy's NPY and NPZ; pickled objects are never loaded."""
 
 import io
 import math
@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from lsvision.errors import UnreadableFile
 from lsvision.files.limited_reading import current_size_limit
+from lsvision.io.profiles.column_roles import is_known_role
 from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.matrix import MIN_COLUMNS, profiles_from_matrix
 from lsvision.io.profiles.named_columns import profiles_from_named
@@ -45,7 +46,7 @@ _KEYS = ("points", "profile", "profiles", "arr_0")
 
 
 def read_npy(content: bytes, settings: ReadSettings) -> RawProfiles:
-    """Profiles of one array: points (n, 2 or 3), (k, n, 2), or rows of heights with ``dx``."""
+    """Return the profiles of an array: (n, 2 or 3), (k, n, 2), or rows of heights with ``dx``."""
     arrays = _loaded(content)
     if "" not in arrays:
         raise UnreadableFile("a zip archive, no array by itself: leave --format npy out")
@@ -53,9 +54,13 @@ def read_npy(content: bytes, settings: ReadSettings) -> RawProfiles:
 
 
 def read_npz(content: bytes, settings: ReadSettings) -> RawProfiles:
-    """Profiles of arrays ``x`` and ``z`` (or ``range``), or of one array as in `read_npy`."""
+    """Return the profiles of arrays ``x`` and ``z`` (or ``range``), or of one as `read_npy`."""
     loaded = _loaded(content)
-    words = {name: str(array.item()) for name, array in loaded.items() if _is_text(array)}
+    words = {
+        name: str(array.item())
+        for name, array in loaded.items()
+        if _is_text(array) or (_is_number(array) and not is_known_role(name))
+    }
     statements = unit_statements(f"{name}: {word}" for name, word in words.items())
     arrays = {name: array for name, array in loaded.items() if name not in words}
     key = next((key for key in _KEYS if key in arrays), None)
@@ -89,8 +94,12 @@ def _is_text(array: npt.NDArray[np.generic]) -> bool:
     return array.dtype.kind in "US" and array.size == 1
 
 
+def _is_number(array: npt.NDArray[np.generic]) -> bool:
+    return array.dtype.kind in "iuf" and array.ndim == 0
+
+
 def _unpacked(content: bytes) -> dict[str, npt.NDArray[np.generic]]:
-    """Arrays of a zip archive, whose members state their true size before they are unpacked."""
+    """Return the arrays of a zip archive; their sizes are checked before they are unpacked."""
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         size = sum(member.file_size for member in archive.infolist())
         if size > current_size_limit():
@@ -145,7 +154,7 @@ def _check_size(stream: BinaryIO, size: int) -> None:
 
 def _as_floats(array: npt.NDArray[np.generic]) -> npt.NDArray[np.float64]:
     if array.dtype.kind not in "iufb":
-        raise UnreadableFile(f"an array of {array.dtype}: want numbers")
+        raise UnreadableFile(f"an array of {array.dtype}: expected numbers")
     return floats_from(array)
 
 
@@ -174,7 +183,7 @@ def profiles_from_array(
     if values.ndim == 1:
         values = values.reshape(1, -1)
     if values.ndim != 2 or values.size == 0:
-        raise UnreadableFile(f"an array of shape {array.shape}: want points of shape (n, 2)")
+        raise UnreadableFile(f"an array of shape {array.shape}: expected points of shape (n, 2)")
     wide = values.shape[0] in (2, 3) and values.shape[1] >= MIN_COLUMNS
     if wide and settings.dx is None and not settings.transpose:
         values = values.T
@@ -186,7 +195,7 @@ def profiles_from_array(
 
 
 def _limits(kind: np.dtype[np.generic]) -> tuple[float, ...]:
-    """Ends of an integer type, which mark lost points where they stand far from the rest."""
+    """Return the limits of an integer type, which mark lost points if far from other values."""
     if kind.kind not in "iu" or kind.itemsize < 2:
         return ()
     ends = np.iinfo(kind)  # type: ignore[type-var] # an integer by its kind

@@ -19,7 +19,7 @@ _MAX_DIMENSIONS = 32  # of numpy's and OpenCV's arrays
 
 
 def matrix_of_node(key: str, node: Mapping[str, Any]) -> FloatArray:
-    """Array of an ``opencv-matrix`` or ``opencv-nd-matrix``, its size checked.
+    """Return the array of an ``opencv-matrix`` or ``opencv-nd-matrix``, its size checked.
 
     Parameters
     ----------
@@ -44,19 +44,19 @@ def matrix_of_node(key: str, node: Mapping[str, Any]) -> FloatArray:
             raise ValueError(f"sizes {shape}")
     except (KeyError, ValueError, TypeError) as error:
         raise UnreadableFile(
-            f"{_said(key)}a matrix with a bad or missing {error}: write it anew with "
+            f"{_prefix(key)}a matrix with a bad or missing {error}: write it anew with "
             "cv2.FileStorage"
         ) from None
     if math.prod(shape) != len(data):
         raise UnreadableFile(
-            f"{_said(key)}a matrix of {' x '.join(map(str, shape))} numbers, got {len(data)}: "
+            f"{_prefix(key)}a matrix of {' x '.join(map(str, shape))} numbers, got {len(data)}: "
             "write it anew with cv2.FileStorage"
         )
     return numbers_from_cells([str(item) for item in data]).reshape(shape)
 
 
 def _word(value: Any) -> str:
-    """Text of a scalar; XML gives it as a list of one word."""
+    """Return the text of a scalar; XML gives it as a list of one word."""
     if isinstance(value, list) and len(value) == 1:
         value = value[0]
     if isinstance(value, str | int | float):
@@ -65,7 +65,7 @@ def _word(value: Any) -> str:
 
 
 def table_of_points(key: str, values: FloatArray) -> TextTable:
-    """Table of a list or an array of points, under their usual names.
+    """Return the table of a list or an array of points, under their usual names.
 
     Parameters
     ----------
@@ -83,8 +83,8 @@ def table_of_points(key: str, values: FloatArray) -> TextTable:
         rows = values if values.shape[1] <= values.shape[0] else values.T
     elif values.ndim > 2:
         raise UnreadableFile(
-            f"{_said(key)}an array of {' x '.join(map(str, values.shape))} numbers: want points of "
-            "n x 2 or n x 3"
+            f"{_prefix(key)}expected points of n x 2 or n x 3 numbers, got "
+            f"{' x '.join(map(str, values.shape))}"
         )
     elif values.size % 3 == 0 and (key == TRIPLES or values.size % 2 or _is_one(values[1::3])):
         rows = values.reshape(-1, 3)
@@ -92,7 +92,7 @@ def table_of_points(key: str, values: FloatArray) -> TextTable:
         rows = values.reshape(-1, 2)
     else:
         raise UnreadableFile(
-            f"{values.size} numbers in it are neither pairs nor triples: want [x, y, z, x, ...]"
+            f"expected pairs or triples, as [x, y, z, x, ...], got {values.size} numbers"
         )
     names = {2: ("x", "z"), 3: ("x", "y", "z")}.get(rows.shape[1], ())
     return TextTable(rows, names, (None,) * rows.shape[1])
@@ -102,5 +102,5 @@ def _is_one(values: FloatArray) -> bool:
     return len(np.unique(values[np.isfinite(values)])) <= 1
 
 
-def _said(key: str) -> str:
+def _prefix(key: str) -> str:
     return f"{key}: " if key else ""

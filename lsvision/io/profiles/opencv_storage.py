@@ -60,8 +60,8 @@ def read_opencv_storage(content: bytes, settings: ReadSettings) -> RawProfiles:
         values = numbers_from_cells(lists[key])
         if key not in _KEYS and flat_width(key, values) is None:
             raise UnreadableFile(
-                f"{len(values)} numbers under {key!r} are no points with rising x: want scan_line: "
-                "[x, y, z, ...] or lists x and z"
+                f"expected points with rising x under {key!r}, got {len(values)} numbers: write "
+                "scan_line: [x, y, z, ...] or lists x and z"
             )
     else:
         key, values = _first_node(text)
@@ -72,7 +72,7 @@ def read_opencv_storage(content: bytes, settings: ReadSettings) -> RawProfiles:
 
 
 def _lines_of_words(text: str) -> list[str]:
-    """Lines as ``unit: um``, without lists and what is nested."""
+    """Return lines like ``unit: um``, without lists and nested content."""
     return [line for line in text.splitlines() if _KEY_WORD.match(line)]
 
 
@@ -94,7 +94,7 @@ def _first_node(text: str) -> tuple[str, FloatArray]:
             return key, values
     raise UnreadableFile(
         f"no list of points among its keys ({', '.join(nodes)[:200] or 'none'}): "
-        "want scan_line: [x, y, z, ...]"
+        "expected scan_line: [x, y, z, ...]"
     )
 
 
@@ -104,7 +104,7 @@ def _parsed(text: str) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        If the text is no YAML, JSON or XML of the kind that OpenCV writes.
+        If the text is not YAML, JSON or XML of the kind that OpenCV writes.
     """
     start = text.lstrip()[:1]
     if start == "<":
@@ -176,7 +176,7 @@ def _xml_node(element: ElementTree.Element) -> Any:
 
 
 def _numbers(key: str, node: Any) -> FloatArray:
-    """Numbers of a node; none where it is neither a matrix nor a list of numbers or of lists."""
+    """Return the numbers of a node; empty if it is neither a matrix nor a list."""
     if isinstance(node, Mapping):
         return matrix_of_node(key, node) if {"rows", "sizes"} & set(node) else np.empty(0)
     if not isinstance(node, list):

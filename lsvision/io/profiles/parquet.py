@@ -25,7 +25,7 @@ _BYTES_PER_VALUE = 8
 
 
 def read_parquet(content: bytes, settings: ReadSettings) -> RawProfiles:
-    """Profiles of a Parquet file; columns are taken by their names.
+    """Return the profiles of a Parquet file; columns are taken by their names.
 
     Raises
     ------
@@ -96,7 +96,7 @@ def _tables(file: BinaryIO, rows: int | None) -> "Iterator[pa.Table]":
 
 
 def _texts(column: Any) -> list[str] | None:
-    """Cells of a column of words, dates or truth values; None for nested columns."""
+    """Return the cells of a column of words, dates or truth values; None for nested columns."""
     import pyarrow.types as kinds
 
     if kinds.is_nested(column.type):
@@ -105,7 +105,7 @@ def _texts(column: Any) -> list[str] | None:
 
 
 def _stated(metadata: Any, axis: str = "") -> tuple[UnitStatement, ...]:
-    """Units in the metadata of a table, as ``unit: um``."""
+    """Return the units in the metadata of a table, as ``unit: um``."""
     lines = [
         f"unit {axis}: {value.decode('utf-8', 'replace')}"
         for key, value in (metadata or {}).items()
@@ -124,7 +124,7 @@ def _stated_of_fields(schema: Any) -> list[UnitStatement]:
 
 
 def _limited_table(file: Any) -> Any:
-    """Table of a file, refused as soon as it unpacks to more than the limit.
+    """Return the table of a file, rejected as soon as it unpacks to more than the limit.
 
     A value may take no byte in the file. Metadata of columns are not asked: a broken one ends the
     process (pyarrow 26).

@@ -7,7 +7,7 @@ from lsvision.io.profiles.text_table import decode_text, parse_table
 
 
 def read_plain_text(content: bytes, settings: ReadSettings) -> RawProfiles:
-    r"""Profiles of a text table, heights towards the sensor unless its header says range.
+    r"""Return the profiles of a text table, with heights unless its header names ranges.
 
     Examples
     --------

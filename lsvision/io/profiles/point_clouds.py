@@ -1,7 +1,7 @@
 """Point clouds in PLY and PCD, ascii and binary: each profile at one y, or each row of one."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +12,7 @@ from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.number_rows import floats_from, numbers_from_cells
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.text_table import TextTable
+from lsvision.io.profiles.unit_statements import lost_statements, unit_statements
 
 _PLY_TYPES = {
     **dict.fromkeys(["char", "int8"], "i1"),
@@ -29,7 +30,7 @@ _PCD_TYPES = {"I": "i", "U": "u", "F": "f"}
 
 
 def read_ply(content: bytes, settings: ReadSettings) -> RawProfiles:
-    """Profiles of the vertices of a PLY file.
+    """Return the profiles of the vertices of a PLY file.
 
     Raises
     ------
@@ -43,11 +44,12 @@ def read_ply(content: bytes, settings: ReadSettings) -> RawProfiles:
         raise UnreadableFile("a PLY file with a broken header: write it anew")
     body = body.partition(b"\n")[2]
     layout = _ply_vertices(lines, _PLY_ORDERS[order])
-    return profiles_from_table(_points(body, layout, ascii_=order == "ascii"), settings)
+    table = _points(body, layout, ascii_=order == "ascii")
+    return profiles_from_table(_with_comments(table, head, "comment"), settings)
 
 
 def read_pcd(content: bytes, settings: ReadSettings) -> RawProfiles:
-    """Profiles of a PCD file; an organised cloud (HEIGHT above 1) holds one in each row.
+    """Return the profiles of a PCD file; an organised cloud (HEIGHT above 1) holds one in each row.
 
     Raises
     ------
@@ -57,7 +59,7 @@ def read_pcd(content: bytes, settings: ReadSettings) -> RawProfiles:
     match = re.search(rb"^DATA[ \t]+(\w+)[ \t]*\r?\n", content, re.MULTILINE)
     if match is None or match[1] not in (b"ascii", b"binary"):
         raise UnreadableFile(
-            "want PCD with DATA ascii or binary: convert it with pcl_convert_pcd_ascii_binary"
+            "expected PCD with DATA ascii or binary: convert it with pcl_convert_pcd_ascii_binary"
         )
     lines = content[: match.start()].decode("latin-1").splitlines()
     header = {words[0]: words[1:] for words in map(str.split, lines) if words}
@@ -68,12 +70,25 @@ def read_pcd(content: bytes, settings: ReadSettings) -> RawProfiles:
         table = TextTable(
             np.column_stack([table.values, scan]), (*table.names, "scan"), (None,) * 4
         )
-    return profiles_from_table(table, settings)
+    return profiles_from_table(_with_comments(table, content[: match.start()], "#"), settings)
+
+
+def _with_comments(table: TextTable, head: bytes, mark: str) -> TextTable:
+    """The table with what the comments of a header say of units and lost points."""
+    lines = [line.strip() for line in head.decode("latin-1").splitlines()]
+    said = [line.removeprefix(mark).strip() for line in lines if line.startswith(mark)]
+    comments = tuple(f"# {line}" for line in said)
+    return replace(
+        table,
+        statements=unit_statements(comments),
+        lost=lost_statements(comments),
+        mentions=comments,
+    )
 
 
 @dataclass(frozen=True)
 class _Layout:
-    """How the points of a cloud lie in its body."""
+    """Layout of the points in the body of a cloud."""
 
     dtype: npt.DTypeLike
     count: int
@@ -90,7 +105,7 @@ def _ply_vertices(lines: list[list[str]], order: str) -> _Layout:
     except (IndexError, ValueError, KeyError):
         raise UnreadableFile("a PLY header without plain vertices: write x, y, z only") from None
     if name != "vertex" or layout.count < 1:
-        raise UnreadableFile(f"a PLY file that begins with {count} {name}: want vertices first")
+        raise UnreadableFile(f"a PLY file that begins with {count} {name}: expected vertices first")
     return layout
 
 
@@ -117,7 +132,7 @@ def _points(body: bytes, layout: _Layout, *, ascii_: bool) -> TextTable:
     dtype = np.dtype(layout.dtype)
     names = dtype.names or ()
     if not {"x", "y", "z"} <= set(names):
-        raise UnreadableFile(f"points with {', '.join(names) or 'nothing'}: want x, y and z")
+        raise UnreadableFile(f"points with {', '.join(names) or 'nothing'}: expected x, y and z")
     if ascii_:
         columns = _ascii_columns(body, dtype, layout.count)
     elif len(body) < layout.count * dtype.itemsize:

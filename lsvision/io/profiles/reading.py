@@ -1,4 +1,4 @@
-"""A profile file of any known format in, profiles in the section frame out."""
+"""Read profile files of any known format as profiles in the section frame."""
 
 import os
 from collections.abc import Callable, Mapping
@@ -59,7 +59,7 @@ _LIDAR_EXTENT = 10.0  # a profile of this size and place may be metres of a lida
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ProfileFile:
-    """Profiles of a file and how they were read.
+    """Return the profiles of a file and how they were read.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ class ProfileFile:
     markers : tuple of LostMarker
         Values that mark lost points, in the units of the file.
     attributes : tuple of mapping
-        What the file says of each profile beside its points: part, time, encoder, pose; empty
+        Data of the file on each profile other than its points: part, time, encoder, pose; empty
         where it says nothing.
     ignored : tuple of str
         Columns that were not used.
@@ -110,7 +110,7 @@ class ProfileFile:
 
     @property
     def summary(self) -> str:
-        """One line for people: reader, units, number of profiles, lost points, direction.
+        """Summary in one line: reader, units, number of profiles, lost points, direction.
 
         Definition: as ``"text, mm (assumed), 1 profile, 3 of 376 points lost"``, with
         ``"(3 by -9999)"`` behind it where a value marks them.
@@ -201,7 +201,7 @@ def read_profiles(path: str | os.PathLike[str], **options: Unpack[ReadOptions]) 
 
 
 def inspect_profiles(path: str | os.PathLike[str], **options: Unpack[ReadOptions]) -> ProfileFile:
-    r"""Read all profiles of one file, with the reader, the units and what was guessed.
+    r"""Read all profiles of one file, with the reader, the units and what was assumed.
 
     Parameters
     ----------

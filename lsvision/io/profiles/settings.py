@@ -1,4 +1,4 @@
-"""What the user may say about a profile file, and what a reader hands back before units."""
+"""Reading options of a profile file, and the raw profiles that a reader returns."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -30,7 +30,7 @@ FORMATS = (
     "height-map",
     "rosbag",
 )
-"""Names that `format` and ``--format`` take."""
+"""Values of `format` and ``--format``."""
 
 
 class ReadOptions(TypedDict, total=False):
@@ -47,11 +47,12 @@ class ReadOptions(TypedDict, total=False):
     x_start: float | None
     x_pitch: float | None
     z_unit: float | str | None
+    topic: str | None
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReadSettings:
-    """What the user says of a file; None leaves it to the file.
+    """Reading options for a file; None leaves it to the file.
 
     Parameters
     ----------
@@ -77,8 +78,8 @@ class ReadSettings:
     z_unit : float or str, optional
         Of heights in rows without x: what one count is, a number in 0.01 um as a Keyence
         controller states ZUnit, or a length as ``"0.5um"``.
-    known_lost : tuple of float
-        Markers of lost points that earlier parts of the same file have shown, in its own units.
+    topic : str, optional
+        Of a ROS bag, where several hold profiles, as ``"/scan"``.
 
     Raises
     ------
@@ -102,7 +103,7 @@ class ReadSettings:
     x_start: float | None = None
     x_pitch: float | None = None
     z_unit: float | str | None = None
-    known_lost: tuple[float, ...] = ()
+    topic: str | None = None
 
     def __post_init__(self) -> None:
         _check_choice("format", self.format, FORMATS)
@@ -112,11 +113,11 @@ class ReadSettings:
             object.__setattr__(self, "z_unit", _checked_count(self.z_unit))
         for name in ("dx", "x_pitch", "z_unit"):
             if getattr(self, name) == 0:
-                raise ValueError(f"want {name} other than 0, got 0")
+                raise ValueError(f"expected {name} other than 0, got 0")
         for name in ("x0", "dx", "x_start", "x_pitch", "z_unit"):
             value = getattr(self, name)
             if value is not None and not math.isfinite(value):
-                raise ValueError(f"want a finite {name}, got {value}")
+                raise ValueError(f"expected a finite {name}, got {value}")
         if self.lost is not None:
             object.__setattr__(self, "lost", _checked_markers(self.lost))
         if self.columns is not None:
@@ -124,19 +125,19 @@ class ReadSettings:
 
     @property
     def lost_values(self) -> tuple[float, ...] | None:
-        """The numbers among the markers that the user states; None if he states none."""
+        """Return the numbers among the markers that the user states; None without markers."""
         if self.lost is None:
             return None
         return tuple(marker for marker in self._markers if isinstance(marker, float))
 
     @property
     def lost_words(self) -> frozenset[str]:
-        """The words among them, in lower case."""
+        """Return the words among the markers, in lower case."""
         return frozenset(marker.lower() for marker in self._markers if isinstance(marker, str))
 
     @property
     def height_scale(self) -> float | None:
-        """What one count of a height is. Units: mm."""
+        """Return the height of one count. Units: mm."""
         return None if self.z_unit is None else float(self.z_unit) * MM_PER_KEYENCE_STEP
 
     @property
@@ -146,7 +147,7 @@ class ReadSettings:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RawProfiles:
-    """What a file holds, in its own units and its own direction.
+    """Profiles of a file in its own units and direction.
 
     Parameters
     ----------
@@ -167,7 +168,7 @@ class RawProfiles:
     limits : tuple of float
         Ends of the type that the heights were stored in.
     attributes : tuple of mapping
-        What the file says of each profile beside its points; empty where nothing.
+        Data of the file on each profile other than its points; empty where nothing.
     ignored : tuple of str
         Columns that were not used.
     """
@@ -186,14 +187,14 @@ class RawProfiles:
 
 def _check_choice(name: str, value: str | None, choices: tuple[str, ...]) -> None:
     if value is not None and value not in choices:
-        raise ValueError(f"want {name} among {', '.join(choices)}, got {value!r}")
+        raise ValueError(f"expected {name} among {', '.join(choices)}, got {value!r}")
 
 
 def _checked_unit(text: str) -> str:
     unit = parse_unit(text)
     if unit is None:
         raise ValueError(
-            f"want units among {', '.join(MM_PER_UNIT)}, or with a scale as 0.1mm, got {text!r}"
+            f"expected units among {', '.join(MM_PER_UNIT)}, or with a scale as 0.1mm, got {text!r}"
         )
     return unit
 
@@ -205,7 +206,7 @@ def _checked_count(z_unit: float | str) -> float:
         unit = parse_unit(str(z_unit))
     if unit is None:
         raise ValueError(
-            f"want z_unit as a number of 0.01 um or as a length, 0.5um, got {z_unit!r}"
+            f"expected z_unit as a number of 0.01 um or as a length, 0.5um, got {z_unit!r}"
         )
     return mm_per_unit(unit) / MM_PER_KEYENCE_STEP
 
@@ -235,6 +236,6 @@ def _checked_columns(columns: str | Sequence[int | str]) -> tuple[int | str, ...
     chosen = tuple(int(w) if isinstance(w, str) and w.isdecimal() else w for w in words)
     if len(chosen) not in (2, 3) or any(isinstance(c, int) and c < 0 for c in chosen):
         raise ValueError(
-            f"want columns of x and height (or x, travel and height) from 0, got {columns!r}"
+            f"expected columns of x and height (or x, travel and height) from 0, got {columns!r}"
         )
     return chosen

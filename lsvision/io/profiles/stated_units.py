@@ -1,4 +1,4 @@
-"""The units of x and height out of all that a file says of them."""
+"""Units of x and height from all statements in a file."""
 
 from collections.abc import Iterable
 
@@ -6,7 +6,7 @@ from lsvision.errors import UnreadableFile
 from lsvision.io.profiles.column_roles import column_role
 from lsvision.io.profiles.settings import ReadSettings
 from lsvision.io.profiles.text_table import TextTable
-from lsvision.io.profiles.unit_statements import UnitStatement
+from lsvision.io.profiles.unit_statements import UnitStatement, unit_mentions
 from lsvision.io.profiles.units import StatedUnit, mm_per_unit
 
 _REMEDY = "say which it is, as --units um or --units 0.1mm"
@@ -15,7 +15,7 @@ _REMEDY = "say which it is, as --units um or --units 0.1mm"
 def resolve_units(
     table: TextTable, x: int, height: int, settings: ReadSettings
 ) -> tuple[str | None, str | None]:
-    """Units of two columns of a table.
+    """Return the units of two columns of a table.
 
     Parameters
     ----------
@@ -38,6 +38,30 @@ def resolve_units(
     """
     if settings.units is not None:
         return None, None
+    units = _stated(table, x, height)
+    refuse_mentions(units, table.mentions, settings)
+    return units
+
+
+def refuse_mentions(
+    units: tuple[str | None, str | None], lines: Iterable[str], settings: ReadSettings
+) -> None:
+    """Refuse a file that states no unit in known words and yet speaks of one.
+
+    Raises
+    ------
+    UnreadableFile
+        With the first line that does.
+    """
+    mentions = unit_mentions(lines) if units == (None, None) and settings.units is None else ()
+    if mentions:
+        raise UnreadableFile(
+            f"the line {mentions[0].strip()[:80]!r} speaks of a unit and is not understood: "
+            f"{_REMEDY}"
+        )
+
+
+def _stated(table: TextTable, x: int, height: int) -> tuple[str | None, str | None]:
     over = table.units or (None,) * table.values.shape[1]
     names = table.names or ("",) * table.values.shape[1]
     return (
@@ -47,7 +71,7 @@ def resolve_units(
 
 
 def one_unit(over: StatedUnit | None, statements: Iterable[UnitStatement] = ()) -> str | None:
-    """The unit that all statements about a column agree on; None without any.
+    """Return the unit on which all statements about a column agree; None without any.
 
     Raises
     ------
@@ -69,6 +93,6 @@ def one_unit(over: StatedUnit | None, statements: Iterable[UnitStatement] = ()) 
 
 
 def _about(statements: Iterable[UnitStatement], role: str, default: str) -> list[UnitStatement]:
-    """Statements about all lengths, or about the axis that a column is."""
+    """Return the statements about all lengths, or about the axis of a column."""
     axis = {"range": "height"}.get(role, role) if role in ("x", "y", "height", "range") else default
     return [s for s in statements if s.axis is None or s.axis == axis]

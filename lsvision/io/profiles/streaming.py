@@ -88,16 +88,16 @@ def iterate_profiles(
         yield ProfilePart(0, inspect_profiles(file, **options))
         return
     parts = _parquet_parts if kind == "parquet" else _npy_parts
-    first = 0
+    first, known = 0, tuple[float, ...]()
     try:
         for raw, columns in parts(file, settings, at_once):
-            part = in_section_frame(file, kind, raw, settings)
+            stated = replace(raw, lost=(*raw.lost, *known))
+            part = in_section_frame(file, kind, stated, settings)
             yield ProfilePart(first, part, columns)
             first += len(part.profiles)
-            if settings.lost is None and part.markers:
-                stated = tuple(float(m.text) for m in part.markers if "," not in m.text)
-                known = tuple(dict.fromkeys((*settings.known_lost, *stated)))[:MARKERS_KEPT]
-                settings = replace(settings, known_lost=known)
+            if settings.lost is None:
+                shown = [float(m.text) for m in part.markers if "," not in m.text]
+                known = tuple(dict.fromkeys((*known, *shown)))[:MARKERS_KEPT]
     except UnreadableFile as error:
         where = f"from profile {first} on: " if first else ""
         raise UnreadableFile(f"{file}: {where}{error}") from None

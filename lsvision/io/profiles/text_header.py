@@ -13,7 +13,7 @@ from lsvision.io.profiles.units import NOT_LENGTHS, StatedUnit, parse_unit, spli
 _TYPES = frozenset(
     "float double real int integer number numeric string text f4 f8 i4".split()  # noqa: SIM905
 )
-"""Words of a row that says how columns are stored."""
+"""Words of a row of data types."""
 _KEY_VALUE = re.compile(r"^[^:=]+[:=][^:=]*$")
 _BRACKETS = re.compile(r"\[[^\]]{0,80}\]|\([^)]{0,80}\)")
 _HELD = "\x00"
@@ -23,7 +23,7 @@ _COMMENT = re.compile(r"^[\s#%/!]+")
 
 @dataclass(frozen=True)
 class Header:
-    """What stands above the columns of a table.
+    """Names and units above the columns of a table.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def read_header(preamble: Sequence[str], separator: str | None, width: int) -> H
             if _knows_roles(parsed):
                 names, over = [name for name, _ in parsed], [unit for _, unit in parsed]
             elif above := _names_above(preamble, line, separator, width):
-                units = _strange_units(labels)
+                units = units or _strange_units(labels)
                 names, over = above
             elif place == 0 or (place == 1 and units):
                 names, over = [name for name, _ in parsed], [unit for _, unit in parsed]
@@ -84,7 +84,7 @@ def _knows_roles(parsed: Sequence[tuple[str, StatedUnit | None]]) -> bool:
 
 
 def _is_no_header(line: str, text: str, labels: Sequence[str], separator: str | None) -> bool:
-    """Whether a line with as many words as columns says something else than their names."""
+    """Return whether a line with as many words as columns is something else than their names."""
     if all(map(is_number_or_lost, labels)) or states_unit(line):
         return True
     return separator is None and _is_key_value(text, labels)
@@ -107,7 +107,7 @@ def _labels(text: str, separator: str | None, width: int) -> list[str] | None:
 
 
 def _bracketed_units(text: str, width: int) -> list[StatedUnit | None]:
-    """Units in brackets of a line whose names do not go with the columns; of all, or of none."""
+    """Return the units in brackets of a line with other names than the columns; all or none."""
     found = {unit.unit: unit for word in re.findall(r"\[([^\]]{1,80})\]", text)
              if (unit := state_unit(word)).unit is not None}  # fmt: skip
     if not found:
@@ -117,7 +117,7 @@ def _bracketed_units(text: str, width: int) -> list[StatedUnit | None]:
 
 
 def _unit_row(labels: Sequence[str]) -> list[StatedUnit | None] | None:
-    """Units of a row of nothing else; None for another row."""
+    """Return the units of a row of nothing else; None for another row."""
     row: list[StatedUnit | None] = []
     lengths = 0
     for label in labels:
@@ -141,7 +141,7 @@ def _unit_row(labels: Sequence[str]) -> list[StatedUnit | None] | None:
 def _names_above(
     preamble: Sequence[str], line: str, separator: str | None, width: int
 ) -> tuple[list[str], list[StatedUnit | None]] | None:
-    """Names of the row above a row of strange words, where that row names x and height."""
+    """Return the names of the row above a row of unknown words, if it names x and height."""
     above = [text for text in preamble[: list(preamble).index(line)] if text.strip()]
     if not above or line.lstrip().startswith(COMMENT_MARKS):
         return None

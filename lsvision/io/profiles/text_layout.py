@@ -1,4 +1,4 @@
-"""How the lines of a text are a table: separator, first row of numbers, footer."""
+"""Layout of a table in a text: separator, first row of numbers, footer."""
 
 import csv
 import re
@@ -17,25 +17,28 @@ from lsvision.io.profiles.number_rows import (
 from lsvision.io.profiles.unit_statements import lost_statements
 
 MAX_PREAMBLE_LINES = 200
-"""Lines that are looked through for the first line of numbers."""
+"""Number of lines in which the first line of numbers is searched."""
 SAMPLE_LINES = 60
-"""Lines behind the first line of numbers that tell whether the table begins there."""
+"""Number of lines after the first line of numbers that decide whether the table begins there."""
 MIN_TEXT_TABLE_FRACTION = 0.5
-"""Lines with the same cells, of all, from which on a text with words is a table."""
+"""Smallest fraction of lines with the same cells in a text table with words."""
 
 _ANY_NUMBER = re.compile(f"{POINT_NUMBER.pattern}|{COMMA_NUMBER.pattern}|{THOUSANDS.pattern}")
+_RULE = re.compile(r"[-=_*~]{3,}")
+"""A line that is drawn under a table."""
 _QUOTED = re.compile(r'"[^"]*"')
 _WORDS = re.compile(r'"[^"]*"|[^\s"]+')
+_NO_NUMBERS = "expected x and height in mm, one point a line, got no line of numbers"
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Where the numbers of a text are.
+    """Position of the numbers in a text.
 
     Parameters
     ----------
     separator : str or None
-        What stands between cells; None for blanks.
+        Separator of the cells; None for blanks.
     first, stop : int
         Half-open span of lines with numbers; what follows is a footer.
     width : int
@@ -52,7 +55,7 @@ class Layout:
 
 
 def _states_size(lines: Sequence[str], first: int, stop: int, separator: str | None) -> bool:
-    """Whether the first line of numbers is how many rows and columns follow, as ``2 60``."""
+    """Return whether the first line of numbers is how many rows and columns follow, as ``2 60``."""
     cells = [cell.strip() for cell in split_cells(lines[first].strip(), separator)]
     if len(cells) != 2 or not all(cell.isdecimal() for cell in cells):
         return False
@@ -61,7 +64,7 @@ def _states_size(lines: Sequence[str], first: int, stop: int, separator: str | N
 
 
 def split_cells(line: str, separator: str | None) -> list[str]:
-    """Cells of a line; quotes hold a cell together and are left out.
+    """Return the cells of a line; quotes hold a cell together and are left out.
 
     Examples
     --------
@@ -79,12 +82,12 @@ def split_cells(line: str, separator: str | None) -> list[str]:
 
 
 def is_comment(line: str) -> bool:
-    """Whether a line holds no data by its first character."""
+    """Return whether a line is a comment, by its first character."""
     return line.lstrip().startswith(COMMENT_MARKS)
 
 
 def find_layout(lines: Sequence[str]) -> Layout:
-    """Where the table of numbers in a text is.
+    """Return the layout of the table of numbers in a text.
 
     Parameters
     ----------
@@ -110,7 +113,7 @@ def find_layout(lines: Sequence[str]) -> Layout:
 
 
 def find_separator(line: str) -> str | None:
-    """What parts the cells of a line of numbers; None for blanks."""
+    """Return the separator of a line of numbers; None for blanks."""
     bare = _QUOTED.sub("0", line) if '"' in line else line
     for mark in (";", "\t", "|"):
         if mark in bare:
@@ -122,7 +125,7 @@ def find_separator(line: str) -> str | None:
 
 
 def is_number_or_lost(cell: str) -> bool:
-    """Whether a cell holds a number, nothing, or a lost word."""
+    """Return whether a cell is a number, empty, or a word for lost points."""
     word = cell.strip()
     return bool(_ANY_NUMBER.fullmatch(word)) or is_missing(word)
 
@@ -148,7 +151,7 @@ def _first_number_row(lines: Sequence[str]) -> tuple[int, str | None] | None:
 
 
 def _is_above_table(lines: Sequence[str], index: int, width: int) -> bool:
-    """True for a count of points or of columns: most lines of numbers below hold other cells."""
+    """Return True for a count of points or columns: most lines below have other cells."""
     below: list[int] = []
     numbers: list[bool] = []
     for line in lines[index + 1 : index + 1 + 2 * SAMPLE_LINES]:
@@ -168,7 +171,7 @@ def _is_above_table(lines: Sequence[str], index: int, width: int) -> bool:
 
 
 def _with_lost_rows(lines: Sequence[str], index: int, separator: str | None) -> int:
-    """Index of the first of the lines above that hold as many cells, though all of them lost."""
+    """Return the index of the first line above with as many cells, all of lost points."""
     width = len(split_cells(lines[index], separator))
     while index > 0:
         cells = split_cells(lines[index - 1], separator)
@@ -179,7 +182,7 @@ def _with_lost_rows(lines: Sequence[str], index: int, separator: str | None) -> 
 
 
 def _first_text_row(lines: Sequence[str]) -> tuple[int, str | None, int, tuple[int, ...]]:
-    """The table whose rows hold words beside numbers, by what most lines have in common."""
+    """Return the layout of a table with words and numbers, by what most lines have in common."""
     rows = [i for i, line in enumerate(lines) if line.strip() and not is_comment(line)]
     sample = rows[len(rows) // 4 :][: 4 * SAMPLE_LINES]
     best: tuple[int, str | None, int, tuple[int, ...]] | None = None
@@ -196,13 +199,24 @@ def _first_text_row(lines: Sequence[str]) -> tuple[int, str | None, int, tuple[i
         if len(numeric) >= 2 and enough and (best is None or len(numeric) > len(best[3])):
             best = sample[0], separator, width, numeric
     if best is None:
-        raise UnreadableFile("no line of numbers in it: want x and height in mm, one point a line")
+        raise _no_table(lines, rows)
     _, separator, width, numeric = best
     for index in rows:
         row = split_cells(lines[index].strip(" \r\n"), separator)
         if len(row) == width and all(is_number_or_lost(row[c]) for c in numeric):
             return index, separator, width, numeric
-    raise UnreadableFile("no line of numbers in it: want x and height in mm, one point a line")
+    raise _no_table(lines, rows)
+
+
+def _no_table(lines: Sequence[str], rows: Sequence[int]) -> UnreadableFile:
+    """The error that all points are lost, or that there is no table of numbers."""
+    lost = 0
+    for index in rows:
+        cells = split_cells(lines[index], find_separator(lines[index].strip()))
+        lost += len(cells) > 1 and all(map(is_missing, cells))
+    if 2 * lost > len(rows):
+        return UnreadableFile(f"all {lost} points are lost: check exposure and range, or --columns")
+    return UnreadableFile(_NO_NUMBERS)
 
 
 def _is_numeric(cells: Iterable[str]) -> bool:
@@ -233,4 +247,6 @@ def _is_footer(cells: Sequence[str], numeric: tuple[int, ...], width: int, rows:
         )
     words = [cell for cell in cells if not is_number_or_lost(cell)]
     counts_rows = len(cells) == 1 and cells[0].strip().isdecimal()
+    if len(cells) == 1 and _RULE.fullmatch(cells[0].strip()):
+        return True
     return bool(words) or (counts_rows and abs(int(cells[0].strip()) - rows) <= 1)

@@ -17,6 +17,7 @@ from lsvision.io.profiles.number_rows import (
 from lsvision.io.profiles.text_header import Header, read_header
 from lsvision.io.profiles.text_layout import Layout, find_layout, is_comment, split_cells
 from lsvision.io.profiles.unit_statements import (
+    MAX_MENTION_LINES,
     UnitStatement,
     lost_statements,
     unit_statements,
@@ -31,12 +32,12 @@ _CUT_NUMBERS = (
     "without thousands separators"
 )
 _TEXT_SHARE = 0.5
-"""Share of words in a column from which on it holds text, not numbers with errors."""
+"""Fraction of words from which a column is text, not numbers with errors."""
 
 
 @dataclass(frozen=True, eq=False)
 class TextTable:
-    """Numbers of a text file with what the lines around them say.
+    """Numbers of a text file, with the statements of the lines around them.
 
     Parameters
     ----------
@@ -51,13 +52,15 @@ class TextTable:
     texts : mapping of int to sequence of str
         Cells of the columns that hold text.
     words : mapping of int to Word
-        The first cell that is no number in each column of numbers; its row is a line's number.
+        The first cell that is not a number in each column of numbers; its row is a line's number.
     lost : tuple of float
         Markers of lost points that the file states.
     notes : tuple of str
         What was left out, for people.
     limits : tuple of float
         Ends of the type that the numbers were stored in.
+    mentions : tuple of str
+        Lines beside the numbers, which may speak of a unit in other words.
     """
 
     values: FloatArray
@@ -69,15 +72,16 @@ class TextTable:
     lost: tuple[float, ...] = ()
     notes: tuple[str, ...] = ()
     limits: tuple[float, ...] = ()
+    mentions: tuple[str, ...] = ()
 
 
 def decode_text(content: bytes) -> str:
-    """Text of a file in UTF-8, UTF-16, UTF-32 or Latin-1.
+    """Return the text of a file in UTF-8, UTF-16, UTF-32 or Latin-1.
 
     Raises
     ------
     UnreadableFile
-        If the bytes are no text.
+        If the bytes are not text.
     """
     content = content.rstrip(b"\x1a") if content.endswith(b"\x1a") else content  # end of DOS files
     for encoding in _encodings(content):
@@ -91,7 +95,7 @@ def decode_text(content: bytes) -> str:
 
 
 def parse_table(text: str, lost_words: frozenset[str] = frozenset()) -> TextTable:
-    r"""Table of numbers in a text.
+    r"""Return the table of numbers in a text.
 
     Parameters
     ----------
@@ -132,6 +136,7 @@ def parse_table(text: str, lost_words: frozenset[str] = frozenset()) -> TextTabl
         words=table.words,
         lost=lost_statements(beside),
         notes=_footer_notes(lines[layout.stop :]),
+        mentions=tuple(beside[:MAX_MENTION_LINES]),
     )
 
 
@@ -149,7 +154,7 @@ def _encodings(content: bytes) -> list[str]:
 
 
 def _rows(lines: Sequence[str], layout: Layout) -> list[tuple[int, str]]:
-    """Number and text of each line of numbers; empty lines and comments are left out."""
+    """Return number and text of each line of numbers; empty lines and comments are left out."""
     # a tab at the end of a line stands before an empty cell: only blanks may go there
     strip = " \r\n" if layout.separator == "\t" else None
     rows = (
@@ -160,7 +165,7 @@ def _rows(lines: Sequence[str], layout: Layout) -> list[tuple[int, str]]:
 
 
 def _quick_table(lines: Sequence[str], layout: Layout) -> TextTable | None:
-    """The table where all its cells are numbers as numpy reads them; else None."""
+    """Return the table if numpy can read all its cells as numbers; else None."""
     if layout.separator == "|" or len(layout.numeric) < layout.width:
         return None
     rows = [row for _, row in _rows(lines, layout)]
@@ -219,8 +224,8 @@ def _split_rows(rows: Sequence[tuple[int, str]], layout: Layout) -> list[list[st
             found.append("")
         if len(found) != width:
             raise UnreadableFile(
-                f"line {number} has {len(found)} cells where {width} are wanted "
-                f"({row[:40]!r}): want the same columns in each line, no decimal commas or "
+                f"line {number} has {len(found)} cells, expected {width} "
+                f"({row[:40]!r}): write the same columns in each line, no decimal commas or "
                 "thousands separators among commas"
             )
         cells.append(found)
@@ -228,7 +233,7 @@ def _split_rows(rows: Sequence[tuple[int, str]], layout: Layout) -> list[list[st
 
 
 def _ends_open(rows: Sequence[tuple[int, str]], separator: str | None) -> bool:
-    """Whether the first line ends with a separator, so that its last column may be missing."""
+    """Return whether the first line ends with a separator: its last column may be empty."""
     return separator is not None and rows[0][1].endswith(separator)
 
 
@@ -241,7 +246,7 @@ def _is_empty(table: TextTable, column: int, values: FloatArray) -> bool:
 
 
 def _check_cells(header: Header, values: FloatArray, lines: Sequence[str], layout: Layout) -> None:
-    """Refuse numbers that commas have cut: decimal commas or thousands separators."""
+    """Raise an error for numbers cut at commas: decimal commas or thousands separators."""
     if layout.separator != "," or header.names:
         return
     width = values.shape[1]

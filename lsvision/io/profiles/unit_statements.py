@@ -1,14 +1,25 @@
-"""What lines beside the numbers of a text say of units and of lost points."""
+"""Statements on units and lost points in the lines around the numbers of a text."""
 
+import math
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import islice, pairwise
 
-from lsvision.io.profiles.units import NOT_LENGTHS, StatedUnit, parse_unit, state_unit
+from lsvision.io.profiles.units import (
+    COUNT_WORD,
+    FRACTION_WORDS,
+    NOT_LENGTHS,
+    StatedUnit,
+    parse_unit,
+    state_unit,
+)
 
 MAX_LINE_LENGTH = 300
 """Longest line that may state a unit or a marker of lost points. Units: characters."""
+
+MAX_MENTION_LINES = 1000
+"""Lines that are looked through for a unit in any words."""
 
 _UNIT_KEYS = frozenset(
     "unit units uom einheit einheiten maßeinheit masseinheit unité unités".split()  # noqa: SIM905
@@ -22,7 +33,7 @@ _OTHER_KEYS = frozenset(
     "type version count control controller device weight force mass pressure gray grey "
     "color colour image plot display encoder".split()
 )
-"""Words of a key that speaks of something else than lengths."""
+"""Words of a key of a quantity that is not a length."""
 _LOST_KEYS = frozenset(
     "nodata invalid lost missing fill dropout novalue lostvalue fillvalue".split()  # noqa: SIM905
 )
@@ -33,6 +44,7 @@ _FILLERS = frozenset(
     "and und et all for values axes axis each both length lengths coordinates si of in "  # noqa: SIM905
     "the distances dimension dimensions".split()
 )
+_SMALL_WORDS = frozenset("and und et all for each both si of in the".split())  # noqa: SIM905
 _AXES = {
     **dict.fromkeys(["x", "lateral", "width"], "x"),
     **dict.fromkeys(["z", "height", "heights", "range", "ranges", "distance", "depth"], "height"),
@@ -58,12 +70,29 @@ _PHRASE = re.compile(
     r"(?:\s*(?:,|/|and|und|&|are|is|given|stated|expressed|measured|values?|coordinates?|x|y|z))*"
     r"\s+in\s+([0-9./^*-]*\s?[^\W\d_%]+)"
 )
+_PER_COUNT = re.compile(rf"(?:/|\bper\b|\bpro\b)\s*{COUNT_WORD}\b", re.IGNORECASE)
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:[eE][-+]?[0-9]+)?")
+
+
+_BARE_UNIT = re.compile(
+    r"(?<![^\W_])(?<![0-9.])(?<![0-9.] )"
+    r"(?:um|[µμ]m?|nm|cm|dm|mils?|thous?|inch(?:es)?|microns?"
+    r"|(?:mi[ck]ro|nano|[cz]enti|d[eé][cz]i)m[eè]t(?:er|re)s?)(?![^\W_])"
+)
+"""A unit other than mm that no number stands before: of the numbers of the file, most likely."""
+_FRACTION = re.compile(
+    rf"(?<![^\W_])(?:{'|'.join(FRACTION_WORDS)})\s+(?:of\s+an?\s+|d\w*\s*)?(?:mm|m[ei]\w+)"
+    r"|1/10+\s?mm"
+)
+_CONVERSION = re.compile(
+    rf"\b(?:multiply|multiplied|divide\w*)\b.*?[0-9]|\bto\s+(?:mm|m|um)\b"
+    rf"|{COUNT_WORD}\s*(?:/|per|pro)\s*[^\W\d_]+"
+)
 
 
 @dataclass(frozen=True)
 class UnitStatement:
-    """A unit that a line beside the numbers states.
+    """Unit stated by a line that is not of numbers.
 
     Parameters
     ----------
@@ -78,7 +107,7 @@ class UnitStatement:
 
 
 def unit_statements(lines: Iterable[str]) -> tuple[UnitStatement, ...]:
-    """Units that comments and ``key: value`` lines state.
+    """Return the units that comments and ``key: value`` lines state.
 
     Parameters
     ----------
@@ -98,8 +127,27 @@ def unit_statements(lines: Iterable[str]) -> tuple[UnitStatement, ...]:
 
 
 def states_unit(line: str) -> bool:
-    """Whether a line states a unit, and is no header therefore."""
+    """Return whether a line states a unit, and therefore is not a header."""
     return any(True for _ in _statements(line))
+
+
+def unit_mentions(lines: Iterable[str]) -> tuple[str, ...]:
+    """Lines that speak of a unit other than mm, or of a conversion, in any words.
+
+    Examples
+    --------
+    >>> unit_mentions(["# saved by ACME in um", "# laser of 450 nm", "# 100 digits/mm"])
+    ('# saved by ACME in um', '# 100 digits/mm')
+    """
+    short = (line for line in islice(lines, MAX_MENTION_LINES) if len(line) <= MAX_LINE_LENGTH)
+    return tuple(line for line in short if _mentions_unit(line.lower()))
+
+
+def _mentions_unit(line: str) -> bool:
+    words = set(_KEY_WORDS.findall(line))
+    if words & _OTHER_KEYS and not words & _FILLERS - _SMALL_WORDS:
+        return False
+    return any(pattern.search(line) for pattern in (_BARE_UNIT, _FRACTION, _CONVERSION))
 
 
 def lost_statements(lines: Iterable[str]) -> tuple[float, ...]:
@@ -122,7 +170,7 @@ def lost_statements(lines: Iterable[str]) -> tuple[float, ...]:
         words = {*key, *map("".join, pairwise(key))}
         if words & _LOST_KEYS and not words & _LOST_OTHER:
             markers[float(number[2].replace(",", "."))] = None
-    return tuple(markers)
+    return tuple(filter(math.isfinite, markers))
 
 
 def _statements(line: str) -> Iterator[UnitStatement]:
@@ -143,7 +191,8 @@ def _statements(line: str) -> Iterator[UnitStatement]:
             yield from _from_scale(key_value[2], text, _axis(words))
             return
         unit = parse_unit(key_value[2].strip("[](){} "))
-        if unit is not None and words <= set(_AXES):
+        per_count = _PER_COUNT.search(key_value[2]) and not words & _OTHER_KEYS
+        if unit is not None and (words <= set(_AXES) or per_count):
             yield UnitStatement(StatedUnit(text, unit), _axis(words))
             return
     if line.lstrip().startswith(("#", "%", "//", "!", "*")) or key_value or " in " in text:

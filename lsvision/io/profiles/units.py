@@ -1,4 +1,4 @@
-"""Units of length as files and people write them, with a scale where they state one."""
+"""Units of length as written in files and options, with an optional scale."""
 
 import re
 from dataclasses import dataclass
@@ -37,22 +37,24 @@ _WORDS = {word: unit for unit, words in _SPELLINGS.items() for word in words.spl
 _WORDS.update({unit: unit for unit in MM_PER_UNIT})
 _WORDS.update({'"': "in", "''": "in"})
 
-_FRACTION_WORDS = {
+FRACTION_WORDS = {
     **dict.fromkeys(["tenth", "tenths", "zehntel", "dixième", "dixièmes"], 0.1),
     **dict.fromkeys(["hundredth", "hundredths", "hundertstel", "centième", "centièmes"], 0.01),
     **dict.fromkeys(["thousandth", "thousandths", "tausendstel", "millième", "millièmes"], 1e-3),
 }
+"""Words for a tenth, a hundredth and a thousandth of a unit."""
 _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺", "0123456789-+")
-_COUNT = r"(?:counts?|digits?|lsb|incr?|increments?|steps?|ticks?|bits?|units?|inkremente?)"
+COUNT_WORD = r"(?:counts?|digits?|lsb|incr?|increments?|steps?|ticks?|bits?|units?|inkremente?)"
+"""Pattern of what a sensor's integers are called."""
 _SCALED = re.compile(
     r"(?:(?P<numerator>[0-9]+)\s*/\s*(?P<denominator>[0-9]+)"
     r"|(?:[0-9]+\s*[x*·×]\s*)?10\s*(?:\^|\*\*)\s*\(?(?P<power>[-+]?[0-9]+)\)?"
     r"|(?P<scale>(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:e[-+]?[0-9]+)?)"
-    rf"|(?P<fraction>{'|'.join(sorted(_FRACTION_WORDS, key=len, reverse=True))}))?"
+    rf"|(?P<fraction>{'|'.join(sorted(FRACTION_WORDS, key=len, reverse=True))}))?"
     r"\s*(?:of\s+an?|of|[x*·×])?\s*"
     r"(?P<word>[^\W\d_]+|\"|'')\.?"
     r"(?:\s*/\s*(?P<divisor>[0-9]+))?"
-    rf"(?:\s*(?:/|per|pro)\s*{_COUNT})?"
+    rf"(?:\s*(?:/|per|pro)\s*{COUNT_WORD})?"
 )
 _POWER_OF_TEN = re.compile(r"10[-+][0-9]+")
 
@@ -68,7 +70,7 @@ _REMARKS = frozenset(
     "towards away filtered smoothed corrected calibrated absolute relative float double "
     "int integer".split()
 )
-"""What stands in round brackets behind a name and is no unit."""
+"""Text in round brackets after a name that is not a unit."""
 _BRACKETED = re.compile(r"^(.*?)\s*([\[({<])\s*([^\])}>]*?)\s*[\])}>]\s*(.*)$")
 _SUFFIXED = re.compile(r"^(.+?)(\s+in\s+|[\s_/:-]+)([^\s_/:]+)$")
 _SHORT = re.compile(r"^([xyzhrd])(mm|um|µm|μm|nm|cm)$")
@@ -113,7 +115,7 @@ def parse_unit(text: str) -> str | None:
 
 
 def mm_per_unit(unit: str) -> float:
-    """How many mm one of a unit is.
+    """Return the length of a unit. Units: mm.
 
     Parameters
     ----------
@@ -123,7 +125,7 @@ def mm_per_unit(unit: str) -> float:
     Raises
     ------
     ValueError
-        If it is no unit of length.
+        If it is not a unit of length.
 
     Examples
     --------
@@ -180,6 +182,7 @@ def _from_brackets(
     name = before.strip(" _:-/,") or after.strip(" _:-/,")
     if not inside or inside in ("-", "1"):
         return name, None
+    inside = re.sub(r"^in\s+(?=\S)", "", inside)  # as "(in um)"; an inch stands alone
     stated = state_unit(inside)
     first = re.split(r"[\s,;:]+", inside)[0]
     if stated.unit is None and parse_unit(first) is not None and bracket != "[":
@@ -200,6 +203,6 @@ def _scale(match: re.Match[str]) -> float:
     elif match["scale"]:
         scale = float(match["scale"].replace(",", "."))
     elif match["fraction"]:
-        scale = _FRACTION_WORDS[match["fraction"]]
+        scale = FRACTION_WORDS[match["fraction"]]
     divisor = float(match["divisor"] or 1)
     return scale / divisor if divisor else 0.0

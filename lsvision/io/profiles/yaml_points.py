@@ -4,13 +4,16 @@ No aliases, tags or types: what is not understood is text, so that no file can d
 """
 
 import re
+from dataclasses import replace
 from typing import Any
 
 from lsvision.errors import UnreadableFile
 from lsvision.files.json_text import parse_json
 from lsvision.io.profiles.json_points import profiles_from_document
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
+from lsvision.io.profiles.stated_units import one_unit, refuse_mentions
 from lsvision.io.profiles.text_table import decode_text
+from lsvision.io.profiles.unit_statements import unit_statements
 
 _KEY = re.compile(r"^([^\s#:\[\]{},\"'-][^:#]*):(?:\s+(.*)|)$")
 _DOCUMENT_END = re.compile(r"(?m)^(?:---|\.\.\.)\s*$")
@@ -20,7 +23,7 @@ _COMMENT = re.compile(r"(?<!\s)\s+#.*$")
 
 
 def read_yaml(content: bytes, settings: ReadSettings) -> RawProfiles:
-    """Profiles of a YAML file; several documents are several profiles.
+    """Return the profiles of a YAML file; several documents are several profiles.
 
     Raises
     ------
@@ -30,9 +33,16 @@ def read_yaml(content: bytes, settings: ReadSettings) -> RawProfiles:
     parts = [part for part in _DOCUMENT_END.split(decode_text(content)) if part.strip()]
     documents = [document for part in parts if (document := parse_plain_yaml(part))]
     if not documents:
-        raise UnreadableFile("YAML without a key: want ranges, or lists x and z")
+        raise UnreadableFile("YAML without a key: expected ranges, or lists x and z")
     document = documents[0] if len(documents) == 1 else documents
-    return profiles_from_document(document, settings, "YAML")
+    profiles = profiles_from_document(document, settings, "YAML")
+    comments = [line for part in parts for line in part.splitlines() if line.lstrip()[:1] == "#"]
+    stated = [s for s in unit_statements(comments) if s.axis is None]
+    if stated and profiles.units == (None, None) and settings.units is None:
+        unit = one_unit(None, stated)
+        profiles = replace(profiles, units=(unit, unit))
+    refuse_mentions(profiles.units, comments, settings)
+    return profiles
 
 
 def parse_plain_yaml(text: str) -> dict[str, Any] | list[Any]:
@@ -53,6 +63,8 @@ def parse_plain_yaml(text: str) -> dict[str, Any] | list[Any]:
             if line.strip() and not line.lstrip().startswith(("#", "%")):
                 body.append(line)
             continue
+        if key in document:
+            raise UnreadableFile(f"YAML with the key {key!r} twice: write one file a profile")
         if key is not None:
             document[key] = _value(body)
         elif body:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lsvision.results.html import html_environment
 from lsvision.studies.chen_liu_2016.ablation import SECTION_SETTINGS
 from lsvision.studies.chen_liu_2016.achievability import SIGNIFICANCE
 from lsvision.studies.chen_liu_2016.methods import Method
@@ -84,15 +85,8 @@ def report_page(report: PaperReport) -> str:
 
 @cache
 def _environment() -> "Environment":
-    """Templates of this package; all text that they are given is escaped."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("lsvision.studies.chen_liu_2016"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        keep_trailing_newline=True,
-    )
+    """Templates of this package, with its filters."""
+    environment = html_environment("lsvision.studies.chen_liu_2016")
     environment.filters["significant"] = format_significant
     environment.filters["anchor"] = _anchor
     return environment

@@ -102,9 +102,9 @@ def test_transposed_arrays_are_read(write):
 def test_a_wrong_size_of_a_count_is_refused():
     assert ReadSettings(z_unit="0.4 um").height_scale == pytest.approx(4e-4)
     assert ReadSettings(z_unit=40).height_scale == pytest.approx(4e-4)
-    with pytest.raises(ValueError, match=r"want z_unit as a number of 0\.01 um or as a length"):
+    with pytest.raises(ValueError, match=r"expected z_unit as a number of 0\.01 um or as a length"):
         ReadSettings(z_unit="px")
-    with pytest.raises(ValueError, match="want a finite dx"):
+    with pytest.raises(ValueError, match="expected a finite dx"):
         ReadSettings(dx=float("nan"))
 
 

@@ -95,12 +95,12 @@ def test_several_profiles_in_json(write, arc):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ('{"serial": 7, "name": "tube"}', r"its keys are serial, name\): want"),
+        ('{"serial": 7, "name": "tube"}', r"its keys are serial, name\): expected"),
         ('{"labels": [1, 1, 1, 0, 0, 2]}', "its keys are labels"),
         ('{"rotation": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}', "its keys are rotation"),
         ('{"points": [1, 9, 2, 8, 1, 7, 3]}', "neither pairs x, z nor triples"),
         ('{"profile": [-5.1, -5.2, -5.0, -5.1, -5.3, -5.2]}', "--x0 and --dx"),
-        ('{"x": [1, 2, 3], "z": [1, 2]}', "differ in length"),
+        ('{"x": [1, 2, 3], "z": [1, 2]}', "of equal length"),
         ('{"x": [1, 2, ', "JSON that cannot be parsed"),
         ("[" * 5000 + "]" * 5000, "nested too deep|without a list of points"),
         ('{"m": {"type_id": "opencv-matrix", "rows": 9, "data": [1, 2]}}', "missing 'cols'"),
@@ -191,7 +191,7 @@ def test_points_are_found_in_plain_yaml(write, arc, text):
 
 def test_a_list_of_numbers_in_opencv_storage_is_no_list_of_points(write):
     numbers = ", ".join(["1", "2", "1", "0"] * 10)
-    with pytest.raises(UnreadableFile, match="'labels' are no points"):
+    with pytest.raises(UnreadableFile, match="expected points with rising x under 'labels'"):
         read_profile(write(f"%YAML:1.0\n---\nlabels: [ {numbers} ]\n"))
 
 

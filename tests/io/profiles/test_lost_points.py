@@ -146,7 +146,7 @@ def test_planes_and_rounded_heights_are_no_markers(heights):
 def test_points_in_python_are_warned_of_and_removed_on_request(arc):
     points = arc.copy()
     points[::5, 1] = -9999
-    with pytest.warns(UserWarning, match=r"-9999 stands in 16 of 80 points .*lost=-9999"):
+    with pytest.warns(UserWarning, match=r"-9999 occurs in 16 of 80 points .*lost=-9999"):
         assert Profile(points).lost == 0
     assert Profile(points, lost=-9999).lost == 16
     assert Profile(points, lost=[-9999, 7]).lost == 16
@@ -161,3 +161,18 @@ def test_points_in_python_are_warned_of_and_removed_on_request(arc):
 def test_a_single_profile_with_a_marker_is_read(write, arc):
     text, lost = spoilt(arc, "-9999", 0.3, separator=";")
     assert read_profile(write(text)).lost == lost.sum()
+
+
+def test_signalling_nan_is_a_lost_point_as_any_other(tmp_path, arc):
+    signalling = np.array([0x7FF4000000000000], dtype=np.uint64).view(np.float64)
+    arc.view(np.uint64)[7] = signalling.view(np.uint64)
+    np.save(tmp_path / "a.npy", arc)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        profile = read_profile(tmp_path / "a.npy")
+    assert profile.lost == 1
+
+
+def test_a_stated_marker_that_is_too_large_for_a_number_marks_nothing(write, arc):
+    rows = "\n".join(f"{x},{z}" for x, z in arc)
+    assert read_profile(write(f"# invalid value: 1e999\nx,z\n{rows}\n")).lost == 0

@@ -84,11 +84,11 @@ def test_the_keywords_are_the_fields_of_the_settings():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"format": "xls"}, "want format among text, matrix, .*, got 'xls'"),
-        ({"units": "furlong"}, "want units among nm, um, mm, .*, got 'furlong'"),
-        ({"dx": 0.0}, "want dx other than 0, got 0"),
-        ({"columns": (0,)}, r"want columns of x and height .*, got \(0,\)"),
-        ({"columns": (0, -1)}, r"want columns .* from 0, got \(0, -1\)"),
+        ({"format": "xls"}, "expected format among text, matrix, .*, got 'xls'"),
+        ({"units": "furlong"}, "expected units among nm, um, mm, .*, got 'furlong'"),
+        ({"dx": 0.0}, "expected dx other than 0, got 0"),
+        ({"columns": (0,)}, r"expected columns of x and height .*, got \(0,\)"),
+        ({"columns": (0, -1)}, r"expected columns .* from 0, got \(0, -1\)"),
     ],
 )
 def test_a_slip_in_the_options_is_refused(options, message):

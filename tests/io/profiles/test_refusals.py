@@ -28,16 +28,19 @@ def npy(array) -> bytes:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("", "the file is empty: want x and height in mm"),
+        ("", "the file is empty: expected x and height in mm"),
         (" \n\t\n", "the file is empty"),
         (RUBBISH, "binary data of no known format: export the profile as text"),
-        ("a text of words\nand more of 3 apples\n", "no line of numbers in it: want x and height"),
-        ("1\n2\n3\n", "one column in it: want x and height, or .* --x0 and --dx"),
+        (
+            "a text of words\nand more of 3 apples\n",
+            "expected x and height .* got no line",
+        ),
+        ("1\n2\n3\n", "one column in it: expected x and height, or .* --x0 and --dx"),
         ("nan,nan\n1,nan\n2,inf\n", "all 3 points are lost: check exposure"),
         ("1,2\n", "one valid point in it, no profile"),
-        ("1,2\nend of data\n3,4\n", "line 2 has 1 cells where 2 are wanted"),
-        ("1,2\n3,4\n\n5,six\n", "line 4: 'six' is no number: take such lines out"),
-        ("1;2\n3;4,5\n6;7.5\n", "line 2: '4,5' is no number"),
+        ("1,2\nend of data\n3,4\n", "line 2 has 1 cells, expected 2"),
+        ("1,2\n3,4\n\n5,six\n", "line 4: 'six' is not a number: take such lines out"),
+        ("1;2\n3;4,5\n6;7.5\n", "line 2: '4,5' is not a number"),
         (
             SLANTED,
             r"1 tells no profiles apart \(20 values in 20 points\): say which .* with --columns",
@@ -48,16 +51,19 @@ def npy(array) -> bytes:
         ("www.micro-epsilon.com\nscanCONTROL\n", "log of results, not of profiles: export"),
         (b"RIFF\0\0\0\0AVI LIST", "a video container .*: export its profiles as CSV"),
         (b"\x89HDF\r\n\x1a\n", "HDF5 is not read: write its points as NPZ or CSV"),
-        (b"#ROSBAG V2.0\n", "a ROS bag of 13 bytes .*: write"),
+        (b"#ROSBAG V2.0\n", "a ROS bag"),
         (b"\x1f\x8b\x08", "a gzip archive: unpack it first"),
         (b"\x89PNG\r\n", "an image: .* its rig, --light-section"),
         (b"\x93NUMPY\x01\x00rubbish", "NumPy cannot read it"),
         (b"PK\x03\x04rubbish", "NumPy cannot read it"),
         (npy(np.array([{}], dtype=object)), "NumPy cannot read it .*: save plain arrays"),
-        (npy(np.array(["a", "b"])), "an array of <U1: want numbers"),
-        (npy(np.zeros((2, 2, 2, 2))), r"an array of shape \(2, 2, 2, 2\): want points of shape"),
-        (saved(a=np.zeros(3), b=np.zeros(4)), "no column of heights among a, b: want x and z"),
-        (saved(x=np.zeros(3), z=np.zeros(4)), "columns x, z differ in length"),
+        (npy(np.array(["a", "b"])), "an array of <U1: expected numbers"),
+        (
+            npy(np.zeros((2, 2, 2, 2))),
+            r"an array of shape \(2, 2, 2, 2\): expected points of shape",
+        ),
+        (saved(a=np.zeros(3), b=np.zeros(4)), "no column of heights among a, b: expected x and z"),
+        (saved(x=np.zeros(3), z=np.zeros(4)), "equal length, got other lengths of x, z"),
         (saved(x=np.zeros(3), z=np.zeros((2, 4))), "x and z differ in length"),
         (saved(x=np.zeros((3, 4)), z=np.zeros((2, 4))), "3 rows of x and 2 of heights"),
         (b"PAR1rubbish", "pyarrow cannot read it"),
@@ -72,9 +78,12 @@ def npy(array) -> bytes:
         (
             "ply\nformat binary_little_endian 1.0\nelement vertex 2\nproperty int x\n"
             "property int y\nend_header\n",
-            "points with x, y: want x, y and z",
+            "points with x, y: expected x, y and z",
         ),
-        ("# .PCD v0.7\nDATA binary_compressed\n", "want PCD with DATA ascii or binary: convert"),
+        (
+            "# .PCD v0.7\nDATA binary_compressed\n",
+            "expected PCD with DATA ascii or binary: convert",
+        ),
         ("VERSION 0.7\nFIELDS x y z\nDATA ascii\n", "a PCD file with a broken header"),
         ("VERSION 0.7\nFIELDS x\nSIZE 4\nTYPE F\nWIDTH 0\nDATA ascii\n", "without points"),
         (
@@ -84,11 +93,11 @@ def npy(array) -> bytes:
         ("%YAML:1.0\n---\nname: tube\n", r"no list of points among its keys \(name\)"),
         (
             "%YAML:1.0\n---\nline: [ 1, 2, 3, 4, 5, 6, 7 ]\n",
-            "7 numbers .* neither pairs nor triples",
+            "expected pairs or triples, .* got 7 numbers",
         ),
         ("%YAML:1.0\n---\nscan_line: 5\n", r"no list of points among its keys \(scan_line\)"),
         ("%YAML:1.0\n---\npose: [ 1., 2., 3., 0., 0., 1. ]\n", r"no list of points .*\(pose\)"),
-        ("%YAML:1.0\n---\nscan_line: [ 1, b, 3, 4 ]\n", "'b' is no number"),
+        ("%YAML:1.0\n---\nscan_line: [ 1, b, 3, 4 ]\n", "'b' is not a number"),
         (
             "%YAML:1.0\n---\n\t: : [",
             "no FileStorage of OpenCV .*: write it anew",
@@ -163,7 +172,7 @@ def test_several_profiles_are_not_read_as_one(write):
 @pytest.mark.parametrize(
     ("columns", "message"),
     [
-        ((0, 5), "no column 5 in it: want 0 to 1, see --columns"),
+        ((0, 5), "no column 5 in it: expected 0 to 1, see --columns"),
         ("x,depth", r"no column named 'depth' in it \(it has x, z\): see --columns"),
     ],
 )
@@ -183,3 +192,25 @@ def test_a_wrong_format_by_hand_is_refused_not_crashed(write):
     for name in ("npy", "npz", "ply", "pcd", "parquet", "gocator", "gocator-points", "opencv"):
         with pytest.raises(UnreadableFile):
             inspect_profiles(path, format=name)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "x,z\n" + "nan,nan\n" * 3,
+        "NaN;NaN\n" * 3,
+        "x;z\n" + ";\n" * 3,
+        "# sensor 7\nx z\n" + "NaN NaN\n" * 3,
+        "---\t---\n" * 3,
+        "x,z\n1,nan\n2,nan\n3,\n",
+    ],
+)
+def test_a_table_without_a_number_says_that_all_points_are_lost(write, content):
+    with pytest.raises(UnreadableFile, match="all 3 points are lost: check exposure and range"):
+        read_profile(write(content))
+
+
+def test_a_word_over_two_lines_is_told_in_one(write):
+    with pytest.raises(UnreadableFile) as refused:
+        read_profile(write("%YAML:1.0\n---\nscan_line: [!\n!]", "a.yml"))
+    assert "\n" not in str(refused.value)

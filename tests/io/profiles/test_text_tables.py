@@ -262,3 +262,12 @@ def test_the_size_of_the_table_is_no_point(write, arc, head):
 def test_an_empty_first_column_and_typeset_minus_signs_are_read(write, arc):
     assert_reads(write, lines_of(arc, ",{x:.3f},{z:.3f}"), arc)
     assert_reads(write, [line.replace("-", "−") for line in lines_of(arc)], arc)
+
+
+def test_a_column_of_parts_alone_tells_profiles_apart(tmp_path):
+    rows = [f"{part},{x},{-400 + 0.1 * x * x}" for part in ("A7", "B2") for x in range(12)]
+    path = tmp_path / "parts.csv"
+    path.write_text("\n".join(["part_id,x,z", *rows]))
+    file = inspect_profiles(path)
+    assert [len(profile) for profile in file.profiles] == [12, 12]
+    assert [said["part_id"] for said in file.attributes] == ["A7", "B2"]

@@ -193,7 +193,9 @@ def test_a_remark_is_no_unit(line):
 
 def test_units_are_given_with_a_scale_and_wrong_ones_refused():
     assert ReadSettings(units="1/10 mm").units == "0.1 mm"
-    with pytest.raises(ValueError, match=r"want units among .* or with a scale as 0.1mm, got 'x'"):
+    with pytest.raises(
+        ValueError, match=r"expected units among .* or with a scale as 0.1mm, got 'x'"
+    ):
         ReadSettings(units="x")
 
 

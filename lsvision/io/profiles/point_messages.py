@@ -1,0 +1,126 @@
+"""Points of PointCloud2 messages: each message is a profile, each row of an organised one.
+
+Definition (sensor_msgs/PointCloud2): ``height`` rows of ``width`` points; a point has `point_step`
+bytes, and each field its offset in them, its type and its count. NaN is a point that is lost.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from lsvision.errors import UnreadableFile
+from lsvision.geometry import FloatArray
+from lsvision.io.profiles.number_rows import floats_from
+from lsvision.io.profiles.settings import RawProfiles, ReadSettings
+
+FLATNESS = 1e-6
+"""Spread of a coordinate relative to the largest, below which points lie in a plane across it."""
+
+_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+_LIDAR = "PointCloud2 in its x-y plane: X is the scanner's y, Y the opposite of its x"
+
+
+def profiles_from_clouds(
+    clouds: Sequence[FloatArray],
+    attributes: Sequence[Mapping[str, float | str]],
+    settings: ReadSettings,
+) -> RawProfiles:
+    """Profiles of PointCloud2 messages.
+
+    Points of one plane across y are taken as x and z; of one across z, as of a lidar, as those of
+    a LaserScan; other columns where the user names them.
+
+    Parameters
+    ----------
+    clouds : sequence of (rows, columns, 3) ndarray
+        From `cloud_points`. Units: m.
+    attributes : sequence of mapping
+        What belongs to each message.
+    settings : ReadSettings
+        Columns that the user names.
+
+    Raises
+    ------
+    UnreadableFile
+        If there is no row of points, or those of a row lie in no section.
+    """
+    rows, kept = [], []
+    for cloud, said in zip(clouds, attributes, strict=True):
+        rows += list(cloud)
+        kept += [said] * len(cloud)
+    if not rows:
+        raise UnreadableFile("PointCloud2 messages without a row of points: record the topic anew")
+    columns, away, notes = _section_columns(rows, settings)
+    return RawProfiles(
+        sections=[row[:, columns] for row in rows],
+        units=("m", "m"),
+        away=away,
+        notes=notes,
+        attributes=tuple(kept),
+    )
+
+
+def cloud_points(cloud: Any) -> FloatArray:
+    """(rows, columns, 3) points of a message, given with its fields as attributes. Units: m.
+
+    Raises
+    ------
+    UnreadableFile
+        If it has no x, y and z, or is cut short.
+    """
+    order = ">" if cloud.is_bigendian else "<"
+    fields = {field.name: field for field in cloud.fields}
+    if not {"x", "y", "z"} <= set(fields):
+        raise UnreadableFile(f"a PointCloud2 with {', '.join(fields) or 'nothing'}: want x, y, z")
+    data = np.ascontiguousarray(cloud.data, dtype=np.uint8)
+    shape = (int(cloud.height), int(cloud.width))
+    strides = (int(cloud.row_step), int(cloud.point_step))
+    planes = []
+    for axis in "xyz":
+        field = fields[axis]
+        kind = np.dtype(order + _TYPES.get(field.datatype, "V1"))
+        last = (shape[0] - 1) * strides[0] + (shape[1] - 1) * strides[1] + field.offset
+        if kind.kind == "V" or last + kind.itemsize > data.nbytes or min(*shape, *strides) < 0:
+            raise UnreadableFile(
+                f"a PointCloud2 whose {axis} is cut short or of an unknown type: record it anew"
+            )
+        plane: Any = np.zeros(shape)
+        if plane.size:
+            plane = np.ndarray(shape, kind, data, field.offset, strides)
+        planes.append(floats_from(plane))
+    return np.stack(planes, axis=-1)
+
+
+def _section_columns(
+    rows: Sequence[FloatArray], settings: ReadSettings
+) -> tuple[list[int], bool, tuple[str, ...]]:
+    """Which coordinates are x and height, whether heights grow away, and what was guessed."""
+    if settings.columns is not None:
+        chosen = [str(column).lower() for column in settings.columns]
+        names = {**{axis: k for k, axis in enumerate("xyz")}, "0": 0, "1": 1, "2": 2}
+        if len(chosen) != 2 or not set(chosen) <= set(names):
+            raise UnreadableFile(
+                f"no columns {', '.join(chosen)} in a PointCloud2: want two of x,y,z"
+            )
+        return [names[column] for column in chosen], False, ()
+    spreads = np.array([_largest_spread(rows, axis) for axis in range(3)])
+    flat = spreads <= FLATNESS * spreads.max()
+    if flat[1]:
+        return [0, 2], False, ()
+    if flat[2]:
+        return [1, 0], True, (_LIDAR,)
+    raise UnreadableFile(
+        "a PointCloud2 whose points lie in no section across y or z (they span "
+        f"{' x '.join(f'{spread:.3g}' for spread in spreads)} m): publish it in the scanner's own "
+        "frame, or name two of its coordinates as --columns x,z"
+    )
+
+
+def _largest_spread(rows: Sequence[FloatArray], axis: int) -> float:
+    """Largest spread of a coordinate within a row."""
+    spreads = [0.0]
+    for row in rows:
+        known = row[np.isfinite(row).all(axis=1), axis]
+        spreads.append(float(np.ptp(known)) if len(known) else 0.0)
+    return max(spreads)

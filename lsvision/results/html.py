@@ -1,0 +1,36 @@
+"""HTML from jinja2 templates: one environment for pages and for what notebooks show."""
+
+from functools import cache
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+
+@cache
+def html_environment(package: str = "lsvision.results") -> "Environment":
+    """Return an environment with the templates of a package and those of `lsvision.results`.
+
+    Pages extend ``base.html.j2``. All text that a template gets is escaped; a name that it does not
+    get is an error.
+
+    Parameters
+    ----------
+    package : str
+        Package with a folder ``templates``.
+
+    Examples
+    --------
+    >>> template = html_environment().from_string("<p>{{ text }}</p>")
+    >>> template.render(text="x < 2 mm")
+    '<p>x &lt; 2 mm</p>'
+    """
+    from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+
+    packages = dict.fromkeys([package, "lsvision.results"])
+    return Environment(
+        loader=ChoiceLoader([PackageLoader(name) for name in packages]),
+        autoescape=True,
+        undefined=StrictUndefined,
+        keep_trailing_newline=True,
+    )

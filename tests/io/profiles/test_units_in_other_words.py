@@ -1,0 +1,170 @@
+"""A unit in words of any kind is read, or refused with these words: never dropped in silence.
+
+The pipe of 2 mm, 17 mm below the sensor, looks plausible in any unit.
+"""
+
+import io
+import json
+
+import numpy as np
+import numpy.testing as npt
+import pytest
+
+from lsvision.errors import UnreadableFile
+from lsvision.io.profiles import inspect_profiles, read_profile
+
+TURN = np.linspace(2.7, 0.45, 60)
+PIPE = 2 * np.column_stack([np.cos(TURN), np.sin(TURN)]) + [1.0, -17.0]
+PER_MM = {"um": 1000.0, "10 um": 100.0, "0.01 mm": 100.0, "0.1 mm": 10.0, "in": 1 / 25.4}
+ROUNDING_MM = 1e-3
+
+
+def rows(unit, separator=","):
+    return "".join(f"{x:.6g}{separator}{z:.6g}\n" for x, z in PIPE * PER_MM[unit])
+
+
+@pytest.mark.parametrize(
+    ("head", "unit", "separator"),
+    [
+        ("x (in um); z (in um)\n", "um", ";"),
+        ("# resolution: 0.01 mm/digit\nx,z\n", "0.01 mm", ","),
+        ("# Z resolution: 10 um per count\n# X resolution: 10 um per count\nx,z\n", "10 um", ","),
+        ("x,z\ndouble,double\num,um\n", "um", ","),
+        ("X-Koordinate [um];Z-Koordinate [um]\n", "um", ";"),
+        ("x (inch),z (in)\n", "in", ","),
+    ],
+)
+def test_units_in_further_forms_are_read(write, head, unit, separator):
+    profile = read_profile(write(head + rows(unit, separator), "a.csv"))
+    npt.assert_allclose(profile.points, PIPE, atol=ROUNDING_MM)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "# saved by ACME 3000 in um",
+        "Profile export, all values [um]",
+        "<unit>um</unit>",
+        "# X axis: micrometres; Z axis: micrometres",
+        "# mm -> um",
+        "# Lengths - um; angles - deg",
+        "# X,Z in hundredths of a millimetre",
+        "# written in 1/100 mm by hand",
+        "# multiply by 0.01 to get mm",
+        "# 1000 counts per mm",
+        "# 100 digits/mm",
+    ],
+)
+def test_a_unit_in_other_words_is_refused_with_the_line(write, line):
+    path = write(f"{line}\nx,z\n{rows('um')}", "a.csv")
+    with pytest.raises(UnreadableFile) as refused:
+        read_profile(path)
+    assert line in str(refused.value)
+    assert "--units" in str(refused.value)
+    npt.assert_allclose(read_profile(path, units="um").points, PIPE, atol=ROUNDING_MM)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "# laser of 450 nm",
+        "# accuracy 5 um",
+        "# exposure unit: us, gain 1.5",
+        "# resolution 1280 points",
+        "# Sensor Number Umbra 7",
+    ],
+)
+def test_lines_about_other_things_are_none(write, line):
+    path = write(f"{line}\nx,z\n" + "".join(f"{x:.4f},{z:.4f}\n" for x, z in PIPE), "a.csv")
+    file = inspect_profiles(path)
+    assert file.units_assumed
+    npt.assert_allclose(file.profiles[0].points, PIPE, atol=ROUNDING_MM)
+
+
+def test_a_unit_over_the_columns_goes_before_other_words(write):
+    path = write(f"# exported in um\nx [um],z [um]\n{rows('um')}")
+    npt.assert_allclose(read_profile(path).points, PIPE, atol=ROUNDING_MM)
+
+
+def cloud(kind):
+    points = "".join(f"{x:.6g} 0 {z:.6g}\n" for x, z in PIPE * 1000)
+    if kind == "ply":
+        return (
+            f"ply\nformat ascii 1.0\ncomment unit: um\nelement vertex {len(PIPE)}\n"
+            f"property float x\nproperty float y\nproperty float z\nend_header\n{points}"
+        )
+    return (
+        "# .PCD v0.7\n# unit: um\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\n"
+        f"WIDTH {len(PIPE)}\nHEIGHT 1\nPOINTS {len(PIPE)}\nDATA ascii\n{points}"
+    )
+
+
+@pytest.mark.parametrize("kind", ["ply", "pcd"])
+def test_comments_of_clouds_state_units(write, kind):
+    content = cloud(kind)
+    npt.assert_allclose(read_profile(write(content)).points, PIPE, atol=ROUNDING_MM)
+    with pytest.raises(UnreadableFile, match=r"saved in um.*speaks of a unit"):
+        read_profile(write(content.replace("unit: um", "saved in um, ACME")))
+
+
+def test_nested_units_and_columns_of_pandas_in_json(write):
+    x, z = (PIPE * 1000).T.tolist()
+    nested = {"meta": {"units": {"x": "um", "z": "um"}}, "x": x, "z": z}
+    pandas = {"x [um]": dict(zip(map(str, range(60)), x, strict=True)),
+              "z [um]": dict(zip(map(str, range(60)), z, strict=True))}  # fmt: skip
+    for document in (nested, pandas):
+        points = read_profile(write(json.dumps(document), "a.json")).points
+        npt.assert_allclose(points, PIPE, atol=ROUNDING_MM)
+
+
+def test_comments_of_yaml_state_units(write):
+    lists = [f"{name}: [{', '.join(f'{v:.2f}' for v in column)}]" for name, column in
+             zip("xz", (PIPE * 1000).T, strict=True)]  # fmt: skip
+    stated = read_profile(write("\n".join(["# unit: um", *lists]), "a.yaml"))
+    npt.assert_allclose(stated.points, PIPE, atol=ROUNDING_MM)
+    for line in ("# as the sensor counts, um", "meta:\n  unit: um"):
+        with pytest.raises(UnreadableFile, match="speaks of a unit"):
+            read_profile(write("\n".join([line, *lists]), "a.yaml"))
+
+
+def test_a_scale_in_numpy_is_never_dropped(write):
+    stream = io.BytesIO()
+    x, z = (PIPE * 1000).T
+    np.savez(stream, x=x, z=z, scale=0.001)
+    with pytest.raises(UnreadableFile, match=r"the unit 'scale: 0.001' is stated"):
+        read_profile(write(stream.getvalue(), "a.npz"))
+
+
+@pytest.mark.parametrize("name", ["a.json", "a.yaml"])
+def test_a_key_that_stands_twice_is_refused(write, name):
+    content = '{"x": [1, 2, 3], "z": [4, 5, 6], "x": [7, 8, 9]}'
+    if name == "a.yaml":
+        content = "x: [1, 2, 3]\nz: [4, 5, 6]\nx: [7, 8, 9]\n"
+    with pytest.raises(UnreadableFile, match="'x' twice"):
+        read_profile(write(content, name))
+
+
+@pytest.mark.parametrize("word", ["<NA>", "\\N", "nan(snan)", "---.---", "-nan"])
+def test_further_words_for_nothing(write, word):
+    heights = [word if k % 4 == 0 else f"{z:.3f}" for k, (_, z) in enumerate(PIPE)]
+    cells = "".join(f"{x:.3f},{z}\n" for (x, _), z in zip(PIPE, heights, strict=True))
+    assert read_profile(write(f"x,z\n{cells}")).lost == 15
+
+
+def test_names_that_stand_twice_are_told(write):
+    both = "".join(f"{x:.4f},{z:.4f},{x + 9:.4f},{z:.4f}\n" for x, z in PIPE)
+    file = inspect_profiles(write(f"x,z,x,z\n{both}"))
+    npt.assert_allclose(file.profiles[0].points, PIPE, atol=ROUNDING_MM)
+    assert "x and z stand twice in the header: the first taken, others by --columns" in file.notes
+
+
+@pytest.mark.parametrize("footer", ["-----\nChecksum 0xAB12", "=====", "___\nEND"])
+def test_a_rule_under_a_table_is_a_footer(write, footer):
+    plain = "".join(f"{x:.4f},{z:.4f}\n" for x, z in PIPE)
+    assert len(read_profile(write(f"x,z\n{plain}{footer}\n"))) == len(PIPE)
+
+
+def test_width_and_depth_are_x_and_range(write):
+    swapped = "".join(f"{-z:.4f},{x:.4f}\n" for x, z in PIPE)
+    points = read_profile(write(f"depth,width\n{swapped}")).points
+    npt.assert_allclose(points, PIPE, atol=ROUNDING_MM)
