@@ -36,6 +36,7 @@ def demo(
       lsvision demo --out /tmp/first-look --open
     """  # noqa: D301 - the backspace makes click keep the line breaks
     from lsvision.cli.batch import BatchOptions, measure_sources
+    from lsvision.cli.file_part import PartOptions
     from lsvision.cli.measure_options import build_measure_function
     from lsvision.cli.outputs import Pictures
 
@@ -43,7 +44,8 @@ def demo(
     typer.echo(f"$ lsvision measure {_quoted(profile)} --plot {_quoted(picture)}")
     measuring = build_measure_function(None, None, None, None, paper=False)
     pictures = Pictures(picture, several=False)
-    failed = measure_sources([profile], BatchOptions(measuring=measuring, pictures=pictures))
+    options = PartOptions(measuring=measuring)
+    failed = measure_sources([profile], BatchOptions(part=options, pictures=pictures))
     if failed:
         raise typer.Exit(FAILED)
     typer.echo("\n".join(_next_lines(profile, picture)))

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from lsvision.cli.batch import BatchOptions, measure_sources
+from lsvision.cli.file_part import PartOptions
 from lsvision.cli.image_options import (
     Laser,
     LaserOff,
@@ -23,6 +24,7 @@ from lsvision.cli.option_groups import expand_option_groups
 from lsvision.cli.outputs import STDOUT, Pictures, check_outputs, check_picture
 from lsvision.cli.profile_options import (
     CsvFile,
+    Jobs,
     JsonFile,
     KnownPhi,
     KnownRadius,
@@ -88,6 +90,7 @@ def measure(
     x_pitch: Annotated[
         float | None, typer.Option(metavar="N", help="Raw Keyence: XPitch, 0.01 um.")
     ] = None,
+    jobs: Jobs = None,
     verbose: Verbose = False,
 ) -> None:
     """Measure radius and orientation of every cylinder in profiles or images of a laser line.
@@ -134,7 +137,7 @@ def measure(
     sources: list[Path | LiveCamera] = [*paths]
     if camera is not None:
         sources.append(LiveCamera(camera, frames or 1))
-    batch = BatchOptions(
+    part = PartOptions(
         measuring=measuring,
         sensor=noise,
         reading=options,
@@ -143,13 +146,12 @@ def measure(
             surface_std=surface_std, frames=frames, keep_images=plot is not None,
         ),
         placing=placing,
-        pictures=None
-        if plot is None
-        else Pictures(plot, several=len(sources) > 1, taken=taken),
-        table_to_stderr=STDOUT in (json_file, csv_file),
         verbose=verbose,
         debug=ctx.find_root().params.get("debug", False),
     )  # fmt: skip
+    pictures = None if plot is None else Pictures(plot, several=len(sources) > 1, taken=taken)
+    to_stderr = STDOUT in (json_file, csv_file)
+    batch = BatchOptions(part=part, pictures=pictures, jobs=jobs, table_to_stderr=to_stderr)
     _report_missing(missing, robot.poses)
     failed = _measure_all(sources, batch, json_file, csv_file) + len(missing)
     _report_failed(failed, len(sources) + len(missing), plot)
@@ -182,8 +184,8 @@ def _measure_all(
     from lsvision.io.result_files import ResultFiles
 
     frame = None
-    if batch.placing is not None:
-        frame = "flange" if batch.placing.rows is None else "base"
+    if batch.part.placing is not None:
+        frame = "flange" if batch.part.placing.rows is None else "base"
     results = ResultFiles(json_file, csv_file, frame)
     try:
         return measure_sources(sources, replace(batch, results=results))

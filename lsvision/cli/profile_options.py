@@ -46,6 +46,12 @@ CsvFile = Annotated[
     Path | None,
     typer.Option("--csv", metavar="F", help="Write a cylinder a row as CSV; - is standard output."),
 ]
+Jobs = Annotated[
+    int | None,
+    typer.Option(
+        min=1, metavar="N", help="Number of processes [1; for many files the number of cores]."
+    ),
+]
 Verbose = Annotated[
     bool, typer.Option("--verbose", "-v", help="Also say what was refused, and why.")
 ]

@@ -19,6 +19,7 @@ class Progress:
 
     def __init__(self, total: int) -> None:
         self._total = total
+        self.done = 0
         self._shown = sys.stderr.isatty()
 
     def show(self, done: int, name: str, part: int = 0, parts: int = 1) -> None:
@@ -33,6 +34,7 @@ class Progress:
         part, parts : int
             Number of its finished profiles, and of all its profiles.
         """
+        self.done = done
         if not self._shown or self._total * parts == 1:
             return
         filled = int(BAR * (done + part / parts) / self._total)

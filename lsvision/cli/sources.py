@@ -1,7 +1,7 @@
 """Input files of a command line, and their profiles."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,6 +13,7 @@ from lsvision.io.file_names import PROFILE_SUFFIXES, find_files
 
 if TYPE_CHECKING:
     from lsvision.io.profiles import ProfileFile, ReadOptions
+    from lsvision.io.profiles.streaming import ProfilePart
 
 IMAGE_SUFFIXES = frozenset((".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".webp"))
 """Files that count as images when a folder is named."""
@@ -87,12 +88,24 @@ def read_source(source: Path, options: "ReadOptions") -> "ProfileFile":
     """
     from lsvision.io.profiles import inspect_profiles
 
-    file = inspect_profiles(source, **options)
+    return _checked(inspect_profiles(source, **options))
+
+
+def iterate_source(source: Path, options: "ReadOptions") -> "Iterator[ProfilePart]":
+    """Read the profiles of a file in parts; see `read_source`."""
+    from lsvision.io.profiles.streaming import iterate_profiles
+
+    for part in iterate_profiles(source, **options):
+        _checked(part.file)
+        yield part
+
+
+def _checked(file: "ProfileFile") -> "ProfileFile":
     if file.doubts and file.units_assumed:
         marked = [f"{marker.count} by {marker.text}" for marker in file.markers]
         lost = f" (without {file.lost} lost points, {', '.join(marked)})" if marked else ""
         raise UnreadableFile(
-            f"{source}: {'; '.join(file.doubts)}, or --units mm if it is right{lost}"
+            f"{file.path}: {'; '.join(file.doubts)}, or --units mm if it is right{lost}"
         )
     return file
 

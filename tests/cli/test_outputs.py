@@ -293,3 +293,35 @@ def test_an_image_of_another_run_is_no_output(run, tmp_path):
     cv2.imwrite(str(tmp_path / "i.png"), image)
     result = run("line", tmp_path / "i.png", "--plot", tmp_path / "i.png")
     assert result.exit_code == USAGE
+
+
+def test_any_number_of_processes_prints_and_writes_the_same(run, written, pipe, tmp_path):
+    paths = [written(pipe + np.array([k, 0.0]), f"in/{k}.csv") for k in range(5)]
+    paths[2].write_text("no numbers\n")
+    np.save(tmp_path / "in/many.npy", np.stack([pipe, np.full_like(pipe, np.nan)] * 10))
+    found = []
+    for jobs in (1, 2):
+        outputs = tmp_path / f"{jobs}.json", tmp_path / f"{jobs}.csv"
+        words = ("--json", outputs[0], "--csv", outputs[1], "--jobs", jobs, "-v")
+        result = run("measure", tmp_path / "in", *words)
+        assert result.exit_code == FAILED
+        found.append([result.stdout, result.stderr, *(path.read_bytes() for path in outputs)])
+    assert found[0] == found[1]
+    assert b'"source": ' in found[0][2]
+    alone = run("measure", tmp_path / "in/many.npy", "--jobs", 2)
+    assert alone.stdout == run("measure", tmp_path / "in/many.npy").stdout
+    assert "profile 18:" in alone.stdout
+
+
+def test_a_large_array_is_told_in_parts(run, pipe, tmp_path, monkeypatch):
+    np.save(tmp_path / "a.npy", np.stack([pipe] * 5))
+    monkeypatch.setattr("lsvision.io.profiles.streaming.PROFILES_AT_ONCE", 2)
+    lines = run("measure", tmp_path / "a.npy").stdout.splitlines()
+    heads = [line for line in lines if "points lost" in line]
+    path = str(tmp_path / "a.npy")
+    assert [head.split(": ")[0] for head in heads] == [
+        path, f"{path}, from profile 2 on", f"{path}, from profile 4 on",
+    ]  # fmt: skip
+    assert [line.strip() for line in lines if line.startswith("  profile")] == [
+        f"profile {k}:" for k in range(5)
+    ]

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 
 from lsvision.errors import UnreadableFile
-from lsvision.files.limited_reading import check_readable
+from lsvision.files.file_kinds import is_regular
+from lsvision.files.limited_reading import STDIN, check_readable
 from lsvision.io.profiles.numpy_arrays import NPY_MAGIC, open_npy, profiles_from_array
 from lsvision.io.profiles.parquet import PARQUET_MAGIC, iterate_tables
 from lsvision.io.profiles.parquet import profiles_from_table as profiles_from_parquet
@@ -46,7 +47,7 @@ class ProfilePart:
 
 def iterate_profiles(
     path: str | os.PathLike[str],
-    at_once: int = PROFILES_AT_ONCE,
+    at_once: int | None = None,
     **options: Unpack[ReadOptions],
 ) -> Iterator[ProfilePart]:
     r"""Read the profiles of a file in parts.
@@ -58,8 +59,8 @@ def iterate_profiles(
     ----------
     path : path
         The file.
-    at_once : int
-        Largest number of profiles of a part.
+    at_once : int, optional
+        Largest number of profiles of a part; by default `PROFILES_AT_ONCE`.
     **options
         Fields of `ReadSettings`, as for `read_profile`.
 
@@ -83,6 +84,7 @@ def iterate_profiles(
     [2, 2, 1]
     """
     settings, file = ReadSettings(**options), Path(path)
+    at_once = PROFILES_AT_ONCE if at_once is None else at_once
     kind = _streamed_kind(file, settings)
     if kind is None:
         yield ProfilePart(0, inspect_profiles(file, **options))
@@ -105,7 +107,7 @@ def iterate_profiles(
 
 def _streamed_kind(file: Path, settings: ReadSettings) -> str | None:
     """Return the format of a file whose parts can be read by themselves, else None."""
-    if str(file) == "-" or not file.is_file():
+    if str(file) == STDIN or not is_regular(file):
         return None
     check_readable(file)
     with file.open("rb") as stream:

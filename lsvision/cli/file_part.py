@@ -1,0 +1,356 @@
+"""Consecutive profiles of a file: measured, and told as text and records."""
+
+import sys
+import traceback
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+from lsvision.cli.image_sources import (
+    ImageFile,
+    ImagingOptions,
+    LiveCamera,
+    is_image,
+    read_image_source,
+)
+from lsvision.cli.measure_options import range_warning
+from lsvision.cli.messages import internal_error
+from lsvision.cli.robot_frame import RobotFrame, robot_frame_table
+from lsvision.cli.section_table import measurement_lines
+from lsvision.cli.sources import iterate_source, read_source
+from lsvision.errors import LsvisionError
+from lsvision.files.limited_reading import STDIN
+from lsvision.files.printable import printable, printable_name
+
+if TYPE_CHECKING:
+    from lsvision.cylinder.robot_frame import PlacedCylinder
+    from lsvision.geometry import Pose
+    from lsvision.io.profiles import ProfileFile, ReadOptions
+    from lsvision.measure import Measurement
+    from lsvision.profile import Profile
+    from lsvision.results.quantities import Record
+    from lsvision.sensors.profile_sensor import ProfileSensor
+
+MAX_FLIP_CHECK_POINTS = 20_000
+"""Largest number of points measured upside down; of longer profiles, every n-th point."""
+
+
+class Measure(Protocol):
+    """Profile to Measurement."""
+
+    def __call__(self, profile: "Profile", /) -> "Measurement":
+        """Measure a profile."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class PartOptions:
+    """How files are read and measured; can be sent to another process.
+
+    Parameters
+    ----------
+    measuring : callable
+        Profile to Measurement.
+    sensor : ProfileSensor, optional
+        The sensor whose noise `measuring` uses.
+    reading : ReadOptions
+        Options of reading profile files.
+    imaging : ImagingOptions, optional
+        How images become profiles; without, images are errors.
+    placing : RobotFrame, optional
+        Transformation of cylinders to the robot's frame; without, they stay in the section frame.
+    verbose, debug : bool
+        Also list the refused arcs; show tracebacks.
+    """
+
+    measuring: Measure
+    sensor: "ProfileSensor | None" = None
+    reading: "ReadOptions" = field(default_factory=dict)  # type: ignore[assignment] # all optional
+    imaging: ImagingOptions | None = None
+    placing: RobotFrame | None = None
+    verbose: bool = False
+    debug: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class FilePart:
+    """Consecutive profiles of a file.
+
+    Parameters
+    ----------
+    file : ProfileFile or ImageFile
+        These profiles.
+    first : int
+        Number of the first profile in the whole file.
+    several : bool
+        Whether the whole file has several profiles.
+    header : list of str
+        Summary of the file, or of a part of a large one, and notes; printed before the results.
+    flanges : list of Pose, optional
+        Poses of the robot's flange, one a profile.
+    pictures : list of Path, optional
+        Pictures to draw, one a profile.
+    """
+
+    file: "ProfileFile | ImageFile"
+    first: int = 0
+    several: bool = False
+    header: list[str] = field(default_factory=list)
+    flanges: "list[Pose] | None" = None
+    pictures: list[Path] | None = None
+
+    def __len__(self) -> int:
+        return len(self.file.profiles)
+
+    def slices(self, count: int) -> "Iterator[FilePart]":
+        """Yield this part in parts of at most `count` profiles."""
+        for start in range(0, max(len(self), 1), count):
+            kept = slice(start, start + count)
+            yield replace(
+                self,
+                file=_slice_of(self.file, kept),
+                first=self.first + start,
+                header=[] if start else self.header,
+                flanges=self.flanges and self.flanges[kept],
+                pictures=self.pictures and self.pictures[kept],
+            )
+
+
+@dataclass(frozen=True)
+class PartResult:
+    """What was found in a part, or why it could not be measured or drawn.
+
+    Parameters
+    ----------
+    lines : list of str
+        Text for people.
+    records : list of dict
+        Records of the profiles.
+    errors : list of str
+        Errors, one line each.
+    """
+
+    lines: list[str] = field(default_factory=list)
+    records: "list[Record]" = field(default_factory=list)
+    errors: list[str] = field(default_factory=list)
+
+
+def read_parts(source: Path | LiveCamera, options: PartOptions) -> Iterator[FilePart]:
+    """Read a file in parts; one part, unless it is large and can be read in parts.
+
+    Raises
+    ------
+    LsvisionError
+        If it cannot be read.
+    """
+    if _holds_images(source, options):
+        yield _read_images(source, options)
+        return
+    for part in iterate_source(Path(str(source)), options.reading):
+        several = part.first > 0 or len(part.file.profiles) > 1
+        header = _header(options, part.file, part.first)
+        yield FilePart(part.file, part.first, several=several, header=header)
+
+
+def read_whole(source: Path | LiveCamera, options: PartOptions) -> FilePart:
+    """Read a file as one part; see `read_parts`."""
+    if _holds_images(source, options):
+        return _read_images(source, options)
+    file = read_source(Path(str(source)), options.reading)
+    return FilePart(file, several=len(file.profiles) > 1, header=_header(options, file))
+
+
+def _holds_images(source: Path | LiveCamera, options: PartOptions) -> bool:
+    if isinstance(source, LiveCamera):
+        return True
+    if str(source) == STDIN:  # with a rig always an image
+        return options.imaging is not None
+    height_map = options.imaging is None and options.reading.get("dx") is not None
+    return is_image(source) and not height_map
+
+
+def _read_images(source: Path | LiveCamera, options: PartOptions) -> FilePart:
+    images = read_image_source(source, options.imaging)
+    return FilePart(images, several=len(images.profiles) > 1, header=_header(options, images))
+
+
+def measure_file(options: PartOptions, source: Path) -> PartResult:
+    """Read and measure a file."""
+    result = PartResult()
+    try:
+        for part in read_parts(source, options):
+            found = measure_part(options, part)
+            result.lines.extend(found.lines)
+            result.records.extend(found.records)
+            result.errors.extend(found.errors)
+    except Exception as error:  # noqa: BLE001 - a bug in one file must not stop the batch
+        result.errors.append(error_text(source, error, options))
+    return result
+
+
+def measure_part(options: PartOptions, part: FilePart) -> PartResult:
+    """Measure the profiles of a part, and draw them.
+
+    Parameters
+    ----------
+    options : PartOptions
+        How they are measured.
+    part : FilePart
+        The profiles.
+
+    Returns
+    -------
+    PartResult
+        If a profile cannot be measured, there is an error and no result of the part.
+    """
+    try:
+        sections = [
+            _measure_section(options, part, number)
+            for number, profile in enumerate(part.file.profiles)
+            if profile.lost < len(profile)
+        ]
+        lines = [*part.header]
+        for section in sections:
+            lines += _lines(options, part, section)
+        records = _records(part, sections)
+    except Exception as error:  # noqa: BLE001 - a bug in one file must not stop the batch
+        return PartResult(errors=[error_text(part.file.path, error, options)])
+    return PartResult(lines, records, _draw(options, part, sections))
+
+
+def error_text(source: Path | LiveCamera, error: Exception, options: PartOptions) -> str:
+    """Return the message of an exception that a file has caused; in debugging print its origin."""
+    if options.debug:
+        traceback.print_exception(error, file=sys.stderr)
+    if isinstance(error, LsvisionError):
+        return str(error)
+    if isinstance(error, MemoryError):
+        return f"{source}: out of memory: measure a part of it, or on a larger machine"
+    return f"{source}: {internal_error(error)}"
+
+
+@dataclass(frozen=True, eq=False)
+class _Section:
+    """Profile with valid points, its place in the part, and its measurement."""
+
+    place: int
+    profile: "Profile"
+    measurement: "Measurement"
+    upside_down: bool
+    placed: "list[tuple[PlacedCylinder, PlacedCylinder]] | None"
+
+
+def _measure_section(options: PartOptions, part: FilePart, place: int) -> _Section:
+    profile = part.file.profiles[place]
+    try:
+        measurement = options.measuring(profile)
+    except LsvisionError as error:
+        number = part.first + place
+        raise LsvisionError(f"{part.file.path}, profile {number}: {error}") from error
+    empty = not measurement.cylinders and not isinstance(part.file, ImageFile)
+    upside_down = empty and _holds_cylinders_upside_down(options.measuring, profile)
+    placed = None
+    if options.placing is not None:
+        flange = None if part.flanges is None else part.flanges[place]
+        placed = options.placing.place(measurement.cylinders, flange)
+    return _Section(place, profile, measurement, upside_down, placed)
+
+
+def _holds_cylinders_upside_down(measuring: Measure, profile: "Profile") -> bool:
+    from lsvision.profile import Profile
+
+    step = 1 + len(profile) // MAX_FLIP_CHECK_POINTS
+    mirrored = Profile(profile.points[::step] * (1.0, -1.0), lost=())
+    try:
+        return bool(measuring(mirrored).cylinders)
+    except LsvisionError:
+        return False
+
+
+def _header(options: PartOptions, file: "ProfileFile | ImageFile", first: int = 0) -> list[str]:
+    """Return the summary of a file, or of a part of a large one, and notes."""
+    valid = (profile for profile in file.profiles if profile.lost < len(profile))
+    warnings = [range_warning(profile, options.sensor) for profile in valid]
+    notes = [*file.notes, *dict.fromkeys(filter(None, warnings))]
+    if options.verbose and not isinstance(file, ImageFile) and file.ignored:
+        notes.append(f"columns not used: {', '.join(file.ignored)}")
+    name = f"{file.path}, from profile {first} on" if first else str(file.path)
+    return [f"{name}: {file.summary}", *(f"  note: {note}" for note in notes)]
+
+
+def _lines(options: PartOptions, part: FilePart, section: _Section) -> list[str]:
+    text_lines = measurement_lines(section.measurement, section.profile, verbose=options.verbose)
+    if part.several:
+        head = f"{_kind(part.file)} {part.first + section.place}:"
+        found = bool(section.measurement.cylinders)
+        text_lines = [head, *text_lines] if found else [f"{head} {text_lines[0]}", *text_lines[1:]]
+    lines = [f"  {line}" for line in (*text_lines, *robot_frame_table(section.placed or ()))]
+    if section.upside_down:
+        turn = "--no-flip" if part.file.flipped else "--flip"
+        lines.append(
+            f"  upside down it holds cylinders: do its heights grow the other way? then say {turn}"
+        )
+    return lines
+
+
+def _records(part: FilePart, sections: Sequence[_Section]) -> "list[Record]":
+    """Return records of all profiles, also of those without valid points."""
+    from lsvision.io.results import input_record, measurement_record
+    from lsvision.measure import Measurement
+
+    found = {section.place: section for section in sections}
+    name, records = printable_name(part.file.path), []
+    for place in range(len(part)):
+        section = found.get(place)
+        measurement = Measurement((), ()) if section is None else section.measurement
+        reading = None if isinstance(part.file, ImageFile) else input_record(part.file, place)
+        records.append(
+            measurement_record(
+                measurement,
+                source=name,
+                profile=part.first + place,
+                placed=None if section is None else section.placed,
+                reading=reading,
+                reason=measurement.reason,
+            )
+        )
+    return records
+
+
+def _draw(options: PartOptions, part: FilePart, sections: Sequence[_Section]) -> list[str]:
+    """Draw the pictures; return an error for each that cannot be written."""
+    errors = []
+    for section in sections if part.pictures is not None else ():
+        try:
+            _draw_section(options, part, section, (part.pictures or [])[section.place])
+        except Exception as error:  # noqa: BLE001 - a picture must not cost the results
+            errors.append(error_text(part.file.path, error, options))
+    return errors
+
+
+def _draw_section(options: PartOptions, part: FilePart, section: _Section, path: Path) -> None:
+    from lsvision.draw import draw_measurement, draw_overlay, figure_bytes
+    from lsvision.files.atomic_files import write_atomic
+
+    found = section.profile, section.measurement
+    title = printable(str(part.file.path))
+    if part.several:
+        title += f", {_kind(part.file)} {part.first + section.place}"
+    if isinstance(part.file, ImageFile) and options.imaging is not None:
+        image, rig = part.file.images[section.place], options.imaging.light_section
+        figure = draw_overlay(image, rig, *found, title=title)
+    else:
+        figure = draw_measurement(*found, title=title)
+    write_atomic(path, figure_bytes(figure, path.suffix[1:].lower()))
+
+
+def _kind(file: "ProfileFile | ImageFile") -> str:
+    return "frame" if isinstance(file, ImageFile) else "profile"
+
+
+def _slice_of(file: "ProfileFile | ImageFile", kept: slice) -> "ProfileFile | ImageFile":
+    """Return a file with some of its profiles."""
+    if isinstance(file, ImageFile):
+        return replace(file, profiles=file.profiles[kept], images=file.images[kept])
+    return replace(file, profiles=file.profiles[kept], attributes=file.attributes[kept])
