@@ -4,12 +4,13 @@ import errno
 import os
 import secrets
 import shutil
+from collections.abc import Iterable
 from pathlib import Path
 
 from lsvision.errors import UnwritableFile
 
 
-def write_atomic(path: str | os.PathLike[str], content: str | bytes) -> None:
+def write_atomic(path: str | os.PathLike[str], content: str | bytes | Iterable[bytes]) -> None:
     """Write a file so that a reader finds the old one or the whole new one, never a part.
 
     The content goes to a new file in the same folder, which then takes the place of the old
@@ -19,7 +20,7 @@ def write_atomic(path: str | os.PathLike[str], content: str | bytes) -> None:
     ----------
     path : path
         The file; a link is followed, an existing file keeps its permissions.
-    content : str or bytes
+    content : str, bytes or iterable of bytes
         Text is written as UTF-8, its line ends as they are; what UTF-8 does not hold (a surrogate
         out of a file name) as an escape sequence.
 
@@ -37,25 +38,27 @@ def write_atomic(path: str | os.PathLike[str], content: str | bytes) -> None:
     ('{}', 1)
     """
     data = content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
+    chunks = [data] if isinstance(data, bytes) else data
     try:
         target = Path(os.path.realpath(path))
         if target.is_symlink():  # realpath stops at a loop
             raise OSError(errno.ELOOP, "a loop of symbolic links")
         if target.exists() and not target.is_file() and not target.is_dir():
-            target.write_bytes(data)
+            with target.open("wb") as file:
+                file.writelines(chunks)
         else:
-            _replace(target, data)
+            _replace(target, chunks)
     except (OSError, ValueError) as error:
         raise UnwritableFile(f"{os.fspath(path)}: {_hint(error)}") from None
 
 
-def _replace(target: Path, data: bytes) -> None:
+def _replace(target: Path, chunks: Iterable[bytes]) -> None:
     if target.is_dir():
         raise IsADirectoryError
     part = target.with_name(f".lsvision.{secrets.token_hex(8)}.part")
     try:
         with part.open("xb") as file:
-            file.write(data)
+            file.writelines(chunks)
             file.flush()
             os.fsync(file.fileno())
         if target.exists():

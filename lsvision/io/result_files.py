@@ -1,10 +1,12 @@
 """Results of a run written as they come: files that are whole at any time, and streams."""
 
+import io
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
+from tempfile import SpooledTemporaryFile
 from typing import Protocol, TextIO
 
 from lsvision.errors import UnwritableFile
@@ -16,6 +18,8 @@ CHECKPOINT_S = 1.0
 """Shortest time between two writings of a file. Units: s."""
 MAX_WRITING_FRACTION = 0.05
 """Largest fraction of the run time for rewriting the file."""
+SPOOL_BYTES, CHUNK_BYTES = 8 * 10**6, 10**6
+"""Size of the text of a file that is kept in memory, and of a part of it that is copied."""
 STDOUT = Path("-")
 """Path that stands for standard output."""
 
@@ -41,8 +45,8 @@ class RecordText(Protocol):
         """Return the text of the next record."""
         ...
 
-    def rewritten(self, piece: str, head: str) -> str:
-        """Return the text of a record written under another head."""
+    def rewritten(self, text: TextIO, head: str) -> Iterator[str]:
+        """Yield the text of records that were written under another head, under the present."""
         ...
 
 
@@ -93,6 +97,8 @@ class ResultFiles:
                 file.finish()
             except UnwritableFile as error:
                 failures.append(error)
+            finally:
+                file.close()
         if failures:
             raise failures[0]
 
@@ -114,27 +120,55 @@ class _Stream:
             self._stream.write(self._text.tail)
             self._stream.flush()
 
+    def close(self) -> None:
+        """Leave standard output open."""
+
 
 class _Checkpoints:
+    """A file that is written anew from time to time; its text lies on the disk, if it is long."""
+
     def __init__(self, path: Path, text: RecordText) -> None:
         self._path, self._text = path, text
-        self._pieces: list[str] = []
+        self._body = _new_spool()
         self._unwritten, self._next = False, time.monotonic() + CHECKPOINT_S
 
     def add(self, records: Sequence[Record]) -> None:
         head = self._text.head
         if self._text.prepare(records):
-            self._pieces = [self._text.rewritten(piece, head) for piece in self._pieces]
-        self._pieces += map(self._text.item, records)
+            self._rewrite(head)
+        for record in records:
+            self._body.write(self._text.item(record).encode("utf-8", "backslashreplace"))
         self._unwritten |= bool(records)
         start = time.monotonic()
         if start >= self._next:
-            with suppress(UnwritableFile):  # the disk may no longer be full at the end
+            with suppress(UnwritableFile):  # a full disk may have room again at the end
                 self.finish()
             stop = time.monotonic()
             self._next = stop + max(CHECKPOINT_S, (stop - start) / MAX_WRITING_FRACTION)
 
     def finish(self) -> None:
         if self._unwritten:
-            write_atomic(self._path, "".join([self._text.head, *self._pieces, self._text.tail]))
+            write_atomic(self._path, self._chunks())
             self._unwritten = False
+
+    def close(self) -> None:
+        self._body.close()
+
+    def _chunks(self) -> Iterator[bytes]:
+        yield self._text.head.encode()
+        self._body.seek(0)
+        while chunk := self._body.read(CHUNK_BYTES):
+            yield chunk
+        yield self._text.tail.encode()
+
+    def _rewrite(self, head: str) -> None:
+        """Write the text again, under a new head."""
+        self._body.seek(0)
+        old, self._body = io.TextIOWrapper(self._body, "utf-8", newline=""), _new_spool()
+        with old:
+            for piece in self._text.rewritten(old, head):
+                self._body.write(piece.encode("utf-8", "backslashreplace"))
+
+
+def _new_spool() -> SpooledTemporaryFile[bytes]:
+    return SpooledTemporaryFile(SPOOL_BYTES)

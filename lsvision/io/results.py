@@ -5,8 +5,8 @@ import io
 import json
 import os
 import textwrap
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, TextIO
 
 from lsvision.cylinder.robot_frame import PLACED_COVARIANCE_ORDER
 from lsvision.ellipse.section_table import SECTION_COLUMNS, section_row
@@ -152,9 +152,9 @@ class JsonText:
         text = json.dumps(record, indent=2, allow_nan=False)
         return separator + textwrap.indent(text, "    ")
 
-    def rewritten(self, piece: str, head: str) -> str:  # noqa: ARG002 - there is one head
-        """Return the piece unchanged."""
-        return piece
+    def rewritten(self, text: TextIO, head: str) -> Iterator[str]:  # noqa: ARG002 - there is one head
+        """Yield the text of records unchanged."""
+        yield from text
 
 
 CSV_COLUMNS = ("source", "profile", "cylinder", *SECTION_COLUMNS)
@@ -212,9 +212,11 @@ class CsvText:
         }
         return self._lines([row | attributes for row in rows])
 
-    def rewritten(self, piece: str, head: str) -> str:
-        """Return rows written under another header with the columns of the present one."""
-        return self._lines(list(csv.DictReader(io.StringIO(head + piece, newline=""))))
+    def rewritten(self, text: TextIO, head: str) -> Iterator[str]:
+        """Yield rows written under another header with the columns of the present one."""
+        (columns,) = csv.reader([head])
+        for row in csv.DictReader(text, columns):
+            yield self._lines([row])
 
     @property
     def _columns(self) -> list[str]:

@@ -190,9 +190,8 @@ def test_help_lists_the_formats_that_the_reader_knows():
 
 
 def test_examples_of_the_help_run(run, monkeypatch, tmp_path):
-    monkeypatch.setattr(
-        "lsvision.cli.file_part._draw", lambda *_: None
-    )  # slow, and tested elsewhere
+    # Slow, and tested elsewhere.
+    monkeypatch.setattr("lsvision.cli.file_part._draw", lambda *_: [])
     monkeypatch.chdir(tmp_path)
     (tmp_path / "fixtures").symlink_to(REPOSITORY / "fixtures")
     lines = run("measure", "--help").stdout.splitlines()

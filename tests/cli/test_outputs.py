@@ -110,7 +110,8 @@ def test_files_are_whole_while_results_come(run, written, pipe, tmp_path, monkey
     monkeypatch.setattr(result_files, "MAX_WRITING_FRACTION", 1e9)
     seen = []
 
-    def keep(path, text):
+    def keep(path, chunks):
+        text = b"".join(chunks).decode()
         Path(path).write_text(text)
         if Path(path).suffix == ".json":
             seen.append(len(json.loads(text)["measurements"]))

@@ -176,3 +176,25 @@ def test_attributes_that_are_no_numbers_are_null_in_json(tmp_path, record):
     read = input_record(file, 0)
     assert read["attributes"] == {"time": None, "part": "P7"}
     write_json(tmp_path / "out.json", [record | {"input": read}])
+
+
+@pytest.mark.parametrize("spool", [10, 10**7])
+def test_a_long_file_lies_on_the_disk_and_reads_the_same(tmp_path, monkeypatch, spool):
+    """With a column that comes later, for which all rows are written again."""
+    monkeypatch.setattr("lsvision.io.result_files.SPOOL_BYTES", spool)
+    files = ResultFiles(tmp_path / "o.json", tmp_path / "o.csv")
+    for number in range(3):
+        reading = {"attributes": {"part": f"A{number}"}} if number == 2 else None
+        record = measurement_record(
+            Measurement((), ()), source="a,\n.csv", profile=number, reading=reading, reason="flat"
+        )
+        files.add([record])
+    files.finish()
+    with (tmp_path / "o.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["profile"], row["part"], row["reason"]) for row in rows] == [
+        ("0", "", "flat"), ("1", "", "flat"), ("2", "A2", "flat"),
+    ]  # fmt: skip
+    assert {row["source"] for row in rows} == {"a,\n.csv"}
+    document = json.loads((tmp_path / "o.json").read_text())
+    assert [record["profile"] for record in document["measurements"]] == [0, 1, 2]
