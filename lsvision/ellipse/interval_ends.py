@@ -7,6 +7,7 @@ row is the best circle, the minimum of F on d = 0.
 """
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -27,11 +28,9 @@ from lsvision.ellipse.region_extrema import (
     Region,
     Targets,
 )
-from lsvision.geometry import BoolArray, FloatArray
+from lsvision.geometry import BoolArray, FloatArray, IntArray
 from lsvision.geometry.noisy_points import ComplexArray
 
-FIRST_ROUNDS, ROUNDS = 4, 2
-"""Numbers of Newton steps of the direction u, at the start and in each iteration."""
 SAME_DIRECTION = 0.99
 """Cosine of the angle between two directions above which both lead to the same extremum."""
 MAX_EVALUATIONS = 20
@@ -75,17 +74,6 @@ class EndPoints(NamedTuple):
     reliable: bool
 
 
-class _State(NamedTuple):
-    """State of the iteration: parameters (13, 5), expansion, targets, step factors, flags (13,)."""
-
-    parameters: FloatArray
-    expansion: Expansion
-    targets: Targets
-    reduction: FloatArray
-    wanted: BoolArray
-    active: BoolArray
-
-
 def find_end_points(fit: EllipseFit, ratios: CriticalRatios, wanted: BoolArray) -> EndPoints:
     """Find the extrema of radius, centre, phi and theta over {F <= min F + c}, and the best circle.
 
@@ -99,37 +87,186 @@ def find_end_points(fit: EllipseFit, ratios: CriticalRatios, wanted: BoolArray) 
         Rows to find.
     """
     with np.errstate(all="ignore"):  # steps to parameters without finite cost are rejected
-        region = Region(fit, ratios, expand_cost(fit, fit.parameters[None]))
-        state = _start(region, wanted)
+        search = _Search.start(Region(fit, ratios, expand_cost(fit, fit.parameters[None])), wanted)
         for _ in range(1 + MAX_RESTARTS):
             for _ in range(MAX_EVALUATIONS):
-                if not state.active.any():
+                if not search.rows.size:
                     break
-                state = _advance(region, state)
-            state = _restart_surpassed(region, state)
-            if not state.active.any():
+                search.advance()
+            search.restart_surpassed()
+            if not search.rows.size:
                 break
-    reliable = not state.active.any()
-    return EndPoints(state.parameters, state.wanted, state.targets.circle_ratio, reliable)
+    reliable = not search.rows.size
+    return EndPoints(search.ends, search.wanted, search.targets.circle_ratio, reliable)
 
 
-def _start(region: Region, wanted: BoolArray) -> _State:
-    """Return the initial state: all rows at the estimate, with targets from its expansion."""
-    parameters = np.repeat(region.fit.parameters[None], ROWS, axis=0)
-    expansion = Expansion(*(np.repeat(field, ROWS, axis=0) for field in region.best))
-    angles, kappas = region.search_directions()
-    critical = np.full(ROWS, region.ratios.one)
-    targets = Targets(parameters, angles, kappas, critical, math.inf)
-    rounds = FIRST_ROUNDS if wanted[:DIRECTED].any() else 0
-    targets = region.find_targets(parameters, expansion, targets, rounds)
-    targets.parameters[CIRCLE] = _fit_circle(region.fit)
-    active = wanted.copy()
-    active[CIRCLE] &= region.ratios.may_be_circle
-    for first, second in SECOND_ROWS.items():
-        angle, d = targets.angles[second], targets.parameters[second, 3:]
-        same = math.cos(angle - targets.angles[first]) > SAME_DIRECTION
-        active[second] &= not same and math.cos(angle) * d[0] + math.sin(angle) * d[1] > 0
-    return _State(parameters, expansion, targets, np.ones(ROWS), active, active.copy())
+@dataclass(slots=True)
+class _Search:
+    """Search for the ends.
+
+    ends (13, 5), critical (13,), wanted (13,): what is found, its c, and whether it is needed;
+    rows (k,): the rows that have not converged, with their parameters (k, 5), expansion, targets,
+    lengths of the next step (k,), in radii of the region, and factors on them (k,).
+    """
+
+    region: Region
+    ends: FloatArray
+    critical: FloatArray
+    wanted: BoolArray
+    rows: IntArray
+    parameters: FloatArray
+    expansion: Expansion
+    targets: Targets
+    lengths: FloatArray
+    reduction: FloatArray
+
+    @classmethod
+    def start(cls, region: Region, wanted: BoolArray) -> "_Search":
+        """Start all rows at the estimate, with targets from its expansion."""
+        wanted = wanted.copy()
+        wanted[CIRCLE] &= region.ratios.may_be_circle
+        rows = np.flatnonzero(wanted)
+        ends = np.repeat(region.fit.parameters[None], ROWS, axis=0)
+        critical = np.full(ROWS, region.ratios.one)
+        angles, kappas = np.zeros((2, ROWS))
+        if wanted[:DIRECTED].any():
+            angles[:DIRECTED], kappas[:DIRECTED] = region.search_directions()
+        last = Targets(ends, angles, kappas, critical, math.inf)
+        search = cls(
+            region, ends, critical, wanted, rows, ends[rows], region.best.rows(0 * rows),
+            last.rows(wanted), critical[rows], np.ones(rows.size),
+        )  # fmt: skip
+        search._find_targets()
+        search._drop_equal_second_rows()
+        if wanted[CIRCLE]:
+            search.targets.parameters[-1] = _fit_circle(region.fit)
+        return search
+
+    def advance(self) -> None:
+        """Move the rows, expand F where they are, find their next targets, drop the converged."""
+        region, previous = self.region, self.targets.critical
+        shares = np.minimum(1.0, MAX_STEP / np.maximum(self.lengths, TINY))
+        shares[self.rows == CIRCLE] = 1.0
+        fit, targets = region.fit, self.targets.parameters
+        moved = self._accept(_move(fit, self.parameters, targets, self.reduction * shares))
+        factor = np.where(moved, STEP_GROWTH, STEP_REDUCTION)
+        self.reduction = np.minimum(factor * self.reduction, 1.0)
+        self._find_targets()
+        done = moved & self._is_last_step(previous)
+        if done.any():
+            rows, targets = self.rows[done], self.targets.parameters[done]
+            self.ends[rows] = _move(fit, self.parameters[done], targets, np.ones(len(rows)))
+            self.critical[rows] = self.targets.critical[done]
+            if CIRCLE in rows:
+                self._decide_by_circle()
+            self._keep(~done & self.wanted[self.rows])
+
+    def restart_surpassed(self) -> None:
+        """Restart rows that have not converged, or for which another row found a more extreme value.
+
+        Every end, and the estimate, lies in the regions of all rows whose c is not smaller: such a
+        row restarts from the most extreme of these points.
+        """
+        estimate = self.region.fit.parameters
+        active = np.zeros(ROWS, dtype=bool)
+        active[self.rows] = True
+        self.critical[self.rows] = self.targets.critical
+        candidates, critical = np.vstack([self.ends, estimate]), np.append(self.critical, 0.0)
+        sources = np.append(self.wanted & ~active, True)
+        sources[CIRCLE] = False
+        inside = sources[:, None] & (critical[:, None] < CRITICAL_SLACK * critical[:-1])
+        heights = _heights(candidates, estimate)
+        reached = np.where(inside, heights, -np.inf)
+        ends, of_estimate = heights.diagonal().copy(), heights[ROWS]
+        for first, second in SECOND_ROWS.items():
+            if sources[second]:
+                ends[[first, second]] = ends[[first, second]].max()
+        surpassed = reached.max(axis=0) > ends + SURPASSING_SHARE * np.abs(ends - of_estimate)
+        again = self.wanted & (active | surpassed)
+        again[CIRCLE] = active[CIRCLE]
+        if again.any():
+            self._restart(np.flatnonzero(again), candidates[reached.argmax(axis=0)[again]])
+        else:
+            self._keep(again[self.rows])
+
+    def _restart(self, rows: IntArray, starts: FloatArray) -> None:
+        """Start rows at new parameters (k, 5); only those are active."""
+        d = flattening(starts)
+        kappas = np.array(
+            [
+                abs(d[i]) / starts[i, 2] if row < DIRECTED and IS_PHI[row] else 1.0
+                for i, row in enumerate(rows)
+            ]
+        )
+        self.rows, self.parameters, self.reduction = rows, starts, np.ones(rows.size)
+        self.expansion = expand_cost(self.region.fit, starts)
+        self.targets = Targets(
+            starts, np.angle(d), kappas, self.critical[rows], self.targets.circle_ratio
+        )
+        self._find_targets()
+
+    def _find_targets(self) -> None:
+        self.targets = self.region.find_targets(
+            self.rows, self.parameters, self.expansion, self.targets
+        )
+        steps = self.targets.parameters - self.parameters
+        squares = (apply(self.expansion.information, steps) * steps).sum(axis=1)
+        self.lengths = np.sqrt(np.maximum(squares, 0.0) / self.targets.critical)
+
+    def _drop_equal_second_rows(self) -> None:
+        """Drop second rows that start from the first's direction, or with d opposite to theirs."""
+        rows, targets = self.rows.tolist(), self.targets
+        for first, second in SECOND_ROWS.items():
+            if second in rows:
+                angle, (p, q) = (
+                    targets.angles[rows.index(second)],
+                    targets.parameters[rows.index(second), 3:],
+                )
+                same = (
+                    first in rows
+                    and math.cos(angle - targets.angles[rows.index(first)]) > SAME_DIRECTION
+                )
+                self.wanted[second] = not same and math.cos(angle) * p + math.sin(angle) * q > 0
+        self._keep(self.wanted[self.rows])
+
+    def _accept(self, trial: FloatArray) -> BoolArray:
+        """Move to trial parameters (k, 5) where F is not too large; return which rows moved."""
+        moved = np.hypot(trial[:, 3], trial[:, 4]) < MAX_FLATTENING * trial[:, 2]
+        if moved.any():
+            new = expand_cost(self.region.fit, trial[moved])
+            ratio = new.cost_of_points - self.region.best.cost_of_points[0]
+            near = ratio < MAX_RATIO * self.targets.critical[moved]
+            near |= self.rows[moved] == CIRCLE
+            moved[moved] = near
+            self.parameters[moved] = trial[moved]
+            for field, values in zip(self.expansion, new, strict=True):
+                field[moved] = values[near]
+        return moved
+
+    def _is_last_step(self, previous: FloatArray) -> BoolArray:
+        """Return whether the next step is the last of each row; `previous` is c (k,) one step ago."""
+        critical, circle_ratio = self.targets.critical, self.targets.circle_ratio
+        ratio = self.expansion.cost - self.region.best.cost
+        circle = self.rows == CIRCLE
+        last: BoolArray = self.lengths < STEP_TOLERANCE
+        last &= np.abs(critical - previous) < CRITICAL_TOLERANCE * critical
+        last &= circle | (np.abs(ratio - critical) < RATIO_TOLERANCE * critical)
+        if circle_ratio > FAR_CIRCLE * self.region.ratios.of_circle:
+            last |= circle & (ratio < CIRCLE_PRECISION * circle_ratio)
+        return last
+
+    def _decide_by_circle(self) -> None:
+        """Drop the rows whose interval is decided by the ratio of the best circle."""
+        ratios, circle_ratio = self.region.ratios, self.targets.circle_ratio
+        self.wanted[PHI_LOW] &= circle_ratio > ratios.of_circle
+        self.wanted[[THETA_LOW, THETA_HIGH]] &= not ratios.leaves_theta_open(circle_ratio)
+
+    def _keep(self, chosen: BoolArray) -> None:
+        """Keep only some of the active rows."""
+        if not chosen.all():
+            self.rows, self.parameters = self.rows[chosen], self.parameters[chosen]
+            self.expansion, self.targets = self.expansion.rows(chosen), self.targets.rows(chosen)
+            self.lengths, self.reduction = self.lengths[chosen], self.reduction[chosen]
 
 
 def _fit_circle(fit: EllipseFit) -> FloatArray:
@@ -140,65 +277,6 @@ def _fit_circle(fit: EllipseFit) -> FloatArray:
     rows = np.column_stack([2 * centred, np.ones(len(centred))]) * weights[:, None]
     x, y, power = np.linalg.lstsq(rows, (centred**2).sum(axis=1) * weights)[0]
     return np.array([origin[0] + x, origin[1] + y, math.sqrt(power + x * x + y * y), 0.0, 0.0])
-
-
-def _advance(region: Region, state: _State) -> _State:
-    """Move the active rows, expand F where they are, and find their next targets."""
-    parameters, expansion, targets, reduction, wanted, active = state
-    previous = targets.critical
-    trial = _move(region.fit, parameters, targets.parameters, reduction * _step_shares(state))
-    valid = np.hypot(trial[:, 3], trial[:, 4]) < MAX_FLATTENING * trial[:, 2]
-    rows = np.flatnonzero(active & valid)
-    moved = np.zeros(ROWS, dtype=bool)
-    if rows.size:
-        new = expand_cost(region.fit, trial[rows])
-        limit = np.where(rows == CIRCLE, np.inf, MAX_RATIO * targets.critical[rows])
-        near = new.cost_of_points - region.best.cost_of_points[0] < limit
-        moved[rows[near]] = True
-        expansion = expansion.replaced(rows, new, near)
-        parameters = np.where(moved[:, None], trial, parameters)
-    factor = np.where(moved, STEP_GROWTH, STEP_REDUCTION)
-    reduction = np.minimum(factor * reduction, 1.0)
-    rounds = ROUNDS if active[:DIRECTED].any() else 0
-    targets = region.find_targets(parameters, expansion, targets, rounds)
-    state = _State(parameters, expansion, targets, reduction, wanted.copy(), active)
-    done = active & moved & _is_last_step(region, state, previous)
-    if done[CIRCLE]:
-        state.wanted[PHI_LOW] &= targets.circle_ratio > region.ratios.of_circle
-        state.wanted[[THETA_LOW, THETA_HIGH]] &= not region.ratios.leaves_theta_open(
-            targets.circle_ratio
-        )
-    final = _move(region.fit, parameters, targets.parameters, np.ones(ROWS))
-    return state._replace(
-        parameters=np.where(done[:, None], final, parameters),
-        active=active & state.wanted & ~done,
-    )
-
-
-def _step_lengths(state: _State) -> FloatArray:
-    """Return the steps to the targets in radii of the region, sqrt(delta' A delta / c)."""
-    steps = state.targets.parameters - state.parameters
-    squares = (apply(state.expansion.information, steps) * steps).sum(axis=1)
-    lengths: FloatArray = np.sqrt(np.maximum(squares, 0.0) / state.targets.critical)
-    return lengths
-
-
-def _step_shares(state: _State) -> FloatArray:
-    shares: FloatArray = np.minimum(1.0, MAX_STEP / np.maximum(_step_lengths(state), TINY))
-    shares[CIRCLE] = 1.0
-    return shares
-
-
-def _is_last_step(region: Region, state: _State, previous: FloatArray) -> BoolArray:
-    """Return whether the next step is the last of each row; `previous` is c (13,) one step ago."""
-    critical, ratio = state.targets.critical, state.expansion.cost - region.best.cost
-    last: BoolArray = _step_lengths(state) < STEP_TOLERANCE
-    last &= np.abs(critical - previous) < CRITICAL_TOLERANCE * critical
-    last[:CIRCLE] &= (np.abs(ratio - critical) < RATIO_TOLERANCE * critical)[:CIRCLE]
-    least = state.targets.circle_ratio
-    far = least > FAR_CIRCLE * region.ratios.of_circle
-    last[CIRCLE] |= far and ratio[CIRCLE] < CIRCLE_PRECISION * least
-    return last
 
 
 def _move(
@@ -234,48 +312,6 @@ def _bend(fit: EllipseFit, delta: ComplexArray, step: ComplexArray) -> ComplexAr
     phi = 2 * np.arctan(root) + (step * delta.conj()).real / (kappa * root * (1 + kappa))
     kept: ComplexArray = np.tan(np.clip(phi, 0.0, np.pi / 2) / 2) ** 2 * bent / np.abs(bent)
     return kept
-
-
-def _restart_surpassed(region: Region, state: _State) -> _State:
-    """Restart rows that have not converged, or for which another row found a more extreme value.
-
-    Every end, and the estimate, lies in the regions of all rows whose c is not smaller: such a row
-    restarts from the most extreme of these points.
-    """
-    estimate = region.fit.parameters
-    candidates = np.vstack([state.parameters, estimate])
-    critical = np.append(state.targets.critical, 0.0)
-    sources = np.append(state.wanted & ~state.active, True)
-    sources[CIRCLE] = False
-    inside = sources[:, None] & (critical[:, None] < CRITICAL_SLACK * critical[:-1])
-    heights = _heights(candidates, estimate)
-    reached = np.where(inside, heights, -np.inf)
-    ends, of_estimate = heights.diagonal().copy(), heights[ROWS]
-    for first, second in SECOND_ROWS.items():
-        if sources[second]:
-            ends[[first, second]] = ends[[first, second]].max()
-    surpassed = reached.max(axis=0) > ends + SURPASSING_SHARE * np.abs(ends - of_estimate)
-    again = state.wanted & (state.active | surpassed)
-    again[CIRCLE] = state.active[CIRCLE]
-    return _restart(region, state, again, candidates[reached.argmax(axis=0)])
-
-
-def _restart(region: Region, state: _State, again: BoolArray, starts: FloatArray) -> _State:
-    """Return the state with some rows at new parameters (13, 5); only those are active."""
-    rows = np.flatnonzero(again)
-    if not rows.size:
-        return state
-    parameters = np.where(again[:, None], starts, state.parameters)
-    new = expand_cost(region.fit, parameters[rows])
-    expansion = state.expansion.replaced(rows, new, np.ones(rows.size, dtype=bool))
-    d, directed = flattening(parameters[:DIRECTED]), again[:DIRECTED]
-    kappas = np.abs(d) / parameters[:DIRECTED, 2]
-    last = state.targets._replace(
-        angles=np.where(directed, np.angle(d), state.targets.angles),
-        kappas=np.where(directed & IS_PHI, kappas, state.targets.kappas),
-    )
-    targets = region.find_targets(parameters, expansion, last, ROUNDS)
-    return _State(parameters, expansion, targets, np.ones(ROWS), state.wanted, again)
 
 
 def _heights(parameters: FloatArray, estimate: FloatArray) -> FloatArray:

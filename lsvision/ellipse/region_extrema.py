@@ -12,6 +12,7 @@ direction:
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -21,7 +22,7 @@ from lsvision.ellipse.cost_expansion import Expansion, apply
 from lsvision.ellipse.critical_ratio import CriticalRatios
 from lsvision.ellipse.fit import EllipseFit
 from lsvision.ellipse.parameters import PARAMETERS
-from lsvision.geometry import FloatArray
+from lsvision.geometry import BoolArray, FloatArray, IntArray
 
 RADIUS_LOW, RADIUS_HIGH, PHI_LOW, PHI_HIGH, RADIUS_LOW_2, PHI_HIGH_2 = range(6)
 X_LOW, X_HIGH, Y_LOW, Y_HIGH, THETA_LOW, THETA_HIGH, CIRCLE = range(6, 13)
@@ -29,22 +30,23 @@ DIRECTED, ROWS = 6, 13
 """Number of rows that have a direction u, which come first, and of all rows."""
 SECOND_ROWS = {RADIUS_LOW: RADIUS_LOW_2, PHI_HIGH: PHI_HIGH_2}
 """The smallest radius and the largest phi may have two local extrema, with opposite d."""
-OUTWARD = np.array([1.0, -1.0, -1.0, 1.0, 1.0, 1.0])
+OUTWARD = (1.0, -1.0, -1.0, 1.0, 1.0, 1.0)
 """+1 for the ends of largest h, -1 for those of smallest."""
-IS_PHI = np.array([False, False, True, True, False, True])
-RIDGE_ROWS = {
-    RADIUS_HIGH: np.array([0.0, 0.0, 1.0]),
-    X_LOW: np.array([-1.0, 0.0, 0.0]),
-    X_HIGH: np.array([1.0, 0.0, 0.0]),
-    Y_LOW: np.array([0.0, -1.0, 0.0]),
-    Y_HIGH: np.array([0.0, 1.0, 0.0]),
+IS_PHI = (False, False, True, True, False, True)
+CENTRE_GRADIENTS = {
+    X_LOW: (-1.0, 0.0, 0.0, 0.0, 0.0),
+    X_HIGH: (1.0, 0.0, 0.0, 0.0, 0.0),
+    Y_LOW: (0.0, -1.0, 0.0, 0.0, 0.0),
+    Y_HIGH: (0.0, 1.0, 0.0, 0.0, 0.0),
 }
-"""Rows whose end may be a circle, with their gradient by (x, y, m) there."""
+SIDES = {THETA_LOW: -1.0, THETA_HIGH: 1.0}
 
 SEARCHED_ANGLES, SEARCH_ROUNDS = 48, 3
 """Number of initial directions of d for radius and phi, 7.5 deg apart, and of updates of kappa."""
 MAX_TURN = 0.7
 """Longest Newton step of the direction u. Units: rad."""
+MAX_ROUNDS, CRITICAL_ROUNDS, DIRECTION_TOLERANCE = 4, 3, 2e-3
+"""Largest number of Newton steps of the direction u, and last step of angle and kappa."""
 MAX_TANGENT = 0.98
 """Largest sine of half the angle that the ellipsoid subtends at the circle: a circle inside the
 ellipsoid has no tangent to it."""
@@ -52,13 +54,25 @@ TINY = 1e-300
 
 
 class Targets(NamedTuple):
-    """Targets of a step: parameters (13, 5), angles and kappas (6,), c (13,), min F on d = 0."""
+    """Targets of a step: parameters (k, 5), angles, kappas and c (k,), and min F on d = 0."""
 
     parameters: FloatArray
     angles: FloatArray
     kappas: FloatArray
     critical: FloatArray
     circle_ratio: float
+
+    def rows(self, chosen: BoolArray) -> "Targets":
+        """Return the targets of some rows."""
+        return Targets(*(field[chosen] for field in self[:4]), self.circle_ratio)
+
+
+class Ellipsoid(NamedTuple):
+    """Section (m, p, q) of an ellipsoid: centre, shape (3 rows), squared radius less c."""
+
+    centre: Sequence[float]
+    shape: Sequence[Sequence[float]]
+    excess: float
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -70,32 +84,39 @@ class Region:
     best: Expansion
 
     def find_targets(
-        self, parameters: FloatArray, expansion: Expansion, last: Targets, rounds: int
+        self, rows: IntArray, parameters: FloatArray, expansion: Expansion, last: Targets
     ) -> Targets:
-        """Return the extrema over the ellipsoids of the expansion at each row."""
+        """Return the extrema over the ellipsoids of the expansion at each of k rows."""
         to_centre = apply(expansion.covariance, expansion.gradient)
         centres = parameters - to_centre
-        # Squared radius of each ellipsoid less c.
         excess = self.best.cost - expansion.cost + (expansion.gradient * to_centre).sum(axis=1)
-        directed = slice(0, DIRECTED)
-        angles, kappas, critical = self._find_directions(
-            centres[directed, 2:], expansion.covariance[directed, 2:, 2:], excess[directed], last,
-            rounds,
+        shapes = expansion.covariance[:, 2:, 2:].tolist()
+        ellipsoids = [
+            Ellipsoid(*each)
+            for each in zip(centres[:, 2:].tolist(), shapes, excess.tolist(), strict=True)
+        ]
+        names = rows.tolist()
+        angles, kappas, critical = self._find_directions(names, ellipsoids, last)
+        f, rho = [], []
+        for i, (row, ellipsoid) in enumerate(zip(names, ellipsoids, strict=True)):
+            radius = math.sqrt(max(ellipsoid.excess + critical[i], 0.0))
+            gradient: Sequence[float] = CENTRE_GRADIENTS.get(row, (0.0,) * PARAMETERS)
+            if row < DIRECTED:
+                gradient = (0.0, 0.0, *_directed_gradient(row, angles[i], kappas[i]))
+            elif row in SIDES:
+                normal, radius, contact = _find_tangent(ellipsoid, radius, SIDES[row])
+                critical[i] = self.ratios.of_direction(contact)
+                gradient = (0.0, 0.0, 0.0, *normal)
+            f.append(gradient)
+            rho.append(radius)
+        gradients = np.array(f).reshape(-1, PARAMETERS)
+        Cf = apply(expansion.covariance, gradients)
+        scale = np.array(rho) / np.sqrt(np.maximum((gradients * Cf).sum(axis=1), TINY))
+        targets = Targets(
+            centres + scale[:, None] * Cf, np.array(angles), np.array(kappas), np.array(critical),
+            last.circle_ratio,
         )  # fmt: skip
-        critical = np.concatenate([critical, last.critical[DIRECTED:]])
-        f = np.zeros((ROWS, PARAMETERS))
-        f[:DIRECTED, 2:] = _directed_gradients(angles, kappas)
-        f[[X_LOW, X_HIGH, Y_LOW, Y_HIGH], [0, 0, 1, 1]] = -1, 1, -1, 1
-        rho = np.sqrt(np.maximum(excess + critical, 0.0))
-        for row, side in ((THETA_LOW, -1.0), (THETA_HIGH, 1.0)):
-            shape = expansion.covariance[row, 3:, 3:]
-            f[row, 3:], rho[row], tangent = _find_tangent(centres[row, 3:], shape, rho[row], side)
-            critical[row] = self.ratios.of_direction(tangent)
-        Cf = apply(expansion.covariance, f)
-        scale = rho / np.sqrt(np.maximum((f * Cf).sum(axis=1), TINY))
-        targets = centres + scale[:, None] * Cf
-        circle_ratio = self._put_on_circles(parameters, expansion, critical, targets)
-        return Targets(targets, angles, kappas, critical, circle_ratio)
+        return self._put_on_circles(names, parameters, expansion, ellipsoids, targets)
 
     def search_directions(self) -> tuple[FloatArray, FloatArray]:
         """Return angles and kappas (6,) of the extrema over the ellipsoid at the estimate."""
@@ -103,7 +124,7 @@ class Region:
         shape, critical = self.best.covariance[0, 2:, 2:], self.ratios.one
         turns = np.linspace(0, 2 * np.pi, SEARCHED_ANGLES, endpoint=False)
         u = np.stack([np.ones(SEARCHED_ANGLES), np.cos(turns), np.sin(turns)], axis=1)
-        rows, sign = np.arange(DIRECTED), OUTWARD[:, None]
+        rows, sign = np.arange(DIRECTED), np.array(OUTWARD)[:, None]
         kappas = np.where(IS_PHI, math.hypot(*centre[1:]) / centre[0], 1.0)
         for _ in range(SEARCH_ROUNDS):
             f = u * np.stack([-kappas, np.ones(DIRECTED), np.ones(DIRECTED)], axis=1)[:, None]
@@ -120,87 +141,133 @@ class Region:
         return turns[chosen], kappas
 
     def _find_directions(
-        self,
-        centres: FloatArray,
-        shapes: FloatArray,
-        excess: FloatArray,
-        last: Targets,
-        rounds: int,
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return angles, kappas and c (6,) of the directed rows, from ellipsoids of (m, p, q)."""
-        angles, kappas, critical = last.angles, last.kappas, last.critical[:DIRECTED].copy()
-        for _ in range(rounds):
-            cos, sin = np.cos(angles), np.sin(angles)
-            f = _directed_gradients(angles, kappas)
-            Cf = apply(shapes, f)
-            variance = (f * Cf).sum(axis=1)
-            scale = np.sqrt(np.maximum(excess + critical, 0.0) / variance)
-            m, p, q = (centres + scale[:, None] * Cf).T
-            # At the extremum d has the direction u: no component across it.
-            along, across = cos * p + sin * q, cos * q - sin * p
-            spread = sin * (sin * shapes[:, 1, 1] - 2 * cos * shapes[:, 1, 2])
-            spread += cos * cos * shapes[:, 2, 2]
-            spread -= (cos * Cf[:, 2] - sin * Cf[:, 1]) ** 2 / variance
-            slope = along - OUTWARD * scale * spread
-            turn = np.where(slope > 0, across / slope, np.arctan2(across, along))
-            angles = angles + np.clip(turn, -MAX_TURN, MAX_TURN)
-            kappas = np.where(IS_PHI, np.clip(along / np.maximum(m, TINY), 0.0, 1.0), 1.0)
-            critical[IS_PHI] = self.ratios.of_flattening(kappas[IS_PHI])
+        self, rows: Sequence[int], ellipsoids: Sequence[Ellipsoid], last: Targets
+    ) -> tuple[list[float], list[float], list[float]]:
+        """Return angles, kappas and c (k,); those of rows without a direction are the last ones."""
+        angles, kappas, critical = (field.tolist() for field in last[1:4])
+        directed = [i for i, row in enumerate(rows) if row < DIRECTED]
+        phis = [i for i in directed if IS_PHI[rows[i]]]
+        for _ in range(CRITICAL_ROUNDS):
+            for i in directed:
+                angles[i], kappas[i] = _find_direction(
+                    rows[i], ellipsoids[i], angles[i], kappas[i], critical[i]
+                )
+            before = [critical[i] for i in phis]
+            new = self.ratios.of_flattening(np.array([kappas[i] for i in phis])).tolist()
+            for i, c in zip(phis, new, strict=True):
+                critical[i] = c
+            directed = phis
+            if all(abs(c - b) < 0.003 * c for c, b in zip(new, before, strict=True)):
+                break
         return angles, kappas, critical
 
     def _put_on_circles(
         self,
+        rows: Sequence[int],
         parameters: FloatArray,
         expansion: Expansion,
-        critical: FloatArray,
-        targets: FloatArray,
-    ) -> float:
-        """Replace targets that are circles, and return the smallest F of circles, less min F.
+        ellipsoids: Sequence[Ellipsoid],
+        targets: Targets,
+    ) -> Targets:
+        """Replace targets that are circles, and find the smallest F of circles, less min F.
 
         On d = 0 the radius b = m - |d| has a ridge. The largest radius, and with a known radius any
         extremum on the surface b = const, lies on the ridge if F of the points increases faster
         across it than along m.
         """
-        level = self.best.cost[0] + critical
-        for row, f in RIDGE_ROWS.items():
-            if row != RADIUS_HIGH and self.fit.problem.known_radius is None:
+        best, known = float(self.best.cost[0]), self.fit.problem.known_radius is not None
+        for i, row in enumerate(rows):
+            critical = float(targets.critical[i])
+            if row == RADIUS_HIGH:
+                f = np.array([0.0, 0.0, 1.0])
+            elif known and row in CENTRE_GRADIENTS:
+                f = np.array(CENTRE_GRADIENTS[row][:3])
+            else:
                 continue
-            end, covariance, least = _circle_section(parameters, expansion, row)
-            if least < level[row]:
-                end[:3] += math.sqrt((level[row] - least) / (f @ covariance @ f)) * covariance @ f
-                step = end - parameters[row]
-                slope = expansion.information_of_points[row] @ step
-                slope += expansion.gradient_of_points[row]
-                if math.hypot(slope[3], slope[4]) <= slope[2]:
-                    targets[row] = end
-        if not self.ratios.may_be_circle:
-            return math.inf
-        targets[CIRCLE], _, least = _circle_section(parameters, expansion, CIRCLE)
-        return least - float(self.best.cost[0])
+            if not _contains_circles(ellipsoids[i], critical):
+                continue
+            end, covariance, least = _circle_section(parameters, expansion, i)
+            surplus = max(best + critical - least, 0.0)
+            end[:3] += math.sqrt(surplus / (f @ covariance @ f)) * covariance @ f
+            step = end - parameters[i]
+            slope = expansion.information_of_points[i] @ step + expansion.gradient_of_points[i]
+            if math.hypot(slope[3], slope[4]) <= slope[2]:
+                targets.parameters[i] = end
+        if CIRCLE not in rows:
+            return targets
+        i = rows.index(CIRCLE)
+        targets.parameters[i], _, least = _circle_section(parameters, expansion, i)
+        return targets._replace(circle_ratio=least - best)
 
 
-def _directed_gradients(angles: FloatArray, kappas: FloatArray) -> FloatArray:
-    """Return the gradients of +/- (u . d - kappa m) by (m, p, q), (6, 3)."""
-    gradients: FloatArray = OUTWARD[:, None] * np.stack(
-        [-kappas, np.cos(angles), np.sin(angles)], axis=1
-    )
-    return gradients
+def _directed_gradient(row: int, angle: float, kappa: float) -> tuple[float, float, float]:
+    """Return the gradient of +/- (u . d - kappa m) by (m, p, q)."""
+    sign = OUTWARD[row]
+    return -sign * kappa, sign * math.cos(angle), sign * math.sin(angle)
+
+
+def _find_direction(
+    row: int, ellipsoid: Ellipsoid, angle: float, kappa: float, critical: float
+) -> tuple[float, float]:
+    """Return angle of u and kappa of the extremum, by Newton's method."""
+    centre, (of_m, of_p, of_q), excess = ellipsoid
+    radius = OUTWARD[row] * math.sqrt(max(excess + critical, 0.0))
+    for _ in range(MAX_ROUNDS):
+        cos, sin, last = math.cos(angle), math.sin(angle), kappa
+        Cm = of_m[1] * cos + of_m[2] * sin - of_m[0] * kappa
+        Cp = of_p[1] * cos + of_p[2] * sin - of_p[0] * kappa
+        Cq = of_q[1] * cos + of_q[2] * sin - of_q[0] * kappa
+        variance = max(cos * Cp + sin * Cq - kappa * Cm, TINY)
+        scale = radius / math.sqrt(variance)
+        m, p, q = centre[0] + scale * Cm, centre[1] + scale * Cp, centre[2] + scale * Cq
+        # At the extremum d has the direction u: no component across it.
+        along, across, C_across = cos * p + sin * q, cos * q - sin * p, cos * Cq - sin * Cp
+        spread = sin * (sin * of_p[1] - 2 * cos * of_p[2]) + cos * cos * of_q[2]
+        slope = along - scale * (spread - C_across * C_across / variance)
+        turn = across / slope if slope > 0 else math.atan2(across, along)
+        turn = max(min(turn, MAX_TURN), -MAX_TURN)
+        angle += turn
+        if IS_PHI[row]:
+            kappa = max(min(along / max(m, TINY), 1.0), 0.0)
+        if max(abs(turn), abs(kappa - last)) < DIRECTION_TOLERANCE:
+            break
+    return angle, kappa
 
 
 def _find_tangent(
-    centre: FloatArray, shape: FloatArray, rho: float, side: float
-) -> tuple[FloatArray, float, FloatArray]:
-    """Return normal, radius and point of contact of a tangent from 0 to an ellipse in the plane."""
-    first = math.sqrt(max(shape[0, 0], TINY))
-    mixed = shape[1, 0] / first
-    root = np.array([[first, 0.0], [mixed, math.sqrt(max(shape[1, 1] - mixed * mixed, TINY))]])
-    white = np.linalg.solve(root, centre)
-    distance = max(math.hypot(*white), TINY)
+    ellipsoid: Ellipsoid, rho: float, side: float
+) -> tuple[tuple[float, float], float, complex]:
+    """Return normal, radius and point of contact of a tangent from d = 0 to the ellipse of d."""
+    first, mixed, second = _root(ellipsoid)
+    white = _whitened(ellipsoid)
+    distance = max(abs(white), TINY)
     rho = min(rho, MAX_TANGENT * distance)
     sine = rho / distance
-    turned = side * np.array([-white[1], white[0]])
-    step = sine * (math.sqrt(1 - sine * sine) * turned - sine * white)
-    return np.linalg.solve(root.T, step), rho, root @ (white + step)
+    step = sine * white * complex(-sine, side * math.sqrt(1 - sine * sine))
+    normal_q = step.imag / second
+    contact = white + step
+    end = complex(first * contact.real, mixed * contact.real + second * contact.imag)
+    return ((step.real - mixed * normal_q) / first, normal_q), rho, end
+
+
+def _root(ellipsoid: Ellipsoid) -> tuple[float, float, float]:
+    """Return the Cholesky factor (row by row) of the shape of (p, q)."""
+    _, (_, pp, pq), (_, _, qq) = ellipsoid.shape
+    first = math.sqrt(max(pp, TINY))
+    mixed = pq / first
+    return first, mixed, math.sqrt(max(qq - mixed * mixed, TINY))
+
+
+def _whitened(ellipsoid: Ellipsoid) -> complex:
+    """Return the centre d of an ellipsoid, as seen from d = 0 in sigmas."""
+    first, mixed, second = _root(ellipsoid)
+    p = ellipsoid.centre[1] / first
+    return complex(p, (ellipsoid.centre[2] - mixed * p) / second)
+
+
+def _contains_circles(ellipsoid: Ellipsoid, critical: float) -> bool:
+    distance = abs(_whitened(ellipsoid))
+    return distance * distance < ellipsoid.excess + critical
 
 
 def _circle_section(
@@ -212,4 +279,6 @@ def _circle_section(
     slope = b[:3] + A[:3, 3:] @ d
     step = -covariance @ slope
     least = expansion.cost[row] + 2 * b[3:] @ d + d @ A[3:, 3:] @ d + slope @ step
-    return np.append(parameters[row, :3] + step, [0.0, 0.0]), covariance, float(least)
+    end = np.zeros(PARAMETERS)
+    end[:3] = parameters[row, :3] + step
+    return end, covariance, float(least)
