@@ -17,7 +17,7 @@ from lsvision.ellipse.problem import EllipseProblem
 from lsvision.geometry import BoolArray, FloatArray, IntArray
 from lsvision.geometry.noisy_points import ComplexArray, as_complex
 
-FOOT_TOLERANCE, MAX_FOOT_ITERATIONS = 1e-4, 20
+FOOT_TOLERANCE, MAX_FOOT_ITERATIONS = 3e-3, 20
 """Last Newton step (rad) of the nearest points, which are exact to its square, and most steps."""
 STRAIN_SIGNS = np.array([0.0, 0.0, 1.0, -1.0, -1.0])[:, None]
 """Rotation of the tangent by each parameter, as a multiple of its tangential displacement."""
@@ -45,7 +45,7 @@ class Expansion(NamedTuple):
     gradient_of_points: FloatArray
     information_of_points: FloatArray
 
-    def rows(self, chosen: IntArray | BoolArray) -> "Expansion":
+    def rows(self, chosen: IntArray | BoolArray | int) -> "Expansion":
         """Return the expansion of some rows."""
         return Expansion(*(field[chosen] for field in self))
 

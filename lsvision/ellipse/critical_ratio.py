@@ -21,7 +21,7 @@ from lsvision.geometry import FloatArray
 MAX_SIGMAS, MAX_CURVATURE_RADIUS = 20.0, 1.2
 """Distance of the true d from the circle and smallest radius of curvature of the ring, in sigmas,
 beyond which c is that of a straight line, within 1 %."""
-MIN_RING_POINTS, MAX_RING_POINTS, RING_POINTS_PER_SIGMA = 48, 512, 8
+MIN_RING_POINTS, MAX_RING_POINTS, RING_POINTS_PER_SIGMA = 32, 512, 6
 """Number of points of the integral along the ring: its limits, and per sigma of the semi-axis."""
 MAX_DISTANCE = 5.0
 """Distance in sigmas from the true d beyond which a boundary of the tube has no probability."""

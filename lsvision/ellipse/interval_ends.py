@@ -38,7 +38,7 @@ MAX_EVALUATIONS = 20
 end of the region is too far away to be of use."""
 MAX_RESTARTS = 2
 """Largest number of restarts of rows from a point further out that another row found."""
-STEP_TOLERANCE, RATIO_TOLERANCE, CRITICAL_TOLERANCE = 0.15, 0.06, 0.005
+STEP_TOLERANCE, RATIO_TOLERANCE, CRITICAL_TOLERANCE = 0.25, 0.2, 0.02
 """Limits of convergence: length of the last step in radii of the region; difference of F - min F
 from c, and of c from its last value, as fractions of c. The error of the end is quadratic in them,
 about 0.3 % of the width."""
@@ -138,8 +138,6 @@ class _Search:
         )  # fmt: skip
         search._find_targets()
         search._drop_equal_second_rows()
-        if wanted[CIRCLE]:
-            search.targets.parameters[-1] = _fit_circle(region.fit)
         return search
 
     def advance(self) -> None:
@@ -267,16 +265,6 @@ class _Search:
             self.rows, self.parameters = self.rows[chosen], self.parameters[chosen]
             self.expansion, self.targets = self.expansion.rows(chosen), self.targets.rows(chosen)
             self.lengths, self.reduction = self.lengths[chosen], self.reduction[chosen]
-
-
-def _fit_circle(fit: EllipseFit) -> FloatArray:
-    """Return the parameters (5,) of the algebraic circle of the points."""
-    points, weights = fit.problem.points, 1 / fit.problem.stds
-    origin = points.mean(axis=0)
-    centred = points - origin
-    rows = np.column_stack([2 * centred, np.ones(len(centred))]) * weights[:, None]
-    x, y, power = np.linalg.lstsq(rows, (centred**2).sum(axis=1) * weights)[0]
-    return np.array([origin[0] + x, origin[1] + y, math.sqrt(power + x * x + y * y), 0.0, 0.0])
 
 
 def _move(

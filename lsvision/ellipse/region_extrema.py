@@ -33,20 +33,25 @@ SECOND_ROWS = {RADIUS_LOW: RADIUS_LOW_2, PHI_HIGH: PHI_HIGH_2}
 OUTWARD = (1.0, -1.0, -1.0, 1.0, 1.0, 1.0)
 """+1 for the ends of largest h, -1 for those of smallest."""
 IS_PHI = (False, False, True, True, False, True)
-CENTRE_GRADIENTS = {
-    X_LOW: (-1.0, 0.0, 0.0, 0.0, 0.0),
-    X_HIGH: (1.0, 0.0, 0.0, 0.0, 0.0),
-    Y_LOW: (0.0, -1.0, 0.0, 0.0, 0.0),
-    Y_HIGH: (0.0, 1.0, 0.0, 0.0, 0.0),
+RIDGE_GRADIENTS = {
+    RADIUS_HIGH: (0.0, 0.0, 1.0),
+    X_LOW: (-1.0, 0.0, 0.0),
+    X_HIGH: (1.0, 0.0, 0.0),
+    Y_LOW: (0.0, -1.0, 0.0),
+    Y_HIGH: (0.0, 1.0, 0.0),
 }
+"""Gradients by (x, y, m), on d = 0, of the quantities whose extremum may be a circle: radius, and
+with a known radius those on the surface b = const."""
 SIDES = {THETA_LOW: -1.0, THETA_HIGH: 1.0}
 
-SEARCHED_ANGLES, SEARCH_ROUNDS = 48, 3
-"""Number of initial directions of d for radius and phi, 7.5 deg apart, and of updates of kappa."""
+SEARCHED_ANGLES = 24
+"""Number of initial directions of d for radius and phi, 15 deg apart."""
 MAX_TURN = 0.7
 """Longest Newton step of the direction u. Units: rad."""
-MAX_ROUNDS, CRITICAL_ROUNDS, DIRECTION_TOLERANCE = 4, 3, 2e-3
-"""Largest number of Newton steps of the direction u, and last step of angle and kappa."""
+MAX_ROUNDS, DIRECTION_TOLERANCE = 4, 0.02
+"""Largest number of Newton steps of the direction u, and last step of angle (rad) and kappa."""
+CRITICAL_ROUNDS = 2
+"""Number of updates of c of phi in an iteration."""
 MAX_TANGENT = 0.98
 """Largest sine of half the angle that the ellipsoid subtends at the circle: a circle inside the
 ellipsoid has no tangent to it."""
@@ -97,44 +102,56 @@ class Region:
         ]
         names = rows.tolist()
         angles, kappas, critical = self._find_directions(names, ellipsoids, last)
-        f, rho = [], []
+        f, rho, circle_ratio = [], [], last.circle_ratio
         for i, (row, ellipsoid) in enumerate(zip(names, ellipsoids, strict=True)):
             radius = math.sqrt(max(ellipsoid.excess + critical[i], 0.0))
-            gradient: Sequence[float] = CENTRE_GRADIENTS.get(row, (0.0,) * PARAMETERS)
+            gradient: Sequence[float]
             if row < DIRECTED:
                 gradient = (0.0, 0.0, *_directed_gradient(row, angles[i], kappas[i]))
             elif row in SIDES:
                 normal, radius, contact = _find_tangent(ellipsoid, radius, SIDES[row])
                 critical[i] = self.ratios.of_direction(contact)
                 gradient = (0.0, 0.0, 0.0, *normal)
+            elif row == CIRCLE:
+                white = _whitened(ellipsoid)
+                radius, gradient = abs(white), (0.0, 0.0, 0.0, *_unwhitened(ellipsoid, -white))
+                circle_ratio = radius * radius - ellipsoid.excess
+            else:
+                gradient = (*RIDGE_GRADIENTS[row], 0.0, 0.0)
             f.append(gradient)
             rho.append(radius)
         gradients = np.array(f).reshape(-1, PARAMETERS)
         Cf = apply(expansion.covariance, gradients)
         scale = np.array(rho) / np.sqrt(np.maximum((gradients * Cf).sum(axis=1), TINY))
-        targets = Targets(
-            centres + scale[:, None] * Cf, np.array(angles), np.array(kappas), np.array(critical),
-            last.circle_ratio,
-        )  # fmt: skip
-        return self._put_on_circles(names, parameters, expansion, ellipsoids, targets)
+        targets = centres + scale[:, None] * Cf
+        targets[rows == CIRCLE, 3:] = 0.0
+        ridge_rows = RIDGE_GRADIENTS if self.fit.problem.known_radius else (RADIUS_HIGH,)
+        for i, row in enumerate(names):
+            if row not in ridge_rows:
+                continue
+            surplus = rho[i] ** 2 - abs(_whitened(ellipsoids[i])) ** 2
+            if surplus > 0:
+                end = _circle_extremum(row, ellipsoids[i], centres[i], expansion.rows(i), surplus)
+                step = end - parameters[i]
+                slope = expansion.information_of_points[i] @ step + expansion.gradient_of_points[i]
+                # F of the points increases faster across the ridge than along m.
+                if math.hypot(slope[3], slope[4]) <= slope[2]:
+                    targets[i] = end
+        return Targets(
+            targets, np.array(angles), np.array(kappas), np.array(critical), circle_ratio
+        )
 
     def search_directions(self) -> tuple[FloatArray, FloatArray]:
-        """Return angles and kappas (6,) of the extrema over the ellipsoid at the estimate."""
-        centre = (self.fit.parameters - apply(self.best.covariance, self.best.gradient)[0])[2:]
-        shape, critical = self.best.covariance[0, 2:, 2:], self.ratios.one
-        turns = np.linspace(0, 2 * np.pi, SEARCHED_ANGLES, endpoint=False)
-        u = np.stack([np.ones(SEARCHED_ANGLES), np.cos(turns), np.sin(turns)], axis=1)
-        rows, sign = np.arange(DIRECTED), np.array(OUTWARD)[:, None]
-        kappas = np.where(IS_PHI, math.hypot(*centre[1:]) / centre[0], 1.0)
-        for _ in range(SEARCH_ROUNDS):
-            f = u * np.stack([-kappas, np.ones(DIRECTED), np.ones(DIRECTED)], axis=1)[:, None]
-            Cf = f @ shape
-            std = np.sqrt(critical * (f * Cf).sum(axis=2))
-            height = f @ centre + sign * std
-            chosen = height.argmax(axis=1)
-            ends = centre + (sign * critical / std[rows, chosen][:, None]) * Cf[rows, chosen]
-            along = (u[chosen, 1:] * ends[:, 1:]).sum(axis=1)
-            kappas = np.where(IS_PHI, np.clip(along / np.maximum(ends[:, 0], TINY), 0, 1), 1.0)
+        """Return angles and kappas (6,) near the extrema over the ellipsoid at the estimate."""
+        _, _, m, p, q = self.fit.parameters.tolist()
+        shape, sign = self.best.covariance[0, 2:, 2:], np.array(OUTWARD)[:, None]
+        turns = np.arange(SEARCHED_ANGLES) * (2 * np.pi / SEARCHED_ANGLES)
+        kappas = np.where(IS_PHI, math.hypot(p, q) / m, 1.0)
+        f = np.empty((DIRECTED, SEARCHED_ANGLES, 3))
+        f[:, :, 0], f[:, :, 1], f[:, :, 2] = -kappas[:, None], np.cos(turns), np.sin(turns)
+        std = np.sqrt(self.ratios.one * ((f @ shape) * f).sum(axis=2))
+        height = f @ (m, p, q) + sign * std
+        chosen = height.argmax(axis=1)
         opposite = np.cos(turns - turns[chosen][:, None]) < 0
         second = list(SECOND_ROWS.values())
         chosen[second] = np.where(opposite, height, -np.inf)[second].argmax(axis=1)
@@ -152,52 +169,15 @@ class Region:
                 angles[i], kappas[i] = _find_direction(
                     rows[i], ellipsoids[i], angles[i], kappas[i], critical[i]
                 )
-            before = [critical[i] for i in phis]
+            directed = phis
             new = self.ratios.of_flattening(np.array([kappas[i] for i in phis])).tolist()
             for i, c in zip(phis, new, strict=True):
+                if c == critical[i]:
+                    directed = [each for each in directed if each != i]
                 critical[i] = c
-            directed = phis
-            if all(abs(c - b) < 0.003 * c for c, b in zip(new, before, strict=True)):
+            if not directed:
                 break
         return angles, kappas, critical
-
-    def _put_on_circles(
-        self,
-        rows: Sequence[int],
-        parameters: FloatArray,
-        expansion: Expansion,
-        ellipsoids: Sequence[Ellipsoid],
-        targets: Targets,
-    ) -> Targets:
-        """Replace targets that are circles, and find the smallest F of circles, less min F.
-
-        On d = 0 the radius b = m - |d| has a ridge. The largest radius, and with a known radius any
-        extremum on the surface b = const, lies on the ridge if F of the points increases faster
-        across it than along m.
-        """
-        best, known = float(self.best.cost[0]), self.fit.problem.known_radius is not None
-        for i, row in enumerate(rows):
-            critical = float(targets.critical[i])
-            if row == RADIUS_HIGH:
-                f = np.array([0.0, 0.0, 1.0])
-            elif known and row in CENTRE_GRADIENTS:
-                f = np.array(CENTRE_GRADIENTS[row][:3])
-            else:
-                continue
-            if not _contains_circles(ellipsoids[i], critical):
-                continue
-            end, covariance, least = _circle_section(parameters, expansion, i)
-            surplus = max(best + critical - least, 0.0)
-            end[:3] += math.sqrt(surplus / (f @ covariance @ f)) * covariance @ f
-            step = end - parameters[i]
-            slope = expansion.information_of_points[i] @ step + expansion.gradient_of_points[i]
-            if math.hypot(slope[3], slope[4]) <= slope[2]:
-                targets.parameters[i] = end
-        if CIRCLE not in rows:
-            return targets
-        i = rows.index(CIRCLE)
-        targets.parameters[i], _, least = _circle_section(parameters, expansion, i)
-        return targets._replace(circle_ratio=least - best)
 
 
 def _directed_gradient(row: int, angle: float, kappa: float) -> tuple[float, float, float]:
@@ -244,10 +224,9 @@ def _find_tangent(
     rho = min(rho, MAX_TANGENT * distance)
     sine = rho / distance
     step = sine * white * complex(-sine, side * math.sqrt(1 - sine * sine))
-    normal_q = step.imag / second
     contact = white + step
-    end = complex(first * contact.real, mixed * contact.real + second * contact.imag)
-    return ((step.real - mixed * normal_q) / first, normal_q), rho, end
+    d = complex(first * contact.real, mixed * contact.real + second * contact.imag)
+    return _unwhitened(ellipsoid, step), rho, d
 
 
 def _root(ellipsoid: Ellipsoid) -> tuple[float, float, float]:
@@ -265,20 +244,23 @@ def _whitened(ellipsoid: Ellipsoid) -> complex:
     return complex(p, (ellipsoid.centre[2] - mixed * p) / second)
 
 
-def _contains_circles(ellipsoid: Ellipsoid, critical: float) -> bool:
-    distance = abs(_whitened(ellipsoid))
-    return distance * distance < ellipsoid.excess + critical
+def _unwhitened(ellipsoid: Ellipsoid, direction: complex) -> tuple[float, float]:
+    """Return the gradient by (p, q) of a linear function with a gradient in sigmas."""
+    first, mixed, second = _root(ellipsoid)
+    by_q = direction.imag / second
+    return (direction.real - mixed * by_q) / first, by_q
 
 
-def _circle_section(
-    parameters: FloatArray, expansion: Expansion, row: int
-) -> tuple[FloatArray, FloatArray, float]:
-    """Minimise the expansion at a row on d = 0; return parameters, covariance (x, y, m) and F."""
-    A, b, d = expansion.information[row], expansion.gradient[row], -parameters[row, 3:]
-    covariance = np.linalg.inv(A[:3, :3])
-    slope = b[:3] + A[:3, 3:] @ d
-    step = -covariance @ slope
-    least = expansion.cost[row] + 2 * b[3:] @ d + d @ A[3:, 3:] @ d + slope @ step
-    end = np.zeros(PARAMETERS)
-    end[:3] = parameters[row, :3] + step
-    return end, covariance, float(least)
+def _circle_extremum(
+    row: int, ellipsoid: Ellipsoid, centre: FloatArray, expansion: Expansion, surplus: float
+) -> FloatArray:
+    """Return the extremum on d = 0, where b = m - |d| has a ridge, of radius or centre.
+
+    `expansion` is that of this row alone, and `surplus` the squared radius of the section d = 0.
+    """
+    f = np.array(RIDGE_GRADIENTS[row])
+    covariance = np.linalg.inv(expansion.information[:3, :3])
+    end = centre + expansion.covariance[:, 3:] @ _unwhitened(ellipsoid, -_whitened(ellipsoid))
+    end[:3] += math.sqrt(surplus / (f @ covariance @ f)) * covariance @ f
+    end[3:] = 0.0
+    return end
