@@ -129,14 +129,16 @@ def _nearest_points(
     m, d = parameters[:, 2:3], flattening(parameters)[:, None]
     w = m * offsets - d * offsets.conj()
     w /= np.abs(w)
+    largest = math.inf
     for _ in range(MAX_FOOT_ITERATIONS):
         along, across = m * w, d * w.conj()
         foot, normals = along + across, along - across
         residuals = offsets - foot
+        if largest < FOOT_TOLERANCE:
+            break
         bending = normals.real**2 + normals.imag**2 + (residuals * foot.conj()).real
         turn = (residuals * normals.conj()).imag / bending
-        if np.abs(turn).max() < FOOT_TOLERANCE:
-            break
+        largest = float(np.abs(turn).max())
         w *= 1 + 1j * turn
         w /= np.abs(w)
     steepness = np.abs(normals)

@@ -46,12 +46,12 @@ class CriticalRatios:
         c of one quantity and of both components of d; F quantiles where the noise was estimated.
     m : float
         m of the estimate. Units: mm.
-    deviator : (2,) ndarray
+    deviator : complex
         d of the estimate. Units: mm.
-    semi_axes : (2,) ndarray
+    semi_axes : tuple of float
         Semi-axes in sigmas of the ring |d| = 1 mm, the larger first.
-    axes : (2, 2) ndarray
-        Directions of the semi-axes, in columns.
+    axis : complex
+        Direction of the larger semi-axis.
     prior_share, of_prior : float
         Fraction of the information on d from a prior on phi that includes a circle, and its c.
     may_be_circle : bool
@@ -62,9 +62,9 @@ class CriticalRatios:
     one: float
     two: float
     m: float
-    deviator: FloatArray
-    semi_axes: FloatArray
-    axes: FloatArray
+    deviator: complex
+    semi_axes: tuple[float, float]
+    axis: complex
     prior_share: float
     of_prior: float
     may_be_circle: bool
@@ -85,11 +85,9 @@ class CriticalRatios:
         if known is not None and may_be_circle:
             fraction = min(float(np.trace(covariance)) / (2 * (known.deviator_std * m) ** 2), 1.0)
             of_prior = known.max_likelihood_ratio(level)
-        semi_axes = 1 / np.sqrt(np.maximum(variances, TINY))
-        return cls(
-            level, one, two, m, fit.parameters[3:], semi_axes, axes, fraction, of_prior,
-            may_be_circle,
-        )  # fmt: skip
+        a, b = (1 / math.sqrt(max(variance, TINY)) for variance in variances.tolist())
+        deviator, axis = complex(*fit.parameters[3:].tolist()), complex(*axes[:, 0].tolist())
+        return cls(level, one, two, m, deviator, (a, b), axis, fraction, of_prior, may_be_circle)
 
     @property
     def of_circle(self) -> float:
@@ -100,20 +98,22 @@ class CriticalRatios:
         """Return whether a circle with this ratio is possible: theta's interval is then (0, pi)."""
         return self.may_be_circle and circle_ratio <= self.two
 
-    def of_flattening(self, kappas: FloatArray) -> FloatArray:
-        """Return c of phi for h / m (k,) and a true d in the direction of the estimate."""
-        direction, (a, b) = self._in_sigmas(complex(*self.deviator.tolist())), self.semi_axes
-        h = kappas * self.m
-        near = (h * b * b < MAX_CURVATURE_RADIUS * a) & (h * abs(direction) < MAX_SIGMAS)
-        critical = np.full(len(h), self.one)
-        if near.any():
-            tubes = self._ring_tube(h[near], direction).tolist()
-            critical[near] = [self._interpolate(_share_of_two(self.level, tube)) for tube in tubes]
-        return critical + self.prior_share * np.maximum(self.of_prior - critical, 0.0)
+    def of_flattening(self, kappas: Sequence[float]) -> list[float]:
+        """Return c of phi for values of h / m and a true d in the direction of the estimate."""
+        direction, (a, b) = self._in_sigmas(self.deviator), self.semi_axes
+        reach = min(MAX_CURVATURE_RADIUS * a / (b * b), MAX_SIGMAS / abs(direction)) / self.m
+        ratios = dict.fromkeys(kappas, self.one)
+        near = [kappa for kappa in ratios if kappa < reach]
+        if near:
+            tubes = self._ring_tube(self.m * np.array(near), direction).tolist()
+            shares = [_share_of_two(self.level, tube) for tube in tubes]
+            ratios.update(zip(near, map(self._interpolate, shares), strict=True))
+        of_prior, share = self.of_prior, self.prior_share
+        return [ratios[kappa] + share * max(of_prior - ratios[kappa], 0.0) for kappa in kappas]
 
     def of_direction(self, deviator: complex) -> float:
         """Return c of theta for a direction of d and a true d of the estimate's length."""
-        distance = math.hypot(*self.deviator.tolist()) * abs(self._in_sigmas(deviator))
+        distance = abs(self.deviator) * abs(self._in_sigmas(deviator))
         share = np.interp(distance, END_SIGMAS, _half_line_shares(self.level))
         return self._interpolate(float(share))
 
@@ -125,8 +125,9 @@ class CriticalRatios:
 
         The zero vector gives the first axis.
         """
-        (a, b), (x, y) = self.semi_axes.tolist(), self.axes[:, 0].tolist()
-        unit = direction / abs(direction) * complex(x, -y) if direction else 1.0 + 0.0j
+        (a, b), unit = self.semi_axes, 1.0 + 0.0j
+        if direction:
+            unit = direction / abs(direction) * self.axis.conjugate()
         return complex(a * unit.real, b * unit.imag)
 
     def _ring_tube(self, h: FloatArray, direction: complex) -> FloatArray:
@@ -137,7 +138,7 @@ class CriticalRatios:
         parallel curves of the ring, an ellipse. Where the inner one crosses the major axis the tube
         has no hole; the boundary is then put on the axis, where both sides cancel.
         """
-        a, b = self.semi_axes.tolist()
+        a, b = self.semi_axes
         count = RING_POINTS_PER_SIGMA * a * float(h.max())
         count = int(min(max(count, MIN_RING_POINTS), MAX_RING_POINTS))
         widths = np.sqrt(_chi2_quantiles(self.level))

@@ -18,8 +18,8 @@ from lsvision.ellipse.fit import EllipseFit
 from lsvision.ellipse.region_extrema import (
     CIRCLE,
     DIRECTED,
-    IS_PHI,
     PHI_LOW,
+    PHI_ROWS,
     ROWS,
     SECOND_ROWS,
     THETA_HIGH,
@@ -33,11 +33,10 @@ from lsvision.geometry.noisy_points import ComplexArray
 
 SAME_DIRECTION = 0.99
 """Cosine of the angle between two directions above which both lead to the same extremum."""
-MAX_EVALUATIONS = 20
-"""Largest number of iterations. One to three suffice on an arc over 90 deg; where 20 do not, the
-end of the region is too far away to be of use."""
-MAX_RESTARTS = 2
-"""Largest number of restarts of rows from a point further out that another row found."""
+MAX_EVALUATIONS = 20, 4, 4
+"""Largest numbers of iterations: from the estimate, and after each restart of rows from a point
+further out that another row found. One or two suffice on an arc over 90 deg; where all these do
+not, the end of the region is too far away to be of use."""
 STEP_TOLERANCE, RATIO_TOLERANCE, CRITICAL_TOLERANCE = 0.25, 0.2, 0.02
 """Limits of convergence: length of the last step in radii of the region; difference of F - min F
 from c, and of c from its last value, as fractions of c. The error of the end is quadratic in them,
@@ -88,8 +87,8 @@ def find_end_points(fit: EllipseFit, ratios: CriticalRatios, wanted: BoolArray) 
     """
     with np.errstate(all="ignore"):  # steps to parameters without finite cost are rejected
         search = _Search.start(Region(fit, ratios, expand_cost(fit, fit.parameters[None])), wanted)
-        for _ in range(1 + MAX_RESTARTS):
-            for _ in range(MAX_EVALUATIONS):
+        for most in MAX_EVALUATIONS:
+            for _ in range(most):
                 if not search.rows.size:
                     break
                 search.advance()
@@ -137,7 +136,7 @@ class _Search:
             last.rows(wanted), critical[rows], np.ones(rows.size),
         )  # fmt: skip
         search._find_targets()
-        search._drop_equal_second_rows()
+        search._drop_second_rows()
         return search
 
     def advance(self) -> None:
@@ -160,7 +159,7 @@ class _Search:
             self._keep(~done & self.wanted[self.rows])
 
     def restart_surpassed(self) -> None:
-        """Restart rows that have not converged, or for which another row found a more extreme value.
+        """Restart rows that have not converged, or where another row has a more extreme value.
 
         Every end, and the estimate, lies in the regions of all rows whose c is not smaller: such a
         row restarts from the most extreme of these points.
@@ -169,7 +168,8 @@ class _Search:
         active = np.zeros(ROWS, dtype=bool)
         active[self.rows] = True
         self.critical[self.rows] = self.targets.critical
-        candidates, critical = np.vstack([self.ends, estimate]), np.append(self.critical, 0.0)
+        candidates = np.concatenate([self.ends, estimate[None]])
+        critical = np.append(self.critical, 0.0)
         sources = np.append(self.wanted & ~active, True)
         sources[CIRCLE] = False
         inside = sources[:, None] & (critical[:, None] < CRITICAL_SLACK * critical[:-1])
@@ -184,23 +184,15 @@ class _Search:
         again[CIRCLE] = active[CIRCLE]
         if again.any():
             self._restart(np.flatnonzero(again), candidates[reached.argmax(axis=0)[again]])
-        else:
-            self._keep(again[self.rows])
 
     def _restart(self, rows: IntArray, starts: FloatArray) -> None:
         """Start rows at new parameters (k, 5); only those are active."""
         d = flattening(starts)
-        kappas = np.array(
-            [
-                abs(d[i]) / starts[i, 2] if row < DIRECTED and IS_PHI[row] else 1.0
-                for i, row in enumerate(rows)
-            ]
-        )
+        kappas = np.where(np.isin(rows, PHI_ROWS), np.abs(d) / starts[:, 2], 1.0)
         self.rows, self.parameters, self.reduction = rows, starts, np.ones(rows.size)
         self.expansion = expand_cost(self.region.fit, starts)
-        self.targets = Targets(
-            starts, np.angle(d), kappas, self.critical[rows], self.targets.circle_ratio
-        )
+        circle_ratio = self.targets.circle_ratio
+        self.targets = Targets(starts, np.angle(d), kappas, self.critical[rows], circle_ratio)
         self._find_targets()
 
     def _find_targets(self) -> None:
@@ -211,20 +203,16 @@ class _Search:
         squares = (apply(self.expansion.information, steps) * steps).sum(axis=1)
         self.lengths = np.sqrt(np.maximum(squares, 0.0) / self.targets.critical)
 
-    def _drop_equal_second_rows(self) -> None:
-        """Drop second rows that start from the first's direction, or with d opposite to theirs."""
-        rows, targets = self.rows.tolist(), self.targets
+    def _drop_second_rows(self) -> None:
+        """Drop second rows that start in the first's direction, or with d opposite to theirs."""
+        places = {row: i for i, row in enumerate(self.rows.tolist())}
         for first, second in SECOND_ROWS.items():
-            if second in rows:
-                angle, (p, q) = (
-                    targets.angles[rows.index(second)],
-                    targets.parameters[rows.index(second), 3:],
-                )
-                same = (
-                    first in rows
-                    and math.cos(angle - targets.angles[rows.index(first)]) > SAME_DIRECTION
-                )
-                self.wanted[second] = not same and math.cos(angle) * p + math.sin(angle) * q > 0
+            if self.wanted[second]:
+                i, angles = places[second], self.targets.angles
+                cos, sin = math.cos(angles[i]), math.sin(angles[i])
+                _, _, _, p, q = self.targets.parameters[i].tolist()
+                same = math.cos(angles[i] - angles[places[first]]) > SAME_DIRECTION
+                self.wanted[second] = not same and cos * p + sin * q > 0
         self._keep(self.wanted[self.rows])
 
     def _accept(self, trial: FloatArray) -> BoolArray:
@@ -242,7 +230,7 @@ class _Search:
         return moved
 
     def _is_last_step(self, previous: FloatArray) -> BoolArray:
-        """Return whether the next step is the last of each row; `previous` is c (k,) one step ago."""
+        """Return whether the next step of each row is its last; `previous` is c one step ago."""
         critical, circle_ratio = self.targets.critical, self.targets.circle_ratio
         ratio = self.expansion.cost - self.region.best.cost
         circle = self.rows == CIRCLE
@@ -279,7 +267,7 @@ def _move(
     m, d, dm, dd = parameters[:, 2], flattening(parameters), steps[:, 2], flattening(steps)
     bent = _bend(fit, d / m, (dd - d * dm / m) / m)
     bent[~targets[:, 3:].any(axis=1) & (shares == 1)] = 0.0
-    new_m = m * np.exp(np.clip(dm / m, -MAX_LOG_STEP, MAX_LOG_STEP))
+    new_m = m * np.exp(np.minimum(np.maximum(dm / m, -MAX_LOG_STEP), MAX_LOG_STEP))
     if fit.problem.known_radius is not None:
         u = np.where(d == 0, 1.0, d / np.abs(d))
         new_m = (m - np.abs(d) + dm - (dd * u.conj()).real) / (1 - np.abs(bent))
@@ -287,7 +275,7 @@ def _move(
     new_d = new_m * bent
     centre = (parameters[:, :2] + steps[:, :2]) @ (1, 1j)
     centre += (m + dm - new_m) * w + (d + dd - new_d) * w.conjugate()
-    return np.stack([centre.real, centre.imag, new_m, new_d.real, new_d.imag], axis=1)
+    return np.array([centre.real, centre.imag, new_m, new_d.real, new_d.imag]).T
 
 
 def _bend(fit: EllipseFit, delta: ComplexArray, step: ComplexArray) -> ComplexArray:
@@ -309,7 +297,7 @@ def _heights(parameters: FloatArray, estimate: FloatArray) -> FloatArray:
     h = np.abs(d)
     turn = np.angle(d * complex(*estimate[3:].tolist()).conjugate())
     b, kappa = m - h, h / m
-    return np.stack([-b, b, -kappa, kappa, -b, kappa, -x, x, -y, y, -turn, turn, 0 * m], axis=1)
+    return np.array([-b, b, -kappa, kappa, -b, kappa, -x, x, -y, y, -turn, turn, 0 * m]).T
 
 
 def _arc_middle(fit: EllipseFit) -> complex:

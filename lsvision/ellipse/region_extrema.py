@@ -32,7 +32,7 @@ SECOND_ROWS = {RADIUS_LOW: RADIUS_LOW_2, PHI_HIGH: PHI_HIGH_2}
 """The smallest radius and the largest phi may have two local extrema, with opposite d."""
 OUTWARD = (1.0, -1.0, -1.0, 1.0, 1.0, 1.0)
 """+1 for the ends of largest h, -1 for those of smallest."""
-IS_PHI = (False, False, True, True, False, True)
+PHI_ROWS = (PHI_LOW, PHI_HIGH, PHI_HIGH_2)
 RIDGE_GRADIENTS = {
     RADIUS_HIGH: (0.0, 0.0, 1.0),
     X_LOW: (-1.0, 0.0, 0.0),
@@ -58,6 +58,9 @@ ellipsoid has no tangent to it."""
 TINY = 1e-300
 
 
+Gradient = tuple[float, float]
+
+
 class Targets(NamedTuple):
     """Targets of a step: parameters (k, 5), angles, kappas and c (k,), and min F on d = 0."""
 
@@ -69,7 +72,8 @@ class Targets(NamedTuple):
 
     def rows(self, chosen: BoolArray) -> "Targets":
         """Return the targets of some rows."""
-        return Targets(*(field[chosen] for field in self[:4]), self.circle_ratio)
+        first, angles, kappas, critical = (field[chosen] for field in self[:4])
+        return Targets(first, angles, kappas, critical, self.circle_ratio)
 
 
 class Ellipsoid(NamedTuple):
@@ -78,6 +82,36 @@ class Ellipsoid(NamedTuple):
     centre: Sequence[float]
     shape: Sequence[Sequence[float]]
     excess: float
+
+    def to_circle(self) -> tuple[Gradient, float]:
+        """Return the gradient by (p, q) whose extremum is a circle, and its distance in sigmas."""
+        white = self._root_and_centre()[1]
+        return self._gradient(-white), abs(white)
+
+    def find_tangent(self, rho: float, side: float) -> tuple[Gradient, float, complex]:
+        """Return normal, radius and point of contact of a tangent from d = 0 to the ellipse."""
+        (first, mixed, second), white = self._root_and_centre()
+        distance = max(abs(white), TINY)
+        rho = min(rho, MAX_TANGENT * distance)
+        sine = rho / distance
+        step = sine * white * complex(-sine, side * math.sqrt(1 - sine * sine))
+        contact = white + step
+        d = complex(first * contact.real, mixed * contact.real + second * contact.imag)
+        return self._gradient(step), rho, d
+
+    def _root_and_centre(self) -> tuple[tuple[float, float, float], complex]:
+        """Return the Cholesky factor of the shape of d by rows, and d of the centre in sigmas."""
+        (_, p, q), (_, (_, pp, pq), (_, _, qq)), _ = self
+        first = math.sqrt(max(pp, TINY))
+        mixed = pq / first
+        second = math.sqrt(max(qq - mixed * mixed, TINY))
+        return (first, mixed, second), complex(p / first, (q - mixed * p / first) / second)
+
+    def _gradient(self, direction: complex) -> Gradient:
+        """Return the gradient by (p, q) of a linear function from that in sigmas."""
+        first, mixed, second = self._root_and_centre()[0]
+        by_q = direction.imag / second
+        return (direction.real - mixed * by_q) / first, by_q
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -102,51 +136,70 @@ class Region:
         ]
         names = rows.tolist()
         angles, kappas, critical = self._find_directions(names, ellipsoids, last)
-        f, rho, circle_ratio = [], [], last.circle_ratio
+        f, rho = np.zeros((len(names), PARAMETERS)), [0.0] * len(names)
         for i, (row, ellipsoid) in enumerate(zip(names, ellipsoids, strict=True)):
-            radius = math.sqrt(max(ellipsoid.excess + critical[i], 0.0))
-            gradient: Sequence[float]
+            rho[i] = math.sqrt(max(ellipsoid.excess + critical[i], 0.0))
             if row < DIRECTED:
-                gradient = (0.0, 0.0, *_directed_gradient(row, angles[i], kappas[i]))
-            elif row in SIDES:
-                normal, radius, contact = _find_tangent(ellipsoid, radius, SIDES[row])
-                critical[i] = self.ratios.of_direction(contact)
-                gradient = (0.0, 0.0, 0.0, *normal)
+                f[i, 2:] = _directed_gradient(row, angles[i], kappas[i])
+            elif row in RIDGE_GRADIENTS:
+                f[i, :3] = RIDGE_GRADIENTS[row]
             elif row == CIRCLE:
-                white = _whitened(ellipsoid)
-                radius, gradient = abs(white), (0.0, 0.0, 0.0, *_unwhitened(ellipsoid, -white))
-                circle_ratio = radius * radius - ellipsoid.excess
+                f[i, 3:], rho[i] = ellipsoid.to_circle()
             else:
-                gradient = (*RIDGE_GRADIENTS[row], 0.0, 0.0)
-            f.append(gradient)
-            rho.append(radius)
-        gradients = np.array(f).reshape(-1, PARAMETERS)
-        Cf = apply(expansion.covariance, gradients)
-        scale = np.array(rho) / np.sqrt(np.maximum((gradients * Cf).sum(axis=1), TINY))
-        targets = centres + scale[:, None] * Cf
-        targets[rows == CIRCLE, 3:] = 0.0
+                f[i, 3:], rho[i], contact = ellipsoid.find_tangent(rho[i], SIDES[row])
+                critical[i] = self.ratios.of_direction(contact)
+        Cf = apply(expansion.covariance, f)
+        scale = np.array(rho) / np.sqrt(np.maximum((f * Cf).sum(axis=1), TINY))
+        ends = centres + scale[:, None] * Cf
+        circle_ratio = last.circle_ratio
+        if CIRCLE in names:
+            i = names.index(CIRCLE)
+            ends[i, 3:], circle_ratio = 0.0, rho[i] ** 2 - ellipsoids[i].excess
+        sections = list(zip(ellipsoids, rho, strict=True))
+        self._put_on_circles(names, ends, parameters, expansion, sections)
+        return Targets(ends, np.array(angles), np.array(kappas), np.array(critical), circle_ratio)
+
+    def _put_on_circles(
+        self,
+        rows: Sequence[int],
+        ends: FloatArray,
+        parameters: FloatArray,
+        expansion: Expansion,
+        sections: Sequence[tuple[Ellipsoid, float]],
+    ) -> None:
+        """Replace ends that are circles.
+
+        On d = 0 the radius b = m - |d| has a ridge. The largest radius, and with a known radius any
+        extremum on the surface b = const, lies on the ridge if F of the points increases faster
+        across it than along m.
+        """
         ridge_rows = RIDGE_GRADIENTS if self.fit.problem.known_radius else (RADIUS_HIGH,)
-        for i, row in enumerate(names):
+        for i, (row, (ellipsoid, rho)) in enumerate(zip(rows, sections, strict=True)):
             if row not in ridge_rows:
                 continue
-            surplus = rho[i] ** 2 - abs(_whitened(ellipsoids[i])) ** 2
-            if surplus > 0:
-                end = _circle_extremum(row, ellipsoids[i], centres[i], expansion.rows(i), surplus)
-                step = end - parameters[i]
-                slope = expansion.information_of_points[i] @ step + expansion.gradient_of_points[i]
-                # F of the points increases faster across the ridge than along m.
+            to_circle, distance = ellipsoid.to_circle()
+            if rho > distance:
+                f, covariance = (
+                    RIDGE_GRADIENTS[row],
+                    np.linalg.inv(expansion.information[i, :3, :3]),
+                )
+                Cf = covariance @ f
+                end = parameters[i] - expansion.covariance[i] @ expansion.gradient[i]
+                end += expansion.covariance[i, :, 3:] @ to_circle
+                end[:3] += math.sqrt((rho * rho - distance * distance) / (f @ Cf)) * Cf
+                end[3:] = 0.0
+                slope = expansion.information_of_points[i] @ (end - parameters[i])
+                slope += expansion.gradient_of_points[i]
                 if math.hypot(slope[3], slope[4]) <= slope[2]:
-                    targets[i] = end
-        return Targets(
-            targets, np.array(angles), np.array(kappas), np.array(critical), circle_ratio
-        )
+                    ends[i] = end
 
     def search_directions(self) -> tuple[FloatArray, FloatArray]:
         """Return angles and kappas (6,) near the extrema over the ellipsoid at the estimate."""
         _, _, m, p, q = self.fit.parameters.tolist()
         shape, sign = self.best.covariance[0, 2:, 2:], np.array(OUTWARD)[:, None]
         turns = np.arange(SEARCHED_ANGLES) * (2 * np.pi / SEARCHED_ANGLES)
-        kappas = np.where(IS_PHI, math.hypot(p, q) / m, 1.0)
+        kappas = np.ones(DIRECTED)
+        kappas[list(PHI_ROWS)] = math.hypot(p, q) / m
         f = np.empty((DIRECTED, SEARCHED_ANGLES, 3))
         f[:, :, 0], f[:, :, 1], f[:, :, 2] = -kappas[:, None], np.cos(turns), np.sin(turns)
         std = np.sqrt(self.ratios.one * ((f @ shape) * f).sum(axis=2))
@@ -163,14 +216,14 @@ class Region:
         """Return angles, kappas and c (k,); those of rows without a direction are the last ones."""
         angles, kappas, critical = (field.tolist() for field in last[1:4])
         directed = [i for i, row in enumerate(rows) if row < DIRECTED]
-        phis = [i for i in directed if IS_PHI[rows[i]]]
+        phis = [i for i in directed if rows[i] in PHI_ROWS]
         for _ in range(CRITICAL_ROUNDS):
             for i in directed:
                 angles[i], kappas[i] = _find_direction(
                     rows[i], ellipsoids[i], angles[i], kappas[i], critical[i]
                 )
             directed = phis
-            new = self.ratios.of_flattening(np.array([kappas[i] for i in phis])).tolist()
+            new = self.ratios.of_flattening([kappas[i] for i in phis])
             for i, c in zip(phis, new, strict=True):
                 if c == critical[i]:
                     directed = [each for each in directed if each != i]
@@ -207,60 +260,8 @@ def _find_direction(
         turn = across / slope if slope > 0 else math.atan2(across, along)
         turn = max(min(turn, MAX_TURN), -MAX_TURN)
         angle += turn
-        if IS_PHI[row]:
+        if row in PHI_ROWS:
             kappa = max(min(along / max(m, TINY), 1.0), 0.0)
         if max(abs(turn), abs(kappa - last)) < DIRECTION_TOLERANCE:
             break
     return angle, kappa
-
-
-def _find_tangent(
-    ellipsoid: Ellipsoid, rho: float, side: float
-) -> tuple[tuple[float, float], float, complex]:
-    """Return normal, radius and point of contact of a tangent from d = 0 to the ellipse of d."""
-    first, mixed, second = _root(ellipsoid)
-    white = _whitened(ellipsoid)
-    distance = max(abs(white), TINY)
-    rho = min(rho, MAX_TANGENT * distance)
-    sine = rho / distance
-    step = sine * white * complex(-sine, side * math.sqrt(1 - sine * sine))
-    contact = white + step
-    d = complex(first * contact.real, mixed * contact.real + second * contact.imag)
-    return _unwhitened(ellipsoid, step), rho, d
-
-
-def _root(ellipsoid: Ellipsoid) -> tuple[float, float, float]:
-    """Return the Cholesky factor (row by row) of the shape of (p, q)."""
-    _, (_, pp, pq), (_, _, qq) = ellipsoid.shape
-    first = math.sqrt(max(pp, TINY))
-    mixed = pq / first
-    return first, mixed, math.sqrt(max(qq - mixed * mixed, TINY))
-
-
-def _whitened(ellipsoid: Ellipsoid) -> complex:
-    """Return the centre d of an ellipsoid, as seen from d = 0 in sigmas."""
-    first, mixed, second = _root(ellipsoid)
-    p = ellipsoid.centre[1] / first
-    return complex(p, (ellipsoid.centre[2] - mixed * p) / second)
-
-
-def _unwhitened(ellipsoid: Ellipsoid, direction: complex) -> tuple[float, float]:
-    """Return the gradient by (p, q) of a linear function with a gradient in sigmas."""
-    first, mixed, second = _root(ellipsoid)
-    by_q = direction.imag / second
-    return (direction.real - mixed * by_q) / first, by_q
-
-
-def _circle_extremum(
-    row: int, ellipsoid: Ellipsoid, centre: FloatArray, expansion: Expansion, surplus: float
-) -> FloatArray:
-    """Return the extremum on d = 0, where b = m - |d| has a ridge, of radius or centre.
-
-    `expansion` is that of this row alone, and `surplus` the squared radius of the section d = 0.
-    """
-    f = np.array(RIDGE_GRADIENTS[row])
-    covariance = np.linalg.inv(expansion.information[:3, :3])
-    end = centre + expansion.covariance[:, 3:] @ _unwhitened(ellipsoid, -_whitened(ellipsoid))
-    end[:3] += math.sqrt(surplus / (f @ covariance @ f)) * covariance @ f
-    end[3:] = 0.0
-    return end

@@ -111,13 +111,13 @@ def test_every_end_lies_on_the_boundary_of_its_region(name, rng):
     h = np.hypot(*ends.parameters[:, 3:].T)
     for row in (2, 3):
         if ends.wanted[row]:
-            kappa = h[row : row + 1] / ends.parameters[row, 2]
+            kappa = h[row] / ends.parameters[row, 2]
             ratio = cost_of_raw(fit, raw(ends.parameters[row])) - least
-            assert ratio == pytest.approx(float(ratios.of_flattening(kappa)[0]), rel=0.02)
+            assert ratio == pytest.approx(ratios.of_flattening([kappa])[0], rel=0.02)
     for row in (10, 11):
         if ends.wanted[row]:
             ratio = cost_of_raw(fit, raw(ends.parameters[row])) - least
-            expected = ratios.of_direction(ends.parameters[row, 3:])
+            expected = ratios.of_direction(complex(*ends.parameters[row, 3:]))
             assert ratio == pytest.approx(expected, rel=0.02)
 
 
@@ -134,7 +134,7 @@ def test_the_ends_of_phi_follow_their_critical_ratio_near_a_circle(level, rng):
         for row in (region_extrema.PHI_LOW, region_extrema.PHI_HIGH):
             if ends.wanted[row]:
                 m, p, q = ends.parameters[row, 2:]
-                (critical,) = ratios.of_flattening(np.array([math.hypot(p, q) / m]))
+                (critical,) = ratios.of_flattening([math.hypot(p, q) / m])
                 ratio = cost_of_raw(fit, raw(ends.parameters[row])) - least
                 assert ratio == pytest.approx(critical, rel=0.004)
 
@@ -216,7 +216,7 @@ def two_lobes():
     return fit_ellipse(points, truth, SENSOR.covariances(points))
 
 
-TWO_LOBES_SEED, TWO_LOBES_LEVEL = 514012, 0.999
+TWO_LOBES_SEED, TWO_LOBES_LEVEL = 700014, 0.999
 
 
 def test_no_end_is_further_out_for_another_quantity_than_its_own():
@@ -225,7 +225,7 @@ def test_no_end_is_further_out_for_another_quantity_than_its_own():
     assert ends.reliable
     rows = np.flatnonzero(ends.wanted & (np.arange(13) != region_extrema.CIRCLE))
     phis = np.hypot(*ends.parameters[rows, 3:].T) / ends.parameters[rows, 2]
-    own = np.hypot(*ends.parameters[3, 3:]) / ends.parameters[3, 2]
+    own = phis[np.isin(rows, [region_extrema.PHI_HIGH, region_extrema.PHI_HIGH_2])].max()
     assert phis.max() <= own * 1.001
 
 
