@@ -44,8 +44,10 @@ RIDGE_GRADIENTS = {
 with a known radius those on the surface b = const."""
 SIDES = {THETA_LOW: -1.0, THETA_HIGH: 1.0}
 
-SEARCHED_ANGLES = 24
-"""Number of initial directions of d for radius and phi, 15 deg apart."""
+SEARCHED_ANGLES = np.radians(np.arange(0.0, 360.0, 15.0))
+"""Initial directions of d for radius and phi. Units: rad."""
+SEARCHED = np.stack([0 * SEARCHED_ANGLES, np.cos(SEARCHED_ANGLES), np.sin(SEARCHED_ANGLES)], axis=1)
+"""The same as gradients by (m, p, q)."""
 MAX_TURN = 0.7
 """Longest Newton step of the direction u. Units: rad."""
 MAX_ROUNDS, DIRECTION_TOLERANCE = 4, 0.02
@@ -197,18 +199,17 @@ class Region:
         """Return angles and kappas (6,) near the extrema over the ellipsoid at the estimate."""
         _, _, m, p, q = self.fit.parameters.tolist()
         shape, sign = self.best.covariance[0, 2:, 2:], np.array(OUTWARD)[:, None]
-        turns = np.arange(SEARCHED_ANGLES) * (2 * np.pi / SEARCHED_ANGLES)
         kappas = np.ones(DIRECTED)
         kappas[list(PHI_ROWS)] = math.hypot(p, q) / m
-        f = np.empty((DIRECTED, SEARCHED_ANGLES, 3))
-        f[:, :, 0], f[:, :, 1], f[:, :, 2] = -kappas[:, None], np.cos(turns), np.sin(turns)
+        f = np.repeat(SEARCHED[None], DIRECTED, axis=0)
+        f[:, :, 0] = -kappas[:, None]
         std = np.sqrt(self.ratios.one * ((f @ shape) * f).sum(axis=2))
         height = f @ (m, p, q) + sign * std
         chosen = height.argmax(axis=1)
-        opposite = np.cos(turns - turns[chosen][:, None]) < 0
+        opposite = np.cos(SEARCHED_ANGLES - SEARCHED_ANGLES[chosen][:, None]) < 0
         second = list(SECOND_ROWS.values())
         chosen[second] = np.where(opposite, height, -np.inf)[second].argmax(axis=1)
-        return turns[chosen], kappas
+        return SEARCHED_ANGLES[chosen], kappas
 
     def _find_directions(
         self, rows: Sequence[int], ellipsoids: Sequence[Ellipsoid], last: Targets
