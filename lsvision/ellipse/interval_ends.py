@@ -183,17 +183,16 @@ class _Search:
         again = self.wanted & (active | surpassed)
         again[CIRCLE] = active[CIRCLE]
         if again.any():
-            self._restart(np.flatnonzero(again), candidates[reached.argmax(axis=0)[again]])
-
-    def _restart(self, rows: IntArray, starts: FloatArray) -> None:
-        """Start rows at new parameters (k, 5); only those are active."""
-        d = flattening(starts)
-        kappas = np.where(np.isin(rows, PHI_ROWS), np.abs(d) / starts[:, 2], 1.0)
-        self.rows, self.parameters, self.reduction = rows, starts, np.ones(rows.size)
-        self.expansion = expand_cost(self.region.fit, starts)
-        circle_ratio = self.targets.circle_ratio
-        self.targets = Targets(starts, np.angle(d), kappas, self.critical[rows], circle_ratio)
-        self._find_targets()
+            self.rows = np.flatnonzero(again)
+            self.parameters = candidates[reached.argmax(axis=0)[again]]
+            self.expansion = expand_cost(self.region.fit, self.parameters)
+            self.reduction = np.ones(self.rows.size)
+            d, m = flattening(self.parameters), self.parameters[:, 2]
+            kappas = np.where(np.isin(self.rows, PHI_ROWS), np.abs(d) / m, 1.0)
+            self.targets = self.targets._replace(
+                angles=np.angle(d), kappas=kappas, critical=self.critical[again]
+            )
+            self._find_targets()
 
     def _find_targets(self) -> None:
         self.targets = self.region.find_targets(

@@ -142,7 +142,8 @@ class Region:
         for i, (row, ellipsoid) in enumerate(zip(names, ellipsoids, strict=True)):
             rho[i] = math.sqrt(max(ellipsoid.excess + critical[i], 0.0))
             if row < DIRECTED:
-                f[i, 2:] = _directed_gradient(row, angles[i], kappas[i])
+                f[i, 2:] = -kappas[i], math.cos(angles[i]), math.sin(angles[i])
+                f[i] *= OUTWARD[row]
             elif row in RIDGE_GRADIENTS:
                 f[i, :3] = RIDGE_GRADIENTS[row]
             elif row == CIRCLE:
@@ -232,12 +233,6 @@ class Region:
             if not directed:
                 break
         return angles, kappas, critical
-
-
-def _directed_gradient(row: int, angle: float, kappa: float) -> tuple[float, float, float]:
-    """Return the gradient of +/- (u . d - kappa m) by (m, p, q)."""
-    sign = OUTWARD[row]
-    return -sign * kappa, sign * math.cos(angle), sign * math.sin(angle)
 
 
 def _find_direction(

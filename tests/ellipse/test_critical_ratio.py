@@ -103,6 +103,14 @@ def test_that_of_phi_has_no_steps(aspect):
     assert beyond.min() >= ratios.one
 
 
+def test_a_ring_of_more_than_a_sigma_counts_as_straight_within_one_percent():
+    ratios = CriticalRatios.of(fit_with((0.1, 0.1), (1.0, 0.0)), 0.999)
+    inner, last, beyond = ratios.of_flattening([0.1 / M, 0.119 / M, 0.13 / M])
+    assert inner > 1.01 * last > 1.01 * ratios.one
+    assert last < 1.005 * ratios.one
+    assert beyond == ratios.one
+
+
 def test_a_known_phi_near_zero_raises_it_to_that_of_the_prior():
     known = PhiPrior(0.0, math.radians(2))
     std = known.deviator_std * M
