@@ -31,6 +31,7 @@ last it is that of a straight line."""
 ARC_ANGLES, ARC_WEIGHTS = (math.pi / 2 * rule for rule in np.polynomial.legendre.leggauss(16))
 """Gauss-Legendre rule over the half circle that ends the tube about a half line. Units: rad."""
 CACHED_LEVELS = 16
+"""Number of levels whose quantiles and table for theta are kept."""
 TINY = 1e-300
 
 

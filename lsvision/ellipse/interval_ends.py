@@ -37,10 +37,10 @@ MAX_EVALUATIONS = 20, 4, 4
 """Largest numbers of iterations: from the estimate, and after each restart of rows from a point
 further out that another row found. One or two suffice on an arc over 90 deg; where all these do
 not, the end of the region is too far away to be of use."""
-STEP_TOLERANCE, RATIO_TOLERANCE, CRITICAL_TOLERANCE = 0.25, 0.2, 0.02
+STEP_TOLERANCE, RATIO_TOLERANCE, CRITICAL_TOLERANCE = 0.25, 0.2, 0.007
 """Limits of convergence: length of the last step in radii of the region; difference of F - min F
 from c, and of c from its last value, as fractions of c. The error of the end is quadratic in them,
-about 0.3 % of the width."""
+at most 1 % of the width."""
 MAX_STEP = 2.5
 """Longest step, in radii of the region."""
 MAX_LOG_STEP = 2.0

@@ -8,7 +8,10 @@ direction:
 - centre: f is an axis;
 - theta: f is normal to the tangent from the circle d = 0 to the ellipsoid;
 - radius and phi: f = +/- (u . d - kappa m), with u the direction of d at the extremum itself, found
-  by Newton's method on its angle, and kappa = 1 for the radius, h / m for phi.
+  by Newton's method on its angle, and kappa = 1 for the radius, h / m for phi;
+- best circle: f leads from the centre to the nearest point with d = 0.
+
+Everything by row is computed in plain floats, which for so few numbers is faster than arrays.
 """
 
 import math
@@ -43,6 +46,7 @@ RIDGE_GRADIENTS = {
 """Gradients by (x, y, m), on d = 0, of the quantities whose extremum may be a circle: radius, and
 with a known radius those on the surface b = const."""
 SIDES = {THETA_LOW: -1.0, THETA_HIGH: 1.0}
+"""Sense of rotation from the estimate to the tangent of each end of theta."""
 
 SEARCHED_ANGLES = np.radians(np.arange(0.0, 360.0, 15.0))
 """Initial directions of d for radius and phi. Units: rad."""
