@@ -17,7 +17,7 @@ from lsvision.ellipse.problem import EllipseProblem
 from lsvision.geometry import BoolArray, FloatArray, IntArray
 from lsvision.geometry.noisy_points import ComplexArray, as_complex
 
-FOOT_TOLERANCE, MAX_FOOT_ITERATIONS = 1e-4, 20
+FOOT_TOLERANCE, MAX_FOOT_ITERATIONS = 3e-3, 20
 """Last Newton step (rad) of the nearest points, which are exact to its square, and most steps."""
 STRAIN_SIGNS = np.array([0.0, 0.0, 1.0, -1.0, -1.0])[:, None]
 """Rotation of the tangent by each parameter, as a multiple of its tangential displacement."""
@@ -45,12 +45,9 @@ class Expansion(NamedTuple):
     gradient_of_points: FloatArray
     information_of_points: FloatArray
 
-    def replaced(self, rows: IntArray, values: "Expansion", chosen: BoolArray) -> "Expansion":
-        """Return a copy with `values` (one for each of `rows`) in the rows that are chosen."""
-        copies = [field.copy() for field in self]
-        for field, value in zip(copies, values, strict=True):
-            field[rows[chosen]] = value[chosen]
-        return Expansion(*copies)
+    def rows(self, chosen: IntArray | BoolArray | int) -> "Expansion":
+        """Return the expansion of some rows."""
+        return Expansion(*(field[chosen] for field in self))
 
 
 def expand_cost(fit: EllipseFit, parameters: FloatArray) -> Expansion:
@@ -72,9 +69,8 @@ def expand_cost(fit: EllipseFit, parameters: FloatArray) -> Expansion:
     problem, s2 = fit.problem, fit.variance_factor
     of_points = _orthogonal if problem.residual == "orthogonal" else _radial
     squares, slope, gauss_newton, curvature = of_points(problem, parameters)
-    points = squares.copy() / s2, slope / s2, (gauss_newton + curvature) / s2
+    points = squares / s2, slope / s2, (gauss_newton + curvature) / s2
     if problem.prior_residual_count:
-        slope = slope.copy()
         for k, row in enumerate(parameters):
             residuals, jacobian = _prior(problem, row)
             squares[k] += residuals @ residuals
@@ -82,13 +78,18 @@ def expand_cost(fit: EllipseFit, parameters: FloatArray) -> Expansion:
             gauss_newton[k] += jacobian.T @ jacobian
             curvature[k] += _prior_curvature(problem, row, residuals)
     information = gauss_newton + curvature
-    lost = ~np.isfinite(information).all(axis=(1, 2))
-    information[lost], squares[lost], points[0][lost] = np.eye(PARAMETERS), np.inf, np.inf
-    indefinite = ~(np.linalg.eigvalsh(information)[:, 0] > 0)
-    information[indefinite] = gauss_newton[indefinite]
+    if not math.isfinite(float(information.sum())):
+        lost = ~np.isfinite(information).all(axis=(1, 2))
+        information[lost], squares[lost], points[0][lost] = np.eye(PARAMETERS), np.inf, np.inf
+    try:
+        np.linalg.cholesky(information)
+    except np.linalg.LinAlgError:
+        indefinite = ~(np.linalg.eigvalsh(information)[:, 0] > 0)
+        information[indefinite] = gauss_newton[indefinite]
     information += RIDGE * (information + 1.0) * np.eye(PARAMETERS)
-    covariance = np.asarray(s2 * np.linalg.inv(information), dtype=np.float64)
-    return Expansion(squares / s2, slope / s2, information / s2, covariance, *points)
+    information /= s2
+    covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
+    return Expansion(squares / s2, slope / s2, information, covariance, *points)
 
 
 def _orthogonal(problem: EllipseProblem, parameters: FloatArray) -> SecondOrder:
@@ -102,14 +103,16 @@ def _orthogonal(problem: EllipseProblem, parameters: FloatArray) -> SecondOrder:
     distances, steepness, normals, w = _nearest_points(problem, parameters)
     m, d = parameters[:, 2:3], flattening(parameters)[:, None]
     normals = normals.conj()
-    across = w.conj() * normals
-    moves = np.stack([normals, 1j * normals, w * normals, across, 1j * across], axis=1)
-    N, T = moves.real, moves.imag
+    along, across = w * normals, w.conj() * normals
+    N, T = np.empty((2, len(w), PARAMETERS, w.shape[1]))
+    N[:, 0], N[:, 1], N[:, 2], N[:, 3] = normals.real, -normals.imag, along.real, across.real
+    T[:, 0], T[:, 1], T[:, 2], T[:, 3] = normals.imag, normals.real, along.imag, across.imag
+    N[:, 4], T[:, 4] = -T[:, 3], N[:, 3]
     weights = 1 / problem.stds**2
     weighted = distances * weights
     half_kappa = (m * m - np.abs(d) ** 2) / (2 * steepness**3)
-    half = T * (weighted[:, None] * (half_kappa[:, None] - STRAIN_SIGNS / steepness[:, None]))
-    curvature = half @ T.transpose(0, 2, 1)
+    rotation = STRAIN_SIGNS * (weighted / steepness)[:, None]
+    curvature = (T * ((weighted * half_kappa)[:, None] - rotation)) @ T.transpose(0, 2, 1)
     return (
         (distances * weighted).sum(axis=1),
         -apply(N, weighted),
@@ -126,14 +129,16 @@ def _nearest_points(
     m, d = parameters[:, 2:3], flattening(parameters)[:, None]
     w = m * offsets - d * offsets.conj()
     w /= np.abs(w)
+    largest = math.inf
     for _ in range(MAX_FOOT_ITERATIONS):
         along, across = m * w, d * w.conj()
         foot, normals = along + across, along - across
         residuals = offsets - foot
+        if largest < FOOT_TOLERANCE:
+            break
         bending = normals.real**2 + normals.imag**2 + (residuals * foot.conj()).real
         turn = (residuals * normals.conj()).imag / bending
-        if np.abs(turn).max() < FOOT_TOLERANCE:
-            break
+        largest = float(np.abs(turn).max())
         w *= 1 + 1j * turn
         w /= np.abs(w)
     steepness = np.abs(normals)
@@ -188,5 +193,5 @@ def flattening(parameters: FloatArray) -> ComplexArray:
 
 def apply(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
     """Multiply k matrices (k, i, j) by k vectors (k, j)."""
-    product: FloatArray = (matrices @ vectors[:, :, None])[:, :, 0]
+    product: FloatArray = np.einsum("kij,kj->ki", matrices, vectors)
     return product

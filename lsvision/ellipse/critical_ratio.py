@@ -8,7 +8,9 @@ a given probability: near the circle that of chi^2 with two degrees of freedom, 
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Self
 
 import numpy as np
@@ -16,12 +18,20 @@ import numpy as np
 from lsvision.ellipse.fit import EllipseFit
 from lsvision.geometry import FloatArray
 
-MAX_SIGMAS = 20.0
-"""Distance from the circle, in sigmas, above which ring and half line are taken to be straight."""
-MIN_RING_POINTS, MAX_RING_POINTS, RING_POINTS_PER_SIGMA = 96, 512, 16
+MAX_SIGMAS, MAX_CURVATURE_RADIUS = 20.0, 1.2
+"""Distance of the true d from the circle and smallest radius of curvature of the ring, in sigmas,
+beyond which c is that of a straight line, within 1 %."""
+MIN_RING_POINTS, MAX_RING_POINTS, RING_POINTS_PER_SIGMA = 32, 512, 6
 """Number of points of the integral along the ring: its limits, and per sigma of the semi-axis."""
+MAX_DISTANCE = 5.0
+"""Distance in sigmas from the true d beyond which a boundary of the tube has no probability."""
+END_SIGMAS = np.linspace(0.0, 6.0, 61)
+"""Distances of the true d from the end of the half line for which c is tabulated, in sigmas; at the
+last it is that of a straight line."""
 ARC_ANGLES, ARC_WEIGHTS = (math.pi / 2 * rule for rule in np.polynomial.legendre.leggauss(16))
 """Gauss-Legendre rule over the half circle that ends the tube about a half line. Units: rad."""
+CACHED_LEVELS = 16
+"""Number of levels whose quantiles and table for theta are kept."""
 TINY = 1e-300
 
 
@@ -33,18 +43,16 @@ class CriticalRatios:
     ----------
     level : float
         Level of confidence.
-    chi2 : (3,) ndarray
-        Quantiles of chi^2 with one and two degrees of freedom, and their mean between them.
     one, two : float
         c of one quantity and of both components of d; F quantiles where the noise was estimated.
     m : float
         m of the estimate. Units: mm.
-    deviator : (2,) ndarray
+    deviator : complex
         d of the estimate. Units: mm.
-    semi_axes : (2,) ndarray
+    semi_axes : tuple of float
         Semi-axes in sigmas of the ring |d| = 1 mm, the larger first.
-    axes : (2, 2) ndarray
-        Directions of the semi-axes, in columns.
+    axis : complex
+        Direction of the larger semi-axis.
     prior_share, of_prior : float
         Fraction of the information on d from a prior on phi that includes a circle, and its c.
     may_be_circle : bool
@@ -52,13 +60,12 @@ class CriticalRatios:
     """
 
     level: float
-    chi2: FloatArray
     one: float
     two: float
     m: float
-    deviator: FloatArray
-    semi_axes: FloatArray
-    axes: FloatArray
+    deviator: complex
+    semi_axes: tuple[float, float]
+    axis: complex
     prior_share: float
     of_prior: float
     may_be_circle: bool
@@ -66,12 +73,11 @@ class CriticalRatios:
     @classmethod
     def of(cls, fit: EllipseFit, level: float) -> Self:
         """Return the critical ratios of a fit at a level between 0 and 1."""
-        from scipy.special import chdtri, fdtri
+        from scipy.special import fdtri
 
-        one, two, dof = chdtri(1, 1 - level), chdtri(2, 1 - level), fit.degrees_of_freedom
-        chi2 = np.array([one, (one + two) / 2, two])
+        (one, _, two), dof = _chi2_quantiles(level).tolist(), fit.degrees_of_freedom
         if math.isfinite(dof):
-            one, two = fdtri(1, dof, level), 2 * fdtri(2, dof, level)
+            one, two = float(fdtri(1, dof, level)), 2 * float(fdtri(2, dof, level))
         covariance, m = fit.parameter_covariance[3:, 3:], float(fit.parameters[2])
         variances, axes = np.linalg.eigh(covariance)
         known = fit.problem.known_phi
@@ -80,11 +86,9 @@ class CriticalRatios:
         if known is not None and may_be_circle:
             fraction = min(float(np.trace(covariance)) / (2 * (known.deviator_std * m) ** 2), 1.0)
             of_prior = known.max_likelihood_ratio(level)
-        semi_axes = 1 / np.sqrt(np.maximum(variances, TINY))
-        return cls(
-            level, chi2, float(one), float(two), m, fit.parameters[3:], semi_axes, axes, fraction,
-            of_prior, may_be_circle,
-        )  # fmt: skip
+        a, b = (1 / math.sqrt(max(variance, TINY)) for variance in variances.tolist())
+        deviator, axis = complex(*fit.parameters[3:].tolist()), complex(*axes[:, 0].tolist())
+        return cls(level, one, two, m, deviator, (a, b), axis, fraction, of_prior, may_be_circle)
 
     @property
     def of_circle(self) -> float:
@@ -95,38 +99,37 @@ class CriticalRatios:
         """Return whether a circle with this ratio is possible: theta's interval is then (0, pi)."""
         return self.may_be_circle and circle_ratio <= self.two
 
-    def of_flattening(self, kappas: FloatArray) -> FloatArray:
-        """Return c of phi for h / m (k,) and a true d in the direction of the estimate."""
-        direction = self._in_sigmas(self.deviator)
-        h = kappas * self.m
-        near = h * abs(direction) < MAX_SIGMAS
-        critical = np.full(len(h), self.one)
-        if near.any():
-            critical[near] = self._quantile(self._ring_tube(h[near], direction))
-        return critical + self.prior_share * np.maximum(self.of_prior - critical, 0.0)
+    def of_flattening(self, kappas: Sequence[float]) -> list[float]:
+        """Return c of phi for values of h / m and a true d in the direction of the estimate."""
+        direction, (a, b) = self._in_sigmas(self.deviator), self.semi_axes
+        reach = min(MAX_CURVATURE_RADIUS * a / (b * b), MAX_SIGMAS / abs(direction)) / self.m
+        ratios = dict.fromkeys(kappas, self.one)
+        near = [kappa for kappa in ratios if kappa < reach]
+        if near:
+            tubes = self._ring_tube(self.m * np.array(near), direction).tolist()
+            shares = [_share_of_two(self.level, tube) for tube in tubes]
+            ratios.update(zip(near, map(self._interpolate, shares), strict=True))
+        of_prior, share = self.of_prior, self.prior_share
+        return [ratios[kappa] + share * max(of_prior - ratios[kappa], 0.0) for kappa in kappas]
 
-    def of_direction(self, deviator: FloatArray) -> float:
-        """Return c of theta for a direction (2,) of d and a true d of the estimate's length."""
-        from scipy.special import ndtr
+    def of_direction(self, deviator: complex) -> float:
+        """Return c of theta for a direction of d and a true d of the estimate's length."""
+        distance = abs(self.deviator) * abs(self._in_sigmas(deviator))
+        share = np.interp(distance, END_SIGMAS, _half_line_shares(self.level))
+        return self._interpolate(float(share))
 
-        distance = math.hypot(*self.deviator) * abs(self._in_sigmas(deviator))
-        if not distance < MAX_SIGMAS:
-            return self.one
-        # The tube is integrated across the half line; along it the normal integral is known.
-        s = np.sqrt(self.chi2)[:, None]
-        across, along = s * np.sin(ARC_ANGLES), s * np.cos(ARC_ANGLES)
-        density = np.exp(-across * across / 2) / math.sqrt(2 * math.pi)
-        tube = (density * ndtr(distance + along) * along) @ ARC_WEIGHTS
-        return float(self._quantile(tube[None])[0])
+    def _interpolate(self, share: float) -> float:
+        return (1 - share) * self.one + share * self.two
 
-    def _in_sigmas(self, direction: FloatArray) -> complex:
-        """Return the unit vector of a direction (2,) in sigmas per mm, along the axes of the ring.
+    def _in_sigmas(self, direction: complex) -> complex:
+        """Return the unit vector of a direction in sigmas per mm, along the axes of the ring.
 
         The zero vector gives the first axis.
         """
-        length = math.hypot(*direction)
-        unit = direction @ self.axes / length if length > 0 else np.array([1.0, 0.0])
-        return complex(*(self.semi_axes * unit).tolist())
+        (a, b), unit = self.semi_axes, 1.0 + 0.0j
+        if direction:
+            unit = direction / abs(direction) * self.axis.conjugate()
+        return complex(a * unit.real, b * unit.imag)
 
     def _ring_tube(self, h: FloatArray, direction: complex) -> FloatArray:
         """Return the probability of tubes of half width sqrt(chi2) about rings of radius h, (k, 3).
@@ -137,39 +140,58 @@ class CriticalRatios:
         has no hole; the boundary is then put on the axis, where both sides cancel.
         """
         a, b = self.semi_axes
-        count = np.clip(RING_POINTS_PER_SIGMA * a * h.max(), MIN_RING_POINTS, MAX_RING_POINTS)
-        t = 2 * np.pi * (np.arange(int(count)) + 0.5) / int(count)
+        count = RING_POINTS_PER_SIGMA * a * float(h.max())
+        count = int(min(max(count, MIN_RING_POINTS), MAX_RING_POINTS))
+        widths = np.sqrt(_chi2_quantiles(self.level))
+        t = np.arange(count) * (2 * np.pi / count)
         cos, sin = np.cos(t), np.sin(t)
+        distances = np.hypot(a * cos - direction.real, b * sin - direction.imag) * h.min()
+        within = distances < MAX_DISTANCE + widths[-1]
+        cos, sin = cos[within], sin[within]
         size = np.hypot(b * cos, a * sin)
-        normal = (b * cos + 1j * a * sin) / size
-        s = (
-            np.sqrt(np.concatenate([self.chi2, self.chi2]))[:, None]
-            * np.repeat([1, -1], 3)[:, None]
-        )
-        h = h[:, None, None]
-        curve = h * (a * cos + 1j * b * sin) + s * normal
-        tangent = h * (-a * sin + 1j * b * cos) + s * (1j * a * b * normal / size**2)
-        crossed = curve.imag * sin < 0
-        curve.imag[crossed] = tangent.imag[crossed] = 0.0
-        curve -= h * direction
-        turn = (tangent / curve).imag
-        outside = (turn * np.exp(-(curve.real**2 + curve.imag**2) / 2)).mean(axis=2)
+        s, h = np.concatenate([widths, -widths])[:, None], h[:, None, None]
+        height = h * b + s * (a / size)
+        uncrossed = height > 0
+        x = cos * (h * a + s * (b / size)) - h * direction.real
+        y = sin * height * uncrossed - h * direction.imag
+        speed = h + s * (a * b / size**3)
+        squared = x * x + y * y
+        turn = speed * (b * cos * uncrossed * x + a * sin * y) / squared
+        outside = (turn * np.exp(-squared / 2)).sum(axis=2) / count
         tube: FloatArray = 1 - outside[:, :3] + outside[:, 3:]
         return tube
 
-    def _quantile(self, tube: FloatArray) -> FloatArray:
-        """Return c from the probabilities (k, 3) of tubes of half widths sqrt(chi2).
 
-        log(1 - probability) is linear in the squared width at a circle and nearly so elsewhere. The
-        result is interpolated between `one` and `two`.
-        """
-        tail, wanted = np.log1p(-np.minimum(tube, 1 - 1e-15)), math.log1p(-self.level)
-        quantile = np.zeros(len(tube))
-        for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-            weight = (wanted - tail[:, j]) * (wanted - tail[:, k])
-            quantile += (
-                self.chi2[i] * weight / (tail[:, i] - tail[:, j]) / (tail[:, i] - tail[:, k])
-            )
-        fraction = np.clip((quantile - self.chi2[0]) / (self.chi2[2] - self.chi2[0]), 0.0, 1.0)
-        critical: FloatArray = (1 - fraction) * self.one + fraction * self.two
-        return critical
+@lru_cache(maxsize=CACHED_LEVELS)
+def _chi2_quantiles(level: float) -> FloatArray:
+    """Return those with one and two degrees of freedom, and their mean between them."""
+    from scipy.special import chdtri
+
+    one, two = chdtri(1, 1 - level), chdtri(2, 1 - level)
+    return np.array([one, (one + two) / 2, two])
+
+
+@lru_cache(maxsize=CACHED_LEVELS)
+def _half_line_shares(level: float) -> FloatArray:
+    """Return `_share_of_two` for a half line and a true d at each of `END_SIGMAS` from its end."""
+    from scipy.special import ndtr
+
+    # The tube is integrated across the half line; along it the normal integral is known.
+    s = np.sqrt(_chi2_quantiles(level))[:, None]
+    across, along = s * np.sin(ARC_ANGLES), s * np.cos(ARC_ANGLES)
+    density = np.exp(-across * across / 2) / math.sqrt(2 * math.pi)
+    tubes = (density * ndtr(END_SIGMAS[:, None, None] + along) * along) @ ARC_WEIGHTS
+    return np.array([_share_of_two(level, tube) for tube in tubes.tolist()])
+
+
+def _share_of_two(level: float, tube: Sequence[float]) -> float:
+    """Return where c lies from `one` (0) to `two` (1), from probabilities of tubes of three widths.
+
+    log(1 - probability) is linear in the squared width at a circle and nearly so elsewhere.
+    """
+    tail, wanted = [math.log1p(-min(each, 1 - 1e-15)) for each in tube], math.log1p(-level)
+    place = 0.0
+    for i, j, k, node in ((0, 1, 2, -1.0), (2, 0, 1, 1.0)):
+        weight = (wanted - tail[j]) * (wanted - tail[k])
+        place += node * weight / ((tail[i] - tail[j]) * (tail[i] - tail[k]) or TINY)
+    return min(max((place + 1) / 2, 0.0), 1.0)

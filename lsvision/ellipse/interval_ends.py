@@ -7,6 +7,7 @@ row is the best circle, the minimum of F on d = 0.
 """
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -17,8 +18,8 @@ from lsvision.ellipse.fit import EllipseFit
 from lsvision.ellipse.region_extrema import (
     CIRCLE,
     DIRECTED,
-    IS_PHI,
     PHI_LOW,
+    PHI_ROWS,
     ROWS,
     SECOND_ROWS,
     THETA_HIGH,
@@ -27,22 +28,19 @@ from lsvision.ellipse.region_extrema import (
     Region,
     Targets,
 )
-from lsvision.geometry import BoolArray, FloatArray
+from lsvision.geometry import BoolArray, FloatArray, IntArray
 from lsvision.geometry.noisy_points import ComplexArray
 
-FIRST_ROUNDS, ROUNDS = 4, 2
-"""Numbers of Newton steps of the direction u, at the start and in each iteration."""
 SAME_DIRECTION = 0.99
 """Cosine of the angle between two directions above which both lead to the same extremum."""
-MAX_EVALUATIONS = 20
-"""Largest number of iterations. One to three suffice on an arc over 90 deg; where 20 do not, the
-end of the region is too far away to be of use."""
-MAX_RESTARTS = 2
-"""Largest number of restarts of rows from a point further out that another row found."""
-STEP_TOLERANCE, RATIO_TOLERANCE, CRITICAL_TOLERANCE = 0.15, 0.06, 0.005
+MAX_EVALUATIONS = 20, 4, 4
+"""Largest numbers of iterations: from the estimate, and after each restart of rows from a point
+further out that another row found. One or two suffice on an arc over 90 deg; where all these do
+not, the end of the region is too far away to be of use."""
+STEP_TOLERANCE, RATIO_TOLERANCE, CRITICAL_TOLERANCE = 0.25, 0.2, 0.007
 """Limits of convergence: length of the last step in radii of the region; difference of F - min F
 from c, and of c from its last value, as fractions of c. The error of the end is quadratic in them,
-about 0.3 % of the width."""
+at most 1 % of the width."""
 MAX_STEP = 2.5
 """Longest step, in radii of the region."""
 MAX_LOG_STEP = 2.0
@@ -75,17 +73,6 @@ class EndPoints(NamedTuple):
     reliable: bool
 
 
-class _State(NamedTuple):
-    """State of the iteration: parameters (13, 5), expansion, targets, step factors, flags (13,)."""
-
-    parameters: FloatArray
-    expansion: Expansion
-    targets: Targets
-    reduction: FloatArray
-    wanted: BoolArray
-    active: BoolArray
-
-
 def find_end_points(fit: EllipseFit, ratios: CriticalRatios, wanted: BoolArray) -> EndPoints:
     """Find the extrema of radius, centre, phi and theta over {F <= min F + c}, and the best circle.
 
@@ -99,106 +86,172 @@ def find_end_points(fit: EllipseFit, ratios: CriticalRatios, wanted: BoolArray) 
         Rows to find.
     """
     with np.errstate(all="ignore"):  # steps to parameters without finite cost are rejected
-        region = Region(fit, ratios, expand_cost(fit, fit.parameters[None]))
-        state = _start(region, wanted)
-        for _ in range(1 + MAX_RESTARTS):
-            for _ in range(MAX_EVALUATIONS):
-                if not state.active.any():
+        search = _Search.start(Region(fit, ratios, expand_cost(fit, fit.parameters[None])), wanted)
+        for most in MAX_EVALUATIONS:
+            for _ in range(most):
+                if not search.rows.size:
                     break
-                state = _advance(region, state)
-            state = _restart_surpassed(region, state)
-            if not state.active.any():
+                search.advance()
+            search.restart_surpassed()
+            if not search.rows.size:
                 break
-    reliable = not state.active.any()
-    return EndPoints(state.parameters, state.wanted, state.targets.circle_ratio, reliable)
+    reliable = not search.rows.size
+    return EndPoints(search.ends, search.wanted, search.targets.circle_ratio, reliable)
 
 
-def _start(region: Region, wanted: BoolArray) -> _State:
-    """Return the initial state: all rows at the estimate, with targets from its expansion."""
-    parameters = np.repeat(region.fit.parameters[None], ROWS, axis=0)
-    expansion = Expansion(*(np.repeat(field, ROWS, axis=0) for field in region.best))
-    angles, kappas = region.search_directions()
-    critical = np.full(ROWS, region.ratios.one)
-    targets = Targets(parameters, angles, kappas, critical, math.inf)
-    rounds = FIRST_ROUNDS if wanted[:DIRECTED].any() else 0
-    targets = region.find_targets(parameters, expansion, targets, rounds)
-    targets.parameters[CIRCLE] = _fit_circle(region.fit)
-    active = wanted.copy()
-    active[CIRCLE] &= region.ratios.may_be_circle
-    for first, second in SECOND_ROWS.items():
-        angle, d = targets.angles[second], targets.parameters[second, 3:]
-        same = math.cos(angle - targets.angles[first]) > SAME_DIRECTION
-        active[second] &= not same and math.cos(angle) * d[0] + math.sin(angle) * d[1] > 0
-    return _State(parameters, expansion, targets, np.ones(ROWS), active, active.copy())
+@dataclass(slots=True)
+class _Search:
+    """Search for the ends.
 
+    ends (13, 5), critical (13,), wanted (13,): what is found, its c, and whether it is needed;
+    rows (k,): the rows that have not converged, with their parameters (k, 5), expansion, targets,
+    lengths of the next step (k,), in radii of the region, and factors on them (k,).
+    """
 
-def _fit_circle(fit: EllipseFit) -> FloatArray:
-    """Return the parameters (5,) of the algebraic circle of the points."""
-    points, weights = fit.problem.points, 1 / fit.problem.stds
-    origin = points.mean(axis=0)
-    centred = points - origin
-    rows = np.column_stack([2 * centred, np.ones(len(centred))]) * weights[:, None]
-    x, y, power = np.linalg.lstsq(rows, (centred**2).sum(axis=1) * weights)[0]
-    return np.array([origin[0] + x, origin[1] + y, math.sqrt(power + x * x + y * y), 0.0, 0.0])
+    region: Region
+    ends: FloatArray
+    critical: FloatArray
+    wanted: BoolArray
+    rows: IntArray
+    parameters: FloatArray
+    expansion: Expansion
+    targets: Targets
+    lengths: FloatArray
+    reduction: FloatArray
 
+    @classmethod
+    def start(cls, region: Region, wanted: BoolArray) -> "_Search":
+        """Start all rows at the estimate, with targets from its expansion."""
+        wanted = wanted.copy()
+        wanted[CIRCLE] &= region.ratios.may_be_circle
+        rows = np.flatnonzero(wanted)
+        ends = np.repeat(region.fit.parameters[None], ROWS, axis=0)
+        critical = np.full(ROWS, region.ratios.one)
+        angles, kappas = np.zeros((2, ROWS))
+        if wanted[:DIRECTED].any():
+            angles[:DIRECTED], kappas[:DIRECTED] = region.search_directions()
+        last = Targets(ends, angles, kappas, critical, math.inf)
+        search = cls(
+            region, ends, critical, wanted, rows, ends[rows], region.best.rows(0 * rows),
+            last.rows(wanted), critical[rows], np.ones(rows.size),
+        )  # fmt: skip
+        search._find_targets()
+        search._drop_second_rows()
+        return search
 
-def _advance(region: Region, state: _State) -> _State:
-    """Move the active rows, expand F where they are, and find their next targets."""
-    parameters, expansion, targets, reduction, wanted, active = state
-    previous = targets.critical
-    trial = _move(region.fit, parameters, targets.parameters, reduction * _step_shares(state))
-    valid = np.hypot(trial[:, 3], trial[:, 4]) < MAX_FLATTENING * trial[:, 2]
-    rows = np.flatnonzero(active & valid)
-    moved = np.zeros(ROWS, dtype=bool)
-    if rows.size:
-        new = expand_cost(region.fit, trial[rows])
-        limit = np.where(rows == CIRCLE, np.inf, MAX_RATIO * targets.critical[rows])
-        near = new.cost_of_points - region.best.cost_of_points[0] < limit
-        moved[rows[near]] = True
-        expansion = expansion.replaced(rows, new, near)
-        parameters = np.where(moved[:, None], trial, parameters)
-    factor = np.where(moved, STEP_GROWTH, STEP_REDUCTION)
-    reduction = np.minimum(factor * reduction, 1.0)
-    rounds = ROUNDS if active[:DIRECTED].any() else 0
-    targets = region.find_targets(parameters, expansion, targets, rounds)
-    state = _State(parameters, expansion, targets, reduction, wanted.copy(), active)
-    done = active & moved & _is_last_step(region, state, previous)
-    if done[CIRCLE]:
-        state.wanted[PHI_LOW] &= targets.circle_ratio > region.ratios.of_circle
-        state.wanted[[THETA_LOW, THETA_HIGH]] &= not region.ratios.leaves_theta_open(
-            targets.circle_ratio
+    def advance(self) -> None:
+        """Move the rows, expand F where they are, find their next targets, drop the converged."""
+        region, previous = self.region, self.targets.critical
+        shares = np.minimum(1.0, MAX_STEP / np.maximum(self.lengths, TINY))
+        shares[self.rows == CIRCLE] = 1.0
+        fit, targets = region.fit, self.targets.parameters
+        moved = self._accept(_move(fit, self.parameters, targets, self.reduction * shares))
+        factor = np.where(moved, STEP_GROWTH, STEP_REDUCTION)
+        self.reduction = np.minimum(factor * self.reduction, 1.0)
+        self._find_targets()
+        done = moved & self._is_last_step(previous)
+        if done.any():
+            rows, targets = self.rows[done], self.targets.parameters[done]
+            self.ends[rows] = _move(fit, self.parameters[done], targets, np.ones(len(rows)))
+            self.critical[rows] = self.targets.critical[done]
+            if CIRCLE in rows:
+                self._decide_by_circle()
+            self._keep(~done & self.wanted[self.rows])
+
+    def restart_surpassed(self) -> None:
+        """Restart rows that have not converged, or where another row has a more extreme value.
+
+        Every end, and the estimate, lies in the regions of all rows whose c is not smaller: such a
+        row restarts from the most extreme of these points.
+        """
+        estimate = self.region.fit.parameters
+        active = np.zeros(ROWS, dtype=bool)
+        active[self.rows] = True
+        self.critical[self.rows] = self.targets.critical
+        candidates = np.concatenate([self.ends, estimate[None]])
+        critical = np.append(self.critical, 0.0)
+        sources = np.append(self.wanted & ~active, True)
+        sources[CIRCLE] = False
+        inside = sources[:, None] & (critical[:, None] < CRITICAL_SLACK * critical[:-1])
+        heights = _heights(candidates, estimate)
+        reached = np.where(inside, heights, -np.inf)
+        ends, of_estimate = heights.diagonal().copy(), heights[ROWS]
+        for first, second in SECOND_ROWS.items():
+            if sources[second]:
+                ends[[first, second]] = ends[[first, second]].max()
+        surpassed = reached.max(axis=0) > ends + SURPASSING_SHARE * np.abs(ends - of_estimate)
+        again = self.wanted & (active | surpassed)
+        again[CIRCLE] = active[CIRCLE]
+        if again.any():
+            self.rows = np.flatnonzero(again)
+            self.parameters = candidates[reached.argmax(axis=0)[again]]
+            self.expansion = expand_cost(self.region.fit, self.parameters)
+            self.reduction = np.ones(self.rows.size)
+            d, m = flattening(self.parameters), self.parameters[:, 2]
+            kappas = np.where(np.isin(self.rows, PHI_ROWS), np.abs(d) / m, 1.0)
+            self.targets = self.targets._replace(
+                angles=np.angle(d), kappas=kappas, critical=self.critical[again]
+            )
+            self._find_targets()
+
+    def _find_targets(self) -> None:
+        self.targets = self.region.find_targets(
+            self.rows, self.parameters, self.expansion, self.targets
         )
-    final = _move(region.fit, parameters, targets.parameters, np.ones(ROWS))
-    return state._replace(
-        parameters=np.where(done[:, None], final, parameters),
-        active=active & state.wanted & ~done,
-    )
+        steps = self.targets.parameters - self.parameters
+        squares = (apply(self.expansion.information, steps) * steps).sum(axis=1)
+        self.lengths = np.sqrt(np.maximum(squares, 0.0) / self.targets.critical)
 
+    def _drop_second_rows(self) -> None:
+        """Drop second rows that start in the first's direction, or with d opposite to theirs."""
+        places = {row: i for i, row in enumerate(self.rows.tolist())}
+        for first, second in SECOND_ROWS.items():
+            if self.wanted[second]:
+                i, angles = places[second], self.targets.angles
+                cos, sin = math.cos(angles[i]), math.sin(angles[i])
+                _, _, _, p, q = self.targets.parameters[i].tolist()
+                same = math.cos(angles[i] - angles[places[first]]) > SAME_DIRECTION
+                self.wanted[second] = not same and cos * p + sin * q > 0
+        self._keep(self.wanted[self.rows])
 
-def _step_lengths(state: _State) -> FloatArray:
-    """Return the steps to the targets in radii of the region, sqrt(delta' A delta / c)."""
-    steps = state.targets.parameters - state.parameters
-    squares = (apply(state.expansion.information, steps) * steps).sum(axis=1)
-    lengths: FloatArray = np.sqrt(np.maximum(squares, 0.0) / state.targets.critical)
-    return lengths
+    def _accept(self, trial: FloatArray) -> BoolArray:
+        """Move to trial parameters (k, 5) where F is not too large; return which rows moved."""
+        moved = np.hypot(trial[:, 3], trial[:, 4]) < MAX_FLATTENING * trial[:, 2]
+        if moved.any():
+            new = expand_cost(self.region.fit, trial[moved])
+            ratio = new.cost_of_points - self.region.best.cost_of_points[0]
+            near = ratio < MAX_RATIO * self.targets.critical[moved]
+            near |= self.rows[moved] == CIRCLE
+            moved[moved] = near
+            self.parameters[moved] = trial[moved]
+            for field, values in zip(self.expansion, new, strict=True):
+                field[moved] = values[near]
+        return moved
 
+    def _is_last_step(self, previous: FloatArray) -> BoolArray:
+        """Return whether the next step of each row is its last; `previous` is c one step ago."""
+        critical, circle_ratio = self.targets.critical, self.targets.circle_ratio
+        ratio = self.expansion.cost - self.region.best.cost
+        circle = self.rows == CIRCLE
+        last: BoolArray = self.lengths < STEP_TOLERANCE
+        last &= np.abs(critical - previous) < CRITICAL_TOLERANCE * critical
+        last &= circle | (np.abs(ratio - critical) < RATIO_TOLERANCE * critical)
+        if circle_ratio > FAR_CIRCLE * self.region.ratios.of_circle:
+            last |= circle & (ratio < CIRCLE_PRECISION * circle_ratio)
+        return last
 
-def _step_shares(state: _State) -> FloatArray:
-    shares: FloatArray = np.minimum(1.0, MAX_STEP / np.maximum(_step_lengths(state), TINY))
-    shares[CIRCLE] = 1.0
-    return shares
+    def _decide_by_circle(self) -> None:
+        """Drop the rows whose interval is decided by the ratio of the best circle."""
+        ratios, circle_ratio = self.region.ratios, self.targets.circle_ratio
+        self.wanted[PHI_LOW] &= circle_ratio > ratios.of_circle
+        self.wanted[[THETA_LOW, THETA_HIGH]] &= not ratios.leaves_theta_open(circle_ratio)
 
-
-def _is_last_step(region: Region, state: _State, previous: FloatArray) -> BoolArray:
-    """Return whether the next step is the last of each row; `previous` is c (13,) one step ago."""
-    critical, ratio = state.targets.critical, state.expansion.cost - region.best.cost
-    last: BoolArray = _step_lengths(state) < STEP_TOLERANCE
-    last &= np.abs(critical - previous) < CRITICAL_TOLERANCE * critical
-    last[:CIRCLE] &= (np.abs(ratio - critical) < RATIO_TOLERANCE * critical)[:CIRCLE]
-    least = state.targets.circle_ratio
-    far = least > FAR_CIRCLE * region.ratios.of_circle
-    last[CIRCLE] |= far and ratio[CIRCLE] < CIRCLE_PRECISION * least
-    return last
+    def _keep(self, chosen: BoolArray) -> None:
+        """Keep only some of the active rows."""
+        if not chosen.all():
+            self.rows, self.parameters = self.rows[chosen], self.parameters[chosen]
+            self.expansion, self.targets = self.expansion.rows(chosen), self.targets.rows(chosen)
+            self.lengths, self.reduction = self.lengths[chosen], self.reduction[chosen]
 
 
 def _move(
@@ -213,7 +266,7 @@ def _move(
     m, d, dm, dd = parameters[:, 2], flattening(parameters), steps[:, 2], flattening(steps)
     bent = _bend(fit, d / m, (dd - d * dm / m) / m)
     bent[~targets[:, 3:].any(axis=1) & (shares == 1)] = 0.0
-    new_m = m * np.exp(np.clip(dm / m, -MAX_LOG_STEP, MAX_LOG_STEP))
+    new_m = m * np.exp(np.minimum(np.maximum(dm / m, -MAX_LOG_STEP), MAX_LOG_STEP))
     if fit.problem.known_radius is not None:
         u = np.where(d == 0, 1.0, d / np.abs(d))
         new_m = (m - np.abs(d) + dm - (dd * u.conj()).real) / (1 - np.abs(bent))
@@ -221,7 +274,7 @@ def _move(
     new_d = new_m * bent
     centre = (parameters[:, :2] + steps[:, :2]) @ (1, 1j)
     centre += (m + dm - new_m) * w + (d + dd - new_d) * w.conjugate()
-    return np.stack([centre.real, centre.imag, new_m, new_d.real, new_d.imag], axis=1)
+    return np.array([centre.real, centre.imag, new_m, new_d.real, new_d.imag]).T
 
 
 def _bend(fit: EllipseFit, delta: ComplexArray, step: ComplexArray) -> ComplexArray:
@@ -236,48 +289,6 @@ def _bend(fit: EllipseFit, delta: ComplexArray, step: ComplexArray) -> ComplexAr
     return kept
 
 
-def _restart_surpassed(region: Region, state: _State) -> _State:
-    """Restart rows that have not converged, or for which another row found a more extreme value.
-
-    Every end, and the estimate, lies in the regions of all rows whose c is not smaller: such a row
-    restarts from the most extreme of these points.
-    """
-    estimate = region.fit.parameters
-    candidates = np.vstack([state.parameters, estimate])
-    critical = np.append(state.targets.critical, 0.0)
-    sources = np.append(state.wanted & ~state.active, True)
-    sources[CIRCLE] = False
-    inside = sources[:, None] & (critical[:, None] < CRITICAL_SLACK * critical[:-1])
-    heights = _heights(candidates, estimate)
-    reached = np.where(inside, heights, -np.inf)
-    ends, of_estimate = heights.diagonal().copy(), heights[ROWS]
-    for first, second in SECOND_ROWS.items():
-        if sources[second]:
-            ends[[first, second]] = ends[[first, second]].max()
-    surpassed = reached.max(axis=0) > ends + SURPASSING_SHARE * np.abs(ends - of_estimate)
-    again = state.wanted & (state.active | surpassed)
-    again[CIRCLE] = state.active[CIRCLE]
-    return _restart(region, state, again, candidates[reached.argmax(axis=0)])
-
-
-def _restart(region: Region, state: _State, again: BoolArray, starts: FloatArray) -> _State:
-    """Return the state with some rows at new parameters (13, 5); only those are active."""
-    rows = np.flatnonzero(again)
-    if not rows.size:
-        return state
-    parameters = np.where(again[:, None], starts, state.parameters)
-    new = expand_cost(region.fit, parameters[rows])
-    expansion = state.expansion.replaced(rows, new, np.ones(rows.size, dtype=bool))
-    d, directed = flattening(parameters[:DIRECTED]), again[:DIRECTED]
-    kappas = np.abs(d) / parameters[:DIRECTED, 2]
-    last = state.targets._replace(
-        angles=np.where(directed, np.angle(d), state.targets.angles),
-        kappas=np.where(directed & IS_PHI, kappas, state.targets.kappas),
-    )
-    targets = region.find_targets(parameters, expansion, last, ROUNDS)
-    return _State(parameters, expansion, targets, np.ones(ROWS), state.wanted, again)
-
-
 def _heights(parameters: FloatArray, estimate: FloatArray) -> FloatArray:
     """Return the quantity that each row maximises, (k, 13), for parameters (k, 5)."""
     x, y, m = parameters[:, :3].T
@@ -285,7 +296,7 @@ def _heights(parameters: FloatArray, estimate: FloatArray) -> FloatArray:
     h = np.abs(d)
     turn = np.angle(d * complex(*estimate[3:].tolist()).conjugate())
     b, kappa = m - h, h / m
-    return np.stack([-b, b, -kappa, kappa, -b, kappa, -x, x, -y, y, -turn, turn, 0 * m], axis=1)
+    return np.array([-b, b, -kappa, kappa, -b, kappa, -x, x, -y, y, -turn, turn, 0 * m]).T
 
 
 def _arc_middle(fit: EllipseFit) -> complex:

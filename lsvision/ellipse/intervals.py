@@ -170,25 +170,30 @@ def _known_quantities(fit: EllipseFit, sigmas: float) -> dict[str, Interval]:
 
 def _intervals_between(fit: EllipseFit, ratios: CriticalRatios, ends: EndPoints) -> Intervals:
     """Return the intervals between end points, clipped to their limits."""
-    x, y, m, p, q = ends.parameters.T
-    h = np.hypot(p, q)
-    radii, phis = m - h, 2 * np.arctan(np.sqrt(np.minimum(h / m, 1.0)))
+    x, y, m, p, q = ends.parameters.T.tolist()
+    h = list(map(math.hypot, p, q))
     low, high = (
         [row for row in pair if ends.wanted[row]] or [pair[0]] for pair in rows.SECOND_ROWS.items()
+    )
+    phi_low, *phi_highs = (
+        2 * math.atan(math.sqrt(min(h[row] / m[row], 1.0))) for row in (rows.PHI_LOW, *high)
     )
     circle = ends.circle_ratio <= ratios.of_circle
     limits = _limits(fit)
     found = Intervals(
-        radius=(radii[low].min(), radii[rows.RADIUS_HIGH]),
+        radius=(
+            min(m[row] - h[row] for row in low),
+            m[rows.RADIUS_HIGH] - h[rows.RADIUS_HIGH],
+        ),
         theta=_theta_interval(fit, ends),
-        phi=(0.0 if circle else phis[rows.PHI_LOW], phis[high].max()),
+        phi=(0.0 if circle else phi_low, max(phi_highs)),
         centre_x=(x[rows.X_LOW], x[rows.X_HIGH]),
         centre_y=(y[rows.Y_LOW], y[rows.Y_HIGH]),
     )
     if ratios.leaves_theta_open(ends.circle_ratio):
         found = found._replace(theta=limits.theta)
     clipped = {
-        name: (max(float(low), least), min(float(high), most))
+        name: (max(low, least), min(high, most))
         for name, (low, high), (least, most) in zip(found._fields, found, limits, strict=True)
         if name != "theta"
     }

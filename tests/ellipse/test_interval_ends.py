@@ -111,13 +111,13 @@ def test_every_end_lies_on_the_boundary_of_its_region(name, rng):
     h = np.hypot(*ends.parameters[:, 3:].T)
     for row in (2, 3):
         if ends.wanted[row]:
-            kappa = h[row : row + 1] / ends.parameters[row, 2]
+            kappa = h[row] / ends.parameters[row, 2]
             ratio = cost_of_raw(fit, raw(ends.parameters[row])) - least
-            assert ratio == pytest.approx(float(ratios.of_flattening(kappa)[0]), rel=0.02)
+            assert ratio == pytest.approx(ratios.of_flattening([kappa])[0], rel=0.02)
     for row in (10, 11):
         if ends.wanted[row]:
             ratio = cost_of_raw(fit, raw(ends.parameters[row])) - least
-            expected = ratios.of_direction(ends.parameters[row, 3:])
+            expected = ratios.of_direction(complex(*ends.parameters[row, 3:]))
             assert ratio == pytest.approx(expected, rel=0.02)
 
 
@@ -134,7 +134,7 @@ def test_the_ends_of_phi_follow_their_critical_ratio_near_a_circle(level, rng):
         for row in (region_extrema.PHI_LOW, region_extrema.PHI_HIGH):
             if ends.wanted[row]:
                 m, p, q = ends.parameters[row, 2:]
-                (critical,) = ratios.of_flattening(np.array([math.hypot(p, q) / m]))
+                (critical,) = ratios.of_flattening([math.hypot(p, q) / m])
                 ratio = cost_of_raw(fit, raw(ends.parameters[row])) - least
                 assert ratio == pytest.approx(critical, rel=0.004)
 
@@ -178,22 +178,28 @@ def test_the_largest_radius_of_a_circle_may_be_that_of_a_circle(degrees):
     assert m - math.hypot(p, q) == pytest.approx(largest, abs=5e-4)
 
 
-def test_arcs_over_ninety_degrees_need_two_expansions_after_the_first(rng, monkeypatch):
+@pytest.fixture
+def expansions(monkeypatch):
+    """A list with an element for each call of `expand_cost`."""
     calls = []
     expand = interval_ends.expand_cost
     monkeypatch.setattr(
         interval_ends, "expand_cost", lambda *args: calls.append(1) or expand(*args)
     )
+    return calls
+
+
+def test_arcs_over_ninety_degrees_need_one_expansion_after_the_first(rng, expansions):
     counts = []
     for phi in (0.0, 8.0, 20.0, 35.0):
         for _ in range(5):
             truth = pipe(phi)
             points = measured(upper_arc(truth, 120.0), rng)
             fit = fit_ellipse(points, truth, SENSOR.covariances(points))
-            calls.clear()
+            expansions.clear()
             find_end_points(fit, CriticalRatios.of(fit, LEVEL), ALL)
-            counts.append(len(calls) - 1)
-    assert np.mean(counts) < 2.6
+            counts.append(len(expansions) - 1)
+    assert np.mean(counts) < 1.5
 
 
 def test_only_the_wanted_rows_move(rng):
@@ -216,7 +222,7 @@ def two_lobes():
     return fit_ellipse(points, truth, SENSOR.covariances(points))
 
 
-TWO_LOBES_SEED, TWO_LOBES_LEVEL = 514012, 0.999
+TWO_LOBES_SEED, TWO_LOBES_LEVEL = 700014, 0.999
 
 
 def test_no_end_is_further_out_for_another_quantity_than_its_own():
@@ -225,12 +231,14 @@ def test_no_end_is_further_out_for_another_quantity_than_its_own():
     assert ends.reliable
     rows = np.flatnonzero(ends.wanted & (np.arange(13) != region_extrema.CIRCLE))
     phis = np.hypot(*ends.parameters[rows, 3:].T) / ends.parameters[rows, 2]
-    own = np.hypot(*ends.parameters[3, 3:]) / ends.parameters[3, 2]
+    own = phis[np.isin(rows, [region_extrema.PHI_HIGH, region_extrema.PHI_HIGH_2])].max()
     assert phis.max() <= own * 1.001
 
 
-def test_an_arc_that_tells_no_radius_has_no_reliable_ends(rng):
+def test_an_arc_that_tells_no_radius_has_no_reliable_ends(rng, expansions):
+    """And the search for them ends soon."""
     truth = pipe(20.0)
     points = measured(upper_arc(truth, 35.0, count=25), rng)
     fit = fit_ellipse(points, truth, SENSOR.covariances(points))
     assert not find_end_points(fit, CriticalRatios.of(fit, 0.99), ALL).reliable
+    assert len(expansions) <= 32
