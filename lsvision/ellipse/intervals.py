@@ -31,6 +31,8 @@ THETA_LEVEL, THETA_MAX_ERROR = 0.99, math.radians(30.0)
 """Level of confidence of a determined theta, and largest half width of its interval. Units: rad."""
 CIRCLE_LEVEL = 0.999
 """Level of confidence at which a circle must be excluded for theta to be determined."""
+CLEAR_RATIO = 4.0
+"""Ratio of two values of F - min F above which the linear approximation decides which is larger."""
 MAX_PHI = math.radians(88.0)
 """Largest phi of an interval."""
 MIN_RADIUS_FACTOR, MAX_RADIUS_FACTOR = 0.02, 50.0
@@ -118,15 +120,34 @@ def intervals(fit: EllipseFit, level: float = 0.95) -> Intervals:
 def theta_is_determined(fit: EllipseFit) -> bool:
     """Return whether a circle is excluded at 99.9 %, and an error of theta of 30 deg at 99 %."""
     fit = _with_noise(fit)
-    ratios = CriticalRatios.of(fit, CIRCLE_LEVEL)
-    circle = find_end_points(fit, ratios, _mask(rows.CIRCLE))
-    if not circle.reliable or ratios.leaves_theta_open(circle.circle_ratio):
+    circle_ratios, theta_ratios = (CriticalRatios.of(fit, x) for x in (CIRCLE_LEVEL, THETA_LEVEL))
+    clear = _is_clearly_determined(fit, circle_ratios.two, theta_ratios.one)
+    if clear is not None:
+        return clear
+    circle = find_end_points(fit, circle_ratios, _mask(rows.CIRCLE))
+    if not circle.reliable or circle_ratios.leaves_theta_open(circle.circle_ratio):
         return False
-    ratios = CriticalRatios.of(fit, THETA_LEVEL)
-    ends = find_end_points(fit, ratios, _mask(rows.THETA_LOW, rows.THETA_HIGH))
+    ends = find_end_points(fit, theta_ratios, _mask(rows.THETA_LOW, rows.THETA_HIGH))
     low, high = _theta_interval(fit, ends)
     furthest = max(high - fit.ellipse.theta, fit.ellipse.theta - low)
     return ends.reliable and furthest < THETA_MAX_ERROR
+
+
+def _is_clearly_determined(fit: EllipseFit, of_circle: float, of_theta: float) -> bool | None:
+    """Return whether theta is determined in the linear approximation; None if that is not clear."""
+    if fit.problem.known_phi is not None:  # not linear in d
+        return None
+    covariance, d = fit.parameter_covariance[3:, 3:], fit.parameters[3:]
+    ratio = float(d @ np.linalg.solve(covariance, d))
+    if ratio < of_circle / CLEAR_RATIO:
+        return False
+    across = np.array([-d[1], d[0]]) / float(d @ d)
+    theta_variance = float(across @ covariance @ across) / 4
+    if ratio > CLEAR_RATIO * of_circle and (
+        CLEAR_RATIO * of_theta * theta_variance < THETA_MAX_ERROR**2
+    ):
+        return True
+    return None
 
 
 @lru_cache(maxsize=CACHED_FITS)  # a fit is equal to itself alone

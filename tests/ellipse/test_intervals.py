@@ -378,3 +378,25 @@ def test_a_determined_theta_is_not_off_by_thirty_degrees(degrees, rng):
             determined, far = determined + 1, far + (abs(off) > math.radians(30))
     print(f"{far} of {determined} off, at {degrees:.0f} deg")
     assert far <= 2 + 0.02 * determined
+
+
+@pytest.mark.parametrize("degrees", [60.0, 120.0])
+def test_where_the_linear_approximation_is_clear_theta_is_determined_as_the_search_says(
+    degrees, rng, monkeypatch
+):
+    every = [prior_fit(phi, rng, degrees=degrees) for phi in np.linspace(0.0, 40.0, 25)]
+    search = module.find_end_points
+
+    def counted(*arguments):
+        searched.append(arguments)
+        return search(*arguments)
+
+    searched = []
+    monkeypatch.setattr(module, "find_end_points", counted)
+    decided = [theta_is_determined(fit) for fit in every]
+    assert len(searched) < len(every)
+    monkeypatch.setattr(module, "_is_clearly_determined", lambda *_: None)
+    theta_is_determined.cache_clear()
+    assert [theta_is_determined(fit) for fit in every] == decided
+    assert 0 < sum(decided) < len(decided)
+    theta_is_determined.cache_clear()
