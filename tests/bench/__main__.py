@@ -1,6 +1,7 @@
 """Every figure of accuracy and speed beside its goal: ``python -m tests.bench [--quick]``.
 
-``python -m tests.bench core`` measures the core alone, of any commit: `tests.bench.core`.
+``python -m tests.bench core`` measures the core alone, of any commit: `tests.bench.core`;
+``python -m tests.bench end_to_end`` times whole commands: `tests.bench.end_to_end`.
 """
 
 import argparse
@@ -98,6 +99,10 @@ def main():
         from tests.bench.core.command import main as measure_core
 
         return measure_core(sys.argv[2:])
+    if sys.argv[1:2] == ["end_to_end"]:
+        from tests.bench.end_to_end import main as time_commands
+
+        return time_commands(sys.argv[2:])
     parser = argparse.ArgumentParser(prog="python -m tests.bench", description=__doc__)
     parser.add_argument("only", nargs="*", help=f"of {', '.join(BENCHES)}; all without")
     parser.add_argument("--quick", action="store_true", help="a few minutes instead of many")

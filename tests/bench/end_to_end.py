@@ -1,0 +1,167 @@
+"""Time of whole commands beside commit 3666f4e: ``python -m tests.bench end_to_end [--quick]``.
+
+Processor time of the commands, in alternating rounds with the same libraries, because the machine
+is shared; wall time only where several processes are the point.
+"""
+
+import argparse
+import io
+import os
+import resource
+import subprocess
+import sys
+import tarfile
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lsvision.measure import measure_cylinders
+from lsvision.profile import Profile
+from lsvision.simulate import random_section
+from tests.bench.goals import Number, print_numbers
+
+BASE = "3666f4e"
+ROOT = Path(__file__).parents[2]
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+FIRST_SEED = 930_000
+PITCH_MM = 0.3
+
+
+@dataclass(frozen=True)
+class Effort:
+    """Numbers of files and profiles; the base, which is slower, gets fewer of the latter."""
+
+    files: int
+    rows: int
+    base_rows: int
+    batch_profiles: int
+    sections: int
+
+
+QUICK = Effort(files=40, rows=300, base_rows=20, batch_profiles=1500, sections=40)
+FULL = Effort(files=200, rows=2000, base_rows=100, batch_profiles=100_000, sections=100)
+
+
+def points_of(count, kind="welded_pair"):
+    """Points of so many sections, 32 different ones."""
+    sections = [random_section(kind, FIRST_SEED + k).profile.points for k in range(min(count, 32))]
+    return [sections[k % len(sections)] for k in range(count)]
+
+
+def run(tree, *words):
+    """Processor and wall time of a command; its largest memory in MB."""
+    before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
+    done = subprocess.run(
+        [sys.executable, "-P", "-m", "lsvision", *map(str, words)], cwd=tree, text=True,
+        env=os.environ | ONE_THREAD | {"PYTHONPATH": str(tree)}, capture_output=True, check=False,
+    )  # fmt: skip
+    if done.returncode:
+        raise RuntimeError(f"{tree}: {words}: {done.stderr[-500:]}")
+    wall, after = time.monotonic() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
+    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return cpu, wall, after.ru_maxrss / 1e3
+
+
+def files_of_two_pipes(base, effort, folder):
+    files = folder / "files"
+    files.mkdir()
+    for number, points in enumerate(points_of(effort.files)):
+        np.savetxt(files / f"{number:04}.csv", points, delimiter=",", fmt="%.4f")
+    outputs = "--csv", folder / "o.csv", "--json", folder / "o.json"
+    old, _, _ = run(base, "measure", files, *outputs)
+    new, alone, _ = run(ROOT, "measure", files, *outputs, "--jobs", 1)
+    _, both, _ = run(ROOT, "measure", files, *outputs, "--jobs", 2)
+    note = f"{old:.1f} and {new:.1f} s of processor"
+    what = f"{effort.files} CSV files of two pipes, --csv --json: times faster"
+    yield Number(what, old / new, low=25, note=note)
+    yield Number("the same with two processes: times faster than one", alone / both, low=1.7)
+
+
+def matrix(base, effort, folder):
+    """Rows of heights; both without and with start-up, since the base gets fewer rows."""
+    section = random_section("single", FIRST_SEED + 7).profile.points
+    heights = np.interp(np.arange(400) * PITCH_MM - 60, *np.nan_to_num(section, nan=-450.0).T)
+    rng = np.random.default_rng(1)
+    rows = heights + rng.normal(0, 0.02, (effort.rows, 400))
+    small, large = folder / "small.npy", folder / "large.npy"
+    np.save(small, rows[: effort.base_rows])
+    np.save(large, rows)
+    words = "--x0", -60, "--dx", PITCH_MM, "--csv", folder / "m.csv"
+    old, _, _ = run(base, "measure", small, *words)
+    new, _, memory = run(ROOT, "measure", large, *words, "--jobs", 1)
+    _, _, small_memory = run(ROOT, "measure", small, *words, "--jobs", 1)
+    ratio = old / effort.base_rows / (new / effort.rows)
+    note = f"{effort.base_rows / old:.1f} and {effort.rows / new:.0f} profiles a second"
+    yield Number(f"matrix of {effort.rows} x 400, --csv: times faster", ratio, low=40, note=note)
+    more = memory - small_memory
+    yield Number("its memory above that of the first rows", more, high=20, unit="MB")
+
+
+def batch(_base, effort, folder):
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    source = folder / "in"
+    source.mkdir()
+    files = max(2, effort.batch_profiles // 10_000)
+    for number in range(files):
+        points = points_of(effort.batch_profiles // files)
+        table = pa.table({"x": [p[:, 0] for p in points], "z": [p[:, 1] for p in points]})
+        pq.write_table(table, source / f"{number:03}.parquet")
+    _, wall, memory = run(ROOT, "batch", source, "--out", folder / "out", "--jobs", 2)
+    rate = effort.batch_profiles / wall
+    what = f"batch of {effort.batch_profiles} profiles of two pipes, two processes"
+    yield Number(what, rate, low=400, unit="1/s")
+    yield Number("its largest process", memory, high=200, unit="MB", note="three: 600 MB in all")
+
+
+def intervals(_base, effort, _folder):
+    for kind in ("single", "welded_pair"):
+        profiles = [Profile(points) for points in points_of(effort.sections, kind)]
+        measuring, computing = [], []
+        for profile in (*profiles[:3], *profiles):
+            start = time.process_time()
+            found = measure_cylinders(profile)
+            measuring.append(time.process_time() - start)
+            for cylinder in found.cylinders:
+                start = time.process_time()
+                _ = cylinder.estimates
+                computing.append(time.process_time() - start)
+        count = len(computing) / len(measuring)
+        ratio = np.median(computing) / (np.median(measuring) / count)
+        what = f"five intervals of a cylinder / its measurement, {kind}"
+        note = f"{1e3 * np.median(computing):.2f} and {1e3 * np.median(measuring) / count:.2f} ms"
+        yield Number(what, ratio, high=1.0, note=note)
+
+
+def start_up(base, _effort, _folder):
+    file = ROOT / "fixtures/welded_pair.csv"
+    rounds = [(run(base, "measure", file)[0], run(ROOT, "measure", file)[0]) for _ in range(5)]
+    old, new = np.median(rounds, axis=0)
+    note = f"{old:.2f} and {new:.2f} s of processor"
+    yield Number("lsvision measure FILE / the base", new / old, high=0.45, note=note)
+
+
+PARTS = {each.__name__: each for each in (start_up, intervals, files_of_two_pipes, matrix, batch)}
+
+
+def main(words=None):
+    parser = argparse.ArgumentParser(prog="python -m tests.bench end_to_end", description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="fewer files and profiles")
+    parser.add_argument("--only", nargs="+", choices=PARTS, default=list(PARTS), metavar="PART")
+    options = parser.parse_args(words)
+    with tempfile.TemporaryDirectory(prefix="lsvision_bench_") as name:
+        folder = Path(name)
+        archive = subprocess.run(
+            ["git", "archive", BASE, "lsvision"], cwd=ROOT, capture_output=True, check=True
+        ).stdout
+        with tarfile.open(fileobj=io.BytesIO(archive)) as tar:
+            tar.extractall(folder / "base", filter="data")
+        for part in options.only:
+            own = folder / part
+            own.mkdir()
+            effort = QUICK if options.quick else FULL
+            print_numbers(part, PARTS[part](folder / "base", effort, own))
