@@ -8,6 +8,9 @@ from lsvision.profile import Arc
 from lsvision.results.quantities import Record
 from lsvision.results.result import Result
 
+MIN_POINTS = 8
+"""Smallest number of points to which an ellipse is fitted: three more than its parameters."""
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class IdentifiedArc:

@@ -13,10 +13,7 @@ import numpy as np
 from lsvision.ellipse.robust_gauss_newton import EllipseResiduals
 from lsvision.geometry import FloatArray
 from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints
-from lsvision.statistics.correlation import (
-    estimate_correlation,
-    neighbour_correlation,
-)
+from lsvision.statistics.correlation import estimate_correlation, neighbour_correlation
 from lsvision.statistics.robust import mad_std
 
 CLIPPED_SIGMAS = 3.0
@@ -38,16 +35,9 @@ incidence: by chance in 2 % of the arcs."""
 class ArcNoise:
     """Corrections of a noise model.
 
-    Parameters
-    ----------
-    variance_factor : float
-        Variance of the residuals over that of the noise model.
-    autocorrelation_time : float
-        Number of points per effective point; 1 for uncorrelated errors.
-    low_frequency_time : float
-        This number at the lowest frequencies, to which the covariance of a fit is proportional.
-    smoothed : bool
-        Whether neighbouring errors are correlated: the sensor smooths along the line.
+    Variance of the residuals over the model's; number of points per effective point, and the same
+    at the lowest frequencies, to which the covariance of a fit is proportional; whether
+    neighbouring errors are correlated, since the sensor smooths along the line.
     """
 
     variance_factor: float
@@ -57,19 +47,9 @@ class ArcNoise:
 
 
 def estimate_arc_noise(compared: EllipseResiduals, min_variance_factor: float) -> ArcNoise:
-    """Estimate the noise of an arc from the residuals of its middle part.
+    """Estimate the noise of an arc from the residuals of its middle part, in order along the line.
 
-    Parameters
-    ----------
-    compared : EllipseResiduals
-        Residuals of the ellipse fitted to the middle part, in order along the line.
-    min_variance_factor : float
-        Smallest variance factor; 1 for a given noise model, whose errors are taken to be
-        uncorrelated.
-
-    Returns
-    -------
-    ArcNoise
+    With a `min_variance_factor` of 1, a given noise model, errors are taken to be uncorrelated.
     """
     normalised = compared.residuals / np.sqrt(compared.variances)
     scale = mad_std(normalised)
@@ -88,19 +68,8 @@ def estimate_arc_noise(compared: EllipseResiduals, min_variance_factor: float) -
 def smoothed_noise(points: NoisyPoints, normals: ComplexArray, std: float) -> NoisyPoints:
     """Return the points with the noise of a sensor that smooths along the line.
 
-    Parameters
-    ----------
-    points : NoisyPoints
-        n points.
-    normals : (n,) complex ndarray
-        Unit normals of the ellipse.
-    std : float
-        Standard deviation at normal incidence. Units: mm.
-
-    Returns
-    -------
-    NoisyPoints
-        Isotropic errors whose variance grows with the incidence, measured from +Y.
+    Isotropic errors, with the standard deviation `std` (mm) at normal incidence; the variance grows
+    with the angle of the ellipse's unit normals from +Y.
     """
     incidence_deg = np.degrees(np.arccos(np.minimum(np.maximum(normals.imag, -1.0), 1.0)))
     growth = 1 + (incidence_deg / GRAZING_INCIDENCE_DEG) ** GRAZING_POWER
@@ -109,17 +78,8 @@ def smoothed_noise(points: NoisyPoints, normals: ComplexArray, std: float) -> No
 
 
 def errors_grow_with_incidence(normalised: FloatArray, normals: ComplexArray) -> bool:
-    """Return whether the variance of normalised residuals increases with the incidence.
+    """Return whether the variance of residuals over their stds increases with the incidence.
 
-    Parameters
-    ----------
-    normalised : (n,) ndarray
-        Residuals over their standard deviations.
-    normals : (n,) complex ndarray
-        Unit normals of the ellipse at the points.
-
-    Notes
-    -----
     Score test of Breusch and Pagan (Econometrica 47, 1979) for a variance that grows with the
     squared sine of the incidence; squared residuals are clipped at 9 times their mean (outliers).
     """

@@ -14,6 +14,7 @@ import numpy as np
 
 from lsvision.ellipse.parameters import (
     PARAMETERS,
+    deviator_of,
     ellipse_from_parameters,
     parameters_from_ellipse,
 )
@@ -33,7 +34,7 @@ from lsvision.ellipse.robust_gauss_newton import (
 )
 from lsvision.errors import TooFewPoints
 from lsvision.geometry import Ellipse, FloatArray, Points, as_readonly_array
-from lsvision.geometry.arrays import require_coordinates, require_covariances
+from lsvision.geometry.arrays import TINY, require_coordinates, require_covariances
 from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints, as_complex, as_vectors
 from lsvision.statistics.correlation import (
     Correlation,
@@ -44,7 +45,6 @@ from lsvision.statistics.numerical_failures import refuse_numerical_failure, req
 CHI2_TEST_SIGMAS = 3.3
 """Standard deviations of chi^2 above which a noise model is rejected as too small."""
 
-TINY = 1e-300
 NONCIRCULAR_SIGMAS = 5.0
 """Standard deviations of (p, q) from 0 above which phi and theta are normally distributed."""
 
@@ -130,8 +130,8 @@ class EllipseFit:
     @property
     def is_noncircular(self) -> bool:
         """Whether (p, q) differs from 0 by more than 5 standard deviations, so theta is defined."""
-        largest = float(np.linalg.eigvalsh(self.parameter_covariance[3:, 3:])[-1])
-        return math.hypot(*self.parameters[3:]) > NONCIRCULAR_SIGMAS * math.sqrt(largest)
+        largest = float(np.linalg.eigvalsh(self.parameter_covariance[-2:, -2:])[-1])
+        return abs(deviator_of(self.parameters)) > NONCIRCULAR_SIGMAS * math.sqrt(largest)
 
     @property
     def rms(self) -> float:

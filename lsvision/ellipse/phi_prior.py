@@ -110,12 +110,12 @@ class PhiPrior:
         m, p, q = (float(value) for value in parameters[2:])
         # A step of the iteration may have m <= 0, which is no ellipse: avoid division by zero.
         m = max(m, TINY)
-        jacobian = np.zeros((self.residual_count, 5))
+        jacobian = np.zeros((self.residual_count, len(parameters)))
         if self.includes_circle:
             std = self.deviator_std
             residuals = np.array([p, q]) / (m * std)
             jacobian[:, 2] = -residuals / m
-            jacobian[0, 3] = jacobian[1, 4] = 1 / (m * std)
+            jacobian[0, -2] = jacobian[1, -1] = 1 / (m * std)
             return residuals, jacobian
         h = max(math.hypot(p, q), TINY * m)
         root = math.sqrt(h / m)

@@ -14,12 +14,12 @@ from scipy.linalg.lapack import dposv
 
 from lsvision.ellipse.parameters import PARAMETERS, is_ellipse, parameter_jacobian
 from lsvision.geometry import FloatArray, IntArray
+from lsvision.geometry.arrays import TINY
 from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints
 from lsvision.statistics.robust import MAD_TO_STD, upper_median
 
 FLATTENING_PRIOR_STD = 0.3
 """Prior standard deviation of (a - b) / (a + b): a tilt of 57 deg."""
-TINY = 1e-300
 IDENTITY = np.eye(PARAMETERS)
 MAX_RELATIVE_STEP = 0.1
 """Damping: a step of this fraction of m costs as much as a residual of one sigma."""
@@ -125,7 +125,7 @@ class WeightedSystem(NamedTuple):
 def add_flattening_prior(equations: FloatArray, parameters: FloatArray) -> None:
     """Add the weak prior that few pipes are tilted by more than 60 deg, in place."""
     weight = 1 / (FLATTENING_PRIOR_STD * float(parameters[2])) ** 2
-    for i in (3, 4):
+    for i in range(PARAMETERS)[-2:]:
         equations[i, i] += weight
         equations[i, PARAMETERS] -= weight * float(parameters[i])
 
