@@ -16,9 +16,10 @@ MAX_OVERLAP = 0.3
 MAX_RADIUS_RATIO = 2.0
 """Largest ratio of an end of the radius' 95 % interval to the radius, or its inverse; beyond it the
 radius is not determinable."""
-MIN_RADIUS_SIGMAS, CERTAIN_RADIUS_SIGMAS = 2.0, 6.0
-"""Ratio of radius to standard uncertainty below which the radius is not determinable, and ratio
-above which its interval is well within `MAX_RADIUS_RATIO` and need not be computed."""
+MIN_RADIUS_SIGMAS, CERTAIN_RADIUS_SIGMAS = 3.5, 6.0
+"""Ratio of radius to standard uncertainty below which its interval exceeds `MAX_RADIUS_RATIO`, as
+of all 15 such sections in 3909 profiles, and ratio above which it does not: the interval, which
+takes 20 to 200 ms, is computed in between."""
 
 
 @dataclass(frozen=True, kw_only=True)

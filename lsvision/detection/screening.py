@@ -59,7 +59,7 @@ GUARD_POINTS = 1
 model 4 % of the radius intervals would miss because of it. Dropping two only costs accuracy."""
 MIN_CONTACT_POINTS = 3
 """Smallest number of connected points beyond an end that are a contact: bead, pipe or plate."""
-EDGE_POINTS_PER_CORRELATION = 1.7
+EDGE_POINTS_PER_CORRELATION = 2
 """Points dropped at each end per unit of autocorrelation time above 1: near an edge, a sensor that
 smooths along the line mixes in the surface beyond the edge."""
 

@@ -191,14 +191,14 @@ def test_what_is_known_bounds_the_radius(known):
     ("sigmas", "reason"),
     [
         (1.5, "radius not determinable: 20 +/- 13 mm; a longer arc is needed"),
-        (1.9, "radius not determinable: 20 +/- 11 mm; a longer arc is needed"),
-        (2.1, "radius not determinable: 5 to 100 mm (95 %); a longer arc is needed"),
+        (3.4, "radius not determinable: 20 +/- 5.9 mm; a longer arc is needed"),
+        (3.6, "radius not determinable: 5 to 100 mm (95 %); a longer arc is needed"),
         (5.9, "radius not determinable: 5 to 100 mm (95 %); a longer arc is needed"),
         (6.1, None),
         (8.0, None),
     ],
 )
-def test_a_radius_of_two_to_six_sigma_needs_its_interval(sigmas, reason):
+def test_a_radius_of_three_and_a_half_to_six_sigma_needs_its_interval(sigmas, reason):
     """Profile-likelihood intervals take time: fewer sigma are too few, more are enough."""
     assert undeterminable_radius_reason(section_of(5.0, 100.0, std=20 / sigmas)) == reason
 
