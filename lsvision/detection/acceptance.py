@@ -6,13 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lsvision.detection.arcs import MAX_OVERLAP
 from lsvision.ellipse.section import CylinderSection
 from lsvision.geometry import Ellipse
 from lsvision.geometry.noisy_points import ComplexArray
 from lsvision.profile import PreparedProfile
 
-MAX_OVERLAP = 0.3
-"""Largest fraction of a section's points that may belong to a section with more points."""
 MAX_RADIUS_RATIO = 2.0
 """Largest ratio of an end of the radius' 95 % interval to the radius, or its inverse; beyond it the
 radius is not determinable."""

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 
 from lsvision.detection import windows
+from lsvision.detection.arcs import MAX_OVERLAP
 from lsvision.geometry import BoolArray, Ellipse, FloatArray, IntArray, Points
 from lsvision.profile import MAX_RELATIVE_SCATTER, Arc, PreparedProfile
 
@@ -24,9 +25,6 @@ plus `MAX_RELATIVE_SCATTER` of the radius (90 deg of a section tilted by 50 deg 
 MIN_COVERAGE_POINTS = 15.7
 """Smallest product of the angle that a window covers (rad) and its number of points, 25 deg at 36
 points: few points may curve by chance."""
-MAX_OVERLAP = 0.5
-"""Largest intersection over union of two windows, and largest fraction of the points of a candidate
-or rejection that may lie in the arcs treated before it; beyond it, it is left out."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,8 +11,8 @@ import math
 import numpy as np
 
 from lsvision.detection.acceptance import AcceptanceSettings, shape_rejection_reason
-from lsvision.detection.arcs import MIN_POINTS, IdentifiedArc, Rejection
-from lsvision.detection.candidates import MAX_OVERLAP, Candidate, seed_ellipse
+from lsvision.detection.arcs import MAX_OVERLAP, MIN_POINTS, IdentifiedArc, Rejection
+from lsvision.detection.candidates import Candidate, seed_ellipse
 from lsvision.ellipse.parameters import ellipse_from_parameters, parameters_from_ellipse
 from lsvision.ellipse.robust_gauss_newton import (
     EllipseResiduals,

@@ -61,7 +61,7 @@ def rasterise(
     indices, z = valid[on_line], z[on_line]
     step = z[1:] - z[:-1]
     connected = np.abs(step.imag) <= settings.step_slope * profile.pitch + tolerance
-    connected &= np.abs(step.real) <= (settings.bridged_columns + 1.5) * profile.pitch
+    connected &= np.abs(step.real) <= (settings.bridged_columns + 1 + 0.5) * profile.pitch
     return RangeImage(indices, connected)
 
 
