@@ -15,13 +15,10 @@ import numpy as np
 from lsvision.detection import windows
 from lsvision.detection.arcs import MAX_OVERLAP
 from lsvision.geometry import BoolArray, Ellipse, FloatArray, IntArray, Points
-from lsvision.profile import MAX_RELATIVE_SCATTER, Arc, PreparedProfile
+from lsvision.profile import Arc, PreparedProfile
 
 MAX_AXIS_RATIO = 2.0
 """Largest ratio of the semi-axes of an initial ellipse: a tilt of 60 deg."""
-MAX_RMS_SIGMAS = 2.5
-"""Largest rms distance of points from their line or circle, as a multiple of the noise; for circles
-plus `MAX_RELATIVE_SCATTER` of the radius (90 deg of a section tilted by 50 deg leave 1.2 %)."""
 MIN_COVERAGE_POINTS = 15.7
 """Smallest product of the angle that a window covers (rad) and its number of points, 25 deg at 36
 points: few points may curve by chance."""
@@ -67,7 +64,7 @@ def find_candidates(
     sizes = [len(component) for component in components]
     starts, stops = windows.multiscale_windows(sizes, settings.min_span_points)
     circles = windows.fit_window_circles(points, starts, stops)
-    passed = _passes_gates(circles, profile.noise_std, radius_range).nonzero()[0]
+    passed = _passes_gates(profile, circles, radius_range).nonzero()[0]
     starts, stops, centres = starts[passed], stops[passed], circles.centre[passed]
     coverage = windows.arc_coverage(points, starts, stops, centres)
     # float32: windows whose coverage differs by rounding only are sorted by their centre's x.
@@ -83,7 +80,7 @@ def find_candidates(
 
 
 def _passes_gates(
-    circles: windows.WindowCircles, noise_std: float, radius_range: tuple[float, float]
+    profile: PreparedProfile, circles: windows.WindowCircles, radius_range: tuple[float, float]
 ) -> BoolArray:
     """Return which windows pass the limits of curvature, convexity and residuals."""
     low, high = radius_range
@@ -91,13 +88,8 @@ def _passes_gates(
     # Radius of curvature of an ellipse: from b^2 / a at its sharp ends to a^2 / b.
     passed &= circles.radius >= low / MAX_AXIS_RATIO
     passed &= circles.radius <= high * MAX_AXIS_RATIO**2
-    passed &= circles.rms <= max_circle_rms(circles.radius, noise_std)
+    passed &= circles.rms <= profile.max_rms(circles.radius)
     return passed
-
-
-def max_circle_rms(radius: FloatArray, noise_std: float) -> FloatArray:
-    """Return the largest accepted rms distance of points from circles of these radii. Units: mm."""
-    return MAX_RMS_SIGMAS * noise_std + MAX_RELATIVE_SCATTER * radius
 
 
 def _non_maximum_suppression(starts: IntArray, stops: IntArray) -> list[int]:

@@ -19,10 +19,12 @@ OUTLIER_FRACTION = 0.05
 END_LOG_MARGIN = 3.0
 """Largest decrease of the cumulated log likelihood ratio from its maximum to the last inlier of an
 arc, a factor of 20. 5 would include more of a weld's foot, 0 would cut off valid ends."""
-WINDOW_INSIDE = 20
-"""Number of outermost inliers at which a departure may begin."""
-WINDOW_BEYOND = 8
-"""Largest number of connected points beyond the end that are used to detect a departure."""
+POINTS_BEYOND = 8
+"""Largest number of connected points beyond the last inlier that are used to detect a departure."""
+WINDOW = 2 * POINTS_BEYOND
+"""Number of outermost inliers at which a departure may begin, and of points beyond each end of an
+arc that are screened, too: growing stops early where the initial ellipse deviates from a tilted
+section."""
 TURN_STD = 0.5
 """Prior standard deviation of the angle at which a line departs. Units: rad."""
 BEND_STD_RADII = 2.0
@@ -112,10 +114,9 @@ def departure_free_probability(
     its angle and curvature, is compared with that of no departure. `members` are the positions of
     at least one inlier, `following` those of the connected points beyond the last of them.
     """
-    following = following[:WINDOW_BEYOND]
-    before = max(0, len(members) - WINDOW_INSIDE)
-    chosen = np.concatenate([members, following]) + PREDECESSORS
-    window = len(chosen) - before
+    chosen = np.concatenate([members, following[:POINTS_BEYOND]]) + PREDECESSORS
+    before = max(0, len(members) - WINDOW)
+    count = len(chosen) - before
     jacobian = end.jacobian[:, chosen]
     positions = end.positions[np.append(PREDECESSORS - 1, chosen)]
     # A departure that begins at a point starts from the ellipse at the point before.
@@ -128,10 +129,8 @@ def departure_free_probability(
     )
     rhs = np.column_stack([residuals, TURN_STD * beyond, bends])
     whitened = dtrtrs(factor, rhs, lower=1)[0]
-    log_ratio = _log_marginal_ratio(
-        whitened[:, 0], whitened[:, 1 : 1 + window], whitened[:, 1 + window :]
-    )
-    log_ratio += math.log((1 - NO_DEPARTURE_PRIOR) / NO_DEPARTURE_PRIOR / window)
+    log_ratio = _log_marginal_ratio(whitened[:, 0], whitened[:, 1:-count], whitened[:, -count:])
+    log_ratio += math.log((1 - NO_DEPARTURE_PRIOR) / NO_DEPARTURE_PRIOR / count)
     log_weights = np.append(log_ratio, 0.0)
     # Cumulated weights of no departure and of the departures that begin at each point or beyond.
     free = np.exp(log_weights - log_weights.max())[::-1].cumsum()[::-1]

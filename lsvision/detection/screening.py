@@ -15,8 +15,9 @@ import numpy as np
 from lsvision.detection.arcs import MIN_POINTS, IdentifiedArc
 from lsvision.detection.end_condition import connected_beyond
 from lsvision.detection.end_points import (
+    POINTS_BEYOND,
     PREDECESSORS,
-    WINDOW_BEYOND,
+    WINDOW,
     EndInliers,
     EndPoints,
     Prediction,
@@ -45,9 +46,6 @@ from lsvision.profile import PreparedProfile
 
 MIDDLE_FRACTION = 0.7
 """Fraction of the arc's points in its middle part."""
-POINTS_BEYOND = 14
-"""Points beyond each end that are screened, too: growing stops early where the initial ellipse
-deviates from a tilted section. An arc that reaches the last of them is screened once more."""
 MAX_END_POINTS = 100
 """Largest number of the arc's points at an end: the filter's time grows with its cube."""
 MAX_ITERATIONS = 3
@@ -137,6 +135,7 @@ def screen_arc(profile: PreparedProfile, arc: IdentifiedArc) -> ScreenedArc | No
         return None
     ellipse = ellipse_from_parameters(parameters)
     indices, _ = line.indices_with([end.inliers.members for end in ends])
+    # An arc that reaches the last of the points beyond is screened once more.
     outermost, last = line.indices[[0, -1]], len(profile.points) - 1
     if ((indices[[0, -1]] == outermost) & (outermost != [0, last])).any():
         return screen_arc(profile, IdentifiedArc.of(indices, ellipse))
@@ -151,8 +150,8 @@ def _split_arc(profile: PreparedProfile, arc: IdentifiedArc) -> _Line | None:
     inner = arc.indices[end_count : count - end_count]
     if len(inner) < MIN_POINTS:
         return None
-    left = np.arange(max(0, arc.arc.start - POINTS_BEYOND), inner[0])
-    right = np.arange(inner[-1] + 1, min(arc.arc.stop + POINTS_BEYOND, len(profile.points)))
+    left = np.arange(max(0, arc.arc.start - WINDOW), inner[0])
+    right = np.arange(inner[-1] + 1, min(arc.arc.stop + WINDOW, len(profile.points)))
     indices = np.concatenate([left, inner, right])
     begin, end = len(left), len(left) + len(inner)
     rows = np.arange(len(indices))
@@ -199,7 +198,8 @@ def _compare_ends(fitted: _MiddleFit) -> tuple[FloatArray, list[_ComparedEnd]]:
             for pair in zip(points, predictions, strict=True)
         ]
         previous, members = members, [end.inliers.members for end in ends]
-        converged = all(map(np.array_equal, members, previous))
+        same = (a.tobytes() == b.tobytes() for a, b in zip(members, previous, strict=True))
+        converged = all(same)
         if not converged:
             equations = [system.normal_equations(line.end_rows(i, members[i])) for i in (0, 1)]
         parameters = parameters + damped_step(middle + equations[0] + equations[1], parameters)
@@ -245,7 +245,7 @@ def _keep(line: _Line, side: int, end: _ComparedEnd, noise: ArcNoise) -> IntArra
         return members
     z = line.points.z[line.ends[side]]
     inside = np.append(np.arange(PREDECESSORS), members + PREDECESSORS)
-    following = connected_beyond(z[inside], z[inside[-1] + 1 :], WINDOW_BEYOND) + members[-1] + 1
+    following = connected_beyond(z[inside], z[inside[-1] + 1 :], POINTS_BEYOND) + members[-1] + 1
     probability = 1 / (1 + np.exp(-log_odds))
     if len(following):
         probability *= departure_free_probability(end.points, end.prediction, members, following)

@@ -212,7 +212,7 @@ def departure_oracle(end, prediction, members, following):
     jacobian = end.jacobian[:, rows]
     residuals = end.residuals[rows] - offset @ jacobian
     base = jacobian.T @ covariance @ jacobian + np.diag(time * end.variances[rows])
-    first = max(0, len(members) - 20)
+    first = max(0, len(members) - 16)
     before = np.concatenate([[end.positions[1]], end.positions[rows]])
     onsets = list(range(first, len(rows)))
     likelihoods = []

@@ -96,8 +96,8 @@ def test_an_arc_that_goes_on_at_one_side_only_is_found_to_its_end(count):
 
 
 @pytest.mark.parametrize("count", [30, 100])
-def test_the_arc_is_looked_for_among_fourteen_points_beyond_its_end(count):
-    for outliers, found in ((11, True), (15, False)):
+def test_the_arc_is_looked_for_among_sixteen_points_beyond_its_end(count):
+    for outliers, found in ((13, True), (17, False)):
         points = arc_points(np.linspace(-60, 60, count + outliers + 12))
         between = slice(count, count + outliers)
         points[between] = outside(points, 9.0)[between]
