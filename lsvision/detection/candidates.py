@@ -71,12 +71,11 @@ def find_candidates(
     order = np.lexsort((centres[:, 0], -coverage.astype(np.float32)))
     order = order[(coverage * (stops - starts) >= MIN_COVERAGE_POINTS)[order]]
     kept = order[_non_maximum_suppression(starts[order], stops[order])]
-    spans = [sequence[starts[i] : stops[i]] for i in kept]
-    circle_parameters = np.column_stack([centres, circles.radius[passed]])[kept].tolist()
-    return [
-        Candidate(Arc(int(span[0]), int(span[-1]) + 1), span, (x, y), radius)
-        for span, (x, y, radius) in zip(spans, circle_parameters, strict=True)
-    ]
+    radii, found = circles.radius[passed], []
+    for i in kept:
+        span, (x, y) = sequence[starts[i] : stops[i]], centres[i].tolist()
+        found.append(Candidate(Arc(int(span[0]), int(span[-1]) + 1), span, (x, y), float(radii[i])))
+    return found
 
 
 def _passes_gates(

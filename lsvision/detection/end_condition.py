@@ -15,7 +15,7 @@ from lsvision.detection.arcs import IdentifiedArc
 from lsvision.geometry import Ellipse, IntArray
 from lsvision.geometry.noisy_points import ComplexArray
 from lsvision.profile import PreparedProfile
-from lsvision.statistics.robust import upper_median
+from lsvision.statistics.robust import SIGNIFICANT_SIGMAS, upper_median
 
 if TYPE_CHECKING:
     from lsvision.detection.screening import ScreenedArc
@@ -29,8 +29,6 @@ FILLET_POINTS = 2 * POINTS_BEYOND
 the curvature of few points is not significant."""
 MAX_GAP_STEPS = 3.0
 """Largest distance between connected points, in median steps of the arc."""
-FILLET_SIGMAS = 3.0
-"""Smallest concave curvature of a fillet, in standard deviations of that curvature."""
 MIN_FILLET_CURVATURE = 1.0
 """Smallest curvature of a fillet over that of the cylinder: feet of weld beads have 0.9 to 1.6, the
 line beyond a rounded corner at most 0, the valleys of a corrugated sheet up to 1."""
@@ -135,5 +133,5 @@ def _is_fillet(line: ComplexArray, min_curvature: float, noise_std: float) -> bo
     residuals = height - np.polyval(parabola, x)
     dof = len(line) - len(parabola)
     scatter = max(noise_std, math.sqrt(float(residuals @ residuals) / dof))
-    limit = max(FILLET_SIGMAS * 2 * scatter * math.sqrt(float(covariance[0, 0])), min_curvature)
+    limit = max(SIGNIFICANT_SIGMAS * 2 * scatter * math.sqrt(float(covariance[0, 0])), min_curvature)
     return 2 * float(parabola[0]) > limit

@@ -6,6 +6,7 @@ separates. Points that jump off the line are removed first, by a median filter o
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -38,8 +39,7 @@ class RangeImageSettings:
     step_slope: float = 4.0
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class RangeImage:
+class RangeImage(NamedTuple):
     """Indices (k,) of the points without jumps; whether each is connected to the next (k - 1,)."""
 
     indices: IntArray
@@ -66,14 +66,8 @@ def rasterise(
 
 
 def connected_components(range_image: RangeImage, smallest: int) -> list[IntArray]:
-    """Return the profile's indices, in order, for each component of `smallest` or more points.
-
-    Smaller components are jumps and dust.
-    """
-    cuts = (~range_image.connected).nonzero()[0] + 1
-    bounds = [0, *cuts.tolist(), len(range_image.indices)]
-    return [
-        range_image.indices[start:stop]
-        for start, stop in pairwise(bounds)
-        if stop - start >= smallest
-    ]
+    """Return the indices of each component of `smallest` points or more; less is jumps and dust."""
+    indices, connected = range_image
+    cuts = (~connected).nonzero()[0] + 1
+    bounds = pairwise([0, *cuts.tolist(), len(indices)])
+    return [indices[start:stop] for start, stop in bounds if stop - start >= smallest]

@@ -223,7 +223,8 @@ def _end_points(
     line: _Line, compared: EllipseResiduals, system_rows: FloatArray, noise: ArcNoise
 ) -> list[EndPoints]:
     feet = line.points.z - compared.residuals * compared.normals
-    positions = np.append(0.0, np.abs(feet[1:] - feet[:-1]).cumsum())
+    positions = np.zeros(len(feet))
+    np.abs(feet[1:] - feet[:-1]).cumsum(out=positions[1:])
     visible = line.points.incidence_cosines(compared.normals) > MIN_INCIDENCE_COSINE
     variances = compared.inflated_variances * noise.variance_factor
     return [

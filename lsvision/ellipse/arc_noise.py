@@ -14,10 +14,8 @@ from lsvision.ellipse.robust_gauss_newton import EllipseResiduals
 from lsvision.geometry import FloatArray
 from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints
 from lsvision.statistics.correlation import estimate_correlation, neighbour_correlation
-from lsvision.statistics.robust import mad_std
+from lsvision.statistics.robust import SIGNIFICANT_SIGMAS, mad_std
 
-CLIPPED_SIGMAS = 3.0
-"""Standard deviations at which residuals are clipped before their correlation is estimated."""
 GRAZING_INCIDENCE_DEG = 45.0
 """Incidence at which the error of a sensor that smooths along the line has grown by sqrt(2), since
 its spot covers a longer part of the surface. From arcs of real spheres, whose errors have the same
@@ -56,7 +54,7 @@ def estimate_arc_noise(compared: EllipseResiduals, min_variance_factor: float) -
     factor = max(scale * scale, min_variance_factor)
     if min_variance_factor >= 1:
         return ArcNoise(factor, 1.0, 1.0, smoothed=False)
-    limit = CLIPPED_SIGMAS * scale
+    limit = SIGNIFICANT_SIGMAS * scale
     clipped = np.minimum(np.maximum(normalised, -limit), limit)
     time, smoothed = neighbour_correlation(clipped)
     if not smoothed:
@@ -89,6 +87,6 @@ def errors_grow_with_incidence(normalised: FloatArray, normals: ComplexArray) ->
     inclination = normals.real * normals.real
     inclination -= inclination.sum() / len(inclination)
     squares = (normalised / largest) ** 2
-    excess = np.minimum(squares * (len(squares) / squares.sum()), CLIPPED_SIGMAS**2) - 1
+    excess = np.minimum(squares * (len(squares) / squares.sum()), SIGNIFICANT_SIGMAS**2) - 1
     spread = math.sqrt(2 * float(inclination @ inclination))
     return float(inclination @ excess) > MIN_SCORE_SIGMAS * spread

@@ -41,9 +41,7 @@ from lsvision.statistics.correlation import (
     estimate_correlation,
 )
 from lsvision.statistics.numerical_failures import refuse_numerical_failure, require_finite
-
-CHI2_TEST_SIGMAS = 3.3
-"""Standard deviations of chi^2 above which a noise model is rejected as too small."""
+from lsvision.statistics.robust import SIGNIFICANT_SIGMAS
 
 NONCIRCULAR_SIGMAS = 5.0
 """Standard deviations of (p, q) from 0 above which phi and theta are normally distributed."""
@@ -285,7 +283,7 @@ def _inverse(information: FloatArray) -> FloatArray:
         scales = scale[:, None] * scale
         values, vectors = np.linalg.eigh(information * scales)
         with np.errstate(over="ignore"):  # all points at one place: infinite variances
-            inverse = (vectors / np.maximum(values, 1e-14)) @ vectors.T * scales
+            inverse = (vectors / np.maximum(values, np.finfo(float).eps)) @ vectors.T * scales
     return inverse
 
 
@@ -298,7 +296,7 @@ def _build_fit(problem: EllipseProblem, solution: Solution, *, known_noise: bool
     dof = float(max(count - PARAMETERS, 1)) + problem.prior_residual_count
     reduced_chi2 = float(normalised @ normalised) / dof
     if known_noise:
-        significant = reduced_chi2 > 1 + CHI2_TEST_SIGMAS * np.sqrt(2 / dof)
+        significant = reduced_chi2 > 1 + SIGNIFICANT_SIGMAS * math.sqrt(2 / dof)
         factor, dof = (reduced_chi2 if significant else 1.0), np.inf
     else:
         factor = max(reduced_chi2, TINY)

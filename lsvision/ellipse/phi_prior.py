@@ -41,8 +41,8 @@ class PhiPrior:
     Nearer to 0 the section may be a circle, where phi is no regular parameter: a cost of
     (phi / std)^2 has a cusp there, at which the fit would stop with far too small a variance.
     There (p, q) / m has a normal prior about zero, with the second moments for a phi that is the
-    modulus of a normal variable and a uniform theta:
-    E h^2 / m^2 = (phi^4 + 6 phi^2 std^2 + 3 std^4) / 16, which suffice for a linear estimate.
+    modulus of a normal variable and a uniform theta: with f = (phi / 2)^2 and v = (std / 2)^2
+    E h^2 / m^2 = f^2 + 6 f v + 3 v^2, which suffice for a linear estimate.
 
     Raises
     ------
@@ -79,9 +79,8 @@ class PhiPrior:
     @property
     def deviator_std(self) -> float:
         """Standard deviation of p / m and of q / m in the prior about a circle."""
-        s = max(self.std, PERPENDICULAR_PHI_STD)
-        fourth = self.phi**4 + 6 * (self.phi * s) ** 2 + 3 * s**4
-        return math.sqrt(fourth / 32)
+        f, v = (self.phi / 2) ** 2, (max(self.std, PERPENDICULAR_PHI_STD) / 2) ** 2
+        return math.sqrt((f * f + 6 * f * v + 3 * v * v) / 2)
 
     def max_likelihood_ratio(self, level: float) -> float:
         """Return the critical likelihood ratio of the prior alone, near a circle.
@@ -95,7 +94,7 @@ class PhiPrior:
         s = max(self.std, PERPENDICULAR_PHI_STD)
         phi = self.phi / s
         upper = brentq(lambda x: ndtr(x - phi) - ndtr(-x - phi) - level, 0.0, phi + 40.0)
-        return float((upper * s) ** 4 / (16 * self.deviator_std**2))
+        return float(((upper * s / 2) ** 2 / self.deviator_std) ** 2)
 
     def residuals_and_jacobian(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the residuals of the prior over their standard deviations, and their derivative.

@@ -64,7 +64,7 @@ def smooth_arc(points: NoisyPoints, ellipse: Ellipse) -> SmoothedArc:
     length = np.zeros(len(points))
     np.abs(feet[1:] - feet[:-1]).cumsum(out=length[1:])
     length += (RIDGE * length[-1] + TINY) * np.arange(len(points))
-    even = np.linspace(0.0, length[-1], POSITIONS)
+    even = np.arange(POSITIONS) * (length[-1] / (POSITIONS - 1))
     smooth, weights = smooth_residual(length, residuals, stds, even)
     inliers = np.empty(len(points), dtype=bool)
     inliers[order] = weights > 0
