@@ -269,25 +269,9 @@ class PreparedProfile:
         radius : float
             Radius of the cylinder. Units: mm.
         """
-        if not self.noise_std:
-            return math.inf
-        return max(self._max_modelled_factor, MAX_RELATIVE_SCATTER * radius / self.noise_std)
-
-    def max_rms(self, radius: FloatArray | float) -> FloatArray:
-        """Return the largest accepted rms distance of points from a section. Units: mm.
-
-        Parameters
-        ----------
-        radius : ndarray or float
-            Radius of the section, 0 for a straight line. Units: mm.
-        """
-        modelled = self._max_modelled_factor * self.noise_std
-        limit: FloatArray = np.maximum(modelled, MAX_RELATIVE_SCATTER * radius)
-        return limit
-
-    @property
-    def _max_modelled_factor(self) -> float:
-        return MAX_ESTIMATED_NOISE_FACTOR if self.noise_is_estimated else MAX_NOISE_FACTOR
+        modelled = MAX_ESTIMATED_NOISE_FACTOR if self.noise_is_estimated else MAX_NOISE_FACTOR
+        scatter = MAX_RELATIVE_SCATTER * radius
+        return max(modelled, scatter / self.noise_std) if self.noise_std else math.inf
 
 
 @dataclass(frozen=True)

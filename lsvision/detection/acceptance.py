@@ -91,7 +91,7 @@ def rejection_reason(
 
 
 def undeterminable_radius_reason(section: CylinderSection) -> str | None:
-    """Return why the 95 % interval of a radius exceeds a factor of 2; None if not, or with a prior."""
+    """Return why the 95 % interval of a radius exceeds a factor of 2; None if not, or known."""
     problem = section.fit.problem
     if problem.known_radius is not None or problem.known_phi is not None:
         return None

@@ -15,7 +15,8 @@ import numpy as np
 from lsvision.detection import windows
 from lsvision.detection.arcs import MAX_OVERLAP
 from lsvision.geometry import BoolArray, Ellipse, FloatArray, IntArray, Points
-from lsvision.profile import Arc, PreparedProfile
+from lsvision.profile import MAX_RELATIVE_SCATTER, Arc, PreparedProfile
+from lsvision.statistics.robust import SIGNIFICANT_SIGMAS
 
 MAX_AXIS_RATIO = 2.0
 """Largest ratio of the semi-axes of an initial ellipse: a tilt of 60 deg."""
@@ -64,7 +65,7 @@ def find_candidates(
     sizes = [len(component) for component in components]
     starts, stops = windows.multiscale_windows(sizes, settings.min_span_points)
     circles = windows.fit_window_circles(points, starts, stops)
-    passed = _passes_gates(profile, circles, radius_range).nonzero()[0]
+    passed = _passes_gates(circles, profile.noise_std, radius_range).nonzero()[0]
     starts, stops, centres = starts[passed], stops[passed], circles.centre[passed]
     coverage = windows.arc_coverage(points, starts, stops, centres)
     # float32: windows whose coverage differs by rounding only are sorted by their centre's x.
@@ -79,7 +80,7 @@ def find_candidates(
 
 
 def _passes_gates(
-    profile: PreparedProfile, circles: windows.WindowCircles, radius_range: tuple[float, float]
+    circles: windows.WindowCircles, noise_std: float, radius_range: tuple[float, float]
 ) -> BoolArray:
     """Return which windows pass the limits of curvature, convexity and residuals."""
     low, high = radius_range
@@ -87,7 +88,9 @@ def _passes_gates(
     # Radius of curvature of an ellipse: from b^2 / a at its sharp ends to a^2 / b.
     passed &= circles.radius >= low / MAX_AXIS_RATIO
     passed &= circles.radius <= high * MAX_AXIS_RATIO**2
-    passed &= circles.rms <= profile.max_rms(circles.radius)
+    # 90 deg of a section tilted by 50 deg leave 1.2 % of the radius.
+    max_scatter = MAX_RELATIVE_SCATTER * circles.radius
+    passed &= circles.rms <= SIGNIFICANT_SIGMAS * noise_std + max_scatter
     return passed
 
 

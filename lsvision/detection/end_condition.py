@@ -133,5 +133,5 @@ def _is_fillet(line: ComplexArray, min_curvature: float, noise_std: float) -> bo
     residuals = height - np.polyval(parabola, x)
     dof = len(line) - len(parabola)
     scatter = max(noise_std, math.sqrt(float(residuals @ residuals) / dof))
-    limit = max(SIGNIFICANT_SIGMAS * 2 * scatter * math.sqrt(float(covariance[0, 0])), min_curvature)
-    return 2 * float(parabola[0]) > limit
+    std = scatter * math.sqrt(float(covariance[0, 0]))
+    return 2 * float(parabola[0]) > max(2 * SIGNIFICANT_SIGMAS * std, min_curvature)

@@ -143,4 +143,5 @@ def connected_inliers(inliers: BoolArray, inside: IntArray) -> IntArray:
         first -= 1
     while last < len(gaps) and gaps[last] < lengths[last + 1]:
         last += 1
-    return members[(members >= firsts[first]) & (members < stops[last])]
+    bridged: IntArray = members[(members >= firsts[first]) & (members < stops[last])]
+    return bridged

@@ -18,8 +18,8 @@ NOISE_QUANTILE = 0.35
 """Quantile of the offsets that estimates the noise: low, since large offsets may be outliers."""
 NOISE_QUANTILE_SIGMAS = NormalDist().inv_cdf((1 + NOISE_QUANTILE) / 2) * math.sqrt(1 + 1 / 2)
 """This quantile of a point's offset from the mean of its neighbours, over the noise's std."""
-LATERAL_FRACTION = 0.2
-"""Error along X over the error along Y where no noise model is given: the tangent of 11 deg,
+LATERAL_FRACTION = 0.26
+"""Error along X over the error along Y where no noise model is given: the tangent of 15 deg,
 the usual angle between Y and the (unknown) ray."""
 MIN_ESTIMATED_VARIANCE_FACTOR = 0.5**2
 """Smallest variance factor of an estimated noise: outliers and rounding may double its std."""
