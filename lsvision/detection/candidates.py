@@ -88,10 +88,14 @@ def _passes_gates(
     # Radius of curvature of an ellipse: from b^2 / a at its sharp ends to a^2 / b.
     passed &= circles.radius >= low / MAX_AXIS_RATIO
     passed &= circles.radius <= high * MAX_AXIS_RATIO**2
-    # 90 deg of a section tilted by 50 deg leave 1.2 % of the radius.
-    max_scatter = MAX_RELATIVE_SCATTER * circles.radius
-    passed &= circles.rms <= SIGNIFICANT_SIGMAS * noise_std + max_scatter
+    passed &= circles.rms <= max_circle_rms(circles.radius, noise_std)
     return passed
+
+
+def max_circle_rms(radius: FloatArray, noise_std: float) -> FloatArray:
+    """Return the largest accepted rms distance of points from circles of these radii. Units: mm."""
+    # 90 deg of a section tilted by 50 deg leave 1.2 % of the radius.
+    return SIGNIFICANT_SIGMAS * noise_std + MAX_RELATIVE_SCATTER * radius
 
 
 def _non_maximum_suppression(starts: IntArray, stops: IntArray) -> list[int]:

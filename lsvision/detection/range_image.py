@@ -18,8 +18,8 @@ JUMP_SIGMAS = 6.0
 """Largest distance of a point from the filtered line, in standard deviations of the noise."""
 JUMP_PITCHES = 0.5
 """Pitches added to this distance: the height of a narrow crest above the median of five points."""
-MEDIAN_COLUMNS = 5
-"""Width of the median filter, which removes two adjacent jumps."""
+MAX_ADJACENT_JUMPS = 2
+"""Number of adjacent jumps that the median filter removes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +56,7 @@ def rasterise(
     z = profile.noisy_points.z[valid]
     # OpenCV uses float32: without subtracting a height, 0.1 mm would be lost at 400 mm.
     heights = (z.imag - (z[0] + z[-1]).imag / 2).astype(np.float32)
-    jump = np.abs(heights - cv2.medianBlur(heights[None], MEDIAN_COLUMNS)[0])
+    jump = np.abs(heights - cv2.medianBlur(heights[None], 2 * MAX_ADJACENT_JUMPS + 1)[0])
     on_line = jump <= tolerance + JUMP_PITCHES * profile.pitch
     indices, z = valid[on_line], z[on_line]
     step = z[1:] - z[:-1]
