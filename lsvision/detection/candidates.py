@@ -127,7 +127,7 @@ def seed_ellipse(profile: PreparedProfile, candidate: Candidate) -> Ellipse:
 
 def _algebraic_ellipse(points: Points) -> Ellipse | None:
     """Return the ellipse of Halir and Flusser's fit, biased to small axes; None if it fails."""
-    centroid = points.mean(axis=0)
+    centroid = points.sum(axis=0) / len(points)
     # OpenCV uses float32: without subtracting the centroid, 0.1 mm would be lost at 400 mm.
     centred: FloatArray = points - centroid
     try:

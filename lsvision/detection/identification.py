@@ -50,7 +50,8 @@ def identify_arcs(
     rejections: list[Rejection] = []
     free = profile.valid_indices
     for candidate in candidates:
-        if explained[candidate.indices].mean() > MAX_OVERLAP:
+        taken = np.count_nonzero(explained[candidate.indices])
+        if taken > MAX_OVERLAP * len(candidate.indices):
             continue
         grown = grow_arc(profile, candidate, free)
         if grown is None:
