@@ -16,9 +16,9 @@ from lsvision.geometry.arrays import TINY
 
 OUTLIER_FRACTION = 0.05
 """Prior probability that a point is an outlier: stray light, a jump."""
-END_LOG_MARGIN = 3.0
+END_LOG_MARGIN = -math.log(OUTLIER_FRACTION)
 """Largest decrease of the cumulated log likelihood ratio from its maximum to the last inlier of an
-arc, a factor of 20. 5 would include more of a weld's foot, 0 would cut off valid ends."""
+arc: that of one outlier. 5 would include more of a weld's foot, 0 would cut off valid ends."""
 POINTS_BEYOND = 8
 """Largest number of connected points beyond the last inlier that are used to detect a departure."""
 WINDOW = 2 * POINTS_BEYOND

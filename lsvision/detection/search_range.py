@@ -2,6 +2,7 @@
 
 import math
 
+from lsvision.detection.acceptance import AcceptanceSettings
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.geometry.arrays import extent_of
 from lsvision.profile import PreparedProfile
@@ -12,8 +13,8 @@ NOMINAL_SPREAD = 0.2
 MIN_RADIUS_FRACTION = 1 / 3
 """Smallest radius over the geometric mean of extent and pitch: 4 pitches for a profile of 150
 points, 7 for 400, 21 for 4000. A smaller pipe has under twelve points, or is dust."""
-MAX_RADIUS_EXTENTS = 1.5
-"""Largest radius over the extent: larger pipes show less than 38 deg, the smallest accepted arc."""
+MAX_RADIUS_EXTENTS = 0.5 / math.sin(math.radians(AcceptanceSettings().min_coverage_deg) / 2)
+"""Largest radius over the extent, 1.54: larger pipes show less than the smallest accepted arc."""
 
 
 def search_range(

@@ -11,8 +11,9 @@ import numpy as np
 
 from lsvision.geometry import FloatArray
 
-EXACT_PHI_STD = 1e-6
-"""Standard deviation of an exact phi: negligible against noise, but not singular. Units: rad."""
+EXACT_STD = 1e-6
+"""Standard deviation of an exact phi in rad, and of an exact radius over the radius: negligible
+against noise, but not singular."""
 PERPENDICULAR_PHI_STD = 1e-3
 """Standard deviation of an exact phi near 0: phi^2 is a millionth of the radius. Units: rad."""
 CIRCLE_SIGMAS = 2.0
@@ -69,7 +70,7 @@ class PhiPrior:
     @property
     def includes_circle(self) -> bool:
         """Whether a circle lies within two sigmas."""
-        return self.phi <= CIRCLE_SIGMAS * self.std or self.phi < EXACT_PHI_STD
+        return self.phi <= CIRCLE_SIGMAS * self.std or self.phi < EXACT_STD
 
     @property
     def residual_count(self) -> int:
@@ -93,7 +94,9 @@ class PhiPrior:
 
         s = max(self.std, PERPENDICULAR_PHI_STD)
         phi = self.phi / s
-        upper = brentq(lambda x: ndtr(x - phi) - ndtr(-x - phi) - level, 0.0, phi + 40.0)
+        # Chebyshev's inequality bounds the quantile of any distribution.
+        largest = phi + 1 / math.sqrt(1 - level)
+        upper = brentq(lambda x: ndtr(x - phi) - ndtr(-x - phi) - level, 0.0, largest)
         return float(((upper * s / 2) ** 2 / self.deviator_std) ** 2)
 
     def residuals_and_jacobian(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -118,7 +121,7 @@ class PhiPrior:
             return residuals, jacobian
         h = max(math.hypot(p, q), TINY * m)
         root = math.sqrt(h / m)
-        std = max(self.std, EXACT_PHI_STD)
+        std = max(self.std, EXACT_STD)
         # phi = 2 arctan(sqrt(h / m)).
         slope = 1 / (root * (1 + h / m) * m * std)
         jacobian[0, 2:] = -slope * h / m, slope * p / h, slope * q / h

@@ -16,7 +16,7 @@ from lsvision.ellipse.parameters import (
     semi_minor,
     semi_minor_gradient,
 )
-from lsvision.ellipse.phi_prior import PhiPrior
+from lsvision.ellipse.phi_prior import EXACT_STD, PhiPrior
 from lsvision.errors import FitFailed, TooFewPoints
 from lsvision.geometry import FloatArray, Points
 from lsvision.geometry.noisy_points import as_complex
@@ -27,8 +27,6 @@ DEFAULT_TOLERANCE = 1e-10
 change of the parameters it is always this: a larger one would depend on the origin's distance."""
 MINPACK_MAXFEV_REACHED = 5
 """Value of MINPACK's `info` after the largest number of evaluations."""
-EXACT_RADIUS_STD = 1e-6
-"""Standard deviation of an exact radius over the radius: negligible, but not singular."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +51,7 @@ class RadiusPrior:
     @property
     def effective_std(self) -> float:
         """Standard deviation of the prior in the fit, never 0. Units: mm."""
-        return max(self.std, EXACT_RADIUS_STD * self.radius)
+        return max(self.std, EXACT_STD * self.radius)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -80,7 +80,7 @@ def kalman_oracle(end, prediction):
             state = state + gain * innovation
             own_covariance = own_covariance - np.outer(gain, h @ own_covariance)
     good = [value > log_outlier for value in log_inliers]
-    ends = [i for i, g in enumerate(gains) if g >= largest - 3.0 and good[i]]
+    ends = [i for i, g in enumerate(gains) if g >= largest - math.log(20) and good[i]]
     members = [i for i in range(ends[-1] + 1 if ends else 0) if good[i]]
     log_odds = [log_inliers[i] - log_outlier for i in members]
     return members, log_odds, [totals[i] for i in members]
