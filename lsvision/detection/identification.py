@@ -27,8 +27,10 @@ from lsvision.statistics.robust import MAD_TO_STD, upper_median
 SENSOR_ERROR_SIGMAS = 4.0
 """The paper's sensor error, in standard deviations of a point along the normal."""
 MAX_OUTLIER_RUN = 3
-"""Number of consecutive points beyond the sensor error that interrupts an arc. It is bridged to a
-longer run of inliers; since a window extends an arc by half, only up to a quarter of the arc."""
+"""Number of consecutive points beyond the sensor error that interrupts an arc."""
+MAX_GAP_FRACTION = 0.5
+"""Longest interruption, as a fraction of the arc, that is bridged to a longer run of inliers; short
+runs by chance would be joined without it."""
 MIN_NORMAL_Y = -0.5
 """Smallest y of an outward normal that a sensor with a fan of +/- 30 deg can still see."""
 MAX_ITERATIONS = 20
@@ -139,10 +141,11 @@ def connected_inliers(inliers: BoolArray, inside: IntArray) -> IntArray:
     middle = (int(inside[0]) + int(inside[-1])) / 2
     gaps, lengths = firsts[1:] - stops[:-1], stops - firsts
     own = int(np.maximum(firsts - middle, middle - stops + 1).argmin())
+    bridge = MAX_GAP_FRACTION * lengths[own]
     first = last = own
-    while first > 0 and gaps[first - 1] < lengths[first - 1]:
+    while first > 0 and gaps[first - 1] <= min(bridge, lengths[first - 1] - 1):
         first -= 1
-    while last < len(gaps) and gaps[last] < lengths[last + 1]:
+    while last < len(gaps) and gaps[last] <= min(bridge, lengths[last + 1] - 1):
         last += 1
     bridged: IntArray = members[(members >= firsts[first]) & (members < stops[last])]
     return bridged
