@@ -106,7 +106,7 @@ def measure_cylinders(
     sensor : NoiseModel or str, optional
         Noise of the points, as a `ProfileSensor` or the name of a known one ("lps36",
         "lps36hi"). Default: the noise of the profile; if that has none, its size is
-        estimated from the residuals, and its direction is assumed within 11 deg of Y.
+        estimated from the residuals, and its direction is assumed within 13 deg of Y.
     settings : Settings
         Settings of the steps.
 

@@ -15,11 +15,11 @@ from lsvision.cylinder.axis_table import (
     axis_row,
 )
 from lsvision.cylinder.problem import PARAMETERS
-from lsvision.ellipse.fit import CHI2_TEST_SIGMAS
 from lsvision.geometry import BoolArray, Cylinder, FloatArray, tangent_frame
 from lsvision.results.quantities import Record
 from lsvision.results.result import Result
 from lsvision.statistics.correlation import autocorrelation_time
+from lsvision.statistics.robust import SIGNIFICANT_SIGMAS
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -287,7 +287,7 @@ def variance_factor(
     reduced_chi2 = float(normalised @ normalised) / degrees_of_freedom
     time = autocorrelation_time(normalised)
     if known_noise:
-        significant = reduced_chi2 > 1 + CHI2_TEST_SIGMAS * math.sqrt(2 / degrees_of_freedom)
+        significant = reduced_chi2 > 1 + SIGNIFICANT_SIGMAS * math.sqrt(2 / degrees_of_freedom)
         return (reduced_chi2 if significant else 1.0) * time, math.inf, 1.0
     reduced_chi2 = max(reduced_chi2, float(np.finfo(float).tiny))
     return time, max(degrees_of_freedom / time, 1.0), math.sqrt(reduced_chi2)

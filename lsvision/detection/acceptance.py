@@ -6,19 +6,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lsvision.detection.arcs import MAX_OVERLAP
 from lsvision.ellipse.section import CylinderSection
 from lsvision.geometry import Ellipse
 from lsvision.geometry.noisy_points import ComplexArray
 from lsvision.profile import PreparedProfile
 
-MAX_OVERLAP = 0.3
-"""Largest fraction of a section's points that may belong to a section with more points."""
 MAX_RADIUS_RATIO = 2.0
 """Largest ratio of an end of the radius' 95 % interval to the radius, or its inverse; beyond it the
 radius is not determinable."""
-MIN_RADIUS_SIGMAS, CERTAIN_RADIUS_SIGMAS = 2.0, 6.0
-"""Ratio of radius to standard uncertainty below which the radius is not determinable, and ratio
-above which its interval is well within `MAX_RADIUS_RATIO` and need not be computed."""
+MIN_RADIUS_SIGMAS, CERTAIN_RADIUS_SIGMAS = 3.5, 6.0
+"""Ratio of radius to standard uncertainty below which its interval exceeds `MAX_RADIUS_RATIO`, as
+of all 15 such sections in 3909 profiles, and ratio above which it does not: the interval, which
+takes 20 to 200 ms, is computed in between."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,10 +91,7 @@ def rejection_reason(
 
 
 def undeterminable_radius_reason(section: CylinderSection) -> str | None:
-    """Return why a radius is not determinable: its 95 % interval exceeds a factor of 2; or None.
-
-    None also where a prior on radius or tilt bounds the radius.
-    """
+    """Return why the 95 % interval of a radius exceeds a factor of 2; None if not, or known."""
     problem = section.fit.problem
     if problem.known_radius is not None or problem.known_phi is not None:
         return None

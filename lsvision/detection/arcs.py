@@ -8,6 +8,12 @@ from lsvision.profile import Arc
 from lsvision.results.quantities import Record
 from lsvision.results.result import Result
 
+MAX_OVERLAP = 0.5
+"""Largest intersection over union of two windows, and largest fraction of the points of a
+candidate, rejection or section that may lie in arcs before it; beyond it, it is left out."""
+MIN_POINTS = 8
+"""Smallest number of points to which an ellipse is fitted: three more than its parameters."""
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class IdentifiedArc:

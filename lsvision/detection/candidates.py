@@ -13,20 +13,16 @@ import cv2
 import numpy as np
 
 from lsvision.detection import windows
+from lsvision.detection.arcs import MAX_OVERLAP
 from lsvision.geometry import BoolArray, Ellipse, FloatArray, IntArray, Points
 from lsvision.profile import MAX_RELATIVE_SCATTER, Arc, PreparedProfile
+from lsvision.statistics.robust import SIGNIFICANT_SIGMAS
 
 MAX_AXIS_RATIO = 2.0
 """Largest ratio of the semi-axes of an initial ellipse: a tilt of 60 deg."""
-MAX_RMS_SIGMAS = 2.5
-"""Largest rms distance of points from their line or circle, as a multiple of the noise; for circles
-plus `MAX_RELATIVE_SCATTER` of the radius (90 deg of a section tilted by 50 deg leave 1.2 %)."""
 MIN_COVERAGE_POINTS = 15.7
 """Smallest product of the angle that a window covers (rad) and its number of points, 25 deg at 36
 points: few points may curve by chance."""
-MAX_OVERLAP = 0.5
-"""Largest intersection over union of two windows, and largest fraction of the points of a candidate
-or rejection that may lie in the arcs treated before it; beyond it, it is left out."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,12 +72,11 @@ def find_candidates(
     order = np.lexsort((centres[:, 0], -coverage.astype(np.float32)))
     order = order[(coverage * (stops - starts) >= MIN_COVERAGE_POINTS)[order]]
     kept = order[_non_maximum_suppression(starts[order], stops[order])]
-    spans = [sequence[starts[i] : stops[i]] for i in kept]
-    circle_parameters = np.column_stack([centres, circles.radius[passed]])[kept].tolist()
-    return [
-        Candidate(Arc(int(span[0]), int(span[-1]) + 1), span, (x, y), radius)
-        for span, (x, y, radius) in zip(spans, circle_parameters, strict=True)
-    ]
+    radii, found = circles.radius[passed], []
+    for i in kept:
+        span, (x, y) = sequence[starts[i] : stops[i]], centres[i].tolist()
+        found.append(Candidate(Arc(int(span[0]), int(span[-1]) + 1), span, (x, y), float(radii[i])))
+    return found
 
 
 def _passes_gates(
@@ -99,7 +94,8 @@ def _passes_gates(
 
 def max_circle_rms(radius: FloatArray, noise_std: float) -> FloatArray:
     """Return the largest accepted rms distance of points from circles of these radii. Units: mm."""
-    return MAX_RMS_SIGMAS * noise_std + MAX_RELATIVE_SCATTER * radius
+    # 90 deg of a section tilted by 50 deg leave 1.2 % of the radius.
+    return SIGNIFICANT_SIGMAS * noise_std + MAX_RELATIVE_SCATTER * radius
 
 
 def _non_maximum_suppression(starts: IntArray, stops: IntArray) -> list[int]:
@@ -131,7 +127,7 @@ def seed_ellipse(profile: PreparedProfile, candidate: Candidate) -> Ellipse:
 
 def _algebraic_ellipse(points: Points) -> Ellipse | None:
     """Return the ellipse of Halir and Flusser's fit, biased to small axes; None if it fails."""
-    centroid = points.mean(axis=0)
+    centroid = points.sum(axis=0) / len(points)
     # OpenCV uses float32: without subtracting the centroid, 0.1 mm would be lost at 400 mm.
     centred: FloatArray = points - centroid
     try:

@@ -15,7 +15,7 @@ from lsvision.detection.arcs import IdentifiedArc
 from lsvision.geometry import Ellipse, IntArray
 from lsvision.geometry.noisy_points import ComplexArray
 from lsvision.profile import PreparedProfile
-from lsvision.statistics.robust import upper_median
+from lsvision.statistics.robust import SIGNIFICANT_SIGMAS, upper_median
 
 if TYPE_CHECKING:
     from lsvision.detection.screening import ScreenedArc
@@ -24,18 +24,14 @@ MIN_TURN_DEG = 20.0
 """Turn of the line at an end below which it goes on tangentially. Units: deg."""
 POINTS_BEYOND, BEYOND_FRACTION = 6, 1 / 8
 """Points beyond an end over which its turn is measured: this number or this fraction of the arc."""
-FILLET_WINDOWS = (6, 12, 18)
-"""Numbers of points beyond an end whose curvature is tested for a fillet: a fillet is short, but
+FILLET_POINTS = 2 * POINTS_BEYOND
+"""Number of points beyond an end whose curvature is tested for a fillet: a fillet is short, but
 the curvature of few points is not significant."""
 MAX_GAP_STEPS = 3.0
 """Largest distance between connected points, in median steps of the arc."""
-FILLET_SIGMAS = 3.0
-"""Smallest concave curvature of a fillet, in standard deviations of that curvature."""
-MIN_FILLET_CURVATURE = 0.5
+MIN_FILLET_CURVATURE = 1.0
 """Smallest curvature of a fillet over that of the cylinder: feet of weld beads have 0.9 to 1.6, the
-line beyond a rounded corner at max_count 0."""
-MIN_DOUBLE_FILLET_CURVATURE = 1.5
-"""The limit where both ends go on tangentially: the valleys of a corrugated sheet have up to 1."""
+line beyond a rounded corner at most 0, the valleys of a corrugated sheet up to 1."""
 
 
 def tangential_end_reason(
@@ -46,26 +42,24 @@ def tangential_end_reason(
     The turn is measured at the outer ends of `arc`, because screening may shorten them; fillets
     begin at the ends of `screened`. `noise_std` is the standard deviation of a point. Units: mm.
     """
-    widest = np.union1d(arc.indices, screened.indices)
     count = max(POINTS_BEYOND, int(BEYOND_FRACTION * len(arc.indices)))
+    widest = np.union1d(arc.indices, screened.indices)
     turns_deg = [
         math.degrees(_end_turn(*end, arc.ellipse, max(POINTS_BEYOND, count // 2)))
         for end in _ends(profile, widest, count)
     ]
     if min(turns_deg) >= MIN_TURN_DEG:
         return None
-    both = max(turns_deg) < MIN_TURN_DEG
-    curvature = MIN_DOUBLE_FILLET_CURVATURE if both else MIN_FILLET_CURVATURE
-    curvature /= screened.ellipse.radius
-    lines = [beyond for _, beyond in _ends(profile, screened.indices, FILLET_WINDOWS[-1])]
+    curvature = MIN_FILLET_CURVATURE / screened.ellipse.radius
+    ends = zip(turns_deg, _ends(profile, screened.indices, FILLET_POINTS), strict=True)
     tangential_deg = [
         turn_deg
-        for turn_deg, line in zip(turns_deg, lines, strict=True)
+        for turn_deg, (_, line) in ends
         if turn_deg < MIN_TURN_DEG and not _is_fillet(line, curvature, noise_std)
     ]
     if not tangential_deg:
         return None
-    if both:
+    if max(turns_deg) < MIN_TURN_DEG:
         first, second = sorted(turns_deg)
         return f"goes on tangentially at both ends (turns {first:.0f} and {second:.0f} deg)"
     return f"goes on tangentially at one end (turns {tangential_deg[0]:.0f} deg): a rounded corner"
@@ -93,14 +87,13 @@ def _ends(
     profile: PreparedProfile, indices: IntArray, count: int
 ) -> list[tuple[ComplexArray, ComplexArray]]:
     """Return the points near each end of an arc and those connected beyond it, both outwards."""
-    valid, z = profile.valid_indices, profile.noisy_points.z
-    first, last = np.searchsorted(valid, indices[[0, -1]]).tolist()
+    z, first, beyond = profile.noisy_points.z, int(indices[0]), int(indices[-1]) + 1
     near = 2 * POINTS_BEYOND
     sides = [
-        (z[indices[:near]][::-1], z[valid[max(0, first - 2 * count) : first]][::-1]),
-        (z[indices[-near:]], z[valid[last + 1 : last + 1 + 2 * count]]),
+        (z[indices[:near]][::-1], z[max(0, first - 2 * count) : first][::-1]),
+        (z[indices[-near:]], z[beyond : beyond + 2 * count]),
     ]
-    return [(inner, beyond[connected_beyond(inner, beyond, count)]) for inner, beyond in sides]
+    return [(inner, outer[connected_beyond(inner, outer, count)]) for inner, outer in sides]
 
 
 def _end_turn(inner: ComplexArray, beyond: ComplexArray, ellipse: Ellipse, min_count: int) -> float:
@@ -131,13 +124,8 @@ def _oriented(direction: complex, points: ComplexArray) -> complex:
 
 def _is_fillet(line: ComplexArray, min_curvature: float, noise_std: float) -> bool:
     """Return whether the line beyond an end is significantly concave towards the sensor."""
-    counts = [count for count in FILLET_WINDOWS if count <= len(line)]
-    fits = [_curvature(line[:count], noise_std) for count in counts]
-    return any(value > max(FILLET_SIGMAS * std, min_curvature) for value, std in fits)
-
-
-def _curvature(line: ComplexArray, noise_std: float) -> tuple[float, float]:
-    """Return the curvature of a line, positive if concave towards +Y, and its std. Units: 1/mm."""
+    if len(line) < POINTS_BEYOND:
+        return False
     chord = complex(line[-1] - line[0])
     turned = (line - line[0]) * (chord.conjugate() / abs(chord))
     x, height = turned.real, turned.imag if chord.real > 0 else -turned.imag
@@ -145,4 +133,5 @@ def _curvature(line: ComplexArray, noise_std: float) -> tuple[float, float]:
     residuals = height - np.polyval(parabola, x)
     dof = len(line) - len(parabola)
     scatter = max(noise_std, math.sqrt(float(residuals @ residuals) / dof))
-    return 2 * float(parabola[0]), 2 * scatter * math.sqrt(float(covariance[0, 0]))
+    std = scatter * math.sqrt(float(covariance[0, 0]))
+    return 2 * float(parabola[0]) > max(2 * SIGNIFICANT_SIGMAS * std, min_curvature)

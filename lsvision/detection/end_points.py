@@ -12,28 +12,29 @@ import numpy as np
 from scipy.linalg.lapack import dpotrf, dtrtrs
 
 from lsvision.geometry import BoolArray, FloatArray, IntArray
+from lsvision.geometry.arrays import TINY
 
 OUTLIER_FRACTION = 0.05
 """Prior probability that a point is an outlier: stray light, a jump."""
-END_LOG_MARGIN = 3.0
+END_LOG_MARGIN = -math.log(OUTLIER_FRACTION)
 """Largest decrease of the cumulated log likelihood ratio from its maximum to the last inlier of an
-arc, a factor of 20. 5 would include more of a weld's foot, 0 would cut off valid ends."""
-WINDOW_INSIDE = 20
-"""Number of outermost inliers at which a departure may begin."""
-WINDOW_BEYOND = 8
-"""Largest number of connected points beyond the end that are used to detect a departure."""
+arc: that of one outlier. 5 would include more of a weld's foot, 0 would cut off valid ends."""
+POINTS_BEYOND = 8
+"""Largest number of connected points beyond the last inlier that are used to detect a departure."""
+WINDOW = 2 * POINTS_BEYOND
+"""Number of outermost inliers at which a departure may begin, and of points beyond each end of an
+arc that are screened, too: growing stops early where the initial ellipse deviates from a tilted
+section."""
 TURN_STD = 0.5
 """Prior standard deviation of the angle at which a line departs. Units: rad."""
 BEND_STD_RADII = 2.0
 """Prior standard deviation of the departing line's curvature over that of the ellipse."""
 NO_DEPARTURE_PRIOR = 0.5
 """Prior probability that no departure begins inside the end."""
-MIN_STEP_MM = 1e-9
-"""Points may share a position on the ellipse: a step of no length has no ratio to the next."""
 MAX_STEP_RATIO = 5.0
 """Largest ratio of two steps along the line by which another line is extrapolated."""
-EXCLUDED = 1e6
-"""Factor on the variance of points that the filter must not use."""
+EXCLUDED = 1 / math.sqrt(np.finfo(float).eps)
+"""Factor on the variance of points that the filter must not use: half the digits of a float."""
 PREDECESSORS = 2
 """Number of points of the middle part, before an end, from which another line is extrapolated."""
 LOG_INLIER = math.log(1 - OUTLIER_FRACTION) - 0.5 * math.log(2 * math.pi)
@@ -42,16 +43,9 @@ LOG_INLIER = math.log(1 - OUTLIER_FRACTION) - 0.5 * math.log(2 * math.pi)
 class EndPoints(NamedTuple):
     """Last two points of the middle part of an arc, and k points outwards from it.
 
-    Parameters
-    ----------
-    residuals, variances : (k + 2,) ndarray
-        Signed distance from the ellipse, and its variance. Units: mm, mm^2.
-    jacobian : (5, k + 2) ndarray
-        Displacement of the ellipse along its normals, by each parameter.
-    visible : (k + 2,) bool ndarray
-        Whether the sensor can see a surface of that normal.
-    positions : (k + 2,) ndarray
-        Arc length, increasing outwards. Units: mm.
+    Signed distances (k + 2,) from the ellipse in mm, and their variances; displacement of the
+    ellipse along its normals by each parameter, (5, k + 2); whether the sensor can see a surface
+    of that normal; arc length in mm, increasing outwards.
     """
 
     residuals: FloatArray
@@ -64,16 +58,8 @@ class EndPoints(NamedTuple):
 class Prediction(NamedTuple):
     """Ellipse predicted from the middle part and the other end.
 
-    Parameters
-    ----------
-    offset : (5,) ndarray
-        Its parameters less those of the ellipse of the residuals. Units: mm.
-    covariance : (5, 5) ndarray
-        Covariance of its parameters. Units: mm^2.
-    autocorrelation_time : float
-        Autocorrelation time of the points' errors, in points.
-    radius : float
-        Mean semi-axis. Units: mm.
+    Its five parameters less those of the ellipse of the residuals, in mm, and their covariance;
+    autocorrelation time of the points' errors, in points; mean semi-axis, in mm.
     """
 
     offset: FloatArray
@@ -83,33 +69,19 @@ class Prediction(NamedTuple):
 
 
 class EndInliers(NamedTuple):
-    """Inliers of an end, with their odds and leverages.
+    """Positions (m,) of the inliers of an end among its k points.
 
-    Parameters
-    ----------
-    members : (m,) int ndarray
-        Positions of the inliers among the k points.
-    odds : (m,) ndarray
-        Posterior odds of inlier against outlier.
-    leverages : (m,) ndarray
-        Variance of the predicted residual over that of the point itself; at least 1.
+    `log_odds` are those of inlier against outlier; `leverages` the variance of the predicted
+    residual over that of the point itself, at least 1.
     """
 
     members: IntArray
-    odds: FloatArray
+    log_odds: FloatArray
     leverages: FloatArray
 
 
 def find_end_inliers(end: EndPoints, prediction: Prediction) -> EndInliers:
-    """Return the points of an end that lie on the ellipse, up to where the line leaves it.
-
-    Parameters
-    ----------
-    end : EndPoints
-        Two points of the middle part, and k points outwards.
-    prediction : Prediction
-        Ellipse predicted without these k points.
-    """
+    """Return the points of an end that lie on the ellipse, up to where the line leaves it."""
     rows, time = end.jacobian[:, PREDECESSORS:], prediction.autocorrelation_time
     residuals = end.residuals[PREDECESSORS:] - prediction.offset @ rows
     point_variances, visible = end.variances[PREDECESSORS:], end.visible[PREDECESSORS:]
@@ -118,8 +90,9 @@ def find_end_inliers(end: EndPoints, prediction: Prediction) -> EndInliers:
     # The filter uses only points that are possible inliers of the ellipse predicted without them.
     possible = _log_inlier(residuals, point_variances + covariance.diagonal()) > log_outlier
     used = np.where(visible & possible, time, EXCLUDED) * point_variances
-    residuals, variances = _innovations(_cholesky(covariance, used), residuals, used)
-    variances += point_variances
+    factor = _cholesky(covariance, used)
+    residuals = dtrtrs(factor, residuals, lower=1)[0] * factor.diagonal()
+    variances = np.maximum(factor.diagonal() ** 2 - used, 0.0) + point_variances
     log_inlier = np.where(visible, _log_inlier(residuals, variances), -np.inf)
     evidence = np.logaddexp(log_inlier, log_outlier)
     evidence -= _log_other_line(end, prediction.radius, log_outlier)
@@ -128,56 +101,36 @@ def find_end_inliers(end: EndPoints, prediction: Prediction) -> EndInliers:
     within = gain >= max(float(gain.max(initial=0.0)), 0.0) - END_LOG_MARGIN
     last = (within & inliers).nonzero()[0]
     members = inliers[: last[-1] + 1 if len(last) else 0].nonzero()[0]
-    odds = np.exp(np.minimum(log_inlier[members] - log_outlier, 700.0))
-    return EndInliers(members, odds, variances[members] / point_variances[members])
+    leverages = variances[members] / point_variances[members]
+    return EndInliers(members, log_inlier[members] - log_outlier, leverages)
 
 
 def departure_free_probability(
     end: EndPoints, prediction: Prediction, members: IntArray, following: IntArray
 ) -> FloatArray:
-    """Return the probability, for each inlier, that the line leaves the ellipse only beyond it.
+    """Return the probability (m,), for each inlier, that the line leaves the ellipse only beyond.
 
     For each inlier the marginal likelihood of a departure that begins there, with normal priors on
-    its angle and curvature, is compared with that of no departure.
-
-    Parameters
-    ----------
-    end : EndPoints
-        Two points of the middle part, and k points outwards.
-    prediction : Prediction
-        Ellipse predicted without these k points.
-    members : (m,) int ndarray
-        Positions of the inliers, at least one.
-    following : (f,) int ndarray
-        Positions of the connected points beyond the last of them.
-
-    Returns
-    -------
-    (m,) ndarray
+    its angle and curvature, is compared with that of no departure. `members` are the positions of
+    at least one inlier, `following` those of the connected points beyond the last of them.
     """
-    following = following[:WINDOW_BEYOND]
-    rows = np.concatenate([members, following])
-    before = max(0, len(members) - WINDOW_INSIDE)
-    window = len(rows) - before
-    chosen = rows + PREDECESSORS
+    chosen = np.concatenate([members, following[:POINTS_BEYOND]]) + PREDECESSORS
+    before = max(0, len(members) - WINDOW)
+    count = len(chosen) - before
     jacobian = end.jacobian[:, chosen]
+    positions = end.positions[np.append(PREDECESSORS - 1, chosen)]
+    # A departure that begins at a point starts from the ellipse at the point before.
+    beyond = np.maximum(positions[1:, None] - positions[before:-1], 0.0)
     residuals = end.residuals[chosen] - prediction.offset @ jacobian
+    bends = (BEND_STD_RADII / (2 * prediction.radius)) * beyond * beyond
     factor = _cholesky(
         jacobian.T @ prediction.covariance @ jacobian,
         prediction.autocorrelation_time * end.variances[chosen],
     )
-    positions = end.positions[np.concatenate([[PREDECESSORS - 1], chosen])]
-    # A departure that begins at a point starts from the ellipse at the point before.
-    beyond = np.maximum(positions[1:, None] - positions[before:-1], 0.0)
-    rhs = np.empty((len(rows), 1 + 2 * window))
-    rhs[:, 0] = residuals
-    rhs[:, 1 : 1 + window] = TURN_STD * beyond
-    rhs[:, 1 + window :] = (BEND_STD_RADII / (2 * prediction.radius)) * beyond * beyond
-    whitened, _ = dtrtrs(factor, rhs, lower=1)
-    log_ratio = _log_marginal_ratio(
-        whitened[:, 0], whitened[:, 1 : 1 + window], whitened[:, 1 + window :]
-    )
-    log_ratio += math.log((1 - NO_DEPARTURE_PRIOR) / NO_DEPARTURE_PRIOR / window)
+    rhs = np.column_stack([residuals, TURN_STD * beyond, bends])
+    whitened = dtrtrs(factor, rhs, lower=1)[0]
+    log_ratio = _log_marginal_ratio(whitened[:, 0], whitened[:, 1:-count], whitened[:, -count:])
+    log_ratio += math.log((1 - NO_DEPARTURE_PRIOR) / NO_DEPARTURE_PRIOR / count)
     log_weights = np.append(log_ratio, 0.0)
     # Cumulated weights of no departure and of the departures that begin at each point or beyond.
     free = np.exp(log_weights - log_weights.max())[::-1].cumsum()[::-1]
@@ -198,19 +151,15 @@ def _log_marginal_ratio(u: FloatArray, turn: FloatArray, bend: FloatArray) -> Fl
 
 def _log_inlier(residuals: FloatArray, variances: FloatArray) -> FloatArray:
     """Return the log of the density of residuals times the prior probability of an inlier."""
-    density: FloatArray = residuals * residuals
-    density /= variances
-    density += np.log(variances)
-    density *= -0.5
-    density += LOG_INLIER
-    return density
+    return LOG_INLIER - 0.5 * (residuals * residuals / variances + np.log(variances))
 
 
 def _log_other_line(end: EndPoints, radius: float, log_outlier: float) -> FloatArray:
     """Return the log density of each point on another line, extrapolated from the two before."""
     e, v = end.residuals, end.variances
-    steps = np.maximum(end.positions[1:] - end.positions[:-1], MIN_STEP_MM)
-    ratio = np.minimum(steps[1:] / steps[:-1], MAX_STEP_RATIO)
+    # Points may share a position on the ellipse.
+    steps = np.maximum(end.positions[1:] - end.positions[:-1], TINY)
+    ratio = steps[1:] / np.maximum(steps[:-1], steps[1:] / MAX_STEP_RATIO)
     deviation = e[2:] - (1 + ratio) * e[1:-1] + ratio * e[:-2]
     bend = steps[1:] * (steps[1:] + steps[:-1]) / (2 * radius)
     variances = v[2:] + v[1:-1] * (1 + ratio) ** 2 + v[:-2] * (ratio * ratio) + bend * bend
@@ -224,12 +173,3 @@ def _cholesky(covariance: FloatArray, variances: FloatArray) -> FloatArray:
     spread = np.sqrt(total.diagonal())
     factor, failed = dpotrf(total, lower=1, clean=1, overwrite_a=1)
     return np.diag(spread) if failed else factor
-
-
-def _innovations(
-    factor: FloatArray, residuals: FloatArray, used_variances: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return residuals less their prediction from the points further inside, and its variance."""
-    whitened, _ = dtrtrs(factor, residuals, lower=1)
-    diagonal = factor.diagonal()
-    return whitened * diagonal, np.maximum(diagonal * diagonal - used_variances, 0.0)

@@ -11,8 +11,8 @@ import math
 import numpy as np
 
 from lsvision.detection.acceptance import AcceptanceSettings, shape_rejection_reason
-from lsvision.detection.arcs import IdentifiedArc, Rejection
-from lsvision.detection.candidates import MAX_OVERLAP, Candidate, seed_ellipse
+from lsvision.detection.arcs import MAX_OVERLAP, MIN_POINTS, IdentifiedArc, Rejection
+from lsvision.detection.candidates import Candidate, seed_ellipse
 from lsvision.ellipse.parameters import ellipse_from_parameters, parameters_from_ellipse
 from lsvision.ellipse.robust_gauss_newton import (
     EllipseResiduals,
@@ -28,14 +28,13 @@ SENSOR_ERROR_SIGMAS = 4.0
 """The paper's sensor error, in standard deviations of a point along the normal."""
 MAX_OUTLIER_RUN = 3
 """Number of consecutive points beyond the sensor error that interrupts an arc."""
-MAX_GAP_FRACTION = 0.25
-"""Longest interruption, as a fraction of the arc, that is bridged to a longer run of inliers."""
+MAX_GAP_FRACTION = 0.5
+"""Longest interruption, as a fraction of the arc, that is bridged to a longer run of inliers; short
+runs by chance would be joined without it."""
 MIN_NORMAL_Y = -0.5
 """Smallest y of an outward normal that a sensor with a fan of +/- 30 deg can still see."""
 MAX_ITERATIONS = 20
 """Largest number of growing steps: from ten points to the ends of a wide pipe it takes over ten."""
-MIN_POINTS = 8
-"""Number of inliers below which growing fails."""
 
 
 def identify_arcs(
@@ -44,32 +43,17 @@ def identify_arcs(
     radius_range: tuple[float, float],
     settings: AcceptanceSettings = AcceptanceSettings(),
 ) -> tuple[list[IdentifiedArc], list[Rejection]]:
-    """Grow candidates to arcs, in the given order; each point belongs to one arc at most.
+    """Return the arcs that candidates grow to, the first first, and those of another shape.
 
-    Parameters
-    ----------
-    profile : PreparedProfile
-        The profile.
-    candidates : list of Candidate
-        Candidates, the best first.
-    radius_range : tuple of float
-        Smallest and largest radius. Units: mm.
-    settings : AcceptanceSettings
-        Limits of the shape of an arc.
-
-    Returns
-    -------
-    arcs : list of IdentifiedArc
-        Arcs before screening.
-    rejections : list of Rejection
-        Grown arcs whose shape is not accepted.
+    Each point belongs to one arc at most. `radius_range` is in mm.
     """
     explained = np.zeros(len(profile.points), dtype=bool)
     arcs: list[IdentifiedArc] = []
     rejections: list[Rejection] = []
     free = profile.valid_indices
     for candidate in candidates:
-        if explained[candidate.indices].mean() > MAX_OVERLAP:
+        taken = np.count_nonzero(explained[candidate.indices])
+        if taken > MAX_OVERLAP * len(candidate.indices):
             continue
         grown = grow_arc(profile, candidate, free)
         if grown is None:
@@ -88,24 +72,10 @@ def identify_arcs(
 def grow_arc(
     profile: PreparedProfile, candidate: Candidate, free: IntArray
 ) -> tuple[IdentifiedArc, EllipseResiduals] | None:
-    """Grow a candidate to the whole arc around it.
+    """Return the whole arc around a candidate with the residuals of its inliers.
 
-    Parameters
-    ----------
-    profile : PreparedProfile
-        The profile.
-    candidate : Candidate
-        Initial window.
-    free : (k,) int ndarray
-        Indices of the points that may belong to the arc, in order.
-
-    Returns
-    -------
-    arc : IdentifiedArc
-        Its inliers and their ellipse.
-    compared : EllipseResiduals
-        Residuals of the inliers. The function returns None where growing fails: the points around
-        the candidate lie on no ellipse.
+    `free` are the ascending indices of the points that may belong to the arc. None where the
+    points around the candidate lie on no ellipse.
     """
     seeded = np.zeros(len(profile.points), dtype=bool)
     seeded[candidate.indices] = True
@@ -160,28 +130,22 @@ def _within_sensor_error(
 def connected_inliers(inliers: BoolArray, inside: IntArray) -> IntArray:
     """Return the positions of the inliers around the middle of an arc, bridging short gaps.
 
-    Parameters
-    ----------
-    inliers : (n,) bool ndarray
-        Inlier mask of the window.
-    inside : (k,) int ndarray
-        Positions of the arc so far.
+    `inliers` is the (n,) mask of a window, `inside` holds the positions of the arc so far.
     """
     members = inliers.nonzero()[0]
     cuts = (members[1:] - members[:-1] > MAX_OUTLIER_RUN).nonzero()[0] + 1
     if len(cuts) == 0:
         return members
-    runs = np.split(members, cuts)
+    firsts = members[np.append(0, cuts)]
+    stops = members[np.append(cuts, len(members)) - 1] + 1
     middle = (int(inside[0]) + int(inside[-1])) / 2
-    distances = [max(run[0] - middle, middle - run[-1], 0) for run in runs]
-    first = last = distances.index(min(distances))
-    bridge = MAX_GAP_FRACTION * (int(runs[first][-1]) + 1 - int(runs[first][0]))
-
-    def bridged(gap: int, run: IntArray) -> bool:
-        return gap <= bridge and int(run[-1]) + 1 - int(run[0]) > gap
-
-    while first > 0 and bridged(runs[first][0] - runs[first - 1][-1] - 1, runs[first - 1]):
+    gaps, lengths = firsts[1:] - stops[:-1], stops - firsts
+    own = int(np.maximum(firsts - middle, middle - stops + 1).argmin())
+    bridge = MAX_GAP_FRACTION * lengths[own]
+    first = last = own
+    while first > 0 and gaps[first - 1] <= min(bridge, lengths[first - 1] - 1):
         first -= 1
-    while last + 1 < len(runs) and bridged(runs[last + 1][0] - runs[last][-1] - 1, runs[last + 1]):
+    while last < len(gaps) and gaps[last] <= min(bridge, lengths[last + 1] - 1):
         last += 1
-    return np.concatenate(runs[first : last + 1])
+    bridged: IntArray = members[(members >= firsts[first]) & (members < stops[last])]
+    return bridged

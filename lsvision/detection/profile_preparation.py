@@ -6,6 +6,7 @@ from statistics import NormalDist
 import numpy as np
 
 from lsvision.detection.line_order import order_along_line
+from lsvision.ellipse.robust_gauss_newton import VARIANCE_FLOOR_FRACTION
 from lsvision.geometry import IntArray, Points
 from lsvision.geometry.arrays import extent_of
 from lsvision.geometry.noisy_points import NoisyPoints, as_complex
@@ -18,9 +19,9 @@ NOISE_QUANTILE = 0.35
 """Quantile of the offsets that estimates the noise: low, since large offsets may be outliers."""
 NOISE_QUANTILE_SIGMAS = NormalDist().inv_cdf((1 + NOISE_QUANTILE) / 2) * math.sqrt(1 + 1 / 2)
 """This quantile of a point's offset from the mean of its neighbours, over the noise's std."""
-LATERAL_FRACTION = 0.2
-"""Error along X over the error along Y where no noise model is given: the tangent of 11 deg,
-the usual angle between Y and the (unknown) ray."""
+LATERAL_FRACTION = math.sqrt(VARIANCE_FLOOR_FRACTION)
+"""Error along X over the error along Y where no noise model is given: the unknown ray is as far
+from Y as the normals of a fit may be wrong, 13 deg."""
 MIN_ESTIMATED_VARIANCE_FACTOR = 0.5**2
 """Smallest variance factor of an estimated noise: outliers and rounding may double its std."""
 MIN_NOISE_PITCHES = 1e-5

@@ -6,6 +6,7 @@ separates. Points that jump off the line are removed first, by a median filter o
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -17,8 +18,8 @@ JUMP_SIGMAS = 6.0
 """Largest distance of a point from the filtered line, in standard deviations of the noise."""
 JUMP_PITCHES = 0.5
 """Pitches added to this distance: the height of a narrow crest above the median of five points."""
-MEDIAN_COLUMNS = 5
-"""Width of the median filter, which removes two adjacent jumps."""
+MAX_ADJACENT_JUMPS = 2
+"""Number of adjacent jumps that the median filter removes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,8 +39,7 @@ class RangeImageSettings:
     step_slope: float = 4.0
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class RangeImage:
+class RangeImage(NamedTuple):
     """Indices (k,) of the points without jumps; whether each is connected to the next (k - 1,)."""
 
     indices: IntArray
@@ -56,24 +56,18 @@ def rasterise(
     z = profile.noisy_points.z[valid]
     # OpenCV uses float32: without subtracting a height, 0.1 mm would be lost at 400 mm.
     heights = (z.imag - (z[0] + z[-1]).imag / 2).astype(np.float32)
-    jump = np.abs(heights - cv2.medianBlur(heights[None], MEDIAN_COLUMNS)[0])
+    jump = np.abs(heights - cv2.medianBlur(heights[None], 2 * MAX_ADJACENT_JUMPS + 1)[0])
     on_line = jump <= tolerance + JUMP_PITCHES * profile.pitch
     indices, z = valid[on_line], z[on_line]
     step = z[1:] - z[:-1]
     connected = np.abs(step.imag) <= settings.step_slope * profile.pitch + tolerance
-    connected &= np.abs(step.real) <= (settings.bridged_columns + 1.5) * profile.pitch
+    connected &= np.abs(step.real) <= (settings.bridged_columns + 1 + 0.5) * profile.pitch
     return RangeImage(indices, connected)
 
 
 def connected_components(range_image: RangeImage, smallest: int) -> list[IntArray]:
-    """Return the profile's indices, in order, for each component of `smallest` or more points.
-
-    Smaller components are jumps and dust.
-    """
-    cuts = (~range_image.connected).nonzero()[0] + 1
-    bounds = [0, *cuts.tolist(), len(range_image.indices)]
-    return [
-        range_image.indices[start:stop]
-        for start, stop in pairwise(bounds)
-        if stop - start >= smallest
-    ]
+    """Return the indices of each component of `smallest` points or more; less is jumps and dust."""
+    indices, connected = range_image
+    cuts = (~connected).nonzero()[0] + 1
+    bounds = pairwise([0, *cuts.tolist(), len(indices)])
+    return [indices[start:stop] for start, stop in bounds if stop - start >= smallest]

@@ -6,10 +6,13 @@ from itertools import pairwise
 import numpy as np
 
 from lsvision.detection import candidates, windows
-from lsvision.detection.arcs import Rejection
+from lsvision.detection.arcs import MAX_OVERLAP, Rejection
 from lsvision.ellipse.section import CylinderSection
 from lsvision.geometry import BoolArray, IntArray
 from lsvision.profile import Arc, PreparedProfile
+
+MAX_FLAT_SIGMAS = 2.0
+"""Largest rms distance of a flat segment from its line over the noise."""
 
 
 def complete_rejections(
@@ -32,11 +35,10 @@ def complete_rejections(
     kept: list[Rejection] = []
     for rejection in rejections:
         span = slice(rejection.arc.start, rejection.arc.stop)
-        if np.count_nonzero(explained[span]) <= candidates.MAX_OVERLAP * len(rejection.arc):
+        if np.count_nonzero(explained[span]) <= MAX_OVERLAP * len(rejection.arc):
             kept.append(rejection)
             explained[span] = True
-    for run in _unexplained_runs(components, ~explained, min_span_points):
-        kept.append(Rejection(Arc(int(run[0]), int(run[-1]) + 1), ""))
+    kept += _unexplained(components, explained, min_span_points)
     if kept and components:
         kept = _explain(profile, np.concatenate(components), kept, radius_range)
     if not kept and not cylinders and len(explained):
@@ -46,17 +48,18 @@ def complete_rejections(
     return sorted(kept, key=lambda rejection: rejection.arc.start)
 
 
-def _unexplained_runs(
-    components: list[IntArray], unexplained: BoolArray, smallest: int
-) -> list[IntArray]:
+def _unexplained(
+    components: list[IntArray], explained: BoolArray, smallest: int
+) -> list[Rejection]:
     """Return the unexplained segments of components, of at least `smallest` points."""
-    runs = []
+    left = []
     for component in components:
-        left = unexplained[component]
-        edges = (left[1:] != left[:-1]).nonzero()[0] + 1
-        bounds = pairwise([0, *edges.tolist(), len(component)])
-        runs += [component[i:j] for i, j in bounds if left[i] and j - i >= smallest]
-    return runs
+        known = explained[component]
+        edges = (known[1:] != known[:-1]).nonzero()[0] + 1
+        for i, j in pairwise([0, *edges.tolist(), len(component)]):
+            if j - i >= smallest and not known[i]:
+                left.append(Rejection(Arc(int(component[i]), int(component[j - 1]) + 1), ""))
+    return left
 
 
 def _explain(
@@ -69,7 +72,7 @@ def _explain(
     spans = np.array([(rejection.arc.start, rejection.arc.stop) for rejection in rejections])
     starts, stops = np.searchsorted(connected, spans).T
     circles = windows.fit_window_circles(profile.points[connected], starts, stops)
-    flat = circles.line_rms < candidates.MAX_RMS_SIGMAS * profile.noise_std
+    flat = circles.line_rms < MAX_FLAT_SIGMAS * profile.noise_std
     fits = circles.rms <= candidates.max_circle_rms(circles.radius, profile.noise_std)
     straight = flat | ~(circles.rms < circles.line_rms)
     low, high = radius_range

@@ -8,16 +8,16 @@ alike and reversing the order of the points does not change the result.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from lsvision.detection.arcs import IdentifiedArc
+from lsvision.detection.arcs import MIN_POINTS, IdentifiedArc
 from lsvision.detection.end_condition import connected_beyond
 from lsvision.detection.end_points import (
+    POINTS_BEYOND,
     PREDECESSORS,
-    WINDOW_BEYOND,
+    WINDOW,
     EndInliers,
     EndPoints,
     Prediction,
@@ -40,17 +40,12 @@ from lsvision.ellipse.robust_gauss_newton import (
     inverse_information,
     refine_ellipse,
 )
-from lsvision.geometry import BoolArray, Ellipse, FloatArray, IntArray
+from lsvision.geometry import Ellipse, FloatArray, IntArray
 from lsvision.geometry.noisy_points import NoisyPoints
 from lsvision.profile import PreparedProfile
 
 MIDDLE_FRACTION = 0.7
 """Fraction of the arc's points in its middle part."""
-MIN_MIDDLE_POINTS = 8
-"""Smallest number of points in the middle part; with fewer an arc is not screened."""
-POINTS_BEYOND = 14
-"""Points beyond each end that are screened, too: growing stops early where the initial ellipse
-deviates from a tilted section. An arc that reaches the last of them is screened once more."""
 MAX_END_POINTS = 100
 """Largest number of the arc's points at an end: the filter's time grows with its cube."""
 MAX_ITERATIONS = 3
@@ -62,25 +57,17 @@ GUARD_POINTS = 1
 model 4 % of the radius intervals would miss because of it. Dropping two only costs accuracy."""
 MIN_CONTACT_POINTS = 3
 """Smallest number of connected points beyond an end that are a contact: bead, pipe or plate."""
-EDGE_POINTS_PER_CORRELATION = 1.7
+EDGE_POINTS_PER_CORRELATION = 2
 """Points dropped at each end per unit of autocorrelation time above 1: near an edge, a sensor that
 smooths along the line mixes in the surface beyond the edge."""
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class ScreenedArc:
-    """Inliers of an arc, with the noise estimated from their residuals.
+class ScreenedArc(NamedTuple):
+    """Ascending indices (n,) of the inliers of an arc, with the noise of their residuals.
 
-    Parameters
-    ----------
-    indices : (n,) int ndarray
-        Indices of the inliers, ascending.
-    points : NoisyPoints
-        The inliers, with the noise of a smoothing sensor if neighbouring errors are correlated.
-    ellipse : Ellipse
-        Ellipse of the inliers. Units: mm, rad.
-    variance_factor : float
-        Variance of the residuals over that of the noise model.
+    `points` have the noise of a smoothing sensor if neighbouring errors are correlated; the
+    `ellipse` (mm, rad) is that of all inliers; `variance_factor` is the variance of the residuals
+    over that of the noise model.
     """
 
     indices: IntArray
@@ -89,36 +76,29 @@ class ScreenedArc:
     variance_factor: float
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _Line:
+class _Line(NamedTuple):
     """The middle part of an arc, and the points on both sides of it.
 
     For each side, `ends` holds positions in `indices`: two points of the middle part, then those
-    outwards from it. `identified` marks the `indices` that belong to the identified arc.
+    outwards from it; `members` holds positions among the latter, those of the identified arc.
     """
 
     indices: IntArray
     points: NoisyPoints
     middle: slice
     ends: tuple[IntArray, IntArray]
-    identified: BoolArray
-    smoothed: bool = False
+    members: tuple[IntArray, ...]
 
     def end_rows(self, side: int, members: IntArray) -> IntArray:
         """Return the positions in `indices` of members of an end, outwards."""
         return self.ends[side][members + PREDECESSORS]
 
-    def rows_with(self, members: Sequence[IntArray]) -> IntArray:
-        """Return the positions in `indices` of the middle part and the ends' members, ascending."""
+    def indices_with(self, members: Sequence[IntArray]) -> tuple[IntArray, NoisyPoints]:
+        """Return the middle part and the ends' members, ascending, and their points."""
         middle = np.arange(self.middle.start, self.middle.stop)
-        return np.concatenate(
-            [self.end_rows(0, members[0])[::-1], middle, self.end_rows(1, members[1])]
-        )
-
-    def identified_members(self, side: int) -> IntArray:
-        """Return the positions, within an end, of the points of the identified arc."""
-        members: IntArray = self.identified[self.ends[side][PREDECESSORS:]].nonzero()[0]
-        return members
+        first, last = (self.end_rows(side, members[side]) for side in (0, 1))
+        rows = np.concatenate([first[::-1], middle, last])
+        return self.indices[rows], self.points[rows]
 
 
 class _MiddleFit(NamedTuple):
@@ -138,121 +118,95 @@ class _ComparedEnd(NamedTuple):
     inliers: EndInliers
 
 
-class _Comparison(NamedTuple):
-    """Ellipse of the middle part and the inliers of both ends."""
-
-    ellipse: Ellipse
-    ends: tuple[_ComparedEnd, ...]
-
-
 def screen_arc(profile: PreparedProfile, arc: IdentifiedArc) -> ScreenedArc | None:
-    """Select the inliers at both ends of an arc.
+    """Select the inliers at both ends of an arc; None where no ellipse fits its middle part.
 
-    Parameters
-    ----------
-    profile : PreparedProfile
-        The profile.
-    arc : IdentifiedArc
-        From rough identification.
-
-    Returns
-    -------
-    ScreenedArc or None
-        None where no ellipse fits the middle part; an arc with too few points to be screened
-        is returned unchanged.
+    An arc with too few points to be screened is returned unchanged.
     """
     line = _split_arc(profile, arc)
     if line is None:
         return ScreenedArc(arc.indices, profile.noisy_points[arc.indices], arc.ellipse, 1.0)
     fitted = _fit_middle(profile, line, parameters_from_ellipse(arc.ellipse))
-    compared = None if fitted is None else _compare_ends(fitted)
-    if fitted is None or compared is None:
+    if fitted is None:
         return None
     line, noise = fitted.line, fitted.noise
-    members = [end.inliers.members for end in compared.ends]
-    wider = IdentifiedArc.of(line.indices[line.rows_with(members)], compared.ellipse)
-    if _reaches_limit(profile, arc, wider, line):
-        return screen_arc(profile, wider)
-    rows = line.rows_with([_keep(line, i, compared.ends[i], noise) for i in (0, 1)])
-    return ScreenedArc(
-        line.indices[rows], line.points[rows], compared.ellipse, noise.variance_factor
-    )
+    parameters, ends = _compare_ends(fitted)
+    if not is_ellipse(parameters):
+        return None
+    ellipse = ellipse_from_parameters(parameters)
+    indices, _ = line.indices_with([end.inliers.members for end in ends])
+    # An arc that reaches the last of the points beyond is screened once more.
+    outermost, last = line.indices[[0, -1]], len(profile.points) - 1
+    if ((indices[[0, -1]] == outermost) & (outermost != [0, last])).any():
+        return screen_arc(profile, IdentifiedArc.of(indices, ellipse))
+    kept = line.indices_with([_keep(line, side, ends[side], noise) for side in (0, 1)])
+    return ScreenedArc(*kept, ellipse, noise.variance_factor)
 
 
-def _compare_ends(fitted: _MiddleFit) -> _Comparison | None:
-    """Compare each end with the ellipse of all other inliers, until no inlier changes."""
+def _split_arc(profile: PreparedProfile, arc: IdentifiedArc) -> _Line | None:
+    """Return the inliers of the middle part, and all points from there to beyond the ends."""
+    count = len(arc.indices)
+    end_count = min(max(2, round((1 - MIDDLE_FRACTION) / 2 * count)), MAX_END_POINTS)
+    inner = arc.indices[end_count : count - end_count]
+    if len(inner) < MIN_POINTS:
+        return None
+    left = np.arange(max(0, arc.arc.start - WINDOW), inner[0])
+    right = np.arange(inner[-1] + 1, min(arc.arc.stop + WINDOW, len(profile.points)))
+    indices = np.concatenate([left, inner, right])
+    begin, end = len(left), len(left) + len(inner)
+    rows = np.arange(len(indices))
+    identified = np.zeros(len(profile.points), dtype=bool)
+    identified[arc.indices] = True
+    members = tuple(identified[side].nonzero()[0] for side in (left[::-1], right))
+    ends = (rows[: begin + PREDECESSORS][::-1], rows[end - PREDECESSORS :])
+    return _Line(indices, profile.noisy_points[indices], slice(begin, end), ends, members)
+
+
+def _fit_middle(
+    profile: PreparedProfile, line: _Line, parameters: FloatArray, *, smoothed: bool = False
+) -> _MiddleFit | None:
+    """Fit the ellipse of the middle part and estimate the noise from its residuals."""
+    parameters = refine_ellipse(line.points[line.middle], parameters, steps=1)
+    if not is_ellipse(parameters):
+        return None
+    compared = ellipse_residuals(line.points, parameters)
+    noise = estimate_arc_noise(compared[line.middle], profile.min_variance_factor)
+    if smoothed or not noise.smoothed:
+        return _MiddleFit(line, parameters, compared, noise)
+    points = smoothed_noise(line.points, compared.normals, profile.noise_std)
+    return _fit_middle(profile, line._replace(points=points), parameters, smoothed=True)
+
+
+def _compare_ends(fitted: _MiddleFit) -> tuple[FloatArray, list[_ComparedEnd]]:
+    """Compare each end with the ellipse of all other inliers, until no inlier changes.
+
+    The parameters of the ellipse of all inliers are NaN, or no ellipse, where the fit breaks down.
+    """
     line, parameters, compared, noise = fitted
-    members = [line.identified_members(side) for side in (0, 1)]
+    members: Sequence[IntArray] = line.members
     for _ in range(MAX_ITERATIONS):
         system = WeightedSystem.of(compared, noise.variance_factor)
         middle = system.normal_equations(line.middle)
         add_flattening_prior(middle, parameters)
         equations = [system.normal_equations(line.end_rows(i, members[i])) for i in (0, 1)]
         predictions = [_predict(middle + equations[1 - i], noise, parameters) for i in (0, 1)]
-        if not all(math.isfinite(p.covariance[0, 0]) for p in predictions):
-            return None
+        if any(math.isnan(prediction.covariance[0, 0]) for prediction in predictions):
+            return np.full(PARAMETERS, np.nan), []
         points = _end_points(line, compared, system.rows, noise)
-        inliers = [find_end_inliers(*pair) for pair in zip(points, predictions, strict=True)]
-        previous, members = members, [end.members for end in inliers]
+        ends = [
+            _ComparedEnd(*pair, find_end_inliers(*pair))
+            for pair in zip(points, predictions, strict=True)
+        ]
+        previous, members = members, [end.inliers.members for end in ends]
         same = (a.tobytes() == b.tobytes() for a, b in zip(members, previous, strict=True))
         converged = all(same)
         if not converged:
             equations = [system.normal_equations(line.end_rows(i, members[i])) for i in (0, 1)]
         parameters = parameters + damped_step(middle + equations[0] + equations[1], parameters)
-        if not is_ellipse(parameters):
-            return None
-        if converged:
+        if converged or not is_ellipse(parameters):
             break
         compared = ellipse_residuals(line.points, parameters)
-    ends = tuple(map(_ComparedEnd, points, predictions, inliers))
-    return _Comparison(ellipse_from_parameters(parameters), ends)
-
-
-def _reaches_limit(
-    profile: PreparedProfile, arc: IdentifiedArc, wider: IdentifiedArc, line: _Line
-) -> bool:
-    """Return whether an arc reaches the last screened point, and the profile goes on beyond."""
-    first, last = profile.valid_indices[[0, -1]]
-    start, stop = wider.indices[[0, -1]]
-    return bool(
-        (arc.indices[0] > start == line.indices[0] > first)
-        or (arc.indices[-1] < stop == line.indices[-1] < last)
-    )
-
-
-def _split_arc(profile: PreparedProfile, arc: IdentifiedArc) -> _Line | None:
-    """Return the inliers of the middle part, and all points from there to beyond the ends."""
-    count, valid = len(arc.indices), profile.valid_indices
-    end_count = min(max(2, round((1 - MIDDLE_FRACTION) / 2 * count)), MAX_END_POINTS)
-    inner = arc.indices[end_count : count - end_count]
-    if len(inner) < MIN_MIDDLE_POINTS:
-        return None
-    first, last = np.searchsorted(valid, inner[[0, -1]]).tolist()
-    start, _ = np.searchsorted(valid, arc.indices[[0, -1]] - POINTS_BEYOND).tolist()
-    _, stop = np.searchsorted(valid, arc.indices[[0, -1]] + POINTS_BEYOND, "right").tolist()
-    indices = np.concatenate([valid[start:first], inner, valid[last + 1 : stop]])
-    begin, end = first - start, first - start + len(inner)
-    rows = np.arange(len(indices))
-    ends = (rows[: begin + PREDECESSORS][::-1], rows[end - PREDECESSORS :])
-    identified = np.zeros(len(profile.points), dtype=bool)
-    identified[arc.indices] = True
-    points = profile.noisy_points[indices]
-    return _Line(indices, points, slice(begin, end), ends, identified[indices])
-
-
-def _fit_middle(
-    profile: PreparedProfile, line: _Line, initial_guess: FloatArray
-) -> _MiddleFit | None:
-    """Fit the ellipse of the middle part and estimate the noise from its residuals."""
-    parameters = refine_ellipse(line.points[line.middle], initial_guess, steps=1)
-    if not is_ellipse(parameters):
-        return None
-    compared = ellipse_residuals(line.points, parameters)
-    noise = estimate_arc_noise(compared[line.middle], profile.min_variance_factor)
-    if not noise.smoothed or line.smoothed:
-        return _MiddleFit(line, parameters, compared, noise)
-    points = smoothed_noise(line.points, compared.normals, profile.noise_std)
-    return _fit_middle(profile, replace(line, points=points, smoothed=True), parameters)
+    return parameters, ends
 
 
 def _predict(equations: FloatArray, noise: ArcNoise, parameters: FloatArray) -> Prediction:
@@ -269,7 +223,8 @@ def _end_points(
     line: _Line, compared: EllipseResiduals, system_rows: FloatArray, noise: ArcNoise
 ) -> list[EndPoints]:
     feet = line.points.z - compared.residuals * compared.normals
-    positions = np.concatenate([[0.0], np.abs(feet[1:] - feet[:-1]).cumsum()])
+    positions = np.zeros(len(feet))
+    np.abs(feet[1:] - feet[:-1]).cumsum(out=positions[1:])
     visible = line.points.incidence_cosines(compared.normals) > MIN_INCIDENCE_COSINE
     variances = compared.inflated_variances * noise.variance_factor
     return [
@@ -286,22 +241,19 @@ def _end_points(
 
 def _keep(line: _Line, side: int, end: _ComparedEnd, noise: ArcNoise) -> IntArray:
     """Return the inliers of an end that are probable enough for their leverage."""
-    inliers, z = end.inliers, line.points.z[line.ends[side]]
-    if len(inliers.members) == 0:
-        return inliers.members
-    inside = np.append(np.arange(PREDECESSORS), inliers.members + PREDECESSORS)
-    following = connected_beyond(z[inside], z[inside[-1] + 1 :], WINDOW_BEYOND)
-    following += inliers.members[-1] + 1
-    probability = inliers.odds / (1 + inliers.odds)
+    members, log_odds, leverages = end.inliers
+    if len(members) == 0:
+        return members
+    z = line.points.z[line.ends[side]]
+    inside = np.append(np.arange(PREDECESSORS), members + PREDECESSORS)
+    following = connected_beyond(z[inside], z[inside[-1] + 1 :], POINTS_BEYOND) + members[-1] + 1
+    probability = 1 / (1 + np.exp(-log_odds))
     if len(following):
-        probability *= departure_free_probability(
-            end.points, end.prediction, inliers.members, following
-        )
+        probability *= departure_free_probability(end.points, end.prediction, members, following)
     # A wrong inlier may shift the ellipse by sqrt(leverage) of the ellipse's standard deviations.
-    kept = inliers.members[probability > np.sqrt(inliers.leverages) * (1 - probability)]
+    kept = members[probability > np.sqrt(leverages) * (1 - probability)]
     dropped = round(EDGE_POINTS_PER_CORRELATION * (noise.autocorrelation_time - 1))
     # A contact: enough connected points beyond the last inlier, or enough rejected inliers.
-    rejected = len(inliers.members) - len(kept)
-    if max(len(following), rejected) >= MIN_CONTACT_POINTS:
+    if max(len(following), len(members) - len(kept)) >= MIN_CONTACT_POINTS:
         dropped += GUARD_POINTS
     return kept[: max(0, len(kept) - dropped)]

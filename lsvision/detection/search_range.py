@@ -2,17 +2,19 @@
 
 import math
 
+from lsvision.detection.acceptance import AcceptanceSettings
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.geometry.arrays import extent_of
 from lsvision.profile import PreparedProfile
+from lsvision.statistics.robust import SIGNIFICANT_SIGMAS
 
 NOMINAL_SPREAD = 0.2
 """Half width of the search over a nominal radius, and smallest radius searched over a known one."""
 MIN_RADIUS_FRACTION = 1 / 3
 """Smallest radius over the geometric mean of extent and pitch: 4 pitches for a profile of 150
 points, 7 for 400, 21 for 4000. A smaller pipe has under twelve points, or is dust."""
-MAX_RADIUS_EXTENTS = 1.5
-"""Largest radius over the extent: larger pipes show less than 38 deg, the smallest accepted arc."""
+MAX_RADIUS_EXTENTS = 0.5 / math.sin(math.radians(AcceptanceSettings().min_coverage_deg) / 2)
+"""Largest radius over the extent, 1.54: larger pipes show less than the smallest accepted arc."""
 
 
 def search_range(
@@ -20,12 +22,11 @@ def search_range(
 ) -> tuple[float, float]:
     """Return the smallest and largest radius of the search. Units: mm.
 
-    `radius` is a nominal radius or a range; without it the radius of the prior `known` is nominal;
-    without both the range follows the profile. Raises ValueError if `radius` is not positive or
-    reversed.
+    `radius` is nominal, or a range; without it the prior `known` is nominal; without both the range
+    follows the profile. Raises ValueError if `radius` is not positive or reversed.
     """
     if isinstance(radius, tuple):
-        low, high = (float(value) for value in radius)
+        low, high = map(float, radius)
         if not (0 < low < high < math.inf):
             raise ValueError(f"want a radius range 0 < min < max in mm, got {low:g} to {high:g}")
         return low, high
@@ -34,7 +35,7 @@ def search_range(
             raise ValueError(f"want a positive radius in mm, got {radius}")
         return (1 - NOMINAL_SPREAD) * radius, (1 + NOMINAL_SPREAD) * radius
     if known is not None:
-        spread = NOMINAL_SPREAD * known.radius + 3 * known.std
+        spread = NOMINAL_SPREAD * known.radius + SIGNIFICANT_SIGMAS * known.std
         return max(known.radius - spread, NOMINAL_SPREAD * known.radius), known.radius + spread
     extent = extent_of(profile.points) if len(profile.valid_indices) else 0.0
     if extent == 0:

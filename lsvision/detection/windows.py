@@ -18,9 +18,9 @@ SHIFTS_PER_WINDOW = 3
 class WindowCircles:
     """Circles of w windows. Units: mm.
 
-    `radius` is infinite where a window is straight. `rms` is the root mean var_q distance of the
-    points from the circle, to first order, and 0 or NaN where the window is straight; `line_rms`
-    is the same from the best line. A `convex` window bulges towards the sensor.
+    `radius` is infinite where a window is straight; there `rms`, the root mean square distance from
+    the circle to first order, is 0 or NaN. `line_rms` is that from the best line. A `convex` window
+    bulges towards the sensor.
     """
 
     centre: FloatArray
@@ -61,11 +61,10 @@ def fit_window_circles(points: Points, starts: IntArray, stops: IntArray) -> Win
     z = as_complex(points)
     origin = (z[0] + z[-1]) / 2  # a near origin keeps the digits of the squares
     z = z - origin
-    running = np.zeros((4, len(z) + 1), dtype=complex)
-    q = running[3, 1:].real = z.real**2 + z.imag**2
-    running[0, 1:], running[1, 1:], running[2, 1:] = z, z * z, q * z
-    running[3, 1:].imag = q * q
-    np.cumsum(running, axis=1, out=running)
+    q = z.real**2 + z.imag**2
+    products = np.stack([z, z * z, q * z, q + 1j * q * q])
+    running = np.zeros((len(products), len(z) + 1), dtype=complex)
+    products.cumsum(axis=1, out=running[:, 1:])
     moments = running.take(stops, axis=1)
     moments -= running.take(starts, axis=1)
     moments /= np.maximum(stops - starts, 1)

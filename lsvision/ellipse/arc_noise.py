@@ -13,14 +13,9 @@ import numpy as np
 from lsvision.ellipse.robust_gauss_newton import EllipseResiduals
 from lsvision.geometry import FloatArray
 from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints
-from lsvision.statistics.correlation import (
-    estimate_correlation,
-    neighbour_correlation,
-)
-from lsvision.statistics.robust import mad_std
+from lsvision.statistics.correlation import estimate_correlation, neighbour_correlation
+from lsvision.statistics.robust import SIGNIFICANT_SIGMAS, mad_std
 
-CLIPPED_SIGMAS = 3.0
-"""Standard deviations at which residuals are clipped before their correlation is estimated."""
 GRAZING_INCIDENCE_DEG = 45.0
 """Incidence at which the error of a sensor that smooths along the line has grown by sqrt(2), since
 its spot covers a longer part of the surface. From arcs of real spheres, whose errors have the same
@@ -38,16 +33,9 @@ incidence: by chance in 2 % of the arcs."""
 class ArcNoise:
     """Corrections of a noise model.
 
-    Parameters
-    ----------
-    variance_factor : float
-        Variance of the residuals over that of the noise model.
-    autocorrelation_time : float
-        Number of points per effective point; 1 for uncorrelated errors.
-    low_frequency_time : float
-        This number at the lowest frequencies, to which the covariance of a fit is proportional.
-    smoothed : bool
-        Whether neighbouring errors are correlated: the sensor smooths along the line.
+    Variance of the residuals over the model's; number of points per effective point, and the same
+    at the lowest frequencies, to which the covariance of a fit is proportional; whether
+    neighbouring errors are correlated, since the sensor smooths along the line.
     """
 
     variance_factor: float
@@ -57,26 +45,16 @@ class ArcNoise:
 
 
 def estimate_arc_noise(compared: EllipseResiduals, min_variance_factor: float) -> ArcNoise:
-    """Estimate the noise of an arc from the residuals of its middle part.
+    """Estimate the noise of an arc from the residuals of its middle part, in order along the line.
 
-    Parameters
-    ----------
-    compared : EllipseResiduals
-        Residuals of the ellipse fitted to the middle part, in order along the line.
-    min_variance_factor : float
-        Smallest variance factor; 1 for a given noise model, whose errors are taken to be
-        uncorrelated.
-
-    Returns
-    -------
-    ArcNoise
+    With a `min_variance_factor` of 1, a given noise model, errors are taken to be uncorrelated.
     """
     normalised = compared.residuals / np.sqrt(compared.variances)
     scale = mad_std(normalised)
     factor = max(scale * scale, min_variance_factor)
     if min_variance_factor >= 1:
         return ArcNoise(factor, 1.0, 1.0, smoothed=False)
-    limit = CLIPPED_SIGMAS * scale
+    limit = SIGNIFICANT_SIGMAS * scale
     clipped = np.minimum(np.maximum(normalised, -limit), limit)
     time, smoothed = neighbour_correlation(clipped)
     if not smoothed:
@@ -88,19 +66,8 @@ def estimate_arc_noise(compared: EllipseResiduals, min_variance_factor: float) -
 def smoothed_noise(points: NoisyPoints, normals: ComplexArray, std: float) -> NoisyPoints:
     """Return the points with the noise of a sensor that smooths along the line.
 
-    Parameters
-    ----------
-    points : NoisyPoints
-        n points.
-    normals : (n,) complex ndarray
-        Unit normals of the ellipse.
-    std : float
-        Standard deviation at normal incidence. Units: mm.
-
-    Returns
-    -------
-    NoisyPoints
-        Isotropic errors whose variance grows with the incidence, measured from +Y.
+    Isotropic errors, with the standard deviation `std` (mm) at normal incidence; the variance grows
+    with the angle of the ellipse's unit normals from +Y.
     """
     incidence_deg = np.degrees(np.arccos(np.minimum(np.maximum(normals.imag, -1.0), 1.0)))
     growth = 1 + (incidence_deg / GRAZING_INCIDENCE_DEG) ** GRAZING_POWER
@@ -109,17 +76,8 @@ def smoothed_noise(points: NoisyPoints, normals: ComplexArray, std: float) -> No
 
 
 def errors_grow_with_incidence(normalised: FloatArray, normals: ComplexArray) -> bool:
-    """Return whether the variance of normalised residuals increases with the incidence.
+    """Return whether the variance of residuals over their stds increases with the incidence.
 
-    Parameters
-    ----------
-    normalised : (n,) ndarray
-        Residuals over their standard deviations.
-    normals : (n,) complex ndarray
-        Unit normals of the ellipse at the points.
-
-    Notes
-    -----
     Score test of Breusch and Pagan (Econometrica 47, 1979) for a variance that grows with the
     squared sine of the incidence; squared residuals are clipped at 9 times their mean (outliers).
     """
@@ -129,6 +87,6 @@ def errors_grow_with_incidence(normalised: FloatArray, normals: ComplexArray) ->
     inclination = normals.real * normals.real
     inclination -= inclination.sum() / len(inclination)
     squares = (normalised / largest) ** 2
-    excess = np.minimum(squares * (len(squares) / squares.sum()), CLIPPED_SIGMAS**2) - 1
+    excess = np.minimum(squares * (len(squares) / squares.sum()), SIGNIFICANT_SIGMAS**2) - 1
     spread = math.sqrt(2 * float(inclination @ inclination))
     return float(inclination @ excess) > MIN_SCORE_SIGMAS * spread

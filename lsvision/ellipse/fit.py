@@ -14,6 +14,7 @@ import numpy as np
 
 from lsvision.ellipse.parameters import (
     PARAMETERS,
+    deviator_of,
     ellipse_from_parameters,
     parameters_from_ellipse,
 )
@@ -33,18 +34,15 @@ from lsvision.ellipse.robust_gauss_newton import (
 )
 from lsvision.errors import TooFewPoints
 from lsvision.geometry import Ellipse, FloatArray, Points, as_readonly_array
-from lsvision.geometry.arrays import require_coordinates, require_covariances
+from lsvision.geometry.arrays import TINY, require_coordinates, require_covariances
 from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints, as_complex, as_vectors
 from lsvision.statistics.correlation import (
     Correlation,
     estimate_correlation,
 )
 from lsvision.statistics.numerical_failures import refuse_numerical_failure, require_finite
+from lsvision.statistics.robust import SIGNIFICANT_SIGMAS
 
-CHI2_TEST_SIGMAS = 3.3
-"""Standard deviations of chi^2 above which a noise model is rejected as too small."""
-
-TINY = 1e-300
 NONCIRCULAR_SIGMAS = 5.0
 """Standard deviations of (p, q) from 0 above which phi and theta are normally distributed."""
 
@@ -130,8 +128,8 @@ class EllipseFit:
     @property
     def is_noncircular(self) -> bool:
         """Whether (p, q) differs from 0 by more than 5 standard deviations, so theta is defined."""
-        largest = float(np.linalg.eigvalsh(self.parameter_covariance[3:, 3:])[-1])
-        return math.hypot(*self.parameters[3:]) > NONCIRCULAR_SIGMAS * math.sqrt(largest)
+        largest = float(np.linalg.eigvalsh(self.parameter_covariance[-2:, -2:])[-1])
+        return abs(deviator_of(self.parameters)) > NONCIRCULAR_SIGMAS * math.sqrt(largest)
 
     @property
     def rms(self) -> float:
@@ -285,7 +283,7 @@ def _inverse(information: FloatArray) -> FloatArray:
         scales = scale[:, None] * scale
         values, vectors = np.linalg.eigh(information * scales)
         with np.errstate(over="ignore"):  # all points at one place: infinite variances
-            inverse = (vectors / np.maximum(values, 1e-14)) @ vectors.T * scales
+            inverse = (vectors / np.maximum(values, np.finfo(float).eps)) @ vectors.T * scales
     return inverse
 
 
@@ -298,7 +296,7 @@ def _build_fit(problem: EllipseProblem, solution: Solution, *, known_noise: bool
     dof = float(max(count - PARAMETERS, 1)) + problem.prior_residual_count
     reduced_chi2 = float(normalised @ normalised) / dof
     if known_noise:
-        significant = reduced_chi2 > 1 + CHI2_TEST_SIGMAS * np.sqrt(2 / dof)
+        significant = reduced_chi2 > 1 + SIGNIFICANT_SIGMAS * math.sqrt(2 / dof)
         factor, dof = (reduced_chi2 if significant else 1.0), np.inf
     else:
         factor = max(reduced_chi2, TINY)

@@ -5,13 +5,14 @@ does. The local quadratics of smoothing are already evaluated at equal steps of 
 no spline is needed.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from lsvision.ellipse.parameters import (
     PARAMETERS,
     centre_of,
+    deviator_of,
     ellipse_from_parameters,
     is_ellipse,
     parameter_jacobian,
@@ -23,37 +24,20 @@ from lsvision.geometry import Ellipse, Points
 from lsvision.geometry.noisy_points import as_vectors
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class HomogenisedArc:
-    """A smoothed and homogenised arc.
-
-    Parameters
-    ----------
-    points : (k, 2) ndarray
-        Smoothed points, equally spaced along the arc. Units: mm.
-    ellipse : Ellipse
-        Ellipse fitted to these points: the initial guess of the refinement. Units: mm, rad.
-    """
+class HomogenisedArc(NamedTuple):
+    """Smoothed points (k, 2), equally spaced along the arc, and their ellipse. Units: mm, rad."""
 
     points: Points
     ellipse: Ellipse
 
 
 def homogenise_arc(smoothed: SmoothedArc) -> HomogenisedArc:
-    """Convert smoothed residuals at equal steps to points, and fit an ellipse to them.
+    """Return the smoothed points and their ellipse, the initial guess of the refinement.
 
-    Parameters
-    ----------
-    smoothed : SmoothedArc
-        Smoothed residuals at k positions of an arc.
-
-    Returns
-    -------
-    HomogenisedArc
-        All parts of the arc have equal weight, whatever the sensor's sampling density.
+    All parts of the arc have equal weight, whatever the sensor's sampling density.
     """
     parameters, w = parameters_from_ellipse(smoothed.ellipse), smoothed.directions
-    m, d = float(parameters[2]), complex(parameters[3], parameters[4])
+    m, d = float(parameters[2]), deviator_of(parameters)
     along, across = m * w, d * w.conj()
     normals = along - across
     normals /= np.abs(normals)

@@ -21,7 +21,7 @@ from lsvision.ellipse.critical_ratio import CriticalRatios
 from lsvision.ellipse.fit import EllipseFit
 from lsvision.ellipse.interval_ends import EndPoints, find_end_points
 from lsvision.ellipse.parameters import semi_minor_gradient
-from lsvision.ellipse.phi_prior import EXACT_PHI_STD
+from lsvision.ellipse.phi_prior import EXACT_STD
 from lsvision.geometry import BoolArray
 
 Quantity = Literal["radius", "theta", "phi", "centre_x", "centre_y"]
@@ -184,7 +184,7 @@ def _known_quantities(fit: EllipseFit, sigmas: float) -> dict[str, Interval]:
         _, (gradient,) = problem.known_phi.residuals_and_jacobian(fit.parameters)
         std_ratio = math.sqrt(float(gradient @ covariance @ gradient))
         if std_ratio > PRIOR_SHARE:
-            std = std_ratio * max(problem.known_phi.std, EXACT_PHI_STD)
+            std = std_ratio * max(problem.known_phi.std, EXACT_STD)
             known["phi"] = ellipse.phi - sigmas * std, ellipse.phi + sigmas * std
     return known
 

@@ -106,13 +106,18 @@ def parameter_jacobian(
     deviating = normals * w
     jacobian[0], jacobian[1] = normals.real, normals.imag
     jacobian[2] = (normals * w.conj()).real
-    jacobian[3], jacobian[4] = deviating.real, deviating.imag
+    jacobian[-2], jacobian[-1] = deviating.real, deviating.imag
     return jacobian
 
 
 def centre_of(parameters: FloatArray) -> complex:
     """Return the centre as x + iy. Units: mm."""
     return complex(*parameters[:2].tolist())
+
+
+def deviator_of(parameters: FloatArray) -> complex:
+    """Return p + iq. Units: mm."""
+    return complex(*parameters[-2:].tolist())
 
 
 def parameters_from_ellipse(ellipse: Ellipse) -> FloatArray:
@@ -150,19 +155,17 @@ def is_ellipse(parameters: FloatArray) -> bool:
 
 def semi_minor(parameters: FloatArray) -> float:
     """Return the semi-minor axis b = m - h. Units: mm."""
-    return float(parameters[2]) - math.hypot(parameters[3], parameters[4])
+    return float(parameters[2]) - abs(deviator_of(parameters))
 
 
 def semi_minor_gradient(parameters: FloatArray) -> FloatArray:
     """Return the derivative of b by the parameters, (5,); at a circle in the direction p > 0."""
-    direction = _deviator_direction(parameters)
-    return np.array([0.0, 0.0, 1.0, -direction[0], -direction[1]])
+    return _semi_axis_gradient(parameters, -1.0)
 
 
 def semi_major_gradient(parameters: FloatArray) -> FloatArray:
     """Return the derivative of a by the parameters, (5,); at a circle in the direction p > 0."""
-    direction = _deviator_direction(parameters)
-    return np.array([0.0, 0.0, 1.0, direction[0], direction[1]])
+    return _semi_axis_gradient(parameters, 1.0)
 
 
 def axes_of(parameters: FloatArray) -> tuple[float, float, complex]:
@@ -179,8 +182,8 @@ def _complex(real: FloatArray, imaginary: FloatArray) -> ComplexArray:
     return numbers
 
 
-def _deviator_direction(parameters: FloatArray) -> tuple[float, float]:
-    h = math.hypot(parameters[3], parameters[4])
-    if h == 0:
-        return 1.0, 0.0
-    return float(parameters[3]) / h, float(parameters[4]) / h
+def _semi_axis_gradient(parameters: FloatArray, sign: float) -> FloatArray:
+    """Return the derivative of m + sign h, (5,)."""
+    d = deviator_of(parameters)
+    direction = sign * d / abs(d) if d else complex(sign)
+    return np.array([0.0, 0.0, 1.0, direction.real, direction.imag])

@@ -11,8 +11,9 @@ import numpy as np
 
 from lsvision.geometry import FloatArray
 
-EXACT_PHI_STD = 1e-6
-"""Standard deviation of an exact phi: negligible against noise, but not singular. Units: rad."""
+EXACT_STD = 1e-6
+"""Standard deviation of an exact phi in rad, and of an exact radius over the radius: negligible
+against noise, but not singular."""
 PERPENDICULAR_PHI_STD = 1e-3
 """Standard deviation of an exact phi near 0: phi^2 is a millionth of the radius. Units: rad."""
 CIRCLE_SIGMAS = 2.0
@@ -41,8 +42,8 @@ class PhiPrior:
     Nearer to 0 the section may be a circle, where phi is no regular parameter: a cost of
     (phi / std)^2 has a cusp there, at which the fit would stop with far too small a variance.
     There (p, q) / m has a normal prior about zero, with the second moments for a phi that is the
-    modulus of a normal variable and a uniform theta:
-    E h^2 / m^2 = (phi^4 + 6 phi^2 std^2 + 3 std^4) / 16, which suffice for a linear estimate.
+    modulus of a normal variable and a uniform theta: with f = (phi / 2)^2 and v = (std / 2)^2
+    E h^2 / m^2 = f^2 + 6 f v + 3 v^2, which suffice for a linear estimate.
 
     Raises
     ------
@@ -69,7 +70,7 @@ class PhiPrior:
     @property
     def includes_circle(self) -> bool:
         """Whether a circle lies within two sigmas."""
-        return self.phi <= CIRCLE_SIGMAS * self.std or self.phi < EXACT_PHI_STD
+        return self.phi <= CIRCLE_SIGMAS * self.std or self.phi < EXACT_STD
 
     @property
     def residual_count(self) -> int:
@@ -79,9 +80,8 @@ class PhiPrior:
     @property
     def deviator_std(self) -> float:
         """Standard deviation of p / m and of q / m in the prior about a circle."""
-        s = max(self.std, PERPENDICULAR_PHI_STD)
-        fourth = self.phi**4 + 6 * (self.phi * s) ** 2 + 3 * s**4
-        return math.sqrt(fourth / 32)
+        f, v = (self.phi / 2) ** 2, (max(self.std, PERPENDICULAR_PHI_STD) / 2) ** 2
+        return math.sqrt((f * f + 6 * f * v + 3 * v * v) / 2)
 
     def max_likelihood_ratio(self, level: float) -> float:
         """Return the critical likelihood ratio of the prior alone, near a circle.
@@ -94,8 +94,10 @@ class PhiPrior:
 
         s = max(self.std, PERPENDICULAR_PHI_STD)
         phi = self.phi / s
-        upper = brentq(lambda x: ndtr(x - phi) - ndtr(-x - phi) - level, 0.0, phi + 40.0)
-        return float((upper * s) ** 4 / (16 * self.deviator_std**2))
+        # Chebyshev's inequality bounds the quantile of any distribution.
+        largest = phi + 1 / math.sqrt(1 - level)
+        upper = brentq(lambda x: ndtr(x - phi) - ndtr(-x - phi) - level, 0.0, largest)
+        return float(((upper * s / 2) ** 2 / self.deviator_std) ** 2)
 
     def residuals_and_jacobian(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the residuals of the prior over their standard deviations, and their derivative.
@@ -110,16 +112,16 @@ class PhiPrior:
         m, p, q = (float(value) for value in parameters[2:])
         # A step of the iteration may have m <= 0, which is no ellipse: avoid division by zero.
         m = max(m, TINY)
-        jacobian = np.zeros((self.residual_count, 5))
+        jacobian = np.zeros((self.residual_count, len(parameters)))
         if self.includes_circle:
             std = self.deviator_std
             residuals = np.array([p, q]) / (m * std)
             jacobian[:, 2] = -residuals / m
-            jacobian[0, 3] = jacobian[1, 4] = 1 / (m * std)
+            jacobian[0, -2] = jacobian[1, -1] = 1 / (m * std)
             return residuals, jacobian
         h = max(math.hypot(p, q), TINY * m)
         root = math.sqrt(h / m)
-        std = max(self.std, EXACT_PHI_STD)
+        std = max(self.std, EXACT_STD)
         # phi = 2 arctan(sqrt(h / m)).
         slope = 1 / (root * (1 + h / m) * m * std)
         jacobian[0, 2:] = -slope * h / m, slope * p / h, slope * q / h

@@ -16,21 +16,17 @@ from lsvision.ellipse.parameters import (
     semi_minor,
     semi_minor_gradient,
 )
-from lsvision.ellipse.phi_prior import PhiPrior
+from lsvision.ellipse.phi_prior import EXACT_STD, PhiPrior
 from lsvision.errors import FitFailed, TooFewPoints
 from lsvision.geometry import FloatArray, Points
 from lsvision.geometry.noisy_points import as_complex
 
 MAX_EVALUATIONS = 100
 DEFAULT_TOLERANCE = 1e-10
-"""Relative decrease of chi^2 in a step, below which the iteration has converged."""
-STEP_TOLERANCE = 1e-10
-"""Relative change of the parameters, with the same effect: of the order of rounding, because a
-larger one would be a length that depends on the distance of the origin."""
+"""Relative decrease of chi^2 in a step, below which the iteration has converged. As the relative
+change of the parameters it is always this: a larger one would depend on the origin's distance."""
 MINPACK_MAXFEV_REACHED = 5
 """Value of MINPACK's `info` after the largest number of evaluations."""
-EXACT_RADIUS_STD = 1e-6
-"""Standard deviation of an exact radius over the radius: negligible, but not singular."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +51,7 @@ class RadiusPrior:
     @property
     def effective_std(self) -> float:
         """Standard deviation of the prior in the fit, never 0. Units: mm."""
-        return max(self.std, EXACT_RADIUS_STD * self.radius)
+        return max(self.std, EXACT_STD * self.radius)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -197,7 +193,7 @@ def least_squares(
     with np.errstate(all="ignore"):
         parameters, *_, info = leastsq(
             lambda x: cached(x)[0], initial_guess, Dfun=lambda x: cached(x)[1],
-            xtol=STEP_TOLERANCE, ftol=tolerance, maxfev=max_evaluations, full_output=True,
+            xtol=DEFAULT_TOLERANCE, ftol=tolerance, maxfev=max_evaluations, full_output=True,
         )  # fmt: skip
         return Solution(parameters, *cached(parameters), converged=info != MINPACK_MAXFEV_REACHED)
 

@@ -14,17 +14,15 @@ from scipy.linalg.lapack import dposv
 
 from lsvision.ellipse.parameters import PARAMETERS, is_ellipse, parameter_jacobian
 from lsvision.geometry import FloatArray, IntArray
+from lsvision.geometry.arrays import TINY
 from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints
-from lsvision.statistics.robust import MAD_TO_STD, upper_median
+from lsvision.statistics.robust import MAD_TO_STD, SIGNIFICANT_SIGMAS, upper_median
 
 FLATTENING_PRIOR_STD = 0.3
 """Prior standard deviation of (a - b) / (a + b): a tilt of 57 deg."""
-TINY = 1e-300
 IDENTITY = np.eye(PARAMETERS)
 MAX_RELATIVE_STEP = 0.1
 """Damping: a step of this fraction of m costs as much as a residual of one sigma."""
-CAUCHY_SCALE_SIGMAS = 3.0
-"""Normalised residual of a point with half its weight."""
 VARIANCE_FLOOR_FRACTION = 0.05
 """Fraction of the total variance added along any normal: as for a normal that is 13 deg wrong."""
 
@@ -102,7 +100,7 @@ class WeightedSystem(NamedTuple):
 
     @classmethod
     def of(cls, compared: EllipseResiduals, variance_factor: float) -> "WeightedSystem":
-        """Return the system with Cauchy's weights: variances grow with the squared residual.
+        """Return the system with Cauchy's weights: a residual of 3 sigma halves a point's.
 
         Otherwise the foot of a weld bead on a flank, where n' Sigma n is small, would dominate the
         fit, and the next step would diverge.
@@ -111,7 +109,7 @@ class WeightedSystem(NamedTuple):
         parameter_jacobian(compared.normals, compared.w, out=rows[:PARAMETERS])
         rows[PARAMETERS] = compared.residuals
         variances = compared.residuals * compared.residuals
-        variances *= 1 / CAUCHY_SCALE_SIGMAS**2
+        variances *= 1 / SIGNIFICANT_SIGMAS**2
         variances += variance_factor * compared.inflated_variances
         return cls(rows, 1 / variances)
 
@@ -125,7 +123,7 @@ class WeightedSystem(NamedTuple):
 def add_flattening_prior(equations: FloatArray, parameters: FloatArray) -> None:
     """Add the weak prior that few pipes are tilted by more than 60 deg, in place."""
     weight = 1 / (FLATTENING_PRIOR_STD * float(parameters[2])) ** 2
-    for i in (3, 4):
+    for i in range(PARAMETERS)[-2:]:
         equations[i, i] += weight
         equations[i, PARAMETERS] -= weight * float(parameters[i])
 

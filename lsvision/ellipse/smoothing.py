@@ -14,6 +14,7 @@ import numpy as np
 from lsvision.ellipse.parameters import parameters_from_ellipse
 from lsvision.ellipse.robust_gauss_newton import ellipse_residuals
 from lsvision.geometry import BoolArray, Ellipse, FloatArray
+from lsvision.geometry.arrays import TINY
 from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints
 from lsvision.statistics.robust import mad_std
 
@@ -24,23 +25,21 @@ TUKEY_CONSTANT = 4.685
 POSITIONS = 16
 """Number of positions at equal steps of arc length (paper section 3.3.2) at which the local
 quadratic is evaluated: five per window of 30 %, since a quadratic has no finer detail."""
-TINY = float(np.finfo(float).tiny)
+RIDGE = 1e-9
+"""Ridge of the regression over its weights, and smallest step over the arc's length: points may
+share a foot. Above rounding."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SmoothedArc:
-    """Arc with smoothed residuals at equal steps of arc length.
+    """Residuals at k equal steps of arc length, from the screened `ellipse` (mm, rad).
 
     Parameters
     ----------
-    ellipse : Ellipse
-        Screened ellipse, to which the residuals refer. Units: mm, rad.
     directions : (k,) complex ndarray
-        Unit vectors w of the points c + E w of the ellipse, at equal steps.
-    residuals : (k,) ndarray
-        Smoothed residuals at these points, positive outside. Units: mm.
-    stds : (k,) ndarray
-        Standard deviation of a single measured point there. Units: mm.
+        Unit vectors w of the points c + E w of the ellipse.
+    residuals, stds : (k,) ndarray
+        Smoothed residuals, positive outside; standard deviation of a single point. Units: mm.
     inliers : (n,) bool ndarray
         Mask of the measured points that are no jumps.
     """
@@ -53,19 +52,7 @@ class SmoothedArc:
 
 
 def smooth_arc(points: NoisyPoints, ellipse: Ellipse) -> SmoothedArc:
-    """Smooth the residuals of a screened arc, and find the jumps inside it.
-
-    Parameters
-    ----------
-    points : NoisyPoints
-        The n points of the arc.
-    ellipse : Ellipse
-        Screened ellipse. Units: mm, rad.
-
-    Returns
-    -------
-    SmoothedArc
-    """
+    """Smooth the residuals of n points from their screened ellipse, and find jumps."""
     compared = ellipse_residuals(points, parameters_from_ellipse(ellipse))
     # Angles from the middle of the arc, so that none jumps by 2 pi.
     middle = cmath.rect(1.0, cmath.phase(compared.w.sum()))
@@ -76,9 +63,8 @@ def smooth_arc(points: NoisyPoints, ellipse: Ellipse) -> SmoothedArc:
     feet = points.z[order] - residuals * compared.normals[order]
     length = np.zeros(len(points))
     np.abs(feet[1:] - feet[:-1]).cumsum(out=length[1:])
-    # Points may share a foot, but arc length must increase.
-    length += (1e-9 * length[-1] + 1e-12) * np.arange(len(points))
-    even = np.linspace(0.0, length[-1], POSITIONS)
+    length += (RIDGE * length[-1] + TINY) * np.arange(len(points))
+    even = np.arange(POSITIONS) * (length[-1] / (POSITIONS - 1))
     smooth, weights = smooth_residual(length, residuals, stds, even)
     inliers = np.empty(len(points), dtype=bool)
     inliers[order] = weights > 0
@@ -89,29 +75,12 @@ def smooth_arc(points: NoisyPoints, ellipse: Ellipse) -> SmoothedArc:
 def smooth_residual(
     length: FloatArray, residuals: FloatArray, stds: FloatArray, even: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Smooth residuals over arc length by robust local quadratic regression.
+    """Return residuals smoothed at k arc lengths `even`, and robust weights (n,); 0 is a jump.
 
-    Parameters
-    ----------
-    length, residuals, stds : (n,) ndarray
-        Arc length of each point, ascending; orthogonal residual to the screened ellipse; its
-        standard deviation. Units: mm.
-    even : (k,) ndarray
-        Arc lengths at which the regression is evaluated, from the first to the last. Units: mm.
-
-    Returns
-    -------
-    smooth : (k,) ndarray
-        Smoothed residuals. Units: mm.
-    weights : (n,) ndarray
-        Robust weight of each point in [0, 1]; 0 is a jump.
-
-    Notes
-    -----
-    Double-smoothing local regression (the paper's reference 20) fits lines twice; here quadratics
-    are fitted once, as in the text of the paper.
+    One pass of robust local quadratic regression; the paper's reference 20 fits lines twice.
+    `length` is the ascending arc length of the n points. Units: mm.
     """
-    half = max(WINDOW_FRACTION * float(length[-1] - length[0]) / 2, 1e-12)
+    half = WINDOW_FRACTION * float(length[-1] - length[0]) / 2 + TINY
     # At the ends the window is one-sided; it is extended inwards to keep its width.
     missing = np.maximum(length[0] + half - even, even + half - length[-1])
     u = (length - even[:, None]) / (half + np.maximum(missing, 0.0))[:, None]
@@ -139,7 +108,7 @@ def _local_quadratics(u: FloatArray, weights: FloatArray, residuals: FloatArray)
     m0, m1, m2, m3 = (moment.sum(axis=1) for moment in (weights, first, second, third))
     r0, r1, r2 = weights @ residuals, first @ residuals, second @ residuals
     # Ridge regression: a window with two points gets a line, an empty one the ellipse itself.
-    ridge = 1e-9 * m0 + 1e-12 * m0.max() + TINY
+    ridge = RIDGE * (m0 + RIDGE * m0.max()) + TINY
     d0, d2, d4 = m0 + ridge, m2 + ridge, (third * u).sum(axis=1) + ridge
     # First row of the normal equations' inverse, by Cramer's rule.
     c0, c1, c2 = d2 * d4 - m3 * m3, m2 * m3 - m1 * d4, m1 * m3 - m2 * d2

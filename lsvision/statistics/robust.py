@@ -7,6 +7,10 @@ from lsvision.geometry import FloatArray
 MAD_TO_STD = 1.4826
 """Standard deviation over the median absolute deviation, for a normal distribution."""
 
+SIGNIFICANT_SIGMAS = 3.0
+"""Standard deviations that chance exceeds in 0.3 % of the cases: a smaller deviation is no effect,
+a larger one of a single point may be an outlier."""
+
 
 def upper_median(values: FloatArray) -> float:
     """Return the median of finite values, the upper of two; five times as fast as `np.median`.

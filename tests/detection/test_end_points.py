@@ -56,7 +56,7 @@ def spoiled(rng, end, *, jumps=0.15, leaves_at=None):
 
 
 def kalman_oracle(end, prediction):
-    """Plain Kalman filter, point after point: members, odds and leverages."""
+    """Plain Kalman filter, point after point: members, log odds and leverages."""
     offset, covariance, time, radius = prediction
     log_outlier = math.log(OUTLIERS * 1 / (2 * radius))
     state, own_covariance = offset.copy(), covariance.copy()
@@ -80,10 +80,10 @@ def kalman_oracle(end, prediction):
             state = state + gain * innovation
             own_covariance = own_covariance - np.outer(gain, h @ own_covariance)
     good = [value > log_outlier for value in log_inliers]
-    ends = [i for i, g in enumerate(gains) if g >= largest - 3.0 and good[i]]
+    ends = [i for i, g in enumerate(gains) if g >= largest - math.log(20) and good[i]]
     members = [i for i in range(ends[-1] + 1 if ends else 0) if good[i]]
-    odds = [math.exp(min(log_inliers[i] - log_outlier, 700.0)) for i in members]
-    return members, odds, [totals[i] for i in members]
+    log_odds = [log_inliers[i] - log_outlier for i in members]
+    return members, log_odds, [totals[i] for i in members]
 
 
 def log_in(residual, variance):
@@ -101,10 +101,10 @@ def other_line(end, i, radius, log_outlier):
 
 
 def assert_same_inliers(end, prediction):
-    members, odds, leverages = kalman_oracle(end, prediction)
+    members, log_odds, leverages = kalman_oracle(end, prediction)
     found = find_end_inliers(end, prediction)
     np.testing.assert_array_equal(found.members, members)
-    np.testing.assert_allclose(np.log(found.odds), np.log(odds), rtol=MATCHES, atol=MATCHES)
+    np.testing.assert_allclose(found.log_odds, log_odds, rtol=MATCHES, atol=MATCHES)
     np.testing.assert_allclose(found.leverages, leverages, rtol=MATCHES)
     return members
 
@@ -124,7 +124,7 @@ def test_points_at_one_position_of_the_ellipse_are_judged_without_breaking(scale
     positions = scale * end.positions
     positions[4:7] = positions[4]
     found = find_end_inliers(end._replace(positions=positions), prediction)
-    assert np.isfinite(found.odds).all()
+    assert np.isfinite(found.log_odds).all()
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -182,7 +182,7 @@ def test_an_outlier_lies_where_the_flat_density_is_higher(std, radius, sign):
 
 def test_the_odds_are_the_ratio_of_the_densities():
     end, prediction = certain([0.0, 1.5], std=1.0, radius=100.0)
-    odds = find_end_inliers(end, prediction).odds
+    odds = np.exp(find_end_inliers(end, prediction).log_odds)
     flat = 0.05 / 200
     assert odds[0] == pytest.approx(0.95 * 0.3989423 / flat, rel=1e-6)
     assert odds[1] == pytest.approx(0.95 * 0.3989423 * math.exp(-(1.5**2) / 2) / flat, rel=1e-6)
@@ -212,7 +212,7 @@ def departure_oracle(end, prediction, members, following):
     jacobian = end.jacobian[:, rows]
     residuals = end.residuals[rows] - offset @ jacobian
     base = jacobian.T @ covariance @ jacobian + np.diag(time * end.variances[rows])
-    first = max(0, len(members) - 20)
+    first = max(0, len(members) - 16)
     before = np.concatenate([[end.positions[1]], end.positions[rows]])
     onsets = list(range(first, len(rows)))
     likelihoods = []

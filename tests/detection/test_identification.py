@@ -223,8 +223,8 @@ def test_two_outliers_in_a_row_do_not_interrupt_and_four_do():
     assert not connected(40, 4, 3)
 
 
-def test_an_interruption_of_a_quarter_of_the_arc_is_bridged():
-    for gap, bridged in ((8, True), (10, True), (11, False), (13, False)):
+def test_an_interruption_of_half_the_arc_is_bridged():
+    for gap, bridged in ((16, True), (20, True), (21, False), (25, False)):
         assert connected(40, gap, 30) == bridged
 
 
@@ -309,9 +309,9 @@ def test_the_arc_so_far_may_lie_anywhere_in_the_profile():
 
 
 def test_a_run_of_the_arc_counts_from_its_own_first_point():
-    """Bridges are as long as a quarter of the run in the middle, wherever it lies."""
-    inliers = np.concatenate([np.full(n, i % 2 == 0) for i, n in enumerate((30, 11, 40, 9, 30))])
-    kept = connected_inliers(inliers, np.arange(45, 75))
-    np.testing.assert_array_equal(kept, np.r_[41:81, 90:120])
-    kept = connected_inliers(inliers[::-1], np.arange(45, 75))
-    np.testing.assert_array_equal(kept, np.r_[0:30, 39:79])
+    """Bridges are as long as half of the run in the middle, wherever it lies."""
+    inliers = np.concatenate([np.full(n, i % 2 == 0) for i, n in enumerate((30, 21, 40, 19, 30))])
+    kept = connected_inliers(inliers, np.arange(55, 85))
+    np.testing.assert_array_equal(kept, np.r_[51:91, 110:140])
+    kept = connected_inliers(inliers[::-1], np.arange(55, 85))
+    np.testing.assert_array_equal(kept, np.r_[0:30, 49:89])

@@ -96,8 +96,8 @@ def test_an_arc_that_goes_on_at_one_side_only_is_found_to_its_end(count):
 
 
 @pytest.mark.parametrize("count", [30, 100])
-def test_the_arc_is_looked_for_among_fourteen_points_beyond_its_end(count):
-    for outliers, found in ((11, True), (15, False)):
+def test_the_arc_is_looked_for_among_sixteen_points_beyond_its_end(count):
+    for outliers, found in ((13, True), (17, False)):
         points = arc_points(np.linspace(-60, 60, count + outliers + 12))
         between = slice(count, count + outliers)
         points[between] = outside(points, 9.0)[between]
@@ -165,9 +165,9 @@ def test_a_line_beyond_a_gap_is_no_contact():
     np.testing.assert_array_equal(screened(exact(points), 0, 81), np.arange(81))
 
 
-@pytest.mark.parametrize(("time", "dropped"), [(1.0, 0), (2.0, 2), (3.0, 3), (5.0, 7)])
+@pytest.mark.parametrize(("time", "dropped"), [(1.0, 0), (1.3, 1), (2.0, 2), (3.0, 4)])
 def test_before_an_edge_a_sensor_that_smooths_costs_points(monkeypatch, time, dropped):
-    """1.7 for each correlated neighbour."""
+    """Two for each correlated neighbour."""
     noise = ArcNoise(1.0, time, time, smoothed=False)
     monkeypatch.setattr(screening, "estimate_arc_noise", lambda *_: noise)
     kept = screened(exact(arc_points(ANGLES)), 0, 81)
@@ -230,7 +230,7 @@ def test_a_tube_whose_first_fit_misses_its_end_is_whole_after_the_second():
 
 def test_inliers_that_alternate_are_compared_three_times(monkeypatch):
     """Two ends each time."""
-    found = [EndInliers(np.arange(n), np.full(n, 1e6), np.ones(n)) for n in (4, 5)]
+    found = [EndInliers(np.arange(n), np.full(n, 14.0), np.ones(n)) for n in (4, 5)]
     calls = []
 
     def alternate(*_):
@@ -350,14 +350,14 @@ def test_a_departure_is_looked_for_with_the_eight_points_that_follow(monkeypatch
     np.testing.assert_array_equal(following, np.arange(12, 20))
 
 
-ODDS = np.array([1e9, 3.0, 3.0, 1.2, 0.9, 1e9])
+LOG_ODDS = np.log([1e9, 3.0, 3.0, 1.2, 0.9, 1e9])
 LEVERAGES = np.array([1.0, 8.0, 10.0, 1.0, 1.0, 30.0])
 
 
 def test_an_inlier_that_decides_much_must_be_the_more_probable(monkeypatch):
     """Its odds must exceed the square root of its leverage: 3 > 2.8, but not 3.2."""
     members = np.r_[0:5, 11]
-    found = EndInliers(members, ODDS, LEVERAGES)
+    found = EndInliers(members, LOG_ODDS, LEVERAGES)
     monkeypatch.setattr(screening, "find_end_inliers", lambda *_: found)
     kept = screened(exact(arc_points(ANGLES)), 0, 81)
     np.testing.assert_array_equal(kept[kept > 68], 69 + np.array([0, 1, 3, 11]))
@@ -367,8 +367,8 @@ def test_an_inlier_that_decides_much_must_be_the_more_probable(monkeypatch):
 def test_an_inlier_beyond_a_departure_is_none(monkeypatch):
     """The probability of none multiplies that of an inlier: .95 x .6 > .5, .6 x .6 is not."""
     free = np.array([1.0] * 9 + [0.6, 0.6, 0.4])
-    odds = np.array([1e9] * 9 + [19.0, 1.5, 1e9])
-    found = EndInliers(np.arange(12), odds, np.ones(12))
+    log_odds = np.log([1e9] * 9 + [19.0, 1.5, 1e9])
+    found = EndInliers(np.arange(12), log_odds, np.ones(12))
     monkeypatch.setattr(screening, "find_end_inliers", lambda *_: found)
     monkeypatch.setattr(screening, "departure_free_probability", lambda *_: free)
     monkeypatch.setattr(screening, "GUARD_POINTS", 0)

@@ -31,7 +31,7 @@ def test_the_range_is_what_was_asked_for(radius, known, expected):
 def test_without_a_wish_the_range_follows_the_profile():
     low, high = search_range(None, None, LINE)
     assert low == pytest.approx(math.sqrt(150 * 0.6) / 3, rel=0.01)
-    assert high == pytest.approx(225, rel=0.01)
+    assert high == pytest.approx(75 / math.sin(math.radians(19)), rel=0.01)
 
 
 @pytest.mark.parametrize(
