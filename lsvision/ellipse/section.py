@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import get_args
 
 import numpy as np
@@ -187,7 +188,7 @@ class CylinderSection(Result):
         """
         return interval(self.fit, quantity, level)
 
-    @property
+    @cached_property
     def estimates(self) -> tuple[Estimate, ...]:
         """Quantities of tables and files in mm and deg, with uncertainties and 95 % intervals."""
         return tuple(

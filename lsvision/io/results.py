@@ -4,7 +4,6 @@ import csv
 import io
 import json
 import os
-import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -147,10 +146,9 @@ class JsonText:
         return False
 
     def item(self, record: Record) -> str:
-        """Return the text of the next record."""
+        """Return the text of the next record, one line: indenting takes ten times as long."""
         separator, self._separator = self._separator, ",\n"
-        text = json.dumps(record, indent=2, allow_nan=False)
-        return separator + textwrap.indent(text, "    ")
+        return f"{separator}    {json.dumps(record, allow_nan=False)}"
 
     def rewritten(self, text: TextIO, head: str) -> Iterator[str]:  # noqa: ARG002 - there is one head
         """Yield the text of records unchanged."""
