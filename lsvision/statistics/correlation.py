@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.geometry import FloatArray
+from lsvision.geometry.arrays import TINY
 
-TINY = 1e-300
 LOW_FREQUENCY_BAND = slice(4, 8)
 """Half waves along the arc: the lowest four that five parameters do not absorb."""
 FORM_BAND = slice(4, 6)
@@ -25,7 +25,7 @@ MAX_LOW_FREQUENCY_POWER = 2.786
 quantile of chi^2 with 4 degrees of freedom over 4 (exceeded by chance in one of 40 arcs)."""
 REFERENCE_BAND = slice(12, 34)
 """Half waves with which the lowest are compared."""
-MIN_WAVES = REFERENCE_BAND.stop + 6
+MIN_WAVES = REFERENCE_BAND.stop
 """Number of points below which there is no reference band."""
 MAX_SMOOTHED_RISE = 2.0
 """Largest rise of the spectrum towards low frequencies for a sensor that smooths, since it
@@ -76,7 +76,7 @@ def estimate_correlation(normalised: FloatArray) -> Correlation:
     Returns
     -------
     Correlation
-        Below 40 points only neighbours are compared.
+        Below 34 points only neighbours are compared.
     """
     time, neighbours = neighbour_correlation(normalised)
     if len(normalised) < MIN_WAVES:
@@ -127,7 +127,7 @@ def neighbour_correlation(normalised: FloatArray) -> tuple[float, bool]:
     centred = normalised - normalised.sum() / n
     scale = math.sqrt(n) / max(float(centred @ centred), TINY)
     time, correlated = 1.0, False
-    for lag in range(1, n // 3):
+    for lag in range(1, n // 2):
         sigmas = scale * float(centred[lag:] @ centred[:-lag])
         if lag == 1:
             correlated = sigmas > LAG1_SIGMAS
