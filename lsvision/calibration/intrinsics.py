@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -12,7 +12,12 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.calibration import result_tables
-from lsvision.calibration.target import Target, TargetView, find_target
+from lsvision.calibration.target import (
+    Target,
+    TargetView,
+    find_target,
+    left_out_warnings,
+)
 from lsvision.calibration.views import (
     RejectedView,
     ViewSources,
@@ -220,7 +225,9 @@ def calibrate_camera(
     """
     _require_equal_sizes(images)
     seen, sources = collect_views(images, lambda image: find_target(image, target))
-    return fit_camera(seen, settings, sources)
+    calibration = fit_camera(seen, settings, sources)
+    left_out = left_out_warnings(target, seen, sources.names(len(seen)))
+    return replace(calibration, warnings=(*calibration.warnings, *left_out))
 
 
 def fit_camera(

@@ -31,7 +31,7 @@ from lsvision.calibration.result_tables import (
     laser_plane_record,
     laser_plane_rows,
 )
-from lsvision.calibration.target import Target
+from lsvision.calibration.target import Target, TargetView, left_out_warnings
 from lsvision.calibration.views import (
     RejectedView,
     ViewSources,
@@ -241,6 +241,12 @@ def calibrate_laser_plane(
     settings = settings or LaserPlaneSettings()
     views, sources = find_laser_views(camera, target, board_images, line_images, settings.line)
     calibration = fit_laser_plane(camera, views, settings, sources)
+    left_out = left_out_warnings(
+        target,
+        [TargetView(view.points, view.pixels, camera.size) for view in views],
+        sources.names(len(views)),
+    )
+    calibration = replace(calibration, warnings=(*calibration.warnings, *left_out))
     return _with_line_blur(calibration, [board_images[k] for k in sources.names(len(views))], views)
 
 
