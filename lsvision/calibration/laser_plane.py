@@ -165,6 +165,9 @@ MIN_ON_PATTERN_FRACTION = 0.6
 MIN_REPORTED_BOW_MM = 0.02
 """Smallest bow that is reported. Units: mm."""
 
+TWO_VIEWS_STD_FACTOR = 3.0
+"""Factor on the standard deviations of a plane from two views, which cannot check each other."""
+
 OUTLIER_FACTOR = 3.0
 """Smallest ratio of an outlier view's rms residual to the median."""
 
@@ -285,6 +288,7 @@ def fit_laser_plane(
         require_tilted(boards, "camera and distance")
     initial_guess = BundleAdjustmentState(camera, plane, boards, np.zeros(2))
     solution = adjust_bundle(views, initial_guess, refine)
+    two_views_factor = TWO_VIEWS_STD_FACTOR if len(views) == 2 else 1.0
     calibrated_views = _calibrated_views([names[k] for k in inliers], solution)
     _require_one_plane(calibrated_views)
     return LaserPlaneCalibration(
@@ -293,7 +297,7 @@ def fit_laser_plane(
             solution.state.plane,
             {"method": f"laser line on a board in {len(views)} poses"},
         ),
-        solution.plane_covariance,
+        solution.plane_covariance * two_views_factor**2,
         calibrated_views,
         solution.state.bow,
         solution.bow_std,
@@ -385,7 +389,12 @@ def _outliers(views: Sequence[CalibratedLaserView]) -> tuple[RejectedView, ...]:
 def _warnings(solution: BundleAdjustmentResult, count: int, tilt: float) -> list[str]:
     """Return warnings about the set of views, with numbers and remedy."""
     warnings = []
-    if count < 10:
+    if count == 2:
+        warnings.append(
+            "two views cannot check each other, a wrong line or a moved board is not noticed: the "
+            f"standard deviations are multiplied by {TWO_VIEWS_STD_FACTOR:g}; add poses"
+        )
+    elif count < 10:
         warnings.append(f"{count} views; 15 halve the error of 4")
     if tilt < RECOMMENDED_TILT:
         warnings.append(
