@@ -41,16 +41,25 @@ def corner_order(image: npt.NDArray[np.uint8], corners: Points) -> IntArray:
     """
     smoothing = max(SMOOTHING_FRACTION * square_size(corners), 0.5)
     smooth = cv2.GaussianBlur(image.astype(np.float32), (0, 0), smoothing)
-    flat = corners.reshape(-1, 2)
-    right_handed = [order for order in _grid_orders(corners.shape[:2]) if _turn(flat[order]) > 0]
+    flat, right_handed = corners.reshape(-1, 2), _right_handed_orders(corners)
     black_first = [order for order in right_handed if _contrast(smooth, flat[order]) > 0]
     # A board with four white corners has no black one to begin at.
     return max(black_first or right_handed, key=lambda order: _rightward(flat[order]))
 
 
-def looks_the_same_upside_down(columns: int, rows: int) -> bool:
-    """Return whether a half turn leaves a chessboard of these inner corners unchanged."""
-    return (columns - rows) % 2 == 0
+def reading_order(centres: Points) -> IntArray:
+    """Return the indices (rows, columns) of a symmetric grid: rows to the right, as one reads.
+
+    `centres` (rows, columns, 2) are in any order of a grid; nothing tells its turns apart.
+    """
+    flat = centres.reshape(-1, 2)
+    return max(_right_handed_orders(centres), key=lambda order: _rightward(flat[order]))
+
+
+def _right_handed_orders(corners: Points) -> list[IntArray]:
+    """Return the orders in which columns run to the right of rows, as printed."""
+    flat = corners.reshape(-1, 2)
+    return [order for order in _grid_orders(corners.shape[:2]) if _turn(flat[order]) > 0]
 
 
 def _grid_orders(shape: tuple[int, ...]) -> list[IntArray]:

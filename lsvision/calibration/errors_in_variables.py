@@ -91,6 +91,13 @@ class ErrorsInVariablesFit:
         redundancy: FloatArray = eye - self.mask[:, None, None] * hats
         return redundancy
 
+    def steps_by_shifts(self, shifts: FloatArray) -> FloatArray:
+        """Return the change (k, p) of the solution by shifts (k, n, m) of the observations."""
+        used = self.mask[:, None, None] * self.jacobian
+        gradients = np.einsum("nrp,nrm,knm->kp", used, self.whitening, shifts)
+        steps: FloatArray = -gradients @ self.cofactors
+        return steps
+
     def leave_one_out_residuals(self) -> FloatArray:
         """Return the residual (n, m) of each pose with respect to a fit without it.
 

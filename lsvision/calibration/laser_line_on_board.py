@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.calibration.bundle_adjustment_problem import LaserView
-from lsvision.calibration.target import Target, TargetView, find_target, grey_image
+from lsvision.calibration.target import CircleGrid, Target, TargetView, find_target, grey_image
 from lsvision.calibration.views import ViewSources, collect_views, require_size
 from lsvision.errors import CalibrationFailed, LsvisionError
 from lsvision.geometry import FloatArray, IntArray, Points
@@ -40,7 +40,7 @@ class LineOnBoardSettings:
         Width of the flat, white border beyond the outermost points of the target. A line that is
         seen farther out only is told, and not used. Units: squares.
     edge_clearance : float
-        Smallest distance of a line point from the edge of a square, which shifts the line's
+        Smallest distance of a line point from the edge of a square or disc, which shifts the line's
         centre; applies within the pattern. Units: squares.
     max_background_variation : float
         Largest change of the board image within the line's width, as a fraction of the contrast
@@ -276,11 +276,16 @@ def _inside(pixels: Points, outline: Points) -> BoolArray:
 def _clear_of_edges(
     pixels: Points, view: TargetView, target: Target, clearance: float
 ) -> BoolArray:
-    """Return which points are far from the grid lines, or beside the pattern."""
+    """Return which points are far from the edges of squares or discs, or beside the pattern."""
     pitch = _pitch(target)
     on_board = _apply_homography(
         np.asarray(np.linalg.inv(_homography(view)), dtype=np.float64), pixels
     )
+    if isinstance(target, CircleGrid):
+        offset = on_board[:, None] - target.points[:, :2]
+        distance = np.linalg.norm(offset, axis=2).min(axis=1, initial=np.inf)
+        far: BoolArray = np.abs(distance - target.diameter / 2) >= clearance * pitch
+        return far
     low, high = target.points[:, :2].min(axis=0), target.points[:, :2].max(axis=0)
     beside = ((on_board < low - 1.2 * pitch) | (on_board > high + 1.2 * pitch)).any(axis=1)
     squares = (on_board - low) / pitch

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.calibration.chessboard_corners import initial_corners, locate_corners
-from lsvision.calibration.chessboard_numbering import corner_order
+from lsvision.calibration.chessboard_numbering import corner_order, reading_order
 from lsvision.errors import CalibrationFailed
 from lsvision.geometry import FloatArray, Points, as_readonly_array
 from lsvision.geometry.equality import ComparedByValue
@@ -202,12 +202,16 @@ class Chessboard(PrintedTarget):
 
 @dataclass(frozen=True)
 class CircleGrid(PrintedTarget):
-    """Grid of dark discs; must be completely visible.
+    """Grid of discs, dark on bright or bright on dark; must be completely visible.
+
+    A symmetric grid is numbered as one reads it in the image, since nothing tells its turns apart:
+    for a hand-eye calibration, use an asymmetric one.
 
     Parameters
     ----------
     columns, rows : int
-        Number of discs in a row and in a column.
+        Number of discs in a row, and of rows; odd for an asymmetric grid, whose half turn looks the
+        same otherwise.
     spacing : float
         Distance of neighbours in a row; in an asymmetric grid half the distance within a row,
         and the distance between rows. Units: mm.
@@ -230,6 +234,11 @@ class CircleGrid(PrintedTarget):
 
     def __post_init__(self) -> None:
         _check_grid(self.columns, self.rows, self.spacing, "spacing")
+        if self.asymmetric and self.rows % 2 == 0:
+            raise ValueError(
+                f"expected an odd number of rows of an asymmetric grid, got {self.columns} x "
+                f"{self.rows}: count the discs of one straight row as columns, as in 4 x 11"
+            )
         limit = self.spacing * (np.sqrt(2) if self.asymmetric else 1)
         if not 0 < self.diameter < limit:
             raise ValueError(f"expected 0 < diameter < {limit:g} mm, got {self.diameter:g}")
@@ -252,10 +261,13 @@ class CircleGrid(PrintedTarget):
         limits.minDistBetweenBlobs = 2.0
         blobs = cv2.SimpleBlobDetector_create(limits)
         size = (self.columns, self.rows)
-        found, centres = cv2.findCirclesGrid(image, size, flags=layout, blobDetector=blobs)
-        if not found:
-            return None
-        return self.points, np.asarray(centres, dtype=np.float64).reshape(-1, 2)
+        for picture in (image, 255 - image):
+            found, centres = cv2.findCirclesGrid(picture, size, flags=layout, blobDetector=blobs)
+            if found:
+                grid = np.asarray(centres, dtype=np.float64).reshape(self.rows, self.columns, 2)
+                grid = grid if self.asymmetric else grid.reshape(-1, 2)[reading_order(grid)]
+                return self.points, grid.reshape(-1, 2)
+        return None
 
 
 def find_target(image: npt.ArrayLike, target: Target) -> TargetView:

@@ -116,10 +116,10 @@ def board(
 
     names = [printable(file.name) for file in files]
     flanges = job.read_flanges(names)
-    boards, covariances, doubts = estimate_board_poses(files, target, camera)
+    boards, uncertainty, doubts = estimate_board_poses(files, target, camera)
     with prefix_file_names(pose=names):
         found = calibrate_hand_eye_board(
-            boards, flanges, covariances=covariances, mounting=job.placement, settings=job.settings
+            boards, flanges, **uncertainty, mounting=job.placement, settings=job.settings
         )
     report_hand_eye(found, flanges, names, job, [*pose_files(job.poses), camera, *files], doubts)
 

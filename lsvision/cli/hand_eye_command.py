@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from lsvision.calibration.observations import Mounting
     from lsvision.calibration.pose_planning import PosePlan
     from lsvision.calibration.target import Target
-    from lsvision.geometry import FloatArray, Pose
+    from lsvision.geometry import Pose
 
 PLACEMENTS: "dict[str, Mounting]" = {"eye-in-hand": "eye_in_hand", "eye-to-hand": "eye_to_hand"}
 """Names of the mountings: of the option, and of the library."""
@@ -226,8 +226,11 @@ def calibrate_from_profiles(
 
 def estimate_board_poses(
     files: Sequence[Path], target: "Target", camera_file: Path
-) -> "tuple[list[Pose], list[FloatArray], list[str]]":
-    """Return the pose of the board in each image, with covariances (6, 6), and warnings.
+) -> "tuple[list[Pose], dict[str, Any], list[str]]":
+    """Return the pose of the board in each image, its uncertainty, and warnings.
+
+    The uncertainty is that of `calibrate_hand_eye_board`: ``covariances`` and, where the camera's
+    file has its covariance, ``camera_modes``.
 
     Raises
     ------
@@ -235,12 +238,13 @@ def estimate_board_poses(
         If an image does not show the board; names it.
     """
     from lsvision.calibration.board_pose import estimate_board_pose
+    from lsvision.calibration.camera_uncertainty import board_pose_modes
     from lsvision.calibration.target import find_target, left_out_warnings
     from lsvision.calibration.views import require_size
     from lsvision.errors import LsvisionError
-    from lsvision.io.camera_file import read_camera
+    from lsvision.io.camera_file import read_camera, read_camera_covariance
 
-    camera = read_camera(camera_file)
+    camera, camera_covariance = read_camera(camera_file), read_camera_covariance(camera_file)
     poses, covariances, views = [], [], []
     for file, image in zip(files, read_images(files), strict=True):
         require_size(camera, image, str(file))
@@ -254,7 +258,11 @@ def estimate_board_poses(
         views.append(seen)
     names = [printable(file.name) for file in files]
     left_out = left_out_warnings(target, views, range(len(views)))
-    return poses, covariances, [replace_image_numbers(text, image=names) for text in left_out]
+    doubts = [replace_image_numbers(text, image=names) for text in left_out]
+    uncertainty: dict[str, Any] = {"covariances": covariances}
+    if camera_covariance is not None:
+        uncertainty["camera_modes"] = board_pose_modes(views, camera, camera_covariance)
+    return poses, uncertainty, doubts
 
 
 def report_hand_eye(

@@ -547,7 +547,7 @@ def test_poses_of_target_and_flange_in_two_files(run, recipe, out, tmp_path):
     [
         ("[1, 2]", "samples of MoveIt, easy_handeye or easy_handeye2"),
         ("samples: [{robot: 1}]", "no 'tracking'"),
-        ("[{effector_wrt_world: [1], object_wrt_sensor: [1]}]", "want 16 numbers"),
+        ("[{effector_wrt_world: [1], object_wrt_sensor: [1]}]", "expected 16 numbers"),
         ("{hand_world_samples: {transforms: [1]}, camera_marker_samples: {transforms: []}}",
          "1 poses of the hand and 0 of the marker"),
         ("plain", "a str"),
