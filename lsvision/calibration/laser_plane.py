@@ -188,12 +188,6 @@ def fit_laser_plane(
         require_tilted(boards, "camera and distance")
     initial_guess = BundleAdjustmentState(camera, plane, boards, np.zeros(2))
     solution = adjust_bundle(views, initial_guess, refine)
-    covariance = solution.plane_covariance
-    if camera_covariance is not None and not refine[0]:
-        covariance = covariance + covariance_by_camera(
-            partial(_plane_by_camera, views, solution), camera, camera_covariance
-        )
-    two_views_factor = TWO_VIEWS_STD_FACTOR if len(views) == 2 else 1.0
     calibrated_views = _calibrated_views([names[k] for k in inliers], solution)
     _require_one_plane(calibrated_views)
     return LaserPlaneCalibration(
@@ -202,7 +196,7 @@ def fit_laser_plane(
             solution.state.plane,
             {"method": f"laser line on a board in {len(views)} poses"},
         ),
-        covariance * two_views_factor**2,
+        _plane_covariance(views, solution, None if refine[0] else camera_covariance),
         calibrated_views,
         solution.state.bow,
         solution.bow_std,
@@ -210,6 +204,20 @@ def fit_laser_plane(
         _outliers(calibrated_views),
         tuple(_warnings(solution, len(views), max_tilt(boards))),
     )
+
+
+def _plane_covariance(
+    views: Sequence[LaserView],
+    solution: BundleAdjustmentResult,
+    camera_covariance: FloatArray | None,
+) -> FloatArray:
+    """Return the covariance of the plane, that of a given camera and of two views included."""
+    covariance = solution.plane_covariance
+    if camera_covariance is not None:
+        solve = partial(_plane_by_camera, views, solution)
+        by_camera = covariance_by_camera(solve, solution.state.camera, camera_covariance)
+        covariance = covariance + by_camera
+    return covariance * (TWO_VIEWS_STD_FACTOR**2 if len(views) == 2 else 1.0)
 
 
 def _plane_by_camera(
