@@ -46,7 +46,6 @@ def poor_scene(seed, *, robot=None, scale=1.0):
     "seeds", [range(500, 510), pytest.param(range(540, 580), marks=pytest.mark.slow)], ids=len
 )
 def test_sets_with_heavy_tails_are_accepted_and_within_their_covariance(seeds):
-    """Small tilts: the minimum with rough weights lies 5 mm and more from the fit."""
     chi2 = []
     for seed in seeds:
         boards, flanges, covariances = poor_scene(seed)
