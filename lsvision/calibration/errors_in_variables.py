@@ -91,6 +91,13 @@ class ErrorsInVariablesFit:
         redundancy: FloatArray = eye - self.mask[:, None, None] * hats
         return redundancy
 
+    def steps_by_shifts(self, shifts: FloatArray) -> FloatArray:
+        """Return the change (k, p) of the solution by shifts (k, n, m) of the observations."""
+        used = self.mask[:, None, None] * self.jacobian
+        gradients = np.einsum("nrp,nrm,knm->kp", used, self.whitening, shifts)
+        steps: FloatArray = -gradients @ self.cofactors
+        return steps
+
     def leave_one_out_residuals(self) -> FloatArray:
         """Return the residual (n, m) of each pose with respect to a fit without it.
 
@@ -184,12 +191,12 @@ def degrees_of_freedom(observations: Observations, states: States, mask: FloatAr
 def robot_whitening(observations: Observations, states: States, scale: float) -> FloatArray:
     """Return whitening matrices (s, n, m, m) of C_i = C_observation + scale^2 A_i S A_i'."""
     return whitening_matrices(
-        observations.covariances + scale**2 * _robot_covariances(observations, states)
+        observations.covariances + scale**2 * robot_covariances(observations, states)
     )
 
 
-def _robot_covariances(observations: Observations, states: States) -> FloatArray:
-    """Return A_i S A_i' (s, n, m, m), the robot's part of each covariance."""
+def robot_covariances(observations: Observations, states: States) -> FloatArray:
+    """Return A_i S A_i' (s, n, m, m): the part of the stated or nominal robot in a covariance."""
     jacobian = observations.linearise(states).flange_jacobian
     robot: FloatArray = jacobian @ observations.flanges.covariances @ np.swapaxes(jacobian, -1, -2)
     return robot
@@ -224,7 +231,7 @@ def _restricted_likelihood(
     observations: Observations, states: States, mask: FloatArray
 ) -> Callable[[float], float]:
     """Return the log-likelihood of a robot scale, marginalised over the unknowns."""
-    robot = _robot_covariances(observations, states)
+    robot = robot_covariances(observations, states)
     unit = np.ones((1, 1, 1, 1)) * np.eye(observations.covariances.shape[-1])
     jacobian, residual = whitened_jacobian_and_residuals(observations, states, unit)
     prior, prior_residual = prior_jacobian_and_residuals(observations, states)

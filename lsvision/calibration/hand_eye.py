@@ -208,6 +208,7 @@ def calibrate_hand_eye_board(
     base_from_flanges: Sequence[Pose | npt.ArrayLike],
     *,
     covariances: npt.ArrayLike | None = None,
+    camera_modes: npt.ArrayLike | None = None,
     mounting: Mounting = "eye_in_hand",
     settings: HandEyeSettings = DEFAULT,
 ) -> HandEye:
@@ -222,6 +223,10 @@ def calibrate_hand_eye_board(
     covariances : (n, 6, 6) array_like, optional
         Covariances of the boards' origins (mm) and left-hand rotations (rad), from
         `estimate_board_pose`. Without them all errors are attributed to the robot.
+    camera_modes : (m, n, 6) array_like, optional
+        Shifts of the boards' origins (mm) and left-hand rotations (rad) by each of m independent
+        errors of the camera, one standard deviation each, from `board_pose_modes`. Without them
+        the camera is taken as exact.
     mounting, settings
         As in `calibrate_hand_eye_sphere`.
 
@@ -264,7 +269,12 @@ def calibrate_hand_eye_board(
     target = Pose(board[3:].reshape(3, 3), board[:3])
     working_point = observations.origins.mean(axis=0)
     context = ResultContext(list(range(count)), [], working_point, mounting, "camera", settings)
-    return build_hand_eye(observations, solution, target, context)
+    found = build_hand_eye(observations, solution, target, context)
+    if camera_modes is None:
+        return found
+    shifts = as_readonly_array(camera_modes, ("m", count, 6), "camera_modes")
+    by_camera = solution.fit.steps_by_shifts(shifts)[:, :6]
+    return replace(found, covariance=found.covariance + by_camera.T @ by_camera)
 
 
 def _observe(

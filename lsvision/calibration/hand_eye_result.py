@@ -25,6 +25,8 @@ Sensor = Literal["section", "camera"]
 
 HEIGHT_SCALE_SIGMAS = 4.0
 """Standard deviations from 1 above which a height scale is significant."""
+LARGE_RESIDUAL_MM = 3.0
+"""Root mean square residual above which a warning is given. Units: mm."""
 MIN_HEIGHT_SCALE_ERROR = 0.005
 """Deviation of the height scale from 1 above which a warning is given."""
 
@@ -44,9 +46,11 @@ class HandEyeSettings(ShowsChanges):
         Detection of the sphere in a profile.
     outliers : OutlierSettings
         Rejection of outlying poses.
-    max_residual_rms : float
+    max_residual_rms : float, optional
         Largest root mean square residual of the inlier poses; a larger one shows poses and profiles
-        that do not belong together. Units: mm.
+        that do not belong together. If None, it follows the noise: four times what the stated robot
+        and the observations explain, or, where the robot is estimated, what one of 2 mm and 0.4 deg
+        would explain; never less than 3 mm. Units: mm.
     max_least_determined_std : float
         Largest standard deviation of the least determined direction for the nominal or stated
         robot. Units: mm.
@@ -57,7 +61,7 @@ class HandEyeSettings(ShowsChanges):
     robot_std: tuple[float, float] | None = None
     arc: SphereArcSettings = field(default_factory=SphereArcSettings)
     outliers: OutlierSettings = field(default_factory=OutlierSettings)
-    max_residual_rms: float = 3.0
+    max_residual_rms: float | None = None
     max_least_determined_std: float = 10.0
     min_ambiguity_ratio: float = 1.2
 
@@ -221,17 +225,30 @@ class HandEye(Result):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings about the sensor's heights."""
+        """Warnings about large residuals, and about the sensor's heights."""
+        return (*self._residual_warnings(), *self._height_warnings())
+
+    def _residual_warnings(self) -> list[str]:
+        if not self.residual_rms > LARGE_RESIDUAL_MM:
+            return []
+        position, rotation = self.robot_std
+        return [
+            f"the poses leave {self.residual_rms:.2g} mm, as of a robot of {position:.2g} mm and "
+            f"{math.degrees(rotation):.2g} deg an axis: if yours is better, check the size of the "
+            "target, the convention of the poses, and that the robot stood still"
+        ]
+
+    def _height_warnings(self) -> list[str]:
         if self.height_scale is None:
-            return ()
+            return []
         factor, std = self.height_scale
         if abs(factor - 1) < max(HEIGHT_SCALE_SIGMAS * std, MIN_HEIGHT_SCALE_ERROR):
-            return ()
-        return (
+            return []
+        return [
             f"the sensor's heights must be multiplied by {factor:.3f} +/- {std:.3f}: is their "
             "unit or the sensor's own calibration wrong? Away from the working point, positions "
-            "and radii have the same relative error",
-        )
+            "and radii have the same relative error"
+        ]
 
     @property
     def working_point_std(self) -> float:

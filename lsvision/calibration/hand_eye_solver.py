@@ -14,6 +14,7 @@ from lsvision.calibration.errors_in_variables import (
     ErrorsInVariablesFit,
     degrees_of_freedom,
     least_determined_direction,
+    robot_covariances,
     robot_whitening,
 )
 from lsvision.calibration.hand_eye_result import (
@@ -95,8 +96,9 @@ def solve_hand_eye(
     norms = residual_norms(observations, observations.linearise(fit.states).residuals[0])
     rms = float(np.sqrt((norms**2 * fit.mask).sum() / max(inliers, 1)))
     too_few = inliers < max(min_poses, count * (1 - settings.outliers.max_outlier_fraction))
-    if too_few or rms > settings.max_residual_rms:
-        raise CalibrationFailed(_diagnose(observations, norms, rms, inliers))
+    limit = settings.max_residual_rms or _explained_residual_rms(observations, fit, settings)
+    if too_few or rms > limit:
+        raise CalibrationFailed(_diagnose(observations, norms, (rms, limit), inliers))
     least_determined = least_determined_direction(observations, fit)
     if least_determined.std > settings.max_least_determined_std:
         raise DegenerateGeometry(
@@ -110,8 +112,27 @@ def solve_hand_eye(
     return solution
 
 
-def _diagnose(observations: Observations, norms: FloatArray, rms: float, inliers: int) -> str:
+def _explained_residual_rms(
+    observations: Observations, fit: ErrorsInVariablesFit, settings: HandEyeSettings
+) -> float:
+    """Return the largest rms residual that robot and observations explain. Units: mm."""
+    squares = np.square(observations.mm_per_residual)
+    robot, sensor = (
+        float(np.einsum("nii,i->n", covariances, squares)[fit.mask > 0].mean())
+        for covariances in (
+            robot_covariances(observations, fit.states)[0],
+            observations.covariances,
+        )
+    )
+    factor = MAX_ROBOT_STD_SCALE if settings.robot_std is None else HEAVY_TAILS
+    return max(float(np.hypot(factor * robot**0.5, HEAVY_TAILS * sensor**0.5)), MIN_LIMIT_MM)
+
+
+def _diagnose(
+    observations: Observations, norms: FloatArray, rms_and_limit: tuple[float, float], inliers: int
+) -> str:
     """Return the most likely cause of large residuals."""
+    rms, limit = rms_and_limit
     count = len(norms)
     rms_of_all = float(np.sqrt(np.mean(norms**2)))
     finding = (
@@ -120,9 +141,10 @@ def _diagnose(observations: Observations, norms: FloatArray, rms: float, inliers
     if finding:
         return finding
     return (
-        f"the best solution leaves {rms:.3g} mm at {inliers} of {count} poses: are pairs "
-        "shuffled, is the convention or unit of the poses another one than stated, or the mounting "
-        "(eye_in_hand, eye_to_hand)?"
+        f"the best solution leaves {rms:.3g} mm at {inliers} of {count} poses, more than the "
+        f"{limit:.2g} mm that noise explains: are pairs shuffled, is the convention or unit of the "
+        "poses another one than stated, or the mounting (eye_in_hand, eye_to_hand), or the size of "
+        "the target? A worse robot needs a larger max_residual"
     )
 
 
@@ -194,6 +216,13 @@ def _expand_to_all_poses(values: FloatArray, context: ResultContext) -> FloatArr
     return expanded
 
 
+HEAVY_TAILS = 4.0
+"""Ratio of the largest rms residual that is accepted to the one that the stated noise explains."""
+MAX_ROBOT_STD_SCALE = 40.0
+"""Largest standard deviation of a robot that is believed, in units of `NOMINAL_ROBOT_STD`: 2 mm and
+0.4 deg. Wrong conventions and shuffled pairs look like 300 and more."""
+MIN_LIMIT_MM = 3.0
+"""Residual that is always accepted, with the uncertainty that it implies. Units: mm."""
 MAX_RMS_RATIO = 0.35
 """Largest ratio of the rms residual with an explanation to that without it."""
 SIGNIFICANCE = 1e-4

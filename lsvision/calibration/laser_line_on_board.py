@@ -1,5 +1,6 @@
 """Detection of board and laser line in pairs of images."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -8,16 +9,20 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.calibration.bundle_adjustment_problem import LaserView
-from lsvision.calibration.target import Target, TargetView, find_target, grey_image
+from lsvision.calibration.target import CircleGrid, Target, TargetView, find_target, grey_image
 from lsvision.calibration.views import ViewSources, collect_views, require_size
-from lsvision.errors import CalibrationFailed
-from lsvision.geometry import FloatArray, Points
+from lsvision.errors import CalibrationFailed, LsvisionError
+from lsvision.geometry import FloatArray, IntArray, Points
 from lsvision.geometry.arrays import BoolArray
-from lsvision.laser_line.extraction import LineSettings, extract_laser_line
+from lsvision.laser_line.extraction import LaserLine, LineSettings, extract_laser_line
 from lsvision.sensors.camera import Camera
 
 EDGE_INFLUENCE_SIGMAS = 2.5
 """Distance in line widths (sigma) within which the background shifts the line's centre."""
+
+BRIGHTER_BESIDE = 3.0
+"""Ratio of the brightness of a line beside the board to that of a line on it from which on the
+latter is a reflection or an edge."""
 
 MIN_UNIFORM_FRACTION = 0.15
 """Smallest fraction of points on uniform background; below it the line itself is in the image."""
@@ -32,9 +37,10 @@ class LineOnBoardSettings:
     extraction : LineSettings, optional
         Settings of `extract_laser_line`; its defaults if None.
     margin : float
-        Width of the flat, white border beyond the outermost points of the target. Units: squares.
+        Width of the flat, white border beyond the outermost points of the target. A line that is
+        seen farther out only is told, and not used. Units: squares.
     edge_clearance : float
-        Smallest distance of a line point from the edge of a square, which shifts the line's
+        Smallest distance of a line point from the edge of a square or disc, which shifts the line's
         centre; applies within the pattern. Units: squares.
     max_background_variation : float
         Largest change of the board image within the line's width, as a fraction of the contrast
@@ -126,12 +132,87 @@ def find_laser_view(
     """
     board_view = find_target(board_image, target)
     outline = _outline(board_view, target, settings.margin)
-    low = np.maximum(np.floor(outline.min(axis=0)), 0).astype(int)
-    high = np.ceil(outline.max(axis=0)).astype(int) + 1
-    window = np.asarray(line_image)[low[1] : high[1], low[0] : high[0]]
-    line = extract_laser_line(window, settings.extraction)
-    pixels = line.pixels + low
-    keep = np.isfinite(pixels).all(axis=1)
+    beside = _line_beside(camera, target, board_view, line_image, settings)
+    try:
+        low = np.maximum(np.floor(outline.min(axis=0)), 0).astype(int)
+        high = np.ceil(outline.max(axis=0)).astype(int) + 1
+        window = np.asarray(line_image)[low[1] : high[1], low[0] : high[0]]
+        line = extract_laser_line(window, settings.extraction)
+        indices = _indices_on_board(
+            camera, target, (board_image, line_image), board_view, (line, low), settings
+        )
+    except LsvisionError as error:
+        if beside is None:
+            raise
+        raise CalibrationFailed(beside.message(settings.margin)) from error
+    if beside and beside.intensity > BRIGHTER_BESIDE * np.median(line.intensity[indices]):
+        raise CalibrationFailed(beside.message(settings.margin))
+    indices = indices[:: max(1, len(indices) // settings.max_points)]
+    return LaserView(
+        board_view.points, board_view.pixels, line.pixels[indices] + low, line.std[indices]
+    )
+
+
+@dataclass(frozen=True)
+class _LineBeside:
+    """A straight line beside the board: the margin that would include it, and its brightness."""
+
+    squares: float
+    intensity: float
+
+    def message(self, margin: float) -> str:
+        return (
+            f"no laser line within {margin:g} squares of the pattern, but one {self.squares:.1f} "
+            f"squares beside it: set margin (--margin) to {math.ceil(self.squares)} if the board "
+            "is flat and white that far; else move the board until the line crosses its pattern"
+        )
+
+
+def _line_beside(
+    camera: Camera,
+    target: Target,
+    view: TargetView,
+    line_image: npt.ArrayLike,
+    settings: LineOnBoardSettings,
+) -> _LineBeside | None:
+    """Return the line of the whole image if it is straight and beside the board, else None."""
+    try:
+        line = extract_laser_line(line_image, settings.extraction)
+    except LsvisionError:
+        return None
+    found = np.flatnonzero(np.isfinite(line.pixels).all(axis=1))
+    found = found[_line_inliers(camera, line.pixels[found], settings.max_line_deviation_px)]
+    if len(found) < settings.min_points:
+        return None
+    squares = _squares_beside(line.pixels[found], view, target)
+    if (squares <= settings.margin).sum() >= settings.min_points:
+        return None
+    # Twice as many points as are needed, since some of them will be left out.
+    enough = min(2 * settings.min_points, len(squares)) - 1
+    return _LineBeside(float(np.sort(squares)[enough]), float(np.median(line.intensity[found])))
+
+
+def _squares_beside(pixels: Points, view: TargetView, target: Target) -> FloatArray:
+    """Return how far points lie beside the outermost corners, in squares."""
+    inverse = np.asarray(np.linalg.inv(_homography(view)), dtype=np.float64)
+    on_board = _apply_homography(inverse, pixels)
+    low, high = target.points[:, :2].min(axis=0), target.points[:, :2].max(axis=0)
+    distance: FloatArray = np.maximum(low - on_board, on_board - high).max(axis=1)
+    return distance / _pitch(target)
+
+
+def _indices_on_board(
+    camera: Camera,
+    target: Target,
+    images: tuple[npt.ArrayLike, npt.ArrayLike],
+    board_view: TargetView,
+    line_and_corner: tuple[LaserLine, IntArray],
+    settings: LineOnBoardSettings,
+) -> IntArray:
+    """Return the indices of the line's points on the board, or raise `CalibrationFailed`."""
+    (board_image, line_image), (line, low) = images, line_and_corner
+    pixels, outline = line.pixels + low, _outline(board_view, target, settings.margin)
+    keep: BoolArray = np.asarray(np.isfinite(pixels).all(axis=1))
     keep[keep] &= _inside(pixels[keep], outline)
     keep[keep] &= _clear_of_edges(pixels[keep], board_view, target, settings.edge_clearance)
     if not np.array_equal(board_image, line_image):
@@ -147,8 +228,7 @@ def find_laser_view(
             f"running along them, or widen the margin of {settings.margin:g} squares where the "
             "board is larger than its pattern"
         )
-    indices = indices[:: max(1, len(indices) // settings.max_points)]
-    return LaserView(board_view.points, board_view.pixels, pixels[indices], line.std[indices])
+    return indices
 
 
 def _pitch(target: Target) -> float:
@@ -196,11 +276,16 @@ def _inside(pixels: Points, outline: Points) -> BoolArray:
 def _clear_of_edges(
     pixels: Points, view: TargetView, target: Target, clearance: float
 ) -> BoolArray:
-    """Return which points are far from the grid lines, or beside the pattern."""
+    """Return which points are far from the edges of squares or discs, or beside the pattern."""
     pitch = _pitch(target)
     on_board = _apply_homography(
         np.asarray(np.linalg.inv(_homography(view)), dtype=np.float64), pixels
     )
+    if isinstance(target, CircleGrid):
+        offset = on_board[:, None] - target.points[:, :2]
+        distance = np.linalg.norm(offset, axis=2).min(axis=1, initial=np.inf)
+        far: BoolArray = np.abs(distance - target.diameter / 2) >= clearance * pitch
+        return far
     low, high = target.points[:, :2].min(axis=0), target.points[:, :2].max(axis=0)
     beside = ((on_board < low - 1.2 * pitch) | (on_board > high + 1.2 * pitch)).any(axis=1)
     squares = (on_board - low) / pitch

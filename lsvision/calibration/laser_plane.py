@@ -6,16 +6,21 @@ tilted by 25 deg and more to all sides and spread over the depth range of the me
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from lsvision.calibration.bundle_adjustment import BundleAdjustmentResult, adjust_bundle
-from lsvision.calibration.bundle_adjustment_problem import BundleAdjustmentState, LaserView
+from lsvision.calibration.bundle_adjustment_problem import (
+    BundleAdjustmentState,
+    LaserView,
+    tilt_axes,
+)
+from lsvision.calibration.camera_uncertainty import covariance_by_camera
 from lsvision.calibration.laser_line_on_board import LineOnBoardSettings, find_laser_views
 from lsvision.calibration.laser_plane_initial_guess import (
     OUTLIER_DISTANCE_PX,
@@ -24,14 +29,13 @@ from lsvision.calibration.laser_plane_initial_guess import (
     laser_points_on_boards,
     plane_inlier_views,
 )
-from lsvision.calibration.lens_blur import estimate_blur_from_views
-from lsvision.calibration.result_tables import (
-    cells_of_rows,
-    doubt_lines,
-    laser_plane_record,
-    laser_plane_rows,
+from lsvision.calibration.laser_plane_result import (
+    CalibratedLaserView,
+    LaserPlaneCalibration,
+    rms,
 )
-from lsvision.calibration.target import Target
+from lsvision.calibration.lens_blur import estimate_blur_from_views
+from lsvision.calibration.target import Target, TargetView, left_out_warnings
 from lsvision.calibration.views import (
     RejectedView,
     ViewSources,
@@ -41,119 +45,10 @@ from lsvision.calibration.views import (
     require_views,
 )
 from lsvision.errors import CalibrationFailed
-from lsvision.geometry import FloatArray, Plane, Pose
+from lsvision.geometry import FloatArray
 from lsvision.geometry.arrays import BoolArray
-from lsvision.geometry.equality import ComparedByValue
-from lsvision.results.number_format import format_value
-from lsvision.results.quantities import Record
-from lsvision.results.result import Result
 from lsvision.sensors.camera import Camera
 from lsvision.sensors.light_section import LightSection
-
-
-@dataclass(frozen=True, eq=False)
-class CalibratedLaserView(ComparedByValue):
-    """One board pose after the calibration.
-
-    Parameters
-    ----------
-    index : int
-        Index of the images.
-    camera_from_board : Pose
-        Pose of the board.
-    corner_residuals : (n, 2) ndarray
-        Projected minus observed corners. Units: px.
-    line_residuals : (m,) ndarray
-        Residuals of the laser line, across it. Units: px.
-    """
-
-    index: int
-    camera_from_board: Pose
-    corner_residuals: FloatArray
-    line_residuals: FloatArray
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class LaserPlaneCalibration(Result):
-    """Calibrated light section with covariance, residuals and warnings.
-
-    Parameters
-    ----------
-    light_section : LightSection
-        The result; its camera is refined if there are enough views.
-    covariance : (3, 3) ndarray
-        Covariance of the plane: tilt about the section's X, about its Y (rad), distance (mm).
-    views : tuple of CalibratedLaserView
-        Residuals of each view.
-    board_bow, board_bow_std : (2,) ndarray
-        Deviation of the board's middle from flatness along x and along y, positive away from
-        the camera; zero where it was not fitted. Units: mm.
-    rejected : tuple of RejectedView
-        Views that could not be used, or whose line is not in the plane of the others.
-    outliers : tuple of RejectedView
-        Views that were used and have large residuals.
-    warnings : tuple of str
-        Weaknesses of the set of views.
-    """
-
-    light_section: LightSection
-    covariance: FloatArray
-    views: tuple[CalibratedLaserView, ...]
-    board_bow: FloatArray
-    board_bow_std: FloatArray
-    rejected: tuple[RejectedView, ...]
-    outliers: tuple[RejectedView, ...]
-    warnings: tuple[str, ...]
-
-    @property
-    def plane(self) -> Plane:
-        """The laser plane, camera frame, at a positive distance. Units: mm."""
-        return self.light_section.laser_plane
-
-    @property
-    def residuals(self) -> tuple[FloatArray, ...]:
-        """Residuals of the laser line in each view. Units: px."""
-        return tuple(view.line_residuals for view in self.views)
-
-    @property
-    def line_rms(self) -> float:
-        """Root mean square residual of the laser line. Units: px."""
-        return rms(np.concatenate(self.residuals))
-
-    @property
-    def corner_rms(self) -> float:
-        """Root mean square residual of the corners, per point as in OpenCV. Units: px."""
-        residuals = np.concatenate([view.corner_residuals for view in self.views])
-        return float(np.sqrt(2)) * rms(residuals)
-
-    def to_dict(self) -> Record:
-        """Return the plane with its uncertainty and the residuals, ready for JSON.
-
-        Returns
-        -------
-        dict
-            Camera frame; lengths in ``*_mm``, angles in ``*_deg``, residuals in ``*_px``.
-        """
-        return laser_plane_record(self)
-
-    def _summary(self) -> str:
-        std = math.sqrt(float(self.covariance[2, 2]))
-        return (
-            f"distance {format_value(self.plane.distance, std)} mm from {len(self.views)} views, "
-            f"laser line rms {self.line_rms:.3f} px"
-        )
-
-    def _cells(self) -> list[tuple[str, ...]]:
-        return cells_of_rows(laser_plane_rows(self))
-
-    def _notes(self) -> list[str]:
-        return doubt_lines(self.rejected, self.outliers, self.warnings)
-
-
-def rms(values: FloatArray) -> float:
-    """Return the root mean square of an array."""
-    return float(np.sqrt(np.mean(np.square(values))))
-
 
 RECOMMENDED_TILT = np.radians(25.0)
 """Largest tilt from the mean board below which a warning is given: at 5 deg the error is 7 times
@@ -164,6 +59,9 @@ MIN_ON_PATTERN_FRACTION = 0.6
 
 MIN_REPORTED_BOW_MM = 0.02
 """Smallest bow that is reported. Units: mm."""
+
+TWO_VIEWS_STD_FACTOR = 3.0
+"""Factor on the standard deviations of a plane from two views, which cannot check each other."""
 
 OUTLIER_FACTOR = 3.0
 """Smallest ratio of an outlier view's rms residual to the median."""
@@ -194,6 +92,7 @@ def calibrate_laser_plane(
     board_images: Sequence[npt.ArrayLike],
     line_images: Sequence[npt.ArrayLike],
     settings: LaserPlaneSettings | None = None,
+    camera_covariance: FloatArray | None = None,
 ) -> LaserPlaneCalibration:
     """Calibrate the laser plane from images of a board with the laser line on it.
 
@@ -209,6 +108,9 @@ def calibrate_laser_plane(
         The laser line on the unmoved board; in the same order. May be the same images.
     settings : LaserPlaneSettings, optional
         Detection, and numbers of views.
+    camera_covariance : (4 + k, 4 + k) ndarray, optional
+        `CameraCalibration.covariance`; used where the views are too few to refine the camera.
+        Without it such a camera is taken as exact.
 
     Returns
     -------
@@ -240,7 +142,13 @@ def calibrate_laser_plane(
     """
     settings = settings or LaserPlaneSettings()
     views, sources = find_laser_views(camera, target, board_images, line_images, settings.line)
-    calibration = fit_laser_plane(camera, views, settings, sources)
+    calibration = fit_laser_plane(camera, views, settings, sources, camera_covariance)
+    left_out = left_out_warnings(
+        target,
+        [TargetView(view.points, view.pixels, camera.size) for view in views],
+        sources.names(len(views)),
+    )
+    calibration = replace(calibration, warnings=(*calibration.warnings, *left_out))
     return _with_line_blur(calibration, [board_images[k] for k in sources.names(len(views))], views)
 
 
@@ -249,6 +157,7 @@ def fit_laser_plane(
     views: Sequence[LaserView],
     settings: LaserPlaneSettings | None = None,
     sources: ViewSources | None = None,
+    camera_covariance: FloatArray | None = None,
 ) -> LaserPlaneCalibration:
     """Calibrate the laser plane from detected corners and line points of at least two views.
 
@@ -287,7 +196,7 @@ def fit_laser_plane(
             solution.state.plane,
             {"method": f"laser line on a board in {len(views)} poses"},
         ),
-        solution.plane_covariance,
+        _plane_covariance(views, solution, None if refine[0] else camera_covariance),
         calibrated_views,
         solution.state.bow,
         solution.bow_std,
@@ -295,6 +204,31 @@ def fit_laser_plane(
         _outliers(calibrated_views),
         tuple(_warnings(solution, len(views), max_tilt(boards))),
     )
+
+
+def _plane_covariance(
+    views: Sequence[LaserView],
+    solution: BundleAdjustmentResult,
+    camera_covariance: FloatArray | None,
+) -> FloatArray:
+    """Return the covariance of the plane, that of a given camera and of two views included."""
+    covariance = solution.plane_covariance
+    if camera_covariance is not None:
+        solve = partial(_plane_by_camera, views, solution)
+        by_camera = covariance_by_camera(solve, solution.state.camera, camera_covariance)
+        covariance = covariance + by_camera
+    return covariance * (TWO_VIEWS_STD_FACTOR**2 if len(views) == 2 else 1.0)
+
+
+def _plane_by_camera(
+    views: Sequence[LaserView], solution: BundleAdjustmentResult, camera: Camera
+) -> FloatArray:
+    """Return tilts (rad) and distance (mm) of the plane with another camera, from those of one."""
+    state = solution.state
+    guess = BundleAdjustmentState(camera, state.plane, guess_board_poses(camera, views), state.bow)
+    plane = adjust_bundle(views, guess, (False, False)).state.plane
+    tilts = tilt_axes(state) @ (plane.normal - state.plane.normal)
+    return np.append(tilts, plane.distance - state.plane.distance)
 
 
 def _on_pattern(views: Sequence[LaserView]) -> bool:
@@ -379,7 +313,12 @@ def _outliers(views: Sequence[CalibratedLaserView]) -> tuple[RejectedView, ...]:
 def _warnings(solution: BundleAdjustmentResult, count: int, tilt: float) -> list[str]:
     """Return warnings about the set of views, with numbers and remedy."""
     warnings = []
-    if count < 10:
+    if count == 2:
+        warnings.append(
+            "two views cannot check each other, a wrong line or a moved board is not noticed: the "
+            f"standard deviations are multiplied by {TWO_VIEWS_STD_FACTOR:g}; add poses"
+        )
+    elif count < 10:
         warnings.append(f"{count} views; 15 halve the error of 4")
     if tilt < RECOMMENDED_TILT:
         warnings.append(

@@ -218,17 +218,22 @@ def _outlier_p_values(fit: ErrorsInVariablesFit) -> FloatArray:
 
 
 def ambiguity_ratio(observations: Observations, fit: ErrorsInVariablesFit) -> float:
-    """Return the cost of the best other minimum over that of the fit; inf if there is none."""
-    states, costs = multi_start(observations, fit.mask)
-    solution = fit.states
-    rotation_difference = vectors_from_rotations(states.rotations @ solution.rotations[0].T)
-    translation_difference = states.translations - solution.translations[0]
-    other = (np.linalg.norm(rotation_difference, axis=1) > DISTINCT_ROTATION) | (
+    """Return the cost of the best other minimum over that of the fit; inf if there is none.
+
+    All minima are those of one cost, with the weights of the fit: a minimum of the search's rough
+    weights may lie some mm from the fit and is no solution of its own.
+    """
+    whitening = fit.mask[None, :, None, None] * fit.whitening
+    states, _ = multi_start(observations, fit.mask)
+    best = solve_least_squares(observations, fit.states, whitening)
+    others = solve_least_squares(observations, states, whitening)
+    rotation_difference = vectors_from_rotations(
+        others.states.rotations @ best.states.rotations[0].T
+    )
+    translation_difference = others.states.translations - best.states.translations[0]
+    distinct = (np.linalg.norm(rotation_difference, axis=1) > DISTINCT_ROTATION) | (
         np.linalg.norm(translation_difference, axis=1) > DISTINCT_TRANSLATION_MM
     )
-    if not other.any():
+    if not distinct.any():
         return float("inf")
-    cost = solve_least_squares(
-        observations, solution, search_whitening(observations, fit.mask[None])
-    ).costs[0]
-    return float(costs[other].min() / max(cost, 1e-9))
+    return float(others.costs[distinct].min() / max(best.costs[0], 1e-9))

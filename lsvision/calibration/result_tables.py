@@ -8,7 +8,7 @@ from lsvision.results.number_format import format_value
 
 if TYPE_CHECKING:
     from lsvision.calibration.intrinsics import CameraCalibration
-    from lsvision.calibration.laser_plane import LaserPlaneCalibration
+    from lsvision.calibration.laser_plane_result import LaserPlaneCalibration
     from lsvision.calibration.views import RejectedView
     from lsvision.results.quantities import Record
 

@@ -6,6 +6,8 @@ z = x cross y into the board; the pattern lies in z = 0.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
@@ -13,17 +15,12 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from lsvision.calibration.chessboard_corners import initial_corners, locate_corners
+from lsvision.calibration.chessboard_numbering import corner_order, reading_order
 from lsvision.errors import CalibrationFailed
 from lsvision.geometry import FloatArray, Points, as_readonly_array
 from lsvision.geometry.equality import ComparedByValue
 from lsvision.laser_line.image_array import as_image
-
-REFINEMENT_STEPS = 30
-"""Maximum number of iterations of the corner refinement."""
-
-WINDOW_FRACTION = 1 / 6
-"""Half window of the corner refinement, in squares: 0.018 px instead of 0.024 px with a fixed 5
-px."""
 
 
 class TargetNotFound(CalibrationFailed):
@@ -69,8 +66,35 @@ class Target(Protocol):
         ...
 
 
+class PrintedTarget(ABC):
+    """A target of a kind that this package prints and finds."""
+
+    @property
+    @abstractmethod
+    def points(self) -> Points:
+        """All points, (n, 3), board frame, z = 0. Units: mm."""
+
+    def find(self, image: npt.NDArray[np.uint8]) -> tuple[Points, Points] | None:
+        """Return the points that are seen in an image.
+
+        Parameters
+        ----------
+        image : (height, width) ndarray of uint8
+            Grey.
+
+        Returns
+        -------
+        points, pixels : (n, 3) and (n, 2) ndarray
+            Board frame (mm) and image (px); None where the target is not found.
+        """
+        return self._find(image)
+
+    @abstractmethod
+    def _find(self, image: npt.NDArray[np.uint8]) -> tuple[Points, Points] | None: ...
+
+
 @dataclass(frozen=True)
-class ChArUco:
+class ChArUco(PrintedTarget):
     """Chessboard with markers in its white squares: may be partly visible. The default target.
 
     Parameters
@@ -120,19 +144,8 @@ class ChArUco:
         board.setLegacyPattern(self.legacy)
         return board
 
-    def find(self, image: npt.NDArray[np.uint8]) -> tuple[Points, Points] | None:
-        """Return the visible inner corners, at least six not in one row; see `Target`.
-
-        Parameters
-        ----------
-        image : (height, width) ndarray of uint8
-            Grey.
-
-        Returns
-        -------
-        points, pixels : (n, 3) and (n, 2) ndarray
-            Board frame (mm) and image (px); None where the target is not found.
-        """
+    def _find(self, image: npt.NDArray[np.uint8]) -> tuple[Points, Points] | None:
+        """Return the visible inner corners, at least six not in one row."""
         corners, ids, _, _ = cv2.aruco.CharucoDetector(self.board).detectBoard(image)
         if ids is None or len(ids) < 6:
             return None
@@ -143,20 +156,19 @@ class ChArUco:
 
 
 @dataclass(frozen=True)
-class Chessboard:
+class Chessboard(PrintedTarget):
     """Plain chessboard; must be completely visible.
+
+    The first corner touches a black square at a corner of the board. Corners that a laser line or
+    glare covers are left out. One count best even and the other odd: else a half turn of the board
+    is not seen, and a hand-eye calibration needs views of one side only.
 
     Parameters
     ----------
     columns, rows : int
-        Number of inner corners in a row and in a column; best one even, one odd.
+        Number of inner corners in a row and in a column.
     square : float
         Edge length. Units: mm.
-    corner_window : int, optional
-        Half window of the corner refinement; a sixth of the smallest square if None. Larger
-        ones contain neighbouring corners. Units: px.
-    corner_stop : float
-        Step below which the refinement stops. Units: px.
 
     Examples
     --------
@@ -167,63 +179,39 @@ class Chessboard:
     columns: int = 9
     rows: int = 6
     square: float = 25.0
-    corner_window: int | None = None
-    corner_stop: float = 1e-3
 
     def __post_init__(self) -> None:
         _check_grid(self.columns, self.rows, self.square, "square")
-        if not (self.corner_stop > 0 and (self.corner_window is None or self.corner_window > 0)):
-            raise ValueError("expected a positive corner_window and corner_stop in px")
 
     @property
     def points(self) -> Points:
         """Inner corners, (n, 3). Units: mm."""
         return _grid(self.columns, self.rows, self.square)
 
-    def find(self, image: npt.NDArray[np.uint8]) -> tuple[Points, Points] | None:
-        """Return all inner corners; see `Target`.
-
-        Parameters
-        ----------
-        image : (height, width) ndarray of uint8
-            Grey.
-
-        Returns
-        -------
-        points, pixels : (n, 3) and (n, 2) ndarray
-            Board frame (mm) and image (px); None where the target is not found.
-        """
-        size = (self.columns, self.rows)
-        flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
-        found, corners = cv2.findChessboardCorners(image, size, flags=flags)
-        if not found:
-            # Slower, but also finds boards with glare or with a laser line on them.
-            found, corners = cv2.findChessboardCornersSB(image, size)
-        if not found:
-            return None
-        initial_corners = np.asarray(corners, dtype=np.float32).reshape(-1, 2)
-        window = self.corner_window or self._window_for(initial_corners)
-        stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, REFINEMENT_STEPS, self.corner_stop)
-        refined = cv2.cornerSubPix(
-            image, initial_corners.reshape(-1, 1, 2), (window, window), (-1, -1), stop
-        )
-        return self.points, np.asarray(refined, dtype=np.float64).reshape(-1, 2)
-
-    def _window_for(self, corners: npt.NDArray[np.float32]) -> int:
-        """Return the half window for corners (n, 2). Units: px."""
-        grid = corners.reshape(self.rows, self.columns, 2)
-        steps = [np.linalg.norm(np.diff(grid, axis=axis), axis=2).min() for axis in (0, 1)]
-        return int(np.clip(round(min(steps) * WINDOW_FRACTION), 2, 15))
+    def _find(self, image: npt.NDArray[np.uint8]) -> tuple[Points, Points] | None:
+        """Return all inner corners."""
+        for initial in initial_corners(image, self.columns, self.rows):
+            located = locate_corners(image, initial)
+            if located is not None:
+                corners, kept = located[0].reshape(-1, 2), located[1].ravel()
+                order = corner_order(image, located[0]).ravel()
+                seen = kept[order]
+                return self.points[seen], corners[order[seen]]
+        return None
 
 
 @dataclass(frozen=True)
-class CircleGrid:
-    """Grid of dark discs; must be completely visible.
+class CircleGrid(PrintedTarget):
+    """Grid of discs, dark on bright or bright on dark; must be completely visible.
+
+    A symmetric grid is numbered as one reads it in the image, since nothing tells its turns apart:
+    for a hand-eye calibration, use an asymmetric one.
 
     Parameters
     ----------
     columns, rows : int
-        Number of discs in a row and in a column.
+        Number of discs in a row, and of rows; odd for an asymmetric grid, whose half turn looks the
+        same otherwise.
     spacing : float
         Distance of neighbours in a row; in an asymmetric grid half the distance within a row,
         and the distance between rows. Units: mm.
@@ -246,6 +234,11 @@ class CircleGrid:
 
     def __post_init__(self) -> None:
         _check_grid(self.columns, self.rows, self.spacing, "spacing")
+        if self.asymmetric and self.rows % 2 == 0:
+            raise ValueError(
+                f"expected an odd number of rows of an asymmetric grid, got {self.columns} x "
+                f"{self.rows}: count the discs of one straight row as columns, as in 4 x 11"
+            )
         limit = self.spacing * (np.sqrt(2) if self.asymmetric else 1)
         if not 0 < self.diameter < limit:
             raise ValueError(f"expected 0 < diameter < {limit:g} mm, got {self.diameter:g}")
@@ -259,19 +252,8 @@ class CircleGrid:
         x = (2 * column + row % 2) * self.spacing
         return np.column_stack([x, row * self.spacing, np.zeros(len(row))])
 
-    def find(self, image: npt.NDArray[np.uint8]) -> tuple[Points, Points] | None:
-        """Return all centres; see `Target`.
-
-        Parameters
-        ----------
-        image : (height, width) ndarray of uint8
-            Grey.
-
-        Returns
-        -------
-        points, pixels : (n, 3) and (n, 2) ndarray
-            Board frame (mm) and image (px); None where the target is not found.
-        """
+    def _find(self, image: npt.NDArray[np.uint8]) -> tuple[Points, Points] | None:
+        """Return all centres."""
         layout = cv2.CALIB_CB_ASYMMETRIC_GRID if self.asymmetric else cv2.CALIB_CB_SYMMETRIC_GRID
         # The grid finder's own blob detector misses discs of more than 5000 px.
         limits = cv2.SimpleBlobDetector_Params()
@@ -279,10 +261,13 @@ class CircleGrid:
         limits.minDistBetweenBlobs = 2.0
         blobs = cv2.SimpleBlobDetector_create(limits)
         size = (self.columns, self.rows)
-        found, centres = cv2.findCirclesGrid(image, size, flags=layout, blobDetector=blobs)
-        if not found:
-            return None
-        return self.points, np.asarray(centres, dtype=np.float64).reshape(-1, 2)
+        for picture in (image, 255 - image):
+            found, centres = cv2.findCirclesGrid(picture, size, flags=layout, blobDetector=blobs)
+            if found:
+                grid = np.asarray(centres, dtype=np.float64).reshape(self.rows, self.columns, 2)
+                grid = grid if self.asymmetric else grid.reshape(-1, 2)[reading_order(grid)]
+                return self.points, grid.reshape(-1, 2)
+        return None
 
 
 def find_target(image: npt.ArrayLike, target: Target) -> TargetView:
@@ -325,6 +310,22 @@ def find_target(image: npt.ArrayLike, target: Target) -> TargetView:
         )
     points, pixels = detection
     return TargetView(points, pixels, (grey.shape[1], grey.shape[0]))
+
+
+def left_out_warnings(
+    target: Target, views: Sequence[TargetView], indices: Sequence[int]
+) -> list[str]:
+    """Return a warning for each view of a target, wholly visible, of which corners are left out.
+
+    `indices` are the image indices of the views. A `ChArUco` board may be partly visible.
+    """
+    count = len(target.points)
+    return [
+        f"image {index}: {count - len(view.points)} of {count} corners left out, off the grid of "
+        "the others: a laser line, glare or dirt lies on them"
+        for index, view in zip(indices, views, strict=True)
+        if not isinstance(target, ChArUco) and len(view.points) < count
+    ]
 
 
 def _grid(columns: int, rows: int, step: float) -> Points:

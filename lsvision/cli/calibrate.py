@@ -201,7 +201,7 @@ def laser_plane(
     from lsvision.draw.calibration_report import ReportContent, laser_plane_page
     from lsvision.files.atomic_files import write_atomic
     from lsvision.io.calibration import provenance_of, write_calibration
-    from lsvision.io.camera_file import read_camera
+    from lsvision.io.camera_file import read_camera, read_camera_covariance
 
     names = [printable(file.name) for file in board_files]
     view = read_camera(camera_file)
@@ -209,7 +209,9 @@ def laser_plane(
     with prefix_file_names(
         image=names, board_image=names, line_image=[printable(file.name) for file in line_files]
     ):
-        found = calibrate_laser_plane(view, board, shots, line_shots, settings)
+        found = calibrate_laser_plane(
+            view, board, shots, line_shots, settings, read_camera_covariance(camera_file)
+        )
     method = f"laser line on {board} in {len(found.views)} poses"
     provenance = provenance_of(method, dict.fromkeys(files))
     rows = laser_plane_rows(found)

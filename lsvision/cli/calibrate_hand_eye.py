@@ -10,6 +10,7 @@ import typer
 from lsvision.cli.calibrate_inputs import image_files, prefix_file_names
 from lsvision.cli.hand_eye_command import (
     HandEyeOptions,
+    HandEyeResultOptions,
     PosePlanOptions,
     calibrate_from_profiles,
     estimate_board_poses,
@@ -17,6 +18,7 @@ from lsvision.cli.hand_eye_command import (
 )
 from lsvision.cli.option_groups import expand_option_groups
 from lsvision.cli.profile_options import ReadingOptions
+from lsvision.cli.robot_poses import RobotOptions, parse_convention, parse_pose_file
 from lsvision.cli.target_options import TargetOptions
 from lsvision.files.printable import printable
 
@@ -107,14 +109,77 @@ def board(
     """  # noqa: D301 - the backspace makes click keep the line breaks
     target = target_options.parse()
     files = image_files(images)
-    job.check_files([*files, camera])
+    inputs = [job.poses, camera, *files]
+    job.check_files(inputs)
     from lsvision.calibration.hand_eye import calibrate_hand_eye_board
+    from lsvision.io.robot_poses import pose_files
 
     names = [printable(file.name) for file in files]
     flanges = job.read_flanges(names)
-    boards, covariances = estimate_board_poses(files, target, camera)
+    boards, uncertainty, doubts = estimate_board_poses(files, target, camera)
     with prefix_file_names(pose=names):
         found = calibrate_hand_eye_board(
-            boards, flanges, covariances=covariances, mounting=job.placement, settings=job.settings
+            boards, flanges, **uncertainty, mounting=job.placement, settings=job.settings
         )
-    report_hand_eye(found, flanges, names, job, [camera, *files])
+    report_hand_eye(found, flanges, names, job, [*pose_files(job.poses), camera, *files], doubts)
+
+
+@hand_eye.command("poses")
+@expand_option_groups
+def target_poses(
+    *,
+    samples: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE",
+            help="Samples of MoveIt or easy_handeye; with --poses: poses of the target alone.",
+        ),
+    ],
+    job: HandEyeResultOptions,
+    poses: Annotated[
+        Path | None,
+        typer.Option(metavar="F", help="Poses of the flange, where they are in another file."),
+    ] = None,
+    convention: Annotated[
+        str | None, typer.Option(metavar="NAME", help="How --poses is written; see sphere.")
+    ] = None,
+    target_convention: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="How FILE is written beside --poses [as --convention]."),
+    ] = None,
+) -> None:
+    """Calibrate a camera to the robot from poses of a target that were found elsewhere.
+
+    Each sample is the pose of the target before the camera, and that of the flange. All errors
+    are attributed to the robot, since the file does not tell those of the target's poses.
+
+    \b
+    Samples as MoveIt or easy_handeye store them:
+      lsvision calibrate hand-eye poses samples.yaml --out hand_eye.json
+    Two files of poses, one a row:
+      lsvision calibrate hand-eye poses targets.csv --target-convention matrix \\
+        --poses flanges.csv --convention kuka --out hand_eye.json
+    """  # noqa: D301 - the backspace makes click keep the line breaks
+    rows = parse_pose_file(RobotOptions(poses=poses, convention=convention))
+    if rows is None and target_convention is not None:
+        raise typer.BadParameter("expected --poses with --target-convention, got none")
+    inputs = [samples] if rows is None else [samples, rows.path]
+    job.check_files(inputs)
+    from lsvision.calibration.hand_eye import calibrate_hand_eye_board
+
+    if rows is None:
+        from lsvision.io.hand_eye_samples import read_hand_eye_samples
+
+        flanges, targets = read_hand_eye_samples(samples, job.placement)
+    else:
+        from lsvision.io.robot_poses import read_robot_poses
+
+        target_convention = target_convention or rows.convention
+        parse_convention(target_convention)
+        targets = read_robot_poses(samples, target_convention)
+        flanges = rows.read(len(targets), "of the target")
+    names = [f"sample {number}" for number in range(len(targets))]
+    found = calibrate_hand_eye_board(
+        targets, flanges, mounting=job.placement, settings=job.settings
+    )
+    report_hand_eye(found, flanges, names, job, inputs)

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -14,12 +14,14 @@ from lsvision.cli.calibrate_inputs import (
     profile_files,
     read_images,
     read_named_profiles,
+    replace_image_numbers,
 )
 from lsvision.cli.calibrate_tables import plan_rows, pose_rows, value_lines
 from lsvision.cli.messages import print_lines
 from lsvision.cli.outputs import check_outputs
 from lsvision.cli.profile_options import ReadingOptions
 from lsvision.cli.robot_poses import PoseFile, parse_convention
+from lsvision.files.printable import printable
 from lsvision.results.tables import text_table
 
 if TYPE_CHECKING:
@@ -27,7 +29,7 @@ if TYPE_CHECKING:
     from lsvision.calibration.observations import Mounting
     from lsvision.calibration.pose_planning import PosePlan
     from lsvision.calibration.target import Target
-    from lsvision.geometry import FloatArray, Pose
+    from lsvision.geometry import Pose
 
 PLACEMENTS: "dict[str, Mounting]" = {"eye-in-hand": "eye_in_hand", "eye-to-hand": "eye_to_hand"}
 """Names of the mountings: of the option, and of the library."""
@@ -36,26 +38,15 @@ FRAMES = "tool0:sensor"
 
 
 @dataclass(frozen=True, kw_only=True)
-class HandEyeOptions:
-    """Options of every target: poses of the robot, mounting of the sensor, and outputs.
+class HandEyeResultOptions:
+    """Options of every hand-eye calibration: mounting of the sensor, limits, and outputs.
 
     Raises
     ------
     typer.BadParameter
-        For an unknown convention or mounting, or an invalid sigma or pair of frames.
+        For an unknown mounting, or an invalid sigma, residual or pair of frames.
     """
 
-    poses: Annotated[
-        Path, typer.Option(metavar="F", help="Poses of the flange: CSV, text, JSON or YAML.")
-    ]
-    convention: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME",
-            help="How the poses are written, never guessed: ur, kuka, fanuc, yaskawa, mitsubishi, "
-            "kawasaki, staubli, abb, ros, matrix.",
-        ),
-    ]
     out: Annotated[
         Path, typer.Option("--out", "-o", metavar="F.json", help="The calibration, for scan.")
     ]
@@ -71,6 +62,14 @@ class HandEyeOptions:
         str | None,
         typer.Option(
             metavar="MM:DEG", help="One sigma of the robot's pose per axis; else from residuals."
+        ),
+    ] = None
+    max_residual: Annotated[
+        float | None,
+        typer.Option(
+            metavar="MM",
+            help="Largest residual, rms, that is accepted; else what the noise of robot and sensor "
+            "explains.",
         ),
     ] = None
     easy_handeye: Annotated[
@@ -92,7 +91,8 @@ class HandEyeOptions:
                 f"expected --mounting {' or '.join(PLACEMENTS)}, got {self.mounting!r}"
             )
         _parse_robot_std(self.robot_std)
-        parse_convention(self.convention)
+        if self.max_residual is not None and not 0 < self.max_residual < math.inf:
+            raise typer.BadParameter(f"expected --max-residual above 0, got {self.max_residual:g}")
 
     @property
     def frame_names(self) -> tuple[str, str]:
@@ -110,12 +110,41 @@ class HandEyeOptions:
         """Return the settings of the calibration."""
         from lsvision.calibration.hand_eye_result import HandEyeSettings
 
-        return HandEyeSettings(robot_std=_parse_robot_std(self.robot_std))
+        return HandEyeSettings(
+            robot_std=_parse_robot_std(self.robot_std), max_residual_rms=self.max_residual
+        )
 
     def check_files(self, inputs: Sequence[Path], *more: Path | None) -> None:
         """Refuse outputs, with `more` of them, that could not be written; see `check_outputs`."""
         outputs = (self.out, self.easy_handeye, self.report, *more)
-        check_outputs(outputs, [self.poses, *inputs])
+        check_outputs(outputs, inputs)
+
+
+@dataclass(frozen=True, kw_only=True)
+class HandEyeOptions(HandEyeResultOptions):
+    """The same with the poses of the robot.
+
+    Raises
+    ------
+    typer.BadParameter
+        As `HandEyeResultOptions`, and for an unknown convention.
+    """
+
+    poses: Annotated[
+        Path, typer.Option(metavar="F", help="Poses of the flange: CSV, text, JSON or YAML.")
+    ]
+    convention: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="How the poses are written, never guessed: ur, kuka, fanuc, yaskawa, mitsubishi, "
+            "kawasaki, staubli, abb, ros, matrix.",
+        ),
+    ]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        parse_convention(self.convention)
 
     def read_flanges(self, names: Sequence[str]) -> "list[Pose]":
         """Read the poses of the flange, one for each of the named profiles or images.
@@ -180,23 +209,28 @@ def calibrate_from_profiles(
         If a file cannot be read, or the profiles do not suffice.
     """
     _check_plan(job, plan)
+    from lsvision.io.robot_poses import pose_files
+
     options = reading.parse()
     files = profile_files(words, reading.dx)
-    job.check_files(files, plan.plan_out)
+    job.check_files([job.poses, *files], plan.plan_out)
     profiles, names = read_named_profiles(files, options)
     flanges = job.read_flanges(names)
     with prefix_file_names(pose=names):
         found = calibrate(profiles, flanges, mounting=job.placement, settings=job.settings)
         planned = _plan_next_poses(found, flanges, plan.plan_poses) if plan.plan_poses else None
-    report_hand_eye(found, flanges, names, job, files)
+    report_hand_eye(found, flanges, names, job, [*pose_files(job.poses), *files])
     if planned is not None:
         _report_pose_plan(planned, plan.plan_out)
 
 
 def estimate_board_poses(
     files: Sequence[Path], target: "Target", camera_file: Path
-) -> "tuple[list[Pose], list[FloatArray]]":
-    """Return the pose of the board in each image, with covariances (6, 6).
+) -> "tuple[list[Pose], dict[str, Any], list[str]]":
+    """Return the pose of the board in each image, its uncertainty, and warnings.
+
+    The uncertainty is that of `calibrate_hand_eye_board`: ``covariances`` and, where the camera's
+    file has its covariance, ``camera_modes``.
 
     Raises
     ------
@@ -204,13 +238,14 @@ def estimate_board_poses(
         If an image does not show the board; names it.
     """
     from lsvision.calibration.board_pose import estimate_board_pose
-    from lsvision.calibration.target import find_target
+    from lsvision.calibration.camera_uncertainty import board_pose_modes
+    from lsvision.calibration.target import find_target, left_out_warnings
     from lsvision.calibration.views import require_size
     from lsvision.errors import LsvisionError
-    from lsvision.io.camera_file import read_camera
+    from lsvision.io.camera_file import read_camera, read_camera_covariance
 
-    camera = read_camera(camera_file)
-    poses, covariances = [], []
+    camera, camera_covariance = read_camera(camera_file), read_camera_covariance(camera_file)
+    poses, covariances, views = [], [], []
     for file, image in zip(files, read_images(files), strict=True):
         require_size(camera, image, str(file))
         try:
@@ -220,25 +255,32 @@ def estimate_board_poses(
             raise LsvisionError(f"{file}: {error}; or leave out this image and its pose") from error
         poses.append(estimate.camera_from_board)
         covariances.append(estimate.covariance)
-    return poses, covariances
+        views.append(seen)
+    names = [printable(file.name) for file in files]
+    left_out = left_out_warnings(target, views, range(len(views)))
+    doubts = [replace_image_numbers(text, image=names) for text in left_out]
+    uncertainty: dict[str, Any] = {"covariances": covariances}
+    if camera_covariance is not None:
+        uncertainty["camera_modes"] = board_pose_modes(views, camera, camera_covariance)
+    return poses, uncertainty, doubts
 
 
 def report_hand_eye(
-    found: "HandEye", flanges: "Sequence[Pose]", names: Sequence[str], job: HandEyeOptions,
-    inputs: Sequence[Path],
+    found: "HandEye", flanges: "Sequence[Pose]", names: Sequence[str],
+    job: HandEyeResultOptions, inputs: Sequence[Path], doubts: Sequence[str] = (),
 ) -> None:  # fmt: skip
     """Write the files and print the result."""
     from lsvision.calibration.hand_eye_result import hand_eye_rows
     from lsvision.io.calibration import provenance_of
     from lsvision.io.hand_eye_file import export_easy_handeye, save_hand_eye
-    from lsvision.io.robot_poses import pose_files
 
     rows = hand_eye_rows(found)
     warnings = [f"left out: {names[pose.index]}: {pose.reason}" for pose in found.rejected]
-    warnings += [f"warning: {text}" for text in found.warnings]
+    warnings += [f"warning: {text}" for text in (*found.warnings, *doubts)]
     used = len(names) - len(found.rejected)
-    method = f"{type(found.target).__name__.lower()}, {job.placement}, {job.convention} poses"
-    provenance = provenance_of(method, dict.fromkeys([*pose_files(job.poses), *inputs]))
+    convention = f"{job.convention} poses" if isinstance(job, HandEyeOptions) else "samples"
+    method = f"{type(found.target).__name__.lower()}, {job.placement}, {convention}"
+    provenance = provenance_of(method, dict.fromkeys(inputs))
     if job.report is not None:
         from lsvision.draw.calibration_report import ReportContent, hand_eye_page
         from lsvision.files.atomic_files import write_atomic

@@ -7,7 +7,7 @@ import numpy as np
 
 from lsvision.calibration.hand_eye_result import HandEye, Sphere
 from lsvision.calibration.intrinsics import CameraCalibration
-from lsvision.calibration.laser_plane import LaserPlaneCalibration, rms
+from lsvision.calibration.laser_plane_result import LaserPlaneCalibration, rms
 from lsvision.draw.space import fit_into, scale_axes
 from lsvision.geometry import FloatArray, Plane, Pose
 from lsvision.results.palette import BOARD, FRAME_AXES, INLIER, LASER_PLANE, OUTLIER

@@ -7,7 +7,7 @@ import numpy as np
 
 from lsvision.calibration.hand_eye_result import HandEye
 from lsvision.calibration.intrinsics import CameraCalibration
-from lsvision.calibration.laser_plane import LaserPlaneCalibration
+from lsvision.calibration.laser_plane_result import LaserPlaneCalibration
 from lsvision.draw.calibration_figures import (
     draw_bars,
     draw_coverage,

@@ -9,7 +9,7 @@ from typing import Any
 
 from lsvision import __version__
 from lsvision.calibration.intrinsics import CameraCalibration
-from lsvision.calibration.laser_plane import LaserPlaneCalibration
+from lsvision.calibration.laser_plane_result import LaserPlaneCalibration
 from lsvision.calibration.views import RejectedView
 from lsvision.errors import UnwritableFile
 from lsvision.files.atomic_files import write_atomic
@@ -73,6 +73,9 @@ def _camera_values(calibration: CameraCalibration) -> dict[str, Any]:
     return {
         "camera": camera_as_json(calibration.camera),
         "std": dict(calibration.std),
+        "camera_covariance": None
+        if calibration.covariance is None
+        else calibration.covariance.tolist(),
         "rms": calibration.rms_px,
         "views": views,
     }

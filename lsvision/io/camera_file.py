@@ -10,6 +10,7 @@ import numpy as np
 from lsvision.errors import UnreadableFile
 from lsvision.files.atomic_files import write_atomic
 from lsvision.files.limited_reading import current_size_limit, read_bytes, size_limit
+from lsvision.geometry import FloatArray, as_readonly_array
 from lsvision.io.calibration import CAMERA_SCHEMA, LASER_PLANE_SCHEMA
 from lsvision.sensors import rig_file
 from lsvision.sensors.camera import Camera
@@ -62,6 +63,35 @@ def read_camera(path: str | os.PathLike[str], *, size: tuple[int, int] | None = 
         return _camera_from_yaml(text, size)
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise UnreadableFile(f"{source} holds no camera: {error}") from error
+
+
+def read_camera_covariance(path: str | os.PathLike[str]) -> FloatArray | None:
+    """Return the covariance of the intrinsics that a camera calibration of lsvision holds.
+
+    Returns
+    -------
+    (4 + k, 4 + k) ndarray
+        Of fx, fy, cx, cy (px) and the k coefficients of distortion. None for other files.
+
+    Raises
+    ------
+    UnreadableFile
+        If the file is missing, or the covariance is no symmetric matrix of that size.
+    """
+    source, camera = Path(path), read_camera(path)
+    with size_limit(min(current_size_limit(), MAX_SIZE)):
+        text = read_bytes(source).decode("utf-8", "replace")
+    document = parse_document(text, source, _SCHEMAS) if text.lstrip().startswith("{") else {}
+    if document.get("camera_covariance") is None:
+        return None
+    size = 4 + len(camera.distortion)
+    try:
+        covariance = as_readonly_array(document["camera_covariance"], (size, size), "covariance")
+        if not (np.isfinite(covariance).all() and np.allclose(covariance, covariance.T)):
+            raise ValueError("expected a finite symmetric matrix")
+    except (TypeError, ValueError) as error:
+        raise UnreadableFile(f"{source}: camera_covariance: {error}: calibrate anew") from error
+    return covariance
 
 
 def write_camera_yaml(path: str | os.PathLike[str], camera: Camera) -> None:

@@ -1,3 +1,4 @@
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -5,9 +6,12 @@ import cv2
 import numpy as np
 import pytest
 
+from lsvision.calibration.bundle_adjustment import adjust_bundle
+from lsvision.calibration.bundle_adjustment_problem import BundleAdjustmentState
 from lsvision.calibration.intrinsics import calibrate_camera
-from lsvision.calibration.laser_line_on_board import LineOnBoardSettings
+from lsvision.calibration.laser_line_on_board import LineOnBoardSettings, find_laser_views
 from lsvision.calibration.laser_plane import LaserPlaneSettings, calibrate_laser_plane
+from lsvision.calibration.laser_plane_initial_guess import guess_board_poses
 from lsvision.calibration.target import Chessboard
 from lsvision.errors import CalibrationFailed
 from lsvision.geometry import Plane
@@ -24,7 +28,7 @@ RENDERED = 0.5  # mm: 0.05 px of the line are 0.03 mm here; six small boards ext
 HELD = LaserPlaneSettings(refine_camera_from=99, fit_bow_from=99)
 
 
-def board_and_line(turn, depth):
+def board_and_line(turn, depth, plane=PLANE):
     """Both images of one pose, pixel by pixel: the board's colour, and the laser's glow."""
     R, _ = cv2.Rodrigues(np.array(turn, dtype=float))
     shift = np.array([0, 0, depth]) - R @ (30.0, 25.0, 0.0)
@@ -35,7 +39,7 @@ def board_and_line(turn, depth):
     squares = np.floor(x / 10) + np.floor(y / 10)
     inside = (x > -10) & (x < 70) & (y > -10) & (y < 60)
     white = np.where(inside & (squares % 2 == 0), 0.25, 1.0)
-    glow = np.exp(-0.5 * ((points @ PLANE.normal - PLANE.distance) / 0.3) ** 2)
+    glow = np.exp(-0.5 * ((points @ plane.normal - plane.distance) / 0.3) ** 2)
     return [
         cv2.resize(image, SIZE, interpolation=cv2.INTER_AREA).astype(np.uint8)
         for image in (20 + 180 * white, 5 + 200 * white * glow)
@@ -95,6 +99,57 @@ def test_points_on_the_edges_of_what_is_printed_in_the_squares_are_left_out(imag
         for settings in (blind, seeing)
     ]
     assert rms[1] < 0.6 * rms[0]
+
+
+BESIDE = Plane(PLANE.normal, 180.0)  # 2 to 4 squares below the pattern
+POSES_BESIDE = [
+    ((0.1, 0.4, 0.0), 270),
+    ((0.0, 0.0, 0.0), 275),
+    ((0.1, -0.4, 0.0), 282),
+    ((-0.1, 0.2, 0.1), 278),
+]
+
+
+@pytest.fixture(scope="module")
+def images_beside():
+    pairs = [board_and_line(turn, depth, BESIDE) for turn, depth in POSES_BESIDE]
+    return [pair[0] for pair in pairs], [pair[1] for pair in pairs]
+
+
+def test_a_line_beside_the_pattern_is_refused_with_the_margin_that_gives_the_plane(images_beside):
+    told = r"no laser line within 0.9 squares .* squares beside it: set margin \(--margin\) to (\d)"
+    with pytest.raises(CalibrationFailed, match=told) as refused:
+        calibrate_laser_plane(CAMERA, TARGET, *images_beside, HELD)
+    margins = [int(number) for number in re.findall(r"--margin\) to (\d)", str(refused.value))]
+    assert len(margins) == 4
+    settings = replace(HELD, line=LineOnBoardSettings(margin=max(margins)))
+    found = calibrate_laser_plane(CAMERA, TARGET, *images_beside, settings)
+    assert len(found.views) == 4
+    distance = found.plane.distance - BESIDE.distance
+    assert abs(distance) < 3 * np.sqrt(found.covariance[2, 2])
+    assert np.degrees(np.arccos(min(1.0, found.plane.normal @ BESIDE.normal))) < 0.5
+
+
+def test_a_reflection_on_the_pattern_is_no_line_where_a_brighter_one_is_beside_it(images_beside):
+    boards = images_beside[0][1:]
+    reflections = [board_and_line(turn, depth)[1] for turn, depth in POSES_BESIDE[1:]]
+    lines = [
+        cv2.addWeighted(line, 1.0, reflection, 0.15, 0.0)
+        for line, reflection in zip(images_beside[1][1:], reflections, strict=True)
+    ]
+    with pytest.raises(CalibrationFailed, match=r"image 0: no laser line within 0.9 squares"):
+        calibrate_laser_plane(CAMERA, TARGET, boards, lines, HELD)
+
+
+def test_two_views_give_a_warning_and_three_times_the_sigma(images):
+    boards, lines = [each[:2] for each in images]
+    found = calibrate_laser_plane(CAMERA, TARGET, boards, lines, HELD)
+    assert len(found.views) == 2
+    assert found.warnings[0].startswith("two views cannot check each other")
+    views, _ = find_laser_views(CAMERA, TARGET, boards, lines, HELD.line)
+    guess = BundleAdjustmentState(CAMERA, PLANE, guess_board_poses(CAMERA, views), np.zeros(2))
+    claimed = adjust_bundle(views, guess, (False, False)).plane_covariance
+    np.testing.assert_allclose(found.covariance, 9 * claimed, rtol=0.05, atol=1e-12)
 
 
 def test_images_without_board_or_line_are_rejected(images):

@@ -64,7 +64,7 @@ def test_blur_does_not_depend_on_bit_depth_and_colour():
     ("images", "target"),
     [
         ([np.full((300, 300), 128, np.uint8)], TARGET),
-        ([board_image(0.7)], CircleGrid(columns=7, rows=6, spacing=10.0)),
+        ([board_image(0.7)], CircleGrid(columns=7, rows=5, spacing=10.0)),
         ([np.where(board_image(0.7) > 120, 255, 20).astype(np.uint8)], TARGET),
         ([], TARGET),
     ],

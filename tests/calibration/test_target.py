@@ -120,7 +120,6 @@ def test_invalid_images_are_rejected(image, error, match):
     [
         (lambda: Chessboard(2, 6), "at least 3 columns and rows, got 2 x 6"),
         (lambda: Chessboard(9, 6, -1.0), "positive square in mm, got -1"),
-        (lambda: Chessboard(corner_window=0), "positive corner_window"),
         (lambda: ChArUco(marker=20.0), "0 < marker < square 15 mm, got 20"),
         (lambda: ChArUco(dictionary="DICT_NONE"), "dictionary of cv2.aruco, got 'DICT_NONE'"),
         (lambda: CircleGrid(diameter=50.0), "0 < diameter < 21.2132 mm, got 50"),

@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from lsvision.calibration.target import ChArUco, find_target
 from lsvision.cli.calibrate_inputs import replace_image_numbers
@@ -70,7 +71,7 @@ def refused(result, out, code=1):
 
 def test_help_shows_an_example_of_every_calibration(run):
     for words in (["camera"], ["laser-plane"], ["target"], ["hand-eye", "sphere"],
-                  ["hand-eye", "plane"], ["hand-eye", "board"]):  # fmt: skip
+                  ["hand-eye", "plane"], ["hand-eye", "board"], ["hand-eye", "poses"]):  # fmt: skip
         result = run("calibrate", *words, "--help")
         assert result.exit_code == 0
         assert f"lsvision calibrate {' '.join(words)}" in result.stdout
@@ -460,3 +461,101 @@ def test_sphere_that_was_bumped_half_way_is_told(run, out, tmp_path):
     poses.write_text("\n".join([head, *rows[:6], *late]))
     told = refused(run(*sphere_words(out, poses)), out)
     assert "the target moved between pose 5 (pose_05.csv) and pose 6 (pose_06.csv)" in told
+
+
+def target_samples(recipe):
+    """Board poses before the camera of the example, and exact flanges, as 4x4 in m."""
+    seen = recipe.board_poses(np.random.default_rng(recipe.SEED))
+    flanges = [BASE_FROM_TARGET @ pose.inverse() @ MOUNT.inverse() for pose in seen]
+    metres = np.diag([1000.0, 1000, 1000, 1])
+    return [[np.linalg.inv(metres) @ pose.matrix @ metres for pose in poses]
+            for poses in (flanges, seen)]  # fmt: skip
+
+
+def transform(matrix):
+    """A transform as ROS writes it."""
+    x, y, z, w = Rotation.from_matrix(matrix[:3, :3]).as_quat()
+    tx, ty, tz = matrix[:3, 3]
+    return {
+        "translation": {"x": tx, "y": ty, "z": tz},
+        "rotation": {"x": x, "y": y, "z": z, "w": w},
+    }
+
+
+def moveit(flanges, seen):
+    return [
+        {"effector_wrt_world": f.ravel().tolist(), "object_wrt_sensor": s.ravel().tolist()}
+        for f, s in zip(flanges, seen, strict=True)
+    ]
+
+
+def easy_handeye2(flanges, seen):
+    pairs = zip(flanges, seen, strict=True)
+    return {"samples": [{"robot": transform(f), "tracking": transform(s)} for f, s in pairs]}
+
+
+def easy_handeye(flanges, seen):
+    return {
+        "hand_world_samples": {"transforms": [transform(f) for f in flanges]},
+        "camera_marker_samples": {"transforms": [transform(s) for s in seen]},
+    }
+
+
+@pytest.mark.parametrize("store", [moveit, easy_handeye2, easy_handeye])
+def test_samples_of_ros_tools_give_the_camera_on_the_flange(run, recipe, store, out, tmp_path):
+    samples = tmp_path / "samples.yaml"
+    samples.write_text(json.dumps(store(*target_samples(recipe))))  # JSON is YAML
+    result = run("calibrate", "hand-eye", "poses", samples, "--out", out)
+    assert result.exit_code == 0, result.output
+    assert_found(load_hand_eye(out).flange_from_camera, MOUNT)
+
+
+def test_easy_handeye_stores_inverse_flanges_of_a_camera_that_stands_still(
+    run, recipe, out, tmp_path
+):
+    flanges, seen = target_samples(recipe)
+    samples = tmp_path / "samples.samples"
+    # Read as eye to hand, the inverse of each flange pose is a flange before a fixed camera.
+    samples.write_text(json.dumps(easy_handeye2(flanges, seen)))
+    result = run(
+        "calibrate", "hand-eye", "poses", samples, "--mounting", "eye-to-hand", "--out", out
+    )
+    assert result.exit_code == 0, result.output
+    assert_found(load_hand_eye(out).base_from_camera, MOUNT)
+
+
+def test_poses_of_target_and_flange_in_two_files(run, recipe, out, tmp_path):
+    flanges, seen = target_samples(recipe)
+    for name, matrices in (("flanges.csv", flanges), ("targets.csv", seen)):
+        rows = np.array(matrices)
+        rows[:, :3, 3] *= 1000
+        np.savetxt(tmp_path / name, rows.reshape(-1, 16), delimiter=",")
+    words = ("calibrate", "hand-eye", "poses", tmp_path / "targets.csv", "--out", out)
+    poses = ("--poses", tmp_path / "flanges.csv", "--convention", "matrix")
+    assert run(*words, *poses).exit_code == 0
+    assert_found(load_hand_eye(out).flange_from_camera, MOUNT)
+    out.unlink()
+    assert "expected --convention" in refused(run(*words, *poses[:2]), out, 2)
+    wrong = (*poses, "--target-convention", "mine")
+    assert "expected --convention ur, kuka" in refused(run(*words, *wrong), out, 2)
+    wrong = (*poses, "--max-residual", "0")
+    assert "expected --max-residual above 0, got 0" in refused(run(*words, *wrong), out, 2)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("[1, 2]", "samples of MoveIt, easy_handeye or easy_handeye2"),
+        ("samples: [{robot: 1}]", "no 'tracking'"),
+        ("[{effector_wrt_world: [1], object_wrt_sensor: [1]}]", "expected 16 numbers"),
+        ("{hand_world_samples: {transforms: [1]}, camera_marker_samples: {transforms: []}}",
+         "1 poses of the hand and 0 of the marker"),
+        ("plain", "a str"),
+    ],
+)  # fmt: skip
+def test_files_that_hold_no_samples_are_refused(run, text, told, out, tmp_path):
+    samples = tmp_path / "samples.yaml"
+    samples.write_text(text)
+    message = refused(run("calibrate", "hand-eye", "poses", samples, "--out", out), out)
+    assert "samples.yaml: expected samples of MoveIt" in message
+    assert told in message

@@ -14,7 +14,7 @@ from lsvision.io.calibration import (
     provenance_of,
     write_calibration,
 )
-from lsvision.io.camera_file import read_camera, write_camera_yaml
+from lsvision.io.camera_file import read_camera, read_camera_covariance, write_camera_yaml
 from lsvision.sensors.camera import Camera
 from lsvision.sensors.light_section import LightSection
 from lsvision.simulate.boards import BoardScene, simulate_boards
@@ -216,3 +216,19 @@ def test_missing_files_and_folders_are_named(camera_calibration, tmp_path):
         read_camera(tmp_path / "none.json")
     with pytest.raises(UnwritableFile, match="gone"):
         write_calibration(tmp_path / "gone" / "a.json", camera_calibration, {})
+
+
+def test_the_covariance_of_a_camera_is_read_again_and_refused_where_it_is_none(tmp_path):
+    boards = simulate_boards(BoardScene(), 6, rng=np.random.default_rng(4))
+    found = fit_camera([TargetView(b.points, b.pixels, BoardScene().size) for b in boards])
+    path = tmp_path / "camera.json"
+    write_calibration(path, found, {})
+    np.testing.assert_allclose(read_camera_covariance(path), found.covariance, rtol=1e-12)
+    document = json.loads(path.read_text())
+    document["camera_covariance"] = [[1.0]]
+    path.write_text(json.dumps(document))
+    with pytest.raises(UnreadableFile, match=r"camera.json: camera_covariance: .* calibrate anew"):
+        read_camera_covariance(path)
+    del document["camera_covariance"]
+    path.write_text(json.dumps(document))
+    assert read_camera_covariance(path) is None

@@ -16,7 +16,7 @@ import lsvision as lsv
 from lsvision.calibration.board_in_plane import BoardInPlane
 from lsvision.calibration.hand_eye_result import RejectedPose, Sphere
 from lsvision.calibration.intrinsics import CalibratedView, CameraCalibration
-from lsvision.calibration.laser_plane import CalibratedLaserView, LaserPlaneCalibration
+from lsvision.calibration.laser_plane_result import CalibratedLaserView, LaserPlaneCalibration
 from lsvision.calibration.lens_blur import LensBlur
 from lsvision.calibration.pose_planning import PosePlan
 from lsvision.calibration.target import TargetView

@@ -1,0 +1,113 @@
+"""Warnings about a calibrated camera: views, coverage, scale and lens model."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lsvision.calibration.target import TargetView
+from lsvision.calibration.views import max_tilt
+from lsvision.geometry import FloatArray, Pose
+from lsvision.sensors.camera import Camera
+
+RECOMMENDED_VIEWS = 10
+"""Number of views below which a warning is given."""
+RECOMMENDED_TILT = np.radians(25.0)
+"""Largest tilt from the mean board below which a warning is given: at 15 deg errors double, at 5
+deg they are ten times larger. Units: rad."""
+CELLS = 5
+"""The image is divided into CELLS x CELLS cells to measure the coverage by corners."""
+RECOMMENDED_COVERAGE = 0.6
+"""Fraction of the cells with corners below which a warning is given."""
+PLAUSIBLE_DISTANCE = (20.0, 20_000.0)
+"""Range of plausible board distances; outside it the target's size was given in another unit.
+Units: mm."""
+PLAUSIBLE_ASPECT = 0.02
+"""Deviation of fx / fy from 1 that square pixels and a print at true scale never cause."""
+RECOMMENDED_FOCAL_STD = 0.005
+"""Relative standard deviation of the focal length above which a warning is given."""
+
+
+def check_camera(
+    camera: Camera, std: FloatArray, seen: Sequence[TargetView], poses: Sequence[Pose]
+) -> tuple[str, ...]:
+    """Return warnings about a calibrated camera, with numbers and remedy; empty for a good set.
+
+    `std` are the standard deviations of fx, fy, ... in px, `poses` are ``camera_from_board``.
+    """
+    warnings = [
+        *_view_warnings(len(seen), max_tilt(poses)),
+        *_coverage_warnings(camera, seen),
+        *_scale_warnings(camera, poses),
+        *_model_warnings(camera, std),
+    ]
+    return tuple(warnings)
+
+
+def _view_warnings(count: int, tilt: float) -> list[str]:
+    """Return warnings about the number of views and their tilt."""
+    warnings = []
+    if count < RECOMMENDED_VIEWS:
+        warnings.append(f"{count} views: take {RECOMMENDED_VIEWS} and more, best 15 to 20")
+    if tilt < RECOMMENDED_TILT:
+        warnings.append(
+            f"boards tilted by {np.degrees(tilt):.0f} deg at most: the focal length is poorly "
+            "determined; tilt by 25 deg and more to all sides"
+        )
+    return warnings
+
+
+def _coverage_warnings(camera: Camera, seen: Sequence[TargetView]) -> list[str]:
+    """Return a warning if the corners cover too little of the image."""
+    pixels = np.concatenate([view.pixels for view in seen])
+    cells = np.floor(pixels / camera.size * CELLS).clip(0, CELLS - 1)
+    covered = len(np.unique(cells, axis=0)) / CELLS**2
+    if covered >= RECOMMENDED_COVERAGE:
+        return []
+    return [
+        f"corners cover {100 * covered:.0f} % of the image: the lens is extrapolated elsewhere; "
+        "hold the board into every corner of the image"
+    ]
+
+
+def _scale_warnings(camera: Camera, poses: Sequence[Pose]) -> list[str]:
+    """Return warnings about implausible distance or aspect ratio."""
+    warnings = []
+    distance = float(np.median([np.linalg.norm(pose.translation) for pose in poses]))
+    near, far = PLAUSIBLE_DISTANCE
+    if not near < distance < far:
+        warnings.append(
+            f"the boards stand {distance:.3g} mm from the camera, which is implausible: give the "
+            "target's square in mm, as measured on the print"
+        )
+    aspect = camera.matrix[0, 0] / camera.matrix[1, 1]
+    if abs(aspect - 1) > PLAUSIBLE_ASPECT:
+        warnings.append(
+            f"fx / fy is {aspect:.3f}: unless the pixels are not square, the print is stretched; "
+            "measure the board along both sides"
+        )
+    return warnings
+
+
+def _model_warnings(camera: Camera, std: FloatArray) -> list[str]:
+    """Return warnings about focal length, principal point and distortion."""
+    warnings = []
+    focal = camera.focal_length
+    if std[0] > RECOMMENDED_FOCAL_STD * focal:
+        warnings.append(
+            f"the focal length is determined to {100 * std[0] / focal:.1f} % only: add tilted views"
+        )
+    width, height = camera.size
+    offset = np.abs(camera.matrix[:2, 2] - (np.array([width, height]) - 1) / 2) / (width, height)
+    if offset.max() > 0.15:
+        warnings.append(
+            f"the principal point lies {100 * offset.max():.0f} % of the image off its middle: "
+            "cropped images, or too few tilted views"
+        )
+    u, v = np.meshgrid(np.linspace(0, width - 1, 15), np.linspace(0, height - 1, 15))
+    not_invertible = np.isnan(camera.rays(np.column_stack([u.ravel(), v.ravel()]))[:, 0]).mean()
+    if not_invertible:
+        warnings.append(
+            f"the distortion folds over {100 * not_invertible:.0f} % of the image, where there "
+            "were no corners: hold the board there, or estimate fewer radial terms"
+        )
+    return warnings

@@ -1,0 +1,290 @@
+"""Corners of a chessboard in an image, to a fraction of a pixel, from a rough start.
+
+A corner is the saddle point of the smoothed image (Lucchese and Mitra, "Using saddle points for
+subpixel feature detection in camera calibration targets", APCCAS 2002). Before, the image is
+flattened: black becomes 0 and white 1 everywhere on the board, since a gradient of the light moves
+a saddle point. Corners that are off the board's grid, captured by a laser line or by glare, are
+searched again where the grid predicts them, and are left out if they are still off it.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from lsvision.geometry import FloatArray, Points
+from lsvision.geometry.arrays import BoolArray
+
+SMOOTHING_FRACTION, MIN_SMOOTHING_PX = 0.05, 1.0
+"""Standard deviation of the smoothing, as a fraction of the smallest square, and its smallest
+value. Twice as much gains a tenth on noisy boards, and loses a tenth in uneven light."""
+
+RADIUS_FRACTION, MIN_RADIUS_PX = 0.2, 3.0
+"""Radius of the window around a corner, as a fraction of the smallest square, and its smallest
+value."""
+
+MAX_REFINEMENT_STEPS = 10
+"""Maximum number of iterations of the refinement."""
+
+SEARCHES = 3
+"""Number of searches, each from the grid that fits the corners of the one before."""
+
+GRID_TOLERANCE = 0.02
+"""Distance from the grid, in squares, that is expected of a start or of a distorted lens."""
+
+OUTLIER_SIGMAS = 5.0
+"""Distance from the grid, in robust standard deviations, beyond which a corner is left out."""
+
+MIN_OUTLIER_FRACTION, MIN_OUTLIER_PX = 0.004, 0.1
+"""Distances from the grid, in squares and in px, below which no corner is left out."""
+
+MIN_KEPT_FRACTION = 0.7
+"""Smallest fraction of corners that is left; below it the grid itself is wrong."""
+
+MAX_GRID_STD = 0.06
+"""Largest robust standard deviation of the distances from the grid, in squares."""
+
+RADIAL_PRIOR = 0.5
+"""Standard deviation of the prior on the two radial terms of the grid (radius 1 at the border)."""
+
+RAYLEIGH_MEDIAN = float(np.sqrt(2 * np.log(2)))
+"""Median length of a vector of two normal coordinates of standard deviation 1."""
+
+
+def initial_corners(image: npt.NDArray[np.uint8], columns: int, rows: int) -> Iterator[Points]:
+    """Yield the corners (rows, columns, 2) that OpenCV's finders see, in no certain order.
+
+    The classic finder is fast. The others also find boards that are soft, or crossed by a laser
+    line, which is clipped last.
+    """
+    halved = cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+    clipped = np.minimum(image * (255 / (2 * max(float(np.median(image)), 1))), 255)
+    classic = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
+    for find, picture, flags in (
+        (cv2.findChessboardCorners, image, classic),
+        (cv2.findChessboardCornersSB, image, 0),
+        (cv2.findChessboardCorners, halved, classic),
+        (cv2.findChessboardCornersSB, image, cv2.CALIB_CB_NORMALIZE_IMAGE),
+        (cv2.findChessboardCorners, clipped.astype(np.uint8), classic),
+    ):
+        found, corners = find(picture, (columns, rows), flags=flags)
+        if found:
+            scale = image.shape[1] / picture.shape[1]
+            places = np.asarray(corners, dtype=np.float64).reshape(rows, columns, 2)
+            yield (places + 0.5) * scale - 0.5
+
+
+def locate_corners(
+    image: npt.NDArray[np.uint8], initial: Points
+) -> tuple[Points, BoolArray] | None:
+    """Locate the corners of a chessboard, and tell which of them are certain.
+
+    Parameters
+    ----------
+    image : (height, width) ndarray of uint8
+        Grey.
+    initial : (rows, columns, 2) ndarray
+        Corners to about a tenth of a square, some of them wrong. Units: px.
+
+    Returns
+    -------
+    corners : (rows, columns, 2) ndarray
+        Units: px.
+    kept : (rows, columns) ndarray of bool
+        False for a corner that is off the grid of the others.
+    None
+        Where too few corners are on one grid.
+    """
+    grid = _Grid.fitted(initial, image.shape, GRID_TOLERANCE * square_size(initial))
+    corners, kept = initial, np.ones(initial.shape[:2], dtype=bool)
+    for _ in range(SEARCHES):
+        size = square_size(grid.corners)
+        if not size > 1:
+            return None
+        distances = np.linalg.norm(corners - grid.corners, axis=-1)
+        tolerance = 4 * max(_robust_std(distances), GRID_TOLERANCE * size)
+        start = np.where(((distances > tolerance) | ~kept)[..., None], grid.corners, corners)
+        corners, kept = _refine(image, start, grid.corners)
+        least = max(MIN_OUTLIER_FRACTION * size, MIN_OUTLIER_PX)
+        grid = _Grid.fitted(corners, image.shape, least, grid)
+    distances = np.linalg.norm(corners - grid.corners, axis=-1)
+    std = _robust_std(distances)
+    kept &= distances < max(OUTLIER_SIGMAS * std, least)
+    if kept.mean() < MIN_KEPT_FRACTION or std > MAX_GRID_STD * size:
+        return None
+    return corners, kept
+
+
+def square_size(corners: Points) -> float:
+    """Return the smallest height of the squares between corners (rows, columns, 2). Units: px."""
+    along, down = np.diff(corners, axis=1)[:-1], np.diff(corners, axis=0)[:, :-1]
+    area = np.abs(along[..., 0] * down[..., 1] - along[..., 1] * down[..., 0])
+    longest = np.maximum(np.linalg.norm(along, axis=-1), np.linalg.norm(down, axis=-1))
+    return float((area / np.maximum(longest, 1e-9)).min())
+
+
+def _robust_std(distances: FloatArray) -> float:
+    """Return the standard deviation of a coordinate, from lengths of vectors."""
+    return float(np.median(distances)) / RAYLEIGH_MEDIAN
+
+
+@dataclass(frozen=True, eq=False)
+class _Grid:
+    """Grid of a flat board through a lens: a homography and two radial terms.
+
+    Parameters
+    ----------
+    corners : (rows, columns, 2) ndarray
+        Predicted corners. Units: px.
+    parameters : (10,) ndarray
+        Homography without its last element, and radial terms; in half image widths.
+    """
+
+    corners: Points
+    parameters: FloatArray
+
+    @staticmethod
+    def fitted(
+        corners: Points, shape: tuple[int, ...], scale: float, start: "_Grid | None" = None
+    ) -> "_Grid":
+        """Fit the grid to corners; those off it by more than `scale` px have little influence."""
+        from scipy.optimize import least_squares
+
+        rows, columns = corners.shape[:2]
+        row, column = np.divmod(np.arange(rows * columns), columns)
+        nodes = np.column_stack([column - (columns - 1) / 2, row - (rows - 1) / 2])
+        half_width = max(shape) / 2
+        middle = (np.array(shape[1::-1]) - 1) / 2
+        observed = (corners.reshape(-1, 2) - middle) / half_width
+
+        def residuals(parameters: FloatArray) -> FloatArray:
+            error = (_distorted_grid(parameters, nodes) - observed) * half_width / scale
+            return np.append(error.ravel(), parameters[8:] / RADIAL_PRIOR)
+
+        if start is None:
+            homography, _ = cv2.findHomography(nodes, observed, cv2.LMEDS)
+            if homography is None:
+                homography, _ = cv2.findHomography(nodes, observed)
+            guess = np.append((homography / homography[2, 2]).ravel()[:8], [0.0, 0.0])
+        else:
+            guess = start.parameters
+        solution = least_squares(residuals, guess, loss="soft_l1", x_scale="jac", max_nfev=100).x
+        predicted = middle + half_width * _distorted_grid(solution, nodes)
+        return _Grid(predicted.reshape(corners.shape), solution)
+
+
+def _distorted_grid(parameters: FloatArray, nodes: Points) -> Points:
+    """Return the nodes (n, 2) of a board in the image, about its middle in half widths."""
+    homography = np.append(parameters[:8], 1.0).reshape(3, 3)
+    projected = nodes @ homography[:, :2].T + homography[:, 2]
+    ideal = projected[:, :2] / projected[:, 2:]
+    squares = (ideal**2).sum(axis=1, keepdims=True)
+    distorted: Points = ideal * (1 + parameters[8] * squares + parameters[9] * squares**2)
+    return distorted
+
+
+def _refine(image: npt.NDArray[np.uint8], start: Points, grid: Points) -> tuple[Points, BoolArray]:
+    """Return the saddle points next to the start, and which of them exist within the window."""
+    size = square_size(grid)
+    smooth = cv2.GaussianBlur(
+        image.astype(np.float32), (0, 0), max(SMOOTHING_FRACTION * size, MIN_SMOOTHING_PX)
+    )
+    levels = _Levels.of(smooth, grid)
+    radius = max(RADIUS_FRACTION * size, MIN_RADIUS_PX)
+    reach = np.arange(-np.ceil(radius), np.ceil(radius) + 1)
+    x, y = (offset.ravel() for offset in np.meshgrid(reach, reach))
+    inside = x**2 + y**2 <= radius**2
+    x, y = x[inside], y[inside]
+    paraboloid = np.linalg.pinv(np.column_stack([x * x, x * y, y * y, x, y, np.ones_like(x)]))
+    begin = start.reshape(-1, 2)
+    corners, is_saddle = begin.copy(), np.ones(len(begin), dtype=bool)
+    for _ in range(MAX_REFINEMENT_STEPS):
+        places = corners[:, None] + np.column_stack([x, y])
+        a, b, c, d, e, _ = paraboloid @ levels.flatten(smooth, places).T
+        determinant = 4 * a * c - b * b
+        is_saddle = determinant < 0
+        divisor = np.where(is_saddle, determinant, -1.0)
+        steps = np.column_stack([b * e - 2 * c * d, b * d - 2 * a * e]) / divisor[:, None]
+        steps[~is_saddle] = 0
+        length = np.linalg.norm(steps, axis=1)
+        # At most half a window: the paraboloid describes no more.
+        corners += steps * np.minimum(1, radius / 2 / np.maximum(length, 1e-9))[:, None]
+        if length.max() < 1e-3:
+            break
+    exists = is_saddle & (np.linalg.norm(corners - begin, axis=1) < radius)
+    corners[~exists] = begin[~exists]
+    return corners.reshape(start.shape), exists.reshape(start.shape[:2])
+
+
+@dataclass(frozen=True, eq=False)
+class _Levels:
+    """Brightness of black and of white squares as polynomials of the place in the image."""
+
+    middle: FloatArray
+    extent: float
+    degree: int
+    first: FloatArray
+    second: FloatArray
+
+    @staticmethod
+    def of(image: npt.NDArray[np.float32], grid: Points) -> "_Levels":
+        """Fit the levels to the middles of the squares; few squares allow a constant only."""
+        middles = cell_middles(grid)
+        odd = np.indices(middles.shape[:2]).sum(axis=0) % 2 == 1
+        # Twice as many squares of each colour as the polynomial has terms.
+        degree = int(np.searchsorted([12, 24], odd.size, side="right"))
+        places = grid.reshape(-1, 2)
+        middle, extent = places.mean(axis=0), float(np.ptp(places, axis=0).max()) / 2
+        values = sample(image, middles)
+        first, second = (
+            _robust_solution(_terms((middles[colour] - middle) / extent, degree), values[colour])
+            for colour in (~odd, odd)
+        )
+        return _Levels(middle, extent, degree, first, second)
+
+    def flatten(self, image: npt.NDArray[np.float32], places: Points) -> FloatArray:
+        """Return the image at places (..., 2): 0 in squares like the first, 1 in the others."""
+        terms = _terms((places - self.middle) / self.extent, self.degree)
+        contrast = terms @ (self.second - self.first)
+        typical = np.median(contrast)
+        contrast = np.sign(typical) * np.maximum(contrast * np.sign(typical), abs(typical) / 5)
+        flattened: FloatArray = (sample(image, places) - terms @ self.first) / (contrast + 1e-9)
+        return flattened
+
+
+def cell_middles(corners: Points) -> Points:
+    """Return the middles (rows - 1, columns - 1, 2) of the squares between corners."""
+    pairs = corners[:-1] + corners[1:]
+    middles: Points = (pairs[:, :-1] + pairs[:, 1:]) / 4
+    return middles
+
+
+def sample(image: npt.NDArray[np.float32], places: Points) -> FloatArray:
+    """Return the image at places (..., 2) in px, interpolated; the border goes on outside."""
+    flat = places.reshape(1, -1, 2).astype(np.float32)
+    # OpenCV's remap takes up to 32767 columns.
+    parts = [
+        cv2.remap(image, part, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        for part in np.array_split(flat, 1 + flat.shape[1] // 30000, axis=1)
+    ]
+    return np.concatenate(parts, axis=1).reshape(places.shape[:-1]).astype(np.float64)
+
+
+def _terms(places: Points, degree: int) -> FloatArray:
+    """Return the terms of a polynomial in x and y, (..., 1), (..., 3) or (..., 6)."""
+    x, y = places[..., 0], places[..., 1]
+    terms = [np.ones_like(x), x, y, x * x, x * y, y * y]
+    return np.stack(terms[: (1, 3, 6)[degree]], axis=-1)
+
+
+def _robust_solution(design: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the solution of least squares with Huber weights (a laser line brightens a few)."""
+    weights = np.ones(len(values))
+    for _ in range(5):
+        solution = np.linalg.lstsq(design * weights[:, None], values * weights, rcond=None)[0]
+        error = np.abs(values - design @ solution)
+        limit = max(2.0 * float(np.median(error)), 0.5)
+        weights = np.sqrt(np.minimum(1.0, limit / np.maximum(error, 1e-9)))
+    return np.asarray(solution, dtype=np.float64)

@@ -1,0 +1,90 @@
+"""Order of a chessboard's corners, the same whichever finder and whichever turn of the image.
+
+The first corner touches a black square at a corner of the board, the rows run to the right of the
+columns (as printed: x to the right, y down). Where a half turn changes nothing, because both counts
+are even or both are odd, the row that points most to the right in the image is taken.
+"""
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from lsvision.calibration.chessboard_corners import cell_middles, sample, square_size
+from lsvision.geometry import IntArray, Points
+
+SMOOTHING_FRACTION = 0.1
+"""Standard deviation of the smoothing before the squares are sampled, in squares."""
+
+
+def corner_order(image: npt.NDArray[np.uint8], corners: Points) -> IntArray:
+    """Return the indices (rows, columns) that bring corners into the order of the board.
+
+    Parameters
+    ----------
+    image : (height, width) ndarray of uint8
+        Grey.
+    corners : (rows, columns, 2) ndarray
+        In any order of a grid. Units: px.
+
+    Returns
+    -------
+    (rows, columns) ndarray of int
+        Of ``corners.reshape(-1, 2)``.
+
+    Examples
+    --------
+    >>> board = np.kron(np.indices((4, 5)).sum(axis=0) % 2, np.ones((20, 20))) * 255
+    >>> y, x = np.mgrid[1:4, 1:5] * 20.0
+    >>> upside_down = np.stack([x, y], axis=-1)[::-1, ::-1]
+    >>> int(corner_order(board.astype(np.uint8), upside_down)[0, 0])
+    11
+    """
+    smoothing = max(SMOOTHING_FRACTION * square_size(corners), 0.5)
+    smooth = cv2.GaussianBlur(image.astype(np.float32), (0, 0), smoothing)
+    flat, right_handed = corners.reshape(-1, 2), _right_handed_orders(corners)
+    black_first = [order for order in right_handed if _contrast(smooth, flat[order]) > 0]
+    # A board with four white corners has no black one to begin at.
+    return max(black_first or right_handed, key=lambda order: _rightward(flat[order]))
+
+
+def reading_order(centres: Points) -> IntArray:
+    """Return the indices (rows, columns) of a symmetric grid: rows to the right, as one reads.
+
+    `centres` (rows, columns, 2) are in any order of a grid; nothing tells its turns apart.
+    """
+    flat = centres.reshape(-1, 2)
+    return max(_right_handed_orders(centres), key=lambda order: _rightward(flat[order]))
+
+
+def _right_handed_orders(corners: Points) -> list[IntArray]:
+    """Return the orders in which columns run to the right of rows, as printed."""
+    flat = corners.reshape(-1, 2)
+    return [order for order in _grid_orders(corners.shape[:2]) if _turn(flat[order]) > 0]
+
+
+def _grid_orders(shape: tuple[int, ...]) -> list[IntArray]:
+    """Return all orders in which rows and columns may run; eight for a square grid."""
+    order = np.arange(shape[0] * shape[1]).reshape(shape)
+    orders = [order, order.T] if shape[0] == shape[1] else [order]
+    return [each[::down, ::along] for each in orders for down in (1, -1) for along in (1, -1)]
+
+
+def _turn(corners: Points) -> float:
+    """Return the cross product of the mean row and the mean column; positive as printed."""
+    row = (corners[:, -1] - corners[:, 0]).mean(axis=0)
+    column = (corners[-1] - corners[0]).mean(axis=0)
+    return float(row[0] * column[1] - row[1] * column[0])
+
+
+def _contrast(image: npt.NDArray[np.float32], corners: Points) -> float:
+    """Return how much brighter the other squares are than the colour of the first corner's."""
+    middles = cell_middles(corners)
+    odd = np.indices(middles.shape[:2]).sum(axis=0) % 2 == 1
+    values = sample(image, middles)
+    return float(np.median(values[odd]) - np.median(values[~odd]))
+
+
+def _rightward(corners: Points) -> float:
+    """Return the cosine of the angle between a row and the image's rows."""
+    row = (corners[:, -1] - corners[:, 0]).mean(axis=0)
+    return float(row[0] / np.linalg.norm(row))

@@ -1,0 +1,126 @@
+"""Result of a laser plane's calibration."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lsvision.calibration.result_tables import (
+    cells_of_rows,
+    doubt_lines,
+    laser_plane_record,
+    laser_plane_rows,
+)
+from lsvision.calibration.views import RejectedView
+from lsvision.geometry import FloatArray, Plane, Pose
+from lsvision.geometry.equality import ComparedByValue
+from lsvision.results.number_format import format_value
+from lsvision.results.quantities import Record
+from lsvision.results.result import Result
+from lsvision.sensors.light_section import LightSection
+
+
+@dataclass(frozen=True, eq=False)
+class CalibratedLaserView(ComparedByValue):
+    """One board pose after the calibration.
+
+    Parameters
+    ----------
+    index : int
+        Index of the images.
+    camera_from_board : Pose
+        Pose of the board.
+    corner_residuals : (n, 2) ndarray
+        Projected minus observed corners. Units: px.
+    line_residuals : (m,) ndarray
+        Residuals of the laser line, across it. Units: px.
+    """
+
+    index: int
+    camera_from_board: Pose
+    corner_residuals: FloatArray
+    line_residuals: FloatArray
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LaserPlaneCalibration(Result):
+    """Calibrated light section with covariance, residuals and warnings.
+
+    Parameters
+    ----------
+    light_section : LightSection
+        The result; its camera is refined if there are enough views.
+    covariance : (3, 3) ndarray
+        Covariance of the plane: tilt about the section's X, about its Y (rad), distance (mm).
+    views : tuple of CalibratedLaserView
+        Residuals of each view.
+    board_bow, board_bow_std : (2,) ndarray
+        Deviation of the board's middle from flatness along x and along y, positive away from
+        the camera; zero where it was not fitted. Units: mm.
+    rejected : tuple of RejectedView
+        Views that could not be used, or whose line is not in the plane of the others.
+    outliers : tuple of RejectedView
+        Views that were used and have large residuals.
+    warnings : tuple of str
+        Weaknesses of the set of views.
+    """
+
+    light_section: LightSection
+    covariance: FloatArray
+    views: tuple[CalibratedLaserView, ...]
+    board_bow: FloatArray
+    board_bow_std: FloatArray
+    rejected: tuple[RejectedView, ...]
+    outliers: tuple[RejectedView, ...]
+    warnings: tuple[str, ...]
+
+    @property
+    def plane(self) -> Plane:
+        """The laser plane, camera frame, at a positive distance. Units: mm."""
+        return self.light_section.laser_plane
+
+    @property
+    def residuals(self) -> tuple[FloatArray, ...]:
+        """Residuals of the laser line in each view. Units: px."""
+        return tuple(view.line_residuals for view in self.views)
+
+    @property
+    def line_rms(self) -> float:
+        """Root mean square residual of the laser line. Units: px."""
+        return rms(np.concatenate(self.residuals))
+
+    @property
+    def corner_rms(self) -> float:
+        """Root mean square residual of the corners, per point as in OpenCV. Units: px."""
+        residuals = np.concatenate([view.corner_residuals for view in self.views])
+        return float(np.sqrt(2)) * rms(residuals)
+
+    def to_dict(self) -> Record:
+        """Return the plane with its uncertainty and the residuals, ready for JSON.
+
+        Returns
+        -------
+        dict
+            Camera frame; lengths in ``*_mm``, angles in ``*_deg``, residuals in ``*_px``.
+        """
+        return laser_plane_record(self)
+
+    def _summary(self) -> str:
+        std = math.sqrt(float(self.covariance[2, 2]))
+        return (
+            f"distance {format_value(self.plane.distance, std)} mm from {len(self.views)} views, "
+            f"laser line rms {self.line_rms:.3f} px"
+        )
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        return cells_of_rows(laser_plane_rows(self))
+
+    def _notes(self) -> list[str]:
+        return doubt_lines(self.rejected, self.outliers, self.warnings)
+
+
+def rms(values: FloatArray) -> float:
+    """Return the root mean square of an array."""
+    return float(np.sqrt(np.mean(np.square(values))))

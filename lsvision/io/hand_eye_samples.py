@@ -1,0 +1,86 @@
+"""Samples of a hand-eye calibration as ROS tools store them: flange and target, pair by pair.
+
+Lengths are in metres. MoveIt: a list of ``effector_wrt_world`` and ``object_wrt_sensor``, 4x4 row
+by row. easy_handeye2: ``samples`` of ``robot`` and ``tracking`` (or ``optical``). easy_handeye:
+``hand_world_samples`` and ``camera_marker_samples``, each a list of ``transforms``. The latter two
+as ``translation`` and ``rotation``, quaternion x y z w.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+from lsvision.errors import UnreadableFile
+from lsvision.files.json_text import parse_json
+from lsvision.files.limited_reading import read_text
+from lsvision.geometry import Pose
+from lsvision.io.robot_conventions import pose_from_numbers
+from lsvision.io.yaml_text import parse_yaml
+
+
+def read_hand_eye_samples(
+    path: str | Path, mounting: Literal["eye_in_hand", "eye_to_hand"]
+) -> tuple[list[Pose], list[Pose]]:
+    """Read the pairs of a file of MoveIt's hand-eye calibration, of easy_handeye or easy_handeye2.
+
+    Parameters
+    ----------
+    path : path
+        ``.json`` is JSON, anything else YAML.
+    mounting : {"eye_in_hand", "eye_to_hand"}
+        easy_handeye stores the inverse pose of the flange for a camera that stands still.
+
+    Returns
+    -------
+    base_from_flanges, camera_from_targets : list of Pose
+        Units: mm.
+
+    Raises
+    ------
+    UnreadableFile
+        If the file is missing, not parsed, of another kind, or holds a pose that is none.
+    """
+    file = Path(path)
+    parse = parse_json if file.suffix.lower() == ".json" else parse_yaml
+    try:
+        pairs, inverse = _pairs(parse(read_text(file)))
+        flanges = [_pose(flange) for flange, _ in pairs]
+        targets = [_pose(target) for _, target in pairs]
+    except (ValueError, TypeError, KeyError, OverflowError) as error:
+        told = f"no {error}" if isinstance(error, KeyError) else str(error)
+        raise UnreadableFile(
+            f"{path}: expected samples of MoveIt, easy_handeye or easy_handeye2, got: {told}; "
+            "poses of the target alone are read with --poses and --target-convention"
+        ) from error
+    if inverse and mounting == "eye_to_hand":
+        flanges = [pose.inverse() for pose in flanges]
+    return flanges, targets
+
+
+def _pairs(document: Any) -> tuple[list[tuple[Any, Any]], bool]:
+    """Return the pairs of flange and target, and whether easy_handeye wrote them."""
+    if isinstance(document, list):
+        return [(row["effector_wrt_world"], row["object_wrt_sensor"]) for row in document], False
+    if not isinstance(document, Mapping):
+        raise TypeError(f"a {type(document).__name__}")
+    if "hand_world_samples" in document:
+        flanges = document["hand_world_samples"]["transforms"]
+        targets = document["camera_marker_samples"]["transforms"]
+        if len(flanges) != len(targets):
+            raise ValueError(f"{len(flanges)} poses of the hand and {len(targets)} of the marker")
+        return list(zip(flanges, targets, strict=True)), True
+    rows = document["samples"]
+    seen = "optical" if rows and "optical" in rows[0] else "tracking"
+    return [(row["robot"], row[seen]) for row in rows], True
+
+
+def _pose(value: Any) -> Pose:
+    """Return a pose in mm of a 4x4 in m, or of a translation and a rotation."""
+    if isinstance(value, list):
+        rows = [number for row in value for number in (row if isinstance(row, list) else [row])]
+        numbers = [float(number) for number in rows]
+        return pose_from_numbers(numbers, "matrix", length_unit="m")
+    value = value.get("transform", value)
+    numbers = [float(value["translation"][axis]) for axis in "xyz"]
+    numbers += [float(value["rotation"][axis]) for axis in "xyzw"]
+    return pose_from_numbers(numbers, "ros")
