@@ -59,6 +59,8 @@ class LaserLine(ComparedByValue):
     second_line_fraction : float
         Fraction of the columns in which a second line, as strong and apart from this one, can
         be followed: above about 0.2, check that this is the right one.
+    filter_sigma : float
+        Standard deviation of the filter that located it. Units: px.
 
     Examples
     --------
@@ -75,6 +77,7 @@ class LaserLine(ComparedByValue):
     saturated: BoolArray
     direction: Direction
     second_line_fraction: float
+    filter_sigma: float
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "pixels", as_readonly_array(self.pixels, ("n", 2), "pixels"))
@@ -247,9 +250,8 @@ def _build_line(
     sigmas[columns] = stripes.sigmas[good]
     saturated = np.zeros(width, dtype=bool)
     saturated[columns] = detected.windows.saturated[good].any(axis=1)
-    return LaserLine(
-        pixels, std, heights, sigmas, saturated, "columns", detected.second_line_fraction
-    )
+    second, sigma = detected.second_line_fraction, detected.sigma
+    return LaserLine(pixels, std, heights, sigmas, saturated, "columns", second, sigma)
 
 
 def _rows_at_columns(pixels: Points, columns: IntArray) -> FloatArray:
