@@ -72,17 +72,22 @@ def correct_line_blur(
     sheet = np.array([0.0, 1.0])
     if sheet_direction is not None:
         sheet = np.asarray(sheet_direction, dtype=np.float64)[[1 - across, across]]
-    pixels, std = line.pixels.copy(), line.std.copy()
+    # A colour mosaic has a point in every second column: all lengths in steps between points.
+    pitch = float(np.nanmedian(np.diff(line.pixels[:, 1 - across])))
+    rows, std, widths = (
+        values / pitch for values in (line.pixels[:, across], line.std, line.width)
+    )
+    blur = None if blur is None else blur / pitch
+    pixels, corrected_std = line.pixels.copy(), line.std.copy()
     for run in _continuous_runs(line.pixels[:, across]):
-        width = line.width[run]
-        light = line.intensity[run] * width
-        shape = line_shape(line.pixels[run, across], light, line.std[run] / width)
-        width_std = np.where(line.saturated[run], np.inf, line.std[run])
+        width = widths[run]
+        shape = line_shape(rows[run], line.intensity[run] * width, std[run] / width)
+        width_std = np.where(line.saturated[run], np.inf, std[run])
         spread = estimate_line_spread(width, width_std, shape, blur, sheet)
-        shift, shift_std = _shift(shape, spread, width, line.filter_sigma)
-        pixels[run, across] -= shift
-        std[run] = np.hypot(std[run], shift_std)
-    return replace(line, pixels=pixels, std=std)
+        shift, shift_std = _shift(shape, spread, width, line.filter_sigma / pitch)
+        pixels[run, across] -= pitch * shift
+        corrected_std[run] = pitch * np.hypot(std[run], shift_std)
+    return replace(line, pixels=pixels, std=corrected_std)
 
 
 def _shift(

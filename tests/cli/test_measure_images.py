@@ -218,6 +218,8 @@ def test_a_useless_rig_is_refused_by_name(run, tmp_path, change, words):
     ("options", "words"),
     [
         (("--laser", "pink"), "expected --laser in"),
+        (("--laser", "red", "--bayer", "RGB"), "expected --bayer in"),
+        (("--bayer", "RGGB"), "expected --laser red, green or blue beside --bayer"),
         (("--method", "guess"), "expected method in"),
         (("--surface-std", "-1"), "--surface-std"),
         (("--frames", "0"), "--frames"),
