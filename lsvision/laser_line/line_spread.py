@@ -27,8 +27,8 @@ UNSTATED_FRACTION = 0.4
 SPREAD_STD, TILT_STD, ALONG_STD = 1.0, 0.4, 0.3
 """Standard deviations of C_vv, C_uv and C_uu before the widths are used, over the line's variance:
 a pipe's axis is tilted from the laser plane's normal by an unknown angle."""
-TILTED_SHEET_STD = 0.05
-"""Standard deviation of the sheet's part in C_uu, for the same reason, over C_vv."""
+SHEET_STD = 0.02
+"""Standard deviation of the sheet's part of C_uu that follows from C_uv, over C_vv."""
 MIN_ACROSS = 0.05
 """Smallest squared sine between line and sheet's direction from which the sheet is estimated."""
 UNDETERMINED_FRACTION = 0.5
@@ -39,7 +39,7 @@ TUKEY_SIGMAS = 4.7
 """Residual beyond which a width has no weight."""
 MIN_NOISE_FACTOR = 0.1
 """Smallest noise of the widths over the one that is stated for them."""
-MODEL_ERROR = 0.05
+MODEL_ERROR = 0.08
 """Error of each value over C_vv because the sheet is seen nearer, thus thicker, on top of a pipe
 than on its flanks; from noise-free images."""
 
@@ -104,14 +104,19 @@ def estimate_line_spread(
     undetermined = np.sqrt(covariance.diagonal()) > UNDETERMINED_FRACTION * prior_std
     values = np.where(undetermined, prior, values)
     spread = LineSpread(values, covariance + np.diag([(MODEL_ERROR * values[0]) ** 2] * 3))
-    return spread if blur is None else _with_stated_blur(spread, prior[2], blur)
+    return spread if blur is None else _with_stated_blur(spread, blur)
 
 
-def _with_stated_blur(spread: LineSpread, along: float, blur: float) -> LineSpread:
-    """The weighted mean of an estimate and the C_uu that the stated blur gives. Units: px^2."""
-    variance = (STATED_STD * blur**2) ** 2 + (TILTED_SHEET_STD * spread.values[0]) ** 2
+def _with_stated_blur(spread: LineSpread, blur: float) -> LineSpread:
+    """The weighted mean of an estimate and the C_uu that the stated blur gives.
+
+    The sheet spreads light along one direction: its part of C_uu follows from that of the others.
+    """
+    c_vv, c_uv, c_uu = spread.values
+    sheet = max(c_vv - blur**2, UNSTATED_FRACTION * c_vv)
+    variance = (STATED_STD * blur**2) ** 2 + (SHEET_STD * c_vv) ** 2
     gain = spread.covariance[:, 2] / (spread.covariance[2, 2] + variance)
-    values = spread.values + gain * (along - spread.values[2])
+    values = spread.values + gain * (blur**2 + c_uv**2 / sheet - c_uu)
     covariance: FloatArray = spread.covariance - np.outer(gain, spread.covariance[2])
     return LineSpread(values, covariance)
 
