@@ -27,6 +27,15 @@ Laser = Annotated[
         help="In colour images: red, green, blue, white; else grey.",
     ),
 ]
+BayerPattern = Annotated[
+    str | None,
+    typer.Option(
+        "--bayer",
+        metavar="PATTERN",
+        help="Images of a colour camera, raw or interpolated: RGGB, BGGR, GRBG or GBRG; only the "
+        "pixels of the laser's colour are used.",
+    ),
+]
 Method = Annotated[
     str,
     typer.Option(
@@ -40,20 +49,22 @@ LaserOff = Annotated[
 ]
 
 
-def parse_line_settings(laser: str, method: str) -> "LineSettings":
+def parse_line_settings(laser: str, method: str, bayer: str | None = None) -> "LineSettings":
     """Return the settings of the line extraction.
 
     Raises
     ------
     typer.BadParameter
-        For an unknown colour or method.
+        For an unknown colour, method or pattern.
     """
     from lsvision.laser_line.settings import LineSettings
 
     try:
-        return LineSettings(channel=cast(Any, laser), method=cast(Any, method))
+        pattern = cast(Any, bayer and bayer.upper())
+        return LineSettings(channel=cast(Any, laser), method=cast(Any, method), bayer=pattern)
     except ValueError as error:
-        raise typer.BadParameter(str(error).replace("channel", "--laser")) from None
+        message = str(error).replace("channel", "--laser").replace("bayer", "--bayer")
+        raise typer.BadParameter(message) from None
 
 
 def parse_imaging(

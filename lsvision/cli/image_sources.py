@@ -101,8 +101,8 @@ def is_image(source: Path) -> bool:
     return source.suffix.lower() in IMAGE_SUFFIXES | VIDEO_SUFFIXES
 
 
-def check_colours(image: Any, laser: str, where: str = "it") -> None:
-    """Raise an error if the colours of an image contradict ``--laser``.
+def check_colours(image: Any, laser: str, where: str = "it", bayer: str | None = None) -> None:
+    """Raise an error if the colours of an image contradict ``--laser``; a raw mosaic has none.
 
     Raises
     ------
@@ -114,8 +114,11 @@ def check_colours(image: Any, laser: str, where: str = "it") -> None:
         raise UnreadableFile(
             f"{where} has colours: say the laser's, --laser red, green, blue or white"
         )
-    if not coloured and laser not in ("grey", "white"):
-        raise UnreadableFile(f"{where} has no colours: leave --laser {laser} out")
+    if not coloured and laser not in ("grey", "white") and bayer is None:
+        raise UnreadableFile(
+            f"{where} has no colours: leave --laser {laser} out, or, if it is the raw image of a "
+            "colour camera, name its pattern (--bayer RGGB)"
+        )
 
 
 def read_image_source(source: Path | LiveCamera, imaging: ImagingOptions | None) -> ImageFile:
@@ -181,7 +184,7 @@ def extract_named_line(
     from lsvision.laser_line.extraction import extract_laser_line
 
     with _prefix_errors(str(source)):
-        check_colours(image, settings.channel)
+        check_colours(image, settings.channel, bayer=settings.bayer)
         return extract_laser_line(image, settings, dark)
 
 
@@ -197,7 +200,7 @@ def _prefix_errors(where: str) -> Iterator[None]:
 
 
 def _profile_of_image(image: Any, imaging: ImagingOptions) -> "tuple[Profile, Any, LaserLine]":
-    check_colours(image, imaging.line.channel)
+    check_colours(image, imaging.line.channel, bayer=imaging.line.bayer)
     line = imaging.light_section.line(image, imaging.line, imaging.laser_off)
     profile = _with_surface_noise(
         imaging.light_section.profile_from_line(line), imaging.surface_std

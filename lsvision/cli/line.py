@@ -5,7 +5,14 @@ from typing import Annotated
 
 import typer
 
-from lsvision.cli.image_options import Laser, LaserOff, Method, parse_line_settings, read_laser_off
+from lsvision.cli.image_options import (
+    BayerPattern,
+    Laser,
+    LaserOff,
+    Method,
+    parse_line_settings,
+    read_laser_off,
+)
 from lsvision.cli.messages import print_lines
 from lsvision.cli.outputs import STDOUT, check_outputs, check_picture, write_output
 from lsvision.files.printable import printable
@@ -26,6 +33,7 @@ def line(
         ),
     ] = None,
     laser: Laser = "grey",
+    bayer: BayerPattern = None,
     method: Method = "derivative",
     laser_off: LaserOff = None,
 ) -> None:
@@ -41,7 +49,7 @@ def line(
       lsvision line photo.jpg --laser red --method gaussian --csv line.csv
     """  # noqa: D301 - the backspace makes click keep the line breaks
     check_picture(plot)
-    settings = parse_line_settings(laser, method)
+    settings = parse_line_settings(laser, method, bayer)
     inputs = [image_file, *filter(None, [laser_off])]
     check_outputs((plot,), inputs, streams=(csv_file,))
     from lsvision.cli.image_sources import extract_named_line

@@ -10,6 +10,7 @@ import typer
 from lsvision.cli.batch import BatchOptions, measure_sources
 from lsvision.cli.file_part import PartOptions
 from lsvision.cli.image_options import (
+    BayerPattern,
     Laser,
     LaserOff,
     LightSectionFile,
@@ -58,6 +59,7 @@ def measure(
     ] = False,
     light_section: LightSectionFile = None,
     laser: Laser = "grey",
+    bayer: BayerPattern = None,
     method: Method = "derivative",
     laser_off: LaserOff = None,
     surface_std: Annotated[
@@ -128,7 +130,7 @@ def measure(
     noise = sensor.parse()
     measuring = build_measure_function(radius, known_radius, known_phi_deg, noise, paper=paper)
     options = reading.parse(x_start=x_start, x_pitch=x_pitch)
-    line = parse_line_settings(laser, method)
+    line = parse_line_settings(laser, method, bayer)
     suffixes = suffixes_of_profiles(reading.dx) if light_section is None else MEASURED_SUFFIXES
     paths, missing = find_sources(files or (), suffixes)
     inputs = [*paths, *robot.files, *filter(None, (light_section, laser_off))]

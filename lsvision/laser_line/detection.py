@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from lsvision.errors import NoLaserLine
-from lsvision.geometry import FloatArray
+from lsvision.geometry import FloatArray, IntArray
 from lsvision.laser_line.candidates import LineCandidates, find_line_candidates
 from lsvision.laser_line.line_image import Direction, LineImage
 from lsvision.laser_line.noise import PixelNoise, estimate_pixel_noise
@@ -144,7 +144,8 @@ def find_line(image: LineImage, settings: LineSettings) -> DetectedLine:
         if len(path.indices) < MIN_POINTS:
             reasons.append(f"{len(path.indices)} columns hold a ridge that goes on in the next")
             continue
-        line = _locate_line(image, candidates.select(path.indices), sigma, settings)
+        ridge = candidates.select(path.indices)
+        line = locate_line(image, ridge.columns, ridge.rows, sigma, settings)
         longest = max(longest, len(path.indices))
         reason = _rejection_reason(line, longest, _rival_ratio(candidates, path))
         width = float(np.nanmedian(line.stripes.sigmas)) if line.stripes.found.any() else np.inf
@@ -189,13 +190,25 @@ def pixel_noise(image: LineImage, windows: Windows, settings: LineSettings) -> P
     )
 
 
-def _locate_line(
-    image: LineImage, ridge: LineCandidates, sigma: float, settings: LineSettings
+def locate_line(
+    image: LineImage, columns: IntArray, rows: FloatArray, sigma: float, settings: LineSettings
 ) -> DetectedLine:
-    """Locate a line in windows around its ridge, one candidate for each column."""
-    windows = cut_windows(image, image.signal, ridge.columns, ridge.rows, sigma)
+    """Locate a line in windows around its coarse positions.
+
+    Parameters
+    ----------
+    image : LineImage
+        With the line from left to right.
+    columns, rows : (n,) ndarray
+        Coarse positions, one for each column. Units: px.
+    sigma : float
+        Standard deviation of the filter. Units: px.
+    settings : LineSettings
+        Settings of `extract_laser_line`.
+    """
+    windows = cut_windows(image, image.signal, columns, rows, sigma)
     variances = pixel_noise(image, windows, settings).variances(windows.values)
-    stripes = locate_by_derivative(windows, ridge.rows, variances, sigma)
+    stripes = locate_by_derivative(windows, rows, variances, sigma)
     return DetectedLine(windows, stripes, variances, sigma, 0.0)
 
 

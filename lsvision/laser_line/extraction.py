@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -11,9 +12,16 @@ import numpy.typing as npt
 from lsvision.errors import NoLaserLine
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Points, as_readonly_array
 from lsvision.geometry.equality import ComparedByValue
-from lsvision.laser_line.detection import DetectedLine, find_direction, find_line
-from lsvision.laser_line.line_image import Direction, LineImage, prepare_line_image
-from lsvision.laser_line.noise import SLOPE_SPAN, excess_variance
+from lsvision.laser_line.detection import DetectedLine, find_direction, find_line, locate_line
+from lsvision.laser_line.image_array import Image, as_image
+from lsvision.laser_line.line_image import (
+    Direction,
+    LineImage,
+    full_scale_of,
+    prepare_line_image,
+)
+from lsvision.laser_line.mosaic import colour_planes
+from lsvision.laser_line.noise import SLOPE_SPAN, errors_are_interpolated, excess_variance
 from lsvision.laser_line.settings import LineSettings
 from lsvision.laser_line.stripe_windows import Stripes, cut_windows
 from lsvision.laser_line.subpixel import (
@@ -21,6 +29,7 @@ from lsvision.laser_line.subpixel import (
     locate_by_gaussian_fit,
     locate_by_steger,
 )
+from lsvision.statistics.robust import MAD_TO_STD
 
 MAX_SATURATED_FRACTION = 0.5
 """Largest fraction of the pixels at full scale; above it the whole image is overexposed."""
@@ -31,6 +40,14 @@ BORDER_SIGMAS = 1.5
 line."""
 MAX_BORDER_FRACTION = 0.5
 """Largest fraction of a line's columns that may be so near to the border."""
+COARSE_COLOUR_SIGMAS = 1.15
+"""Distance of the lines in interpolated colours and in luminance, in standard deviations of their
+noise, above which the colours shift the line: 1.2 to 9 in JPEG files and mosaics."""
+BLOCK_FACTOR = 2.0
+"""Factor on errors that are common to the columns of a JPEG file's block, which a fit takes to be
+independent."""
+MIN_BRIGHT_FRACTION = 0.75
+"""Smallest fraction of the columns in which the luminance has a stripe, too."""
 STEGER_CORRELATION_SIGMAS = 4.0
 """Distance along the line, in sigmas of Steger's smoothing, from which errors are independent."""
 
@@ -59,6 +76,8 @@ class LaserLine(ComparedByValue):
     second_line_fraction : float
         Fraction of the columns in which a second line, as strong and apart from this one, can
         be followed: above about 0.2, check that this is the right one.
+    filter_sigma : float
+        Standard deviation of the filter that located it. Units: px.
 
     Examples
     --------
@@ -75,6 +94,7 @@ class LaserLine(ComparedByValue):
     saturated: BoolArray
     direction: Direction
     second_line_fraction: float
+    filter_sigma: float
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "pixels", as_readonly_array(self.pixels, ("n", 2), "pixels"))
@@ -142,18 +162,124 @@ def extract_laser_line(
     (320, 0, 'columns', array([  7.  , 100.25]))
     """
     settings = settings or LineSettings()
+    if settings.bayer is not None:
+        return _extract_from_mosaic(image, settings, laser_off)
     line_image = prepare_line_image(image, laser_off, settings.channel, settings.full_scale)
     _check_exposure(line_image)
     direction = settings.direction or find_direction(line_image, settings)
     if direction == "rows":
         line_image = line_image.transposed()
     detected = find_line(line_image, settings)
+    coarseness = 0.0
+    if line_image.brightness is not line_image.signal:
+        line_image, detected, coarseness = _sharper(line_image, detected, settings)
     stripes = _locate_stripes(line_image, detected, settings)
+    stripes = replace(stripes, std=np.hypot(stripes.std, coarseness))
     _check_border(line_image, detected)
     line = _build_line(line_image, detected, stripes, settings)
     if direction == "rows":
         return replace(line, pixels=line.pixels[:, ::-1], direction="rows")
     return line
+
+
+def _extract_from_mosaic(
+    image: npt.ArrayLike, settings: LineSettings, laser_off: npt.ArrayLike | None
+) -> LaserLine:
+    """Extract the line from the pixels of the laser's colour; for green from both their grids."""
+    assert settings.bayer is not None
+    array = as_image(image)
+    planes = colour_planes(array, settings.bayer, settings.channel)
+    dark_planes: list[tuple[int, int, Image]] | list[None] = [None] * len(planes)
+    if laser_off is not None:
+        dark = as_image(laser_off, "laser_off")
+        dark_planes = colour_planes(dark, settings.bayer, settings.channel)
+    settings = replace(
+        settings,
+        bayer=None,
+        channel="grey",
+        sigma=settings.sigma / 2,
+        full_scale=full_scale_of(array, settings.full_scale),
+    )
+    lines = []
+    for (row, column, plane), dark_plane in zip(planes, dark_planes, strict=True):
+        line = extract_laser_line(plane, settings, dark_plane and dark_plane[2])
+        settings = replace(settings, direction=line.direction)
+        lines.append(_in_mosaic(line, row, column))
+    return lines[0] if len(lines) == 1 else _interleaved(lines[0], lines[1])
+
+
+def _in_mosaic(line: LaserLine, row: int, column: int) -> LaserLine:
+    """A line of every second row and column, in pixels of the sensor.
+
+    Between its pixels a thin line is not seen. This shifts the zero crossing of the filter of sigma
+    s by up to 4 pi q^2 exp(-2 pi^2 p^2), 1 / p^2 = 1 / q^2 + 1 / s^2, for a line of sigma q, to
+    either side (the first alias of the sampled stripe): 0.2 px for a line of 0.8 px, 0.02 px for
+    one of 1.4 px.
+    """
+    q_squared = float(np.nanmedian(line.width)) ** 2
+    p_squared = 1 / (1 / q_squared + 1 / line.filter_sigma**2)
+    alias = 4 * math.pi * q_squared * math.exp(-2 * (math.pi**2) * p_squared)
+    return replace(
+        line,
+        pixels=2 * line.pixels + np.array([column, row]),
+        std=2 * np.hypot(line.std, alias / math.sqrt(2)),
+        width=2 * line.width,
+        filter_sigma=2 * line.filter_sigma,
+    )
+
+
+def _interleaved(first: LaserLine, second: LaserLine) -> LaserLine:
+    """Two lines of every second column, in the order of the columns."""
+    along = 0 if first.direction == "columns" else 1
+    pairs = [(line, int(np.nanmax(line.pixels[:, along])) % 2) for line in (first, second)]
+    columns = np.concatenate([2 * np.arange(len(line)) + odd for line, odd in pairs])
+    places = np.argsort(columns)
+
+    def merged(name: str) -> Any:
+        return np.concatenate([getattr(first, name), getattr(second, name)])[places]
+
+    return replace(
+        first,
+        pixels=merged("pixels"),
+        std=merged("std"),
+        intensity=merged("intensity"),
+        width=merged("width"),
+        saturated=merged("saturated"),
+        second_line_fraction=max(first.second_line_fraction, second.second_line_fraction),
+    )
+
+
+def _sharper(
+    image: LineImage, detected: DetectedLine, settings: LineSettings
+) -> tuple[LineImage, DetectedLine, float]:
+    """The image and line of the luminance where the colours have less resolution than it has.
+
+    JPEG files keep colours at half the resolution and in coarser steps, interpolated mosaics shift
+    them: then the line of the laser's colour lies beside that of the luminance by more than the
+    noise of their pixels. The luminance has twice the resolution, so its error is taken to be half
+    of their distance; it is common to the columns of a block, so that it counts twice. The last
+    value is the standard deviation that counts. Units: px.
+    """
+    found = detected.stripes.found
+    columns, rows = detected.windows.columns[found], detected.stripes.pixels[found, 1]
+    if not errors_are_interpolated(columns, rows):
+        return image, detected, 0.0
+    bright = locate_line(image.of_brightness, columns, rows, detected.sigma, settings)
+    both = bright.stripes.found
+    if both.mean() < MIN_BRIGHT_FRACTION:
+        return image, detected, 0.0
+    distance = np.abs(bright.stripes.pixels[both, 1] - rows[both])
+    bright_std = bright.stripes.std[both]
+    std = detected.stripes.std[found][both]
+    noise = np.hypot(bright_std, std)
+    if MAD_TO_STD * float(np.median(distance / noise)) < COARSE_COLOUR_SIGMAS:
+        return image, detected, 0.0
+    scatter = MAD_TO_STD * float(np.median(distance))
+    colour_error = math.sqrt(max(scatter**2 - float(np.median(noise)) ** 2, 0.0))
+    if np.median(np.hypot(std, colour_error)) < np.median(np.hypot(bright_std, scatter / 2)):
+        return image, detected, BLOCK_FACTOR * colour_error
+    bright = replace(bright, second_line_fraction=detected.second_line_fraction)
+    return image.of_brightness, bright, BLOCK_FACTOR * scatter / 2
 
 
 def _check_exposure(image: LineImage) -> None:
@@ -247,9 +373,8 @@ def _build_line(
     sigmas[columns] = stripes.sigmas[good]
     saturated = np.zeros(width, dtype=bool)
     saturated[columns] = detected.windows.saturated[good].any(axis=1)
-    return LaserLine(
-        pixels, std, heights, sigmas, saturated, "columns", detected.second_line_fraction
-    )
+    second, sigma = detected.second_line_fraction, detected.sigma
+    return LaserLine(pixels, std, heights, sigmas, saturated, "columns", second, sigma)
 
 
 def _rows_at_columns(pixels: Points, columns: IntArray) -> FloatArray:

@@ -1,45 +1,61 @@
-"""Correction of the shift of a laser line by lens blur along it."""
+"""Correction of the shift of a laser line by blur along it."""
 
 from dataclasses import replace
 
 import numpy as np
-from scipy.signal import savgol_filter
+import numpy.typing as npt
 
 from lsvision.geometry import FloatArray, IntArray
 from lsvision.laser_line.extraction import LaserLine
+from lsvision.laser_line.line_shape import WINDOW, LineShape, line_shape
+from lsvision.laser_line.line_spread import LineSpread, estimate_line_spread
 
-SLOPE_WINDOW = 15
-"""Window of the derivatives: several times the blur, a fraction of a pipe. Units: px."""
 MAX_STEP_PX = 8.0
 """Largest step between neighbouring columns of one surface. Units: px."""
+SECOND_ORDER = 2.0
+"""Error of the first order over the squared size of its terms by the line's width; largest seen on
+pipes whose line turns upright (measured on noise-free images)."""
+MAX_VARIANCE_RATIO = 2.0
+"""Largest variance of a column over the median: one that is wider holds something else."""
 
 
-def correct_line_blur(line: LaserLine, blur: float) -> LaserLine:
+def correct_line_blur(
+    line: LaserLine, blur: float | None = None, sheet_direction: npt.ArrayLike | None = None
+) -> LaserLine:
     """Correct the bias of a laser line by blur along the line.
 
-    Blur mixes each column with its neighbours. Where the line is steep and its intensity
-    changes, as on the flanks of a pipe, the line is shifted towards the brighter neighbour: by
-    0.01 px halfway down a flank and 0.1 px at its foot, to the same side in many columns. The
-    radius of a pipe of 25 mm becomes 16 um too large, eight times its standard deviation; after
-    the correction with the known blur the error is 2 um or less.
+    Blur mixes each column with its neighbours. Where the line is steep and its light changes, as
+    on the flanks of a pipe, the line is shifted towards the brighter neighbour: by 0.01 px halfway
+    down a flank and 0.1 px at its foot, to the same side in many columns. The radius of a pipe of
+    25 mm becomes 16 um too large, eight times its standard deviation; 5 um are left.
 
     Parameters
     ----------
     line : LaserLine
         Result of `extract_laser_line`.
-    blur : float
-        Standard deviation of the point spread function of lens and pixel along the line; 0 for
-        no correction. The correction grows with its square, so an error of it matters. Units: px.
+    blur : float, optional
+        Standard deviation of the point spread function of lens and pixel; 0 for no correction. By
+        default it is estimated from the width of the line, which grows with its slope. Units: px.
+    sheet_direction : (2,) array_like, optional
+        Direction u, v in the image in which the normal of the laser plane is seen: the thickness
+        of the laser sheet blurs along it. By default down the columns (or along the rows).
 
     Returns
     -------
     LaserLine
-        With corrected `pixels`; runs shorter than the window are not corrected.
+        With corrected `pixels`, and `std` increased by the uncertainty of the correction, which
+        is largest at the ends of the line and at other edges of its light. Runs shorter than
+        11 px are not corrected.
 
     Notes
     -----
-    A Gaussian blur of sigma s changes intensity I and row v of column u to
-    v + s^2 (v' I' / I + v'' / 2), to the first order in s^2.
+    A Gaussian blur of covariance C changes light M and row v of column u to
+
+        v + C_uu v'' / 2 + (v' C_uu - C_uv) M' / M - 3 v'' (C_uv - v' C_uu)^2 / (2 (q^2 + s^2))
+
+    to the first order. The second term is exact for a straight line, however abrupt the edge of
+    the light, if M is the blurred light. The last term is the skewness of the cross-section of
+    variance q^2, as the derivative-of-Gaussian filter of sigma s sees it.
 
     Examples
     --------
@@ -53,20 +69,47 @@ def correct_line_blur(line: LaserLine, blur: float) -> LaserLine:
     if blur == 0:
         return line
     across = 1 if line.direction == "columns" else 0
-    rows = line.pixels[:, across]
-    corrected = line.pixels.copy()
-    for run in _continuous_runs(rows):
-        corrected[run, across] -= blur**2 * _blur_shift(rows[run], line.intensity[run])
-    return replace(line, pixels=corrected)
+    sheet = np.array([0.0, 1.0])
+    if sheet_direction is not None:
+        sheet = np.asarray(sheet_direction, dtype=np.float64)[[1 - across, across]]
+    # A colour mosaic has a point in every second column: all lengths in steps between points.
+    pitch = float(np.nanmedian(np.diff(line.pixels[:, 1 - across])))
+    rows, std, widths = (
+        values / pitch for values in (line.pixels[:, across], line.std, line.width)
+    )
+    blur = None if blur is None else blur / pitch
+    pixels, corrected_std = line.pixels.copy(), line.std.copy()
+    for run in _continuous_runs(line.pixels[:, across]):
+        width = widths[run]
+        shape = line_shape(rows[run], line.intensity[run] * width, std[run] / width)
+        width_std = np.where(line.saturated[run], np.inf, std[run])
+        spread = estimate_line_spread(width, width_std, shape, blur, sheet)
+        shift, shift_std = _shift(shape, spread, width, line.filter_sigma / pitch)
+        pixels[run, across] -= pitch * shift
+        corrected_std[run] = pitch * np.hypot(std[run], shift_std)
+    return replace(line, pixels=pixels, std=corrected_std)
 
 
-def _blur_shift(rows: FloatArray, intensity: FloatArray) -> FloatArray:
-    """Shift of a run over the variance of the blur: v' I' / I + v'' / 2. Units: 1 / px."""
-    log_intensity = np.log(np.maximum(intensity, 1.0))
-    slope, curvature = (savgol_filter(rows, SLOPE_WINDOW, 2, deriv=order) for order in (1, 2))
-    log_slope = savgol_filter(log_intensity, SLOPE_WINDOW, 2, deriv=1)
-    shift: FloatArray = slope * log_slope + curvature / 2
-    return shift
+def _shift(
+    shape: LineShape, spread: LineSpread, width: FloatArray, filter_sigma: float
+) -> tuple[FloatArray, FloatArray]:
+    """Shift of a run by its blur (n,), and the standard deviation of this value. Units: px."""
+    _, c_uv, c_uu = spread.values
+    variance = np.minimum(width**2, MAX_VARIANCE_RATIO * np.median(width**2))
+    lag = shape.slope * c_uu - c_uv  # minus the covariance of row and column of a pixel's light
+    bend = shape.curvature * c_uu / 2
+    fade = lag * shape.fade
+    skew = -1.5 * shape.curvature * lag**2 / (variance + filter_sigma**2)
+    by_lag = shape.fade - 3 * shape.curvature * lag / (variance + filter_sigma**2)
+    gradient = np.stack([-by_lag, shape.curvature / 2 + shape.slope * by_lag], axis=1)
+    shift = bend + fade + skew
+    size = np.abs(bend) + np.abs(fade) + np.abs(skew)
+    shift_variance = (
+        np.einsum("ij,jk,ik->i", gradient, spread.covariance[1:, 1:], gradient)
+        + WINDOW / 2 * (lag * shape.fade_std) ** 2  # common to the columns of a window
+        + (SECOND_ORDER * size**2 / width) ** 2
+    )
+    return shift, np.sqrt(shift_variance)
 
 
 def _continuous_runs(rows: FloatArray) -> list[IntArray]:
@@ -74,4 +117,4 @@ def _continuous_runs(rows: FloatArray) -> list[IntArray]:
     valid = np.flatnonzero(np.isfinite(rows))
     breaks = (np.diff(valid) > 1) | (np.abs(np.diff(rows[valid])) > MAX_STEP_PX)
     runs = np.split(valid, np.flatnonzero(breaks) + 1)
-    return [run for run in runs if len(run) >= SLOPE_WINDOW]
+    return [run for run in runs if len(run) >= WINDOW]

@@ -1,6 +1,6 @@
 """Reduction of an image to the channel in which a laser line is bright."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import cv2
@@ -36,25 +36,35 @@ class LineImage:
     channel_signal : (height, width) ndarray
         The laser's own colour alone: where a line saturates all colours the excess is zero, and
         only this channel has its shape. Units: DN.
+    brightness : (height, width) ndarray
+        Luminance of a colour image (that of JPEG), which may have more resolution than its
+        colours; the same array as `signal` where there are no colours. Units: DN.
     raw_channel : (height, width) ndarray
-        The same before subtraction of the laser-off image: decides saturation. Units: DN.
+        The laser's channel before subtraction of the laser-off image: decides saturation.
+        Units: DN.
     full_scale : float
         Largest value of a pixel. Units: DN.
     """
 
     signal: Image
     channel_signal: Image
+    brightness: Image
     raw_channel: Image
     full_scale: float
 
     def transposed(self) -> "LineImage":
         """Return the image with rows and columns exchanged."""
         # Channels that are one array stay one array.
-        arrays = (self.signal, self.channel_signal, self.raw_channel)
+        arrays = (self.signal, self.channel_signal, self.brightness, self.raw_channel)
         distinct = {id(array): array for array in arrays}
         transposed = {key: np.ascontiguousarray(array.T) for key, array in distinct.items()}
-        signal, channel_signal, raw_channel = (transposed[id(array)] for array in arrays)
-        return LineImage(signal, channel_signal, raw_channel, self.full_scale)
+        signal, own, brightness, raw = (transposed[id(array)] for array in arrays)
+        return LineImage(signal, own, brightness, raw, self.full_scale)
+
+    @property
+    def of_brightness(self) -> "LineImage":
+        """The image with the luminance as signal; its raw channel still decides saturation."""
+        return replace(self, signal=self.brightness, channel_signal=self.brightness)
 
 
 def prepare_line_image(
@@ -91,26 +101,27 @@ def prepare_line_image(
         differs in shape or type.
     """
     array = as_image(image)
-    scale = _full_scale(array, full_scale)
-    signal, raw_channel = _laser_light(array, channel)
+    scale = full_scale_of(array, full_scale)
+    signal, raw_channel, brightness = _laser_light(array, channel)
     if laser_off is None:
-        return LineImage(signal, raw_channel, raw_channel, scale)
+        return LineImage(signal, raw_channel, brightness, raw_channel, scale)
     dark = as_image(laser_off, "laser_off")
     if dark.shape != array.shape or dark.dtype != array.dtype:
         raise ValueError(
             f"expected a laser_off frame like the image, {array.shape} {array.dtype}, got "
             f"{dark.shape} {dark.dtype}"
         )
-    dark_signal, dark_channel = _laser_light(dark, channel)
     depth = cv2.CV_16S if array.dtype == np.uint8 else cv2.CV_32F
-    difference = cv2.subtract(signal, dark_signal, dtype=depth)
-    channel_difference = difference
-    if raw_channel is not signal:
-        channel_difference = cv2.subtract(raw_channel, dark_channel, dtype=depth)
-    return LineImage(difference, channel_difference, raw_channel, scale)
+    pairs = zip((signal, raw_channel, brightness), _laser_light(dark, channel), strict=True)
+    # Channels that are one array stay one array.
+    differences = {id(lit): cv2.subtract(lit, unlit, dtype=depth) for lit, unlit in pairs}
+    own, channel_signal, luminance = (
+        differences[id(array)] for array in (signal, raw_channel, brightness)
+    )
+    return LineImage(own, channel_signal, luminance, raw_channel, scale)
 
 
-def _full_scale(array: Image, given: float | None) -> float:
+def full_scale_of(array: Image, given: float | None) -> float:
     """Largest value of a pixel: as given, or from the type and the brightest pixel. Units: DN."""
     if given is not None:
         return float(given)
@@ -125,23 +136,24 @@ def _full_scale(array: Image, given: float | None) -> float:
     )
 
 
-def _laser_light(array: Image, channel: Channel) -> tuple[Image, Image]:
-    """Excess of the laser's colour, and its own channel; one array where they are the same."""
+def _laser_light(array: Image, channel: Channel) -> tuple[Image, Image, Image]:
+    """Excess of the laser's colour, its own channel, and luminance; the same array where equal."""
     if array.ndim == 2:
         if channel not in ("grey", "white"):
             raise ValueError(
                 f'expected a colour image for channel="{channel}", got a grey one of shape '
                 f'{array.shape}: use channel="grey"'
             )
-        return array, array
+        return array, array, array
     if channel == "grey":
         grey = _grey_channel(array)
-        return grey, grey
+        return grey, grey, grey
     weights = np.array(CHANNEL_WEIGHTS[channel], dtype=np.float32)
     signal: Image = cv2.transform(array, weights[None])
     if channel == "white":
-        return signal, signal
-    return signal, np.ascontiguousarray(array[:, :, int(np.argmax(weights))])
+        return signal, signal, signal
+    own = np.ascontiguousarray(array[:, :, int(np.argmax(weights))])
+    return signal, own, cv2.cvtColor(array, cv2.COLOR_BGR2GRAY)
 
 
 def _grey_channel(array: Image) -> Image:

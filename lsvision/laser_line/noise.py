@@ -29,6 +29,11 @@ correlated even further: 1.0 in read noise, 1.6 to 1.9 in speckle, 2.6 to 4 in e
 photographs."""
 LONGER_LAGS = (6, 12)
 """Distances in columns that are tried then. Units: px."""
+COMPARED_LAGS = (1, 2, 3, 6)
+"""Distances in columns whose scatters are compared to see whether columns are interpolated."""
+MAX_INTERPOLATED_RATIO = 0.7
+"""Smallest scatter over the largest below which they are: 0.84 and more in images of a camera with
+three sensors, 0 to 0.56 in JPEG files and interpolated mosaics."""
 MIN_SCATTER_GROWTH = 1.25
 """Smallest ratio by which the scatter must grow for a longer distance to be used."""
 MIN_LENGTH_RATIO = 20
@@ -151,6 +156,29 @@ def excess_variance(
     explained = float(np.median(std**2 / steepness)) if len(std) else 0.0
     excess: FloatArray = steepness * max(scatter**2 - explained, 0.0)
     return excess
+
+
+def errors_are_interpolated(columns: IntArray, rows: FloatArray) -> bool:
+    """Return whether the scatter of a line depends on the distance of its points.
+
+    Parameters
+    ----------
+    columns : (n,) ndarray of int
+        Columns in which the line was located. Units: px.
+    rows : (n,) ndarray
+        Sub-pixel rows. Units: px.
+
+    Returns
+    -------
+    bool
+        True where columns were computed from their neighbours (a mosaic, the colours of a JPEG
+        file), and in speckle; false in read and shot noise.
+    """
+    line = np.full(int(columns.max()) + 1, np.nan)
+    line[columns] = rows
+    scale = np.ones_like(line)
+    scatters = [_scatter(line, scale, THIRD_DIFFERENCE, lag) for lag in COMPARED_LAGS]
+    return min(scatters) < MAX_INTERPOLATED_RATIO * max(scatters)
 
 
 def line_slopes(columns: IntArray, rows: FloatArray) -> FloatArray:

@@ -6,6 +6,7 @@ from typing import Literal, get_args
 
 from lsvision.geometry.settings_repr import ShowsChanges
 from lsvision.laser_line.line_image import Channel, Direction
+from lsvision.laser_line.mosaic import Bayer
 from lsvision.laser_line.path_search import PathSettings
 
 Method = Literal["derivative", "gaussian", "steger"]
@@ -32,6 +33,10 @@ class LineSettings(ShowsChanges):
         by default.
     channel : {"grey", "red", "green", "blue", "white"}
         The laser's colour in a colour image; "grey" for a camera without colours.
+    bayer : {"RGGB", "BGGR", "GRBG", "GBRG"}, optional
+        Colours of a sensor's first two pixels of the first row, then of the second: only the
+        pixels of the colour `channel` are used, with a filter of the same sigma. The image is raw
+        (one number a pixel), or interpolated from such a one.
     full_scale : float, optional
         Largest value of a pixel; by default that of the image's depth, see
         `prepare_line_image`. Units: DN.
@@ -60,6 +65,7 @@ class LineSettings(ShowsChanges):
     sigma: float = 2.0
     direction: Direction | None = None
     channel: Channel = "grey"
+    bayer: Bayer | None = None
     full_scale: float | None = None
     min_contrast: float = 0.02
     read_noise: float | None = None
@@ -76,6 +82,12 @@ class LineSettings(ShowsChanges):
         if self.direction not in (None, *get_args(Direction)):
             raise ValueError(
                 f"expected direction in {get_args(Direction)} or None, got {self.direction!r}"
+            )
+        if self.bayer not in (None, *get_args(Bayer)):
+            raise ValueError(f"expected bayer in {get_args(Bayer)} or None, got {self.bayer!r}")
+        if self.bayer and self.channel in ("grey", "white"):
+            raise ValueError(
+                f"expected channel red, green or blue beside bayer, got {self.channel!r}"
             )
         for name in ("sigma", "full_scale", "min_contrast"):
             value = getattr(self, name)

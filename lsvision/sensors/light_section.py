@@ -37,6 +37,8 @@ MIN_SLANT = 1e-3
 MIN_FACING_COSINE = 0.98
 """Cosine of the angle between optical axis and the plane's normal (11 deg), above which the plane
 faces the camera and the optical axis does not determine the direction of Y."""
+NORMAL_STEP_MM = 0.1
+"""Length of the normal whose image is its direction there. Units: mm."""
 GRID = 9
 """Pixels along each side of the image whose rays are intersected with a plane to check it."""
 
@@ -60,9 +62,9 @@ class LightSection(ComparedByValue):
     provenance : mapping of str to str, optional
         Origin of the values (method, date, inputs), stored in the rig file.
     line_blur_px : float
-        Standard deviation of the point spread function along the laser line, if measured; 0 for
-        no correction. A blur of 0.7 px makes the radius of a pipe of 25 mm at 300 mm 16 um too
-        large; see `correct_line_blur`. Units: px.
+        Standard deviation of the point spread function of lens and pixel, if measured; 0: not
+        stated, then it is estimated from the width of each line. A blur of 0.7 px makes the radius
+        of a pipe of 25 mm at 300 mm 16 um too large; see `correct_line_blur`. Units: px.
 
     Raises
     ------
@@ -184,7 +186,10 @@ class LightSection(ComparedByValue):
                 f"the image is {got} px and the rig's camera {width} x {height} px: take "
                 "images with the size of the calibration, uncropped and unscaled"
             )
-        return correct_line_blur(extract_laser_line(array, settings, laser_off), self.line_blur_px)
+        line = extract_laser_line(array, settings, laser_off)
+        return correct_line_blur(
+            line, self.line_blur_px or None, self._normal_in_image(line.pixels)
+        )
 
     def profile_from_line(self, line: LaserLine) -> Profile:
         """Convert an extracted laser line to a profile with the covariance of its points.
@@ -275,6 +280,17 @@ class LightSection(ComparedByValue):
             return cls(camera, plane, provenance, blur)
         except DegenerateGeometry as error:
             raise DegenerateGeometry(f"{path}: {error}") from error
+
+    def _normal_in_image(self, pixels: Points) -> FloatArray:
+        """Direction (2,) in which the plane's normal is seen halfway along a line; zeros if not."""
+        seen = pixels[np.isfinite(pixels).all(axis=1)]
+        ray = self.camera.rays(seen[[len(seen) // 2]])
+        point = ray * _depths(ray, self.laser_plane)
+        above = point + NORMAL_STEP_MM * self.laser_plane.normal
+        start, stop = self.camera.project(np.vstack([point, above]))
+        length = math.hypot(*(stop - start))
+        direction: FloatArray = (stop - start) / length if length > 0 else np.zeros(2)
+        return direction
 
     def _section_points(self, pixels: Points) -> tuple[Points, FloatArray]:
         """Section points (n, 2) of pixels, and d point / d pixel (n, 2, 2)."""

@@ -26,10 +26,15 @@ class Effort:
     intervals: int
     timed_scenes: int
     repeats: int
+    pictures: int
 
 
-QUICK = Effort(scenes=100, tubes=20, runs=60, intervals=300, timed_scenes=16, repeats=5)
-FULL = Effort(scenes=400, tubes=40, runs=300, intervals=2000, timed_scenes=60, repeats=20)
+QUICK = Effort(scenes=100, tubes=20, runs=60, intervals=300, timed_scenes=16, repeats=5, pictures=5)
+FULL = Effort(
+    scenes=400, tubes=40, runs=300, intervals=2000, timed_scenes=60, repeats=20, pictures=20
+)
+SHOTS = 10
+"""Images of each picture, each with its own noise."""
 
 
 def recognition(effort):
@@ -74,6 +79,12 @@ def spheres(_effort):
     return [*score_spheres().numbers, *measure_sphere_robot().numbers]
 
 
+def images(effort):
+    from tests.bench.images import score_images
+
+    return score_images(effort.pictures, SHOTS)
+
+
 def speed(effort):
     from tests.bench.speed import measure_speed
 
@@ -87,6 +98,7 @@ BENCHES: dict[str, Callable[[Effort], Iterable[Number]]] = {
     "known_radius": known_radius,
     "coverage": coverage,
     "spheres": spheres,
+    "images": images,
     "speed": speed,
 }
 """Each goes from an effort to its rows; imports wait until the threads are counted."""

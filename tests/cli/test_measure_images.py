@@ -95,6 +95,18 @@ def test_colours_are_taken_by_the_lasers(run, rows, single, tmp_path):
     assert abs(radius - 25) < FOUR_SIGMA * sigma
 
 
+def test_a_raw_mosaic_is_measured_by_the_lasers_pixels(run, rows, single, tmp_path):
+    raw = np.full_like(single, 10)
+    raw[::2, ::2] = single[::2, ::2]
+    file = saved(tmp_path / "raw.png", raw)
+    ((radius, sigma),) = radii(
+        rows, run("measure", file, *RIG, "--laser", "red", "--bayer", "rggb")
+    )
+    assert abs(radius - 25) < FOUR_SIGMA * sigma
+    assert "400 columns" in run("line", file, "--laser", "red", "--bayer", "RGGB").stdout
+    assert "name its pattern (--bayer RGGB)" in refusal(run("line", file, "--laser", "red"))
+
+
 def test_sixteen_bits_are_measured_like_eight(run, rows, single, tmp_path):
     deep = saved(tmp_path / "deep.png", single.astype(np.uint16) * 16)
     ((radius, sigma),) = radii(rows, run("measure", deep, *RIG))
@@ -218,6 +230,8 @@ def test_a_useless_rig_is_refused_by_name(run, tmp_path, change, words):
     ("options", "words"),
     [
         (("--laser", "pink"), "expected --laser in"),
+        (("--laser", "red", "--bayer", "RGB"), "expected --bayer in"),
+        (("--bayer", "RGGB"), "expected --laser red, green or blue beside --bayer"),
         (("--method", "guess"), "expected method in"),
         (("--surface-std", "-1"), "--surface-std"),
         (("--frames", "0"), "--frames"),

@@ -51,6 +51,8 @@ SETTINGS = {
     "method": ({"method": "centroid"}, "expected method in"),
     "channel": ({"channel": "infrared"}, "expected channel in"),
     "direction": ({"direction": "diagonal"}, "expected direction in"),
+    "bayer": ({"bayer": "RGB", "channel": "red"}, "expected bayer in"),
+    "colour of a mosaic": ({"bayer": "RGGB"}, "expected channel red, green or blue beside bayer"),
     "sigma": ({"sigma": 0.0}, "positive sigma"),
     "full_scale": ({"full_scale": -1.0}, "positive full_scale"),
     "gain": ({"gain": -0.1}, "gain >= 0"),

@@ -11,6 +11,7 @@ import pytest
 from lsvision.errors import DegenerateGeometry, LsvisionError, UnreadableFile, UnwritableFile
 from lsvision.geometry import Plane
 from lsvision.laser_line.extraction import extract_laser_line
+from lsvision.laser_line.line_blur import correct_line_blur
 from lsvision.sensors.camera import Camera
 from lsvision.sensors.light_section import LightSection
 
@@ -235,7 +236,7 @@ def test_provenance_cannot_be_changed_afterwards():
         section.provenance["method"] = "other"
 
 
-def test_the_line_is_corrected_only_if_the_rig_has_its_blur(tmp_path):
+def test_the_blur_of_the_rig_is_used_and_saved(tmp_path):
     camera = Camera([[900, 0, 160], [0, 900, 120], [0, 0, 1]], [], (320, 240))
     plain = LightSection(camera, Plane((0.0, 0.866, 0.5), 150.0))
     stated = replace(plain, line_blur_px=0.7)
@@ -243,11 +244,26 @@ def test_the_line_is_corrected_only_if_the_rig_has_its_blur(tmp_path):
     place = 100 + (np.arange(320) - 20) ** 2 / 1600
     bright = 200 * np.exp(-np.arange(320) / 160)
     image = (5 + bright * np.exp(-0.5 * ((rows - place) / 1.6) ** 2)).round().astype(np.uint8)
-    raw = extract_laser_line(image).pixels
-    np.testing.assert_array_equal(plain.line(image).pixels, raw)
-    assert np.nanmax(np.abs(stated.line(image).pixels - raw)) > 1e-3
+    raw = extract_laser_line(image)
+    shifts = []
+    for section, blur in ((plain, None), (stated, 0.7)):
+        expected = correct_line_blur(raw, blur, section._normal_in_image(raw.pixels))
+        np.testing.assert_array_equal(section.line(image).pixels, expected.pixels)
+        shifts.append(np.abs(expected.pixels - raw.pixels).max())
+    # The line is as wide where it is steep as where it is level: it is not blurred.
+    assert shifts[0] < 2e-4 < shifts[1]
     stated.save(tmp_path / "rig.json")
     assert LightSection.load(tmp_path / "rig.json").line_blur_px == 0.7
+
+
+def test_a_line_whose_middle_misses_the_laser_plane_has_points_beside_it():
+    camera = Camera([[900, 0, 160], [0, 900, 120], [0, 0, 1]], [], (320, 240))
+    section = LightSection(camera, Plane((0.995, 0.0, -0.1), 10.0))
+    image = np.full((240, 320), 5, np.uint8)
+    image[118:121] = 200
+    points = section.profile(image).points
+    assert 0 < np.isfinite(points[:, 0]).sum() < 320
+    assert np.isnan(points[len(points) // 2]).all()
 
 
 @pytest.mark.parametrize("blur", [-0.1, float("nan"), float("inf")])

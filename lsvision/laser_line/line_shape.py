@@ -1,0 +1,132 @@
+"""Slope, curvature and fading of a run of a laser line, and the edges of its brightness."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lsvision.geometry import BoolArray, FloatArray, IntArray
+from lsvision.statistics.robust import MAD_TO_STD
+
+WINDOW = 11
+"""Columns of a local polynomial: several times the blur, a fraction of a pipe. Units: px."""
+DEGREE = 3
+"""Degree of the local polynomial of a line's rows: its flank bends more and more."""
+FADE_DEGREE = 2
+"""Degree of that of the logarithm of its light, which is noisier."""
+EDGE_FADE = 0.1
+"""Relative change of light from column to column that may be an edge: the end of a line, paint, a
+shadow. The light of a matt pipe fades by less except beside its end. Units: 1 / px."""
+EDGE_SIGMAS = 4.0
+"""Smallest change of light at an edge in its standard deviations."""
+EDGE_STD_FRACTION = 0.5
+"""Standard deviation of the change of light at an edge, as a fraction of it: there it changes from
+column to column as much as its own size."""
+
+
+@dataclass(frozen=True, eq=False)
+class LineShape:
+    """Derivatives of n neighbouring points of a line by the column.
+
+    Parameters
+    ----------
+    slope, curvature : (n,) ndarray
+        First and second derivative of the row. Units: 1, 1 / px.
+    fade : (n,) ndarray
+        Relative change of light; at an edge that between its neighbours. Units: 1 / px.
+    fade_std : (n,) ndarray
+        Standard deviation of `fade`. Units: 1 / px.
+    edge : (n,) ndarray of bool
+        Whether the light changes abruptly.
+    """
+
+    slope: FloatArray
+    curvature: FloatArray
+    fade: FloatArray
+    fade_std: FloatArray
+    edge: BoolArray
+
+    def far_from_edges(self, distance: int) -> BoolArray:
+        """Whether neither an edge nor an end is within a distance in columns (n,)."""
+        edge = np.pad(self.edge, distance, constant_values=True)
+        near = np.convolve(edge, np.ones(2 * distance + 1), mode="valid")
+        far: BoolArray = near < 0.5
+        return far
+
+
+def line_shape(rows: FloatArray, light: FloatArray, relative_std: FloatArray) -> LineShape:
+    """Compute the shape of a line's run, at least `WINDOW` points long.
+
+    Parameters
+    ----------
+    rows : (n,) ndarray
+        Sub-pixel rows in neighbouring columns. Units: px.
+    light : (n,) ndarray
+        Sum of each column's pixels, in any unit.
+    relative_std : (n,) ndarray
+        Standard deviation of `light`, relative to it, up to a common factor.
+    """
+    log_light = np.log(light)
+    local_fade = np.gradient(log_light)
+    factor = MAD_TO_STD * float(np.median(np.abs(np.diff(log_light, 2)) / relative_std[1:-1]))
+    noise = factor / np.sqrt(6) * relative_std  # 6: the variance of a second difference
+    edge = np.abs(local_fade) > np.maximum(EDGE_FADE, EDGE_SIGMAS * noise / np.sqrt(2))
+    slope, curvature, fade = np.full((3, len(rows)), np.nan)
+    fade_std = noise / np.sqrt(2)
+    for piece in _pieces(~edge):
+        slope[piece] = _derivative(rows[piece], DEGREE, 1)[0]
+        curvature[piece] = _derivative(rows[piece], DEGREE, 2)[0]
+        fade[piece], gain = _derivative(log_light[piece], FADE_DEGREE, 1)
+        fade_std[piece] = gain * noise[piece]
+    edge = np.isnan(slope)
+    fade[edge] = _fade_at_edges(log_light)[edge]
+    fade_std[edge] = np.hypot(fade_std, EDGE_STD_FRACTION * local_fade)[edge]
+    return LineShape(*_continued(slope, curvature, edge), fade, fade_std, edge)
+
+
+def _fade_at_edges(log_light: FloatArray) -> FloatArray:
+    """Change of blurred light (n,) from those to both neighbours.
+
+    Their geometric mean, 0 if they differ in sign: across the end of a line the logarithm of the
+    light bends so much that their arithmetic mean is five times too large 1.5 px from the end.
+    """
+    steps = np.diff(log_light)
+    before, after = np.append(steps[0], steps), np.append(steps, steps[-1])
+    fade: FloatArray = np.sign(before) * np.sqrt(np.maximum(before * after, 0.0))
+    return fade
+
+
+def _pieces(smooth: BoolArray) -> list[IntArray]:
+    """Indices of each run of smooth points, as long as a window."""
+    indices = np.flatnonzero(smooth)
+    pieces = np.split(indices, np.flatnonzero(np.diff(indices) > 1) + 1)
+    return [piece for piece in pieces if len(piece) >= WINDOW]
+
+
+def _derivative(values: FloatArray, degree: int, order: int) -> tuple[FloatArray, FloatArray]:
+    """Derivative (n,) of local polynomials, and its std for values of std 1."""
+    half = WINDOW // 2
+    powers = np.arange(degree + 1)
+    x = np.arange(-half, half + 1)[:, None] / half
+    factors = powers if order == 1 else powers * (powers - 1)
+    monomials = factors * x ** np.maximum(powers - order, 0) / half**order
+    filters = monomials @ np.linalg.pinv(x**powers)
+    first = np.clip(np.arange(len(values)) - half, 0, len(values) - WINDOW)
+    rows = filters[np.arange(len(values)) - first]
+    windows = values[first[:, None] + np.arange(WINDOW)]
+    return np.einsum("ij,ij->i", rows, windows), np.linalg.norm(rows, axis=1)
+
+
+def _continued(
+    slope: FloatArray, curvature: FloatArray, edge: BoolArray
+) -> tuple[FloatArray, FloatArray]:
+    """Slope and curvature with those at edges continued from the nearest smooth point."""
+    smooth, at = np.flatnonzero(~edge), np.flatnonzero(edge)
+    if not len(smooth):
+        return np.zeros_like(slope), np.zeros_like(slope)
+    after = np.clip(np.searchsorted(smooth, at), 1, len(smooth) - 1) if len(smooth) > 1 else 0 * at
+    before = np.maximum(after - 1, 0)
+    nearer = np.where(at - smooth[before] < smooth[after] - at, before, after)
+    nearest = smooth[nearer]
+    slope[at] = slope[nearest] + curvature[nearest] * (at - nearest)
+    curvature[at] = curvature[nearest]
+    return slope, curvature

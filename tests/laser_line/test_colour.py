@@ -1,0 +1,136 @@
+"""Colours with less resolution than the image has: JPEG files, mosaics, and the mosaic's pixels."""
+
+import cv2
+import numpy as np
+import pytest
+
+from lsvision.laser_line.extraction import LineSettings, extract_laser_line
+from lsvision.measure import measure_cylinders
+from tests.laser_line.other_pictures import Picture, photograph
+
+PICTURE = Picture(psf=0.8, sheet=0.25, wall=None)
+THIN = Picture(psf=0.5, wall=None)
+COLOURS = {"red": (0.1, 0.15, 1.0), "green": (0.15, 1.0, 0.1), "blue": (1.0, 0.2, 0.1)}
+RED = LineSettings(channel="red")
+PATTERNS = ("RGGB", "BGGR", "GRBG", "GBRG")
+MIDDLE = 0.8
+"""Part of the pipe, about its middle, whose line is free of the errors of its ends."""
+
+
+def coloured(picture, laser="red", seed=3):
+    """A camera with three sensors, in grey surroundings; blue, green, red."""
+    light, rng = picture.light(), np.random.default_rng(seed)
+    planes = [photograph(share * light, rng, peak=150.0, dark=60.0) for share in COLOURS[laser]]
+    return np.stack(planes, axis=2)
+
+
+def mosaic(image, pattern):
+    raw = np.empty(image.shape[:2], np.uint8)
+    for place, letter in enumerate(pattern):
+        at = np.s_[place // 2 :: 2, place % 2 :: 2]
+        raw[at] = image[..., "BGR".index(letter)][at]
+    return raw
+
+
+def interpolated(image):
+    """As a camera does it; OpenCV's own name of the pattern R G G B."""
+    return cv2.cvtColor(mosaic(image, "RGGB"), cv2.COLOR_BayerRGGB2BGR)
+
+
+def compressed(image, quality, sampling):
+    flags = [cv2.IMWRITE_JPEG_QUALITY, quality, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, sampling]
+    return cv2.imdecode(cv2.imencode(".jpg", image, flags)[1], cv2.IMREAD_COLOR)
+
+
+def errors(line, picture):
+    """Distance along v from the true line about the pipe's middle, and the predicted std."""
+    section = picture.light_section()
+
+    def gap(pixels):
+        return np.hypot(*(section.points_from_pixels(pixels) - picture.centre).T) - picture.radius
+
+    x = section.points_from_pixels(line.pixels)[:, 0]
+    middle = np.abs(x - picture.centre[0]) < MIDDLE * picture.radius
+    by_v = (gap(line.pixels + np.array([0, 1e-3])) - gap(line.pixels)) / 1e-3
+    return (gap(line.pixels) / by_v)[middle], line.std[middle]
+
+
+def assert_honest(image, settings, picture, rms, least=0.2):
+    """Errors below `rms` px, their mean square from `least` to 2 predicted variances."""
+    found, std = errors(extract_laser_line(image, settings), picture)
+    assert np.sqrt(np.mean(found**2)) < rms
+    assert least < np.mean((found / std) ** 2) < 2.0
+    profile = picture.light_section(picture.blur).profile(image, settings)
+    (pipe,) = measure_cylinders(profile, known_phi=0.0).cylinders
+    assert abs(pipe.radius - picture.radius) < 3 * pipe.radius_std
+
+
+def test_colours_of_full_resolution_are_used_as_they_are():
+    image = coloured(PICTURE)
+    assert_honest(image, RED, PICTURE, 0.06)
+    luminance = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    excess, grey = (extract_laser_line(*given) for given in ((image, RED), (luminance,)))
+    assert np.nanmedian(excess.intensity) > 2 * np.nanmedian(grey.intensity)
+
+
+HALVED = {
+    "4:2:0, 75": (75, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_420),
+    "4:2:0, 90": (90, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_420),
+    "4:2:2, 90": (90, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_422),
+}
+
+
+@pytest.mark.parametrize(("quality", "sampling"), HALVED.values(), ids=HALVED)
+@pytest.mark.parametrize("picture", [PICTURE, THIN], ids=["wide", "thin"])
+def test_the_halved_colours_of_a_jpeg_give_way_to_its_luminance(picture, quality, sampling):
+    image = compressed(coloured(picture), quality, sampling)
+    assert_honest(image, RED, picture, 0.09, least=0.03)
+
+
+def test_an_interpolated_mosaic_says_how_far_it_is_off():
+    for picture in (PICTURE, THIN):
+        assert_honest(interpolated(coloured(picture)), RED, picture, 0.15, least=0.03)
+
+
+@pytest.mark.parametrize("laser", COLOURS)
+@pytest.mark.parametrize("pattern", PATTERNS)
+def test_a_raw_mosaic_is_measured_by_the_lasers_own_pixels(pattern, laser):
+    raw = mosaic(coloured(PICTURE, laser), pattern)
+    settings = LineSettings(channel=laser, bayer=pattern)
+    assert_honest(raw, settings, PICTURE, 0.07)
+    line = extract_laser_line(raw, settings)
+    assert len(line) == 800 if laser == "green" else 400
+    first = [place % 2 for place, letter in enumerate(pattern) if letter == laser[0].upper()]
+    columns = line.pixels[np.isfinite(line.std), 0]
+    assert {int(column) % 2 for column in columns} == set(first)
+    assert (np.diff(columns) > 0).all()
+
+
+def test_the_native_pixels_of_an_interpolated_mosaic_are_those_of_the_raw_one():
+    image, settings = coloured(PICTURE), LineSettings(channel="red", bayer="RGGB")
+    raw = extract_laser_line(mosaic(image, "RGGB"), settings)
+    np.testing.assert_array_equal(
+        extract_laser_line(interpolated(image), settings).pixels, raw.pixels
+    )
+
+
+def test_a_line_thinner_than_the_mosaic_says_how_far_it_is_off():
+    raw = mosaic(coloured(THIN), "RGGB")
+    found, std = errors(extract_laser_line(raw, LineSettings(channel="red", bayer="RGGB")), THIN)
+    assert np.sqrt(np.mean(found**2)) > 0.1
+    assert 0.2 < np.mean((found / std) ** 2) < 2.0
+
+
+def test_the_laser_off_frame_of_a_mosaic_is_subtracted():
+    raw, settings = mosaic(coloured(PICTURE), "GRBG"), LineSettings(channel="red", bayer="GRBG")
+    dark = np.full_like(raw, 60)
+    line, plain = extract_laser_line(raw, settings, dark), extract_laser_line(raw, settings)
+    np.testing.assert_allclose(line.pixels, plain.pixels, rtol=0, atol=1e-3)
+
+
+def test_an_upright_line_of_a_mosaic_has_a_point_for_each_row():
+    raw = mosaic(coloured(PICTURE, "green"), "GRBG").T
+    line = extract_laser_line(raw, LineSettings(channel="green", bayer="GBRG"))
+    level = extract_laser_line(raw.T, LineSettings(channel="green", bayer="GRBG"))
+    assert line.direction == "rows"
+    np.testing.assert_allclose(line.pixels[:, ::-1], level.pixels, rtol=0, atol=1e-3)
