@@ -33,9 +33,9 @@ def measure_many(
     **options
         Arguments of `measure_cylinders`: radius, known_radius, known_phi, sensor, settings.
 
-    Yields
-    ------
-    Measurement
+    Returns
+    -------
+    iterator of Measurement
         In the order of the profiles, the same as by `measure_cylinders`.
 
     Raises
