@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -146,11 +147,21 @@ def _limited_table(file: Any) -> Any:
 def _values(column: Any) -> FloatArray | list[FloatArray] | None:
     kind = column.type
     if _is_list(kind):
-        if not _is_number(kind.value_type):
-            return None
-        rows = (row.values for row in column)
-        return [np.empty(0) if row is None else _floats(row) for row in rows]
+        return _rows(column) if _is_number(kind.value_type) else None
     return _floats(column) if _is_number(kind) else None
+
+
+def _rows(column: Any) -> list[FloatArray]:
+    """Return the numbers of each list; none of a null."""
+    import pyarrow as pa
+
+    lists = column.combine_chunks().cast(pa.large_list(pa.float64()))
+    ends, values = np.from_dlpack(lists.offsets).tolist(), _floats(lists.values)
+    rows = [values[start:end] for start, end in pairwise(ends)]
+    if lists.null_count:
+        nulls = lists.is_null().to_pylist()
+        rows = [values[:0] if null else row for row, null in zip(rows, nulls, strict=True)]
+    return rows
 
 
 def _is_list(kind: Any) -> bool:
@@ -166,4 +177,16 @@ def _is_number(kind: Any) -> bool:
 
 
 def _floats(array: Any) -> FloatArray:
-    return floats_from(array.to_numpy(zero_copy_only=False))
+    """Return numbers, NaN for null; from the buffers, because `to_numpy` imports pandas."""
+    import pyarrow as pa
+
+    if isinstance(array, pa.ChunkedArray):
+        array = array.combine_chunks()
+    numbers = array.cast(pa.float64(), safe=False)
+    validity, data = numbers.buffers()
+    part = slice(numbers.offset, numbers.offset + len(numbers))
+    values = floats_from(np.frombuffer(data or b"", np.float64)[part])
+    if validity is not None:
+        bits = np.unpackbits(np.frombuffer(validity, np.uint8), bitorder="little")
+        values[bits[part] == 0] = np.nan
+    return values

@@ -156,3 +156,28 @@ def test_a_signalling_nan_is_a_lost_point(write, write_it):
 def test_a_long_list_in_yaml_is_read_in_linear_time(write):
     numbers = ", ".join(f"{x}., 0., 5." for x in range(50_000))
     assert len(read_profile(write(f"%YAML:1.0\n---\nscan_line: [ {numbers} ]\n"))) == 50_000
+
+
+@pytest.mark.parametrize("kind", ["list", "large_list", "fixed"])
+def test_nulls_of_parquet_are_lost_points_in_any_list_and_slice(tmp_path, kind):
+    pa = pytest.importorskip("pyarrow")
+    pq = pytest.importorskip("pyarrow.parquet")
+    number = pa.float32()
+    kinds = {
+        "list": pa.list_(number),
+        "large_list": pa.large_list(number),
+        "fixed": pa.list_(number, 6),
+    }
+    heights = [
+        [-400.0, None, -399.0, -398.5, None, -398.0],
+        [None] * 6,
+        [-400.0 + k for k in range(6)],
+    ]
+    x = [[float(k) for k in range(6)]] * 3
+    table = pa.table({"x": pa.array(x, kinds[kind]), "z": pa.array(heights, kinds[kind])})
+    pq.write_table(table, tmp_path / "a.parquet")
+    profiles = inspect_profiles(tmp_path / "a.parquet").profiles
+    found = [
+        [None if np.isnan(y) else y for y in profile.points[:, 1].tolist()] for profile in profiles
+    ]
+    assert found == heights
