@@ -1,6 +1,7 @@
 """Slope, curvature and fading of a run of a laser line, and the edges of its brightness."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -104,16 +105,27 @@ def _pieces(smooth: BoolArray) -> list[IntArray]:
 
 def _derivative(values: FloatArray, degree: int, order: int) -> tuple[FloatArray, FloatArray]:
     """Derivative (n,) of local polynomials, and its std for values of std 1."""
+    filters, gains = _filters(degree, order)
+    half, last = WINDOW // 2, len(values) - WINDOW
+    inner = np.lib.stride_tricks.sliding_window_view(values, WINDOW) @ filters[half]
+    derivative = np.concatenate(
+        [filters[:half] @ values[:WINDOW], inner, filters[half + 1 :] @ values[last:]]
+    )
+    return derivative, np.concatenate(
+        [gains[:half], np.full(last + 1, gains[half]), gains[half + 1 :]]
+    )
+
+
+@lru_cache
+def _filters(degree: int, order: int) -> tuple[FloatArray, FloatArray]:
+    """Filters (window, window) of a derivative at each place of a window, and their norms."""
     half = WINDOW // 2
     powers = np.arange(degree + 1)
     x = np.arange(-half, half + 1)[:, None] / half
     factors = powers if order == 1 else powers * (powers - 1)
     monomials = factors * x ** np.maximum(powers - order, 0) / half**order
-    filters = monomials @ np.linalg.pinv(x**powers)
-    first = np.clip(np.arange(len(values)) - half, 0, len(values) - WINDOW)
-    rows = filters[np.arange(len(values)) - first]
-    windows = values[first[:, None] + np.arange(WINDOW)]
-    return np.einsum("ij,ij->i", rows, windows), np.linalg.norm(rows, axis=1)
+    filters: FloatArray = monomials @ np.linalg.pinv(x**powers)
+    return filters, np.linalg.norm(filters, axis=1)
 
 
 def _continued(
