@@ -11,7 +11,7 @@ from typing import Protocol, cast, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.geometry import FloatArray, IntArray, Points, as_readonly_array
+from lsvision.geometry import BoolArray, FloatArray, IntArray, Points, as_readonly_array
 from lsvision.geometry.arguments import as_section_points
 from lsvision.geometry.arrays import extent_of
 from lsvision.geometry.equality import ComparedByValue
@@ -158,15 +158,17 @@ class Profile(ComparedByValue):
         *,
         lost: float | Sequence[float] | None = None,
     ) -> None:
-        rows = np.array(as_section_points(points))
-        rows[~(np.abs(rows) < MAX_COORDINATE_MM).all(axis=1)] = np.nan
+        rows = as_section_points(points)
+        valid: BoolArray = np.abs(rows) < MAX_COORDINATE_MM
+        if not valid.all():
+            rows = _without(rows, ~(valid[:, 0] & valid[:, 1]))
         if lost is None:
             _warn_of_markers(rows)
         else:
             for value in np.atleast_1d(np.asarray(lost, dtype=np.float64)):
-                near = np.abs(rows - value) <= MARKER_TOLERANCE * abs(value)
-                rows[near.any(axis=1)] = np.nan
-        object.__setattr__(self, "points", as_readonly_array(rows, ("n", 2)))
+                near: BoolArray = np.abs(rows - value) <= MARKER_TOLERANCE * abs(value)
+                rows = _without(rows, near[:, 0] | near[:, 1])
+        object.__setattr__(self, "points", rows)
         object.__setattr__(self, "noise", noise)
 
     def __len__(self) -> int:
@@ -211,6 +213,13 @@ def as_profile(points: Profile | npt.ArrayLike) -> Profile:
             stacklevel=3,
         )
     return profile
+
+
+def _without(points: Points, lost: BoolArray) -> Points:
+    """Return read-only points with NaN in the rows of lost ones."""
+    kept: Points = np.where(lost[:, np.newaxis], np.nan, points)
+    kept.setflags(write=False)
+    return kept
 
 
 def _warn_of_markers(points: Points) -> None:

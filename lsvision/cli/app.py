@@ -5,22 +5,15 @@ import re
 import signal
 import sys
 import warnings
+from importlib import import_module
 from itertools import islice
 from typing import Annotated, Any, NoReturn
 
 import typer
 from typer.core import TyperGroup
+from typer.main import get_group
 
-from lsvision.cli.batch_command import batch
-from lsvision.cli.calibrate import calibrate
-from lsvision.cli.demo import demo
-from lsvision.cli.line import line
-from lsvision.cli.measure import measure
 from lsvision.cli.messages import FAILED, internal_error, print_error
-from lsvision.cli.paper import paper
-from lsvision.cli.plan import plan
-from lsvision.cli.scan import scan
-from lsvision.cli.simulate import simulate
 from lsvision.errors import LsvisionError
 from lsvision.files.limited_reading import size_limit
 from lsvision.files.printable import printable
@@ -29,6 +22,19 @@ INTERRUPTED = 130
 """Exit code after Ctrl-C or SIGTERM, as shells have it."""
 MAX_SIZE_LIMIT = 1e15
 """Largest --max-size. Units: bytes."""
+
+_COMMANDS = {
+    "demo": "demo",
+    "measure": "measure",
+    "batch": "batch_command",
+    "line": "line",
+    "paper": "paper",
+    "plan": "plan",
+    "scan": "scan",
+    "simulate": "simulate",
+    "calibrate": "calibrate",
+}
+"""The module of each command, in the order of the help; imported when the command is used."""
 
 _USAGE_ERROR: Any = typer.BadParameter.__mro__[1]  # click's class, which typer does not export
 _SIZE = re.compile(r"(\d{1,15}(?:\.\d{1,9})?)\s*([kKMGT]?B?)", re.ASCII)
@@ -41,6 +47,20 @@ _BYTES = {"": 1.0, "b": 1.0} | {
 
 class _OneLineErrors(TyperGroup):
     """Command group that reports an error as one line on stderr; ``--debug`` adds the traceback."""
+
+    def __init__(self, **attributes: Any) -> None:
+        super().__init__(**attributes)
+        self.commands: Any = dict.fromkeys(_COMMANDS)
+
+    def list_commands(self, _: Any) -> list[str]:
+        """Return the names of all commands, imported or not."""
+        return list(self.commands)
+
+    def get_command(self, _: Any, cmd_name: str) -> Any:
+        """Return a command, after importing it; None if there is none of this name."""
+        if cmd_name in self.commands and self.commands[cmd_name] is None:
+            self.commands[cmd_name] = _import_command(cmd_name)
+        return self.commands.get(cmd_name)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Accept ``--debug`` and ``--max-size`` before and after the command."""
@@ -64,6 +84,17 @@ class _OneLineErrors(TyperGroup):
         except MemoryError:
             print_error("out of memory: measure fewer files at once", debug=ctx.params["debug"])
         raise typer.Exit(FAILED)
+
+
+def _import_command(name: str) -> Any:
+    """Import a command, or a group of commands, and return it as the classes of click."""
+    command = getattr(import_module(f"lsvision.cli.{_COMMANDS[name]}"), name)
+    holder = typer.Typer(rich_markup_mode=None)
+    if isinstance(command, typer.Typer):
+        holder.add_typer(command)
+    else:
+        holder.command()(command)
+    return get_group(holder).commands[name]
 
 
 def _split_global_options(args: list[str]) -> tuple[list[str], list[str]]:
@@ -130,17 +161,6 @@ def _global_options(
     lsvision demo measures a shipped profile; lsvision COMMAND --help shows examples. --debug and
     --max-size may follow the command.
     """
-
-
-app.command()(demo)
-app.command()(measure)
-app.command()(batch)
-app.command()(line)
-app.command()(paper)
-app.command()(plan)
-app.command()(scan)
-app.command()(simulate)
-app.add_typer(calibrate)
 
 
 def _interrupt(*_: Any) -> NoReturn:

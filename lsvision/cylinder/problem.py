@@ -13,6 +13,7 @@ from lsvision.ellipse.problem import RadiusPrior, cache_last_evaluation
 from lsvision.errors import FitFailed
 from lsvision.geometry import Cylinder, FloatArray, Points
 from lsvision.geometry.arrays import TINY, extent_of
+from lsvision.statistics.compiled_routines import levenberg_marquardt
 
 PARAMETERS = 5
 MAX_RADIUS_EXTENTS = 1e5
@@ -210,13 +211,11 @@ def minimise(problem: CylinderProblem, initial_guess: FloatArray) -> FloatArray:
     FitFailed
         If the radius diverges, as for the points of a plane.
     """
-    from scipy.optimize import leastsq
-
     evaluate = cache_last_evaluation(problem.evaluate)
     with np.errstate(all="ignore"):
-        solution, *_ = leastsq(
-            lambda x: evaluate(x)[0], initial_guess, Dfun=lambda x: evaluate(x)[1],
-            xtol=1e-13, ftol=1e-15, maxfev=200, full_output=True,
+        solution, _ = levenberg_marquardt(
+            lambda x: evaluate(x)[0], lambda x: evaluate(x)[1], initial_guess,
+            xtol=1e-13, ftol=1e-15, max_evaluations=200,
         )  # fmt: skip
     extent = extent_of(problem.points)
     if not (np.isfinite(solution).all() and 0 < solution[4] < MAX_RADIUS_EXTENTS * extent):
@@ -224,8 +223,7 @@ def minimise(problem: CylinderProblem, initial_guess: FloatArray) -> FloatArray:
             f"no cylinder fits the points (radius {solution[4]:.3g} mm for an extent of "
             f"{extent:.3g} mm): they lie on a plane or on several surfaces; exclude the others"
         )
-    parameters: FloatArray = solution
-    return parameters
+    return solution
 
 
 def parameters_from_cylinder(frame: FloatArray, cylinder: Cylinder) -> FloatArray:

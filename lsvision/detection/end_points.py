@@ -9,10 +9,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg.lapack import dpotrf, dtrtrs
 
 from lsvision.geometry import BoolArray, FloatArray, IntArray
 from lsvision.geometry.arrays import TINY
+from lsvision.statistics.compiled_routines import dpotrf, dtrtrs
 
 OUTLIER_FRACTION = 0.05
 """Prior probability that a point is an outlier: stray light, a jump."""

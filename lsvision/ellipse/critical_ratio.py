@@ -17,6 +17,7 @@ import numpy as np
 
 from lsvision.ellipse.fit import EllipseFit
 from lsvision.geometry import FloatArray
+from lsvision.statistics.quantiles import normal_probability, squared_quantile
 
 MAX_SIGMAS, MAX_CURVATURE_RADIUS = 20.0, 1.2
 """Distance of the true d from the circle and smallest radius of curvature of the ring, in sigmas,
@@ -73,11 +74,7 @@ class CriticalRatios:
     @classmethod
     def of(cls, fit: EllipseFit, level: float) -> Self:
         """Return the critical ratios of a fit at a level between 0 and 1."""
-        from scipy.special import fdtri
-
-        (one, _, two), dof = _chi2_quantiles(level).tolist(), fit.degrees_of_freedom
-        if math.isfinite(dof):
-            one, two = float(fdtri(1, dof, level)), 2 * float(fdtri(2, dof, level))
+        one, two = (squared_quantile(k, fit.degrees_of_freedom, level) for k in (1, 2))
         covariance, m = fit.parameter_covariance[3:, 3:], float(fit.parameters[2])
         variances, axes = np.linalg.eigh(covariance)
         known = fit.problem.known_phi
@@ -165,22 +162,18 @@ class CriticalRatios:
 @lru_cache(maxsize=CACHED_LEVELS)
 def _chi2_quantiles(level: float) -> FloatArray:
     """Return those with one and two degrees of freedom, and their mean between them."""
-    from scipy.special import chdtri
-
-    one, two = chdtri(1, 1 - level), chdtri(2, 1 - level)
+    one, two = (squared_quantile(k, math.inf, level) for k in (1, 2))
     return np.array([one, (one + two) / 2, two])
 
 
 @lru_cache(maxsize=CACHED_LEVELS)
 def _half_line_shares(level: float) -> FloatArray:
     """Return `_share_of_two` for a half line and a true d at each of `END_SIGMAS` from its end."""
-    from scipy.special import ndtr
-
     # The tube is integrated across the half line; along it the normal integral is known.
     s = np.sqrt(_chi2_quantiles(level))[:, None]
     across, along = s * np.sin(ARC_ANGLES), s * np.cos(ARC_ANGLES)
     density = np.exp(-across * across / 2) / math.sqrt(2 * math.pi)
-    tubes = (density * ndtr(END_SIGMAS[:, None, None] + along) * along) @ ARC_WEIGHTS
+    tubes = (density * normal_probability(END_SIGMAS[:, None, None] + along) * along) @ ARC_WEIGHTS
     return np.array([_share_of_two(level, tube) for tube in tubes.tolist()])
 
 

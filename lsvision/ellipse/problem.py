@@ -20,13 +20,12 @@ from lsvision.ellipse.phi_prior import EXACT_STD, PhiPrior
 from lsvision.errors import FitFailed, TooFewPoints
 from lsvision.geometry import FloatArray, Points
 from lsvision.geometry.noisy_points import as_complex
+from lsvision.statistics.compiled_routines import levenberg_marquardt
 
 MAX_EVALUATIONS = 100
 DEFAULT_TOLERANCE = 1e-10
 """Relative decrease of chi^2 in a step, below which the iteration has converged. As the relative
 change of the parameters it is always this: a larger one would depend on the origin's distance."""
-MINPACK_MAXFEV_REACHED = 5
-"""Value of MINPACK's `info` after the largest number of evaluations."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,15 +186,13 @@ def least_squares(
     tolerance : float
         Relative decrease of chi^2 in a step, below which the iteration has converged.
     """
-    from scipy.optimize import leastsq
-
     cached = cache_last_evaluation(evaluate)
     with np.errstate(all="ignore"):
-        parameters, *_, info = leastsq(
-            lambda x: cached(x)[0], initial_guess, Dfun=lambda x: cached(x)[1],
-            xtol=DEFAULT_TOLERANCE, ftol=tolerance, maxfev=max_evaluations, full_output=True,
+        parameters, converged = levenberg_marquardt(
+            lambda x: cached(x)[0], lambda x: cached(x)[1], initial_guess,
+            xtol=DEFAULT_TOLERANCE, ftol=tolerance, max_evaluations=max_evaluations,
         )  # fmt: skip
-        return Solution(parameters, *cached(parameters), converged=info != MINPACK_MAXFEV_REACHED)
+        return Solution(parameters, *cached(parameters), converged=converged)
 
 
 def cache_last_evaluation(evaluate: Evaluation) -> Evaluation:

@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg.lapack import dposv
 
 from lsvision.ellipse.parameters import PARAMETERS, is_ellipse, parameter_jacobian
 from lsvision.geometry import FloatArray, IntArray
 from lsvision.geometry.arrays import TINY
 from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints
+from lsvision.statistics.compiled_routines import dposv
 from lsvision.statistics.robust import MAD_TO_STD, SIGNIFICANT_SIGMAS, upper_median
 
 FLATTENING_PRIOR_STD = 0.3

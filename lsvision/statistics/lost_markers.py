@@ -20,8 +20,12 @@ MIN_LIMIT_GAP, MIN_KNOWN_GAP, MIN_ZERO_GAP, MIN_UNKNOWN_GAP = 0.1, 1.0, 2.0, 4.0
 limit of an integer type, a value such as -9999, 0, and any other value (a floor without noise
 under a pipe is 3 spans from it)."""
 _BITS = (15, 16, 23, 24, 31, 32, 63, 64)
-_LIMITS = np.unique([sign * (2.0**k + d) for k in _BITS for sign in (1, -1) for d in (0, -1)])
-_LIMITS = _LIMITS[(_LIMITS < -32000) | (_LIMITS > 32000)]
+_LIMITS = frozenset(
+    limit
+    for k in _BITS
+    for limit in (2.0**k, 2.0**k - 1, -(2.0**k), -(2.0**k - 1))
+    if abs(limit) > 32000
+)
 _HUGE = 1e15
 
 
@@ -115,8 +119,7 @@ def _is_limit(value: float) -> bool:
         return True
     if size < 32:
         return False
-    scaled = [round(value * scale, 6) for scale in (1, 10, 100, 1e3, 1e4)]
-    return bool(np.isin(scaled, _LIMITS).any())
+    return any(round(value * scale, 6) in _LIMITS for scale in (1, 10, 100, 1e3, 1e4))
 
 
 def _is_nines(value: float) -> bool:

@@ -35,6 +35,23 @@ def test_help_imports_nothing_heavy():
     assert shell(code=code).stdout.splitlines()[-1] == "[]"
 
 
+def test_measure_imports_only_what_it_needs():
+    needless = (
+        *("scipy.linalg", "scipy.optimize", "scipy.special", "scipy.sparse", "scipy.ndimage"),
+        *("matplotlib", "jinja2", "skimage", "pandas", "pyarrow", "dask", "rosbags", "yaml"),
+        *("lsvision.calibration", "lsvision.draw", "lsvision.simulate", "lsvision.studies"),
+        *("lsvision.cli.calibrate", "lsvision.cli.scan", "lsvision.scan", "lsvision.planning"),
+    )
+    code = (
+        "import sys; from lsvision.cli.app import app\n"
+        "try: app(['measure', 'fixtures/welded_pair.csv'])\n"
+        f"except SystemExit: print([m for m in {needless} if m in sys.modules])"
+    )
+    result = shell(code=code)
+    assert "radius mm" in result.stdout
+    assert result.stdout.splitlines()[-1] == "[]"
+
+
 def test_version_is_told(run):
     result = run("--version")
     assert result.exit_code == 0

@@ -49,7 +49,9 @@ def profiles_from_table(table: TextTable, settings: ReadSettings) -> RawProfiles
         _refuse_one_column(table)
     choice = _requested_columns(table, settings) or _named(table) or _placed(table)
     _check_numbers(table, choice)
-    points = table.values[:, [choice.x, choice.height]]
+    points = table.values
+    if points.shape[1] > 2 or (choice.x, choice.height) != (0, 1):
+        points = points[:, [choice.x, choice.height]]
     sections: Sequence[FloatArray] = [points]
     positions = None
     rows = [np.arange(len(points))]
@@ -83,8 +85,11 @@ def _restarts(section: FloatArray) -> tuple[str, ...]:
         steps, span = np.diff(x), np.ptp(x) if len(x) else 0.0
     if len(steps) < 2 * _FEWEST_PER_PROFILE:
         return ()
-    forwards = 1.0 if np.count_nonzero(steps > 0) >= np.count_nonzero(steps < 0) else -1.0
-    back = np.flatnonzero(forwards * steps < -0.5 * span)
+    rising, falling = np.count_nonzero(steps > 0), np.count_nonzero(steps < 0)
+    if not (rising and falling):
+        return ()
+    turned = steps < -0.5 * span if rising >= falling else steps > 0.5 * span
+    back = np.flatnonzero(turned)
     if len(back) == 0 or np.diff([-1, *back, len(x) - 1]).min() < _FEWEST_PER_PROFILE:
         return ()
     return (

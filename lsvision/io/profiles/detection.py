@@ -52,6 +52,7 @@ _REFUSED_MAGIC = (
 _BAGS = (b"\x89MCAP", b"#ROSBAG")
 _BAG_TABLE = re.compile(rb"CREATE TABLE [\"'`\[]?topics", re.IGNORECASE)
 _SCHEMA_BYTES = 100_000  # of a database, whose tables are described in its first page
+_HEAD_BYTES = 16_000  # at least 4000 characters in any encoding
 _MARKUP = re.compile(r"\s*(<!doctype html|<html|<\?xml)", re.IGNORECASE)
 _OFFICE_PARTS = {
     "xl/": _SPREADSHEET,
@@ -111,7 +112,7 @@ def detect_format(content: bytes, suffix: str) -> str:
     >>> detect_format(b"1.0, 2.0\n", ".csv"), detect_format(b"%YAML:1.0\n", ".txt")
     ('text', 'opencv')
     """
-    if not content.strip():
+    if not content or content.isspace():
         raise UnreadableFile("the file is empty: expected x and height in mm, one point a line")
     for magic, name in _MAGIC:
         if content.startswith(magic):
@@ -157,7 +158,8 @@ def _zip_format(content: bytes, suffix: str) -> str:
 
 
 def _text_format(content: bytes) -> str:
-    start = "\n".join(decode_text(content)[:4000].splitlines())
+    head = content[:_HEAD_BYTES] if content.isascii() else content
+    start = "\n".join(decode_text(head)[:4000].splitlines())
     for pattern, name in _FIRST_LINES:
         if pattern.match(start):
             return name

@@ -60,7 +60,7 @@ def remove_lost(
         section if np.isfinite(section).all() else np.where(np.isfinite(section), section, np.nan)
         for section in raw.sections
     ]
-    points = np.concatenate(sections) if sections else np.empty((0, 2))
+    points = sections[0] if len(sections) == 1 else np.concatenate([np.empty((0, 2)), *sections])
     lost = np.zeros(len(points), dtype=bool)
     markers: list[LostMarker] = []
 
@@ -74,11 +74,14 @@ def remove_lost(
         for value in settings.lost_values:
             mark(f"{value:.10g}", _has(points, value), guessed=False)
     else:
-        for value in (*raw.lost, *KEYENCE_LOST):
+        lowest = float(np.fmin.reduce(points, axis=None, initial=0.0))
+        known = KEYENCE_LOST if lowest <= max(KEYENCE_LOST) * (1 - _TOLERANCE) else ()
+        for value in (*raw.lost, *known):
             mark(f"{value:.10g}", _has(points, value), guessed=False)
-        zero = np.concatenate([_repeated_zeros(section) for section in sections])
-        mark("0, 0", zero, guessed=False)
-        left = np.where(lost[:, np.newaxis], np.nan, points)
+        if not points.all():
+            zero = np.concatenate([_repeated_zeros(section) for section in sections])
+            mark("0, 0", zero, guessed=False)
+        left = np.where(lost[:, np.newaxis], np.nan, points) if lost.any() else points
         for axis in (1, 0):
             guesses = find_lost_markers(
                 left[:, axis], limits=raw.limits if axis else (), is_range=raw.away and axis == 1

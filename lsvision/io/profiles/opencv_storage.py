@@ -24,7 +24,6 @@ from lsvision.io.profiles.opencv_matrix import TRIPLES, matrix_of_node, table_of
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.text_table import decode_text
 from lsvision.io.profiles.unit_statements import lost_statements, unit_statements
-from lsvision.io.yaml_text import parse_yaml
 
 _KEYS = (TRIPLES, "profile", "points", "line")
 _FEWEST_NUMBERS = 30  # a list under another name as short as a pose or a matrix is no profile
@@ -112,6 +111,8 @@ def _parsed(text: str) -> dict[str, Any]:
     if start == "{":
         root = parse_json(_OPENCV_CONSTANT.sub("NaN", text), allow_nan=True)
     else:
+        from lsvision.io.yaml_text import parse_yaml
+
         long_lists: list[list[str]] = []
 
         def shorten(match: re.Match[str]) -> str:

@@ -270,10 +270,14 @@ def in_section_frame(
     x_scale, y_scale = mm_per_unit(x_unit or "mm"), mm_per_unit(height_unit or "mm")
     to_mm = np.array([x_scale, -y_scale if away else y_scale])
     sections, markers = remove_lost(raw, settings)
-    with np.errstate(over="ignore", invalid="ignore"):  # too large to hold: lost
-        profiles = tuple(Profile(section * to_mm, lost=()) for section in sections)
+    if (to_mm != 1.0).any():
+        with np.errstate(over="ignore", invalid="ignore"):  # too large to hold: lost
+            sections = [section * to_mm for section in sections]
+    profiles = tuple(Profile(section, lost=()) for section in sections)
     named = tuple(dict.fromkeys(unit or "mm" for unit in (x_unit, height_unit)))
-    doubts, hints = _doubts(profiles), _hints(profiles, assumed=assumed)
+    extent = _extent(profiles)
+    doubts = () if extent is None else _doubts(*extent)
+    hints = () if extent is None else _hints(*extent, profiles, assumed=assumed)
     guessed = tuple(marker.note for marker in markers if marker.guessed)
     return ProfileFile(
         path=path,
@@ -300,10 +304,7 @@ def _check_points(profiles: tuple[Profile, ...]) -> None:
         raise UnreadableFile("one valid point in it, no profile: check exposure, or --columns")
 
 
-def _doubts(profiles: tuple[Profile, ...]) -> tuple[str, ...]:
-    if all(profile.lost == len(profile) for profile in profiles):
-        return ()
-    low, high = _extent(profiles)
+def _doubts(low: FloatArray, high: FloatArray) -> tuple[str, ...]:
     farthest = float(np.abs([low, high]).max())
     if farthest > _FARTHEST_MM:
         unit = next(
@@ -315,10 +316,9 @@ def _doubts(profiles: tuple[Profile, ...]) -> tuple[str, ...]:
     return ()
 
 
-def _hints(profiles: tuple[Profile, ...], *, assumed: bool) -> tuple[str, ...]:
-    if all(profile.lost == len(profile) for profile in profiles):
-        return ()
-    low, high = _extent(profiles)
+def _hints(
+    low: FloatArray, high: FloatArray, profiles: tuple[Profile, ...], *, assumed: bool
+) -> tuple[str, ...]:
     size = f"{high[0] - low[0]:.3g} x {high[1] - low[1]:.3g}"
     notes = []
     wide_enough = high[0] - low[0] >= _NARROWEST_MM
@@ -330,8 +330,15 @@ def _hints(profiles: tuple[Profile, ...], *, assumed: bool) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _extent(profiles: tuple[Profile, ...]) -> tuple[FloatArray, FloatArray]:
-    points = np.concatenate([profile.points for profile in profiles])
-    low: FloatArray = np.nanmin(points, axis=0)
-    high: FloatArray = np.nanmax(points, axis=0)
-    return low, high
+def _extent(profiles: tuple[Profile, ...]) -> tuple[FloatArray, FloatArray] | None:
+    """Return the least and the largest x and height; None if all points are lost."""
+    known = [
+        profile.points[~np.isnan(profile.points[:, 0])] if profile.lost else profile.points
+        for profile in profiles
+    ]
+    columns = [points.T for points in known if len(points)]
+    if not columns:
+        return None
+    low = [min(float(column[axis].min()) for column in columns) for axis in (0, 1)]
+    high = [max(float(column[axis].max()) for column in columns) for axis in (0, 1)]
+    return np.array(low), np.array(high)

@@ -3,8 +3,9 @@
 import csv
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 
 from lsvision.errors import UnreadableFile
 from lsvision.io.profiles.number_rows import (
@@ -54,11 +55,17 @@ class Layout:
     numeric: tuple[int, ...]
 
 
+def may_state_size(line: str, separator: str | None) -> bool:
+    """Return whether a line may say how many rows and columns follow, as ``2 60``."""
+    cells = [cell.strip() for cell in split_cells(line.strip(), separator)]
+    return len(cells) == 2 and all(cell.isdecimal() for cell in cells) and 2 in map(int, cells)
+
+
 def _states_size(lines: Sequence[str], first: int, stop: int, separator: str | None) -> bool:
     """Return whether the first line of numbers is how many rows and columns follow, as ``2 60``."""
-    cells = [cell.strip() for cell in split_cells(lines[first].strip(), separator)]
-    if len(cells) != 2 or not all(cell.isdecimal() for cell in cells):
+    if not may_state_size(lines[first], separator):
         return False
+    cells = split_cells(lines[first].strip(), separator)
     below = [line for line in lines[first + 1 : stop] if line.strip() and not is_comment(line)]
     return len(below) > 1 and sorted(map(int, cells)) == sorted((2, len(below)))
 
@@ -152,22 +159,24 @@ def _first_number_row(lines: Sequence[str]) -> tuple[int, str | None] | None:
 
 def _is_above_table(lines: Sequence[str], index: int, width: int) -> bool:
     """Return True for a count of points or columns: most lines below have other cells."""
-    below: list[int] = []
-    numbers: list[bool] = []
-    for line in lines[index + 1 : index + 1 + 2 * SAMPLE_LINES]:
+    below = islice(_cells_of(lines[index + 1 : index + 1 + 2 * SAMPLE_LINES]), SAMPLE_LINES)
+    nearest = list(islice(below, 3))
+    numbers = [all(map(is_number_or_lost, cells)) for cells in nearest]
+    if numbers == [False, True, True]:
+        return True  # a header stands between
+    if not nearest or width == len(nearest[0]):
+        return False
+    widths = [len(cells) for cells in (*nearest, *below)]
+    common, count = Counter(widths).most_common(1)[0]
+    return common > width and 2 * count > len(widths)
+
+
+def _cells_of(lines: Iterable[str]) -> Iterator[list[str]]:
+    """Yield the cells of each line that is neither empty nor a comment."""
+    for line in lines:
         if line.strip() and not is_comment(line):
             separator = find_separator(line.strip())
-            cells = split_cells(line.strip() if separator is None else line, separator)
-            below.append(len(cells))
-            numbers.append(all(map(is_number_or_lost, cells)))
-        if len(below) == SAMPLE_LINES:
-            break
-    if len(numbers) > 2 and not numbers[0] and all(numbers[1:3]):
-        return True  # a header stands between
-    if not below or width in below[:1]:
-        return False
-    common, count = Counter(below).most_common(1)[0]
-    return common > width and 2 * count > len(below)
+            yield split_cells(line.strip() if separator is None else line, separator)
 
 
 def _with_lost_rows(lines: Sequence[str], index: int, separator: str | None) -> int:

@@ -14,6 +14,7 @@ from lsvision.io.profiles.number_rows import (
     parse_column,
     uses_decimal_comma,
 )
+from lsvision.io.profiles.regular_rows import fill_empty_cells, find_regular_rows
 from lsvision.io.profiles.text_header import Header, read_header
 from lsvision.io.profiles.text_layout import Layout, find_layout, is_comment, split_cells
 from lsvision.io.profiles.unit_statements import (
@@ -25,12 +26,15 @@ from lsvision.io.profiles.unit_statements import (
 from lsvision.io.profiles.units import StatedUnit
 
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1b\x7f]")
+_CHECKED_BYTES = 1 << 16  # at once, in the cache
 _COMMENT_STARTS = "#%/! \t"
 _CUT_COMMA = re.compile(r"(?:^|,)[-+]?[0-9]{1,3},0[0-9]+(?=[,.\r\n]|$)", re.MULTILINE)
 _CUT_NUMBERS = (
     "numbers look cut at their commas ({cells!r}): export with semicolons between cells and "
     "without thousands separators"
 )
+_SAMPLE_ROWS = 5000
+"""Rows in which numbers cut at their commas are searched."""
 _TEXT_SHARE = 0.5
 """Fraction of words from which a column is text, not numbers with errors."""
 
@@ -89,7 +93,7 @@ def decode_text(content: bytes) -> str:
             text = content.decode(encoding)
         except UnicodeDecodeError:
             continue
-        if not _CONTROL.search(text):
+        if not _holds_controls(content, text):
             return text
     raise UnreadableFile("binary data of no known format: export the profile as text (x,z in mm)")
 
@@ -114,19 +118,15 @@ def parse_table(text: str, lost_words: frozenset[str] = frozenset()) -> TextTabl
     >>> parse_table("x [mm];z [mm]\n1,5;-2\n2,0;").values.tolist()
     [[1.5, -2.0], [2.0, nan]]
     """
-    lines = text.replace("\u2212", "-").splitlines()  # a minus sign as typesetters write it
-    layout = find_layout(lines)
-    table = _quick_table(lines, layout)
-    if table is None:
-        table = _careful_table(lines, layout, lost_words)
+    text = text.replace("\u2212", "-")  # a minus sign as typesetters write it
+    body = _regular_body(text) or _any_body(text.splitlines(), lost_words)
+    table, layout = body.table, body.layout
     values = table.values
     while values.shape[1] > 2 and _is_empty(table, values.shape[1] - 1, values):
         values = values[:, :-1]
-    header = read_header(lines[: layout.first], layout.separator, values.shape[1])
-    _check_cells(header, values, lines, layout)
-    beside = [*lines[: layout.first], *lines[layout.stop :]]
-    rows = lines[layout.first : layout.stop]  # there may be 10^6 of them
-    beside += [line for line in rows if line[:1] in _COMMENT_STARTS and is_comment(line)]
+    header = read_header(body.above, layout.separator, values.shape[1])
+    _check_cells(header, values, body.sample, layout)
+    beside = [*body.above, *body.below, *body.comments]
     return TextTable(
         values=values,
         names=header.names,
@@ -135,8 +135,59 @@ def parse_table(text: str, lost_words: frozenset[str] = frozenset()) -> TextTabl
         texts=table.texts,
         words=table.words,
         lost=lost_statements(beside),
-        notes=_footer_notes(lines[layout.stop :]),
+        notes=_footer_notes(body.below),
         mentions=tuple(beside[:MAX_MENTION_LINES]),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Body:
+    """Numbers of a text, its other lines, and its first lines of numbers."""
+
+    table: TextTable
+    layout: Layout
+    above: Sequence[str]
+    sample: str
+    below: Sequence[str] = ()
+    comments: Sequence[str] = ()
+
+
+def _regular_body(text: str) -> _Body | None:
+    """Return the body of a text that ends with regular rows of numbers; else None."""
+    regular = find_regular_rows(text)
+    if regular is None:
+        return None
+    sample = regular.rows[: regular.rows.find("\n") + 1] or regular.rows
+    if regular.layout.width > 2:
+        sample = "\n".join(regular.rows.split("\n", _SAMPLE_ROWS)[:_SAMPLE_ROWS])
+    return _Body(TextTable(regular.values), regular.layout, regular.above, sample)
+
+
+def _any_body(lines: Sequence[str], lost_words: frozenset[str]) -> _Body:
+    layout = find_layout(lines)
+    table = _quick_table(lines, layout)
+    if table is None:
+        table = _careful_table(lines, layout, lost_words)
+    rows = lines[layout.first : layout.stop]  # there may be 10^6 of them
+    return _Body(
+        table,
+        layout,
+        above=lines[: layout.first],
+        sample="\n".join(rows[:_SAMPLE_ROWS]),
+        below=lines[layout.stop :],
+        comments=[line for line in rows if line[:1] in _COMMENT_STARTS and is_comment(line)],
+    )
+
+
+def _holds_controls(content: bytes, text: str) -> bool:
+    """Return whether a text has control characters; in bytes of ASCII they are found quicker."""
+    if not (content.isascii() and len(content) == len(text)):
+        return bool(_CONTROL.search(text))
+    codes = np.frombuffer(content, np.uint8)
+    blocks = (codes[i : i + _CHECKED_BYTES] for i in range(0, len(codes), _CHECKED_BYTES))
+    return any(
+        bool(block.min() < 0x09 or block.max() > 0x7E or (block - np.uint8(0x0E) < 0x0E).any())
+        for block in blocks
     )
 
 
@@ -171,25 +222,14 @@ def _quick_table(lines: Sequence[str], layout: Layout) -> TextTable | None:
     rows = [row for _, row in _rows(lines, layout)]
     if '"' in rows[0] or '"' in rows[-1]:
         return None
+    if layout.separator is not None:
+        rows = fill_empty_cells("\n".join(rows), layout.separator).split("\n")
     try:
-        values = np.loadtxt(
-            _filled(rows, layout.separator), delimiter=layout.separator, comments=None, ndmin=2
-        )
+        values = np.loadtxt(rows, delimiter=layout.separator, comments=None, ndmin=2)
     except ValueError:  # lost words, decimal commas, quotes, or a broken line
         return None
     values[np.isinf(values)] = np.nan
     return TextTable(values)
-
-
-def _filled(rows: Sequence[str], separator: str | None) -> Sequence[str]:
-    """The rows with nan in their empty cells, all at once: a file may have 10^6 of them."""
-    if separator is None:
-        return rows
-    text = "\n" + "\n".join(rows) + "\n"
-    for _ in range(2):  # the second of two empty cells is seen in the second pass
-        text = text.replace(separator * 2, f"{separator}nan{separator}")
-    text = text.replace(f"{separator}\n", f"{separator}nan\n")
-    return text.replace(f"\n{separator}", f"\nnan{separator}").strip("\n").split("\n")
 
 
 def _careful_table(lines: Sequence[str], layout: Layout, lost_words: frozenset[str]) -> TextTable:
@@ -245,16 +285,15 @@ def _is_empty(table: TextTable, column: int, values: FloatArray) -> bool:
     )
 
 
-def _check_cells(header: Header, values: FloatArray, lines: Sequence[str], layout: Layout) -> None:
+def _check_cells(header: Header, values: FloatArray, sample: str, layout: Layout) -> None:
     """Raise an error for numbers cut at commas: decimal commas or thousands separators."""
     if layout.separator != "," or header.names:
         return
     width = values.shape[1]
-    whole = bool(np.all(np.isnan(values) | (values == np.round(values))))
-    if header.counted and width == 2 * header.counted and whole:
-        raise UnreadableFile(_CUT_NUMBERS.format(cells=lines[layout.first][:40]))
+    cut_in_two = header.counted and width == 2 * header.counted
+    if cut_in_two and np.all(np.isnan(values) | (values == np.round(values))):
+        raise UnreadableFile(_CUT_NUMBERS.format(cells=sample.splitlines()[0][:40]))
     if width > 2:
-        sample = "\n".join(lines[layout.first : min(layout.stop, layout.first + 5000)])
         match = None if '"' in sample else _CUT_COMMA.search(sample)
         if match:
             raise UnreadableFile(_CUT_NUMBERS.format(cells=match[0].strip(",")))
