@@ -59,6 +59,12 @@ from .planning import (
     plan_scan as plan_scan,
     sections_needed as sections_needed,
 )
+from .inspection.job import Job as Job
+from .inspection.judge import judge as judge
+from .inspection.verdict import Verdict as Verdict
+from .inspection.decision import Decision as Decision
+from .inspection.relate import relate as relate
+from .inspection.relation import Relation as Relation
 from .calibration.target import (
     ChArUco as ChArUco,
     Chessboard as Chessboard,

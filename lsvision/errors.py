@@ -60,3 +60,19 @@ class DegenerateGeometry(LsvisionError):
 
 class CalibrationFailed(LsvisionError):
     """Views or poses from which no trustworthy calibration follows."""
+
+
+class InvalidJob(LsvisionError):
+    """A job file with slips.
+
+    Parameters
+    ----------
+    name : str
+        Of the file.
+    slips : tuple of Slip
+        Each with its line and the mend.
+    """
+
+    def __init__(self, name: str, slips: tuple[object, ...]) -> None:
+        super().__init__(f"{name}: {'; '.join(map(str, slips))}")
+        self.slips = slips

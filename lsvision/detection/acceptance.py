@@ -19,6 +19,8 @@ MIN_RADIUS_SIGMAS, CERTAIN_RADIUS_SIGMAS = 3.5, 6.0
 """Ratio of radius to standard uncertainty below which its interval exceeds `MAX_RADIUS_RATIO`, as
 of all 15 such sections in 3909 profiles, and ratio above which it does not: the interval, which
 takes 20 to 200 ms, is computed in between."""
+UNDETERMINABLE = "radius not determinable"
+"""First words of the reason why an arc is refused that is a cylinder of whatever radius."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,11 +106,11 @@ def undeterminable_radius_reason(section: CylinderSection) -> str | None:
     if radius > CERTAIN_RADIUS_SIGMAS * std:
         return None
     if radius < MIN_RADIUS_SIGMAS * std:
-        return f"radius not determinable: {radius:.3g} +/- {std:.2g} mm; a longer arc is needed"
+        return f"{UNDETERMINABLE}: {radius:.3g} +/- {std:.2g} mm; a longer arc is needed"
     low, high = section.interval("radius")
     if max(high / radius, radius / low) <= MAX_RADIUS_RATIO:
         return None
-    return f"radius not determinable: {low:.3g} to {high:.3g} mm (95 %); a longer arc is needed"
+    return f"{UNDETERMINABLE}: {low:.3g} to {high:.3g} mm (95 %); a longer arc is needed"
 
 
 def suppress_overlapping(cylinders: Sequence[CylinderSection]) -> list[CylinderSection]:

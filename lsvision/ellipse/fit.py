@@ -236,7 +236,22 @@ def fit_noisy_points(
         solution = minimise(problem, parameters, settings.max_evaluations, settings.tolerance)
         parameters = solution.parameters
     fit = _build_fit(problem, solution, known_noise=settings.variance == "given")
-    return _refit_with_scaled_stds(fit) if has_prior else fit
+    return _refit_with_scaled_stds(fit) if has_prior and fit.variance_factor != 1 else fit
+
+
+def with_known_radius(fit: EllipseFit, known_radius: RadiusPrior) -> EllipseFit:
+    """Return a fit with a prior on the radius added, at the noise that the fit has found.
+
+    Parameters
+    ----------
+    fit : EllipseFit
+        Without a prior on the radius, or with one that is replaced.
+    known_radius : RadiusPrior
+        The prior.
+    """
+    return _refit_with_scaled_stds(
+        replace(fit, problem=replace(fit.problem, known_radius=known_radius))
+    )
 
 
 def _scale_by_free_fit(
@@ -256,8 +271,6 @@ def _scale_by_free_fit(
 def _refit_with_scaled_stds(fit: EllipseFit) -> EllipseFit:
     """Refit with the points' standard deviations scaled to the residuals; the prior is not."""
     factor = fit.variance_factor
-    if factor == 1:
-        return fit
     stds = np.maximum(fit.problem.stds * np.sqrt(factor), math.sqrt(TINY))
     problem = replace(fit.problem, stds=stds)
     solution = minimise(problem, fit.parameters)

@@ -16,6 +16,10 @@ INLIER, OUTLIER = "#0072B2", "#D55E00"
 """Residuals of a calibration: in line with the others, and not."""
 BOARD, LASER_PLANE = "#999999", "#C8102E"
 """Outlines of calibration targets and of the laser plane."""
+DECISIONS = {"OK": "#00644A", "NG": "#B3261E", "undecided": "#7A5B00"}
+"""Of verdicts; shapes and words stand beside them."""
+LIMITS = "#B3261E"
+"""Lines of limits."""
 FRAME_AXES = ("#C8102E", "#00805E", "#0072B2")
 """X, Y and Z of a frame."""
 

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from lsvision.results.number_format import decimals_for, format_value
 
 Record = dict[str, Any]
+Unit = Literal["mm", "deg", "mm_per_m", "percent"]
 LEVEL = 0.95
 """Probability of the intervals in tables and files."""
 DEG = math.degrees(1.0)
@@ -24,7 +25,7 @@ class Quantity:
     ----------
     name : str
         As the result's property, or ``centre_x``.
-    unit : {"mm", "deg"}
+    unit : {"mm", "deg", "mm_per_m", "percent"}
         In tables and files; angles are rad inside.
 
     Examples
@@ -36,12 +37,17 @@ class Quantity:
     """
 
     name: str
-    unit: Literal["mm", "deg"]
+    unit: Unit
 
     @property
     def heading(self) -> str:
         """Heading of a column."""
-        return f"{self.name.replace('_', ' ')} {self.unit}"
+        return f"{self.name.replace('_', ' ')} {self.unit_text}"
+
+    @property
+    def unit_text(self) -> str:
+        """The unit as people write it."""
+        return {"mm_per_m": "mm/m", "percent": "%"}.get(self.unit, self.unit)
 
     @property
     def scale(self) -> float:

@@ -1,0 +1,1 @@
+"""Jobs and honest verdicts: limits, guard band, relations, statistics of many parts."""

@@ -1,0 +1,231 @@
+"""Distance, angle, gap and flush of two cylinders in space, and the seam between them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lsvision.cylinder.fit_result import CylinderFit
+from lsvision.geometry import FloatArray
+from lsvision.inspection.relation import Relation, Seam
+from lsvision.inspection.uncertain import Length, Scalar
+
+STEP = 1e-6
+"""Step of the numerical derivatives. Units: mm or rad."""
+PARALLEL = 1e-9
+"""Sine of the angle below which two axes are parallel."""
+
+Range = tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class SeenCylinder:
+    """A cylinder in space, and along which length it was seen.
+
+    Parameters
+    ----------
+    fit : CylinderFit
+        Axis and radius with their covariance.
+    axial_range : (float, float)
+        From ``fit.point`` along ``fit.direction``. Units: mm.
+    """
+
+    fit: CylinderFit
+    axial_range: Range
+
+
+def relate_axes(
+    first: SeenCylinder, second: SeenCylinder, up: FloatArray | None = None
+) -> Relation:
+    """Return how two cylinders lie to each other in space.
+
+    Parameters
+    ----------
+    first, second : SeenCylinder
+        In one frame; their errors are taken as independent.
+    up : (3,) ndarray, optional
+        Unit vector along which flush is measured; without it there is none.
+
+    Returns
+    -------
+    Relation
+        At the line of nearest approach if it lies within the seen length of both, else in the
+        middle of the length that both are seen along: distance of the axes, gap of the
+        surfaces, flush, angle and seam. Covariances are propagated to first order, with the
+        place along both axes held.
+    """
+    pair = _Pair.of(first, second)
+    values = pair.values(np.zeros(10), up)
+    steps = STEP * np.eye(10)
+    jacobian = np.array(
+        [(pair.values(step, up) - pair.values(-step, up)) / (2 * STEP) for step in steps]
+    ).T
+    covariance = jacobian @ pair.covariance @ jacobian.T
+    freedom = min(first.fit.degrees_of_freedom, second.fit.degrees_of_freedom)
+
+    def scalar(row: int) -> Scalar:
+        return Scalar(float(values[row]), math.sqrt(max(covariance[row, row], 0.0)), freedom)
+
+    quantities: dict[str, Length | Scalar] = {
+        "distance": Length(values[:2], covariance[:2, :2], freedom),
+        "angle": Length(values[2:4], covariance[2:4, 2:4], freedom),
+        "gap": scalar(4),
+    }
+    if up is not None:
+        quantities["flush"] = scalar(5)
+    # Parallel axes leave open which point of the line it is: only errors across it count.
+    across = np.eye(3) if pair.crossing else np.eye(3) - np.outer(pair.held, pair.held)
+    seam = Seam(
+        points=pair.foot_points(np.zeros(10)),
+        point=values[6:9],
+        point_covariance=across @ covariance[6:9, 6:9] @ across,
+        direction=values[9:12],
+        direction_std=math.sqrt(max(float(np.trace(covariance[9:12, 9:12])), 0.0)),
+        crossing=pair.crossing,
+    )
+    return Relation(quantities, seam)
+
+
+def angle_between(fit: CylinderFit, direction: FloatArray) -> Length:
+    """Angle between an axis, in either sense, and an exact direction. Units: rad."""
+    unit = direction / np.linalg.norm(direction)
+    unit = unit if unit @ fit.direction >= 0 else -unit
+    across = unit - (unit @ fit.direction) * fit.direction
+    sine = float(np.linalg.norm(across))
+    # The rotation from the axis to the direction, in the basis of the axis' errors.
+    turn = fit.tangent_basis @ across
+    angle = math.atan2(sine, float(unit @ fit.direction))
+    vector = turn * (angle / sine) if sine > PARALLEL else turn
+    return Length(vector, fit.covariance[2:4, 2:4], fit.degrees_of_freedom)
+
+
+@dataclass(frozen=True, eq=False)
+class _Pair:
+    """Two cylinders, and where along their axes they are compared."""
+
+    first: CylinderFit
+    second: CylinderFit
+    sign: float
+    along: Range
+    frame: FloatArray
+    crossing: bool
+
+    @classmethod
+    def of(cls, first: SeenCylinder, second: SeenCylinder) -> _Pair:
+        a, b = first.fit, second.fit
+        sign = 1.0 if a.direction @ b.direction >= 0 else -1.0
+        along = _nearest_approach((a.point, a.direction), (b.point, b.direction))
+        ranges = first.axial_range, second.axial_range
+        if along is not None and all(
+            low <= s <= high for s, (low, high) in zip(along, ranges, strict=True)
+        ):
+            normal = np.cross(a.direction, b.direction)
+            frame = np.stack([normal / np.linalg.norm(normal), np.zeros(3)])
+            return cls(a, b, sign, along, frame, crossing=True)
+        along = _common_middle(first, second, sign)
+        mean = a.direction + sign * b.direction
+        frame = _plane_across(mean / np.linalg.norm(mean))
+        return cls(a, b, sign, along, frame, crossing=False)
+
+    @property
+    def covariance(self) -> FloatArray:
+        """(10, 10) of both cylinders' parameters."""
+        covariance = np.zeros((10, 10))
+        covariance[:5, :5], covariance[5:, 5:] = self.first.covariance, self.second.covariance
+        return covariance
+
+    @property
+    def held(self) -> FloatArray:
+        """(3,) unit vector between both directions."""
+        mean = self.first.direction + self.sign * self.second.direction
+        unit: FloatArray = mean / np.linalg.norm(mean)
+        return unit
+
+    def _moved(self, step: FloatArray) -> list[tuple[FloatArray, FloatArray, float]]:
+        """Point, direction and radius of both after a change of their parameters."""
+        moved = []
+        for fit, part in ((self.first, step[:5]), (self.second, step[5:])):
+            basis = fit.tangent_basis
+            direction = fit.direction + part[2:4] @ basis
+            direction = direction / np.linalg.norm(direction)
+            moved.append((fit.point + part[:2] @ basis, direction, fit.radius + float(part[4])))
+        return moved
+
+    def foot_points(self, step: FloatArray) -> FloatArray:
+        """(2, 3) points of both axes: of the nearest approach, or at the same places as before."""
+        moved, along = self._moved(step), self.along
+        if self.crossing:
+            along = _nearest_approach(moved[0][:2], moved[1][:2]) or along
+        return np.array(
+            [point + s * direction for (point, direction, _), s in zip(moved, along, strict=True)]
+        )
+
+    def values(self, step: FloatArray, up: FloatArray | None) -> FloatArray:
+        """(12,) offset (2), angle (2), gap, flush, seam point (3) and direction (3)."""
+        (_, u, r), (_, v, t) = self._moved(step)
+        v = self.sign * v
+        foot, other = self.foot_points(step)
+        offset = self.frame @ (other - foot)
+        distance = math.hypot(*offset)
+        unit = self.frame.T @ offset / distance if distance > 0 else self.frame[0]
+        flush = 0.0
+        if up is not None:
+            flush = float((other - foot) @ up) + _crest(v, t, up) - _crest(u, r, up)
+        seam = (foot + other + (r - t) * unit) / 2
+        mean = (u + v) / np.linalg.norm(u + v)
+        return np.concatenate([offset, self._angle(u, v), [distance - r - t, flush], seam, mean])
+
+    def _angle(self, u: FloatArray, v: FloatArray) -> FloatArray:
+        """(2,) rotation from the first axis to the second, in the plane across both."""
+        sine = np.cross(u, v)
+        length = float(np.linalg.norm(sine))
+        angle = math.atan2(length, float(u @ v))
+        turn = sine * (angle / length) if length > PARALLEL else sine
+        rotated: FloatArray = _plane_across(self.held) @ turn
+        return rotated
+
+
+def _plane_across(direction: FloatArray) -> FloatArray:
+    """(2, 3) unit vectors across a direction."""
+    rows: FloatArray = np.linalg.svd(direction[None])[2][1:]
+    return rows
+
+
+def _crest(direction: FloatArray, radius: float, up: FloatArray) -> float:
+    """Height of a cylinder's crest over its axis along `up`."""
+    return radius * math.sqrt(max(1 - float(direction @ up) ** 2, 0.0))
+
+
+def _nearest_approach(
+    first: tuple[FloatArray, FloatArray], second: tuple[FloatArray, FloatArray]
+) -> Range | None:
+    """Positions of the line of nearest approach along both axes; None if they are parallel."""
+    (point, u), (other, v) = first, second
+    cosine = float(u @ v)
+    square = 1 - cosine**2
+    if square < PARALLEL**2:
+        return None
+    offset = other - point
+    along_u, along_v = float(offset @ u), float(offset @ v)
+    return (along_u - cosine * along_v) / square, (cosine * along_u - along_v) / square
+
+
+def _common_middle(first: SeenCylinder, second: SeenCylinder, sign: float) -> Range:
+    """Positions along both axes in the middle of the length that both are seen along.
+
+    Where they are seen along different lengths, it is the middle between those.
+    """
+    a, b = first.fit, second.fit
+    mean = a.direction + sign * b.direction
+    mean = mean / np.linalg.norm(mean)
+    ends = [
+        sorted(float((fit.point + s * fit.direction) @ mean) for s in seen)
+        for fit, seen in ((a, first.axial_range), (b, second.axial_range))
+    ]
+    middle = (max(low for low, _ in ends) + min(high for _, high in ends)) / 2
+    along_a, along_b = (
+        (middle - float(fit.point @ mean)) / float(fit.direction @ mean) for fit in (a, b)
+    )
+    return along_a, along_b

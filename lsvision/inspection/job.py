@@ -1,0 +1,240 @@
+"""The job: what is measured, and when it is good; from a TOML file, with every slip named."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import os
+import tomllib
+from functools import cached_property
+from typing import Annotated, Any
+
+from pydantic import Field, ValidationError, model_validator
+
+from lsvision.errors import InvalidJob
+from lsvision.files.limited_reading import read_text
+from lsvision.inspection.job_slips import (
+    Location,
+    Slip,
+    SlipsError,
+    describe_slips,
+    line_of,
+    syntax_slip,
+)
+from lsvision.inspection.job_tables import (
+    Count,
+    DecisionRule,
+    Golden,
+    Measure,
+    Name,
+    Output,
+    Part,
+    RelationLimits,
+    Rig,
+    Scan,
+    Source,
+)
+from lsvision.inspection.limits import JobTable
+
+SCHEMA = 1
+"""Version of the job file that this package writes, and the newest that it reads."""
+
+
+class Job(JobTable):
+    """What is measured and when it is good: one TOML file.
+
+    Parameters of the tables are named with their units; unknown keys are refused. Equal jobs have
+    equal hashes, however their files are laid out.
+
+    Examples
+    --------
+    >>> job = Job.from_text('''
+    ... name = "tube"
+    ... [[part]]
+    ... name = "left"
+    ... order = 1
+    ... radius_mm = { nominal = 19, upper = 0.1, lower = -0.1 }
+    ... ''')
+    >>> job.parts[0].radius_mm.ends, job.decision.level
+    ((18.9, 19.1), 0.95)
+    """
+
+    format_version: Annotated[int, Field(strict=True, ge=1, le=SCHEMA, alias="schema")] = SCHEMA
+    name: Name
+    revision: Count = 1
+    source: Source | None = None
+    rig: Rig = Rig()
+    scan: Scan | None = None
+    measure: Measure = Measure()
+    parts: Annotated[tuple[Part, ...], Field(alias="part", min_length=1)]
+    relations: Annotated[tuple[RelationLimits, ...], Field(alias="relation")] = ()
+    decision: DecisionRule = DecisionRule()
+    golden: Golden | None = None
+    output: Output | None = None
+
+    @model_validator(mode="after")
+    def _check_whole(self) -> Job:
+        slips = [*_claims(self.parts), *_unknown_parts(self)]
+        if slips:
+            raise SlipsError(slips)
+        return self
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Job:
+        """Read a job file.
+
+        Parameters
+        ----------
+        path : path
+            TOML in UTF-8.
+
+        Returns
+        -------
+        Job
+            Checked as a whole.
+
+        Raises
+        ------
+        InvalidJob
+            Names every slip with its line and the mend.
+        UnreadableFile
+            If there is no such file, or it is no text.
+        """
+        return cls.from_text(read_text(path), os.fspath(path))
+
+    @classmethod
+    def from_text(cls, text: str, name: str = "job") -> Job:
+        """Read a job from the text of a file.
+
+        Parameters
+        ----------
+        text : str
+            TOML.
+        name : str
+            Name of the file, in messages.
+
+        Returns
+        -------
+        Job
+            Checked as a whole.
+
+        Raises
+        ------
+        InvalidJob
+            Names every slip with its line and the mend.
+        """
+        try:
+            values = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            raise InvalidJob(name, (syntax_slip(error),)) from None
+        newer = _newer_schema(values, text)
+        if newer:
+            raise InvalidJob(name, tuple(newer))
+        try:
+            return cls.model_validate(values)
+        except ValidationError as error:
+            raise InvalidJob(name, tuple(describe_slips(error, text, cls))) from None
+
+    @cached_property
+    def hash(self) -> str:
+        """SHA-256 of the canonical form: sorted keys, defaults filled in, without layout."""
+        values = self.model_dump(mode="json", by_alias=True)
+        text = json.dumps(values, sort_keys=True, separators=(",", ":"), allow_nan=False)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def part(self, name: str) -> Part:
+        """Return the part of a name.
+
+        Parameters
+        ----------
+        name : str
+            As in the job.
+
+        Returns
+        -------
+        Part
+            Its limits.
+        """
+        return next(part for part in self.parts if part.name == name)
+
+    def extra_std(self, key: str) -> float:
+        """Return the uncertainty that the fit cannot know, in the unit of the key.
+
+        Parameters
+        ----------
+        key : str
+            As ``radius_mm``.
+
+        Returns
+        -------
+        float
+            0 where the job says nothing; of a diameter twice that of the radius.
+        """
+        given = self.decision.extra_std
+        if key == "diameter_mm" and key not in given:
+            return 2 * given.get("radius_mm", 0.0)
+        return given.get(key, 0.0)
+
+
+def _claims(parts: tuple[Part, ...]) -> list[tuple[Location, str]]:
+    """Parts that claim one cylinder, or one name."""
+    slips: list[tuple[Location, str]] = []
+    for (_, first), (number, second) in itertools.combinations(enumerate(parts), 2):
+        where = ("part", number)
+        if first.name == second.name:
+            slips.append(((*where, "name"), f"two parts are named {first.name!r}: rename one"))
+        if first.order is not None and first.order == second.order:
+            slips.append(
+                (
+                    (*where, "order"),
+                    f"{first.name!r} and {second.name!r} claim one pipe, order {first.order}: "
+                    "give each its own",
+                )
+            )
+        if first.windows and second.windows and _overlap(first, second):
+            slips.append(
+                (
+                    (*where, f"{next(iter(second.windows))}_mm"),
+                    f"{first.name!r} and {second.name!r} claim one pipe: their windows overlap; "
+                    "draw the border between them",
+                )
+            )
+    return slips
+
+
+def _overlap(first: Part, second: Part) -> bool:
+    """Whether some place lies in the windows of both parts."""
+    everywhere = (float("-inf"), float("inf"))
+    for axis in "xyz":
+        low_1, high_1 = first.windows.get(axis, everywhere)
+        low_2, high_2 = second.windows.get(axis, everywhere)
+        if max(low_1, low_2) >= min(high_1, high_2):
+            return False
+    return True
+
+
+def _unknown_parts(job: Job) -> list[tuple[Location, str]]:
+    """Relations to parts that are none."""
+    names = [part.name for part in job.parts]
+    slips: list[tuple[Location, str]] = []
+    for number, relation in enumerate(job.relations):
+        where = ("relation", number, "between")
+        first, second = relation.between
+        slips += [
+            (where, f"no part is named {name!r}: the parts are {', '.join(map(repr, names))}")
+            for name in relation.between
+            if name not in names
+        ]
+        if first == second:
+            slips.append((where, f"expected two parts, got {first!r} twice"))
+    return slips
+
+
+def _newer_schema(values: dict[str, Any], text: str) -> list[Slip]:
+    """The slip of a job that a newer version wrote; its other keys would only confuse."""
+    version = values.get("schema", SCHEMA)
+    if not isinstance(version, int) or version <= SCHEMA:
+        return []
+    message = f"expected schema {SCHEMA} or older, got {version}: install a newer lsvision"
+    return [Slip(line_of(("schema",), text), message)]

@@ -1,0 +1,206 @@
+"""Slips of a job file, each with its line and the mend.
+
+`tomllib` keeps no positions, so that the line of a key is looked up in the text: keys stand at the
+beginning of a line, below the header of their table. A style-preserving parser (tomlkit) would be a
+dependency more for one number, and does not give lines either.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from lsvision.inspection.limits import UNITS
+
+Location = tuple[str | int, ...]
+
+_HEADER = re.compile(r"\s*(\[\[?)\s*([^\[\]#]+?)\s*\]")
+_KEY = re.compile(r"\s*([A-Za-z0-9_.\"'-]+(?:\s*\.\s*[A-Za-z0-9_\"'-]+)*)\s*=")
+_POSITION = re.compile(r"\s*\(at line (\d+), column \d+\)")
+_VARIANT = re.compile(r"(float|int|str|Limits|constrained.*|tuple\[.*)$")
+_SHOWN = 60
+
+
+@dataclass(frozen=True)
+class Slip:
+    """What is wrong in a job file.
+
+    Parameters
+    ----------
+    line : int or None
+        From 1; None for what is not there.
+    message : str
+        What was expected, what came, and the mend.
+    """
+
+    line: int | None
+    message: str
+
+    def __str__(self) -> str:
+        return self.message if self.line is None else f"line {self.line}: {self.message}"
+
+
+class SlipsError(ValueError):
+    """Slips that concern several tables, each with its own place.
+
+    Parameters
+    ----------
+    slips : sequence of (location, message)
+        Location as pydantic's: keys and indices from the root.
+    """
+
+    def __init__(self, slips: Sequence[tuple[Location, str]]) -> None:
+        super().__init__("; ".join(message for _, message in slips))
+        self.slips = slips
+
+
+def syntax_slip(error: tomllib.TOMLDecodeError) -> Slip:
+    """The slip of a text that is no TOML."""
+    message = str(error)
+    found = _POSITION.search(message)
+    words = _POSITION.sub("", message)
+    return Slip(int(found[1]) if found else None, f"no TOML: {words[:1].lower()}{words[1:]}")
+
+
+def describe_slips(error: ValidationError, text: str, model: type[BaseModel]) -> list[Slip]:
+    """All slips of a job, in the order of its lines.
+
+    Parameters
+    ----------
+    error : ValidationError
+        Of the job's model.
+    text : str
+        The file.
+    model : type
+        The job's model, for the keys that it knows.
+    """
+    lines = _lines_of_keys(text)
+    slips: list[Slip] = []
+    details = error.errors()
+    if len(details) > 1:  # parts with slips are no parts, and so there seem to be too few
+        details = [detail for detail in details if detail["type"] != "too_short"]
+    for detail in details:
+        cause = detail.get("ctx", {}).get("error")
+        if isinstance(cause, SlipsError):
+            slips += [Slip(_line(where, lines), message) for where, message in cause.slips]
+        else:
+            where = _without_variants(detail["loc"])
+            slips.append(Slip(_line(where, lines), _message(where, detail, model)))
+    return sorted(dict.fromkeys(slips), key=lambda slip: slip.line or 0)
+
+
+def line_of(where: Location, text: str) -> int | None:
+    r"""Line of a key, or of the nearest table around it; None without either.
+
+    Examples
+    --------
+    >>> line_of(("part", 1, "x_mm"), "[[part]]\nx_mm = 1\n[[part]]\nx_mm = 2")
+    4
+    """
+    return _line(where, _lines_of_keys(text))
+
+
+def _line(where: Location, lines: dict[Location, int]) -> int | None:
+    for length in range(len(where), 0, -1):
+        if where[:length] in lines:
+            return lines[where[:length]]
+    return None
+
+
+def _lines_of_keys(text: str) -> dict[Location, int]:
+    """Line of every table and key."""
+    lines: dict[Location, int] = {}
+    table: Location = ()
+    counts: dict[Location, int] = {}
+    for number, line in enumerate(text.splitlines(), 1):
+        header, key = _HEADER.match(line), _KEY.match(line)
+        if header and not key:
+            table = _names(header[2])
+            if header[1] == "[[":
+                counts[table] = counts.get(table, -1) + 1
+                table = (*table, counts[table])
+            lines.setdefault(table, number)
+        elif key:
+            lines.setdefault((*table, *_names(key[1])), number)
+    return lines
+
+
+def _names(dotted: str) -> Location:
+    return tuple(name.strip().strip("\"'") for name in dotted.split("."))
+
+
+def _without_variants(where: Location) -> Location:
+    """A location without pydantic's names of the variants of a union."""
+    return tuple(part for part in where if not (isinstance(part, str) and _VARIANT.match(part)))
+
+
+def _message(where: Location, detail: Any, model: type[BaseModel]) -> str:
+    """What was expected, what came, and the mend, in words of the job file."""
+    key = next((str(part) for part in reversed(where) if isinstance(part, str)), "the job")
+    kind, got = detail["type"], _shown(detail["input"])
+    if kind == "missing":
+        return f"{_path(where)} is missing: add it"
+    if kind == "too_short":
+        return f"expected at least one [[{_path(where)}]], got none: add it"
+    if kind == "extra_forbidden":
+        return _unknown_key(key, where, known_keys(where, model))
+    if kind == "value_error":
+        return f"{_path(where)}: {detail['ctx']['error']}"
+    words = detail["msg"].removeprefix("Input should be ").removeprefix("a valid ")
+    return f"{_path(where)}: expected {words}, got {got}"
+
+
+def _path(where: Location) -> str:
+    """As ``part 1, radius_mm``: tables of a list are counted from 1."""
+    words: list[str] = []
+    for part in where:
+        if isinstance(part, int) and words:
+            words[-1] += f" {part + 1}"
+        else:
+            words.append(str(part))
+    return ", ".join(words) or "the job"
+
+
+def _unknown_key(key: str, where: Location, known: list[str]) -> str:
+    with_unit = [name for name in known if name in {f"{key}_{unit}" for unit in UNITS}]
+    if with_unit:
+        return f"{_path(where)}: the unit is missing: write {' or '.join(with_unit)}"
+    near = difflib.get_close_matches(key, known, n=1)
+    mend = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
+    return f"{_path(where)}: unknown key: {mend}"
+
+
+def known_keys(where: Location, model: type[BaseModel]) -> list[str]:
+    """Keys that the table around a location may have."""
+    for part in where[:-1]:
+        if isinstance(part, str):
+            field = next(
+                (f for name, f in model.model_fields.items() if part in (name, f.alias)), None
+            )
+            inner = None if field is None else _model_in(field.annotation)
+            if inner is None:
+                return []
+            model = inner
+    return [field.alias or name for name, field in model.model_fields.items()]
+
+
+def _model_in(annotation: Any) -> type[BaseModel] | None:
+    """The table within ``Table | None`` or ``tuple[Table, ...]``."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    for part in getattr(annotation, "__args__", ()):
+        found = _model_in(part)
+        if found is not None:
+            return found
+    return None
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."

@@ -1,0 +1,231 @@
+"""Tables of a job file: where profiles come from, how they are measured, parts, relations."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from lsvision.inspection.limits import (
+    RELATION_KEYS,
+    SCAN_KEYS,
+    SECTION_KEYS,
+    JobTable,
+    Limits,
+    Number,
+    Positive,
+)
+
+Window = tuple[Number, Number]
+Name = Annotated[str, Field(min_length=1, max_length=80)]
+Count = Annotated[int, Field(strict=True, ge=1)]
+Std = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0)]
+Known = Positive | tuple[Positive, Std]
+Vector = tuple[Number, Number, Number]
+
+
+class Source(JobTable):
+    """Where profiles come from when the job runs by itself."""
+
+    kind: Literal["folder", "replay", "leuze-lps", "keyence-ljx", "genicam", "camera"]
+    path: str | None = None
+    address: str | None = None
+
+
+class Rig(JobTable):
+    """Calibration files, each with the SHA-256 of its content if it may not change unnoticed.
+
+    With a light section images are measured too; `laser` is the colour of the line in them.
+    """
+
+    light_section: str | None = None
+    light_section_sha256: str | None = None
+    laser: Literal["grey", "red", "green", "blue", "white"] = "grey"
+    flange_from_section: str | None = None
+    flange_from_section_sha256: str | None = None
+    poses: str | None = None
+    convention: str | None = None
+
+
+class Scan(JobTable):
+    """How the sections of a scan follow each other; without it each profile is judged by itself."""
+
+    feed: Vector | None = None
+    step_mm: Number | None = None
+    pose_std_mm: Std = 0.0
+    feed_std_deg: Std = 0.0
+
+
+class Measure(JobTable):
+    """Arguments of `lsvision.measure_cylinders` and `lsvision.measure_scan`."""
+
+    radius_mm: Positive | tuple[Positive, Positive] | None = None
+    known_radius_mm: Known | None = None
+    known_phi_deg: Std | tuple[Std, Std] | None = None
+    sensor: str | None = None
+    range_std_mm: Positive | None = None
+    reference_range_mm: Positive = 400.0
+
+    @model_validator(mode="after")
+    def _check(self) -> Measure:
+        if self.sensor is not None and self.range_std_mm is not None:
+            raise ValueError("expected sensor or range_std_mm, got both: leave one out")
+        if self.sensor is not None:
+            from lsvision.sensors.profile_sensor import find_sensor
+
+            find_sensor(self.sensor)
+        if isinstance(self.radius_mm, tuple) and self.radius_mm[0] >= self.radius_mm[1]:
+            raise ValueError(
+                f"radius_mm reversed: expected [least, largest], got {list(self.radius_mm)}"
+            )
+        return self
+
+
+class Part(JobTable):
+    """A cylinder that must be there: which one it is, and its limits.
+
+    It is found by place (`x_mm`, `y_mm`, `z_mm`: its centre lies in all windows that are given),
+    by `order` (from the left, or in the order of the scan), or else by radius.
+    """
+
+    name: Name
+    x_mm: Window | None = None
+    y_mm: Window | None = None
+    z_mm: Window | None = None
+    order: Count | None = None
+    known_radius_mm: Known | None = None
+    nominal_direction: Vector | None = None
+    nominal_point_mm: Vector | None = None
+    radius_mm: Limits | None = None
+    diameter_mm: Limits | None = None
+    theta_deg: Limits | None = None
+    phi_deg: Limits | None = None
+    centre_x_mm: Limits | None = None
+    centre_y_mm: Limits | None = None
+    direction_deg: Limits | None = None
+    position_mm: Limits | None = None
+    point_x_mm: Limits | None = None
+    point_y_mm: Limits | None = None
+    point_z_mm: Limits | None = None
+    bow_mm: Limits | None = None
+    taper_mm_per_m: Limits | None = None
+    ovality_percent: Limits | None = None
+    length_seen_mm: Limits | None = None
+
+    @model_validator(mode="after")
+    def _check(self) -> Part:
+        for axis, window in self.windows.items():
+            if window[0] >= window[1]:
+                raise ValueError(f"{axis}_mm reversed: expected [least, largest], got {[*window]}")
+        if self.windows and self.order is not None:
+            raise ValueError("expected a place (x_mm, y_mm, z_mm) or an order, got both")
+        if not self.windows and self.order is None and self.expected_radius is None:
+            raise ValueError(
+                "nothing says which cylinder it is: add x_mm = [least, largest], order = 1, or "
+                "a radius_mm with a nominal"
+            )
+        needs = {"direction_deg": "nominal_direction", "position_mm": "nominal_point_mm"}
+        for key, need in needs.items():
+            if getattr(self, key) is not None and getattr(self, need) is None:
+                raise ValueError(f"{key} is counted from {need}: add it")
+        if self.nominal_direction is not None and not math.hypot(*self.nominal_direction) > 0:
+            raise ValueError("expected a nominal_direction with a length, got 0, 0, 0")
+        theta = self.theta_deg
+        if theta is not None and not 0 < theta.ends[1] - theta.ends[0] < 180:
+            raise ValueError(
+                "theta_deg is an angle without a beginning: expected both limits, less than 180 "
+                "deg apart"
+            )
+        return self
+
+    @property
+    def windows(self) -> dict[str, Window]:
+        """Windows of its place, by axis."""
+        given = {"x": self.x_mm, "y": self.y_mm, "z": self.z_mm}
+        return {axis: window for axis, window in given.items() if window is not None}
+
+    @property
+    def expected_radius(self) -> float | None:
+        """Radius by which the cylinder is told from others. Units: mm."""
+        if self.radius_mm is not None and self.radius_mm.middle is not None:
+            return self.radius_mm.middle
+        if self.diameter_mm is not None and self.diameter_mm.middle is not None:
+            return self.diameter_mm.middle / 2
+        known = self.known_radius_mm
+        return known[0] if isinstance(known, tuple) else known
+
+    @property
+    def limits(self) -> dict[str, Limits]:
+        """Its limits by key, in the order of tables."""
+        keys = dict.fromkeys((*SECTION_KEYS, *SCAN_KEYS))
+        return {key: limits for key in keys if (limits := getattr(self, key)) is not None}
+
+
+class RelationLimits(JobTable):
+    """Limits of what two parts have in common."""
+
+    between: tuple[Name, Name]
+    up: Vector | None = None
+    distance_mm: Limits | None = None
+    angle_deg: Limits | None = None
+    gap_mm: Limits | None = None
+    flush_mm: Limits | None = None
+
+    @model_validator(mode="after")
+    def _check(self) -> RelationLimits:
+        if not self.limits:
+            raise ValueError(f"expected a limit among {', '.join(RELATION_KEYS)}, got none")
+        if self.up is not None and not math.hypot(*self.up) > 0:
+            raise ValueError("expected up with a length, got 0, 0, 0")
+        return self
+
+    @property
+    def limits(self) -> dict[str, Limits]:
+        """Its limits by key, in the order of tables."""
+        return {key: limits for key in RELATION_KEYS if (limits := getattr(self, key)) is not None}
+
+
+class DecisionRule(JobTable):
+    """How sure a verdict must be, and what a one-bit output says of an undecided one."""
+
+    level: Annotated[float, Field(strict=True, gt=0.5, lt=1)] = 0.95
+    undecided: Literal["ng", "ok"] = "ng"
+    additional: Literal["tell", "ng"] = "tell"
+    extra_std: dict[str, Std] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _check(self) -> DecisionRule:
+        known = dict.fromkeys((*SECTION_KEYS, *SCAN_KEYS, *RELATION_KEYS))
+        for key in self.extra_std:
+            if key not in known:
+                raise ValueError(f"extra_std: expected a key among {', '.join(known)}, got {key!r}")
+        return self
+
+
+class Golden(JobTable):
+    """A reference part that must be measured now and then, and rightly."""
+
+    radius_mm: Positive
+    tolerance_mm: Positive
+    every_hours: Positive
+    log: str | None = None
+
+
+class Address(JobTable):
+    """Where an output listens, or a broker is."""
+
+    host: str = "127.0.0.1"
+    port: Annotated[int, Field(strict=True, ge=1, le=65535)] | None = None
+    topic: str | None = None
+
+
+class Output(JobTable):
+    """Where results go when the job runs by itself."""
+
+    results: str | None = None
+    record: str | None = None
+    page: Address | None = None
+    modbus: Address | None = None
+    mqtt: Address | None = None
+    tcp: Address | None = None

@@ -1,0 +1,275 @@
+"""`judge`: a measurement and a job in, what is proved out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from lsvision.detection.acceptance import UNDETERMINABLE
+from lsvision.detection.arcs import Rejection
+from lsvision.ellipse.fit import with_known_radius
+from lsvision.ellipse.section import CylinderSection
+from lsvision.inspection.decision import Decision, widened
+from lsvision.inspection.job import Job
+from lsvision.inspection.job_tables import Part, RelationLimits
+from lsvision.inspection.limits import quantity_of
+from lsvision.inspection.matching import Matching, match_parts
+from lsvision.inspection.quantities import CylinderOfJob, measure_quantity
+from lsvision.inspection.relate import relate
+from lsvision.inspection.verdict import ItemVerdict, Provenance, QuantityVerdict, Verdict, judged
+from lsvision.measure import Measurement, radius_prior_from_value
+from lsvision.results.quantities import Estimate
+from lsvision.scan.scan_result import ScanMeasurement, ScanRejection
+
+HALF_TURN_DEG = 180.0
+REASONS_TOLD = 2
+"""Refused arcs that are told beside a missing part."""
+
+
+def judge(
+    measurement: Measurement | ScanMeasurement,
+    job: Job,
+    *,
+    blocked: str = "",
+    calibration: Mapping[str, Mapping[str, str | None]] | None = None,
+) -> Verdict:
+    """Judge a measurement by a job: OK, NG or undecided, each with its reason.
+
+    A quantity is OK where its interval at the job's level lies inside the limits, NG where it lies
+    wholly outside, else undecided (the guard band of ISO 14253-1): with level 0.95 a part outside
+    its limits is told OK with a probability of at most 2.5 %, and one inside NG likewise. The
+    job's ``extra_std`` is added to both half widths in quadrature. A part, a relation and the
+    whole are the worst of what they hold, NG > undecided > OK.
+
+    Parameters
+    ----------
+    measurement : Measurement or ScanMeasurement
+        Result of `lsvision.measure_cylinders` or `lsvision.measure_scan`.
+    job : Job
+        Parts, relations and their limits.
+    blocked : str
+        Why nothing can be decided now, as of an overdue golden part (see
+        `lsvision.inspection.golden`); every verdict is then undecided.
+    calibration : mapping, optional
+        Date and hash of each calibration file, for the record.
+
+    Returns
+    -------
+    Verdict
+        A missing part is NG, with the recogniser's reasons; one that was seen and whose radius
+        is not determinable is undecided. `Verdict.decision` compares to ``"OK"``, ``"NG"`` and
+        ``"undecided"``.
+
+    Raises
+    ------
+    ValueError
+        If the job limits a quantity that a measurement of this kind does not have.
+    LsvisionError
+        If a part's known radius does not fit its points.
+
+    Examples
+    --------
+    >>> import lsvision as lsv
+    >>> job = lsv.Job.from_text('''
+    ... name = "tube"
+    ... [[part]]
+    ... name = "left"
+    ... order = 1
+    ... radius_mm = { min = 36.9, max = 37.0 }
+    ... ''')
+    >>> section = lsv.simulate.random_section("single", 7, noise_mm=0.02)
+    >>> lsv.judge(lsv.measure_cylinders(section.profile), job).decision
+    <Decision.UNDECIDED: 'undecided'>
+    """
+    matching = match_parts(job.parts, measurement.cylinders)
+    cylinders = {
+        name: _as_part(measurement.cylinders[index], job.part(name))
+        for name, index in matching.cylinders.items()
+    }
+    parts = [
+        _judge_part(cylinders[part.name], part, job, matching.cylinders[part.name])
+        if part.name in cylinders
+        else _missing(part, measurement, matching)
+        for part in job.parts
+    ]
+    verdict = Verdict(
+        parts=tuple(parts),
+        relations=tuple(_judge_relation(each, cylinders, job) for each in job.relations),
+        additional=matching.additional,
+        notes=(*_additional(matching, measurement.cylinders), *_exchanged(parts, cylinders, job)),
+        provenance=_provenance(job, calibration or {}),
+        additional_is_ng=job.decision.additional == "ng",
+        undecided_passes=job.decision.undecided == "ok",
+    )
+    return _blocked(verdict, blocked) if blocked else verdict
+
+
+def _provenance(job: Job, calibration: Mapping[str, Mapping[str, str | None]]) -> Provenance:
+    from lsvision import __version__
+
+    return Provenance(job.name, job.revision, job.hash, __version__, calibration)
+
+
+def _as_part(cylinder: CylinderOfJob, part: Part) -> CylinderOfJob:
+    """The cylinder with the part's known radius as a prior, where it has one."""
+    if part.known_radius_mm is None:
+        return cylinder
+    if not isinstance(cylinder, CylinderSection):
+        raise ValueError(
+            f"known_radius_mm of part {part.name!r} is for profiles: for a scan write it under "
+            "[measure]"
+        )
+    prior = radius_prior_from_value(part.known_radius_mm)
+    if prior is None:
+        return cylinder
+    return replace(cylinder, fit=with_known_radius(cylinder.fit, prior))
+
+
+def _judge_part(cylinder: CylinderOfJob, part: Part, job: Job, index: int) -> ItemVerdict:
+    level = job.decision.level
+    quantities = [
+        _judged(measure_quantity(cylinder, part, key, level), key, limits.ends, job)
+        for key, limits in part.limits.items()
+    ]
+    return ItemVerdict(part.name, tuple(quantities), index)
+
+
+def _judged(estimate: Estimate, key: str, limits: tuple[float, float], job: Job) -> QuantityVerdict:
+    """The verdict of a quantity with the job's extra uncertainty, theta turned to its limits."""
+    level, extra = job.decision.level, job.extra_std(key)
+    estimate = replace(
+        estimate,
+        std=math.hypot(estimate.std, extra),
+        interval=widened(estimate.value, estimate.interval, extra, level),
+    )
+    if key == "theta_deg":
+        return _judged_direction(estimate, limits, level)
+    return judged(estimate, limits, level)
+
+
+def _judged_direction(
+    estimate: Estimate, limits: tuple[float, float], level: float
+) -> QuantityVerdict:
+    """The verdict of an angle that is the same after half a turn."""
+    turns = round((sum(limits) / 2 - estimate.value) / HALF_TURN_DEG)
+    shift = turns * HALF_TURN_DEG
+    low, high = (end + shift for end in estimate.interval)
+    turned = replace(estimate, value=estimate.value + shift, interval=(low, high))
+    verdict = judged(turned, limits, level)
+    beyond = low <= limits[1] - HALF_TURN_DEG or high >= limits[0] + HALF_TURN_DEG
+    if verdict.decision == Decision.NG and beyond:
+        reason = f"{turned.interval_text} deg reaches the limits half a turn away"
+        return replace(verdict, decision=Decision.UNDECIDED, reason=reason)
+    return verdict
+
+
+def _judge_relation(
+    limits: RelationLimits, cylinders: Mapping[str, CylinderOfJob], job: Job
+) -> ItemVerdict:
+    name = " - ".join(limits.between)
+    missing = [part for part in limits.between if part not in cylinders]
+    if missing:
+        reason = f"without {' and '.join(missing)} there is nothing to compare"
+        return ItemVerdict(name, decided=Decision.UNDECIDED, reason=reason)
+    first, second = (cylinders[part] for part in limits.between)
+    relation = relate(first, second, up=limits.up)
+    quantities = []
+    for key, ends in limits.limits.items():
+        quantity = quantity_of(key).name
+        if quantity not in relation.quantities:
+            raise ValueError(
+                f"flush_mm of {name!r} needs a direction in a scan: add up = [x, y, z] to the "
+                "relation"
+            )
+        estimate = relation.estimate(quantity, job.decision.level)
+        quantities.append(_judged(estimate, key, ends.ends, job))
+    return ItemVerdict(name, tuple(quantities))
+
+
+def _missing(
+    part: Part, measurement: Measurement | ScanMeasurement, matching: Matching
+) -> ItemVerdict:
+    """A part without a cylinder: NG, or undecided if it was seen and is not determinable."""
+    if part.name in matching.claimed:
+        reason = f"the only cylinder there is taken as {matching.claimed[part.name]!r}"
+        return ItemVerdict(part.name, decided=Decision.UNDECIDED, reason=reason)
+    refused = [reason for reason in _refusals(part, measurement) if reason]
+    seen = next((reason for reason in refused if reason.startswith(UNDETERMINABLE)), None)
+    if seen is not None:
+        return ItemVerdict(part.name, decided=Decision.UNDECIDED, reason=f"refused: {seen}")
+    told = "; ".join(refused[:REASONS_TOLD])
+    reason = f"missing; refused there: {told}" if told else "missing: nothing was seen there"
+    return ItemVerdict(part.name, decided=Decision.NG, reason=reason)
+
+
+def _refusals(part: Part, measurement: Measurement | ScanMeasurement) -> list[str]:
+    """Reasons of what was refused where the part should be, the longest arc first.
+
+    Everywhere, if the part has no place, or the places of the arcs are not known.
+    """
+    if isinstance(measurement, ScanMeasurement):
+        scanned: Sequence[ScanRejection] = measurement.rejections
+        return [each.reason for each in sorted(scanned, key=lambda each: -len(each.sections))]
+
+    def inside(rejection: Rejection) -> bool:
+        if measurement.profile is None or "x" not in part.windows:
+            return True
+        points = measurement.profile.points[rejection.arc.start : rejection.arc.stop]
+        points = points[np.isfinite(points[:, 0])]
+        # An arc lies above its centre: its place across the line of sight alone tells.
+        low, high = part.windows["x"]
+        return bool(len(points)) and low <= float(points[:, 0].mean()) <= high
+
+    arcs = sorted(measurement.rejections, key=lambda each: each.arc.start - each.arc.stop)
+    return [each.reason for each in arcs if inside(each)]
+
+
+def _additional(matching: Matching, cylinders: Sequence[CylinderOfJob]) -> list[str]:
+    return [
+        f"additional: cylinder {index + 1}, radius {cylinders[index].radius:.4g} mm, is no part"
+        for index in matching.additional
+    ]
+
+
+def _exchanged(
+    parts: Sequence[ItemVerdict], cylinders: Mapping[str, CylinderOfJob], job: Job
+) -> list[str]:
+    """Pairs of parts of which each would fit the other's limits of size and not its own."""
+
+    def fits(name: str, limits_of: str) -> bool:
+        part = job.part(limits_of)
+        keys = [key for key in ("radius_mm", "diameter_mm") if key in part.limits]
+        verdicts = [
+            _judged(
+                measure_quantity(cylinders[name], part, key, job.decision.level),
+                key, part.limits[key].ends, job,
+            )
+            for key in keys
+        ]  # fmt: skip
+        return bool(keys) and all(each.decision != Decision.NG for each in verdicts)
+
+    wrong = [item.name for item in parts if item.decision == Decision.NG and item.name in cylinders]
+    return [
+        f"exchanged: {first!r} and {second!r} have each other's size"
+        for number, first in enumerate(wrong)
+        for second in wrong[number + 1 :]
+        if not fits(first, first) and not fits(second, second)
+        if fits(first, second) and fits(second, first)
+    ]
+
+
+def _blocked(verdict: Verdict, reason: str) -> Verdict:
+    """The verdict with every decision open, and why."""
+
+    def opened(item: ItemVerdict) -> ItemVerdict:
+        return replace(item, decided=Decision.UNDECIDED, reason=reason)
+
+    return replace(
+        verdict,
+        parts=tuple(map(opened, verdict.parts)),
+        relations=tuple(map(opened, verdict.relations)),
+        blocked=reason,
+    )

@@ -1,0 +1,111 @@
+"""Quantities that a job can limit, and the limits of one of them."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from lsvision.results.quantities import Quantity, Unit
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+"""A finite number; a text or a truth value is none."""
+Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
+
+SECTION_KEYS = ("radius_mm", "diameter_mm", "theta_deg", "phi_deg", "centre_x_mm", "centre_y_mm")
+"""Limits of a part that one profile can be judged by."""
+SCAN_KEYS = (
+    "radius_mm", "diameter_mm", "direction_deg", "position_mm", "point_x_mm", "point_y_mm",
+    "point_z_mm", "bow_mm", "taper_mm_per_m", "ovality_percent", "length_seen_mm",
+)  # fmt: skip
+"""Limits of a part that a scan can be judged by."""
+RELATION_KEYS = ("distance_mm", "angle_deg", "gap_mm", "flush_mm")
+"""Limits of a relation."""
+UNITS: tuple[Unit, ...] = ("mm_per_m", "percent", "deg", "mm")
+"""Units at the end of keys, the longer ones first."""
+
+
+DIGITS = 9
+"""Decimals of a sum of a nominal and a deviation, which binary numbers do not hold exactly."""
+
+
+def quantity_of(key: str) -> Quantity:
+    """Name and unit of a key.
+
+    Examples
+    --------
+    >>> quantity_of("taper_mm_per_m")
+    Quantity(name='taper', unit='mm_per_m')
+    """
+    unit = next(unit for unit in UNITS if key.endswith(f"_{unit}"))
+    return Quantity(key.removesuffix(f"_{unit}"), unit)
+
+
+class JobTable(BaseModel):
+    """Base of the tables of a job: frozen, without keys that nobody reads."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Limits(JobTable):
+    """Limits of a quantity, in the unit of its key.
+
+    Either a nominal value with deviations (`upper`, `lower`, as on a drawing; both may have the
+    same sign, as in a fit), or `min` and `max`, of which one is enough.
+
+    Examples
+    --------
+    >>> Limits(nominal=19, upper=0.1, lower=-0.1).ends
+    (18.9, 19.1)
+    >>> Limits(max=2.0).ends
+    (-inf, 2.0)
+    """
+
+    nominal: Number | None = None
+    upper: Number | None = None
+    lower: Number | None = None
+    min: Number | None = None
+    max: Number | None = None
+
+    @model_validator(mode="after")
+    def _check(self) -> Limits:
+        deviations = self.upper is not None or self.lower is not None
+        ends = self.min is not None or self.max is not None
+        if deviations == ends:
+            got = "both" if ends else "neither"
+            raise ValueError(f"expected upper and lower beside nominal, or min and max, got {got}")
+        if deviations and self.nominal is None:
+            raise ValueError("expected a nominal beside upper and lower, got none")
+        least, most = self.ends
+        if least >= most:
+            raise ValueError(
+                f"limits reversed: from {least:g} to {most:g}; exchange them"
+                if least > most
+                else f"expected limits with room between them, got {least:g} twice"
+            )
+        if ends and self.nominal is not None and not least <= self.nominal <= most:
+            raise ValueError(
+                f"nominal {self.nominal:g} lies outside its limits {least:g} to {most:g}"
+            )
+        return self
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Smallest and largest good value; infinite where there is none."""
+        if self.nominal is not None and (self.upper is not None or self.lower is not None):
+            least = -math.inf if self.lower is None else round(self.nominal + self.lower, DIGITS)
+            most = math.inf if self.upper is None else round(self.nominal + self.upper, DIGITS)
+            return least, most
+        return (
+            -math.inf if self.min is None else self.min,
+            math.inf if self.max is None else self.max,
+        )
+
+    @property
+    def middle(self) -> float | None:
+        """The nominal, or the middle between both limits; None if one is open."""
+        if self.nominal is not None:
+            return self.nominal
+        middle = sum(self.ends) / 2
+        return middle if math.isfinite(middle) else None

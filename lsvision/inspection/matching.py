@@ -1,0 +1,115 @@
+"""Which measured cylinder is which part: by place, order or radius."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lsvision.inspection.job_tables import Part
+from lsvision.inspection.quantities import CylinderOfJob
+
+RADIUS_TOLERANCE = 0.2
+"""Relative deviation from the expected radius beyond which a cylinder is another part."""
+
+
+@dataclass(frozen=True)
+class Matching:
+    """Which cylinder is which part.
+
+    Parameters
+    ----------
+    cylinders : mapping of str to int
+        Index of the cylinder of each part that was found.
+    additional : tuple of int
+        Indices of the cylinders that are no part of the job.
+    claimed : mapping of str to str
+        Parts that would be the cylinder of another part, and its name.
+    """
+
+    cylinders: Mapping[str, int]
+    additional: tuple[int, ...]
+    claimed: Mapping[str, str]
+
+
+def match_parts(parts: Sequence[Part], cylinders: Sequence[CylinderOfJob]) -> Matching:
+    """Find the cylinder of each part.
+
+    Parameters
+    ----------
+    parts : sequence of Part
+        Those with a place take the cylinder nearest to the middle of their windows among those
+        that lie in them, those with an order the one of that number; the others share what is
+        left so that the radii deviate least in sum, each by 20 % at the most.
+    cylinders : sequence of CylinderSection or ScannedCylinder
+        In the order of the measurement, that is from left to right in a profile.
+    """
+    found: dict[str, int] = {}
+    claimed: dict[str, str] = {}
+    for part in parts:
+        index = _by_place_or_order(part, cylinders)
+        if index is None:
+            continue
+        owner = next((name for name, taken in found.items() if taken == index), None)
+        if owner is None:
+            found[part.name] = index
+        else:
+            claimed[part.name] = owner
+    rest = [index for index in range(len(cylinders)) if index not in found.values()]
+    by_radius = [part for part in parts if not part.windows and part.order is None]
+    found |= _by_radius(by_radius, cylinders, rest)
+    additional = tuple(index for index in rest if index not in found.values())
+    return Matching(found, additional, claimed)
+
+
+def place_of(cylinder: CylinderOfJob) -> tuple[float, ...]:
+    """Centre in the section, or point of the axis in the base frame. Units: mm."""
+    place = getattr(cylinder, "centre", None)
+    return tuple(map(float, cylinder.point if place is None else place))  # type: ignore[union-attr] # a ScannedCylinder has no centre
+
+
+def lies_in_windows(part: Part, place: Sequence[float]) -> bool:
+    """Whether a place lies in all windows of a part; an axis that it does not have counts not."""
+    return all(
+        low <= coordinate <= high
+        for axis, (low, high) in part.windows.items()
+        for coordinate in place["xyz".index(axis) :][:1]
+    )
+
+
+def _by_place_or_order(part: Part, cylinders: Sequence[CylinderOfJob]) -> int | None:
+    if part.order is not None:
+        return part.order - 1 if part.order <= len(cylinders) else None
+    if not part.windows:
+        return None
+    places = [place_of(cylinder) for cylinder in cylinders]
+    inside = [index for index, place in enumerate(places) if lies_in_windows(part, place)]
+
+    def off_middle(index: int) -> float:
+        return sum(
+            (places[index]["xyz".index(axis)] - (low + high) / 2) ** 2
+            for axis, (low, high) in part.windows.items()
+            if "xyz".index(axis) < len(places[index])
+        )
+
+    return min(inside, key=off_middle, default=None)
+
+
+def _by_radius(
+    parts: Sequence[Part], cylinders: Sequence[CylinderOfJob], rest: Sequence[int]
+) -> dict[str, int]:
+    if not parts or not rest:
+        return {}
+    from scipy.optimize import linear_sum_assignment
+
+    wanted = np.array([part.expected_radius for part in parts], dtype=np.float64)
+    radii = np.array([cylinders[index].radius for index in rest])
+    deviations = np.abs(radii / wanted[:, None] - 1)
+    far = 1.0 + len(parts)  # dearer than all allowed deviations together
+    rows, columns = linear_sum_assignment(np.where(deviations > RADIUS_TOLERANCE, far, deviations))
+    return {
+        parts[row].name: rest[column]
+        for row, column in zip(rows, columns, strict=True)
+        if deviations[row, column] <= RADIUS_TOLERANCE
+    }

@@ -1,0 +1,113 @@
+"""Numbers of a measured cylinder that a job can limit, in the units of its keys."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from lsvision.ellipse.section import CylinderSection
+from lsvision.geometry import FloatArray
+from lsvision.inspection.axis_relation import angle_between
+from lsvision.inspection.job_tables import Part
+from lsvision.inspection.limits import SCAN_KEYS, SECTION_KEYS, quantity_of
+from lsvision.inspection.uncertain import Length, Scalar, Uncertain
+from lsvision.results.quantities import Estimate
+from lsvision.scan.scan_result import ScannedCylinder
+from lsvision.scan.shape import measure_shape
+from lsvision.scan.shape_result import TubeShape
+
+CylinderOfJob = CylinderSection | ScannedCylinder
+
+
+def measure_quantity(cylinder: CylinderOfJob, part: Part, key: str, level: float) -> Estimate:
+    """Return a quantity of a cylinder with its interval, in the unit of its key.
+
+    Parameters
+    ----------
+    cylinder : CylinderSection or ScannedCylinder
+        What was measured.
+    part : Part
+        The part that it is taken for; says from where directions and positions are counted.
+    key : str
+        One of `SECTION_KEYS` for a section, of `SCAN_KEYS` for a scan.
+    level : float
+        Probability of the interval.
+
+    Raises
+    ------
+    ValueError
+        If a measurement of this kind does not have the quantity.
+    """
+    if isinstance(cylinder, CylinderSection):
+        return _of_section(cylinder, part, key, level)
+    if key not in SCAN_KEYS:
+        raise ValueError(
+            f"expected limits among {', '.join(SCAN_KEYS)} for a scan, got {key} of part "
+            f"{part.name!r}: judge each profile by itself, or leave it out"
+        )
+    quantity, number = quantity_of(key), _of_scan(cylinder, part, key)
+    ends = quantity.in_unit(number.interval(level))
+    return Estimate(quantity, number.value * quantity.scale, number.std * quantity.scale, ends)
+
+
+def _of_section(section: CylinderSection, part: Part, key: str, level: float) -> Estimate:
+    if key not in SECTION_KEYS:
+        raise ValueError(
+            f"expected limits among {', '.join(SECTION_KEYS)} for a profile, got {key} of part "
+            f"{part.name!r}: a scan has it ([scan] in the job), or leave it out"
+        )
+    quantity = quantity_of(key)
+    factor = 2.0 if key == "diameter_mm" else 1.0
+    low, high = section.interval("radius" if factor == 2.0 else quantity.name, level)  # type: ignore[arg-type] # a key of SECTION_KEYS
+    value, std = {
+        "radius": lambda: (section.radius, section.radius_std),
+        "diameter": lambda: (section.radius, section.radius_std),
+        "theta": lambda: (section.theta, section.theta_std),
+        "phi": lambda: (section.phi, section.phi_std),
+        "centre_x": lambda: (section.centre[0], math.sqrt(section.covariance[0, 0])),
+        "centre_y": lambda: (section.centre[1], math.sqrt(section.covariance[1, 1])),
+    }[quantity.name]()
+    scale = factor * quantity.scale
+    determined = key != "theta_deg" or section.theta_determined
+    return Estimate(quantity, scale * value, scale * std, (scale * low, scale * high), determined)
+
+
+def _of_scan(tube: ScannedCylinder, part: Part, key: str) -> Uncertain:
+    """The quantity in mm, rad, mm/m or percent."""
+    fit = tube.fit
+    if key in ("radius_mm", "diameter_mm"):
+        factor = 2.0 if key == "diameter_mm" else 1.0
+        return Scalar(factor * fit.radius, factor * fit.radius_std, fit.degrees_of_freedom)
+    if key == "direction_deg":
+        return angle_between(fit, np.asarray(part.nominal_direction, dtype=np.float64))
+    if key == "length_seen_mm":
+        start, stop = tube.axial_range
+        return Scalar(stop - start, math.hypot(*tube.axial_range_std))
+    if key in ("bow_mm", "taper_mm_per_m", "ovality_percent"):
+        return _form(measure_shape(tube), key)
+    return _position(tube, part, key)
+
+
+def _position(tube: ScannedCylinder, part: Part, key: str) -> Uncertain:
+    """Where the axis is: its distance from the nominal point, or a coordinate of it."""
+    near = tube.point if part.nominal_point_mm is None else np.array(part.nominal_point_mm)
+    fit = tube.fit.with_reference_point(near)
+    basis, covariance = fit.tangent_basis, fit.covariance[:2, :2]
+    if key == "position_mm":
+        return Length(basis @ (fit.point - near), covariance, fit.degrees_of_freedom)
+    axis = "xyz".index(quantity_of(key).name[-1])
+    gradient: FloatArray = basis[:, axis]
+    std = math.sqrt(float(gradient @ covariance @ gradient))
+    return Scalar(float(fit.point[axis]), std, fit.degrees_of_freedom)
+
+
+def _form(shape: TubeShape, key: str) -> Uncertain:
+    if key == "bow_mm":
+        return Length(shape.bow.values, shape.bow.covariance)
+    if key == "ovality_percent":
+        factor = 200 / shape.radius
+        terms = shape.ovality_terms
+        return Length(factor * terms.values, factor**2 * terms.covariance)
+    std = 1e3 * shape.taper.size_std / shape.half_length
+    return Scalar(1e3 * shape.taper_slope, std)

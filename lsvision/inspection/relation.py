@@ -1,0 +1,229 @@
+"""Result of `lsvision.relate`: distance, angle, gap and flush of two cylinders, with sigmas."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from lsvision.geometry import FloatArray
+from lsvision.geometry.equality import ComparedByValue
+from lsvision.inspection.uncertain import Uncertain
+from lsvision.results.number_format import format_std
+from lsvision.results.quantities import LEVEL, Estimate, Quantity, Record, numbers
+from lsvision.results.result import Result
+
+RELATION_QUANTITIES = {
+    quantity.name: quantity
+    for quantity in (
+        Quantity("distance", "mm"),
+        Quantity("angle", "deg"),
+        Quantity("gap", "mm"),
+        Quantity("flush", "mm"),
+    )
+}
+"""What two cylinders have in common, by name."""
+
+
+@dataclass(frozen=True, eq=False)
+class Seam(ComparedByValue):
+    """Where two cylinders are nearest to each other, base frame.
+
+    Parameters
+    ----------
+    points : (2, 3) ndarray
+        Point of each axis. Units: mm.
+    point : (3,) ndarray
+        Middle of the gap between both surfaces, on the line through `points`. Units: mm.
+    point_covariance : (3, 3) ndarray
+        Covariance of `point`, without the direction along which it may be chosen.
+        Units: mm^2.
+    direction : (3,) ndarray
+        Unit vector between both axes: along a weld between pipes that touch along their length.
+    direction_std : float
+        Root mean square angle of `direction` to the true one. Units: rad.
+    crossing : bool
+        Whether the line of nearest approach lies within the seen length of both cylinders;
+        otherwise `points` are in the middle of the length that both are seen along.
+    """
+
+    points: FloatArray
+    point: FloatArray
+    point_covariance: FloatArray
+    direction: FloatArray
+    direction_std: float
+    crossing: bool
+
+    @property
+    def point_std(self) -> float:
+        """Root mean square distance of `point` from the true one. Units: mm."""
+        return math.sqrt(float(self.point_covariance.trace()))
+
+    def to_record(self) -> Record:
+        """Points, direction and their uncertainties, ready for JSON."""
+        return {
+            "points_mm": [numbers(point) for point in self.points],
+            "seam_point_mm": numbers(self.point),
+            "seam_point_std_mm": self.point_std,
+            "seam_direction": numbers(self.direction),
+            "seam_direction_std_deg": math.degrees(self.direction_std),
+            "crossing": self.crossing,
+        }
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Relation(Result):
+    """How two cylinders lie to each other.
+
+    Parameters
+    ----------
+    quantities : mapping of str to Uncertain
+        ``distance``, ``angle``, ``gap`` and, where a direction for it is known, ``flush``.
+        Units: mm, rad.
+    seam : Seam, optional
+        Where both are nearest to each other; only in a base frame.
+
+    Examples
+    --------
+    >>> import lsvision as lsv
+    >>> section = lsv.simulate.random_section("welded_pair", 5, noise_mm=0.02)
+    >>> left, right = lsv.measure_cylinders(section.profile).cylinders
+    >>> relation = lsv.relate(left, right)
+    >>> low, high = relation.interval("gap")
+    >>> low < relation.gap < high
+    True
+    """
+
+    quantities: Mapping[str, Uncertain]
+    seam: Seam | None = None
+
+    @property
+    def distance(self) -> float:
+        """Distance of both centres in the section, or of both axes in space. Units: mm."""
+        return self.quantities["distance"].value
+
+    @property
+    def distance_std(self) -> float:
+        """Standard uncertainty of `distance`. Units: mm."""
+        return self.quantities["distance"].std
+
+    @property
+    def angle(self) -> float:
+        """Angle between both axes, at most 90 deg. Units: rad.
+
+        Of two sections the smaller one of those that the signs of their tilts allow.
+        """
+        return self.quantities["angle"].value
+
+    @property
+    def angle_std(self) -> float:
+        """Standard uncertainty of `angle`. Units: rad."""
+        return self.quantities["angle"].std
+
+    @property
+    def gap(self) -> float:
+        """Distance of both surfaces, negative if they overlap. Units: mm."""
+        return self.quantities["gap"].value
+
+    @property
+    def gap_std(self) -> float:
+        """Standard uncertainty of `gap`. Units: mm."""
+        return self.quantities["gap"].std
+
+    def interval(self, quantity: str, level: float = LEVEL) -> tuple[float, float]:
+        """Return the interval that holds the true value with probability `level`.
+
+        Parameters
+        ----------
+        quantity : {"distance", "angle", "gap", "flush"}
+            Units: mm, or rad for the angle.
+        level : float
+            Between 0 and 1.
+
+        Returns
+        -------
+        low, high : float
+            Of distance and angle at least 0.
+
+        Raises
+        ------
+        ValueError
+            If the quantity is none of these, or has no direction to be measured along.
+        """
+        if quantity not in self.quantities:
+            raise ValueError(
+                f"expected a quantity among {', '.join(self.quantities)}, got {quantity!r}"
+            )
+        if not 0 < level < 1:
+            raise ValueError(f"expected a level between 0 and 1, got {level}")
+        return self.quantities[quantity].interval(level)
+
+    def estimate(self, name: str, level: float = LEVEL) -> Estimate:
+        """Return a quantity in its unit, mm or deg, with its interval.
+
+        Parameters
+        ----------
+        name : {"distance", "angle", "gap", "flush"}
+            Which one.
+        level : float
+            Probability of the interval.
+
+        Returns
+        -------
+        Estimate
+            For tables and files.
+        """
+        quantity, number = RELATION_QUANTITIES[name], self.quantities[name]
+        ends = quantity.in_unit(self.interval(name, level))
+        return Estimate(quantity, number.value * quantity.scale, number.std * quantity.scale, ends)
+
+    def to_dict(self) -> Record:
+        """Return the quantities with their intervals and the seam, ready for JSON.
+
+        Returns
+        -------
+        dict
+            Lengths in ``*_mm``, angles in ``*_deg``.
+        """
+        record: Record = {}
+        for name in self.quantities:
+            record |= self.estimate(name).record
+        return record if self.seam is None else record | self.seam.to_record()
+
+    def _summary(self) -> str:
+        estimates = [self.estimate(name) for name in self.quantities]
+        return ", ".join(
+            f"{each.quantity.name} {each.text} {each.quantity.unit_text}" for each in estimates
+        )
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        estimates = [self.estimate(name) for name in self.quantities]
+        return [
+            ("", *(each.quantity.heading for each in estimates)),
+            ("", *(each.text for each in estimates)),
+            ("95 %", *(each.interval_text for each in estimates)),
+        ]
+
+    def _notes(self) -> list[str]:
+        seam = self.seam
+        if seam is None:
+            return []
+        point = format_point(seam.point)
+        x, y, z = seam.direction
+        where = "nearest approach" if seam.crossing else "middle of the common length"
+        return [
+            f"seam ({point}) ± {format_std(seam.point_std)} mm, direction ({x:+.4f} {y:+.4f} "
+            f"{z:+.4f}) ± {format_std(math.degrees(seam.direction_std))} deg, at the {where}"
+        ]
+
+
+def format_point(point: FloatArray) -> str:
+    """Three coordinates as a table shows them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> format_point(np.array([1.0, 2.5, -3.0]))
+    '1.000 2.500 -3.000'
+    """
+    return " ".join(f"{part:.3f}" for part in point)

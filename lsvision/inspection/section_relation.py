@@ -1,0 +1,147 @@
+"""Distance, angle, gap and flush of two cylinders that one light section shows."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lsvision.ellipse.section import CylinderSection
+from lsvision.geometry import FloatArray
+from lsvision.inspection.relation import Relation
+from lsvision.inspection.uncertain import Length, Scalar
+
+DIRECTIONS = 720
+"""Directions among which the one of the largest separation is searched first."""
+NEWTON_STEPS = 4
+UP = np.array([0.0, 1.0])
+"""Towards the sensor: the direction of flush."""
+
+
+def relate_sections(first: CylinderSection, second: CylinderSection) -> Relation:
+    """Return how two cylinders of one section lie to each other, in the section's plane.
+
+    The covariances of both fits, which share no points, are propagated to first order.
+
+    Parameters
+    ----------
+    first, second : CylinderSection
+        Of one profile.
+
+    Returns
+    -------
+    Relation
+        Distance of the centres; gap of the ellipses in the plane, negative where they overlap;
+        flush, the height of the second's crest over the first's along Y; angle of the axes.
+    """
+    covariance = [each.fit.parameter_covariance for each in (first, second)]
+    offset = np.subtract(second.centre, first.centre)
+    return Relation(
+        {
+            "distance": Length(offset, covariance[0][:2, :2] + covariance[1][:2, :2]),
+            "angle": AngleOfSections(first, second),
+            "gap": _separation(first, second, _direction_of_gap(first, second)),
+            "flush": _height(first, second),
+        }
+    )
+
+
+@dataclass(frozen=True)
+class AngleOfSections:
+    """Angle between two axes of which one section does not tell the signs of the tilts.
+
+    Parameters
+    ----------
+    first, second : CylinderSection
+        Both cylinders.
+    """
+
+    first: CylinderSection
+    second: CylinderSection
+
+    @property
+    def value(self) -> float:
+        """The smaller one of both possible angles. Units: rad."""
+        cosines = np.abs(self.first.axis_candidates[0] @ self.second.axis_candidates.T)
+        return math.acos(min(float(cosines.max()), 1.0))
+
+    @property
+    def std(self) -> float:
+        """Standard uncertainty, as if the signs were known. Units: rad."""
+        return math.hypot(self.first.phi_std, self.second.phi_std)
+
+    def interval(self, level: float) -> tuple[float, float]:
+        """From the least to the largest angle that the intervals of both tilts allow.
+
+        |phi_1 - phi_2| <= angle <= phi_1 + phi_2, whatever both directions are; each tilt is
+        taken at the level (1 + level) / 2, so that both hold together.
+        """
+        pairs = [each.interval("phi", (1 + level) / 2) for each in (self.first, self.second)]
+        (low_1, high_1), (low_2, high_2) = pairs
+        least = max(0.0, low_1 - high_2, low_2 - high_1)
+        return least, min(high_1 + high_2, math.pi / 2)
+
+
+def _reach(section: CylinderSection, direction: FloatArray) -> tuple[float, FloatArray]:
+    """Reach of an ellipse from its centre along a unit vector, and its gradient by m, p, q.
+
+    With the ellipse c + E w, E = [[m + p, q], [q, m - p]], it is |E n|.
+    """
+    m, p, q = section.fit.parameters[2:].tolist()
+    x, y = direction.tolist()
+    along = np.array([(m + p) * x + q * y, q * x + (m - p) * y])
+    reach = math.hypot(*along)
+    gradient = np.array([along @ (x, y), along @ (x, -y), along @ (y, x)]) / reach
+    return reach, gradient
+
+
+def _separation(first: CylinderSection, second: CylinderSection, direction: FloatArray) -> Scalar:
+    """Distance between both ellipses along a direction from the first to the second."""
+    (reach_1, by_1), (reach_2, by_2) = _reach(first, direction), _reach(second, direction)
+    offset = float(np.subtract(second.centre, first.centre) @ direction)
+    gradients = np.concatenate([-direction, -by_1]), np.concatenate([direction, -by_2])
+    variance = sum(
+        float(gradient @ each.fit.parameter_covariance @ gradient)
+        for gradient, each in zip(gradients, (first, second), strict=True)
+    )
+    return Scalar(offset - reach_1 - reach_2, math.sqrt(variance))
+
+
+def _height(first: CylinderSection, second: CylinderSection) -> Scalar:
+    """Height of the crest of the second ellipse over that of the first."""
+    (reach_1, by_1), (reach_2, by_2) = _reach(first, UP), _reach(second, UP)
+    gradients = np.concatenate([-UP, -by_1]), np.concatenate([UP, by_2])
+    variance = sum(
+        float(gradient @ each.fit.parameter_covariance @ gradient)
+        for gradient, each in zip(gradients, (first, second), strict=True)
+    )
+    return Scalar(second.centre[1] + reach_2 - first.centre[1] - reach_1, math.sqrt(variance))
+
+
+def _direction_of_gap(first: CylinderSection, second: CylinderSection) -> FloatArray:
+    """Unit vector along which the ellipses are separated most: along their shortest distance.
+
+    For ellipses that overlap it is the direction of the shortest way apart.
+    """
+    angles = np.linspace(0, 2 * math.pi, DIRECTIONS, endpoint=False)
+    best = float(angles[np.argmax(_separations(first, second, angles))])
+    step = 2 * math.pi / DIRECTIONS
+    for _ in range(NEWTON_STEPS):
+        before, here, after = _separations(first, second, best + step * np.array([-1.0, 0.0, 1.0]))
+        bend = before - 2 * here + after
+        best += step * float(np.clip((before - after) / (2 * bend), -1, 1)) if bend < 0 else 0.0
+        step /= 8
+    return np.array([math.cos(best), math.sin(best)])
+
+
+def _separations(first: CylinderSection, second: CylinderSection, angles: FloatArray) -> FloatArray:
+    """Separation of both ellipses along each direction (rad). Units: mm."""
+    directions = np.stack([np.cos(angles), np.sin(angles)])
+    separations: FloatArray = np.subtract(second.centre, first.centre) @ directions
+    for each in (first, second):
+        m, p, q = each.fit.parameters[2:].tolist()
+        separations = separations - np.linalg.norm(
+            np.array([[m + p, q], [q, m - p]]) @ directions, axis=0
+        )
+    return separations

@@ -1,0 +1,191 @@
+"""Numbers with an uncertainty, and their intervals: scalars, and lengths of vectors."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from lsvision.geometry import FloatArray
+from lsvision.geometry.equality import ComparedByValue
+
+NODES = 64
+"""Nodes of the quadrature for the length of a vector."""
+TAILS = 8.0
+"""Standard deviations beyond which a normal distribution is left out of an integral."""
+TINY = 1e-9
+"""Smallest ratio of two standard deviations."""
+BISECTIONS = 24
+"""Halvings of the range in which the lower end of a length is searched."""
+FAR = 30.0
+"""Standard deviations from 0 beyond which a length is normally distributed."""
+
+
+class Uncertain(Protocol):
+    """A number with its standard uncertainty and its intervals. Units: mm or rad."""
+
+    @property
+    def value(self) -> float:
+        """The estimate."""
+        ...
+
+    @property
+    def std(self) -> float:
+        """Standard uncertainty."""
+        ...
+
+    def interval(self, level: float) -> tuple[float, float]:
+        """Interval that holds the true value with probability `level`."""
+        ...
+
+
+@dataclass(frozen=True)
+class Scalar:
+    """A normally distributed number.
+
+    Parameters
+    ----------
+    value, std : float
+        Estimate and standard uncertainty.
+    degrees_of_freedom : float
+        Of the standard uncertainty; infinite if it is known.
+
+    Examples
+    --------
+    >>> low, high = Scalar(19.0, 0.1).interval(0.95)
+    >>> f"{low:.3f} .. {high:.3f}"
+    '18.804 .. 19.196'
+    """
+
+    value: float
+    std: float
+    degrees_of_freedom: float = math.inf
+
+    def interval(self, level: float) -> tuple[float, float]:
+        """Value and so many standard uncertainties, by Student's t."""
+        half = two_sided_factor(level, self.degrees_of_freedom) * self.std
+        return self.value - half, self.value + half
+
+
+@dataclass(frozen=True, eq=False)
+class Length(ComparedByValue):
+    """Length of a normally distributed vector of two components, which is never negative.
+
+    Parameters
+    ----------
+    vector : (2,) ndarray
+        The estimate.
+    covariance : (2, 2) ndarray
+        Its covariance.
+    degrees_of_freedom : float
+        Of the covariance; infinite if it is known.
+
+    Notes
+    -----
+    The length of a noisy vector is larger than the true one on average. The lower end is the true
+    length at which a length as large as the estimate has the probability (1 - level) / 2, with
+    the vector in the estimated direction; 0 if noise alone makes it that probable. The upper end is
+    the linear one, which the bias makes safer, with the largest standard deviation where the
+    direction is open.
+
+    Examples
+    --------
+    >>> low, high = Length(np.array([0.1, 0.0]), 0.01 * np.eye(2)).interval(0.95)
+    >>> f"{low:.3f} .. {high:.3f}"
+    '0.000 .. 0.296'
+    """
+
+    vector: FloatArray
+    covariance: FloatArray
+    degrees_of_freedom: float = math.inf
+
+    @property
+    def value(self) -> float:
+        """The estimated length."""
+        return math.hypot(*self.vector)
+
+    @property
+    def std(self) -> float:
+        """Standard uncertainty along the vector; the largest one where it is 0."""
+        length = self.value
+        if length == 0:
+            return math.sqrt(max(float(np.linalg.eigvalsh(self.covariance)[-1]), 0.0))
+        unit = self.vector / length
+        return math.sqrt(max(float(unit @ self.covariance @ unit), 0.0))
+
+    def interval(self, level: float) -> tuple[float, float]:
+        """Both ends, at least 0; see the notes of the class."""
+        factor = two_sided_factor(level, self.degrees_of_freedom)
+        variances, axes = np.linalg.eigh(self.covariance)
+        stds = np.sqrt(np.maximum(variances, 0.0))
+        largest, length, std = float(stds[1]), self.value, self.std
+        if largest == 0 or length > FAR * largest:
+            return max(length - factor * std, 0.0), length + factor * std
+        turn = min(1.0, (2 * largest / length) ** 2) if length > 0 else 1.0
+        upper_std = math.sqrt(std**2 + turn * (largest**2 - std**2))
+        unit = axes.T @ self.vector / length if length > 0 else np.array([0.0, 1.0])
+        stds = stds * factor / two_sided_factor(level)
+        return _least_length(length, unit, stds, (1 - level) / 2), length + factor * upper_std
+
+
+def _least_length(length: float, unit: FloatArray, stds: FloatArray, tail: float) -> float:
+    """True length along `unit` at which one of at least `length` has the probability `tail`."""
+    if _probability_beyond(length, 0.0 * unit, stds) > tail:
+        return 0.0
+    low, high = 0.0, length
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        if _probability_beyond(length, middle * unit, stds) > tail:
+            high = middle
+        else:
+            low = middle
+    return low
+
+
+def two_sided_factor(level: float, degrees_of_freedom: float = math.inf) -> float:
+    """Half width of an interval over the standard uncertainty.
+
+    Parameters
+    ----------
+    level : float
+        Probability of the interval.
+    degrees_of_freedom : float
+        Infinite: the normal quantile; else Student's.
+
+    Examples
+    --------
+    >>> f"{two_sided_factor(0.95):.3f} {two_sided_factor(0.95, 10):.3f}"
+    '1.960 2.228'
+    """
+    from scipy.special import ndtri, stdtrit
+
+    quantile = (1 + level) / 2
+    if math.isfinite(degrees_of_freedom):
+        return float(stdtrit(degrees_of_freedom, quantile))
+    return float(ndtri(quantile))
+
+
+def _probability_beyond(length: float, mean: FloatArray, stds: FloatArray) -> float:
+    """Probability that a vector with independent components is at least `length` long.
+
+    The second component, of the larger standard deviation, is integrated in closed form.
+    """
+    from scipy.special import ndtr
+
+    minor, major = max(float(stds[0]), TINY * float(stds[1])), float(stds[1])
+    low = max(-length, float(mean[0]) - TAILS * minor)
+    high = min(length, float(mean[0]) + TAILS * minor)
+    if low >= high:
+        return 1.0
+    # With x = length sin t the ends of the circle, where its height has no derivative, are smooth.
+    start, stop = math.asin(low / length), math.asin(high / length)
+    turns = (start + stop) / 2 + (stop - start) / 2 * _NODES
+    across, half = length * np.sin(turns), length * np.cos(turns)
+    density = np.exp(-(((across - mean[0]) / minor) ** 2) / 2) / (minor * math.sqrt(2 * math.pi))
+    inside = ndtr((half - mean[1]) / major) - ndtr((-half - mean[1]) / major)
+    return 1.0 - float((_WEIGHTS * (stop - start) / 2 * half) @ (density * inside))
+
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(NODES)

@@ -1,0 +1,391 @@
+"""Result of `lsvision.judge`: what is proved of each quantity, part and relation, and why."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from lsvision.inspection.decision import Decision, decide, worst
+from lsvision.results.quantities import Estimate, Record, finite
+from lsvision.results.result import Result
+
+VERDICT_SCHEMA = "lsvision.verdict/1"
+
+
+@dataclass(frozen=True, repr=False)
+class QuantityVerdict(Result):
+    """What is proved of one quantity. Units: that of its estimate.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        Value, standard uncertainty and interval at the job's level, both with the job's
+        ``extra_std``; an angle without a beginning is turned next to its limits.
+    limits : (float, float)
+        Smallest and largest good value; infinite where there is none.
+    decision : Decision
+        What the interval proves.
+    reason : str
+        Why, in numbers.
+    level : float
+        Probability of the interval.
+    """
+
+    estimate: Estimate
+    limits: tuple[float, float]
+    decision: Decision
+    reason: str
+    level: float = 0.95
+
+    @property
+    def key(self) -> str:
+        """As in the job: name and unit."""
+        return f"{self.estimate.quantity.name}_{self.estimate.quantity.unit}"
+
+    @property
+    def margin(self) -> float:
+        """Distance of the value from the nearer limit in sigmas; negative outside."""
+        least, most = self.limits
+        distance = min(self.estimate.value - least, most - self.estimate.value)
+        if self.estimate.std == 0:
+            return math.copysign(math.inf, distance)
+        return distance / self.estimate.std
+
+    @property
+    def limits_text(self) -> str:
+        """As ``18.9 .. 19.1`` or ``<= 2``."""
+        least, most = self.limits
+        if least == -math.inf:
+            return f"<= {most:g}"
+        return f">= {least:g}" if most == math.inf else f"{least:g} .. {most:g}"
+
+    def to_dict(self) -> Record:
+        """Return value, interval, limits, margin, decision and reason, ready for JSON.
+
+        Returns
+        -------
+        dict
+            In the unit of ``quantity``, which its name ends with.
+        """
+        low, high = self.estimate.interval
+        return {
+            "quantity": self.key,
+            "value": finite(self.estimate.value),
+            "std": finite(self.estimate.std),
+            "low": finite(low),
+            "high": finite(high),
+            "level": self.level,
+            "min": finite(self.limits[0]),
+            "max": finite(self.limits[1]),
+            "margin_sigmas": finite(self.margin),
+            "decision": str(self.decision),
+            "reason": self.reason,
+        }
+
+    def _summary(self) -> str:
+        return f"{self.key} {self.estimate.text}: {self.decision}, {self.reason}"
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        return [QUANTITY_HEADER, quantity_cells("", self)]
+
+
+@dataclass(frozen=True, repr=False)
+class ItemVerdict(Result):
+    """What is proved of a part, or of a relation between two.
+
+    Parameters
+    ----------
+    name : str
+        Of the part, or of both.
+    quantities : tuple of QuantityVerdict
+        In the order of the job's keys; none of a part that is missing.
+    cylinder : int, optional
+        Index of the measured cylinder; None for a relation and for a missing part.
+    decided : Decision, optional
+        What is known without quantities: a missing part is NG.
+    reason : str
+        Why `decided`; empty without.
+    """
+
+    name: str
+    quantities: tuple[QuantityVerdict, ...] = ()
+    cylinder: int | None = None
+    decided: Decision | None = None
+    reason: str = ""
+
+    @property
+    def decision(self) -> Decision:
+        """`decided`, or the worst of the quantities."""
+        if self.decided is not None:
+            return self.decided
+        return worst(quantity.decision for quantity in self.quantities)
+
+    def to_dict(self) -> Record:
+        """Return name, decision, reason and quantities, ready for JSON.
+
+        Returns
+        -------
+        dict
+            ``cylinder`` counts from 0 in the measurement's order.
+        """
+        return {
+            "name": self.name,
+            "decision": str(self.decision),
+            "reason": self.reason,
+            "cylinder": self.cylinder,
+            "quantities": [quantity.to_dict() for quantity in self.quantities],
+        }
+
+    def _summary(self) -> str:
+        return f"{self.name}: {self.decision}" + (f", {self.reason}" if self.reason else "")
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        return item_cells([self])
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """What a verdict rests on.
+
+    Parameters
+    ----------
+    job, hash : str
+        Name of the job, and SHA-256 of its canonical form.
+    revision : int
+        Of the job.
+    version : str
+        Of lsvision.
+    calibration : mapping
+        Date and hash of each calibration file, by the job's key.
+    """
+
+    job: str
+    revision: int
+    hash: str
+    version: str
+    calibration: Mapping[str, Mapping[str, str | None]] = field(default_factory=dict, hash=False)
+
+    def to_record(self) -> Record:
+        """Ready for JSON."""
+        return {
+            "job": self.job,
+            "revision": self.revision,
+            "job_hash": self.hash,
+            "version": self.version,
+            "calibration": {key: dict(file) for key, file in self.calibration.items()},
+        }
+
+
+@dataclass(frozen=True, repr=False)
+class Verdict(Result):
+    """What is proved of a profile or a scan by its job.
+
+    Parameters
+    ----------
+    parts, relations : tuple of ItemVerdict
+        In the order of the job.
+    additional : tuple of int
+        Indices of cylinders that are no part of the job.
+    notes : tuple of str
+        What else a person should know: additional and exchanged parts.
+    provenance : Provenance
+        Job, version, calibration.
+    blocked : str
+        Why nothing can be decided: a golden part that is overdue or failed; else empty.
+    additional_is_ng : bool
+        Whether the job refuses additional cylinders.
+    undecided_passes : bool
+        What a one-bit output says of an undecided verdict.
+
+    Examples
+    --------
+    >>> import lsvision as lsv
+    >>> job = lsv.Job.from_text('''
+    ... name = "tube"
+    ... [[part]]
+    ... name = "left"
+    ... order = 1
+    ... radius_mm = { min = 30, max = 40 }
+    ... ''')
+    >>> section = lsv.simulate.random_section("single", 7, noise_mm=0.02)
+    >>> verdict = lsv.judge(lsv.measure_cylinders(section.profile), job)
+    >>> verdict.decision == "OK", verdict.part("left").quantities[0].key
+    (True, 'radius_mm')
+    """
+
+    parts: tuple[ItemVerdict, ...]
+    relations: tuple[ItemVerdict, ...]
+    additional: tuple[int, ...]
+    notes: tuple[str, ...]
+    provenance: Provenance
+    blocked: str = ""
+    additional_is_ng: bool = False
+    undecided_passes: bool = False
+
+    @property
+    def items(self) -> tuple[ItemVerdict, ...]:
+        """Parts, then relations."""
+        return (*self.parts, *self.relations)
+
+    @property
+    def decision(self) -> Decision:
+        """The worst of all parts and relations; undecided where the golden part blocks it."""
+        if self.blocked:
+            return Decision.UNDECIDED
+        found = [item.decision for item in self.items]
+        if self.additional_is_ng and self.additional:
+            found.append(Decision.NG)
+        return worst(found)
+
+    @property
+    def passed(self) -> bool:
+        """What a one-bit output says."""
+        undecided = self.decision == Decision.UNDECIDED and self.undecided_passes
+        return self.decision == Decision.OK or undecided
+
+    def part(self, name: str) -> ItemVerdict:
+        """Return the verdict of a part.
+
+        Parameters
+        ----------
+        name : str
+            As in the job.
+
+        Returns
+        -------
+        ItemVerdict
+            The first of that name.
+        """
+        return next(item for item in self.parts if item.name == name)
+
+    def to_dict(self) -> Record:
+        """Return the verdict as plain numbers and words, ready for JSON.
+
+        Returns
+        -------
+        dict
+            With job, revision, hash, version and calibration.
+        """
+        return {
+            "schema": VERDICT_SCHEMA,
+            "decision": str(self.decision),
+            "passed": self.passed,
+            "reason": self.blocked,
+            **self.provenance.to_record(),
+            "parts": [item.to_dict() for item in self.parts],
+            "relations": [item.to_dict() for item in self.relations],
+            "additional": list(self.additional),
+            "notes": list(self.notes),
+        }
+
+    def _summary(self) -> str:
+        items = ", ".join(f"{item.name} {item.decision}" for item in self.items)
+        return f"{self.decision} ({items})"
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        return item_cells(self.items)
+
+    def _notes(self) -> list[str]:
+        reasons = [
+            f"{item.name}: {item.reason}"
+            for item in self.items
+            if item.reason not in ("", self.blocked)
+        ]
+        open_ones = [
+            f"{item.name}, {each.estimate.quantity.heading}: {each.reason}"
+            for item in self.items
+            for each in item.quantities
+            if each.decision != Decision.OK
+        ]
+        blocked = [self.blocked] if self.blocked else []
+        return [f"{self.decision}", *blocked, *reasons, *open_ones, *self.notes]
+
+    def _rows(self) -> list[Record]:
+        return verdict_rows(self)
+
+
+QUANTITY_HEADER = ("", "quantity", "value", "interval", "limits", "margin", "")
+
+
+def item_cells(items: Sequence[ItemVerdict]) -> list[tuple[str, ...]]:
+    """Cells of a table: a row a quantity, the header first."""
+    rows: list[tuple[str, ...]] = [QUANTITY_HEADER]
+    for item in items:
+        if not item.quantities:
+            rows.append((item.name, "", "", "", "", "", str(item.decision)))
+        rows += [
+            quantity_cells(item.name if number == 0 else "", each)
+            for number, each in enumerate(item.quantities)
+        ]
+    return rows
+
+
+def quantity_cells(name: str, verdict: QuantityVerdict) -> tuple[str, ...]:
+    """Cells under `QUANTITY_HEADER`."""
+    estimate = verdict.estimate
+    margin = f"{verdict.margin:+.1f} sigma" if estimate.determined else ""
+    interval = estimate.interval_text if estimate.determined else ""
+    return (
+        name, estimate.quantity.heading, estimate.text, interval, verdict.limits_text, margin,
+        str(verdict.decision),
+    )  # fmt: skip
+
+
+def verdict_rows(verdict: Verdict) -> list[Record]:
+    """Rows of CSV, Parquet and data frames: a quantity a row, one for an item without any."""
+    rows: list[Record] = []
+    for item in verdict.items:
+        head: Record = {
+            "decision": str(verdict.decision),
+            "item": item.name,
+            "item_decision": str(item.decision),
+        }
+        quantities = [each.to_dict() for each in item.quantities] or [dict.fromkeys(ROW_KEYS)]
+        for record in quantities:
+            values = {key: record[key] for key in ROW_KEYS}
+            values["quantity_decision"] = record.get("decision")
+            values["reason"] = record.get("reason") or item.reason or verdict.blocked
+            rows.append(head | values | _provenance_columns(verdict.provenance))
+    return rows
+
+
+ROW_KEYS = ("quantity", "value", "std", "low", "high", "level", "min", "max", "margin_sigmas")
+
+
+def _provenance_columns(provenance: Provenance) -> Record:
+    record = provenance.to_record()
+    return {key: record[key] for key in ("job", "revision", "job_hash", "version")}
+
+
+def judged(estimate: Estimate, limits: tuple[float, float], level: float) -> QuantityVerdict:
+    """Return the verdict of a quantity, with its reason.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        With its interval at `level`, the job's ``extra_std`` added.
+    limits : (float, float)
+        In its unit.
+    level : float
+        Probability of the interval.
+    """
+    if not estimate.determined or not all(map(math.isfinite, estimate.interval)):
+        reason = "not determinable from this measurement"
+        return QuantityVerdict(estimate, limits, Decision.UNDECIDED, reason, level)
+    decision = decide(estimate.interval, limits)
+    return QuantityVerdict(estimate, limits, decision, _reason(estimate, limits, decision), level)
+
+
+def _reason(estimate: Estimate, limits: tuple[float, float], decision: Decision) -> str:
+    low, high = estimate.interval
+    least, most = limits
+    interval, unit = estimate.interval_text, estimate.quantity.unit_text
+    if decision == Decision.OK:
+        return f"interval {interval} {unit} lies inside the limits"
+    if decision == Decision.NG:
+        side = f"below {least:g}" if high < least else f"above {most:g}"
+        return f"interval {interval} {unit} lies wholly {side}"
+    crossed = [f"{end:g}" for end in limits if low < end < high]
+    word = "limits" if len(crossed) > 1 else "limit"
+    return f"interval {interval} {unit} holds the {word} {' and '.join(crossed)}"

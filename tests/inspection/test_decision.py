@@ -1,0 +1,41 @@
+import math
+
+import pytest
+
+from lsvision.inspection.decision import Decision, decide, widened, worst
+
+OPEN = -math.inf
+
+
+@pytest.mark.parametrize(
+    ("interval", "limits", "decision"),
+    [
+        ((18.95, 19.05), (18.9, 19.1), "OK"),
+        ((18.9, 19.1), (18.9, 19.1), "OK"),
+        ((18.85, 19.05), (18.9, 19.1), "undecided"),
+        ((18.95, 19.15), (18.9, 19.1), "undecided"),
+        ((18.0, 20.0), (18.9, 19.1), "undecided"),
+        ((19.11, 19.2), (18.9, 19.1), "NG"),
+        ((18.0, 18.89), (18.9, 19.1), "NG"),
+        ((19.1, 19.2), (18.9, 19.1), "undecided"),
+        ((0.0, 1.9), (OPEN, 2.0), "OK"),
+        ((2.1, 2.2), (OPEN, 2.0), "NG"),
+        ((OPEN, 1.0), (OPEN, 2.0), "OK"),
+    ],
+)
+def test_an_interval_decides(interval, limits, decision):
+    assert decide(interval, limits) == decision
+
+
+def test_the_worst_of_several_is_told():
+    ok, ng, undecided = Decision.OK, Decision.NG, Decision.UNDECIDED
+    assert worst([ok, undecided, ng]) == "NG"
+    assert worst([ok, undecided]) == "undecided"
+    assert worst([ok, ok]) == "OK"
+    assert worst([]) == "OK"
+
+
+def test_an_extra_uncertainty_is_added_in_quadrature_to_each_half_width():
+    low, high = widened(10.0, (9.97, 10.04), 0.04 / 1.959964, 0.95)
+    assert (10 - low, high - 10) == pytest.approx((0.05, math.hypot(0.04, 0.04)), abs=1e-7)
+    assert widened(10.0, (9.97, 10.04), 0.0, 0.95) == pytest.approx((9.97, 10.04), abs=1e-12)

@@ -1,0 +1,170 @@
+import pytest
+
+from lsvision.errors import InvalidJob, LsvisionError
+from lsvision.inspection.job import Job
+
+GOOD = """\
+name = "frame tube"
+revision = 3
+
+[measure]
+radius_mm = [10, 40]
+sensor = "lps36hi"
+
+[[part]]
+name = "left"
+x_mm = [-40, 0]
+known_radius_mm = [19, 0.05]
+radius_mm = { nominal = 19, upper = 0.1, lower = -0.1 }
+phi_deg = { max = 2 }
+
+[[part]]
+name = "right"
+x_mm = [0, 40]
+diameter_mm = { min = 29.8, max = 30.2 }
+
+[[relation]]
+between = ["left", "right"]
+gap_mm = { max = 0.5 }
+
+[decision]
+level = 0.95
+extra_std = { radius_mm = 0.01 }
+"""
+
+
+def slips_of(text):
+    with pytest.raises(InvalidJob) as refused:
+        Job.from_text(text, "job.toml")
+    return [str(slip) for slip in refused.value.slips]
+
+
+def changed(old, new):
+    assert old in GOOD
+    return GOOD.replace(old, new)
+
+
+def test_a_good_job_is_read():
+    job = Job.from_text(GOOD)
+    left, right = job.parts
+    assert left.limits["radius_mm"].ends == pytest.approx((18.9, 19.1))
+    assert right.expected_radius == pytest.approx(15)
+    assert job.relations[0].limits["gap_mm"].ends[1] == 0.5
+    assert (job.extra_std("radius_mm"), job.extra_std("diameter_mm")) == (0.01, 0.02)
+    assert job.extra_std("phi_deg") == 0
+
+
+def test_the_hash_is_that_of_the_content_not_of_the_layout():
+    same = changed("level = 0.95\n", "# a comment\n").replace("max = 2 ", "max = 2.0 ")
+    assert Job.from_text(GOOD).hash == Job.from_text(same).hash
+    assert Job.from_text(GOOD).hash != Job.from_text(changed("max = 2 ", "max = 2.1 ")).hash
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "slip"),
+    [
+        ("{ nominal = 19, upper = 0.1, lower = -0.1 }", "{ min = 19.1, max = 18.9 }",
+         "line 12: part 1, radius_mm: limits reversed: from 19.1 to 18.9; exchange them"),
+        ("{ nominal = 19, upper = 0.1, lower = -0.1 }", "{ nominal = 20, min = 18.9, max = 19.1 }",
+         "line 12: part 1, radius_mm: nominal 20 lies outside its limits 18.9 to 19.1"),
+        ("{ nominal = 19, upper = 0.1, lower = -0.1 }", "{ nominal = 19 }",
+         "line 12: part 1, radius_mm: expected upper and lower beside nominal, or min and max, "
+         "got neither"),
+        ("{ nominal = 19, upper = 0.1, lower = -0.1 }", "{ upper = 0.1, lower = -0.1 }",
+         "line 12: part 1, radius_mm: expected a nominal beside upper and lower, got none"),
+        ("{ min = 29.8, max = 30.2 }", "{ min = 30, max = 30 }",
+         "line 18: part 2, diameter_mm: expected limits with room between them, got 30 twice"),
+        ("x_mm = [0, 40]", "x_mm = [-10, 40]",
+         "line 17: 'left' and 'right' claim one pipe: their windows overlap; draw the border "
+         "between them"),
+        ("x_mm = [0, 40]", "x_mm = [40, 0]",
+         "line 15: part 2: x_mm reversed: expected [least, largest], got [40.0, 0.0]"),
+        ("x_mm = [0, 40]", "x_mm = [0, 40]\norder = 2",
+         "line 15: part 2: expected a place (x_mm, y_mm, z_mm) or an order, got both"),
+        ('["left", "right"]', '["left", "middle"]',
+         "line 21: no part is named 'middle': the parts are 'left', 'right'"),
+        ('["left", "right"]', '["left", "left"]', "line 21: expected two parts, got 'left' twice"),
+        ("gap_mm = { max = 0.5 }", "",
+         "line 20: relation 1: expected a limit among distance_mm, angle_deg, gap_mm, flush_mm, "
+         "got none"),
+        ("diameter_mm =", "diameter =",
+         "line 18: part 2, diameter: the unit is missing: write diameter_mm"),
+        ("phi_deg =", "fi_deg =", "line 13: part 1, fi_deg: unknown key: did you mean phi_deg?"),
+        ("phi_deg = { max = 2 }", 'phi_deg = { max = "2" }',
+         "line 13: part 1, phi_deg, max: expected number, got '2'"),
+        ("phi_deg = { max = 2 }", "theta_deg = { max = 2 }",
+         "line 8: part 1: theta_deg is an angle without a beginning: expected both limits, less "
+         "than 180 deg apart"),
+        ("phi_deg = { max = 2 }", "direction_deg = { max = 2 }",
+         "line 8: part 1: direction_deg is counted from nominal_direction: add it"),
+        ("phi_deg = { max = 2 }", "nominal_direction = [0, 0, 0]",
+         "line 8: part 1: expected a nominal_direction with a length, got 0, 0, 0"),
+        ('sensor = "lps36hi"', 'sensor = "lps36hi"\nrange_std_mm = 0.05',
+         "line 4: measure: expected sensor or range_std_mm, got both: leave one out"),
+        ("[10, 40]", "[40, 10]",
+         "line 4: measure: radius_mm reversed: expected [least, largest], got [40.0, 10.0]"),
+        ("revision = 3", "revision = 3\nschema = 2",
+         "line 3: expected schema 1 or older, got 2: install a newer lsvision"),
+        ("level = 0.95", "level = 95", "line 25: decision, level: expected less than 1, got 95"),
+        ("{ radius_mm = 0.01 }", "{ radius = 0.01 }",
+         "line 24: decision: extra_std: expected a key among radius_mm, diameter_mm, theta_deg, "
+         "phi_deg, centre_x_mm, centre_y_mm, "
+         "direction_deg, position_mm, point_x_mm, point_y_mm, point_z_mm, bow_mm, taper_mm_per_m, "
+         "ovality_percent, length_seen_mm, distance_mm, angle_deg, gap_mm, flush_mm, got 'radius'"),
+        ('name = "frame tube"\n', "", "name is missing: add it"),
+        ('between = ["left", "right"]\n', "", "line 20: relation 1, between is missing: add it"),
+        ("revision = 3", "revision = = 3", "line 2: no TOML: invalid value"),
+    ],
+)  # fmt: skip
+def test_a_slip_is_told_with_its_line_and_the_mend(old, new, slip):
+    assert slips_of(changed(old, new)) == [slip]
+
+
+def test_all_slips_are_told_at_once_in_the_order_of_the_lines():
+    text = changed("max = 2 ", 'max = "two" ').replace("level = 0.95", "level = 0.2")
+    assert [slip.split(":")[0] for slip in slips_of(text)] == ["line 13", "line 25"]
+
+
+def test_a_job_without_parts_is_refused():
+    assert slips_of('name = "nothing"\npart = []') == [
+        "line 2: expected at least one [[part]], got none: add it"
+    ]
+
+
+def job_of_two(names, orders):
+    return 'name = "a"\n' + "".join(
+        f'[[part]]\nname = "{name}"\norder = {order}\nphi_deg = {{ max = 2 }}\n'
+        for name, order in zip(names, orders, strict=True)
+    )
+
+
+def test_two_parts_of_one_order_claim_one_pipe():
+    assert slips_of(job_of_two("bc", (1, 1))) == [
+        "line 8: 'b' and 'c' claim one pipe, order 1: give each its own"
+    ]
+
+
+def test_two_parts_of_one_name_are_refused():
+    assert slips_of(job_of_two("bb", (1, 2))) == ["line 7: two parts are named 'b': rename one"]
+
+
+def test_a_part_that_nothing_tells_from_others_is_refused():
+    text = 'name = "a"\n[[part]]\nname = "b"\nphi_deg = { max = 2 }\n'
+    assert slips_of(text) == [
+        "line 2: part 1: nothing says which cylinder it is: add x_mm = [least, largest], "
+        "order = 1, or a radius_mm with a nominal"
+    ]
+
+
+def test_a_deviation_may_be_of_one_sign_as_in_a_fit():
+    job = Job.from_text(changed("upper = 0.1, lower = -0.1", "upper = -0.02, lower = -0.05"))
+    assert job.parts[0].radius_mm.ends == pytest.approx((18.95, 18.98))
+
+
+def test_a_file_is_named_in_the_message(tmp_path):
+    path = tmp_path / "job.toml"
+    path.write_text('name = "a"')
+    with pytest.raises(LsvisionError, match=r"job\.toml: part is missing: add it"):
+        Job.load(path)
+    with pytest.raises(LsvisionError, match="no such file"):
+        Job.load(tmp_path / "none.toml")

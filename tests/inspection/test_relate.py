@@ -1,0 +1,236 @@
+"""Distance, angle, gap and flush against truth by geometry that the package does not use."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import lsvision as lsv
+from lsvision.ellipse.parameters import ellipse_from_parameters
+from lsvision.geometry import Cylinder
+from lsvision.measure import measure_cylinders
+from lsvision.scan import measure_scan
+from lsvision.simulate import (
+    SCENE_SENSOR,
+    Scene,
+    SectionSettings,
+    Tube,
+    random_section,
+    simulate_scan,
+    simulate_section,
+)
+from tests.bench.matching import match_tubes
+
+SEEDS = range(520, 536)
+SCAN_SEEDS = range(8)
+CLEAN = SectionSettings(lost_fraction=0.0, jump_fraction=0.0, noise_factor=0.0)
+
+
+def least_gap(first, second, count=1500):
+    """Shortest distance of two outlines; negative: the longest of a point within the other."""
+    turn = np.linspace(0, 2 * math.pi, count)
+    outlines = [ellipse.points_at(turn) for ellipse in (first, second)]
+    between = np.linalg.norm(outlines[0][:, None] - outlines[1][None], axis=2)
+    return float(between.min())
+
+
+def measured_pair(section):
+    found = match_tubes(measure_cylinders(section.profile), section.truth).found
+    by_label = {label: cylinder for label, cylinder, _ in found}
+    return [by_label[1], by_label[2]] if len(by_label) == 2 else None
+
+
+def test_without_noise_a_section_gives_the_true_numbers():
+    tubes = (
+        Tube.of(19.0, 0.4, 0.5, (-25.0, -400.0)),
+        Tube.of(14.0, 1.2, 0.3, (20.0, -395.0)),
+    )
+    section = simulate_section(Scene(tubes), SCENE_SENSOR, CLEAN, rng=np.random.default_rng(1))
+    left, right = measured_pair(section)
+    relation = lsv.relate(left, right)
+    ellipses = [tube.cylinder.section() for tube in tubes]
+    assert relation.distance == pytest.approx(math.hypot(45, 5), abs=0.02)
+    assert relation.gap == pytest.approx(least_gap(*ellipses), abs=0.02)
+    crests = [ellipse.points_at(np.linspace(0, 7, 20001))[:, 1].max() for ellipse in ellipses]
+    assert relation.quantities["flush"].value == pytest.approx(crests[1] - crests[0], abs=0.02)
+    angles = [math.acos(abs(left.axis_candidates[0] @ other)) for other in right.axis_candidates]
+    assert relation.angle == pytest.approx(min(angles), abs=1e-9)
+
+
+def test_exchanging_both_changes_only_the_sign_of_flush():
+    section = random_section("welded_pair", 5, noise_mm=0.02)
+    left, right = measured_pair(section)
+    there, back = lsv.relate(left, right), lsv.relate(right, left)
+    assert (there.distance, there.gap) == pytest.approx((back.distance, back.gap), abs=1e-6)
+    assert there.gap_std == pytest.approx(back.gap_std, rel=1e-3)
+    flush = [relation.quantities["flush"].value for relation in (there, back)]
+    assert flush[0] == pytest.approx(-flush[1], abs=1e-9)
+
+
+def test_ellipses_that_overlap_have_a_negative_gap():
+    section = random_section("welded_pair", 5, noise_mm=0.02)
+    left, right = measured_pair(section)
+    nearer = _moved(right, 0.4 * np.subtract(left.centre, right.centre))
+    assert lsv.relate(left, nearer).gap < 0
+
+
+def _moved(section, shift):
+    parameters = section.fit.parameters + np.array([*shift, 0.0, 0.0, 0.0])
+    fit = replace(section.fit, parameters=parameters, ellipse=ellipse_from_parameters(parameters))
+    return replace(section, fit=fit)
+
+
+def test_the_sigmas_of_sections_are_those_of_the_errors():
+    errors = {"distance": [], "gap": [], "flush": []}
+    angles = []
+    for seed in SEEDS:
+        section = random_section("welded_pair", seed, noise_mm=0.03)
+        pair = measured_pair(section)
+        if pair is None:
+            continue
+        relation = lsv.relate(*pair)
+        cylinders = [tube.cylinder for tube in section.truth.tubes[:2]]
+        ellipses = [cylinder.section() for cylinder in cylinders]
+        crests = [ellipse.points_at(np.linspace(0, 7, 4001))[:, 1].max() for ellipse in ellipses]
+        true = {
+            "distance": math.dist(ellipses[0].centre, ellipses[1].centre),
+            "gap": least_gap(*ellipses),
+            "flush": crests[1] - crests[0],
+        }
+        for name, value in true.items():
+            number = relation.quantities[name]
+            errors[name].append((number.value - value) / number.std)
+        low, high = relation.interval("angle")
+        angle = math.acos(min(abs(float(cylinders[0].direction @ cylinders[1].direction)), 1.0))
+        angles.append(low <= angle <= high)
+    count = len(angles)
+    assert count > 10
+    assert sum(angles) >= stats.binom.ppf(1e-3, count, 0.95)
+    for name, values in errors.items():
+        square = float(np.mean(np.square(values)))
+        assert stats.chi2.ppf(1e-4, count) / count < square, name
+        assert square < stats.chi2.ppf(1 - 1e-4, count) / count, name
+
+
+CROSSING = (
+    Cylinder((-20.0, -400.0, 0.0), (0.02, 0.3, 1.0), 14.0),
+    Cylinder((25.0, -405.0, 0.0), (-0.03, -0.25, 1.0), 18.0),
+)
+_ALONG = np.array([0.3, 0.1, 1.0]) / math.hypot(0.3, 0.1, 1.0)
+PARALLEL = (
+    Cylinder((-20.0, -400.0, 0.0), _ALONG, 19.0),
+    Cylinder((16.0, -405.0, 0.0), _ALONG, 15.0),
+)
+UP = np.array([0.0, 1.0, 0.0])
+
+
+def scanned(pair, seed, noise=0.05):
+    poses = [lsv.Pose.along((0, 0, 1), 10.0 * k) for k in range(-1, 2)]
+    scene = Scene(tuple(Tube(cylinder) for cylinder in pair))
+    sensor = replace(SCENE_SENSOR, range_std=noise)
+    settings = SectionSettings(jump_fraction=0.0)
+    rng = np.random.default_rng(seed)
+    sections = simulate_scan(scene, poses, sensor, settings, rng=rng)
+    found = measure_scan([section.profile for section in sections], poses).cylinders
+    ordered = [min(found, key=lambda tube: abs(tube.radius - true.radius)) for true in pair]
+    assert ordered[0] is not ordered[1]
+    return ordered
+
+
+def true_relation(pair):
+    first, second = pair
+    normal = np.cross(first.direction, second.direction)
+    offset = second.point - first.point
+    if np.linalg.norm(normal) < 1e-9:
+        distance = float(np.linalg.norm(offset - (offset @ first.direction) * first.direction))
+    else:
+        distance = abs(float(offset @ normal)) / float(np.linalg.norm(normal))
+    angle = math.asin(min(float(np.linalg.norm(normal)), 1.0))
+    return distance, angle
+
+
+@pytest.mark.parametrize("pair", [CROSSING, PARALLEL], ids=["crossing", "parallel"])
+def test_the_sigmas_of_scans_are_those_of_the_errors(pair):
+    distance, angle = true_relation(pair)
+    gap = distance - pair[0].radius - pair[1].radius
+    errors = []
+    for seed in SCAN_SEEDS:
+        relation = lsv.relate(*scanned(pair, seed), up=UP)
+        assert relation.seam.crossing == (pair is CROSSING)
+        errors.append(
+            [
+                (relation.distance - distance) / relation.distance_std,
+                (relation.gap - gap) / relation.gap_std,
+                (relation.angle - angle) / relation.angle_std if pair is CROSSING else 0.0,
+            ]
+        )
+        low, high = relation.interval("angle", 0.999)
+        assert low <= angle <= high
+    squares = np.mean(np.square(errors), axis=0)
+    assert (squares < stats.chi2.ppf(1 - 1e-4, 8) / 8).all()
+    assert (squares[:2] > stats.chi2.ppf(1e-4, 8) / 8).all()
+
+
+def test_the_seam_of_a_welded_pair_runs_between_the_pipes_in_the_base_frame():
+    first, second = PARALLEL
+    across = second.point - first.point
+    across = across - (across @ _ALONG) * _ALONG
+    length = float(np.linalg.norm(across))
+    unit = across / length
+    # Middle of the gap, from the first axis.
+    middle = (first.radius + (length - second.radius)) / 2
+    squares = []
+    for seed in SCAN_SEEDS:
+        seam = lsv.relate(*scanned(PARALLEL, seed)).seam
+        off = seam.point - (first.point + middle * unit)
+        off = off - (off @ _ALONG) * _ALONG
+        squares.append(float(off @ np.linalg.pinv(seam.point_covariance, rcond=1e-6) @ off))
+        turn = math.acos(min(abs(float(seam.direction @ _ALONG)), 1.0))
+        assert turn < 5 * seam.direction_std
+    assert stats.chi2.ppf(1e-4, 16) < sum(squares) < stats.chi2.ppf(1 - 1e-4, 16)
+
+
+def test_the_points_of_nearest_approach_of_crossing_pipes_lie_on_their_common_normal():
+    first, second = CROSSING
+    relation = lsv.relate(*scanned(CROSSING, 3, noise=0.001))
+    between = relation.seam.points[1] - relation.seam.points[0]
+    assert abs(between @ first.direction) < 0.01
+    assert abs(between @ second.direction) < 0.01
+    assert np.linalg.norm(between) == pytest.approx(true_relation(CROSSING)[0], abs=0.01)
+
+
+def test_flush_of_a_scan_is_the_difference_of_the_crests():
+    first, second = (Cylinder((x, y, 0.0), (0, 0, 1.0), r) for x, y, r in (
+        (-20.0, -400.0, 19.0), (16.0, -405.0, 15.0)))  # fmt: skip
+    relation = lsv.relate(*scanned((first, second), 1, noise=0.002), up=(0, 2, 0))
+    assert relation.quantities["flush"].value == pytest.approx(-405 + 15 - (-400 + 19), abs=0.02)
+    assert "flush" not in lsv.relate(*scanned((first, second), 1)).quantities
+
+
+def test_records_and_tables_name_their_units():
+    relation = lsv.relate(*scanned(PARALLEL, 2), up=UP)
+    record = relation.to_dict()
+    assert {"distance_mm", "angle_deg", "gap_interval_95_mm", "seam_point_mm"} <= set(record)
+    assert "middle of the common length" in str(relation)
+    assert repr(relation).startswith("<Relation: distance ")
+
+
+def test_what_cannot_be_compared_is_refused():
+    section = random_section("welded_pair", 5, noise_mm=0.02)
+    left, right = measured_pair(section)
+    tube, other = scanned(PARALLEL, 0)
+    with pytest.raises(TypeError, match="two cylinders of one section or two in space, got one of"):
+        lsv.relate(left, tube)
+    with pytest.raises(TypeError, match="expected a CylinderSection or a ScannedCylinder, got str"):
+        lsv.relate("left", "right")
+    with pytest.raises(ValueError, match="two cylinders, got the same one twice"):
+        lsv.relate(left, left)
+    with pytest.raises(ValueError, match="expected up as three numbers with a length"):
+        lsv.relate(tube, other, up=(0, 0, 0))
+    relation = lsv.relate(left, right)
+    with pytest.raises(ValueError, match="expected a quantity among distance, angle, gap, flush"):
+        relation.interval("radius")
+    with pytest.raises(ValueError, match="expected a level between 0 and 1, got 95"):
+        relation.interval("gap", 95)
