@@ -21,6 +21,8 @@ from lsvision.calibration.lens_blur import LensBlur
 from lsvision.calibration.pose_planning import PosePlan
 from lsvision.calibration.target import TargetView
 from lsvision.calibration.views import RejectedView
+from lsvision.inspection.gauge_study import study_gauge
+from lsvision.inspection.repeat_study import study_repeats
 from lsvision.io.results import measurement_record, write_csv
 from lsvision.results.result import Result
 from lsvision.scan import ScanRejection
@@ -75,7 +77,13 @@ def laser_plane():
     )
 
 
+def verdict():
+    job = lsv.Job.from_text('name = "a"\n[[part]]\nname = "b"\norder = 2\nphi_deg = { max = 90 }')
+    return lsv.judge(MEASURED, job)
+
+
 MEASURED, SCANNED = measured(), scanned()
+JUDGED = verdict()
 RESULTS = {
     "Measurement": MEASURED,
     "CylinderSection": MEASURED.cylinders[1],
@@ -94,6 +102,12 @@ RESULTS = {
     "LaserPlaneCalibration": laser_plane(),
     "BoardInPlane": BoardInPlane(RIG, np.ones((4, 2))),
     "LensBlur": LensBlur(0.7, 0.02, 40),
+    "Verdict": JUDGED,
+    "ItemVerdict": JUDGED.parts[0],
+    "QuantityVerdict": JUDGED.parts[0].quantities[0],
+    "Relation": lsv.relate(*MEASURED.cylinders),
+    "GaugeStudy": study_gauge(np.random.default_rng(1).normal(0, 1, (4, 3, 2)), tolerance=9.0),
+    "RepeatStudy": study_repeats([19.0, 19.1, 18.9], 19.0, tolerance=1.0),
     "PosePlan": PosePlan((lsv.Pose(), lsv.Pose()), (3, 1), np.array([0.2, 0.1]), np.ones(2)),
 }
 UNITS = ("_mm", "_deg", "_px", "_mm_per_mm")
@@ -102,6 +116,12 @@ WITHOUT_UNIT = {
     "section", "edges", "views", "index", "k1", "k1_std", "mounting", "sensor", "height_scale",
     "height_scale_std", "normal_x", "normal_y", "normal_z", "direction_x", "direction_y",
     "direction_z", "start", "stop", "reason",
+    # Of a verdict the unit stands in the column `quantity`; a study has that of its values.
+    "schema", "decision", "passed", "job", "revision", "job_hash", "version", "item", "name",
+    "item_decision", "quantity", "value", "std", "low", "high", "level", "min", "max",
+    "margin_sigmas", "quantity_decision", "cylinder", "interaction_pooled", "distinct_categories",
+    "note", "count", "mean", "reference", "bias", "p_value", "predicted_std", "tolerance", "cg",
+    "cgk",
 }  # fmt: skip
 every_result = pytest.mark.parametrize("result", RESULTS.values(), ids=RESULTS)
 

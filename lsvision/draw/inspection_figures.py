@@ -1,0 +1,115 @@
+"""Pictures of inspections: a profile with its limits, and a quantity over many parts."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lsvision.draw.measurement import draw_on_axes
+from lsvision.geometry import Ellipse
+from lsvision.inspection.decision import Decision
+from lsvision.inspection.inspected import Series
+from lsvision.inspection.verdict import Verdict
+from lsvision.measure import Measurement
+from lsvision.results.palette import DECISIONS, LIMITS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SERIES_INCH, PROFILE_INCH = (7.6, 2.5), (7.6, 4.4)
+MARKERS = {Decision.OK: "o", Decision.NG: "X", Decision.UNDECIDED: "D"}
+"""Shapes beside the colours: a black-and-white print tells them too."""
+MAX_BINS = 30
+
+
+def draw_series(series: Series) -> Figure:
+    """Trend and histogram of a quantity against its limits.
+
+    Parameters
+    ----------
+    series : Series
+        Values in the order of the measurements.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Left the trend with intervals, right the histogram on the same axis.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=SERIES_INCH, facecolor="white", layout="constrained")
+    FigureCanvasAgg(figure)
+    trend, histogram = figure.subplots(1, 2, sharey=True, width_ratios=(3, 1))
+    _draw_trend(trend, series)
+    count = len(series.values)
+    bins = int(np.clip(math.ceil(math.sqrt(count)), 1, MAX_BINS))
+    histogram.hist(series.values, bins=bins, orientation="horizontal", color="#8C8C8C")
+    histogram.set_xlabel("parts")
+    for axes in (trend, histogram):
+        for end in series.limits:
+            if math.isfinite(end):
+                axes.axhline(end, color=LIMITS, lw=1.2, ls="--")
+    return figure
+
+
+def _draw_trend(axes: Axes, series: Series) -> None:
+    numbers = np.array(series.numbers)
+    values = np.array(series.values)
+    halves = np.abs([values - series.lows, np.subtract(series.highs, values)])
+    for decision, marker in MARKERS.items():
+        mask = np.array([each == decision for each in series.decisions])
+        if mask.any():
+            axes.errorbar(
+                numbers[mask], values[mask], yerr=halves[:, mask], fmt=marker, ms=4.5, lw=0.9,
+                color=DECISIONS[decision.value], label=str(decision),
+            )  # fmt: skip
+    axes.set_xlabel("measurement")
+    axes.set_ylabel(series.quantity.heading)
+    axes.legend(fontsize=7, loc="best")
+    axes.grid(visible=True, lw=0.3, alpha=0.5)
+
+
+def draw_judged_profile(measurement: Measurement, verdict: Verdict) -> Figure | None:
+    """A profile with its ellipses, and the limits of each part's radius as dashed ellipses.
+
+    Parameters
+    ----------
+    measurement : Measurement
+        With its profile; without, there is nothing to draw.
+    verdict : Verdict
+        Of the measurement.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    if measurement.profile is None:
+        return None
+    figure = Figure(figsize=PROFILE_INCH, facecolor="white", layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    draw_on_axes(axes, measurement.profile, measurement)
+    for item in verdict.parts:
+        if item.cylinder is None:
+            continue
+        ellipse = measurement.cylinders[item.cylinder].ellipse
+        ends = [q.limits for q in item.quantities if q.key == "radius_mm"]
+        for end in [end for pair in ends for end in pair if math.isfinite(end)]:
+            _draw_limit(axes, ellipse, end)
+        x, y = ellipse.centre
+        axes.annotate(
+            f"{item.name}: {item.decision}", (x, y), xytext=(0, -16), textcoords="offset points",
+            ha="center", fontsize=8, color=DECISIONS[item.decision.value],
+        )  # fmt: skip
+    return figure
+
+
+def _draw_limit(axes: Axes, ellipse: Ellipse, radius: float) -> None:
+    """The ellipse as it would be with another radius of the cylinder."""
+    factor = radius / ellipse.semi_minor
+    outline = ellipse.points_at(np.linspace(0, 2 * math.pi, 181))
+    scaled = np.add(ellipse.centre, factor * (outline - ellipse.centre))
+    axes.plot(*scaled.T, ls="--", lw=0.8, color=LIMITS, zorder=1)

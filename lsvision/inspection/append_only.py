@@ -1,0 +1,75 @@
+"""Files that only grow: a JSON record a line, each with the hash of the line before it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+
+from lsvision.errors import UnreadableFile
+from lsvision.files.atomic_files import write_atomic
+from lsvision.files.file_kinds import exists
+from lsvision.files.json_text import parse_json
+from lsvision.files.limited_reading import read_text
+from lsvision.results.quantities import Record
+
+FIRST = "0" * 64
+"""What stands for the line before the first."""
+
+
+def read_records(path: str | os.PathLike[str]) -> list[Record]:
+    """Records of a file, the oldest first; none if there is no file.
+
+    Raises
+    ------
+    UnreadableFile
+        If a line is no record, or the line before it was changed or removed.
+    """
+    if not exists(path):
+        return []
+    records, previous = [], FIRST
+    for number, line in enumerate(read_text(path).splitlines(), 1):
+        try:
+            record = parse_json(line)
+            known = record.pop("previous")
+        except (ValueError, KeyError, AttributeError, TypeError):
+            raise UnreadableFile(
+                f"{os.fspath(path)}, line {number}: expected a record with the hash of the line "
+                "before, got something else: restore the file from a backup"
+            ) from None
+        if known != previous:
+            raise UnreadableFile(
+                f"{os.fspath(path)}, line {number}: what stands before it was changed after it was "
+                "written: restore the file from a backup"
+            )
+        records.append(record)
+        previous = hashlib.sha256(line.encode()).hexdigest()
+    return records
+
+
+def append_record(path: str | os.PathLike[str], record: Record) -> None:
+    """Add a record at the end; all before it stays as it is.
+
+    Raises
+    ------
+    UnreadableFile
+        If the file is not whole.
+    UnwritableFile
+        If it cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> path = Path(tempfile.mkdtemp()) / "history.jsonl"
+    >>> append_record(path, {"revision": 1}), append_record(path, {"revision": 2})
+    (None, None)
+    >>> read_records(path)
+    [{'revision': 1}, {'revision': 2}]
+    """
+    read_records(path)
+    text = read_text(path) if exists(path) else ""
+    lines = text.splitlines()
+    previous = hashlib.sha256(lines[-1].encode()).hexdigest() if lines else FIRST
+    line = json.dumps(record | {"previous": previous}, allow_nan=False)
+    write_atomic(path, text + line + "\n")

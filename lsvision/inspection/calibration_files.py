@@ -1,0 +1,70 @@
+"""Calibration files that a job names: their dates, and whether they are those it was made for."""
+
+from __future__ import annotations
+
+import datetime
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+
+from lsvision.errors import LsvisionError
+from lsvision.files.json_text import parse_json
+from lsvision.files.limited_reading import read_bytes, read_text
+from lsvision.inspection.job import Job
+from lsvision.inspection.job_slips import line_of
+
+KEYS = ("light_section", "flange_from_section")
+
+
+def calibration_files(job: Job, job_path: Path) -> dict[str, dict[str, str | None]]:
+    """File, date and hash of each calibration file of a job, by its key.
+
+    Parameters
+    ----------
+    job : Job
+        The job.
+    job_path : Path
+        Its file; paths in it are relative to its folder.
+
+    Raises
+    ------
+    LsvisionError
+        If a file cannot be read, or is not the one whose SHA-256 the job states; names the line.
+    """
+    found: dict[str, dict[str, str | None]] = {}
+    for key in KEYS:
+        name = getattr(job.rig, key)
+        if name is None:
+            continue
+        path = job_path.parent / name
+        content = read_bytes(path)
+        digest = hashlib.sha256(content).hexdigest()
+        stated = getattr(job.rig, f"{key}_sha256")
+        if stated is not None and stated.lower() != digest:
+            line = line_of(("rig", f"{key}_sha256"), read_text(job_path))
+            raise LsvisionError(
+                f"{job_path}, line {line}: expected {name} with SHA-256 {stated[:12]}..., "
+                f'got {digest[:12]}...: if it was calibrated anew, write {key}_sha256 = "{digest}" '
+                "and raise the revision"
+            )
+        found[key] = {"file": name, "date": _date(content), "sha256": digest}
+    return found
+
+
+def calibration_age_days(
+    files: Mapping[str, Mapping[str, str | None]], now: datetime.datetime
+) -> float | None:
+    """Age of the oldest calibration; None where no file has a date."""
+    dates = [file["date"] for file in files.values() if file["date"]]
+    ages = [now - datetime.datetime.fromisoformat(date) for date in dates if date]
+    return max((age.total_seconds() / 86400 for age in ages), default=None)
+
+
+def _date(content: bytes) -> str | None:
+    """Date in the provenance of a calibration file; None where there is none."""
+    try:
+        date = parse_json(content.decode())["provenance"]["date"]
+        datetime.datetime.fromisoformat(date)
+    except (ValueError, KeyError, TypeError):
+        return None
+    return str(date)

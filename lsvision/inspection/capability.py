@@ -1,0 +1,133 @@
+"""Statistics of many verdicts: shares, process capability, and what the measurement adds to it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+NOT_CLAIMED = (
+    "ISO 22514-7 is not claimed: it does not cover a radius or an angle fitted to many points"
+)
+"""What stands below every capability."""
+SIX = 6.0
+
+
+@dataclass(frozen=True)
+class Capability:
+    """Cp and Cpk of a quantity with their confidence intervals.
+
+    Parameters
+    ----------
+    count : int
+        Number of parts.
+    mean, std : float
+        Of the measured values, in their unit; the measurement's own scatter is in it.
+    cp, cpk : float
+        Cp is NaN with one limit.
+    cp_interval, cpk_interval : (float, float)
+        At `level`: Cp by chi^2, Cpk by Bissell's approximation.
+    measurement_share : float
+        Share of the variance that is the measurement's own, as its sigmas predict.
+    level : float
+        Probability of the intervals.
+    """
+
+    count: int
+    mean: float
+    std: float
+    cp: float
+    cpk: float
+    cp_interval: tuple[float, float]
+    cpk_interval: tuple[float, float]
+    measurement_share: float
+    level: float = 0.95
+
+
+def capability(
+    values: Sequence[float],
+    limits: tuple[float, float],
+    stds: Sequence[float] = (),
+    level: float = 0.95,
+) -> Capability:
+    """Return Cp and Cpk of measured values.
+
+    Parameters
+    ----------
+    values : sequence of float
+        One a part, at least two.
+    limits : (float, float)
+        Of which one may be infinite.
+    stds : sequence of float
+        Standard uncertainty of each value, as far as it differs from part to part.
+    level : float
+        Probability of the intervals.
+
+    Raises
+    ------
+    ValueError
+        With fewer than two values, or values that are all equal.
+
+    References
+    ----------
+    Montgomery, Introduction to Statistical Quality Control, section 8.3; Bissell, How reliable is
+    your capability index?, Applied Statistics 39, 1990.
+
+    Examples
+    --------
+    >>> found = capability([18.98, 19.0, 19.02, 19.01, 18.99], (18.9, 19.1))
+    >>> f"{found.cp:.2f}"
+    '2.11'
+    """
+    from scipy.special import ndtri
+    from scipy.stats import chi2
+
+    measured = np.asarray(values, dtype=np.float64)
+    count = len(measured)
+    std = float(measured.std(ddof=1)) if count > 1 else 0.0
+    if not std > 0:
+        raise ValueError(f"expected two values or more that differ, got {count} without spread")
+    mean, (least, most) = float(measured.mean()), limits
+    cp = (most - least) / (SIX * std) if math.isfinite(most - least) else math.nan
+    cpk = min(most - mean, mean - least) / (SIX / 2 * std)
+    tail = (1 - level) / 2
+    factors = np.sqrt(chi2.ppf([tail, 1 - tail], count - 1) / (count - 1))
+    half = float(ndtri(1 - tail)) * math.sqrt(1 / (9 * count) + cpk**2 / (2 * (count - 1)))
+    own = float(np.mean(np.square(stds))) if len(stds) else math.nan
+    return Capability(
+        count=count,
+        mean=mean,
+        std=std,
+        cp=cp,
+        cpk=cpk,
+        cp_interval=(cp * float(factors[0]), cp * float(factors[1])),
+        cpk_interval=(cpk - half, cpk + half),
+        measurement_share=min(own / std**2, 1.0),
+        level=level,
+    )
+
+
+def share_interval(hits: int, count: int, level: float = 0.95) -> tuple[float, float]:
+    """Interval of a share, after Clopper and Pearson.
+
+    Parameters
+    ----------
+    hits, count : int
+        How many of how many.
+    level : float
+        Probability of the interval, at least.
+
+    Examples
+    --------
+    >>> low, high = share_interval(0, 30)
+    >>> f"{low:.3f} {high:.3f}"
+    '0.000 0.116'
+    """
+    from scipy.special import betaincinv
+
+    tail = (1 - level) / 2
+    low = float(betaincinv(hits, count - hits + 1, tail)) if hits else 0.0
+    high = float(betaincinv(hits + 1, count - hits, 1 - tail)) if hits < count else 1.0
+    return low, high

@@ -1,0 +1,308 @@
+"""Repeatability and reproducibility of a measurement: crossed analysis of variance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lsvision.errors import TooFewPoints
+from lsvision.geometry import FloatArray
+from lsvision.inspection.capability import NOT_CLAIMED
+from lsvision.inspection.variance_intervals import mean_square_interval, sums_of_squares
+from lsvision.results.quantities import Record, finite
+from lsvision.results.result import Result
+
+POOLING_ALPHA = 0.25
+"""p-value of the interaction above which it is taken as repeatability (AIAG)."""
+NDC_FACTOR = 1.41
+"""Of the number of distinct categories (AIAG)."""
+SIGMAS = 6.0
+"""Standard deviations of a study variation."""
+
+
+@dataclass(frozen=True)
+class AnovaRow:
+    """A line of the analysis of variance; F and p are NaN where there is none."""
+
+    source: str
+    degrees_of_freedom: int
+    sum_of_squares: float
+    f: float = math.nan
+    p: float = math.nan
+
+    @property
+    def mean_square(self) -> float:
+        """Sum of squares over degrees of freedom."""
+        return self.sum_of_squares / self.degrees_of_freedom
+
+
+@dataclass(frozen=True)
+class Component:
+    """A component of the variance, as a standard deviation with its interval.
+
+    Parameters
+    ----------
+    name : str
+        As ``repeatability``.
+    variance : float
+        At least 0.
+    interval : (float, float)
+        Of the standard deviation.
+    """
+
+    name: str
+    variance: float
+    interval: tuple[float, float]
+
+    @property
+    def std(self) -> float:
+        """Standard deviation."""
+        return math.sqrt(self.variance)
+
+
+@dataclass(frozen=True, repr=False)
+class GaugeStudy(Result):
+    """Result of a crossed gauge study.
+
+    Parameters
+    ----------
+    rows : tuple of AnovaRow
+        Parts, operators, interaction, repeatability; the full model.
+    components : tuple of Component
+        Repeatability, reproducibility, gauge (both), parts, total.
+    pooled : bool
+        Whether the interaction was taken as repeatability.
+    tolerance : float, optional
+        Width of the tolerance.
+    level : float
+        Probability of the intervals.
+    """
+
+    rows: tuple[AnovaRow, ...]
+    components: tuple[Component, ...]
+    pooled: bool
+    tolerance: float | None = None
+    level: float = 0.95
+
+    def component(self, name: str) -> Component:
+        """Return a component by its name.
+
+        Parameters
+        ----------
+        name : str
+            Of `components`.
+
+        Returns
+        -------
+        Component
+            The one of that name.
+        """
+        return next(each for each in self.components if each.name == name)
+
+    def share_of_total(self, name: str) -> float:
+        """Return the standard deviation over that of the total: the %study variation over 100.
+
+        Parameters
+        ----------
+        name : str
+            Of `components`.
+
+        Returns
+        -------
+        float
+            Between 0 and 1.
+        """
+        return self.component(name).std / self.component("total").std
+
+    def share_of_tolerance(self, name: str) -> float:
+        """Return six standard deviations over the tolerance; NaN without one.
+
+        Parameters
+        ----------
+        name : str
+            Of `components`.
+
+        Returns
+        -------
+        float
+            %tolerance over 100.
+        """
+        if self.tolerance is None:
+            return math.nan
+        return SIGMAS * self.component(name).std / self.tolerance
+
+    @property
+    def distinct_categories(self) -> int:
+        """Number of classes of parts that the measurement tells apart (ndc), at least 1."""
+        gauge = self.component("gauge").std
+        if gauge == 0:
+            return np.iinfo(np.int64).max
+        return max(int(NDC_FACTOR * self.component("parts").std / gauge), 1)
+
+    def to_dict(self) -> Record:
+        """Return table, components and shares, ready for JSON.
+
+        Returns
+        -------
+        dict
+            Variances in the square of the measured unit.
+        """
+        return {
+            "anova": [
+                {
+                    "source": row.source,
+                    "degrees_of_freedom": row.degrees_of_freedom,
+                    "sum_of_squares": row.sum_of_squares,
+                    "mean_square": row.mean_square,
+                    "f": finite(row.f),
+                    "p": finite(row.p),
+                }
+                for row in self.rows
+            ],
+            "interaction_pooled": self.pooled,
+            "components": {
+                each.name: {
+                    "variance": each.variance,
+                    "std": each.std,
+                    "std_interval": list(each.interval),
+                    "percent_of_total": 100 * self.share_of_total(each.name),
+                    "percent_of_tolerance": finite(100 * self.share_of_tolerance(each.name)),
+                }
+                for each in self.components
+            },
+            "level": self.level,
+            "distinct_categories": self.distinct_categories,
+            "note": NOT_CLAIMED,
+        }
+
+    def _summary(self) -> str:
+        gauge = 100 * self.share_of_total("gauge")
+        return f"gauge {gauge:.1f} % of total, ndc {self.distinct_categories}"
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        percent = f"{100 * self.level:g} % interval"
+        header: tuple[str, ...] = ("", "std", percent, "% of total", "% of tolerance")
+        rows = [header]
+        for each in self.components:
+            low, high = each.interval
+            tolerance = 100 * self.share_of_tolerance(each.name)
+            rows.append(
+                (
+                    each.name,
+                    f"{each.std:.6g}",
+                    f"{low:.4g} .. {high:.4g}",
+                    f"{100 * self.share_of_total(each.name):.2f}",
+                    f"{tolerance:.2f}" if math.isfinite(tolerance) else "",
+                )
+            )
+        return rows
+
+    def _notes(self) -> list[str]:
+        lines = [
+            f"{row.source}: {row.degrees_of_freedom} degrees of freedom, sum of squares "
+            f"{row.sum_of_squares:.6g}, mean square {row.mean_square:.6g}"
+            + (f", F {row.f:.4g}, p {row.p:.3f}" if math.isfinite(row.f) else "")
+            for row in self.rows
+        ]
+        pooled = "taken as repeatability" if self.pooled else "kept"
+        return [
+            *lines,
+            f"interaction {pooled} (limit p = {POOLING_ALPHA:g}); ndc {self.distinct_categories}",
+            NOT_CLAIMED,
+        ]
+
+
+def study_gauge(
+    values: FloatArray, tolerance: float | None = None, level: float = 0.95
+) -> GaugeStudy:
+    """Analyse a balanced crossed study: every operator measures every part as often.
+
+    Parameters
+    ----------
+    values : (parts, operators, trials) array_like
+        Measured values, at least two of each.
+    tolerance : float, optional
+        Width of the tolerance, in the same unit.
+    level : float
+        Probability of the intervals.
+
+    Raises
+    ------
+    TooFewPoints
+        With fewer than two parts, operators or trials.
+
+    References
+    ----------
+    AIAG, Measurement Systems Analysis, 4th edition, appendix A; for the intervals see
+    `lsvision.inspection.variance_intervals`.
+    """
+    table = np.asarray(values, dtype=np.float64)
+    for what, count in zip(("parts", "operators", "trials"), table.shape, strict=True):
+        if count < 2:
+            raise TooFewPoints(f"a gauge study by {what}", count, 2, f"measure more {what}")
+    rows = _anova(table)
+    pooled = rows[2].p > POOLING_ALPHA
+    components = _components(rows, table.shape, pooled=pooled, level=level)
+    return GaugeStudy(rows, components, pooled, tolerance, level)
+
+
+def _anova(table: FloatArray) -> tuple[AnovaRow, ...]:
+    from scipy.stats import f
+
+    p, o, r = table.shape
+    dofs = (p - 1, o - 1, (p - 1) * (o - 1), p * o * (r - 1))
+    squares = sums_of_squares(table)
+    means = [square / dof for square, dof in zip(squares, dofs, strict=True)]
+    divisors = (2, 2, 3)  # of parts and operators the interaction, of that the repeatability
+    names = ("parts", "operators", "interaction", "repeatability")
+    rows = []
+    for place, name in enumerate(names):
+        ratio = p_value = math.nan
+        if place < 3 and means[divisors[place]] > 0:
+            ratio = means[place] / means[divisors[place]]
+            p_value = float(f.sf(ratio, dofs[place], dofs[divisors[place]]))
+        rows.append(AnovaRow(name, dofs[place], squares[place], ratio, p_value))
+    return tuple(rows)
+
+
+def _components(
+    rows: Sequence[AnovaRow], shape: tuple[int, ...], *, pooled: bool, level: float
+) -> tuple[Component, ...]:
+    p, o, r = shape
+    error = [(row.sum_of_squares, row.degrees_of_freedom) for row in rows]
+    if pooled:
+        square, dof = np.add(error[2], error[3])
+        error[2:] = [(square, dof)]
+    means = [square / dof for square, dof in error]
+    dofs = [dof for _, dof in error]
+    last = np.eye(len(error))[-1]
+    parts, operators = np.zeros(len(error)), np.zeros(len(error))
+    parts[[0, 2]] = 1 / (o * r), -1 / (o * r)
+    operators[[1, 2]] = 1 / (p * r), -1 / (p * r)
+    interaction = np.zeros(len(error)) if pooled else np.array([0, 0, 1, -1]) / r
+    # A component below 0 is taken as none, also within a sum.
+    found = [max(float(c @ means), 0.0) for c in (operators, interaction, parts)]
+    repeat = means[-1]
+    combinations = {
+        "repeatability": (last, repeat),
+        "reproducibility": (operators + interaction, found[0] + found[1]),
+        "gauge": (last + operators + interaction, repeat + found[0] + found[1]),
+        "parts": (parts, found[2]),
+        "total": (last + operators + interaction + parts, repeat + sum(found)),
+    }
+    return tuple(
+        Component(
+            name,
+            variance,
+            _root(mean_square_interval(coefficients.tolist(), means, dofs, level)),
+        )
+        for name, (coefficients, variance) in combinations.items()
+    )
+
+
+def _root(interval: tuple[float, float]) -> tuple[float, float]:
+    low, high = interval
+    return math.sqrt(low), math.sqrt(high)

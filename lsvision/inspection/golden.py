@@ -1,0 +1,96 @@
+"""Golden part: a reference that must be measured rightly before others are judged."""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Sequence
+from pathlib import Path
+
+from lsvision.errors import LsvisionError
+from lsvision.inspection.decision import Decision, decide, widened
+from lsvision.inspection.job import Job
+from lsvision.inspection.quantities import CylinderOfJob
+from lsvision.results.quantities import Record
+
+SUFFIX = ".golden.jsonl"
+
+
+def golden_path(job: Job, job_path: Path) -> Path:
+    """The log of the golden part: as the job names it, else beside the job."""
+    if job.golden is not None and job.golden.log is not None:
+        return job_path.parent / job.golden.log
+    return job_path.with_name(job_path.name + SUFFIX)
+
+
+def check_golden(
+    cylinders: Sequence[CylinderOfJob], job: Job, source: str, now: datetime.datetime
+) -> Record:
+    """Compare a measurement of the golden part with its known radius.
+
+    Parameters
+    ----------
+    cylinders : sequence of CylinderSection or ScannedCylinder
+        What was measured; the one nearest to the known radius is the golden part.
+    job : Job
+        With a ``[golden]`` table.
+    source : str
+        Name of the file.
+    now : datetime
+        When it was measured.
+
+    Returns
+    -------
+    dict
+        A line of the log. ``passed`` only if the interval of the radius lies within the
+        tolerance: an undecided golden part proves nothing.
+
+    Raises
+    ------
+    LsvisionError
+        If the job names no golden part.
+    """
+    golden = job.golden
+    if golden is None:
+        raise LsvisionError("the job names no golden part: add a [golden] table to it")
+    record: Record = {"time": now.isoformat(timespec="seconds"), "source": source}
+    record |= {"job_hash": job.hash, "reference_radius_mm": golden.radius_mm}
+    if not cylinders:
+        return record | {"passed": False, "reason": "no cylinder was measured"}
+    nearest = min(cylinders, key=lambda each: abs(each.radius - golden.radius_mm))
+    level = job.decision.level
+    low, high = widened(
+        nearest.radius, nearest.interval("radius", level), job.extra_std("radius_mm"), level
+    )
+    ends = golden.radius_mm - golden.tolerance_mm, golden.radius_mm + golden.tolerance_mm
+    decision = decide((low, high), ends)
+    reason = f"radius {low:.4f} .. {high:.4f} mm, limits {ends[0]:g} .. {ends[1]:g}"
+    measured = {"radius_mm": float(nearest.radius), "low_mm": float(low), "high_mm": float(high)}
+    return record | measured | {"passed": decision == Decision.OK, "reason": reason}
+
+
+def golden_block(job: Job, log: Sequence[Record], now: datetime.datetime) -> str:
+    """Why the golden part forbids any decision now; empty if it does not.
+
+    Parameters
+    ----------
+    job : Job
+        Without a golden part nothing is forbidden.
+    log : sequence of dict
+        Checks, the oldest first.
+    now : datetime
+        With its time zone.
+    """
+    if job.golden is None:
+        return ""
+    if not log:
+        return "golden part never measured: lsvision inspect JOB --golden FILE"
+    last = log[-1]
+    if not last["passed"]:
+        return f"golden part failed at {last['time']}: {last['reason']}"
+    hours = (now - datetime.datetime.fromisoformat(last["time"])).total_seconds() / 3600
+    if hours > job.golden.every_hours:
+        return (
+            f"golden part overdue: measured {hours:.1f} h ago, expected every "
+            f"{job.golden.every_hours:g} h"
+        )
+    return ""

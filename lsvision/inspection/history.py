@@ -1,0 +1,56 @@
+"""Revisions of a job: which content every revision number stands for."""
+
+from __future__ import annotations
+
+import datetime
+from pathlib import Path
+
+from lsvision.errors import LsvisionError
+from lsvision.inspection.append_only import append_record, read_records
+from lsvision.inspection.job import Job
+
+SUFFIX = ".history.jsonl"
+
+
+def history_path(job_path: Path) -> Path:
+    """Where the history of a job file is kept: beside it."""
+    return job_path.with_name(job_path.name + SUFFIX)
+
+
+def record_revision(job: Job, job_path: Path, now: datetime.datetime) -> bool:
+    """Keep a revision in the history of its job; False if it is there already.
+
+    Raises
+    ------
+    LsvisionError
+        If its number stands for another content, or a newer one is there.
+    """
+    path = history_path(job_path)
+    for entry in read_records(path):
+        if entry["hash"] == job.hash:
+            return False
+        if entry["revision"] >= job.revision:
+            raise LsvisionError(
+                f"{job_path}: revision {entry['revision']} is recorded with another content: "
+                f"expected a revision above it, got {job.revision}; raise it"
+            )
+    entry = {
+        "revision": job.revision,
+        "hash": job.hash,
+        "name": job.name,
+        "time": now.isoformat(timespec="seconds"),
+        "job": job.model_dump(mode="json", by_alias=True),
+    }
+    append_record(path, entry)
+    return True
+
+
+def unrecorded_note(job: Job, job_path: Path) -> str | None:
+    """What to say of a job that differs from its history; None if there is none, or it is in it."""
+    entries = read_records(history_path(job_path))
+    if not entries or any(entry["hash"] == job.hash for entry in entries):
+        return None
+    return (
+        f"this content of the job is not in its history (last recorded: revision "
+        f"{entries[-1]['revision']}): lsvision job check --record {job_path}"
+    )

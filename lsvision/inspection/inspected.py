@@ -1,0 +1,160 @@
+"""Many judged measurements: shares of the verdicts, and the series of each quantity."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from lsvision.inspection.capability import Capability, capability, share_interval
+from lsvision.inspection.decision import Decision
+from lsvision.inspection.remedies import Remedy
+from lsvision.inspection.verdict import Verdict, verdict_rows
+from lsvision.measure import Measurement
+from lsvision.results.quantities import Quantity, Record
+from lsvision.scan.scan_result import ScanMeasurement
+
+
+@dataclass(frozen=True, eq=False)
+class Inspected:
+    """A measurement with its verdict.
+
+    Parameters
+    ----------
+    source : str
+        Name of the file, or of the folder of a scan.
+    profile : int
+        Place of the profile in its file; 0 for a scan.
+    measurement : Measurement or ScanMeasurement
+        What was judged.
+    verdict : Verdict
+        What is proved.
+    remedies : tuple of Remedy
+        What would decide what is open.
+    """
+
+    source: str
+    profile: int
+    measurement: Measurement | ScanMeasurement
+    verdict: Verdict
+    remedies: tuple[Remedy, ...] = ()
+
+    @property
+    def record(self) -> Record:
+        """Source, verdict and remedies, ready for JSON."""
+        return {
+            "source": self.source,
+            "profile": self.profile,
+            **self.verdict.to_dict(),
+            "remedies": [
+                {"item": each.item, "quantity": each.quantity, "sections": each.sections,
+                 "text": each.text}
+                for each in self.remedies
+            ],
+        }  # fmt: skip
+
+    @property
+    def rows(self) -> list[Record]:
+        """Rows of CSV and Parquet."""
+        head = {"source": self.source, "profile": self.profile}
+        return [head | row for row in verdict_rows(self.verdict)]
+
+
+@dataclass(frozen=True)
+class Share:
+    """How many verdicts were of a kind.
+
+    Parameters
+    ----------
+    decision : Decision
+        Which kind.
+    count : int
+        How many.
+    interval : (float, float)
+        Of the share of all parts made alike, at 95 %.
+    """
+
+    decision: Decision
+    count: int
+    interval: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Series:
+    """A quantity of an item in all measurements that have it.
+
+    Parameters
+    ----------
+    item : str
+        Part or relation.
+    quantity : Quantity
+        Name and unit.
+    limits : (float, float)
+        Infinite where there is none.
+    numbers : tuple of int
+        Of the measurements, from 1.
+    values, stds, lows, highs : tuple of float
+        In the order of the measurements; units of the quantity.
+    decisions : tuple of Decision
+        Of each.
+    """
+
+    item: str
+    quantity: Quantity
+    limits: tuple[float, float]
+    numbers: tuple[int, ...]
+    values: tuple[float, ...]
+    stds: tuple[float, ...]
+    lows: tuple[float, ...]
+    highs: tuple[float, ...]
+    decisions: tuple[Decision, ...]
+
+    @property
+    def capability(self) -> Capability | None:
+        """Cp and Cpk; None for fewer than two values, or values without spread."""
+        try:
+            return capability(self.values, self.limits, self.stds)
+        except ValueError:
+            return None
+
+
+def shares_of(inspected: Sequence[Inspected]) -> list[Share]:
+    """Share of each kind of verdict with its interval."""
+    total = len(inspected)
+    shares = []
+    for decision in Decision:
+        count = sum(each.verdict.decision == decision for each in inspected)
+        shares.append(Share(decision, count, share_interval(count, total)))
+    return shares
+
+
+def series_of(inspected: Sequence[Inspected]) -> list[Series]:
+    """Every quantity in all measurements, in the order of the job."""
+    found: dict[tuple[str, str], list[int]] = {}
+    judged = [
+        (item.name, quantity, number)
+        for number, each in enumerate(inspected, 1)
+        for item in each.verdict.items
+        for quantity in item.quantities
+        if quantity.estimate.determined and math.isfinite(quantity.estimate.value)
+    ]
+    for place, (name, quantity, _) in enumerate(judged):
+        found.setdefault((name, quantity.key), []).append(place)
+    series = []
+    for (name, _), places in found.items():
+        quantities = [judged[place][1] for place in places]
+        estimates = [each.estimate for each in quantities]
+        series.append(
+            Series(
+                item=name,
+                quantity=estimates[0].quantity,
+                limits=quantities[0].limits,
+                numbers=tuple(judged[place][2] for place in places),
+                values=tuple(each.value for each in estimates),
+                stds=tuple(each.std for each in estimates),
+                lows=tuple(each.interval[0] for each in estimates),
+                highs=tuple(each.interval[1] for each in estimates),
+                decisions=tuple(each.decision for each in quantities),
+            )
+        )
+    return series

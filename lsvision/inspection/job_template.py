@@ -1,0 +1,119 @@
+"""A commented job file from a measured profile: these parts, give or take what was asked for."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+from collections.abc import Sequence
+
+from lsvision.ellipse.section import CylinderSection
+
+HEAD = """\
+# A job for lsvision: lsvision job check FILE says what is wrong in it, lsvision inspect FILE
+# PROFILES judges by it. Lengths are in mm, angles in deg, as the names say.
+schema = 1
+name = {name}
+revision = 1  # raise it with every change
+
+[measure]
+radius_mm = [{low:g}, {high:g}]  # where cylinders are searched
+# sensor = "lps36hi"  # or range_std_mm = 0.05 at reference_range_mm = 400: the noise
+"""
+PART = """
+[[part]]
+name = "part {number}"
+x_mm = [{left:g}, {right:g}]  # which cylinder: by place; or order = {number}
+radius_mm = {{ nominal = {radius:g}, upper = {tolerance:g}, lower = -{tolerance:g} }}
+# measured: {text}
+# known_radius_mm = [{radius:g}, 0.05]  # a radius known beforehand and its sigma sharpens phi
+# phi_deg = {{ max = 5 }}  # measured {phi:.1f}
+# centre_x_mm = {{ nominal = {x:.1f}, upper = 1, lower = -1 }}
+"""
+RELATION = """
+[[relation]]
+between = ["part {first}", "part {second}"]
+gap_mm = {{ max = {gap:g} }}  # measured {text}
+"""
+TAIL = """
+[decision]
+level = 0.95  # OK and NG are each wrong with a probability of at most 2.5 %
+undecided = "ng"  # what a one-bit output says
+# extra_std = { radius_mm = 0.01 }  # what the fit cannot know: temperature, repeatability
+
+# [golden]  # a reference part; overdue or failed, and nothing is decided
+# radius_mm = 20
+# tolerance_mm = 0.05
+# every_hours = 8
+"""
+
+
+def job_text(name: str, cylinders: Sequence[CylinderSection], tolerance: float) -> str:
+    """Return a job that the measured cylinders should pass.
+
+    Parameters
+    ----------
+    name : str
+        Of the job.
+    cylinders : sequence of CylinderSection
+        From left to right, at least one.
+    tolerance : float
+        Deviation of the radius to either side. Units: mm.
+
+    Returns
+    -------
+    str
+        TOML; nominal radii are rounded to a tenth of the tolerance, windows reach to the middle
+        between neighbours.
+    """
+    from lsvision.inspection.relate import relate
+    from lsvision.results.number_format import format_value
+
+    radii = [cylinder.radius for cylinder in cylinders]
+    # JSON's strings are TOML's.
+    parts = [HEAD.format(name=json.dumps(name), low=_down(min(radii)), high=_up(max(radii)))]
+    step = 10 ** math.floor(math.log10(tolerance / 10))
+    for number, (cylinder, (left, right)) in enumerate(
+        zip(cylinders, _windows(cylinders), strict=True), 1
+    ):
+        parts.append(
+            PART.format(
+                number=number,
+                left=left,
+                right=right,
+                radius=round(round(cylinder.radius / step) * step, 9),
+                tolerance=tolerance,
+                text=format_value(cylinder.radius, cylinder.radius_std),
+                phi=math.degrees(cylinder.phi),
+                x=cylinder.centre[0],
+            )
+        )
+    for number in range(1, len(cylinders)):
+        found = relate(cylinders[number - 1], cylinders[number])
+        parts.append(
+            RELATION.format(
+                first=number,
+                second=number + 1,
+                gap=round(max(found.gap, 0.0) + tolerance, 3),
+                text=format_value(found.gap, found.gap_std),
+            )
+        )
+    return "".join([*parts, TAIL])
+
+
+def _windows(cylinders: Sequence[CylinderSection]) -> list[tuple[float, float]]:
+    """Windows of x that end in the middle between neighbours, the outer ones a radius away."""
+    places = [cylinder.centre[0] for cylinder in cylinders]
+    between = [round((a + b) / 2, 1) for a, b in itertools.pairwise(places)]
+    first = round(places[0] - cylinders[0].radius, 1)
+    last = round(places[-1] + cylinders[-1].radius, 1)
+    ends = [first, *between, last]
+    return list(itertools.pairwise(ends))
+
+
+def _down(radius: float) -> float:
+    return float(f"{0.6 * radius:.2g}")
+
+
+def _up(radius: float) -> float:
+    return float(f"{1.5 * radius:.2g}")

@@ -1,0 +1,63 @@
+"""Measure profiles and scans as a job says."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from lsvision.geometry import Pose
+from lsvision.inspection.job import Job
+from lsvision.inspection.job_tables import Scan
+from lsvision.measure import Measurement, measure_cylinders
+from lsvision.profile import NoiseModel, Profile
+from lsvision.scan import ScanMeasurement, measure_scan
+from lsvision.sensors.profile_sensor import ProfileSensor, find_sensor
+
+if TYPE_CHECKING:
+    from lsvision.cylinder.robot_frame import SectionMount
+
+
+def sensor_of(job: Job) -> NoiseModel | None:
+    """The noise model that the job names or describes; None without."""
+    measure = job.measure
+    if measure.sensor is not None:
+        return find_sensor(measure.sensor)
+    if measure.range_std_mm is None:
+        return None
+    return ProfileSensor(range_std=measure.range_std_mm, reference_range=measure.reference_range_mm)
+
+
+def measure_profile(profile: Profile, job: Job) -> Measurement:
+    """Measure a profile with the settings of ``[measure]``; see `measure_cylinders`."""
+    known = job.measure.known_phi_deg
+    phi: Any = None
+    if known is not None:
+        phi = tuple(map(math.radians, known)) if isinstance(known, tuple) else math.radians(known)
+    return measure_cylinders(
+        profile,
+        radius=job.measure.radius_mm,
+        known_radius=job.measure.known_radius_mm,
+        known_phi=phi,
+        sensor=sensor_of(job),
+    )
+
+
+def measure_sections(
+    profiles: Sequence[Profile],
+    base_from_sections: Sequence[Pose],
+    job: Job,
+    calibration: SectionMount | None = None,
+) -> ScanMeasurement:
+    """Measure a scan with the settings of ``[measure]`` and ``[scan]``; see `measure_scan`."""
+    scan = job.scan or Scan()
+    return measure_scan(
+        profiles,
+        base_from_sections,
+        radius=job.measure.radius_mm,
+        known_radius=job.measure.known_radius_mm,
+        sensor=sensor_of(job),
+        pose_std=scan.pose_std_mm,
+        feed_std=math.radians(scan.feed_std_deg),
+        calibration=calibration,
+    )

@@ -1,0 +1,149 @@
+"""What would decide an undecided quantity: the shortest scan that is precise enough, as planned."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lsvision.ellipse.section import CylinderSection
+from lsvision.errors import LsvisionError
+from lsvision.inspection.decision import Decision
+from lsvision.inspection.job import Job
+from lsvision.inspection.uncertain import two_sided_factor
+from lsvision.inspection.verdict import QuantityVerdict, Verdict
+from lsvision.measure import Measurement
+from lsvision.planning import Feed, ScanPrediction, SensorView, plan_scan, plan_section
+from lsvision.results.number_format import format_std
+from lsvision.sensors.profile_sensor import ProfileSensor
+
+SECTIONS = (2, 3, 5, 10, 20)
+"""Lengths of a scan that are tried."""
+SPACING_MM = 10.0
+PLANNED = ("radius_mm", "diameter_mm", "theta_deg", "phi_deg")
+"""Quantities whose uncertainty the planner predicts."""
+WORDS = {2: "two", 3: "three", 5: "five"}
+
+
+@dataclass(frozen=True)
+class Remedy:
+    """What would decide a quantity, if its value stays as it is.
+
+    Parameters
+    ----------
+    item, quantity : str
+        Part and key.
+    sections : int, optional
+        Of a scan with `SPACING_MM` between them; None where none of `SECTIONS` is enough.
+    std : float
+        Predicted standard uncertainty in the unit of the key; NaN without `sections`.
+    text : str
+        For people.
+    """
+
+    item: str
+    quantity: str
+    sections: int | None
+    std: float
+    text: str
+
+
+def what_would_decide(verdict: Verdict, measurement: Measurement, job: Job) -> tuple[Remedy, ...]:
+    """Plan what would decide each undecided quantity of a profile's parts.
+
+    Parameters
+    ----------
+    verdict : Verdict
+        Of the measurement.
+    measurement : Measurement
+        Of one profile.
+    job : Job
+        Its job.
+
+    Returns
+    -------
+    tuple of Remedy
+        One for each undecided radius, diameter, theta and phi. The planner's view is the
+        measured one (noise, pitch and place of the part); its prediction is scaled so that for
+        one section it is not better than what was measured.
+    """
+    found = []
+    for item in verdict.parts:
+        for each in item.quantities:
+            undecided = each.decision == Decision.UNDECIDED and each.key in PLANNED
+            if undecided and item.cylinder is not None:
+                section = measurement.cylinders[item.cylinder]
+                found.append(_remedy(item.name, each, section, job))
+    return tuple(found)
+
+
+def _remedy(item: str, verdict: QuantityVerdict, section: CylinderSection, job: Job) -> Remedy:
+    key, extra = verdict.key, job.extra_std(verdict.key)
+    room = min(abs(verdict.estimate.value - end) for end in verdict.limits) / two_sided_factor(
+        job.decision.level
+    )
+    if room <= extra:
+        reason = (
+            f"no scan would: the limit is nearer than extra_std alone ({extra:g}) allows"
+            if extra > 0
+            else "no scan would: the value lies at the limit"
+        )
+        return Remedy(item, key, None, math.nan, reason)
+    needed = math.sqrt(room**2 - extra**2)
+    try:
+        scale = _scale(section)
+        for sections in SECTIONS:
+            std = scale * _planned(section, key, sections)
+            if std <= needed:
+                number = WORDS.get(sections, str(sections))
+                unit = verdict.estimate.quantity.unit_text
+                name = verdict.estimate.quantity.name
+                text = (
+                    f"{number} sections {SPACING_MM:g} mm apart would: {name} ± {format_std(std)} "
+                    f"{unit}"
+                )
+                return Remedy(item, key, sections, std, text)
+    except (LsvisionError, ValueError) as failure:
+        return Remedy(item, key, None, math.nan, f"no prediction: {failure}")
+    text = f"{SECTIONS[-1]} sections {SPACING_MM:g} mm apart would not: {key} needs ± {needed:.2g}"
+    return Remedy(item, key, None, math.nan, text)
+
+
+def _scale(section: CylinderSection) -> float:
+    """Measured uncertainty of the radius over the planned one of one section, at least 1."""
+    planned = plan_section(
+        section.radius, section.theta, section.phi, view=_view(section)
+    ).radius_std
+    return max(section.radius_std / planned, 1.0)
+
+
+def _planned(section: CylinderSection, key: str, sections: int) -> float:
+    feed = Feed(sections=sections, spacing=SPACING_MM)
+    scan: ScanPrediction = plan_scan(
+        section.radius, section.theta, section.phi, view=_view(section), feed=feed
+    )
+    return {
+        "radius_mm": scan.radius_std,
+        "diameter_mm": 2 * scan.radius_std,
+        "theta_deg": math.degrees(scan.theta_std),
+        "phi_deg": math.degrees(scan.phi_std),
+    }[key]
+
+
+def _view(section: CylinderSection) -> SensorView:
+    """The view in which the section was measured: its noise, pitch and place."""
+    problem = section.fit.problem
+    noise = float(np.median(problem.stds)) * math.sqrt(section.fit.variance_factor)
+    x, y = section.centre
+    reach = abs(y) + 3 * section.radius
+    sensor = ProfileSensor(
+        name="as measured",
+        range_std=max(noise, 1e-6),
+        reference_range=abs(y),
+        min_range=1e-3 * reach,
+        max_range=2 * reach,
+        width_at_max_range=8 * (abs(x) + 3 * section.radius),
+    )
+    pitch = float(np.median(np.abs(np.diff(problem.points[:, 0]))))
+    return SensorView(sensor=sensor, standoff=abs(y), offset=x, pitch=pitch)

@@ -1,0 +1,187 @@
+"""Bias and repeatability of a measurement against a reference: a type-1 study."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lsvision.errors import TooFewPoints
+from lsvision.inspection.capability import NOT_CLAIMED
+from lsvision.results.number_format import format_value
+from lsvision.results.quantities import Record, finite
+from lsvision.results.result import Result
+
+TOLERANCE_SHARE = 0.2
+"""Share of the tolerance that six standard deviations may take for Cg = 1."""
+SIGNIFICANCE = 0.05
+
+
+@dataclass(frozen=True, repr=False)
+class RepeatStudy(Result):
+    """Result of a type-1 study.
+
+    Parameters
+    ----------
+    count : int
+        Number of repeated measurements.
+    mean, std : float
+        Of the values.
+    reference : float
+        True value of the part.
+    bias_interval, std_interval : (float, float)
+        By Student's t and by chi^2, at `level`.
+    p_value : float
+        Probability of a bias at least as large without any.
+    predicted_std : float
+        Root mean square of the sigmas that the measurements state; NaN without.
+    tolerance : float, optional
+        Width of the tolerance.
+    level : float
+        Probability of the intervals.
+    """
+
+    count: int
+    mean: float
+    std: float
+    reference: float
+    bias_interval: tuple[float, float]
+    std_interval: tuple[float, float]
+    p_value: float
+    predicted_std: float = math.nan
+    tolerance: float | None = None
+    level: float = 0.95
+
+    @property
+    def bias(self) -> float:
+        """Mean less reference."""
+        return self.mean - self.reference
+
+    @property
+    def cg(self) -> float:
+        """A fifth of the tolerance over six standard deviations; NaN without a tolerance."""
+        if self.tolerance is None or self.std == 0:
+            return math.nan
+        return TOLERANCE_SHARE * self.tolerance / (6 * self.std)
+
+    @property
+    def cgk(self) -> float:
+        """A tenth of the tolerance less the bias, over three standard deviations."""
+        if self.tolerance is None or self.std == 0:
+            return math.nan
+        return (TOLERANCE_SHARE / 2 * self.tolerance - abs(self.bias)) / (3 * self.std)
+
+    def to_dict(self) -> Record:
+        """Return all numbers, ready for JSON.
+
+        Returns
+        -------
+        dict
+            In the unit of the values.
+        """
+        return {
+            "count": self.count,
+            "mean": self.mean,
+            "reference": self.reference,
+            "bias": self.bias,
+            "bias_interval": [finite(end) for end in self.bias_interval],
+            "p_value": finite(self.p_value),
+            "std": self.std,
+            "std_interval": [finite(end) for end in self.std_interval],
+            "predicted_std": finite(self.predicted_std),
+            "tolerance": self.tolerance,
+            "cg": finite(self.cg),
+            "cgk": finite(self.cgk),
+            "level": self.level,
+            "note": NOT_CLAIMED,
+        }
+
+    def _summary(self) -> str:
+        return f"bias {self.bias:.4g}, repeatability {self.std:.4g}, {self.count} values"
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        return []
+
+    def _notes(self) -> list[str]:
+        low, high = self.bias_interval
+        least, most = self.std_interval
+        doubt = "significant" if self.p_value < SIGNIFICANCE else "not significant"
+        lines = [
+            f"{self.count} values, mean {format_value(self.mean, self.std)}, reference "
+            f"{self.reference:g}",
+            f"bias {self.bias:.4g}, {100 * self.level:g} % interval {low:.4g} .. {high:.4g} "
+            f"({doubt}, p {self.p_value:.3f})",
+            f"repeatability {self.std:.4g}, interval {least:.4g} .. {most:.4g}",
+        ]
+        if math.isfinite(self.predicted_std):
+            lines.append(f"the measurements state {self.predicted_std:.4g} themselves")
+        if self.tolerance is not None:
+            lines.append(
+                f"Cg {self.cg:.2f}, Cgk {self.cgk:.2f} of the tolerance {self.tolerance:g}"
+            )
+        return [*lines, NOT_CLAIMED]
+
+
+def study_repeats(
+    values: Sequence[float],
+    reference: float,
+    *,
+    stds: Sequence[float] = (),
+    tolerance: float | None = None,
+    level: float = 0.95,
+) -> RepeatStudy:
+    """Compare repeated measurements of one part with its true value.
+
+    Parameters
+    ----------
+    values : sequence of float
+        Of the same part, two or more.
+    reference : float
+        Its true value.
+    stds : sequence of float
+        Standard uncertainties that the measurements state.
+    tolerance : float, optional
+        Width of the tolerance.
+    level : float
+        Probability of the intervals.
+
+    Raises
+    ------
+    TooFewPoints
+        With fewer than two values.
+
+    Examples
+    --------
+    >>> study = study_repeats([10000001, 10000003, 10000002], 10000000.0)
+    >>> study.bias, study.std
+    (2.0, 1.0)
+    """
+    from scipy.stats import chi2, t
+
+    measured = np.asarray(values, dtype=np.float64)
+    count = len(measured)
+    if count < 2:
+        raise TooFewPoints("a study of repeats", count, 2, "measure the part more often")
+    # Against the reference first: a large mean would cost the digits of the spread.
+    offsets = measured - reference
+    bias, std = float(offsets.mean()), float(offsets.std(ddof=1))
+    tail, dof = (1 - level) / 2, count - 1
+    error = std / math.sqrt(count)
+    half = float(t.isf(tail, dof)) * error
+    return RepeatStudy(
+        count=count,
+        mean=reference + bias,
+        std=std,
+        reference=reference,
+        bias_interval=(bias - half, bias + half),
+        std_interval=(
+            std * math.sqrt(dof / float(chi2.isf(tail, dof))),
+            std * math.sqrt(dof / float(chi2.ppf(tail, dof))),
+        ),
+        p_value=2 * float(t.sf(abs(bias) / error, dof)) if error > 0 else float(bias == 0),
+        predicted_std=float(np.sqrt(np.mean(np.square(stds)))) if len(stds) else math.nan,
+        tolerance=tolerance,
+        level=level,
+    )

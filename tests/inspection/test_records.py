@@ -1,0 +1,179 @@
+"""History of jobs, golden part, calibration files, template, remedies."""
+
+import datetime
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import lsvision as lsv
+from lsvision.errors import LsvisionError, UnreadableFile
+from lsvision.inspection.append_only import append_record, read_records
+from lsvision.inspection.calibration_files import calibration_age_days, calibration_files
+from lsvision.inspection.golden import check_golden, golden_block
+from lsvision.inspection.history import history_path, record_revision, unrecorded_note
+from lsvision.inspection.job_template import job_text
+from lsvision.inspection.remedies import what_would_decide
+from lsvision.measure import measure_cylinders
+from lsvision.scan import measure_scan
+from lsvision.simulate import (
+    SCENE_SENSOR,
+    Scene,
+    SectionSettings,
+    Tube,
+    simulate_scan,
+)
+
+NOW = datetime.datetime(2026, 5, 1, 12, tzinfo=datetime.UTC)
+JOB = """
+name = "tube"
+revision = {revision}
+[[part]]
+name = "tube"
+order = 1
+radius_mm = {{ nominal = 19, upper = {upper}, lower = -0.2 }}
+[golden]
+radius_mm = 19
+tolerance_mm = {tolerance}
+every_hours = 8
+"""
+
+
+def job(revision=1, upper=0.2, tolerance=0.5):
+    text = JOB.format(revision=revision, upper=upper, tolerance=tolerance)
+    return lsv.Job.from_text(text)
+
+
+@pytest.fixture(scope="module")
+def scan():
+    """Three sections, 10 mm apart, of a tube of 19 mm tilted by 20 deg."""
+    tube = Tube.of(19.0, 0.4, math.radians(20), (0.0, -400.0))
+    sensor = replace(SCENE_SENSOR, range_std=0.05)
+    poses = [lsv.Pose.along((0, 0, 1), 10.0 * k) for k in (-1, 0, 1)]
+    settings = SectionSettings(jump_fraction=0.0)
+    sections = simulate_scan(Scene((tube,)), poses, sensor, settings, rng=np.random.default_rng(5))
+    return [section.profile for section in sections], poses
+
+
+def test_a_file_that_only_grows_notices_what_was_changed(tmp_path):
+    path = tmp_path / "log.jsonl"
+    for number in range(3):
+        append_record(path, {"number": number})
+    assert [record["number"] for record in read_records(path)] == [0, 1, 2]
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([lines[0].replace("0", "7", 1), *lines[1:]]))
+    with pytest.raises(UnreadableFile, match="line 2: what stands before it was changed"):
+        read_records(path)
+    path.write_text("\n".join([lines[0], lines[2]]))
+    with pytest.raises(UnreadableFile, match="line 2: what stands before it was changed"):
+        append_record(path, {"number": 3})
+    path.write_text("nothing\n")
+    with pytest.raises(UnreadableFile, match="line 1: expected a record with the hash"):
+        read_records(path)
+
+
+def test_a_revision_stands_for_one_content(tmp_path):
+    path = tmp_path / "job.toml"
+    assert unrecorded_note(job(), path) is None
+    assert record_revision(job(), path, NOW)
+    assert not record_revision(job(), path, NOW)
+    assert "not in its history (last recorded: revision 1)" in unrecorded_note(job(upper=0.3), path)
+    with pytest.raises(LsvisionError, match="revision 1 is recorded with another content"):
+        record_revision(job(upper=0.3), path, NOW)
+    assert record_revision(job(revision=2, upper=0.3), path, NOW)
+    entries = read_records(history_path(path))
+    assert [entry["revision"] for entry in entries] == [1, 2]
+    assert entries[0]["job"]["part"][0]["radius_mm"]["upper"] == 0.2
+
+
+def test_the_golden_part_blocks_until_it_was_measured_rightly(scan):
+    found = measure_cylinders(scan[0][1]).cylinders
+    assert "never measured" in golden_block(job(), [], NOW)
+    passed = check_golden(found, job(), "golden.csv", NOW)
+    assert passed["passed"], passed
+    assert golden_block(job(), [passed], NOW + datetime.timedelta(hours=7)) == ""
+    late = golden_block(job(), [passed], NOW + datetime.timedelta(hours=9))
+    assert late == "golden part overdue: measured 9.0 h ago, expected every 8 h"
+
+
+def test_a_golden_part_that_is_not_proved_right_has_failed(scan):
+    found = measure_cylinders(scan[0][1]).cylinders
+    narrow = job(tolerance=0.001)
+    failed = check_golden(found, narrow, "golden.csv", NOW)
+    assert not failed["passed"]
+    assert golden_block(narrow, [failed], NOW).startswith("golden part failed at 2026-05-01")
+    nothing = check_golden((), job(), "golden.csv", NOW)
+    assert nothing["reason"] == "no cylinder was measured"
+
+
+def test_a_job_without_a_golden_part_forbids_nothing():
+    plain = lsv.Job.from_text(JOB.split("[golden]", maxsplit=1)[0].format(revision=1, upper=0.2))
+    assert golden_block(plain, [], NOW) == ""
+    with pytest.raises(LsvisionError, match="names no golden part"):
+        check_golden((), plain, "golden.csv", NOW)
+
+
+def test_calibration_files_are_those_of_the_job(tmp_path):
+    rig = tmp_path / "rig.json"
+    rig.write_text(json.dumps({"provenance": {"date": "2026-04-21T12:00:00+00:00"}}))
+    text = 'name = "a"\n[[part]]\nname = "b"\norder = 1\n[rig]\nlight_section = "rig.json"\n'
+    path = tmp_path / "job.toml"
+    files = calibration_files(lsv.Job.from_text(text), path)
+    assert calibration_age_days(files, NOW) == pytest.approx(10)
+    digest = files["light_section"]["sha256"]
+    stated = text + f'light_section_sha256 = "{digest}"\n'
+    path.write_text(stated)
+    assert calibration_files(lsv.Job.load(path), path) == files
+    rig.write_text("{}")
+    changed = r"job\.toml, line 7: expected rig\.json with SHA-256 .* write light_section_sha256"
+    with pytest.raises(LsvisionError, match=changed):
+        calibration_files(lsv.Job.load(path), path)
+    undated = calibration_files(lsv.Job.from_text(text), path)
+    assert calibration_age_days(undated, NOW) is None
+
+
+def test_a_job_from_a_profile_is_passed_by_it():
+    section = lsv.simulate.random_section("welded_pair", 520, noise_mm=0.02)
+    found = measure_cylinders(section.profile)
+    assert len(found.cylinders) == 2
+    made = lsv.Job.from_text(job_text('a "pair"', found.cylinders, 5.0))
+    assert made.name == 'a "pair"'
+    verdict = lsv.judge(found, made)
+    assert [item.decision for item in verdict.parts] == ["OK", "OK"], str(verdict)
+
+
+def test_what_would_decide_is_what_a_scan_then_reaches(scan):
+    profiles, poses = scan
+    middle = measure_cylinders(profiles[1])
+    (tube,) = middle.cylinders
+    # A limit as far away as three sections can prove and one cannot.
+    limit = tube.radius + 2.5 * tube.radius_std / 2
+    text = f'name = "a"\n[[part]]\nname = "b"\norder = 1\nradius_mm = {{ max = {limit} }}\n'
+    planned = lsv.Job.from_text(text)
+    verdict = lsv.judge(middle, planned)
+    assert verdict.decision == "undecided"
+    (remedy,) = what_would_decide(verdict, middle, planned)
+    assert remedy.sections in (2, 3)
+    assert remedy.text.startswith(("two sections 10 mm apart would: radius ± 0.0", "three"))
+    chosen = slice(0, remedy.sections)
+    (reached,) = measure_scan(profiles[chosen], poses[chosen]).cylinders
+    assert reached.radius_std == pytest.approx(remedy.std, rel=0.5)
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ("", "no scan would: the value lies at the limit"),
+        ("[decision]\nextra_std = { radius_mm = 5.0 }", "no scan would: the limit is nearer than"),
+    ],
+)
+def test_what_no_scan_decides_is_told(scan, more, words):
+    middle = measure_cylinders(scan[0][1])
+    limit = middle.cylinders[0].radius
+    text = f'name = "a"\n[[part]]\nname = "b"\norder = 1\nradius_mm = {{ max = {limit} }}\n{more}'
+    planned = lsv.Job.from_text(text)
+    (remedy,) = what_would_decide(lsv.judge(middle, planned), middle, planned)
+    assert remedy.text.startswith(words)
+    assert remedy.sections is None
