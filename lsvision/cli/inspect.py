@@ -1,0 +1,290 @@
+"""``lsvision inspect``: a job and profiles in, OK, NG or undecided out."""
+
+import datetime
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from lsvision.cli.image_options import parse_imaging, parse_line_settings
+from lsvision.cli.image_sources import is_image, read_image_source
+from lsvision.cli.messages import FAILED, print_error, print_lines
+from lsvision.cli.option_groups import expand_option_groups
+from lsvision.cli.outputs import STDOUT, check_outputs, write_output
+from lsvision.cli.profile_options import JsonFile, ReadingOptions
+from lsvision.cli.sources import (
+    MEASURED_SUFFIXES,
+    find_sources,
+    read_sources,
+    suffixes_of_profiles,
+)
+from lsvision.errors import LsvisionError
+from lsvision.files.file_kinds import is_directory
+from lsvision.files.printable import printable_name
+
+if TYPE_CHECKING:
+    from lsvision.geometry import Pose
+    from lsvision.inspection.inspected import Inspected
+    from lsvision.inspection.job import Job
+    from lsvision.io.profiles import ReadOptions
+    from lsvision.measure import Measurement
+    from lsvision.results.quantities import Record
+    from lsvision.scan import ScanMeasurement
+
+EXIT_CODES = {"OK": 0, "NG": 3, "undecided": 4}
+"""Of the worst verdict; 1 if a file could not be judged."""
+
+
+@expand_option_groups
+def inspect(
+    *,
+    job_file: Annotated[Path, typer.Argument(metavar="JOB.toml", help="Parts and limits.")],
+    files: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="FILE|DIR|GLOB",
+            help="Profiles, each a part; with [scan] in the job each folder is a scan.",
+        ),
+    ],
+    json_file: JsonFile = None,
+    csv_file: Annotated[
+        Path | None,
+        typer.Option("--csv", metavar="F", help="Write a quantity a row; - is standard output."),
+    ] = None,
+    parquet: Annotated[
+        Path | None, typer.Option(metavar="F", help="Write the rows of --csv as Parquet.")
+    ] = None,
+    report: Annotated[
+        Path | None,
+        typer.Option(metavar="F.html", help="Write a page with pictures, also for A4."),
+    ] = None,
+    golden: Annotated[
+        bool, typer.Option("--golden", help="The files show the golden part: check and log it.")
+    ] = False,
+    reading: ReadingOptions,
+) -> None:
+    """Judge measured parts by a job: OK, NG or undecided, with the reason of each.
+
+    A quantity is OK where its interval lies inside the limits, NG where it lies wholly outside,
+    else undecided, with what would decide it. Exit code 0 for OK, 3 for NG, 4 for undecided, 1
+    for a file that cannot be judged.
+
+    \b
+      lsvision inspect fixtures/jobs/welded_pair.toml fixtures/welded_pair.csv --report pair.html
+      lsvision inspect job.toml parts --json verdicts.json --csv verdicts.csv
+      lsvision inspect fixtures/jobs/scan_welded_pair.toml fixtures/scan_welded_pair
+      lsvision inspect job.toml golden.csv --golden
+    """  # noqa: D301 - the backspace makes click keep the line breaks
+    from lsvision.inspection.append_only import read_records
+    from lsvision.inspection.golden import golden_block, golden_path
+    from lsvision.inspection.history import unrecorded_note
+    from lsvision.inspection.job import Job
+
+    if report is not None and report.suffix.lower() not in (".html", ".htm"):
+        raise typer.BadParameter(f"expected --report F.html, got {report.name!r}")
+    options = reading.parse()
+    job = Job.load(job_file)
+    imaged = job.rig.light_section is not None
+    suffixes = MEASURED_SUFFIXES if imaged else suffixes_of_profiles(reading.dx)
+    groups, missing = _groups(files, suffixes)
+    inputs = [job_file, *(source for _, sources in groups for source in sources)]
+    check_outputs((parquet, report), inputs, streams=(json_file, csv_file))
+    if note := unrecorded_note(job, job_file):
+        print_error(f"{job_file}: note: {note}")
+    now = datetime.datetime.now(datetime.UTC)
+    run = _Run(job, job_file, options)
+    for failure in missing:
+        print_error(str(failure))
+    if golden:
+        _check_golden(run, groups, golden_path(job, job_file), now)
+    log = read_records(golden_path(job, job_file)) if job.golden is not None else []
+    to_stderr = STDOUT in (json_file, csv_file)
+    inspected = list(_inspect_all(run, groups, golden_block(job, log, now), to_stderr=to_stderr))
+    _write(inspected, (json_file, csv_file, parquet))
+    if report is not None and inspected:
+        _write_report(report, inspected, run, (log, now))
+    _finish(inspected, run.failures + len(missing), to_stderr=to_stderr)
+
+
+class _Run:
+    """The job of a run, how its files are read, and how many failed."""
+
+    def __init__(self, job: "Job", path: Path, reading: "ReadOptions") -> None:
+        from lsvision.inspection.calibration_files import calibration_files
+
+        self.job, self.folder, self.reading = job, path.parent, reading
+        self.calibration = calibration_files(job, path)
+        self.failures = 0
+        rig = None if job.rig.light_section is None else self.folder / job.rig.light_section
+        self.imaging = parse_imaging(rig, parse_line_settings(job.rig.laser, "derivative"), None)
+
+    def measured(
+        self, name: str, sources: Sequence[Path]
+    ) -> "Iterator[tuple[str, int, Measurement | ScanMeasurement]]":
+        """Name, number and measurement of every profile, or of the scan that all of them make."""
+        from lsvision.inspection.measuring import measure_profile, measure_sections
+
+        files = [
+            read_image_source(source, self.imaging)
+            if is_image(source)
+            else read_sources([source], self.reading)[0]
+            for source in sources
+        ]
+        if self.job.scan is None:
+            for file in files:
+                for number, profile in enumerate(file.profiles):
+                    yield str(file.path), number, measure_profile(profile, self.job)
+            return
+        profiles = [profile for file in files for profile in file.profiles]
+        poses, calibration = self._poses(len(profiles))
+        yield name, 0, measure_sections(profiles, poses, self.job, calibration)
+
+    def _poses(self, count: int) -> "tuple[list[Pose], Any]":
+        from lsvision.cli.robot_poses import RobotOptions
+        from lsvision.cli.scan_poses import Robot, parse_motion, scan_poses
+
+        rig, scan = self.job.rig, self.job.scan
+        given = (rig.poses, rig.flange_from_section)
+        poses, mount = (None if name is None else self.folder / name for name in given)
+        feed = None
+        if scan is not None and scan.feed is not None:
+            feed = ",".join(map(repr, scan.feed))
+        step = None if scan is None else scan.step_mm
+        robot = RobotOptions(poses=poses, convention=rig.convention, flange_from_section=mount)
+        motion = parse_motion(feed, step, robot)
+        calibration = motion.calibration if isinstance(motion, Robot) else None
+        return scan_poses(motion, count), calibration
+
+
+def _groups(
+    words: Sequence[str], suffixes: frozenset[str]
+) -> tuple[list[tuple[str, list[Path]]], list[LsvisionError]]:
+    """Files in groups: each folder by itself, other words together; and words that name nothing."""
+    groups: list[tuple[str, list[Path]]] = []
+    others = [word for word in words if not is_directory(word)]
+    failures: list[LsvisionError] = []
+    for name, group in [(word, [word]) for word in words if is_directory(word)] + (
+        [(others[0], others)] if others else []
+    ):
+        sources, missing = find_sources(group, suffixes)
+        failures += missing
+        if sources:
+            groups.append((name, sources))
+    return groups, failures
+
+
+def _inspect_all(
+    run: _Run, groups: Sequence[tuple[str, list[Path]]], blocked: str, *, to_stderr: bool
+) -> "Iterator[Inspected]":
+    """Judge everything, and print each verdict as it comes; a failure does not stop the rest."""
+    for name, sources in groups:
+        parts = [(name, sources)] if run.job.scan is not None else [(str(s), [s]) for s in sources]
+        for title, part in parts:
+            try:
+                for source, number, measurement in run.measured(title, part):
+                    each = _judged(run, source, number, measurement, blocked)
+                    print_lines(_lines(each), err=to_stderr)
+                    yield each
+            except (LsvisionError, ValueError) as error:
+                run.failures += 1
+                text = str(error)
+                print_error(text if text.startswith(title) else f"{title}: {text}")
+
+
+def _judged(
+    run: _Run,
+    source: str,
+    number: int,
+    measurement: "Measurement | ScanMeasurement",
+    blocked: str,
+) -> "Inspected":
+    from lsvision.inspection.inspected import Inspected
+    from lsvision.inspection.judge import judge
+    from lsvision.inspection.remedies import what_would_decide
+    from lsvision.measure import Measurement
+
+    verdict = judge(measurement, run.job, blocked=blocked, calibration=run.calibration)
+    remedies = (
+        what_would_decide(verdict, measurement, run.job)
+        if isinstance(measurement, Measurement)
+        else ()
+    )
+    return Inspected(printable_name(source), number, measurement, verdict, remedies)
+
+
+def _lines(each: "Inspected") -> list[str]:
+    """A verdict as people read it."""
+    name = each.source if each.profile == 0 else f"{each.source}, profile {each.profile}"
+    decision = str(each.verdict.decision)
+    table = [f"  {line}" for line in str(each.verdict).splitlines() if line != decision]
+    remedies = [f"  {r.item}, {r.quantity}: {r.text}" for r in each.remedies]
+    return [f"{name}: {decision}", *table, *remedies]
+
+
+def _check_golden(
+    run: _Run,
+    groups: Sequence[tuple[str, list[Path]]],
+    path: Path,
+    now: datetime.datetime,
+) -> None:
+    """Log the golden part of every file, and end the command."""
+    from lsvision.inspection.append_only import append_record
+    from lsvision.inspection.golden import check_golden
+
+    passed = True
+    for name, sources in groups:
+        for source, _, measurement in run.measured(name, sources):
+            record = check_golden(measurement.cylinders, run.job, printable_name(source), now)
+            append_record(path, record)
+            word = "passed" if record["passed"] else "failed"
+            print_lines([f"{source}: golden part {word}: {record['reason']}; logged in {path}"])
+            passed &= record["passed"]
+    raise typer.Exit(0 if passed else EXIT_CODES["NG"])
+
+
+def _write(
+    inspected: "Sequence[Inspected]", outputs: tuple[Path | None, Path | None, Path | None]
+) -> None:
+    from lsvision.files.atomic_files import write_atomic
+    from lsvision.io.verdict_files import verdicts_csv, verdicts_json, verdicts_parquet
+
+    json_file, csv_file, parquet = outputs
+    rows: list[Record] = [row for each in inspected for row in each.rows]
+    if json_file is not None:
+        write_output(json_file, verdicts_json([each.record for each in inspected]))
+    if csv_file is not None:
+        write_output(csv_file, verdicts_csv(rows))
+    if parquet is not None:
+        write_atomic(parquet, verdicts_parquet(rows))
+
+
+def _write_report(
+    path: Path,
+    inspected: "Sequence[Inspected]",
+    run: _Run,
+    golden: "tuple[Sequence[Record], datetime.datetime]",
+) -> None:
+    from lsvision.draw.inspection_page import InspectionContext, inspection_page
+    from lsvision.inspection.calibration_files import calibration_age_days
+
+    log, now = golden
+    context = InspectionContext(
+        job=run.job,
+        made=now.isoformat(timespec="minutes"),
+        calibration_days=calibration_age_days(run.calibration, now),
+        golden=log,
+    )
+    write_output(path, inspection_page(inspected, context))
+
+
+def _finish(inspected: "Sequence[Inspected]", failures: int, *, to_stderr: bool) -> None:
+    """Sum up, and end with the exit code of the worst."""
+    from lsvision.inspection.decision import Decision, worst
+
+    decisions = [each.verdict.decision for each in inspected]
+    if len(decisions) + failures > 1:
+        counts = ", ".join(f"{decisions.count(kind)} {kind}" for kind in Decision)
+        failed = f", {failures} could not be judged" if failures else ""
+        print_lines([f"{len(decisions)} judged: {counts}{failed}"], err=to_stderr)
+    raise typer.Exit(FAILED if failures else EXIT_CODES[worst(decisions).value])

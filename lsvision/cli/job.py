@@ -1,0 +1,111 @@
+"""``lsvision job``: new, check and schema of a job file."""
+
+import datetime
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lsvision.cli.messages import FAILED, print_error, print_lines
+from lsvision.cli.outputs import STDOUT, check_outputs, write_output
+from lsvision.cli.profile_options import Radius
+
+job = typer.Typer(
+    name="job",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    help="Make and check a job file: which parts are measured, and when they are good.",
+)
+
+JobFile = Annotated[Path, typer.Argument(metavar="JOB.toml", help="The job file.")]
+
+
+@job.command("new")
+def new_job(
+    profile: Annotated[Path, typer.Argument(metavar="PROFILE", help="A profile of good parts.")],
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="JOB.toml", help="The job; - is standard output.")
+    ] = STDOUT,
+    name: Annotated[str | None, typer.Option(metavar="NAME", help="Of the job.")] = None,
+    tolerance: Annotated[
+        float, typer.Option(min=1e-6, metavar="MM", help="Of each radius, to either side.")
+    ] = 0.1,
+    radius: Radius = None,
+) -> None:
+    """Write a commented job from a measured profile: these pipes, give or take a tolerance.
+
+    \b
+      lsvision job new fixtures/welded_pair.csv --radius 10:60 --tolerance 0.3 -o pair.toml
+    """  # noqa: D301 - the backspace makes click keep the line breaks
+    from lsvision.cli.measure_options import parse_search_range
+    from lsvision.cli.sources import read_sources
+    from lsvision.errors import LsvisionError
+    from lsvision.inspection.job_template import job_text
+    from lsvision.measure import measure_cylinders
+
+    search = parse_search_range(radius)
+    check_outputs((), [profile], streams=(out,))
+    (file,) = read_sources([profile], {})
+    found = measure_cylinders(file.profiles[0], radius=search)
+    if not found.cylinders:
+        reasons = "; ".join(str(each) for each in found.rejections[:2])
+        raise LsvisionError(f"{profile}: no cylinder to make a job of: {reasons}")
+    write_output(out, job_text(name or profile.stem, found.cylinders, tolerance))
+
+
+@job.command("check")
+def check_job(
+    path: JobFile,
+    record: Annotated[
+        bool,
+        typer.Option("--record", help="Keep this revision in the history beside the file."),
+    ] = False,
+) -> None:
+    """Say every slip of a job file with its line and the mend, or what the job is.
+
+    \b
+      lsvision job check fixtures/jobs/welded_pair.toml
+      lsvision job check job.toml --record
+    """  # noqa: D301 - the backspace makes click keep the line breaks
+    from lsvision.errors import InvalidJob
+    from lsvision.inspection.calibration_files import calibration_files
+    from lsvision.inspection.history import history_path, record_revision, unrecorded_note
+    from lsvision.inspection.job import Job
+
+    try:
+        checked = Job.load(path)
+    except InvalidJob as error:
+        for slip in error.slips:
+            print_error(f"{path}: {slip}")
+        raise typer.Exit(FAILED) from None
+    calibration_files(checked, path)
+    parts = ", ".join(part.name for part in checked.parts)
+    lines = [
+        f"{path}: {checked.name}, revision {checked.revision}, hash {checked.hash[:12]}",
+        f"  parts: {parts}; relations: {len(checked.relations)}",
+    ]
+    if record:
+        now = datetime.datetime.now(datetime.UTC)
+        done = "recorded in" if record_revision(checked, path, now) else "is already in"
+        lines.append(f"  revision {checked.revision} {done} {history_path(path).name}")
+    elif note := unrecorded_note(checked, path):
+        lines.append(f"  note: {note}")
+    print_lines(lines)
+
+
+@job.command("schema")
+def schema_of_job(
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="F", help="The file; - is standard output.")
+    ] = STDOUT,
+) -> None:
+    """Write the JSON Schema of job files, by which editors complete and check them.
+
+    \b
+      lsvision job schema --out job.schema.json
+    """  # noqa: D301 - the backspace makes click keep the line breaks
+    from lsvision.inspection.job import Job
+
+    check_outputs((), (), streams=(out,))
+    write_output(out, json.dumps(Job.model_json_schema(), indent=2) + "\n")

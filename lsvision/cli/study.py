@@ -1,0 +1,182 @@
+"""``lsvision study``: repeatability and bias, repeatability and reproducibility."""
+
+import csv
+import io
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from lsvision.cli.messages import print_error, print_lines
+from lsvision.cli.option_groups import expand_option_groups
+from lsvision.cli.outputs import STDOUT, check_outputs, write_output
+from lsvision.cli.profile_options import JsonFile, KnownRadius, Radius, SensorOptions
+from lsvision.cli.sources import find_sources, read_sources
+from lsvision.errors import LsvisionError, UnreadableFile
+
+if TYPE_CHECKING:
+    from lsvision.geometry import FloatArray
+    from lsvision.measure import Measurement
+    from lsvision.profile import Profile
+    from lsvision.results.result import Result
+
+study = typer.Typer(
+    name="study",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    help="Study the measurement itself: bias, repeatability and reproducibility.",
+)
+
+Tolerance = Annotated[
+    float | None, typer.Option(min=0, metavar="WIDTH", help="Width of the tolerance.")
+]
+Level = Annotated[float, typer.Option(metavar="P", help="Probability of the intervals.")]
+QUANTITIES = ("radius", "theta", "phi", "centre-x", "centre-y")
+
+
+@study.command()
+@expand_option_groups
+def repeat(
+    *,
+    files: Annotated[
+        list[str], typer.Argument(metavar="FILE|DIR|GLOB", help="Profiles of one part, repeated.")
+    ],
+    reference: Annotated[
+        float, typer.Option(metavar="VALUE", help="True value of the part, mm or deg.")
+    ],
+    quantity: Annotated[
+        str, typer.Option(metavar="NAME", help=f"One of {', '.join(QUANTITIES)}.")
+    ] = "radius",
+    tolerance: Tolerance = None,
+    level: Level = 0.95,
+    radius: Radius = None,
+    known_radius: KnownRadius = None,
+    sensor: SensorOptions,
+    json_file: JsonFile = None,
+) -> None:
+    """Bias and repeatability of one part measured many times: a type-1 study.
+
+    Of several cylinders in a profile, the one whose quantity is nearest to the reference counts.
+
+    \b
+      lsvision study repeat 'repeats/*.csv' --reference 19.0 --tolerance 0.4
+    """  # noqa: D301 - the backspace makes click keep the line breaks
+    from lsvision.cli.measure_options import parse_known_radius, parse_search_range
+    from lsvision.inspection.repeat_study import study_repeats
+    from lsvision.measure import measure_cylinders
+
+    if quantity not in QUANTITIES:
+        raise typer.BadParameter(
+            f"expected --quantity among {', '.join(QUANTITIES)}, got {quantity!r}"
+        )
+    _check_level(level)
+    measuring = partial(
+        measure_cylinders,
+        radius=parse_search_range(radius),
+        known_radius=parse_known_radius(known_radius),
+        sensor=sensor.parse(),
+    )
+    values, stds = _measured(files, QUANTITIES.index(quantity), reference, measuring)
+    result = study_repeats(values, reference, stds=stds, tolerance=tolerance, level=level)
+    _show(result, json_file)
+
+
+@study.command()
+def grr(
+    table: Annotated[
+        Path, typer.Argument(metavar="TABLE.csv", help="A measurement a row, with a header.")
+    ],
+    value: Annotated[str, typer.Option(metavar="COLUMN", help="Measured value.")] = "value",
+    part: Annotated[str, typer.Option(metavar="COLUMN", help="Part.")] = "part",
+    operator: Annotated[str, typer.Option(metavar="COLUMN", help="Operator.")] = "operator",
+    tolerance: Tolerance = None,
+    level: Level = 0.95,
+    json_file: JsonFile = None,
+) -> None:
+    """Repeatability and reproducibility of a crossed study, by analysis of variance.
+
+    Every operator measures every part as often. An interaction with p above 0.25 is taken as
+    repeatability, as AIAG does.
+
+    \b
+      lsvision study grr table.csv --tolerance 4
+    """  # noqa: D301 - the backspace makes click keep the line breaks
+    from lsvision.inspection.gauge_study import study_gauge
+
+    _check_level(level)
+    check_outputs((), [table], streams=(json_file,))
+    result = study_gauge(_read_crossed(table, value, part, operator), tolerance, level)
+    _show(result, json_file)
+
+
+def _check_level(level: float) -> None:
+    if not 0 < level < 1:
+        raise typer.BadParameter(f"expected --level between 0 and 1, got {level:g}")
+
+
+def _show(result: "Result", json_file: Path | None) -> None:
+    print_lines(str(result).splitlines(), err=json_file == STDOUT)
+    if json_file is not None:
+        write_output(json_file, result.to_json(indent=2) + "\n")
+
+
+def _measured(
+    words: list[str],
+    place: int,
+    reference: float,
+    measuring: "Callable[[Profile], Measurement]",
+) -> tuple[list[float], list[float]]:
+    """Value and sigma of every profile, in mm or deg."""
+    sources, missing = find_sources(words)
+    if missing:
+        raise missing[0]
+    values, stds = [], []
+    for file in read_sources(sources, {}):
+        for number, profile in enumerate(file.profiles):
+            found = measuring(profile)
+            estimates = [cylinder.estimates[place] for cylinder in found.cylinders]
+            if not estimates:
+                print_error(f"{file.path}, profile {number}: no cylinder, left out")
+                continue
+            nearest = min(estimates, key=lambda each: abs(each.value - reference))
+            values.append(nearest.value)
+            stds.append(nearest.std)
+    return values, stds
+
+
+def _read_crossed(path: Path, value: str, part: str, operator: str) -> "FloatArray":
+    """(parts, operators, trials) table of a balanced study."""
+    import numpy as np
+
+    from lsvision.files.limited_reading import read_text
+
+    rows = csv.DictReader(io.StringIO(read_text(path)))
+    names = [name.strip() for name in rows.fieldnames or ()]
+    for column in (value, part, operator):
+        if column not in names:
+            raise UnreadableFile(
+                f"{path}: expected a column {column!r}, got {', '.join(names) or 'none'}: name it "
+                "with --value, --part or --operator"
+            )
+    cells: dict[tuple[str, str], list[float]] = {}
+    for line, row in enumerate(rows, 2):
+        clean = {str(key).strip(): text for key, text in row.items()}
+        try:
+            number = float(clean[value])
+        except (TypeError, ValueError):
+            raise UnreadableFile(
+                f"{path}, line {line}: expected a number in {value!r}, got {clean[value]!r}"
+            ) from None
+        cells.setdefault((str(clean[part]), str(clean[operator])), []).append(number)
+    parts = list(dict.fromkeys(key[0] for key in cells))
+    operators = list(dict.fromkeys(key[1] for key in cells))
+    counts = {len(numbers) for numbers in cells.values()}
+    if len(cells) != len(parts) * len(operators) or len(counts) != 1:
+        raise LsvisionError(
+            f"{path}: expected every operator to measure every part as often, got "
+            f"{len(cells)} of {len(parts) * len(operators)} pairs with {min(counts, default=0)} to "
+            f"{max(counts, default=0)} trials: add the missing rows"
+        )
+    return np.array([[cells[one, other] for other in operators] for one in parts])

@@ -1,0 +1,265 @@
+"""``lsvision inspect``, ``job`` and ``study``: tables, files, exit codes, messages."""
+
+import csv
+import io
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lsvision.inspection.job import Job
+
+FIXTURES = Path(__file__).parents[2] / "fixtures"
+EXPECTED = json.loads((FIXTURES / "jobs" / "expected.json").read_text())
+
+JOB = """
+name = "tube"
+[measure]
+radius_mm = [10, 30]
+[[part]]
+name = "tube"
+order = 1
+radius_mm = { LIMITS }
+"""
+INSIDE, AT, OUTSIDE = "min = 17, max = 21", "max = 19", "max = 17"
+
+
+@pytest.fixture
+def job(tmp_path):
+    def write(limits, more=""):
+        path = tmp_path / "job.toml"
+        path.write_text(JOB.replace("LIMITS", limits) + more)
+        return path
+
+    return write
+
+
+@pytest.fixture
+def profile(written, pipe):
+    return written(pipe, "part_0.csv")
+
+
+@pytest.mark.parametrize(
+    ("name", "source"),
+    [("welded_pair", "welded_pair.csv"), ("scan_welded_pair", "scan_welded_pair")],
+)
+def test_the_jobs_of_the_fixtures_are_judged_as_their_truth_demands(run, name, source, tmp_path):
+    out = tmp_path / "out.json"
+    path = FIXTURES / "jobs" / f"{name}.toml"
+    done = run("inspect", path, FIXTURES / source, "--json", out)
+    assert done.exit_code == 3, done.output
+    (verdict,) = json.loads(out.read_text())["verdicts"]
+    found = {
+        item["name"]: {each["quantity"]: each for each in item["quantities"]}
+        for item in (*verdict["parts"], *verdict["relations"])
+    }
+    assert {name: set(item) for name, item in found.items()} == {
+        item: set(keys) for item, keys in EXPECTED[name].items()
+    }
+    for item, keys in EXPECTED[name].items():
+        for key, (decision, truth) in keys.items():
+            each = found[item][key]
+            assert each["decision"] == decision, (item, key, each)
+            if truth is not None:
+                least, most = each["min"] or -np.inf, each["max"] or np.inf
+                right = "OK" if least <= truth <= most else "NG"
+                assert decision in (right, "undecided")
+
+
+@pytest.mark.parametrize(("limits", "code"), [(INSIDE, 0), (OUTSIDE, 3), (AT, 4)])
+def test_the_exit_code_is_that_of_the_verdict(run, job, profile, limits, code):
+    done = run("inspect", job(limits), profile)
+    assert done.exit_code == code, done.output
+    word = {0: "OK", 3: "NG", 4: "undecided"}[code]
+    assert done.stdout.startswith(f"{profile}: {word}\n")
+
+
+def test_many_files_are_summed_up_and_a_bad_one_does_not_stop_the_rest(
+    run, job, written, pipe, tmp_path
+):
+    for number in range(2):
+        written(pipe, f"parts/part_{number}.csv")
+    (tmp_path / "parts" / "part_2.csv").write_text("nothing here\n")
+    done = run("inspect", job(INSIDE), tmp_path / "parts", "--csv", tmp_path / "v.csv")
+    assert done.exit_code == 1
+    assert "2 judged: 2 OK, 0 NG, 0 undecided, 1 could not be judged" in done.stdout
+    assert "part_2.csv" in done.stderr
+    rows = list(csv.DictReader(io.StringIO((tmp_path / "v.csv").read_text())))
+    assert [row["item_decision"] for row in rows] == ["OK", "OK"]
+    assert float(rows[0]["low"]) < float(rows[0]["value"]) < float(rows[0]["high"])
+
+
+def test_csv_and_json_go_to_standard_output_and_parquet_to_a_file(run, job, profile, tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    done = run("inspect", job(INSIDE), profile, "--csv", "-", "--parquet", tmp_path / "v.parquet")
+    (row,) = csv.DictReader(io.StringIO(done.stdout))
+    table = parquet.read_table(tmp_path / "v.parquet").to_pylist()
+    assert table[0]["quantity"] == row["quantity"] == "radius_mm"
+    assert table[0]["value"] == float(row["value"])
+    assert "tube" in done.stderr
+
+
+def test_the_report_is_one_page_without_anything_from_elsewhere(run, job, written, pipe, tmp_path):
+    paths = [written(pipe + np.array([0.0, shift]), f"part_{shift}.csv") for shift in (0, 1, 2)]
+    page = tmp_path / "report.html"
+    done = run("inspect", job(INSIDE), *paths, "--report", page)
+    assert done.exit_code == 0, done.output
+    text = page.read_text()
+    assert text.count("<svg") == 4  # one trend, three profiles
+    assert "3 measurements" in text
+    assert "ISO 22514-7 is not claimed" in text
+    assert "Cpk" in text
+    assert "src=" not in text
+    assert "<link" not in text
+    assert Job.load(tmp_path / "job.toml").hash in text
+
+
+def test_the_golden_part_comes_first(run, job, profile, tmp_path):
+    path = job(INSIDE, "[golden]\nradius_mm = 19\ntolerance_mm = 1\nevery_hours = 8\n")
+    before = run("inspect", path, profile)
+    assert before.exit_code == 4
+    assert "golden part never measured" in before.stdout
+    check = run("inspect", path, profile, "--golden")
+    assert check.exit_code == 0
+    assert "golden part passed: radius" in check.stdout
+    assert run("inspect", path, profile).exit_code == 0
+    log = (tmp_path / "job.toml.golden.jsonl").read_text().splitlines()
+    assert [json.loads(line)["passed"] for line in log] == [True]
+
+
+def test_a_limit_that_a_profile_does_not_have_is_told_with_the_file(run, job, profile):
+    path = job("max = 21 }\nbow_mm = { max = 1")
+    done = run("inspect", path, profile)
+    assert done.exit_code == 1
+    assert "for a profile, got bow_mm of part 'tube': a scan has it" in done.stderr
+
+
+def test_a_changed_calibration_file_is_refused(run, job, profile, tmp_path):
+    (tmp_path / "rig.json").write_text("{}")
+    path = job(INSIDE, '[rig]\nlight_section = "rig.json"\nlight_section_sha256 = "00"\n')
+    done = run("inspect", path, profile)
+    assert done.exit_code == 1
+    assert "line 11: expected rig.json with SHA-256 00..., got" in done.stderr
+
+
+def test_images_are_judged_through_the_rig_of_the_job(run, tmp_path):
+    rig = FIXTURES / "images" / "rig.json"
+    path = tmp_path / "job.toml"
+    path.write_text(
+        f'name = "image"\n[rig]\nlight_section = "{rig}"\n[[part]]\nname = "pipe"\norder = 1\n'
+        "radius_mm = { nominal = 25, upper = 1, lower = -1 }\n"
+    )
+    done = run("inspect", path, FIXTURES / "images" / "single.png", "--json", tmp_path / "v.json")
+    assert done.exit_code == 0, done.output
+    (verdict,) = json.loads((tmp_path / "v.json").read_text())["verdicts"]
+    assert len(verdict["calibration"]["light_section"]["sha256"]) == 64
+
+
+def test_a_report_of_another_kind_is_a_usage_error(run, job, profile, tmp_path):
+    done = run("inspect", job(INSIDE), profile, "--report", tmp_path / "report.docx")
+    assert done.exit_code == 2
+    assert "expected --report F.html, got 'report.docx'" in done.stderr
+
+
+def test_a_scan_needs_poses(run, job, profile):
+    done = run("inspect", job(INSIDE, "[scan]\n"), profile)
+    assert done.exit_code == 2
+    assert "--feed X,Y,Z" in done.stderr
+
+
+def test_job_check_says_every_slip_or_what_the_job_is(run, job):
+    good = run("job", "check", job(INSIDE))
+    assert good.exit_code == 0
+    assert "tube, revision 1, hash " in good.stdout
+    bad = run("job", "check", job("min = 21, max = 17 }\nphi = { max = 1"))
+    assert bad.exit_code == 1
+    first, second = bad.stderr.splitlines()
+    assert "line 8: part 1, radius_mm: limits reversed" in first
+    assert "line 9: part 1, phi: the unit is missing: write phi_deg" in second
+
+
+def test_job_check_records_revisions(run, job, profile):
+    path = job(INSIDE)
+    assert "recorded in job.toml.history.jsonl" in run("job", "check", path, "--record").stdout
+    assert "is already in" in run("job", "check", path, "--record").stdout
+    job(OUTSIDE)
+    assert "not in its history" in run("job", "check", path).stdout
+    assert "not in its history" in run("inspect", path, profile).stderr
+    refused = run("job", "check", path, "--record")
+    assert refused.exit_code == 1
+    assert "revision 1 is recorded with another content" in refused.stderr
+
+
+def test_job_new_writes_a_job_that_its_profile_passes(run, profile, tmp_path):
+    path = tmp_path / "new.toml"
+    done = run("job", "new", profile, "--radius", "10:30", "--tolerance", "2", "-o", path)
+    assert done.exit_code == 0, done.output
+    assert Job.load(path).name == "part_0"
+    assert run("inspect", path, profile).exit_code == 0
+
+
+def test_job_new_needs_a_cylinder(run, written):
+    flat = written(np.column_stack([np.linspace(-50, 50, 200), np.full(200, -400.0)]))
+    done = run("job", "new", flat)
+    assert done.exit_code == 1
+    assert "no cylinder to make a job of" in done.stderr
+
+
+def test_job_schema_is_json_schema_with_the_units(run):
+    schema = json.loads(run("job", "schema").stdout)
+    assert "radius_mm" in schema["$defs"]["Part"]["properties"]
+    assert schema["additionalProperties"] is False
+
+
+def test_study_repeat_compares_with_the_reference(run, written, tmp_path):
+    angle = np.linspace(2.6, 0.5, 160)
+    circle = 19.0 * np.column_stack([np.cos(angle), np.sin(angle)]) - [0.0, 400.0]
+    paths = [
+        written(circle + np.random.default_rng(k).normal(0, 0.03, circle.shape), f"{k}.csv")
+        for k in range(4)
+    ]
+    out = tmp_path / "out.json"
+    done = run("study", "repeat", *paths, "--reference", "19", "--tolerance", "4", "--json", out)
+    assert done.exit_code == 0, done.output
+    record = json.loads(out.read_text())
+    low, high = record["bias_interval"]
+    assert (record["count"], low < 0 < high) == (4, True)
+    assert "4 values, mean" in done.stdout
+    wrong = run("study", "repeat", *paths, "--reference", "19", "--quantity", "colour")
+    assert wrong.exit_code == 2
+    assert "expected --quantity among radius, theta" in wrong.stderr
+
+
+def test_study_grr_reads_a_table(run, tmp_path):
+    rng = np.random.default_rng(3)
+    rows = [
+        f"{part},{operator},{part + rng.normal(0, 0.1):.4f}"
+        for part in range(5)
+        for operator in "ab"
+        for _ in range(3)
+    ]
+    table = tmp_path / "table.csv"
+    table.write_text("\n".join(["part,operator,value", *rows]))
+    done = run("study", "grr", table, "--tolerance", "4")
+    assert done.exit_code == 0, done.output
+    assert "repeatability" in done.stdout
+    assert "% of tolerance" in done.stdout
+    table.write_text("\n".join(["part,operator,value", *rows[:-1]]))
+    short = run("study", "grr", table)
+    assert short.exit_code == 1
+    assert "expected every operator to measure every part as often" in short.stderr
+    other = run("study", "grr", table, "--value", "height")
+    assert "expected a column 'height', got part, operator, value" in other.stderr
+    table.write_text("part,operator,value\n1,a,x\n")
+    assert "line 2: expected a number in 'value', got 'x'" in run("study", "grr", table).stderr
+    assert run("study", "grr", table, "--level", "95").exit_code == 2
+
+
+def test_no_output_overwrites_the_job(run, job, profile):
+    path = job(INSIDE)
+    shutil.copy(path, path.with_suffix(".bak"))
+    done = run("inspect", path, profile, "--json", path)
+    assert done.exit_code == 2
+    assert path.read_text() == path.with_suffix(".bak").read_text()
