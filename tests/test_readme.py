@@ -58,6 +58,15 @@ def test_the_scan_prints_what_it_shows(tmp_path):
     assert (tmp_path / "pair.png").exists()
 
 
+def test_the_inspection_prints_what_it_shows_and_ends_with_the_code_of_ng(tmp_path):
+    (command,) = (c for c in COMMANDS if c.startswith("lsvision inspect"))
+    shown = README.split(command, 1)[1].split("```text\n", 1)[1].split("```")[0]
+    done = run_lsvision(command, tmp_path)
+    assert done.returncode == 3, done.stderr
+    assert done.stdout.replace(f"{ROOT}/", "").split() == shown.split()
+    assert "<svg" in (tmp_path / "pair.html").read_text(encoding="utf-8")
+
+
 def test_the_images_print_what_they_show(tmp_path):
     (commands,) = (c for c in COMMANDS if c.startswith("lsvision line"))
     shown = README.split(commands, 1)[1].split("```text\n", 1)[1].split("```")[0]
