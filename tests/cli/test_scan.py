@@ -23,7 +23,7 @@ def run():
     """Runs ``lsvision scan WORDS...`` by the frame of the real program."""
     frame = sys.modules.get("lsvision.cli.app") or __import__("lsvision.cli.app", fromlist=["app"])
     app = typer.Typer(cls=frame._OneLineErrors, rich_markup_mode=None)
-    app.callback()(frame._frame)
+    app.callback()(frame._global_options)
     app.command()(scan)
     return lambda *words: CliRunner().invoke(
         app, ["scan", *map(str, words)], env={"COLUMNS": "200", "NO_COLOR": "1"}
