@@ -84,7 +84,8 @@ class Limits(JobTable):
                 if least > most
                 else f"expected limits with room between them, got {least:g} twice"
             )
-        if ends and self.nominal is not None and not least <= self.nominal <= most:
+        both = self.upper is not None and self.lower is not None  # then a fit, as -0.02, -0.05
+        if self.nominal is not None and not both and not least <= self.nominal <= most:
             raise ValueError(
                 f"nominal {self.nominal:g} lies outside its limits {least:g} to {most:g}"
             )

@@ -67,6 +67,8 @@ def test_the_hash_is_that_of_the_content_not_of_the_layout():
          "line 12: part 1, radius_mm: limits reversed: from 19.1 to 18.9; exchange them"),
         ("{ nominal = 19, upper = 0.1, lower = -0.1 }", "{ nominal = 20, min = 18.9, max = 19.1 }",
          "line 12: part 1, radius_mm: nominal 20 lies outside its limits 18.9 to 19.1"),
+        ("{ nominal = 19, upper = 0.1, lower = -0.1 }", "{ nominal = 19, upper = -5 }",
+         "line 12: part 1, radius_mm: nominal 19 lies outside its limits -inf to 14"),
         ("{ nominal = 19, upper = 0.1, lower = -0.1 }", "{ nominal = 19 }",
          "line 12: part 1, radius_mm: expected upper and lower beside nominal, or min and max, "
          "got neither"),
