@@ -5,10 +5,13 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, is_dataclass
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from lsvision.io.profiles.settings import ReadOptions
 from lsvision.measure import Measurement, measure_cylinders
+
+if TYPE_CHECKING:
+    from lsvision.inspection.job import Job
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,6 +24,8 @@ class BatchJob:
         Profile to Measurement: `measure_cylinders` with its keyword arguments.
     reading : ReadOptions
         Options of reading.
+    inspection : Job, optional
+        Parts and limits by which each profile is judged.
 
     Examples
     --------
@@ -31,6 +36,7 @@ class BatchJob:
 
     measure: partial[Measurement] = field(default_factory=lambda: partial(measure_cylinders))
     reading: ReadOptions = field(default_factory=ReadOptions)
+    inspection: "Job | None" = None
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -41,6 +47,8 @@ class BatchJob:
         chosen["reading"] = {
             name: value for name, value in reading.items() if value not in (None, False)
         }
+        if self.inspection is not None:
+            chosen |= {"job": self.inspection.name, "job_hash": self.inspection.hash}
         return {name: value for name, value in chosen.items() if value is not None}
 
     @property

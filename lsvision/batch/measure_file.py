@@ -130,7 +130,7 @@ def _measure_to(task: FileTask) -> tuple[int, int, int]:
     try:
         for part in iterate_profiles(task.source, **task.job.reading):
             measured = [_measure_profile(task, part, k) for k in range(len(part.file.profiles))]
-            table = result_table(task.name, part, measured)
+            table = result_table(task.name, part, measured, task.job.inspection)
             writer = writer or _open(temporary, table.schema)
             _write(writer, table, task.output)
             counts[0] += len(measured)

@@ -9,6 +9,7 @@ from lsvision.io.profiles.streaming import ProfilePart
 if TYPE_CHECKING:
     import pyarrow as pa
 
+    from lsvision.inspection.job import Job
     from lsvision.measure import Measurement
 
 PLACE_COLUMNS = ("source", "profile", "cylinder")
@@ -17,7 +18,10 @@ INTEGERS, FLAGS = ("profile", "cylinder", "points"), ("theta_determined",)
 
 
 def result_table(
-    source: str, part: ProfilePart, measurements: Sequence["Measurement | None"]
+    source: str,
+    part: ProfilePart,
+    measurements: Sequence["Measurement | None"],
+    inspection: "Job | None" = None,
 ) -> "pa.Table":
     """Return the results of consecutive profiles.
 
@@ -29,6 +33,8 @@ def result_table(
         The profiles, with what the file says of each.
     measurements : sequence of Measurement or None
         Result of each profile; None for one without a valid point.
+    inspection : Job, optional
+        Job by which each profile is judged.
 
     Returns
     -------
@@ -36,7 +42,8 @@ def result_table(
         ``source, profile, cylinder`` (from 0), the columns of ``lsvision measure --csv``, the
         other columns of the file with their types, ``reason`` and ``rejections``. A profile
         without cylinders is one row with the reason and no numbers; the rejections of a profile
-        stand in its first row.
+        stand in its first row. With a job, ``decision`` is that on the profile: OK, NG or
+        undecided.
     """
     import pyarrow as pa
 
@@ -47,13 +54,24 @@ def result_table(
             rows.append(row | {"source": source, "profile": part.first + index})
             places.append(index)
     names = (*PLACE_COLUMNS, *SECTION_COLUMNS)
+    decided = () if inspection is None else ("decision",)
     columns = {
         name: pa.array([row.get(name) for row in rows], type=_type_of(name)) for name in names
     }
-    columns |= _columns_of_file(part, places, taken=(*names, "reason", "rejections"))
+    columns |= _columns_of_file(part, places, taken=(*names, *decided, "reason", "rejections"))
+    if inspection is not None:
+        decisions = [_decision(measurement, inspection) for measurement in measurements]
+        columns["decision"] = pa.array([decisions[place] for place in places], type=pa.string())
     columns["reason"] = pa.array([row["reason"] for row in rows], type=pa.string())
     columns["rejections"] = pa.array([row["rejections"] for row in rows], type=_rejections_type())
     return pa.table(columns)
+
+
+def _decision(measurement: "Measurement | None", job: "Job") -> str:
+    from lsvision.inspection.judge import judge
+    from lsvision.measure import Measurement
+
+    return str(judge(measurement or Measurement((), ()), job).decision.value)
 
 
 def _rows(measurement: "Measurement | None") -> Iterator[dict[str, Any]]:

@@ -4,6 +4,7 @@ import os
 import sys
 import time
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -23,8 +24,11 @@ from lsvision.cli.sources import find_sources, suffixes_of_profiles
 from lsvision.errors import LsvisionError
 
 if TYPE_CHECKING:
+    from lsvision.batch.job import BatchJob
     from lsvision.batch.manifest import Status
     from lsvision.batch.measure_file import FileOutcome
+    from lsvision.io.profiles import ReadOptions
+    from lsvision.measure import Measurement
 
 
 @expand_option_groups
@@ -49,6 +53,12 @@ def batch(
         Path | None,
         typer.Option("--status", metavar="DIR", help="Tell what is done in a folder of results."),
     ] = None,
+    job_file: Annotated[
+        Path | None,
+        typer.Option(
+            "--job", metavar="F.toml", help="Measure and judge by this job; see lsvision job."
+        ),
+    ] = None,
     radius: Radius = None,
     known_radius: KnownRadius = None,
     known_phi_deg: KnownPhi = None,
@@ -65,7 +75,7 @@ def batch(
     measures files that are new, changed or failed.
 
     \b
-    A folder of Parquet files, on all cores:
+    A folder of Parquet files, on all cores (with --job also judged: a column decision):
       lsvision batch profiles --out cylinders --radius 10:40
     How far it is:
       lsvision batch --status cylinders
@@ -78,7 +88,6 @@ def batch(
         return
     if not files or out is None:
         raise typer.BadParameter("expected files and --out DIR, or --status DIR")
-    from lsvision.batch.job import BatchJob
     from lsvision.batch.process_pool import default_jobs
     from lsvision.batch.run import plan_tasks, run_batch
 
@@ -86,12 +95,13 @@ def batch(
         radius, known_radius, known_phi_deg, sensor.parse(), paper=False
     )
     options = reading.parse()
+    job = _batch_job(measuring, options, job_file)
     sources, missing = find_sources(files, suffixes_of_profiles(reading.dx))
     for failure in missing:
         print_error(str(failure))
     if not sources:
         raise typer.Exit(FAILED)
-    tasks = plan_tasks(sources, _root(sources), out, BatchJob(measuring, options))
+    tasks = plan_tasks(sources, _root(sources), out, job)
     report = _Report(len(tasks))
     try:
         result = run_batch(
@@ -105,6 +115,27 @@ def batch(
     _print_summary(result, [task.name for task in tasks])
     if missing or any(outcome.error for outcome in result.outcomes.values()):
         raise typer.Exit(FAILED)
+
+
+def _batch_job(
+    measuring: "partial[Measurement]", options: "ReadOptions", path: Path | None
+) -> "BatchJob":
+    """Return what is done with each file: as the options say, or a job file."""
+    from lsvision.batch.job import BatchJob
+
+    if path is None:
+        return BatchJob(measuring, options)
+    if any(value is not None for value in measuring.keywords.values()):
+        raise typer.BadParameter("expected --job or options of the measurement, got both")
+    from lsvision.inspection.job import Job
+    from lsvision.inspection.measuring import measure_profile
+
+    job = Job.load(path)
+    if job.scan is not None or job.rig.light_section is not None:
+        raise LsvisionError(
+            f"{path}: a job of scans or images: batch judges profiles, see lsvision inspect"
+        )
+    return BatchJob(partial(measure_profile, job=job), options, job)
 
 
 def _root(sources: Sequence[Path]) -> Path:

@@ -97,3 +97,40 @@ def test_the_columns_of_a_table_come_along(run, tmp_path, pipe):
     found = pq.read_table(out / "a.csv.parquet").to_pylist()
     assert [(row["profile"], row["part_id"]) for row in found] == [(0, 7), (1, 8)]
     assert np.allclose([row["radius_mm"] for row in found], 19.0, atol=0.5)
+
+
+def test_a_job_judges_each_profile(run, folder):
+    (folder / "job.toml").write_text(
+        """
+name = "tube"
+[measure]
+range_std_mm = 0.03
+[[part]]
+name = "left"
+x_mm = [-5, 5]
+radius_mm = { nominal = 19, upper = 3, lower = -3 }
+"""
+    )
+    out = folder / "out"
+    words = ("batch", folder / "in", "--out", out, "--jobs", 1, "--job", folder / "job.toml")
+    done = run(*words)
+    assert done.exit_code == 0, done.stderr
+    (left,), (right,) = (
+        pq.read_table(out / f"{name}.csv.parquet").to_pylist() for name in ("a", "b")
+    )
+    assert (left["decision"], right["decision"]) == ("OK", "NG")  # the other one lies at 30 mm
+    (folder / "job.toml").write_text((folder / "job.toml").read_text().replace("= 3", "= 2"))
+    assert "results of another job (job_hash" in run(*words).stderr
+    both = run(*words, "--radius", 19)
+    assert both.exit_code == 2
+    assert "expected --job or options of the measurement, got both" in both.stderr
+    scan = run(
+        "batch",
+        folder / "in",
+        "--out",
+        out,
+        "--job",
+        REPOSITORY / "fixtures/jobs/scan_welded_pair.toml",
+    )
+    assert scan.exit_code == 1
+    assert "a job of scans or images" in scan.stderr
