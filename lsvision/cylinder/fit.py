@@ -28,11 +28,11 @@ from lsvision.errors import DegenerateGeometry, TooFewPoints
 from lsvision.geometry import Cylinder, FloatArray, Points, as_readonly_array, tangent_frame
 from lsvision.geometry.arrays import TINY, extent_of, require_coordinates, require_covariances
 from lsvision.geometry.settings_repr import ShowsChanges
-from lsvision.statistics.numerical_failures import refuse_numerical_failure, require_finite
+from lsvision.statistics.numerical_failures import report_numerical_failure, require_finite
 from lsvision.statistics.robust import MAD_TO_STD
 
 MIN_EXTENT_MM = 1e-9
-"""Smallest extent of points that a cylinder is fitted to: the size of an atom."""
+"""Smallest extent of points that a cylinder is fitted to: a hundredth of an atom. Units: mm."""
 COPLANARITY_TOLERANCE = 1e-7
 """Ratio of the thickness to the extent of points below which they lie in a plane or on a line."""
 SINGULARITY_TOLERANCE = 1e-14
@@ -125,7 +125,7 @@ def fit_cylinder(
     'radius 19.000000 mm, axis [0. 0. 1.]'
     """
     points, covariances = _validate(points, covariances)
-    with refuse_numerical_failure("a cylinder"):
+    with report_numerical_failure("a cylinder"):
         fit = _fit_validated(points, covariances, initial_guess, known_radius, settings)
     cylinder = fit.cylinder
     require_finite("a cylinder", cylinder.point, cylinder.direction, fit.radius, fit.covariance)
@@ -243,20 +243,20 @@ def _fit(
         parameters = parameters_from_cylinder(frame, cylinder)
         problem = weighted_problem(points @ frame.T, in_frame, parameters, known_radius)
         cylinder = cylinder_from_parameters(frame, minimise(problem, parameters))
-    feet = problem.points @ frame
-    return _build_fit(points, feet, cylinder, problem, known_noise=covariances is not None)
+    foot_points = problem.points @ frame
+    return _build_fit(points, foot_points, cylinder, problem, known_noise=covariances is not None)
 
 
 def _build_fit(
     points: Points,
-    feet: Points,
+    foot_points: Points,
     cylinder: Cylinder,
     problem: CylinderProblem,
     *,
     known_noise: bool,
 ) -> CylinderFit:
     frame = tangent_frame(cylinder.direction)
-    problem = replace(problem, points=feet @ frame.T)
+    problem = replace(problem, points=foot_points @ frame.T)
     residuals, jacobian = problem.evaluate(parameters_from_cylinder(frame, cylinder))
     normalised = residuals[: len(points)]
     factor, dof, std_scale = variance_factor(

@@ -16,6 +16,7 @@ from lsvision.cylinder.axis_table import (
 )
 from lsvision.cylinder.problem import PARAMETERS
 from lsvision.geometry import BoolArray, Cylinder, FloatArray, tangent_frame
+from lsvision.geometry.cylinder import WithCylinder
 from lsvision.results.quantities import Record
 from lsvision.results.result import Result
 from lsvision.statistics.correlation import autocorrelation_time
@@ -23,7 +24,7 @@ from lsvision.statistics.robust import SIGNIFICANT_SIGMAS
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CylinderFit(Result):
+class CylinderFit(WithCylinder, Result):
     """Cylinder fitted to points, with covariance and residuals.
 
     Parameters
@@ -59,7 +60,9 @@ class CylinderFit(Result):
     >>> fit  # doctest: +ELLIPSIS
     <CylinderFit: radius 19.0... mm, direction (...) ± 0.030 deg, 60 points>
     >>> low, high = fit.interval("radius")
-    >>> low < 19 < high
+    >>> low < fit.to_dict()["radius_mm"] < high
+    True
+    >>> bool(1.96 < fit.coverage_factor() < 2.1 < fit.coverage_factor(quantities=2) < 2.7)
     True
     """
 
@@ -71,21 +74,6 @@ class CylinderFit(Result):
     inliers: BoolArray
     variance_factor: float
     degrees_of_freedom: float
-
-    @property
-    def point(self) -> FloatArray:
-        """(3,) axis point to which `covariance` refers. Units: mm."""
-        return self.cylinder.point
-
-    @property
-    def direction(self) -> FloatArray:
-        """(3,) unit vector along the axis."""
-        return self.cylinder.direction
-
-    @property
-    def radius(self) -> float:
-        """Radius. Units: mm."""
-        return self.cylinder.radius
 
     @property
     def radius_std(self) -> float:
@@ -103,46 +91,31 @@ class CylinderFit(Result):
         return math.sqrt(self.covariance[0, 0] + self.covariance[1, 1])
 
     @property
-    def tangent_basis(self) -> FloatArray:
-        """(2, 3) unit vectors e_phi and e_theta across the axis, see `tangent_frame`."""
-        return tangent_frame(self.direction)[:2]
-
-    @property
     def rms(self) -> float:
         """Root mean square residual of the inliers. Units: mm."""
         return float(np.sqrt(np.mean(self.residuals[self.inliers] ** 2)))
 
     def interval(self, quantity: AxisQuantity, level: float = 0.95) -> tuple[float, float]:
-        """Return the interval that holds the true value with probability `level`.
+        """Return the interval that contains the true value with probability `level`.
 
         Parameters
         ----------
         quantity : {"radius", "point_x", ..., "point_z", "direction_x", ..., "direction_z"}
-            Units: mm, or components of the unit vector. Points count across the axis only: along
-            it the axis has no point of its own.
+            Units: mm, or components of the unit vector. The interval of a point is that across the
+            axis: along it, any point of the axis is one.
         level : float
-            Between 0 and 1.
+            Level of confidence, between 0 and 1.
 
         Returns
         -------
         low, high : float
-            The value and so many standard deviations, by Student's t for the fit's degrees of
-            freedom.
+            The value minus and plus a multiple of its standard deviation, from Student's t for
+            the degrees of freedom of the fit.
 
         Raises
         ------
         ValueError
-            If the quantity is none of these or the level is no probability.
-
-        Examples
-        --------
-        >>> import lsvision as lsv
-        >>> angle, height = np.meshgrid(np.linspace(0, 2, 30), [0.0, 10.0])
-        >>> pipe = np.stack([19 * np.cos(angle), 19 * np.sin(angle), height], -1).reshape(-1, 3)
-        >>> fit = lsv.fit_cylinder(pipe + np.random.default_rng(1).normal(0, 0.01, pipe.shape))
-        >>> low, high = fit.interval("direction_x", level=0.999)
-        >>> low < 0 < high
-        True
+            If the quantity is unknown, or the level is not between 0 and 1.
         """
         if quantity not in AXIS_QUANTITIES:
             raise ValueError(
@@ -153,10 +126,10 @@ class CylinderFit(Result):
         if name == "radius":
             value, std = self.radius, self.radius_std
         else:
-            place, first = "xyz".index(axis), 0 if name == "point" else 2
-            gradient = self.tangent_basis[:, place]
+            index, first = "xyz".index(axis), 0 if name == "point" else 2
+            gradient = self.tangent_basis[:, index]
             covariance = self.covariance[first : first + 2, first : first + 2]
-            value = float((self.point if name == "point" else self.direction)[place])
+            value = float((self.point if name == "point" else self.direction)[index])
             std = math.sqrt(float(gradient @ covariance @ gradient))
         return value - factor * std, value + factor * std
 
@@ -166,28 +139,19 @@ class CylinderFit(Result):
         Parameters
         ----------
         level : float
-            Between 0 and 1.
+            Level of confidence, between 0 and 1.
         quantities : int
-            Number of quantities that the region holds together: 2 for a direction.
+            Number of quantities of the joint region: 2 for a direction.
 
         Returns
         -------
         float
-            By Student's t, or Hotelling's T^2, for the fit's degrees of freedom.
+            From Student's t, or Hotelling's T^2, for the degrees of freedom of the fit.
 
         Raises
         ------
         ValueError
-            If the level is no probability.
-
-        Examples
-        --------
-        >>> import lsvision as lsv
-        >>> angle, height = np.meshgrid(np.linspace(0, 2, 30), [0.0, 10.0])
-        >>> pipe = np.stack([19 * np.cos(angle), 19 * np.sin(angle), height], -1).reshape(-1, 3)
-        >>> fit = lsv.fit_cylinder(pipe + np.random.default_rng(1).normal(0, 0.01, pipe.shape))
-        >>> bool(1.96 < fit.coverage_factor() < 2.1 < fit.coverage_factor(quantities=2) < 2.7)
-        True
+            If the level is not between 0 and 1.
         """
         from scipy.special import chdtri, fdtri
 
@@ -205,14 +169,6 @@ class CylinderFit(Result):
         -------
         dict
             Lengths in ``*_mm``, angles in ``*_deg``.
-
-        Examples
-        --------
-        >>> import lsvision as lsv
-        >>> angle, height = np.meshgrid(np.linspace(0, 2, 30), [0.0, 10.0])
-        >>> pipe = np.stack([19 * np.cos(angle), 19 * np.sin(angle), height], -1).reshape(-1, 3)
-        >>> round(lsv.fit_cylinder(pipe).to_dict()["radius_mm"], 6)
-        19.0
         """
         points = {"points": int(self.inliers.sum()), "rms_mm": self.rms}
         return axis_record(self) | points

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from lsvision.ellipse.section import CylinderSection
 from lsvision.geometry import Cylinder, FloatArray, Pose, as_readonly_array, tangent_frame
 from lsvision.geometry.arrays import TINY
+from lsvision.geometry.cylinder import WithCylinder
 from lsvision.geometry.pose import as_pose
 from lsvision.results.number_format import decimals_for, format_std, format_value
 from lsvision.results.quantities import Record, flat_row, numbers
@@ -53,7 +54,7 @@ class SectionMount(Protocol):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PlacedCylinder(Result):
+class PlacedCylinder(WithCylinder, Result):
     """One of the two cylinders that fit a section, in the frame of the robot.
 
     Parameters
@@ -90,26 +91,6 @@ class PlacedCylinder(Result):
         )
 
     @property
-    def point(self) -> FloatArray:
-        """(3,) intersection of the axis with the laser plane. Units: mm."""
-        return self.cylinder.point
-
-    @property
-    def direction(self) -> FloatArray:
-        """(3,) unit vector along the axis, on the side of the laser plane's normal."""
-        return self.cylinder.direction
-
-    @property
-    def radius(self) -> float:
-        """Radius. Units: mm."""
-        return self.cylinder.radius
-
-    @property
-    def tangent_basis(self) -> FloatArray:
-        """(2, 3) unit vectors e_phi and e_theta across the axis, see `tangent_frame`."""
-        return tangent_frame(self.direction)[:2]
-
-    @property
     def point_std(self) -> FloatArray:
         """(3,) standard uncertainty of `point`, per axis of the frame. Units: mm."""
         std: FloatArray = np.sqrt(np.diag(self.covariance)[:3])
@@ -132,6 +113,15 @@ class PlacedCylinder(Result):
         -------
         dict
             Lengths in ``*_mm``, angles in ``*_deg``.
+
+        Examples
+        --------
+        >>> import lsvision as lsv
+        >>> section = lsv.simulate.random_section("single", 7, noise_mm=0.02)
+        >>> (pipe,) = lsv.measure_cylinders(section.profile).cylinders
+        >>> first, _ = lsv.place_section(pipe, lsv.Pose())
+        >>> first.to_dict()["frame"], first.to_dict()["includes_calibration"]
+        ('flange', False)
         """
         return {
             "frame": self.frame,
@@ -146,7 +136,7 @@ class PlacedCylinder(Result):
 
     @property
     def direction_record(self) -> Record:
-        """What tells one twin from the other, ready for JSON."""
+        """Direction and covariance, in which the twins differ, ready for JSON."""
         return {
             "direction": numbers(self.direction),
             "direction_std_deg": math.degrees(self.direction_std),

@@ -45,22 +45,22 @@ def draw_overlay(
     Parameters
     ----------
     image : (height, width) or (height, width, 3) array_like
-        Measured image; blue first.
+        Measured image, grey or blue, green, red (OpenCV).
     light_section : LightSection
-        The rig that took it.
+        Calibrated camera and laser plane.
     profile : Profile
-        Of its laser line. Units: mm.
+        Profile of the laser line in the image. Units: mm.
     measurement : Measurement
-        What was found in the profile.
+        Measurement of the profile.
     title : str
-        Above the photo, as the name of the file.
+        Title above the photo, such as the name of the file.
     ax : matplotlib.axes.Axes, optional
         Draw the photo alone into these axes; without, both into a figure of its own.
 
     Returns
     -------
     matplotlib.figure.Figure
-        That of `ax`; else a new one. Save it with its ``savefig`` or `figure_bytes`.
+        Figure of `ax`, else a new one. Save it with its ``savefig`` or `figure_bytes`.
         Its first axes hold the photo in px, its second the section in mm.
 
     Examples
@@ -89,12 +89,12 @@ def draw_overlay(
     show_photo(photo, image)
     photo.set_anchor("W")  # its left edge is aligned with that of the section
     draw_on_photo(photo, light_section, profile, measurement)
-    refused = rejected_arcs(profile.points, measurement)
-    figure.suptitle(summary_title(len(measurement.cylinders), len(refused), title),
+    rejected = rejected_arcs(profile.points, measurement)
+    figure.suptitle(summary_title(len(measurement.cylinders), len(rejected), title),
                     x=0.065, y=0.985, ha="left", fontsize=13, parse_math=False)  # fmt: skip
     section = below.add_axes((0.065, 0.085, 0.605, 0.785))
     draw_on_axes(section, profile, measurement)
-    draw_panel(below, measurement.cylinders, refused)
+    draw_panel(below, measurement.cylinders, rejected)
     return figure
 
 
@@ -106,20 +106,16 @@ def draw_on_photo(
     Parameters
     ----------
     axes : matplotlib.axes.Axes
-        In px of the image; its limits stay.
-    light_section : LightSection
-        The rig that took the photo.
-    profile : Profile
-        Of its laser line. Units: mm.
-    measurement : Measurement
-        What was found in the profile.
+        Axes in px of the image; their limits are kept.
+    light_section, profile, measurement
+        As for `draw_overlay`.
     """
     limits = axes.axis()
     seen = light_section.project(profile.points)
     axes.plot(*seen.T, ".", color=POINTS, ms=2.5, zorder=2, label="measured points")
     for arc in rejected_arcs(profile.points, measurement):
         axes.plot(*seen[arc.indices].T, "x", color=arc.colour, ms=3, mew=0.8, zorder=3,
-                  label=label_once(axes, "refused arc"))  # fmt: skip
+                  label=label_once(axes, "rejected arc"))  # fmt: skip
         u, v = seen[arc.indices[len(arc.indices) // 2]]
         axes.annotate(arc.letter, (u, v), xytext=(0, 14), textcoords="offset points",
                       color="white", fontsize=8, weight="bold", ha="center", annotation_clip=True,

@@ -36,11 +36,8 @@ from lsvision.errors import TooFewPoints
 from lsvision.geometry import Ellipse, FloatArray, Points, as_readonly_array
 from lsvision.geometry.arrays import TINY, require_coordinates, require_covariances
 from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints, as_complex, as_vectors
-from lsvision.statistics.correlation import (
-    Correlation,
-    estimate_correlation,
-)
-from lsvision.statistics.numerical_failures import refuse_numerical_failure, require_finite
+from lsvision.statistics.correlation import Correlation, estimate_correlation
+from lsvision.statistics.numerical_failures import report_numerical_failure, require_finite
 from lsvision.statistics.robust import SIGNIFICANT_SIGMAS
 
 NONCIRCULAR_SIGMAS = 5.0
@@ -202,7 +199,7 @@ def fit_ellipse(
         covariances = as_readonly_array(covariances, (len(points), 2, 2), "covariances")
         require_covariances(covariances)
         noisy = NoisyPoints.of(points, covariances)
-    with refuse_numerical_failure("an ellipse"):
+    with report_numerical_failure("an ellipse"):
         fit = fit_noisy_points(noisy, initial_guess, known_radius, known_phi, settings)
     require_finite("an ellipse", fit.parameters, fit.residuals)
     return fit
@@ -295,7 +292,7 @@ def _inverse(information: FloatArray) -> FloatArray:
         scale = 1 / np.sqrt(np.maximum(information.diagonal(), TINY))
         scales = scale[:, None] * scale
         values, vectors = np.linalg.eigh(information * scales)
-        with np.errstate(over="ignore"):  # all points at one place: infinite variances
+        with np.errstate(over="ignore"):  # all points at one position: infinite variances
             inverse = (vectors / np.maximum(values, np.finfo(float).eps)) @ vectors.T * scales
     return inverse
 

@@ -12,6 +12,7 @@ from lsvision.ellipse.intervals import Quantity, interval, theta_is_determined
 from lsvision.ellipse.parameters import semi_major_gradient, semi_minor_gradient
 from lsvision.ellipse.section_table import SECTION_QUANTITIES, section_cells, section_row
 from lsvision.geometry import Ellipse, FloatArray, IntArray
+from lsvision.geometry.ellipse import WithEllipse
 from lsvision.profile import Arc
 from lsvision.results.picture import draw_svg
 from lsvision.results.quantities import LEVEL, Estimate, Record, finite, numbers
@@ -22,7 +23,7 @@ THETA_UNKNOWN_STD = math.pi / math.sqrt(12)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CylinderSection(Result):
+class CylinderSection(WithEllipse, Result):
     """Cylinder measured in one light section.
 
     Parameters
@@ -54,26 +55,6 @@ class CylinderSection(Result):
     def ellipse(self) -> Ellipse:
         """Fitted ellipse. Units: mm, rad."""
         return self.fit.ellipse
-
-    @property
-    def radius(self) -> float:
-        """Radius of the cylinder: the semi-minor axis b. Units: mm."""
-        return self.ellipse.radius
-
-    @property
-    def theta(self) -> float:
-        """Direction of the major axis. Units: rad, in [0, pi)."""
-        return self.ellipse.theta
-
-    @property
-    def phi(self) -> float:
-        """Angle between axis and laser plane's normal, arccos(b / a). Units: rad."""
-        return self.ellipse.phi
-
-    @property
-    def centre(self) -> tuple[float, float]:
-        """Centre of the ellipse in the section frame. Units: mm."""
-        return self.ellipse.centre
 
     @property
     def axis_candidates(self) -> FloatArray:
@@ -175,7 +156,7 @@ class CylinderSection(Result):
         Raises
         ------
         ValueError
-            If the quantity is none of these or the level is no probability.
+            If the quantity is unknown, or the level is not between 0 and 1.
 
         Examples
         --------

@@ -1,4 +1,4 @@
-"""What callers pass where the package takes points or numbers, checked and converted."""
+"""Conversion of arguments (arrays, lists, data frames, numbers) to read-only arrays and floats."""
 
 import math
 import os
@@ -21,8 +21,8 @@ def as_section_points(values: Any) -> FloatArray:
     ----------
     values : array_like or data frame
         (n, 2) numbers: array, list, or masked array, whose masked values are lost. Of a data
-        frame (pandas, polars) the columns x and z (or y, or height; ``_mm`` may stand behind
-        each), or its two columns if they are numbered. Units: mm, y towards the sensor.
+        frame (pandas, polars) the columns x and z (or y, or height, each with or without ``_mm``),
+        or its two columns if their labels are integers. Units: mm, y towards the sensor.
 
     Raises
     ------
@@ -47,7 +47,7 @@ def as_section_points(values: Any) -> FloatArray:
 
 
 def as_number_or_pair(
-    value: Any, name: str, unit: str, wanted: str
+    value: Any, name: str, unit: str, pair: str
 ) -> float | tuple[float, float] | None:
     """Return a number as float and two of them as a tuple; None stays.
 
@@ -57,7 +57,7 @@ def as_number_or_pair(
         As the caller passes it: also a list or an array.
     name, unit : str
         Of the argument, for the message.
-    wanted : str
+    pair : str
         What the two numbers are, for the message: ``"(min, max)"``.
 
     Raises
@@ -74,17 +74,17 @@ def as_number_or_pair(
     """
     if value is None:
         return None
-    expected = f"expected {name} as a number or {wanted} in {unit}"
+    expected = f"expected {name} as a number or {pair} in {unit}"
     if isinstance(value, str | bytes | bool):
         raise TypeError(f"{expected}, got {value!r}")
     try:
         numbers = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
-        raise TypeError(f"{expected}, got {_described(value)}") from None
+        raise TypeError(f"{expected}, got {_shown(value)}") from None
     if numbers.ndim == 0:
         return float(numbers)
     if numbers.shape != (2,):
-        raise ValueError(f"{expected}, got {_described(value)}")
+        raise ValueError(f"{expected}, got {_shown(value)}")
     return float(numbers[0]), float(numbers[1])
 
 
@@ -135,9 +135,7 @@ def _table_of(values: Any) -> FloatArray:
             return np.asarray(table, dtype=np.float64)
     except (TypeError, ValueError):
         pass
-    raise TypeError(
-        f"expected points as an (n, 2) array of numbers in mm, got {_described(values)}"
-    )
+    raise TypeError(f"expected points as an (n, 2) array of numbers in mm, got {_shown(values)}")
 
 
 def _table_of_frame(frame: Any) -> FloatArray:
@@ -175,7 +173,7 @@ def _hint(shape: tuple[int, ...]) -> str:
     return ""
 
 
-def _described(value: Any) -> str:
+def _shown(value: Any) -> str:
     """A value as messages show it: short ones whole, else type and shape."""
     text = repr(value)
     if len(text) <= 40 and "\n" not in text:

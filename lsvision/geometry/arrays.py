@@ -53,6 +53,22 @@ def as_readonly_array(
     return array
 
 
+def as_unit_vector(values: npt.ArrayLike, name: str) -> tuple[FloatArray, float]:
+    """Return the read-only unit vector (3,) along a vector, and the vector's length.
+
+    Raises
+    ------
+    ValueError
+        If the shape is another one, or the length is zero or not finite.
+    """
+    vector = as_readonly_array(values, (3,), name)
+    with np.errstate(over="ignore"):  # infinite, and rejected
+        length = float(np.linalg.norm(vector))
+    if not 0 < length < np.inf:
+        raise ValueError(f"expected a finite, non-zero {name}, got {vector}")
+    return as_readonly_array(vector / length, (3,)), length
+
+
 def extent_of(points: Points) -> float:
     """Return the longest side of the bounding box of points; 0 without points.
 
@@ -76,7 +92,7 @@ PSD_TOLERANCE = 1e-9
 
 
 def require_coordinates(points: Points) -> None:
-    """Refuse points that are not finite or too far for a fit.
+    """Raise an error if points are not finite or too far away for a fit.
 
     Raises
     ------
@@ -91,7 +107,7 @@ def require_coordinates(points: Points) -> None:
 
 
 def require_covariances(covariances: FloatArray) -> None:
-    """Refuse matrices (n, k, k) that are no covariances of points.
+    """Raise an error if matrices (n, k, k) are no covariances of points.
 
     Raises
     ------

@@ -4,14 +4,46 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.geometry.arrays import FloatArray, as_readonly_array
+from lsvision.geometry.arrays import FloatArray, as_readonly_array, as_unit_vector
+from lsvision.geometry.directions import tangent_frame
 from lsvision.geometry.ellipse import Ellipse
 from lsvision.geometry.equality import ComparedByValue
 from lsvision.geometry.pose import Pose, as_pose
+
+
+class WithCylinder:
+    """Point, direction and radius of an object that has a `cylinder`, in the same frame."""
+
+    if TYPE_CHECKING:
+
+        @property
+        def cylinder(self) -> Cylinder:
+            """The cylinder."""
+
+    @property
+    def point(self) -> FloatArray:
+        """(3,) point of the axis. Units: mm."""
+        return self.cylinder.point
+
+    @property
+    def direction(self) -> FloatArray:
+        """(3,) unit vector along the axis."""
+        return self.cylinder.direction
+
+    @property
+    def radius(self) -> float:
+        """Radius. Units: mm."""
+        return self.cylinder.radius
+
+    @property
+    def tangent_basis(self) -> FloatArray:
+        """(2, 3) unit vectors e_phi and e_theta across the axis, see `tangent_frame`."""
+        return tangent_frame(self.direction)[:2]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,12 +73,7 @@ class Cylinder(ComparedByValue):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "point", as_readonly_array(self.point, (3,), "point"))
-        direction = as_readonly_array(self.direction, (3,), "direction")
-        with np.errstate(over="ignore"):  # infinite, and refused
-            length = float(np.linalg.norm(direction))
-        if not (np.isfinite(length) and length > 0):
-            raise ValueError(f"expected a finite, non-zero direction, got {direction}")
-        object.__setattr__(self, "direction", as_readonly_array(direction / length, (3,)))
+        object.__setattr__(self, "direction", as_unit_vector(self.direction, "direction")[0])
         if not (math.isfinite(self.radius) and self.radius > 0):
             raise ValueError(f"expected a positive radius in mm, got {self.radius}")
 
@@ -62,6 +89,12 @@ class Cylinder(ComparedByValue):
         -------
         Cylinder
             Coordinates of frame a.
+
+        Examples
+        --------
+        >>> pipe = Cylinder((0, 0, 0), (0, 0, 1), radius=10.0)
+        >>> pipe.transformed(Pose(translation=(0, 5, 0))).point.tolist()
+        [0.0, 5.0, 0.0]
         """
         pose = as_pose(a_from_b)
         return Cylinder(pose.apply_one(self.point), pose.rotation @ self.direction, self.radius)
@@ -78,6 +111,11 @@ class Cylinder(ComparedByValue):
         -------
         (n,) ndarray
             Positive outside. Units: mm.
+
+        Examples
+        --------
+        >>> Cylinder((0, 0, 0), (0, 0, 1), radius=10.0).signed_distances([[12, 0, 7], [0, 0, 0]])
+        array([  2., -10.])
         """
         from_axis = np.asarray(points, dtype=np.float64) - self.point
         along = from_axis @ self.direction
@@ -121,6 +159,12 @@ class Cylinder(ComparedByValue):
         -------
         tuple of Cylinder
             In the order of `Ellipse.axis_twins`.
+
+        Examples
+        --------
+        >>> first, second = Cylinder.twins(Ellipse((0.0, 0.0), 20.0, 10.0, theta=0.0))
+        >>> first.section() == second.section()
+        True
         """
         point = np.array([*ellipse.centre, 0.0])
         first, second = ellipse.axis_twins

@@ -1,8 +1,10 @@
 """Ellipse in which the laser plane cuts a circular cylinder (paper section 2), and residuals."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
@@ -12,6 +14,36 @@ MAX_FOOT_POINT_ITERATIONS = 30
 FOOT_POINT_TOLERANCE = 1e-5
 """Change of the eccentric anomaly (rad) at which the foot point iteration stops. Near the ellipse
 each step gains about two digits, and the distance depends on the remaining error quadratically."""
+
+
+class WithEllipse:
+    """Radius, angles and centre of an object whose `ellipse` is the section of a cylinder."""
+
+    if TYPE_CHECKING:
+
+        @property
+        def ellipse(self) -> Ellipse:
+            """The section."""
+
+    @property
+    def radius(self) -> float:
+        """Radius of the cylinder: the semi-minor axis b. Units: mm."""
+        return self.ellipse.radius
+
+    @property
+    def theta(self) -> float:
+        """Direction of the major axis. Units: rad, in [0, pi)."""
+        return self.ellipse.theta
+
+    @property
+    def phi(self) -> float:
+        """Angle between axis and laser plane's normal, arccos(b / a). Units: rad."""
+        return self.ellipse.phi
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """Centre of the ellipse in the section frame. Units: mm."""
+        return self.ellipse.centre
 
 
 @dataclass(frozen=True)
@@ -76,6 +108,11 @@ class Ellipse:
         -------
         Ellipse
             The larger semi-axis is its major one.
+
+        Examples
+        --------
+        >>> Ellipse.from_axes((0.0, 0.0), 10.0, 20.0, direction=0.0).theta == math.pi / 2
+        True
         """
         if first >= second:
             return cls(centre, first, second, direction)
@@ -122,6 +159,11 @@ class Ellipse:
         -------
         (k, 2) ndarray
             Section frame. Units: mm.
+
+        Examples
+        --------
+        >>> Ellipse((3.0, 0.0), 20.0, 10.0, theta=0.0).points_at(np.array([0.0]))
+        array([[23.,  0.]])
         """
         points = np.column_stack(
             [self.semi_major * np.cos(parameter), self.semi_minor * np.sin(parameter)]
@@ -142,6 +184,12 @@ class Ellipse:
         -------
         (k, 2) ndarray
             Along the major and the minor axis, from the centre. Units: mm.
+
+        Examples
+        --------
+        >>> tilted = Ellipse((3.0, 0.0), 20.0, 10.0, theta=math.pi / 2)
+        >>> tilted.to_ellipse_frame(np.array([[3.0, 20.0]])).round(9)
+        array([[20.,  0.]])
         """
         return (points - self.centre) @ self._rotation
 
@@ -157,6 +205,12 @@ class Ellipse:
         -------
         (k, 2) ndarray
             Section frame. Units: mm.
+
+        Examples
+        --------
+        >>> tilted = Ellipse((3.0, 0.0), 20.0, 10.0, theta=math.pi / 2)
+        >>> tilted.from_ellipse_frame(np.array([[20.0, 0.0]])).round(9)
+        array([[ 3., 20.]])
         """
         return points @ self._rotation.T + self.centre
 
@@ -197,10 +251,8 @@ def orthogonal_residuals(points: Points, ellipse: Ellipse) -> FloatArray:
 
     Parameters
     ----------
-    points : (n, 2) ndarray
-        Section frame. Units: mm.
-    ellipse : Ellipse
-        Ellipse in the same frame.
+    points, ellipse
+        As for `radial_residuals`.
 
     Returns
     -------

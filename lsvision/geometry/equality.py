@@ -10,10 +10,10 @@ import numpy as np
 class ComparedByValue:
     """Equality and hash of a frozen dataclass by its fields, arrays element by element.
 
-    A dataclass compares its fields as a tuple, which arrays refuse. Two values are equal if they
-    are of the same class and all their fields are: arrays of the same shape and numbers (NaN is
-    equal to NaN: a lost point), dataclasses by their own fields. Fields declared with
-    ``field(compare=False)`` do not count. Equal values have equal hashes.
+    The ``==`` of a dataclass compares tuples of fields, which fails for arrays. Here two values are
+    equal if they are of the same class and all their fields are equal: arrays of the same shape
+    and numbers (NaN is equal to NaN: a lost point), dataclasses by their own fields. Fields
+    declared with ``field(compare=False)`` do not count. Equal values have equal hashes.
 
     Examples
     --------
@@ -55,7 +55,7 @@ def _equal(one: Any, other: Any) -> bool:
 def _key(value: Any) -> Hashable:
     """A hashable stand-in; equal for equal values."""
     if isinstance(value, np.ndarray):
-        # Zeros have two signs and NaN many forms, with bytes of their own.
+        # -0.0 and 0.0, and NaN of different bits, are equal but differ in their bytes.
         return value.shape, (np.nan_to_num(value.astype(np.complex128)) + 0.0).tobytes()
     if is_dataclass(value):
         return type(value).__name__, _key(_values(value))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.geometry.arrays import FloatArray, as_readonly_array
+from lsvision.geometry.arrays import FloatArray, as_unit_vector
 from lsvision.geometry.equality import ComparedByValue
 from lsvision.geometry.pose import Pose, as_pose
 
@@ -33,14 +33,10 @@ class Plane(ComparedByValue):
     distance: float
 
     def __post_init__(self) -> None:
-        normal = as_readonly_array(self.normal, (3,), "normal")
-        with np.errstate(over="ignore"):  # infinite, and refused
-            length = float(np.linalg.norm(normal))
-        if not (np.isfinite(length) and length > 0 and np.isfinite(self.distance)):
-            raise ValueError(
-                f"expected a finite, non-zero normal, got {normal} and distance {self.distance}"
-            )
-        object.__setattr__(self, "normal", as_readonly_array(normal / length, (3,)))
+        normal, length = as_unit_vector(self.normal, "normal")
+        if not np.isfinite(self.distance):
+            raise ValueError(f"expected a finite distance in mm, got {self.distance}")
+        object.__setattr__(self, "normal", normal)
         object.__setattr__(self, "distance", float(self.distance) / length)
 
     def signed_distances(self, points: npt.ArrayLike) -> FloatArray:
@@ -55,6 +51,11 @@ class Plane(ComparedByValue):
         -------
         (n,) ndarray
             Positive on the side of the normal. Units: mm.
+
+        Examples
+        --------
+        >>> Plane((0, 0, 1), 10.0).signed_distances([[5, 5, 12], [0, 0, 0]])
+        array([  2., -10.])
         """
         distances: FloatArray = np.asarray(points, dtype=np.float64) @ self.normal - self.distance
         return distances
@@ -71,6 +72,11 @@ class Plane(ComparedByValue):
         -------
         Plane
             Coordinates of frame a.
+
+        Examples
+        --------
+        >>> Plane((0, 0, 1), 10.0).transformed(Pose(translation=(0, 0, 5))).distance
+        15.0
         """
         pose = as_pose(a_from_b)
         normal = pose.rotation @ self.normal

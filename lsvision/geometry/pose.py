@@ -9,7 +9,7 @@ from typing import NoReturn, Self
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.geometry.arrays import FloatArray, Points, as_readonly_array
+from lsvision.geometry.arrays import FloatArray, Points, as_readonly_array, as_unit_vector
 from lsvision.geometry.equality import ComparedByValue
 
 ORTHONORMALITY_TOLERANCE = 1e-6
@@ -48,7 +48,7 @@ class Pose(ComparedByValue):
 
     def __post_init__(self) -> None:
         rotation = as_readonly_array(self.rotation, (3, 3), "rotation")
-        with np.errstate(over="ignore", invalid="ignore"):  # not finite, and refused
+        with np.errstate(over="ignore", invalid="ignore"):  # not finite, and rejected
             defect = np.abs(rotation.T @ rotation - np.eye(3)).max()
         if not defect <= ORTHONORMALITY_TOLERANCE:
             raise ValueError(f"expected an orthonormal rotation, got R'R off by {defect:.3g}")
@@ -82,13 +82,9 @@ class Pose(ComparedByValue):
         >>> Pose.along((0, 0, 2), 10.0).translation
         array([ 0.,  0., 10.])
         """
-        axis = as_readonly_array(direction, (3,), "direction")
-        with np.errstate(over="ignore"):  # infinite, and refused
-            length = float(np.linalg.norm(axis))
-        if not (np.isfinite(length) and length > 0):
-            raise ValueError(f"expected a finite, non-zero feed direction, got {axis.tolist()}")
-        with np.errstate(over="ignore", invalid="ignore"):  # not finite, and refused
-            translation = axis / length * distance
+        unit, _ = as_unit_vector(direction, "feed direction")
+        with np.errstate(over="ignore", invalid="ignore"):  # not finite, and rejected
+            translation = unit * distance
         return cls(translation=translation)
 
     @classmethod
@@ -138,7 +134,7 @@ class Pose(ComparedByValue):
         return Pose(_nearest_rotation(rotation), self.apply_one(other.translation))
 
     def __rmatmul__(self, other: object) -> NoReturn:
-        """Refuse what is no pose before ``@``."""
+        """Raise a TypeError that names the remedy: the left operand of ``@`` is no pose."""
         raise TypeError(
             f"expected a Pose before @, got {type(other).__name__}: Pose.from_matrix makes one of "
             "a 4x4 matrix"
@@ -151,6 +147,11 @@ class Pose(ComparedByValue):
         -------
         Pose
             ``b_from_a`` of ``a_from_b``.
+
+        Examples
+        --------
+        >>> Pose.along((0, 0, 1), 10.0).inverse().translation.tolist()
+        [0.0, 0.0, -10.0]
         """
         return Pose(self.rotation.T, -self.rotation.T @ self.translation)
 
@@ -184,6 +185,11 @@ class Pose(ComparedByValue):
         -------
         (3,) ndarray
             Frame a. Units: mm.
+
+        Examples
+        --------
+        >>> Pose.along((0, 0, 1), 10.0).apply_one((1.0, 2.0, 3.0)).tolist()
+        [1.0, 2.0, 13.0]
         """
         return self.rotation @ np.asarray(point, dtype=np.float64) + self.translation
 
@@ -229,7 +235,7 @@ def as_poses(values: Iterable[Pose | npt.ArrayLike]) -> tuple[Pose, ...]:
     Raises
     ------
     TypeError, ValueError
-        If one is no pose; the message tells which.
+        If one is no pose; the message names its index.
     """
     if isinstance(values, Pose):
         raise TypeError("expected a sequence of poses, got one Pose: put it into a list")

@@ -9,8 +9,25 @@ from lsvision.results.quantities import Record
 from lsvision.results.result import Result
 
 
+class _Prediction(Result):
+    """Standard uncertainties as a result: a line or a table of the numbers of `to_dict`."""
+
+    covariance: FloatArray
+
+    def __post_init__(self) -> None:
+        object.__setattr__(
+            self, "covariance", as_readonly_array(self.covariance, (5, 5), "covariance")
+        )
+
+    def _summary(self) -> str:
+        return summary_of_stds(self.to_dict())
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        return cells_of_stds(self.to_dict())
+
+
 @dataclass(frozen=True, eq=False, repr=False)
-class SectionPrediction(Result):
+class SectionPrediction(_Prediction):
     """Standard uncertainties that an efficient fit to one section reaches.
 
     Parameters
@@ -41,11 +58,6 @@ class SectionPrediction(Result):
     covariance: FloatArray
     points: int
 
-    def __post_init__(self) -> None:
-        object.__setattr__(
-            self, "covariance", as_readonly_array(self.covariance, (5, 5), "covariance")
-        )
-
     def to_dict(self) -> Record:
         """Return the predicted standard uncertainties, ready for JSON.
 
@@ -63,15 +75,9 @@ class SectionPrediction(Result):
             "points": self.points,
         }
 
-    def _summary(self) -> str:
-        return summary_of_stds(self.to_dict())
-
-    def _cells(self) -> list[tuple[str, ...]]:
-        return cells_of_stds(self.to_dict())
-
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ScanPrediction(Result):
+class ScanPrediction(_Prediction):
     """Standard uncertainties that a joint fit to all sections of a scan reaches.
 
     Parameters
@@ -104,11 +110,6 @@ class ScanPrediction(Result):
     sections: int = 1
     length: float = 0.0
 
-    def __post_init__(self) -> None:
-        object.__setattr__(
-            self, "covariance", as_readonly_array(self.covariance, (5, 5), "covariance")
-        )
-
     def to_dict(self) -> Record:
         """Return the predicted standard uncertainties, ready for JSON.
 
@@ -127,12 +128,6 @@ class ScanPrediction(Result):
             "sections": self.sections,
             "length_mm": self.length,
         }
-
-    def _summary(self) -> str:
-        return summary_of_stds(self.to_dict())
-
-    def _cells(self) -> list[tuple[str, ...]]:
-        return cells_of_stds(self.to_dict())
 
 
 def cells_of_stds(record: Record) -> list[tuple[str, ...]]:

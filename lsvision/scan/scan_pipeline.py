@@ -30,7 +30,7 @@ from lsvision.scan.pose_errors import (
 from lsvision.scan.scan_result import ScanMeasurement, ScannedCylinder
 from lsvision.scan.tracks import TrackSettings, associate_arcs, transform_arc_to_base
 from lsvision.sensors.profile_sensor import as_noise_model
-from lsvision.statistics.numerical_failures import refuse_numerical_failure, require_finite
+from lsvision.statistics.numerical_failures import report_numerical_failure, require_finite
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -225,7 +225,7 @@ def fit_sections_jointly(  # noqa: PLR0913 - the measurements and the options of
         for arc in measurement.cylinders
     ]
     prior = _radius_prior(known_radius)
-    with refuse_numerical_failure("a cylinder"):
+    with report_numerical_failure("a cylinder"):
         tracks = associate_arcs(observations, settings.tracks)
         cloud = build_cloud(profiles, poses, sensor)
         joint_fits, rejections = fit_tracks(cloud, tracks, prior, settings.joint_fit)

@@ -11,6 +11,7 @@ from lsvision.cylinder.axis_table import AxisQuantity, axis_record, axis_row
 from lsvision.cylinder.fit_result import CylinderFit
 from lsvision.detection.measurement import counted
 from lsvision.geometry import Cylinder, FloatArray, IntArray, Points
+from lsvision.geometry.cylinder import WithCylinder
 from lsvision.measure import Measurement
 from lsvision.results.number_format import format_value
 from lsvision.results.picture import draw_svg
@@ -20,7 +21,7 @@ from lsvision.scan.scan_table import spans, tube_cells, twin_notes
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ScannedCylinder(Result):
+class ScannedCylinder(WithCylinder, Result):
     """Cylinder measured jointly from the sections of a scan.
 
     Parameters
@@ -81,21 +82,6 @@ class ScannedCylinder(Result):
         return self.fit.cylinder
 
     @property
-    def point(self) -> FloatArray:
-        """(3,) axis point nearest to the first section's origin, base frame. Units: mm."""
-        return self.fit.point
-
-    @property
-    def direction(self) -> FloatArray:
-        """(3,) unit vector along the axis, positive along the feed, base frame."""
-        return self.fit.direction
-
-    @property
-    def radius(self) -> float:
-        """Radius. Units: mm."""
-        return self.fit.radius
-
-    @property
     def radius_std(self) -> float:
         """Standard uncertainty of the radius. Units: mm."""
         return self.fit.radius_std
@@ -119,24 +105,24 @@ class ScannedCylinder(Result):
         return self.fit.covariance
 
     def interval(self, quantity: AxisQuantity, level: float = 0.95) -> tuple[float, float]:
-        """Interval that holds the true value with probability `level`, base frame.
+        """Return the interval that contains the true value with probability `level`, base frame.
 
         Parameters
         ----------
         quantity : {"radius", "point_x", ..., "point_z", "direction_x", ..., "direction_z"}
             Units: mm, or components of the unit vector.
         level : float
-            Between 0 and 1.
+            Level of confidence, between 0 and 1.
 
         Returns
         -------
         low, high : float
-            By Student's t; with the errors of poses and calibration where they were given.
+            From Student's t; includes the errors of poses and calibration that were given.
 
         Raises
         ------
         ValueError
-            If the quantity is none of these or the level is no probability.
+            If the quantity is unknown, or the level is not between 0 and 1.
         """
         return self.fit.interval(quantity, level)
 
@@ -300,12 +286,12 @@ class ScanMeasurement(Result):
         return tube_cells(self.cylinders)
 
     def _notes(self) -> list[str]:
-        refused = f"{counted(len(self.rejections), 'track')} refused"
+        rejected = f"{counted(len(self.rejections), 'track')} rejected"
         if self.cylinders:
             return twin_notes(self.cylinders) + (
-                [f"{refused}: see .rejections"] if self.rejections else []
+                [f"{rejected}: see .rejections"] if self.rejections else []
             )
-        return [f"no cylinder found, {refused}", *(f"  {each}" for each in self.rejections)]
+        return [f"no cylinder found, {rejected}", *(f"  {each}" for each in self.rejections)]
 
     def _rows(self) -> list[Record]:
         return [row for tube in self.cylinders for row in tube._rows()]
@@ -318,5 +304,5 @@ def _end_view(tubes: Sequence[ScannedCylinder]) -> str:
     """The points as seen along the axis of the first cylinder."""
     e_phi, e_theta = tubes[0].fit.tangent_basis
     seen = [(tube.points @ np.column_stack([e_theta, e_phi]), None) for tube in tubes]
-    words = f"{counted(len(tubes), 'cylinder')}, seen along the axis of the first"
-    return draw_svg(np.zeros((0, 2)), seen, words)
+    title = f"{counted(len(tubes), 'cylinder')}, seen along the axis of the first"
+    return draw_svg(np.zeros((0, 2)), seen, title)

@@ -13,6 +13,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from lsvision.geometry import Cylinder, Ellipse, FloatArray, IntArray, Points, Pose
+from lsvision.geometry.ellipse import WithEllipse
 from lsvision.simulate.solids import Hits, Rays
 
 CLUTTER = 0
@@ -101,7 +102,7 @@ class Scene:
 
 
 @dataclass(frozen=True, eq=False)
-class TubeTruth:
+class TubeTruth(WithEllipse):
     """True parameters of a tube in one section.
 
     Parameters
@@ -128,26 +129,6 @@ class TubeTruth:
     arc: float
 
     @property
-    def radius(self) -> float:
-        """Radius of the tube. Units: mm."""
-        return self.cylinder.radius
-
-    @property
-    def theta(self) -> float:
-        """Direction of the major axis. Units: rad."""
-        return self.ellipse.theta
-
-    @property
-    def phi(self) -> float:
-        """Angle between the axis and the normal of the laser plane. Units: rad."""
-        return self.ellipse.phi
-
-    @property
-    def centre(self) -> tuple[float, float]:
-        """Intersection of the axis with the laser plane. Units: mm."""
-        return self.ellipse.centre
-
-    @property
     def visible(self) -> bool:
         """Whether the arc (60 deg, 15 points) is large enough to expect a detection."""
         return self.arc >= VISIBLE_ARC and self.arc_points >= VISIBLE_POINTS
@@ -162,7 +143,8 @@ class SectionTruth:
     labels : (n,) ndarray
         -1 lost or displaced by a jump, 0 clutter, k the k-th tube.
     points : (n, 2) ndarray
-        Noise-free points, section frame, also under a jump; NaN where lost. Units: mm.
+        Noise-free points, section frame, also where a jump displaces the measured point; NaN where
+        lost. Units: mm.
     tubes : tuple of TubeTruth
         Every tube whose axis the section cuts, in the order of the labels.
     """

@@ -11,6 +11,7 @@ from typing import Self
 import numpy as np
 
 from lsvision.geometry import Cylinder, FloatArray, IntArray, Points, Pose, as_readonly_array
+from lsvision.geometry.arrays import as_unit_vector
 
 NO_HIT = math.inf
 """Distance of a ray that meets nothing."""
@@ -202,11 +203,7 @@ class BentTube:
         object.__setattr__(
             self, "bend_centre", as_readonly_array(self.bend_centre, (3,), "bend_centre")
         )
-        normal = as_readonly_array(self.bend_normal, (3,), "bend_normal")
-        length = float(np.linalg.norm(normal))
-        if not length > 0:
-            raise ValueError(f"expected a finite, non-zero bend_normal, got {normal}")
-        object.__setattr__(self, "bend_normal", as_readonly_array(normal / length, (3,)))
+        object.__setattr__(self, "bend_normal", as_unit_vector(self.bend_normal, "bend_normal")[0])
         if not 0 < self.radius < self.bend_radius < math.inf:
             raise ValueError(
                 f"expected 0 < radius < bend_radius mm, got {self.radius:g} and "

@@ -9,7 +9,7 @@ from lsvision.errors import FitFailed
 
 
 @contextmanager
-def refuse_numerical_failure(what: str) -> Iterator[None]:
+def report_numerical_failure(what: str) -> Iterator[None]:
     """Turn a singular matrix or an overflow within the block into a `FitFailed`.
 
     Floating-point warnings are suppressed within the block: check its results with
@@ -27,7 +27,7 @@ def refuse_numerical_failure(what: str) -> Iterator[None]:
 
     Examples
     --------
-    >>> with refuse_numerical_failure("an ellipse"):
+    >>> with report_numerical_failure("an ellipse"):
     ...     np.linalg.inv(np.zeros((2, 2)))
     Traceback (most recent call last):
         ...

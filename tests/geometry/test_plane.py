@@ -31,10 +31,14 @@ def test_transforming_preserves_distances(normal, distance, a_from_b):
 
 
 @pytest.mark.parametrize(
-    ("normal", "distance"),
-    [((0, 0, 0), 1.0), ((0, math.nan, 1), 1.0), ((0, 0, 1), math.inf)],
+    ("normal", "distance", "message"),
+    [
+        ((0, 0, 0), 1.0, "a finite, non-zero normal"),
+        ((0, math.nan, 1), 1.0, "a finite, non-zero normal"),
+        ((0, 0, 1), math.inf, "a finite distance in mm, got inf"),
+    ],
     ids=["no normal", "nan", "endless"],
 )
-def test_an_invalid_plane_raises_an_error(normal, distance):
-    with pytest.raises(ValueError, match="expected a finite, non-zero normal"):
+def test_an_invalid_plane_raises_an_error(normal, distance, message):
+    with pytest.raises(ValueError, match=message):
         Plane(normal, distance)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lsvision.errors import FitFailed
-from lsvision.statistics.numerical_failures import refuse_numerical_failure, require_finite
+from lsvision.statistics.numerical_failures import report_numerical_failure, require_finite
 
 
 @pytest.mark.parametrize(
@@ -20,13 +20,13 @@ from lsvision.statistics.numerical_failures import refuse_numerical_failure, req
 def test_a_numerical_failure_is_a_fit_that_failed(failing):
     with (
         pytest.raises(FitFailed, match=r"a tube cannot be fitted to the points .*check the units"),
-        refuse_numerical_failure("a tube"),
+        report_numerical_failure("a tube"),
     ):
         failing()
 
 
 def test_what_is_silent_within_is_found_by_its_numbers():
-    with refuse_numerical_failure("a tube"):
+    with report_numerical_failure("a tube"):
         square = np.array([1e200]) ** 2
     require_finite("a tube", 1.0, [2.0])
     with pytest.raises(FitFailed, match="its numbers are not finite"):
