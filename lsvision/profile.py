@@ -27,7 +27,7 @@ MAX_NOISE_FACTOR, MAX_ESTIMATED_NOISE_FACTOR = 3.0, 4.0
 an estimated noise, which is too small where a sensor smooths along the line."""
 MAX_RELATIVE_SCATTER = 1e-2
 """Scatter over the radius that is always accepted: form deviation of pipes (below 1e-3), and errors
-common to neighbours, of which the noise estimate is free (0.1 mm at a radius of 10 mm)."""
+common to neighbours, which the noise estimate does not contain (0.1 mm at a radius of 10 mm)."""
 
 METRES_EXTENTS, METRES_PITCH, MIN_STEPS = (1e-3, 1.0), 0.002, 5
 """Range of the extent and largest pitch of a profile that is taken to be in metres, and smallest
@@ -41,8 +41,9 @@ class NoiseModel(Protocol):
 
     Examples
     --------
-    >>> isinstance(PointNoise(np.ones((3, 2, 2))), NoiseModel)
-    True
+    >>> noise = PointNoise(np.ones((3, 2, 2)))
+    >>> isinstance(noise, NoiseModel), noise.covariances(np.zeros((3, 2))).shape
+    (True, (3, 2, 2))
     """
 
     def covariances(self, points: Points) -> FloatArray:
@@ -89,11 +90,6 @@ class PointNoise(ComparedByValue):
     def covariances(self, points: Points) -> FloatArray:
         """Return the given covariances, one for each of `points`.
 
-        Raises
-        ------
-        ValueError
-            If the number of points differs from that of the covariances.
-
         Parameters
         ----------
         points : (n, 2) ndarray
@@ -103,9 +99,14 @@ class PointNoise(ComparedByValue):
         -------
         (n, 2, 2) ndarray
             Units: mm^2.
+
+        Raises
+        ------
+        ValueError
+            If the number of points differs from that of the covariances.
         """
         if len(points) != len(self.point_covariances):
-            raise ValueError(f"want {len(self.point_covariances)} points, got {len(points)}")
+            raise ValueError(f"expected {len(self.point_covariances)} points, got {len(points)}")
         return self.point_covariances
 
 
@@ -228,7 +229,7 @@ def _warn_of_markers(points: Points) -> None:
             count = int(np.count_nonzero(points[:, axis] == value))
             warnings.warn(
                 f"{value:.10g} occurs in {count} of {len(points)} points and looks like a marker "
-                f"of lost points: say Profile(points, lost={value:.10g}), or lost=() if not",
+                f"of lost points: pass Profile(points, lost={value:.10g}), or lost=() if not",
                 UserWarning,
                 stacklevel=3,
             )
@@ -303,7 +304,7 @@ class Arc:
 
     def __post_init__(self) -> None:
         if not 0 <= self.start < self.stop:
-            raise ValueError(f"want 0 <= start < stop, got [{self.start}, {self.stop})")
+            raise ValueError(f"expected 0 <= start < stop, got [{self.start}, {self.stop})")
 
     def __len__(self) -> int:
         return self.stop - self.start
@@ -320,5 +321,10 @@ class Arc:
         -------
         (k, 2) ndarray
             Section frame. Units: mm.
+
+        Examples
+        --------
+        >>> Arc(1, 2).of(Profile([[0.0, -400.0], [1.0, -399.0]])).tolist()
+        [[1.0, -399.0]]
         """
         return profile.points[self.start : self.stop]

@@ -202,7 +202,7 @@ def test_a_slip_in_the_radius_is_refused(keywords, message):
 
 
 def test_noise_of_another_number_of_points_is_refused():
-    with pytest.raises(ValueError, match="want 2 points, got 401"):
+    with pytest.raises(ValueError, match="expected 2 points, got 401"):
         measure_cylinders(look().profile, sensor=PointNoise(np.zeros((2, 2, 2))))
 
 

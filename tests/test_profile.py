@@ -89,7 +89,7 @@ def test_arcs_are_compared_by_their_spans():
 
 @pytest.mark.parametrize(("start", "stop"), [(3, 3), (4, 3), (-1, 3)])
 def test_what_is_no_span_is_refused(start, stop):
-    with pytest.raises(ValueError, match=rf"want 0 <= start < stop, got \[{start}, {stop}\)"):
+    with pytest.raises(ValueError, match=rf"expected 0 <= start < stop, got \[{start}, {stop}\)"):
         Arc(start, stop)
 
 
@@ -101,7 +101,7 @@ def test_point_noise_gives_what_it_was_given():
 
 
 def test_point_noise_belongs_to_its_points_only():
-    with pytest.raises(ValueError, match="want 2 points, got 3"):
+    with pytest.raises(ValueError, match="expected 2 points, got 3"):
         PointNoise(np.zeros((2, 2, 2))).covariances(np.array(THREE))
 
 

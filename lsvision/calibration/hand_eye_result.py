@@ -156,8 +156,10 @@ class HandEye(Result):
     >>> found = lsv.calibrate_hand_eye_sphere(lsv.read_profiles(f"{folder}/sphere"), poses, 20.0)
     >>> found  # doctest: +ELLIPSIS
     <HandEye: section, eye in hand, 0.0... mm at the working point, from 12 of 12 poses>
-    >>> found.flange_from_section.translation.shape
-    (3,)
+    >>> found.flange_from_section.translation.shape, found.covariance_at((0, -200)).shape
+    ((3,), (3, 3))
+    >>> found.std_at(found.working_point) == found.to_dict()["working_point_std_mm"]
+    True
     """
 
     mount_from_sensor: Pose

@@ -86,6 +86,13 @@ class PrintedTarget(ABC):
         -------
         points, pixels : (n, 3) and (n, 2) ndarray
             Board frame (mm) and image (px); None where the target is not found.
+
+        Examples
+        --------
+        >>> target = ChArUco()
+        >>> points, pixels = target.find(target.board.generateImage((1100, 800), marginSize=50))
+        >>> points.shape, pixels.shape
+        ((70, 3), (70, 2))
         """
         return self._find(image)
 

@@ -85,11 +85,13 @@ def plan_scan(
 
     Parameters
     ----------
-    radius, theta, phi, view, known_radius_std
+    radius, theta, phi, view
         As in `plan_section`.
     feed : Feed, optional
         Number of sections, spacing, direction and uncertainty of the poses; None = ``Feed()``,
         20 sections 1 mm apart along the laser plane's normal.
+    known_radius_std : float, optional
+        As in `plan_section`.
 
     Returns
     -------
@@ -225,12 +227,16 @@ def sections_needed(  # noqa: PLR0913 - the parameters of `plan_scan`, and the t
 
     Parameters
     ----------
-    radius, theta, phi, view, known_radius_std
+    radius, theta, phi
         As in `plan_section`.
     target : AccuracyTarget
         Limits on the standard uncertainties.
+    view : SensorView, optional
+        As in `plan_section`.
     feed : Feed, optional
         As in `plan_scan`; its number of sections is not used.
+    known_radius_std : float, optional
+        As in `plan_section`.
 
     Returns
     -------

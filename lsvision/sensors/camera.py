@@ -105,6 +105,13 @@ class Camera(ComparedByValue):
             Result of `rays`.
         jacobian : (n, 2, 2) ndarray
             d(x / z, y / z) / d(u, v). Units: 1 / px.
+
+        Examples
+        --------
+        >>> camera = Camera([[800, 0, 320], [0, 800, 240], [0, 0, 1]], [], (640, 480))
+        >>> rays, jacobian = camera.rays_with_jacobian([[320.0, 240.0]])
+        >>> rays.tolist(), jacobian[0].tolist()
+        ([[0.0, 0.0, 1.0]], [[0.00125, 0.0], [0.0, 0.00125]])
         """
         array = as_readonly_array(pixels, ("n", 2), "pixels")
         from_sensor = np.linalg.inv(self.matrix[:2, :2])
@@ -146,6 +153,12 @@ class Camera(ComparedByValue):
         -------
         (n,) ndarray of bool
             False for NaN rows.
+
+        Examples
+        --------
+        >>> camera = Camera([[800, 0, 320], [0, 800, 240], [0, 0, 1]], [], (640, 480))
+        >>> camera.sees(np.array([[0.0, 479.0], [640.0, 0.0]])).tolist()
+        [True, False]
         """
         width, height = self.size
         u, v = pixels.T

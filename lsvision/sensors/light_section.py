@@ -148,6 +148,14 @@ class LightSection(ComparedByValue):
             If the size of the image differs from that of the camera.
         NoLaserLine
             If no line is found.
+
+        Examples
+        --------
+        >>> import lsvision as lsv
+        >>> rig = LightSection.load("fixtures/images/rig.json")
+        >>> profile = rig.profile(lsv.read_image("fixtures/images/single.png"))
+        >>> len(profile), profile.noise is not None
+        (800, True)
         """
         return self.profile_from_line(self.line(image, settings, laser_off))
 
@@ -177,6 +185,14 @@ class LightSection(ComparedByValue):
             If the size of the image differs from that of the camera.
         NoLaserLine
             If no line is found.
+
+        Examples
+        --------
+        >>> import lsvision as lsv
+        >>> rig = LightSection.load("fixtures/images/rig.json")
+        >>> line = rig.line(lsv.read_image("fixtures/images/single.png"))
+        >>> rig.profile_from_line(line).points.shape
+        (800, 2)
         """
         array = as_image(image)
         width, height = self.camera.size
@@ -236,6 +252,13 @@ class LightSection(ComparedByValue):
         -------
         (n, 2) ndarray
             u, v. Units: px.
+
+        Examples
+        --------
+        >>> rig = LightSection.load("fixtures/images/rig.json")
+        >>> pixels = rig.project([[0.0, 0.0]])
+        >>> rig.points_from_pixels(pixels).round(6) + 0.0
+        array([[0., 0.]])
         """
         return self.camera.project(self.camera_from_section.apply(points))
 
@@ -251,6 +274,15 @@ class LightSection(ComparedByValue):
         ------
         UnwritableFile
             If the folder is missing or not writable.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> rig = LightSection.load("fixtures/images/rig.json")
+        >>> copy = f"{tempfile.mkdtemp()}/rig.json"
+        >>> rig.save(copy)
+        >>> LightSection.load(copy) == rig
+        True
         """
         write_rig(path, self.camera, self.laser_plane, self.provenance, self.line_blur_px)
 

@@ -112,7 +112,7 @@ def read_json(path: str | os.PathLike[str], schema: str) -> dict[str, Any]:
     UnreadableFile
         If the file is missing, is no JSON, or has another schema or other units.
     """
-    text = read_bytes(path).decode("utf-8-sig", "replace")  # an image is no JSON, not no text
+    text = read_bytes(path).decode("utf-8-sig", "replace")  # an image is reported as no JSON
     return parse_document(text, Path(path), (schema,))
 
 
@@ -124,7 +124,7 @@ def parse_document(text: str, source: Path, schemas: Sequence[str]) -> dict[str,
     text : str
         The whole text.
     source : Path
-        What the message calls it.
+        Name of the file in messages.
     schemas : sequence of str
         Names of the schemas that are accepted.
     """
