@@ -1,13 +1,13 @@
-"""The ways a measurement fails, each saying what, got, need and what to do.
+"""Errors of the package; each message states what failed, got and needed, and the remedy.
 
-A caller's slip (wrong shape, negative radius) is a ``ValueError`` or ``TypeError``; what the
-world did (empty file, no line in the image, too few poses) is a `LsvisionError`; an arc that
-is no cylinder is neither: it is a ``Rejection`` in the result.
+A wrong argument (shape, negative radius) is a ``ValueError`` or ``TypeError``; data that cannot be
+used (empty file, no line in the image, too few poses) are a `LsvisionError`; an arc that is no
+cylinder is no error: it is a ``Rejection`` in the result.
 """
 
 
 class LsvisionError(Exception):
-    """Root of everything that the world, not the caller, does to a measurement.
+    """Base class of the errors caused by data or environment, not by wrong arguments.
 
     Examples
     --------
@@ -26,7 +26,7 @@ class TooFewPoints(LsvisionError):
     Parameters
     ----------
     what : str
-        The thing that is short of points, as the user knows it.
+        What has too few points, in the user's terms (an arc, a profile).
     got, need : int
         Counts.
     hint : str
@@ -39,11 +39,11 @@ class TooFewPoints(LsvisionError):
 
 
 class UnreadableFile(LsvisionError):
-    """A file that cannot be read as what it should be; the message names file and mend."""
+    """A file that cannot be read as what it should be; the message names file and remedy."""
 
 
 class UnwritableFile(LsvisionError):
-    """An output that cannot be written; nothing half-written is left behind."""
+    """An output that cannot be written; no part of it is left behind."""
 
 
 class FitFailed(LsvisionError):
@@ -55,11 +55,11 @@ class NoLaserLine(LsvisionError):
 
 
 class DegenerateGeometry(LsvisionError):
-    """Data that cannot determine what is asked, whatever their noise; names what is missing."""
+    """Data that do not determine the result, whatever their noise; names what is missing."""
 
 
 class CalibrationFailed(LsvisionError):
-    """Views or poses from which no trustworthy calibration follows."""
+    """Views or poses that do not determine a calibration."""
 
 
 class InvalidJob(LsvisionError):

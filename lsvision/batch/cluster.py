@@ -100,5 +100,5 @@ def _run(
 def _gone(address: str, error: Exception) -> LsvisionError:
     return LsvisionError(
         f"{address}: the scheduler has gone away ({type(error).__name__}): start it, and give the "
-        "same command again: what is done stays done"
+        "same command again: finished files are kept"
     )

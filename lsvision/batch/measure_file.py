@@ -108,7 +108,7 @@ def measure_file(task: FileTask) -> FileOutcome:
 
 
 def file_version(path: Path) -> tuple[int, int]:
-    """Return size in bytes and time of the last change in ns; they tell a changed file.
+    """Return size in bytes and time of the last change in ns; either differs if the file changed.
 
     Raises
     ------

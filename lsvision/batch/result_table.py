@@ -30,7 +30,7 @@ def result_table(
     source : str
         Name of the file.
     part : ProfilePart
-        The profiles, with what the file says of each.
+        The profiles, each with its attributes.
     measurements : sequence of Measurement or None
         Result of each profile; None for one without a valid point.
     inspection : Job, optional
@@ -94,7 +94,7 @@ def _columns_of_file(
 
     table = part.columns
     if table is None and part.file.attributes:
-        table = pa.Table.from_pylist([dict(said) for said in part.file.attributes])
+        table = pa.Table.from_pylist([dict(each) for each in part.file.attributes])
     if table is None:
         return {}
     repeated = table.take(pa.array(places, type=pa.int64()))

@@ -1,4 +1,4 @@
-"""A batch: files in, a Parquet file each out, a manifest that tells what is done."""
+"""A batch: files in, a Parquet file each out, a manifest of the files that are done."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
@@ -79,7 +79,7 @@ def run_batch(
     ------
     LsvisionError
         If the folder holds results of another job or cannot be written, or the scheduler goes
-        away; what is done stays done.
+        away; finished files are kept.
     """
     if not tasks:
         raise ValueError("expected at least one file, got none")

@@ -26,13 +26,13 @@ if TYPE_CHECKING:
     from lsvision.io.result_files import ResultFiles
 
 MAX_SIZE_IN_PROCESS = 4 * 10**6
-"""Largest file that a process reads by itself; larger ones are read here and measured in parts, so
-that one file occupies all processes. Units: bytes."""
+"""Largest file that a process reads by itself; larger ones are read by the main process and
+measured in parts, so that one file occupies all processes. Units: bytes."""
 PROFILES_PER_TASK = 16
-"""Profiles of a part that is sent to a process."""
+"""Number of profiles in a part that is sent to a process."""
 MIN_SIZE_FOR_PROCESSES = 2 * 10**6
-"""Size of all files from which on several processes, which take a second to start, save time; some
-250 profiles of 400 points. Units: bytes."""
+"""Total size of the files above which several processes, which take a second to start, save time:
+about 250 profiles of 400 points. Units: bytes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,21 +118,21 @@ def _results(
 ) -> Iterator[tuple[_Task, PartResult]]:
     """Yield the results in the order of the files and their profiles."""
     jobs = _count_jobs(sources, batch)
-    ahead = _read_with_poses(sources, batch.part)
+    read_files = _read_with_poses(sources, batch.part)
     if jobs == 1:
         for number, source in enumerate(sources):
             progress.show(number, str(source))
-            for task in _tasks_of_file(number, source, batch, ahead):
+            for task in _tasks_of_file(number, source, batch, read_files):
                 for each in _slices(task, 1):
                     if task.part is not None and each.part is not None:
-                        known = task.part.first + len(task.part)
-                        progress.show(number, str(source), each.part.first, known)
+                        profiles_read = task.part.first + len(task.part)
+                        progress.show(number, str(source), each.part.first, profiles_read)
                     yield each, _measure(batch.part, each)
         return
     from lsvision.batch.process_pool import EndedProcess, run_tasks
 
-    in_parts = batch.pictures is not None or len(sources) < 2 * jobs or bool(ahead)
-    tasks = _tasks_for_processes(sources, batch, ahead, in_parts=in_parts)
+    in_parts = batch.pictures is not None or len(sources) < 2 * jobs or bool(read_files)
+    tasks = _tasks_for_processes(sources, batch, read_files, in_parts=in_parts)
     for task, found in run_tasks(partial(_measure, batch.part), tasks, jobs, ordered=True):
         progress.show(task.number, str(task.source))
         if isinstance(found, EndedProcess):
@@ -192,7 +192,7 @@ def _read_with_poses(
 def _tasks_for_processes(
     sources: Sequence[Path | LiveCamera],
     batch: BatchOptions,
-    ahead: dict[int, FilePart],
+    read_files: dict[int, FilePart],
     *,
     in_parts: bool,
 ) -> Iterator[_Task]:
@@ -201,16 +201,16 @@ def _tasks_for_processes(
         if not in_parts and 0 < _size(source) <= MAX_SIZE_IN_PROCESS:
             yield _Task(number, source)
         else:
-            for task in _tasks_of_file(number, source, batch, ahead):
+            for task in _tasks_of_file(number, source, batch, read_files):
                 yield from _slices(task, PROFILES_PER_TASK)
 
 
 def _tasks_of_file(
-    number: int, source: Path | LiveCamera, batch: BatchOptions, ahead: dict[int, FilePart]
+    number: int, source: Path | LiveCamera, batch: BatchOptions, read_files: dict[int, FilePart]
 ) -> Iterator[_Task]:
     """Read a file and yield its parts, or a task with the error."""
     try:
-        for part in [ahead[number]] if ahead else read_parts(source, batch.part):
+        for part in [read_files[number]] if read_files else read_parts(source, batch.part):
             yield _Task(number, source, _with_pictures(part, batch.pictures))
     except Exception as error:  # noqa: BLE001 - a bug in one file must not stop the batch
         yield _Task(number, source, error=error_text(source, error, batch.part))

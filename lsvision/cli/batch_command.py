@@ -51,7 +51,9 @@ def batch(
     ] = None,
     status: Annotated[
         Path | None,
-        typer.Option("--status", metavar="DIR", help="Tell what is done in a folder of results."),
+        typer.Option(
+            "--status", metavar="DIR", help="Print how much is done in a folder of results."
+        ),
     ] = None,
     job_file: Annotated[
         Path | None,
@@ -71,7 +73,7 @@ def batch(
     other columns of the input (ids, times), reason and rejections; a profile without cylinders is
     a row with its reason. Parquet (lists x and z, a profile a row) and NPY are read bit by bit,
     so that the memory does not grow with the file. manifest.jsonl in the folder of the results
-    says what is done: the same command again goes on where the last one was interrupted, and
+    lists what is done: the same command again goes on where the last one was interrupted, and
     measures files that are new, changed or failed.
 
     \b

@@ -10,7 +10,7 @@ from lsvision.errors import UnwritableFile
 
 DEFAULT_FOLDER = Path("lsvision-demo")
 NEXT_COMMANDS = (
-    ("{profile} -v", "why the other arcs were refused"),
+    ("{profile} -v", "why the other arcs were rejected"),
     ("{profile} --radius 20:30 --range-std 0.05", "with what you know of pipe and sensor"),
     ("{profile} --json results.json --csv results.csv", "results for other programs"),
     ("YOUR_PROFILE.csv --plot yours.png", "your own data: x, height in mm, a point a line"),
@@ -24,7 +24,7 @@ def demo(
     ] = DEFAULT_FOLDER,
     show: Annotated[bool, typer.Option("--open", help="Open the picture, too.")] = False,
 ) -> None:
-    """Measure a profile that comes with lsvision, draw it, and say what to type next.
+    """Measure a profile that comes with lsvision, draw it, and print further commands.
 
     The profile shows two welded tubes of 23.7 and 25.3 mm among bars and bent sheets, with noise of
     0.05 mm. Needs no file and no network; writes DIR/profile.csv and DIR/profile.png.
@@ -90,7 +90,7 @@ def _next_lines(profile: Path, picture: Path) -> list[str]:
     commands.append(("lsvision --help", "scans, camera images, calibration, robots"))
     return [
         "",
-        f"The picture shows points, ellipses and refused arcs: {picture}",
+        f"The picture shows points, ellipses and rejected arcs: {picture}",
         "",
         "Next:",
         *(line for command, what in commands for line in (f"  # {what}", f"  {command}")),

@@ -1,4 +1,4 @@
-"""Consecutive profiles of a file: measured, and told as text and records."""
+"""Consecutive profiles of a file: measured, with the results as text and records."""
 
 import sys
 import traceback
@@ -61,7 +61,7 @@ class PartOptions:
     placing : RobotFrame, optional
         Transformation of cylinders to the robot's frame; without, they stay in the section frame.
     verbose, debug : bool
-        Also list the refused arcs; show tracebacks.
+        Also list the rejected arcs; show tracebacks.
     """
 
     measuring: Measure

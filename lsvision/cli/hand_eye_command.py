@@ -115,7 +115,7 @@ class HandEyeResultOptions:
         )
 
     def check_files(self, inputs: Sequence[Path], *more: Path | None) -> None:
-        """Refuse outputs, with `more` of them, that could not be written; see `check_outputs`."""
+        """Raise an error if an output, or one of `more`, could not be written: `check_outputs`."""
         outputs = (self.out, self.easy_handeye, self.report, *more)
         check_outputs(outputs, inputs)
 

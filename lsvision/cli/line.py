@@ -45,7 +45,7 @@ def line(
     \b
     See the line of an image:
       lsvision line fixtures/images/clutter.png --plot line.png
-    Its points, a white-hot line of a red laser in a colour image:
+    Its points, from an overexposed line of a red laser in a colour image:
       lsvision line photo.jpg --laser red --method gaussian --csv line.csv
     """  # noqa: D301 - the backspace makes click keep the line breaks
     check_picture(plot)

@@ -105,7 +105,7 @@ def measure(
     \b
     Every pipe in a profile, with a picture:
       lsvision measure fixtures/welded_pair.csv --plot pair.png
-    Pipes of 10 to 40 mm under an LPS 36 HI, and why the rest was refused:
+    Pipes of 10 to 40 mm under an LPS 36 HI, and why the rest was rejected:
       lsvision measure fixtures/welded_complex.csv --radius 10:40 --sensor lps36hi -v
     A pipe turned to 25 +/- 0.05 mm:
       lsvision measure fixtures/single.csv --known-radius 25:0.05

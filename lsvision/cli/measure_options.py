@@ -41,7 +41,8 @@ def build_measure_function(
     Raises
     ------
     typer.BadParameter
-        If a radius is not a number, not positive, or the range is reversed; if a tilt is none.
+        If a radius is not a number, not positive, or the range is reversed; or if a tilt is not in
+        [0, 90) deg.
     """
     search_range, known = parse_search_range(radius), parse_known_radius(known_radius)
     known_phi = parse_known_phi(known_phi_deg)
@@ -77,11 +78,15 @@ def range_warning(profile: "Profile", sensor: "ProfileSensor | None") -> str | N
         return None
     import numpy as np
 
-    away = float(np.nanmedian(np.hypot(*(profile.points - sensor.origin).T)))
-    if sensor.min_range / RANGE_WARNING_FACTOR <= away <= sensor.max_range * RANGE_WARNING_FACTOR:
+    distance = float(np.nanmedian(np.hypot(*(profile.points - sensor.origin).T)))
+    if (
+        sensor.min_range / RANGE_WARNING_FACTOR
+        <= distance
+        <= sensor.max_range * RANGE_WARNING_FACTOR
+    ):
         return None
     return (
-        f"the points lie {away:.3g} mm from the origin, the sensor measures at "
+        f"the points lie {distance:.3g} mm from the origin, the sensor measures at "
         f"{sensor.min_range:g} to {sensor.max_range:g} mm: are heights counted from the sensor?"
     )
 
@@ -92,7 +97,7 @@ def parse_search_range(text: str | None) -> float | tuple[float, float] | None:
         return None
     low, high = _pair(text, "--radius 19 or --radius 10:40")
     if low <= 0 or (high is not None and not low < high):
-        raise typer.BadParameter(f"expected --radius above 0 mm, least:largest, got {text!r}")
+        raise typer.BadParameter(f"expected --radius above 0 mm, min:max, got {text!r}")
     return low if high is None else (low, high)
 
 

@@ -1,4 +1,4 @@
-"""Output files of a command: checked before the work, named one for each profile."""
+"""Output files of a command: checks before the work, and a name for each picture."""
 
 import os
 from collections.abc import Hashable, Sequence
@@ -37,7 +37,7 @@ def check_outputs(
     Returns
     -------
     TakenFiles
-        The files of this run, for names that are made up later.
+        The files of this run, for names that are generated later.
 
     Raises
     ------
@@ -115,12 +115,12 @@ def check_picture(plot: Path | None) -> None:
 
 
 class Pictures:
-    """Names of the pictures of one command, none given twice and none of another file of it.
+    """Names of the pictures of a command: unique, and different from its other files.
 
     Parameters
     ----------
     plot : Path
-        As the user names it; of one profile in one file the picture has just this name.
+        Name from the user, which the picture of a single profile gets unchanged.
     several : bool
         Whether there is more than one file.
     taken : TakenFiles, optional
@@ -132,14 +132,14 @@ class Pictures:
         self._taken = TakenFiles() if taken is None else taken
 
     def path_of(self, source: Path, number: int, parts: int) -> Path:
-        """Where a profile's picture goes: ``out.png``, or ``out-SOURCE-NUMBER.png``.
+        """Return the path of a profile's picture: ``out.png``, or ``out-SOURCE-NUMBER.png``.
 
         Parameters
         ----------
         source : Path
             File of the profile; named if there are several.
         number, parts : int
-            Its place in the file, named if the file holds more than one, and how many it holds.
+            Index of the profile in the file, named if the file holds several, and their number.
         """
         tags = [_short(source.stem)] * self._several + [str(number)] * (parts > 1)
         if not tags:

@@ -53,7 +53,7 @@ Jobs = Annotated[
     ),
 ]
 Verbose = Annotated[
-    bool, typer.Option("--verbose", "-v", help="Also say what was refused, and why.")
+    bool, typer.Option("--verbose", "-v", help="Also list what was rejected, and why.")
 ]
 
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class RobotOptions:
-    """Poses of a robot that carries the sensor, and where the sensor sits on it."""
+    """Poses of a robot that carries the sensor, and the pose of the sensor on it."""
 
     poses: Annotated[
         Path | None,
@@ -32,7 +32,7 @@ class RobotOptions:
         Path | None,
         typer.Option(
             metavar="F",
-            help="Hand-eye file, its errors carried through; else the poses are the section's own.",
+            help="Hand-eye file, with its errors propagated; else the poses are the section's own.",
         ),
     ] = None
 
@@ -57,7 +57,7 @@ class PoseFile:
         count : int
             Expected number of poses.
         each : str
-            Of what there is one for each pose; for the message.
+            What each pose belongs to, for the message.
 
         Raises
         ------
@@ -132,6 +132,6 @@ def read_calibration(path: Path) -> "HandEye":
 def uncertainty_caption(*, calibrated: bool, in_base: bool) -> str:
     """Return what the standard deviations of a table include."""
     if not calibrated:
-        return "one sigma, the sensor's place on the robot taken as exact"
+        return "one sigma, the sensor's pose on the robot taken as exact"
     sources = "calibration's and the robot's" if in_base else "calibration's"
     return f"one sigma, with the {sources} error"

@@ -99,8 +99,8 @@ def scan(
 ) -> None:
     """Measure cylinders in space from several sections of known pose, jointly.
 
-    Two sections 10 mm apart know radius and direction 10 to 25 times better than one, and more
-    sections better still. For each cylinder: radius, direction, a point of the axis, each with
+    Two sections 10 mm apart determine radius and direction 10 to 25 times better than one, and
+    more sections better still. For each cylinder: radius, direction, a point of the axis, each with
     one sigma; where three sections show it also bow, taper and ovality.
 
     \b

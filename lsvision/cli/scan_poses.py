@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Encoder:
-    """``--feed`` and ``--step``."""
+    """Motion along an encoder axis: ``--feed`` and ``--step``."""
 
     direction: tuple[float, float, float]
     step: float
@@ -29,9 +29,9 @@ class Encoder:
 
 @dataclass(frozen=True)
 class Robot:
-    """``--poses`` with ``--convention``, and the calibration of ``--flange-from-section``."""
+    """Motion by a robot: ``--poses`` with ``--convention``, and the hand-eye calibration."""
 
-    rows: PoseFile
+    pose_file: PoseFile
     calibration: "HandEye | None"
 
 
@@ -47,9 +47,9 @@ def parse_motion(feed: str | None, step: float | None, robot: RobotOptions) -> E
     """
     if robot.poses is not None and (feed is not None or step is not None):
         raise typer.BadParameter("expected --feed with --step, or --poses, got both")
-    rows, hand_eye = parse_pose_file(robot), robot.flange_from_section
-    if rows is not None:
-        return Robot(rows, None if hand_eye is None else read_calibration(hand_eye))
+    pose_file, hand_eye = parse_pose_file(robot), robot.flange_from_section
+    if pose_file is not None:
+        return Robot(pose_file, None if hand_eye is None else read_calibration(hand_eye))
     if hand_eye is not None:
         raise typer.BadParameter("expected --poses with --flange-from-section, got none")
     if feed is None or step is None:
@@ -81,7 +81,7 @@ def scan_poses(motion: Encoder | Robot, count: int) -> "list[Pose]":
         from lsvision.io.robot_poses import encoder_poses
 
         return encoder_poses(count, motion.direction, motion.step)
-    flanges = motion.rows.read(count)
+    flanges = motion.pose_file.read(count)
     if motion.calibration is None:
         return flanges
     return [flange @ motion.calibration.flange_from_section for flange in flanges]

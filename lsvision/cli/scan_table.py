@@ -25,24 +25,24 @@ def scan_lines(
     sigma : str
         What the standard deviations include, from `motion_uncertainty_caption`.
     verbose : bool
-        List the refused tracks; else, if nothing was found, only the longest.
+        List the rejected tracks; else, if nothing was found, only the longest.
     """
     from lsvision.results.tables import text_table
     from lsvision.scan.scan_table import tube_cells
 
     count = len(scan.measurements)
     profiles = f"{count} profile{'' if count == 1 else 's'}"
-    refused = [f"  {rejection}" for rejection in scan.rejections]
+    rejected = [f"  {rejection}" for rejection in scan.rejections]
     if scan.cylinders:
         lines = [f"{profiles}, base frame, {sigma}", *text_table(tube_cells(scan.cylinders))]
         for number, (tube, shape) in enumerate(zip(scan.cylinders, shapes, strict=True), 1):
             lines += [f"  {number}: {line}" for line in _remarks(tube, shape)]
     else:
         lines = [f"{profiles}: no cylinder found: {_reason_without_cylinder(scan)}"]
-        if len(refused) > 1 and not verbose:
-            lines[0] += f" ({len(refused)} tracks refused: -v lists them)"
-    if verbose and refused:
-        lines += [f"refused: {len(refused)}", *refused]
+        if len(rejected) > 1 and not verbose:
+            lines[0] += f" ({len(rejected)} tracks rejected: -v lists them)"
+    if verbose and rejected:
+        lines += [f"rejected: {len(rejected)}", *rejected]
     return lines
 
 
@@ -51,7 +51,7 @@ def _reason_without_cylinder(scan: "ScanMeasurement") -> str:
     if scan.rejections:
         return max(scan.rejections, key=lambda rejection: len(rejection.sections)).reason
     empty = [section for section in scan.measurements if not section.cylinders]
-    return empty[0].reason if empty else "no section goes with another"
+    return empty[0].reason if empty else "no arcs of two sections match"
 
 
 def _remarks(tube: "ScannedCylinder", shape: "TubeShape | None") -> list[str]:

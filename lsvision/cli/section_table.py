@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 def measurement_lines(
     measurement: "Measurement", profile: "Profile", *, verbose: bool
 ) -> list[str]:
-    """Return the table of a profile, or why it is empty, and the refused arcs.
+    """Return the table of a profile, or why it is empty, and the rejected arcs.
 
     Parameters
     ----------
@@ -23,23 +23,26 @@ def measurement_lines(
     profile : Profile
         The measured profile.
     verbose : bool
-        Add notes on correlated residuals, and the refused arcs from left to right; else, if
+        Add notes on correlated residuals, and the rejected arcs from left to right; else, if
         nothing was found, only one arc.
     """
     from lsvision.ellipse.section_table import section_cells
     from lsvision.results.tables import text_table
 
     rejections = sorted(measurement.rejections, key=lambda r: (r.arc.start, r.arc.stop))
-    refused = f"{len(rejections)} arc{'' if len(rejections) == 1 else 's'} refused"
+    rejected = f"{len(rejections)} arc{'' if len(rejections) == 1 else 's'} rejected"
     lines = text_table(section_cells(measurement.cylinders))
     if not measurement.cylinders:
         reason = measurement.reason
-        more = f" ({refused}: -v lists them)" if len(rejections) > 1 and not verbose else ""
+        more = f" ({rejected}: -v lists them)" if len(rejections) > 1 and not verbose else ""
         lines = [f"no cylinder found: {reason}{more}"]
     if verbose:
         lines += _correlation_notes(measurement.cylinders)
     if verbose and rejections:
-        lines += [f"{refused}:", *(_refusal(rejection, profile) for rejection in rejections)]
+        lines += [
+            f"{rejected}:",
+            *(_rejection_line(rejection, profile) for rejection in rejections),
+        ]
     return lines
 
 
@@ -52,7 +55,7 @@ def _correlation_notes(cylinders: Sequence["CylinderSection"]) -> list[str]:
     ]
 
 
-def _refusal(rejection: "Rejection", profile: "Profile") -> str:
+def _rejection_line(rejection: "Rejection", profile: "Profile") -> str:
     arc = rejection.arc
     x = arc.of(profile)[:, 0]
     finite = [value for value in x.tolist() if math.isfinite(value)]

@@ -26,7 +26,7 @@ def simulate(
         typer.Option(help="One sigma along the ray at 400 mm; drawn from 0.02-0.1 mm without."),
     ] = None,
     radius: Annotated[
-        str, typer.Option(metavar="MM|MM:MM", help="Radius of the tubes, or least:largest, mm.")
+        str, typer.Option(metavar="MM|MM:MM", help="Radius of the tubes, or min:max, mm.")
     ] = "10:40",
     theta_deg: Annotated[
         str,
@@ -104,7 +104,7 @@ def _range(text: str, option: str) -> tuple[float, float]:
         least, largest = numbers if len(numbers) == 2 else (numbers[0], *numbers)
     except ValueError:
         raise typer.BadParameter(
-            f"expected a number or least:largest for {option}, got {text!r}"
+            f"expected a number or min:max for {option}, got {text!r}"
         ) from None
     return least, largest
 

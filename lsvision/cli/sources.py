@@ -84,11 +84,11 @@ def read_source(source: Path, options: "ReadOptions") -> "ProfileFile":
     Raises
     ------
     UnreadableFile
-        Names the file and the remedy; also if mm, which is assumed, is implausible.
+        If it cannot be read, or the assumed mm are implausible; names the file and the remedy.
     """
     from lsvision.io.profiles import inspect_profiles
 
-    return _checked(inspect_profiles(source, **options))
+    return _check_units(inspect_profiles(source, **options))
 
 
 def iterate_source(source: Path, options: "ReadOptions") -> "Iterator[ProfilePart]":
@@ -96,16 +96,16 @@ def iterate_source(source: Path, options: "ReadOptions") -> "Iterator[ProfilePar
     from lsvision.io.profiles.streaming import iterate_profiles
 
     for part in iterate_profiles(source, **options):
-        _checked(part.file)
+        _check_units(part.file)
         yield part
 
 
-def _checked(file: "ProfileFile") -> "ProfileFile":
-    if file.doubts and file.units_assumed:
+def _check_units(file: "ProfileFile") -> "ProfileFile":
+    if file.unit_warnings and file.units_assumed:
         marked = [f"{marker.count} by {marker.text}" for marker in file.markers]
         lost = f" (without {file.lost} lost points, {', '.join(marked)})" if marked else ""
         raise UnreadableFile(
-            f"{file.path}: {'; '.join(file.doubts)}, or --units mm if it is right{lost}"
+            f"{file.path}: {'; '.join(file.unit_warnings)}, or --units mm if it is right{lost}"
         )
     return file
 

@@ -33,7 +33,7 @@ class Measurement(Result):
     >>> section = lsv.simulate.random_section("single", 7, noise_mm=0.02)
     >>> measurement = lsv.measure_cylinders(section.profile)
     >>> measurement  # doctest: +ELLIPSIS
-    <Measurement: 1 cylinder (radius 36.9... ± 0.0... mm), 0 arcs refused>
+    <Measurement: 1 cylinder (radius 36.9... ± 0.0... mm), 0 arcs rejected>
     >>> print(str(measurement).splitlines()[0].split("  ")[-1])
     points
     >>> list(measurement.to_dataframe().columns[:2])
@@ -82,17 +82,17 @@ class Measurement(Result):
             f"radius {format_value(each.radius, each.radius_std)} mm" for each in self.cylinders
         )
         cylinders = counted(len(self.cylinders), "cylinder") + (f" ({radii})" if radii else "")
-        return f"{cylinders}, {counted(len(self.rejections), 'arc')} refused"
+        return f"{cylinders}, {counted(len(self.rejections), 'arc')} rejected"
 
     def _cells(self) -> list[tuple[str, ...]]:
         return section_cells(self.cylinders)
 
     def _notes(self) -> list[str]:
-        refused = f"{counted(len(self.rejections), 'arc')} refused"
+        rejected = f"{counted(len(self.rejections), 'arc')} rejected"
         if self.cylinders:
-            return [f"{refused}: see .rejections"] if self.rejections else []
+            return [f"{rejected}: see .rejections"] if self.rejections else []
         reasons = [f"  {each!s}" for each in self.rejections]
-        return [f"no cylinder found, {refused}", *reasons]
+        return [f"no cylinder found, {rejected}", *reasons]
 
     def _rows(self) -> list[Record]:
         return [row for cylinder in self.cylinders for row in cylinder._rows()]

@@ -66,7 +66,7 @@ def rasterise(
 
 
 def connected_components(range_image: RangeImage, smallest: int) -> list[IntArray]:
-    """Return the indices of each component of `smallest` points or more; less is jumps and dust."""
+    """Return the indices of each component of `smallest` points or more; smaller ones are jumps."""
     indices, connected = range_image
     cuts = (~connected).nonzero()[0] + 1
     bounds = pairwise([0, *cuts.tolist(), len(indices)])

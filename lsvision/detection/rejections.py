@@ -77,7 +77,7 @@ def _explain(
     straight = flat | ~(circles.rms < circles.line_rms)
     low, high = radius_range
 
-    def own_reason(i: int) -> str:
+    def circle_reason(i: int) -> str:
         radius, rms, line_rms = circles.radius[i], circles.rms[i], circles.line_rms[i]
         if straight[i]:
             return f"{'flat' if flat[i] else 'no arc'}: {line_rms:.2f} mm rms from a straight line"
@@ -92,5 +92,5 @@ def _explain(
     for i, old in enumerate(rejections):
         given = "" if flat[i] else old.reason
         convex = bool(circles.convex[i] and not straight[i])
-        explained.append(Rejection(old.arc, given or own_reason(i), convex=convex))
+        explained.append(Rejection(old.arc, given or circle_reason(i), convex=convex))
     return explained

@@ -28,11 +28,13 @@ def search_range(
     if isinstance(radius, tuple):
         low, high = map(float, radius)
         if not (0 < low < high < math.inf):
-            raise ValueError(f"want a radius range 0 < min < max in mm, got {low:g} to {high:g}")
+            raise ValueError(
+                f"expected a radius range 0 < min < max in mm, got {low:g} to {high:g}"
+            )
         return low, high
     if radius is not None:
         if not (math.isfinite(radius) and radius > 0):
-            raise ValueError(f"want a positive radius in mm, got {radius}")
+            raise ValueError(f"expected a positive radius in mm, got {radius}")
         return (1 - NOMINAL_SPREAD) * radius, (1 + NOMINAL_SPREAD) * radius
     if known is not None:
         spread = NOMINAL_SPREAD * known.radius + SIGNIFICANT_SIGMAS * known.std

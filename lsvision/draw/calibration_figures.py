@@ -62,22 +62,22 @@ def draw_bars(
     names : sequence of str
         Names of the groups.
     series : sequence of (str, sequence of float)
-        Its name and a value for each group; NaN leaves a gap.
+        Name of each series, and a value for each group; NaN leaves a gap.
     bad : sequence of int
         Groups to mark.
     unit : str
-        Of the values.
+        Unit of the values, for the axis.
     """
     figure = new_figure(9.5, 3.4)
     axes = figure.subplots()
-    place, width = np.arange(len(names)), 0.8 / len(series)
+    positions, width = np.arange(len(names)), 0.8 / len(series)
     for number, (name, values) in enumerate(series):
         shade = 1.0 if number == 0 else 0.45
         colours = [OUTLIER if index in bad else INLIER for index in range(len(names))]
-        axes.bar(place + (number + 0.5) * width - 0.4, values, width, color=colours, alpha=shade,
-                 label=name)  # fmt: skip
+        axes.bar(positions + (number + 0.5) * width - 0.4, values, width, color=colours,
+                 alpha=shade, label=name)  # fmt: skip
     step = 1 + len(names) // MAX_BAR_LABELS
-    axes.set_xticks(place[::step], names[::step], rotation=45, ha="right", fontsize=8,
+    axes.set_xticks(positions[::step], names[::step], rotation=45, ha="right", fontsize=8,
                     parse_math=False)  # fmt: skip
     axes.set_ylabel(unit)
     if len(series) > 1:

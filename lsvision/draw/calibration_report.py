@@ -55,16 +55,16 @@ def camera_page(found: CameraCalibration, page: ReportContent) -> str:
     Returns
     -------
     str
-        HTML that needs nothing else.
+        HTML without references to other files.
     """
     names = [page.names[view.index] for view in found.views]
-    bad = _places([view.index for view in found.views], [view.index for view in found.outliers])
+    bad = _positions([view.index for view in found.views], [view.index for view in found.outliers])
     sizes = [view.rms_px for view in found.views]
     pictures = [
         (
             svg_element(draw_coverage(found)),
             "Good: the points fill the image into its corners, and the residuals are one round "
-            "cloud. A gap is where the lens is guessed.",
+            "cloud. In a gap the distortion is extrapolated.",
         ),
         (
             svg_element(draw_bars(names, [("rms", sizes)], bad, "rms, px")),
@@ -90,13 +90,13 @@ def laser_plane_page(
         Its values, warnings, names and provenance.
     """
     names = [page.names[view.index] for view in found.views]
-    bad = _places([view.index for view in found.views], [view.index for view in found.outliers])
+    bad = _positions([view.index for view in found.views], [view.index for view in found.outliers])
     line, corners = view_sizes(found)
     bars = draw_bars(names, [("laser line", line), ("corners", corners)], bad, "rms, px")
     pictures = [
         (
             svg_element(draw_laser_plane(found, _outline(board_points))),
-            "Good: the boards lean to all sides and fill the depth in which will be measured. "
+            "Good: the boards lean to all sides and fill the depth of later measurements. "
             "The triangle is the camera.",
         ),
         (
@@ -133,7 +133,7 @@ def hand_eye_page(found: HandEye, flanges: Sequence[Pose], page: ReportContent) 
         ),
         (
             svg_element(draw_bars(page.names, series, bad, "mm")),
-            "Residual of each pose (dark), and had the pose not taken part (light). Good: about "
+            "Residual of each pose (dark), and of a fit without that pose (light). Good: about "
             "the robot's own accuracy. Orange was left out.",
         ),
     ]
@@ -146,8 +146,8 @@ def _page(title: str, page: ReportContent, pictures: Sequence[tuple[str, str]]) 
     return template.render(title=title, pictures=pictures, **vars(page))
 
 
-def _places(indices: Sequence[int], marked: Sequence[int]) -> list[int]:
-    return [place for place, index in enumerate(indices) if index in marked]
+def _positions(indices: Sequence[int], marked: Sequence[int]) -> list[int]:
+    return [position for position, index in enumerate(indices) if index in marked]
 
 
 def _outline(points: Points) -> Points:

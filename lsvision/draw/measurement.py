@@ -1,4 +1,4 @@
-"""Picture of a profile with its cylinders and refused arcs (the paper's Figure 15)."""
+"""Picture of a profile with its cylinders and rejected arcs (the paper's Figure 15)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SIZE_INCH, DPI = (13.0, 7.0), 110
 MARGIN = 0.05
 """Margin of the drawing, as a fraction of its extent."""
 LABEL_GAP_PX = 22.0
-"""Smallest distance between the letters of refused arcs."""
+"""Smallest distance between the letters of rejected arcs."""
 RASTERISE_POINTS = 20_000
 """Number of points above which an SVG contains them as an image, to stay small."""
 
@@ -34,7 +34,7 @@ RASTERISE_POINTS = 20_000
 def draw_measurement(
     profile: Profile, measurement: Measurement, *, title: str = "", ax: Axes | None = None
 ) -> Figure:
-    """Draw a profile with its cylinders and refused arcs, and a panel that explains both.
+    """Draw a profile with its cylinders and rejected arcs, and a panel that explains both.
 
     Parameters
     ----------
@@ -43,14 +43,14 @@ def draw_measurement(
     measurement : Measurement
         Its measurement.
     title : str
-        Above the drawing, as the name of the file.
+        Title above the drawing, such as the name of the file.
     ax : matplotlib.axes.Axes, optional
         Draw into these axes, without the panel; without, into a figure of its own.
 
     Returns
     -------
     matplotlib.figure.Figure
-        That of `ax`; else a new one with a canvas of its own. Save it with its ``savefig`` or
+        Figure of `ax`, else a new one with its own canvas. Save it with its ``savefig`` or
         `figure_bytes`.
 
     Examples
@@ -70,38 +70,38 @@ def draw_measurement(
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0.065, 0.085, 0.605, 0.785))
     draw_on_axes(axes, profile, measurement)
-    refused = rejected_arcs(profile.points, measurement)
-    shown = summary_title(len(measurement.cylinders), len(refused), title)
+    rejected = rejected_arcs(profile.points, measurement)
+    shown = summary_title(len(measurement.cylinders), len(rejected), title)
     figure.suptitle(shown, x=0.065, y=0.96, ha="left", fontsize=13,
                     parse_math=False)  # fmt: skip
-    draw_panel(figure, measurement.cylinders, refused)
+    draw_panel(figure, measurement.cylinders, rejected)
     return figure
 
 
 def draw_on_axes(axes: Axes, profile: Profile, measurement: Measurement) -> None:
-    """Draw a measurement into axes: points, arcs, ellipses, major axes, refused arcs.
+    """Draw a measurement into axes: points, arcs, ellipses, major axes, rejected arcs.
 
     Parameters
     ----------
     axes : matplotlib.axes.Axes
-        Gets the same scale on both axes. Units: mm.
+        Axes in mm; both get the same scale.
     profile : Profile
         The measured profile.
     measurement : Measurement
         Its measurement.
     """
     points = profile.points
-    refused = rejected_arcs(points, measurement)
+    rejected = rejected_arcs(points, measurement)
     axes.plot(*points.T, ".", color=POINTS, ms=2.5, label="measured points",
               rasterized=len(points) > RASTERISE_POINTS)  # fmt: skip
-    for arc in refused:
+    for arc in rejected:
         axes.plot(*points[arc.indices].T, "x", color=arc.colour, ms=4, mew=0.9, zorder=3,
-                  label=label_once(axes, "refused arc"))  # fmt: skip
+                  label=label_once(axes, "rejected arc"))  # fmt: skip
     for number, cylinder in enumerate(measurement.cylinders, 1):
         _draw_cylinder(axes, points, cylinder, number)
     axes.margins(MARGIN)
     axes.set_aspect("equal", adjustable="datalim")
-    _label_rejected(axes, points, refused)
+    _label_rejected(axes, points, rejected)
     axes.set_xlabel("X / mm (along the laser line)")
     axes.set_ylabel("Y / mm (up: towards the sensor)")
     axes.grid(visible=True, lw=0.4, alpha=0.5)
@@ -124,13 +124,13 @@ def _draw_cylinder(axes: Axes, points: Points, cylinder: CylinderSection, number
               va="center", zorder=6, clip_on=True, bbox=badge)  # fmt: skip
 
 
-def _label_rejected(axes: Axes, points: Points, refused: Sequence[RejectedArc]) -> None:
+def _label_rejected(axes: Axes, points: Points, rejected: Sequence[RejectedArc]) -> None:
     """Draw letters above the arcs, each moved up until it overlaps none before it."""
     axes.autoscale_view()
     axes.apply_aspect()
     to_pixels = axes.transData
     up, placed = np.array([0.0, LABEL_GAP_PX]), list[FloatArray]()
-    for arc in refused:
+    for arc in rejected:
         anchor = points[arc.indices[len(arc.indices) // 2]]
         spot = to_pixels.transform(anchor) + up
         while any(math.hypot(*(spot - other)) < LABEL_GAP_PX for other in placed):

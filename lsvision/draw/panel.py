@@ -1,4 +1,4 @@
-"""Panel next to a drawing: values of each cylinder, and reasons of the refused arcs."""
+"""Panel next to a drawing: values of each cylinder, and reasons of the rejected arcs."""
 
 import textwrap
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ LEGEND = (
 
 
 def draw_panel(
-    figure: "Figure", cylinders: Sequence[CylinderSection], refused: Sequence[RejectedArc]
+    figure: "Figure", cylinders: Sequence[CylinderSection], rejected: Sequence[RejectedArc]
 ) -> None:
     """Write the panel into the right third of a figure.
 
@@ -39,10 +39,10 @@ def draw_panel(
         The figure.
     cylinders : sequence of CylinderSection
         Numbered from 1 in this order.
-    refused : sequence of RejectedArc
+    rejected : sequence of RejectedArc
         In the order of their letters.
     """
-    lines = [*_cylinder_lines(cylinders), *_rejected_lines(refused)]
+    lines = [*_cylinder_lines(cylinders), *_rejected_lines(rejected)]
     if len(lines) > LINES:
         left_out = len(lines) - LINES + 1
         lines = [
@@ -83,9 +83,9 @@ def _description(cylinder: CylinderSection) -> list[str]:
     ]
 
 
-def _rejected_lines(refused: Sequence[RejectedArc]) -> list[tuple[str, str]]:
-    lines = [("Refused arcs", HEADING)] if refused else []
-    for arc in refused:
+def _rejected_lines(rejected: Sequence[RejectedArc]) -> list[tuple[str, str]]:
+    lines = [("Rejected arcs", HEADING)] if rejected else []
+    for arc in rejected:
         wrapped = textwrap.wrap(arc.reason, COLUMNS - 4)
         lines += [
             (f"{arc.letter if row == 0 else '':<3} {text}", arc.colour)

@@ -1,4 +1,4 @@
-"""Refused arcs of a picture: each has a letter, which the panel explains."""
+"""Rejected arcs of a picture: each has a letter, which the panel explains."""
 
 from dataclasses import dataclass
 
@@ -11,18 +11,18 @@ from lsvision.results.palette import REJECTED
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RejectedArc:
-    """A refused arc in a picture.
+    """A rejected arc in a picture.
 
     Parameters
     ----------
     letter : str
         Label in the picture.
     indices : (k,) int ndarray
-        Its points that are there and belong to no cylinder; never empty.
+        Its valid points that belong to no cylinder; at least one.
     reason : str
         Reason of the rejection.
     colour : str
-        As matplotlib takes it.
+        Colour in the picture, for matplotlib.
     """
 
     letter: str
@@ -32,15 +32,15 @@ class RejectedArc:
 
 
 def rejected_arcs(points: Points, measurement: Measurement) -> tuple[RejectedArc, ...]:
-    """Return the refused arcs from left to right, each span once.
+    """Return the rejected arcs from left to right, each span once.
 
     Parameters
     ----------
     points : (n, 2) ndarray
         Points of the profile. Units: mm.
     measurement : Measurement
-        Its cylinders and rejections. A rejection whose points all went to cylinders in the end
-        says nothing about the picture and is left out.
+        Its cylinders and rejections. A rejection whose points all belong to cylinders in the end
+        is left out.
     """
     free = np.isfinite(points[:, 0])
     for cylinder in measurement.cylinders:
@@ -50,14 +50,14 @@ def rejected_arcs(points: Points, measurement: Measurement) -> tuple[RejectedArc
         reasons.setdefault((rejection.arc.start, rejection.arc.stop), rejection.reason)
     arcs: list[RejectedArc] = []
     for (start, stop), reason in sorted(reasons.items()):
-        own = start + np.flatnonzero(free[start:stop])
-        if len(own):
+        indices = start + np.flatnonzero(free[start:stop])
+        if len(indices):
             colour = REJECTED[len(arcs) % len(REJECTED)]
-            arcs.append(RejectedArc(_letter(len(arcs)), own, reason, colour))
+            arcs.append(RejectedArc(_letter(len(arcs)), indices, reason, colour))
     return tuple(arcs)
 
 
-def _letter(place: int) -> str:
+def _letter(number: int) -> str:
     """Return A to Z, then A1 to Z1."""
-    turn, letter = divmod(place, 26)
+    turn, letter = divmod(number, 26)
     return chr(ord("A") + letter) + (str(turn) if turn else "")

@@ -27,12 +27,14 @@ def coloured_points(scan: ScanMeasurement, points: Points) -> tuple[Points, Floa
     colours : (m, 3) ndarray
         Red, green, blue, 0 to 1.
     """
-    own = [tube.points for tube in scan.cylinders]
-    taken = {tuple(point) for mine in own for point in mine.tolist()}
-    rest = points[[tuple(point) not in taken for point in points.tolist()]]
+    cylinder_points = [tube.points for tube in scan.cylinders]
+    assigned = {tuple(point) for each in cylinder_points for point in each.tolist()}
+    rest = points[[tuple(point) not in assigned for point in points.tolist()]]
     colours = [np.tile(GREY, (len(rest), 1))]
-    colours += [np.tile(rgb_of(number), (len(mine), 1)) for number, mine in enumerate(own, 1)]
-    return np.concatenate([rest, *own]), np.concatenate(colours)
+    colours += [
+        np.tile(rgb_of(number), (len(each), 1)) for number, each in enumerate(cylinder_points, 1)
+    ]
+    return np.concatenate([rest, *cylinder_points]), np.concatenate(colours)
 
 
 def coloured_surfaces(scan: ScanMeasurement) -> tuple[Points, FloatArray, IntArray]:

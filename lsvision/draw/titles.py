@@ -22,17 +22,17 @@ def printable(title: str) -> str:
     return shown if len(shown) <= MAX_TITLE_CHARACTERS else "..." + shown[-MAX_TITLE_CHARACTERS:]
 
 
-def summary_title(cylinders: int, refused: int, title: str) -> str:
-    """Return a title followed by the numbers of cylinders and refused arcs.
+def summary_title(cylinders: int, rejected: int, title: str) -> str:
+    """Return a title followed by the numbers of cylinders and rejected arcs.
 
     Examples
     --------
     >>> summary_title(2, 1, "pair.csv")
-    'pair.csv: 2 cylinders, 1 arc refused'
+    'pair.csv: 2 cylinders, 1 arc rejected'
     """
     summary = f"{cylinders or 'no'} cylinder{'' if cylinders in {0, 1} else 's'}"
-    if refused:
-        summary += f", {refused} arc{'' if refused == 1 else 's'} refused"
+    if rejected:
+        summary += f", {rejected} arc{'' if rejected == 1 else 's'} rejected"
     shown = printable(title)
     return f"{shown}: {summary}" if shown else summary
 

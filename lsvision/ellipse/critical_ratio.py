@@ -32,7 +32,7 @@ last it is that of a straight line."""
 ARC_ANGLES, ARC_WEIGHTS = (math.pi / 2 * rule for rule in np.polynomial.legendre.leggauss(16))
 """Gauss-Legendre rule over the half circle that ends the tube about a half line. Units: rad."""
 CACHED_LEVELS = 16
-"""Number of levels whose quantiles and table for theta are kept."""
+"""Number of levels whose quantiles and table for theta are cached."""
 TINY = 1e-300
 
 
@@ -54,7 +54,7 @@ class CriticalRatios:
         Semi-axes in sigmas of the ring |d| = 1 mm, the larger first.
     axis : complex
         Direction of the larger semi-axis.
-    prior_share, of_prior : float
+    prior_fraction, of_prior : float
         Fraction of the information on d from a prior on phi that includes a circle, and its c.
     may_be_circle : bool
         Whether the section may be a circle: false if a prior on phi excludes it.
@@ -67,7 +67,7 @@ class CriticalRatios:
     deviator: complex
     semi_axes: tuple[float, float]
     axis: complex
-    prior_share: float
+    prior_fraction: float
     of_prior: float
     may_be_circle: bool
 
@@ -90,7 +90,7 @@ class CriticalRatios:
     @property
     def of_circle(self) -> float:
         """Critical ratio of phi = 0."""
-        return self.two + self.prior_share * max(self.of_prior - self.two, 0.0)
+        return self.two + self.prior_fraction * max(self.of_prior - self.two, 0.0)
 
     def leaves_theta_open(self, circle_ratio: float) -> bool:
         """Return whether a circle with this ratio is possible: theta's interval is then (0, pi)."""
@@ -104,19 +104,19 @@ class CriticalRatios:
         near = [kappa for kappa in ratios if kappa < reach]
         if near:
             tubes = self._ring_tube(self.m * np.array(near), direction).tolist()
-            shares = [_share_of_two(self.level, tube) for tube in tubes]
-            ratios.update(zip(near, map(self._interpolate, shares), strict=True))
-        of_prior, share = self.of_prior, self.prior_share
-        return [ratios[kappa] + share * max(of_prior - ratios[kappa], 0.0) for kappa in kappas]
+            fractions = [_fraction_of_two(self.level, tube) for tube in tubes]
+            ratios.update(zip(near, map(self._interpolate, fractions), strict=True))
+        of_prior, fraction = self.of_prior, self.prior_fraction
+        return [ratios[kappa] + fraction * max(of_prior - ratios[kappa], 0.0) for kappa in kappas]
 
     def of_direction(self, deviator: complex) -> float:
         """Return c of theta for a direction of d and a true d of the estimate's length."""
         distance = abs(self.deviator) * abs(self._in_sigmas(deviator))
-        share = np.interp(distance, END_SIGMAS, _half_line_shares(self.level))
-        return self._interpolate(float(share))
+        fraction = np.interp(distance, END_SIGMAS, _half_line_fractions(self.level))
+        return self._interpolate(float(fraction))
 
-    def _interpolate(self, share: float) -> float:
-        return (1 - share) * self.one + share * self.two
+    def _interpolate(self, fraction: float) -> float:
+        return (1 - fraction) * self.one + fraction * self.two
 
     def _in_sigmas(self, direction: complex) -> complex:
         """Return the unit vector of a direction in sigmas per mm, along the axes of the ring.
@@ -161,30 +161,30 @@ class CriticalRatios:
 
 @lru_cache(maxsize=CACHED_LEVELS)
 def _chi2_quantiles(level: float) -> FloatArray:
-    """Return those with one and two degrees of freedom, and their mean between them."""
+    """Return the quantiles for one and two degrees of freedom, with their mean between them."""
     one, two = (squared_quantile(k, math.inf, level) for k in (1, 2))
     return np.array([one, (one + two) / 2, two])
 
 
 @lru_cache(maxsize=CACHED_LEVELS)
-def _half_line_shares(level: float) -> FloatArray:
-    """Return `_share_of_two` for a half line and a true d at each of `END_SIGMAS` from its end."""
+def _half_line_fractions(level: float) -> FloatArray:
+    """Return `_fraction_of_two` for a half line with a true d at `END_SIGMAS` from its end."""
     # The tube is integrated across the half line; along it the normal integral is known.
     s = np.sqrt(_chi2_quantiles(level))[:, None]
     across, along = s * np.sin(ARC_ANGLES), s * np.cos(ARC_ANGLES)
     density = np.exp(-across * across / 2) / math.sqrt(2 * math.pi)
     tubes = (density * normal_probability(END_SIGMAS[:, None, None] + along) * along) @ ARC_WEIGHTS
-    return np.array([_share_of_two(level, tube) for tube in tubes.tolist()])
+    return np.array([_fraction_of_two(level, tube) for tube in tubes.tolist()])
 
 
-def _share_of_two(level: float, tube: Sequence[float]) -> float:
+def _fraction_of_two(level: float, tube: Sequence[float]) -> float:
     """Return where c lies from `one` (0) to `two` (1), from probabilities of tubes of three widths.
 
     log(1 - probability) is linear in the squared width at a circle and nearly so elsewhere.
     """
-    tail, wanted = [math.log1p(-min(each, 1 - 1e-15)) for each in tube], math.log1p(-level)
-    place = 0.0
+    tail, target = [math.log1p(-min(each, 1 - 1e-15)) for each in tube], math.log1p(-level)
+    position = 0.0
     for i, j, k, node in ((0, 1, 2, -1.0), (2, 0, 1, 1.0)):
-        weight = (wanted - tail[j]) * (wanted - tail[k])
-        place += node * weight / ((tail[i] - tail[j]) * (tail[i] - tail[k]) or TINY)
-    return min(max((place + 1) / 2, 0.0), 1.0)
+        weight = (target - tail[j]) * (target - tail[k])
+        position += node * weight / ((tail[i] - tail[j]) * (tail[i] - tail[k]) or TINY)
+    return min(max((position + 1) / 2, 0.0), 1.0)

@@ -40,7 +40,7 @@ not, the end of the region is too far away to be of use."""
 STEP_TOLERANCE, RATIO_TOLERANCE, CRITICAL_TOLERANCE = 0.25, 0.2, 0.007
 """Limits of convergence: length of the last step in radii of the region; difference of F - min F
 from c, and of c from its last value, as fractions of c. The error of the end is quadratic in them,
-at most 1 % of the width."""
+at limit 1 % of the width."""
 MAX_STEP = 2.5
 """Longest step, in radii of the region."""
 MAX_LOG_STEP = 2.0
@@ -54,7 +54,7 @@ MAX_FLATTENING = 0.998
 FAR_CIRCLE, CIRCLE_PRECISION = 2.0, 20.0
 """The search for the best circle ends, and a circle is excluded, if its predicted ratio exceeds the
 critical one by the first factor, and the present ratio the predicted one by under the second."""
-CRITICAL_SLACK, SURPASSING_SHARE = 1.001, 0.02
+CRITICAL_SLACK, SURPASSING_FRACTION = 1.001, 0.02
 """Tolerance for rounding in the comparison of two c, and distance by which an end must be further
 out than another one to replace it, as a fraction of half the width."""
 
@@ -87,8 +87,8 @@ def find_end_points(fit: EllipseFit, ratios: CriticalRatios, wanted: BoolArray) 
     """
     with np.errstate(all="ignore"):  # steps to parameters without finite cost are rejected
         search = _Search.start(Region(fit, ratios, expand_cost(fit, fit.parameters[None])), wanted)
-        for most in MAX_EVALUATIONS:
-            for _ in range(most):
+        for limit in MAX_EVALUATIONS:
+            for _ in range(limit):
                 if not search.rows.size:
                     break
                 search.advance()
@@ -142,10 +142,10 @@ class _Search:
     def advance(self) -> None:
         """Move the rows, expand F where they are, find their next targets, drop the converged."""
         region, previous = self.region, self.targets.critical
-        shares = np.minimum(1.0, MAX_STEP / np.maximum(self.lengths, TINY))
-        shares[self.rows == CIRCLE] = 1.0
+        fractions = np.minimum(1.0, MAX_STEP / np.maximum(self.lengths, TINY))
+        fractions[self.rows == CIRCLE] = 1.0
         fit, targets = region.fit, self.targets.parameters
-        moved = self._accept(_move(fit, self.parameters, targets, self.reduction * shares))
+        moved = self._accept(_move(fit, self.parameters, targets, self.reduction * fractions))
         factor = np.where(moved, STEP_GROWTH, STEP_REDUCTION)
         self.reduction = np.minimum(factor * self.reduction, 1.0)
         self._find_targets()
@@ -162,7 +162,7 @@ class _Search:
         """Restart rows that have not converged, or where another row has a more extreme value.
 
         Every end, and the estimate, lies in the regions of all rows whose c is not smaller: such a
-        row restarts from the most extreme of these points.
+        row restarts from the limit extreme of these points.
         """
         estimate = self.region.fit.parameters
         active = np.zeros(ROWS, dtype=bool)
@@ -179,7 +179,7 @@ class _Search:
         for first, second in SECOND_ROWS.items():
             if sources[second]:
                 ends[[first, second]] = ends[[first, second]].max()
-        surpassed = reached.max(axis=0) > ends + SURPASSING_SHARE * np.abs(ends - of_estimate)
+        surpassed = reached.max(axis=0) > ends + SURPASSING_FRACTION * np.abs(ends - of_estimate)
         again = self.wanted & (active | surpassed)
         again[CIRCLE] = active[CIRCLE]
         if again.any():
@@ -204,13 +204,13 @@ class _Search:
 
     def _drop_second_rows(self) -> None:
         """Drop second rows that start in the first's direction, or with d opposite to theirs."""
-        places = {row: i for i, row in enumerate(self.rows.tolist())}
+        positions = {row: i for i, row in enumerate(self.rows.tolist())}
         for first, second in SECOND_ROWS.items():
             if self.wanted[second]:
-                i, angles = places[second], self.targets.angles
+                i, angles = positions[second], self.targets.angles
                 cos, sin = math.cos(angles[i]), math.sin(angles[i])
                 _, _, _, p, q = self.targets.parameters[i].tolist()
-                same = math.cos(angles[i] - angles[places[first]]) > SAME_DIRECTION
+                same = math.cos(angles[i] - angles[positions[first]]) > SAME_DIRECTION
                 self.wanted[second] = not same and cos * p + sin * q > 0
         self._keep(self.wanted[self.rows])
 
@@ -255,17 +255,17 @@ class _Search:
 
 
 def _move(
-    fit: EllipseFit, parameters: FloatArray, targets: FloatArray, shares: FloatArray
+    fit: EllipseFit, parameters: FloatArray, targets: FloatArray, fractions: FloatArray
 ) -> FloatArray:
     """Return the rows moved by a fraction of the step to the targets, in coordinates of an arc.
 
     The coordinates are the middle point of the arc, log m and d / m, in which the region of a short
     arc is more nearly an ellipsoid. A known radius or phi is a coordinate, too: steps preserve it.
     """
-    steps = shares[:, None] * (targets - parameters)
+    steps = fractions[:, None] * (targets - parameters)
     m, d, dm, dd = parameters[:, 2], flattening(parameters), steps[:, 2], flattening(steps)
     bent = _bend(fit, d / m, (dd - d * dm / m) / m)
-    bent[~targets[:, 3:].any(axis=1) & (shares == 1)] = 0.0
+    bent[~targets[:, 3:].any(axis=1) & (fractions == 1)] = 0.0
     new_m = m * np.exp(np.minimum(np.maximum(dm / m, -MAX_LOG_STEP), MAX_LOG_STEP))
     if fit.problem.known_radius is not None:
         u = np.where(d == 0, 1.0, d / np.abs(d))

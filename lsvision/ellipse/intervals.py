@@ -75,10 +75,10 @@ def interval(fit: EllipseFit, quantity: Quantity, level: float = 0.95) -> Interv
     Raises
     ------
     ValueError
-        If the quantity is none of these or the level is no probability.
+        If the quantity is unknown, or the level is not between 0 and 1.
     """
     if quantity not in get_args(Quantity):
-        raise ValueError(f"want one of {', '.join(get_args(Quantity))}, got {quantity!r}")
+        raise ValueError(f"expected one of {', '.join(get_args(Quantity))}, got {quantity!r}")
     ends: Interval = getattr(intervals(fit, level), quantity)
     return ends
 
@@ -104,7 +104,7 @@ def intervals(fit: EllipseFit, level: float = 0.95) -> Intervals:
     Raises
     ------
     ValueError
-        If the level is no probability.
+        If the level is not between 0 and 1.
 
     References
     ----------
@@ -112,7 +112,7 @@ def intervals(fit: EllipseFit, level: float = 0.95) -> Intervals:
     2000 (the idea of the computed quantile).
     """
     if not 0 < level < 1:
-        raise ValueError(f"want a level between 0 and 1, got {level}")
+        raise ValueError(f"expected a level between 0 and 1, got {level}")
     return _compute_intervals(fit, float(level))
 
 

@@ -63,9 +63,9 @@ class PhiPrior:
 
     def __post_init__(self) -> None:
         if not 0 <= self.phi < PHI_RANGE:
-            raise ValueError(f"want a known phi from 0 to below pi / 2 rad, got {self.phi}")
+            raise ValueError(f"expected a known phi from 0 to below pi / 2 rad, got {self.phi}")
         if not (math.isfinite(self.std) and self.std >= 0):
-            raise ValueError(f"want a known phi with std >= 0 rad, got {self.std}")
+            raise ValueError(f"expected a known phi with std >= 0 rad, got {self.std}")
 
     @property
     def includes_circle(self) -> bool:

@@ -43,9 +43,9 @@ class RadiusPrior:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.radius) and self.radius > 0):
-            raise ValueError(f"want a positive known radius in mm, got {self.radius}")
+            raise ValueError(f"expected a positive known radius in mm, got {self.radius}")
         if not (math.isfinite(self.std) and self.std >= 0):
-            raise ValueError(f"want a known radius with std >= 0 mm, got {self.std}")
+            raise ValueError(f"expected a known radius with std >= 0 mm, got {self.std}")
 
     @property
     def effective_std(self) -> float:

@@ -67,7 +67,7 @@ def ellipse_residuals(points: NoisyPoints, parameters: FloatArray) -> EllipseRes
     """Return the residuals of points from an ellipse (see `lsvision.ellipse.parameters`).
 
     The symmetric matrix E / m acts on w as w + d conj(w), with d = (p + iq) / m, and its adjugate,
-    which the inverse and the normals are made of, as w - d conj(w).
+    from which the inverse and the normals follow, as w - d conj(w).
     """
     x, y, m, p, q = parameters.tolist()
     d, offset = complex(p, q) / m, points.z - complex(x, y)
@@ -80,8 +80,8 @@ def ellipse_residuals(points: NoisyPoints, parameters: FloatArray) -> EllipseRes
     # Along the ray the ellipse is at m det / size; times the ray's cosine with n.
     signed = (size - m * (1 - abs(d) ** 2)) / steepness
     variances = points.normal_variances(n)
-    tolerant = variances + (2 * VARIANCE_FLOOR_FRACTION) * points.mean_variance
-    return EllipseResiduals(signed, n, w, variances, tolerant)
+    inflated = variances + (2 * VARIANCE_FLOOR_FRACTION) * points.mean_variance
+    return EllipseResiduals(signed, n, w, variances, inflated)
 
 
 class WeightedSystem(NamedTuple):

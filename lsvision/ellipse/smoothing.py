@@ -27,7 +27,7 @@ POSITIONS = 16
 quadratic is evaluated: five per window of 30 %, since a quadratic has no finer detail."""
 RIDGE = 1e-9
 """Ridge of the regression over its weights, and smallest step over the arc's length: points may
-share a foot. Above rounding."""
+share a foot point. Larger than rounding errors."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -13,16 +13,16 @@ from lsvision.errors import UnwritableFile
 def write_atomic(path: str | os.PathLike[str], content: str | bytes | Iterable[bytes]) -> None:
     """Write a file so that a reader finds the old one or the whole new one, never a part.
 
-    The content goes to a new file in the same folder, which then takes the place of the old
-    one. Devices and pipes (``/dev/stdout``) have no place to take and are written to directly.
+    The content is written to a new file in the same folder, which then replaces the old one.
+    Devices and pipes (``/dev/stdout``) cannot be replaced and are written to directly.
 
     Parameters
     ----------
     path : path
         The file; a link is followed, an existing file keeps its permissions.
     content : str, bytes or iterable of bytes
-        Text is written as UTF-8, its line ends as they are; what UTF-8 does not hold (a surrogate
-        out of a file name) as an escape sequence.
+        Text is written as UTF-8 with its own line ends; characters that UTF-8 cannot encode (a
+        surrogate from a file name) as escape sequences.
 
     Raises
     ------
@@ -76,4 +76,4 @@ def _hint(error: OSError | ValueError) -> str:
     if isinstance(error, PermissionError):
         return "no permission to write there: name another folder"
     reason = error.strerror if isinstance(error, OSError) else error
-    return f"cannot be written ({reason}): name another file or make room"
+    return f"cannot be written ({reason}): name another file or free space"

@@ -122,7 +122,7 @@ def _camera_from_yaml(text: str, size: tuple[int, int] | None) -> Camera:
     if model and model.group(1) not in MODELS:
         raise ValueError(
             f"its lens model is {model.group(1)!r}; expected {MODELS[0]} or {MODELS[1]}: "
-            "calibrate anew with that model"
+            "calibrate again with that model"
         )
     matrix = _numbers(text, MATRIX_KEYS, "camera matrix")
     if len(matrix) != 9:

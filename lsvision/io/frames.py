@@ -33,7 +33,8 @@ def read_frames(path: str | os.PathLike[str]) -> Iterator[Frame]:
     Yields
     ------
     (height, width, 3) ndarray of uint8
-        Blue first; grey videos come with three equal channels. Not turned.
+        Blue, green, red; three equal channels in a grey video. Not rotated by the orientation that
+        the file states.
 
     Raises
     ------
@@ -48,7 +49,7 @@ def read_frames(path: str | os.PathLike[str]) -> Iterator[Frame]:
         if first is None:
             raise UnreadableFile(
                 f"{source} holds no frame that can be decoded: play it to see whether it is whole, "
-                "or save it anew as AVI or MP4"
+                "or save it again as AVI or MP4"
             )
         yield first
         yield from frames
@@ -67,7 +68,7 @@ def capture_frames(index: int, count: int) -> Iterator[Frame]:
     Yields
     ------
     (height, width) or (height, width, 3) ndarray of uint8
-        Blue first.
+        Grey, or blue, green, red.
 
     Raises
     ------
@@ -88,7 +89,7 @@ def capture_frames(index: int, count: int) -> Iterator[Frame]:
 
 @contextmanager
 def _opened(source: str | int) -> Iterator[Any]:
-    # OpenCV 4 has these two in cv2, OpenCV 5 in cv2.utils.logging.
+    # OpenCV 4 has getLogLevel and setLogLevel in cv2, OpenCV 5 in cv2.utils.logging.
     logging: Any = cv2 if hasattr(cv2, "setLogLevel") else cv2.utils.logging
     level = logging.getLogLevel()
     os.environ.setdefault(*FFMPEG_SILENT)

@@ -124,12 +124,12 @@ def load_hand_eye(path: str | Path) -> HandEye:
     except KeyError as error:
         raise UnreadableFile(
             f"{path}: expected a whole hand-eye file, got one with a bad or missing {error}: "
-            "calibrate anew"
+            "calibrate again"
         ) from error
     except (TypeError, ValueError, AttributeError, OverflowError) as error:
         raise UnreadableFile(
             f"{path}: expected a hand-eye file as lsvision writes it, got one that is damaged: "
-            f"{error}: calibrate anew"
+            f"{error}: calibrate again"
         ) from error
     return hand_eye
 
@@ -198,7 +198,7 @@ def _hand_eye_of(document: dict[str, Any]) -> HandEye:
 
 
 def _check_numbers(hand_eye: HandEye) -> None:
-    """Refuse numbers that would give NaN or nonsense where they are used."""
+    """Raise an error for numbers that are not finite or out of range."""
     check_covariance(hand_eye.covariance)
     factor, factor_std = hand_eye.height_scale or (1.0, 0.0)
     lengths = [*hand_eye.robot_std, hand_eye.least_determined_std, factor, factor_std]

@@ -53,7 +53,7 @@ class RecordText(Protocol):
 class ResultFiles:
     """The JSON and the CSV file of a run, each on a disk or on standard output.
 
-    A file is written anew from time to time while results come, whole each time: a run that is
+    A file is rewritten from time to time while results come, completely each time: a run that is
     killed leaves what was measured until a moment before. Standard output gets each result at
     once, with the columns that the first one needs. Nothing is written where there is no result.
 
@@ -125,7 +125,7 @@ class _Stream:
 
 
 class _Checkpoints:
-    """A file that is written anew from time to time; its text lies on the disk, if it is long."""
+    """A file that is rewritten from time to time; a long text is kept on disk, not in memory."""
 
     def __init__(self, path: Path, text: RecordText) -> None:
         self._path, self._text = path, text

@@ -1,13 +1,13 @@
 """The colours of all pictures: a thing has the same colour in a photo, a section and a scan.
 
-Based on the palette of Okabe and Ito, darkened where white letters stand on it; told apart by
+Based on the palette of Okabe and Ito, darkened where white letters stand on it; distinguished by
 colour-blind readers, on white and on a dark photo.
 """
 
 CYLINDERS = ("#0072B2", "#00805E", "#A8457E", "#4B4BC8")
 """Of the cylinders in turn; see `cylinder_colour`."""
 REJECTED = ("#D55E00", "#9A6A00")
-"""Colours of refused arcs in turn; neighbours differ, and none has the colour of a cylinder."""
+"""Colours of rejected arcs in turn; neighbours differ, and none has the colour of a cylinder."""
 POINTS = "#8C8C8C"
 """Measured points that belong to nothing found."""
 LASER_LINE, SATURATED = "#0095C8", "#D55E00"

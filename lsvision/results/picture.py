@@ -1,4 +1,4 @@
-"""Small pictures of results as SVG text: no more than a notebook's cell needs."""
+"""Small pictures of results as SVG text, for the cells of a notebook."""
 
 from collections.abc import Sequence
 
@@ -45,7 +45,7 @@ def draw_svg(
         for _, ellipse in cylinders
         if ellipse is not None
     ]
-    shown = np.concatenate([points, *(own for own, _ in cylinders), *outlines])
+    shown = np.concatenate([points, *(arc for arc, _ in cylinders), *outlines])
     shown = shown[np.isfinite(shown).all(axis=1)]
     if not len(shown):
         return ""
@@ -55,22 +55,22 @@ def draw_svg(
     width, height = (size * scale / (1 - 2 * MARGIN_FRACTION)).round()
     middle = (low + high) / 2
 
-    def to_pixels(places: FloatArray) -> FloatArray:
-        pixels: FloatArray = (places - middle) * (scale, -scale) + (width / 2, height / 2)
+    def to_pixels(coordinates: FloatArray) -> FloatArray:
+        pixels: FloatArray = (coordinates - middle) * (scale, -scale) + (width / 2, height / 2)
         return pixels
 
     parts = [_dots(to_pixels(points), POINTS)]
-    for number, (own, ellipse) in enumerate(cylinders, 1):
+    for number, (arc, ellipse) in enumerate(cylinders, 1):
         colour = cylinder_colour(number)
-        parts.append(_dots(to_pixels(own), colour))
-        place = to_pixels(own[np.isfinite(own[:, 0])].mean(axis=0))
+        parts.append(_dots(to_pixels(arc), colour))
+        label = to_pixels(arc[np.isfinite(arc[:, 0])].mean(axis=0))
         if ellipse is not None:
             outline = to_pixels(ellipse.points_at(np.linspace(0, 2 * np.pi, OUTLINE_POINTS)))
             path = "L".join(f"{x:.1f},{y:.1f}" for x, y in outline)
             parts.append(f'<path d="M{path}" fill="none" stroke="{colour}"/>')
-            place = to_pixels(np.array(ellipse.centre))
+            label = to_pixels(np.array(ellipse.centre))
         parts.append(
-            f'<text x="{place[0]:.1f}" y="{place[1]:.1f}" fill="{colour}" font-size="14" '
+            f'<text x="{label[0]:.1f}" y="{label[1]:.1f}" fill="{colour}" font-size="14" '
             f'text-anchor="middle" font-family="sans-serif">{number}</text>'
         )
     return (
@@ -81,7 +81,7 @@ def draw_svg(
 
 
 def _dots(pixels: FloatArray, colour: str) -> str:
-    """Points as one path of round ends without lengths."""
+    """Return points as one path of lines of length zero with round ends."""
     valid = pixels[np.isfinite(pixels).all(axis=1)]
     few = valid[:: max(1, -(-len(valid) // MAX_POINTS))]
     path = "".join(f"M{x:.1f},{y:.1f}h0" for x, y in few)

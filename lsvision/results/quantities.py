@@ -85,7 +85,7 @@ class Estimate:
     interval : tuple of float
         At `LEVEL`.
     determined : bool
-        False where the number says nothing; tables then say so.
+        False where the data do not determine the value; tables then print that.
 
     Examples
     --------

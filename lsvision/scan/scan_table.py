@@ -33,7 +33,7 @@ def twin_note(twin: Cylinder) -> str:
     x, y, z = twin.direction
     return (
         f"one section alone: its twin ({x:+.4f} {y:+.4f} {z:+.4f}) fits as well; a second "
-        "section tells"
+        "section decides"
     )
 
 

@@ -99,7 +99,7 @@ class TubeShape(Result):
     taper : FormDeviation
         Increase of the radius from the middle to the end of the measured length.
     ovality_terms : FormDeviation
-        o1 and o2.
+        Amplitudes o1, o2 of the radius r + o1 cos 2 psi + o2 sin 2 psi. Units: mm.
     radius : float
         Mean radius of the deviating tube. Units: mm.
     half_length : float
@@ -145,7 +145,7 @@ class TubeShape(Result):
         Returns
         -------
         dict
-            Lengths in ``*_mm``; the radius of a bow that is none is None.
+            Lengths in ``*_mm``; ``bow_radius_mm`` is None for a straight axis.
         """
         centres = self.centres
         return {
@@ -176,15 +176,15 @@ class TubeShape(Result):
         return shape_lines(self)
 
     def _rows(self) -> list[Record]:
-        """A section a row: its centre beside the straight axis, and its radius."""
+        """Return a row per section: its centre relative to the straight axis, and its radius."""
         record = self.to_dict()
         columns = {
             "section": record["sections"],
             "along_mm": record["along_mm"],
             **{
-                f"{name}_{axis}_mm": [row[place] for row in record[f"{name}_mm"]]
+                f"{name}_{axis}_mm": [row[index] for row in record[f"{name}_mm"]]
                 for name in ("deviations", "deviations_std")
-                for place, axis in enumerate(("phi", "theta"))
+                for index, axis in enumerate(("phi", "theta"))
             },
             "radius_mm": record["radii_mm"],
             "radius_std_mm": record["radii_std_mm"],
@@ -193,7 +193,7 @@ class TubeShape(Result):
 
 
 def shape_lines(shape: TubeShape) -> list[str]:
-    """Bow, taper and ovality with one sigma, a line each, and whether chance makes as much."""
+    """Return bow, taper and ovality with one sigma, a line each, and whether it is significant."""
     bow = (
         f"{format_value(shape.bow.size, shape.bow.size_std)} mm over {2 * shape.half_length:.0f} mm"
     )

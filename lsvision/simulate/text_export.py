@@ -28,7 +28,7 @@ LABEL_MEANING = "-1 lost or jump, 0 clutter, k >= 1 the k-th tube"
 DECIMALS = 6
 """Decimals of mm and rad in the truth; far below the noise of any sensor."""
 RAW_DECIMALS = 4
-"""Decimals of the profile of a sensor without a quantum."""
+"""Decimals of the profile of a sensor without quantisation."""
 
 
 def profile_text(section: SimulatedSection, title: str) -> str:

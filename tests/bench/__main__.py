@@ -120,7 +120,7 @@ def main():
     parser.add_argument("--quick", action="store_true", help="a few minutes instead of many")
     options = parser.parse_args()
     for unknown in set(options.only) - set(BENCHES):
-        parser.error(f"want one of {', '.join(BENCHES)}, got {unknown}")
+        parser.error(f"expected one of {', '.join(BENCHES)}, got {unknown}")
     from tests.bench.sources import fingerprint
 
     short, sources = [], fingerprint()

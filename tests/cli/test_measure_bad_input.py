@@ -136,7 +136,7 @@ def test_a_million_points_are_measured(run, tmp_path):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--radius", "40:10"], "expected --radius above 0 mm, least:largest, got '40:10'"),
+        (["--radius", "40:10"], "expected --radius above 0 mm, min:max, got '40:10'"),
         (["--radius", "-5"], "expected --radius above 0 mm"),
         (["--radius", "0:10"], "expected --radius above 0 mm"),
         (["--radius", "ten"], "expected --radius 19 or --radius 10:40 in mm, got 'ten'"),

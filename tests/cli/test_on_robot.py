@@ -111,7 +111,7 @@ def test_without_a_calibration_its_errors_are_said_to_be_left_out(run, tmp_path)
     np.savetxt(sections, [pose.matrix.ravel() for pose in poses])
     words = (PIPE, "--poses", sections, "--convention", "matrix", "--known-radius", 15)
     told = run("measure", *words, "--json", tmp_path / "m.json")
-    assert told.stdout.count("the sensor's place on the robot taken as exact") == 6
+    assert told.stdout.count("the sensor's pose on the robot taken as exact") == 6
     assert sum(misses(tmp_path / "m.json")) / NUMBERS > FAR_TOO_MUCH
 
 

@@ -39,7 +39,7 @@ def test_a_bar_with_rounded_corners_is_told_by_them(seed) -> None:
     assert not measurement.cylinders
     (line,) = measurement_lines(measurement, profile, verbose=False)
     assert "flat" not in line
-    assert "arcs refused: -v lists them" in line
+    assert "arcs rejected: -v lists them" in line
 
 
 def test_a_flat_plate_is_told_to_be_flat() -> None:

@@ -63,8 +63,8 @@ def test_the_command_in_the_truth_writes_the_same_bytes(run, tmp_path):
     ("words", "message"),
     [
         (["double"], "expected one of single"),
-        (["single", "--radius", "ten"], "expected a number or least:largest for --radius"),
-        (["single", "--radius", "1:2:3"], "expected a number or least:largest for --radius"),
+        (["single", "--radius", "ten"], "expected a number or min:max for --radius"),
+        (["single", "--radius", "1:2:3"], "expected a number or min:max for --radius"),
         (["single", "--radius", "40:10"], "0 < least"),
         (["single", "--phi-deg", "89"], "phi within"),
         (["single", "--noise-mm", "0"], "expected --noise-mm above 0"),

@@ -53,14 +53,14 @@ def test_profiles_without_an_extent_still_have_a_range(points):
     ("radius", "message"),
     [
         pytest.param(
-            (40.0, 10.0), "want a radius range 0 < min < max in mm, got 40 to 10", id="reversed"
+            (40.0, 10.0), "expected a radius range 0 < min < max in mm, got 40 to 10", id="reversed"
         ),
         pytest.param((-5.0, 10.0), "got -5 to 10", id="negative"),
         pytest.param((0.0, 10.0), "got 0 to 10", id="from zero"),
         pytest.param((10.0, 10.0), "got 10 to 10", id="empty"),
         pytest.param((10.0, math.inf), "got 10 to inf", id="endless"),
         pytest.param((math.nan, 10.0), "got nan to 10", id="nan"),
-        pytest.param(-19.0, "want a positive radius in mm, got -19", id="negative nominal"),
+        pytest.param(-19.0, "expected a positive radius in mm, got -19", id="negative nominal"),
         pytest.param(0.0, "positive radius", id="zero nominal"),
         pytest.param(math.nan, "got nan", id="nan nominal"),
         pytest.param(math.inf, "got inf", id="endless nominal"),

@@ -61,7 +61,7 @@ def test_page_is_whole_and_well_formed(solved):
 
 def test_page_without_doubts_says_so(solved):
     text = hand_eye_page(*solved, ReportContent([], [], ["p"] * 8, {}))
-    assert "Nothing left out, nothing to doubt." in text
+    assert "No outliers, no warnings." in text
 
 
 def test_bars_mark_the_bad_ones_and_only_these():

@@ -108,7 +108,7 @@ def test_panel_tells_numbers_with_sigma_and_what_is_not_determinable(scene, figu
     assert "± one sigma" in words(figure)
     assert words(figure).count("θ not determinable") == 1
     assert words(figure).count("θ = ") == 1
-    assert figure.get_suptitle() == "scene.csv: 2 cylinders, 2 arcs refused"
+    assert figure.get_suptitle() == "scene.csv: 2 cylinders, 2 arcs rejected"
 
 
 def test_refused_arcs_have_letters_reasons_and_one_colour_each(figure):

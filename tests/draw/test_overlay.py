@@ -65,7 +65,7 @@ def test_the_verdict_stands_above_and_the_numbers_beside(figure):
     assert figure.get_suptitle().startswith("pair.png: 2 cylinders")
     words = "\n".join(text.get_text() for part in figure.subfigs for text in part.texts)
     assert "r = 16." in words
-    assert "Refused arcs" in words
+    assert "Rejected arcs" in words
 
 
 def test_an_image_without_a_cylinder_is_drawn_all_the_same(pair):
@@ -144,7 +144,7 @@ def test_a_picture_of_any_shape_holds_all_its_words(shape):
 
 def test_photo_and_section_have_one_legend_and_one_set_of_colours(figure):
     photo, section = ({line.get_label(): line for line in axes.lines} for axes in figure.axes)
-    shared = {"measured points", "refused arc", "points of a cylinder", "fitted ellipse"}
+    shared = {"measured points", "rejected arc", "points of a cylinder", "fitted ellipse"}
     assert shared <= set(photo)
     assert shared <= set(section)
     for label in shared:

@@ -346,8 +346,12 @@ def test_the_interval_of_theta_runs_through_the_seam(rng):
 @pytest.mark.parametrize(
     ("quantity", "level", "message"),
     [
-        ("diameter", 0.95, "want one of radius, theta, phi, centre_x, centre_y, got 'diameter'"),
-        ("radius", 0.0, "want a level between 0 and 1, got 0"),
+        (
+            "diameter",
+            0.95,
+            "expected one of radius, theta, phi, centre_x, centre_y, got 'diameter'",
+        ),
+        ("radius", 0.0, "expected a level between 0 and 1, got 0"),
         ("radius", 1.0, "got 1"),
         ("phi", 95, "got 95"),
         ("phi", math.nan, "got nan"),

@@ -133,7 +133,7 @@ def test_far_from_a_circle_the_residual_is_that_of_phi():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((-0.1,), "want a known phi from 0 to below pi / 2 rad, got -0.1"),
+        ((-0.1,), "expected a known phi from 0 to below pi / 2 rad, got -0.1"),
         ((math.pi / 2,), "from 0 to below pi / 2"),
         ((math.nan,), "got nan"),
         ((0.0, -0.1), "known phi with std >= 0 rad, got -0.1"),

@@ -126,7 +126,7 @@ def test_theta_of_a_tilted_pipe_is_determined(rng):
 
 
 def test_what_is_no_quantity_is_refused(rng):
-    with pytest.raises(ValueError, match="want one of radius, theta"):
+    with pytest.raises(ValueError, match="expected one of radius, theta"):
         section_of(30.0, rng).interval("diameter")
     with pytest.raises(ValueError, match="level between 0 and 1"):
         section_of(30.0, rng).interval("radius", 1.5)

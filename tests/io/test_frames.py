@@ -47,7 +47,7 @@ def test_missing_and_broken_videos_are_refused_by_name(tmp_path):
     with pytest.raises(UnreadableFile, match=r"gone\.avi: no such file: check the name"):
         next(read_frames(tmp_path / "gone.avi"))
     (tmp_path / "text.mp4").write_bytes(b"no video at all" * 50)
-    with pytest.raises(UnreadableFile, match=r"text\.mp4 holds no frame .* save it anew"):
+    with pytest.raises(UnreadableFile, match=r"text\.mp4 holds no frame .* save it again"):
         next(read_frames(tmp_path / "text.mp4"))
 
 

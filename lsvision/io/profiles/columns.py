@@ -36,17 +36,19 @@ def profiles_from_table(table: TextTable, settings: ReadSettings) -> RawProfiles
     """Return the profiles in a table of points, one point a row.
 
     Named columns are taken by their names; unnamed ones by position: two are x and height;
-    of three or more the second is left out where it is constant and tells profiles apart where each
-    of its values stands in one run of points; otherwise the third must be whole numbers (a label).
+    of three or more the second is left out where it is constant, and separates the profiles where
+    each of its values stands in one run of points; otherwise the third must be whole numbers (a
+    label).
     Columns that do not vary within a profile become its attributes.
 
     Raises
     ------
     UnreadableFile
-        If the columns cannot be told, those asked for are not there, or a unit is not understood.
+        If the columns of x and height are ambiguous, requested ones are missing, or a unit is not
+        understood.
     """
     if table.values.shape[1] - len(table.texts) < 2 and settings.columns is None:
-        _refuse_one_column(table)
+        _raise_one_column(table)
     choice = _requested_columns(table, settings) or _named(table) or _placed(table)
     _check_numbers(table, choice)
     points = table.values
@@ -93,7 +95,7 @@ def _restarts(section: FloatArray) -> tuple[str, ...]:
     if len(back) == 0 or np.diff([-1, *back, len(x) - 1]).min() < _FEWEST_PER_PROFILE:
         return ()
     return (
-        f"x begins anew {len(back)} times: several profiles? part them by a column of their "
+        f"x starts again {len(back)} times: several profiles? separate them by a column of their "
         "numbers, or write one a file",
     )
 
@@ -171,7 +173,7 @@ def _by_names(table: TextTable) -> _Choice | None:
             x, in_order[in_plane.height], away=away, notes=in_plane.notes, used=tuple(in_order)
         )
     if not _is_profile_key(table.values[:, y]):
-        _refuse(table, y)
+        _raise_no_key(table, y)
     return _Choice(x, height, y, away)
 
 
@@ -186,10 +188,10 @@ def _placed(table: TextTable) -> _Choice:
     values = table.values[:, columns]
     width = len(columns)
     if width == 2:
-        said = " and ".join(table.names[c] if table.names else f"column {c}" for c in columns)
+        labels = " and ".join(table.names[c] if table.names else f"column {c}" for c in columns)
         noted = bool(table.names or table.texts)
         x, height = columns
-        return _Choice(x, height, notes=(f"{said} taken for x and height",) if noted else ())
+        return _Choice(x, height, notes=(f"{labels} taken for x and height",) if noted else ())
     first, second, third = columns[:3]
     notes = (
         f"no column is named: columns {first}, {second} and {third} of "
@@ -203,7 +205,7 @@ def _placed(table: TextTable) -> _Choice:
         note = f"column {third} is whole numbers: taken for a label"
         return _Choice(first, second, notes=(*notes, note), used=used)
     if not _is_profile_key(values[:, 1]):
-        _refuse(table, second)
+        _raise_no_key(table, second)
     return _Choice(first, third, second, notes=notes)
 
 
@@ -225,7 +227,7 @@ def _check_numbers(table: TextTable, choice: _Choice) -> None:
             raise UnreadableFile(f"line {word.row}: {named}{word.cell[:40]!r} {word.reason}")
 
 
-def _refuse_one_column(table: TextTable) -> NoReturn:
+def _raise_one_column(table: TextTable) -> NoReturn:
     word = next(iter(table.words.values()), None)
     if word is not None and not table.texts:
         raise UnreadableFile(f"line {word.row}: {word.cell[:40]!r} {word.reason}")
@@ -242,10 +244,10 @@ def _refuse_one_column(table: TextTable) -> NoReturn:
     )
 
 
-def _refuse(table: TextTable, key: int) -> NoReturn:
+def _raise_no_key(table: TextTable, key: int) -> NoReturn:
     values = len(np.unique(table.values[:, key]))
     raise UnreadableFile(
-        f"column {_label(table, key)} tells no profiles apart ({values} values in "
+        f"column {_label(table, key)} does not separate profiles ({values} values in "
         f"{len(table.values)} points): say which columns are x and height with --columns"
     )
 

@@ -24,7 +24,7 @@ _IMAGE = (
     "an image: read it with LightSection (--light-section), which makes a profile of it, or as a "
     "height map with --dx"
 )
-_REFUSED_MAGIC = (
+_UNSUPPORTED_MAGIC = (
     (b"RIFF", f"a video container (scanCONTROL .avi): {_EXPORT}"),
     (b"\x89HDF", "HDF5 is not read: write its points as NPZ or CSV"),
     (b"MATLAB 7.3", "a MAT file (HDF5): save x and z in MATLAB with writematrix as CSV"),
@@ -61,7 +61,7 @@ _OFFICE_PARTS = {
     "content.xml": f"an OpenDocument file, {_SPREADSHEET}",
     "Index/": f"a Numbers document, {_SPREADSHEET}",
 }
-_REFUSED_SUFFIX = {
+_UNSUPPORTED_SUFFIX = {
     ".avi": f"a scanCONTROL recording needs the maker's library: {_EXPORT}",
     ".llt": f"a scanCONTROL recording needs the maker's library: {_EXPORT}",
     **dict.fromkeys(
@@ -125,11 +125,11 @@ def detect_format(content: bytes, suffix: str) -> str:
         return "rosbag"
     if content.startswith((b"II*\0", b"MM\0*", b"\x89PNG")):
         return "height-map"
-    for magic, advice in _REFUSED_MAGIC:
+    for magic, advice in _UNSUPPORTED_MAGIC:
         if content.startswith(magic) and not (magic == b"BM" and content[:400].isascii()):
             raise UnreadableFile(advice)
-    if suffix.lower() in _REFUSED_SUFFIX:
-        raise UnreadableFile(_REFUSED_SUFFIX[suffix.lower()])
+    if suffix.lower() in _UNSUPPORTED_SUFFIX:
+        raise UnreadableFile(_UNSUPPORTED_SUFFIX[suffix.lower()])
     return _text_format(content)
 
 

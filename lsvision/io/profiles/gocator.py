@@ -51,7 +51,7 @@ def read_gocator_points(content: bytes, _: ReadSettings) -> RawProfiles:
     first = names.index("x0")
     pairs = [numbers_from_cells(line.split(",")[first:]) for line in lines[1:]]
     if not pairs:
-        raise UnreadableFile("a header and no profile under it: export the recording anew")
+        raise UnreadableFile("a header and no profile under it: export the recording again")
     return RawProfiles(
         sections=[row[: len(row) // 2 * 2].reshape(-1, 2) for row in pairs], units=_UNITS
     )

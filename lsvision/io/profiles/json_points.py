@@ -19,14 +19,14 @@ from lsvision.io.profiles.named_columns import profiles_from_named
 from lsvision.io.profiles.number_rows import POINT_NUMBER, is_missing
 from lsvision.io.profiles.opencv_matrix import TRIPLES, matrix_of_node, table_of_points
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
-from lsvision.io.profiles.stated_units import one_unit, refuse_mentions
+from lsvision.io.profiles.stated_units import one_unit, require_known_unit
 from lsvision.io.profiles.text_table import TextTable, decode_text
 from lsvision.io.profiles.unit_statements import UnitStatement, lost_statements, unit_statements
 from lsvision.io.profiles.units import split_label
 
 MAX_DEPTH = 4
 """Number of levels of objects and lists that are searched for points."""
-MIN_PAIRS, MINTRIPLES = 3, 5
+MIN_PAIRS, MIN_TRIPLES = 3, 5
 """Smallest number of rows of a list of points; a shorter list is a matrix or a size."""
 _FLAT_KEYS = ("points", "profile", TRIPLES, "line")
 _NAME_KEYS = ("columns", "names", "header", "fields", "labels")
@@ -46,7 +46,7 @@ def read_json(content: bytes, settings: ReadSettings) -> RawProfiles:
     UnreadableFile
         If it is not JSON, or no points are found in it; the keys found are named.
     """
-    return profiles_from_document(_parsed(decode_text(content)), settings, "JSON")
+    return profiles_from_document(_parse(decode_text(content)), settings, "JSON")
 
 
 def profiles_from_document(document: Any, settings: ReadSettings, kind: str) -> RawProfiles:
@@ -55,11 +55,11 @@ def profiles_from_document(document: Any, settings: ReadSettings, kind: str) -> 
     Parameters
     ----------
     document : mapping or list
-        As `parse_json` returns it.
+        Result of `parse_json`.
     settings : ReadSettings
-        Reading options for it.
+        Reading options.
     kind : str
-        What the file is, for people.
+        Kind of file, for messages.
 
     Raises
     ------
@@ -69,10 +69,10 @@ def profiles_from_document(document: Any, settings: ReadSettings, kind: str) -> 
     profiles = _profiles(document, settings, depth=0)
     if profiles is None:
         raise UnreadableFile(
-            f"{kind} without a list of points ({_shape(document)}): {_EXPECTED_KEYS}"
+            f"{kind} without a list of points ({_contents(document)}): {_EXPECTED_KEYS}"
         )
     if isinstance(document, Mapping):
-        refuse_mentions(profiles.units, _statement_lines(document), settings)
+        require_known_unit(profiles.units, _statement_lines(document), settings)
         stated = lost_statements(
             f"{key}: {value}" for key, value in document.items() if isinstance(value, int | float)
         )
@@ -80,7 +80,7 @@ def profiles_from_document(document: Any, settings: ReadSettings, kind: str) -> 
     return profiles
 
 
-def _parsed(text: str) -> Any:
+def _parse(text: str) -> Any:
     text = text.strip()
     if _LINES_OF_OBJECTS.search(text) and text.startswith("{"):
         lines = [line for line in text.splitlines() if line.strip()]
@@ -97,7 +97,9 @@ def _parsed(text: str) -> Any:
     try:  # cv2.FileStorage writes .Nan and 1. into its JSON
         return parse_json(_OPENCV_NUMBER.sub(_plain_number, text), allow_nan=True)
     except ValueError:
-        raise UnreadableFile(f"JSON that cannot be parsed ({reason[:80]}): write it anew") from None
+        raise UnreadableFile(
+            f"JSON that cannot be parsed ({reason[:80]}): write it again"
+        ) from None
 
 
 def _plain_number(match: re.Match[str]) -> str:
@@ -166,14 +168,14 @@ def _from_list(document: list[Any], settings: ReadSettings, depth: int) -> RawPr
         return _from_objects(document, settings, depth)
     widths = {len(item) for item in document if _is_pair(item)}
     if len(widths) == 1 and all(map(_is_pair, document)):
-        if len(document) < (MINTRIPLES if widths == {3} else MIN_PAIRS):
+        if len(document) < (MIN_TRIPLES if widths == {3} else MIN_PAIRS):
             return None
         return _from_rows(_floats(document), settings, ())
     if len(document) == 2 and _column(document) and _are_x_and_height(document):
         return _from_rows(_floats(document).T, settings, ())
     if all(isinstance(item, list) and item for item in document):
         parts = [_profiles(item, settings, depth + 1) for item in document]
-        return _joined(parts)
+        return _join(parts)
     return None
 
 
@@ -200,7 +202,7 @@ def _from_objects(
         table = _table_of_objects(document, scalar)
         return profiles_from_table(table, settings)
     parts = [_profiles(item, settings, depth + 1) for item in document]
-    joined = _joined(parts)
+    joined = _join(parts)
     if joined is None:
         return None
     attributes = [
@@ -226,7 +228,7 @@ def _table_of_objects(document: Sequence[Mapping[str, Any]], keys: Sequence[str]
     )
 
 
-def _joined(parts: Sequence[RawProfiles | None]) -> RawProfiles | None:
+def _join(parts: Sequence[RawProfiles | None]) -> RawProfiles | None:
     known = [part for part in parts if part is not None]
     if not known or len(known) != len(parts) or len({(p.units, p.away) for p in known}) != 1:
         return None
@@ -244,7 +246,7 @@ def _from_flat(
     if width is None:
         raise UnreadableFile(
             f"{values.size} numbers under {key!r} are neither pairs x, z nor triples x, y, z with "
-            f"rising x: {_EXPECTED_KEYS}, or of heights alone say --x0 and --dx"
+            f"rising x: {_EXPECTED_KEYS}, or for heights alone give --x0 and --dx"
         )
     return _from_rows(values.reshape(-1, width), settings, statements)
 
@@ -356,16 +358,16 @@ def _arrays(value: Any) -> Any:
 
 def _floats(value: Any) -> FloatArray:
     try:
-        array = np.array(_known(value), dtype=np.float64)
+        array = np.array(_with_nan(value), dtype=np.float64)
     except (ValueError, TypeError, OverflowError):
         raise UnreadableFile("a list of points with words in it: write numbers, or null") from None
     array[np.isinf(array)] = np.nan
     return array
 
 
-def _known(value: Any) -> Any:
+def _with_nan(value: Any) -> Any:
     if isinstance(value, list):
-        return [_known(item) for item in value]
+        return [_with_nan(item) for item in value]
     if value is None or (isinstance(value, str) and is_missing(value)):
         return float("nan")
     return value
@@ -386,7 +388,7 @@ def _rank(key: str) -> int:
     return _POINT_KEYS.index(word) if word in _POINT_KEYS else len(_POINT_KEYS)
 
 
-def _shape(document: Any) -> str:
+def _contents(document: Any) -> str:
     if isinstance(document, Mapping):
         keys = ", ".join(map(str, list(document)[:12]))
         return f"its keys are {keys or 'none'}"

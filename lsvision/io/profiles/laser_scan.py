@@ -1,7 +1,7 @@
 """ROS LaserScan: angles and ranges to points, also from the CSV of ``rostopic echo -p``.
 
 Definition (sensor_msgs/LaserScan): ranges in m at ``angle_min + k angle_increment`` in rad, counted
-from the x axis (forwards) towards y (left); ranges outside ``range_min`` to ``range_max`` are none.
+from the x axis (forwards) towards y (left); ranges outside ``range_min`` to ``range_max`` are lost.
 In the section frame X is the scanner's y and Y the opposite of its x.
 """
 
@@ -60,14 +60,14 @@ def read_laser_scan(content: bytes, _: ReadSettings) -> RawProfiles:
         rows = [row for row in csv.reader(decode_text(content).splitlines()) if row]
     except csv.Error as error:
         raise UnreadableFile(
-            f"a LaserScan table that is broken ({error}): record it anew"
+            f"a LaserScan table that is broken ({error}): record it again"
         ) from None
     if not rows:
-        raise UnreadableFile("a LaserScan table without a row: record it anew")
+        raise UnreadableFile("a LaserScan table without a row: record it again")
     names = [name.strip().removeprefix("%").removeprefix("field.") for name in rows[0]]
     places = [k for k, name in enumerate(names) if _RANGE_COLUMN.fullmatch(name)]
     if not places or len(rows) < 2:
-        raise UnreadableFile("a LaserScan table without ranges or without a row: record it anew")
+        raise UnreadableFile("a LaserScan table without ranges or without a row: record it again")
     scans: list[dict[str, Any]] = []
     for number, row in enumerate(rows[1:], 2):
         if len(row) < len(names):

@@ -32,7 +32,7 @@ def profiles_from_named(
         One array each: (n,) with a point a row; or, with a profile a row, (k, m) arrays or k
         arrays of any length, where x may also be the (m,) that all rows share.
     settings : ReadSettings
-        Reading options for it.
+        Reading options.
     statements : tuple of UnitStatement
         Units that the file states beside the columns.
     texts : mapping, optional
@@ -107,7 +107,7 @@ def _is_flat(values: _Column) -> bool:
 
 
 def _is_column(column: _Column) -> bool:
-    """Return True for numbers, and for rows of numbers."""
+    """Return whether it is an array of numbers, or rows of numbers."""
     if isinstance(column, np.ndarray):
         return column.ndim in (1, 2)
     return all(np.ndim(row) == 1 for row in column)

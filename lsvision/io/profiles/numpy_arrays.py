@@ -42,12 +42,12 @@ _BROKEN = (
     zlib.error,
 )
 NPY_MAGIC = b"\x93NUMPY"
-_KEYS = ("points", "profile", "profiles", "arr_0")
+_KEYS = ("points", "profile", "profiles", "arr_0")  # of the array with the points, best first
 
 
 def read_npy(content: bytes, settings: ReadSettings) -> RawProfiles:
     """Return the profiles of an array: (n, 2 or 3), (k, n, 2), or rows of heights with ``dx``."""
-    arrays = _loaded(content)
+    arrays = _load(content)
     if "" not in arrays:
         raise UnreadableFile("a zip archive, no array by itself: leave --format npy out")
     return profiles_from_array(arrays[""], settings)
@@ -55,14 +55,14 @@ def read_npy(content: bytes, settings: ReadSettings) -> RawProfiles:
 
 def read_npz(content: bytes, settings: ReadSettings) -> RawProfiles:
     """Return the profiles of arrays ``x`` and ``z`` (or ``range``), or of one as `read_npy`."""
-    loaded = _loaded(content)
-    words = {
+    loaded = _load(content)
+    scalars = {
         name: str(array.item())
         for name, array in loaded.items()
         if _is_text(array) or (_is_number(array) and not is_known_role(name))
     }
-    statements = unit_statements(f"{name}: {word}" for name, word in words.items())
-    arrays = {name: array for name, array in loaded.items() if name not in words}
+    statements = unit_statements(f"{name}: {text}" for name, text in scalars.items())
+    arrays = {name: array for name, array in loaded.items() if name not in scalars}
     key = next((key for key in _KEYS if key in arrays), None)
     if key is None and len(arrays) == 1:
         key = next(iter(arrays))
@@ -74,11 +74,11 @@ def read_npz(content: bytes, settings: ReadSettings) -> RawProfiles:
     )
 
 
-def _loaded(content: bytes) -> Mapping[str, npt.NDArray[np.generic]]:
+def _load(content: bytes) -> Mapping[str, npt.NDArray[np.generic]]:
     try:
         if content.startswith(NPY_MAGIC):
             return {"": _array_of(content)}
-        return _unpacked(content)
+        return _unpack(content)
     except _BROKEN as error:
         raise _unreadable(error) from None
 
@@ -98,7 +98,7 @@ def _is_number(array: npt.NDArray[np.generic]) -> bool:
     return array.dtype.kind in "iuf" and array.ndim == 0
 
 
-def _unpacked(content: bytes) -> dict[str, npt.NDArray[np.generic]]:
+def _unpack(content: bytes) -> dict[str, npt.NDArray[np.generic]]:
     """Return the arrays of a zip archive; their sizes are checked before they are unpacked."""
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         size = sum(member.file_size for member in archive.infolist())
@@ -113,7 +113,7 @@ def _unpacked(content: bytes) -> dict[str, npt.NDArray[np.generic]]:
 
 
 def _array_of(content: bytes) -> npt.NDArray[np.generic]:
-    """Array of a whole NPY file, its size checked against its header first."""
+    """Return the array of an NPY file; its size is first checked against its header."""
     if not content.startswith(NPY_MAGIC):
         raise ValueError(f"no NPY array, but {content[:8]!r}")
     _check_size(io.BytesIO(content), len(content))
@@ -122,7 +122,7 @@ def _array_of(content: bytes) -> npt.NDArray[np.generic]:
 
 
 def open_npy(path: Path) -> npt.NDArray[np.generic]:
-    """Array of an NPY file that is read from the disk where it is used.
+    """Return the array of an NPY file, mapped into memory: only what is used is read.
 
     Raises
     ------
@@ -141,7 +141,7 @@ def open_npy(path: Path) -> npt.NDArray[np.generic]:
 def _check_size(stream: BinaryIO, size: int) -> None:
     """Raise ValueError if an NPY file is smaller than its header states."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of the parser of Python, about odd headers
+        warnings.simplefilter("ignore")  # Python's parser warns about odd headers
         version = np.lib.format.read_magic(stream)
         if version == (1, 0):
             shape, _, dtype = np.lib.format.read_array_header_1_0(stream)
@@ -163,7 +163,7 @@ def profiles_from_array(
     settings: ReadSettings,
     statements: tuple[UnitStatement, ...] = (),
 ) -> RawProfiles:
-    """Profiles of one array; see `read_npy`."""
+    """Return the profiles of one array; see `read_npy`."""
     if array.dtype.names:
         records: Any = array
         return profiles_from_named(
@@ -198,5 +198,5 @@ def _limits(kind: np.dtype[np.generic]) -> tuple[float, ...]:
     """Return the limits of an integer type, which mark lost points if far from other values."""
     if kind.kind not in "iu" or kind.itemsize < 2:
         return ()
-    ends = np.iinfo(kind)  # type: ignore[type-var] # an integer by its kind
-    return float(ends.min), float(ends.max)
+    limits = np.iinfo(kind)  # type: ignore[type-var] # an integer by its kind
+    return float(limits.min), float(limits.max)

@@ -24,7 +24,7 @@ def matrix_of_node(key: str, node: Mapping[str, Any]) -> FloatArray:
     Parameters
     ----------
     key : str
-        What messages call it; may be empty.
+        Name in messages; may be empty.
     node : mapping
         Its entries.
 
@@ -44,13 +44,13 @@ def matrix_of_node(key: str, node: Mapping[str, Any]) -> FloatArray:
             raise ValueError(f"sizes {shape}")
     except (KeyError, ValueError, TypeError) as error:
         raise UnreadableFile(
-            f"{_prefix(key)}a matrix with a bad or missing {error}: write it anew with "
+            f"{_prefix(key)}a matrix with a bad or missing {error}: write it again with "
             "cv2.FileStorage"
         ) from None
     if math.prod(shape) != len(data):
         raise UnreadableFile(
             f"{_prefix(key)}a matrix of {' x '.join(map(str, shape))} numbers, got {len(data)}: "
-            "write it anew with cv2.FileStorage"
+            "write it again with cv2.FileStorage"
         )
     return numbers_from_cells([str(item) for item in data]).reshape(shape)
 
@@ -86,7 +86,7 @@ def table_of_points(key: str, values: FloatArray) -> TextTable:
             f"{_prefix(key)}expected points of n x 2 or n x 3 numbers, got "
             f"{' x '.join(map(str, values.shape))}"
         )
-    elif values.size % 3 == 0 and (key == TRIPLES or values.size % 2 or _is_one(values[1::3])):
+    elif values.size % 3 == 0 and (key == TRIPLES or values.size % 2 or _is_constant(values[1::3])):
         rows = values.reshape(-1, 3)
     elif values.size % 2 == 0:
         rows = values.reshape(-1, 2)
@@ -98,7 +98,7 @@ def table_of_points(key: str, values: FloatArray) -> TextTable:
     return TextTable(rows, names, (None,) * rows.shape[1])
 
 
-def _is_one(values: FloatArray) -> bool:
+def _is_constant(values: FloatArray) -> bool:
     return len(np.unique(values[np.isfinite(values)])) <= 1
 
 

@@ -26,7 +26,7 @@ from lsvision.io.profiles.text_table import decode_text
 from lsvision.io.profiles.unit_statements import lost_statements, unit_statements
 
 _KEYS = (TRIPLES, "profile", "points", "line")
-_FEWEST_NUMBERS = 30  # a list under another name as short as a pose or a matrix is no profile
+_MIN_NUMBERS = 30  # a shorter list under another name may be a pose or a matrix
 _KEY_WORD = re.compile(r"^[A-Za-z_]\w*:\s*[^\[\s!]")
 _FLAT_LIST = re.compile(r"^[ \t{]*\"?([A-Za-z_]\w*)\"?[ \t]*:\s*\[([^\[\]]*)\]", re.MULTILINE)
 _LONG_LIST = re.compile(r"\[([^\[\]{}\"'#&*]{2000,})\]")
@@ -55,7 +55,7 @@ def read_opencv_storage(content: bytes, settings: ReadSettings) -> RawProfiles:
     # Long lists are split here: a parser of YAML needs microseconds a number.
     lists = {key: body.split(",") for key, body in _FLAT_LIST.findall(text) if key != "data"}
     key = min(lists, key=_rank, default=None)
-    if key is not None and (key in _KEYS or len(lists[key]) >= _FEWEST_NUMBERS):
+    if key is not None and (key in _KEYS or len(lists[key]) >= _MIN_NUMBERS):
         values = numbers_from_cells(lists[key])
         if key not in _KEYS and flat_width(key, values) is None:
             raise UnreadableFile(
@@ -81,15 +81,15 @@ def _rank(key: str) -> int:
 
 def _first_node(text: str) -> tuple[str, FloatArray]:
     try:
-        nodes = _parsed(text)
+        nodes = _parse(text)
     except ValueError as error:
         raise UnreadableFile(
-            f"no FileStorage of OpenCV ({str(error)[:200]}): write it anew with cv2.FileStorage"
+            f"no FileStorage of OpenCV ({str(error)[:200]}): write it again with cv2.FileStorage"
         ) from None
     for key in sorted(nodes, key=_rank):
         values = _numbers(key, nodes[key])
         pairs = values.ndim == 2 and values.shape[1] == 2
-        if values.size and (key in _KEYS or pairs or values.size >= _FEWEST_NUMBERS):
+        if values.size and (key in _KEYS or pairs or values.size >= _MIN_NUMBERS):
             return key, values
     raise UnreadableFile(
         f"no list of points among its keys ({', '.join(nodes)[:200] or 'none'}): "
@@ -97,7 +97,7 @@ def _first_node(text: str) -> tuple[str, FloatArray]:
     )
 
 
-def _parsed(text: str) -> dict[str, Any]:
+def _parse(text: str) -> dict[str, Any]:
     """Nodes under the root; a matrix is a mapping, long lists are lists of text.
 
     Raises

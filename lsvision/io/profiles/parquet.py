@@ -78,7 +78,7 @@ def _pyarrow() -> Any:
 
 def _unreadable(error: Exception) -> UnreadableFile:
     reason = " ".join(str(error).split())[:80]
-    return UnreadableFile(f"pyarrow cannot read it ({reason}): write it anew")
+    return UnreadableFile(f"pyarrow cannot read it ({reason}): write it again")
 
 
 def _tables(file: BinaryIO, rows: int | None) -> "Iterator[pa.Table]":
@@ -127,7 +127,7 @@ def _stated_of_fields(schema: Any) -> list[UnitStatement]:
 def _limited_table(file: Any) -> Any:
     """Return the table of a file, rejected as soon as it unpacks to more than the limit.
 
-    A value may take no byte in the file. Metadata of columns are not asked: a broken one ends the
+    A value may take no byte in the file. Metadata of columns are not read: broken ones end the
     process (pyarrow 26).
     """
     import pyarrow

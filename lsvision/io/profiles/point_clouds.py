@@ -1,4 +1,4 @@
-"""Point clouds in PLY and PCD, ascii and binary: each profile at one y, or each row of one."""
+"""Point clouds in PLY and PCD, ascii and binary; the points of one y, or one row, are a profile."""
 
 import re
 from dataclasses import dataclass, replace
@@ -25,7 +25,7 @@ _PLY_TYPES = {
     **dict.fromkeys(["double", "float64"], "f8"),
 }
 _PLY_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
-_MAX_COUNT = 4096  # numbers of one field, as of a histogram
+_MAX_COUNT = 4096  # numbers in one field of a point, such as a histogram
 _PCD_TYPES = {"I": "i", "U": "u", "F": "f"}
 
 
@@ -35,13 +35,13 @@ def read_ply(content: bytes, settings: ReadSettings) -> RawProfiles:
     Raises
     ------
     UnreadableFile
-        If its header is broken, or its vertices are not there, not first, or cut short.
+        If its header is broken, or its vertices are missing, not first, or cut short.
     """
     head, end, body = content.partition(b"end_header")
     lines = [line.split() for line in head.decode("latin-1").splitlines()]
     order = next((line[1] for line in lines if line[:1] == ["format"] and len(line) > 1), "")
     if not end or order not in _PLY_ORDERS:
-        raise UnreadableFile("a PLY file with a broken header: write it anew")
+        raise UnreadableFile("a PLY file with a broken header: export it again")
     body = body.partition(b"\n")[2]
     layout = _ply_vertices(lines, _PLY_ORDERS[order])
     table = _points(body, layout, ascii_=order == "ascii")
@@ -74,10 +74,10 @@ def read_pcd(content: bytes, settings: ReadSettings) -> RawProfiles:
 
 
 def _with_comments(table: TextTable, head: bytes, mark: str) -> TextTable:
-    """The table with what the comments of a header say of units and lost points."""
+    """The table with the units and lost markers that the comments of a header state."""
     lines = [line.strip() for line in head.decode("latin-1").splitlines()]
-    said = [line.removeprefix(mark).strip() for line in lines if line.startswith(mark)]
-    comments = tuple(f"# {line}" for line in said)
+    texts = [line.removeprefix(mark).strip() for line in lines if line.startswith(mark)]
+    comments = tuple(f"# {line}" for line in texts)
     return replace(
         table,
         statements=unit_statements(comments),
@@ -103,7 +103,9 @@ def _ply_vertices(lines: list[list[str]], order: str) -> _Layout:
         fields = [(label, order + _PLY_TYPES[kind]) for _, kind, label in properties]
         layout = _Layout(np.dtype(fields), int(count))
     except (IndexError, ValueError, KeyError):
-        raise UnreadableFile("a PLY header without plain vertices: write x, y, z only") from None
+        raise UnreadableFile(
+            "a PLY header whose vertices are not plain numbers: export x, y, z only"
+        ) from None
     if name != "vertex" or layout.count < 1:
         raise UnreadableFile(f"a PLY file that begins with {count} {name}: expected vertices first")
     return layout
@@ -122,9 +124,9 @@ def _pcd_layout(header: dict[str, list[str]]) -> tuple[_Layout, int]:
         rows, width = int(header.get("HEIGHT", ["1"])[0]), int(header["WIDTH"][0])
         layout = _Layout(np.dtype(fields), rows * width)
     except (KeyError, IndexError, ValueError, TypeError, OverflowError):
-        raise UnreadableFile("a PCD file with a broken header: write it anew") from None
+        raise UnreadableFile("a PCD file with a broken header: export it again") from None
     if rows < 1 or width < 1:
-        raise UnreadableFile("a PCD file without points: check what wrote it")
+        raise UnreadableFile("a PCD file without points: check its export")
     return layout, rows
 
 
@@ -136,7 +138,9 @@ def _points(body: bytes, layout: _Layout, *, ascii_: bool) -> TextTable:
     if ascii_:
         columns = _ascii_columns(body, dtype, layout.count)
     elif len(body) < layout.count * dtype.itemsize:
-        raise UnreadableFile(f"cut short: {layout.count} points announced: write it anew")
+        raise UnreadableFile(
+            f"cut short: its header announces {layout.count} points: export it again"
+        )
     else:
         records = np.frombuffer(body, dtype, layout.count)
         columns = [floats_from(records[axis]).reshape(layout.count, -1)[:, 0] for axis in "xyz"]
@@ -149,6 +153,6 @@ def _ascii_columns(body: bytes, dtype: np.dtype[np.void], count: int) -> list[Fl
     cells = body.decode("latin-1").split()
     total = sum(widths)
     if len(cells) < count * total:
-        raise UnreadableFile(f"cut short: {count} points announced: write it anew")
+        raise UnreadableFile(f"cut short: its header announces {count} points: export it again")
     rows = numbers_from_cells(cells[: count * total]).reshape(count, total)
     return [rows[:, starts[axis]] for axis in "xyz"]

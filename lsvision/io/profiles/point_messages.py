@@ -36,7 +36,7 @@ def profiles_from_clouds(
     clouds : sequence of (rows, columns, 3) ndarray
         From `cloud_points`. Units: m.
     attributes : sequence of mapping
-        What belongs to each message.
+        Attributes of each message.
     settings : ReadSettings
         Columns that the user names.
 
@@ -46,11 +46,11 @@ def profiles_from_clouds(
         If there is no row of points, or those of a row lie in no section.
     """
     rows, kept = [], []
-    for cloud, said in zip(clouds, attributes, strict=True):
+    for cloud, attribute in zip(clouds, attributes, strict=True):
         rows += list(cloud)
-        kept += [said] * len(cloud)
+        kept += [attribute] * len(cloud)
     if not rows:
-        raise UnreadableFile("PointCloud2 messages without a row of points: record the topic anew")
+        raise UnreadableFile("PointCloud2 messages without a row of points: record the topic again")
     columns, away, notes = _section_columns(rows, settings)
     return RawProfiles(
         sections=[row[:, columns] for row in rows],
@@ -72,7 +72,9 @@ def cloud_points(cloud: Any) -> FloatArray:
     order = ">" if cloud.is_bigendian else "<"
     fields = {field.name: field for field in cloud.fields}
     if not {"x", "y", "z"} <= set(fields):
-        raise UnreadableFile(f"a PointCloud2 with {', '.join(fields) or 'nothing'}: want x, y, z")
+        raise UnreadableFile(
+            f"a PointCloud2 with {', '.join(fields) or 'nothing'}: expected x, y, z"
+        )
     data = np.ascontiguousarray(cloud.data, dtype=np.uint8)
     shape = (int(cloud.height), int(cloud.width))
     strides = (int(cloud.row_step), int(cloud.point_step))
@@ -83,7 +85,7 @@ def cloud_points(cloud: Any) -> FloatArray:
         last = (shape[0] - 1) * strides[0] + (shape[1] - 1) * strides[1] + field.offset
         if kind.kind == "V" or last + kind.itemsize > data.nbytes or min(*shape, *strides) < 0:
             raise UnreadableFile(
-                f"a PointCloud2 whose {axis} is cut short or of an unknown type: record it anew"
+                f"a PointCloud2 whose {axis} is cut short or of an unknown type: record it again"
             )
         plane: Any = np.zeros(shape)
         if plane.size:
@@ -101,7 +103,7 @@ def _section_columns(
         names = {**{axis: k for k, axis in enumerate("xyz")}, "0": 0, "1": 1, "2": 2}
         if len(chosen) != 2 or not set(chosen) <= set(names):
             raise UnreadableFile(
-                f"no columns {', '.join(chosen)} in a PointCloud2: want two of x,y,z"
+                f"no columns {', '.join(chosen)} in a PointCloud2: expected two of x,y,z"
             )
         return [names[column] for column in chosen], False, ()
     spreads = np.array([_largest_spread(rows, axis) for axis in range(3)])

@@ -51,15 +51,15 @@ _READERS: dict[str, Callable[[bytes, ReadSettings], RawProfiles]] = {
     "rosbag": read_ros_bag,
 }
 
-_FARTHEST_MM = 1e4  # no profile sensor looks farther
-_USUAL_MM, _FINER_UNITS = 1e3, ("um", "10nm")
-_NARROWEST_MM = 1.0  # nor has one a field as narrow
+_FARTHEST_MM = 1e4  # beyond the range of any profile sensor
+_USUAL_MM, _FINER_UNITS = 1e3, ("um", "10nm")  # a finer unit gives coordinates below a metre
+_NARROWEST_MM = 1.0  # narrower than the field of any profile sensor
 _LIDAR_EXTENT = 10.0  # a profile of this size and place may be metres of a lidar, or mm
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ProfileFile:
-    """Return the profiles of a file and how they were read.
+    """Profiles of a file, and how they were read.
 
     Parameters
     ----------
@@ -72,20 +72,20 @@ class ProfileFile:
     units : str
         Unit of its coordinates: ``"mm"``, or ``"mm, um"`` where x and height differ.
     units_assumed : bool
-        True where neither the file nor the user says the unit, so that it is taken for mm.
+        Whether mm is assumed, because neither the file nor the caller states a unit.
     flipped : bool
-        True where heights grew away from the sensor and were turned.
+        Whether the heights of the file grow away from the sensor, so that their sign was changed.
     positions : tuple of float, optional
-        Where along the travel each profile was taken. Units: mm.
+        Position of each profile along the travel. Units: mm.
     notes : tuple of str
-        What was guessed, left out or looks wrong, for people.
-    doubts : tuple of str
-        Those of the notes that say that the unit is wrong, if nobody stated it.
+        Remarks on what was guessed, left out or looks wrong.
+    unit_warnings : tuple of str
+        Those of the notes on coordinates that suggest another unit.
     markers : tuple of LostMarker
         Values that mark lost points, in the units of the file.
     attributes : tuple of mapping
         Data of the file on each profile other than its points: part, time, encoder, pose; empty
-        where it says nothing.
+        if it has none.
     ignored : tuple of str
         Columns that were not used.
     """
@@ -98,7 +98,7 @@ class ProfileFile:
     flipped: bool
     positions: tuple[float, ...] | None
     notes: tuple[str, ...]
-    doubts: tuple[str, ...] = ()
+    unit_warnings: tuple[str, ...] = ()
     markers: tuple[LostMarker, ...] = ()
     attributes: tuple[Mapping[str, float | str], ...] = ()
     ignored: tuple[str, ...] = ()
@@ -133,7 +133,7 @@ def read_profile(path: str | os.PathLike[str], **options: Unpack[ReadOptions]) -
         The file, a named pipe, or ``"-"`` for standard input; its format is detected from its
         content.
     **options
-        Fields of `ReadSettings`, each of which overrides what the file says.
+        Fields of `ReadSettings`, each of which overrides what the file states.
 
     Returns
     -------
@@ -255,28 +255,28 @@ def in_section_frame(
     reader : str
         Its format.
     raw : RawProfiles
-        What it holds.
+        Its content.
     settings : ReadSettings
-        What the user says of it.
+        Reading options of the caller.
     """
     x_unit = "mm" if raw.x_in_mm else settings.units or raw.units[0]
     height_unit = settings.units or raw.units[1]
-    if raw.x_in_mm and settings.z_unit is not None:  # says more than a unit of all coordinates
+    if raw.x_in_mm and settings.z_unit is not None:  # more specific than a unit of all coordinates
         height_unit = raw.units[1]
     assumed = x_unit is None or height_unit is None
-    if not raw.x_in_mm:  # what is stated of one axis is the best guess of the other
+    if not raw.x_in_mm:  # the unit of one axis is the best guess of the other
         x_unit, height_unit = x_unit or height_unit, height_unit or x_unit
     away = raw.away if settings.flip is None else settings.flip
     x_scale, y_scale = mm_per_unit(x_unit or "mm"), mm_per_unit(height_unit or "mm")
     to_mm = np.array([x_scale, -y_scale if away else y_scale])
     sections, markers = remove_lost(raw, settings)
     if (to_mm != 1.0).any():
-        with np.errstate(over="ignore", invalid="ignore"):  # too large to hold: lost
+        with np.errstate(over="ignore", invalid="ignore"):  # what overflows is lost
             sections = [section * to_mm for section in sections]
     profiles = tuple(Profile(section, lost=()) for section in sections)
     named = tuple(dict.fromkeys(unit or "mm" for unit in (x_unit, height_unit)))
     extent = _extent(profiles)
-    doubts = () if extent is None else _doubts(*extent)
+    unit_warnings = () if extent is None else _unit_warnings(*extent)
     hints = () if extent is None else _hints(*extent, profiles, assumed=assumed)
     guessed = tuple(marker.note for marker in markers if marker.guessed)
     return ProfileFile(
@@ -287,8 +287,8 @@ def in_section_frame(
         units_assumed=assumed,
         flipped=away,
         positions=raw.positions and tuple(p * x_scale for p in raw.positions),
-        notes=raw.notes + guessed + doubts + hints,
-        doubts=doubts,
+        notes=raw.notes + guessed + unit_warnings + hints,
+        unit_warnings=unit_warnings,
         markers=markers,
         attributes=raw.attributes,
         ignored=raw.ignored,
@@ -304,7 +304,7 @@ def _check_points(profiles: tuple[Profile, ...]) -> None:
         raise UnreadableFile("one valid point in it, no profile: check exposure, or --columns")
 
 
-def _doubts(low: FloatArray, high: FloatArray) -> tuple[str, ...]:
+def _unit_warnings(low: FloatArray, high: FloatArray) -> tuple[str, ...]:
     farthest = float(np.abs([low, high]).max())
     if farthest > _FARTHEST_MM:
         unit = next(

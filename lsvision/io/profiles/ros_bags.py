@@ -16,7 +16,7 @@ from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 
 LASER_SCAN, POINT_CLOUD = "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/PointCloud2"
 MAX_NAMED_TOPICS = 8
-"""Topics that a refusal names."""
+"""Largest number of topics that an error message lists."""
 
 _SUFFIXES = {b"#ROS": ".bag", b"\x89MCA": ".mcap", b"SQLi": ".db3"}
 _SCAN_FIELDS = ("angle_min", "angle_max", "angle_increment", "range_min", "range_max")
@@ -31,7 +31,8 @@ class Message:
     content : mapping or (rows, columns, 3) ndarray
         The fields of a LaserScan, or the points of a cloud in m.
     attributes : mapping
-        ``stamp_s``, when it was taken (recorded, where it does not say), and ``frame_id``.
+        ``stamp_s``, the time stamp (of the recording where the message has none), and
+        ``frame_id``.
     """
 
     content: Any
@@ -78,10 +79,10 @@ def _messages(path: Path, topic: str | None) -> tuple[str, list[Message]]:
         reason = " ".join(str(error).replace(str(path), "the file").split())[:100]
         raise UnreadableFile(
             f"a ROS bag that rosbags cannot read ({reason or type(error).__name__}): check it with "
-            "rosbag info or ros2 bag info, repair it with rosbag reindex, or record it anew"
+            "rosbag info or ros2 bag info, repair it with rosbag reindex, or record it again"
         ) from None
     if not messages:
-        raise UnreadableFile("a ROS bag whose index leads to no message: repair or record it anew")
+        raise UnreadableFile("a ROS bag whose index leads to no message: repair or record it again")
     return kind, messages
 
 
@@ -123,9 +124,12 @@ def _decoded(reader: Any, connections: Sequence[Any]) -> Iterator[Message]:
         fields = reader.deserialize(raw, connection.msgtype)
         stamp = fields.header.stamp
         taken_ns = stamp.sec * 10**9 + stamp.nanosec
-        said = {"stamp_s": (taken_ns or recorded_ns) / 1e9, "frame_id": fields.header.frame_id}
+        attributes = {
+            "stamp_s": (taken_ns or recorded_ns) / 1e9,
+            "frame_id": fields.header.frame_id,
+        }
         content = _scan(fields) if connection.msgtype == LASER_SCAN else cloud_points(fields)
-        yield Message(content, said)
+        yield Message(content, attributes)
 
 
 def _scan(fields: Any) -> dict[str, Any]:

@@ -39,24 +39,24 @@ def resolve_units(
     if settings.units is not None:
         return None, None
     units = _stated(table, x, height)
-    refuse_mentions(units, table.mentions, settings)
+    require_known_unit(units, table.mentions, settings)
     return units
 
 
-def refuse_mentions(
+def require_known_unit(
     units: tuple[str | None, str | None], lines: Iterable[str], settings: ReadSettings
 ) -> None:
-    """Refuse a file that states no unit in known words and yet speaks of one.
+    """Raise an error if a file states no known unit and yet mentions one in other words.
 
     Raises
     ------
     UnreadableFile
-        With the first line that does.
+        With the first line that mentions one.
     """
     mentions = unit_mentions(lines) if units == (None, None) and settings.units is None else ()
     if mentions:
         raise UnreadableFile(
-            f"the line {mentions[0].strip()[:80]!r} speaks of a unit and is not understood: "
+            f"the line {mentions[0].strip()[:80]!r} mentions a unit that is not understood: "
             f"{_REMEDY}"
         )
 

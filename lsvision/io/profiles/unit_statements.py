@@ -19,7 +19,7 @@ MAX_LINE_LENGTH = 300
 """Longest line that may state a unit or a marker of lost points. Units: characters."""
 
 MAX_MENTION_LINES = 1000
-"""Lines that are looked through for a unit in any words."""
+"""Maximum number of lines that are searched for a unit in any words."""
 
 _UNIT_KEYS = frozenset(
     "unit units uom einheit einheiten maßeinheit masseinheit unité unités".split()  # noqa: SIM905
@@ -79,7 +79,7 @@ _BARE_UNIT = re.compile(
     r"(?:um|[µμ]m?|nm|cm|dm|mils?|thous?|inch(?:es)?|microns?"
     r"|(?:mi[ck]ro|nano|[cz]enti|d[eé][cz]i)m[eè]t(?:er|re)s?)(?![^\W_])"
 )
-"""A unit other than mm that no number stands before: of the numbers of the file, most likely."""
+"""A unit other than mm without a number before it: most likely that of the file's numbers."""
 _FRACTION = re.compile(
     rf"(?<![^\W_])(?:{'|'.join(FRACTION_WORDS)})\s+(?:of\s+an?\s+|d\w*\s*)?(?:mm|m[ei]\w+)"
     r"|1/10+\s?mm"
@@ -92,14 +92,14 @@ _CONVERSION = re.compile(
 
 @dataclass(frozen=True)
 class UnitStatement:
-    """Unit stated by a line that is not of numbers.
+    """Unit stated by a line without numbers of points.
 
     Parameters
     ----------
     unit : StatedUnit
         The unit; its text is the whole line where it is not understood.
     axis : str or None
-        ``"x"``, ``"y"`` or ``"height"``; None where the line speaks of all lengths.
+        ``"x"``, ``"y"`` or ``"height"``; None where the line states the unit of all lengths.
     """
 
     unit: StatedUnit
@@ -132,7 +132,7 @@ def states_unit(line: str) -> bool:
 
 
 def unit_mentions(lines: Iterable[str]) -> tuple[str, ...]:
-    """Lines that speak of a unit other than mm, or of a conversion, in any words.
+    """Lines that mention a unit other than mm or a conversion, in any words.
 
     Examples
     --------

@@ -15,7 +15,7 @@ MM_PER_UNIT = {
     "in": 25.4,
     "ft": 304.8,
 }
-"""The units that profiles come in, each in mm."""
+"""Length of each unit that coordinates of profiles are given in. Units: mm."""
 
 MAX_LABEL_LENGTH = 200
 """Longest label or text that may state a unit. Units: characters."""
@@ -45,7 +45,7 @@ FRACTION_WORDS = {
 """Words for a tenth, a hundredth and a thousandth of a unit."""
 _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺", "0123456789-+")
 COUNT_WORD = r"(?:counts?|digits?|lsb|incr?|increments?|steps?|ticks?|bits?|units?|inkremente?)"
-"""Pattern of what a sensor's integers are called."""
+"""Pattern of the names of a sensor's integer steps."""
 _SCALED = re.compile(
     r"(?:(?P<numerator>[0-9]+)\s*/\s*(?P<denominator>[0-9]+)"
     r"|(?:[0-9]+\s*[x*·×]\s*)?10\s*(?:\^|\*\*)\s*\(?(?P<power>[-+]?[0-9]+)\)?"
@@ -63,7 +63,7 @@ NOT_LENGTHS = frozenset(
     "inkremente tick ticks raw step steps bit bits v volt volts mv ma deg degree degrees "
     "grad ° rad mrad s sec ms us µs ns min h hz khz % percent a.u. au dn adu arb".split()
 )
-"""Units of something else than a length, and of none."""
+"""Words for units of other quantities than length, and for no unit at all."""
 
 _REMARKS = frozenset(
     "sensor lateral height range distance depth axis horizontal vertical left right "  # noqa: SIM905
@@ -83,7 +83,7 @@ class StatedUnit:
     Parameters
     ----------
     text : str
-        The file's own words.
+        Text in the file.
     unit : str or None
         Name that `mm_per_unit` takes; None where the words are not understood.
     """
@@ -182,7 +182,7 @@ def _from_brackets(
     name = before.strip(" _:-/,") or after.strip(" _:-/,")
     if not inside or inside in ("-", "1"):
         return name, None
-    inside = re.sub(r"^in\s+(?=\S)", "", inside)  # as "(in um)"; an inch stands alone
+    inside = re.sub(r"^in\s+(?=\S)", "", inside)  # "(in um)" states um; "(in)" alone is an inch
     stated = state_unit(inside)
     first = re.split(r"[\s,;:]+", inside)[0]
     if stated.unit is None and parse_unit(first) is not None and bracket != "[":

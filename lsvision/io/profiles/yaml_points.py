@@ -11,7 +11,7 @@ from lsvision.errors import UnreadableFile
 from lsvision.files.json_text import parse_json
 from lsvision.io.profiles.json_points import profiles_from_document
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
-from lsvision.io.profiles.stated_units import one_unit, refuse_mentions
+from lsvision.io.profiles.stated_units import one_unit, require_known_unit
 from lsvision.io.profiles.text_table import decode_text
 from lsvision.io.profiles.unit_statements import unit_statements
 
@@ -41,7 +41,7 @@ def read_yaml(content: bytes, settings: ReadSettings) -> RawProfiles:
     if stated and profiles.units == (None, None) and settings.units is None:
         unit = one_unit(None, stated)
         profiles = replace(profiles, units=(unit, unit))
-    refuse_mentions(profiles.units, comments, settings)
+    require_known_unit(profiles.units, comments, settings)
     return profiles
 
 

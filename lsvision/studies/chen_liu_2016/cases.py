@@ -81,7 +81,7 @@ class Case:
         leg = BEAD_LEG * self.radius_mm
         bead = weld_bead(
             *sections, leg=leg, bulge=0.0, along=(float(x), float(y), float(z))
-        )  # a fillet, hollow as the paper's Figure 12
+        )  # a concave fillet, as in the paper's Figure 12
         return Scene((*tubes, bead))
 
 

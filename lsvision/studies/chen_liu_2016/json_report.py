@@ -32,7 +32,7 @@ def report_json(report: PaperReport) -> str:
         "schema": SCHEMA,
         "noise_mm": report.noise_mm,
         "effort": _plain(report.sizes),
-        "ways": {key: {"letter": info.letter, "name": info.name, "places_mm": info.places_mm}
+        "ways": {key: {"letter": info.letter, "name": info.name, "places_mm": info.positions_mm}
                  for key, info in METHODS.items()},
         "tables_1_to_4": [_plain(row) for row in report.rows],
         "readme_table": readme_table(report.rows),

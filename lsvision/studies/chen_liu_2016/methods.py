@@ -1,4 +1,4 @@
-"""Five methods to measure a pipe: the paper's chain, one section, known radius, two, twenty."""
+"""Five methods to measure a pipe: the paper's chain, one section, known radius, two and 20."""
 
 import math
 from collections.abc import Iterable
@@ -23,27 +23,27 @@ Method = Literal["paper", "section", "known", "two", "twenty"]
 
 @dataclass(frozen=True, slots=True)
 class MethodInfo:
-    """Names of a method, and the sections that it uses.
+    """Names of a method, and the sections that it measures.
 
     Parameters
     ----------
     letter : str
-        (a) to (e).
+        Letter in tables and figures, a to e.
     name, short : str
         Long and short name.
-    places_mm : tuple of float
+    positions_mm : tuple of float
         Positions of the sections along the laser plane's normal. Units: mm.
     """
 
     letter: str
     name: str
     short: str
-    places_mm: tuple[float, ...]
+    positions_mm: tuple[float, ...]
 
     @property
     def poses(self) -> tuple[Pose, ...]:
         """Poses of the sections; the paper's own section at z = 0 is in their middle."""
-        return tuple(Pose.along((0.0, 0.0, 1.0), z) for z in self.places_mm)
+        return tuple(Pose.along((0.0, 0.0, 1.0), z) for z in self.positions_mm)
 
 
 METHODS: dict[Method, MethodInfo] = {
@@ -153,7 +153,10 @@ def _measure_scan(
 def _estimates_by_pipe(
     estimates: Iterable[tuple[IntArray, Estimate]], pipes: int
 ) -> tuple[Estimate | None, ...]:
-    """For each pipe the estimate with most of its points, if most of that one's are the pipe's.
+    """For each pipe the estimate that holds most of its points, or None.
+
+    An estimate belongs to the pipe from which more than half of its points are.
+
 
     Each estimate comes with the true labels of its points; the k-th pipe has the label k.
     """
@@ -170,7 +173,7 @@ def _estimates_by_pipe(
 
 
 def _section_bound(section: SimulatedSection, label: int, known_std: float | None) -> Triple:
-    """Bound of a pipe from one section; `known_std` is that of a known radius in mm."""
+    """Bound of a pipe from one section; `known_std` is the std of a known radius in mm."""
     on_pipe = section.truth.labels == label
     bound = section_bound(
         section.truth.tubes[label - 1].ellipse,

@@ -106,11 +106,11 @@ def _theta_of_major_axis() -> Pitfall:
     one, four = printed_equation_one, printed_equation_four
     return Pitfall(
         "θ: which axis is it?",
-        "The text says θ is the direction of the major axis. Eqs. (1) and (4) as printed put "
+        "By the text, θ is the direction of the major axis. Eqs. (1) and (4) as printed put "
         "the long semi-axis a across it, at θ + 90°.",
         "θ is the direction of the major axis, from X towards Y, in [0°, 180°).",
         (
-            Check("Eq. (1) at the tip of the major axis, θ as the text says (on the ellipse: 1)",
+            Check("Eq. (1) at the tip of the major axis, θ as in the text (on the ellipse: 1)",
                   float(one(tip, ellipse, as_text)[0])),
             Check("Eq. (4) there, mm (on the ellipse: 0)", float(four(tip, ellipse, as_text)[0])),
             Check("Eq. (1) with θ turned by 90°", float(one(tip, ellipse, as_printed)[0])),
@@ -152,7 +152,7 @@ def _two_axes() -> Pitfall:
     sections = [_section_by_rays(axis) for axis in (first, second)]
     return Pitfall(
         "One section fits two pipes",
-        "The paper's θ and φ are said to give the orientation; a pipe leaning forwards and one "
+        "The paper's θ and φ are meant to give the orientation; a pipe leaning forwards and one "
         "leaning back by φ have the same section.",
         "One section returns both axes (axis_twins); two sections decide.",
         (

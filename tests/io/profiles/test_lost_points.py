@@ -52,7 +52,7 @@ def test_a_marker_reads_as_nan_does(write, arc, marker, fraction, both):
     expected = np.where(lost[:, np.newaxis], np.nan, arc)
     npt.assert_array_equal(file.profiles[0].points, expected)
     assert file.lost == lost.sum()
-    assert file.doubts == ()
+    assert file.unit_warnings == ()
     beyond = abs(float(marker)) >= 1e15
     shown = "0, 0" if both and float(marker) == 0 else f"{float(marker):.10g}"
     assert f"{lost.sum()} by {shown}" in file.summary or beyond
@@ -118,7 +118,7 @@ def test_a_guess_of_a_unit_waits_for_the_marker(write, arc):
     rows = (arc * 1000).round()
     text, _ = spoilt(rows, "-2147483648", 0.1)
     file = inspect_profiles(write(text.replace(".000", "")))
-    assert "coordinates reach 1.4e+05 mm" in file.doubts[0]
+    assert "coordinates reach 1.4e+05 mm" in file.unit_warnings[0]
     assert file.markers[0].text == "-2147483648"
 
 

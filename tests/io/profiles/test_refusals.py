@@ -43,10 +43,10 @@ def npy(array) -> bytes:
         ("1;2\n3;4,5\n6;7.5\n", "line 2: '4,5' is not a number"),
         (
             SLANTED,
-            r"1 tells no profiles apart \(20 values in 20 points\): say which .* with --columns",
+            r"1 does not separate profiles \(20 values in 20 points\): say which .* with --columns",
         ),
         ("angle [deg],range\n0,400\n1,399\n", "an angle and no x among its columns: convert"),
-        ("x y z\n" + SLANTED, "column y tells no profiles apart"),
+        ("x y z\n" + SLANTED, "column y does not separate profiles"),
         (" ".join(["1"] * 30), "1 rows of 30 heights without x: .* --x0 and --dx"),
         ("www.micro-epsilon.com\nscanCONTROL\n", "log of results, not of profiles: export"),
         (b"RIFF\0\0\0\0AVI LIST", "a video container .*: export its profiles as CSV"),
@@ -69,11 +69,14 @@ def npy(array) -> bytes:
         (b"PAR1rubbish", "pyarrow cannot read it"),
         ("ply\nformat ascii 1.0\n", "a PLY file with a broken header"),
         ("ply\nformat ascii 1.0\nelement face 1\nend_header\n", "begins with 1 face"),
-        ("ply\nformat ascii 1.0\nelement vertex x\nend_header\n", "without plain vertices"),
+        (
+            "ply\nformat ascii 1.0\nelement vertex x\nend_header\n",
+            "whose vertices are not plain numbers",
+        ),
         (
             "ply\nformat ascii 1.0\nelement vertex 2\nproperty int x\nproperty int y\n"
             "property int z\nend_header\n1 2 3\n",
-            "cut short: 2 points announced",
+            "cut short: its header announces 2 points",
         ),
         (
             "ply\nformat binary_little_endian 1.0\nelement vertex 2\nproperty int x\n"
@@ -88,7 +91,7 @@ def npy(array) -> bytes:
         ("VERSION 0.7\nFIELDS x\nSIZE 4\nTYPE F\nWIDTH 0\nDATA ascii\n", "without points"),
         (
             "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 9\nHEIGHT 1\nDATA binary\n12",
-            "cut short: 9 points announced",
+            "cut short: its header announces 9 points",
         ),
         ("%YAML:1.0\n---\nname: tube\n", r"no list of points among its keys \(name\)"),
         (
@@ -100,7 +103,7 @@ def npy(array) -> bytes:
         ("%YAML:1.0\n---\nscan_line: [ 1, b, 3, 4 ]\n", "'b' is not a number"),
         (
             "%YAML:1.0\n---\n\t: : [",
-            "no FileStorage of OpenCV .*: write it anew",
+            "no FileStorage of OpenCV .*: write it again",
         ),
         ("Info\nCSV Version,\nEnd\n", r"without profiles \(it has Info\): export it in profile"),
         ("frame,x0,z0\n", "a header and no profile under it"),

@@ -271,7 +271,7 @@ def test_a_cloud_that_is_cut_short_is_refused(bag):
 
     with pytest.raises(UnreadableFile, match="whose x is cut short or of an unknown type"):
         read_profile(bag("mcap", {"/line": [short]}, "short"))
-    with pytest.raises(UnreadableFile, match="PointCloud2 with x, intensity, y: want x, y, z"):
+    with pytest.raises(UnreadableFile, match="PointCloud2 with x, intensity, y: expected x, y, z"):
         read_profile(bag("mcap", {"/line": [flat]}, "flat"))
 
 

@@ -76,6 +76,6 @@ def test_the_laser_scan_of_a_case_is_turned_into_points():
 def test_what_looks_odd_in_a_case_is_noted():
     counts = inspect_profiles(CASES / "a02_ljv_int_um_lost.csv")
     assert counts.markers[0].text == "-2147483648"
-    assert counts.doubts[0].endswith("--units 10nm")
+    assert counts.unit_warnings[0].endswith("--units 10nm")
     lidar = inspect_profiles(CASES / "a20_lidar_xy_m.csv", columns="y,x", flip=True)
     assert any("say --units m" in note for note in lidar.notes)

@@ -249,7 +249,7 @@ def test_the_first_column_of_profiles_in_columns_can_be_x(write):
 def test_profiles_one_after_the_other_are_noted(write, arc):
     rising = arc[np.argsort(arc[:, 0])]
     text = "\n".join([*lines_of(rising), "", "", *lines_of(rising)])
-    assert any("x begins anew 1 times" in note for note in inspect_profiles(write(text)).notes)
+    assert any("x starts again 1 times" in note for note in inspect_profiles(write(text)).notes)
     shuffled = np.random.default_rng(2).permutation(arc)
     assert inspect_profiles(write("\n".join(["x [mm],z [mm]", *lines_of(shuffled)]))).notes == ()
 

@@ -209,11 +209,11 @@ def test_metres_of_a_lidar_are_hinted_at(write):
     points = np.column_stack([2 * np.tan(angle), -2 - 0.2 * np.cos(angle)])
     file = inspect_profiles(write(written(points)))
     assert any("say --units m" in note for note in file.notes)
-    assert file.doubts == ()
+    assert file.unit_warnings == ()
     assert inspect_profiles(write("# unit: m\n" + written(points))).notes == ()
 
 
 @pytest.mark.parametrize(("scale", "unit"), [(1e3, "um"), (1e5, "10nm"), (1e6, "nm")])
 def test_a_coordinate_beyond_all_sensors_names_the_unit_that_would_fit(write, arc, scale, unit):
     file = inspect_profiles(write(written((arc * scale).round())))
-    assert file.doubts[0].endswith(f"see --units {unit}")
+    assert file.unit_warnings[0].endswith(f"see --units {unit}")

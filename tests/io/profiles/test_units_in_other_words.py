@@ -103,7 +103,7 @@ def cloud(kind):
 def test_comments_of_clouds_state_units(write, kind):
     content = cloud(kind)
     npt.assert_allclose(read_profile(write(content)).points, PIPE, atol=ROUNDING_MM)
-    with pytest.raises(UnreadableFile, match=r"saved in um.*speaks of a unit"):
+    with pytest.raises(UnreadableFile, match=r"saved in um.*mentions a unit"):
         read_profile(write(content.replace("unit: um", "saved in um, ACME")))
 
 
@@ -123,7 +123,7 @@ def test_comments_of_yaml_state_units(write):
     stated = read_profile(write("\n".join(["# unit: um", *lists]), "a.yaml"))
     npt.assert_allclose(stated.points, PIPE, atol=ROUNDING_MM)
     for line in ("# as the sensor counts, um", "meta:\n  unit: um"):
-        with pytest.raises(UnreadableFile, match="speaks of a unit"):
+        with pytest.raises(UnreadableFile, match="mentions a unit"):
             read_profile(write("\n".join([line, *lists]), "a.yaml"))
 
 
