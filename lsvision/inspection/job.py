@@ -56,8 +56,8 @@ class Job(JobTable):
     ... order = 1
     ... radius_mm = { nominal = 19, upper = 0.1, lower = -0.1 }
     ... ''')
-    >>> job.parts[0].radius_mm.ends, job.decision.level
-    ((18.9, 19.1), 0.95)
+    >>> job.part("left").radius_mm.ends, job.decision.level, job.extra_std("radius_mm")
+    ((18.9, 19.1), 0.95, 0.0)
     """
 
     format_version: Annotated[int, Field(strict=True, ge=1, le=SCHEMA, alias="schema")] = SCHEMA
@@ -100,6 +100,21 @@ class Job(JobTable):
             Names every slip with its line and the mend.
         UnreadableFile
             If there is no such file, or it is no text.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> from pathlib import Path
+        >>> file = Path(tempfile.mkdtemp()) / "job.toml"
+        >>> _ = file.write_text('''
+        ... name = "tube"
+        ... [[part]]
+        ... name = "left"
+        ... order = 1
+        ... radius_mm = { min = 9 }
+        ... ''')
+        >>> Job.load(file).name
+        'tube'
         """
         return cls.from_text(read_text(path), os.fspath(path))
 

@@ -92,6 +92,8 @@ class Relation(Result):
     >>> low, high = relation.interval("gap")
     >>> low < relation.gap < high
     True
+    >>> relation.estimate("gap").value == relation.to_dict()["gap_mm"]
+    True
     """
 
     quantities: Mapping[str, Uncertain]

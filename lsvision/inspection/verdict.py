@@ -212,6 +212,8 @@ class Verdict(Result):
     >>> verdict = lsv.judge(lsv.measure_cylinders(section.profile), job)
     >>> verdict.decision == "OK", verdict.part("left").quantities[0].key
     (True, 'radius_mm')
+    >>> verdict.to_dict()["decision"]
+    'OK'
     """
 
     parts: tuple[ItemVerdict, ...]
