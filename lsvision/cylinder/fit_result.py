@@ -130,7 +130,7 @@ class CylinderFit(WithCylinder, Result):
             gradient = self.tangent_basis[:, index]
             covariance = self.covariance[first : first + 2, first : first + 2]
             value = float((self.point if name == "point" else self.direction)[index])
-            std = math.sqrt(float(gradient @ covariance @ gradient))
+            std = math.sqrt(max(float(gradient @ covariance @ gradient), 0.0))
         return value - factor * std, value + factor * std
 
     def coverage_factor(self, level: float = 0.95, quantities: int = 1) -> float:

@@ -320,5 +320,5 @@ def robot_covariance(calibration: SectionMount) -> FloatArray:
 
 def _scale_to_limit(limit: float, gradient: FloatArray, covariance: FloatArray) -> float:
     """Return the factor, at most 1, on a gradient that limits the propagated std."""
-    linear = math.sqrt(float(gradient @ covariance @ gradient))
+    linear = math.sqrt(max(float(gradient @ covariance @ gradient), 0.0))
     return min(1.0, limit / linear) if linear > 0 else 1.0

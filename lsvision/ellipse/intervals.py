@@ -177,12 +177,12 @@ def _known_quantities(fit: EllipseFit, sigmas: float) -> dict[str, Interval]:
     known = {}
     if problem.known_radius is not None:
         gradient = semi_minor_gradient(fit.parameters)
-        std = math.sqrt(float(gradient @ covariance @ gradient))
+        std = math.sqrt(max(float(gradient @ covariance @ gradient), 0.0))
         if std > PRIOR_SHARE * problem.known_radius.effective_std:
             known["radius"] = ellipse.radius - sigmas * std, ellipse.radius + sigmas * std
     if problem.known_phi is not None and not problem.known_phi.includes_circle:
         _, (gradient,) = problem.known_phi.residuals_and_jacobian(fit.parameters)
-        std_ratio = math.sqrt(float(gradient @ covariance @ gradient))
+        std_ratio = math.sqrt(max(float(gradient @ covariance @ gradient), 0.0))
         if std_ratio > PRIOR_SHARE:
             std = std_ratio * max(problem.known_phi.std, EXACT_STD)
             known["phi"] = ellipse.phi - sigmas * std, ellipse.phi + sigmas * std

@@ -239,4 +239,5 @@ class CylinderSection(WithEllipse, Result):
         return np.array([0.0, 0.0, 0.0, *across]) / (2 * h)
 
     def _std(self, gradient: FloatArray) -> float:
-        return math.sqrt(float(gradient @ self.fit.parameter_covariance @ gradient))
+        variance = float(gradient @ self.fit.parameter_covariance @ gradient)
+        return math.sqrt(max(variance, 0.0))  # of an exactly known value rounding may make it < 0

@@ -98,7 +98,7 @@ def _position(tube: ScannedCylinder, part: Part, key: str) -> Uncertain:
         return Length(basis @ (fit.point - near), covariance, fit.degrees_of_freedom)
     axis = "xyz".index(quantity_of(key).name[-1])
     gradient: FloatArray = basis[:, axis]
-    std = math.sqrt(float(gradient @ covariance @ gradient))
+    std = math.sqrt(max(float(gradient @ covariance @ gradient), 0.0))
     return Scalar(float(fit.point[axis]), std, fit.degrees_of_freedom)
 
 

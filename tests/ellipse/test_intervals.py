@@ -404,3 +404,13 @@ def test_where_the_linear_approximation_is_clear_theta_is_determined_as_the_sear
     assert [theta_is_determined(fit) for fit in every] == decided
     assert 0 < sum(decided) < len(decided)
     theta_is_determined.cache_clear()
+
+
+def test_a_variance_that_rounding_makes_negative_counts_as_zero(rng):
+    """Of an exactly known radius: found by tests.fuzz."""
+    fit = prior_fit(20.0, rng, known_radius=RadiusPrior(30.0))
+    gradient = np.array([0.0, 0.0, 1.0, *(-fit.parameters[3:] / np.hypot(*fit.parameters[3:]))])
+    negative = fit.unscaled_covariance - 1e-3 * np.outer(gradient, gradient)
+    assert gradient @ negative @ gradient < 0
+    low, high = interval(replace(fit, unscaled_covariance=negative), "radius")
+    assert low <= high
