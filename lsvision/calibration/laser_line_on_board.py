@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -137,7 +137,7 @@ def find_laser_view(
         low = np.maximum(np.floor(outline.min(axis=0)), 0).astype(int)
         high = np.ceil(outline.max(axis=0)).astype(int) + 1
         window = np.asarray(line_image)[low[1] : high[1], low[0] : high[0]]
-        line = extract_laser_line(window, settings.extraction)
+        line = extract_laser_line(window, _extraction(settings))
         indices = _indices_on_board(
             camera, target, (board_image, line_image), board_view, (line, low), settings
         )
@@ -151,6 +151,11 @@ def find_laser_view(
     return LaserView(
         board_view.points, board_view.pixels, line.pixels[indices] + low, line.std[indices]
     )
+
+
+def _extraction(settings: LineOnBoardSettings) -> LineSettings:
+    """Return the settings for a line on a pattern, which the laser's colour alone ignores."""
+    return replace(settings.extraction or LineSettings(), luminance=False)
 
 
 @dataclass(frozen=True)
@@ -177,7 +182,7 @@ def _line_beside(
 ) -> _LineBeside | None:
     """Return the line of the whole image if it is straight and beside the board, else None."""
     try:
-        line = extract_laser_line(line_image, settings.extraction)
+        line = extract_laser_line(line_image, _extraction(settings))
     except LsvisionError:
         return None
     found = np.flatnonzero(np.isfinite(line.pixels).all(axis=1))

@@ -171,7 +171,7 @@ def extract_laser_line(
         line_image = line_image.transposed()
     detected = find_line(line_image, settings)
     coarseness = 0.0
-    if line_image.brightness is not line_image.signal:
+    if settings.luminance and line_image.brightness is not line_image.signal:
         line_image, detected, coarseness = _sharper(line_image, detected, settings)
     stripes = _locate_stripes(line_image, detected, settings)
     stripes = replace(stripes, std=np.hypot(stripes.std, coarseness))

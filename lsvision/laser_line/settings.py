@@ -37,6 +37,9 @@ class LineSettings(ShowsChanges):
         Colours of a sensor's first two pixels of the first row, then of the second: only the
         pixels of the colour `channel` are used, with a filter of the same sigma. The image is raw
         (one number a pixel), or interpolated from such a one.
+    luminance : bool
+        Locate the line in the luminance where a JPEG file or a mosaic has kept the colours
+        coarsely. False where the line crosses a printed pattern, which the colour alone ignores.
     full_scale : float, optional
         Largest value of a pixel; by default that of the image's depth, see
         `prepare_line_image`. Units: DN.
@@ -66,6 +69,7 @@ class LineSettings(ShowsChanges):
     direction: Direction | None = None
     channel: Channel = "grey"
     bayer: Bayer | None = None
+    luminance: bool = True
     full_scale: float | None = None
     min_contrast: float = 0.02
     read_noise: float | None = None
