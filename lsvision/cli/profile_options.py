@@ -158,6 +158,13 @@ class ReadingOptions:
         str | None,
         typer.Option(metavar="NAME", help="Of a ROS bag, where several hold profiles, as /scan."),
     ] = None
+    plane: Annotated[
+        str | None,
+        typer.Option(
+            metavar="fit",
+            help="Points are x, y, z of a tilted plane, as of a camera's frame: it is fitted.",
+        ),
+    ] = None
 
     def parse(self, **more: Unpack["ReadOptions"]) -> "ReadOptions":
         """Return the arguments of `read_profiles`, checked before any file is opened.
@@ -177,7 +184,7 @@ class ReadingOptions:
         options = ReadOptions(
             format=self.file_format, columns=self.columns, units=self.units, flip=self.flip,
             lost=self.lost, transpose=self.transpose, x0=self.x0, dx=self.dx, z_unit=self.z_unit,
-            topic=self.topic,
+            topic=self.topic, plane=self.plane,
         ) | more  # fmt: skip
         try:
             ReadSettings(**options)

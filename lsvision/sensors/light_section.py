@@ -25,6 +25,7 @@ from lsvision.laser_line.line_blur import correct_line_blur
 from lsvision.profile import PointNoise, Profile
 from lsvision.sensors.camera import Camera
 from lsvision.sensors.rig_file import read_rig, write_rig
+from lsvision.sensors.section_frame import section_pose
 
 ALONG_FRACTION = 0.05
 """Standard deviation along the line over that across it. The column of a point is exact, but
@@ -34,9 +35,6 @@ MIN_BASELINE_MM = 0.1
 Units: mm."""
 MIN_SLANT = 1e-3
 """Smallest sine of the angle between optical axis and laser plane (0.06 deg)."""
-MIN_FACING_COSINE = 0.98
-"""Cosine of the angle between optical axis and the plane's normal (11 deg), above which the plane
-faces the camera and the optical axis does not determine the direction of Y."""
 NORMAL_STEP_MM = 0.1
 """Length of the normal whose image is its direction there. Units: mm."""
 GRID = 9
@@ -102,21 +100,7 @@ class LightSection(ComparedByValue):
     @property
     def camera_from_section(self) -> Pose:
         """Pose of the section frame in the camera frame, as the class defines it. Units: mm."""
-        normal, optical_axis = self.laser_plane.normal, np.array([0.0, 0.0, 1.0])
-        if abs(normal @ optical_axis) > MIN_FACING_COSINE:
-            # The cross product with the optical axis has no reliable direction: take image u.
-            x = np.array([1.0, 0.0, 0.0])
-            x = x - normal * (normal @ x)
-            upwards = np.array([0.0, -1.0, 0.0])
-        else:
-            x = np.cross(normal, optical_axis)
-            x = x * np.sign(x[np.argmax(np.abs(x))])
-            upwards = -optical_axis
-        x = x / np.linalg.norm(x)
-        y = np.cross(normal, x)
-        y = y * np.sign(y @ upwards)
-        rotation = np.column_stack([x, y, np.cross(x, y)])
-        return Pose(rotation, normal * self.laser_plane.distance)
+        return section_pose(self.laser_plane)
 
     def profile(
         self,

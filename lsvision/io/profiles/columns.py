@@ -1,7 +1,7 @@
 """Columns of x and height in a table, and columns that identify profiles."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import NoReturn
 
@@ -10,6 +10,7 @@ import numpy as np
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray, IntArray
 from lsvision.io.profiles.column_roles import column_role, is_part_name
+from lsvision.io.profiles.profile_attributes import profile_attributes
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.stated_units import resolve_units
 from lsvision.io.profiles.text_table import TextTable
@@ -21,7 +22,7 @@ _CONSTANT = 1e-6  # spread of a column that does not vary, relative to that of t
 
 @dataclass(frozen=True)
 class _Choice:
-    """Columns of x and height, and the column that identifies profiles, if any."""
+    """Columns of x and height (and y between), and the one that identifies profiles, if any."""
 
     x: int
     height: int
@@ -30,6 +31,12 @@ class _Choice:
     travel: bool = True  # the key is a place along the travel, not a number of the profile
     notes: tuple[str, ...] = ()
     used: tuple[int, ...] = field(default=())  # looked at beside these, and left out on purpose
+    y: int | None = None  # of points in space
+
+    @property
+    def coordinates(self) -> tuple[int, ...]:
+        """Columns of the points."""
+        return (self.x, self.height) if self.y is None else (self.x, self.y, self.height)
 
 
 def profiles_from_table(table: TextTable, settings: ReadSettings) -> RawProfiles:
@@ -39,7 +46,8 @@ def profiles_from_table(table: TextTable, settings: ReadSettings) -> RawProfiles
     of three or more the second is left out where it is constant, and separates the profiles where
     each of its values stands in one run of points; otherwise the third must be whole numbers (a
     label).
-    Columns that do not vary within a profile become its attributes.
+    Columns that do not vary within a profile become its attributes. Where a plane is to be fitted,
+    the points are x, y and z.
 
     Raises
     ------
@@ -49,11 +57,14 @@ def profiles_from_table(table: TextTable, settings: ReadSettings) -> RawProfiles
     """
     if table.values.shape[1] - len(table.texts) < 2 and settings.columns is None:
         _raise_one_column(table)
-    choice = _requested_columns(table, settings) or _named(table) or _placed(table)
+    if settings.plane is not None:
+        choice = _in_space(table, settings)
+    else:
+        choice = _requested_columns(table, settings) or _named(table) or _placed(table)
     _check_numbers(table, choice)
     points = table.values
-    if points.shape[1] > 2 or (choice.x, choice.height) != (0, 1):
-        points = points[:, [choice.x, choice.height]]
+    if choice.coordinates != tuple(range(points.shape[1])):
+        points = points[:, choice.coordinates]
     sections: Sequence[FloatArray] = [points]
     positions = None
     rows = [np.arange(len(points))]
@@ -66,13 +77,15 @@ def profiles_from_table(table: TextTable, settings: ReadSettings) -> RawProfiles
         if choice.travel and choice.key not in table.texts:
             numbers = _without_gaps(table.values[:, choice.key])
             positions = tuple(float(numbers[r][0]) for r in rows)
-    attributes, ignored = _attributes(table, choice, rows)
+    attributes, ignored = profile_attributes(
+        table, rows, points=choice.coordinates, key=choice.key, left_out=choice.used
+    )
     return RawProfiles(
         sections=sections,
-        units=resolve_units(table, choice.x, choice.height, settings),
+        units=_units(table, choice, settings),
         away=choice.away,
         positions=positions,
-        notes=table.notes + choice.notes + (_restarts(sections[0]) if len(sections) == 1 else ()),
+        notes=table.notes + choice.notes + _restarts(sections),
         lost=table.lost,
         limits=table.limits,
         attributes=attributes,
@@ -80,9 +93,11 @@ def profiles_from_table(table: TextTable, settings: ReadSettings) -> RawProfiles
     )
 
 
-def _restarts(section: FloatArray) -> tuple[str, ...]:
+def _restarts(sections: Sequence[FloatArray]) -> tuple[str, ...]:
     """Return a note if x repeats its range: probably several profiles one after the other."""
-    x = section[np.isfinite(section[:, 0]), 0]
+    if len(sections) != 1 or sections[0].shape[1] != 2:
+        return ()
+    x = sections[0][np.isfinite(sections[0][:, 0]), 0]
     with np.errstate(over="ignore", invalid="ignore"):  # numbers near the largest there are
         steps, span = np.diff(x), np.ptp(x) if len(x) else 0.0
     if len(steps) < 2 * _FEWEST_PER_PROFILE:
@@ -98,6 +113,52 @@ def _restarts(section: FloatArray) -> tuple[str, ...]:
         f"x starts again {len(back)} times: several profiles? separate them by a column of their "
         "numbers, or write one a file",
     )
+
+
+def _in_space(table: TextTable, settings: ReadSettings) -> _Choice:
+    """Return the columns of x, y and z: those asked for, named so, or the first three of numbers.
+
+    Raises
+    ------
+    UnreadableFile
+        If they are not there.
+    """
+    place, notes = _places(table), tuple[str, ...]()
+    depth = "height" if "height" in place else "range"
+    columns = [place[role] for role in ("x", "y", depth) if role in place]
+    if settings.columns is not None:
+        columns = [_index(table, column) for column in settings.columns]
+    elif not columns and len(numbers := _number_columns(table)) >= 3:
+        columns = numbers[:3]
+        said = ", ".join(str(column) for column in columns)
+        notes = (f"no column is named: columns {said} taken for x, y and z",)
+    if len(columns) != 3:
+        has = ", ".join(table.label(column) for column in columns) or "none of them"
+        raise UnreadableFile(
+            f"--plane fit needs x, y and z of each point, got {has}: name three columns with "
+            "--columns, or leave --plane out where the points are x and height"
+        )
+    key = place.get("scan")
+    if key is None or key in columns or not _parts_profiles(table, key):
+        key = _part_key(table)
+    x, y, z = columns
+    return _Choice(x, z, key, travel=False, notes=notes, y=y)
+
+
+def _units(
+    table: TextTable, choice: _Choice, settings: ReadSettings
+) -> tuple[str | None, str | None]:
+    """Return the units of x and height; of points in space all three must agree."""
+    units = resolve_units(table, choice.x, choice.height, settings)
+    if choice.y is None:
+        return units
+    stated = dict.fromkeys((*units, *resolve_units(table, choice.x, choice.y, settings)))
+    if len(stated) > 1:
+        said = ", ".join(unit or "none" for unit in stated)
+        raise UnreadableFile(
+            f"x, y and z have different units ({said}): say one with --units, or write all in it"
+        )
+    return units
 
 
 def _requested_columns(table: TextTable, settings: ReadSettings) -> _Choice | None:
@@ -178,11 +239,7 @@ def _by_names(table: TextTable) -> _Choice | None:
 
 
 def _placed(table: TextTable) -> _Choice:
-    columns = [
-        c
-        for c in range(table.values.shape[1])
-        if c not in table.texts and (c in table.words or np.isfinite(table.values[:, c]).any())
-    ]
+    columns = _number_columns(table)
     if len(columns) < 2:
         columns = list(range(table.values.shape[1]))
     values = table.values[:, columns]
@@ -209,6 +266,15 @@ def _placed(table: TextTable) -> _Choice:
     return _Choice(first, third, second, notes=notes)
 
 
+def _number_columns(table: TextTable) -> list[int]:
+    """Return the columns of numbers that are not empty."""
+    return [
+        c
+        for c in range(table.values.shape[1])
+        if c not in table.texts and (c in table.words or np.isfinite(table.values[:, c]).any())
+    ]
+
+
 def _in_plane(xyz: FloatArray) -> _Choice | None:
     """Return the choice if y, or else z, is the same for all points."""
     spread = [_spread(column) for column in xyz.T]
@@ -220,10 +286,10 @@ def _in_plane(xyz: FloatArray) -> _Choice | None:
 
 
 def _check_numbers(table: TextTable, choice: _Choice) -> None:
-    for column in (choice.x, choice.height):
+    for column in choice.coordinates:
         if column in table.words:
             word = table.words[column]
-            named = f"column {_label(table, column)} holds text: " if column in table.texts else ""
+            named = f"column {table.label(column)} holds text: " if column in table.texts else ""
             raise UnreadableFile(f"line {word.row}: {named}{word.cell[:40]!r} {word.reason}")
 
 
@@ -235,7 +301,7 @@ def _raise_one_column(table: TextTable) -> NoReturn:
         text, count = Counter(cells).most_common(1)[0]
         if count > 1:
             raise UnreadableFile(
-                f"column {_label(table, column)} holds text ({text[:40]!r} in {count} lines): say "
+                f"column {table.label(column)} holds text ({text[:40]!r} in {count} lines): say "
                 f"--lost {text[:20]} if that marks lost points, or name the columns of x and "
                 "height with --columns"
             )
@@ -247,13 +313,9 @@ def _raise_one_column(table: TextTable) -> NoReturn:
 def _raise_no_key(table: TextTable, key: int) -> NoReturn:
     values = len(np.unique(table.values[:, key]))
     raise UnreadableFile(
-        f"column {_label(table, key)} does not separate profiles ({values} values in "
+        f"column {table.label(key)} does not separate profiles ({values} values in "
         f"{len(table.values)} points): say which columns are x and height with --columns"
     )
-
-
-def _label(table: TextTable, column: int) -> str:
-    return (table.names[column] if table.names else "") or str(column)
 
 
 def _spread(column: FloatArray) -> float:
@@ -303,7 +365,7 @@ def _codes(table: TextTable, column: int) -> FloatArray:
 def _composite_key(table: TextTable, choice: _Choice, key: FloatArray) -> FloatArray:
     """Return the key refined by columns of parts, sensors or runs in which it restarts."""
     for column, name in enumerate(table.names):
-        if column == choice.key or column in (choice.x, choice.height):
+        if column == choice.key or column in choice.coordinates:
             continue
         if is_part_name(name) or (column_role(name) == "scan"):
             codes = _without_gaps(_codes(table, column))
@@ -313,35 +375,6 @@ def _composite_key(table: TextTable, choice: _Choice, key: FloatArray) -> FloatA
             _, both = np.unique(pairs, axis=0, return_inverse=True)
             key = both.ravel().astype(np.float64)
     return key
-
-
-def _attributes(
-    table: TextTable, choice: _Choice, rows: Sequence[IntArray]
-) -> tuple[tuple[Mapping[str, float | str], ...], tuple[str, ...]]:
-    """Return the attributes of each profile, and the columns that are not used."""
-    others = [c for c in range(table.values.shape[1]) if c not in (choice.x, choice.height)]
-    kept: list[dict[str, float | str]] = [{} for _ in rows]
-    ignored = []
-    for column in others:
-        values = [_one_value(table, column, r) for r in rows] if table.names else [None]
-        if all(value is not None for value in values) and column not in choice.used:
-            for attributes, value in zip(kept, values, strict=True):
-                if value is not None:
-                    attributes[_label(table, column)] = value
-        elif column != choice.key:
-            ignored.append(_label(table, column))
-    known = any(kept)
-    return tuple(kept) if known else (), tuple(ignored)
-
-
-def _one_value(table: TextTable, column: int, rows: IntArray) -> float | str | None:
-    """Return the common value of all points of a profile; None if they differ."""
-    if column in table.texts:
-        texts = {table.texts[column][r] for r in rows.tolist()}
-        return texts.pop() if len(texts) == 1 else None
-    values = table.values[rows, column]
-    values = values[np.isfinite(values)]
-    return float(values[0]) if len(values) and bool(np.all(values == values[0])) else None
 
 
 def _split_by(key: FloatArray) -> list[IntArray]:

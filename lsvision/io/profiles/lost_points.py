@@ -1,6 +1,5 @@
 """Points that a file marks as lost by a value: stated by the user or the file, or guessed."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,7 +59,8 @@ def remove_lost(
         section if np.isfinite(section).all() else np.where(np.isfinite(section), section, np.nan)
         for section in raw.sections
     ]
-    points = sections[0] if len(sections) == 1 else np.concatenate([np.empty((0, 2)), *sections])
+    points = sections[0] if len(sections) == 1 else np.concatenate(sections or [np.empty((0, 2))])
+    height = points.shape[1] - 1
     lost = np.zeros(len(points), dtype=bool)
     markers: list[LostMarker] = []
 
@@ -80,11 +80,13 @@ def remove_lost(
             mark(f"{value:.10g}", _has(points, value), guessed=False)
         if not points.all():
             zero = np.concatenate([_repeated_zeros(section) for section in sections])
-            mark("0, 0", zero, guessed=False)
+            mark(", ".join("0" * points.shape[1]), zero, guessed=False)
         left = np.where(lost[:, np.newaxis], np.nan, points) if lost.any() else points
-        for axis in (1, 0):
+        for axis in range(height, -1, -1):
             guesses = find_lost_markers(
-                left[:, axis], limits=raw.limits if axis else (), is_range=raw.away and axis == 1
+                left[:, axis],
+                limits=raw.limits if axis else (),
+                is_range=raw.away and axis == height,
             )
             for value in guesses:
                 mark(f"{value:.10g}", np.equal(left[:, axis], value), guessed=True)
@@ -95,12 +97,11 @@ def remove_lost(
 
 
 def _has(points: FloatArray, value: float) -> BoolArray:
-    near: BoolArray = np.abs(points - value) <= _TOLERANCE * abs(value)
-    return near[:, 0] | near[:, 1]
+    near: BoolArray = np.any(np.abs(points - value) <= _TOLERANCE * abs(value), axis=1)
+    return near
 
 
-def _repeated_zeros(section: Sequence[float] | FloatArray) -> BoolArray:
+def _repeated_zeros(section: FloatArray) -> BoolArray:
     """Return several rows of 0, 0, as Leuze writes lost points; a single one may be a point."""
-    x, height = np.asarray(section).T
-    zero: BoolArray = np.equal(x, 0) & np.equal(height, 0)
+    zero: BoolArray = np.all(np.equal(section, 0), axis=1)
     return zero if zero.sum() > 1 else np.zeros(len(zero), dtype=bool)

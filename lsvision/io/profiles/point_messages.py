@@ -29,7 +29,7 @@ def profiles_from_clouds(
     """Profiles of PointCloud2 messages.
 
     Points of one plane across y are taken as x and z; of one across z, as of a lidar, as those of
-    a LaserScan; other columns where the user names them.
+    a LaserScan; other columns where the user names them; all three where a plane is to be fitted.
 
     Parameters
     ----------
@@ -51,7 +51,10 @@ def profiles_from_clouds(
         kept += [attribute] * len(cloud)
     if not rows:
         raise UnreadableFile("PointCloud2 messages without a row of points: record the topic again")
-    columns, away, notes = _section_columns(rows, settings)
+    if settings.plane is not None:
+        columns, away, notes = [0, 1, 2], False, tuple[str, ...]()
+    else:
+        columns, away, notes = _section_columns(rows, settings)
     return RawProfiles(
         sections=[row[:, columns] for row in rows],
         units=("m", "m"),

@@ -10,9 +10,10 @@ import numpy as np
 
 from lsvision.errors import UnreadableFile
 from lsvision.files.limited_reading import read_bytes
-from lsvision.geometry import FloatArray
+from lsvision.geometry import FloatArray, Pose
 from lsvision.io.file_names import PROFILE_SUFFIXES, find_files
 from lsvision.io.profiles.detection import detect_format
+from lsvision.io.profiles.fitted_plane import fit_section_plane
 from lsvision.io.profiles.gocator import read_gocator, read_gocator_points
 from lsvision.io.profiles.height_map import read_height_map
 from lsvision.io.profiles.json_points import read_json
@@ -88,6 +89,9 @@ class ProfileFile:
         if it has none.
     ignored : tuple of str
         Columns that were not used.
+    file_from_section : Pose, optional
+        The section frame in the frame of the file's points, where their plane was fitted; its Z is
+        the plane's normal. Units: mm.
     """
 
     path: Path
@@ -102,6 +106,7 @@ class ProfileFile:
     markers: tuple[LostMarker, ...] = ()
     attributes: tuple[Mapping[str, float | str], ...] = ()
     ignored: tuple[str, ...] = ()
+    file_from_section: Pose | None = None
 
     @property
     def lost(self) -> int:
@@ -270,6 +275,10 @@ def in_section_frame(
     x_scale, y_scale = mm_per_unit(x_unit or "mm"), mm_per_unit(height_unit or "mm")
     to_mm = np.array([x_scale, -y_scale if away else y_scale])
     sections, markers = remove_lost(raw, settings)
+    fitted = None
+    if settings.plane is not None:
+        fitted = fit_section_plane([section * x_scale for section in sections])
+        sections, to_mm = list(fitted.sections), np.array([1.0, -1.0 if away else 1.0])
     if (to_mm != 1.0).any():
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows is lost
             sections = [section * to_mm for section in sections]
@@ -287,11 +296,12 @@ def in_section_frame(
         units_assumed=assumed,
         flipped=away,
         positions=raw.positions and tuple(p * x_scale for p in raw.positions),
-        notes=raw.notes + guessed + unit_warnings + hints,
+        notes=raw.notes + guessed + ((fitted.note,) if fitted else ()) + unit_warnings + hints,
         unit_warnings=unit_warnings,
         markers=markers,
         attributes=raw.attributes,
         ignored=raw.ignored,
+        file_from_section=fitted.file_from_section if fitted else None,
     )
 
 

@@ -31,6 +31,8 @@ FORMATS = (
     "rosbag",
 )
 """Values of `format` and ``--format``."""
+PLANES = ("fit",)
+"""Values of `plane` and ``--plane``."""
 
 
 class ReadOptions(TypedDict, total=False):
@@ -48,6 +50,7 @@ class ReadOptions(TypedDict, total=False):
     x_pitch: float | None
     z_unit: float | str | None
     topic: str | None
+    plane: str | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,11 +83,14 @@ class ReadSettings:
         controller states ZUnit, or a length as ``"0.5um"``.
     topic : str, optional
         Of a ROS bag, where several hold profiles, as ``"/scan"``.
+    plane : str, optional
+        ``"fit"`` where the points are x, y, z of a tilted plane, as of a camera's frame: the
+        plane is fitted, and the section lies in it. Three `columns` are then x, y and z.
 
     Raises
     ------
     ValueError
-        For an unknown format or unit, a spacing of 0, or columns that are not two or three.
+        For an unknown format, unit or plane, a spacing of 0, or columns that are not two or three.
 
     Examples
     --------
@@ -104,9 +110,11 @@ class ReadSettings:
     x_pitch: float | None = None
     z_unit: float | str | None = None
     topic: str | None = None
+    plane: str | None = None
 
     def __post_init__(self) -> None:
         _check_choice("format", self.format, FORMATS)
+        _check_choice("plane", self.plane, PLANES)
         if self.units is not None:
             object.__setattr__(self, "units", _checked_unit(self.units))
         if self.z_unit is not None:
@@ -152,7 +160,8 @@ class RawProfiles:
     Parameters
     ----------
     sections : sequence of (n, 2) ndarray
-        x and height of each profile, NaN where lost, order of the file.
+        x and height of each profile, NaN where lost, order of the file; (n, 3) x, y, z of points
+        whose plane is to be fitted.
     units : tuple of str or None
         Units of x and of height as the file states them; None where it does not.
     away : bool

@@ -107,6 +107,8 @@ def iterate_profiles(
 
 def _streamed_kind(file: Path, settings: ReadSettings) -> str | None:
     """Return the format of a file whose parts can be read by themselves, else None."""
+    if settings.plane is not None:  # one plane for all profiles
+        return None
     if str(file) == STDIN or not is_regular(file):
         return None
     check_readable(file)

@@ -78,6 +78,10 @@ class TextTable:
     limits: tuple[float, ...] = ()
     mentions: tuple[str, ...] = ()
 
+    def label(self, column: int) -> str:
+        """Return the name of a column, or its number if it has none."""
+        return (self.names[column] if self.names else "") or str(column)
+
 
 def decode_text(content: bytes) -> str:
     """Return the text of a file in UTF-8, UTF-16, UTF-32 or Latin-1.

@@ -1,0 +1,113 @@
+"""Section of points in space: their plane is fitted, and they are turned into its section frame."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lsvision.errors import UnreadableFile
+from lsvision.geometry import FloatArray, Plane, Pose
+from lsvision.sensors.section_frame import section_pose
+
+MAX_THICKNESS = 0.1
+"""Largest rms distance from the plane, relative to the rms extent of the points across their line:
+at 0.1, the plane of 100 points is determined to about 0.01 rad."""
+MIN_EXTENT = 0.01
+"""Smallest rms extent across the line relative to that along it, below which the points are said
+to lie on a line."""
+MIN_POINTS = 5
+FARTHEST_MM = 1e9
+"""Coordinates beyond are markers of lost points; their squares could overflow. Units: mm."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FittedSections:
+    """Points of one or several profiles in the plane that was fitted to all of them.
+
+    Parameters
+    ----------
+    sections : tuple of (n, 2) ndarray
+        Section frame, NaN where lost. Units: mm.
+    file_from_section : Pose
+        The section frame in the frame of the points; its Z is the plane's normal. Units: mm.
+    note : str
+        The plane and its residuals, for people.
+    """
+
+    sections: tuple[FloatArray, ...]
+    file_from_section: Pose
+    note: str
+
+
+def fit_section_plane(clouds: Sequence[FloatArray]) -> FittedSections:
+    """Fit one plane to the points of all profiles and return them in its section frame.
+
+    The frame is that of `section_pose`: Y opposite to the z axis of the points' frame, as of a
+    camera that looks along z. Where the points have negative z (heights below the sensor), Y is
+    along z.
+
+    Parameters
+    ----------
+    clouds : sequence of (n, 3) ndarray
+        Points in the frame of the sensor, NaN where lost. Units: mm.
+
+    Returns
+    -------
+    FittedSections
+        The points, their frame, and what is said of them.
+
+    Raises
+    ------
+    UnreadableFile
+        If they have no three coordinates, are fewer than `MIN_POINTS`, lie in no plane or on a
+        line, or are too large for any sensor.
+    """
+    if any(cloud.shape[1] != 3 for cloud in clouds):
+        raise UnreadableFile(
+            "--plane fit needs x, y and z of each point, got x and height: leave --plane out"
+        )
+    points = np.concatenate(clouds)
+    points = points[np.isfinite(points).all(axis=1)]
+    if len(points) < MIN_POINTS:
+        raise UnreadableFile(
+            f"{len(points)} valid points, --plane fit needs at least {MIN_POINTS}: check exposure"
+        )
+    if float(np.abs(points).max()) > FARTHEST_MM:
+        raise UnreadableFile(
+            f"coordinates reach {np.abs(points).max():.3g} mm: state what marks lost points with "
+            "--lost, or the unit with --units"
+        )
+    centre = points.mean(axis=0)
+    _, singular_values, axes = np.linalg.svd(points - centre, full_matrices=False)
+    _check_flatness(singular_values / np.sqrt(len(points)))
+    plane = Plane(axes[2], float(axes[2] @ centre))
+    pose = section_pose(plane)
+    if centre[2] < 0:
+        pose = Pose(pose.rotation * (1.0, -1.0, -1.0), pose.translation)
+    to_section = pose.inverse()
+    distances = plane.signed_distances(points)
+    rms, largest = float(np.sqrt(np.mean(distances**2))), float(np.abs(distances).max())
+    normal = ", ".join(f"{c:.4f}" for c in pose.rotation[:, 2] + 0.0)
+    return FittedSections(
+        sections=tuple(to_section.apply(cloud)[:, :2] for cloud in clouds),
+        file_from_section=pose,
+        note=f"plane fitted to {len(points)} points: normal ({normal}), "
+        f"{abs(plane.distance):.3f} mm from the origin, residual rms {rms:.3g} mm, largest "
+        f"{largest:.3g} mm",
+    )
+
+
+def _check_flatness(extents: FloatArray) -> None:
+    """Raise an error unless the rms extents, descending, are those of a plane."""
+    length, width, thickness = extents
+    if width <= MIN_EXTENT * length:
+        raise UnreadableFile(
+            f"the points lie on a line (rms {width:.3g} mm across {length:.3g} mm along), which "
+            "fits any plane through it: --plane fit needs a curved section, as of a pipe"
+        )
+    if thickness > MAX_THICKNESS * width:
+        raise UnreadableFile(
+            f"the points do not lie in a plane (rms {thickness:.3g} mm from the best one, and "
+            f"{width:.3g} mm across their line): write the points of one laser plane, one section "
+            "a file or told apart by a column"
+        )

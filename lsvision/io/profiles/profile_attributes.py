@@ -1,0 +1,56 @@
+"""Columns of a table that hold one value a profile: the attributes of the profiles."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from lsvision.geometry import IntArray
+from lsvision.io.profiles.text_table import TextTable
+
+
+def profile_attributes(
+    table: TextTable,
+    rows: Sequence[IntArray],
+    *,
+    points: Sequence[int],
+    key: int | None,
+    left_out: Sequence[int],
+) -> tuple[tuple[Mapping[str, float | str], ...], tuple[str, ...]]:
+    """Return the attributes of each profile, and the columns that are not used.
+
+    Parameters
+    ----------
+    table : TextTable
+        A point a row; without names it gives no attributes.
+    rows : sequence of ndarray
+        Rows of each profile.
+    points : sequence of int
+        Columns of the coordinates.
+    key : int or None
+        Column that identifies profiles.
+    left_out : sequence of int
+        Columns that were looked at and left out on purpose.
+    """
+    others = [c for c in range(table.values.shape[1]) if c not in points]
+    kept: list[dict[str, float | str]] = [{} for _ in rows]
+    ignored = []
+    for column in others:
+        values = [_one_value(table, column, r) for r in rows] if table.names else [None]
+        if all(value is not None for value in values) and column not in left_out:
+            for attributes, value in zip(kept, values, strict=True):
+                if value is not None:
+                    attributes[table.label(column)] = value
+        elif column != key:
+            ignored.append(table.label(column))
+    known = any(kept)
+    return tuple(kept) if known else (), tuple(ignored)
+
+
+def _one_value(table: TextTable, column: int, rows: IntArray) -> float | str | None:
+    """Return the common value of all points of a profile; None if they differ."""
+    if column in table.texts:
+        texts = {table.texts[column][r] for r in rows.tolist()}
+        return texts.pop() if len(texts) == 1 else None
+    values = table.values[rows, column]
+    values = values[np.isfinite(values)]
+    return float(values[0]) if len(values) and bool(np.all(values == values[0])) else None
