@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -83,6 +84,14 @@ def test_each_step_leaves_its_files_and_a_page_that_stands_alone(results):
         assert text.count("<svg") == 2
         assert "<script" not in text
         assert 'src="http' not in text
+
+
+def test_figures_of_the_readme_are_what_the_scripts_print(results):
+    printed = {line.strip() for text in results[1].values() for line in text.splitlines()}
+    blocks = re.findall(r"```text\n(.*?)```", (CALIBRATION / "README.md").read_text(), re.DOTALL)
+    shown = [line.strip() for block in blocks for line in block.splitlines()]
+    assert len(shown) == 7
+    assert [line for line in shown if line not in printed] == []
 
 
 def test_a_folder_of_ones_own_is_taken_and_a_missing_one_is_named(tmp_path):

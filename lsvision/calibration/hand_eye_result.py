@@ -350,9 +350,10 @@ class HandEye(Result):
 
     def _named(self, mounting: Mounting, sensor: Sensor) -> Pose:
         if (self.mounting, self.sensor) != (mounting, sensor):
+            expected, got = (name.replace("_", " ") for name in (mounting, self.mounting))
             raise ValueError(
-                f"expected a calibration of a {sensor} {mounting}, got one of a {self.sensor} "
-                f"{self.mounting}"
+                f"expected a calibration of a {sensor}, {expected}, got one of a {self.sensor}, "
+                f"{got}"
             )
         return self.mount_from_sensor
 
@@ -363,25 +364,32 @@ class HandEye(Result):
 
 
 def hand_eye_rows(found: HandEye) -> list[Row]:
-    """Pose of the sensor with one sigma, and what it is worth where it measures."""
+    """Pose of the sensor with one sigma, as a rotation vector, and what it is worth."""
     from scipy.spatial.transform import Rotation
 
     mount = "flange" if found.mounting == "eye_in_hand" else "base"
     std = [math.sqrt(value) for value in found.covariance.diagonal()]
     pose, deg = found.mount_from_sensor, math.degrees(1)
     vector = Rotation.from_matrix(pose.rotation).as_rotvec()
-    x, y, z = (f"{value:.1f}" for value in found.working_point)
-    rows: list[Row] = [
+    return [
         *((f"{mount}_from_{found.sensor} {axis}", format_value(float(value), sigma), "mm")
           for axis, value, sigma in zip("xyz", pose.translation, std[:3], strict=True)),
         *((f"rotation vector {axis}", format_value(float(value) * deg, sigma * deg), "deg")
           for axis, value, sigma in zip("xyz", vector, std[3:], strict=True)),
+        *evidence_rows(found),
+    ]  # fmt: skip
+
+
+def evidence_rows(found: HandEye) -> list[Row]:
+    """What the calibration is worth where it measures, and its residuals."""
+    x, y, z = (f"{value:.1f}" for value in found.working_point)
+    rows: list[Row] = [
         (f"error at the working point ({x}, {y}, {z})", f"{found.working_point_std:.3f}", "mm"),
         ("residual, rms", f"{found.residual_rms:.3f}", "mm"),
         ("the same, held out", f"{found.leave_one_out_rms:.3f}", "mm"),
         ("robot, one sigma", f"{found.robot_std[0]:.3f}", "mm"),
-        ("robot, one sigma", f"{found.robot_std[1] * deg:.4f}", "deg"),
-    ]  # fmt: skip
+        ("robot, one sigma", f"{math.degrees(found.robot_std[1]):.4f}", "deg"),
+    ]
     if isinstance(found.target, Sphere):
         ball = found.target
         free = ball.radius_std > 0

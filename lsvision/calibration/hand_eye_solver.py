@@ -143,8 +143,8 @@ def _diagnose(
     return (
         f"the best solution leaves {rms:.3g} mm at {inliers} of {count} poses, more than the "
         f"{limit:.2g} mm that noise explains: are pairs shuffled, is the convention or unit of the "
-        "poses another one than stated, or the mounting (eye_in_hand, eye_to_hand), or the size of "
-        "the target? A worse robot needs a larger max_residual"
+        "poses another one than stated, or the mounting (eye in hand, eye to hand), or the size of "
+        "the target? A worse robot needs a larger max_residual_rms (--max-residual)"
     )
 
 

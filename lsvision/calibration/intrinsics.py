@@ -309,7 +309,8 @@ def _solve(
 
 def _require_equal_sizes(images: Sequence[npt.ArrayLike]) -> None:
     """Require images of one size."""
-    sizes = [as_image(image, f"image {k}").shape[1::-1] for k, image in enumerate(images)]
+    shapes = [as_image(image, f"image {k}").shape for k, image in enumerate(images)]
+    sizes = [f"{shape[1]} x {shape[0]}" for shape in shapes]
     for index, size in enumerate(sizes):
         if size != sizes[0]:
             raise CalibrationFailed(

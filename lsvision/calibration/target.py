@@ -137,6 +137,12 @@ class ChArUco(PrintedTarget):
         if not hasattr(cv2.aruco, self.dictionary):
             raise ValueError(f"expected a dictionary of cv2.aruco, got {self.dictionary!r}")
 
+    def __str__(self) -> str:
+        return (
+            f"ChArUco board of {self.squares_x} x {self.squares_y} squares of {self.square:g} mm "
+            f"(markers of {self.marker:g} mm, {self.dictionary})"
+        )
+
     @property
     def points(self) -> Points:
         """Inner corners, (n, 3). Units: mm."""
@@ -189,6 +195,9 @@ class Chessboard(PrintedTarget):
 
     def __post_init__(self) -> None:
         _check_grid(self.columns, self.rows, self.square, "square")
+
+    def __str__(self) -> str:
+        return f"chessboard of {self.columns} x {self.rows} inner corners {self.square:g} mm apart"
 
     @property
     def points(self) -> Points:
@@ -249,6 +258,10 @@ class CircleGrid(PrintedTarget):
         limit = self.spacing * (np.sqrt(2) if self.asymmetric else 1)
         if not 0 < self.diameter < limit:
             raise ValueError(f"expected 0 < diameter < {limit:g} mm, got {self.diameter:g}")
+
+    def __str__(self) -> str:
+        kind = "asymmetric" if self.asymmetric else "symmetric"
+        return f"{kind} grid of {self.columns} x {self.rows} discs {self.spacing:g} mm apart"
 
     @property
     def points(self) -> Points:

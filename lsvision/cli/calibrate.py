@@ -130,7 +130,9 @@ def camera(
     write_calibration(out, found, provenance)
     if ros_yaml is not None:
         write_camera_yaml(ros_yaml, found.camera)
-    head = f"{out}: camera of {found.camera.size} px from {len(found.views)} of {len(files)} images"
+    width, height = found.camera.size
+    used = f"{len(found.views)} of {len(files)} images"
+    head = f"{out}: camera of {width} x {height} px from {used}"
     print_lines([head, *value_lines(rows), *warnings])
 
 

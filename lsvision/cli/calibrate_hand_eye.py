@@ -1,6 +1,7 @@
 """``lsvision calibrate hand-eye``: pose of a sensor on the robot, from three kinds of target."""
 
 import math
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -178,6 +179,7 @@ def target_poses(
         parse_convention(target_convention)
         targets = read_robot_poses(samples, target_convention)
         flanges = rows.read(len(targets), "of the target")
+    job = replace(job, frame_convention=job.frame_convention or convention)
     names = [f"sample {number}" for number in range(len(targets))]
     found = calibrate_hand_eye_board(
         targets, flanges, mounting=job.placement, settings=job.settings

@@ -76,6 +76,13 @@ class HandEyeResultOptions:
         Path | None,
         typer.Option(metavar="F.yaml", help="Also write it as ROS easy_handeye reads it."),
     ] = None
+    frame_convention: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="How the found frame is printed, to type it in [as the poses; ros for samples].",
+        ),
+    ] = None
     frames: Annotated[
         str, typer.Option(metavar="ROBOT:SENSOR", help="Names of the frames in that file.")
     ] = FRAMES
@@ -90,6 +97,8 @@ class HandEyeResultOptions:
             raise typer.BadParameter(
                 f"expected --mounting {' or '.join(PLACEMENTS)}, got {self.mounting!r}"
             )
+        if self.frame_convention is not None:
+            parse_convention(self.frame_convention, "--frame-convention")
         _parse_robot_std(self.robot_std)
         if self.max_residual is not None and not 0 < self.max_residual < math.inf:
             raise typer.BadParameter(f"expected --max-residual above 0, got {self.max_residual:g}")
@@ -270,16 +279,20 @@ def report_hand_eye(
     job: HandEyeResultOptions, inputs: Sequence[Path], doubts: Sequence[str] = (),
 ) -> None:  # fmt: skip
     """Write the files and print the result."""
-    from lsvision.calibration.hand_eye_result import hand_eye_rows
+    from lsvision.calibration.hand_eye_result import evidence_rows
+    from lsvision.geometry import Pose
     from lsvision.io.calibration import provenance_of
     from lsvision.io.hand_eye_file import export_easy_handeye, save_hand_eye
+    from lsvision.io.pose_numbers import frame_rows
 
-    rows = hand_eye_rows(found)
+    convention = job.convention if isinstance(job, HandEyeOptions) else None
+    rows = frame_rows(found, job.frame_convention or convention or "ros") + evidence_rows(found)
     warnings = [f"left out: {names[pose.index]}: {pose.reason}" for pose in found.rejected]
     warnings += [f"warning: {text}" for text in (*found.warnings, *doubts)]
     used = len(names) - len(found.rejected)
-    convention = f"{job.convention} poses" if isinstance(job, HandEyeOptions) else "samples"
-    method = f"{type(found.target).__name__.lower()}, {job.placement}, {convention}"
+    origin = "samples" if convention is None else f"{convention} poses"
+    kind = "board" if isinstance(found.target, Pose) else type(found.target).__name__.lower()
+    method = f"{kind}, {job.mounting}, {origin}"
     provenance = provenance_of(method, dict.fromkeys(inputs))
     if job.report is not None:
         from lsvision.draw.calibration_report import ReportContent, hand_eye_page

@@ -86,12 +86,6 @@ def measure(
         ),
     ] = None,
     reading: ReadingOptions,
-    x_start: Annotated[
-        float | None, typer.Option(metavar="N", help="Raw Keyence: XStart, 0.01 um.")
-    ] = None,
-    x_pitch: Annotated[
-        float | None, typer.Option(metavar="N", help="Raw Keyence: XPitch, 0.01 um.")
-    ] = None,
     jobs: Jobs = None,
     verbose: Verbose = False,
 ) -> None:
@@ -129,7 +123,7 @@ def measure(
     check_picture(plot)
     noise = sensor.parse()
     measuring = build_measure_function(radius, known_radius, known_phi_deg, noise, paper=paper)
-    options = reading.parse(x_start=x_start, x_pitch=x_pitch)
+    options = reading.parse()
     line = parse_line_settings(laser, method, bayer)
     suffixes = suffixes_of_profiles(reading.dx) if light_section is None else MEASURED_SUFFIXES
     paths, missing = find_sources(files or (), suffixes)

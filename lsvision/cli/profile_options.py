@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Unpack
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -154,6 +154,12 @@ class ReadingOptions:
             help="Rows of heights: what one count is, as 0.5um; Keyence's ZUnit in 0.01 um.",
         ),
     ] = None
+    x_start: Annotated[
+        float | None, typer.Option(metavar="N", help="Raw Keyence: XStart, 0.01 um.")
+    ] = None
+    x_pitch: Annotated[
+        float | None, typer.Option(metavar="N", help="Raw Keyence: XPitch, 0.01 um.")
+    ] = None
     topic: Annotated[
         str | None,
         typer.Option(metavar="NAME", help="Of a ROS bag, where several hold profiles, as /scan."),
@@ -166,13 +172,8 @@ class ReadingOptions:
         ),
     ] = None
 
-    def parse(self, **more: Unpack["ReadOptions"]) -> "ReadOptions":
+    def parse(self) -> "ReadOptions":
         """Return the arguments of `read_profiles`, checked before any file is opened.
-
-        Parameters
-        ----------
-        **more
-            Arguments that only some commands have.
 
         Raises
         ------
@@ -184,8 +185,8 @@ class ReadingOptions:
         options = ReadOptions(
             format=self.file_format, columns=self.columns, units=self.units, flip=self.flip,
             lost=self.lost, transpose=self.transpose, x0=self.x0, dx=self.dx, z_unit=self.z_unit,
-            topic=self.topic, plane=self.plane,
-        ) | more  # fmt: skip
+            x_start=self.x_start, x_pitch=self.x_pitch, topic=self.topic, plane=self.plane,
+        )  # fmt: skip
         try:
             ReadSettings(**options)
         except ValueError as error:

@@ -90,8 +90,8 @@ def parse_pose_file(robot: RobotOptions) -> PoseFile | None:
     return None
 
 
-def parse_convention(name: str | None) -> str:
-    """Return the name of a pose convention.
+def parse_convention(name: str | None, option: str = "--convention") -> str:
+    """Return the name of a pose convention, which an option gives.
 
     Raises
     ------
@@ -102,7 +102,7 @@ def parse_convention(name: str | None) -> str:
 
     if name not in CONVENTIONS:
         raise typer.BadParameter(
-            f"expected --convention {', '.join(CONVENTIONS)}, got {name or 'none'}: the same "
+            f"expected {option} {', '.join(CONVENTIONS)}, got {name or 'none'}: the same "
             "numbers mean another pose in each"
         )
     return name

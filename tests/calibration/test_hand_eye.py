@@ -218,7 +218,7 @@ def test_correlated_points_increase_the_covariance(scene):
 
 def test_pose_is_available_only_under_the_name_of_its_frames():
     found = calibrate_hand_eye_sphere(*sphere_scene(15, 8))
-    with pytest.raises(ValueError, match="expected a calibration of a camera eye_to_hand"):
+    with pytest.raises(ValueError, match="expected a calibration of a camera, eye to hand"):
         _ = found.base_from_camera
     with pytest.raises(ValueError, match="expected a point"):
         found.std_at((1, 2, 3, 4))

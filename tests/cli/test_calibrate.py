@@ -128,7 +128,7 @@ def test_fewer_views_than_needed_are_counted_and_named(run, boards, out):
 def test_images_of_mixed_sizes_are_named(run, boards, out):
     cv2.imwrite(str(boards / "board_02.jpg"), np.full((240, 320), 99, np.uint8))
     told = refused(run("calibrate", "camera", boards, "--out", out), out)
-    assert "image 2 (board_02.jpg) is (320, 240) px and image 0 (board_00.jpg) (640, 480)" in told
+    assert "image 2 (board_02.jpg) is 320 x 240 px and image 0 (board_00.jpg) 640 x 480" in told
 
 
 def test_files_that_are_no_images_are_named(run, boards, out):
@@ -224,7 +224,7 @@ def test_sphere_gives_files_for_scan_and_ros(run, out, tmp_path):
     result = run(*sphere_words(out), "--easy-handeye", yaml, "--frames", "flange:laser",
                  "--plan-poses", 2, "--plan-out", plan)  # fmt: skip
     assert result.exit_code == 0, result.output
-    assert "flange_from_section x" in result.stdout
+    assert "flange_from_section X" in result.stdout
     assert 'robot_effector_frame: "flange"' in yaml.read_text()
     assert len(read_robot_poses(plan, "matrix")) == 2
     provenance = json.loads(out.read_text())["provenance"]

@@ -151,11 +151,11 @@ def rig_file(folder):
     [
         (
             camera_file,
-            "camera.json: expected a calibration of a section eye_in_hand, got one of a cam",
+            "camera.json: expected a calibration of a section, eye in hand, got one of a cam",
         ),
         (
             standing_file,
-            "standing.json: expected a calibration of a section eye_in_hand, got one of a",
+            "standing.json: expected a calibration of a section, eye in hand, got one of a",
         ),
         (
             rig_file,

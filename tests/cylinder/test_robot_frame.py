@@ -146,5 +146,5 @@ def test_a_calibration_of_another_kind_raises_an_error():
         ambiguity_ratio=9.0, least_determined_std=0.1, least_determined_direction="none",
         mounting="eye_in_hand", sensor="camera",
     )  # fmt: skip
-    with pytest.raises(ValueError, match="expected a calibration of a section eye_in_hand"):
+    with pytest.raises(ValueError, match="expected a calibration of a section, eye in hand"):
         place_section(some_section(), camera)

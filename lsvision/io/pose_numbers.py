@@ -1,0 +1,206 @@
+"""Poses as the numbers of a robot maker's convention, with one sigma each, ready to type in."""
+
+import math
+import warnings
+
+import numpy as np
+import numpy.typing as npt
+
+from lsvision.calibration.hand_eye_result import HandEye
+from lsvision.calibration.result_tables import Row
+from lsvision.geometry import FloatArray, Pose
+from lsvision.io.robot_conventions import (
+    MM_PER_UNIT,
+    RAD_PER_UNIT,
+    PoseConvention,
+    convention_named,
+)
+from lsvision.results.number_format import format_std, format_value
+
+STEP = 1e-5
+"""Step of the numeric derivative. Units: mm, rad."""
+MIN_COSINE_OF_MIDDLE = 1e-3
+"""Distance of the middle angle from where the two others turn about one axis; nearer, these have
+no sigma. Units: rad."""
+DECIMALS = {"mm": 3, "m": 6, "deg": 4, "rad": 6, "": 8}
+"""Decimals that are typed: 0.001 mm, 0.0001 deg."""
+_WRITTEN = {
+    "kuka": "{{X {}, Y {}, Z {}, A {}, B {}, C {}}}",
+    "fanuc": "X {} Y {} Z {} W {} P {} R {}",
+    "ur": "p[{}, {}, {}, {}, {}, {}]",
+    "abb": "[[{}, {}, {}], [{}, {}, {}, {}]]",
+}
+
+
+def numbers_from_pose(pose: Pose, convention: str) -> FloatArray:
+    """Return the numbers of a pose as a robot shows them; the inverse of `pose_from_numbers`.
+
+    Parameters
+    ----------
+    pose : Pose
+        Units: mm.
+    convention : str
+        One of `CONVENTIONS`.
+
+    Returns
+    -------
+    (n,) ndarray
+        In the order and the units of the convention. Where the middle of three angles makes the
+        outer ones turn about one axis, the last is 0. A quaternion has w >= 0.
+
+    Raises
+    ------
+    ValueError
+        If the convention is unknown.
+
+    Examples
+    --------
+    >>> pose = Pose([[0, -1, 0], [1, 0, 0], [0, 0, 1]], (100.0, 0.0, 500.0))
+    >>> numbers_from_pose(pose, "kuka").round(6).tolist()
+    [100.0, 0.0, 500.0, 90.0, 0.0, 0.0]
+    >>> numbers_from_pose(pose, "ur").round(4).tolist()
+    [0.1, 0.0, 0.5, 0.0, 0.0, 1.5708]
+    """
+    rule = convention_named(convention)
+    mm = MM_PER_UNIT[rule.length_unit]
+    if rule.rotation == "matrix":
+        matrix = pose.matrix.copy()
+        matrix[:3, 3] /= mm
+        return matrix.ravel()
+    return np.concatenate([pose.translation / mm, _angles(pose.rotation, rule)])
+
+
+def std_of_numbers(pose: Pose, covariance: npt.ArrayLike, convention: str) -> FloatArray:
+    """Return one sigma of each of the numbers of a pose.
+
+    Parameters
+    ----------
+    pose : Pose
+        Units: mm.
+    covariance : (6, 6) array_like
+        Of translation (mm) and left-hand rotation (rad), as of `HandEye`.
+    convention : str
+        One of `CONVENTIONS`.
+
+    Returns
+    -------
+    (n,) ndarray
+        To first order; NaN for angles that the pose does not determine by themselves, because the
+        middle angle makes the outer ones turn about one axis.
+    """
+    from scipy.spatial.transform import Rotation
+
+    rule = convention_named(convention)
+    columns = []
+    for step in np.eye(6) * STEP:
+        ends = [
+            Pose(
+                Rotation.from_rotvec(sign * step[3:]).as_matrix() @ pose.rotation,
+                pose.translation + sign * step[:3],
+            )
+            for sign in (1.0, -1.0)
+        ]
+        after, before = (_near(numbers_from_pose(end, convention), pose, rule) for end in ends)
+        columns.append((after - before) / (2 * STEP))
+    jacobian = np.column_stack(columns)
+    variances = np.einsum("ij,jk,ik->i", jacobian, np.asarray(covariance), jacobian)
+    std: FloatArray = np.sqrt(np.maximum(variances, 0.0))
+    if len(rule.rotation) == 3 and _is_singular(pose, rule):
+        std[[3, 5]] = np.nan
+    return std
+
+
+def frame_rows(found: HandEye, convention: str) -> list[Row]:
+    """Return the sensor's frame in a convention: each number with one sigma, and all to type in.
+
+    Parameters
+    ----------
+    found : HandEye
+        The calibration.
+    convention : str
+        One of `CONVENTIONS`.
+    """
+    mount = "flange" if found.mounting == "eye_in_hand" else "base"
+    name, rule = f"{mount}_from_{found.sensor}", convention_named(convention)
+    pose = found.mount_from_sensor
+    values = numbers_from_pose(pose, convention)
+    if rule.rotation == "matrix":
+        return _matrix_rows(name, values.reshape(4, 4), found.covariance)
+    std = std_of_numbers(pose, found.covariance, convention)
+    units = [rule.length_unit] * 3 + [_angle_unit(rule)] * (len(values) - 3)
+    fields = [field.upper() if len(rule.rotation) == 3 else field for field in rule.fields]
+    rows = [
+        (f"{name} {field}", format_value(float(value), float(sigma)), unit)
+        for field, value, sigma, unit in zip(fields, values, std, units, strict=True)
+    ]
+    cells = [f"{value:.{DECIMALS[unit]}f}" for value, unit in zip(values + 0.0, units, strict=True)]
+    typed = _WRITTEN.get(rule.name, ", ".join(["{}"] * len(cells))).format(*cells)
+    told = ", ".join(dict.fromkeys(unit for unit in units if unit))
+    return [*rows, (f"to type in, {rule.name}", typed, told)]
+
+
+def _matrix_rows(name: str, matrix: FloatArray, covariance: FloatArray) -> list[Row]:
+    places = [DECIMALS[""]] * 3 + [DECIMALS["mm"]]
+    rows: list[Row] = [
+        (
+            f"{name}, row {number}",
+            ", ".join(f"{value:.{n}f}" for value, n in zip(row, places, strict=True)),
+            "mm" if number < 4 else "",
+        )
+        for number, row in enumerate(matrix + 0.0, start=1)
+    ]
+    std = np.sqrt(np.diag(covariance))
+    position = ", ".join(format_std(value) for value in std[:3].tolist())
+    turn = ", ".join(format_std(value) for value in np.degrees(std[3:]).tolist())
+    return [
+        *rows,
+        ("its position x, y, z, one sigma", position, "mm"),
+        ("its rotation about x, y, z, one sigma", turn, "deg"),
+    ]
+
+
+def _angle_unit(rule: PoseConvention) -> str:
+    return "" if rule.rotation.startswith("quaternion") else rule.angle_unit
+
+
+def _angles(matrix: FloatArray, rule: PoseConvention) -> FloatArray:
+    from scipy.spatial.transform import Rotation
+
+    rotation = Rotation.from_matrix(matrix)
+    angles: FloatArray
+    if rule.rotation.startswith("quaternion"):
+        xyzw = rotation.as_quat(canonical=True)
+        angles = np.roll(xyzw, 1) if rule.rotation.endswith("wxyz") else xyzw
+    elif rule.rotation == "rotvec":
+        angles = rotation.as_rotvec() / RAD_PER_UNIT[rule.angle_unit]
+    else:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # the outer angles turn about one axis: see the sigmas
+            angles = rotation.as_euler(rule.rotation) / RAD_PER_UNIT[rule.angle_unit]
+    return angles
+
+
+def _near(values: FloatArray, pose: Pose, rule: PoseConvention) -> FloatArray:
+    """Return numbers in the turn, or with the sign, that is nearest to those of the pose."""
+    reference = numbers_from_pose(pose, rule.name)
+    near: FloatArray = values.copy()
+    if rule.rotation == "matrix":
+        return near
+    angles, wanted = near[3:], reference[3:]
+    turn = 2 * math.pi / RAD_PER_UNIT[rule.angle_unit]
+    if rule.rotation.startswith("quaternion"):
+        near[3:] = angles * np.sign(angles @ wanted)
+    elif rule.rotation == "rotvec":
+        if angles @ wanted < 0 and np.linalg.norm(wanted) > turn / 4:
+            near[3:] = angles - turn * angles / np.linalg.norm(angles)
+    else:
+        near[3:] = angles - turn * np.round((angles - wanted) / turn)
+    return near
+
+
+def _is_singular(pose: Pose, rule: PoseConvention) -> bool:
+    """Return whether the outer angles of the convention turn about one axis."""
+    middle = _angles(pose.rotation, rule)[1] * RAD_PER_UNIT[rule.angle_unit]
+    proper = rule.rotation[0] == rule.rotation[2]
+    distance = math.sin(middle) if proper else math.cos(middle)
+    return abs(distance) < MIN_COSINE_OF_MIDDLE
