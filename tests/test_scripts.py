@@ -81,7 +81,7 @@ def test_each_step_leaves_its_files_and_a_page_that_stands_alone(results):
     }
     for page in results[0].glob("*.html"):
         text = page.read_text()
-        assert text.count("<svg") == 2
+        assert text.count("<svg") == 2 + (14 if page.stem in ("camera", "rig") else 0)
         assert "<script" not in text
         assert 'src="http' not in text
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from lsvision.calibration.target import TargetView
 from lsvision.calibration.views import max_tilt
-from lsvision.geometry import FloatArray, Pose
+from lsvision.geometry import BoolArray, FloatArray, Pose
 from lsvision.sensors.camera import Camera
 
 RECOMMENDED_VIEWS = 10
@@ -56,11 +56,18 @@ def _view_warnings(count: int, tilt: float) -> list[str]:
     return warnings
 
 
+def covered_cells(size: tuple[int, int], seen: Sequence[TargetView]) -> BoolArray:
+    """Return which cells of the image hold a corner, (CELLS, CELLS), rows downwards."""
+    pixels = np.concatenate([view.pixels for view in seen])
+    u, v = np.floor(pixels / size * CELLS).clip(0, CELLS - 1).astype(int).T
+    covered = np.zeros((CELLS, CELLS), dtype=bool)
+    covered[v, u] = True
+    return covered
+
+
 def _coverage_warnings(camera: Camera, seen: Sequence[TargetView]) -> list[str]:
     """Return a warning if the corners cover too little of the image."""
-    pixels = np.concatenate([view.pixels for view in seen])
-    cells = np.floor(pixels / camera.size * CELLS).clip(0, CELLS - 1)
-    covered = len(np.unique(cells, axis=0)) / CELLS**2
+    covered = float(covered_cells(camera.size, seen).mean())
     if covered >= RECOMMENDED_COVERAGE:
         return []
     return [

@@ -188,7 +188,7 @@ def fit_laser_plane(
         require_tilted(boards, "camera and distance")
     initial_guess = BundleAdjustmentState(camera, plane, boards, np.zeros(2))
     solution = adjust_bundle(views, initial_guess, refine)
-    calibrated_views = _calibrated_views([names[k] for k in inliers], solution)
+    calibrated_views = _calibrated_views([names[k] for k in inliers], views, solution)
     _require_one_plane(calibrated_views)
     return LaserPlaneCalibration(
         LightSection(
@@ -271,11 +271,12 @@ def _with_line_blur(
 
 
 def _calibrated_views(
-    names: Sequence[int], solution: BundleAdjustmentResult
+    names: Sequence[int], views: Sequence[LaserView], solution: BundleAdjustmentResult
 ) -> tuple[CalibratedLaserView, ...]:
     """Return the views with their poses and residuals."""
     fields = zip(
         names,
+        views,
         solution.state.camera_from_boards,
         solution.corner_residuals,
         solution.line_residuals,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lsvision.calibration.bundle_adjustment_problem import LaserView
 from lsvision.calibration.result_tables import (
     cells_of_rows,
     doubt_lines,
@@ -30,6 +31,8 @@ class CalibratedLaserView(ComparedByValue):
     ----------
     index : int
         Index of the images.
+    seen : LaserView
+        Corners and laser line in the images.
     camera_from_board : Pose
         Pose of the board.
     corner_residuals : (n, 2) ndarray
@@ -39,6 +42,7 @@ class CalibratedLaserView(ComparedByValue):
     """
 
     index: int
+    seen: LaserView
     camera_from_board: Pose
     corner_residuals: FloatArray
     line_residuals: FloatArray

@@ -118,7 +118,8 @@ def camera(
     names = [printable(file.name) for file in files]
     model = CameraSettings(radial_terms=radial_terms, fixed_aspect=fixed_aspect, tilted=tilted)
     with prefix_file_names(image=names):
-        found = calibrate_camera(read_images(files), board, model)
+        shots = read_images(files)
+        found = calibrate_camera(shots, board, model)
     rows = camera_rows(found)
     warnings = warning_lines(names, found.rejected, found.outliers, found.warnings)
     provenance = provenance_of(f"{len(found.views)} views of {board}", files)
@@ -126,7 +127,8 @@ def camera(
         from lsvision.draw.calibration_report import ReportContent, camera_page
         from lsvision.files.atomic_files import write_atomic
 
-        write_atomic(report, camera_page(found, ReportContent(rows, warnings, names, provenance)))
+        content = ReportContent(rows, warnings, names, provenance, shots)
+        write_atomic(report, camera_page(found, content))
     write_calibration(out, found, provenance)
     if ros_yaml is not None:
         write_camera_yaml(ros_yaml, found.camera)
@@ -192,8 +194,7 @@ def laser_plane(
         --target chessboard --counts 6x8 --square 40 --laser green --out rig.json
     """  # noqa: D301 - the backspace makes click keep the line breaks
     board = target_options.parse()
-    board_files, line_files = image_files(boards), image_files(lines)
-    _require_pairs(board_files, line_files)
+    board_files, line_files = _image_pairs(boards, lines)
     files = [camera_file, *board_files, *line_files]
     check_outputs((out, details, report), files)
     settings = _line_settings(laser, margin)
@@ -201,6 +202,7 @@ def laser_plane(
 
     from lsvision.calibration.laser_plane import calibrate_laser_plane
     from lsvision.draw.calibration_report import ReportContent, laser_plane_page
+    from lsvision.draw.view_photos import brighter_of
     from lsvision.files.atomic_files import write_atomic
     from lsvision.io.calibration import provenance_of, write_calibration
     from lsvision.io.camera_file import read_camera, read_camera_covariance
@@ -214,18 +216,20 @@ def laser_plane(
         found = calibrate_laser_plane(
             view, board, shots, line_shots, settings, read_camera_covariance(camera_file)
         )
-    method = f"laser line on {board} in {len(found.views)} poses"
-    provenance = provenance_of(method, dict.fromkeys(files))
+    provenance = provenance_of(
+        f"laser line on {board} in {len(found.views)} poses", dict.fromkeys(files)
+    )
     rows = laser_plane_rows(found)
     warnings = warning_lines(names, found.rejected, found.outliers, found.warnings)
     if report is not None:
-        page = ReportContent(rows, warnings, names, provenance)
+        lit = [brighter_of(*pair) for pair in zip(shots, line_shots, strict=True)]
+        page = ReportContent(rows, warnings, names, provenance, lit)
         write_atomic(report, laser_plane_page(found, board.points, page))
     replace(found.light_section, provenance=provenance).save(out)
     if details is not None:
         write_calibration(details, found, provenance)
-    head = f"{out}: laser plane from {len(found.views)} of {len(names)} poses of the board"
-    print_lines([head, *value_lines(rows), *warnings])
+    used = f"{len(found.views)} of {len(names)} poses of the board"
+    print_lines([f"{out}: laser plane from {used}", *value_lines(rows), *warnings])
 
 
 def _line_settings(laser: str, margin: float) -> "LaserPlaneSettings":
@@ -240,10 +244,15 @@ def _line_settings(laser: str, margin: float) -> "LaserPlaneSettings":
     return LaserPlaneSettings(line=LineOnBoardSettings(extraction=extraction, margin=margin))
 
 
-def _require_pairs(boards: Sequence[Path], lines: Sequence[Path]) -> None:
+def _image_pairs(
+    board_words: Sequence[str], line_words: Sequence[str]
+) -> tuple[list[Path], list[Path]]:
+    """Return the files of board and line images, as many of each."""
+    boards, lines = image_files(board_words), image_files(line_words)
     if len(boards) != len(lines):
         raise UnreadableFile(
             f"expected a line image for each of {len(boards)} board images ({boards[0].name} to "
             f"{boards[-1].name}), got {len(lines)} ({lines[0].name} to {lines[-1].name}): leave "
             "out what has no partner"
         )
+    return boards, lines

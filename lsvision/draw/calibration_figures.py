@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lsvision.calibration.camera_warnings import CELLS, covered_cells
 from lsvision.calibration.hand_eye_result import HandEye, Sphere
 from lsvision.calibration.intrinsics import CameraCalibration
 from lsvision.calibration.laser_plane_result import LaserPlaneCalibration, rms
@@ -33,12 +34,23 @@ def new_figure(width: float, height: float, layout: str = "constrained") -> "Fig
 
 
 def draw_coverage(found: CameraCalibration) -> "Figure":
-    """Draw the target's points of all views in the image, and the residuals of all points."""
+    """Draw the target's points of all views in the image, and the residuals of all points.
+
+    Cells of the image without a point are shaded.
+    """
+    from matplotlib.patches import Rectangle
+
     figure = new_figure(9.5, 4.2)
     left, right = figure.subplots(1, 2, width_ratios=(1.5, 1))
     for view in found.views:
         left.plot(*view.seen.pixels.T, ".", markersize=3)
     width, height = found.camera.size
+    for row, column in np.argwhere(
+        ~covered_cells(found.camera.size, [v.seen for v in found.views])
+    ):
+        corner = (column * width / CELLS, row * height / CELLS)
+        left.add_patch(Rectangle(corner, width / CELLS, height / CELLS, color=OUTLIER, alpha=0.15,
+                                 linewidth=0))  # fmt: skip
     left.set(xlim=(0, width), ylim=(height, 0), xlabel="u / px", ylabel="v / px", aspect="equal",
              title="Points seen, a colour a view")  # fmt: skip
     residuals = np.concatenate([view.residuals for view in found.views])

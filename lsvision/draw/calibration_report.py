@@ -2,12 +2,16 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
+from lsvision.calibration.camera_warnings import CELLS, covered_cells
 from lsvision.calibration.hand_eye_result import HandEye
 from lsvision.calibration.intrinsics import CameraCalibration
-from lsvision.calibration.laser_plane_result import LaserPlaneCalibration
+from lsvision.calibration.laser_plane_result import CalibratedLaserView, LaserPlaneCalibration
+from lsvision.calibration.views import RejectedView
 from lsvision.draw.calibration_figures import (
     draw_bars,
     draw_coverage,
@@ -16,8 +20,11 @@ from lsvision.draw.calibration_figures import (
     view_sizes,
 )
 from lsvision.draw.figure_files import svg_element
-from lsvision.geometry import Points, Pose
+from lsvision.draw.view_photos import ViewPhoto, arrow_factor, photo_svg
+from lsvision.geometry import FloatArray, Points, Pose
 from lsvision.results.html import html_environment
+
+_NONE: FloatArray = np.empty((0, 2))
 
 
 @dataclass(frozen=True)
@@ -34,12 +41,15 @@ class ReportContent:
         Names of the images or poses, in the order of their indices.
     provenance : mapping of str to str
         Method, date, version, inputs and their hash.
+    images : sequence of images
+        A photo of each name, for a camera or a laser plane; none for a hand-eye calibration.
     """
 
     rows: Sequence[tuple[str, str, str]]
     warnings: Sequence[str]
     names: Sequence[str]
     provenance: Mapping[str, str]
+    images: Sequence[npt.NDArray[Any]] = ()
 
 
 def camera_page(found: CameraCalibration, page: ReportContent) -> str:
@@ -50,7 +60,7 @@ def camera_page(found: CameraCalibration, page: ReportContent) -> str:
     found : CameraCalibration
         The calibration.
     page : ReportContent
-        Its values, warnings, names and provenance.
+        Its values, warnings, names, provenance and images.
 
     Returns
     -------
@@ -60,19 +70,21 @@ def camera_page(found: CameraCalibration, page: ReportContent) -> str:
     names = [page.names[view.index] for view in found.views]
     bad = _positions([view.index for view in found.views], [view.index for view in found.outliers])
     sizes = [view.rms_px for view in found.views]
+    covered = covered_cells(found.camera.size, [view.seen for view in found.views]).mean()
     pictures = [
         (
             svg_element(draw_coverage(found)),
-            "Good: the points fill the image into its corners, and the residuals are one round "
-            "cloud. In a gap the distortion is extrapolated.",
+            f"Corners of all views: they lie in {100 * covered:.0f} % of the {CELLS} x {CELLS} "
+            "cells of the image. In the shaded ones the lens is extrapolated. Right: residuals of "
+            "all corners.",
         ),
         (
             svg_element(draw_bars(names, [("rms", sizes)], bad, "rms, px")),
-            "Residual of each view. Good: all alike, 0.05 to 0.3 px. Orange fits badly: blurred, "
-            "moved, or wrongly found.",
+            "Residual of each view; orange: beyond the limit for outliers.",
         ),
     ]
-    return _page("Camera calibration", page, pictures)
+    views = {view.index: (view.seen.pixels, view.residuals, _NONE, _NONE) for view in found.views}
+    return _page("Camera calibration", page, pictures, _photos(page, views, found.rejected))
 
 
 def laser_plane_page(
@@ -87,7 +99,7 @@ def laser_plane_page(
     board_points : (n, 3) ndarray
         Points of the board, board frame. Units: mm.
     page : ReportContent
-        Its values, warnings, names and provenance.
+        Its values, warnings, names, provenance and images.
     """
     names = [page.names[view.index] for view in found.views]
     bad = _positions([view.index for view in found.views], [view.index for view in found.outliers])
@@ -96,16 +108,35 @@ def laser_plane_page(
     pictures = [
         (
             svg_element(draw_laser_plane(found, _outline(board_points))),
-            "Good: the boards lean to all sides and fill the depth of later measurements. "
-            "The triangle is the camera.",
+            "Camera (triangle), boards (grey) and laser plane (red): the plane is measured where "
+            "boards are, and extrapolated elsewhere.",
         ),
         (
             svg_element(bars),
-            "Residual of each view, laser line dark and corners light. Good: all alike, the line "
-            "0.1 to 0.3 px. A line much worse than that on every view: a bowed or glossy board.",
+            "Residual of each view, laser line dark and corners light; orange: beyond the limit "
+            "for outliers.",
         ),
     ]
-    return _page("Laser plane calibration", page, pictures)
+    views = {
+        view.index: (
+            view.seen.pixels, view.corner_residuals, view.seen.line_pixels,
+            line_vectors(found, view),
+        )
+        for view in found.views
+    }  # fmt: skip
+    return _page("Laser plane calibration", page, pictures, _photos(page, views, found.rejected))
+
+
+def line_vectors(found: LaserPlaneCalibration, view: CalibratedLaserView) -> FloatArray:
+    """Return predicted minus found laser points of a view, (m, 2), across the line. Units: px."""
+    rays = found.light_section.camera.rays(view.seen.line_pixels)
+    up, normal = view.camera_from_board.rotation[:, 2], found.plane.normal
+    # Height over the board of the point of the laser plane on a ray grows along this direction.
+    slant = (rays @ up) / (rays @ normal)
+    gradient = up[:2] - slant[:, None] * normal[:2]
+    across = gradient / np.hypot(*gradient.T)[:, None]
+    vectors: FloatArray = -view.line_residuals[:, None] * across
+    return vectors
 
 
 def hand_eye_page(found: HandEye, flanges: Sequence[Pose], page: ReportContent) -> str:
@@ -128,22 +159,68 @@ def hand_eye_page(found: HandEye, flanges: Sequence[Pose], page: ReportContent) 
     pictures = [
         (
             svg_element(draw_poses(found, flanges)),
-            "Good: the sensor looks from many sides and turned all around; the target lies left, "
-            "right, near and far in its view, and on both sides of the laser plane.",
+            "Where the target stood in the sensor's view, and the sensor at each pose; the numbers "
+            "are those of the poses, from 0.",
         ),
         (
             svg_element(draw_bars(page.names, series, bad, "mm")),
-            "Residual of each pose (dark), and of a fit without that pose (light). Good: about "
-            "the robot's own accuracy. Orange was left out.",
+            "Residual of each pose (dark), and with respect to a fit without it (light). Orange "
+            "was left out.",
         ),
     ]
-    return _page("Sensor to robot", page, pictures)
+    return _page("Sensor to robot", page, pictures, [])
 
 
-def _page(title: str, page: ReportContent, pictures: Sequence[tuple[str, str]]) -> str:
-    """Render a page; each picture is an ``<svg>`` element with its caption."""
+def _photos(
+    page: ReportContent,
+    views: Mapping[int, tuple[Points, FloatArray, Points, FloatArray]],
+    rejected: Sequence[RejectedView],
+) -> list[tuple[str, str]]:
+    """Return each photo with its caption: points and arrows, or why it was left out."""
+    reasons = {view.index: view.reason for view in rejected}
+    photos = []
+    for index, (name, image) in enumerate(zip(page.names, page.images, strict=True)):
+        points, residuals, line, vectors = views.get(index, (_NONE, _NONE, _NONE, _NONE))
+        photos.append(
+            ViewPhoto(
+                name=name, image=image, corners=points, corner_residuals=residuals,
+                line=line, line_residuals=vectors,
+            )
+        )  # fmt: skip
+    width = max((photo.image.shape[1] for photo in photos), default=0)
+    factors = (
+        arrow_factor([photo.corner_residuals for photo in photos], width),
+        arrow_factor([photo.line_residuals for photo in photos], width),
+    )
+    return [
+        (photo_svg(photo, factors), _caption(photo, factors, reasons.get(index)))
+        for index, photo in enumerate(photos)
+    ]
+
+
+def _caption(photo: ViewPhoto, factors: tuple[float, float], reason: str | None) -> str:
+    if reason is not None:
+        return f"{photo.name}: left out: {reason}"
+    told = [f"{len(photo.corners)} corners, {_rms(photo.corner_residuals)}, arrows ×{factors[0]:g}"]
+    if len(photo.line):
+        rms = _rms(photo.line_residuals)
+        told.append(f"{len(photo.line)} points of the laser line, {rms}, arrows ×{factors[1]:g}")
+    return f"{photo.name}: {'; '.join(told)}"
+
+
+def _rms(vectors: FloatArray) -> str:
+    return f"{float(np.sqrt(np.mean(np.sum(vectors**2, axis=1)))):.3f} px rms"
+
+
+def _page(
+    title: str,
+    page: ReportContent,
+    pictures: Sequence[tuple[str, str]],
+    photos: Sequence[tuple[str, str]],
+) -> str:
+    """Render a page; each picture and photo is an ``<svg>`` element with its caption."""
     template = html_environment("lsvision.draw").get_template("calibration.html.j2")
-    return template.render(title=title, pictures=pictures, **vars(page))
+    return template.render(title=title, pictures=pictures, photos=photos, **vars(page))
 
 
 def _positions(indices: Sequence[int], marked: Sequence[int]) -> list[int]:

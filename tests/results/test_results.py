@@ -15,6 +15,7 @@ import pytest
 
 import lsvision as lsv
 from lsvision.calibration.board_in_plane import BoardInPlane
+from lsvision.calibration.bundle_adjustment_problem import LaserView
 from lsvision.calibration.hand_eye_result import RejectedPose, Sphere
 from lsvision.calibration.intrinsics import CalibratedView, CameraCalibration
 from lsvision.calibration.laser_plane_result import CalibratedLaserView, LaserPlaneCalibration
@@ -72,7 +73,8 @@ def camera_calibration():
 
 
 def laser_plane():
-    view = CalibratedLaserView(0, lsv.Pose(), np.ones((4, 2)), np.ones(9))
+    seen = LaserView(np.ones((4, 3)), np.ones((4, 2)), np.ones((9, 2)), np.ones(9))
+    view = CalibratedLaserView(0, seen, lsv.Pose(), np.ones((4, 2)), np.ones(9))
     return LaserPlaneCalibration(
         RIG, np.diag([1e-8, 1e-8, 1e-4]), (view,), np.zeros(2), np.zeros(2), (), (), ()
     )

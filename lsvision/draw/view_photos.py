@@ -1,0 +1,152 @@
+"""Photos of a calibration as SVG: corners found, laser line, residuals as scaled arrows."""
+
+import base64
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from lsvision.calibration.target import grey_image
+from lsvision.geometry import FloatArray, Points
+from lsvision.results.palette import LASER_LINE, LASER_PLANE, OUTLIER
+
+PHOTO_WIDTH = 640
+"""Largest width at which a photo is stored in a page. Units: px."""
+JPEG_QUALITY = 70
+ARROW_FRACTION = 0.03
+"""Length of the median arrow relative to the image's width; rounded down to 1, 2 or 5 times a power
+of ten as factor."""
+LINE_ARROWS = 30
+"""Largest number of arrows along a laser line; more would hide it."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ViewPhoto:
+    """A photo, and what was found in it.
+
+    Parameters
+    ----------
+    name : str
+        Of the file, and what is said of it.
+    image : (height, width) or (height, width, 3) ndarray
+        8 or 16 bit.
+    corners, corner_residuals : (n, 2) ndarray
+        Points of the board, and projected minus found. Units: px.
+    line, line_residuals : (m, 2) ndarray
+        Points of the laser line, and predicted minus found. Units: px.
+    """
+
+    name: str
+    image: npt.NDArray[Any]
+    corners: Points
+    corner_residuals: FloatArray
+    line: Points
+    line_residuals: FloatArray
+
+
+def arrow_factor(residuals: Sequence[FloatArray], width: int) -> float:
+    """Return how many times longer than residuals their arrows are drawn.
+
+    Parameters
+    ----------
+    residuals : sequence of (n, 2) ndarray
+        Of all photos. Units: px.
+    width : int
+        Of the photos. Units: px.
+    """
+    lengths = np.concatenate([np.hypot(*residual.T) for residual in residuals] or [np.zeros(0)])
+    median = float(np.median(lengths)) if len(lengths) else 0.0
+    if median <= 0:
+        return 1.0
+    wanted = ARROW_FRACTION * width / median
+    power = 10.0 ** math.floor(math.log10(wanted))
+    return max(step * power for step in (1, 2, 5) if step * power <= wanted)
+
+
+def brighter_of(board: npt.NDArray[Any], line: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return one photo of board and laser line: the brighter of two of one view.
+
+    A grey and a colour image, or two of another depth, become grey of 8 bit.
+    """
+    if board.dtype != line.dtype or board.shape != line.shape:
+        board, line = grey_image(board), grey_image(line)
+    brighter: npt.NDArray[Any] = np.maximum(board, line)
+    return brighter
+
+
+def photo_svg(photo: ViewPhoto, factors: tuple[float, float]) -> str:
+    """Return an ``<svg>`` element: the photo, its points, and residuals as arrows.
+
+    Parameters
+    ----------
+    photo : ViewPhoto
+        Its coordinates are those of the element; pixel (0, 0) is the centre of the first pixel.
+    factors : tuple of float
+        Of the arrows of corners, and of those of the laser line; from `arrow_factor`.
+    """
+    height, width = photo.image.shape[:2]
+    stroke = width / 640
+    head = (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="-0.5 -0.5 {width} {height}" '
+        f'width="{min(width, PHOTO_WIDTH)}"><image x="-0.5" y="-0.5" width="{width}" '
+        f'height="{height}" href="data:image/jpeg;base64,{_jpeg(photo.image)}"/>'
+    )
+    thin = math.ceil(len(photo.line) / LINE_ARROWS) or 1
+    corner_arrows, line_arrows = (
+        residuals * factor
+        for residuals, factor in zip(
+            (photo.corner_residuals, photo.line_residuals), factors, strict=True
+        )
+    )
+    return "".join(
+        [
+            head,
+            _arrows(photo.line[::thin], line_arrows[::thin], LASER_PLANE, 0.8 * stroke),
+            _dots(photo.line, 1.6 * stroke, LASER_PLANE),
+            _circles(photo.corners, 4 * stroke, LASER_LINE, 1.5 * stroke),
+            _arrows(photo.corners, corner_arrows, OUTLIER, 1.5 * stroke),
+            "</svg>",
+        ]
+    )
+
+
+def _jpeg(image: npt.NDArray[Any]) -> str:
+    shown = image if image.dtype == np.uint8 else grey_image(image)
+    scale = PHOTO_WIDTH / shown.shape[1]
+    if scale < 1:
+        size = (PHOTO_WIDTH, max(1, round(shown.shape[0] * scale)))
+        shown = cv2.resize(shown, size, interpolation=cv2.INTER_AREA)
+    _, content = cv2.imencode(".jpg", shown, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    return base64.b64encode(content.tobytes()).decode("ascii")
+
+
+def _circles(points: Points, radius: float, colour: str, stroke: float) -> str:
+    rings = "".join(f'<circle cx="{u:.1f}" cy="{v:.1f}" r="{radius:.1f}"/>' for u, v in points)
+    return (
+        f'<g class="corners" fill="none" stroke="{colour}" stroke-width="{stroke:.2f}">{rings}</g>'
+    )
+
+
+def _dots(points: Points, radius: float, colour: str) -> str:
+    dots = "".join(f'<circle cx="{u:.1f}" cy="{v:.1f}" r="{radius:.1f}"/>' for u, v in points)
+    return f'<g class="line" fill="{colour}">{dots}</g>'
+
+
+def _arrows(points: Points, vectors: FloatArray, colour: str, stroke: float) -> str:
+    paths = []
+    for (u, v), (du, dv) in zip(points.tolist(), vectors.tolist(), strict=True):
+        # The head: two strokes of a quarter of the length, 30 deg beside the shaft.
+        back = np.array([[-0.22, -0.125], [0.125, -0.22]]) @ (du, dv)
+        forth = np.array([[-0.22, 0.125], [-0.125, -0.22]]) @ (du, dv)
+        paths.append(
+            f"M{u:.1f} {v:.1f}l{du:.1f} {dv:.1f}l{back[0]:.1f} {back[1]:.1f}m{-back[0]:.1f} "
+            f"{-back[1]:.1f}l{forth[0]:.1f} {forth[1]:.1f}"
+        )
+    return (
+        f'<path class="residuals" fill="none" stroke="{colour}" '
+        f'stroke-width="{stroke:.2f}" d="{"".join(paths)}"/>'
+    )
