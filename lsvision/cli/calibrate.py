@@ -2,13 +2,15 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import Annotated
 
 import typer
 
 from lsvision.calibration.result_tables import camera_rows, laser_plane_rows
+from lsvision.cli.calibrate_capture import capture
 from lsvision.cli.calibrate_hand_eye import hand_eye
 from lsvision.cli.calibrate_inputs import (
+    LineOptions,
     Report,
     image_files,
     prefix_file_names,
@@ -26,9 +28,6 @@ from lsvision.cli.target_options import TargetOptions
 from lsvision.errors import UnreadableFile
 from lsvision.files.printable import printable
 
-if TYPE_CHECKING:
-    from lsvision.calibration.laser_plane import LaserPlaneSettings
-
 calibrate = typer.Typer(
     name="calibrate",
     no_args_is_help=True,
@@ -36,6 +35,7 @@ calibrate = typer.Typer(
     help="Camera, laser plane and sensor to robot; each with its uncertainty and a report.",
 )
 calibrate.add_typer(hand_eye)
+calibrate.command()(capture)
 
 
 @calibrate.command()
@@ -165,18 +165,7 @@ def laser_plane(
         Path, typer.Option("--out", "-o", metavar="F.json", help="The rig: camera and plane.")
     ],
     target_options: TargetOptions,
-    laser: Annotated[
-        str,
-        typer.Option(
-            metavar="COLOUR", help="In colour images: red, green, blue, white; else grey."
-        ),
-    ] = "grey",
-    margin: Annotated[
-        float,
-        typer.Option(
-            min=0, metavar="SQUARES", help="How far beyond its pattern the board is flat and white."
-        ),
-    ] = 0.9,
+    line_options: LineOptions,
     details: Annotated[
         Path | None,
         typer.Option(metavar="F.json", help="Also write covariance and residuals of each view."),
@@ -197,19 +186,19 @@ def laser_plane(
     board_files, line_files = _image_pairs(boards, lines)
     files = [camera_file, *board_files, *line_files]
     check_outputs((out, details, report), files)
-    settings = _line_settings(laser, margin)
     from dataclasses import replace
 
-    from lsvision.calibration.laser_plane import calibrate_laser_plane
+    from lsvision.calibration.laser_plane import LaserPlaneSettings, calibrate_laser_plane
     from lsvision.draw.calibration_report import ReportContent, laser_plane_page
     from lsvision.draw.view_photos import brighter_of
     from lsvision.files.atomic_files import write_atomic
     from lsvision.io.calibration import provenance_of, write_calibration
     from lsvision.io.camera_file import read_camera, read_camera_covariance
 
+    settings = LaserPlaneSettings(line=line_options.parse())
     names = [printable(file.name) for file in board_files]
     view = read_camera(camera_file)
-    shots, line_shots = read_images(board_files), read_line_images(line_files, laser)
+    shots, line_shots = read_images(board_files), read_line_images(line_files, line_options.laser)
     with prefix_file_names(
         image=names, board_image=names, line_image=[printable(file.name) for file in line_files]
     ):
@@ -230,18 +219,6 @@ def laser_plane(
         write_calibration(details, found, provenance)
     used = f"{len(found.views)} of {len(names)} poses of the board"
     print_lines([f"{out}: laser plane from {used}", *value_lines(rows), *warnings])
-
-
-def _line_settings(laser: str, margin: float) -> "LaserPlaneSettings":
-    from lsvision.calibration.laser_line_on_board import LineOnBoardSettings
-    from lsvision.calibration.laser_plane import LaserPlaneSettings
-    from lsvision.laser_line.extraction import LineSettings
-
-    try:
-        extraction = LineSettings(channel=cast(Any, laser))
-    except ValueError as error:
-        raise typer.BadParameter(f"--laser: {error}") from None
-    return LaserPlaneSettings(line=LineOnBoardSettings(extraction=extraction, margin=margin))
 
 
 def _image_pairs(

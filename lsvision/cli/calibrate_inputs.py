@@ -3,8 +3,9 @@
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
@@ -23,12 +24,48 @@ from lsvision.files.limited_reading import STDIN
 from lsvision.files.printable import printable
 
 if TYPE_CHECKING:
+    from lsvision.calibration.laser_line_on_board import LineOnBoardSettings
     from lsvision.io.profiles import ReadOptions
     from lsvision.profile import Profile
 
 Report = Annotated[
     Path | None, typer.Option(metavar="F.html", help="Write an HTML page with pictures.")
 ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LineOptions:
+    """The laser line on a board: its colour, and where it may lie."""
+
+    laser: Annotated[
+        str,
+        typer.Option(
+            metavar="COLOUR", help="In colour images: red, green, blue, white; else grey."
+        ),
+    ] = "grey"
+    margin: Annotated[
+        float,
+        typer.Option(
+            min=0, metavar="SQUARES", help="How far beyond its pattern the board is flat and white."
+        ),
+    ] = 0.9
+
+    def parse(self) -> "LineOnBoardSettings":
+        """Return the settings of the detection.
+
+        Raises
+        ------
+        typer.BadParameter
+            For an unknown colour.
+        """
+        from lsvision.calibration.laser_line_on_board import LineOnBoardSettings
+        from lsvision.laser_line.extraction import LineSettings
+
+        try:
+            extraction = LineSettings(channel=cast(Any, self.laser))
+        except ValueError as error:
+            raise typer.BadParameter(f"--laser: {error}") from None
+        return LineOnBoardSettings(extraction=extraction, margin=self.margin)
 
 
 def image_files(names: Sequence[str]) -> list[Path]:

@@ -57,6 +57,19 @@ def read_image(path: str | os.PathLike[str]) -> npt.NDArray[Any]:
     return image[..., :3] if image.ndim == 3 else image
 
 
+def encode_png(image: npt.NDArray[Any]) -> bytes:
+    """Return an image of 8 or 16 bit, blue first, as the content of a PNG file.
+
+    Examples
+    --------
+    >>> image = np.full((2, 3), 700, np.uint16)
+    >>> bool((decode_image(encode_png(image)) == image).all())
+    True
+    """
+    _, content = cv2.imencode(".png", np.ascontiguousarray(image))
+    return bytes(content)
+
+
 class TooManyPixels(ValueError):
     """An image of more than `MAX_PIXELS`."""
 

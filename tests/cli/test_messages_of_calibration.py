@@ -88,9 +88,9 @@ def test_an_option_that_a_message_names_is_one_of_the_command(command, option):
     assert option in options_of(command)
 
 
-@pytest.mark.parametrize("words", [c for c in ALL if c != "capture"])
+@pytest.mark.parametrize("words", ALL)
 def test_an_option_that_the_help_names_is_one_of_a_calibration_or_of_the_command(run, words):
-    known = set().union(*(options_of(command) for command in ALL if command != "capture"))
+    known = set().union(*(options_of(command) for command in ALL))
     named = set(OPTION.findall(run("calibrate", *words.split(), "--help").stdout))
     assert named - known - {"--help"} == set()
 

@@ -1,0 +1,81 @@
+"""What a set of board views still lacks for the calibration of a camera and a laser plane."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lsvision.calibration.board_pose import guess_camera_from_board
+from lsvision.calibration.camera_warnings import CELLS, covered_cells
+from lsvision.calibration.target import TargetView
+from lsvision.geometry import Pose
+from lsvision.sensors.camera import Camera
+
+WANTED_TILT = np.radians(20.0)
+"""Tilt to each of four sides that is asked for; those of hands scatter about it. Units: rad."""
+WANTED_DEPTH_RATIO = 1.15
+"""Farthest over nearest distance of the board that is asked for."""
+FOCAL_GUESS = 1.2
+"""Focal length relative to the image's width, of a camera that is not calibrated yet: a lens of
+45 deg. Between 30 and 60 deg a tilt of 20 deg is told as 14 to 30 deg."""
+_SIDES = (("right", 0, 1), ("left", 0, -1), ("lower", 1, 1), ("upper", 1, -1))
+_ROWS, _COLUMNS = ("upper", "middle", "lower"), ("left", "middle", "right")
+
+
+def missing_from(views: Sequence[TargetView], pairs: int) -> tuple[str, ...]:
+    """Return what more views should show, in words; empty where nothing is missing.
+
+    Parameters
+    ----------
+    views : sequence of TargetView
+        Of one camera, which need not be calibrated.
+    pairs : int
+        How many are wanted.
+
+    Returns
+    -------
+    tuple of str
+        Number of pairs, parts of the image without corners, tilts, and distances.
+    """
+    missing = []
+    if len(views) < pairs:
+        missing.append(f"{pairs - len(views)} more")
+    if not views:
+        return tuple(missing)
+    if areas := _empty_areas(views):
+        missing.append(f"board into the image's {', '.join(areas)}")
+    poses = [_rough_pose(view) for view in views]
+    sides = [
+        name
+        for name, axis, sign in _SIDES
+        if max(sign * pose.rotation[axis, 2] for pose in poses) < np.sin(WANTED_TILT)
+    ]
+    if sides:
+        missing.append(f"tilt with the {', '.join(sides)} side nearer")
+    distances = [float(np.linalg.norm(pose.translation)) for pose in poses]
+    if max(distances) < WANTED_DEPTH_RATIO * min(distances):
+        missing.append("nearer and farther")
+    return tuple(missing)
+
+
+def rough_camera(size: tuple[int, int]) -> Camera:
+    """Return a camera of an image size before any calibration: see `FOCAL_GUESS`."""
+    width, height = size
+    focal = FOCAL_GUESS * width
+    matrix = np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])
+    return Camera(matrix, np.zeros(0), size)
+
+
+def _empty_areas(views: Sequence[TargetView]) -> list[str]:
+    """Return the corners, sides and the middle of the image in which no cell holds a corner."""
+    covered = covered_cells(views[0].size, views)
+    blocks = np.array([0, *[1] * (CELLS - 2), 2])
+    return [
+        " ".join(dict.fromkeys((row_name, column_name)))
+        for row, row_name in enumerate(_ROWS)
+        for column, column_name in enumerate(_COLUMNS)
+        if not covered[np.ix_(blocks == row, blocks == column)].any()
+    ]
+
+
+def _rough_pose(view: TargetView) -> Pose:
+    return guess_camera_from_board(view, rough_camera(view.size).rays(view.pixels))

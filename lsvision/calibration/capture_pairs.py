@@ -1,0 +1,217 @@
+"""Pairs of board and laser line from a stream of frames, while someone holds the board.
+
+The board, held still and sharp, is one image; the laser line on it before it moves is the other.
+The frames decide: there is no key to press.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lsvision.calibration.capture_needs import rough_camera
+from lsvision.calibration.laser_line_on_board import LineOnBoardSettings, find_laser_view
+from lsvision.calibration.lens_blur import estimate_blur_from_views
+from lsvision.calibration.target import (
+    CircleGrid,
+    Target,
+    TargetNotFound,
+    TargetView,
+    find_target,
+    grey_image,
+)
+from lsvision.errors import CalibrationFailed, LsvisionError
+from lsvision.geometry import FloatArray
+from lsvision.statistics.robust import MAD_TO_STD
+
+Image = npt.NDArray[Any]
+
+LASER_ON = "board taken, hold it still: laser on, lamps off"
+NOISE_SIGMAS = 5.0
+SURROUNDINGS_PX = 40
+"""How far around the line its surroundings reach. Units: px."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CaptureSettings:
+    """When a board counts as still, sharp and new, and a line as there.
+
+    Parameters
+    ----------
+    still_px : float
+        Largest median movement of the corners between two frames. Units: px.
+    max_blur_px : float
+        Largest blur of the board's edges, one sigma; edges that are too short or too blurred to
+        be measured count as blurred. Units: px.
+    min_change : float
+        Smallest median distance of the corners from those of every pair so far, relative to the
+        image's width.
+    min_contrast : float
+        Smallest brightness of the line over its surroundings, and beyond five sigmas of these,
+        where what the board's image explains is taken away. Units: DN of 255.
+    line : LineOnBoardSettings
+        Detection of the line, as for `calibrate_laser_plane`.
+    """
+
+    still_px: float = 0.5
+    max_blur_px: float = 1.5
+    min_change: float = 0.03
+    min_contrast: float = 8.0
+    line: LineOnBoardSettings = field(default_factory=LineOnBoardSettings)
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """A board and the laser line on it.
+
+    Parameters
+    ----------
+    board, line : ndarray
+        The two images.
+    view : TargetView
+        Corners of the board.
+    """
+
+    board: Image
+    line: Image
+    view: TargetView
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CaptureState:
+    """What was taken so far, and what the last frame showed.
+
+    Parameters
+    ----------
+    pairs : tuple of TargetView
+        Views of the pairs.
+    last : TargetView, optional
+        The board in the last frame.
+    held : tuple of (ndarray, TargetView), optional
+        A board that waits for its laser line.
+    """
+
+    pairs: tuple[TargetView, ...] = ()
+    last: TargetView | None = None
+    held: tuple[Image, TargetView] | None = None
+
+
+def next_state(
+    state: CaptureState, frame: Image, target: Target, settings: CaptureSettings
+) -> tuple[CaptureState, str, Pair | None]:
+    """Return the state after a frame, what to tell the person, and a pair that is complete.
+
+    Parameters
+    ----------
+    state : CaptureState
+        Before the frame.
+    frame : ndarray
+        Grey or colour.
+    target : Target
+        The board.
+    settings : CaptureSettings
+        Limits.
+    """
+    view = _board(frame, target)
+    held = state.held
+    if held is not None and (view is None or movement(held[1], view) <= settings.still_px):
+        if _shows_line(frame, view, held, target, settings):
+            taken = CaptureState(pairs=(*state.pairs, held[1]))
+            text = f"pair {len(taken.pairs)} taken: move the board"
+            return taken, text, Pair(held[0], frame, held[1])
+        return replace(state, last=view), LASER_ON, None
+    fresh = CaptureState(pairs=state.pairs, last=view)
+    if view is None:
+        return fresh, "no board: show it whole, sharp and evenly lit", None
+    doubt = _doubt(state, frame, view, target, settings)
+    if doubt:
+        return fresh, doubt, None
+    return replace(fresh, held=(frame, view)), LASER_ON, None
+
+
+def _doubt(
+    state: CaptureState, frame: Image, view: TargetView, target: Target, settings: CaptureSettings
+) -> str | None:
+    """Return why a board does not count yet; None where it does."""
+    if any(movement(pair, view) < settings.min_change * view.size[0] for pair in state.pairs):
+        return "as in a pair before: move the board"
+    moved = np.inf if state.last is None else movement(state.last, view)
+    if moved > settings.still_px:
+        return "board seen: hold it still"
+    if isinstance(target, CircleGrid):  # no straight edges
+        return None
+    return _focus_doubt(frame, view, settings.max_blur_px)
+
+
+def movement(first: TargetView, second: TargetView) -> float:
+    """Return the median distance of the corners that two views share; infinite without any.
+
+    A laser line may lie on some of them.
+
+    Parameters
+    ----------
+    first, second : TargetView
+        Of one target.
+
+    Returns
+    -------
+    float
+        Units: px.
+    """
+    known = dict(zip(map(tuple, first.points.tolist()), first.pixels, strict=True))
+    pairs = zip(map(tuple, second.points.tolist()), second.pixels, strict=True)
+    steps = [pixel - known[point] for point, pixel in pairs if point in known]
+    return float(np.median(np.hypot(*np.transpose(steps)))) if steps else np.inf
+
+
+def _board(frame: Image, target: Target) -> TargetView | None:
+    try:
+        return find_target(frame, target)
+    except TargetNotFound:
+        return None
+
+
+def _focus_doubt(frame: Image, view: TargetView, limit: float) -> str | None:
+    """Return what is said of a board whose edges are blurred; None where they are sharp."""
+    sigmas = []
+    for along in ("u", "v"):
+        with suppress(CalibrationFailed):
+            sigmas.append(estimate_blur_from_views([frame], [view], along).sigma)
+    if sigmas and max(sigmas) <= limit:
+        return None
+    told = f"board blurred by {max(sigmas):.1f} px" if sigmas else "board's edges not sharp"
+    return f"{told}: focus the lens, bring it nearer"
+
+
+def _shows_line(
+    frame: Image, view: TargetView | None, held: tuple[Image, TargetView], target: Target,
+    settings: CaptureSettings,
+) -> bool:  # fmt: skip
+    """Return whether the laser line lies on the held board, as the calibration will find it."""
+    board, board_view = held
+    if board.shape != frame.shape:
+        return False
+    try:
+        line = find_laser_view(
+            rough_camera(board_view.size), target, board, frame, settings.line
+        ).line_pixels
+    except LsvisionError:
+        return False
+    # Where the lamps are off, the board's image explains nothing.
+    lit = _grey(frame) - (0.0 if view is None else _grey(board))
+    u, v = np.round(line).astype(int).T
+    (left, top), (right, bottom) = line.min(axis=0), line.max(axis=0)
+    rows = slice(max(int(top) - SURROUNDINGS_PX, 0), int(bottom) + SURROUNDINGS_PX)
+    around = lit[rows, max(int(left) - SURROUNDINGS_PX, 0) : int(right) + SURROUNDINGS_PX]
+    dark = float(np.median(around))
+    noise = MAD_TO_STD * float(np.median(np.abs(around - dark)))
+    contrast = float(np.median(lit[v, u])) - dark
+    return contrast > max(settings.min_contrast, NOISE_SIGMAS * noise)
+
+
+def _grey(image: Image) -> FloatArray:
+    return grey_image(image).astype(np.float64)

@@ -1,0 +1,94 @@
+"""``lsvision calibrate capture``: pairs of board and laser line from a camera."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from lsvision.cli.calibrate_inputs import LineOptions
+from lsvision.cli.option_groups import expand_option_groups
+from lsvision.cli.sources import IMAGE_SUFFIXES
+from lsvision.cli.target_options import TargetOptions
+from lsvision.errors import LsvisionError, UnwritableFile
+
+if TYPE_CHECKING:
+    from lsvision.calibration.capture_pairs import Pair
+
+DEFAULT_PAIRS = 15
+
+
+@expand_option_groups
+def capture(
+    *,
+    camera: Annotated[
+        str,
+        typer.Option(
+            metavar="N|genicam:ADDRESS|FILE",
+            help="Index of a connected camera, a GenICam camera, or a video in its place.",
+        ),
+    ],
+    boards: Annotated[Path, typer.Option(metavar="DIR", help="Gets board_00.png and so on.")],
+    lines: Annotated[Path, typer.Option(metavar="DIR", help="Gets line_00.png and so on.")],
+    target_options: TargetOptions,
+    pairs: Annotated[
+        int, typer.Option(min=2, metavar="N", help="How many to take.")
+    ] = DEFAULT_PAIRS,
+    line_options: LineOptions,
+) -> None:
+    """Take the images for calibrate camera and calibrate laser-plane.
+
+    Hold the board before the camera: once it is found, still and sharp, it is taken, and you are
+    asked for the laser. The line is taken when it lies on the unmoved board. After each pair it is
+    told what is still missing: parts of the image, tilts, distances.
+
+    \b
+      lsvision calibrate capture --camera 0 --boards boards --lines lines
+      lsvision calibrate capture --camera genicam:192.168.1.20 --boards boards --lines lines
+    """  # noqa: D301 - the backspace makes click keep the line breaks
+    board, line = target_options.parse(), line_options.parse()
+    for folder in (boards, lines):
+        _require_empty(folder)
+    from lsvision.calibration.capture_needs import missing_from
+    from lsvision.calibration.capture_pairs import CaptureSettings, CaptureState, next_state
+    from lsvision.io.camera_frames import open_camera
+
+    settings, state, told = CaptureSettings(line=line), CaptureState(), ""
+    for frame in open_camera(camera):
+        state, text, pair = next_state(state, frame, board, settings)
+        if text != told:
+            typer.echo(text)
+        told = text
+        if pair is not None:
+            _write_pair(pair, len(state.pairs) - 1, boards, lines)
+            typer.echo(f"missing: {'; '.join(missing_from(state.pairs, pairs)) or 'nothing'}")
+        if len(state.pairs) == pairs:
+            break
+    missing = missing_from(state.pairs, pairs)
+    typer.echo(f"{len(state.pairs)} of {pairs} pairs in {boards} and {lines}")
+    if len(state.pairs) < pairs:
+        raise LsvisionError(f"{camera} ended early; still missing: {'; '.join(missing)}")
+
+
+def _require_empty(folder: Path) -> None:
+    """Refuse a folder that holds images, of which the pairs would become part."""
+    if not folder.is_dir():
+        return
+    images = sorted(path for path in folder.iterdir() if path.suffix.lower() in IMAGE_SUFFIXES)
+    if images:
+        raise UnwritableFile(
+            f"{folder} holds images ({images[0].name}): name a folder that is new or empty"
+        )
+
+
+def _write_pair(pair: "Pair", number: int, boards: Path, lines: Path) -> None:
+    from lsvision.files.atomic_files import write_atomic
+    from lsvision.io.images import encode_png
+
+    for folder, name, image in ((boards, "board", pair.board), (lines, "line", pair.line)):
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise UnwritableFile(
+                f"{folder}: {error.strerror}: name a folder that can be made"
+            ) from None
+        write_atomic(folder / f"{name}_{number:02d}.png", encode_png(image))

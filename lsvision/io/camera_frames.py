@@ -1,0 +1,88 @@
+"""Frames of a camera by its name: an index, a GenICam camera, or a video in its place."""
+
+from collections.abc import Iterator
+from importlib import import_module
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lsvision.errors import LsvisionError
+from lsvision.io.frames import Frame, capture_frames, read_frames
+
+GENICAM = "genicam:"
+"""Before the address of a GenICam camera; with nothing behind it, the only one is meant."""
+DISCOVERY_MS, FRAME_MS = 1000, 3000
+"""How long cameras may take to answer, and a frame to come. Units: ms."""
+
+
+def open_camera(name: str) -> Iterator[Frame]:
+    """Return the frames of a camera, one after the other until it stops or the caller does.
+
+    Parameters
+    ----------
+    name : str
+        Index of a connected camera, as ``"0"``; ``"genicam:192.168.1.20"``, or ``"genicam:"`` for
+        the only one; or a video file.
+
+    Returns
+    -------
+    iterator of ndarray
+        (height, width) or (height, width, 3), blue first, 8 or 16 bit.
+
+    Raises
+    ------
+    LsvisionError
+        If there is no such camera or file, its package is not installed, or it stops sending;
+        while the frames are read.
+    """
+    if name.startswith(GENICAM):
+        return _genicam_frames(name.removeprefix(GENICAM))
+    if name.isdecimal() and not Path(name).exists():
+        return _all_frames(int(name))
+    return read_frames(name)
+
+
+def _all_frames(index: int) -> Iterator[Frame]:
+    yield from capture_frames(index, np.iinfo(np.int64).max)
+
+
+def _genicam_frames(address: str) -> Iterator[Frame]:
+    try:
+        library: Any = import_module("viva_genicam")
+    except ImportError:
+        raise LsvisionError(
+            "GenICam cameras need viva-genicam: pip install 'lsvision[genicam]'"
+        ) from None
+    device = _device(library, address)
+    try:
+        with library.connect_gige(device) as camera, camera.stream() as stream:
+            for number in count():
+                frame = stream.next_frame(FRAME_MS)
+                if frame is None:
+                    raise LsvisionError(
+                        f"camera {device.ip} sent {number} frames and then none for "
+                        f"{FRAME_MS / 1000:g} s: check trigger mode, cable and firewall"
+                    )
+                array = np.asarray(frame.to_numpy())
+                if array.ndim == 1:
+                    raise LsvisionError(
+                        f"camera {device.ip} sends no images that can be decoded: set its "
+                        "PixelFormat to Mono8 or RGB8"
+                    )
+                yield array[..., ::-1] if array.ndim == 3 else array
+    except library.GenicamError as error:
+        raise LsvisionError(f"camera {device.ip}: {error}: is another program using it?") from error
+
+
+def _device(library: Any, address: str) -> Any:
+    found = library.discover(DISCOVERY_MS, None, address.startswith("127."))
+    chosen = [device for device in found if address in ("", device.ip)]
+    if len(chosen) != 1:
+        known = ", ".join(f"{device.ip} ({device.model})" for device in found) or "none"
+        raise LsvisionError(
+            f"expected one GenICam camera at {address or 'any address'}, found {known}: name one "
+            "as genicam:ADDRESS, and check its cable and network"
+        )
+    return chosen[0]
