@@ -101,7 +101,7 @@ def read_line_images(paths: Sequence[Path], laser: str) -> list[Any]:
     """
     images = read_images(paths)
     for path, image in zip(paths, images, strict=True):
-        check_colours(image, laser, str(path))
+        check_colours(image, laser, str(path), raw=False)
     return images
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import typer.main
+import typer
 
 import lsvision
 from lsvision.calibration.target import ChArUco, Chessboard, CircleGrid
@@ -47,9 +47,9 @@ OF_OTHERS = {("io/profiles/detection.py", "--light-section"),
 
 
 def options_of(words):
-    command = typer.main.get_command(app).commands["calibrate"]
-    for word in words.split():
-        command = command.commands[word]
+    command = typer.main.get_command(app)
+    for word in ("calibrate", *words.split()):
+        command = command.get_command(typer.Context(command), word)
     return {name for p in command.params for name in (*p.opts, *p.secondary_opts)} | EVERYWHERE
 
 
@@ -152,6 +152,21 @@ def test_refusals_and_results_hold_no_python(run, spoilt, tmp_path, target):
     said += run("calibrate", "target", "--out", tmp_path / "t.svg", *target).output
     assert len(said.splitlines()) >= 4
     assert PYTHON.findall(said) == []
+
+
+def test_a_colour_that_images_lack_is_told_without_a_foreign_option(run, tmp_path):
+    said = run("calibrate", "laser-plane", "--boards", EXAMPLE / "boards", "--lines",
+               EXAMPLE / "lines", "--camera", camera_file(tmp_path), "--laser", "red",
+               "--out", tmp_path / "rig.json").stderr  # fmt: skip
+    assert "has no colours: leave --laser red out" in said
+    assert set(OPTION.findall(said)) <= options_of("laser-plane")
+
+
+def camera_file(folder):
+    path = folder / "camera.yaml"
+    path.write_text("image_width: 640\nimage_height: 480\nK: [900, 0, 320, 0, 900, 240, 0, 0, 1]\n"
+                    "D: [0, 0, 0, 0, 0]\n")  # fmt: skip
+    return path
 
 
 def test_wrong_mounting_is_told_in_words(run, tmp_path):
