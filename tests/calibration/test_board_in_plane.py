@@ -68,7 +68,7 @@ def test_light_section_of_a_board_is_unchanged_by_saving(tmp_path):
 
 
 def test_image_without_board_is_rejected():
-    with pytest.raises(TargetNotFound, match="no Chessboard"):
+    with pytest.raises(TargetNotFound, match="no chessboard of 7 x 6"):
         calibrate_board_in_plane(np.full((480, 640), 128, np.uint8), TARGET)
 
 

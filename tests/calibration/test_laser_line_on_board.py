@@ -158,7 +158,7 @@ def test_images_without_board_or_line_are_rejected(images):
     lines[3] = np.full((480, 640), 5, np.uint8)
     found = calibrate_laser_plane(CAMERA, TARGET, boards, lines, HELD)
     assert [view.index for view in found.rejected] == [1, 3]
-    assert "no Chessboard" in found.rejected[0].reason
+    assert "no chessboard of 7 x 6" in found.rejected[0].reason
     assert [view.index for view in found.views] == [0, 2, 4, 5]
 
 

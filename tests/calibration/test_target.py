@@ -79,7 +79,9 @@ def test_charuco_of_opencv_is_found_in_part():
 @each_target
 def test_error_for_an_empty_image_contains_the_target(target):
     empty = np.full((480, 640), 200, np.uint8)
-    with pytest.raises(TargetNotFound, match=rf"no {type(target).__name__}.* 640 x 480 px: show"):
+    name = {"Chessboard": "chessboard", "CircleGrid": "grid", "CharucoBoard": "ChArUco"}
+    words = rf"no .*{name.get(type(target).__name__, type(target).__name__)}.* 640 x 480 px: show"
+    with pytest.raises(TargetNotFound, match=words):
         find_target(empty, target)
 
 
