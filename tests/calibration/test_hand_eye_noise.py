@@ -102,7 +102,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("fault", WRONG)
-@pytest.mark.parametrize("seed", [44, 45])
+@pytest.mark.parametrize("seed", [44, pytest.param(45, marks=pytest.mark.slow)])
 def test_wrong_poses_are_refused(fault, seed):
     boards, flanges, covariances = poor_scene(seed)
     with pytest.raises(CalibrationFailed):

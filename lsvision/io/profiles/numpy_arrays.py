@@ -8,7 +8,7 @@ import zipfile
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -117,8 +117,7 @@ def _array_of(content: bytes) -> npt.NDArray[np.generic]:
     if not content.startswith(NPY_MAGIC):
         raise ValueError(f"no NPY array, but {content[:8]!r}")
     _check_size(io.BytesIO(content), len(content))
-    array: npt.NDArray[np.generic] = np.load(io.BytesIO(content), allow_pickle=False)
-    return array
+    return _load_quietly(io.BytesIO(content))
 
 
 def open_npy(path: Path) -> npt.NDArray[np.generic]:
@@ -132,9 +131,17 @@ def open_npy(path: Path) -> npt.NDArray[np.generic]:
     try:
         with path.open("rb") as file:
             _check_size(file, path.stat().st_size)
-        array: npt.NDArray[np.generic] = np.load(path, mmap_mode="r", allow_pickle=False)
+        return _load_quietly(path, mmap_mode="r")
     except _BROKEN as error:
         raise _unreadable(error) from None
+
+
+def _load_quietly(
+    file: BinaryIO | Path, mmap_mode: Literal["r"] | None = None
+) -> npt.NDArray[np.generic]:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # about odd headers, as of Python 2
+        array: npt.NDArray[np.generic] = np.load(file, mmap_mode=mmap_mode, allow_pickle=False)
     return array
 
 

@@ -181,3 +181,14 @@ def test_nulls_of_parquet_are_lost_points_in_any_list_and_slice(tmp_path, kind):
         [None if np.isnan(y) else y for y in profile.points[:, 1].tolist()] for profile in profiles
     ]
     assert found == heights
+
+
+def test_an_array_that_python_2_wrote_is_read_without_a_warning(tmp_path):
+    np.save(tmp_path / "a.npy", np.array([[0.0, -400.0], [1.0, -399.0], [2.0, -398.0]]))
+    content = (tmp_path / "a.npy").read_bytes()
+    assert b"(3, 2)" in content
+    old = content.replace(b"(3, 2), }  ", b"(3L, 2L), }")
+    assert len(old) == len(content)
+    assert old != content
+    (tmp_path / "a.npy").write_bytes(old)
+    assert read_profile(tmp_path / "a.npy").points.tolist()[2] == [2.0, -398.0]
