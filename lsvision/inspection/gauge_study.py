@@ -63,7 +63,7 @@ class Component:
         return math.sqrt(self.variance)
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class GaugeStudy(Result):
     """Result of a crossed gauge study.
 

@@ -19,7 +19,7 @@ TOLERANCE_SHARE = 0.2
 SIGNIFICANCE = 0.05
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class RepeatStudy(Result):
     """Result of a type-1 study.
 

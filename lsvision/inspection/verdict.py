@@ -13,7 +13,7 @@ from lsvision.results.result import Result
 VERDICT_SCHEMA = "lsvision.verdict/1"
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class QuantityVerdict(Result):
     """What is proved of one quantity. Units: that of its estimate.
 
@@ -90,7 +90,7 @@ class QuantityVerdict(Result):
         return [QUANTITY_HEADER, quantity_cells("", self)]
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ItemVerdict(Result):
     """What is proved of a part, or of a relation between two.
 
@@ -177,7 +177,7 @@ class Provenance:
         }
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Verdict(Result):
     """What is proved of a profile or a scan by its job.
 
