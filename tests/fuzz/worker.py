@@ -52,6 +52,7 @@ def main():
     warnings.simplefilter("error")
     # Documented; the program ignores it, because the reader tells of odd units.
     warnings.filterwarnings("ignore", "expected a profile in mm", UserWarning)
+    warnings.filterwarnings("ignore", ".* looks like a marker of lost points", UserWarning)
     if hasattr(signal, "setitimer"):
         signal.signal(signal.SIGPROF, _too_slow)
         import resource

@@ -12,7 +12,10 @@ from lsvision.studies.chen_liu_2016 import measure_cylinders_paper
 from tests.strategies import PROPERTY, random_profiles
 
 # Random profiles are of any size, also of one that no sensor sees.
-pytestmark = pytest.mark.filterwarnings("ignore:expected a profile in mm:UserWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:expected a profile in mm:UserWarning",
+    "ignore:.* looks like a marker of lost points:UserWarning",
+)
 SENSORS = st.sampled_from([None, ProfileSensor(), ProfileSensor(range_std=1.0, quantum=0.1)])
 
 
