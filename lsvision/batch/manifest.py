@@ -60,7 +60,11 @@ class Status:
             return False
         if outcome.error:
             return task.name in self.set_aside
-        return task.output.exists() and outcome.version == file_version(task.source)
+        return (
+            task.output.exists()
+            and task.source.exists()
+            and outcome.version == file_version(task.source)
+        )
 
 
 def read_status(folder: Path) -> Status | None:
@@ -73,12 +77,15 @@ def read_status(folder: Path) -> Status | None:
     """
     path = folder / MANIFEST
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        text = path.read_text(encoding="utf-8")
     except FileNotFoundError:
         return None
     except (OSError, UnicodeDecodeError) as error:
         raise UnreadableFile(f"{path}: {error}: no manifest of a batch") from None
+    lines = text.splitlines()
     records = [record for record in map(_parsed, lines) if record is not None]
+    if not records and "\n" not in text:  # its process ended within the first line
+        return None
     if not records or records[0].get("schema") != SCHEMA:
         raise UnreadableFile(
             f"{path}: expected a manifest of {SCHEMA}, got another file: name another folder"
@@ -91,7 +98,8 @@ def read_status(folder: Path) -> Status | None:
             files = int(record["files"])
         else:
             aside = bool(record.pop("set_aside", False))
-            outcome = FileOutcome(**record | {"version": tuple(record["version"])})
+            lists = {name: tuple(record[name]) for name in ("version", "notes")}
+            outcome = FileOutcome(**record | lists)
             outcomes[outcome.name] = outcome
             (set_aside.add if aside else set_aside.discard)(outcome.name)
     head = records[0]
@@ -135,13 +143,14 @@ class Manifest:
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
             status = read_status(self._folder)
-            self._file = path.open("a", encoding="utf-8")
+            self._file = path.open("a+", encoding="utf-8")
         except OSError as error:
             raise UnwritableFile(
                 f"{path}: {error.strerror}: name a folder that can be written"
             ) from None
         try:
             _lock(self._file, self._folder)
+            self._end_cut_line()
             self._check(status)
         except LsvisionError:
             self._file.close()
@@ -168,6 +177,13 @@ class Manifest:
             If the disk is full.
         """
         self._append(asdict(outcome) | ({"set_aside": True} if set_aside else {}))
+
+    def _end_cut_line(self) -> None:
+        """End a line that the end of a process has cut off, so that the next one is whole."""
+        if self._file is not None and self._file.tell() > 0:
+            self._file.seek(0)
+            if not self._file.read().endswith("\n"):
+                self._file.write("\n")
 
     def _check(self, status: Status | None) -> None:
         if status is None:

@@ -3,7 +3,8 @@
 import os
 import secrets
 import time
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ from lsvision.batch.job import BatchJob
 from lsvision.batch.result_table import result_table
 from lsvision.errors import LsvisionError, UnreadableFile, UnwritableFile
 from lsvision.files.limited_reading import MAX_SIZE, size_limit
+from lsvision.io.profiles.reading import ProfileFile, require_plausible_units
 from lsvision.io.profiles.streaming import ProfilePart, iterate_profiles
 
 if TYPE_CHECKING:
@@ -59,6 +61,8 @@ class FileOutcome:
         Time of the measurement. Units: s.
     version : (int, int)
         Size in bytes and time of the last change in ns of the source.
+    notes : tuple of str
+        What was assumed or left out in reading it.
     error : str
         Why it failed; empty if it did not.
     """
@@ -69,6 +73,7 @@ class FileOutcome:
     rejections: int = 0
     seconds: float = 0.0
     version: tuple[int, int] = (0, 0)
+    notes: tuple[str, ...] = ()
     error: str = ""
 
 
@@ -94,7 +99,7 @@ def measure_file(task: FileTask) -> FileOutcome:
     try:
         version = file_version(task.source)
         with size_limit(task.max_size):
-            counts = _measure_to(task)
+            outcome = _measure_to(task)
         if file_version(task.source) != version:
             task.output.unlink(missing_ok=True)
             raise UnreadableFile(f"{task.source}: it changed while it was read: run again")
@@ -102,9 +107,10 @@ def measure_file(task: FileTask) -> FileOutcome:
         raise
     except LsvisionError as error:
         return FileOutcome(task.name, error=str(error))
-    except (MemoryError, OSError) as error:
-        return FileOutcome(task.name, error=f"{task.source}: {type(error).__name__}: {error}")
-    return FileOutcome(task.name, *counts, time.monotonic() - start, version)
+    except Exception as error:  # noqa: BLE001 - a bug in one file must not stop the batch
+        reason = " ".join(str(error).split()) or "no message"
+        return FileOutcome(task.name, error=f"{task.source}: {type(error).__name__}: {reason}")
+    return replace(outcome, seconds=time.monotonic() - start, version=version)
 
 
 def file_version(path: Path) -> tuple[int, int]:
@@ -122,13 +128,15 @@ def file_version(path: Path) -> tuple[int, int]:
     return status.st_size, status.st_mtime_ns
 
 
-def _measure_to(task: FileTask) -> tuple[int, int, int]:
-    """Measure all profiles part by part; return the counts of profiles, cylinders, rejections."""
-    counts = [0, 0, 0]
+def _measure_to(task: FileTask) -> FileOutcome:
+    """Measure all profiles part by part; return their counts and the notes on reading them."""
+    counts, notes = [0, 0, 0], dict[str, None]()
     temporary = task.output.with_name(f"{TEMPORARY}{secrets.token_hex(8)}.part")
     writer = None
     try:
         for part in iterate_profiles(task.source, **task.job.reading):
+            require_plausible_units(part.file)
+            notes |= dict.fromkeys(_notes(part.file))
             measured = [_measure_profile(task, part, k) for k in range(len(part.file.profiles))]
             table = result_table(task.name, part, measured, task.job.inspection)
             writer = writer or _open(temporary, table.schema)
@@ -141,7 +149,14 @@ def _measure_to(task: FileTask) -> tuple[int, int, int]:
         _close(writer, temporary, task.output)
     finally:
         temporary.unlink(missing_ok=True)
-    return counts[0], counts[1], counts[2]
+    profiles, cylinders, rejections = counts
+    return FileOutcome(task.name, profiles, cylinders, rejections, notes=tuple(notes))
+
+
+def _notes(file: ProfileFile) -> Iterator[str]:
+    if file.units_assumed:
+        yield f"units taken as {file.units}: say --units"
+    yield from file.notes
 
 
 def _measure_profile(task: FileTask, part: ProfilePart, index: int) -> "Measurement | None":

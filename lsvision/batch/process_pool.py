@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from dataclasses import dataclass
 from itertools import islice
 from typing import Generic, NamedTuple, TypeVar
 
@@ -20,7 +21,8 @@ THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
 """Variables that limit the threads of linear algebra to one a process."""
 
 
-class EndedProcess(NamedTuple):
+@dataclass(frozen=True)
+class EndedProcess:
     """Stands for the result of a task that ended its process twice: out of memory, a crash."""
 
 

@@ -1,5 +1,6 @@
 """A batch: files in, a Parquet file each out, a manifest of the files that are done."""
 
+import importlib.util
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -23,7 +24,7 @@ def plan_tasks(sources: Sequence[Path], root: Path, folder: Path, job: BatchJob)
     sources : sequence of Path
         Files of profiles.
     root : Path
-        Folder to which the names of the files are relative.
+        Absolute folder that holds all files; their names in the results are relative to it.
     folder : Path
         Folder of the results: ``part.parquet`` goes to ``part.parquet``, ``a.csv`` to
         ``a.csv.parquet``.
@@ -33,18 +34,24 @@ def plan_tasks(sources: Sequence[Path], root: Path, folder: Path, job: BatchJob)
     Raises
     ------
     LsvisionError
-        If results would overwrite a source.
+        If results would overwrite a source or each other, or are among the sources.
     """
-    tasks = []
-    inputs = {source.resolve() for source in sources}
-    for source in sources:
-        name = source.relative_to(root) if source.is_relative_to(root) else Path(source.name)
+    tasks: dict[Path, FileTask] = {}
+    folder = folder.absolute()
+    for source in map(Path.absolute, sources):
+        name = source.relative_to(root)
         suffix = "" if name.suffix.lower() == ".parquet" else ".parquet"
         output = folder / name.with_name(name.name + suffix)
-        if output.resolve() in inputs:
-            raise LsvisionError(f"{output}: the results would overwrite it: name another --out")
-        tasks.append(FileTask(source, output, printable_name(name), job, current_size_limit()))
-    return tasks
+        if source.resolve().is_relative_to(folder.resolve()):
+            raise LsvisionError(
+                f"{source}: it lies in the folder of the results: name another --out"
+            )
+        if output in tasks:
+            raise LsvisionError(
+                f"{source} and {tasks[output].source}: both would become {output}: rename one"
+            )
+        tasks[output] = FileTask(source, output, printable_name(name), job, current_size_limit())
+    return list(tasks.values())
 
 
 def run_batch(
@@ -83,6 +90,8 @@ def run_batch(
     """
     if not tasks:
         raise ValueError("expected at least one file, got none")
+    if importlib.util.find_spec("pyarrow") is None:
+        raise LsvisionError("a batch needs pyarrow: pip install 'lsvision[batch]'")
     with Manifest(folder, tasks[0].job) as manifest:
         status = read_status(folder)
         open_tasks = [task for task in tasks if status is None or not status.is_done(task)]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lsvision.cli.measure_options import build_measure_function
-from lsvision.cli.messages import FAILED, print_error
+from lsvision.cli.messages import FAILED, print_error, print_lines
 from lsvision.cli.option_groups import expand_option_groups
 from lsvision.cli.profile_options import (
     KnownPhi,
@@ -71,7 +71,7 @@ def batch(
 
     A cylinder is a row: source, profile, cylinder, the columns of ``lsvision measure --csv``, the
     other columns of the input (ids, times), reason and rejections; a profile without cylinders is
-    a row with its reason. Parquet (lists x and z, a profile a row) and NPY are read bit by bit,
+    a row with its reason. Parquet (lists x and z, a profile a row) and NPY are read in parts,
     so that the memory does not grow with the file. manifest.jsonl in the folder of the results
     lists what is done: the same command again goes on where the last one was interrupted, and
     measures files that are new, changed or failed.
@@ -114,6 +114,7 @@ def batch(
         print_error(f"interrupted: {out} holds what is done; the same command goes on from there")
         raise
     report.clear()
+    report.print_notes()
     _print_summary(result, [task.name for task in tasks])
     if missing or any(outcome.error for outcome in result.outcomes.values()):
         raise typer.Exit(FAILED)
@@ -168,11 +169,14 @@ class _Report:
     def __init__(self, total: int) -> None:
         self._total, self._start = total, time.monotonic()
         self._files = self._profiles = 0
+        self._notes: dict[str, list[str]] = {}
         self._shown = sys.stderr.isatty()
 
     def __call__(self, outcome: "FileOutcome") -> None:
         self._files += 1
         self._profiles += outcome.profiles
+        for note in outcome.notes:
+            self._notes.setdefault(note, []).append(outcome.name)
         if outcome.error:
             self.clear()
             print_error(outcome.error)
@@ -184,6 +188,12 @@ class _Report:
                 f"{self._profiles / seconds:.0f}/s, {_duration(left)} left"
             )
             sys.stderr.flush()
+
+    def print_notes(self) -> None:
+        """Print what was assumed in reading the files, each remark once."""
+        for note, names in self._notes.items():
+            more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+            print_lines([f"{names[0]}{more}: note: {note}"], err=True)
 
     def clear(self) -> None:
         """Wipe the progress, so that other lines can be written."""

@@ -87,27 +87,21 @@ def read_source(source: Path, options: "ReadOptions") -> "ProfileFile":
         If it cannot be read, or the assumed mm are implausible; names the file and the remedy.
     """
     from lsvision.io.profiles import inspect_profiles
+    from lsvision.io.profiles.reading import require_plausible_units
 
-    return _check_units(inspect_profiles(source, **options))
+    file = inspect_profiles(source, **options)
+    require_plausible_units(file)
+    return file
 
 
 def iterate_source(source: Path, options: "ReadOptions") -> "Iterator[ProfilePart]":
     """Read the profiles of a file in parts; see `read_source`."""
+    from lsvision.io.profiles.reading import require_plausible_units
     from lsvision.io.profiles.streaming import iterate_profiles
 
     for part in iterate_profiles(source, **options):
-        _check_units(part.file)
+        require_plausible_units(part.file)
         yield part
-
-
-def _check_units(file: "ProfileFile") -> "ProfileFile":
-    if file.unit_warnings and file.units_assumed:
-        marked = [f"{marker.count} by {marker.text}" for marker in file.markers]
-        lost = f" (without {file.lost} lost points, {', '.join(marked)})" if marked else ""
-        raise UnreadableFile(
-            f"{file.path}: {'; '.join(file.unit_warnings)}, or --units mm if it is right{lost}"
-        )
-    return file
 
 
 def read_sources(sources: Sequence[Path], options: "ReadOptions") -> "list[ProfileFile]":

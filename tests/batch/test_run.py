@@ -2,6 +2,7 @@
 
 import json
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -93,7 +94,7 @@ def test_a_manifest_that_was_cut_off_costs_one_file(folder):
     seen = []
     status = run_batch(tasks_of(folder), folder / "out", report=seen.append)
     assert len(seen) == 1
-    assert len(status.done) == 3
+    assert (status.files, len(status.done)) == (3, 3)
     assert not leftover.exists()
 
 
@@ -176,10 +177,69 @@ def test_a_second_run_into_the_same_folder_is_refused(folder):
     assert len(status.done) == 3
 
 
-def test_results_never_overwrite_a_source(folder):
-    sources = [folder / "in" / "part-1.parquet"]
-    with pytest.raises(LsvisionError, match="would overwrite it: name another --out"):
-        plan_tasks(sources, folder / "in", folder / "in", BatchJob())
+def test_results_never_overwrite_a_source_or_each_other(folder):
+    source = folder / "in"
+    with pytest.raises(LsvisionError, match=r"part-1\.parquet: it lies in the folder of the res"):
+        plan_tasks([source / "part-1.parquet"], source, source, BatchJob())
+    same = [source / "a.csv", source / "a.csv.parquet"]
+    with pytest.raises(LsvisionError, match=r"both would become .*out/a\.csv\.parquet: rename one"):
+        plan_tasks(same, source, folder / "out", BatchJob())
+
+
+def test_files_of_one_name_in_two_folders_have_results_of_their_own(folder, monkeypatch):
+    """Also if they are named relative to the current folder."""
+    np.savetxt(folder / "in" / "sub" / "a.csv", profiles(2)[1], delimiter=",")
+    monkeypatch.chdir(folder / "in")
+    sources = [Path("a.csv"), Path("sub/a.csv")]
+    tasks = plan_tasks(sources, folder / "in", Path("../out"), BatchJob())
+    status = run_batch(tasks, folder / "out")
+    assert sorted(status.outcomes) == ["a.csv", "sub/a.csv"]
+    assert sorted(files(folder / "out")) == ["a.csv.parquet", "sub/a.csv.parquet"]
+
+
+def test_implausible_units_are_an_error_and_assumed_ones_a_note(folder):
+    np.savetxt(folder / "in" / "a.csv", 1000 * profiles(1)[0], delimiter=",")
+    status = run_batch(tasks_of(folder), folder / "out")
+    (failed,) = status.failed
+    assert "a.csv: coordinates reach" in failed.error
+    assert "--units" in failed.error
+    assert all("units taken as mm: say --units" in outcome.notes for outcome in status.done)
+
+
+def test_a_bug_met_by_one_file_costs_no_other(folder):
+    def measure(profile):
+        if len(profile) == 77:
+            raise ZeroDivisionError("a bug")
+        return measure_cylinders(profile)
+
+    np.savetxt(folder / "in" / "a.csv", profiles(1)[0][100:177], delimiter=",")
+    status = run_batch(tasks_of(folder, BatchJob(partial(measure))), folder / "out")
+    (failed,) = status.failed
+    assert failed.error.endswith("a.csv: ZeroDivisionError: a bug")
+    assert len(status.done) == 2
+
+
+@pytest.mark.parametrize("kept", [0, 10])
+def test_a_manifest_that_was_cut_off_in_its_first_line_begins_anew(folder, kept):
+    run_batch(tasks_of(folder), folder / "out")
+    path = folder / "out" / MANIFEST
+    path.write_text(path.read_text()[:kept])
+    assert len(run_batch(tasks_of(folder), folder / "out").done) == 3
+
+
+def test_a_source_that_has_gone_is_one_failed_file(folder):
+    tasks = tasks_of(folder)
+    run_batch(tasks, folder / "out")
+    (folder / "in" / "a.csv").unlink()
+    status = run_batch(tasks, folder / "out")
+    assert "a.csv: no such file" in status.failed[0].error
+    assert len(status.done) == 2
+
+
+def test_without_pyarrow_the_extra_is_named(folder, monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
+    with pytest.raises(LsvisionError, match=r"needs pyarrow: pip install 'lsvision\[batch\]'"):
+        run_batch(tasks_of(folder), folder / "out")
 
 
 def test_another_file_is_no_manifest(tmp_path):

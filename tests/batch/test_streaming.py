@@ -77,3 +77,10 @@ def test_a_broken_file_is_told_with_its_first_bad_profile(tmp_path):
         list(iterate_profiles(tmp_path / "a.npy"))
     with pytest.raises(UnreadableFile, match="no such file"):
         list(iterate_profiles(tmp_path / "none.npy"))
+
+
+@pytest.mark.parametrize("at_once", [2, 100])
+def test_a_file_whose_points_are_all_lost_is_an_error(tmp_path, at_once):
+    np.save(tmp_path / "a.npy", np.full((3, 40, 2), np.nan))
+    with pytest.raises(UnreadableFile, match=r"a\.npy: all .*are lost: check exposure"):
+        list(iterate_profiles(tmp_path / "a.npy", at_once=at_once))

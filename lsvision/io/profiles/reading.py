@@ -1,7 +1,7 @@
 """Read profile files of any known format as profiles in the section frame."""
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Unpack
@@ -242,7 +242,7 @@ def inspect_profiles(path: str | os.PathLike[str], **options: Unpack[ReadOptions
             reader = "text"
         raw = _READERS[reader](content, settings)
         found = in_section_frame(file, reader, raw, settings)
-        _check_points(found.profiles)
+        require_points(found.profiles)
     except UnreadableFile as error:
         raise UnreadableFile(f"{file}: {error}") from None
     return found
@@ -305,7 +305,18 @@ def in_section_frame(
     )
 
 
-def _check_points(profiles: tuple[Profile, ...]) -> None:
+def require_plausible_units(file: ProfileFile) -> None:
+    """Raise UnreadableFile if nobody states the unit and the coordinates are implausible in mm."""
+    if file.unit_warnings and file.units_assumed:
+        marked = [f"{marker.count} by {marker.text}" for marker in file.markers]
+        lost = f" (without {file.lost} lost points, {', '.join(marked)})" if marked else ""
+        raise UnreadableFile(
+            f"{file.path}: {'; '.join(file.unit_warnings)}, or --units mm if it is right{lost}"
+        )
+
+
+def require_points(profiles: Sequence[Profile]) -> None:
+    """Raise UnreadableFile if the profiles have less than two valid points together."""
     total = sum(len(profile) for profile in profiles)
     valid = total - sum(profile.lost for profile in profiles)
     if valid == 0:

@@ -14,7 +14,12 @@ from lsvision.files.limited_reading import STDIN, check_readable
 from lsvision.io.profiles.numpy_arrays import NPY_MAGIC, open_npy, profiles_from_array
 from lsvision.io.profiles.parquet import PARQUET_MAGIC, iterate_tables
 from lsvision.io.profiles.parquet import profiles_from_table as profiles_from_parquet
-from lsvision.io.profiles.reading import ProfileFile, in_section_frame, inspect_profiles
+from lsvision.io.profiles.reading import (
+    ProfileFile,
+    in_section_frame,
+    inspect_profiles,
+    require_points,
+)
 from lsvision.io.profiles.settings import RawProfiles, ReadOptions, ReadSettings
 
 if TYPE_CHECKING:
@@ -90,18 +95,23 @@ def iterate_profiles(
         yield ProfilePart(0, inspect_profiles(file, **options))
         return
     parts = _parquet_parts if kind == "parquet" else _npy_parts
-    first, known = 0, tuple[float, ...]()
+    first, valid, known = 0, 0, tuple[float, ...]()
     try:
         for raw, columns in parts(file, settings, at_once):
             stated = replace(raw, lost=(*raw.lost, *known))
             part = in_section_frame(file, kind, stated, settings)
+            if first == 0 and len(part.profiles) < at_once:  # the whole file
+                require_points(part.profiles)
+            valid += sum(map(len, part.profiles)) - part.lost
             yield ProfilePart(first, part, columns)
             first += len(part.profiles)
             if settings.lost is None:
                 shown = [float(m.text) for m in part.markers if "," not in m.text]
                 known = tuple(dict.fromkeys((*known, *shown)))[:MARKERS_KEPT]
+        if valid == 0:
+            raise UnreadableFile(f"all points of its {first} profiles are lost: check exposure")
     except UnreadableFile as error:
-        where = f"from profile {first} on: " if first else ""
+        where = f"from profile {first} on: " if first and valid else ""
         raise UnreadableFile(f"{file}: {where}{error}") from None
 
 
