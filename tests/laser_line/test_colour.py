@@ -134,3 +134,27 @@ def test_an_upright_line_of_a_mosaic_has_a_point_for_each_row():
     level = extract_laser_line(raw.T, LineSettings(channel="green", bayer="GRBG"))
     assert line.direction == "rows"
     np.testing.assert_allclose(line.pixels[:, ::-1], level.pixels, rtol=0, atol=1e-3)
+
+
+def on_a_chessboard(offset):
+    """JPEG file of a green line across black and white squares, shifted up by `offset` px."""
+    rng, rows, columns = np.random.default_rng(offset), np.arange(240)[:, None], np.arange(320)
+    squares = ((rows + offset) // 40 + columns // 40) % 2 == 0
+    board = cv2.GaussianBlur(np.where(squares, 40.0, 150.0), (0, 0), 1.0)
+    image = np.repeat(board[:, :, None], 3, axis=2)
+    image[:, :, 1] += 90 * np.exp(-0.5 * ((rows - 100.3 - 0.02 * columns) / 1.8) ** 2)
+    noisy = (image + rng.normal(0, 1.5, image.shape)).clip(0, 255).round().astype(np.uint8)
+    return cv2.imdecode(cv2.imencode(".jpg", noisy, [cv2.IMWRITE_JPEG_QUALITY, 92])[1], 1)
+
+
+@pytest.mark.parametrize("offset", [8, 24])
+def test_on_a_printed_pattern_the_colour_alone_finds_what_its_edges_hide(offset):
+    def errors(luminance):
+        settings = LineSettings(channel="green", luminance=luminance)
+        pixels = extract_laser_line(on_a_chessboard(offset), settings).pixels
+        return np.abs(pixels[:, 1] - 100.3 - 0.02 * pixels[:, 0])
+
+    colour, luminance = errors(False), errors(True)
+    assert np.isfinite(colour).all()
+    assert not np.isfinite(luminance).all()
+    assert np.percentile(colour, 95) < 0.15 < np.nanpercentile(luminance, 95)
