@@ -63,16 +63,16 @@ class CalibrationFailed(LsvisionError):
 
 
 class InvalidJob(LsvisionError):
-    """A job file with slips.
+    """A job file with mistakes.
 
     Parameters
     ----------
     name : str
         Of the file.
-    slips : tuple of Slip
+    mistakes : tuple of Mistake
         Each with its line and the mend.
     """
 
-    def __init__(self, name: str, slips: tuple[object, ...]) -> None:
-        super().__init__(f"{name}: {'; '.join(map(str, slips))}")
-        self.slips = slips
+    def __init__(self, name: str, mistakes: tuple[object, ...]) -> None:
+        super().__init__(f"{name}: {'; '.join(map(str, mistakes))}")
+        self.mistakes = mistakes

@@ -62,7 +62,7 @@ def check_job(
         typer.Option("--record", help="Keep this revision in the history beside the file."),
     ] = False,
 ) -> None:
-    """Say every slip of a job file with its line and the mend, or what the job is.
+    """Print every mistake of a job file with its line and the remedy, or what the job is.
 
     \b
       lsvision job check fixtures/jobs/welded_pair.toml
@@ -76,8 +76,8 @@ def check_job(
     try:
         checked = Job.load(path)
     except InvalidJob as error:
-        for slip in error.slips:
-            print_error(f"{path}: {slip}")
+        for mistake in error.mistakes:
+            print_error(f"{path}: {mistake}")
         raise typer.Exit(FAILED) from None
     calibration_files(checked, path)
     parts = ", ".join(part.name for part in checked.parts)

@@ -20,7 +20,7 @@ MIN_RADIUS_SIGMAS, CERTAIN_RADIUS_SIGMAS = 3.5, 6.0
 of all 15 such sections in 3909 profiles, and ratio above which it does not: the interval, which
 takes 20 to 200 ms, is computed in between."""
 UNDETERMINABLE = "radius not determinable"
-"""First words of the reason why an arc is refused that is a cylinder of whatever radius."""
+"""First words of the reason for the rejection of a cylinder whose radius is not bounded."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,7 @@ from lsvision.errors import LsvisionError
 from lsvision.files.json_text import parse_json
 from lsvision.files.limited_reading import read_bytes, read_text
 from lsvision.inspection.job import Job
-from lsvision.inspection.job_slips import line_of
+from lsvision.inspection.job_mistakes import line_of
 
 KEYS = ("light_section", "flange_from_section")
 

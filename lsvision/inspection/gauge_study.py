@@ -136,7 +136,7 @@ class GaugeStudy(Result):
 
     @property
     def distinct_categories(self) -> int:
-        """Number of classes of parts that the measurement tells apart (ndc), at least 1."""
+        """Number of classes of parts that the measurement distinguishes (ndc), at least 1."""
         gauge = self.component("gauge").std
         if gauge == 0:
             return np.iinfo(np.int64).max

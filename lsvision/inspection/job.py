@@ -1,4 +1,4 @@
-"""The job: what is measured, and when it is good; from a TOML file, with every slip named."""
+"""The job: what is measured, and when it is good; from a TOML file, with every mistake named."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from pydantic import Field, ValidationError, model_validator
 
 from lsvision.errors import InvalidJob
 from lsvision.files.limited_reading import read_text
-from lsvision.inspection.job_slips import (
+from lsvision.inspection.job_mistakes import (
     Location,
-    Slip,
-    SlipsError,
-    describe_slips,
+    Mistake,
+    MistakesError,
+    describe_mistakes,
     line_of,
-    syntax_slip,
+    syntax_mistake,
 )
 from lsvision.inspection.job_tables import (
     Count,
@@ -44,7 +44,7 @@ SCHEMA = 1
 class Job(JobTable):
     """What is measured and when it is good: one TOML file.
 
-    Parameters of the tables are named with their units; unknown keys are refused. Equal jobs have
+    Parameters of the tables are named with their units; unknown keys are errors. Equal jobs have
     equal hashes, however their files are laid out.
 
     Examples
@@ -75,9 +75,9 @@ class Job(JobTable):
 
     @model_validator(mode="after")
     def _check_whole(self) -> Job:
-        slips = [*_claims(self.parts), *_unknown_parts(self)]
-        if slips:
-            raise SlipsError(slips)
+        mistakes = [*_claims(self.parts), *_unknown_parts(self)]
+        if mistakes:
+            raise MistakesError(mistakes)
         return self
 
     @classmethod
@@ -97,7 +97,7 @@ class Job(JobTable):
         Raises
         ------
         InvalidJob
-            Names every slip with its line and the mend.
+            Names every mistake with its line and the remedy.
         UnreadableFile
             If there is no such file, or it is no text.
 
@@ -137,19 +137,19 @@ class Job(JobTable):
         Raises
         ------
         InvalidJob
-            Names every slip with its line and the mend.
+            Names every mistake with its line and the remedy.
         """
         try:
             values = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
-            raise InvalidJob(name, (syntax_slip(error),)) from None
+            raise InvalidJob(name, (syntax_mistake(error),)) from None
         newer = _newer_schema(values, text)
         if newer:
             raise InvalidJob(name, tuple(newer))
         try:
             return cls.model_validate(values)
         except ValidationError as error:
-            raise InvalidJob(name, tuple(describe_slips(error, text, cls))) from None
+            raise InvalidJob(name, tuple(describe_mistakes(error, text, cls))) from None
 
     @cached_property
     def hash(self) -> str:
@@ -184,7 +184,7 @@ class Job(JobTable):
         Returns
         -------
         float
-            0 where the job says nothing; of a diameter twice that of the radius.
+            0 where the job gives none; of a diameter twice that of the radius.
         """
         given = self.decision.extra_std
         if key == "diameter_mm" and key not in given:
@@ -194,13 +194,13 @@ class Job(JobTable):
 
 def _claims(parts: tuple[Part, ...]) -> list[tuple[Location, str]]:
     """Parts that claim one cylinder, or one name."""
-    slips: list[tuple[Location, str]] = []
+    mistakes: list[tuple[Location, str]] = []
     for (_, first), (number, second) in itertools.combinations(enumerate(parts), 2):
         where = ("part", number)
         if first.name == second.name:
-            slips.append(((*where, "name"), f"two parts are named {first.name!r}: rename one"))
+            mistakes.append(((*where, "name"), f"two parts are named {first.name!r}: rename one"))
         if first.order is not None and first.order == second.order:
-            slips.append(
+            mistakes.append(
                 (
                     (*where, "order"),
                     f"{first.name!r} and {second.name!r} claim one pipe, order {first.order}: "
@@ -208,14 +208,14 @@ def _claims(parts: tuple[Part, ...]) -> list[tuple[Location, str]]:
                 )
             )
         if first.windows and second.windows and _overlap(first, second):
-            slips.append(
+            mistakes.append(
                 (
                     (*where, f"{next(iter(second.windows))}_mm"),
                     f"{first.name!r} and {second.name!r} claim one pipe: their windows overlap; "
                     "draw the border between them",
                 )
             )
-    return slips
+    return mistakes
 
 
 def _overlap(first: Part, second: Part) -> bool:
@@ -232,24 +232,24 @@ def _overlap(first: Part, second: Part) -> bool:
 def _unknown_parts(job: Job) -> list[tuple[Location, str]]:
     """Relations to parts that are none."""
     names = [part.name for part in job.parts]
-    slips: list[tuple[Location, str]] = []
+    mistakes: list[tuple[Location, str]] = []
     for number, relation in enumerate(job.relations):
         where = ("relation", number, "between")
         first, second = relation.between
-        slips += [
+        mistakes += [
             (where, f"no part is named {name!r}: the parts are {', '.join(map(repr, names))}")
             for name in relation.between
             if name not in names
         ]
         if first == second:
-            slips.append((where, f"expected two parts, got {first!r} twice"))
-    return slips
+            mistakes.append((where, f"expected two parts, got {first!r} twice"))
+    return mistakes
 
 
-def _newer_schema(values: dict[str, Any], text: str) -> list[Slip]:
-    """The slip of a job that a newer version wrote; its other keys would only confuse."""
+def _newer_schema(values: dict[str, Any], text: str) -> list[Mistake]:
+    """The mistake of a job that a newer version wrote; its other keys would only confuse."""
     version = values.get("schema", SCHEMA)
     if not isinstance(version, int) or version <= SCHEMA:
         return []
     message = f"expected schema {SCHEMA} or older, got {version}: install a newer lsvision"
-    return [Slip(line_of(("schema",), text), message)]
+    return [Mistake(line_of(("schema",), text), message)]

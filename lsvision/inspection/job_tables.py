@@ -122,8 +122,8 @@ class Part(JobTable):
             raise ValueError("expected a place (x_mm, y_mm, z_mm) or an order, got both")
         if not self.windows and self.order is None and self.expected_radius is None:
             raise ValueError(
-                "nothing says which cylinder it is: add x_mm = [least, largest], order = 1, or "
-                "a radius_mm with a nominal"
+                "expected the cylinder that it is, got nothing: add x_mm = [least, largest], "
+                "order = 1, or a radius_mm with a nominal"
             )
         needs = {"direction_deg": "nominal_direction", "position_mm": "nominal_point_mm"}
         for key, need in needs.items():
@@ -147,7 +147,7 @@ class Part(JobTable):
 
     @property
     def expected_radius(self) -> float | None:
-        """Radius by which the cylinder is told from others. Units: mm."""
+        """Radius by which the cylinder is distinguished from others. Units: mm."""
         if self.radius_mm is not None and self.radius_mm.middle is not None:
             return self.radius_mm.middle
         if self.diameter_mm is not None and self.diameter_mm.middle is not None:
@@ -187,7 +187,7 @@ class RelationLimits(JobTable):
 
 
 class DecisionRule(JobTable):
-    """How sure a verdict must be, and what a one-bit output says of an undecided one."""
+    """How sure a verdict must be, and the value of a one-bit output for an undecided one."""
 
     level: Annotated[float, Field(strict=True, gt=0.5, lt=1)] = 0.95
     undecided: Literal["ng", "ok"] = "ng"

@@ -25,8 +25,8 @@ from lsvision.results.quantities import Estimate
 from lsvision.scan.scan_result import ScanMeasurement, ScanRejection
 
 HALF_TURN_DEG = 180.0
-REASONS_TOLD = 2
-"""Refused arcs that are told beside a missing part."""
+MAX_REASONS = 2
+"""Largest number of rejected arcs whose reasons are given for a missing part."""
 
 
 def judge(
@@ -40,7 +40,7 @@ def judge(
 
     A quantity is OK where its interval at the job's level lies inside the limits, NG where it lies
     wholly outside, else undecided (the guard band of ISO 14253-1): with level 0.95 a part outside
-    its limits is told OK with a probability of at most 2.5 %, and one inside NG likewise. The
+    its limits is judged OK with a probability of at most 2.5 %, and one inside NG likewise. The
     job's ``extra_std`` is added to both half widths in quadrature. A part, a relation and the
     whole are the worst of what they hold, NG > undecided > OK.
 
@@ -196,17 +196,17 @@ def _missing(
     if part.name in matching.claimed:
         reason = f"the only cylinder there is taken as {matching.claimed[part.name]!r}"
         return ItemVerdict(part.name, decided=Decision.UNDECIDED, reason=reason)
-    refused = [reason for reason in _refusals(part, measurement) if reason]
-    seen = next((reason for reason in refused if reason.startswith(UNDETERMINABLE)), None)
+    reasons = [reason for reason in _rejections_at(part, measurement) if reason]
+    seen = next((reason for reason in reasons if reason.startswith(UNDETERMINABLE)), None)
     if seen is not None:
-        return ItemVerdict(part.name, decided=Decision.UNDECIDED, reason=f"refused: {seen}")
-    told = "; ".join(refused[:REASONS_TOLD])
-    reason = f"missing; refused there: {told}" if told else "missing: nothing was seen there"
+        return ItemVerdict(part.name, decided=Decision.UNDECIDED, reason=f"rejected: {seen}")
+    given = "; ".join(reasons[:MAX_REASONS])
+    reason = f"missing; rejected there: {given}" if given else "missing: no arc was found there"
     return ItemVerdict(part.name, decided=Decision.NG, reason=reason)
 
 
-def _refusals(part: Part, measurement: Measurement | ScanMeasurement) -> list[str]:
-    """Reasons of what was refused where the part should be, the longest arc first.
+def _rejections_at(part: Part, measurement: Measurement | ScanMeasurement) -> list[str]:
+    """Reasons of the arcs rejected where the part should be, the longest arc first.
 
     Everywhere, if the part has no place, or the places of the arcs are not known.
     """
@@ -219,7 +219,7 @@ def _refusals(part: Part, measurement: Measurement | ScanMeasurement) -> list[st
             return True
         points = measurement.profile.points[rejection.arc.start : rejection.arc.stop]
         points = points[np.isfinite(points[:, 0])]
-        # An arc lies above its centre: its place across the line of sight alone tells.
+        # An arc lies above its centre: only its place across the line of sight counts.
         low, high = part.windows["x"]
         return bool(len(points)) and low <= float(points[:, 0].mean()) <= high
 

@@ -1,4 +1,4 @@
-"""Measure profiles and scans as a job says."""
+"""Measurement of profiles and scans with the settings of a job."""
 
 from __future__ import annotations
 

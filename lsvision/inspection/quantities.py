@@ -28,7 +28,7 @@ def measure_quantity(cylinder: CylinderOfJob, part: Part, key: str, level: float
     cylinder : CylinderSection or ScannedCylinder
         What was measured.
     part : Part
-        The part that it is taken for; says from where directions and positions are counted.
+        The part that it is taken for; the origin of directions and positions.
     key : str
         One of `SECTION_KEYS` for a section, of `SCAN_KEYS` for a scan.
     level : float

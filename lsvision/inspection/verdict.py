@@ -194,9 +194,9 @@ class Verdict(Result):
     blocked : str
         Why nothing can be decided: a golden part that is overdue or failed; else empty.
     additional_is_ng : bool
-        Whether the job refuses additional cylinders.
+        Whether an additional cylinder makes the verdict NG.
     undecided_passes : bool
-        What a one-bit output says of an undecided verdict.
+        Value of a one-bit output for an undecided verdict.
 
     Examples
     --------
@@ -242,7 +242,7 @@ class Verdict(Result):
 
     @property
     def passed(self) -> bool:
-        """What a one-bit output says."""
+        """Value of a one-bit output."""
         undecided = self.decision == Decision.UNDECIDED and self.undecided_passes
         return self.decision == Decision.OK or undecided
 

@@ -33,10 +33,10 @@ extra_std = { radius_mm = 0.01 }
 """
 
 
-def slips_of(text):
+def mistakes_of(text):
     with pytest.raises(InvalidJob) as refused:
         Job.from_text(text, "job.toml")
-    return [str(slip) for slip in refused.value.slips]
+    return [str(mistake) for mistake in refused.value.mistakes]
 
 
 def changed(old, new):
@@ -61,7 +61,7 @@ def test_the_hash_is_that_of_the_content_not_of_the_layout():
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "slip"),
+    ("old", "new", "mistake"),
     [
         ("{ nominal = 19, upper = 0.1, lower = -0.1 }", "{ min = 19.1, max = 18.9 }",
          "line 12: part 1, radius_mm: limits reversed: from 19.1 to 18.9; exchange them"),
@@ -118,17 +118,17 @@ def test_the_hash_is_that_of_the_content_not_of_the_layout():
         ("revision = 3", "revision = = 3", "line 2: no TOML: invalid value"),
     ],
 )  # fmt: skip
-def test_a_slip_is_told_with_its_line_and_the_mend(old, new, slip):
-    assert slips_of(changed(old, new)) == [slip]
+def test_a_mistake_is_named_with_its_line_and_the_remedy(old, new, mistake):
+    assert mistakes_of(changed(old, new)) == [mistake]
 
 
-def test_all_slips_are_told_at_once_in_the_order_of_the_lines():
+def test_all_mistakes_are_named_at_once_in_the_order_of_the_lines():
     text = changed("max = 2 ", 'max = "two" ').replace("level = 0.95", "level = 0.2")
-    assert [slip.split(":")[0] for slip in slips_of(text)] == ["line 13", "line 25"]
+    assert [mistake.split(":")[0] for mistake in mistakes_of(text)] == ["line 13", "line 25"]
 
 
 def test_a_job_without_parts_is_refused():
-    assert slips_of('name = "nothing"\npart = []') == [
+    assert mistakes_of('name = "nothing"\npart = []') == [
         "line 2: expected at least one [[part]], got none: add it"
     ]
 
@@ -141,20 +141,20 @@ def job_of_two(names, orders):
 
 
 def test_two_parts_of_one_order_claim_one_pipe():
-    assert slips_of(job_of_two("bc", (1, 1))) == [
+    assert mistakes_of(job_of_two("bc", (1, 1))) == [
         "line 8: 'b' and 'c' claim one pipe, order 1: give each its own"
     ]
 
 
 def test_two_parts_of_one_name_are_refused():
-    assert slips_of(job_of_two("bb", (1, 2))) == ["line 7: two parts are named 'b': rename one"]
+    assert mistakes_of(job_of_two("bb", (1, 2))) == ["line 7: two parts are named 'b': rename one"]
 
 
 def test_a_part_that_nothing_tells_from_others_is_refused():
     text = 'name = "a"\n[[part]]\nname = "b"\nphi_deg = { max = 2 }\n'
-    assert slips_of(text) == [
-        "line 2: part 1: nothing says which cylinder it is: add x_mm = [least, largest], "
-        "order = 1, or a radius_mm with a nominal"
+    assert mistakes_of(text) == [
+        "line 2: part 1: expected the cylinder that it is, got nothing: add x_mm = [least, "
+        "largest], order = 1, or a radius_mm with a nominal"
     ]
 
 

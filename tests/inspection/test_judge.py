@@ -113,16 +113,16 @@ def test_a_missing_part_carries_the_reason_of_what_was_refused_there(pair):
     measurement = replace(pair, rejections=(refused,), profile=profile)
     there = lsv.judge(measurement, job(("third", f"x_mm = [90, 130]\n{limits(20)}")))
     assert there.decision == "NG"
-    assert there.parts[0].reason == f"missing; refused there: {refused.reason}"
+    assert there.parts[0].reason == f"missing; rejected there: {refused.reason}"
     elsewhere = lsv.judge(measurement, job(("third", f"x_mm = [200, 230]\n{limits(20)}")))
-    assert elsewhere.parts[0].reason == "missing: nothing was seen there"
+    assert elsewhere.parts[0].reason == "missing: no arc was found there"
 
 
 def test_a_cylinder_whose_radius_is_not_determinable_is_undecided_not_missing():
     refused = Rejection(Arc(3, 9), "radius not determinable: 12 to 698 mm (95 %); longer arc")
     verdict = lsv.judge(Measurement((), (refused,)), job(("tube", f"order = 1\n{limits(20)}")))
     assert verdict.decision == "undecided"
-    assert verdict.parts[0].reason.startswith("refused: radius not determinable: 12 to 698 mm")
+    assert verdict.parts[0].reason.startswith("rejected: radius not determinable: 12 to 698 mm")
 
 
 def test_a_relation_without_one_of_its_parts_is_undecided_beside_the_missing_part(pair):

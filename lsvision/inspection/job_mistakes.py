@@ -1,4 +1,4 @@
-"""Slips of a job file, each with its line and the mend.
+"""Slips of a job file, each with its line and the remedy.
 
 `tomllib` keeps no positions, so that the line of a key is looked up in the text: keys stand at the
 beginning of a line, below the header of their table. A style-preserving parser (tomlkit) would be a
@@ -28,7 +28,7 @@ _SHOWN = 60
 
 
 @dataclass(frozen=True)
-class Slip:
+class Mistake:
     """What is wrong in a job file.
 
     Parameters
@@ -46,30 +46,30 @@ class Slip:
         return self.message if self.line is None else f"line {self.line}: {self.message}"
 
 
-class SlipsError(ValueError):
+class MistakesError(ValueError):
     """Slips that concern several tables, each with its own place.
 
     Parameters
     ----------
-    slips : sequence of (location, message)
+    mistakes : sequence of (location, message)
         Location as pydantic's: keys and indices from the root.
     """
 
-    def __init__(self, slips: Sequence[tuple[Location, str]]) -> None:
-        super().__init__("; ".join(message for _, message in slips))
-        self.slips = slips
+    def __init__(self, mistakes: Sequence[tuple[Location, str]]) -> None:
+        super().__init__("; ".join(message for _, message in mistakes))
+        self.mistakes = mistakes
 
 
-def syntax_slip(error: tomllib.TOMLDecodeError) -> Slip:
-    """The slip of a text that is no TOML."""
+def syntax_mistake(error: tomllib.TOMLDecodeError) -> Mistake:
+    """The mistake of a text that is no TOML."""
     message = str(error)
     found = _POSITION.search(message)
     words = _POSITION.sub("", message)
-    return Slip(int(found[1]) if found else None, f"no TOML: {words[:1].lower()}{words[1:]}")
+    return Mistake(int(found[1]) if found else None, f"no TOML: {words[:1].lower()}{words[1:]}")
 
 
-def describe_slips(error: ValidationError, text: str, model: type[BaseModel]) -> list[Slip]:
-    """All slips of a job, in the order of its lines.
+def describe_mistakes(error: ValidationError, text: str, model: type[BaseModel]) -> list[Mistake]:
+    """All mistakes of a job, in the order of its lines.
 
     Parameters
     ----------
@@ -81,18 +81,18 @@ def describe_slips(error: ValidationError, text: str, model: type[BaseModel]) ->
         The job's model, for the keys that it knows.
     """
     lines = _lines_of_keys(text)
-    slips: list[Slip] = []
+    mistakes: list[Mistake] = []
     details = error.errors()
-    if len(details) > 1:  # parts with slips are no parts, and so there seem to be too few
+    if len(details) > 1:  # parts with mistakes are no parts, and so there seem to be too few
         details = [detail for detail in details if detail["type"] != "too_short"]
     for detail in details:
         cause = detail.get("ctx", {}).get("error")
-        if isinstance(cause, SlipsError):
-            slips += [Slip(_line(where, lines), message) for where, message in cause.slips]
+        if isinstance(cause, MistakesError):
+            mistakes += [Mistake(_line(where, lines), message) for where, message in cause.mistakes]
         else:
             where = _without_variants(detail["loc"])
-            slips.append(Slip(_line(where, lines), _message(where, detail, model)))
-    return sorted(dict.fromkeys(slips), key=lambda slip: slip.line or 0)
+            mistakes.append(Mistake(_line(where, lines), _message(where, detail, model)))
+    return sorted(dict.fromkeys(mistakes), key=lambda mistake: mistake.line or 0)
 
 
 def line_of(where: Location, text: str) -> int | None:
