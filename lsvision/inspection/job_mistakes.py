@@ -1,4 +1,4 @@
-"""Slips of a job file, each with its line and the remedy.
+"""Mistakes in a job file, each with its line and the remedy.
 
 `tomllib` keeps no positions, so that the line of a key is looked up in the text: keys stand at the
 beginning of a line, below the header of their table. A style-preserving parser (tomlkit) would be a
@@ -47,7 +47,7 @@ class Mistake:
 
 
 class MistakesError(ValueError):
-    """Slips that concern several tables, each with its own place.
+    """Mistakes that concern several tables, each with its own place.
 
     Parameters
     ----------
