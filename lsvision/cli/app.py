@@ -23,21 +23,11 @@ INTERRUPTED = 130
 MAX_SIZE_LIMIT = 1e15
 """Largest --max-size. Units: bytes."""
 
-_COMMANDS = {
-    "demo": "demo",
-    "measure": "measure",
-    "batch": "batch_command",
-    "inspect": "inspect",
-    "job": "job",
-    "study": "study",
-    "line": "line",
-    "paper": "paper",
-    "plan": "plan",
-    "scan": "scan",
-    "simulate": "simulate",
-    "calibrate": "calibrate",
-}
-"""The module of each command, in the order of the help; imported when the command is used."""
+_COMMANDS = (
+    "demo", "measure", "batch", "inspect", "job", "study", "line", "paper", "plan", "scan",
+    "simulate", "calibrate",
+)  # fmt: skip
+"""Commands, and the modules in which they are, in the order of the help; imported when used."""
 
 _USAGE_ERROR: Any = typer.BadParameter.__mro__[1]  # click's class, which typer does not export
 _SIZE = re.compile(r"(\d{1,15}(?:\.\d{1,9})?)\s*([kKMGT]?B?)", re.ASCII)
@@ -91,7 +81,7 @@ class _OneLineErrors(TyperGroup):
 
 def _import_command(name: str) -> Any:
     """Import a command, or a group of commands, and return it as the classes of click."""
-    command = getattr(import_module(f"lsvision.cli.{_COMMANDS[name]}"), name)
+    command = getattr(import_module(f"lsvision.cli.{name}"), name)
     holder = typer.Typer(rich_markup_mode=None)
     if isinstance(command, typer.Typer):
         holder.add_typer(command)

@@ -1,229 +1,208 @@
-"""Many files, or images of a camera, in order; an error in one does not stop the rest."""
+"""``lsvision batch``: files of profiles in, a Parquet file of cylinders each out, resumable."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+import os
+import sys
+import time
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from lsvision.cli.file_part import (
-    FilePart,
-    PartOptions,
-    PartResult,
-    error_text,
-    measure_file,
-    measure_part,
-    read_parts,
-    read_whole,
+import typer
+
+from lsvision.cli.measure_options import build_measure_function
+from lsvision.cli.messages import FAILED, print_error, print_lines
+from lsvision.cli.option_groups import expand_option_groups
+from lsvision.cli.profile_options import (
+    KnownPhi,
+    KnownRadius,
+    Radius,
+    ReadingOptions,
+    SensorOptions,
 )
-from lsvision.cli.image_sources import LiveCamera
-from lsvision.cli.messages import print_error, print_lines
-from lsvision.cli.outputs import Pictures
-from lsvision.cli.progress import Progress
-from lsvision.files.file_kinds import is_regular
+from lsvision.cli.sources import find_sources, suffixes_of_profiles
+from lsvision.errors import LsvisionError
 
 if TYPE_CHECKING:
-    from lsvision.io.result_files import ResultFiles
-
-MAX_SIZE_IN_PROCESS = 4 * 10**6
-"""Largest file that a process reads by itself; larger ones are read by the main process and
-measured in parts, so that one file occupies all processes. Units: bytes."""
-PROFILES_PER_TASK = 16
-"""Number of profiles in a part that is sent to a process."""
-MIN_SIZE_FOR_PROCESSES = 2 * 10**6
-"""Total size of the files above which several processes, which take a second to start, save time:
-about 250 profiles of 400 points. Units: bytes."""
+    from lsvision.batch.job import BatchJob
+    from lsvision.batch.manifest import Status
+    from lsvision.batch.measure_file import FileOutcome
+    from lsvision.io.profiles import ReadOptions
+    from lsvision.measure import Measurement
 
 
-@dataclass(frozen=True, kw_only=True)
-class BatchOptions:
-    """How files are measured, and what is written and drawn.
-
-    Parameters
-    ----------
-    part : PartOptions
-        How files are read and measured.
-    pictures : Pictures, optional
-        Names of the pictures; without, none is drawn.
-    results : ResultFiles, optional
-        Files to which each result is written at once.
-    jobs : int, optional
-        Number of processes; by default one, or for many files the number of cores.
-    table_to_stderr : bool
-        Print the tables on standard error, because results go to standard output.
-    """
-
-    part: PartOptions
-    pictures: Pictures | None = None
-    results: "ResultFiles | None" = None
-    jobs: int | None = 1
-    table_to_stderr: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class _Task:
-    """A whole file, a part of it, or the error of reading it."""
-
-    number: int
-    source: Path | LiveCamera
-    part: FilePart | None = None
-    error: str = ""
-
-
-def measure_sources(sources: Sequence[Path | LiveCamera], batch: BatchOptions) -> int:
-    """Measure files in order; print, write and draw the results of each.
-
-    Parameters
-    ----------
-    sources : sequence of Path or LiveCamera
-        The files.
-    batch : BatchOptions
-        How they are measured, and what is written. The output is the same for any number of
-        processes.
-
-    Returns
-    -------
-    int
-        Number of files that could not be measured or drawn; each is reported on stderr.
-
-    Raises
-    ------
-    LsvisionError
-        With poses of a robot: if a file cannot be read, or there are not as many poses as profiles,
-        so that poses and profiles cannot be paired.
-    KeyboardInterrupt
-        If the run is interrupted; reported on stderr.
-    """
-    progress, failed = Progress(len(sources)), set[int]()
-    try:
-        for task, result in _results(sources, batch, progress):
-            progress.clear()
-            if batch.results is not None:
-                batch.results.add(result.records)
-            if result.lines:
-                print_lines(result.lines, err=batch.table_to_stderr)
-            for error in result.errors:
-                print_error(error)
-                failed.add(task.number)
-    except KeyboardInterrupt:
-        progress.clear()
-        print_error(f"interrupted: {progress.done} of {len(sources)} were measured")
-        raise
-    progress.clear()
-    return len(failed)
-
-
-def _results(
-    sources: Sequence[Path | LiveCamera], batch: BatchOptions, progress: Progress
-) -> Iterator[tuple[_Task, PartResult]]:
-    """Yield the results in the order of the files and their profiles."""
-    jobs = _count_jobs(sources, batch)
-    read_files = _read_with_poses(sources, batch.part)
-    if jobs == 1:
-        for number, source in enumerate(sources):
-            progress.show(number, str(source))
-            for task in _tasks_of_file(number, source, batch, read_files):
-                for each in _slices(task, 1):
-                    if task.part is not None and each.part is not None:
-                        profiles_read = task.part.first + len(task.part)
-                        progress.show(number, str(source), each.part.first, profiles_read)
-                    yield each, _measure(batch.part, each)
-        return
-    from lsvision.batch.process_pool import EndedProcess, run_tasks
-
-    in_parts = batch.pictures is not None or len(sources) < 2 * jobs or bool(read_files)
-    tasks = _tasks_for_processes(sources, batch, read_files, in_parts=in_parts)
-    for task, found in run_tasks(partial(_measure, batch.part), tasks, jobs, ordered=True):
-        progress.show(task.number, str(task.source))
-        if isinstance(found, EndedProcess):
-            ended = f"{task.source}: it ended its process twice (out of memory, or a crash)"
-            yield task, PartResult(errors=[ended])
-        else:
-            yield task, found
-
-
-def _count_jobs(sources: Sequence[Path | LiveCamera], batch: BatchOptions) -> int:
-    """Return the number of processes: as stated, or 1 unless there is much to do."""
-    if batch.jobs is not None:
-        return batch.jobs
-    if batch.part.debug or sum(map(_size, sources)) < MIN_SIZE_FOR_PROCESSES:
-        return 1
-    from lsvision.batch.process_pool import default_jobs
-
-    return default_jobs()
-
-
-def _size(source: Path | LiveCamera) -> int:
-    if isinstance(source, LiveCamera) or not is_regular(source):
-        return 0
-    return source.stat().st_size
-
-
-def _measure(options: PartOptions, task: _Task) -> PartResult:
-    if task.error:
-        return PartResult(errors=[task.error])
-    if task.part is not None:
-        return measure_part(options, task.part)
-    return measure_file(options, Path(str(task.source)))
-
-
-def _slices(task: _Task, count: int) -> Iterator[_Task]:
-    """Yield a task in parts of at most `count` profiles."""
-    if task.part is None:
-        yield task
-    else:
-        yield from (replace(task, part=part) for part in task.part.slices(count))
-
-
-def _read_with_poses(
-    sources: Sequence[Path | LiveCamera], options: PartOptions
-) -> dict[int, FilePart]:
-    """Read the files by their numbers, and pair their profiles with poses; empty without poses."""
-    if options.placing is None or options.placing.rows is None:
-        return {}
-    files = [read_whole(source, options) for source in sources]
-    poses = iter(options.placing.rows.read(sum(map(len, files))))
-    return {
-        number: replace(file, flanges=[next(poses) for _ in range(len(file))])
-        for number, file in enumerate(files)
-    }
-
-
-def _tasks_for_processes(
-    sources: Sequence[Path | LiveCamera],
-    batch: BatchOptions,
-    read_files: dict[int, FilePart],
+@expand_option_groups
+def batch(
     *,
-    in_parts: bool,
-) -> Iterator[_Task]:
-    """Yield files that the processes read, and parts of large ones; or parts of all files."""
-    for number, source in enumerate(sources):
-        if not in_parts and 0 < _size(source) <= MAX_SIZE_IN_PROCESS:
-            yield _Task(number, source)
-        else:
-            for task in _tasks_of_file(number, source, batch, read_files):
-                yield from _slices(task, PROFILES_PER_TASK)
+    files: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="FILE|DIR|GLOB", help="Profiles: as many files as you like."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Folder of the results.")
+    ] = None,
+    jobs: Annotated[
+        int | None,
+        typer.Option(min=1, metavar="N", help="Processes on this machine [number of cores]."),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="tcp://HOST:PORT", help="Work on the cluster of this Dask scheduler."),
+    ] = None,
+    status: Annotated[
+        Path | None,
+        typer.Option(
+            "--status", metavar="DIR", help="Print how much is done in a folder of results."
+        ),
+    ] = None,
+    job_file: Annotated[
+        Path | None,
+        typer.Option(
+            "--job", metavar="F.toml", help="Measure and judge by this job; see lsvision job."
+        ),
+    ] = None,
+    radius: Radius = None,
+    known_radius: KnownRadius = None,
+    known_phi_deg: KnownPhi = None,
+    sensor: SensorOptions,
+    reading: ReadingOptions,
+) -> None:
+    """Measure many files: one Parquet file of cylinders out for each file of profiles in.
 
+    A cylinder is a row: source, profile, cylinder, the columns of ``lsvision measure --csv``, the
+    other columns of the input (ids, times), reason and rejections; a profile without cylinders is
+    a row with its reason. Parquet (lists x and z, a profile a row) and NPY are read in parts,
+    so that the memory does not grow with the file. manifest.jsonl in the folder of the results
+    lists what is done: the same command again goes on where the last one was interrupted, and
+    measures files that are new, changed or failed.
 
-def _tasks_of_file(
-    number: int, source: Path | LiveCamera, batch: BatchOptions, read_files: dict[int, FilePart]
-) -> Iterator[_Task]:
-    """Read a file and yield its parts, or a task with the error."""
+    \b
+    A folder of Parquet files, on all cores (with --job also judged: a column decision):
+      lsvision batch profiles --out cylinders --radius 10:40
+    How far it is:
+      lsvision batch --status cylinders
+    On several machines (first `dask scheduler` on one, `dask worker tcp://HOST:8786` on each; the
+    folders are shared):
+      lsvision batch /data/profiles --out /data/cylinders --scheduler tcp://HOST:8786
+    """  # noqa: D301 - the backspace makes click keep the line breaks
+    if status is not None:
+        _print_status(status)
+        return
+    if not files or out is None:
+        raise typer.BadParameter("expected files and --out DIR, or --status DIR")
+    from lsvision.batch.process_pool import default_jobs
+    from lsvision.batch.run import plan_tasks, run_batch
+
+    measuring = build_measure_function(
+        radius, known_radius, known_phi_deg, sensor.parse(), paper=False
+    )
+    options = reading.parse()
+    job = _batch_job(measuring, options, job_file)
+    sources, missing = find_sources(files, suffixes_of_profiles(reading.dx))
+    for failure in missing:
+        print_error(str(failure))
+    if not sources:
+        raise typer.Exit(FAILED)
+    tasks = plan_tasks(sources, _root(sources), out, job)
+    report = _Report(len(tasks))
     try:
-        for part in [read_files[number]] if read_files else read_parts(source, batch.part):
-            yield _Task(number, source, _with_pictures(part, batch.pictures))
-    except Exception as error:  # noqa: BLE001 - a bug in one file must not stop the batch
-        yield _Task(number, source, error=error_text(source, error, batch.part))
+        result = run_batch(
+            tasks, out, jobs=jobs or default_jobs(), scheduler=scheduler, report=report
+        )
+    except KeyboardInterrupt:
+        report.clear()
+        print_error(f"interrupted: {out} holds what is done; the same command goes on from there")
+        raise
+    report.clear()
+    report.print_notes()
+    _print_summary(result, [task.name for task in tasks])
+    if missing or any(outcome.error for outcome in result.outcomes.values()):
+        raise typer.Exit(FAILED)
 
 
-def _with_pictures(part: FilePart, pictures: Pictures | None) -> FilePart:
-    """Return the part with a name for the picture of each profile that has points."""
-    if pictures is None:
-        return part
-    paths = [
-        pictures.path_of(part.file.path, part.first + place, 2 if part.several else 1)
-        if profile.lost < len(profile)
-        else Path()
-        for place, profile in enumerate(part.file.profiles)
-    ]
-    return replace(part, pictures=paths)
+def _batch_job(
+    measuring: "partial[Measurement]", options: "ReadOptions", path: Path | None
+) -> "BatchJob":
+    """Return what is done with each file: as the options say, or a job file."""
+    from lsvision.batch.job import BatchJob
+
+    if path is None:
+        return BatchJob(measuring, options)
+    if any(value is not None for value in measuring.keywords.values()):
+        raise typer.BadParameter("expected --job or options of the measurement, got both")
+    from lsvision.inspection.job import Job
+    from lsvision.inspection.measuring import measure_profile
+
+    job = Job.load(path)
+    if job.scan is not None or job.rig.light_section is not None:
+        raise LsvisionError(
+            f"{path}: a job of scans or images: batch judges profiles, see lsvision inspect"
+        )
+    return BatchJob(partial(measure_profile, job=job), options, job)
+
+
+def _root(sources: Sequence[Path]) -> Path:
+    """Return the folder that holds all sources."""
+    return Path(os.path.commonpath([source.absolute().parent for source in sources]))
+
+
+def _print_status(folder: Path) -> None:
+    from lsvision.batch.manifest import MANIFEST, read_status
+
+    status = read_status(folder)
+    if status is None:
+        raise LsvisionError(f"{folder / MANIFEST}: no such file: name the --out of a batch")
+    _print_summary(status)
+    for outcome in status.failed:
+        typer.echo(f"  {outcome.error}")
+
+
+def _print_summary(status: "Status", names: Sequence[str] = ()) -> None:
+    from lsvision.batch.manifest import summary
+
+    typer.echo(summary(status, names))
+
+
+class _Report:
+    """Progress on stderr: files, profiles, rate and the time that is left; failures as lines."""
+
+    def __init__(self, total: int) -> None:
+        self._total, self._start = total, time.monotonic()
+        self._files = self._profiles = 0
+        self._notes: dict[str, list[str]] = {}
+        self._shown = sys.stderr.isatty()
+
+    def __call__(self, outcome: "FileOutcome") -> None:
+        self._files += 1
+        self._profiles += outcome.profiles
+        for note in outcome.notes:
+            self._notes.setdefault(note, []).append(outcome.name)
+        if outcome.error:
+            self.clear()
+            print_error(outcome.error)
+        if self._shown:
+            seconds = max(time.monotonic() - self._start, 1e-3)
+            left = seconds / self._files * (self._total - self._files)
+            sys.stderr.write(
+                f"\r\x1b[K{self._files}/{self._total} files, {self._profiles} profiles, "
+                f"{self._profiles / seconds:.0f}/s, {_duration(left)} left"
+            )
+            sys.stderr.flush()
+
+    def print_notes(self) -> None:
+        """Print what was assumed in reading the files, each remark once."""
+        for note, names in self._notes.items():
+            more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+            print_lines([f"{names[0]}{more}: note: {note}"], err=True)
+
+    def clear(self) -> None:
+        """Wipe the progress, so that other lines can be written."""
+        if self._shown:
+            sys.stderr.write("\r\x1b[K")
+            sys.stderr.flush()
+
+
+def _duration(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes:02} min" if hours else f"{minutes} min {rest:02} s"

@@ -35,8 +35,8 @@ def demo(
     Into a folder of yours, and open the picture:
       lsvision demo --out /tmp/first-look --open
     """  # noqa: D301 - the backspace makes click keep the line breaks
-    from lsvision.cli.batch import BatchOptions, measure_sources
     from lsvision.cli.file_part import PartOptions
+    from lsvision.cli.measure_files import RunOptions, measure_sources
     from lsvision.cli.measure_options import build_measure_function
     from lsvision.cli.outputs import Pictures
 
@@ -45,7 +45,7 @@ def demo(
     measuring = build_measure_function(None, None, None, None, paper=False)
     pictures = Pictures(picture, several=False)
     options = PartOptions(measuring=measuring)
-    failed = measure_sources([profile], BatchOptions(part=options, pictures=pictures))
+    failed = measure_sources([profile], RunOptions(part=options, pictures=pictures))
     if failed:
         raise typer.Exit(FAILED)
     typer.echo("\n".join(_next_lines(profile, picture)))

@@ -184,7 +184,7 @@ def measure_file(options: PartOptions, source: Path) -> PartResult:
             result.lines.extend(found.lines)
             result.records.extend(found.records)
             result.errors.extend(found.errors)
-    except Exception as error:  # noqa: BLE001 - a bug in one file must not stop the batch
+    except Exception as error:  # noqa: BLE001 - a bug in one file must not stop the run
         result.errors.append(error_text(source, error, options))
     return result
 
@@ -214,7 +214,7 @@ def measure_part(options: PartOptions, part: FilePart) -> PartResult:
         for section in sections:
             lines += _lines(options, part, section)
         records = _records(part, sections)
-    except Exception as error:  # noqa: BLE001 - a bug in one file must not stop the batch
+    except Exception as error:  # noqa: BLE001 - a bug in one file must not stop the run
         return PartResult(errors=[error_text(part.file.path, error, options)])
     return PartResult(lines, records, _draw(options, part, sections))
 

@@ -7,7 +7,6 @@ from typing import Annotated
 
 import typer
 
-from lsvision.cli.batch import BatchOptions, measure_sources
 from lsvision.cli.file_part import PartOptions
 from lsvision.cli.image_options import (
     BayerPattern,
@@ -19,6 +18,7 @@ from lsvision.cli.image_options import (
     parse_line_settings,
 )
 from lsvision.cli.image_sources import LiveCamera
+from lsvision.cli.measure_files import RunOptions, measure_sources
 from lsvision.cli.measure_options import build_measure_function
 from lsvision.cli.messages import FAILED, print_error
 from lsvision.cli.option_groups import expand_option_groups
@@ -147,9 +147,9 @@ def measure(
     )  # fmt: skip
     pictures = None if plot is None else Pictures(plot, several=len(sources) > 1, taken=taken)
     to_stderr = STDOUT in (json_file, csv_file)
-    batch = BatchOptions(part=part, pictures=pictures, jobs=jobs, table_to_stderr=to_stderr)
+    run = RunOptions(part=part, pictures=pictures, jobs=jobs, table_to_stderr=to_stderr)
     _report_missing(missing, robot.poses)
-    failed = _measure_all(sources, batch, json_file, csv_file) + len(missing)
+    failed = _measure_all(sources, run, json_file, csv_file) + len(missing)
     _report_failed(failed, len(sources) + len(missing), plot)
 
 
@@ -172,7 +172,7 @@ def _report_failed(failed: int, total: int, plot: Path | None) -> None:
 
 def _measure_all(
     sources: list[Path | LiveCamera],
-    batch: BatchOptions,
+    run: RunOptions,
     json_file: Path | None,
     csv_file: Path | None,
 ) -> int:
@@ -180,10 +180,10 @@ def _measure_all(
     from lsvision.io.result_files import ResultFiles
 
     frame = None
-    if batch.part.placing is not None:
-        frame = "flange" if batch.part.placing.rows is None else "base"
+    if run.part.placing is not None:
+        frame = "flange" if run.part.placing.rows is None else "base"
     results = ResultFiles(json_file, csv_file, frame)
     try:
-        return measure_sources(sources, replace(batch, results=results))
+        return measure_sources(sources, replace(run, results=results))
     finally:
         results.finish()
