@@ -14,7 +14,10 @@ _PLACES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 _NODES, _WEIGHTS = (_PLACES + 1) / 2, _WEIGHTS / 2
 MANY_DEGREES_OF_FREEDOM = 1e5
 """Degrees of freedom from which two terms of the expansion about a normal quantile are exact."""
-MAX_STEPS = 60
+MAX_STEPS = 10
+"""Of Newton's method; 7 are the most from one degree of freedom and up to a level of 0.999."""
+STEP_TOLERANCE = 1e-6
+"""Relative size of the last step: the error after it is of the size of its square."""
 
 
 def squared_quantile(quantities: int, degrees_of_freedom: float, level: float) -> float:
@@ -73,7 +76,7 @@ def _student_quantile(degrees_of_freedom: float, level: float) -> float:
         part = _integral(u, dof - 1)
         step = (level * whole - part) / math.cos(u) ** (dof - 1)
         u = min(u + step, math.pi / 2)
-        if abs(step) < 1e-14 * u:
+        if abs(step) < STEP_TOLERANCE * u:
             break
     return math.sqrt(dof) * math.tan(u)
 
