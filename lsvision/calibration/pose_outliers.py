@@ -92,7 +92,7 @@ def multi_start(observations: Observations, mask: FloatArray) -> tuple[States, F
     masks = mask[None]
     states = observations.initial_guesses(masks)
     solutions = solve_least_squares(observations, states, search_whitening(observations, masks))
-    order = np.argsort(solutions.costs)
+    order = np.argsort(solutions.costs, kind="stable")
     return solutions.states.select(order), solutions.costs[order]
 
 
@@ -108,14 +108,18 @@ def _least_trimmed_squares_guess(
     states = solve_least_squares(
         observations, states, search_whitening(observations, repeated), 12
     ).states
-    states = states.select(np.argsort(_trimmed_costs(observations, states, trimmed_count))[:8])
+    states = states.select(
+        np.argsort(_trimmed_costs(observations, states, trimmed_count), kind="stable")[:8]
+    )
     for _ in range(4):
-        order = np.argsort(_pose_residuals(observations, states), axis=1)
+        order = np.argsort(_pose_residuals(observations, states), axis=1, kind="stable")
         masks = np.zeros((len(states), count))
         np.put_along_axis(masks, order[:, :trimmed_count], 1.0, axis=1)
         whitening = search_whitening(observations, masks)
         states = solve_least_squares(observations, states, whitening).states
-    return states.select(np.argsort(_trimmed_costs(observations, states, trimmed_count))[:1])
+    return states.select(
+        np.argsort(_trimmed_costs(observations, states, trimmed_count), kind="stable")[:1]
+    )
 
 
 def _selections(count: int, settings: OutlierSettings, min_poses: int) -> FloatArray:

@@ -169,7 +169,7 @@ def _best_hypothesis(
     cost = np.minimum(((distance - circles[:, 2:]) / settings.tolerance) ** 2, 1.0)
     facing = offset[..., 1] >= math.cos(settings.max_incidence) * distance
     support = np.where(facing, 1.0 - cost, 0.0).sum(axis=1)
-    for index in np.argsort(-support):
+    for index in np.argsort(-support, kind="stable"):
         inliers = _on_arc(points, circles[index], settings.tolerance, settings)
         if _is_arc(points, circles[index], inliers, settings):
             circle: FloatArray = circles[index]

@@ -100,7 +100,7 @@ def estimate_pixel_noise(signal: Image, windows: Windows) -> PixelNoise:
     level = along.mean(axis=0).ravel()
     scatter = np.abs(np.tensordot(FOURTH_DIFFERENCE, along, axes=1).ravel())
     # Bins of equal size: the few brightest pixels that fill none are left out.
-    order = np.argsort(level)[: len(level) // BINS * BINS].reshape(BINS, -1)
+    order = np.argsort(level, kind="stable")[: len(level) // BINS * BINS].reshape(BINS, -1)
     means = level[order].mean(axis=1)
     variances = np.maximum(
         (MAD_TO_STD * np.median(scatter[order], axis=1)) ** 2, QUANTISATION_VARIANCE

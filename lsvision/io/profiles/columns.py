@@ -380,7 +380,7 @@ def _composite_key(table: TextTable, choice: _Choice, key: FloatArray) -> FloatA
 def _split_by(key: FloatArray) -> list[IntArray]:
     """Return the rows of each profile, in the order in which profiles begin."""
     _, starts, group = np.unique(key, return_index=True, return_inverse=True)
-    order = np.argsort(starts)
+    order = np.argsort(starts, kind="stable")
     by_group = np.split(np.argsort(group, kind="stable"), np.cumsum(np.bincount(group))[:-1])
     return [by_group[g] for g in order]
 
