@@ -6,10 +6,12 @@ import numpy as np
 
 from lsvision.calibration.observations import Observations, States
 from lsvision.calibration.rotations import nearest_rotations, rotations_from_vectors
-from lsvision.geometry import BoolArray, FloatArray, IntArray
+from lsvision.geometry import FloatArray, IntArray
 
 MAX_STEPS = 40
 """Maximum number of iterations."""
+BLOCK_STATES = 300
+"""Number of initial guesses solved at once: the arrays of thousands leave the processor's cache."""
 RELATIVE_COST_TOLERANCE = 1e-10
 """Relative decrease of the cost below which a solution has converged."""
 
@@ -54,27 +56,47 @@ def solve_least_squares(
     LeastSquaresSolutions
         In the order of the initial guesses; one that did not converge keeps a high cost.
     """
+    starts = range(BLOCK_STATES, len(states), BLOCK_STATES)
+    blocks = [
+        _solve_block(observations, states.select(block), _rows(whitening, block), max_steps)
+        for block in np.split(np.arange(len(states)), starts)
+    ]
+    rotations, translations, targets, costs = (
+        np.concatenate(parts) for parts in zip(*blocks, strict=True)
+    )
+    return LeastSquaresSolutions(States(rotations, translations, targets), costs)
+
+
+def _solve_block(
+    observations: Observations, states: States, whitening: FloatArray, max_steps: int
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return rotations, translations, targets and costs of the solutions; changes `states`."""
     damping = np.full(len(states), 1e-3)
     system = _whitened_system(observations, states, whitening)
+    active = np.arange(len(states))
     for _ in range(max_steps):
-        jacobian, residual, costs = system
-        steps = _damped_steps(jacobian, residual, damping)
-        trial = _apply_steps(observations, states, steps)
-        trial_system = _whitened_system(observations, trial, whitening)
+        jacobian, residual, costs = (part[active] for part in system)
+        steps = _damped_steps(jacobian, residual, damping[active])
+        trial = _apply_steps(observations, states.select(active), steps)
+        trial_system = _whitened_system(observations, trial, _rows(whitening, active))
         better = trial_system[2] < costs
-        damping = np.clip(np.where(better, damping / 5, damping * 6), 1e-12, 1e9)
-        states = _select_states(better, trial, states)
-        system = tuple(  # type: ignore[assignment]
-            np.where(better.reshape(-1, *[1] * (new.ndim - 1)), new, old)
-            for new, old in zip(trial_system, system, strict=True)
+        damping[active] = np.clip(
+            np.where(better, damping[active] / 5, damping[active] * 6), 1e-12, 1e9
         )
+        moved = active[better]
+        _replace(states, moved, trial.select(np.flatnonzero(better)))
+        for part, new in zip(system, trial_system, strict=True):
+            part[moved] = new[better]
         decrease = np.where(better, costs - trial_system[2], np.inf)
         converged = (
-            (decrease <= RELATIVE_COST_TOLERANCE * costs) | (damping > 1e8) | (costs < 1e-20)
+            (decrease <= RELATIVE_COST_TOLERANCE * costs)
+            | (damping[active] > 1e8)
+            | (costs < 1e-20)
         )
-        if converged.all():
+        active = active[~converged]
+        if not len(active):
             break
-    return LeastSquaresSolutions(states, system[2])
+    return states.rotations, states.translations, states.targets, system[2]
 
 
 def whitened_jacobian_and_residuals(
@@ -165,11 +187,13 @@ def _apply_steps(observations: Observations, states: States, steps: FloatArray) 
     return States(rotations, states.translations + steps[:, :3], targets)
 
 
-def _select_states(better: BoolArray, a: States, b: States) -> States:
-    """Return state a where it is better, else state b."""
-    pick = better[:, None, None]
-    return States(
-        np.where(pick, a.rotations, b.rotations),
-        np.where(better[:, None], a.translations, b.translations),
-        np.where(pick, a.targets, b.targets),
-    )
+def _replace(states: States, indices: IntArray, by: States) -> None:
+    """Replace the states at some indices, in place."""
+    states.rotations[indices] = by.rotations
+    states.translations[indices] = by.translations
+    states.targets[indices] = by.targets
+
+
+def _rows(whitening: FloatArray, indices: IntArray) -> FloatArray:
+    """Return the whitening matrices of some states; those of all states if they have the same."""
+    return whitening if len(whitening) == 1 else whitening[indices]
