@@ -10,6 +10,7 @@ from lsvision.sensors.camera import Camera
 CENTRE = 0.1  # px, rms: the centre of a disc's image is not the image of its centre
 CAMERA = Camera([[1200.0, 0, 320], [0, 1200, 240], [0, 0, 1]], [], (640, 480))
 PLANE = Plane((0.0, np.sqrt(0.75), 0.5), 165.0)
+DISC_WINDOW = 90  # thirds of a px: half the window that holds a disc
 ON_SPOT = 0.3  # px: a line of 1 px on one colour
 
 
@@ -21,17 +22,19 @@ def disc_pictures(target, turn, *, bright):
     rays = np.stack([(u - 320) / 1200, (v - 240) / 1200, np.ones_like(u)], axis=-1)
     in_camera = rays * (R[:, 2] @ shift / (rays @ R[:, 2]))[..., None]
     x, y = np.moveaxis((in_camera - shift) @ R[:, :2], -1, 0)
+    centres = target.points @ R.T + shift
+    pixels = centres[:, :2] / centres[:, 2:] * 1200 + (320, 240)
     disc = np.zeros(x.shape, dtype=bool)
-    for centre_x, centre_y, _ in target.points:
-        disc |= np.hypot(x - centre_x, y - centre_y) < target.diameter / 2
+    for (centre_x, centre_y, _), pixel in zip(target.points, pixels, strict=True):
+        left, top = np.maximum(3 * np.round(pixel).astype(int) - DISC_WINDOW, 0)
+        near = np.s_[top : top + 2 * DISC_WINDOW, left : left + 2 * DISC_WINDOW]
+        disc[near] |= np.hypot(x[near] - centre_x, y[near] - centre_y) < target.diameter / 2
     white = np.where(disc == bright, 1.0, 0.1)
     glow = white * np.exp(-0.5 * ((in_camera @ PLANE.normal - PLANE.distance) / 0.25) ** 2)
     images = [
         cv2.GaussianBlur(cv2.resize(each, (640, 480), interpolation=cv2.INTER_AREA), (0, 0), 0.8)
         for each in (white, glow)
     ]
-    centres = target.points @ R.T + shift
-    pixels = centres[:, :2] / centres[:, 2:] * 1200 + (320, 240)
     noise = np.random.default_rng(1).normal(0, 2, (2, 480, 640))
     board, line = (np.clip(10 + 200 * np.array(images) + noise, 0, 255)).astype(np.uint8)
     return board, line, pixels

@@ -5,10 +5,37 @@ import time
 
 import pytest
 
+from lsvision.studies.chen_liu_2016 import ExperimentSizes, scenes
+from lsvision.studies.chen_liu_2016.published_results import PUBLISHED_TIMES
+
+SMALLEST = ExperimentSizes(
+    runs={"paper": 0, "section": 1, "known": 0, "two": 0, "twenty": 0},
+    timing_scenes=1,
+    repeats=40,
+    ablation_scenes=1,
+)
+"""Every experiment runs; what its numbers are is tested in tests/studies."""
+
 
 @pytest.mark.paper
+def test_page_and_numbers_are_written(run, tmp_path, monkeypatch):
+    monkeypatch.setattr(ExperimentSizes, "quick", lambda: SMALLEST)
+    monkeypatch.setattr(scenes, "PUBLISHED_TIMES", PUBLISHED_TIMES[:3])  # without clutter
+    report = written_report(run, tmp_path)
+    assert len(report["table_5"]) == 3
+    assert all(row["spreads"]["section"]["runs"] == 1 for row in report["tables_1_to_4"])
+
+
+@pytest.mark.slow
+@pytest.mark.paper
 def test_the_quick_version_writes_page_and_numbers(run, tmp_path):
-    page, numbers = tmp_path / "report.html", tmp_path / "report.json"
+    report = written_report(run, tmp_path)
+    assert len(report["table_5"]) == 5
+    assert all(row["spreads"]["section"]["runs"] == 24 for row in report["tables_1_to_4"])
+
+
+def written_report(run, folder):
+    page, numbers = folder / "report.html", folder / "report.json"
     result = run("paper", "--out", page, "--json", numbers)
     assert result.exit_code == 0, result.output
     assert page.read_text().startswith("<!DOCTYPE html>")
@@ -16,6 +43,7 @@ def test_the_quick_version_writes_page_and_numbers(run, tmp_path):
     assert all(timing["ratio"] > 1 for timing in report["table_5"])
     assert sum(timing["section"]["false"] for timing in report["table_5"]) == 0
     assert "figure 16" in result.stderr
+    return report
 
 
 def test_a_page_that_cannot_be_written_is_refused_before_the_work(run, tmp_path):

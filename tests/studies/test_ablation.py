@@ -1,8 +1,8 @@
 """Errors with single steps changed or left out."""
 
 
-def test_the_whole_chain_is_nearly_efficient_and_smoothing_over_x_is_not(report):
-    costs = {cost.name: cost for cost in report.ablation}
+def test_the_whole_chain_is_nearly_efficient_and_smoothing_over_x_is_not(ablation):
+    costs = {cost.name: cost for cost in ablation}
     whole = costs["every step, as lsvision does it"]
     literal = costs["smoothing y over x"]
     assert whole.failed == 0
@@ -11,9 +11,9 @@ def test_the_whole_chain_is_nearly_efficient_and_smoothing_over_x_is_not(report)
     assert all(bad > good for bad, good in zip(literal.typical, whole.typical, strict=True))
 
 
-def test_smoothing_finds_the_jumps_inside_an_arc(report):
+def test_smoothing_finds_the_jumps_inside_an_arc(ablation):
     """One point in twenty jumps: left in, they spoil the fit; smoothing leaves them out."""
-    costs = {cost.name: cost for cost in report.ablation}
+    costs = {cost.name: cost for cost in ablation}
     whole = costs["every step, as lsvision does it"]
     found = costs["sensor error of rough identification inside the arc"]
     left_in = costs["that sensor error and smoothing"]
@@ -22,8 +22,8 @@ def test_smoothing_finds_the_jumps_inside_an_arc(report):
     assert min(left_in.worst) > 3 * max(found.worst)
 
 
-def test_a_good_initial_guess_saves_evaluations(report):
-    costs = {cost.name: cost for cost in report.ablation}
+def test_a_good_initial_guess_saves_evaluations(ablation):
+    costs = {cost.name: cost for cost in ablation}
     whole = costs["every step, as lsvision does it"]
     assert 2 < whole.evaluations < costs["homogenising"].evaluations + 0.2  # a dozen pipes
     assert costs["iterative fit: a direct algebraic one instead"].evaluations == 0

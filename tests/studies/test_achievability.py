@@ -13,11 +13,6 @@ NOISE = 0.1  # mm
 pytestmark = pytest.mark.paper
 
 
-@pytest.fixture(scope="module")
-def reaches(bounds):
-    return compare_with_bound(bounds, noise_mm=NOISE)
-
-
 def test_the_printed_angles_cannot_come_from_one_section(reaches):
     """As `tests/paper/test_findings.py` has it, pipe by pipe."""
     angles = [reach for reach in reaches if reach.quantity.endswith("_deg")]
@@ -49,13 +44,12 @@ def test_the_noise_needed_makes_the_printed_errors_reachable(bounds, reaches):
     assert needed < NOISE / 100  # of theta at phi 10 deg
 
 
-def test_probabilities_grow_as_the_bound_decreases(report, reaches):
+def test_probabilities_grow_as_the_bound_decreases(bounds, reaches):
     """The same rows judged with the bounds of many sections: everything can be had."""
     from dataclasses import replace
 
     rows = [
-        replace(row, spreads={**row.spreads, "section": row.spreads["twenty"]})
-        for row in report.rows
+        replace(row, spreads={**row.spreads, "section": row.spreads["twenty"]}) for row in bounds
     ]
     many = compare_with_bound(rows, noise_mm=NOISE)
     assert all(a.chance > b.chance for a, b in zip(many, reaches, strict=True))

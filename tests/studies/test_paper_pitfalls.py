@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from lsvision.geometry import Ellipse, radial_residuals
-from lsvision.studies.chen_liu_2016.paper_pitfalls import printed_equation_four
+from lsvision.studies.chen_liu_2016.paper_pitfalls import check_pitfalls, printed_equation_four
 
 
-def test_the_numbers_of_the_five_pitfalls(report):
-    theta, distance, twins, division, which_way = (trap.checks for trap in report.pitfalls)
+def test_the_numbers_of_the_five_pitfalls():
+    theta, distance, twins, division, which_way = (trap.checks for trap in check_pitfalls())
     assert [round(check.value, 9) for check in theta] == [1.777777778, 5.0, 1.0, 0.0]
     assert distance[2].value > 1.2 > distance[0].value
     assert twins[0].value == pytest.approx(40)

@@ -14,15 +14,14 @@ def test_the_expected_range_is_that_of_the_tables_of_statistics(count, mean):
     assert expected_range(count) == pytest.approx(mean, abs=5e-4)
 
 
-def test_the_spread_of_repeated_measurements_is_the_bound(report):
-    repeated = report.repeatability
-    ratios = np.array(repeated.stds_mm) / repeated.bound_stds_mm
-    assert (np.abs(ratios - 1) < spread_of_rms(len(repeated.ellipses))).all()
+def test_the_spread_of_repeated_measurements_is_the_bound(repeatability):
+    ratios = np.array(repeatability.stds_mm) / repeatability.bound_stds_mm
+    assert (np.abs(ratios - 1) < spread_of_rms(len(repeatability.ellipses))).all()
 
 
-def test_the_centres_do_not_fit_into_the_papers_box(report):
-    assert report.repeatability.box_mm[1] > 1.0  # mm; the paper's is 0.6 mm high
-    assert report.repeatability.noise_of_printed_box_mm < 0.06
+def test_the_centres_do_not_fit_into_the_papers_box(repeatability):
+    assert repeatability.box_mm[1] > 1.0  # mm; the paper's is 0.6 mm high
+    assert repeatability.noise_of_printed_box_mm < 0.06
 
 
 def test_axes_that_vary_by_a_quarter_mm_mean_degrees_of_phi():

@@ -8,13 +8,13 @@ from lsvision.studies.chen_liu_2016.paper_chain import measure_cylinders_paper
 from lsvision.studies.chen_liu_2016.scenes import TUBES, count_matches
 
 
-def test_every_pipe_of_a_scene_is_found_within_5_sigma(report):
-    pipes = [pipe for scene in report.scenes for pipe in scene.pipes]
+def test_every_pipe_of_a_scene_is_found_within_5_sigma(scenes):
+    pipes = [pipe for scene in scenes for pipe in scene.pipes]
     assert len(pipes) == 6
     for pipe in pipes:
         value, std = pipe.radius_mm
         assert abs(value - pipe.true_radius_mm) < 5 * std
-    assert sum(scene.false for scene in report.scenes) == 0
+    assert sum(scene.false for scene in scenes) == 0
 
 
 def test_results_match_pipes_by_their_points():
