@@ -125,7 +125,7 @@ def _nearest_points(
     problem: EllipseProblem, parameters: FloatArray
 ) -> tuple[FloatArray, FloatArray, ComplexArray, ComplexArray]:
     """Return distance, |m w - d conj(w)|, unit normal and w of the nearest points, (k, n) each."""
-    offsets = as_complex(problem.points) - (parameters[:, 0] + 1j * parameters[:, 1])[:, None]
+    offsets = as_complex(problem.points) - centre_of(parameters)[:, None]
     m, d = parameters[:, 2:3], flattening(parameters)[:, None]
     w = m * offsets - d * offsets.conj()
     w /= np.abs(w)
@@ -185,10 +185,14 @@ def _prior_curvature(
     return (curvature + curvature.T) / 2
 
 
+def centre_of(parameters: FloatArray) -> ComplexArray:
+    """Return the view x + iy of (k, 5) parameters, row by row in memory. Units: mm."""
+    return parameters[:, :2].view(complex)[:, 0]
+
+
 def flattening(parameters: FloatArray) -> ComplexArray:
-    """Return d = p + iq of (k, 5) parameters. Units: mm."""
-    d: ComplexArray = parameters[:, 3] + 1j * parameters[:, 4]
-    return d
+    """Return the view d = p + iq of (k, 5) parameters, row by row in memory. Units: mm."""
+    return parameters[:, 3:].view(complex)[:, 0]
 
 
 def apply(matrices: FloatArray, vectors: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lsvision.ellipse.cost_expansion import Expansion, apply, expand_cost, flattening
+from lsvision.ellipse.cost_expansion import Expansion, apply, centre_of, expand_cost, flattening
 from lsvision.ellipse.critical_ratio import CriticalRatios
 from lsvision.ellipse.fit import EllipseFit
 from lsvision.ellipse.region_extrema import (
@@ -223,6 +223,9 @@ class _Search:
             near = ratio < MAX_RATIO * self.targets.critical[moved]
             near |= self.rows[moved] == CIRCLE
             moved[moved] = near
+            if moved.all():
+                self.parameters, self.expansion = trial, new
+                return moved
             self.parameters[moved] = trial[moved]
             for field, values in zip(self.expansion, new, strict=True):
                 field[moved] = values[near]
@@ -272,9 +275,10 @@ def _move(
         new_m = (m - np.abs(d) + dm - (dd * u.conj()).real) / (1 - np.abs(bent))
     w = _arc_middle(fit)
     new_d = new_m * bent
-    centre = (parameters[:, :2] + steps[:, :2]) @ (1, 1j)
-    centre += (m + dm - new_m) * w + (d + dd - new_d) * w.conjugate()
-    return np.array([centre.real, centre.imag, new_m, new_d.real, new_d.imag]).T
+    moved = parameters + steps
+    centre_of(moved)[:] += (m + dm - new_m) * w + (d + dd - new_d) * w.conjugate()
+    moved[:, 2], flattening(moved)[:] = new_m, new_d
+    return moved
 
 
 def _bend(fit: EllipseFit, delta: ComplexArray, step: ComplexArray) -> ComplexArray:

@@ -22,7 +22,7 @@ from lsvision.ellipse.fit import EllipseFit
 from lsvision.ellipse.interval_ends import EndPoints, find_end_points
 from lsvision.ellipse.parameters import semi_minor_gradient
 from lsvision.ellipse.phi_prior import EXACT_STD
-from lsvision.geometry import BoolArray
+from lsvision.statistics.quantiles import squared_quantile
 
 Quantity = Literal["radius", "theta", "phi", "centre_x", "centre_y"]
 Interval = tuple[float, float]
@@ -120,23 +120,26 @@ def intervals(fit: EllipseFit, level: float = 0.95) -> Intervals:
 def theta_is_determined(fit: EllipseFit) -> bool:
     """Return whether a circle is excluded at 99.9 %, and an error of theta of 30 deg at 99 %."""
     fit = _with_noise(fit)
-    circle_ratios, theta_ratios = (CriticalRatios.of(fit, x) for x in (CIRCLE_LEVEL, THETA_LEVEL))
-    clear = _is_clearly_determined(fit, circle_ratios.two, theta_ratios.one)
+    clear = _is_clearly_determined(fit)
     if clear is not None:
         return clear
-    circle = find_end_points(fit, circle_ratios, _mask(rows.CIRCLE))
-    if not circle.reliable or circle_ratios.leaves_theta_open(circle.circle_ratio):
+    ratios, wanted = CriticalRatios.of(fit, THETA_LEVEL), np.zeros(rows.ROWS, dtype=bool)
+    wanted[[rows.THETA_LOW, rows.THETA_HIGH, rows.CIRCLE]] = True
+    ends = find_end_points(fit, ratios, wanted)
+    of_circle = squared_quantile(2, fit.degrees_of_freedom, CIRCLE_LEVEL)
+    if ratios.may_be_circle and ends.circle_ratio <= of_circle:
         return False
-    ends = find_end_points(fit, theta_ratios, _mask(rows.THETA_LOW, rows.THETA_HIGH))
     low, high = _theta_interval(fit, ends)
     furthest = max(high - fit.ellipse.theta, fit.ellipse.theta - low)
     return ends.reliable and furthest < THETA_MAX_ERROR
 
 
-def _is_clearly_determined(fit: EllipseFit, of_circle: float, of_theta: float) -> bool | None:
+def _is_clearly_determined(fit: EllipseFit) -> bool | None:
     """Return whether theta is determined in the linear approximation; None if that is not clear."""
     if fit.problem.known_phi is not None:  # not linear in d
         return None
+    of_circle = squared_quantile(2, fit.degrees_of_freedom, CIRCLE_LEVEL)
+    of_theta = squared_quantile(1, fit.degrees_of_freedom, THETA_LEVEL)
     covariance, d = fit.parameter_covariance[3:, 3:], fit.parameters[3:]
     ratio = float(d @ np.linalg.solve(covariance, d))
     if ratio < of_circle / CLEAR_RATIO:
@@ -243,9 +246,3 @@ def _limits(fit: EllipseFit) -> Intervals:
         centre_x=(x - far, x + far),
         centre_y=(y - far, y + far),
     )
-
-
-def _mask(*wanted: int) -> BoolArray:
-    mask = np.zeros(rows.ROWS, dtype=bool)
-    mask[list(wanted)] = True
-    return mask
