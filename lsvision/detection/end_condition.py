@@ -43,7 +43,9 @@ def tangential_end_reason(
     begin at the ends of `screened`. `noise_std` is the standard deviation of a point. Units: mm.
     """
     count = max(POINTS_BEYOND, int(BEYOND_FRACTION * len(arc.indices)))
-    widest = np.union1d(arc.indices, screened.indices)
+    covered = np.zeros(len(profile.points), dtype=bool)
+    covered[arc.indices] = covered[screened.indices] = True
+    widest = covered.nonzero()[0]
     turns_deg = [
         math.degrees(_end_turn(*end, arc.ellipse, max(POINTS_BEYOND, count // 2)))
         for end in _ends(profile, widest, count)

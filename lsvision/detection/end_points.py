@@ -91,14 +91,16 @@ def find_end_inliers(end: EndPoints, prediction: Prediction) -> EndInliers:
     possible = _log_inlier(residuals, point_variances + covariance.diagonal()) > log_outlier
     used = np.where(visible & possible, time, EXCLUDED) * point_variances
     factor = _cholesky(covariance, used)
-    residuals = dtrtrs(factor, residuals, lower=1)[0] * factor.diagonal()
-    variances = np.maximum(factor.diagonal() ** 2 - used, 0.0) + point_variances
-    log_inlier = np.where(visible, _log_inlier(residuals, variances), -np.inf)
+    stds = factor.diagonal()
+    residuals = dtrtrs(factor, residuals, lower=1)[0] * stds
+    variances = np.maximum(stds * stds - used, 0.0) + point_variances
+    log_inlier = _log_inlier(residuals, variances)
+    log_inlier[~visible] = -np.inf
     evidence = np.logaddexp(log_inlier, log_outlier)
     evidence -= _log_other_line(end, prediction.radius, log_outlier)
     gain = evidence.cumsum() / time
     inliers = log_inlier > log_outlier
-    within = gain >= max(float(gain.max(initial=0.0)), 0.0) - END_LOG_MARGIN
+    within = gain >= max([0.0, *gain.tolist()]) - END_LOG_MARGIN
     last = (within & inliers).nonzero()[0]
     members = inliers[: last[-1] + 1 if len(last) else 0].nonzero()[0]
     leverages = variances[members] / point_variances[members]

@@ -102,11 +102,11 @@ def grow_arc(
         if ends in seen:
             break
         seen.add(ends)
-        parameters = gauss_newton_step(compared[run], parameters)
+        parameters = gauss_newton_step(compared.rows(run), parameters)
     if math.isnan(parameters[0]):
         return None
     indices = free[inside]
-    return IdentifiedArc.of(indices, ellipse_from_parameters(parameters)), compared[run]
+    return IdentifiedArc.of(indices, ellipse_from_parameters(parameters)), compared.rows(run)
 
 
 def _expand(inside: IntArray, count: int) -> tuple[int, int]:

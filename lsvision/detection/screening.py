@@ -136,8 +136,8 @@ def screen_arc(profile: PreparedProfile, arc: IdentifiedArc) -> ScreenedArc | No
     ellipse = ellipse_from_parameters(parameters)
     indices, _ = line.indices_with([end.inliers.members for end in ends])
     # An arc that reaches the last of the points beyond is screened once more.
-    outermost, last = line.indices[[0, -1]], len(profile.points) - 1
-    if ((indices[[0, -1]] == outermost) & (outermost != [0, last])).any():
+    first, last = int(line.indices[0]), int(line.indices[-1])
+    if first == indices[0] > 0 or last == indices[-1] < len(profile.points) - 1:
         return screen_arc(profile, IdentifiedArc.of(indices, ellipse))
     kept = line.indices_with([_keep(line, side, ends[side], noise) for side in (0, 1)])
     return ScreenedArc(*kept, ellipse, noise.variance_factor)
@@ -170,7 +170,7 @@ def _fit_middle(
     if not is_ellipse(parameters):
         return None
     compared = ellipse_residuals(line.points, parameters)
-    noise = estimate_arc_noise(compared[line.middle], profile.min_variance_factor)
+    noise = estimate_arc_noise(compared.rows(line.middle), profile.min_variance_factor)
     if smoothed or not noise.smoothed:
         return _MiddleFit(line, parameters, compared, noise)
     points = smoothed_noise(line.points, compared.normals, profile.noise_std)
@@ -222,20 +222,23 @@ def _predict(equations: FloatArray, noise: ArcNoise, parameters: FloatArray) -> 
 def _end_points(
     line: _Line, compared: EllipseResiduals, system_rows: FloatArray, noise: ArcNoise
 ) -> list[EndPoints]:
-    feet = line.points.z - compared.residuals * compared.normals
+    rows = np.concatenate(line.ends)  # both ends at once
+    points, compared, jacobian = line.points[rows], compared.rows(rows), system_rows.take(rows, 1)
+    feet = points.z - compared.residuals * compared.normals
     positions = np.zeros(len(feet))
     np.abs(feet[1:] - feet[:-1]).cumsum(out=positions[1:])
-    visible = line.points.incidence_cosines(compared.normals) > MIN_INCIDENCE_COSINE
+    visible = points.incidence_cosines(compared.normals) > MIN_INCIDENCE_COSINE
     variances = compared.inflated_variances * noise.variance_factor
+    first = len(line.ends[0])
     return [
         EndPoints(
-            compared.residuals[rows],
-            variances[rows],
-            system_rows[:PARAMETERS, rows],
-            visible[rows],
-            np.abs(positions[rows] - positions[rows[0]]),
+            compared.residuals[end],
+            variances[end],
+            jacobian[:PARAMETERS, end],
+            visible[end],
+            positions[end] - positions[end.start],
         )
-        for rows in line.ends
+        for end in (slice(0, first), slice(first, len(rows)))
     ]
 
 
@@ -245,7 +248,7 @@ def _keep(line: _Line, side: int, end: _ComparedEnd, noise: ArcNoise) -> IntArra
     if len(members) == 0:
         return members
     z = line.points.z[line.ends[side]]
-    inside = np.append(np.arange(PREDECESSORS), members + PREDECESSORS)
+    inside = np.concatenate([range(PREDECESSORS), members + PREDECESSORS])
     following = connected_beyond(z[inside], z[inside[-1] + 1 :], POINTS_BEYOND) + members[-1] + 1
     probability = 1 / (1 + np.exp(-log_odds))
     if len(following):

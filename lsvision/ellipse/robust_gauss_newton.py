@@ -6,7 +6,6 @@ of the semi-axes; on a long arc it has no effect.
 """
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -27,8 +26,7 @@ VARIANCE_FLOOR_FRACTION = 0.05
 """Fraction of the total variance added along any normal: as for a normal that is 13 deg wrong."""
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class EllipseResiduals:
+class EllipseResiduals(NamedTuple):
     """Residuals of points from an ellipse, to first order.
 
     Parameters
@@ -53,13 +51,11 @@ class EllipseResiduals:
     variances: FloatArray
     inflated_variances: FloatArray
 
-    def __getitem__(self, which: IntArray | slice) -> "EllipseResiduals":
+    def rows(self, which: IntArray | slice) -> "EllipseResiduals":
+        """Return the residuals of some points."""
+        residuals, normals, w, variances, inflated = self
         return EllipseResiduals(
-            self.residuals[which],
-            self.normals[which],
-            self.w[which],
-            self.variances[which],
-            self.inflated_variances[which],
+            residuals[which], normals[which], w[which], variances[which], inflated[which]
         )
 
 
@@ -123,9 +119,9 @@ class WeightedSystem(NamedTuple):
 def add_flattening_prior(equations: FloatArray, parameters: FloatArray) -> None:
     """Add the weak prior that few pipes are tilted by more than 60 deg, in place."""
     weight = 1 / (FLATTENING_PRIOR_STD * float(parameters[2])) ** 2
-    for i in range(PARAMETERS)[-2:]:
-        equations[i, i] += weight
-        equations[i, PARAMETERS] -= weight * float(parameters[i])
+    equations[3, 3] += weight
+    equations[4, 4] += weight
+    equations[3:, PARAMETERS] -= weight * parameters[3:]
 
 
 def damped_step(equations: FloatArray, parameters: FloatArray) -> FloatArray:

@@ -56,7 +56,8 @@ def smooth_arc(points: NoisyPoints, ellipse: Ellipse) -> SmoothedArc:
     compared = ellipse_residuals(points, parameters_from_ellipse(ellipse))
     # Angles from the middle of the arc, so that none jumps by 2 pi.
     middle = cmath.rect(1.0, cmath.phase(compared.w.sum()))
-    angles = np.angle(compared.w * middle.conjugate())
+    turned = compared.w * middle.conjugate()
+    angles = np.arctan2(turned.imag, turned.real)
     order = angles.argsort(kind="stable")
     angles, residuals = angles[order], compared.residuals[order]
     stds = np.sqrt(compared.variances[order])

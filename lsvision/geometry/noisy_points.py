@@ -52,8 +52,10 @@ class NoisyPoints:
     @classmethod
     def alike(cls, z: ComplexArray, x_std: float, y_std: float) -> Self:
         """Return points x + iy with equal, independent errors of x and y. Units: mm."""
-        mean, deviator = (x_std**2 + y_std**2) / 2, (x_std**2 - y_std**2) / 2
-        return cls(z, np.full(len(z), mean), np.full(len(z), complex(deviator)))
+        mean, deviator = np.empty(len(z)), np.empty(len(z), dtype=complex)
+        mean.fill((x_std**2 + y_std**2) / 2)
+        deviator.fill((x_std**2 - y_std**2) / 2)
+        return cls(z, mean, deviator)
 
     @property
     def covariances(self) -> FloatArray:
@@ -85,8 +87,7 @@ class NoisyPoints:
         of rays within 30 deg of +Y is returned.
         """
         rays = np.sqrt(self.deviator.conj())  # The square root halves the angle of the deviator.
-        rays = np.where(rays.imag < 0, -rays, rays)
-        rays /= np.maximum(np.abs(rays), TINY)
+        rays /= np.copysign(np.maximum(np.abs(rays), TINY), rays.imag)
         in_fan = FAN_EDGE_DIRECTION.imag * normals.imag + FAN_EDGE_DIRECTION.real * np.abs(
             normals.real
         )

@@ -84,7 +84,8 @@ def estimate_correlation(normalised: FloatArray) -> Correlation:
         return Correlation(time, dof, neighbours)
     powers = _relative_powers(normalised)
     low, form, reference = (
-        float(powers[band].mean()) for band in (LOW_FREQUENCY_BAND, FORM_BAND, REFERENCE_BAND)
+        sum(powers[band]) / (band.stop - band.start)
+        for band in (LOW_FREQUENCY_BAND, FORM_BAND, REFERENCE_BAND)
     )
     if not neighbours:
         if low < MAX_LOW_FREQUENCY_POWER:
@@ -96,12 +97,12 @@ def estimate_correlation(normalised: FloatArray) -> Correlation:
     return Correlation(max(time, reference, low * rise), LOW_FREQUENCY_DOF, neighbours)
 
 
-def _relative_powers(normalised: FloatArray) -> FloatArray:
+def _relative_powers(normalised: FloatArray) -> list[float]:
     """Return the powers of the lowest half waves over that of uncorrelated errors."""
     # Half waves by the Fourier transform of the residuals and their mirror image.
     waves = np.fft.rfft(np.concatenate([normalised, normalised[::-1]]))[: REFERENCE_BAND.stop]
     typical = 2 * max(float(normalised @ normalised), TINY)
-    powers: FloatArray = (waves.real**2 + waves.imag**2) / typical
+    powers: list[float] = ((waves.real**2 + waves.imag**2) / typical).tolist()
     return powers
 
 
