@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lsvision.calibration.board_shape import SHAPE_TERMS
 from lsvision.calibration.bundle_adjustment_problem import (
     BundleAdjustmentProblem,
     BundleAdjustmentState,
@@ -53,7 +54,7 @@ class BundleAdjustmentResult:
         For each view (n, 2) and (m,). Units: px.
     plane_covariance : (3, 3) ndarray
         Tilt about the section's X and Y (rad) and distance (mm).
-    bow_std : (2,) ndarray
+    bow_std : (3,) ndarray
         Zero where the bow was fixed. Units: mm.
     line_inconsistent : bool
         Whether line and corners are inconsistent, so that camera and boards were determined by the
@@ -127,7 +128,7 @@ def adjust_bundle(
     if corners_worse or _mad_std(line / np.concatenate(line_noise.point_stds)) > MAX_LINE_STD_RATIO:
         if refine[1]:
             # Where the line does not lie on the boards, it does not determine their bow.
-            flat = replace(initial_guess, bow=np.zeros(2))
+            flat = replace(initial_guess, bow=np.zeros(SHAPE_TERMS))
             return adjust_bundle(views, flat, (refine[0], False), corner_std)
         return _solve_plane_only(views, initial_guess)
     covariance, bow_std = _plane_covariance_and_bow_std(problem, information)
@@ -146,7 +147,7 @@ def _solve_plane_only(
 ) -> BundleAdjustmentResult:
     """Fit the plane to the lines, with camera and boards as the corners determine them."""
     laser_points = laser_points_on_boards(state.camera, state.camera_from_boards, views)
-    state = replace(state, plane=fit_plane(np.concatenate(laser_points)), bow=np.zeros(2))
+    state = replace(state, plane=fit_plane(np.concatenate(laser_points)), bow=np.zeros(SHAPE_TERMS))
     problem = BundleAdjustmentProblem(views, state, (False, False), [1.0] * len(views))
     corner, line = problem.residuals_in_pixels(np.zeros(problem.size))
     return BundleAdjustmentResult(
@@ -154,7 +155,7 @@ def _solve_plane_only(
         problem.split(corner, line=False),
         problem.split(line, line=True),
         _cluster_robust_covariance(state, laser_points),
-        np.zeros(2),
+        np.zeros(SHAPE_TERMS),
         line_inconsistent=True,
     )
 
@@ -187,7 +188,7 @@ def _plane_covariance_and_bow_std(
     """Return the covariance of the plane, and the std of the bow (0 where fixed)."""
     covariance: FloatArray = np.asarray(np.linalg.pinv(information, hermitian=True))
     plane, bow = problem.columns_of_plane(), problem.columns_of_bow()
-    bow_std = np.zeros(2)
+    bow_std = np.zeros(SHAPE_TERMS)
     if len(bow):
         bow_std = np.sqrt(covariance[bow, bow])
     return covariance[np.ix_(plane, plane)], bow_std

@@ -1,7 +1,6 @@
 """Reprojection residuals of boards and laser line, as functions of one parameter vector.
 
-The shape of the board is z = b1 (1 - (2x / Lx)^2) + b2 (1 - (2y / Ly)^2), the two-parameter bow of
-mrcal, with x and y from the middle and Lx, Ly the extent of the corners.
+The shape of the board has the parameters of `board_shape.BoardShape`.
 """
 
 from collections.abc import Sequence
@@ -9,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lsvision.calibration.board_shape import SHAPE_TERMS, BoardShape
 from lsvision.geometry import FloatArray, IntArray, Plane, Points, Pose, as_readonly_array
 from lsvision.geometry.arrays import BoolArray
 from lsvision.sensors.camera import Camera
@@ -27,7 +27,9 @@ DISTORTION_PRIOR = 0.3
 BOW_PRIOR = 2.0
 """Standard deviation of the prior on each bow parameter. Units: mm."""
 
-DIFFERENCE_STEPS = np.array([1e-3] * 4 + [1e-6] * COEFFICIENTS + [1e-6] * 2 + [1e-3] + [1e-3] * 2)
+DIFFERENCE_STEPS = np.array(
+    [1e-3] * 4 + [1e-6] * COEFFICIENTS + [1e-6] * 2 + [1e-3] + [1e-3] * SHAPE_TERMS
+)
 """Steps of the difference quotients. Units: px, 1, rad, mm, mm."""
 
 POSE_DIFFERENCE_STEPS = np.array([1e-6] * 3 + [1e-4] * 3)
@@ -83,8 +85,8 @@ class BundleAdjustmentState:
         Laser plane, camera frame. Units: mm.
     camera_from_boards : tuple of Pose
         One for each view.
-    bow : (2,) array_like
-        Bow parameters b1, b2 of the board. Units: mm.
+    bow : (3,) array_like
+        Bow along x and along y, and twist of the board. Units: mm.
     """
 
     camera: Camera
@@ -96,7 +98,7 @@ class BundleAdjustmentState:
 class BundleAdjustmentProblem:
     """Residuals and Jacobian of all views as functions of increments to an initial guess.
 
-    The vector is [fx fy cx cy, 14 coefficients, plane tilt (2), plane distance, bow (2)], of which
+    The vector is [fx fy cx cy, 14 coefficients, plane tilt (2), plane distance, bow (3)], of which
     only the `free` elements are present, then six for each pose (rotation vector in the camera
     frame, translation).
 
@@ -126,8 +128,7 @@ class BundleAdjustmentProblem:
         line_std, _ = _stacked([view.line_std[:, None] for view in views])
         self._corner_std = np.asarray(corner_stds, dtype=np.float64)[self._corner_view, None]
         self._line_std = line_std[:, 0]
-        middle, extent = _board_shape(self._corners)
-        self._middle, self._half = middle, extent / 2
+        self._shape = BoardShape.of(self._corners)
         self._axes = tilt_axes(initial_guess)
         self.free = np.flatnonzero(_free(initial_guess.camera, *refine))
         self._cached_camera, self._cached_rays = b"", np.empty((0, 3))
@@ -229,8 +230,7 @@ class BundleAdjustmentProblem:
         self, camera: Camera, bow: FloatArray, rotations: FloatArray, translations: FloatArray
     ) -> Points:
         """Return projected minus observed corners (n, 2). Units: px."""
-        corners = self._corners.copy()
-        corners[:, 2] += self._height(corners[:, :2], bow)
+        corners = self._shape.bent(self._corners, bow)
         view = self._corner_view
         in_camera = np.einsum("nij,nj->ni", rotations[view], corners) + translations[view]
         return camera.project(in_camera) - self._pixels
@@ -249,8 +249,8 @@ class BundleAdjustmentProblem:
         laser_points = rays * (plane.distance / ray_dot_normal)[:, None]
         R = rotations[view]
         on_board = np.einsum("nij,ni->nj", R, laser_points - translations[view])
-        height = on_board[:, 2] - self._height(on_board[:, :2], bow)
-        slopes = -2 * bow * (on_board[:, :2] - self._middle) / self._half**2
+        height = on_board[:, 2] - self._shape.heights(on_board[:, :2], bow)
+        slopes = self._shape.slopes(on_board[:, :2], bow)
         up = R[:, :, 2] - np.einsum("nij,nj->ni", R[:, :, :2], slopes)
         # X = z m with z = D / (n . m): d height / d m_j = z (up_j - (up . m) n_j / (n . m)).
         depth = plane.distance / ray_dot_normal
@@ -265,11 +265,6 @@ class BundleAdjustmentProblem:
         if key != self._cached_camera:
             self._cached_camera, self._cached_rays = key, camera.rays(self._line)
         return self._cached_rays
-
-    def _height(self, points: Points, bow: FloatArray) -> FloatArray:
-        """Return the height of the bowed board at points (n, 2). Units: mm."""
-        height: FloatArray = (1 - ((points - self._middle) / self._half) ** 2) @ bow
-        return height
 
 
 def tilt_axes(initial_guess: BundleAdjustmentState) -> FloatArray:
@@ -302,15 +297,9 @@ def _priors(camera: Camera) -> FloatArray:
             np.full(2, CENTRE_PRIOR * focal),
             np.full(COEFFICIENTS, DISTORTION_PRIOR),
             np.full(3, np.inf),
-            np.full(2, BOW_PRIOR),
+            np.full(SHAPE_TERMS, BOW_PRIOR),
         ]
     )
-
-
-def _board_shape(corners: Points) -> tuple[FloatArray, FloatArray]:
-    """Return the middle and the extent of the corners in the board plane. Units: mm."""
-    low, high = corners[:, :2].min(axis=0), corners[:, :2].max(axis=0)
-    return (low + high) / 2, high - low
 
 
 def _stacked(arrays: list[FloatArray]) -> tuple[FloatArray, IntArray]:

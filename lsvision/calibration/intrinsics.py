@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -12,6 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.calibration import result_tables
+from lsvision.calibration.bent_board import fit_bent_board
+from lsvision.calibration.board_shape import SHAPE_TERMS, bow_warning
 from lsvision.calibration.camera_uncertainty import intrinsics_covariance
 from lsvision.calibration.camera_warnings import check_camera
 from lsvision.calibration.target import (
@@ -38,6 +40,8 @@ from lsvision.sensors.camera import Camera
 
 MIN_VIEWS = 3
 """Two views do not determine a full camera matrix (Zhang 2000, section 3.1)."""
+MIN_BOW_VIEWS = 6
+"""Smallest number of views from which the shape of the board is estimated."""
 OUTLIER_FACTOR = 2.5
 """Smallest ratio of an outlier view's rms residual to the median."""
 
@@ -63,12 +67,16 @@ class CameraSettings:
     tilted : bool
         Whether tau_x and tau_y are estimated: only for a sensor that is tilted behind the lens
         (Scheimpflug).
+    bent_board : bool
+        Whether bow and twist of the board are estimated too, from six views on and where the
+        corners prove them.
     """
 
     radial_terms: int = 2
     tangential: bool = True
     fixed_aspect: bool = False
     tilted: bool = False
+    bent_board: bool = True
 
     def __post_init__(self) -> None:
         if self.radial_terms not in (0, 1, 2, 3):
@@ -133,6 +141,10 @@ class CameraCalibration(Result):
         Weaknesses of the set of views.
     covariance : (4 + k, 4 + k) ndarray, optional
         Of fx, fy, cx, cy (px) and the k coefficients; zero for fixed ones.
+    board_bow, board_bow_std : (3,) ndarray
+        Deviation of the board's middle from flatness along x and along y, positive away from
+        the camera, and its twist at the corners; zero where a flat board explains the corners as
+        well. Units: mm.
     """
 
     camera: Camera
@@ -142,6 +154,8 @@ class CameraCalibration(Result):
     outliers: tuple[RejectedView, ...]
     warnings: tuple[str, ...]
     covariance: FloatArray | None = None
+    board_bow: FloatArray = field(default_factory=lambda: np.zeros(SHAPE_TERMS))
+    board_bow_std: FloatArray = field(default_factory=lambda: np.zeros(SHAPE_TERMS))
 
     @property
     def rms_px(self) -> float:
@@ -230,12 +244,14 @@ def fit_camera(
     sources = sources or ViewSources()
     require_views(len(seen), MIN_VIEWS, "the target", "add images of the board", sources)
     settings = settings or CameraSettings()
-    matrix, distortion, std, poses = _solve(seen, settings)
-    camera = Camera(matrix, distortion, seen[0].size)
+    solution = _solve(seen, settings)
+    camera, std, poses = solution.camera, solution.std, solution.poses
     require_tilted(poses, "the focal length")
     views = tuple(
-        CalibratedView(index, view, pose, camera.project(pose.apply(view.points)) - view.pixels)
-        for index, view, pose in zip(sources.names(len(seen)), seen, poses, strict=True)
+        CalibratedView(index, view, pose, camera.project(pose.apply(points)) - view.pixels)
+        for index, view, pose, points in zip(
+            sources.names(len(seen)), seen, poses, solution.points, strict=True
+        )
     )
     outliers = outlier_views(
         [view.index for view in views],
@@ -249,8 +265,10 @@ def fit_camera(
         views,
         sources.rejected,
         tuple(outliers),
-        check_camera(camera, std, seen, poses),
-        intrinsics_covariance(camera, seen, poses, _free(std, settings)),
+        (*check_camera(camera, std, seen, poses), *bow_warning(solution.bow, solution.bow_std)),
+        solution.covariance,
+        solution.bow,
+        solution.bow_std,
     )
 
 
@@ -261,7 +279,41 @@ def _free(std: FloatArray, settings: CameraSettings) -> BoolArray:
     return free
 
 
-def _solve(
+@dataclass(frozen=True, eq=False)
+class _Solution:
+    """Camera with its std and covariance, poses, and the points and shape of the board."""
+
+    camera: Camera
+    std: FloatArray
+    covariance: FloatArray
+    poses: list[Pose]
+    points: list[FloatArray]
+    bow: FloatArray
+    bow_std: FloatArray
+
+
+def _solve(seen: Sequence[TargetView], settings: CameraSettings) -> _Solution:
+    """Return camera, poses and board by least squares; the board is flat where it may be."""
+    matrix, distortion, std, poses = _solve_flat(seen, settings)
+    camera, free = Camera(matrix, distortion, seen[0].size), _free(std, settings)
+    enough = settings.bent_board and len(seen) >= MIN_BOW_VIEWS
+    bent = fit_bent_board(camera, seen, poses, free) if enough else None
+    if bent is None:
+        covariance = intrinsics_covariance(camera, seen, poses, free)
+        points, flat = [view.points for view in seen], np.zeros(SHAPE_TERMS)
+        return _Solution(camera, std, covariance, poses, points, flat, flat)
+    return _Solution(
+        bent.camera,
+        np.sqrt(bent.covariance.diagonal()),
+        bent.covariance,
+        bent.poses,
+        [bent.shape.bent(view.points, bent.bow) for view in seen],
+        bent.bow,
+        bent.bow_std,
+    )
+
+
+def _solve_flat(
     seen: Sequence[TargetView], settings: CameraSettings
 ) -> tuple[FloatArray, FloatArray, FloatArray, list[Pose]]:
     """Return camera matrix, distortion, standard deviations and poses by least squares."""

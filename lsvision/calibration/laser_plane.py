@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from lsvision.calibration.board_shape import SHAPE_TERMS, bow_warning
 from lsvision.calibration.bundle_adjustment import BundleAdjustmentResult, adjust_bundle
 from lsvision.calibration.bundle_adjustment_problem import (
     BundleAdjustmentState,
@@ -56,9 +57,6 @@ larger. Units: rad."""
 
 MIN_ON_PATTERN_FRACTION = 0.6
 """Smallest fraction of line points between the corners with which the bow is fitted."""
-
-MIN_REPORTED_BOW_MM = 0.02
-"""Smallest bow that is reported. Units: mm."""
 
 TWO_VIEWS_STD_FACTOR = 3.0
 """Factor on the standard deviations of a plane from two views, which cannot check each other."""
@@ -186,7 +184,7 @@ def fit_laser_plane(
     )
     if refine[0]:
         require_tilted(boards, "camera and distance")
-    initial_guess = BundleAdjustmentState(camera, plane, boards, np.zeros(2))
+    initial_guess = BundleAdjustmentState(camera, plane, boards, np.zeros(SHAPE_TERMS))
     solution = adjust_bundle(views, initial_guess, refine)
     calibrated_views = _calibrated_views([names[k] for k in inliers], views, solution)
     _require_one_plane(calibrated_views)
@@ -331,10 +329,4 @@ def _warnings(solution: BundleAdjustmentResult, count: int, tilt: float) -> list
             "the laser line is inconsistent with the boards and was not used for them: let it "
             "fall on the flat pattern, not saturated, and keep the board still between images"
         )
-    bow, std = solution.state.bow, solution.bow_std
-    if np.any((np.abs(bow) > MIN_REPORTED_BOW_MM) & (np.abs(bow) > 3 * std)):
-        warnings.append(
-            f"the board is bowed by {bow[0]:+.3f} mm along x and {bow[1]:+.3f} mm along y; the "
-            "result is corrected for it, a flat board is better"
-        )
-    return warnings
+    return warnings + bow_warning(solution.state.bow, solution.bow_std)

@@ -60,9 +60,9 @@ class LaserPlaneCalibration(Result):
         Covariance of the plane: tilt about the section's X, about its Y (rad), distance (mm).
     views : tuple of CalibratedLaserView
         Residuals of each view.
-    board_bow, board_bow_std : (2,) ndarray
+    board_bow, board_bow_std : (3,) ndarray
         Deviation of the board's middle from flatness along x and along y, positive away from
-        the camera; zero where it was not fitted. Units: mm.
+        the camera, and its twist at the corners; zero where it was not fitted. Units: mm.
     rejected : tuple of RejectedView
         Views that could not be used, or whose line is not in the plane of the others.
     outliers : tuple of RejectedView

@@ -39,7 +39,7 @@ def camera_rows(found: "CameraCalibration") -> list[Row]:
         if std > 0:
             unit = "px" if name in ("fx", "fy", "cx", "cy") else ""
             rows.append((name, format_value(value, std), unit))
-    return [*rows, ("residual, rms", f"{found.rms_px:.3f}", "px")]
+    return [*rows, ("residual, rms", f"{found.rms_px:.3f}", "px"), *_bow_rows(found)]
 
 
 def camera_record(found: "CameraCalibration") -> "Record":
@@ -77,12 +77,18 @@ def laser_plane_rows(found: "LaserPlaneCalibration") -> list[Row]:
         ("laser line, rms", f"{found.line_rms:.3f}", "px"),
         ("corners, rms", f"{found.corner_rms:.3f}", "px"),
     ]
-    if found.board_bow_std.any():
-        rows += [
-            (f"board's bow along {axis}", format_value(float(bow), float(std)), "mm")
-            for axis, bow, std in zip("xy", found.board_bow, found.board_bow_std, strict=True)
-        ]
-    return rows
+    return rows + _bow_rows(found)
+
+
+def _bow_rows(found: "CameraCalibration | LaserPlaneCalibration") -> list[Row]:
+    """Bow and twist of the board with one sigma; none where they were not fitted."""
+    if not found.board_bow_std.any():
+        return []
+    names = ("bow along x", "bow along y", "twist")
+    pairs = zip(names, found.board_bow, found.board_bow_std, strict=True)
+    return [
+        (f"board's {name}", format_value(float(bow), float(std)), "mm") for name, bow, std in pairs
+    ]
 
 
 def laser_plane_record(found: "LaserPlaneCalibration") -> "Record":

@@ -93,6 +93,10 @@ def camera(
     fixed_aspect: Annotated[
         bool, typer.Option("--fixed-aspect", help="fx = fy, as of square pixels.")
     ] = False,
+    flat_board: Annotated[
+        bool,
+        typer.Option("--flat-board", help="The board is flat, as on glass: bow is not estimated."),
+    ] = False,
     ros_yaml: Annotated[
         Path | None,
         typer.Option(metavar="F.yaml", help="Also write it as OpenCV and ROS read it."),
@@ -116,7 +120,12 @@ def camera(
     from lsvision.io.camera_file import write_camera_yaml
 
     names = [printable(file.name) for file in files]
-    model = CameraSettings(radial_terms=radial_terms, fixed_aspect=fixed_aspect, tilted=tilted)
+    model = CameraSettings(
+        radial_terms=radial_terms,
+        fixed_aspect=fixed_aspect,
+        tilted=tilted,
+        bent_board=not flat_board,
+    )
     with prefix_file_names(image=names):
         shots = read_images(files)
         found = calibrate_camera(shots, board, model)

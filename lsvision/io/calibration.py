@@ -77,6 +77,8 @@ def _camera_values(calibration: CameraCalibration) -> dict[str, Any]:
         if calibration.covariance is None
         else calibration.covariance.tolist(),
         "rms": calibration.rms_px,
+        "board_bow": calibration.board_bow.tolist(),
+        "board_bow_std": calibration.board_bow_std.tolist(),
         "views": views,
     }
 

@@ -2,7 +2,7 @@
 
 Points are projected by OpenCV and not by the library, so that errors of either are noticed.
 Assumptions: the laser sheet has no thickness; errors of corners and line are independent and
-normal; the board is bent as z = b1 (1 - (2x / Lx)^2) + b2 (1 - (2y / Ly)^2).
+normal; the board is bent as z = b1 (1 - X^2) + b2 (1 - Y^2) + t X Y with X, Y = -1 to 1.
 """
 
 from dataclasses import dataclass, field
@@ -39,6 +39,8 @@ class BoardScene:
         Largest deviation from `distance`, as a fraction of it.
     bow : tuple of float
         Deviations from flatness b1, b2. Units: mm.
+    twist : float
+        Deviation t of the corners from flatness. Units: mm.
     corner_std, line_std : float
         Standard deviation of a corner coordinate, and across the line. Units: px.
     line_points : int
@@ -58,6 +60,7 @@ class BoardScene:
     tilt: float = np.radians(30.0)
     depth_range: float = 0.15
     bow: tuple[float, float] = (0.0, 0.0)
+    twist: float = 0.0
     corner_std: float = 0.05
     line_std: float = 0.1
     line_points: int = 100
@@ -175,7 +178,8 @@ def _corners(scene: BoardScene) -> Points:
 def _height(scene: BoardScene, points: Points) -> FloatArray:
     """Return z of the bent board at (n, 2) points. Units: mm."""
     half = np.array([scene.columns - 1, scene.rows - 1]) * scene.square / 2
-    height: FloatArray = (1 - ((points - half) / half) ** 2) @ np.array(scene.bow)
+    scaled = (points - half) / half
+    height: FloatArray = (1 - scaled**2) @ np.array(scene.bow) + scene.twist * scaled.prod(axis=1)
     return height
 
 

@@ -14,8 +14,10 @@ _PLACES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 _NODES, _WEIGHTS = (_PLACES + 1) / 2, _WEIGHTS / 2
 MANY_DEGREES_OF_FREEDOM = 1e5
 """Degrees of freedom from which two terms of the expansion about a normal quantile are exact."""
-MAX_STEPS, STEP_TOLERANCE = 60, 1e-9
-"""Of Newton's method: most steps, and relative size of the last, whose square is the error."""
+MAX_STEPS = 10
+"""Of Newton's method; 7 are the most from one degree of freedom and up to a level of 0.999."""
+STEP_TOLERANCE = 1e-6
+"""Relative size of the last step: the error after it is of the size of its square."""
 
 
 def squared_quantile(quantities: int, degrees_of_freedom: float, level: float) -> float:

@@ -24,6 +24,7 @@ SCENES = {
     "G9  flat board": BoardScene(),
     "G10 bow 0.1, 0 mm": BoardScene(bow=(0.1, 0.0)),
     "    bow 0.06, -0.05 mm": BoardScene(bow=(0.06, -0.05)),
+    "    twist 0.2 mm": BoardScene(twist=0.2),
 }
 
 
@@ -110,7 +111,7 @@ def main(runs):
         for seed in range(runs):
             found, seconds = calibrated(scene, seed)
             rows.append([*errors(scene, found), found.line_rms, seconds])
-            bows.append(found.board_bow - scene.bow)
+            bows.append(found.board_bow - (*scene.bow, scene.twist))
             nees.append(normalised(found, plane_error(found, scene.plane)))
         rms = np.sqrt(np.mean(np.square(rows), axis=0))
         worst = 1e3 * np.abs(bows).max()

@@ -47,6 +47,41 @@ def test_error_is_within_the_predicted_std(seed):
     assert found.rms_px == pytest.approx(0.05 * np.sqrt(2), rel=0.1)
 
 
+BENT = BoardScene(bow=(0.05, 0.2), twist=-0.3)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_bent_board_is_found_and_the_camera_corrected_for_it(seed):
+    found = fit_camera(views_of(BENT, 15, seed))
+    truth = np.array([2264.0, 2264.0, 639.5, 511.5, *BENT.distortion])
+    std = np.array(list(found.std.values()))
+    off = np.abs(parameters(found.camera) - truth)
+    assert (off[std > 0] < SIGMAS * std[std > 0]).all()
+    np.testing.assert_allclose(np.diag(found.covariance) ** 0.5, std, rtol=1e-9)
+    bow = found.board_bow - (0.05, 0.2, -0.3)
+    assert (np.abs(bow) < SIGMAS * found.board_bow_std).all()
+    assert found.rms_px == pytest.approx(0.05 * np.sqrt(2), rel=0.1)
+    assert any("twisted by -0." in text for text in found.warnings)
+    assert "board's twist" in str(found)
+
+
+def test_a_bent_board_is_corrected_for_with_a_fixed_aspect_and_a_tilted_sensor():
+    seen = views_of(BENT, 15, 5)
+    for settings in (CameraSettings(fixed_aspect=True), CameraSettings(tilted=True)):
+        found = fit_camera(seen, settings)
+        assert np.abs(found.board_bow - (0.05, 0.2, -0.3)).max() < 0.02
+        assert abs(found.camera.matrix[0, 0] - 2264) < SIGMAS * found.std["fx"]
+    fixed = fit_camera(seen, CameraSettings(fixed_aspect=True))
+    assert fixed.camera.matrix[0, 0] == pytest.approx(fixed.camera.matrix[1, 1], rel=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(20, 32))
+def test_a_flat_board_stays_flat(seed):
+    found = fit_camera(views_of(BoardScene(corner_std=0.2), 12, seed))
+    assert found.board_bow.tolist() == found.board_bow_std.tolist() == [0, 0, 0]
+    assert "twist" not in str(found)
+
+
 def test_order_of_views_does_not_matter():
     seen = views_of(BoardScene(), 8, 2)
     forth, back = fit_camera(seen), fit_camera(seen[::-1])
@@ -183,12 +218,23 @@ def corners_as_published(image):
 
 def test_camera_of_the_opencv_samples_agrees_with_the_published_one(samples):
     views = [corners_as_published(image) for image in samples]
-    found = fit_camera(views, CameraSettings(fixed_aspect=True, radial_terms=3))
+    settings = CameraSettings(fixed_aspect=True, radial_terms=3, bent_board=False)
+    found = fit_camera(views, settings)
     assert found.camera.matrix[0, 0] == pytest.approx(535.91573, abs=PUBLISHED)
     np.testing.assert_allclose(found.camera.matrix[:2, 2], (342.28315, 235.57083), atol=PUBLISHED)
     assert found.camera.distortion[0] == pytest.approx(-0.26637, abs=1e-4)
     assert found.rms_px == pytest.approx(0.39259, abs=1e-3)
     assert [view.index for view in found.outliers] == [1]
+
+
+def test_two_cameras_find_the_same_bow_of_the_board_of_the_opencv_samples(samples):
+    paths = sorted(SAMPLES.glob("right[0-9]*.jpg"))
+    board, model = Chessboard(9, 6, 25.0), CameraSettings(fixed_aspect=True)
+    others = [cv2.imread(str(path)) for path in paths]
+    left, right = (calibrate_camera(images, board, model) for images in (samples, others))
+    std = np.hypot(left.board_bow_std, right.board_bow_std)
+    assert (np.abs(left.board_bow - right.board_bow) < SIGMAS * std).all()
+    assert left.board_bow[1] < -0.1 > right.board_bow[1]
 
 
 def test_corner_refinement_halves_the_residual_of_the_opencv_samples(samples):

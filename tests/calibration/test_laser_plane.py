@@ -36,9 +36,9 @@ def assert_same_plane(plane, truth, atol):
     assert plane.distance == pytest.approx(truth.distance, abs=atol)
 
 
-@pytest.mark.parametrize("bow", [(0.0, 0.0), (0.1, 0.0), (-0.06, 0.04)])
+@pytest.mark.parametrize("bow", [(0.0, 0.0, 0.0), (0.1, 0.0, 0.0), (-0.06, 0.04, 0.2)])
 def test_plane_camera_and_bow_are_exact_without_noise(bow):
-    scene = BoardScene(bow=bow, corner_std=0.0, line_std=0.0)
+    scene = BoardScene(bow=bow[:2], twist=bow[2], corner_std=0.0, line_std=0.0)
     guess = replace(camera_of(scene), matrix=scene.matrix + np.array(OFF))
     found = fit_laser_plane(guess, views_of(scene, 8))
     assert_same_plane(found.plane, scene.plane, 100 * EXACT)
@@ -62,8 +62,8 @@ def test_error_of_the_plane_is_within_its_covariance(seed):
 
 def test_bow_of_a_tenth_of_a_millimetre_is_estimated_and_reported():
     found = fit_laser_plane(camera_of(BoardScene()), views_of(BoardScene(bow=(0.1, 0.0)), 15))
-    np.testing.assert_allclose(found.board_bow, (0.1, 0.0), atol=0.005)
-    assert (np.abs(found.board_bow - (0.1, 0)) < SIGMAS * found.board_bow_std).all()
+    np.testing.assert_allclose(found.board_bow, (0.1, 0.0, 0.0), atol=0.005)
+    assert (np.abs(found.board_bow - (0.1, 0, 0)) < SIGMAS * found.board_bow_std).all()
     assert any("bowed by +0.1" in warning for warning in found.warnings)
     flat = fit_laser_plane(camera_of(BoardScene()), views_of(BoardScene(), 15))
     assert flat.warnings == ()
@@ -73,7 +73,7 @@ def test_bow_that_is_not_fitted_increases_the_line_residual():
     scene, settings = BoardScene(bow=(0.2, 0.0)), LaserPlaneSettings(fit_bow_from=99)
     found = fit_laser_plane(camera_of(scene), views_of(scene, 12), settings)
     assert found.line_rms > 0.14
-    assert found.board_bow.tolist() == found.board_bow_std.tolist() == [0, 0]
+    assert found.board_bow.tolist() == found.board_bow_std.tolist() == [0, 0, 0]
 
 
 def test_two_poses_suffice_with_a_known_camera():
