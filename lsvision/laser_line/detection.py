@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from lsvision.errors import NoLaserLine
-from lsvision.geometry import FloatArray, IntArray
+from lsvision.geometry import BoolArray, FloatArray, IntArray
 from lsvision.laser_line.candidates import LineCandidates, find_line_candidates
 from lsvision.laser_line.line_image import Direction, LineImage
 from lsvision.laser_line.noise import PixelNoise, estimate_pixel_noise
@@ -69,6 +69,24 @@ class DetectedLine:
     variances: FloatArray
     sigma: float
     second_line_fraction: float
+
+    def select(self, which: BoolArray) -> "DetectedLine":
+        """Return the columns of a mask (n,)."""
+        return replace(
+            self,
+            windows=self.windows.select(which),
+            stripes=self.stripes.select(which),
+            variances=self.variances[which],
+        )
+
+    def replaced(self, other: "DetectedLine", which: BoolArray) -> "DetectedLine":
+        """Return the line with the columns of a mask (n,), and the rest, from a line like it."""
+        return replace(
+            other,
+            windows=self.windows.replaced(other.windows, which),
+            stripes=self.stripes.replaced(other.stripes, which),
+            variances=np.where(which[:, None], other.variances, self.variances),
+        )
 
 
 def find_direction(image: LineImage, settings: LineSettings) -> Direction:

@@ -12,7 +12,8 @@ import numpy.typing as npt
 from lsvision.errors import NoLaserLine
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Points, as_readonly_array
 from lsvision.geometry.equality import ComparedByValue
-from lsvision.laser_line.detection import DetectedLine, find_direction, find_line, locate_line
+from lsvision.laser_line.coarse_colours import sharper_line
+from lsvision.laser_line.detection import DetectedLine, find_direction, find_line
 from lsvision.laser_line.image_array import Image, as_image
 from lsvision.laser_line.line_image import (
     Direction,
@@ -21,7 +22,7 @@ from lsvision.laser_line.line_image import (
     prepare_line_image,
 )
 from lsvision.laser_line.mosaic import colour_planes
-from lsvision.laser_line.noise import SLOPE_SPAN, errors_are_interpolated, excess_variance
+from lsvision.laser_line.noise import SLOPE_SPAN, excess_variance
 from lsvision.laser_line.settings import LineSettings
 from lsvision.laser_line.stripe_windows import Stripes, cut_windows
 from lsvision.laser_line.subpixel import (
@@ -29,7 +30,6 @@ from lsvision.laser_line.subpixel import (
     locate_by_gaussian_fit,
     locate_by_steger,
 )
-from lsvision.statistics.robust import MAD_TO_STD
 
 MAX_SATURATED_FRACTION = 0.5
 """Largest fraction of the pixels at full scale; above it the whole image is overexposed."""
@@ -40,14 +40,6 @@ BORDER_SIGMAS = 1.5
 line."""
 MAX_BORDER_FRACTION = 0.5
 """Largest fraction of a line's columns that may be so near to the border."""
-COARSE_COLOUR_SIGMAS = 1.15
-"""Distance of the lines in interpolated colours and in luminance, in standard deviations of their
-noise, above which the colours shift the line: 1.2 to 9 in JPEG files and mosaics."""
-BLOCK_FACTOR = 2.0
-"""Factor on errors that are common to the columns of a JPEG file's block, which a fit takes to be
-independent."""
-MIN_BRIGHT_FRACTION = 0.75
-"""Smallest fraction of the columns in which the luminance has a stripe, too."""
 STEGER_CORRELATION_SIGMAS = 4.0
 """Distance along the line, in sigmas of Steger's smoothing, from which errors are independent."""
 
@@ -170,9 +162,9 @@ def extract_laser_line(
     if direction == "rows":
         line_image = line_image.transposed()
     detected = find_line(line_image, settings)
-    coarseness = 0.0
+    coarseness: FloatArray | float = 0.0
     if settings.luminance and line_image.brightness is not line_image.signal:
-        line_image, detected, coarseness = _sharper(line_image, detected, settings)
+        line_image, detected, coarseness = sharper_line(line_image, detected, settings)
     stripes = _locate_stripes(line_image, detected, settings)
     stripes = replace(stripes, std=np.hypot(stripes.std, coarseness))
     _check_border(line_image, detected)
@@ -247,39 +239,6 @@ def _interleaved(first: LaserLine, second: LaserLine) -> LaserLine:
         saturated=merged("saturated"),
         second_line_fraction=max(first.second_line_fraction, second.second_line_fraction),
     )
-
-
-def _sharper(
-    image: LineImage, detected: DetectedLine, settings: LineSettings
-) -> tuple[LineImage, DetectedLine, float]:
-    """The image and line of the luminance where the colours have less resolution than it has.
-
-    JPEG files keep colours at half the resolution and in coarser steps, interpolated mosaics shift
-    them: then the line of the laser's colour lies beside that of the luminance by more than the
-    noise of their pixels. The luminance has twice the resolution, so its error is taken to be half
-    of their distance; it is common to the columns of a block, so that it counts twice. The last
-    value is the standard deviation that counts. Units: px.
-    """
-    found = detected.stripes.found
-    columns, rows = detected.windows.columns[found], detected.stripes.pixels[found, 1]
-    if not errors_are_interpolated(columns, rows):
-        return image, detected, 0.0
-    bright = locate_line(image.of_brightness, columns, rows, detected.sigma, settings)
-    both = bright.stripes.found
-    if both.mean() < MIN_BRIGHT_FRACTION:
-        return image, detected, 0.0
-    distance = np.abs(bright.stripes.pixels[both, 1] - rows[both])
-    bright_std = bright.stripes.std[both]
-    std = detected.stripes.std[found][both]
-    noise = np.hypot(bright_std, std)
-    if MAD_TO_STD * float(np.median(distance / noise)) < COARSE_COLOUR_SIGMAS:
-        return image, detected, 0.0
-    scatter = MAD_TO_STD * float(np.median(distance))
-    colour_error = math.sqrt(max(scatter**2 - float(np.median(noise)) ** 2, 0.0))
-    if np.median(np.hypot(std, colour_error)) < np.median(np.hypot(bright_std, scatter / 2)):
-        return image, detected, BLOCK_FACTOR * colour_error
-    bright = replace(bright, second_line_fraction=detected.second_line_fraction)
-    return image.of_brightness, bright, BLOCK_FACTOR * scatter / 2
 
 
 def _check_exposure(image: LineImage) -> None:

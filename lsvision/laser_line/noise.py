@@ -174,11 +174,30 @@ def errors_are_interpolated(columns: IntArray, rows: FloatArray) -> bool:
         True where columns were computed from their neighbours (a mosaic, the colours of a JPEG
         file), and in speckle; false in read and shot noise.
     """
+    scatters = _scatters(columns, rows)
+    return min(scatters) < MAX_INTERPOLATED_RATIO * max(scatters)
+
+
+def roughness(columns: IntArray, rows: FloatArray) -> float:
+    """Return the largest scatter of a line over the distances of its points. Units: px.
+
+    Of lines of one place the one with the larger roughness is the worse.
+
+    Parameters
+    ----------
+    columns : (n,) ndarray of int
+        Columns in which the line was located. Units: px.
+    rows : (n,) ndarray
+        Sub-pixel rows. Units: px.
+    """
+    return max(_scatters(columns, rows))
+
+
+def _scatters(columns: IntArray, rows: FloatArray) -> list[float]:
     line = np.full(int(columns.max()) + 1, np.nan)
     line[columns] = rows
     scale = np.ones_like(line)
-    scatters = [_scatter(line, scale, THIRD_DIFFERENCE, lag) for lag in COMPARED_LAGS]
-    return min(scatters) < MAX_INTERPOLATED_RATIO * max(scatters)
+    return [_scatter(line, scale, THIRD_DIFFERENCE, lag) for lag in COMPARED_LAGS]
 
 
 def line_slopes(columns: IntArray, rows: FloatArray) -> FloatArray:

@@ -39,7 +39,8 @@ class LineSettings(ShowsChanges):
         (one number a pixel), or interpolated from such a one.
     luminance : bool
         Locate the line in the luminance where a JPEG file or a mosaic has kept the colours
-        coarsely. False where the line crosses a printed pattern, which the colour alone ignores.
+        coarsely, and no printed pattern is seen in it. False where the line is known to cross one,
+        which the colour alone ignores.
     full_scale : float, optional
         Largest value of a pixel; by default that of the image's depth, see
         `prepare_line_image`. Units: DN.

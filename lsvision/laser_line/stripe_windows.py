@@ -71,6 +71,16 @@ class Windows:
             self.saturated[which],
         )
 
+    def replaced(self, other: "Windows", which: BoolArray) -> "Windows":
+        """Return the windows with those of a mask (n,) from others of the same columns."""
+        return Windows(
+            self.columns,
+            np.where(which, other.centre_rows, self.centre_rows),
+            self.offsets,
+            np.where(which[:, None], other.values, self.values),
+            np.where(which[:, None], other.saturated, self.saturated),
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Stripes:
@@ -98,6 +108,19 @@ class Stripes:
         """Whether a window has a stripe (n,)."""
         found: BoolArray = np.isfinite(self.pixels).all(axis=1) & np.isfinite(self.std)
         return found
+
+    def select(self, which: BoolArray) -> "Stripes":
+        """Return the stripes of a mask (n,)."""
+        return Stripes(self.pixels[which], self.std[which], self.heights[which], self.sigmas[which])
+
+    def replaced(self, other: "Stripes", which: BoolArray) -> "Stripes":
+        """Return the stripes with those of a mask (n,) from others of the same columns."""
+        return Stripes(
+            np.where(which[:, None], other.pixels, self.pixels),
+            np.where(which, other.std, self.std),
+            np.where(which, other.heights, self.heights),
+            np.where(which, other.sigmas, self.sigmas),
+        )
 
 
 def cut_windows(
