@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from lsvision.batch.job import BatchJob
 from lsvision.batch.result_table import result_table
+from lsvision.ellipse.section import compute_intervals
 from lsvision.errors import LsvisionError, UnreadableFile, UnwritableFile
 from lsvision.files.limited_reading import MAX_SIZE, size_limit
 from lsvision.io.profiles.reading import ProfileFile, require_plausible_units
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
     from lsvision.measure import Measurement
 
+PROFILES_AT_ONCE = 16
+"""Number of profiles whose intervals are computed together."""
 TEMPORARY = ".lsvision."
 """Beginning of the name of an output that is being written."""
 
@@ -137,7 +140,7 @@ def _measure_to(task: FileTask) -> FileOutcome:
         for part in iterate_profiles(task.source, **task.job.reading):
             require_plausible_units(part.file)
             notes |= dict.fromkeys(_notes(part.file))
-            measured = [_measure_profile(task, part, k) for k in range(len(part.file.profiles))]
+            measured = _measure_part(task, part)
             table = result_table(task.name, part, measured, task.job.inspection)
             writer = writer or _open(temporary, table.schema)
             _write(writer, table, task.output)
@@ -157,6 +160,15 @@ def _notes(file: ProfileFile) -> Iterator[str]:
     if file.units_assumed:
         yield f"units taken as {file.units}: say --units"
     yield from file.notes
+
+
+def _measure_part(task: FileTask, part: ProfilePart) -> "list[Measurement | None]":
+    """Measure the profiles of a part, with the intervals of some at a time."""
+    measured = [_measure_profile(task, part, k) for k in range(len(part.file.profiles))]
+    for start in range(0, len(measured), PROFILES_AT_ONCE):
+        group = measured[start : start + PROFILES_AT_ONCE]
+        compute_intervals(c for each in group if each is not None for c in each.cylinders)
+    return measured
 
 
 def _measure_profile(task: FileTask, part: ProfilePart, index: int) -> "Measurement | None":

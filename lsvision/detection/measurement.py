@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from lsvision.detection.arcs import Rejection
-from lsvision.ellipse.section import CylinderSection
+from lsvision.ellipse.section import CylinderSection, compute_intervals
 from lsvision.ellipse.section_table import section_cells
 from lsvision.profile import Profile
 from lsvision.results.number_format import format_value
@@ -72,6 +72,7 @@ class Measurement(Result):
         >>> Measurement((), ()).to_dict()
         {'cylinders': [], 'rejections': []}
         """
+        compute_intervals(self.cylinders)
         return {
             "cylinders": [cylinder.to_dict() for cylinder in self.cylinders],
             "rejections": [rejection.to_dict() for rejection in self.rejections],
@@ -85,6 +86,7 @@ class Measurement(Result):
         return f"{cylinders}, {counted(len(self.rejections), 'arc')} rejected"
 
     def _cells(self) -> list[tuple[str, ...]]:
+        compute_intervals(self.cylinders)
         return section_cells(self.cylinders)
 
     def _notes(self) -> list[str]:
@@ -95,6 +97,7 @@ class Measurement(Result):
         return [f"no cylinder found, {rejected}", *reasons]
 
     def _rows(self) -> list[Record]:
+        compute_intervals(self.cylinders)
         return [row for cylinder in self.cylinders for row in cylinder._rows()]
 
     def _picture(self) -> str:

@@ -1,4 +1,4 @@
-"""Second-order expansion of the cost of an ellipse fit, about many ellipses at once.
+"""Second-order expansion of the costs of ellipse fits, about many ellipses at once.
 
 F is the weighted sum of squares of the residuals, priors included, over the variance factor. About
 parameters (centre_x, centre_y, m, p, q) it is F + 2 b' delta + delta' A delta, with b = J' r and
@@ -11,11 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lsvision.ellipse.fit import EllipseFit
+from lsvision.ellipse.fit_stack import FitStack, flattening
 from lsvision.ellipse.parameters import PARAMETERS, semi_minor, semi_minor_gradient
 from lsvision.ellipse.problem import EllipseProblem
 from lsvision.geometry import BoolArray, FloatArray, IntArray
-from lsvision.geometry.noisy_points import ComplexArray, as_complex
+from lsvision.geometry.noisy_points import ComplexArray
 
 FOOT_TOLERANCE, MAX_FOOT_ITERATIONS = 3e-3, 20
 """Last Newton step (rad) of the nearest points, which are exact to its square, and most steps."""
@@ -50,13 +50,15 @@ class Expansion(NamedTuple):
         return Expansion(*(field[chosen] for field in self))
 
 
-def expand_cost(fit: EllipseFit, parameters: FloatArray) -> Expansion:
+def expand_cost(stack: FitStack, owners: IntArray, parameters: FloatArray) -> Expansion:
     """Expand F to second order.
 
     Parameters
     ----------
-    fit : EllipseFit
-        Fit with its problem and variance factor.
+    stack : FitStack
+        Fits with their problems and variance factors.
+    owners : (k,) int ndarray
+        Number of the fit of each row.
     parameters : (k, 5) ndarray
         Parameters about which F is expanded. Units: mm.
 
@@ -66,17 +68,21 @@ def expand_cost(fit: EllipseFit, parameters: FloatArray) -> Expansion:
         An indefinite A is replaced by its Gauss-Newton approximation J'J; the cost is infinite
         where the expansion is not finite.
     """
-    problem, s2 = fit.problem, fit.variance_factor
-    of_points = _orthogonal if problem.residual == "orthogonal" else _radial
-    squares, slope, gauss_newton, curvature = of_points(problem, parameters)
-    points = squares / s2, slope / s2, (gauss_newton + curvature) / s2
-    if problem.prior_residual_count:
-        for k, row in enumerate(parameters):
-            residuals, jacobian = _prior(problem, row)
-            squares[k] += residuals @ residuals
-            slope[k] += jacobian.T @ residuals
-            gauss_newton[k] += jacobian.T @ jacobian
-            curvature[k] += _prior_curvature(problem, row, residuals)
+    s2 = stack.variance_factors[owners]
+    squares, slope, gauss_newton, curvature = _orthogonal(stack, owners, parameters)
+    for k in np.flatnonzero(stack.radial[owners]):
+        problem = stack.fits[owners[k]].problem
+        squares[k], slope[k], gauss_newton[k] = _radial(problem, parameters[k])
+        curvature[k] = 0.0
+    s2_rows, s2_matrices = s2[:, None], s2[:, None, None]
+    points = squares / s2, slope / s2_rows, (gauss_newton + curvature) / s2_matrices
+    for k in np.flatnonzero(stack.has_prior[owners]):
+        problem, row = stack.fits[owners[k]].problem, parameters[k]
+        residuals, jacobian = _prior(problem, row)
+        squares[k] += residuals @ residuals
+        slope[k] += jacobian.T @ residuals
+        gauss_newton[k] += jacobian.T @ jacobian
+        curvature[k] += _prior_curvature(problem, row, residuals)
     information = gauss_newton + curvature
     if not math.isfinite(float(information.sum())):
         lost = ~np.isfinite(information).all(axis=(1, 2))
@@ -87,12 +93,12 @@ def expand_cost(fit: EllipseFit, parameters: FloatArray) -> Expansion:
         indefinite = ~(np.linalg.eigvalsh(information)[:, 0] > 0)
         information[indefinite] = gauss_newton[indefinite]
     information += RIDGE * (information + 1.0) * np.eye(PARAMETERS)
-    information /= s2
+    information /= s2_matrices
     covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
-    return Expansion(squares / s2, slope / s2, information, covariance, *points)
+    return Expansion(squares / s2, slope / s2_rows, information, covariance, *points)
 
 
-def _orthogonal(problem: EllipseProblem, parameters: FloatArray) -> SecondOrder:
+def _orthogonal(stack: FitStack, owners: IntArray, parameters: FloatArray) -> SecondOrder:
     """Expand the sum of squares of the orthogonal distances.
 
     Parameter i moves the ellipse by X_i = (1, i, w, conj w, i conj w), with normal and tangential
@@ -100,7 +106,7 @@ def _orthogonal(problem: EllipseProblem, parameters: FloatArray) -> SecondOrder:
     derivative kappa T_i T_j - a_i T_j - a_j T_i, with kappa the curvature and a_i the rotation of
     the tangent; terms in distance times curvature are neglected.
     """
-    distances, steepness, normals, w = _nearest_points(problem, parameters)
+    distances, steepness, normals, w = _nearest_points(stack.points[owners], parameters)
     m, d = parameters[:, 2:3], flattening(parameters)[:, None]
     normals = normals.conj()
     along, across = w * normals, w.conj() * normals
@@ -108,7 +114,7 @@ def _orthogonal(problem: EllipseProblem, parameters: FloatArray) -> SecondOrder:
     N[:, 0], N[:, 1], N[:, 2], N[:, 3] = normals.real, -normals.imag, along.real, across.real
     T[:, 0], T[:, 1], T[:, 2], T[:, 3] = normals.imag, normals.real, along.imag, across.imag
     N[:, 4], T[:, 4] = -T[:, 3], N[:, 3]
-    weights = 1 / problem.stds**2
+    weights = stack.weights[owners]
     weighted = distances * weights
     half_kappa = (m * m - np.abs(d) ** 2) / (2 * steepness**3)
     rotation = STRAIN_SIGNS * (weighted / steepness)[:, None]
@@ -116,29 +122,29 @@ def _orthogonal(problem: EllipseProblem, parameters: FloatArray) -> SecondOrder:
     return (
         (distances * weighted).sum(axis=1),
         -apply(N, weighted),
-        (N * weights) @ N.transpose(0, 2, 1),
+        (N * weights[:, None]) @ N.transpose(0, 2, 1),
         curvature + curvature.transpose(0, 2, 1),
     )
 
 
 def _nearest_points(
-    problem: EllipseProblem, parameters: FloatArray
+    points: ComplexArray, parameters: FloatArray
 ) -> tuple[FloatArray, FloatArray, ComplexArray, ComplexArray]:
     """Return distance, |m w - d conj(w)|, unit normal and w of the nearest points, (k, n) each."""
-    offsets = as_complex(problem.points) - centre_of(parameters)[:, None]
+    offsets = points - (parameters[:, 0] + 1j * parameters[:, 1])[:, None]
     m, d = parameters[:, 2:3], flattening(parameters)[:, None]
     w = m * offsets - d * offsets.conj()
     w /= np.abs(w)
-    largest = math.inf
+    moving = True
     for _ in range(MAX_FOOT_ITERATIONS):
         along, across = m * w, d * w.conj()
         foot, normals = along + across, along - across
         residuals = offsets - foot
-        if largest < FOOT_TOLERANCE:
+        if not moving:
             break
         bending = normals.real**2 + normals.imag**2 + (residuals * foot.conj()).real
         turn = (residuals * normals.conj()).imag / bending
-        largest = float(np.abs(turn).max())
+        moving = bool((np.abs(turn) >= FOOT_TOLERANCE).any())
         w *= 1 + 1j * turn
         w /= np.abs(w)
     steepness = np.abs(normals)
@@ -146,16 +152,13 @@ def _nearest_points(
     return (residuals * normals.conj()).real, steepness, normals, w
 
 
-def _radial(problem: EllipseProblem, parameters: FloatArray) -> SecondOrder:
-    """Expand the sum of squares of the paper's radial residuals, without second derivatives."""
+def _radial(
+    problem: EllipseProblem, parameters: FloatArray
+) -> tuple[float, FloatArray, FloatArray]:
+    """Return sum of squares, J'r and J'J of the paper's radial residuals."""
     points = replace(problem, known_radius=None, known_phi=None)
-    rows = [points.evaluate(row) for row in parameters]
-    return (
-        np.array([residuals @ residuals for residuals, _ in rows]),
-        np.array([jacobian.T @ residuals for residuals, jacobian in rows]),
-        np.array([jacobian.T @ jacobian for _, jacobian in rows]),
-        np.zeros((len(rows), PARAMETERS, PARAMETERS)),
-    )
+    residuals, jacobian = points.evaluate(parameters)
+    return float(residuals @ residuals), jacobian.T @ residuals, jacobian.T @ jacobian
 
 
 def _prior(problem: EllipseProblem, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -185,17 +188,7 @@ def _prior_curvature(
     return (curvature + curvature.T) / 2
 
 
-def centre_of(parameters: FloatArray) -> ComplexArray:
-    """Return the view x + iy of (k, 5) parameters, row by row in memory. Units: mm."""
-    return parameters[:, :2].view(complex)[:, 0]
-
-
-def flattening(parameters: FloatArray) -> ComplexArray:
-    """Return the view d = p + iq of (k, 5) parameters, row by row in memory. Units: mm."""
-    return parameters[:, 3:].view(complex)[:, 0]
-
-
 def apply(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
     """Multiply k matrices (k, i, j) by k vectors (k, j)."""
-    product: FloatArray = np.einsum("kij,kj->ki", matrices, vectors)
+    product: FloatArray = (matrices @ vectors[:, :, None])[:, :, 0]
     return product

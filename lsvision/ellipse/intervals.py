@@ -10,18 +10,37 @@ not chi^2 distributed; its quantile is computed from the normal approximation of
 """
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import lru_cache
 from typing import Literal, NamedTuple, get_args
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from lsvision.ellipse import region_extrema as rows
 from lsvision.ellipse.critical_ratio import CriticalRatios
 from lsvision.ellipse.fit import EllipseFit
+from lsvision.ellipse.fit_stack import TINY, FitStack
 from lsvision.ellipse.interval_ends import EndPoints, find_end_points
 from lsvision.ellipse.parameters import semi_minor_gradient
 from lsvision.ellipse.phi_prior import EXACT_STD
+from lsvision.ellipse.region_extrema import (
+    CIRCLE,
+    ENDS,
+    PHI_HIGH,
+    PHI_HIGH_2,
+    PHI_LOW,
+    RADIUS_HIGH,
+    RADIUS_LOW,
+    RADIUS_LOW_2,
+    SECOND_ENDS,
+    THETA_HIGH,
+    THETA_LOW,
+    X_HIGH,
+    X_LOW,
+    Y_HIGH,
+    Y_LOW,
+)
+from lsvision.geometry import BoolArray, FloatArray
 from lsvision.statistics.quantiles import squared_quantile
 
 Quantity = Literal["radius", "theta", "phi", "centre_x", "centre_y"]
@@ -41,8 +60,6 @@ PRIOR_SHARE = 0.995
 """Ratio of a known quantity's std to its prior's, above which its interval is that of the prior."""
 MIN_NOISE = 1e-9
 """Smallest noise of points over m: below it F consists of rounding errors."""
-CACHED_FITS = 64
-"""Number of fits and levels whose intervals are cached: those of several profiles."""
 
 
 class Intervals(NamedTuple):
@@ -53,6 +70,11 @@ class Intervals(NamedTuple):
     phi: Interval
     centre_x: Interval
     centre_y: Interval
+
+
+_INTERVALS: WeakKeyDictionary[EllipseFit, dict[float, Intervals]] = WeakKeyDictionary()
+_THETA_DETERMINED: WeakKeyDictionary[EllipseFit, bool] = WeakKeyDictionary()
+"""What was computed of each fit, by level, as long as the fit itself is kept."""
 
 
 def interval(fit: EllipseFit, quantity: Quantity, level: float = 0.95) -> Interval:
@@ -89,7 +111,7 @@ def intervals(fit: EllipseFit, level: float = 0.95) -> Intervals:
     Parameters
     ----------
     fit : EllipseFit
-        The fit; its intervals are cached.
+        The fit.
     level : float
         Level of confidence, between 0 and 1.
 
@@ -111,61 +133,112 @@ def intervals(fit: EllipseFit, level: float = 0.95) -> Intervals:
     Chuang and Lai, Hybrid resampling methods for confidence intervals, Statistica Sinica 10,
     2000 (the idea of the computed quantile).
     """
+    return intervals_of_fits([fit], level)[0]
+
+
+def intervals_of_fits(fits: Sequence[EllipseFit], level: float = 0.95) -> list[Intervals]:
+    """Return the intervals of all quantities of several fits, several times faster than each alone.
+
+    Each fit keeps its intervals, so that `intervals` does not compute them again.
+
+    Parameters
+    ----------
+    fits : sequence of EllipseFit
+        The fits.
+    level : float
+        Level of confidence, between 0 and 1.
+
+    Returns
+    -------
+    list of Intervals
+        See `intervals`.
+    """
     if not 0 < level < 1:
         raise ValueError(f"expected a level between 0 and 1, got {level}")
-    return _compute_intervals(fit, float(level))
+    known = [_INTERVALS.setdefault(fit, {}) for fit in fits]
+    new = [fit for fit, levels in zip(fits, known, strict=True) if level not in levels]
+    for fit, found in zip(new, _compute_intervals(new, float(level)), strict=True):
+        _INTERVALS[fit][level] = found
+    return [levels[level] for levels in known]
 
 
-@lru_cache(maxsize=CACHED_FITS)
 def theta_is_determined(fit: EllipseFit) -> bool:
     """Return whether a circle is excluded at 99.9 %, and an error of theta of 30 deg at 99 %."""
-    fit = _with_noise(fit)
-    clear = _is_clearly_determined(fit)
-    if clear is not None:
-        return clear
-    ratios, wanted = CriticalRatios.of(fit, THETA_LEVEL), np.zeros(rows.ROWS, dtype=bool)
-    wanted[[rows.THETA_LOW, rows.THETA_HIGH, rows.CIRCLE]] = True
-    ends = find_end_points(fit, ratios, wanted)
-    of_circle = squared_quantile(2, fit.degrees_of_freedom, CIRCLE_LEVEL)
-    if ratios.may_be_circle and ends.circle_ratio <= of_circle:
-        return False
-    low, high = _theta_interval(fit, ends)
-    furthest = max(high - fit.ellipse.theta, fit.ellipse.theta - low)
-    return ends.reliable and furthest < THETA_MAX_ERROR
+    return are_thetas_determined([fit])[0]
 
 
-def _is_clearly_determined(fit: EllipseFit) -> bool | None:
-    """Return whether theta is determined in the linear approximation; None if that is not clear."""
-    if fit.problem.known_phi is not None:  # not linear in d
-        return None
-    of_circle = squared_quantile(2, fit.degrees_of_freedom, CIRCLE_LEVEL)
-    of_theta = squared_quantile(1, fit.degrees_of_freedom, THETA_LEVEL)
-    covariance, d = fit.parameter_covariance[3:, 3:], fit.parameters[3:]
-    ratio = float(d @ np.linalg.solve(covariance, d))
-    if ratio < of_circle / CLEAR_RATIO:
-        return False
-    across = np.array([-d[1], d[0]]) / float(d @ d)
-    theta_variance = float(across @ covariance @ across) / 4
-    if ratio > CLEAR_RATIO * of_circle and (
-        CLEAR_RATIO * of_theta * theta_variance < THETA_MAX_ERROR**2
-    ):
-        return True
-    return None
+def are_thetas_determined(fits: Sequence[EllipseFit]) -> list[bool]:
+    """Return `theta_is_determined` of several fits; each fit keeps the answer."""
+    new = [fit for fit in fits if fit not in _THETA_DETERMINED]
+    if new:
+        _THETA_DETERMINED.update(zip(new, _determine_thetas(new), strict=True))
+    return [_THETA_DETERMINED[fit] for fit in fits]
 
 
-@lru_cache(maxsize=CACHED_FITS)  # a fit is equal to itself alone
-def _compute_intervals(fit: EllipseFit, level: float) -> Intervals:
-    fit = _with_noise(fit)
-    ratios = CriticalRatios.of(fit, level)
-    known = _known_quantities(fit, math.sqrt(ratios.one))
-    wanted = np.ones(rows.ROWS, dtype=bool)
-    if "radius" in known:
-        wanted[[rows.RADIUS_LOW, rows.RADIUS_HIGH, rows.RADIUS_LOW_2]] = False
-    if "phi" in known:
-        wanted[[rows.PHI_LOW, rows.PHI_HIGH, rows.PHI_HIGH_2]] = False
-    ends = find_end_points(fit, ratios, wanted)
-    computed = _intervals_between(fit, ratios, ends) if ends.reliable else _limits(fit)
-    return computed._replace(**known)
+def _determine_thetas(fits: Sequence[EllipseFit]) -> list[bool]:
+    """Decide in the linear approximation; search the ends where that is not clear."""
+    fits = [_with_noise(fit) for fit in fits]
+    decided, clear = _decide_linearly(fits)
+    unclear = np.flatnonzero(~clear)
+    if unclear.size:
+        decided[unclear] = _decide_by_search(FitStack.of([fits[k] for k in unclear]))
+    found: list[bool] = decided.tolist()
+    return found
+
+
+def _decide_linearly(fits: Sequence[EllipseFit]) -> tuple[BoolArray, BoolArray]:
+    """Return whether theta is determined in the linear approximation, and whether that is clear."""
+    degrees_of_freedom = np.array([fit.degrees_of_freedom for fit in fits], dtype=float)
+    of_circle = squared_quantile(2, degrees_of_freedom, CIRCLE_LEVEL)
+    of_theta = squared_quantile(1, degrees_of_freedom, THETA_LEVEL)
+    (pp, pq), (_, qq) = np.array([fit.parameter_covariance[3:, 3:] for fit in fits]).T
+    p, q = np.array([fit.parameters[3:] for fit in fits]).T
+    ratio = (qq * p * p - 2 * pq * p * q + pp * q * q) / np.maximum(pp * qq - pq * pq, TINY)
+    across = pp * q * q - 2 * pq * p * q + qq * p * p
+    largest = THETA_MAX_ERROR * 2 * (p * p + q * q)  # std of theta is sqrt(across) / 2 h^2
+    determined = ratio > CLEAR_RATIO * of_circle
+    determined &= CLEAR_RATIO * of_theta * across < largest**2
+    clear = determined | (ratio < of_circle / CLEAR_RATIO)
+    tilt_known = np.array([fit.problem.known_phi is not None for fit in fits])  # not linear in d
+    return determined, clear & ~tilt_known
+
+
+def _decide_by_search(stack: FitStack) -> BoolArray:
+    """Return whether a circle is excluded, and the interval of theta is short enough."""
+    ratios = CriticalRatios.of(stack, THETA_LEVEL)
+    of_circle = squared_quantile(2, stack.degrees_of_freedom, CIRCLE_LEVEL)
+    ends = find_end_points(stack, ratios, _wanted(stack, CIRCLE, THETA_LOW, THETA_HIGH))
+    excluded = ~stack.may_be_circle | (ends.circle_ratios > of_circle)
+    errors = []
+    for fit, found in zip(stack.fits, ends.parameters, strict=True):
+        low, high = _theta_interval(fit, found)
+        errors.append(max(high - fit.ellipse.theta, fit.ellipse.theta - low))
+    determined: BoolArray = excluded & ends.reliable & (np.array(errors) < THETA_MAX_ERROR)
+    return determined
+
+
+def _compute_intervals(fits: Sequence[EllipseFit], level: float) -> list[Intervals]:
+    if not fits:
+        return []
+    stack = FitStack.of([_with_noise(fit) for fit in fits])
+    ratios = CriticalRatios.of(stack, level)
+    known = list(map(_known_quantities, stack.fits, np.sqrt(ratios.one).tolist()))
+    wanted = _wanted(stack, *range(ENDS))
+    for row, quantities in zip(wanted, known, strict=True):
+        if "radius" in quantities:
+            row[[RADIUS_LOW, RADIUS_HIGH, RADIUS_LOW_2]] = False
+        if "phi" in quantities:
+            row[[PHI_LOW, PHI_HIGH, PHI_HIGH_2]] = False
+    ends = find_end_points(stack, ratios, wanted)
+    computed = map(_intervals_between, stack.fits, _each_found(ratios, ends))
+    return [found._replace(**quantities) for found, quantities in zip(computed, known, strict=True)]
+
+
+def _wanted(stack: FitStack, *ends: int) -> BoolArray:
+    """Return a mask of the same ends of all fits, (F, 13)."""
+    mask = np.zeros((len(stack.fits), ENDS), dtype=bool)
+    mask[:, ends] = True
+    return mask
 
 
 def _with_noise(fit: EllipseFit) -> EllipseFit:
@@ -192,44 +265,56 @@ def _known_quantities(fit: EllipseFit, sigmas: float) -> dict[str, Interval]:
     return known
 
 
-def _intervals_between(fit: EllipseFit, ratios: CriticalRatios, ends: EndPoints) -> Intervals:
+class _Found(NamedTuple):
+    """What the search has found for one fit; whether it may be a circle, for phi and for theta."""
+
+    parameters: FloatArray
+    wanted: Sequence[bool]
+    reliable: bool
+    may_be_circle: bool
+    theta_open: bool
+
+
+def _each_found(ratios: CriticalRatios, ends: EndPoints) -> Iterator[_Found]:
+    circles = ends.circle_ratios <= ratios.of_circle
+    theta_open = ratios.leaves_theta_open(ends.circle_ratios)
+    flags = (each.tolist() for each in (ends.wanted, ends.reliable, circles, theta_open))
+    return map(_Found, ends.parameters, *flags)
+
+
+def _intervals_between(fit: EllipseFit, found: _Found) -> Intervals:
     """Return the intervals between end points, clipped to their limits."""
-    x, y, m, p, q = ends.parameters.T.tolist()
+    limits = _limits(fit)
+    if not found.reliable:
+        return limits
+    x, y, m, p, q = found.parameters.T.tolist()
     h = list(map(math.hypot, p, q))
     low, high = (
-        [row for row in pair if ends.wanted[row]] or [pair[0]] for pair in rows.SECOND_ROWS.items()
+        [end for end in pair if found.wanted[end]] or [pair[0]] for pair in SECOND_ENDS.items()
     )
     phi_low, *phi_highs = (
-        2 * math.atan(math.sqrt(min(h[row] / m[row], 1.0))) for row in (rows.PHI_LOW, *high)
+        2 * math.atan(math.sqrt(min(h[end] / m[end], 1.0))) for end in (PHI_LOW, *high)
     )
-    circle = ends.circle_ratio <= ratios.of_circle
-    limits = _limits(fit)
-    found = Intervals(
-        radius=(
-            min(m[row] - h[row] for row in low),
-            m[rows.RADIUS_HIGH] - h[rows.RADIUS_HIGH],
-        ),
-        theta=_theta_interval(fit, ends),
-        phi=(0.0 if circle else phi_low, max(phi_highs)),
-        centre_x=(x[rows.X_LOW], x[rows.X_HIGH]),
-        centre_y=(y[rows.Y_LOW], y[rows.Y_HIGH]),
+    between = Intervals(
+        radius=(min(m[end] - h[end] for end in low), m[RADIUS_HIGH] - h[RADIUS_HIGH]),
+        theta=limits.theta if found.theta_open else _theta_interval(fit, found.parameters),
+        phi=(0.0 if found.may_be_circle else phi_low, max(phi_highs)),
+        centre_x=(x[X_LOW], x[X_HIGH]),
+        centre_y=(y[Y_LOW], y[Y_HIGH]),
     )
-    if ratios.leaves_theta_open(ends.circle_ratio):
-        found = found._replace(theta=limits.theta)
     clipped = {
         name: (max(low, least), min(high, most))
-        for name, (low, high), (least, most) in zip(found._fields, found, limits, strict=True)
+        for name, (low, high), (least, most) in zip(between._fields, between, limits, strict=True)
         if name != "theta"
     }
-    return found._replace(**clipped)
+    return between._replace(**clipped)
 
 
-def _theta_interval(fit: EllipseFit, ends: EndPoints) -> Interval:
+def _theta_interval(fit: EllipseFit, ends: FloatArray) -> Interval:
     """Return the interval of theta, at most 90 deg to either side of the estimate."""
     theta, quarter = fit.ellipse.theta, math.pi / 2
     turns = []
-    for row in (rows.THETA_LOW, rows.THETA_HIGH):
-        p, q = ends.parameters[row, 3:].tolist()
+    for p, q in ends[[THETA_LOW, THETA_HIGH], 3:].tolist():
         turns.append(math.remainder(math.atan2(q, p) / 2 - theta, math.pi))
     low, high = turns
     return theta + (low if low <= 0 else -quarter), theta + (high if high >= 0 else quarter)

@@ -10,12 +10,8 @@ direction:
 - radius and phi: f = +/- (u . d - kappa m), with u the direction of d at the extremum itself, found
   by Newton's method on its angle, and kappa = 1 for the radius, h / m for phi;
 - best circle: f leads from the centre to the nearest point with d = 0.
-
-Everything by row is computed in plain floats, which for so few numbers is faster than arrays.
 """
 
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -23,30 +19,29 @@ import numpy as np
 
 from lsvision.ellipse.cost_expansion import Expansion, apply
 from lsvision.ellipse.critical_ratio import CriticalRatios
-from lsvision.ellipse.fit import EllipseFit
+from lsvision.ellipse.fit_stack import TINY, FitStack
 from lsvision.ellipse.parameters import PARAMETERS
 from lsvision.geometry import BoolArray, FloatArray, IntArray
+from lsvision.geometry.noisy_points import ComplexArray
 
 RADIUS_LOW, RADIUS_HIGH, PHI_LOW, PHI_HIGH, RADIUS_LOW_2, PHI_HIGH_2 = range(6)
 X_LOW, X_HIGH, Y_LOW, Y_HIGH, THETA_LOW, THETA_HIGH, CIRCLE = range(6, 13)
-DIRECTED, ROWS = 6, 13
-"""Number of rows that have a direction u, which come first, and of all rows."""
-SECOND_ROWS = {RADIUS_LOW: RADIUS_LOW_2, PHI_HIGH: PHI_HIGH_2}
+DIRECTED, ENDS = 6, 13
+"""Number of ends that have a direction u, which come first, and of all ends of a fit."""
+SECOND_ENDS = {RADIUS_LOW: RADIUS_LOW_2, PHI_HIGH: PHI_HIGH_2}
 """The smallest radius and the largest phi may have two local extrema, with opposite d."""
-OUTWARD = (1.0, -1.0, -1.0, 1.0, 1.0, 1.0)
+OUTWARD = np.array([1.0, -1.0, -1.0, 1.0, 1.0, 1.0])
 """+1 for the ends of largest h, -1 for those of smallest."""
-PHI_ROWS = (PHI_LOW, PHI_HIGH, PHI_HIGH_2)
-RIDGE_GRADIENTS = {
-    RADIUS_HIGH: (0.0, 0.0, 1.0),
-    X_LOW: (-1.0, 0.0, 0.0),
-    X_HIGH: (1.0, 0.0, 0.0),
-    Y_LOW: (0.0, -1.0, 0.0),
-    Y_HIGH: (0.0, 1.0, 0.0),
-}
+IS_PHI = np.isin(np.arange(ENDS), (PHI_LOW, PHI_HIGH, PHI_HIGH_2))
+CENTRE_AXES = {X_LOW: (0, -1.0), X_HIGH: (0, 1.0), Y_LOW: (1, -1.0), Y_HIGH: (1, 1.0)}
+GRADIENTS = np.zeros((ENDS, PARAMETERS))
+"""Gradients of the quantities that are linear: centre_x and centre_y, outward at each end."""
+for _end, (_axis, _sign) in CENTRE_AXES.items():
+    GRADIENTS[_end, _axis] = _sign
+RIDGE_GRADIENTS = GRADIENTS[:, :3].copy()
 """Gradients by (x, y, m), on d = 0, of the quantities whose extremum may be a circle: radius, and
 with a known radius those on the surface b = const."""
-SIDES = {THETA_LOW: -1.0, THETA_HIGH: 1.0}
-"""Sense of rotation from the estimate to the tangent of each end of theta."""
+RIDGE_GRADIENTS[RADIUS_HIGH, 2] = 1.0
 
 SEARCHED_ANGLES = np.radians(np.arange(0.0, 360.0, 15.0))
 """Initial directions of d for radius and phi. Units: rad."""
@@ -61,207 +56,235 @@ CRITICAL_ROUNDS = 2
 MAX_TANGENT = 0.98
 """Largest sine of half the angle that the ellipsoid subtends at the circle: a circle inside the
 ellipsoid has no tangent to it."""
-TINY = 1e-300
 
 
-Gradient = tuple[float, float]
+class Rows(NamedTuple):
+    """Ends in search: owners, the numbers of their fits, and which ends they are, (k,) each."""
+
+    owners: IntArray
+    ends: IntArray
+
+    def chosen(self, rows: IntArray | BoolArray) -> "Rows":
+        """Return some of the rows."""
+        return Rows(self.owners[rows], self.ends[rows])
 
 
 class Targets(NamedTuple):
-    """Targets of a step: parameters (k, 5), angles, kappas and c (k,), and min F on d = 0."""
+    """Targets of a step: parameters (k, 5), angles, kappas and c (k,), and min F on d = 0, (F,)."""
 
     parameters: FloatArray
     angles: FloatArray
     kappas: FloatArray
     critical: FloatArray
-    circle_ratio: float
+    circle_ratios: FloatArray
 
     def rows(self, chosen: BoolArray) -> "Targets":
         """Return the targets of some rows."""
         first, angles, kappas, critical = (field[chosen] for field in self[:4])
-        return Targets(first, angles, kappas, critical, self.circle_ratio)
+        return Targets(first, angles, kappas, critical, self.circle_ratios)
 
 
-class Ellipsoid(NamedTuple):
-    """Section (m, p, q) of an ellipsoid: centre, shape (3 rows), squared radius less c."""
+class Ellipsoids(NamedTuple):
+    """Sections (m, p, q) of k ellipsoids, and (p, q) in sigmas.
 
-    centre: Sequence[float]
-    shape: Sequence[Sequence[float]]
-    excess: float
+    centres (k, 3); shapes (k, 3, 3); excess (k,): squared radii less c; roots (3, k): entries 11,
+    21 and 22 of the Cholesky factors of the shapes of d; whites (k,): d of the centres in sigmas.
+    """
 
-    def to_circle(self) -> tuple[Gradient, float]:
-        """Return the gradient by (p, q) whose extremum is a circle, and its distance in sigmas."""
-        white = self._root_and_centre()[1]
-        return self._gradient(-white), abs(white)
+    centres: FloatArray
+    shapes: FloatArray
+    excess: FloatArray
+    roots: FloatArray
+    whites: ComplexArray
 
-    def find_tangent(self, rho: float, side: float) -> tuple[Gradient, float, complex]:
-        """Return normal, radius and point of contact of a tangent from d = 0 to the ellipse."""
-        (first, mixed, second), white = self._root_and_centre()
-        distance = max(abs(white), TINY)
-        rho = min(rho, MAX_TANGENT * distance)
-        sine = rho / distance
-        step = sine * white * complex(-sine, side * math.sqrt(1 - sine * sine))
-        contact = white + step
-        d = complex(first * contact.real, mixed * contact.real + second * contact.imag)
-        return self._gradient(step), rho, d
+    @classmethod
+    def of(cls, centres: FloatArray, shapes: FloatArray, excess: FloatArray) -> "Ellipsoids":
+        """Return ellipsoids with the Cholesky factors of d."""
+        first = np.sqrt(np.maximum(shapes[:, 1, 1], TINY))
+        mixed = shapes[:, 1, 2] / first
+        second = np.sqrt(np.maximum(shapes[:, 2, 2] - mixed * mixed, TINY))
+        p = centres[:, 1] / first
+        whites = p + 1j * ((centres[:, 2] - mixed * p) / second)
+        return cls(centres, shapes, excess, np.array([first, mixed, second]), whites)
 
-    def _root_and_centre(self) -> tuple[tuple[float, float, float], complex]:
-        """Return the Cholesky factor of the shape of d by rows, and d of the centre in sigmas."""
-        (_, p, q), (_, (_, pp, pq), (_, _, qq)), _ = self
-        first = math.sqrt(max(pp, TINY))
-        mixed = pq / first
-        second = math.sqrt(max(qq - mixed * mixed, TINY))
-        return (first, mixed, second), complex(p / first, (q - mixed * p / first) / second)
+    def to_circles(self, rows: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return gradients by (p, q) whose extrema are circles, (j, 2); distances in sigmas."""
+        whites = self.whites[rows]
+        return self._gradients(rows, -whites), np.abs(whites)
 
-    def _gradient(self, direction: complex) -> Gradient:
-        """Return the gradient by (p, q) of a linear function from that in sigmas."""
-        first, mixed, second = self._root_and_centre()[0]
-        by_q = direction.imag / second
-        return (direction.real - mixed * by_q) / first, by_q
+    def find_tangents(
+        self, rows: IntArray, rho: FloatArray, sides: FloatArray
+    ) -> tuple[FloatArray, FloatArray, ComplexArray]:
+        """Return normals, radii and points of contact of tangents from d = 0 to the ellipses."""
+        whites, (first, mixed, second) = self.whites[rows], self.roots[:, rows]
+        distances = np.maximum(np.abs(whites), TINY)
+        rho = np.minimum(rho, MAX_TANGENT * distances)
+        sines = rho / distances
+        steps = sines * whites * (-sines + 1j * (sides * np.sqrt(1 - sines * sines)))
+        contact = whites + steps
+        d = first * contact.real + 1j * (mixed * contact.real + second * contact.imag)
+        return self._gradients(rows, steps), rho, d
+
+    def _gradients(self, rows: IntArray, directions: ComplexArray) -> FloatArray:
+        """Return the gradients by (p, q) of linear functions from those in sigmas, (j, 2)."""
+        first, mixed, second = self.roots[:, rows]
+        by_q = directions.imag / second
+        return np.array([(directions.real - mixed * by_q) / first, by_q]).T
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Region:
-    """Region {F <= min F + c} of a fit; `best` is the expansion at the estimate."""
+class Regions:
+    """Regions {F <= min F + c} of the fits; `best` is the expansion at the estimates."""
 
-    fit: EllipseFit
+    stack: FitStack
     ratios: CriticalRatios
     best: Expansion
 
     def find_targets(
-        self, rows: IntArray, parameters: FloatArray, expansion: Expansion, last: Targets
+        self, rows: Rows, parameters: FloatArray, expansion: Expansion, last: Targets
     ) -> Targets:
         """Return the extrema over the ellipsoids of the expansion at each of k rows."""
+        owners, ends = rows
         to_centre = apply(expansion.covariance, expansion.gradient)
         centres = parameters - to_centre
-        excess = self.best.cost - expansion.cost + (expansion.gradient * to_centre).sum(axis=1)
-        shapes = expansion.covariance[:, 2:, 2:].tolist()
-        ellipsoids = [
-            Ellipsoid(*each)
-            for each in zip(centres[:, 2:].tolist(), shapes, excess.tolist(), strict=True)
-        ]
-        names = rows.tolist()
-        angles, kappas, critical = self._find_directions(names, ellipsoids, last)
-        f, rho = np.zeros((len(names), PARAMETERS)), [0.0] * len(names)
-        for i, (row, ellipsoid) in enumerate(zip(names, ellipsoids, strict=True)):
-            rho[i] = math.sqrt(max(ellipsoid.excess + critical[i], 0.0))
-            if row < DIRECTED:
-                f[i, 2:] = -kappas[i], math.cos(angles[i]), math.sin(angles[i])
-                f[i] *= OUTWARD[row]
-            elif row in RIDGE_GRADIENTS:
-                f[i, :3] = RIDGE_GRADIENTS[row]
-            elif row == CIRCLE:
-                f[i, 3:], rho[i] = ellipsoid.to_circle()
-            else:
-                f[i, 3:], rho[i], contact = ellipsoid.find_tangent(rho[i], SIDES[row])
-                critical[i] = self.ratios.of_direction(contact)
+        excess = self.best.cost[owners] - expansion.cost
+        excess += (expansion.gradient * to_centre).sum(axis=1)
+        ellipsoids = Ellipsoids.of(centres[:, 2:], expansion.covariance[:, 2:, 2:], excess)
+        angles, kappas, critical = self._find_directions(rows, ellipsoids, last)
+        rho = np.sqrt(np.maximum(excess + critical, 0.0))
+        f = GRADIENTS[ends]
+        directed = np.flatnonzero(ends < DIRECTED)
+        f[directed, 2:] = _outward_gradients(ends[directed], angles[directed], kappas[directed])
+        theta = np.flatnonzero((ends == THETA_LOW) | (ends == THETA_HIGH))
+        if theta.size:
+            sides = np.where(ends[theta] == THETA_LOW, -1.0, 1.0)
+            tangents = ellipsoids.find_tangents(theta, rho[theta], sides)
+            f[theta, 3:], rho[theta], contacts = tangents
+            critical[theta] = self.ratios.of_direction(owners[theta], contacts)
+        circle = np.flatnonzero(ends == CIRCLE)
+        if circle.size:
+            f[circle, 3:], rho[circle] = ellipsoids.to_circles(circle)
         Cf = apply(expansion.covariance, f)
-        scale = np.array(rho) / np.sqrt(np.maximum((f * Cf).sum(axis=1), TINY))
-        ends = centres + scale[:, None] * Cf
-        circle_ratio = last.circle_ratio
-        if CIRCLE in names:
-            i = names.index(CIRCLE)
-            ends[i, 3:], circle_ratio = 0.0, rho[i] ** 2 - ellipsoids[i].excess
-        sections = list(zip(ellipsoids, rho, strict=True))
-        self._put_on_circles(names, ends, parameters, expansion, sections)
-        return Targets(ends, np.array(angles), np.array(kappas), np.array(critical), circle_ratio)
+        scale = rho / np.sqrt(np.maximum((f * Cf).sum(axis=1), TINY))
+        targets = centres + scale[:, None] * Cf
+        targets[circle, 3:] = 0.0
+        circle_ratios = last.circle_ratios.copy()
+        circle_ratios[owners[circle]] = rho[circle] ** 2 - excess[circle]
+        self._put_on_circles(rows, targets, parameters, expansion, (ellipsoids, rho))
+        return Targets(targets, angles, kappas, critical, circle_ratios)
 
     def _put_on_circles(
         self,
-        rows: Sequence[int],
-        ends: FloatArray,
+        rows: Rows,
+        targets: FloatArray,
         parameters: FloatArray,
         expansion: Expansion,
-        sections: Sequence[tuple[Ellipsoid, float]],
+        sections: tuple[Ellipsoids, FloatArray],
     ) -> None:
-        """Replace ends that are circles.
+        """Replace targets that are circles.
 
         On d = 0 the radius b = m - |d| has a ridge. The largest radius, and with a known radius any
         extremum on the surface b = const, lies on the ridge if F of the points increases faster
         across it than along m.
         """
-        ridge_rows = RIDGE_GRADIENTS if self.fit.problem.known_radius else (RADIUS_HIGH,)
-        for i, (row, (ellipsoid, rho)) in enumerate(zip(rows, sections, strict=True)):
-            if row not in ridge_rows:
-                continue
-            to_circle, distance = ellipsoid.to_circle()
-            if rho > distance:
-                f, covariance = (
-                    RIDGE_GRADIENTS[row],
-                    np.linalg.inv(expansion.information[i, :3, :3]),
-                )
-                Cf = covariance @ f
-                end = parameters[i] - expansion.covariance[i] @ expansion.gradient[i]
-                end += expansion.covariance[i, :, 3:] @ to_circle
-                end[:3] += math.sqrt((rho * rho - distance * distance) / (f @ Cf)) * Cf
-                end[3:] = 0.0
-                slope = expansion.information_of_points[i] @ (end - parameters[i])
-                slope += expansion.gradient_of_points[i]
-                if math.hypot(slope[3], slope[4]) <= slope[2]:
-                    ends[i] = end
+        (owners, ends), (ellipsoids, rho) = rows, sections
+        on_ridge = self.stack.known_radius[owners] & RIDGE_GRADIENTS[ends].any(axis=1)
+        i = np.flatnonzero(on_ridge | (ends == RADIUS_HIGH))
+        i = i[rho[i] > np.abs(ellipsoids.whites[i])]
+        if not i.size:
+            return
+        to_circle, distances = ellipsoids.to_circles(i)
+        f, there = RIDGE_GRADIENTS[ends[i]], expansion.rows(i)
+        covariances = np.asarray(np.linalg.inv(there.information[:, :3, :3]), dtype=np.float64)
+        Cf = apply(covariances, f)
+        circles = parameters[i] - apply(there.covariance, there.gradient)
+        circles += apply(there.covariance[:, :, 3:], to_circle)
+        lengths = np.sqrt((rho[i] ** 2 - distances**2) / (f * Cf).sum(axis=1))
+        circles[:, :3] += lengths[:, None] * Cf
+        circles[:, 3:] = 0.0
+        slopes = apply(there.information_of_points, circles - parameters[i])
+        slopes += there.gradient_of_points
+        is_circle = np.hypot(slopes[:, 3], slopes[:, 4]) <= slopes[:, 2]
+        targets[i[is_circle]] = circles[is_circle]
 
     def search_directions(self) -> tuple[FloatArray, FloatArray]:
-        """Return angles and kappas (6,) near the extrema over the ellipsoid at the estimate."""
-        _, _, m, p, q = self.fit.parameters.tolist()
-        shape, sign = self.best.covariance[0, 2:, 2:], np.array(OUTWARD)[:, None]
-        kappas = np.ones(DIRECTED)
-        kappas[list(PHI_ROWS)] = math.hypot(p, q) / m
-        f = np.repeat(SEARCHED[None], DIRECTED, axis=0)
-        f[:, :, 0] = -kappas[:, None]
-        std = np.sqrt(self.ratios.one * ((f @ shape) * f).sum(axis=2))
-        height = f @ (m, p, q) + sign * std
-        chosen = height.argmax(axis=1)
-        opposite = np.cos(SEARCHED_ANGLES - SEARCHED_ANGLES[chosen][:, None]) < 0
-        second = list(SECOND_ROWS.values())
-        chosen[second] = np.where(opposite, height, -np.inf)[second].argmax(axis=1)
+        """Return angles and kappas (F, 6) near the extrema over the ellipsoids at the estimates."""
+        parameters, shapes = self.stack.parameters[:, 2:], self.best.covariance[:, 2:, 2:]
+        kappas = np.ones((len(parameters), DIRECTED))
+        of_estimates = np.hypot(parameters[:, 1], parameters[:, 2]) / parameters[:, 0]
+        kappas[:, IS_PHI[:DIRECTED]] = of_estimates[:, None]
+        f = np.repeat(np.repeat(SEARCHED[None, None], DIRECTED, axis=1), len(kappas), axis=0)
+        f[..., 0] = -kappas[:, :, None]
+        variances = ((f @ shapes[:, None]) * f).sum(axis=3)
+        stds = np.sqrt(self.ratios.one[:, None, None] * variances)
+        heights = (f * parameters[:, None, None]).sum(axis=3) + OUTWARD[:, None] * stds
+        chosen = heights.argmax(axis=2)
+        opposite = np.cos(SEARCHED_ANGLES - SEARCHED_ANGLES[chosen][..., None]) < 0
+        second = list(SECOND_ENDS.values())
+        chosen[:, second] = np.where(opposite, heights, -np.inf)[:, second].argmax(axis=2)
         return SEARCHED_ANGLES[chosen], kappas
 
     def _find_directions(
-        self, rows: Sequence[int], ellipsoids: Sequence[Ellipsoid], last: Targets
-    ) -> tuple[list[float], list[float], list[float]]:
+        self, rows: Rows, ellipsoids: Ellipsoids, last: Targets
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return angles, kappas and c (k,); those of rows without a direction are the last ones."""
-        angles, kappas, critical = (field.tolist() for field in last[1:4])
-        directed = [i for i, row in enumerate(rows) if row < DIRECTED]
-        phis = [i for i in directed if rows[i] in PHI_ROWS]
+        angles, kappas, critical = (field.copy() for field in last[1:4])
+        active = np.flatnonzero(rows.ends < DIRECTED)
         for _ in range(CRITICAL_ROUNDS):
-            for i in directed:
-                angles[i], kappas[i] = _find_direction(
-                    rows[i], ellipsoids[i], angles[i], kappas[i], critical[i]
-                )
-            directed = phis
-            new = self.ratios.of_flattening([kappas[i] for i in phis])
-            for i, c in zip(phis, new, strict=True):
-                if c == critical[i]:
-                    directed = [each for each in directed if each != i]
-                critical[i] = c
-            if not directed:
+            if not active.size:
                 break
+            angles[active], kappas[active] = _turn_to_extrema(
+                rows.ends[active], (ellipsoids.centres[active], ellipsoids.shapes[active]),
+                ellipsoids.excess[active] + critical[active], angles[active], kappas[active],
+            )  # fmt: skip
+            active = active[IS_PHI[rows.ends[active]]]
+            new = self.ratios.of_flattening(rows.owners[active], kappas[active])
+            changed = new != critical[active]
+            critical[active] = new
+            active = active[changed]
         return angles, kappas, critical
 
 
-def _find_direction(
-    row: int, ellipsoid: Ellipsoid, angle: float, kappa: float, critical: float
-) -> tuple[float, float]:
-    """Return angle of u and kappa of the extremum, by Newton's method."""
-    centre, (of_m, of_p, of_q), excess = ellipsoid
-    radius = OUTWARD[row] * math.sqrt(max(excess + critical, 0.0))
+def _outward_gradients(ends: IntArray, angles: FloatArray, kappas: FloatArray) -> FloatArray:
+    """Return the gradients by (m, p, q) of +/- (u . d - kappa m), (k, 3)."""
+    raising = np.array([-kappas, np.cos(angles), np.sin(angles)])
+    gradients: FloatArray = (OUTWARD[ends] * raising).T
+    return gradients
+
+
+def _turn_to_extrema(
+    ends: IntArray,
+    sections: tuple[FloatArray, FloatArray],
+    squared_radii: FloatArray,
+    angles: FloatArray,
+    kappas: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return angles of u and kappas at the extrema, by Newton's method."""
+    centres, shapes = sections
+    pp, pq, qq = shapes[:, 1, 1], 2 * shapes[:, 1, 2], shapes[:, 2, 2]
+    radii = OUTWARD[ends] * np.sqrt(np.maximum(squared_radii, 0.0))
+    is_phi, moving = IS_PHI[ends], np.ones(len(ends), dtype=bool)
     for _ in range(MAX_ROUNDS):
-        cos, sin, last = math.cos(angle), math.sin(angle), kappa
-        Cm = of_m[1] * cos + of_m[2] * sin - of_m[0] * kappa
-        Cp = of_p[1] * cos + of_p[2] * sin - of_p[0] * kappa
-        Cq = of_q[1] * cos + of_q[2] * sin - of_q[0] * kappa
-        variance = max(cos * Cp + sin * Cq - kappa * Cm, TINY)
-        scale = radius / math.sqrt(variance)
-        m, p, q = centre[0] + scale * Cm, centre[1] + scale * Cp, centre[2] + scale * Cq
+        cos, sin = np.cos(angles), np.sin(angles)
+        f = np.array([-kappas, cos, sin]).T
+        Cf = apply(shapes, f)
+        variances = np.maximum((f * Cf).sum(axis=1), TINY)
+        scale = radii / np.sqrt(variances)
+        m, p, q = (centres + scale[:, None] * Cf).T
         # At the extremum d has the direction u: no component across it.
-        along, across, C_across = cos * p + sin * q, cos * q - sin * p, cos * Cq - sin * Cp
-        spread = sin * (sin * of_p[1] - 2 * cos * of_p[2]) + cos * cos * of_q[2]
-        slope = along - scale * (spread - C_across * C_across / variance)
-        turn = across / slope if slope > 0 else math.atan2(across, along)
-        turn = max(min(turn, MAX_TURN), -MAX_TURN)
-        angle += turn
-        if row in PHI_ROWS:
-            kappa = max(min(along / max(m, TINY), 1.0), 0.0)
-        if max(abs(turn), abs(kappa - last)) < DIRECTION_TOLERANCE:
+        along, across, C_across = (
+            cos * p + sin * q,
+            cos * q - sin * p,
+            cos * Cf[:, 2] - sin * Cf[:, 1],
+        )
+        spread = sin * (sin * pp - cos * pq) + cos * cos * qq
+        slopes = along - scale * (spread - C_across * C_across / variances)
+        turns = np.where(slopes > 0, across / slopes, np.arctan2(across, along))
+        turns = np.minimum(np.maximum(turns, -MAX_TURN), MAX_TURN) * moving
+        new = np.minimum(np.maximum(along / np.maximum(m, TINY), 0.0), 1.0)
+        new = np.where(is_phi & moving, new, kappas)
+        moving &= np.maximum(np.abs(turns), np.abs(new - kappas)) >= DIRECTION_TOLERANCE
+        angles, kappas = angles + turns, new
+        if not moving.any():
             break
-    return angle, kappa
+    return angles, kappas

@@ -1,6 +1,7 @@
 """Measured section of a cylinder: its quantities with standard uncertainties and intervals."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import get_args
@@ -8,7 +9,13 @@ from typing import get_args
 import numpy as np
 
 from lsvision.ellipse.fit import EllipseFit
-from lsvision.ellipse.intervals import Quantity, interval, theta_is_determined
+from lsvision.ellipse.intervals import (
+    Quantity,
+    are_thetas_determined,
+    interval,
+    intervals_of_fits,
+    theta_is_determined,
+)
 from lsvision.ellipse.parameters import semi_major_gradient, semi_minor_gradient
 from lsvision.ellipse.section_table import SECTION_QUANTITIES, section_cells, section_row
 from lsvision.geometry import Ellipse, FloatArray, IntArray
@@ -241,3 +248,20 @@ class CylinderSection(WithEllipse, Result):
     def _std(self, gradient: FloatArray) -> float:
         variance = float(gradient @ self.fit.parameter_covariance @ gradient)
         return math.sqrt(max(variance, 0.0))  # of an exactly known value rounding may make it < 0
+
+
+def compute_intervals(sections: Iterable[CylinderSection], level: float = LEVEL) -> None:
+    """Compute the intervals of many sections at once, several times faster than one by one.
+
+    Each section keeps its intervals, which all its results and tables use.
+
+    Parameters
+    ----------
+    sections : iterable of CylinderSection
+        Some 30 are enough; many more need more memory and are no faster.
+    level : float
+        Level of confidence, between 0 and 1.
+    """
+    fits = [section.fit for section in sections]
+    intervals_of_fits(fits, level)
+    are_thetas_determined(fits)

@@ -12,18 +12,20 @@ from lsvision.geometry import FloatArray
 
 _PLACES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 _NODES, _WEIGHTS = (_PLACES + 1) / 2, _WEIGHTS / 2
-MANY_DEGREES_OF_FREEDOM = 1e5
-"""Degrees of freedom from which two terms of the expansion about a normal quantile are exact."""
+FEW_DEGREES_OF_FREEDOM, MANY_DEGREES_OF_FREEDOM = 10.0, 1e4
+"""Degrees of freedom from which three terms of the expansion about a normal quantile are an initial
+guess, and from which they are exact to 1e-9."""
+TINY = 1e-300
 MAX_STEPS = 10
 """Of Newton's method; 7 are the most from one degree of freedom and up to a level of 0.999."""
-STEP_TOLERANCE = 1e-6
+STEP_TOLERANCE = 1e-5
 """Relative size of the last step: the error after it is of the size of its square."""
 
 
-def squared_quantile(quantities: int, degrees_of_freedom: float, level: float) -> float:
-    """Return the quantile of a sum of squared errors, each over its estimated standard deviation.
+def squared_quantile(quantities: int, degrees_of_freedom: FloatArray, level: float) -> FloatArray:
+    """Return quantiles of a sum of squared errors, each over its estimated standard deviation.
 
-    Its relative error is below 1e-8, from one degree of freedom on.
+    Their relative error is below 1e-8, from one degree of freedom on.
 
     Definition: `quantities` times the quantile of F with `quantities` and `degrees_of_freedom`;
     with infinitely many, that of chi^2.
@@ -32,21 +34,26 @@ def squared_quantile(quantities: int, degrees_of_freedom: float, level: float) -
     ----------
     quantities : int
         How many errors: 1 or 2.
-    degrees_of_freedom : float
-        Of the estimate of their variance, at least 1; inf where it is known.
+    degrees_of_freedom : (k,) ndarray
+        Of the estimates of their variance, at least 1; inf where it is known.
     level : float
         Probability, between 0 and 1.
 
+    Returns
+    -------
+    (k,) ndarray
+        Quantiles.
+
     Examples
     --------
-    >>> round(squared_quantile(1, math.inf, 0.95), 4), round(squared_quantile(2, 10.0, 0.95), 4)
-    (3.8415, 8.2056)
+    >>> squared_quantile(2, np.array([math.inf, 10.0]), 0.95).round(4).tolist()
+    [5.9915, 8.2056]
     """
     if quantities == 1:
         return _student_quantile(degrees_of_freedom, level) ** 2
-    if math.isinf(degrees_of_freedom):
-        return -2 * math.log1p(-level)
-    return degrees_of_freedom * math.expm1(-2 / degrees_of_freedom * math.log1p(-level))
+    rate, exponent = 2 / degrees_of_freedom, -math.log1p(-level)
+    finite = np.maximum(rate, TINY)  # of a known variance 0: expm1(x) / x is then 1
+    return 2 * np.expm1(finite * exponent) / finite
 
 
 def normal_probability(values: FloatArray) -> FloatArray:
@@ -61,29 +68,34 @@ def normal_probability(values: FloatArray) -> FloatArray:
     return np.array([math.erfc(x) / 2 for x in scaled]).reshape(values.shape)
 
 
-def _student_quantile(degrees_of_freedom: float, level: float) -> float:
-    """Return t that |t| exceeds with probability 1 - level.
+def _student_quantile(degrees_of_freedom: FloatArray, level: float) -> FloatArray:
+    """Return t that |t| exceeds with probability 1 - level, for an array (k,).
 
     With t = sqrt(dof) tan(u), the density of u is proportional to cos(u)^(dof - 1).
     """
-    dof = degrees_of_freedom
-    normal = NormalDist().inv_cdf((1 + level) / 2)
-    if dof > MANY_DEGREES_OF_FREEDOM:
-        return normal + (normal**3 + normal) / (4 * dof)
-    whole = math.sqrt(math.pi) / 2 * math.exp(math.lgamma(dof / 2) - math.lgamma((dof + 1) / 2))
-    u = math.atan(normal / math.sqrt(dof))
-    for _ in range(MAX_STEPS):  # Newton from below: the integral is concave
-        part = _integral(u, dof - 1)
-        step = (level * whole - part) / math.cos(u) ** (dof - 1)
-        u = min(u + step, math.pi / 2)
-        if abs(step) < STEP_TOLERANCE * u:
-            break
-    return math.sqrt(dof) * math.tan(u)
+    z = NormalDist().inv_cdf((1 + level) / 2)
+    first, second = (z**3 + z) / 4, (5 * z**5 + 16 * z**3 + 3 * z) / 96
+    quantiles: FloatArray = z + (first + second / degrees_of_freedom) / degrees_of_freedom
+    few = degrees_of_freedom <= MANY_DEGREES_OF_FREEDOM
+    if few.any():
+        dof = degrees_of_freedom[few]
+        half = [math.exp(math.lgamma(n / 2) - math.lgamma((n + 1) / 2)) for n in dof.tolist()]
+        part = level * math.sqrt(math.pi) / 2 * np.array(half)
+        start = np.where(dof < FEW_DEGREES_OF_FREEDOM, z, quantiles[few])
+        u = np.arctan(start / np.sqrt(dof))
+        for _ in range(MAX_STEPS):  # the integral is concave: from below, Newton never passes u
+            step = (part - _integral(u, dof - 1)) / np.cos(u) ** (dof - 1)
+            u = np.minimum(u + step, math.pi / 2)
+            if (np.abs(step) < STEP_TOLERANCE * u).all():
+                break
+        quantiles[few] = np.sqrt(dof) * np.tan(u)
+    return quantiles
 
 
-def _integral(u: float, power: float) -> float:
+def _integral(u: FloatArray, power: FloatArray) -> FloatArray:
     """Return the integral of cos^power from 0 to u; over w, with u = pi/2 - w^4, it is smooth."""
-    first, last = (math.pi / 2 - u) ** 0.25, (math.pi / 2) ** 0.25
+    first, last = (math.pi / 2 - u[:, None]) ** 0.25, (math.pi / 2) ** 0.25
     w = first + (last - first) * _NODES
-    integrand: FloatArray = 4 * w**3 * np.sin(w**4) ** power
-    return float((last - first) * (_WEIGHTS @ integrand))
+    integrand: FloatArray = 4 * w**3 * np.sin(w**4) ** power[:, None]
+    integral: FloatArray = (last - first[:, 0]) * (integrand @ _WEIGHTS)
+    return integral

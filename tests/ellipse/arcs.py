@@ -5,6 +5,8 @@ import math
 import numpy as np
 
 from lsvision import Ellipse, ProfileSensor
+from lsvision.ellipse.critical_ratio import CriticalRatios
+from lsvision.ellipse.fit_stack import FitStack
 from lsvision.ellipse.robust_gauss_newton import (
     WeightedSystem,
     ellipse_residuals,
@@ -42,3 +44,13 @@ def parameter_stds(points, parameters):
     """Standard deviations of an ellipse's parameters, from noisy points that lie on it."""
     system = WeightedSystem.of(ellipse_residuals(points, parameters), 1.0)
     return np.sqrt(np.diag(inverse_information(system.normal_equations())))
+
+
+def ratios_of(fit, level):
+    """Critical ratios of one fit."""
+    return CriticalRatios.of(FitStack.of([fit]), level)
+
+
+def ratios_of_flattening(ratios, kappas):
+    """c of phi of one fit."""
+    return ratios.of_flattening(np.zeros(len(kappas), dtype=int), np.array(kappas))

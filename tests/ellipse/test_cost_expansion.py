@@ -7,6 +7,7 @@ from scipy.optimize import approx_fprime
 
 from lsvision.ellipse.cost_expansion import expand_cost
 from lsvision.ellipse.fit import FittingSettings, fit_ellipse
+from lsvision.ellipse.fit_stack import FitStack
 from lsvision.ellipse.phi_prior import PhiPrior
 from lsvision.ellipse.problem import RadiusPrior
 from tests.ellipse.arcs import SENSOR, measured, pipe, upper_arc
@@ -34,6 +35,10 @@ def fit(request, rng):
     return replace(free, problem=problem, variance_factor=1.7)
 
 
+def expand_rows(fit, rows):
+    return expand_cost(FitStack.of([fit]), np.zeros(len(rows), dtype=int), rows)
+
+
 def cost(fit, parameters):
     residuals, _ = fit.problem.evaluate(parameters)
     return float(residuals @ residuals) / fit.variance_factor
@@ -50,7 +55,7 @@ def rows_about(fit):
 
 def test_cost_and_gradient_are_those_of_the_problem(fit):
     rows = rows_about(fit)
-    expansion = expand_cost(fit, rows)
+    expansion = expand_rows(fit, rows)
     sigmas = np.sqrt(np.diagonal(expansion.covariance, axis1=1, axis2=2))
     for k, row in enumerate(rows):
         assert expansion.cost[k] == pytest.approx(cost(fit, row), rel=1e-5)
@@ -64,7 +69,7 @@ def test_cost_and_gradient_are_those_of_the_problem(fit):
 
 def test_the_information_is_the_derivative_of_the_gradient(fit):
     rows = rows_about(fit)
-    expansion = expand_cost(fit, rows)
+    expansion = expand_rows(fit, rows)
     for k, row in enumerate(rows):
         differences = approx_fprime(row, lambda x: gradient(fit, x), STEP)
         sigmas = np.sqrt(np.diag(expansion.covariance[k]))
@@ -80,7 +85,7 @@ def test_the_information_is_the_derivative_of_the_gradient(fit):
 def test_what_is_of_the_points_is_without_the_priors(fit):
     bare = replace(fit, problem=replace(fit.problem, known_radius=None, known_phi=None))
     rows = rows_about(fit)
-    of_points, alone = expand_cost(fit, rows), expand_cost(bare, rows)
+    of_points, alone = expand_rows(fit, rows), expand_rows(bare, rows)
     np.testing.assert_allclose(of_points.cost_of_points, alone.cost)
     np.testing.assert_allclose(of_points.gradient_of_points, alone.gradient)
     np.testing.assert_allclose(of_points.information_of_points, alone.information, rtol=1e-6)
@@ -91,7 +96,7 @@ def test_radial_residuals_have_the_gauss_newton_information(rng):
     points = measured(upper_arc(truth), rng)
     fit = fit_ellipse(points, truth, settings=FittingSettings(residual="radial"))
     row = fit.parameters + SHIFT
-    expansion = expand_cost(fit, row[None])
+    expansion = expand_rows(fit, row[None])
     residuals, jacobian = fit.problem.evaluate(row)
     factor = fit.variance_factor
     assert expansion.cost[0] == pytest.approx(residuals @ residuals / factor)
@@ -100,12 +105,12 @@ def test_radial_residuals_have_the_gauss_newton_information(rng):
 
 def test_where_the_cost_bends_downwards_the_information_stays_positive(fit):
     far = fit.parameters + np.array([[0, 6, 0, 0, 0], [0, 0, 9, 0, 0], [0, -9, -6, 0, 0]])
-    expansion = expand_cost(fit, far)
+    expansion = expand_rows(fit, far)
     assert (np.linalg.eigvalsh(expansion.information) > 0).all()
 
 
 def test_parameters_that_are_no_numbers_cost_without_limit(fit):
     with np.errstate(all="ignore"):
-        expansion = expand_cost(fit, np.array([fit.parameters, np.full(5, np.nan)]))
+        expansion = expand_rows(fit, np.array([fit.parameters, np.full(5, np.nan)]))
     assert np.isfinite(expansion.cost[0])
     assert expansion.cost[1] == expansion.cost_of_points[1] == np.inf

@@ -10,13 +10,21 @@ from lsvision import Ellipse
 from lsvision.ellipse import interval_ends, region_extrema
 from lsvision.ellipse.critical_ratio import CriticalRatios
 from lsvision.ellipse.fit import fit_ellipse
-from lsvision.ellipse.interval_ends import find_end_points
+from lsvision.ellipse.fit_stack import FitStack
+from lsvision.ellipse.interval_ends import EndPoints, find_end_points
 from lsvision.ellipse.phi_prior import PhiPrior
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.geometry import orthogonal_residuals
-from tests.ellipse.arcs import SENSOR, measured, pipe, upper_arc
+from tests.ellipse.arcs import (
+    SENSOR,
+    measured,
+    pipe,
+    ratios_of,
+    ratios_of_flattening,
+    upper_arc,
+)
 
-ALL = np.ones(region_extrema.ROWS, dtype=bool)
+ALL = np.ones(region_extrema.ENDS, dtype=bool)
 LEVEL = 0.95
 SECTIONS = {
     "far from a circle": (35.0, 140.0, {}),
@@ -32,6 +40,13 @@ QUANTITIES = {  # rows low, high; value of (x, y, a, b, theta) and of ends
     "centre x": (6, 7, lambda x, y, a, b, theta: x),
     "centre y": (8, 9, lambda x, y, a, b, theta: y),
 }
+
+
+def ends_of(fit, level=LEVEL, wanted=ALL):
+    """The ends of one fit."""
+    stack = FitStack.of([fit])
+    found = find_end_points(stack, CriticalRatios.of(stack, level), wanted[None])
+    return EndPoints(*(each[0] for each in found))
 
 
 def section(name, rng):
@@ -88,11 +103,11 @@ def search(fit, value, critical, starts):
 def test_the_ends_are_the_extrema_of_the_region(name, quantity):
     # Two short arcs in a hundred have ends that contradict each other, and report limits.
     fit = section(name, np.random.default_rng(5))
-    ends = find_end_points(fit, CriticalRatios.of(fit, LEVEL), ALL)
+    ends = ends_of(fit)
     assert ends.reliable
     low, high, value = QUANTITIES[quantity]
     starts = [raw(fit.parameters), *(raw(row) for row in ends.parameters[[low, high]])]
-    critical = CriticalRatios.of(fit, LEVEL).one
+    (critical,) = ratios_of(fit, LEVEL).one
     least = search(fit, value, critical, starts)
     most = -search(fit, lambda *v: -value(*v), critical, starts)
     found = [value(*raw(ends.parameters[row])) for row in (low, high)]
@@ -102,22 +117,23 @@ def test_the_ends_are_the_extrema_of_the_region(name, quantity):
 @pytest.mark.parametrize("name", SECTIONS)
 def test_every_end_lies_on_the_boundary_of_its_region(name, rng):
     fit = section(name, rng)
-    ratios = CriticalRatios.of(fit, LEVEL)
-    ends = find_end_points(fit, ratios, ALL)
+    ratios = ratios_of(fit, LEVEL)
+    ends = ends_of(fit)
     least = cost_of_raw(fit, raw(fit.parameters))
     for row in (0, 1, 6, 7, 8, 9):
         ratio = cost_of_raw(fit, raw(ends.parameters[row])) - least
-        assert ratio == pytest.approx(ratios.one, rel=0.02)
+        assert ratio == pytest.approx(ratios.one[0], rel=0.02)
     h = np.hypot(*ends.parameters[:, 3:].T)
     for row in (2, 3):
         if ends.wanted[row]:
             kappa = h[row] / ends.parameters[row, 2]
             ratio = cost_of_raw(fit, raw(ends.parameters[row])) - least
-            assert ratio == pytest.approx(ratios.of_flattening([kappa])[0], rel=0.02)
+            assert ratio == pytest.approx(ratios_of_flattening(ratios, [kappa])[0], rel=0.02)
     for row in (10, 11):
         if ends.wanted[row]:
             ratio = cost_of_raw(fit, raw(ends.parameters[row])) - least
-            expected = ratios.of_direction(complex(*ends.parameters[row, 3:]))
+            direction = np.array([complex(*ends.parameters[row, 3:])])
+            (expected,) = ratios.of_direction(np.array([0]), direction)
             assert ratio == pytest.approx(expected, rel=0.02)
 
 
@@ -128,13 +144,13 @@ def test_the_ends_of_phi_follow_their_critical_ratio_near_a_circle(level, rng):
         truth = pipe(rng.uniform(0, 8))
         points = measured(upper_arc(truth, rng.uniform(100, 200)), rng)
         fit = fit_ellipse(points, truth, SENSOR.covariances(points))
-        ratios = CriticalRatios.of(fit, level)
-        ends = find_end_points(fit, ratios, ALL)
+        ratios = ratios_of(fit, level)
+        ends = ends_of(fit, level)
         least = cost_of_raw(fit, raw(fit.parameters))
         for row in (region_extrema.PHI_LOW, region_extrema.PHI_HIGH):
             if ends.wanted[row]:
                 m, p, q = ends.parameters[row, 2:]
-                (critical,) = ratios.of_flattening([math.hypot(p, q) / m])
+                (critical,) = ratios_of_flattening(ratios, [math.hypot(p, q) / m])
                 ratio = cost_of_raw(fit, raw(ends.parameters[row])) - least
                 assert ratio == pytest.approx(critical, rel=0.004)
 
@@ -144,7 +160,7 @@ def test_the_best_circle_is_that_of_a_search(phi, rng):
     truth = pipe(phi)
     points = measured(upper_arc(truth), rng)
     fit = fit_ellipse(points, truth, SENSOR.covariances(points))
-    ends = find_end_points(fit, CriticalRatios.of(fit, 0.999), ALL)
+    ends = ends_of(fit, 0.999)
 
     def cost(circle):
         x, y, r = circle
@@ -153,7 +169,7 @@ def test_the_best_circle_is_that_of_a_search(phi, rng):
 
     best = minimize(cost, [5.0, -400.0, 19.0], method="Nelder-Mead", options={"xatol": 1e-6})
     expected = best.fun - cost_of_raw(fit, raw(fit.parameters))
-    assert ends.circle_ratio == pytest.approx(expected, rel=0.02, abs=0.02)
+    assert ends.circle_ratios == pytest.approx(expected, rel=0.02, abs=0.02)
 
 
 @pytest.mark.parametrize("degrees", [230.0, 300.0])
@@ -162,8 +178,8 @@ def test_the_largest_radius_of_a_circle_may_be_that_of_a_circle(degrees):
     truth = pipe(0.0)
     points = upper_arc(truth, degrees)
     fit = fit_ellipse(points, truth, SENSOR.covariances(points))
-    ratios = CriticalRatios.of(fit, LEVEL)
-    ends = find_end_points(fit, ratios, ALL)
+    ratios = ratios_of(fit, LEVEL)
+    ends = ends_of(fit)
     assert ends.reliable
 
     def surplus(r):
@@ -171,7 +187,7 @@ def test_the_largest_radius_of_a_circle_may_be_that_of_a_circle(degrees):
             lambda centre: cost_of_raw(fit, (*centre, r, r, 0.0)), [5.0, -400.0],
             method="Nelder-Mead", options={"xatol": 1e-6, "fatol": 1e-9},
         )  # fmt: skip
-        return best.fun - ratios.one
+        return best.fun - ratios.one[0]
 
     largest = brentq(surplus, 19.0, 19.5, xtol=1e-5)
     m, p, q = ends.parameters[region_extrema.RADIUS_HIGH, 2:]
@@ -197,16 +213,16 @@ def test_arcs_over_ninety_degrees_need_one_expansion_after_the_first(rng, expans
             points = measured(upper_arc(truth, 120.0), rng)
             fit = fit_ellipse(points, truth, SENSOR.covariances(points))
             expansions.clear()
-            find_end_points(fit, CriticalRatios.of(fit, LEVEL), ALL)
+            ends_of(fit)
             counts.append(len(expansions) - 1)
     assert np.mean(counts) < 1.5
 
 
 def test_only_the_wanted_rows_move(rng):
     fit = section("far from a circle", rng)
-    wanted = np.zeros(region_extrema.ROWS, dtype=bool)
+    wanted = np.zeros(region_extrema.ENDS, dtype=bool)
     wanted[region_extrema.X_HIGH] = True
-    ends = find_end_points(fit, CriticalRatios.of(fit, LEVEL), wanted)
+    ends = ends_of(fit, LEVEL, wanted)
     moved = (ends.parameters != fit.parameters).any(axis=1)
     np.testing.assert_array_equal(moved, wanted)
     np.testing.assert_array_equal(ends.wanted, wanted)
@@ -227,7 +243,7 @@ TWO_LOBES_SEED, TWO_LOBES_LEVEL = 700014, 0.999
 
 def test_no_end_is_further_out_for_another_quantity_than_its_own():
     fit = two_lobes()
-    ends = find_end_points(fit, CriticalRatios.of(fit, TWO_LOBES_LEVEL), ALL)
+    ends = ends_of(fit, TWO_LOBES_LEVEL)
     assert ends.reliable
     rows = np.flatnonzero(ends.wanted & (np.arange(13) != region_extrema.CIRCLE))
     phis = np.hypot(*ends.parameters[rows, 3:].T) / ends.parameters[rows, 2]
@@ -240,5 +256,5 @@ def test_an_arc_that_tells_no_radius_has_no_reliable_ends(rng, expansions):
     truth = pipe(20.0)
     points = measured(upper_arc(truth, 35.0, count=25), rng)
     fit = fit_ellipse(points, truth, SENSOR.covariances(points))
-    assert not find_end_points(fit, CriticalRatios.of(fit, 0.99), ALL).reliable
+    assert not ends_of(fit, 0.99).reliable
     assert len(expansions) <= 32

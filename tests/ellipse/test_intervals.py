@@ -1,3 +1,4 @@
+import gc
 import math
 from dataclasses import replace
 
@@ -191,13 +192,52 @@ def test_all_five_are_computed_once(rng, monkeypatch):
     assert len(calls) == 3
 
 
-def test_the_intervals_that_are_kept_are_few(rng):
+def test_intervals_are_kept_as_long_as_their_fit(rng):
     fits = [fit_of(FAR, rng) for _ in range(3)]
+    kept = len(module._INTERVALS), len(module._THETA_DETERMINED)
     for fit in fits:
         intervals(fit)
-    information = module._compute_intervals.cache_info()
-    assert 16 <= information.maxsize <= 256
-    assert theta_is_determined.cache_info().maxsize <= 256
+        theta_is_determined(fit)
+    assert (len(module._INTERVALS), len(module._THETA_DETERMINED)) == (kept[0] + 3, kept[1] + 3)
+    del fit, fits
+    gc.collect()
+    assert len(module._INTERVALS) <= kept[0]
+    assert len(module._THETA_DETERMINED) <= kept[1]
+
+
+@pytest.mark.parametrize("level", [0.68, 0.95, 0.999])
+def test_intervals_of_many_fits_are_those_of_each(level, rng):
+    """Of arcs of any length and number of points, with and without known quantities."""
+    fits = [
+        prior_fit(phi, rng, degrees=degrees, **known)
+        for phi in (CIRCLE, 3.0, FAR, 45.0)
+        for degrees in (50.0, 90.0, 140.0)
+        for known in ({}, {"known_radius": RadiusPrior(19.0, 0.05)},
+                      {"known_phi": PhiPrior(math.radians(phi), math.radians(2))})
+    ]  # fmt: skip
+    fits += [short_fit(rng), fit_ellipse(fits[0].problem.points, fits[0].ellipse, None)]
+    together = module.intervals_of_fits(fits, level)
+    determined = module.are_thetas_determined(fits)
+    alone = [replace(fit) for fit in fits]
+    for fit, found in zip(alone, together, strict=True):
+        expected = np.array(intervals(fit, level))
+        widths = np.diff(expected, axis=1)
+        np.testing.assert_allclose((found - expected) / widths, 0, atol=1e-3)
+    assert determined == [theta_is_determined(fit) for fit in alone]
+    assert True in determined
+    assert False in determined
+
+
+def short_fit(rng):
+    """A fit of 25 points on 35 deg, whose radius is not determined."""
+    truth = pipe(20.0)
+    points = measured(upper_arc(truth, 35.0, count=25), rng)
+    return fit_ellipse(points, truth, SENSOR.covariances(points))
+
+
+def test_no_fit_has_no_intervals():
+    assert module.intervals_of_fits([]) == []
+    assert module.are_thetas_determined([]) == []
 
 
 def test_an_arc_that_tells_no_radius_has_the_limits_for_intervals(rng):
@@ -399,11 +439,11 @@ def test_where_the_linear_approximation_is_clear_theta_is_determined_as_the_sear
     monkeypatch.setattr(module, "find_end_points", counted)
     decided = [theta_is_determined(fit) for fit in every]
     assert len(searched) < len(every)
-    monkeypatch.setattr(module, "_is_clearly_determined", lambda *_: None)
-    theta_is_determined.cache_clear()
-    assert [theta_is_determined(fit) for fit in every] == decided
+    found = module._decide_linearly
+    unclear = lambda fits: (found(fits)[0], np.zeros(len(fits), dtype=bool))  # noqa: E731
+    monkeypatch.setattr(module, "_decide_linearly", unclear)
+    assert [theta_is_determined(replace(fit)) for fit in every] == decided
     assert 0 < sum(decided) < len(decided)
-    theta_is_determined.cache_clear()
 
 
 def test_a_variance_that_rounding_makes_negative_counts_as_zero(rng):

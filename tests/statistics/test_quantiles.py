@@ -14,15 +14,15 @@ DEGREES = (1.0, 1.05, 1.1, 1.5, 2.0, 3.7, 8.0, 25.3, 100.0, 371.5, 5e3, 9.9e4, 1
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("quantities", [1, 2])
 def test_quantile_with_an_estimated_variance_is_that_of_f(quantities, level):
-    ours = [squared_quantile(quantities, dof, level) for dof in DEGREES]
+    ours = squared_quantile(quantities, np.array(DEGREES), level)
     npt.assert_allclose(ours, quantities * fdtri(quantities, DEGREES, level), rtol=1e-8)
 
 
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("quantities", [1, 2])
 def test_quantile_with_a_known_variance_is_that_of_chi_squared(quantities, level):
-    ours = squared_quantile(quantities, np.inf, level)
-    npt.assert_allclose(ours, chdtri(quantities, 1 - level), rtol=1e-12)
+    ours = squared_quantile(quantities, np.array([np.inf]), level)
+    npt.assert_allclose(ours, [chdtri(quantities, 1 - level)], rtol=1e-12)
 
 
 def test_normal_probability_in_both_tails():

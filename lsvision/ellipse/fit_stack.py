@@ -1,0 +1,102 @@
+"""Several ellipse fits as arrays, so that their intervals are computed together."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from lsvision.ellipse.fit import EllipseFit
+from lsvision.ellipse.problem import EllipseProblem
+from lsvision.geometry import BoolArray, FloatArray
+from lsvision.geometry.noisy_points import ComplexArray, as_complex
+
+TINY = 1e-300
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class FitStack:
+    """F fits with up to n points each.
+
+    Parameters
+    ----------
+    fits : tuple of EllipseFit
+        The fits.
+    parameters : (F, 5) ndarray
+        Estimates (centre_x, centre_y, m, p, q). Units: mm.
+    covariances : (F, 5, 5) ndarray
+        Their covariances. Units: mm^2.
+    variance_factors, degrees_of_freedom : (F,) ndarray
+        See `EllipseFit`.
+    points : (F, n) complex ndarray
+        x + iy; after the last point of a fit, its first one is repeated. Units: mm.
+    weights : (F, n) ndarray
+        1 / variance of the residuals; 0 for repeated points. Units: 1/mm^2.
+    arc_middles : (F,) complex ndarray
+        Unit vector w of the point in the middle of each arc.
+    known_radius, has_prior, may_be_circle, radial : (F,) bool ndarray
+        Whether the radius is known; whether there is any prior; false where a prior on phi
+        excludes a circle; whether the paper's radial residuals are minimised.
+    """
+
+    fits: tuple[EllipseFit, ...]
+    parameters: FloatArray
+    covariances: FloatArray
+    variance_factors: FloatArray
+    degrees_of_freedom: FloatArray
+    points: ComplexArray
+    weights: FloatArray
+    arc_middles: ComplexArray
+    known_radius: BoolArray
+    has_prior: BoolArray
+    may_be_circle: BoolArray
+    radial: BoolArray
+
+    @classmethod
+    def of(cls, fits: Sequence[EllipseFit]) -> Self:
+        """Return the stack of one or more fits."""
+        problems = [fit.problem for fit in fits]
+        tilts = [problem.known_phi for problem in problems]
+        points, weights = _padded(problems)
+        parameters = np.array([fit.parameters for fit in fits])
+        middles = points[np.arange(len(fits)), [len(problem.points) // 2 for problem in problems]]
+        return cls(
+            fits=tuple(fits),
+            parameters=parameters,
+            covariances=np.array([fit.parameter_covariance for fit in fits]),
+            variance_factors=np.array([fit.variance_factor for fit in fits]),
+            degrees_of_freedom=np.array([fit.degrees_of_freedom for fit in fits], dtype=float),
+            points=points,
+            weights=weights,
+            arc_middles=_directions(middles, parameters),
+            known_radius=np.array([problem.known_radius is not None for problem in problems]),
+            has_prior=np.array([problem.prior_residual_count > 0 for problem in problems]),
+            may_be_circle=np.array([tilt is None or tilt.includes_circle for tilt in tilts]),
+            radial=np.array([problem.residual == "radial" for problem in problems]),
+        )
+
+
+def _padded(problems: Sequence[EllipseProblem]) -> tuple[ComplexArray, FloatArray]:
+    """Return points and weights as matrices, filled up with the first point and weight 0."""
+    shape = len(problems), max(len(problem.points) for problem in problems)
+    points, weights = np.empty(shape, dtype=complex), np.zeros(shape)
+    for row, problem in enumerate(problems):
+        count = len(problem.points)
+        points[row, :count] = as_complex(problem.points)
+        points[row, count:] = points[row, 0]
+        weights[row, :count] = 1 / problem.stds**2
+    return points, weights
+
+
+def _directions(points: ComplexArray, parameters: FloatArray) -> ComplexArray:
+    """Return the unit vector w of a point on each ellipse."""
+    offset = points - as_complex(parameters[:, :2])
+    w = parameters[:, 2] * offset - as_complex(parameters[:, 3:]) * offset.conj()
+    directions: ComplexArray = w / np.maximum(np.abs(w), TINY)
+    return directions
+
+
+def flattening(parameters: FloatArray) -> ComplexArray:
+    """Return d = p + iq of (k, 5) parameters. Units: mm."""
+    d: ComplexArray = parameters[:, 3] + 1j * parameters[:, 4]
+    return d
