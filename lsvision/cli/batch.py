@@ -20,6 +20,7 @@ from lsvision.cli.profile_options import (
     ReadingOptions,
     SensorOptions,
 )
+from lsvision.cli.progress import duration_text
 from lsvision.cli.sources import find_sources, suffixes_of_profiles
 from lsvision.errors import LsvisionError
 
@@ -185,7 +186,7 @@ class _Report:
             left = seconds / self._files * (self._total - self._files)
             sys.stderr.write(
                 f"\r\x1b[K{self._files}/{self._total} files, {self._profiles} profiles, "
-                f"{self._profiles / seconds:.0f}/s, {_duration(left)} left"
+                f"{self._profiles / seconds:.0f}/s, {duration_text(left)} left"
             )
             sys.stderr.flush()
 
@@ -200,9 +201,3 @@ class _Report:
         if self._shown:
             sys.stderr.write("\r\x1b[K")
             sys.stderr.flush()
-
-
-def _duration(seconds: float) -> str:
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours} h {minutes:02} min" if hours else f"{minutes} min {rest:02} s"

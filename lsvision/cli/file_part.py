@@ -1,5 +1,6 @@
 """Consecutive profiles of a file: measured, with the results as text and records."""
 
+import contextlib
 import sys
 import traceback
 from collections.abc import Iterator, Sequence
@@ -19,6 +20,7 @@ from lsvision.cli.messages import internal_error
 from lsvision.cli.robot_frame import RobotFrame, robot_frame_table
 from lsvision.cli.section_table import measurement_lines
 from lsvision.cli.sources import iterate_source, read_source
+from lsvision.ellipse.section import compute_intervals
 from lsvision.errors import LsvisionError
 from lsvision.files.limited_reading import STDIN
 from lsvision.files.printable import printable, printable_name
@@ -175,41 +177,63 @@ def _read_images(source: Path | LiveCamera, options: PartOptions) -> FilePart:
     return FilePart(images, several=len(images.profiles) > 1, header=_header(options, images))
 
 
-def measure_file(options: PartOptions, source: Path) -> PartResult:
-    """Read and measure a file."""
-    result = PartResult()
-    try:
-        for part in read_parts(source, options):
-            found = measure_part(options, part)
-            result.lines.extend(found.lines)
-            result.records.extend(found.records)
-            result.errors.extend(found.errors)
-    except Exception as error:  # noqa: BLE001 - a bug in one file must not stop the run
-        result.errors.append(error_text(source, error, options))
-    return result
+def measure_files(options: PartOptions, sources: Sequence[Path]) -> list[PartResult]:
+    """Read and measure small files; return the result of each."""
+    parts, errors = dict[Path, list[FilePart]](), dict[Path, str]()
+    for source in sources:
+        try:
+            parts[source] = list(read_parts(source, options))
+        except Exception as error:  # noqa: BLE001 - a bug in one file must not stop the run
+            errors[source] = error_text(source, error, options)
+    found = iter(measure_parts(options, [part for each in parts.values() for part in each]))
+    return [
+        PartResult(errors=[errors[source]])
+        if source in errors
+        else _joined([next(found) for _ in parts[source]])
+        for source in sources
+    ]
 
 
-def measure_part(options: PartOptions, part: FilePart) -> PartResult:
-    """Measure the profiles of a part, and draw them.
+def measure_parts(options: PartOptions, parts: Sequence[FilePart]) -> list[PartResult]:
+    """Measure the profiles of parts, and draw them.
 
     Parameters
     ----------
     options : PartOptions
         How they are measured.
-    part : FilePart
-        The profiles.
+    parts : sequence of FilePart
+        The profiles; the intervals of their cylinders are computed together.
 
     Returns
     -------
-    PartResult
-        If a profile cannot be measured, there is an error and no result of the part.
+    list of PartResult
+        If a profile cannot be measured, there is an error and no result of its part.
     """
+    measured = [_measure_part(options, part) for part in parts]
+    found = [section for each in measured if not isinstance(each, PartResult) for section in each]
+    with contextlib.suppress(Exception):  # met again in the part that has caused it
+        compute_intervals(cylinder for each in found for cylinder in each.measurement.cylinders)
+    return [
+        each if isinstance(each, PartResult) else _result(options, part, each)
+        for part, each in zip(parts, measured, strict=True)
+    ]
+
+
+def _measure_part(options: PartOptions, part: FilePart) -> "list[_Section] | PartResult":
+    """Return the measured profiles of a part, or a result with the error."""
     try:
-        sections = [
+        return [
             _measure_section(options, part, number)
             for number, profile in enumerate(part.file.profiles)
             if profile.lost < len(profile)
         ]
+    except Exception as error:  # noqa: BLE001 - a bug in one file must not stop the run
+        return PartResult(errors=[error_text(part.file.path, error, options)])
+
+
+def _result(options: PartOptions, part: FilePart, sections: "list[_Section]") -> PartResult:
+    """Return the lines, records and errors of a measured part, and draw it."""
+    try:
         lines = [*part.header]
         for section in sections:
             lines += _lines(options, part, section)
@@ -217,6 +241,15 @@ def measure_part(options: PartOptions, part: FilePart) -> PartResult:
     except Exception as error:  # noqa: BLE001 - a bug in one file must not stop the run
         return PartResult(errors=[error_text(part.file.path, error, options)])
     return PartResult(lines, records, _draw(options, part, sections))
+
+
+def _joined(results: Sequence[PartResult]) -> PartResult:
+    """Return the results of the parts of a file as one."""
+    return PartResult(
+        [line for each in results for line in each.lines],
+        [record for each in results for record in each.records],
+        [error for each in results for error in each.errors],
+    )
 
 
 def error_text(source: Path | LiveCamera, error: Exception, options: PartOptions) -> str:

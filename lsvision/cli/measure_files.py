@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import groupby, islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,12 +12,12 @@ from lsvision.cli.file_part import (
     PartOptions,
     PartResult,
     error_text,
-    measure_file,
-    measure_part,
+    measure_files,
+    measure_parts,
     read_parts,
     read_whole,
 )
-from lsvision.cli.image_sources import LiveCamera
+from lsvision.cli.image_sources import ImageFile, LiveCamera, is_image
 from lsvision.cli.messages import print_error, print_lines
 from lsvision.cli.outputs import Pictures
 from lsvision.cli.progress import Progress
@@ -25,11 +26,13 @@ from lsvision.files.file_kinds import is_regular
 if TYPE_CHECKING:
     from lsvision.io.result_files import ResultFiles
 
-MAX_SIZE_IN_PROCESS = 4 * 10**6
-"""Largest file that a process reads by itself; larger ones are read by the main process and
-measured in parts, so that one file occupies all processes. Units: bytes."""
-PROFILES_PER_TASK = 16
-"""Number of profiles in a part that is sent to a process."""
+MAX_SIZE_OF_SMALL = 5 * 10**4
+"""Largest file that is measured in one task with others; larger ones are read by the main process
+and measured in parts, so that one file occupies all processes. Units: bytes."""
+AT_ONCE = 16
+"""Number of small files, or of profiles of a larger one, in a task: the intervals of all their
+cylinders are computed together. It does not depend on the number of processes, so that the results
+are the same for any."""
 MIN_SIZE_FOR_PROCESSES = 2 * 10**6
 """Total size of the files above which several processes, which take a second to start, save time:
 about 250 profiles of 400 points. Units: bytes."""
@@ -62,11 +65,15 @@ class RunOptions:
 
 @dataclass(frozen=True, eq=False)
 class _Task:
-    """A whole file, a part of it, or the error of reading it."""
+    """Small files, a part of a larger one, or the error of reading it.
 
-    number: int
-    source: Path | LiveCamera
+    `first` is the number of the first file, `read` the number of profiles read of a larger one.
+    """
+
+    first: int
+    sources: tuple[Path | LiveCamera, ...]
     part: FilePart | None = None
+    read: int = 0
     error: str = ""
 
 
@@ -96,7 +103,7 @@ def measure_sources(sources: Sequence[Path | LiveCamera], run: RunOptions) -> in
     """
     progress, failed = Progress(len(sources)), set[int]()
     try:
-        for task, result in _results(sources, run, progress):
+        for number, result in _results(sources, run, progress):
             progress.clear()
             if run.results is not None:
                 run.results.add(result.records)
@@ -104,7 +111,7 @@ def measure_sources(sources: Sequence[Path | LiveCamera], run: RunOptions) -> in
                 print_lines(result.lines, err=run.table_to_stderr)
             for error in result.errors:
                 print_error(error)
-                failed.add(task.number)
+                failed.add(number)
     except KeyboardInterrupt:
         progress.clear()
         print_error(f"interrupted: {progress.done} of {len(sources)} were measured")
@@ -115,31 +122,38 @@ def measure_sources(sources: Sequence[Path | LiveCamera], run: RunOptions) -> in
 
 def _results(
     sources: Sequence[Path | LiveCamera], run: RunOptions, progress: Progress
-) -> Iterator[tuple[_Task, PartResult]]:
-    """Yield the results in the order of the files and their profiles."""
-    jobs = _count_jobs(sources, run)
-    read_files = _read_with_poses(sources, run.part)
-    if jobs == 1:
-        for number, source in enumerate(sources):
-            progress.show(number, str(source))
-            for task in _tasks_of_file(number, source, run, read_files):
-                for each in _slices(task, 1):
-                    if task.part is not None and each.part is not None:
-                        profiles_read = task.part.first + len(task.part)
-                        progress.show(number, str(source), each.part.first, profiles_read)
-                    yield each, _measure(run.part, each)
-        return
+) -> Iterator[tuple[int, PartResult]]:
+    """Yield the number of a file and a result, in the order of the files and their profiles."""
     from lsvision.batch.process_pool import EndedProcess, run_tasks
 
-    in_parts = run.pictures is not None or len(sources) < 2 * jobs or bool(read_files)
-    tasks = _tasks_for_processes(sources, run, read_files, in_parts=in_parts)
-    for task, found in run_tasks(partial(_measure, run.part), tasks, jobs, ordered=True):
-        progress.show(task.number, str(task.source))
-        if isinstance(found, EndedProcess):
-            ended = f"{task.source}: it ended its process twice (out of memory, or a crash)"
-            yield task, PartResult(errors=[ended])
-        else:
-            yield task, found
+    measure, jobs = partial(_measure, run.part), _count_jobs(sources, run)
+    tasks = _tasks(sources, run, _read_with_poses(sources, run.part))
+    progress.show(0, str(sources[0]) if sources else "")
+    for task, found in run_tasks(measure, tasks, jobs, ordered=True):
+        _show(progress, task)
+        if not isinstance(found, EndedProcess):
+            yield from enumerate(found, task.first)
+        elif len(task.sources) == 1:
+            yield task.first, _ended(task.sources[0])
+        else:  # find the file that is the reason
+            singles = (_Task(k, (source,)) for k, source in enumerate(task.sources, task.first))
+            for single, alone in run_tasks(measure, singles, jobs, ordered=True):
+                ended = _ended(single.sources[0])
+                yield single.first, ended if isinstance(alone, EndedProcess) else alone[0]
+
+
+def _ended(source: Path | LiveCamera) -> PartResult:
+    ended = f"{source}: it ended its process twice (out of memory, or a crash)"
+    return PartResult(errors=[ended])
+
+
+def _show(progress: Progress, task: _Task) -> None:
+    """Show how many files are done, and how many profiles of a larger one."""
+    name = str(task.sources[-1])
+    if task.part is None:
+        progress.show(task.first + len(task.sources), name)
+    else:
+        progress.show(task.first, name, task.part.first + len(task.part), max(task.read, 1))
 
 
 def _count_jobs(sources: Sequence[Path | LiveCamera], run: RunOptions) -> int:
@@ -159,20 +173,13 @@ def _size(source: Path | LiveCamera) -> int:
     return source.stat().st_size
 
 
-def _measure(options: PartOptions, task: _Task) -> PartResult:
+def _measure(options: PartOptions, task: _Task) -> list[PartResult]:
+    """Return a result for each file of a task."""
     if task.error:
-        return PartResult(errors=[task.error])
+        return [PartResult(errors=[task.error])]
     if task.part is not None:
-        return measure_part(options, task.part)
-    return measure_file(options, Path(str(task.source)))
-
-
-def _slices(task: _Task, count: int) -> Iterator[_Task]:
-    """Yield a task in parts of at most `count` profiles."""
-    if task.part is None:
-        yield task
-    else:
-        yield from (replace(task, part=part) for part in task.part.slices(count))
+        return measure_parts(options, [task.part])
+    return measure_files(options, [Path(str(source)) for source in task.sources])
 
 
 def _read_with_poses(
@@ -189,20 +196,24 @@ def _read_with_poses(
     }
 
 
-def _tasks_for_processes(
-    sources: Sequence[Path | LiveCamera],
-    run: RunOptions,
-    read_files: dict[int, FilePart],
-    *,
-    in_parts: bool,
+def _tasks(
+    sources: Sequence[Path | LiveCamera], run: RunOptions, read_files: dict[int, FilePart]
 ) -> Iterator[_Task]:
-    """Yield files that the processes read, and parts of large ones; or parts of all files."""
-    for number, source in enumerate(sources):
-        if not in_parts and 0 < _size(source) <= MAX_SIZE_IN_PROCESS:
-            yield _Task(number, source)
+    """Yield consecutive small files together, and larger files, pictures and images in parts."""
+    numbers = range(len(sources))
+    for small, group in groupby(numbers, lambda k: not read_files and _is_small(sources[k], run)):
+        if not small:
+            for number in group:
+                yield from _tasks_of_file(number, sources[number], run, read_files)
         else:
-            for task in _tasks_of_file(number, source, run, read_files):
-                yield from _slices(task, PROFILES_PER_TASK)
+            while files := list(islice(group, AT_ONCE)):
+                yield _Task(files[0], tuple(sources[number] for number in files))
+
+
+def _is_small(source: Path | LiveCamera, run: RunOptions) -> bool:
+    if run.pictures is not None or isinstance(source, LiveCamera) or is_image(source):
+        return False
+    return 0 < _size(source) <= MAX_SIZE_OF_SMALL
 
 
 def _tasks_of_file(
@@ -210,10 +221,13 @@ def _tasks_of_file(
 ) -> Iterator[_Task]:
     """Read a file and yield its parts, or a task with the error."""
     try:
-        for part in [read_files[number]] if read_files else read_parts(source, run.part):
-            yield _Task(number, source, _with_pictures(part, run.pictures))
+        for whole in [read_files[number]] if read_files else read_parts(source, run.part):
+            part, read = _with_pictures(whole, run.pictures), whole.first + len(whole)
+            at_once = 1 if isinstance(part.file, ImageFile) else AT_ONCE
+            for each in part.slices(at_once):
+                yield _Task(number, (source,), each, read)
     except Exception as error:  # noqa: BLE001 - a bug in one file must not stop the run
-        yield _Task(number, source, error=error_text(source, error, run.part))
+        yield _Task(number, (source,), error=error_text(source, error, run.part))
 
 
 def _with_pictures(part: FilePart, pictures: Pictures | None) -> FilePart:

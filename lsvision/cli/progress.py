@@ -2,6 +2,7 @@
 
 import shutil
 import sys
+import time
 
 from lsvision.files.printable import printable
 
@@ -19,6 +20,7 @@ class Progress:
 
     def __init__(self, total: int) -> None:
         self._total = total
+        self._start = time.monotonic()
         self.done = 0
         self._shown = sys.stderr.isatty()
 
@@ -37,9 +39,12 @@ class Progress:
         self.done = done
         if not self._shown or self._total * parts == 1:
             return
-        filled = int(BAR * (done + part / parts) / self._total)
-        profiles = f", profile {part + 1} of {parts}" if parts > 1 else ""
-        line = f"[{'#' * filled:.<{BAR}}] {done}/{self._total} {printable(name)}{profiles}"
+        share = (done + part / parts) / self._total
+        profiles = f", profile {part} of {parts}" if parts > 1 else ""
+        line = (
+            f"[{'#' * int(BAR * share):.<{BAR}}] {done}/{self._total}{profiles}"
+            f"{_time_left(time.monotonic() - self._start, share)} {printable(name)}"
+        )
         width = shutil.get_terminal_size().columns - 1
         sys.stderr.write(f"\r\x1b[K{line[:width]}")
         sys.stderr.flush()
@@ -49,3 +54,17 @@ class Progress:
         if self._shown:
             sys.stderr.write("\r\x1b[K")
             sys.stderr.flush()
+
+
+def _time_left(seconds: float, share: float) -> str:
+    """Return what the rest takes if it goes on like this, after the first second."""
+    if not 0 < share < 1 or seconds < 1:
+        return ""
+    return f", {duration_text(seconds * (1 - share) / share)} left"
+
+
+def duration_text(seconds: float) -> str:
+    """Return ``3 min 05 s`` or ``2 h 07 min``."""
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes:02} min" if hours else f"{minutes} min {rest:02} s"

@@ -8,7 +8,7 @@ from lsvision.cli.progress import Progress, duration_text
 
 @pytest.fixture
 def shown(monkeypatch, capsys):
-    """A function that returns what a bar of four files writes, a number of seconds after its start."""
+    """A function that returns what a bar of four files writes, some seconds after its start."""
     clock = [100.0]
     monkeypatch.setattr(progress.time, "monotonic", lambda: clock[0])
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)
