@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import lsvision.measure as measure_module
+from lsvision.batch.process_pool import EndedProcess
 from lsvision.cli.outputs import Pictures, check_outputs
 from lsvision.io import result_files
 
@@ -329,3 +330,22 @@ def test_a_large_array_is_told_in_parts(run, pipe, tmp_path, monkeypatch):
     assert [line.strip() for line in lines if line.startswith("  profile")] == [
         f"profile {k}:" for k in range(5)
     ]
+
+
+def test_of_several_small_files_the_one_that_ends_its_process_is_named(
+    run, written, pipe, monkeypatch
+):
+    """Sixteen of them are one task; the others keep their results."""
+    paths = [written(pipe, f"{k}.csv") for k in range(3)]
+
+    def run_tasks(function, tasks, *_, **__):
+        for task in tasks:
+            ends = paths[1] in task.sources
+            yield task, EndedProcess() if ends else function(task)
+
+    monkeypatch.setattr("lsvision.batch.process_pool.run_tasks", run_tasks)
+    result = run("measure", *paths)
+    assert result.exit_code == FAILED
+    assert f"{paths[1]}: it ended its process twice" in result.stderr
+    heads = [line.split(": ")[0] for line in result.stdout.splitlines() if "points lost" in line]
+    assert heads == [str(paths[0]), str(paths[2])]
