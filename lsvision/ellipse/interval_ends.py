@@ -30,7 +30,7 @@ from lsvision.ellipse.region_extrema import (
     Targets,
 )
 from lsvision.geometry import BoolArray, FloatArray, IntArray
-from lsvision.geometry.noisy_points import ComplexArray
+from lsvision.geometry.noisy_points import ComplexArray, as_vectors
 
 SAME_DIRECTION = 0.99
 """Cosine of the angle between two directions above which both lead to the same extremum."""
@@ -233,6 +233,9 @@ class _Search:
             near = ratio < MAX_RATIO * self.targets.critical[moved]
             near |= ends == CIRCLE
             moved[moved] = near
+            if moved.all():
+                self.parameters, self.expansion = trial, new
+                return moved
             self.parameters[moved] = trial[moved]
             for field, values in zip(self.expansion, new, strict=True):
                 field[moved] = values[near]
@@ -292,9 +295,10 @@ def _move(
     new_m = np.where(stack.known_radius[owners], kept_radius, new_m)
     w = stack.arc_middles[owners]
     new_d = new_m * bent
-    centre = (parameters[:, :2] + steps[:, :2]) @ (1, 1j)
-    centre += (m + dm - new_m) * w + (d + dd - new_d) * w.conj()
-    return np.array([centre.real, centre.imag, new_m, new_d.real, new_d.imag]).T
+    moved = parameters + steps
+    moved[:, :2] += as_vectors((m + dm - new_m) * w + (d + dd - new_d) * w.conj())
+    moved[:, 2], moved[:, 3:] = new_m, as_vectors(new_d)
+    return moved
 
 
 def _bend_along_phi(delta: ComplexArray, bent: ComplexArray) -> ComplexArray:
