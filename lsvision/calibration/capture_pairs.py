@@ -26,6 +26,8 @@ from lsvision.calibration.target import (
 )
 from lsvision.errors import CalibrationFailed, LsvisionError
 from lsvision.geometry import FloatArray
+from lsvision.laser_line.extraction import LineSettings
+from lsvision.laser_line.mosaic import interpolated_grey
 from lsvision.statistics.robust import MAD_TO_STD
 
 Image = npt.NDArray[Any]
@@ -116,7 +118,9 @@ def next_state(
     settings : CaptureSettings
         Limits.
     """
-    view = _board(frame, target)
+    extraction = settings.line.extraction or LineSettings()
+    grey = grey_image(interpolated_grey(frame, extraction.bayer))
+    view = _board(grey, target)
     held = state.held
     if held is not None and (view is None or movement(held[1], view) <= settings.still_px):
         if _shows_line(frame, view, held, target, settings):
@@ -127,7 +131,7 @@ def next_state(
     fresh = CaptureState(pairs=state.pairs, last=view)
     if view is None:
         return fresh, "no board: show it whole, sharp and evenly lit", None
-    doubt = _doubt(state, frame, view, target, settings)
+    doubt = _doubt(state, grey, view, target, settings)
     if doubt:
         return fresh, doubt, None
     return replace(fresh, held=(frame, view)), LASER_ON, None

@@ -15,6 +15,8 @@ from lsvision.errors import CalibrationFailed, LsvisionError
 from lsvision.geometry import FloatArray, IntArray, Points
 from lsvision.geometry.arrays import BoolArray
 from lsvision.laser_line.extraction import LaserLine, LineSettings, extract_laser_line
+from lsvision.laser_line.image_array import as_image
+from lsvision.laser_line.mosaic import interpolated_grey
 from lsvision.sensors.camera import Camera
 
 EDGE_INFLUENCE_SIGMAS = 2.5
@@ -130,17 +132,19 @@ def find_laser_view(
     LsvisionError
         If no laser line lies on it.
     """
-    board_view = find_target(board_image, target)
+    bayer = _extraction(settings).bayer
+    board_grey = grey_image(interpolated_grey(as_image(board_image), bayer))
+    board_view = find_target(board_grey, target)
     outline = _outline(board_view, target, settings.margin)
     beside = _line_beside(camera, target, board_view, line_image, settings)
     try:
         low = np.maximum(np.floor(outline.min(axis=0)), 0).astype(int)
+        low -= low % 2  # A part of a mosaic begins with the same colour as the whole.
         high = np.ceil(outline.max(axis=0)).astype(int) + 1
         window = np.asarray(line_image)[low[1] : high[1], low[0] : high[0]]
         line = extract_laser_line(window, _extraction(settings))
-        indices = _indices_on_board(
-            camera, target, (board_image, line_image), board_view, (line, low), settings
-        )
+        background = None if np.array_equal(board_image, line_image) else board_grey
+        indices = _indices_on_board(camera, target, background, board_view, (line, low), settings)
     except LsvisionError as error:
         if beside is None:
             raise
@@ -209,20 +213,23 @@ def _squares_beside(pixels: Points, view: TargetView, target: Target) -> FloatAr
 def _indices_on_board(
     camera: Camera,
     target: Target,
-    images: tuple[npt.ArrayLike, npt.ArrayLike],
+    background: npt.NDArray[np.uint8] | None,
     board_view: TargetView,
     line_and_corner: tuple[LaserLine, IntArray],
     settings: LineOnBoardSettings,
 ) -> IntArray:
-    """Return the indices of the line's points on the board, or raise `CalibrationFailed`."""
-    (board_image, line_image), (line, low) = images, line_and_corner
+    """Return the indices of the line's points on the board, or raise `CalibrationFailed`.
+
+    `background` is the board without the line; None where there is no such image.
+    """
+    line, low = line_and_corner
     pixels, outline = line.pixels + low, _outline(board_view, target, settings.margin)
     keep: BoolArray = np.asarray(np.isfinite(pixels).all(axis=1))
     keep[keep] &= _inside(pixels[keep], outline)
     keep[keep] &= _clear_of_edges(pixels[keep], board_view, target, settings.edge_clearance)
-    if not np.array_equal(board_image, line_image):
+    if background is not None:
         keep[keep] &= _on_uniform_background(
-            board_image, pixels[keep], line.width[keep], settings.max_background_variation
+            background, pixels[keep], line.width[keep], settings.max_background_variation
         )
     keep[keep] &= _line_inliers(camera, pixels[keep], settings.max_line_deviation_px)
     indices = np.flatnonzero(keep)
@@ -300,10 +307,9 @@ def _clear_of_edges(
 
 
 def _on_uniform_background(
-    board_image: npt.ArrayLike, pixels: Points, widths: FloatArray, max_variation: float
+    grey: npt.NDArray[np.uint8], pixels: Points, widths: FloatArray, max_variation: float
 ) -> BoolArray:
     """Return which points have a uniform background; all if the line is in the board image."""
-    grey = grey_image(board_image)
     if not len(pixels):
         return np.zeros(0, dtype=bool)
     window_size = 2 * int(np.ceil(EDGE_INFLUENCE_SIGMAS * float(np.median(widths)))) + 1

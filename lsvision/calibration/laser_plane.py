@@ -48,6 +48,9 @@ from lsvision.calibration.views import (
 from lsvision.errors import CalibrationFailed
 from lsvision.geometry import FloatArray
 from lsvision.geometry.arrays import BoolArray
+from lsvision.laser_line.extraction import LineSettings
+from lsvision.laser_line.image_array import as_image
+from lsvision.laser_line.mosaic import colour_planes
 from lsvision.sensors.camera import Camera
 from lsvision.sensors.light_section import LightSection
 
@@ -147,7 +150,8 @@ def calibrate_laser_plane(
         sources.names(len(views)),
     )
     calibration = replace(calibration, warnings=(*calibration.warnings, *left_out))
-    return _with_line_blur(calibration, [board_images[k] for k in sources.names(len(views))], views)
+    shots = [board_images[k] for k in sources.names(len(views))]
+    return _with_line_blur(calibration, shots, views, settings.line.extraction or LineSettings())
 
 
 def fit_laser_plane(
@@ -254,9 +258,23 @@ def _rejected_views(
 
 
 def _with_line_blur(
-    calibration: LaserPlaneCalibration, images: Sequence[npt.ArrayLike], views: Sequence[LaserView]
+    calibration: LaserPlaneCalibration,
+    images: Sequence[npt.ArrayLike],
+    views: Sequence[LaserView],
+    line: LineSettings,
 ) -> LaserPlaneCalibration:
-    """Add the blur along the line to the light section, or a warning why it is unknown."""
+    """Add the blur along the line to the light section, or a warning why it is unknown.
+
+    Of a mosaic it is that of the laser's own pixels; an interpolated image is blurred further.
+    """
+    spacing = 1 if line.bayer is None else 2
+    if line.bayer is not None:
+        planes = [colour_planes(as_image(image), line.bayer, line.channel)[0] for image in images]
+        images = [plane for _, _, plane in planes]
+        views = [
+            replace(view, pixels=(view.pixels - (column, row)) / spacing)
+            for view, (row, column, _) in zip(views, planes, strict=True)
+        ]
     extents = np.median([np.ptp(view.line_pixels, axis=0) for view in views], axis=0)
     try:
         blur = estimate_blur_from_views(images, views, "u" if extents[0] >= extents[1] else "v")
@@ -264,7 +282,8 @@ def _with_line_blur(
         warning = f"the blur along the line is not known and not corrected for: {error}"
         return replace(calibration, warnings=(*calibration.warnings, warning))
     return replace(
-        calibration, light_section=replace(calibration.light_section, line_blur_px=blur.sigma)
+        calibration,
+        light_section=replace(calibration.light_section, line_blur_px=spacing * blur.sigma),
     )
 
 

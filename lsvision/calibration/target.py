@@ -174,7 +174,7 @@ class Chessboard(PrintedTarget):
 
     The first corner touches a black square at a corner of the board. Corners that a laser line or
     glare covers are left out. One count best even and the other odd: else a half turn of the board
-    is not seen, and a hand-eye calibration needs views of one side only.
+    is not seen, and a hand-eye calibration must find it by the robot (`turn_boards`).
 
     Parameters
     ----------
@@ -221,7 +221,7 @@ class CircleGrid(PrintedTarget):
     """Grid of discs, dark on bright or bright on dark; must be completely visible.
 
     A symmetric grid is numbered as one reads it in the image, since nothing tells its turns apart:
-    for a hand-eye calibration, use an asymmetric one.
+    for a hand-eye calibration, an asymmetric one is better (`turn_boards`).
 
     Parameters
     ----------

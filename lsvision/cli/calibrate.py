@@ -15,7 +15,6 @@ from lsvision.cli.calibrate_inputs import (
     image_files,
     prefix_file_names,
     read_images,
-    read_line_images,
 )
 from lsvision.cli.calibrate_tables import (
     value_lines,
@@ -190,6 +189,9 @@ def laser_plane(
     A green laser in colour images that show board and line at once:
       lsvision calibrate laser-plane --camera camera.json --boards shots --lines shots \\
         --target chessboard --counts 6x8 --square 40 --laser green --out rig.json
+    Raw images of a colour camera: of the line, only the pixels of the laser's colour are used:
+      lsvision calibrate laser-plane --camera camera.json --boards boards --lines lines \\
+        --laser red --bayer RGGB --out rig.json
     """  # noqa: D301 - the backspace makes click keep the line breaks
     board = target_options.parse()
     board_files, line_files = _image_pairs(boards, lines)
@@ -207,7 +209,7 @@ def laser_plane(
     settings = LaserPlaneSettings(line=line_options.parse())
     names = [printable(file.name) for file in board_files]
     view = read_camera(camera_file)
-    shots, line_shots = read_images(board_files), read_line_images(line_files, line_options.laser)
+    shots, line_shots = read_images(board_files), line_options.read(line_files)
     with prefix_file_names(
         image=names, board_image=names, line_image=[printable(file.name) for file in line_files]
     ):
@@ -220,7 +222,9 @@ def laser_plane(
     rows = laser_plane_rows(found)
     warnings = warning_lines(names, found.rejected, found.outliers, found.warnings)
     if report is not None:
-        lit = [brighter_of(*pair) for pair in zip(shots, line_shots, strict=True)]
+        lit = [
+            brighter_of(*pair, line_options.pattern) for pair in zip(shots, line_shots, strict=True)
+        ]
         page = ReportContent(rows, warnings, names, provenance, lit)
         write_atomic(report, laser_plane_page(found, board.points, page))
     replace(found.light_section, provenance=provenance).save(out)

@@ -9,12 +9,12 @@ from typing import Annotated
 import typer
 
 from lsvision.cli.calibrate_inputs import image_files, prefix_file_names
+from lsvision.cli.hand_eye_boards import see_boards
 from lsvision.cli.hand_eye_command import (
     HandEyeOptions,
     HandEyeResultOptions,
     PosePlanOptions,
     calibrate_from_profiles,
-    estimate_board_poses,
     report_hand_eye,
 )
 from lsvision.cli.option_groups import expand_option_groups
@@ -117,12 +117,19 @@ def board(
 
     names = [printable(file.name) for file in files]
     flanges = job.read_flanges(names)
-    boards, uncertainty, doubts = estimate_board_poses(files, target, camera)
+    boards = see_boards(files, target, camera)
     with prefix_file_names(pose=names):
+        boards = boards.numbered_from_one_end(target, flanges, job.placement)
         found = calibrate_hand_eye_board(
-            boards, flanges, **uncertainty, mounting=job.placement, settings=job.settings
+            boards.poses,
+            flanges,
+            covariances=boards.covariances,
+            camera_modes=boards.camera_modes,
+            mounting=job.placement,
+            settings=job.settings,
         )
-    report_hand_eye(found, flanges, names, job, [*pose_files(job.poses), camera, *files], doubts)
+    read = [*pose_files(job.poses), camera, *files]
+    report_hand_eye(found, flanges, names, job, read, boards.evidence(found, flanges, names))
 
 
 @hand_eye.command("poses")

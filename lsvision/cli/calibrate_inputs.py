@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
+from lsvision.cli.image_options import BayerPattern, parse_line_settings
 from lsvision.cli.image_sources import check_colours
 from lsvision.cli.messages import FAILED, print_error
 from lsvision.cli.sources import (
@@ -26,6 +27,7 @@ from lsvision.files.printable import printable
 if TYPE_CHECKING:
     from lsvision.calibration.laser_line_on_board import LineOnBoardSettings
     from lsvision.io.profiles import ReadOptions
+    from lsvision.laser_line.mosaic import Bayer
     from lsvision.profile import Profile
 
 Report = Annotated[
@@ -43,6 +45,7 @@ class LineOptions:
             metavar="COLOUR", help="In colour images: red, green, blue, white; else grey."
         ),
     ] = "grey"
+    bayer: BayerPattern = None
     margin: Annotated[
         float,
         typer.Option(
@@ -50,21 +53,35 @@ class LineOptions:
         ),
     ] = 0.9
 
+    @property
+    def pattern(self) -> "Bayer | None":
+        """The colours of the mosaic as the library names them."""
+        return cast("Bayer | None", self.bayer and self.bayer.upper())
+
+    def read(self, paths: Sequence[Path]) -> list[Any]:
+        """Read images of the laser line.
+
+        Raises
+        ------
+        UnreadableFile
+            If the colours of an image contradict those of the options.
+        """
+        images = read_images(paths)
+        for path, image in zip(paths, images, strict=True):
+            check_colours(image, self.laser, str(path), self.bayer)
+        return images
+
     def parse(self) -> "LineOnBoardSettings":
         """Return the settings of the detection.
 
         Raises
         ------
         typer.BadParameter
-            For an unknown colour.
+            For an unknown colour or pattern.
         """
         from lsvision.calibration.laser_line_on_board import LineOnBoardSettings
-        from lsvision.laser_line.extraction import LineSettings
 
-        try:
-            extraction = LineSettings(channel=cast(Any, self.laser))
-        except ValueError as error:
-            raise typer.BadParameter(f"--laser: {error}") from None
+        extraction = parse_line_settings(self.laser, "derivative", self.bayer)
         return LineOnBoardSettings(extraction=extraction, margin=self.margin)
 
 
@@ -89,20 +106,6 @@ def read_images(paths: Sequence[Path]) -> list[Any]:
     from lsvision.io.images import read_image
 
     return [read_image(path) for path in paths]
-
-
-def read_line_images(paths: Sequence[Path], laser: str) -> list[Any]:
-    """Read images of a laser line whose colours suit the laser.
-
-    Raises
-    ------
-    UnreadableFile
-        If an image is coloured and `laser` is grey, or the other way round.
-    """
-    images = read_images(paths)
-    for path, image in zip(paths, images, strict=True):
-        check_colours(image, laser, str(path), raw=False)
-    return images
 
 
 def read_named_profiles(

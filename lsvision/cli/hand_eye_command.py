@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,27 +12,25 @@ from lsvision.cli.calibrate_inputs import (
     Report,
     prefix_file_names,
     profile_files,
-    read_images,
     read_named_profiles,
-    replace_image_numbers,
 )
 from lsvision.cli.calibrate_tables import plan_rows, pose_rows, value_lines
+from lsvision.cli.hand_eye_boards import Evidence
 from lsvision.cli.messages import print_lines
 from lsvision.cli.outputs import check_outputs
 from lsvision.cli.profile_options import ReadingOptions
 from lsvision.cli.robot_poses import PoseFile, parse_convention
-from lsvision.files.printable import printable
 from lsvision.results.tables import text_table
 
 if TYPE_CHECKING:
     from lsvision.calibration.hand_eye_result import HandEye, HandEyeSettings
     from lsvision.calibration.observations import Mounting
     from lsvision.calibration.pose_planning import PosePlan
-    from lsvision.calibration.target import Target
     from lsvision.geometry import Pose
 
 PLACEMENTS: "dict[str, Mounting]" = {"eye-in-hand": "eye_in_hand", "eye-to-hand": "eye_to_hand"}
 """Names of the mountings: of the option, and of the library."""
+NO_EVIDENCE = Evidence()
 FRAMES = "tool0:sensor"
 """Names of the frames in an easy_handeye file."""
 
@@ -233,50 +231,9 @@ def calibrate_from_profiles(
         _report_pose_plan(planned, plan.plan_out)
 
 
-def estimate_board_poses(
-    files: Sequence[Path], target: "Target", camera_file: Path
-) -> "tuple[list[Pose], dict[str, Any], list[str]]":
-    """Return the pose of the board in each image, its uncertainty, and warnings.
-
-    The uncertainty is that of `calibrate_hand_eye_board`: ``covariances`` and, where the camera's
-    file has its covariance, ``camera_modes``.
-
-    Raises
-    ------
-    LsvisionError
-        If an image does not show the board; names it.
-    """
-    from lsvision.calibration.board_pose import estimate_board_pose
-    from lsvision.calibration.camera_uncertainty import board_pose_modes
-    from lsvision.calibration.target import find_target, left_out_warnings
-    from lsvision.calibration.views import require_size
-    from lsvision.errors import LsvisionError
-    from lsvision.io.camera_file import read_camera, read_camera_covariance
-
-    camera, camera_covariance = read_camera(camera_file), read_camera_covariance(camera_file)
-    poses, covariances, views = [], [], []
-    for file, image in zip(files, read_images(files), strict=True):
-        require_size(camera, image, str(file))
-        try:
-            seen = find_target(image, target)
-            estimate = estimate_board_pose(seen.pixels, seen.points, camera)
-        except LsvisionError as error:
-            raise LsvisionError(f"{file}: {error}; or leave out this image and its pose") from error
-        poses.append(estimate.camera_from_board)
-        covariances.append(estimate.covariance)
-        views.append(seen)
-    names = [printable(file.name) for file in files]
-    left_out = left_out_warnings(target, views, range(len(views)))
-    doubts = [replace_image_numbers(text, image=names) for text in left_out]
-    uncertainty: dict[str, Any] = {"covariances": covariances}
-    if camera_covariance is not None:
-        uncertainty["camera_modes"] = board_pose_modes(views, camera, camera_covariance)
-    return poses, uncertainty, doubts
-
-
 def report_hand_eye(
     found: "HandEye", flanges: "Sequence[Pose]", names: Sequence[str],
-    job: HandEyeResultOptions, inputs: Sequence[Path], doubts: Sequence[str] = (),
+    job: HandEyeResultOptions, inputs: Sequence[Path], evidence: Evidence = NO_EVIDENCE,
 ) -> None:  # fmt: skip
     """Write the files and print the result."""
     from lsvision.calibration.hand_eye_result import evidence_rows
@@ -288,7 +245,7 @@ def report_hand_eye(
     convention = job.convention if isinstance(job, HandEyeOptions) else None
     rows = frame_rows(found, job.frame_convention or convention or "ros") + evidence_rows(found)
     warnings = [f"left out: {names[pose.index]}: {pose.reason}" for pose in found.rejected]
-    warnings += [f"warning: {text}" for text in (*found.warnings, *doubts)]
+    warnings += [f"warning: {text}" for text in (*found.warnings, *evidence.doubts)]
     used = len(names) - len(found.rejected)
     origin = "samples" if convention is None else f"{convention} poses"
     kind = "board" if isinstance(found.target, Pose) else type(found.target).__name__.lower()
@@ -298,8 +255,8 @@ def report_hand_eye(
         from lsvision.draw.calibration_report import ReportContent, hand_eye_page
         from lsvision.files.atomic_files import write_atomic
 
-        page = ReportContent(rows, warnings, names, provenance)
-        write_atomic(job.report, hand_eye_page(found, flanges, page))
+        page = ReportContent(rows, warnings, names, provenance, evidence.images)
+        write_atomic(job.report, hand_eye_page(found, flanges, page, evidence.corners))
     save_hand_eye(found, job.out, provenance)
     if job.easy_handeye is not None:
         robot, sensor = job.frame_names

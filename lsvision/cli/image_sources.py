@@ -101,12 +101,8 @@ def is_image(source: Path) -> bool:
     return source.suffix.lower() in IMAGE_SUFFIXES | VIDEO_SUFFIXES
 
 
-def check_colours(
-    image: Any, laser: str, where: str = "it", bayer: str | None = None, *, raw: bool = True
-) -> None:
+def check_colours(image: Any, laser: str, where: str = "it", bayer: str | None = None) -> None:
     """Raise an error if the colours of an image contradict ``--laser``; a raw mosaic has none.
-
-    `raw` says whether the command measures raw mosaics, with ``--bayer``.
 
     Raises
     ------
@@ -119,9 +115,9 @@ def check_colours(
             f"{where} has colours: say the laser's, --laser red, green, blue or white"
         )
     if not coloured and laser not in ("grey", "white") and bayer is None:
-        mosaic = ", or, if it is the raw image of a colour camera, name its pattern (--bayer RGGB)"
         raise UnreadableFile(
-            f"{where} has no colours: leave --laser {laser} out{mosaic if raw else ''}"
+            f"{where} has no colours: leave --laser {laser} out, or, if it is the raw image of a "
+            "colour camera, name its pattern (--bayer RGGB)"
         )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.calibration.camera_warnings import CELLS, covered_cells
-from lsvision.calibration.hand_eye_result import HandEye
+from lsvision.calibration.hand_eye_result import HandEye, RejectedPose
 from lsvision.calibration.intrinsics import CameraCalibration
 from lsvision.calibration.laser_plane_result import CalibratedLaserView, LaserPlaneCalibration
 from lsvision.calibration.views import RejectedView
@@ -24,6 +24,7 @@ from lsvision.draw.view_photos import ViewPhoto, arrow_factor, photo_svg
 from lsvision.geometry import FloatArray, Points, Pose
 from lsvision.results.html import html_environment
 
+BY_ROBOT = "where the robot's pose and the result put the corners,"
 _NONE: FloatArray = np.empty((0, 2))
 
 
@@ -42,7 +43,7 @@ class ReportContent:
     provenance : mapping of str to str
         Method, date, version, inputs and their hash.
     images : sequence of images
-        A photo of each name, for a camera or a laser plane; none for a hand-eye calibration.
+        A photo of each name; none for a hand-eye calibration by profiles.
     """
 
     rows: Sequence[tuple[str, str, str]]
@@ -139,7 +140,12 @@ def line_vectors(found: LaserPlaneCalibration, view: CalibratedLaserView) -> Flo
     return vectors
 
 
-def hand_eye_page(found: HandEye, flanges: Sequence[Pose], page: ReportContent) -> str:
+def hand_eye_page(
+    found: HandEye,
+    flanges: Sequence[Pose],
+    page: ReportContent,
+    corners: Sequence[tuple[Points, FloatArray]] = (),
+) -> str:
     """Return the page of a hand-eye calibration; see `camera_page`.
 
     Parameters
@@ -149,7 +155,10 @@ def hand_eye_page(found: HandEye, flanges: Sequence[Pose], page: ReportContent) 
     flanges : sequence of Pose
         ``base_from_flange``, one a pose.
     page : ReportContent
-        Its values, warnings, names and provenance.
+        Its values, warnings, names and provenance; of a board also its photos.
+    corners : sequence of ((n, 2) ndarray, (n, 2) ndarray)
+        Of a board in each photo: the corners found, and where the robot's pose and the result put
+        them minus found. Units: px.
     """
     bad = [pose.index for pose in found.rejected]
     series = [
@@ -168,18 +177,21 @@ def hand_eye_page(found: HandEye, flanges: Sequence[Pose], page: ReportContent) 
             "was left out.",
         ),
     ]
-    return _page("Sensor to robot", page, pictures, [])
+    views = {index: (*seen, _NONE, _NONE) for index, seen in enumerate(corners)}
+    photos = _photos(page, views, found.rejected)
+    return _page("Sensor to robot", page, pictures, photos, BY_ROBOT)
 
 
 def _photos(
     page: ReportContent,
     views: Mapping[int, tuple[Points, FloatArray, Points, FloatArray]],
-    rejected: Sequence[RejectedView],
+    rejected: Sequence[RejectedView] | Sequence[RejectedPose],
 ) -> list[tuple[str, str]]:
     """Return each photo with its caption: points and arrows, or why it was left out."""
     reasons = {view.index: view.reason for view in rejected}
     photos = []
-    for index, (name, image) in enumerate(zip(page.names, page.images, strict=True)):
+    named = zip(page.names, page.images, strict=bool(page.images))
+    for index, (name, image) in enumerate(named):
         points, residuals, line, vectors = views.get(index, (_NONE, _NONE, _NONE, _NONE))
         photos.append(
             ViewPhoto(
@@ -217,10 +229,12 @@ def _page(
     page: ReportContent,
     pictures: Sequence[tuple[str, str]],
     photos: Sequence[tuple[str, str]],
+    arrows: str = "predicted",
 ) -> str:
     """Render a page; each picture and photo is an ``<svg>`` element with its caption."""
     template = html_environment("lsvision.draw").get_template("calibration.html.j2")
-    return template.render(title=title, pictures=pictures, photos=photos, **vars(page))
+    pieces = {"title": title, "pictures": pictures, "photos": photos, "arrows": arrows}
+    return template.render(**pieces, **vars(page))
 
 
 def _positions(indices: Sequence[int], marked: Sequence[int]) -> list[int]:

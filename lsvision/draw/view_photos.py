@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from lsvision.calibration.target import grey_image
 from lsvision.geometry import FloatArray, Points
+from lsvision.laser_line.mosaic import Bayer, interpolated_grey
 from lsvision.results.palette import LASER_LINE, LASER_PLANE, OUTLIER
 
 PHOTO_WIDTH = 640
@@ -67,11 +68,15 @@ def arrow_factor(residuals: Sequence[FloatArray], width: int) -> float:
     return max(step * power for step in (1, 2, 5) if step * power <= wanted)
 
 
-def brighter_of(board: npt.NDArray[Any], line: npt.NDArray[Any]) -> npt.NDArray[Any]:
+def brighter_of(
+    board: npt.NDArray[Any], line: npt.NDArray[Any], pattern: Bayer | None = None
+) -> npt.NDArray[Any]:
     """Return one photo of board and laser line: the brighter of two of one view.
 
-    A grey and a colour image, or two of another depth, become grey of 8 bit.
+    A grey and a colour image, or two of another depth, become grey of 8 bit; raw images of a
+    mosaic `pattern` become grey.
     """
+    board, line = interpolated_grey(board, pattern), interpolated_grey(line, pattern)
     if board.dtype != line.dtype or board.shape != line.shape:
         board, line = grey_image(board), grey_image(line)
     brighter: npt.NDArray[Any] = np.maximum(board, line)

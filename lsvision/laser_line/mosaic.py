@@ -7,6 +7,7 @@ the other by its place among the rows; its own pixels alone locate it without th
 
 from typing import Literal
 
+import cv2
 import numpy as np
 
 from lsvision.laser_line.image_array import Image
@@ -48,3 +49,31 @@ def colour_planes(array: Image, pattern: Bayer, colour: str) -> list[tuple[int, 
         for place, found in enumerate(pattern)
         if found == letter
     ]
+
+
+def interpolated_grey(array: Image, pattern: Bayer | None) -> Image:
+    """Return the luminance of a mosaic at every pixel, for what is seen in any colour.
+
+    Parameters
+    ----------
+    array : (height, width) or (height, width, 3) ndarray
+        Raw image, or one with colours.
+    pattern : {"RGGB", "BGGR", "GRBG", "GBRG"}, optional
+        Of the raw image.
+
+    Returns
+    -------
+    ndarray
+        The image itself where it has colours, has another depth than 8 or 16 bit, or `pattern` is
+        None.
+
+    Examples
+    --------
+    >>> raw = np.tile(np.array([[90, 60], [60, 30]], np.uint8), (8, 8))
+    >>> np.unique(interpolated_grey(raw, "RGGB")).tolist()
+    [66]
+    """
+    if pattern is None or array.ndim != 2 or array.dtype not in (np.uint8, np.uint16):
+        return array
+    grey: Image = cv2.cvtColor(array, getattr(cv2, f"COLOR_Bayer{pattern}2GRAY"))
+    return grey

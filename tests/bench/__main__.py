@@ -9,7 +9,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from tests.bench.goals import Number, missed, print_numbers
 
@@ -18,7 +18,7 @@ ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 @dataclass(frozen=True)
 class Effort:
-    """How much is simulated; the quick one is what the slow tests run."""
+    """How much is simulated, and another seed; the quick one is what the slow tests run."""
 
     scenes: int
     tubes: int
@@ -27,6 +27,7 @@ class Effort:
     timed_scenes: int
     repeats: int
     pictures: int
+    seed: int | None = None
 
 
 QUICK = Effort(scenes=100, tubes=20, runs=60, intervals=300, timed_scenes=16, repeats=5, pictures=5)
@@ -80,9 +81,10 @@ def spheres(_effort):
 
 
 def images(effort):
-    from tests.bench.images import score_images
+    from tests.bench.images import FIRST_SEED, score_images
 
-    return score_images(effort.pictures, SHOTS)
+    seed = FIRST_SEED if effort.seed is None else effort.seed
+    return score_images(effort.pictures, SHOTS, seed)
 
 
 def speed(effort):
@@ -118,7 +120,9 @@ def main():
     parser = argparse.ArgumentParser(prog="python -m tests.bench", description=__doc__)
     parser.add_argument("only", nargs="*", help=f"of {', '.join(BENCHES)}; all without")
     parser.add_argument("--quick", action="store_true", help="a few minutes instead of many")
+    parser.add_argument("--seed", type=int, help="of the images, to try others than the usual")
     options = parser.parse_args()
+    effort = replace(QUICK if options.quick else FULL, seed=options.seed)
     for unknown in set(options.only) - set(BENCHES):
         parser.error(f"expected one of {', '.join(BENCHES)}, got {unknown}")
     from tests.bench.sources import fingerprint
@@ -127,7 +131,7 @@ def main():
     print(f"lsvision sources {sources}, {time.strftime('%Y-%m-%d %H:%M')}")
     for name in options.only or BENCHES:
         start = time.perf_counter()
-        numbers = list(BENCHES[name](QUICK if options.quick else FULL))
+        numbers = list(BENCHES[name](effort))
         print_numbers(f"{name}  ({time.perf_counter() - start:.0f} s)", numbers)
         short += missed(numbers)
     if fingerprint() != sources:

@@ -1,8 +1,12 @@
-"""Goals G11-G16 of sensor-to-robot calibration, measured: ``python -m tests.bench.hand_eye``."""
+"""Goals G11-G16 of sensor-to-robot calibration, measured: ``python -m tests.bench.hand_eye``.
+
+A number of runs a row may follow, and the beginning of the names of the rows: ``20 G15``.
+"""
 
 import sys
 import time
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -222,34 +226,59 @@ def board_run(rng, case, corner_std=0.1):
     return mount, found
 
 
-def main(runs):
+def goals(runs):
+    """Name and report of each row."""
     perfect, good, usual = Case(0, 0), Case(0.02, 0.005), Case(0.05, 0.01)
     given = {"robot_std": (0.02, np.radians(0.005))}
+    section = partial(partial, report_section)
     for label, data in (("random poses", sphere_data), ("planned poses", planned_data)):
-        report_section(f"G11 perfect robot, {label}", perfect, "95 %: 0.05 0.025 0.015", runs, data)
-        report_section(f"G12 0.02/0.005, {label}", good, "0.15 0.075 0.04", runs, data)
-        report_section(f"G13 0.05/0.01, {label}", usual, "0.28 0.15 0.085", runs, data)
-    report_section("G12 robot stated", good, "0.15 0.075 0.04, NEES 0.7-1.4", runs, **given)
-    report_section("G13 20 poses", Case(0.05, 0.01, count=20), "0.20 0.11 0.065", runs)
-    report_wrong_pose("G15 one of 12, 30 mm and 5 deg", 30, 5, ">= 96 %", runs)
-    report_wrong_pose("    one of 12, 2 mm and 0.5 deg", 2, 0.5, ">= 90 %", runs)
-    report_wrong_pose("    one of 12, 2 mm only", 2, 0, ">= 90 %", runs)
-    report_board("G16 board 12 poses", "0.11 mm 0.018 deg", runs)
-    honest = "NEES 0.7-1.4"
+        for goal, robot, case, most in (
+            ("G11", "perfect robot", perfect, "95 %: 0.05 0.025 0.015"),
+            ("G12", "0.02/0.005", good, "0.15 0.075 0.04"),
+            ("G13", "0.05/0.01", usual, "0.28 0.15 0.085"),
+        ):
+            name = f"{goal} {robot}, {label}"
+            yield name, section(name, case, most, runs, data)
+    name = "G12 robot stated"
+    yield name, section(name, good, "0.15 0.075 0.04, NEES 0.7-1.4", runs, **given)
+    name = "G13 20 poses"
+    yield name, section(name, Case(0.05, 0.01, count=20), "0.20 0.11 0.065", runs)
+    for name, shift, turn, most in (
+        ("G15 one of 12, 30 mm and 5 deg", 30, 5, ">= 96 %"),
+        ("    one of 12, 2 mm and 0.5 deg", 2, 0.5, ">= 90 %"),
+        ("    one of 12, 2 mm only", 2, 0, ">= 90 %"),
+    ):
+        yield name, partial(report_wrong_pose, name, shift, turn, most, runs)
+    name = "G16 board 12 poses"
+    yield name, partial(report_board, name, "0.11 mm 0.018 deg", runs)
+    yield from beside_the_goals(runs, section, given)
+
+
+def beside_the_goals(runs, section, given):
+    """The same with correlated noise, a standing sensor, and a plane as target."""
     for columns in (3, 10):
         for label, settings in (("found", {}), ("stated", given)):
             case = Case(0.02, 0.005, correlation=columns)
             name = f"    alike over {columns} columns, robot {label}"
-            report_section(name, case, honest, runs, **settings)
+            yield name, section(name, case, "NEES 0.7-1.4", runs, **settings)
     standing = Case(0.05, 0.01, mounting="eye_to_hand")
-    report_section("    sphere, sensor standing", standing, "0.28 0.15 0.085", runs)
-    report_board("    board, camera standing", "0.11 mm 0.018 deg", runs, standing)
+    name = "    sphere, sensor standing"
+    yield name, section(name, standing, "0.28 0.15 0.085", runs)
+    name = "    board, camera standing"
+    yield name, partial(report_board, name, "0.11 mm 0.018 deg", runs, standing)
     # One plane tilted by 40 deg, goals: .45/.135/.28 and .29/.085/.18
     for count, goal in ((12, ".45 .135 .28"), (20, ".29 .085 .18")):
         for mounting in ("eye_in_hand", "eye_to_hand"):
             case = Case(0.05, 0.01, count=count, mounting=mounting)
-            report_section(f"    plane {count} poses, {mounting}", case, goal, runs, plane_data)
+            name = f"    plane {count} poses, {mounting}"
+            yield name, section(name, case, goal, runs, plane_data)
+
+
+def main(runs, only=""):
+    for name, report in goals(runs):
+        if name.strip().startswith(only):
+            report()
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 50)
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 50, *sys.argv[2:3])

@@ -70,6 +70,34 @@ def test_plane_of_rendered_images_is_correct(images):
     assert found.line_rms < 0.3
 
 
+def mosaic_pairs(pattern="GRBG", blur=0.0):
+    """Raw images of a colour camera, lit unevenly in the colours, of a red laser."""
+    gains, laser = {"R": 1.0, "G": 0.7, "B": 0.5}, {"R": 1.0, "G": 0.1, "B": 0.05}
+    boards, lines = [], []
+    for turn, depth in POSES:
+        board, line = board_and_line(turn, depth)
+        board, line = (cv2.GaussianBlur(i, (0, 0), blur) if blur else i for i in (board, line))
+        raw = np.empty((2, *board.shape), np.uint8)
+        for place, letter in enumerate(pattern):
+            at = np.s_[place // 2 :: 2, place % 2 :: 2]
+            raw[0][at], raw[1][at] = gains[letter] * board[at], laser[letter] * line[at]
+        boards.append(raw[0])
+        lines.append(raw[1])
+    return boards, lines
+
+
+@pytest.mark.parametrize("pattern", ["GRBG", "BGGR"])
+def test_raw_mosaics_are_calibrated_by_the_lasers_own_pixels(pattern):
+    own = LineOnBoardSettings(extraction=LineSettings(channel="red", bayer=pattern))
+    boards, lines = mosaic_pairs(pattern, blur=1.0)
+    found = calibrate_laser_plane(CAMERA, TARGET, boards, lines, replace(HELD, line=own))
+    assert found.rejected == ()
+    assert np.degrees(np.arccos(min(1.0, found.plane.normal @ PLANE.normal))) < 0.2
+    assert found.plane.distance == pytest.approx(PLANE.distance, abs=RENDERED)
+    assert found.corner_rms < 0.15
+    assert found.light_section.line_blur_px == pytest.approx(np.hypot(1.0, 0.27), abs=0.1)
+
+
 def test_the_blur_along_the_line_is_measured_on_the_boards_edges(images):
     """Pixels of three samples and no lens: one sigma sqrt(2 / 27) = 0.27 px."""
     found = calibrate_laser_plane(CAMERA, TARGET, *images, HELD)

@@ -17,6 +17,7 @@ from lsvision.geometry import Plane, Pose
 from lsvision.io.hand_eye_file import load_hand_eye
 from lsvision.io.images import read_image
 from lsvision.io.robot_poses import read_robot_poses
+from lsvision.sensors.light_section import LightSection
 from lsvision.simulate.hand_eye import (
     SectionView,
     TargetMotion,
@@ -207,10 +208,23 @@ def test_line_images_without_a_line_are_refused(run, boards, camera_json, out, t
     assert "0 views show the board with the laser line on it and 2 are needed" in told
 
 
+def test_raw_images_of_a_colour_camera_use_the_lasers_own_pixels(run, camera_json, out):
+    """Of white boards under a white laser: the same plane from every fourth pixel."""
+    words = ("calibrate", "laser-plane", "--boards", BOARDS / "board_0[0-5].jpg", "--lines",
+             LINES / "line_0[0-5].jpg", "--camera", camera_json, "--out", out)  # fmt: skip
+    found = run(*words, "--laser", "red", "--bayer", "RGGB")
+    assert found.exit_code == 0, found.output
+    plane = LightSection.load(out).laser_plane
+    truth = json.loads((EXAMPLE / "truth.json").read_text())["laser_plane"]
+    assert plane.distance == pytest.approx(truth["distance"], abs=SMALL_MM)
+    assert np.linalg.norm(plane.normal - truth["normal"]) < SMALL_RAD
+
+
 def test_colour_of_the_laser_is_asked_for(run, boards, camera_json, out, tmp_path):
     words = ("calibrate", "laser-plane", "--boards", boards, "--lines", boards,
              "--camera", camera_json, "--out", out)  # fmt: skip
-    assert "expected channel in" in refused(run(*words, "--laser", "pink"), out, 2)
+    assert "expected --laser in" in refused(run(*words, "--laser", "pink"), out, 2)
+    assert "expected --bayer in" in refused(run(*words, "--bayer", "RGBG"), out, 2)
     assert "board_00.jpg has no colours: leave --laser green out" in refused(
         run(*words, "--laser", "green"), out
     )

@@ -53,6 +53,14 @@ def test_pairs_are_taken_and_serve_the_calibration(run, video, tmp_path):
     assert f"laser plane from {PAIRS} of {PAIRS} poses" in found.stdout
 
 
+def test_a_raw_stream_is_judged_by_the_lasers_own_pixels(run, video, tmp_path):
+    done = run(*words(tmp_path, video), "--laser", "red", "--bayer", "RGGB")
+    assert done.exit_code == 0, done.output
+    assert f"{PAIRS} of {PAIRS} pairs" in done.stdout
+    without = run(*words(tmp_path / "other", video), "--laser", "red")
+    assert without.exit_code == 1
+
+
 def test_a_stream_that_ends_early_says_what_is_missing(run, video, tmp_path):
     done = run(*words(tmp_path, video, PAIRS + 2))
     assert done.exit_code == 1

@@ -1,0 +1,223 @@
+"""Boards that look the same after a turn: which views of a robot's board are turned.
+
+A camera does not see from which end such a board is numbered. The robot does: the relative rotation
+of two boards in the camera has the angle of the relative rotation of the flange, whatever the pose
+of the camera on it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lsvision.calibration.rotations import cross_matrices
+from lsvision.calibration.target import Chessboard, CircleGrid, Target
+from lsvision.errors import CalibrationFailed
+from lsvision.geometry import FloatArray, IntArray, Pose
+
+CAPPED_ANGLE = np.radians(10.0)
+"""Difference of two angles beyond which a larger one counts no more: a wrong pose. Units: rad."""
+MIN_MARGIN = np.radians(2.0)
+"""Smallest mean by which another turn of a view fits worse; robots and boards are off by tenths of
+a degree. Units: rad."""
+MAX_SWEEPS = 20
+"""Maximum number of sweeps over the views; two or three are needed."""
+
+
+def pattern_turns(target: Target) -> tuple[Pose, ...]:
+    """Return the turns of a board, other than none, after which its pattern looks the same.
+
+    Parameters
+    ----------
+    target : Target
+        The board.
+
+    Returns
+    -------
+    tuple of Pose
+        ``board_from_turned``: half a turn, and quarters where there are as many rows as columns;
+        empty for a board that has one orientation only.
+
+    Examples
+    --------
+    >>> len(pattern_turns(Chessboard(7, 6, 10.0))), len(pattern_turns(Chessboard(9, 7, 10.0)))
+    (0, 1)
+    """
+    if isinstance(target, Chessboard):
+        unique, quarters = (target.columns + target.rows) % 2 == 1, target.columns % 2 == 0
+    elif isinstance(target, CircleGrid):
+        unique, quarters = target.asymmetric, True
+    else:
+        return ()
+    if unique:
+        return ()
+    quarters = quarters and target.columns == target.rows
+    middle = (target.points.min(axis=0) + target.points.max(axis=0)) / 2
+    return tuple(_turn_about(middle, angle) for angle in ((90, 180, 270) if quarters else (180,)))
+
+
+def _turn_about(middle: FloatArray, angle_deg: float) -> Pose:
+    """Return the turn about the normal through a point of the board."""
+    cos, sin = np.round(np.cos(np.radians(angle_deg))), np.round(np.sin(np.radians(angle_deg)))
+    rotation = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1.0]])
+    return Pose(rotation, middle - rotation @ middle)
+
+
+@dataclass(frozen=True, eq=False)
+class TurnedBoards:
+    """Boards all numbered from one end.
+
+    Parameters
+    ----------
+    poses : tuple of Pose
+        ``camera_from_board``.
+    maps : (n, 6, 6) ndarray
+        From an error of each pose as given to that of `poses`: origin (mm), left-hand rotation
+        (rad).
+    turned : tuple of int
+        Indices of the views that were numbered from another end than most.
+    """
+
+    poses: tuple[Pose, ...]
+    maps: FloatArray
+    turned: tuple[int, ...]
+
+    def covariances(self, given: FloatArray) -> FloatArray:
+        """Return the covariances (n, 6, 6) of these poses from those of the poses as given."""
+        covariances: FloatArray = self.maps @ given @ np.swapaxes(self.maps, 1, 2)
+        return covariances
+
+    def shifts(self, given: FloatArray) -> FloatArray:
+        """Return shifts (m, n, 6) of these poses from those of the poses as given."""
+        shifts: FloatArray = np.einsum("nij,mnj->mni", self.maps, given)
+        return shifts
+
+    @property
+    def warning(self) -> str:
+        """What is said of such a board, and of the views that were turned."""
+        told = "the robot's poses show that all views are numbered from one end"
+        if self.turned:
+            names = ", ".join(f"pose {index}" for index in self.turned)
+            told = f"the robot's poses show that {names} are numbered from another end; corrected"
+        return (
+            f"the board looks the same after a turn: {told}; a board with one even and one odd "
+            "count of inner corners needs no such check"
+        )
+
+
+def turn_boards(
+    camera_from_boards: Sequence[Pose], flanges: Sequence[Pose], turns: Sequence[Pose]
+) -> TurnedBoards:
+    """Number the boards of all views from one end, by the poses of the robot.
+
+    Parameters
+    ----------
+    camera_from_boards : sequence of Pose
+        One for each view, each numbered from any end.
+    flanges : sequence of Pose
+        ``base_from_flange`` of each view, its inverse where the board is on the flange.
+    turns : sequence of Pose
+        From `pattern_turns`.
+
+    Returns
+    -------
+    TurnedBoards
+        In the order of the views.
+
+    Raises
+    ------
+    CalibrationFailed
+        If the poses do not tell the turn of a view.
+    """
+    group = [Pose(), *turns]
+    costs = _angle_differences(camera_from_boards, flanges, group)
+    labels = min(
+        (_consistent_labels(costs, costs[first].argmin(axis=1)) for first in range(len(flanges))),
+        key=lambda labels: _total(costs, labels),
+    )
+    _require_certain(costs, labels)
+    counts = np.bincount(labels, minlength=len(group))
+    labels = _relative(labels, int(counts.argmax()), len(group))
+    poses, maps = [], []
+    for pose, label in zip(camera_from_boards, labels, strict=True):
+        poses.append(pose @ group[label])
+        lever = pose.rotation @ group[label].translation
+        maps.append(np.block([[np.eye(3), -cross_matrices(lever)], [np.zeros((3, 3)), np.eye(3)]]))
+    return TurnedBoards(tuple(poses), np.array(maps), tuple(np.flatnonzero(labels).tolist()))
+
+
+def _relative(labels: IntArray, reference: int, size: int) -> IntArray:
+    """Return the turns relative to one of them; the turns are a cyclic group in order."""
+    relative: IntArray = (labels - reference) % size
+    return relative
+
+
+def _angle_differences(
+    boards: Sequence[Pose], flanges: Sequence[Pose], group: Sequence[Pose]
+) -> FloatArray:
+    """Return the capped difference (n, n, g) of the angles between views i and j.
+
+    The board of view j is turned by the g-th turn relative to that of view i.
+    """
+    board = np.array([pose.rotation for pose in boards])
+    flange = np.array([pose.rotation for pose in flanges])
+    wanted = _angles(np.einsum("iba,jbc->ijac", flange, flange))
+    turned = np.einsum("jab,gbc->jgac", board, np.array([turn.rotation for turn in group]))
+    found = _angles(np.einsum("iab,jgcb->ijgac", board, turned))
+    differences = np.minimum(np.abs(found - wanted[:, :, None]), CAPPED_ANGLE)
+    itself = np.arange(len(board))
+    differences[itself, itself] = 0.0
+    return differences
+
+
+def _angles(rotations: FloatArray) -> FloatArray:
+    """Return the angles of rotations (..., 3, 3). Units: rad."""
+    cosine = (np.trace(rotations, axis1=-2, axis2=-1) - 1) / 2
+    angles: FloatArray = np.arccos(np.clip(cosine, -1.0, 1.0))
+    return angles
+
+
+def _label_costs(costs: FloatArray, labels: IntArray) -> FloatArray:
+    """Return the mean cost (n, g) of each turn of each view, the others turned by `labels`."""
+    count, _, size = costs.shape
+    others = np.arange(count)
+    return np.array(
+        [
+            [
+                costs[others, view, _relative(np.full(count, turn) - labels, 0, size)].sum()
+                / (count - 1)
+                for turn in range(size)
+            ]
+            for view in range(count)
+        ]
+    )
+
+
+def _consistent_labels(costs: FloatArray, labels: IntArray) -> IntArray:
+    """Return the turns after sweeps in which each view takes the turn that fits the others."""
+    for _ in range(MAX_SWEEPS):
+        before = labels.copy()
+        for view in range(len(labels)):
+            labels[view] = _label_costs(costs, labels)[view].argmin()
+        if np.array_equal(before, labels):
+            break
+    return labels
+
+
+def _total(costs: FloatArray, labels: IntArray) -> float:
+    return float(_label_costs(costs, labels)[np.arange(len(labels)), labels].sum())
+
+
+def _require_certain(costs: FloatArray, labels: IntArray) -> None:
+    """Require every other turn of every view to fit worse."""
+    by_turn = _label_costs(costs, labels)
+    chosen = by_turn[np.arange(len(labels)), labels]
+    by_turn[np.arange(len(labels)), labels] = np.inf
+    margins = by_turn.min(axis=1) - chosen
+    if margins.min() < MIN_MARGIN:
+        raise CalibrationFailed(
+            f"pose {int(margins.argmin())}: the board looks the same after a turn, and the robot's "
+            f"poses do not tell how it is turned ({np.degrees(margins.min()):.1f} deg between two "
+            "answers): use a board with one even and one odd count of inner corners, or a ChArUco "
+            "board, or take poses with larger tilts"
+        )
