@@ -72,8 +72,7 @@ def run_tasks(
         yield from _run_pool(function, remaining, jobs, lost, ordered=ordered)
         if not lost:
             return
-        for task in lost:
-            yield Finished(task, _run_alone(function, task))
+        yield from _run_one_by_one(function, lost)
 
 
 def _run_pool(
@@ -105,12 +104,23 @@ def _run_pool(
                 yield Finished(in_flight.pop(future), future.result())
 
 
-def _run_alone(function: Callable[[Task], Value], task: Task) -> Value | EndedProcess:
-    with _pool(1) as pool:
-        try:
-            return pool.submit(function, task).result()
-        except BrokenProcessPool:
-            return EndedProcess()
+def _run_one_by_one(
+    function: Callable[[Task], Value], tasks: list[Task]
+) -> Iterator[Finished[Task, Value]]:
+    """Yield the results of tasks, each alone in a process; one that ends is replaced."""
+    remaining = iter(tasks)
+    ended = True
+    while ended:
+        ended = False
+        with _pool(1) as pool:
+            for task in remaining:
+                try:
+                    value: Value | EndedProcess = pool.submit(function, task).result()
+                except BrokenProcessPool:
+                    value, ended = EndedProcess(), True
+                yield Finished(task, value)
+                if ended:
+                    break
 
 
 @contextmanager

@@ -1,11 +1,9 @@
-"""Functions that other processes run."""
+"""Functions that other processes run, which import only what they need."""
 
 import os
 import signal
 import time
 from pathlib import Path
-
-from lsvision.measure import measure_cylinders
 
 
 def square(number):
@@ -45,4 +43,6 @@ class Killer:
             if calls < self.times:
                 (self.folder / f"call{calls}").touch()
                 os._exit(9)
+        from lsvision.measure import measure_cylinders
+
         return measure_cylinders(profile)
