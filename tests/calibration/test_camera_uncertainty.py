@@ -89,10 +89,11 @@ def test_an_uncertain_camera_widens_the_hand_eye_calibration():
     assert chi2[0] < chi2[1]
 
 
-def test_an_uncertain_camera_widens_a_plane_from_few_views():
+@pytest.mark.parametrize("runs", [4, pytest.param(40, marks=pytest.mark.slow)])
+def test_an_uncertain_camera_widens_a_plane_from_few_views(runs):
     """With a camera of 5 boards, four other ones give a plane: its distance follows fx."""
     chi2 = []
-    for seed in range(6, 14):
+    for seed in range(6, 6 + runs):
         _, of_camera = seen_by(SCENE, 5, seed)
         calibration = fit_camera(of_camera)
         boards, _ = seen_by(SCENE, 4, 100 + seed)
@@ -107,5 +108,5 @@ def test_an_uncertain_camera_widens_a_plane_from_few_views():
             errors.append(error / np.sqrt(found.covariance[2, 2]))
         chi2.append(np.square(errors))
     with_camera, without = np.mean(chi2, axis=0)
-    assert with_camera < 1 + 3 * np.sqrt(2 / 8)
+    assert with_camera < 1 + 3 * np.sqrt(2 / runs)
     assert with_camera < 0.7 * without

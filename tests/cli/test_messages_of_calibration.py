@@ -142,13 +142,18 @@ def spoilt(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "target", [(), ("--target", "chessboard", "--counts", "7x6", "--square", 9)]
+    ("boards", "target"),
+    [
+        ("boards", ()),
+        # Images of another board, in each of which it is looked for long.
+        ("boards/board_00.jpg", ("--target", "chessboard", "--counts", "7x6", "--square", 9)),
+    ],
 )
-def test_refusals_and_results_hold_no_python(run, spoilt, tmp_path, target):
-    rig = (EXAMPLE / "boards", "--out", tmp_path / "camera.json", *target)
-    said = run("calibrate", "camera", *rig).output
-    said += run("calibrate", "camera", spoilt, tmp_path / "small.png", *rig[1:]).output
-    said += run("calibrate", "camera", spoilt, *rig[1:]).output
+def test_refusals_and_results_hold_no_python(run, spoilt, tmp_path, boards, target):
+    options = ("--out", tmp_path / "camera.json", *target)
+    said = run("calibrate", "camera", EXAMPLE / boards, *options).output
+    said += run("calibrate", "camera", spoilt, tmp_path / "small.png", *options).output
+    said += run("calibrate", "camera", spoilt, *options).output
     said += run("calibrate", "target", "--out", tmp_path / "t.svg", *target).output
     assert len(said.splitlines()) >= 4
     assert PYTHON.findall(said) == []
