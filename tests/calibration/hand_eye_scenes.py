@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from lsvision.calibration.hand_eye import HandEyeSettings
+from lsvision.calibration.pose_outliers import OutlierSettings
 from lsvision.geometry import Plane, Pose
 from lsvision.simulate.hand_eye import (
     SectionView,
@@ -20,6 +22,9 @@ STANDOFF = -150.0
 MOTION = TargetMotion(offset=0.8 * RADIUS, standoff=STANDOFF)
 QUIET = SectionView(range_std=0.0)
 USUAL = SectionView(range_std=0.05)
+FEW_TRIALS = HandEyeSettings(outliers=OutlierSettings(trials=8))
+"""For scenes without a wrong pose, of which any selection will do: a plane needs 4 s of processor
+time with 40."""
 
 
 def sphere_scene(seed, count=12, *, view=USUAL, robot=(0.05, 0.01), motion=MOTION, targets=None):

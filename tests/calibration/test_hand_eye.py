@@ -14,6 +14,7 @@ from lsvision.calibration.hand_eye import (
 from lsvision.geometry import Pose
 from lsvision.simulate.hand_eye import noisy_pose
 from tests.calibration.hand_eye_scenes import (
+    FEW_TRIALS,
     MOUNT,
     QUIET,
     RADIUS,
@@ -55,7 +56,8 @@ def test_sphere_is_exact_without_noise(radius):
 
 def test_plane_is_exact_without_noise():
     profiles, flanges = plane_scene(2, 12, view=QUIET, robot=PERFECT)
-    assert_exact(calibrate_hand_eye_plane(profiles, flanges).flange_from_section, MOUNT)
+    found = calibrate_hand_eye_plane(profiles, flanges, settings=FEW_TRIALS)
+    assert_exact(found.flange_from_section, MOUNT)
 
 
 def test_board_is_exact_without_noise():
@@ -75,7 +77,9 @@ def test_eye_to_hand_is_the_same_problem_with_inverse_poses():
     found = calibrate_hand_eye_sphere(profiles, as_eye_to_hand(flanges), mounting="eye_to_hand")
     assert_exact(found.base_from_section, MOUNT)
     profiles, flanges = plane_scene(4, 10, view=QUIET, robot=PERFECT)
-    found = calibrate_hand_eye_plane(profiles, as_eye_to_hand(flanges), mounting="eye_to_hand")
+    found = calibrate_hand_eye_plane(
+        profiles, as_eye_to_hand(flanges), mounting="eye_to_hand", settings=FEW_TRIALS
+    )
     assert_exact(found.base_from_section, MOUNT)
     boards, flanges = board_scene(4, 6, robot=PERFECT)
     found = calibrate_hand_eye_board(boards, as_eye_to_hand(flanges), mounting="eye_to_hand")
@@ -89,7 +93,9 @@ def test_the_error_lies_within_its_covariance(seed):
 
 
 def test_the_error_of_a_plane_and_of_a_board_lies_within_its_covariance():
-    assert normalised_error(calibrate_hand_eye_plane(*plane_scene(6))) < FAR_OUT
+    assert (
+        normalised_error(calibrate_hand_eye_plane(*plane_scene(6), settings=FEW_TRIALS)) < FAR_OUT
+    )
     boards, flanges = board_scene(6)
     assert normalised_error(calibrate_hand_eye_board(boards, flanges)) < FAR_OUT
 
@@ -104,11 +110,12 @@ STANDING = {
 @pytest.mark.parametrize("target", STANDING)
 def test_the_error_of_eye_to_hand_lies_within_its_covariance(target):
     scene, calibrate = STANDING[target]
+    to_hand = {"mounting": "eye_to_hand", "settings": FEW_TRIALS}
     seen, flanges = scene(20, robot=PERFECT)
     rng = np.random.default_rng(21)
     # The robot errs in what it says of the flange, not in what is left after inverting.
     said = [noisy_pose(p, 0.05, np.radians(0.01), rng) for p in as_eye_to_hand(flanges)]
-    assert normalised_error(calibrate(seen, said, mounting="eye_to_hand")) < FAR_OUT
+    assert normalised_error(calibrate(seen, said, **to_hand)) < FAR_OUT
 
 
 def test_covariance_is_scaled_up_if_the_stated_robot_std_is_too_small():
@@ -206,7 +213,7 @@ def test_correct_height_scale_gives_no_warning():
 @pytest.mark.parametrize("scene", [sphere_scene, plane_scene])
 def test_correlated_points_increase_the_covariance(scene):
     calibrate = {sphere_scene: calibrate_hand_eye_sphere, plane_scene: calibrate_hand_eye_plane}
-    stated = HandEyeSettings(robot_std=(0.002, np.radians(0.0005)))
+    stated = replace(FEW_TRIALS, robot_std=(0.002, np.radians(0.0005)))
     found = []
     for correlation in (0.0, 5.0):
         view = replace(USUAL, correlation=correlation)

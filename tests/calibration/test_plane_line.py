@@ -7,7 +7,7 @@ from lsvision.calibration.hand_eye import calibrate_hand_eye_plane
 from lsvision.calibration.plane_line import find_plane_line
 from lsvision.errors import TooFewPoints
 from lsvision.profile import Profile
-from tests.calibration.hand_eye_scenes import plane_scene
+from tests.calibration.hand_eye_scenes import FEW_TRIALS, plane_scene
 
 X = np.linspace(-40, 40, 400)
 SLOPE, HEIGHT = 0.2, -150.0
@@ -40,6 +40,6 @@ def test_a_profile_without_a_line_is_rejected():
 def test_a_profile_without_a_plane_is_listed_as_rejected():
     profiles, flanges = plane_scene(1)
     profiles[4] = Profile(np.full((640, 2), np.nan))
-    found = calibrate_hand_eye_plane(profiles, flanges)
+    found = calibrate_hand_eye_plane(profiles, flanges, settings=FEW_TRIALS)
     assert [pose.index for pose in found.rejected] == [4]
     assert "no line found" in found.rejected[0].reason

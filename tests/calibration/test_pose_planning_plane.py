@@ -20,7 +20,7 @@ from lsvision.simulate.hand_eye import (
     rotation_from_vector,
     section_poses_about,
 )
-from tests.calibration.hand_eye_scenes import MOUNT, QUIET, STANDOFF, TARGET, USUAL
+from tests.calibration.hand_eye_scenes import FEW_TRIALS, MOUNT, QUIET, STANDOFF, TARGET, USUAL
 
 SETTINGS = replace(PLANE_DEFAULTS, standoff=STANDOFF, count=6)
 PLANE = Plane((0.1, -0.05, 1.0), 310.0)
@@ -50,7 +50,7 @@ def taken(flanges, rng, view=USUAL):
 
 def calibrated(*sets):
     profiles, flanges = zip(*sets, strict=True)
-    return calibrate_hand_eye_plane([*chain(*profiles)], [*chain(*flanges)])
+    return calibrate_hand_eye_plane([*chain(*profiles)], [*chain(*flanges)], settings=FEW_TRIALS)
 
 
 def error_at_work(found):
