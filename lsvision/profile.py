@@ -202,11 +202,12 @@ def as_profile(points: Profile | npt.ArrayLike) -> Profile:
     """
     profile = points if isinstance(points, Profile) else Profile(cast("Points", points))
     valid = profile.points[~np.isnan(profile.points[:, 0])]
+    extent, (low, high) = extent_of(valid), METRES_EXTENTS
+    if not low < extent < high:
+        return profile
     steps = np.abs(np.diff(valid[:, 0]))
     steps = steps[steps > 0]  # sensors may repeat a sample
-    extent = extent_of(valid)
-    low, high = METRES_EXTENTS
-    if len(steps) >= MIN_STEPS and low < extent < high and np.median(steps) < METRES_PITCH:
+    if len(steps) >= MIN_STEPS and np.median(steps) < METRES_PITCH:
         warnings.warn(
             f"expected a profile in mm, got one of {extent:.3g} mm with a point every "
             f"{np.median(steps):.2g} mm: metres? multiply the points by 1000",

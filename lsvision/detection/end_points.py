@@ -162,9 +162,11 @@ def _log_other_line(end: EndPoints, radius: float, log_outlier: float) -> FloatA
     # Points may share a position on the ellipse.
     steps = np.maximum(end.positions[1:] - end.positions[:-1], TINY)
     ratio = steps[1:] / np.maximum(steps[:-1], steps[1:] / MAX_STEP_RATIO)
-    deviation = e[2:] - (1 + ratio) * e[1:-1] + ratio * e[:-2]
+    rise, pairs = e[1:] - e[:-1], v[1:] + v[:-1]
+    deviation = rise[1:] - ratio * rise[:-1]
     bend = steps[1:] * (steps[1:] + steps[:-1]) / (2 * radius)
-    variances = v[2:] + v[1:-1] * (1 + ratio) ** 2 + v[:-2] * (ratio * ratio) + bend * bend
+    # v2 + (1 + ratio)^2 v1 + ratio^2 v0 + bend^2.
+    variances = pairs[1:] + ratio * (2 * v[1:-1] + ratio * pairs[:-1]) + bend * bend
     return np.logaddexp(_log_inlier(deviation, variances), log_outlier)
 
 

@@ -62,9 +62,11 @@ def fit_window_circles(points: Points, starts: IntArray, stops: IntArray) -> Win
     origin = (z[0] + z[-1]) / 2  # a near origin keeps the digits of the squares
     z = z - origin
     q = z.real**2 + z.imag**2
-    products = np.stack([z, z * z, q * z, q + 1j * q * q])
-    running = np.zeros((len(products), len(z) + 1), dtype=complex)
-    products.cumsum(axis=1, out=running[:, 1:])
+    running = np.zeros((4, len(z) + 1), dtype=complex)
+    products = running[:, 1:]
+    products[0], products[1], products[2] = z, z * z, q * z
+    products[3].real, products[3].imag = q, q * q
+    products.cumsum(axis=1, out=products)
     moments = running.take(stops, axis=1)
     moments -= running.take(starts, axis=1)
     moments /= np.maximum(stops - starts, 1)

@@ -45,8 +45,8 @@ def orthogonal_residuals_and_normals(
     """
     (m, p, q), offsets = parameters[2:].tolist(), as_complex(points) - centre_of(parameters)
     d = complex(p, q)
-    side = math.copysign(1.0, m * m - abs(d) ** 2)
-    w = side * (m * offsets - d * offsets.conj())
+    side, squares = math.copysign(1.0, m * m - abs(d) ** 2), 2 * (m * m + abs(d) ** 2)
+    w = (side * m) * offsets - (side * d) * offsets.conj()
     w /= np.abs(w)
     largest = math.inf
     for _ in range(MAX_FOOT_ITERATIONS):
@@ -55,7 +55,8 @@ def orthogonal_residuals_and_normals(
         residuals = offsets - foot
         if largest < FOOT_TOLERANCE:
             break
-        bending = normals.real**2 + normals.imag**2 + (residuals * foot.conj()).real
+        # |normals|^2 + residuals . foot, as |foot|^2 + |normals|^2 is the same everywhere.
+        bending = ((residuals - foot) * foot.conj()).real + squares
         turn = (residuals * normals.conj()).imag / bending
         largest = float(np.abs(turn).max(initial=0.0))
         if not (largest < MAX_STEP and bending.min() > 0):

@@ -119,9 +119,9 @@ class WeightedSystem(NamedTuple):
 def add_flattening_prior(equations: FloatArray, parameters: FloatArray) -> None:
     """Add the weak prior that few pipes are tilted by more than 60 deg, in place."""
     weight = 1 / (FLATTENING_PRIOR_STD * float(parameters[2])) ** 2
-    equations[3, 3] += weight
-    equations[4, 4] += weight
-    equations[3:, PARAMETERS] -= weight * parameters[3:]
+    for i in range(PARAMETERS)[-2:]:
+        equations[i, i] += weight
+        equations[i, PARAMETERS] -= weight * float(parameters[i])
 
 
 def damped_step(equations: FloatArray, parameters: FloatArray) -> FloatArray:
