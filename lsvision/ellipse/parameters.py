@@ -12,13 +12,12 @@ import numpy as np
 
 from lsvision.errors import FitFailed
 from lsvision.geometry import Ellipse, FloatArray, Points
-from lsvision.geometry.ellipse import foot_directions
+from lsvision.geometry.ellipse import MAX_FOOT_POINT_ITERATIONS, foot_directions
 from lsvision.geometry.noisy_points import ComplexArray, as_complex
 
 PARAMETERS = 5
 FOOT_TOLERANCE = 3e-3
 """Last Newton step (rad). Nearest points are then exact to 1e-5 rad and distances to 1e-9 mm."""
-MAX_FOOT_ITERATIONS = 30
 MAX_STEP = 0.2
 """Largest Newton step (rad) of a point near the ellipse."""
 MIN_AXIS_RATIO = 1e-3
@@ -49,7 +48,7 @@ def orthogonal_residuals_and_normals(
     w = (side * m) * offsets - (side * d) * offsets.conj()
     w /= np.abs(w)
     largest = math.inf
-    for _ in range(MAX_FOOT_ITERATIONS):
+    for _ in range(MAX_FOOT_POINT_ITERATIONS):
         along, across = m * w, d * w.conj()
         foot, normals = along + across, along - across
         residuals = offsets - foot

@@ -18,7 +18,6 @@ PERPENDICULAR_PHI_STD = 1e-3
 """Standard deviation of an exact phi near 0: phi^2 is a millionth of the radius. Units: rad."""
 CIRCLE_SIGMAS = 2.0
 """Ratio of phi to its prior std up to which the section may be a circle."""
-PHI_RANGE = math.pi / 2
 TINY = 1e-12
 
 
@@ -62,7 +61,7 @@ class PhiPrior:
     std: float = 0.0
 
     def __post_init__(self) -> None:
-        if not 0 <= self.phi < PHI_RANGE:
+        if not 0 <= self.phi < math.pi / 2:
             raise ValueError(f"expected a known phi from 0 to below pi / 2 rad, got {self.phi}")
         if not (math.isfinite(self.std) and self.std >= 0):
             raise ValueError(f"expected a known phi with std >= 0 rad, got {self.std}")
