@@ -30,7 +30,7 @@ class TooFewPoints(LsvisionError):
     got, need : int
         Counts.
     hint : str
-        What to do about it.
+        Remedy.
     """
 
     def __init__(self, what: str, got: int, need: int, hint: str) -> None:
@@ -55,7 +55,7 @@ class NoLaserLine(LsvisionError):
 
 
 class DegenerateGeometry(LsvisionError):
-    """Data that do not determine the result, whatever their noise; names what is missing."""
+    """Data that do not determine the result, even without noise; names what is missing."""
 
 
 class CalibrationFailed(LsvisionError):
@@ -68,9 +68,9 @@ class InvalidJob(LsvisionError):
     Parameters
     ----------
     name : str
-        Of the file.
+        Name of the file.
     mistakes : tuple of Mistake
-        Each with its line and the mend.
+        Mistakes, each with its line and the remedy.
     """
 
     def __init__(self, name: str, mistakes: tuple[object, ...]) -> None:

@@ -57,7 +57,7 @@ class NoiseModel(Protocol):
         Returns
         -------
         (n, 2, 2) ndarray
-            Units: mm^2. NaN where the point is lost.
+            Covariance of each point. Units: mm^2. NaN where the point is lost.
         """
         ...
 
@@ -98,7 +98,7 @@ class PointNoise(ComparedByValue):
         Returns
         -------
         (n, 2, 2) ndarray
-            Units: mm^2.
+            Covariance of each point. Units: mm^2.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Equality up to symmetry: an ellipse's theta modulo pi, an axis up to its sign."""
+"""Equality up to symmetry, theta modulo pi and an axis up to its sign; rotations as a series."""
 
 import math
 
@@ -30,3 +30,14 @@ def assert_same_pose(found, truth, atol):
     """Same rotation (entries) and translation (mm) within `atol`."""
     np.testing.assert_allclose(found.rotation, truth.rotation, rtol=0, atol=atol)
     np.testing.assert_allclose(found.translation, truth.translation, rtol=0, atol=atol)
+
+
+def rotation_series(vector, terms=60):
+    """Rotation of a vector as the power series of the matrix exponential."""
+    x, y, z = vector
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    total, term = np.eye(3), np.eye(3)
+    for power in range(1, terms):
+        term = term @ cross / power
+        total = total + term
+    return total

@@ -207,7 +207,7 @@ def test_every_error_is_one_of_ours():
     assert all(inspect.getdoc(kind) for kind in ours)
 
 
-def test_too_few_points_says_what_got_need_and_the_mend():
+def test_too_few_points_says_what_got_need_and_the_remedy():
     error = errors.TooFewPoints("an arc", 4, 6, "scan slower")
     assert str(error) == "an arc has 4 points and needs 6: scan slower"
     assert (error.got, error.need) == (4, 6)

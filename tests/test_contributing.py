@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 import lsvision
+from tests.scripts import import_script
 
 ROOT = Path(lsvision.__file__).parents[1]
 GITHUB = ROOT / ".github"
@@ -18,10 +19,7 @@ PATHS = re.findall(r"`((?:lsvision|tests|fixtures|calibration|\.ci|\.github)/?[\
 
 @pytest.fixture(scope="module")
 def layers():
-    spec = importlib.util.spec_from_file_location("layers", GITHUB / "layers.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return import_script(GITHUB / "layers.py")
 
 
 def test_the_picture_of_the_layers_is_the_contract_and_the_docstrings(layers):

@@ -1,6 +1,5 @@
 """The golden data is what its recipe makes, and what a reader sees in it is true."""
 
-import importlib.util
 import json
 import math
 from pathlib import Path
@@ -9,20 +8,19 @@ import numpy as np
 import pytest
 
 from lsvision.geometry import Ellipse, orthogonal_residuals
+from tests.scripts import import_script
 
 FIXTURES = Path(__file__).parents[1] / "fixtures"
 SECTIONS = sorted(path.name.removesuffix(".truth.json") for path in FIXTURES.glob("*.truth.json"))
 SCANS = sorted(path.name for path in FIXTURES.glob("scan_*"))
-LARGEST_CSV = 20_000  # bytes
+MAX_CSV_BYTES = 20_000  # bytes
 SIX_SIGMA = 6.0  # of some 1500 points none is further out
 
 
 @pytest.fixture(scope="module")
 def rebuilt(tmp_path_factory):
     folder = tmp_path_factory.mktemp("fixtures")
-    spec = importlib.util.spec_from_file_location("fixtures_make", FIXTURES / "make.py")
-    recipe = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(recipe)
+    recipe = import_script(FIXTURES / "make.py")
     recipe.main(folder)
     return folder
 
@@ -54,7 +52,7 @@ def test_there_are_seven_sections_and_three_scans():
 
 @pytest.mark.parametrize("name", SECTIONS)
 def test_a_section_is_small_and_its_truth_names_seed_and_command(name):
-    assert (FIXTURES / f"{name}.csv").stat().st_size < LARGEST_CSV
+    assert (FIXTURES / f"{name}.csv").stat().st_size < MAX_CSV_BYTES
     truth = json.loads((FIXTURES / f"{name}.truth.json").read_text())
     assert truth["schema"] == "lsvision.simulated_section/1"
     assert truth["kind"] == name

@@ -1,4 +1,4 @@
-"""The cases of ../shared/cases/hostile, where the folder is there: refused in one line, or read."""
+"""The cases of ../shared/cases/hostile, if the folder exists: rejected in one line, or read."""
 
 import subprocess
 import sys

@@ -1,6 +1,5 @@
 """The image fixtures: what their recipe makes, and cylinders measured in them, against truth."""
 
-import importlib.util
 import json
 import math
 from pathlib import Path
@@ -11,22 +10,20 @@ import pytest
 from lsvision.io.images import read_image
 from lsvision.measure import measure_cylinders
 from lsvision.sensors.light_section import LightSection
+from tests.scripts import import_script
 
 IMAGES = Path(__file__).parents[1] / "fixtures" / "images"
 NAMES = ("single", "pair", "clutter")
-LARGEST_PNG = 300_000  # bytes
+MAX_PNG_BYTES = 300_000  # bytes
 FOUR_SIGMA = 4
 ROUNDED = 1e-3
-"""Share of pixels that another build of OpenCV or numpy may round to the next number."""
+"""Fraction of pixels that another build of OpenCV or numpy may round to the next number."""
 each_name = pytest.mark.parametrize("name", NAMES)
 
 
 @pytest.fixture(scope="module")
 def recipe():
-    spec = importlib.util.spec_from_file_location("fixtures_images_make", IMAGES / "make.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return import_script(IMAGES / "make.py")
 
 
 def truth(name):
@@ -66,7 +63,7 @@ def test_the_recipe_makes_every_file(rebuilt):
 
 @each_name
 def test_an_image_is_small_and_its_truth_names_seed_and_command(name):
-    assert (IMAGES / f"{name}.png").stat().st_size < LARGEST_PNG
+    assert (IMAGES / f"{name}.png").stat().st_size < MAX_PNG_BYTES
     values = truth(name)
     assert values["schema"] == "lsvision.simulated_image/1"
     assert (values["kind"], values["command"]) == (name, "python fixtures/images/make.py")

@@ -26,7 +26,7 @@ from tests.tolerances import FIVE_SIGMA, FOUR_SIGMA, spread_of_share
 
 FIXTURES = Path(__file__).parents[1] / "fixtures"
 KINDS = ["single", "welded_pair", "planar", "complex", "welded_complex", "three_stacked", "empty"]
-LEAST_OVERLAP = 0.90  # points in common over points in either: the worst tube; median goal 0.97
+MIN_OVERLAP = 0.90  # points in common over points in either: the worst tube; median goal 0.97
 SENSOR = ProfileSensor(range_std=0.05, quantum=0.01)
 NAN = math.nan
 SHORT_ARCS = 40
@@ -78,7 +78,7 @@ def test_cylinders_rest_on_the_points_of_their_tubes(kind):
     for cylinder, tube in zip(measure_cylinders(profile).cylinders, tubes, strict=True):
         own = set(np.flatnonzero(labels == tube["label"]).tolist())
         found = set(cylinder.indices.tolist())
-        assert len(own & found) >= LEAST_OVERLAP * len(own | found)
+        assert len(own & found) >= MIN_OVERLAP * len(own | found)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -137,15 +137,15 @@ def test_a_known_tilt_is_used_and_makes_the_radius_more_certain():
     assert abs(known.radius - 19.0) < FOUR_SIGMA * known.radius_std
 
 
-def test_a_wrongly_known_tilt_is_refused_as_a_misfit():
+def test_a_wrongly_known_tilt_is_rejected_as_a_misfit():
     measurement = measure_cylinders(look().profile, known_phi=0.0)
     assert measurement.cylinders == ()
     assert any("times the noise" in rejection.reason for rejection in measurement.rejections)
 
 
-def test_an_arc_of_sixty_degrees_is_refused_or_has_honest_intervals(rng):
+def test_an_arc_of_sixty_degrees_is_rejected_or_has_valid_intervals(rng):
     """Too short to tell an ellipse from a circle: no confident wrong number comes of it."""
-    told = held = 0
+    determined = held = 0
     for _ in range(SHORT_ARCS):
         truth = Ellipse((0.0, -400.0), 19.0 / math.cos(0.35), 19.0, float(rng.uniform(0, math.pi)))
         up = math.pi / 2 - truth.theta
@@ -156,9 +156,9 @@ def test_an_arc_of_sixty_degrees_is_refused_or_has_honest_intervals(rng):
         assert measurement.cylinders or measurement.rejections
         for cylinder in measurement.cylinders:
             low, high = cylinder.interval("radius")
-            told, held = told + 1, held + (low <= truth.radius <= high)
-    print(f"{told} of {SHORT_ARCS} told, {held} intervals hold")
-    assert told - held <= 0.05 * told + 3 * math.sqrt(0.05 * 0.95 * SHORT_ARCS)
+            determined, held = determined + 1, held + (low <= truth.radius <= high)
+    print(f"{determined} of {SHORT_ARCS} with a determined radius, {held} intervals hold")
+    assert determined - held <= 0.05 * determined + 3 * math.sqrt(0.05 * 0.95 * SHORT_ARCS)
 
 
 def test_a_wrongly_known_radius_finds_nothing_of_another_size():
@@ -195,13 +195,13 @@ def test_a_radius_outside_the_range_is_said_so():
     ],
     ids=lambda value: str(value) if isinstance(value, dict) else "",
 )
-def test_a_slip_in_the_radius_is_refused(keywords, message):
+def test_a_slip_in_the_radius_is_rejected(keywords, message):
     for profile in (look().profile, Profile(np.empty((0, 2)))):
         with pytest.raises(ValueError, match=message):
             measure_cylinders(profile, **keywords)
 
 
-def test_noise_of_another_number_of_points_is_refused():
+def test_noise_of_another_number_of_points_is_rejected():
     with pytest.raises(ValueError, match="expected 2 points, got 401"):
         measure_cylinders(look().profile, sensor=PointNoise(np.zeros((2, 2, 2))))
 
@@ -233,7 +233,7 @@ def test_the_profiles_own_noise_is_used_and_a_given_sensor_goes_first():
 @pytest.mark.parametrize("sensor", [None, SENSOR], ids=["noise estimated", "noise known"])
 def test_a_profile_without_a_pipe_has_no_cylinders(points, sensor, measure):
     measurement = measure(Profile(points, sensor))
-    # The paper's chain has no gate against huge ellipses on lines; it must not break, though.
+    # The paper's pipeline has no gate against huge ellipses on lines; it must not break, though.
     assert measurement.cylinders == () or measure is measure_cylinders_paper
 
 
@@ -294,7 +294,7 @@ def test_a_pipe_whose_line_jumps_in_a_row_is_found_whole(seed, known):
     assert len(np.setdiff1d(pipe.indices, on_tube)) == 0
 
 
-def test_radii_of_welded_tubes_in_clutter_have_honest_intervals():
+def test_radii_of_welded_tubes_in_clutter_have_valid_intervals():
     """Another simulator, no noise model given: none beyond 5 sigma, 95 % intervals hold."""
     off, held = [], []
     for seed in range(60):
@@ -334,7 +334,7 @@ def test_a_second_return_in_the_same_columns_does_not_hide_the_pipe(rng):
     assert abs(pipe.radius - 20) < FOUR_SIGMA * pipe.radius_std
 
 
-def test_eight_points_are_too_few_and_told_so(rng):
+def test_eight_points_are_too_few_and_reported(rng):
     turn = np.linspace(0.3, 2.84, 8)
     points = 20 * np.column_stack([np.cos(turn), np.sin(turn)]) - (0, 100)
     measurement = measure_cylinders(Profile(points[::-1]))
@@ -343,7 +343,7 @@ def test_eight_points_are_too_few_and_told_so(rng):
     assert "too few points: 8" in rejection.reason
 
 
-def test_a_short_arc_is_refused_with_the_interval_of_its_radius(rng):
+def test_a_short_arc_is_rejected_with_the_interval_of_its_radius(rng):
     turn = np.radians(90 - np.linspace(-22.5, 22.5, 40))
     points = 20 * np.column_stack([np.cos(turn), np.sin(turn)]) - (0, 400)
     points[:, 1] += 0.2 * rng.normal(size=40)

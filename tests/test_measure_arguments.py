@@ -1,4 +1,4 @@
-"""What `measure_cylinders` and its kin take, and how they refuse the rest."""
+"""Arguments of `measure_cylinders` and similar functions, and errors for wrong ones."""
 
 import math
 import warnings
@@ -77,7 +77,7 @@ def test_the_callers_array_is_left_alone(profile):
         ),
     ],
 )
-def test_what_is_no_profile_is_told_with_what_came(points, kind, message):
+def test_what_is_no_profile_is_reported_with_what_came(points, kind, message):
     with pytest.raises(kind, match=message):
         lsv.measure_cylinders(points)
 
@@ -121,7 +121,7 @@ def test_known_values_are_any_pair(profile):
         ({"sensor": lsv.ProfileSensor}, TypeError, "ProfileSensor, another NoiseModel or a name"),
     ],
 )
-def test_a_slip_in_an_argument_is_told_with_what_came(arguments, kind, message, profile):
+def test_a_slip_in_an_argument_is_reported_with_what_came(arguments, kind, message, profile):
     with pytest.raises(kind, match=message):
         lsv.measure_cylinders(profile, **arguments)
 
@@ -134,7 +134,7 @@ def test_a_known_sensor_may_be_named(name, profile):
 
 
 @pytest.mark.parametrize("pitch_mm", [0.05, 0.58, 1.6])
-def test_metres_are_told(pitch_mm):
+def test_metres_are_reported(pitch_mm):
     x = np.arange(-100, 100) * pitch_mm
     points = np.column_stack([x, -400 + 5 * np.cos(x / 20)]) / 1000
     with pytest.warns(UserWarning, match=r"got one of 0\.\d+ mm .*metres\? multiply .* by 1000"):

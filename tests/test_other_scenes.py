@@ -1,4 +1,4 @@
-"""The whole chain on scenes of a second simulator, of whose noise it is not told."""
+"""The whole pipeline on scenes of a second simulator, whose noise it has to estimate."""
 
 import numpy as np
 import pytest

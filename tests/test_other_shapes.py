@@ -42,11 +42,11 @@ def test_the_corners_of_a_rectangular_tube_are_no_pipes(width, corner, tilt_deg,
     assert measurement.rejections
 
 
-def test_a_corner_is_told_as_one(rng):
+def test_a_corner_is_reported_as_one(rng):
     points = rectangular_tube(rng, 50, 12, tilt_deg=0.0, pitch=0.25, noise=0.03)
-    told = [r for r in measure_cylinders(Profile(points)).rejections if "corner" in r.reason]
-    assert len(told) == 2
-    for rejection, side in zip(told, (-1, 1), strict=True):
+    message = [r for r in measure_cylinders(Profile(points)).rejections if "corner" in r.reason]
+    assert len(message) == 2
+    for rejection, side in zip(message, (-1, 1), strict=True):
         x = points[(rejection.arc.start + rejection.arc.stop) // 2, 0]
         assert 25 - 12 < side * x < 25
 

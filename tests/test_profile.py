@@ -67,7 +67,7 @@ def test_an_empty_profile_is_a_profile(empty):
         pytest.param(np.zeros((2, 2, 2)), r"\(2, 2, 2\)", id="stack"),
     ],
 )
-def test_what_is_no_profile_is_refused(points, got):
+def test_what_is_no_profile_is_rejected(points, got):
     with pytest.raises(ValueError, match=rf"expected points of shape \(n, 2\), got {got}"):
         Profile(points)
 
@@ -88,7 +88,7 @@ def test_arcs_are_compared_by_their_spans():
 
 
 @pytest.mark.parametrize(("start", "stop"), [(3, 3), (4, 3), (-1, 3)])
-def test_what_is_no_span_is_refused(start, stop):
+def test_what_is_no_span_is_rejected(start, stop):
     with pytest.raises(ValueError, match=rf"expected 0 <= start < stop, got \[{start}, {stop}\)"):
         Arc(start, stop)
 

@@ -1,6 +1,5 @@
 """The scripts of `calibration/` run on the shipped example, and find its truth."""
 
-import importlib.util
 import json
 import re
 import subprocess
@@ -14,12 +13,13 @@ from lsvision.io.camera_file import read_camera
 from lsvision.io.hand_eye_file import load_hand_eye
 from lsvision.sensors.light_section import LightSection
 from tests.printed import differing
+from tests.scripts import import_script
 
 CALIBRATION = Path(__file__).parents[1] / "calibration"
 EXAMPLE = CALIBRATION / "example"
 TRUTH = json.loads((EXAMPLE / "truth.json").read_text())
 SIGMAS = 5.0  # of a few numbers under one fixed seed none is further out
-LARGEST_BYTES = 1_500_000
+MAX_BYTES = 1_500_000
 
 
 def script(name, *words):
@@ -112,13 +112,11 @@ def test_poses_of_ones_own_need_their_convention(tmp_path):
 def test_the_example_is_small():
     shipped = [path for path in EXAMPLE.rglob("*") if "results" not in path.parts]
     sizes = [path.stat().st_size for path in shipped if path.is_file()]
-    assert sum(sizes) < LARGEST_BYTES
+    assert sum(sizes) < MAX_BYTES
 
 
 def test_the_recipe_makes_profiles_poses_and_truth_bit_for_bit(tmp_path):
-    spec = importlib.util.spec_from_file_location("example_make", EXAMPLE / "make.py")
-    recipe = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(recipe)
+    recipe = import_script(EXAMPLE / "make.py")
     recipe.write_sphere(tmp_path, np.random.default_rng(recipe.SEED + 1))
     recipe.write_pipe(tmp_path, np.random.default_rng(recipe.SEED + 2))
     recipe.write_truth(tmp_path)

@@ -13,7 +13,7 @@ Value = TypeVar("Value")
 IN_FLIGHT_PER_THREAD = 3
 """Tasks handed to the scheduler per thread of its workers."""
 CONNECT_TIMEOUT_S = 10.0
-"""How long the scheduler is waited for. Units: s."""
+"""Time limit for the answer of the scheduler. Units: s."""
 
 
 def run_on_cluster(

@@ -1,4 +1,4 @@
-"""What a batch does with each file: how it is read, and how its profiles are measured."""
+"""Settings of a batch: how files are read, and how their profiles are measured."""
 
 import hashlib
 import json

@@ -16,7 +16,7 @@ from lsvision.errors import LsvisionError, UnreadableFile, UnwritableFile
 MANIFEST = "manifest.jsonl"
 """Name of the manifest in the folder of the results."""
 SCHEMA = "lsvision.batch/1"
-"""Name and version of its format."""
+"""Name and version of the manifest's format."""
 
 
 @dataclass(frozen=True)
@@ -26,15 +26,15 @@ class Status:
     Parameters
     ----------
     job_hash : str
-        Hash of its job.
+        Hash of the batch's job.
     settings : dict
-        Settings of its job.
+        Settings of the batch's job.
     files : int
         Number of files of the last run.
     outcomes : dict
         Last outcome of each file, by its name.
     set_aside : frozenset of str
-        Files that ended their process and are not tried again.
+        Files whose measurement ended the process (out of memory, crash); not tried again.
     """
 
     job_hash: str
@@ -84,7 +84,7 @@ def read_status(folder: Path) -> Status | None:
         raise UnreadableFile(f"{path}: {error}: no manifest of a batch") from None
     lines = text.splitlines()
     records = [record for record in map(_parsed, lines) if record is not None]
-    if not records and "\n" not in text:  # its process ended within the first line
+    if not records and "\n" not in text:  # interrupted while the first line was written
         return None
     if not records or records[0].get("schema") != SCHEMA:
         raise UnreadableFile(
@@ -107,7 +107,7 @@ def read_status(folder: Path) -> Status | None:
 
 
 def _parsed(line: str) -> dict[str, Any] | None:
-    """Return the record of a line; None for one that was cut off by the end of a process."""
+    """Return the record of a line; None for a line that an interruption left incomplete."""
     try:
         record = json.loads(line)
     except ValueError:
@@ -164,12 +164,12 @@ class Manifest:
             self._file.close()
 
     def begin(self, files: int) -> None:
-        """Note the beginning of a run over so many files."""
+        """Record the start of a run and its number of files."""
         now = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
         self._append({"files": files, "started": now, "version": __version__})
 
     def add(self, outcome: FileOutcome, *, set_aside: bool = False) -> None:
-        """Note what became of a file.
+        """Record the outcome of a file.
 
         Raises
         ------
@@ -179,7 +179,7 @@ class Manifest:
         self._append(asdict(outcome) | ({"set_aside": True} if set_aside else {}))
 
     def _end_cut_line(self) -> None:
-        """End a line that the end of a process has cut off, so that the next one is whole."""
+        """End a line that an interruption left incomplete, so that the next one is whole."""
         if self._file is not None and self._file.tell() > 0:
             self._file.seek(0)
             if not self._file.read().endswith("\n"):
@@ -240,7 +240,7 @@ def summary(status: Status, names: Iterable[str] = ()) -> str:
     status : Status
         The batch.
     names : iterable of str
-        Names of its files; without them the number of the last run counts.
+        Names of the batch's files; by default their number is that of the last run.
     """
     done, failed = status.done, status.failed
     total = len(set(names)) or status.files

@@ -38,7 +38,7 @@ class FileTask:
     name : str
         Name of the source in the results and the manifest.
     job : BatchJob
-        How it is read and measured.
+        Reading and measuring of the file.
     max_size : int
         Largest size of a file that is read. Units: bytes.
     """
@@ -52,7 +52,7 @@ class FileTask:
 
 @dataclass(frozen=True)
 class FileOutcome:
-    """What became of a file.
+    """Outcome of a file.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class FileOutcome:
     version : (int, int)
         Size in bytes and time of the last change in ns of the source.
     notes : tuple of str
-        What was assumed or left out in reading it.
+        Assumptions and omissions in reading the file.
     error : str
         Why it failed; empty if it did not.
     """
@@ -81,7 +81,7 @@ class FileOutcome:
 
 
 def measure_file(task: FileTask) -> FileOutcome:
-    """Measure a file and write its results, whole or not at all.
+    """Measure a file and write its results atomically.
 
     Parameters
     ----------

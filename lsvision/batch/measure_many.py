@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
 PROFILES_PER_TASK = 16
-"""Profiles that go to a process at once: some 50 ms of work, far more than the way there."""
+"""Profiles sent to a process at once: some 50 ms of work, far longer than the transfer."""
 
 
 def measure_many(
@@ -25,10 +25,10 @@ def measure_many(
     Parameters
     ----------
     profiles : iterable of Profile, (n, 2) array_like or data frame
-        Taken as results are asked for, a bounded number ahead: a generator may be endless.
+        Profiles, read lazily, a bounded number ahead of the results: a generator may be endless.
     jobs : int, optional
         Number of processes; 1 measures in this one. Default: the number of cores. A script
-        that asks for more than 1 needs ``if __name__ == "__main__":``, since each process imports
+        that uses more than 1 needs ``if __name__ == "__main__":``, since each process imports
         it.
     **options
         Arguments of `measure_cylinders`: radius, known_radius, known_phi, sensor, settings.
@@ -63,14 +63,16 @@ def _measure_many(
 ) -> Iterator[Measurement]:
     measured = 0
     groups = _groups(map(as_profile, profiles))
-    for task, found in run_tasks(partial(_measure_group, options), groups, jobs, ordered=True):
-        if isinstance(found, EndedProcess):
+    for task, measurements in run_tasks(
+        partial(_measure_group, options), groups, jobs, ordered=True
+    ):
+        if isinstance(measurements, EndedProcess):
             last = measured + len(task) - 1
             raise LsvisionError(
                 f"profiles {measured} to {last} ended their process twice, out of memory? "
                 "measure them with jobs=1"
             )
-        yield from found
+        yield from measurements
         measured += len(task)
 
 

@@ -51,9 +51,9 @@ def run_tasks(
     function : callable
         Function of a module; it, its arguments and its results can be pickled.
     tasks : iterable
-        Taken as results are asked for, at most `IN_FLIGHT_PER_JOB` a process ahead.
+        Tasks, read lazily, at most `IN_FLIGHT_PER_JOB` for each process ahead of the results.
     jobs : int
-        Number of processes; with 1 the work is done in this one.
+        Number of processes; with 1 the tasks run in the calling process.
     ordered : bool
         Yield in the order of the tasks, else as they finish.
 
@@ -125,7 +125,7 @@ def _run_one_by_one(
 
 @contextmanager
 def _pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
-    """Open a pool of processes of one thread each; where the work is given up they are ended."""
+    """Open a pool of single-threaded processes, terminated if the caller stops early."""
     others = set(multiprocessing.active_children())
     variables = {name: os.environ.get(name) for name in THREAD_VARIABLES}
     os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
@@ -133,7 +133,7 @@ def _pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
     pool = ProcessPoolExecutor(jobs, context, initializer=_prepare_process)
     try:
         yield pool
-    except BaseException:  # an interrupt, or the caller wants no more results
+    except BaseException:  # an interrupt, or the caller stopped reading results
         for process in set(multiprocessing.active_children()) - others:
             process.terminate()
         raise

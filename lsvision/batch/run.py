@@ -29,7 +29,7 @@ def plan_tasks(sources: Sequence[Path], root: Path, folder: Path, job: BatchJob)
         Folder of the results: ``part.parquet`` goes to ``part.parquet``, ``a.csv`` to
         ``a.csv.parquet``.
     job : BatchJob
-        How they are measured.
+        Reading and measuring of the files.
 
     Raises
     ------

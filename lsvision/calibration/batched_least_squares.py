@@ -43,7 +43,7 @@ def solve_least_squares(
     Parameters
     ----------
     observations : Observations
-        Of n poses.
+        Observations in n poses.
     states : States
         s initial guesses.
     whitening : (s or 1, n, m, m) ndarray

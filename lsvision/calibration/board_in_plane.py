@@ -1,4 +1,4 @@
-"""Light section from one image of a board that stands in the laser plane.
+"""Light section from one image of a board in the laser plane.
 
 For simple rigs: the board is moved into the plane until the laser line covers its face. The camera
 need not be calibrated; the result is valid within the laser plane.

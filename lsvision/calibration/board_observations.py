@@ -34,7 +34,7 @@ class BoardObservations:
     Parameters
     ----------
     rotations : (n, 3, 3) ndarray
-        Board to camera.
+        Rotations from the board to the camera frame.
     origins : (n, 3) ndarray
         Origin of the board in the camera frame. Units: mm.
     covariances : (n, 6, 6) ndarray
@@ -148,5 +148,5 @@ class BoardObservations:
 
 
 def _stacked(origin_rows: FloatArray, zero: FloatArray, rotation_rows: FloatArray) -> FloatArray:
-    """Return six rows: derivatives of the origin above those of the rotation (rotation only)."""
+    """Return six rows: derivatives of the origin, then those of the rotation, 0 by a shift."""
     return np.concatenate([origin_rows, np.concatenate([zero, rotation_rows], axis=-1)], axis=-2)

@@ -20,16 +20,13 @@ class BoardPoseEstimate:
     Parameters
     ----------
     camera_from_board : Pose
-        Units: mm.
+        Estimated pose.
     covariance : (6, 6) array_like
         Covariance of the board's origin in the camera frame (mm) and the left-hand rotation (rad).
-    residual_std : float
-        Standard deviation of the corner coordinates. Units: px.
     """
 
     camera_from_board: Pose
     covariance: FloatArray
-    residual_std: float
 
     def __post_init__(self) -> None:
         object.__setattr__(
@@ -78,9 +75,7 @@ def estimate_board_pose(
         [translation_jacobian, vector_jacobian @ _inverse_left_jacobian(vector)], axis=1
     )
     covariance = np.linalg.inv(pose_jacobian.T @ pose_jacobian) * variance + 1e-14 * np.eye(6)
-    return BoardPoseEstimate(
-        Pose(rotations_from_vectors(vector), translation), covariance, variance**0.5
-    )
+    return BoardPoseEstimate(Pose(rotations_from_vectors(vector), translation), covariance)
 
 
 def _require_spread(pixels: FloatArray, points: FloatArray) -> None:

@@ -94,13 +94,15 @@ class TurnedBoards:
 
     @property
     def warning(self) -> str:
-        """What is said of such a board, and of the views that were turned."""
-        told = "the robot's poses show that all views are numbered from one end"
+        """Warning about such a board, with the views that were turned."""
+        finding = "the robot's poses show that all views are numbered from one end"
         if self.turned:
             names = ", ".join(f"pose {index}" for index in self.turned)
-            told = f"the robot's poses show that {names} are numbered from another end; corrected"
+            finding = (
+                f"the robot's poses show that {names} are numbered from another end; corrected"
+            )
         return (
-            f"the board looks the same after a turn: {told}; a board with one even and one odd "
+            f"the board looks the same after a turn: {finding}; a board with one even and one odd "
             "count of inner corners needs no such check"
         )
 

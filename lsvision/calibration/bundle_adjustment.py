@@ -19,7 +19,7 @@ from lsvision.calibration.bundle_adjustment_problem import (
 from lsvision.calibration.laser_plane_initial_guess import fit_plane, laser_points_on_boards
 from lsvision.geometry import FloatArray, Points
 from lsvision.statistics.correlation import debiased_autocorrelation_time
-from lsvision.statistics.robust import MAD_TO_STD
+from lsvision.statistics.robust import mad_std
 
 HUBER_THRESHOLD = 3.0
 """Normalised residual above which the loss is linear, which limits the influence of a bad view."""
@@ -239,7 +239,7 @@ class LineNoise:
     Parameters
     ----------
     point_stds : tuple of (m,) ndarray
-        Of a single point.
+        Standard deviation of a single point, for each view. Units: px.
     effective_stds : tuple of (m,) ndarray
         Inflated by the square root of the autocorrelation time: the weight of a correlated point.
     """
@@ -304,4 +304,4 @@ def _huber_std(values: FloatArray) -> float:
 
 def _mad_std(values: FloatArray) -> float:
     """Return the standard deviation about zero by the MAD, at least 1e-4 for perfect data."""
-    return max(MAD_TO_STD * float(np.median(np.abs(values))), 1e-4)
+    return max(mad_std(values), 1e-4)

@@ -80,11 +80,11 @@ class BundleAdjustmentState:
     Parameters
     ----------
     camera : Camera
-        With at least the coefficients that are refined.
+        Camera with at least the coefficients that are refined.
     plane : Plane
         Laser plane, camera frame. Units: mm.
     camera_from_boards : tuple of Pose
-        One for each view.
+        Pose of the board in each view.
     bow : (3,) array_like
         Bow along x and along y, and twist of the board. Units: mm.
     """

@@ -18,7 +18,7 @@ from lsvision.geometry import BoolArray, FloatArray, Pose
 from lsvision.sensors.camera import Camera
 
 NEGLIGIBLE = 1e-8
-"""Share of the largest variance below which a principal axis is left out."""
+"""Fraction of the largest variance below which a principal axis is left out."""
 
 
 def intrinsics_covariance(
@@ -34,11 +34,11 @@ def intrinsics_covariance(
     camera : Camera
         Calibrated.
     views : sequence of TargetView
-        From which it was calibrated.
+        Views from which the camera was calibrated.
     poses : sequence of Pose
         ``camera_from_board`` of each.
     free : (4 + k,) ndarray of bool
-        Which parameters were estimated.
+        Mask of the parameters that were estimated.
 
     Returns
     -------
@@ -100,12 +100,12 @@ def board_pose_modes(
     camera : Camera
         Calibrated.
     covariance : (4 + k, 4 + k) ndarray
-        Of its intrinsics, from `CameraCalibration`.
+        Covariance of the intrinsics, from `CameraCalibration`.
 
     Returns
     -------
     (m, n, 6) ndarray
-        Of the origin (mm) and of the left-hand rotation (rad), for m errors and n views.
+        Shift of the origin (mm) and left-hand rotation (rad), for m errors and n views.
     """
     modes = camera_modes(camera, covariance)
     shifts = np.zeros((len(modes), len(views), 6))
@@ -113,8 +113,8 @@ def board_pose_modes(
         pose = estimate_board_pose(view.pixels, view.points, camera).camera_from_board
         for mode, wrong in enumerate(modes):
             moved = estimate_board_pose(view.pixels, view.points, wrong).camera_from_board
-            turn = vectors_from_rotations((moved.rotation @ pose.rotation.T)[None])[0]
-            shifts[mode, index] = np.append(moved.translation - pose.translation, turn)
+            rotation = vectors_from_rotations((moved.rotation @ pose.rotation.T)[None])[0]
+            shifts[mode, index] = np.append(moved.translation - pose.translation, rotation)
     return shifts
 
 

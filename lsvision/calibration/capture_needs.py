@@ -1,4 +1,4 @@
-"""What a set of board views still lacks for the calibration of a camera and a laser plane."""
+"""Board views that are still missing for the calibration of a camera and a laser plane."""
 
 from collections.abc import Sequence
 
@@ -11,25 +11,25 @@ from lsvision.geometry import Pose
 from lsvision.sensors.camera import Camera
 
 WANTED_TILT = np.radians(20.0)
-"""Tilt to each of four sides that is asked for; those of hands scatter about it. Units: rad."""
+"""Tilt to each of four sides that is requested of a hand-held board. Units: rad."""
 WANTED_DEPTH_RATIO = 1.15
-"""Farthest over nearest distance of the board that is asked for."""
+"""Requested ratio of the farthest to the nearest distance of the board."""
 FOCAL_GUESS = 1.2
 """Focal length relative to the image's width, of a camera that is not calibrated yet: a lens of
-45 deg. Between 30 and 60 deg a tilt of 20 deg is told as 14 to 30 deg."""
+45 deg. Between 30 and 60 deg a tilt of 20 deg is estimated as 14 to 30 deg."""
 _SIDES = (("right", 0, 1), ("left", 0, -1), ("lower", 1, 1), ("upper", 1, -1))
 _ROWS, _COLUMNS = ("upper", "middle", "lower"), ("left", "middle", "right")
 
 
 def missing_from(views: Sequence[TargetView], pairs: int) -> tuple[str, ...]:
-    """Return what more views should show, in words; empty where nothing is missing.
+    """Return instructions for the next views; empty where nothing is missing.
 
     Parameters
     ----------
     views : sequence of TargetView
-        Of one camera, which need not be calibrated.
+        Views of one camera, which need not be calibrated.
     pairs : int
-        How many are wanted.
+        Requested number of pairs.
 
     Returns
     -------

@@ -28,14 +28,14 @@ from lsvision.errors import CalibrationFailed, LsvisionError
 from lsvision.geometry import FloatArray
 from lsvision.laser_line.extraction import LineSettings
 from lsvision.laser_line.mosaic import interpolated_grey
-from lsvision.statistics.robust import MAD_TO_STD
+from lsvision.statistics.robust import mad_std
 
 Image = npt.NDArray[Any]
 
 LASER_ON = "board taken, hold it still: laser on, lamps off"
 NOISE_SIGMAS = 5.0
 SURROUNDINGS_PX = 40
-"""How far around the line its surroundings reach. Units: px."""
+"""Width of the surroundings on each side of the line. Units: px."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +85,7 @@ class Pair:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CaptureState:
-    """What was taken so far, and what the last frame showed.
+    """Pairs taken so far, and the last frame.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ class CaptureState:
 def next_state(
     state: CaptureState, frame: Image, target: Target, settings: CaptureSettings
 ) -> tuple[CaptureState, str, Pair | None]:
-    """Return the state after a frame, what to tell the person, and a pair that is complete.
+    """Return the state after a frame, the instruction to the user, and a complete pair.
 
     Parameters
     ----------
@@ -131,13 +131,13 @@ def next_state(
     fresh = CaptureState(pairs=state.pairs, last=view)
     if view is None:
         return fresh, "no board: show it whole, sharp and evenly lit", None
-    doubt = _doubt(state, grey, view, target, settings)
-    if doubt:
-        return fresh, doubt, None
+    problem = _view_problem(state, grey, view, target, settings)
+    if problem:
+        return fresh, problem, None
     return replace(fresh, held=(frame, view)), LASER_ON, None
 
 
-def _doubt(
+def _view_problem(
     state: CaptureState, frame: Image, view: TargetView, target: Target, settings: CaptureSettings
 ) -> str | None:
     """Return why a board does not count yet; None where it does."""
@@ -148,7 +148,7 @@ def _doubt(
         return "board seen: hold it still"
     if isinstance(target, CircleGrid):  # no straight edges
         return None
-    return _focus_doubt(frame, view, settings.max_blur_px)
+    return _focus_problem(frame, view, settings.max_blur_px)
 
 
 def movement(first: TargetView, second: TargetView) -> float:
@@ -159,12 +159,12 @@ def movement(first: TargetView, second: TargetView) -> float:
     Parameters
     ----------
     first, second : TargetView
-        Of one target.
+        Two views of the same target.
 
     Returns
     -------
     float
-        Units: px.
+        Median distance of the common corners. Units: px.
     """
     known = dict(zip(map(tuple, first.points.tolist()), first.pixels, strict=True))
     pairs = zip(map(tuple, second.points.tolist()), second.pixels, strict=True)
@@ -179,16 +179,16 @@ def _board(frame: Image, target: Target) -> TargetView | None:
         return None
 
 
-def _focus_doubt(frame: Image, view: TargetView, limit: float) -> str | None:
-    """Return what is said of a board whose edges are blurred; None where they are sharp."""
+def _focus_problem(frame: Image, view: TargetView, limit: float) -> str | None:
+    """Return the message for a board whose edges are blurred; None where they are sharp."""
     sigmas = []
     for along in ("u", "v"):
         with suppress(CalibrationFailed):
             sigmas.append(estimate_blur_from_views([frame], [view], along).sigma)
     if sigmas and max(sigmas) <= limit:
         return None
-    told = f"board blurred by {max(sigmas):.1f} px" if sigmas else "board's edges not sharp"
-    return f"{told}: focus the lens, bring it nearer"
+    blur = f"board blurred by {max(sigmas):.1f} px" if sigmas else "board's edges not sharp"
+    return f"{blur}: focus the lens, bring it nearer"
 
 
 def _shows_line(
@@ -206,14 +206,14 @@ def _shows_line(
     except LsvisionError:
         return False
     # Where the lamps are off, the board's image explains nothing.
-    lit = _grey(frame) - (0.0 if view is None else _grey(board))
+    laser_grey = _grey(frame) - (0.0 if view is None else _grey(board))
     u, v = np.round(line).astype(int).T
     (left, top), (right, bottom) = line.min(axis=0), line.max(axis=0)
     rows = slice(max(int(top) - SURROUNDINGS_PX, 0), int(bottom) + SURROUNDINGS_PX)
-    around = lit[rows, max(int(left) - SURROUNDINGS_PX, 0) : int(right) + SURROUNDINGS_PX]
+    around = laser_grey[rows, max(int(left) - SURROUNDINGS_PX, 0) : int(right) + SURROUNDINGS_PX]
     dark = float(np.median(around))
-    noise = MAD_TO_STD * float(np.median(np.abs(around - dark)))
-    contrast = float(np.median(lit[v, u])) - dark
+    noise = mad_std(around - dark)
+    contrast = float(np.median(laser_grey[v, u])) - dark
     return contrast > max(settings.min_contrast, NOISE_SIGMAS * noise)
 
 

@@ -79,7 +79,7 @@ def initial_corners(image: npt.NDArray[np.uint8], columns: int, rows: int) -> It
 def locate_corners(
     image: npt.NDArray[np.uint8], initial: Points
 ) -> tuple[Points, BoolArray] | None:
-    """Locate the corners of a chessboard, and tell which of them are certain.
+    """Locate the corners of a chessboard, and return which of them are certain.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def locate_corners(
     Returns
     -------
     corners : (rows, columns, 2) ndarray
-        Units: px.
+        Image points of the corners. Units: px.
     kept : (rows, columns) ndarray of bool
         False for a corner that is off the grid of the others.
     None

@@ -24,12 +24,12 @@ def corner_order(image: npt.NDArray[np.uint8], corners: Points) -> IntArray:
     image : (height, width) ndarray of uint8
         Grey.
     corners : (rows, columns, 2) ndarray
-        In any order of a grid. Units: px.
+        Corners in any order of a grid. Units: px.
 
     Returns
     -------
     (rows, columns) ndarray of int
-        Of ``corners.reshape(-1, 2)``.
+        Indices into ``corners.reshape(-1, 2)``.
 
     Examples
     --------
@@ -50,7 +50,7 @@ def corner_order(image: npt.NDArray[np.uint8], corners: Points) -> IntArray:
 def reading_order(centres: Points) -> IntArray:
     """Return the indices (rows, columns) of a symmetric grid: rows to the right, as one reads.
 
-    `centres` (rows, columns, 2) are in any order of a grid; nothing tells its turns apart.
+    `centres` (rows, columns, 2) are in any order of a grid; its rotations look the same.
     """
     flat = centres.reshape(-1, 2)
     return max(_right_handed_orders(centres), key=lambda order: _rightward(flat[order]))

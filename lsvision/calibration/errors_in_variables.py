@@ -41,7 +41,7 @@ class ErrorsInVariablesFit:
     Parameters
     ----------
     states : States
-        One state.
+        Estimated state (one).
     mask : (n,) ndarray
         1 for the poses that were used, 0 for others.
     cofactors : (p, p) ndarray
@@ -119,9 +119,9 @@ def fit_errors_in_variables(
     Parameters
     ----------
     observations : Observations
-        Of n poses.
+        Observations in n poses.
     initial_guess : States
-        One state.
+        Initial guess (one state).
     mask : (n,) ndarray
         1 for the poses to use, 0 for others.
     estimate_robot_std : bool
@@ -271,7 +271,7 @@ class LeastDeterminedDirection:
     std : float
         Standard deviation for the nominal robot; one radian counts 100 mm. Units: mm.
     description : str
-        The direction.
+        Direction in words.
     """
 
     std: float

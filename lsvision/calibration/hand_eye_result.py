@@ -15,6 +15,7 @@ from lsvision.calibration.result_tables import Row, cells_of_rows
 from lsvision.calibration.rotations import cross_matrices
 from lsvision.calibration.sphere_arc import SphereArcSettings
 from lsvision.geometry import FloatArray, Plane, Pose, as_readonly_array
+from lsvision.geometry.arrays import rms
 from lsvision.geometry.equality import ComparedByValue
 from lsvision.geometry.settings_repr import ShowsChanges
 from lsvision.results.number_format import format_value
@@ -75,7 +76,7 @@ class Sphere(ComparedByValue):
     centre : (3,) array_like
         In the base frame (eye in hand) or the flange frame (eye to hand). Units: mm.
     radius : float
-        Units: mm.
+        Radius of the sphere. Units: mm.
     radius_std : float
         Standard deviation; 0 where the radius was given. Units: mm.
     """
@@ -121,7 +122,7 @@ class HandEye(Result):
         Norm of each pose's residual, observed minus predicted; NaN where the target was not found.
         Units: mm.
     leave_one_out_residuals : (n,) array_like
-        The same with respect to a fit without the pose. Units: mm.
+        Residual of each pose from a fit without this pose. Units: mm.
     rejected : tuple of RejectedPose
         Poses that were not used.
     target : Sphere or Plane or Pose
@@ -299,7 +300,7 @@ class HandEye(Result):
         return math.sqrt(float(np.trace(self.covariance_at(point))))
 
     def to_dict(self) -> Record:
-        """Return the pose, its uncertainty and the evidence as plain numbers, ready for JSON.
+        """Return the pose, its uncertainty and the diagnostics as plain numbers, ready for JSON.
 
         Returns
         -------
@@ -335,10 +336,10 @@ class HandEye(Result):
         }
 
     def _summary(self) -> str:
-        believed = len(self.residuals) - len(self.rejected)
+        used = len(self.residuals) - len(self.rejected)
         return (
             f"{self.sensor}, {self.mounting.replace('_', ' ')}, {self.working_point_std:.3f} mm "
-            f"at the working point, from {believed} of {len(self.residuals)} poses"
+            f"at the working point, from {used} of {len(self.residuals)} poses"
         )
 
     def _cells(self) -> list[tuple[str, ...]]:
@@ -358,43 +359,41 @@ class HandEye(Result):
         return self.mount_from_sensor
 
     def _rms(self, residuals: FloatArray) -> float:
-        left_out = [pose.index for pose in self.rejected]
-        inliers = np.delete(residuals, left_out)
-        return float(np.sqrt(np.mean(inliers**2)))
+        return rms(np.delete(residuals, [pose.index for pose in self.rejected]))
 
 
-def hand_eye_rows(found: HandEye) -> list[Row]:
-    """Pose of the sensor with one sigma, as a rotation vector, and what it is worth."""
+def hand_eye_rows(hand_eye: HandEye) -> list[Row]:
+    """Rows of the sensor's pose with one sigma (rotation vector), and of its accuracy."""
     from scipy.spatial.transform import Rotation
 
-    mount = "flange" if found.mounting == "eye_in_hand" else "base"
-    std = [math.sqrt(value) for value in found.covariance.diagonal()]
-    pose, deg = found.mount_from_sensor, math.degrees(1)
+    mount = "flange" if hand_eye.mounting == "eye_in_hand" else "base"
+    std = [math.sqrt(value) for value in hand_eye.covariance.diagonal()]
+    pose, deg = hand_eye.mount_from_sensor, math.degrees(1)
     vector = Rotation.from_matrix(pose.rotation).as_rotvec()
     return [
-        *((f"{mount}_from_{found.sensor} {axis}", format_value(float(value), sigma), "mm")
+        *((f"{mount}_from_{hand_eye.sensor} {axis}", format_value(float(value), sigma), "mm")
           for axis, value, sigma in zip("xyz", pose.translation, std[:3], strict=True)),
         *((f"rotation vector {axis}", format_value(float(value) * deg, sigma * deg), "deg")
           for axis, value, sigma in zip("xyz", vector, std[3:], strict=True)),
-        *evidence_rows(found),
+        *accuracy_rows(hand_eye),
     ]  # fmt: skip
 
 
-def evidence_rows(found: HandEye) -> list[Row]:
-    """What the calibration is worth where it measures, and its residuals."""
-    x, y, z = (f"{value:.1f}" for value in found.working_point)
+def accuracy_rows(hand_eye: HandEye) -> list[Row]:
+    """Rows of the accuracy at the working point and of the residuals."""
+    x, y, z = (f"{value:.1f}" for value in hand_eye.working_point)
     rows: list[Row] = [
-        (f"error at the working point ({x}, {y}, {z})", f"{found.working_point_std:.3f}", "mm"),
-        ("residual, rms", f"{found.residual_rms:.3f}", "mm"),
-        ("the same, held out", f"{found.leave_one_out_rms:.3f}", "mm"),
-        ("robot, one sigma", f"{found.robot_std[0]:.3f}", "mm"),
-        ("robot, one sigma", f"{math.degrees(found.robot_std[1]):.4f}", "deg"),
+        (f"error at the working point ({x}, {y}, {z})", f"{hand_eye.working_point_std:.3f}", "mm"),
+        ("residual, rms", f"{hand_eye.residual_rms:.3f}", "mm"),
+        ("the same, held out", f"{hand_eye.leave_one_out_rms:.3f}", "mm"),
+        ("robot, one sigma", f"{hand_eye.robot_std[0]:.3f}", "mm"),
+        ("robot, one sigma", f"{math.degrees(hand_eye.robot_std[1]):.4f}", "deg"),
     ]
-    if isinstance(found.target, Sphere):
-        ball = found.target
+    if isinstance(hand_eye.target, Sphere):
+        ball = hand_eye.target
         free = ball.radius_std > 0
-        told = format_value(ball.radius, ball.radius_std) if free else f"{ball.radius:g}"
-        rows.append(("sphere's radius", told, "mm" if free else "mm (given)"))
-    if found.height_scale is not None:
-        rows.append(("heights to be multiplied by", format_value(*found.height_scale), ""))
+        radius = format_value(ball.radius, ball.radius_std) if free else f"{ball.radius:g}"
+        rows.append(("sphere's radius", radius, "mm" if free else "mm (given)"))
+    if hand_eye.height_scale is not None:
+        rows.append(("heights to be multiplied by", format_value(*hand_eye.height_scale), ""))
     return rows

@@ -38,6 +38,7 @@ from lsvision.calibration.pose_outliers import (
 )
 from lsvision.errors import CalibrationFailed, DegenerateGeometry, FitFailed
 from lsvision.geometry import FloatArray, Plane, Pose
+from lsvision.geometry.arrays import rms
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +52,7 @@ class ResultContext:
     unobserved_poses : list of RejectedPose
         Poses without an observation.
     working_point : (3,) ndarray
-        Sensor frame. Units: mm.
+        Mean position of the target in the sensor frame. Units: mm.
     mounting, sensor, settings
         As in `HandEye`.
     """
@@ -94,11 +95,11 @@ def solve_hand_eye(
     count = len(poses)
     inliers = int(fit.mask.sum())
     norms = residual_norms(observations, observations.linearise(fit.states).residuals[0])
-    rms = float(np.sqrt((norms**2 * fit.mask).sum() / max(inliers, 1)))
+    inlier_rms = float(np.sqrt((norms**2 * fit.mask).sum() / max(inliers, 1)))
     too_few = inliers < max(min_poses, count * (1 - settings.outliers.max_outlier_fraction))
     limit = settings.max_residual_rms or _explained_residual_rms(observations, fit, settings)
-    if too_few or rms > limit:
-        raise CalibrationFailed(_diagnose(observations, norms, (rms, limit), inliers))
+    if too_few or inlier_rms > limit:
+        raise CalibrationFailed(_diagnose(observations, norms, (inlier_rms, limit), inliers))
     least_determined = least_determined_direction(observations, fit)
     if least_determined.std > settings.max_least_determined_std:
         raise DegenerateGeometry(
@@ -132,19 +133,18 @@ def _diagnose(
     observations: Observations, norms: FloatArray, rms_and_limit: tuple[float, float], inliers: int
 ) -> str:
     """Return the most likely cause of large residuals."""
-    rms, limit = rms_and_limit
+    inlier_rms, limit = rms_and_limit
     count = len(norms)
-    rms_of_all = float(np.sqrt(np.mean(norms**2)))
     finding = (
         detect_moved_target(observations, np.ones(count)) if count >= 8 else None
-    ) or detect_mispaired_poses(observations, rms_of_all)
+    ) or detect_mispaired_poses(observations, rms(norms))
     if finding:
         return finding
     return (
-        f"the best solution leaves {rms:.3g} mm at {inliers} of {count} poses, more than the "
-        f"{limit:.2g} mm that noise explains: are pairs shuffled, is the convention or unit of the "
-        "poses another one than stated, or the mounting (eye in hand, eye to hand), or the size of "
-        "the target? A worse robot needs a larger max_residual_rms (--max-residual)"
+        f"the best solution leaves {inlier_rms:.3g} mm at {inliers} of {count} poses, more than "
+        f"the {limit:.2g} mm that noise explains: are pairs shuffled, is the convention or unit of "
+        "the poses another one than stated, or the mounting (eye in hand, eye to hand), or the "
+        "size of the target? A worse robot needs a larger max_residual_rms (--max-residual)"
     )
 
 
@@ -219,16 +219,18 @@ def _expand_to_all_poses(values: FloatArray, context: ResultContext) -> FloatArr
 HEAVY_TAILS = 4.0
 """Ratio of the largest rms residual that is accepted to the one that the stated noise explains."""
 MAX_ROBOT_STD_SCALE = 40.0
-"""Largest standard deviation of a robot that is believed, in units of `NOMINAL_ROBOT_STD`: 2 mm and
-0.4 deg. Wrong conventions and shuffled pairs look like 300 and more."""
+"""Largest standard deviation of a robot that is accepted, in units of `NOMINAL_ROBOT_STD`: 2 mm and
+0.4 deg. Wrong conventions and shuffled pairs give 300 and more."""
 MIN_LIMIT_MM = 3.0
-"""Residual that is always accepted, with the uncertainty that it implies. Units: mm."""
+"""Rms residual up to which a calibration is accepted at any noise; its covariance grows with the
+residuals. Units: mm."""
 MAX_RMS_RATIO = 0.35
-"""Largest ratio of the rms residual with an explanation to that without it."""
+"""Largest ratio of the rms residual under a reported hypothesis (moved target, mispaired poses) to
+that without it."""
 SIGNIFICANCE = 1e-4
 """Probability, over all splits of the poses, of reporting a moved target that did not move."""
 MAX_EXPLAINED_RMS_MM = 1.5
-"""Largest rms residual with an explanation. Units: mm."""
+"""Largest rms residual under such a hypothesis. Units: mm."""
 
 
 def residual_norms(observations: Observations, residuals: FloatArray) -> FloatArray:

@@ -140,7 +140,7 @@ class CameraCalibration(Result):
     warnings : tuple of str
         Weaknesses of the set of views.
     covariance : (4 + k, 4 + k) ndarray, optional
-        Of fx, fy, cx, cy (px) and the k coefficients; zero for fixed ones.
+        Covariance of fx, fy, cx, cy (px) and the k coefficients; zero for fixed ones.
     board_bow, board_bow_std : (3,) ndarray
         Deviation of the board's middle from flatness along x and along y, positive away from
         the camera, and its twist at the corners; zero where a flat board explains the corners as
@@ -186,7 +186,7 @@ class CameraCalibration(Result):
         return result_tables.cells_of_rows(result_tables.camera_rows(self))
 
     def _notes(self) -> list[str]:
-        return result_tables.doubt_lines(self.rejected, self.outliers, self.warnings)
+        return result_tables.rejection_lines(self.rejected, self.outliers, self.warnings)
 
 
 def calibrate_camera(

@@ -22,9 +22,9 @@ from lsvision.sensors.camera import Camera
 EDGE_INFLUENCE_SIGMAS = 2.5
 """Distance in line widths (sigma) within which the background shifts the line's centre."""
 
-BRIGHTER_BESIDE = 3.0
-"""Ratio of the brightness of a line beside the board to that of a line on it from which on the
-latter is a reflection or an edge."""
+MIN_BESIDE_BRIGHTNESS_RATIO = 3.0
+"""Smallest ratio of the brightness of a line beside the board to that of a line on it at which the
+latter is taken for a reflection or an edge."""
 
 MIN_UNIFORM_FRACTION = 0.15
 """Smallest fraction of points on uniform background; below it the line itself is in the image."""
@@ -40,7 +40,7 @@ class LineOnBoardSettings:
         Settings of `extract_laser_line`; its defaults if None.
     margin : float
         Width of the flat, white border beyond the outermost points of the target. A line that is
-        seen farther out only is told, and not used. Units: squares.
+        only seen farther out is reported and not used. Units: squares.
     edge_clearance : float
         Smallest distance of a line point from the edge of a square or disc, which shifts the line's
         centre; applies within the pattern. Units: squares.
@@ -81,7 +81,7 @@ def find_laser_views(
     target : Target
         The board.
     board_images, line_images : sequence of images
-        In the same order.
+        Images of the board without and with the laser line, in the same order.
     settings : LineOnBoardSettings
         Settings of the detection.
 
@@ -149,7 +149,9 @@ def find_laser_view(
         if beside is None:
             raise
         raise CalibrationFailed(beside.message(settings.margin)) from error
-    if beside and beside.intensity > BRIGHTER_BESIDE * np.median(line.intensity[indices]):
+    if beside and beside.intensity > MIN_BESIDE_BRIGHTNESS_RATIO * np.median(
+        line.intensity[indices]
+    ):
         raise CalibrationFailed(beside.message(settings.margin))
     indices = indices[:: max(1, len(indices) // settings.max_points)]
     return LaserView(
@@ -189,16 +191,16 @@ def _line_beside(
         line = extract_laser_line(line_image, _extraction(settings))
     except LsvisionError:
         return None
-    found = np.flatnonzero(np.isfinite(line.pixels).all(axis=1))
-    found = found[_line_inliers(camera, line.pixels[found], settings.max_line_deviation_px)]
-    if len(found) < settings.min_points:
+    located = np.flatnonzero(np.isfinite(line.pixels).all(axis=1))
+    located = located[_line_inliers(camera, line.pixels[located], settings.max_line_deviation_px)]
+    if len(located) < settings.min_points:
         return None
-    squares = _squares_beside(line.pixels[found], view, target)
+    squares = _squares_beside(line.pixels[located], view, target)
     if (squares <= settings.margin).sum() >= settings.min_points:
         return None
     # Twice as many points as are needed, since some of them will be left out.
     enough = min(2 * settings.min_points, len(squares)) - 1
-    return _LineBeside(float(np.sort(squares)[enough]), float(np.median(line.intensity[found])))
+    return _LineBeside(float(np.sort(squares)[enough]), float(np.median(line.intensity[located])))
 
 
 def _squares_beside(pixels: Points, view: TargetView, target: Target) -> FloatArray:

@@ -30,11 +30,7 @@ from lsvision.calibration.laser_plane_initial_guess import (
     laser_points_on_boards,
     plane_inlier_views,
 )
-from lsvision.calibration.laser_plane_result import (
-    CalibratedLaserView,
-    LaserPlaneCalibration,
-    rms,
-)
+from lsvision.calibration.laser_plane_result import CalibratedLaserView, LaserPlaneCalibration
 from lsvision.calibration.lens_blur import estimate_blur_from_views
 from lsvision.calibration.target import Target, TargetView, left_out_warnings
 from lsvision.calibration.views import (
@@ -47,7 +43,7 @@ from lsvision.calibration.views import (
 )
 from lsvision.errors import CalibrationFailed
 from lsvision.geometry import FloatArray
-from lsvision.geometry.arrays import BoolArray
+from lsvision.geometry.arrays import BoolArray, rms
 from lsvision.laser_line.extraction import LineSettings
 from lsvision.laser_line.image_array import as_image
 from lsvision.laser_line.mosaic import colour_planes
@@ -100,7 +96,7 @@ def calibrate_laser_plane(
     Parameters
     ----------
     camera : Camera
-        From `calibrate_camera`; refined together with the plane.
+        Camera from `calibrate_camera`; refined together with the plane.
     target : Target
         The board.
     board_images : sequence of images

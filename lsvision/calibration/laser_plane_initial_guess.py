@@ -32,7 +32,7 @@ def fit_plane(points: Points) -> Plane:
     Parameters
     ----------
     points : (n, 3) ndarray
-        Units: mm.
+        Points in space. Units: mm.
 
     Raises
     ------
@@ -90,12 +90,12 @@ def plane_inlier_views(
     laser_points : sequence of (m, 3) ndarray
         Laser points of each view, camera frame. Units: mm.
     focal_length : float
-        Units: px.
+        Focal length of the camera. Units: px.
 
     Returns
     -------
     inliers : (n,) ndarray of bool
-        All, where there are fewer than four views.
+        Mask of the inlier views; all True for fewer than four views.
     distances : (n,) ndarray
         Root mean square distance from that plane in the image. Units: px.
     """

@@ -10,12 +10,13 @@ import numpy as np
 from lsvision.calibration.bundle_adjustment_problem import LaserView
 from lsvision.calibration.result_tables import (
     cells_of_rows,
-    doubt_lines,
     laser_plane_record,
     laser_plane_rows,
+    rejection_lines,
 )
 from lsvision.calibration.views import RejectedView
 from lsvision.geometry import FloatArray, Plane, Pose
+from lsvision.geometry.arrays import rms
 from lsvision.geometry.equality import ComparedByValue
 from lsvision.results.number_format import format_value
 from lsvision.results.quantities import Record
@@ -122,9 +123,4 @@ class LaserPlaneCalibration(Result):
         return cells_of_rows(laser_plane_rows(self))
 
     def _notes(self) -> list[str]:
-        return doubt_lines(self.rejected, self.outliers, self.warnings)
-
-
-def rms(values: FloatArray) -> float:
-    """Return the root mean square of an array."""
-    return float(np.sqrt(np.mean(np.square(values))))
+        return rejection_lines(self.rejected, self.outliers, self.warnings)

@@ -20,7 +20,7 @@ from lsvision.geometry import FloatArray, Points
 from lsvision.results.number_format import format_value
 from lsvision.results.quantities import Record
 from lsvision.results.result import Result
-from lsvision.statistics.robust import MAD_TO_STD
+from lsvision.statistics.robust import mad_std
 
 ALONG_FRACTION = 0.3
 """Half length of the window along an edge, as a fraction of the edge's length."""
@@ -162,7 +162,7 @@ def estimate_blur_from_views(
             "overexposed, on a chessboard or ChArUco board"
         )
     median = float(np.median(sigmas))
-    scatter = MAD_TO_STD * float(np.median(np.abs(np.array(sigmas) - median)))
+    scatter = mad_std(np.array(sigmas) - median)
     # The standard uncertainty of a median is 1.25 times that of a mean.
     return LensBlur(median, 1.25 * scatter / len(sigmas) ** 0.5, len(sigmas))
 
@@ -230,7 +230,7 @@ def _pixels_around_edge(
     Returns
     -------
     values : (n,) ndarray
-        Units: DN.
+        Brightness of the pixels. Units: DN.
     positions : (2, n) ndarray
         Distance across the edge, and along it from its middle. Units: px.
     length : float

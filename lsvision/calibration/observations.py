@@ -62,7 +62,7 @@ class States:
     Parameters
     ----------
     rotations : (s, 3, 3) ndarray
-        From the sensor to the mount.
+        Rotations from the sensor to the mount.
     translations : (s, 3) ndarray
         Origin of the sensor in the mount frame. Units: mm.
     targets : (s, g, k) ndarray
@@ -88,11 +88,11 @@ class Linearisation:
     Parameters
     ----------
     residuals : (s, n, m) ndarray
-        In the units of the observation.
+        Observed minus predicted values, in the units of the observation.
     mount_jacobian : (s, n, m, 6) ndarray
         By translation (mm) and left-hand rotation (rad) of the sensor in the mount frame.
     target_jacobian : (s, n, m, d) ndarray
-        By the d step coordinates of `Observations.update_targets`.
+        Derivatives by the d step coordinates of `Observations.update_targets`.
     flange_jacobian : (s, n, m, 6) ndarray
         By translation (mm) and left-hand rotation (rad) of the flange.
     """
@@ -168,7 +168,7 @@ def stack_flange_poses(
     Parameters
     ----------
     base_from_flanges : sequence of Pose
-        As reported by the robot.
+        Flange poses as reported by the robot.
     mounting : {"eye_in_hand", "eye_to_hand"}
         Sensor on the flange and target fixed in the base frame, or sensor fixed in the base frame
         and target on the flange; for the latter, poses and covariances are inverted.
@@ -232,7 +232,7 @@ def points_in_sensor_frame(
     Returns
     -------
     in_sensor : (s, n, 3) ndarray
-        In the sensor frame. Units: mm.
+        Points in the sensor frame. Units: mm.
     mount_jacobian, point_jacobian, flange_jacobian : ndarray
         By the sensor pose (s, n, 3, 6), the point (s, n, 3, 3) and the flange pose (s, n, 3, 6);
         rotations act from the left.

@@ -8,7 +8,7 @@ from lsvision.errors import TooFewPoints
 from lsvision.geometry import BoolArray, FloatArray
 from lsvision.profile import Profile
 from lsvision.statistics.correlation import debiased_autocorrelation_time
-from lsvision.statistics.robust import MAD_TO_STD
+from lsvision.statistics.robust import MAD_TO_STD, mad_std
 
 OUTLIER_SIGMAS = 3.5
 """Distance in robust standard deviations beyond which a point is an outlier."""
@@ -28,7 +28,7 @@ class PlaneLine:
     covariance : (2, 2) ndarray
         Covariance of offset (mm) and slope (rad) for uncorrelated points.
     autocorrelation_time : float
-        As of `SphereArc`.
+        Autocorrelation time of the residuals, as of `SphereArc`.
     """
 
     midpoint: FloatArray
@@ -58,7 +58,7 @@ def find_plane_line(profile: Profile) -> PlaneLine:
     for _ in range(20):
         midpoint, direction, normal = _line_through(points[inliers])
         distance = (points - midpoint) @ normal
-        std = MAD_TO_STD * float(np.median(np.abs(distance[inliers])))
+        std = mad_std(distance[inliers])
         previous, inliers = inliers, np.abs(distance) <= max(OUTLIER_SIGMAS * std, 1e-6)
         if inliers.sum() < MIN_POINTS:
             raise TooFewPoints(

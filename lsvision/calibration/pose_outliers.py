@@ -56,7 +56,7 @@ class RobustHandEyeFit:
     Parameters
     ----------
     fit : ErrorsInVariablesFit
-        Its mask marks the inlier poses.
+        Fit whose mask marks the inlier poses.
     outlier_p_values : (n,) ndarray
         Probability of a residual as large as that of each pose, if the pose is correct.
     """

@@ -86,12 +86,12 @@ class PosePlan(Result):
     base_from_flanges : tuple of Pose
         Flange poses to move to.
     indices : tuple of int
-        Their indices in the candidates.
+        Indices of these poses in the candidates.
     predicted_std : (k,) array_like
         Standard deviation of a point at the target's mean position in the view, after each pose
         and those measured before. Units: mm.
     predicted_origin_std : (k,) array_like
-        The same of the sensor's origin. Units: mm.
+        Predicted standard deviation of the sensor's origin after each pose. Units: mm.
     """
 
     base_from_flanges: tuple[Pose, ...]
@@ -104,7 +104,7 @@ class PosePlan(Result):
             object.__setattr__(self, name, as_readonly_array(getattr(self, name), ("k",), name))
 
     def to_dict(self) -> Record:
-        """Return the poses and the accuracy they promise, ready for JSON.
+        """Return the poses and their predicted accuracy, ready for JSON.
 
         Returns
         -------
@@ -123,8 +123,8 @@ class PosePlan(Result):
     def _cells(self) -> list[tuple[str, ...]]:
         rows: list[tuple[str, ...]] = [("", "x mm", "y mm", "z mm", "std after it mm")]
         for number, pose in enumerate(self.base_from_flanges, 1):
-            place = (f"{value:.1f}" for value in pose.translation)
-            rows.append((str(number), *place, f"{self.predicted_std[number - 1]:.4f}"))
+            position = (f"{value:.1f}" for value in pose.translation)
+            rows.append((str(number), *position, f"{self.predicted_std[number - 1]:.4f}"))
         return rows
 
     def _rows(self) -> list[Record]:
@@ -139,7 +139,7 @@ class PlanningTarget(Protocol):
 
     @property
     def requirement(self) -> str:
-        """What a pose must do with the target, for an error message."""
+        """Requirement on a pose, for an error message."""
         ...
 
     @property
@@ -200,11 +200,12 @@ def plan_hand_eye_poses(
     Parameters
     ----------
     flange_from_section : Pose or (4, 4) array_like
-        Nominal, from a drawing or a first calibration, accurate to a few degrees and mm.
+        Nominal pose of the sensor, from a drawing or a first calibration, accurate to a few degrees
+        and mm.
     centre : (3,) array_like
         Approximate centre of the sphere in the base frame. Units: mm.
     radius : float
-        Units: mm.
+        Radius of the sphere. Units: mm.
     measured : sequence of Pose or (4, 4) array_like
         ``base_from_flange`` of poses already measured.
     candidates : sequence of Pose or (4, 4) array_like, optional
@@ -259,7 +260,8 @@ def plan_hand_eye_poses_plane(
     Parameters
     ----------
     flange_from_section : Pose or (4, 4) array_like
-        Nominal, from a drawing or a first calibration, accurate to a few degrees and mm.
+        Nominal pose of the sensor, from a drawing or a first calibration, accurate to a few degrees
+        and mm.
     plane : Plane
         Approximate plate in the base frame. The measured side is the one that most of `measured`
         face; without any, the one that the normal points to.

@@ -13,7 +13,7 @@ from lsvision.errors import TooFewPoints
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Points, as_readonly_array
 from lsvision.profile import Profile
 from lsvision.statistics.correlation import debiased_autocorrelation_time
-from lsvision.statistics.robust import MAD_TO_STD
+from lsvision.statistics.robust import mad_std
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -66,8 +66,6 @@ class SphereArc:
         arc is inaccurate: take the mean of many, and multiply `covariance` by it.
     indices : tuple of int
         Indices of the inliers in the profile.
-    residual_std : float
-        Standard deviation of the inliers from the circle. Units: mm.
     """
 
     circle: FloatArray
@@ -75,7 +73,6 @@ class SphereArc:
     height_scale_gradient: FloatArray
     autocorrelation_time: float
     indices: tuple[int, ...]
-    residual_std: float
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "circle", as_readonly_array(self.circle, (3,), "circle"))
@@ -142,7 +139,7 @@ def find_sphere_arc(
         _require_arc(points, circle, inliers, settings)
         previous, variances = inliers, _normal_variances(profile, indices, circle)
         circle = _fit_circle(points[inliers], circle, variances[inliers])
-        std = MAD_TO_STD * float(np.median(np.abs(_residuals(points[inliers], circle))))
+        std = mad_std(_residuals(points[inliers], circle))
         tolerance = min(settings.tolerance, max(OUTLIER_SIGMAS * std, 1e-6))
         inliers = _on_arc(points, circle, tolerance, settings)
         if np.array_equal(inliers, previous):
@@ -290,10 +287,9 @@ def _build_arc(
     variance_factor = variance_factor if estimate_noise else max(variance_factor, 1.0)
     information = jacobian.T @ (jacobian / variances[:, None])
     covariance = variance_factor * np.linalg.inv(information) + 1e-12 * np.eye(3)
-    std = math.sqrt(float((residuals**2).sum()) / dof)
     gradient = _height_scale_gradient(points, circle, variances)
     time = debiased_autocorrelation_time(residuals / np.sqrt(variances), 3)
-    return SphereArc(circle, covariance, gradient, time, tuple(int(i) for i in indices), std)
+    return SphereArc(circle, covariance, gradient, time, tuple(int(i) for i in indices))
 
 
 def _height_scale_gradient(points: Points, circle: FloatArray, variances: FloatArray) -> FloatArray:

@@ -4,10 +4,11 @@ A circle (x, y, r) contains all the information of an arc. With q the sphere's c
 section frame, x = q_x, y = q_y and r^2 = R^2 - q_z^2: the side of the centre on which the section
 lies never has to be decided.
 
-The robot's poses contain no length as long as the sensor's range: an error of the scale of the
-heights (triangulation scales wrong by a few percent occur) makes every circle too small and shifts
-every sphere. The scale of the heights is therefore estimated together with the radius, as a check
-of the sensor and because standard deviations that take it as exact would be too small.
+The displacements between the robot's poses are shorter than the sensor's range and do not reveal an
+error of the scale of the heights (triangulation scales wrong by a few percent occur), which makes
+every circle too small and shifts every sphere. The scale of the heights is therefore estimated
+together with the radius, as a check of the sensor and because standard deviations that take it as
+exact would be too small.
 """
 
 from collections.abc import Sequence
@@ -179,9 +180,9 @@ class SpherePlanningTarget:
     Parameters
     ----------
     centre : (3,) ndarray
-        Base frame. Units: mm.
+        Centre of the sphere in the base frame. Units: mm.
     radius : float
-        Units: mm.
+        Radius of the sphere. Units: mm.
     circle_std : float
         Standard deviation of a circle's centre along X; along Y and in radius three times that.
         Units: mm.

@@ -36,7 +36,7 @@ class TargetView(ComparedByValue):
     points : (n, 3) array_like
         Board frame, z = 0. Units: mm.
     pixels : (n, 2) array_like
-        The same points in the image. Units: px.
+        Image points of `points`. Units: px.
     size : tuple of int
         ``(width, height)`` of the image. Units: px.
     """
@@ -220,7 +220,7 @@ class Chessboard(PrintedTarget):
 class CircleGrid(PrintedTarget):
     """Grid of discs, dark on bright or bright on dark; must be completely visible.
 
-    A symmetric grid is numbered as one reads it in the image, since nothing tells its turns apart:
+    A symmetric grid is numbered as one reads it in the image, since its rotations look the same:
     for a hand-eye calibration, an asymmetric one is better (`turn_boards`).
 
     Parameters

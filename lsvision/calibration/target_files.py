@@ -55,11 +55,11 @@ class PageLayout:
     Parameters
     ----------
     width, height : float
-        Units: mm.
+        Size of the page. Units: mm.
     shapes : tuple of Rectangle or Disc
         Black shapes.
     text : str
-        One line below the pattern.
+        Line of text below the pattern.
     text_at : tuple of float
         Start of its base line. Units: mm.
     """
@@ -111,17 +111,7 @@ def target_svg(target: Target) -> str:
 
 
 def target_pdf(target: Target) -> bytes:
-    """Draw a target as a PDF page at true scale.
-
-    Parameters
-    ----------
-    target : Target
-        The board.
-
-    Returns
-    -------
-    bytes
-        A PDF of one page; print it at 100 %, "actual size".
+    """Draw a target as a PDF page at true scale; otherwise as `target_svg`.
 
     Examples
     --------

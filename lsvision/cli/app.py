@@ -19,7 +19,7 @@ from lsvision.files.limited_reading import size_limit
 from lsvision.files.printable import printable
 
 INTERRUPTED = 130
-"""Exit code after Ctrl-C or SIGTERM, as shells have it."""
+"""Exit code after Ctrl-C or SIGTERM, as in shells."""
 MAX_SIZE_LIMIT = 1e15
 """Largest --max-size. Units: bytes."""
 

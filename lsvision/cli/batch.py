@@ -1,7 +1,6 @@
 """``lsvision batch``: files of profiles in, a Parquet file of cylinders each out, resumable."""
 
 import os
-import sys
 import time
 from collections.abc import Sequence
 from functools import partial
@@ -20,7 +19,7 @@ from lsvision.cli.profile_options import (
     ReadingOptions,
     SensorOptions,
 )
-from lsvision.cli.progress import duration_text
+from lsvision.cli.progress import StatusLine, duration_text
 from lsvision.cli.sources import find_sources, suffixes_of_profiles
 from lsvision.errors import LsvisionError
 
@@ -80,7 +79,7 @@ def batch(
     \b
     A folder of Parquet files, on all cores (with --job also judged: a column decision):
       lsvision batch profiles --out cylinders --radius 10:40
-    How far it is:
+    Progress of a batch:
       lsvision batch --status cylinders
     On several machines (first `dask scheduler` on one, `dask worker tcp://HOST:8786` on each; the
     folders are shared):
@@ -124,7 +123,7 @@ def batch(
 def _batch_job(
     measuring: "partial[Measurement]", options: "ReadOptions", path: Path | None
 ) -> "BatchJob":
-    """Return what is done with each file: as the options say, or a job file."""
+    """Return the settings of the batch, from the options or from a job file."""
     from lsvision.batch.job import BatchJob
 
     if path is None:
@@ -164,14 +163,14 @@ def _print_summary(status: "Status", names: Sequence[str] = ()) -> None:
     typer.echo(summary(status, names))
 
 
-class _Report:
+class _Report(StatusLine):
     """Progress on stderr: files, profiles, rate and the time that is left; failures as lines."""
 
     def __init__(self, total: int) -> None:
+        super().__init__()
         self._total, self._start = total, time.monotonic()
         self._files = self._profiles = 0
         self._notes: dict[str, list[str]] = {}
-        self._shown = sys.stderr.isatty()
 
     def __call__(self, outcome: "FileOutcome") -> None:
         self._files += 1
@@ -181,23 +180,15 @@ class _Report:
         if outcome.error:
             self.clear()
             print_error(outcome.error)
-        if self._shown:
-            seconds = max(time.monotonic() - self._start, 1e-3)
-            left = seconds / self._files * (self._total - self._files)
-            sys.stderr.write(
-                f"\r\x1b[K{self._files}/{self._total} files, {self._profiles} profiles, "
-                f"{self._profiles / seconds:.0f}/s, {duration_text(left)} left"
-            )
-            sys.stderr.flush()
+        seconds = max(time.monotonic() - self._start, 1e-3)
+        left = seconds / self._files * (self._total - self._files)
+        self.write(
+            f"{self._files}/{self._total} files, {self._profiles} profiles, "
+            f"{self._profiles / seconds:.0f}/s, {duration_text(left)} left"
+        )
 
     def print_notes(self) -> None:
         """Print what was assumed in reading the files, each remark once."""
         for note, names in self._notes.items():
             more = f" and {len(names) - 1} more" if len(names) > 1 else ""
             print_lines([f"{names[0]}{more}: note: {note}"], err=True)
-
-    def clear(self) -> None:
-        """Wipe the progress, so that other lines can be written."""
-        if self._shown:
-            sys.stderr.write("\r\x1b[K")
-            sys.stderr.flush()

@@ -21,17 +21,14 @@ from lsvision.cli.calibrate_tables import (
     warning_lines,
 )
 from lsvision.cli.messages import print_lines
-from lsvision.cli.option_groups import expand_option_groups
+from lsvision.cli.option_groups import command_group, expand_option_groups
 from lsvision.cli.outputs import check_outputs
 from lsvision.cli.target_options import TargetOptions
 from lsvision.errors import UnreadableFile
 from lsvision.files.printable import printable
 
-calibrate = typer.Typer(
-    name="calibrate",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-    help="Camera, laser plane and sensor to robot; each with its uncertainty and a report.",
+calibrate = command_group(
+    "calibrate", "Camera, laser plane and sensor to robot; each with its uncertainty and a report."
 )
 calibrate.add_typer(hand_eye)
 calibrate.command()(capture)
@@ -127,21 +124,23 @@ def camera(
     )
     with prefix_file_names(image=names):
         shots = read_images(files)
-        found = calibrate_camera(shots, board, model)
-    rows = camera_rows(found)
-    warnings = warning_lines(names, found.rejected, found.outliers, found.warnings)
-    provenance = provenance_of(f"{len(found.views)} views of {board}", files)
+        calibration = calibrate_camera(shots, board, model)
+    rows = camera_rows(calibration)
+    warnings = warning_lines(
+        names, calibration.rejected, calibration.outliers, calibration.warnings
+    )
+    provenance = provenance_of(f"{len(calibration.views)} views of {board}", files)
     if report is not None:
         from lsvision.draw.calibration_report import ReportContent, camera_page
         from lsvision.files.atomic_files import write_atomic
 
         content = ReportContent(rows, warnings, names, provenance, shots)
-        write_atomic(report, camera_page(found, content))
-    write_calibration(out, found, provenance)
+        write_atomic(report, camera_page(calibration, content))
+    write_calibration(out, calibration, provenance)
     if ros_yaml is not None:
-        write_camera_yaml(ros_yaml, found.camera)
-    width, height = found.camera.size
-    used = f"{len(found.views)} of {len(files)} images"
+        write_camera_yaml(ros_yaml, calibration.camera)
+    width, height = calibration.camera.size
+    used = f"{len(calibration.views)} of {len(files)} images"
     head = f"{out}: camera of {width} x {height} px from {used}"
     print_lines([head, *value_lines(rows), *warnings])
 
@@ -213,24 +212,26 @@ def laser_plane(
     with prefix_file_names(
         image=names, board_image=names, line_image=[printable(file.name) for file in line_files]
     ):
-        found = calibrate_laser_plane(
+        calibration = calibrate_laser_plane(
             view, board, shots, line_shots, settings, read_camera_covariance(camera_file)
         )
     provenance = provenance_of(
-        f"laser line on {board} in {len(found.views)} poses", dict.fromkeys(files)
+        f"laser line on {board} in {len(calibration.views)} poses", dict.fromkeys(files)
     )
-    rows = laser_plane_rows(found)
-    warnings = warning_lines(names, found.rejected, found.outliers, found.warnings)
+    rows = laser_plane_rows(calibration)
+    warnings = warning_lines(
+        names, calibration.rejected, calibration.outliers, calibration.warnings
+    )
     if report is not None:
-        lit = [
+        photos = [
             brighter_of(*pair, line_options.pattern) for pair in zip(shots, line_shots, strict=True)
         ]
-        page = ReportContent(rows, warnings, names, provenance, lit)
-        write_atomic(report, laser_plane_page(found, board.points, page))
-    replace(found.light_section, provenance=provenance).save(out)
+        page = ReportContent(rows, warnings, names, provenance, photos)
+        write_atomic(report, laser_plane_page(calibration, board.points, page))
+    replace(calibration.light_section, provenance=provenance).save(out)
     if details is not None:
-        write_calibration(details, found, provenance)
-    used = f"{len(found.views)} of {len(names)} poses of the board"
+        write_calibration(details, calibration, provenance)
+    used = f"{len(calibration.views)} of {len(names)} poses of the board"
     print_lines([f"{out}: laser plane from {used}", *value_lines(rows), *warnings])
 
 

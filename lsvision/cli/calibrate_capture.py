@@ -39,7 +39,7 @@ def capture(
 
     Hold the board before the camera: once it is found, still and sharp, it is taken, and you are
     asked for the laser. The line is taken when it lies on the unmoved board. After each pair it is
-    told what is still missing: parts of the image, tilts, distances.
+    shown what is still missing: parts of the image, tilts, distances.
 
     \b
       lsvision calibrate capture --camera 0 --boards boards --lines lines
@@ -52,12 +52,12 @@ def capture(
     from lsvision.calibration.capture_pairs import CaptureSettings, CaptureState, next_state
     from lsvision.io.camera_frames import open_camera
 
-    settings, state, told = CaptureSettings(line=line), CaptureState(), ""
+    settings, state, printed = CaptureSettings(line=line), CaptureState(), ""
     for frame in open_camera(camera):
         state, text, pair = next_state(state, frame, board, settings)
-        if text != told:
+        if text != printed:
             typer.echo(text)
-        told = text
+        printed = text
         if pair is not None:
             _write_pair(pair, len(state.pairs) - 1, boards, lines)
             typer.echo(f"missing: {'; '.join(missing_from(state.pairs, pairs)) or 'nothing'}")
@@ -70,7 +70,7 @@ def capture(
 
 
 def _require_empty(folder: Path) -> None:
-    """Refuse a folder that holds images, of which the pairs would become part."""
+    """Raise an error for a folder that holds images already: the pairs would be mixed in."""
     if not folder.is_dir():
         return
     images = sorted(path for path in folder.iterdir() if path.suffix.lower() in IMAGE_SUFFIXES)

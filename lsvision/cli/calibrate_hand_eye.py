@@ -17,17 +17,14 @@ from lsvision.cli.hand_eye_command import (
     calibrate_from_profiles,
     report_hand_eye,
 )
-from lsvision.cli.option_groups import expand_option_groups
+from lsvision.cli.option_groups import command_group, expand_option_groups
 from lsvision.cli.profile_options import ReadingOptions
 from lsvision.cli.robot_poses import RobotOptions, parse_convention, parse_pose_file
 from lsvision.cli.target_options import TargetOptions
 from lsvision.files.printable import printable
 
-hand_eye = typer.Typer(
-    name="hand-eye",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-    help="Where the sensor sits on the robot: from a sphere, a plane or a board.",
+hand_eye = command_group(
+    "hand-eye", "Where the sensor sits on the robot: from a sphere, a plane or a board."
 )
 
 Profiles = Annotated[
@@ -159,7 +156,7 @@ def target_poses(
     """Calibrate a camera to the robot from poses of a target that were found elsewhere.
 
     Each sample is the pose of the target before the camera, and that of the flange. All errors
-    are attributed to the robot, since the file does not tell those of the target's poses.
+    are attributed to the robot, since the file does not hold those of the target's poses.
 
     \b
     Samples as MoveIt or easy_handeye store them:

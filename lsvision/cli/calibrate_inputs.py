@@ -86,12 +86,12 @@ class LineOptions:
 
 
 def image_files(names: Sequence[str]) -> list[Path]:
-    """Return the images that names stand for, in natural order; exit if a name has none."""
+    """Return the images of names, folders and patterns, in natural order; exit without any."""
     return _find(names, IMAGE_SUFFIXES)
 
 
 def profile_files(names: Sequence[str], dx: float | None) -> list[Path]:
-    """Return the profile files that names stand for, with ``--dx`` height maps as well."""
+    """Return the profile files of names, folders and patterns; with ``--dx`` height maps, too."""
     return _find(names, suffixes_of_profiles(dx))
 
 
@@ -157,9 +157,9 @@ def replace_image_numbers(text: str, **names: Sequence[str]) -> str:
         label = kind.replace("_", " ")
         before = r"(?<!board )(?<!line )" if label == "image" else ""
 
-        def with_name(found: re.Match[str], every: Sequence[str] = every) -> str:
-            number = int(found[1])
-            return f"{found[0]} ({every[number]})" if number < len(every) else found[0]
+        def with_name(match: re.Match[str], every: Sequence[str] = every) -> str:
+            number = int(match[1])
+            return f"{match[0]} ({every[number]})" if number < len(every) else match[0]
 
         text = re.sub(rf"{before}\b{label} (\d+)\b", with_name, text)
     return text

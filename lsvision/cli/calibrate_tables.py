@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from lsvision.calibration.result_tables import Row, doubt_lines
+from lsvision.calibration.result_tables import Row, rejection_lines
 from lsvision.cli.calibrate_inputs import replace_image_numbers
 from lsvision.results.tables import text_table
 
@@ -14,13 +14,13 @@ if TYPE_CHECKING:
     from lsvision.calibration.views import RejectedView
 
 
-def pose_rows(found: "HandEye", names: Sequence[str]) -> list[tuple[str, str, str, str]]:
+def pose_rows(hand_eye: "HandEye", names: Sequence[str]) -> list[tuple[str, str, str, str]]:
     """Return for each pose: name, residual, held-out residual, and whether it was left out."""
-    left_out = {pose.index for pose in found.rejected}
+    left_out = {pose.index for pose in hand_eye.rejected}
     return [
         (name, _mm(residual), _mm(held_out), "left out" if index in left_out else "")
         for index, (name, residual, held_out) in enumerate(
-            zip(names, found.residuals, found.leave_one_out_residuals, strict=True)
+            zip(names, hand_eye.residuals, hand_eye.leave_one_out_residuals, strict=True)
         )
     ]
 
@@ -47,7 +47,7 @@ def warning_lines(
     warnings: Sequence[str],
 ) -> list[str]:
     """Return lines on rejected views, outliers and warnings, with the names of the images."""
-    lines = doubt_lines(rejected, outliers, warnings)
+    lines = rejection_lines(rejected, outliers, warnings)
     return [replace_image_numbers(line, image=names) for line in lines]
 
 

@@ -48,7 +48,7 @@ class Measure(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class PartOptions:
-    """How files are read and measured; can be sent to another process.
+    """Options for reading and measuring files; can be sent to another process.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class PartOptions:
     reading : ReadOptions
         Options of reading profile files.
     imaging : ImagingOptions, optional
-        How images become profiles; without, images are errors.
+        Rig and settings by which images become profiles; without them images are errors.
     placing : RobotFrame, optional
         Transformation of cylinders to the robot's frame; without, they stay in the section frame.
     verbose, debug : bool
@@ -121,12 +121,12 @@ class FilePart:
 
 @dataclass(frozen=True)
 class PartResult:
-    """What was found in a part, or why it could not be measured or drawn.
+    """Results of a part, or the errors in measuring or drawing it.
 
     Parameters
     ----------
     lines : list of str
-        Text for people.
+        Printed text.
     records : list of dict
         Records of the profiles.
     errors : list of str
@@ -200,7 +200,7 @@ def measure_parts(options: PartOptions, parts: Sequence[FilePart]) -> list[PartR
     Parameters
     ----------
     options : PartOptions
-        How they are measured.
+        Reading and measuring of the profiles.
     parts : sequence of FilePart
         The profiles; the intervals of their cylinders are computed together.
 

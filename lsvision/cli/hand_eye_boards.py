@@ -24,7 +24,7 @@ class Evidence:
 
     Parameters
     ----------
-    doubts : sequence of str
+    warnings : sequence of str
         Warnings about the target.
     images : sequence of images
         A photo of each pose; empty for profiles.
@@ -32,7 +32,7 @@ class Evidence:
         In each photo, the corners found, and predicted minus found. Units: px.
     """
 
-    doubts: "Sequence[str]" = ()
+    warnings: "Sequence[str]" = ()
     images: Sequence[Any] = ()
     corners: "Sequence[tuple[Points, FloatArray]]" = ()
 
@@ -55,7 +55,7 @@ class SeenBoards:
         Of the poses; see `estimate_board_pose`.
     camera_modes : (m, n, 6) ndarray, optional
         Where the file of the camera has its covariance; see `board_pose_modes`.
-    doubts : tuple of str
+    warnings : tuple of str
         Corners that were left out, and turned views.
     """
 
@@ -65,7 +65,7 @@ class SeenBoards:
     poses: "Sequence[Pose]"
     covariances: "FloatArray"
     camera_modes: "FloatArray | None"
-    doubts: tuple[str, ...]
+    warnings: tuple[str, ...]
 
     def numbered_from_one_end(
         self, target: "Target", flanges: "Sequence[Pose]", mounting: "Mounting"
@@ -94,7 +94,7 @@ class SeenBoards:
             poses=turned.poses,
             covariances=turned.covariances(self.covariances),
             camera_modes=None if self.camera_modes is None else turned.shifts(self.camera_modes),
-            doubts=(*self.doubts, turned.warning),
+            warnings=(*self.warnings, turned.warning),
         )
 
     def evidence(
@@ -111,8 +111,8 @@ class SeenBoards:
             board = (carrier @ found.mount_from_sensor).inverse() @ found.target
             predicted = self.camera.project(board.apply(view.points))
             corners.append((view.pixels, predicted - view.pixels))
-        doubts = [replace_image_numbers(text, image=names, pose=names) for text in self.doubts]
-        return Evidence(doubts=doubts, images=self.images, corners=corners)
+        warnings = [replace_image_numbers(text, image=names, pose=names) for text in self.warnings]
+        return Evidence(warnings=warnings, images=self.images, corners=corners)
 
 
 def see_boards(files: Sequence[Path], target: "Target", camera_file: Path) -> SeenBoards:
@@ -152,5 +152,5 @@ def see_boards(files: Sequence[Path], target: "Target", camera_file: Path) -> Se
         poses=poses,
         covariances=np.array(covariances),
         camera_modes=modes,
-        doubts=tuple(left_out_warnings(target, views, range(len(views)))),
+        warnings=tuple(left_out_warnings(target, views, range(len(views)))),
     )

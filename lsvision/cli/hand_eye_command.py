@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from lsvision.geometry import Pose
 
 PLACEMENTS: "dict[str, Mounting]" = {"eye-in-hand": "eye_in_hand", "eye-to-hand": "eye_to_hand"}
-"""Names of the mountings: of the option, and of the library."""
+"""Mounting in the library for each value of ``--mounting``."""
 NO_EVIDENCE = Evidence()
 FRAMES = "tool0:sensor"
 """Names of the frames in an easy_handeye file."""
@@ -122,14 +122,14 @@ class HandEyeResultOptions:
         )
 
     def check_files(self, inputs: Sequence[Path], *more: Path | None) -> None:
-        """Raise an error if an output, or one of `more`, could not be written: `check_outputs`."""
+        """Raise an error if an output, or one of `more`, cannot be written: `check_outputs`."""
         outputs = (self.out, self.easy_handeye, self.report, *more)
         check_outputs(outputs, inputs)
 
 
 @dataclass(frozen=True, kw_only=True)
 class HandEyeOptions(HandEyeResultOptions):
-    """The same with the poses of the robot.
+    """Options of a hand-eye calibration with a file of robot poses.
 
     Raises
     ------
@@ -224,31 +224,33 @@ def calibrate_from_profiles(
     profiles, names = read_named_profiles(files, options)
     flanges = job.read_flanges(names)
     with prefix_file_names(pose=names):
-        found = calibrate(profiles, flanges, mounting=job.placement, settings=job.settings)
-        planned = _plan_next_poses(found, flanges, plan.plan_poses) if plan.plan_poses else None
-    report_hand_eye(found, flanges, names, job, [*pose_files(job.poses), *files])
+        hand_eye = calibrate(profiles, flanges, mounting=job.placement, settings=job.settings)
+        planned = _plan_next_poses(hand_eye, flanges, plan.plan_poses) if plan.plan_poses else None
+    report_hand_eye(hand_eye, flanges, names, job, [*pose_files(job.poses), *files])
     if planned is not None:
         _report_pose_plan(planned, plan.plan_out)
 
 
 def report_hand_eye(
-    found: "HandEye", flanges: "Sequence[Pose]", names: Sequence[str],
+    hand_eye: "HandEye", flanges: "Sequence[Pose]", names: Sequence[str],
     job: HandEyeResultOptions, inputs: Sequence[Path], evidence: Evidence = NO_EVIDENCE,
 ) -> None:  # fmt: skip
     """Write the files and print the result."""
-    from lsvision.calibration.hand_eye_result import evidence_rows
+    from lsvision.calibration.hand_eye_result import accuracy_rows
     from lsvision.geometry import Pose
     from lsvision.io.calibration import provenance_of
     from lsvision.io.hand_eye_file import export_easy_handeye, save_hand_eye
     from lsvision.io.pose_numbers import frame_rows
 
     convention = job.convention if isinstance(job, HandEyeOptions) else None
-    rows = frame_rows(found, job.frame_convention or convention or "ros") + evidence_rows(found)
-    warnings = [f"left out: {names[pose.index]}: {pose.reason}" for pose in found.rejected]
-    warnings += [f"warning: {text}" for text in (*found.warnings, *evidence.doubts)]
-    used = len(names) - len(found.rejected)
+    rows = frame_rows(hand_eye, job.frame_convention or convention or "ros") + accuracy_rows(
+        hand_eye
+    )
+    warnings = [f"left out: {names[pose.index]}: {pose.reason}" for pose in hand_eye.rejected]
+    warnings += [f"warning: {text}" for text in (*hand_eye.warnings, *evidence.warnings)]
+    used = len(names) - len(hand_eye.rejected)
     origin = "samples" if convention is None else f"{convention} poses"
-    kind = "board" if isinstance(found.target, Pose) else type(found.target).__name__.lower()
+    kind = "board" if isinstance(hand_eye.target, Pose) else type(hand_eye.target).__name__.lower()
     method = f"{kind}, {job.mounting}, {origin}"
     provenance = provenance_of(method, dict.fromkeys(inputs))
     if job.report is not None:
@@ -256,14 +258,14 @@ def report_hand_eye(
         from lsvision.files.atomic_files import write_atomic
 
         page = ReportContent(rows, warnings, names, provenance, evidence.images)
-        write_atomic(job.report, hand_eye_page(found, flanges, page, evidence.corners))
-    save_hand_eye(found, job.out, provenance)
+        write_atomic(job.report, hand_eye_page(hand_eye, flanges, page, evidence.corners))
+    save_hand_eye(hand_eye, job.out, provenance)
     if job.easy_handeye is not None:
         robot, sensor = job.frame_names
-        export_easy_handeye(found, job.easy_handeye, robot_frame=robot, sensor_frame=sensor)
+        export_easy_handeye(hand_eye, job.easy_handeye, robot_frame=robot, sensor_frame=sensor)
     head = f"{job.out}: sensor to robot from {used} of {len(names)} poses"
     table = text_table(
-        [("pose", "residual mm", "held out mm", ""), *pose_rows(found, names)], left=1
+        [("pose", "residual mm", "held out mm", ""), *pose_rows(hand_eye, names)], left=1
     )
     print_lines([head, *value_lines(rows), "", *table, *warnings])
 
@@ -277,28 +279,28 @@ def _check_plan(job: HandEyeOptions, plan: PosePlanOptions) -> None:
         raise typer.BadParameter("expected --plan-poses N with --plan-out, got none")
 
 
-def _plan_next_poses(found: "HandEye", flanges: "Sequence[Pose]", count: int) -> "PosePlan":
+def _plan_next_poses(hand_eye: "HandEye", flanges: "Sequence[Pose]", count: int) -> "PosePlan":
     """Return the poses that improve the calibration most, at the sphere or plate found."""
     from lsvision.calibration import pose_planning as planning
     from lsvision.geometry import Plane
 
-    left_out = {pose.index for pose in found.rejected}
+    left_out = {pose.index for pose in hand_eye.rejected}
     used = [pose for index, pose in enumerate(flanges) if index not in left_out]
-    mount = found.mount_from_sensor
+    mount = hand_eye.mount_from_sensor
     settings = replace(
-        planning.PLANE_DEFAULTS if isinstance(found.target, Plane) else planning.SPHERE_DEFAULTS,
+        planning.PLANE_DEFAULTS if isinstance(hand_eye.target, Plane) else planning.SPHERE_DEFAULTS,
         count=count,
-        standoff=float(found.working_point[1]),
-        robot_std=found.robot_std,
+        standoff=float(hand_eye.working_point[1]),
+        robot_std=hand_eye.robot_std,
         candidates=max(150, 10 * count),
     )
-    if isinstance(found.target, Plane):
-        targets = [(pose @ mount).apply_one(found.working_point) for pose in used]
+    if isinstance(hand_eye.target, Plane):
+        targets = [(pose @ mount).apply_one(hand_eye.working_point) for pose in used]
         middle = sum(targets) / len(targets)
         return planning.plan_hand_eye_poses_plane(
-            mount, found.target, middle, measured=used, settings=settings
+            mount, hand_eye.target, middle, measured=used, settings=settings
         )
-    sphere = found.sphere
+    sphere = hand_eye.sphere
     return planning.plan_hand_eye_poses(
         mount, sphere.centre, sphere.radius, measured=used, settings=settings
     )

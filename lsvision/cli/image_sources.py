@@ -24,7 +24,7 @@ MAX_SATURATED_FRACTION = 0.2
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ImagingOptions:
-    """How images become profiles.
+    """Options for the conversion of images to profiles.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ class LiveCamera:
     Parameters
     ----------
     index : int
-        Of ``cv2.VideoCapture``.
+        Index of the camera for ``cv2.VideoCapture``.
     frames : int
         Number of frames to take.
     """
@@ -154,20 +154,20 @@ def _read_images(source: Path | LiveCamera, max_frames: int | None) -> Iterable[
 
 def _read_profiles(source: Path, images: Iterable[Any], imaging: ImagingOptions) -> ImageFile:
     """Return the profiles of images; see `read_image_source`."""
-    found: list[tuple[Profile, Any, LaserLine | None]] = []
+    measured: list[tuple[Profile, Any, LaserLine | None]] = []
     failure: NoLaserLine | None = None
     for number, image in enumerate(images):
         try:
             with _prefix_errors(f"{source}, frame {number}" if number else str(source)):
-                found.append(_profile_of_image(image, imaging))
+                measured.append(_profile_of_image(image, imaging))
         except NoLaserLine as error:
             failure = failure or error
-            found.append((_empty_profile(imaging), image if imaging.keep_images else None, None))
-    lines = [line for _, _, line in found if line is not None]
+            measured.append((_empty_profile(imaging), image if imaging.keep_images else None, None))
+    lines = [line for _, _, line in measured if line is not None]
     if failure is not None and not lines:
         raise failure
-    profiles, kept, _ = zip(*found, strict=True)
-    summary, notes = _summary(lines, len(found)), tuple(_warnings(lines, len(found)))
+    profiles, kept, _ = zip(*measured, strict=True)
+    summary, notes = _summary(lines, len(measured)), tuple(_warnings(lines, len(measured)))
     return ImageFile(path=source, profiles=profiles, images=kept, summary=summary, notes=notes)
 
 

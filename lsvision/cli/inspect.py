@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from lsvision.scan import ScanMeasurement
 
 EXIT_CODES = {"OK": 0, "NG": 3, "undecided": 4}
-"""Of the worst verdict; 1 if a file could not be judged."""
+"""Exit code of the worst verdict; 1 if a file could not be judged."""
 
 
 @expand_option_groups
@@ -201,20 +201,18 @@ def _judged(
 ) -> "Inspected":
     from lsvision.inspection.inspected import Inspected
     from lsvision.inspection.judge import judge
-    from lsvision.inspection.remedies import what_would_decide
+    from lsvision.inspection.remedies import plan_remedies
     from lsvision.measure import Measurement
 
     verdict = judge(measurement, run.job, blocked=blocked, calibration=run.calibration)
     remedies = (
-        what_would_decide(verdict, measurement, run.job)
-        if isinstance(measurement, Measurement)
-        else ()
+        plan_remedies(verdict, measurement, run.job) if isinstance(measurement, Measurement) else ()
     )
     return Inspected(printable_name(source), number, measurement, verdict, remedies)
 
 
 def _lines(each: "Inspected") -> list[str]:
-    """A verdict as people read it."""
+    """Printed text of a verdict."""
     name = each.source if each.profile == 0 else f"{each.source}, profile {each.profile}"
     decision = str(each.verdict.decision)
     table = [f"  {line}" for line in str(each.verdict).splitlines() if line != decision]

@@ -8,14 +8,12 @@ from typing import Annotated
 import typer
 
 from lsvision.cli.messages import FAILED, print_error, print_lines
+from lsvision.cli.option_groups import command_group
 from lsvision.cli.outputs import STDOUT, check_outputs, write_output
 from lsvision.cli.profile_options import Radius
 
-job = typer.Typer(
-    name="job",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-    help="Make and check a job file: which parts are measured, and when they are good.",
+job = command_group(
+    "job", "Make and check a job file: which parts are measured, and when they are good."
 )
 
 JobFile = Annotated[Path, typer.Argument(metavar="JOB.toml", help="The job file.")]
@@ -47,11 +45,11 @@ def new_job(
     search = parse_search_range(radius)
     check_outputs((), [profile], streams=(out,))
     (file,) = read_sources([profile], {})
-    found = measure_cylinders(file.profiles[0], radius=search)
-    if not found.cylinders:
-        reasons = "; ".join(str(each) for each in found.rejections[:2])
+    measurement = measure_cylinders(file.profiles[0], radius=search)
+    if not measurement.cylinders:
+        reasons = "; ".join(str(each) for each in measurement.rejections[:2])
         raise LsvisionError(f"{profile}: no cylinder to make a job of: {reasons}")
-    write_output(out, job_text(name or profile.stem, found.cylinders, tolerance))
+    write_output(out, job_text(name or profile.stem, measurement.cylinders, tolerance))
 
 
 @job.command("check")

@@ -55,7 +55,7 @@ def measure(
     known_phi_deg: KnownPhi = None,
     sensor: SensorOptions,
     paper: Annotated[
-        bool, typer.Option("--paper", help="The paper's chain to the letter, for comparison.")
+        bool, typer.Option("--paper", help="The paper's pipeline to the letter, for comparison.")
     ] = False,
     light_section: LightSectionFile = None,
     laser: Laser = "grey",

@@ -40,12 +40,12 @@ about 250 profiles of 400 points. Units: bytes."""
 
 @dataclass(frozen=True, kw_only=True)
 class RunOptions:
-    """How files are measured, and what is written and drawn.
+    """Options for measuring files and for the outputs.
 
     Parameters
     ----------
     part : PartOptions
-        How files are read and measured.
+        Reading and measuring of the files.
     pictures : Pictures, optional
         Names of the pictures; without, none is drawn.
     results : ResultFiles, optional

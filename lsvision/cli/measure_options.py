@@ -36,7 +36,7 @@ def build_measure_function(
     sensor : ProfileSensor, optional
         Noise of the points.
     paper : bool
-        The paper's chain to the letter, which uses the search range alone.
+        The paper's pipeline to the letter, which uses the search range alone.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def range_warning(profile: "Profile", sensor: "ProfileSensor | None") -> str | N
     Parameters
     ----------
     profile : Profile
-        With at least one point.
+        Profile with at least one point.
     sensor : ProfileSensor, optional
         Sensor with its range; None gives no warning.
     """

@@ -1,10 +1,12 @@
-"""Groups of options that several commands share, each declared once as a dataclass."""
+"""Groups of options that several commands share, each a dataclass; groups of commands."""
 
 import inspect
 from collections.abc import Callable
 from dataclasses import MISSING, fields, is_dataclass
 from functools import wraps
 from typing import Any, get_type_hints
+
+import typer
 
 
 def expand_option_groups(command: Callable[..., None]) -> Callable[..., None]:
@@ -38,6 +40,11 @@ def expand_option_groups(command: Callable[..., None]) -> Callable[..., None]:
         options += _options_of(groups[name]) if name in groups else [keyword]
     run.__signature__ = signature.replace(parameters=options)  # type: ignore[attr-defined] # read by inspect.signature
     return run
+
+
+def command_group(name: str, summary: str) -> typer.Typer:
+    """Return a group of commands; without a command it prints its help."""
+    return typer.Typer(name=name, no_args_is_help=True, rich_markup_mode=None, help=summary)
 
 
 def _options_of(group: Any) -> list[inspect.Parameter]:

@@ -13,7 +13,7 @@ from lsvision.files.printable import printable
 
 PICTURE_SUFFIXES = (".png", ".svg")
 STDOUT = Path("-")
-"""Output that goes to standard output; the table for people then goes to standard error."""
+"""Path of standard output; the printed table then goes to standard error."""
 MAX_STEM_BYTES = 100
 """Longest part of a file's name that goes into the name of its picture. Units: bytes."""
 
@@ -87,7 +87,7 @@ class TakenFiles:
 
 
 def write_output(path: Path, content: str) -> None:
-    """Write a text to a file, whole or not at all, or to standard output if it is ``-``.
+    """Write a text to a file atomically, or to standard output if it is ``-``.
 
     Raises
     ------
@@ -122,7 +122,7 @@ class Pictures:
     plot : Path
         Name from the user, which the picture of a single profile gets unchanged.
     several : bool
-        Whether there is more than one file.
+        Whether there is more than one input file.
     taken : TakenFiles, optional
         The inputs and other outputs of the command, `plot` among them.
     """
@@ -154,7 +154,7 @@ class Pictures:
 
 
 def _short(stem: str) -> str:
-    """A file's stem as text that prints and leaves room for the name of the picture."""
+    """A file's stem as printable text, short enough for the name of the picture."""
     return printable(stem).encode()[:MAX_STEM_BYTES].decode("utf-8", "ignore")
 
 

@@ -30,7 +30,7 @@ def paper(
 ) -> None:
     """Run the paper's experiments again and assess its results.
 
-    Its Tables 1-5 and Figures 5-16 on the simulator: the paper's chain taken literally, lsvision
+    Its Tables 1-5 and Figures 5-16 on the simulator: the paper's pipeline taken literally, lsvision
     from one section, with a known radius, from two sections and from twenty, each beside the
     printed figure and the best that any method can reach. Takes under a minute; the same
     command gives the same numbers, times excepted.

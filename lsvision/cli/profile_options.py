@@ -106,7 +106,7 @@ class SensorOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class ReadingOptions:
-    """How profile files are read: format, columns, units and lost points."""
+    """Options for reading profile files: format, columns, units and lost points."""
 
     file_format: Annotated[
         str | None,

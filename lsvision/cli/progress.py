@@ -1,4 +1,4 @@
-"""Progress bar on stderr."""
+"""Progress in one line on stderr."""
 
 import shutil
 import sys
@@ -9,20 +9,37 @@ from lsvision.files.printable import printable
 BAR = 24
 
 
-class Progress:
-    """Progress bar in one line; nothing is shown unless stderr is a terminal.
+class StatusLine:
+    """Line that is overwritten; nothing is shown unless stderr is a terminal."""
+
+    def __init__(self) -> None:
+        self._shown = sys.stderr.isatty()
+
+    def write(self, text: str) -> None:
+        """Replace the text of the line."""
+        if self._shown:
+            sys.stderr.write(f"\r\x1b[K{text[: shutil.get_terminal_size().columns - 1]}")
+            sys.stderr.flush()
+
+    def clear(self) -> None:
+        """Erase the line, so that others can be written."""
+        self.write("")
+
+
+class Progress(StatusLine):
+    """Progress bar over files.
 
     Parameters
     ----------
     total : int
-        How many files there are.
+        Number of files.
     """
 
     def __init__(self, total: int) -> None:
+        super().__init__()
         self._total = total
         self._start = time.monotonic()
         self.done = 0
-        self._shown = sys.stderr.isatty()
 
     def show(self, done: int, name: str, part: int = 0, parts: int = 1) -> None:
         """Draw the bar.
@@ -37,30 +54,21 @@ class Progress:
             Number of its finished profiles, and of all its profiles.
         """
         self.done = done
-        if not self._shown or self._total * parts == 1:
+        if self._total * parts == 1:
             return
-        share = (done + part / parts) / self._total
+        fraction = (done + part / parts) / self._total
         profiles = f", profile {part} of {parts}" if parts > 1 else ""
-        line = (
-            f"[{'#' * int(BAR * share):.<{BAR}}] {done}/{self._total}{profiles}"
-            f"{_time_left(time.monotonic() - self._start, share)} {printable(name)}"
+        self.write(
+            f"[{'#' * int(BAR * fraction):.<{BAR}}] {done}/{self._total}{profiles}"
+            f"{_time_left(time.monotonic() - self._start, fraction)} {printable(name)}"
         )
-        width = shutil.get_terminal_size().columns - 1
-        sys.stderr.write(f"\r\x1b[K{line[:width]}")
-        sys.stderr.flush()
-
-    def clear(self) -> None:
-        """Erase the bar, so that other lines can be written."""
-        if self._shown:
-            sys.stderr.write("\r\x1b[K")
-            sys.stderr.flush()
 
 
-def _time_left(seconds: float, share: float) -> str:
-    """Return what the rest takes if it goes on like this, after the first second."""
-    if not 0 < share < 1 or seconds < 1:
+def _time_left(seconds: float, fraction: float) -> str:
+    """Return the estimated remaining time, after the first second."""
+    if not 0 < fraction < 1 or seconds < 1:
         return ""
-    return f", {duration_text(seconds * (1 - share) / share)} left"
+    return f", {duration_text(seconds * (1 - fraction) / fraction)} left"
 
 
 def duration_text(seconds: float) -> str:

@@ -57,7 +57,7 @@ class PoseFile:
         count : int
             Expected number of poses.
         each : str
-            What each pose belongs to, for the message.
+            Name of what each pose belongs to, for the message.
 
         Raises
         ------

@@ -134,18 +134,18 @@ def scan(
     profiles, names, records = _read_all(sources, options)
     base_from_sections = scan_poses(motion, len(profiles))
     measurements = _measure_all(profiles, names, search, known, noise)
-    found = fit_sections_jointly(
+    scan_result = fit_sections_jointly(
         profiles, base_from_sections, measurements, known_radius=known, sensor=noise,
         pose_errors=pose_errors,
     )  # fmt: skip
-    shapes = _shapes(found)
-    _write_tables(found, shapes, (names, records), base_from_sections, (json_file, csv_file))
-    lines = scan_lines(found, shapes, motion_uncertainty_caption(motion), verbose=verbose)
+    shapes = _shapes(scan_result)
+    _write_tables(scan_result, shapes, (names, records), base_from_sections, (json_file, csv_file))
+    lines = scan_lines(scan_result, shapes, motion_uncertainty_caption(motion), verbose=verbose)
     print_lines(lines, err=STDOUT in (json_file, csv_file))
     points = _all_points(profiles, base_from_sections)
     if plot is not None:
-        _draw(plot, found, points, title=" ".join(files), of_robot=isinstance(motion, Robot))
-    _write_clouds(found, points, points_ply, surfaces_ply)
+        _draw(plot, scan_result, points, title=" ".join(files), of_robot=isinstance(motion, Robot))
+    _write_clouds(scan_result, points, points_ply, surfaces_ply)
 
 
 def _pose_errors(pose_std: float, feed_std_deg: float, motion: Encoder | Robot) -> "PoseErrors":
@@ -193,13 +193,13 @@ def _measure_all(
     return measurements
 
 
-def _shapes(found: "ScanMeasurement") -> "list[TubeShape | None]":
+def _shapes(scan_result: "ScanMeasurement") -> "list[TubeShape | None]":
     from lsvision.scan import measure_shape
     from lsvision.scan.shape import MIN_SECTIONS
 
     return [
         measure_shape(tube) if len(tube.sections) >= MIN_SECTIONS else None
-        for tube in found.cylinders
+        for tube in scan_result.cylinders
     ]
 
 
@@ -214,7 +214,7 @@ def _all_points(profiles: "Sequence[Profile]", poses: "Sequence[Pose]") -> "Poin
 
 
 def _write_tables(
-    found: "ScanMeasurement",
+    scan_result: "ScanMeasurement",
     shapes: "Sequence[TubeShape | None]",
     read: "tuple[list[str], list[Record]]",
     base_from_sections: "Sequence[Pose]",
@@ -227,27 +227,32 @@ def _write_tables(
         from lsvision.io.scan_results import scan_json, scan_record
 
         shown = [printable_name(name) for name in names]
-        write_output(json_file, scan_json(scan_record(found, shapes, shown, records)))
+        write_output(json_file, scan_json(scan_record(scan_result, shapes, shown, records)))
     if csv_file is not None:
         from lsvision.io.scan_table_file import scan_csv
 
-        write_output(csv_file, scan_csv(found, base_from_sections))
+        write_output(csv_file, scan_csv(scan_result, base_from_sections))
 
 
 def _draw(
-    plot: Path, found: "ScanMeasurement", points: "Points", *, title: str, of_robot: bool
+    plot: Path, scan_result: "ScanMeasurement", points: "Points", *, title: str, of_robot: bool
 ) -> None:
     """Write the picture: Z upwards in a robot's base frame, else Y, towards the sensor."""
     from lsvision.draw import figure_bytes
     from lsvision.draw.scan import draw_scan
     from lsvision.files.atomic_files import write_atomic
 
-    figure = draw_scan(found, points, title=printable(title), vertical="z" if of_robot else "y")
+    figure = draw_scan(
+        scan_result, points, title=printable(title), vertical="z" if of_robot else "y"
+    )
     write_atomic(plot, figure_bytes(figure, plot.suffix[1:].lower()))
 
 
 def _write_clouds(
-    found: "ScanMeasurement", points: "Points", points_ply: Path | None, surfaces_ply: Path | None
+    scan_result: "ScanMeasurement",
+    points: "Points",
+    points_ply: Path | None,
+    surfaces_ply: Path | None,
 ) -> None:
     """Write the PLY files that the options name."""
     if points_ply is None and surfaces_ply is None:
@@ -256,6 +261,6 @@ def _write_clouds(
     from lsvision.io.ply import write_ply
 
     if points_ply is not None:
-        write_ply(points_ply, *coloured_points(found, points))
+        write_ply(points_ply, *coloured_points(scan_result, points))
     if surfaces_ply is not None:
-        write_ply(surfaces_ply, *coloured_surfaces(found))
+        write_ply(surfaces_ply, *coloured_surfaces(scan_result))

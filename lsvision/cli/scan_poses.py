@@ -68,7 +68,7 @@ def scan_poses(motion: Encoder | Robot, count: int) -> "list[Pose]":
     Parameters
     ----------
     motion : Encoder or Robot
-        From `parse_motion`.
+        Motion from `parse_motion`.
     count : int
         Number of profiles.
 

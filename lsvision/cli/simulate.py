@@ -36,10 +36,10 @@ def simulate(
         str, typer.Option(metavar="DEG|DEG:DEG", help="Tilt of the tubes, deg.")
     ] = "0:40",
     lost: Annotated[
-        float, typer.Option(min=0, max=1, help="Share of columns lost at random.")
+        float, typer.Option(min=0, max=1, help="Fraction of columns lost at random.")
     ] = 0.03,
     jumps: Annotated[
-        float, typer.Option(min=0, max=1, help="Share of points off by 2-12 mm.")
+        float, typer.Option(min=0, max=1, help="Fraction of points off by 2-12 mm.")
     ] = 0.02,
 ) -> None:
     """Write simulated light sections of pipes, each with the truth beside it.

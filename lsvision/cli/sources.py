@@ -53,7 +53,7 @@ def find_sources(
     sources : list of Path
         Each file once; within a folder or pattern in natural order, 2 before 10.
     failures : list of LsvisionError
-        One for each name without a file.
+        Errors, one for each name without a file.
     """
     found: dict[str, Path] = {}
     failures: list[LsvisionError] = []

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lsvision.cli.messages import print_error, print_lines
-from lsvision.cli.option_groups import expand_option_groups
+from lsvision.cli.option_groups import command_group, expand_option_groups
 from lsvision.cli.outputs import STDOUT, check_outputs, write_output
 from lsvision.cli.profile_options import JsonFile, KnownRadius, Radius, SensorOptions
 from lsvision.cli.sources import find_sources, read_sources
@@ -22,11 +22,8 @@ if TYPE_CHECKING:
     from lsvision.profile import Profile
     from lsvision.results.result import Result
 
-study = typer.Typer(
-    name="study",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-    help="Study the measurement itself: bias, repeatability and reproducibility.",
+study = command_group(
+    "study", "Study the measurement itself: bias, repeatability and reproducibility."
 )
 
 Tolerance = Annotated[
@@ -135,8 +132,8 @@ def _measured(
     values, stds = [], []
     for file in read_sources(sources, {}):
         for number, profile in enumerate(file.profiles):
-            found = measuring(profile)
-            estimates = [cylinder.estimates[place] for cylinder in found.cylinders]
+            measurement = measuring(profile)
+            estimates = [cylinder.estimates[place] for cylinder in measurement.cylinders]
             if not estimates:
                 print_error(f"{file.path}, profile {number}: no cylinder, left out")
                 continue

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 AxisQuantity = Literal[
     "radius", "point_x", "point_y", "point_z", "direction_x", "direction_y", "direction_z"
 ]
-"""What an interval can be asked of; lengths in mm, components of a unit vector."""
+"""Quantities that have an interval; lengths in mm, components of a unit vector."""
 AXIS_QUANTITIES: tuple[AxisQuantity, ...] = get_args(AxisQuantity)
 
 AXIS_HEADER = ("radius mm", "direction x y z", "± deg", "point x y z mm", "± mm")

@@ -29,7 +29,7 @@ from lsvision.geometry import Cylinder, FloatArray, Points, as_readonly_array, t
 from lsvision.geometry.arrays import TINY, extent_of, require_coordinates, require_covariances
 from lsvision.geometry.settings_repr import ShowsChanges
 from lsvision.statistics.numerical_failures import report_numerical_failure, require_finite
-from lsvision.statistics.robust import MAD_TO_STD
+from lsvision.statistics.robust import mad_std
 
 MIN_EXTENT_MM = 1e-9
 """Smallest extent of points that a cylinder is fitted to: a hundredth of an atom. Units: mm."""
@@ -207,7 +207,7 @@ def _fit_truncated(
         cylinder = fit.cylinder
         residuals, stds, normalised = _residuals(points, covariances, cylinder)
         # Outliers bias the first fits: the limit decreases as they are excluded.
-        noise_factor = max(1.0, MAD_TO_STD * float(np.median(np.abs(normalised))))
+        noise_factor = max(1.0, mad_std(normalised))
         new_inliers = np.abs(normalised) <= settings.truncation * noise_factor
         if new_inliers.sum() <= PARAMETERS or (new_inliers == inliers).all():
             break
@@ -222,7 +222,7 @@ def _residuals(
     frame = tangent_frame(cylinder.direction)
     residuals = cylinder.signed_distances(points)
     if covariances is None:
-        std = max(MAD_TO_STD * float(np.median(np.abs(residuals))), TINY)
+        std = max(mad_std(residuals), TINY)
         return residuals, np.full(len(points), std), residuals / std
     stds, offsets, _ = distance_stds_and_biases(
         points @ frame.T, frame @ covariances @ frame.T, parameters_from_cylinder(frame, cylinder)

@@ -16,6 +16,7 @@ from lsvision.cylinder.axis_table import (
 )
 from lsvision.cylinder.problem import PARAMETERS
 from lsvision.geometry import BoolArray, Cylinder, FloatArray, tangent_frame
+from lsvision.geometry.arrays import rms
 from lsvision.geometry.cylinder import WithCylinder
 from lsvision.results.quantities import Record
 from lsvision.results.result import Result
@@ -93,7 +94,7 @@ class CylinderFit(WithCylinder, Result):
     @property
     def rms(self) -> float:
         """Root mean square residual of the inliers. Units: mm."""
-        return float(np.sqrt(np.mean(self.residuals[self.inliers] ** 2)))
+        return rms(self.residuals[self.inliers])
 
     def interval(self, quantity: AxisQuantity, level: float = 0.95) -> tuple[float, float]:
         """Return the interval that contains the true value with probability `level`.

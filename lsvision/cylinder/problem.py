@@ -92,7 +92,7 @@ def axis_distances(
     Returns
     -------
     distances : (n,) ndarray
-        Units: mm.
+        Distance of each point from the axis. Units: mm.
     normals : (3, n) ndarray
         Unit vectors away from the axis.
     along : (n,) ndarray

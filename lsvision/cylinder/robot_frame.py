@@ -190,7 +190,7 @@ def place_section(
     Parameters
     ----------
     section : CylinderSection
-        One of ``measure_cylinders(...).cylinders``.
+        Cylinder in a profile, from ``measure_cylinders(...).cylinders``.
     calibration : HandEye, Pose or (4, 4) array_like
         ``flange_from_section`` with its covariance, and the errors of the robot; a Pose is taken
         as exact (`PlacedCylinder.includes_calibration` is False then).

@@ -112,7 +112,7 @@ def _non_maximum_suppression(starts: IntArray, stops: IntArray) -> list[int]:
 
 
 def seed_ellipse(profile: PreparedProfile, candidate: Candidate) -> Ellipse:
-    """Return the algebraic ellipse of a candidate's points, or its circle if that is no pipe."""
+    """Return the algebraic ellipse of a candidate's points, or its circle instead."""
     circle, radius = candidate.centre, candidate.radius
     ellipse = _algebraic_ellipse(profile.points[candidate.indices])
     if (

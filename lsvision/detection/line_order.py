@@ -12,7 +12,7 @@ HALF = 0.5
 """Ratio below which a quantity is small: progress along X over the travel, a path length over
 another one, the distance of the ends over the width, a spacing over the typical one."""
 MAX_CLIMB_WIDTHS = 5.0
-"""Travel along Y over the width of a profile above which two returns per column are looked for;
+"""Travel along Y over the width of a profile above which two returns per column are searched;
 one line with clutter and jumps has at most 3."""
 RETURN_STEPS = 10.0
 """Smallest distance of two returns of a column along Y, in medians of the distance of points from

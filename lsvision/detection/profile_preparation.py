@@ -45,7 +45,7 @@ def prepare_profile(profile: Profile, noise: NoiseModel | None) -> PreparedProfi
         columns, points = np.arange(len(profile)), profile.points
     if noise is None:
         std, factor = estimate_noise_std(points[valid], pitch), MIN_ESTIMATED_VARIANCE_FACTOR
-        noisy = NoisyPoints.alike(as_complex(points), LATERAL_FRACTION * std, std)
+        noisy = NoisyPoints.uniform(as_complex(points), LATERAL_FRACTION * std, std)
     else:
         noisy, factor = NoisyPoints.of(points, noise.covariances(profile.points)[columns]), 1.0
         std = math.sqrt(2 * upper_median(noisy.mean_variance)) if len(valid) else 0.0

@@ -8,9 +8,10 @@ import numpy as np
 from lsvision.calibration.camera_warnings import CELLS, covered_cells
 from lsvision.calibration.hand_eye_result import HandEye, Sphere
 from lsvision.calibration.intrinsics import CameraCalibration
-from lsvision.calibration.laser_plane_result import LaserPlaneCalibration, rms
+from lsvision.calibration.laser_plane_result import LaserPlaneCalibration
 from lsvision.draw.space import fit_into, scale_axes
 from lsvision.geometry import FloatArray, Plane, Pose
+from lsvision.geometry.arrays import rms
 from lsvision.results.palette import BOARD, FRAME_AXES, INLIER, LASER_PLANE, OUTLIER
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ def new_figure(width: float, height: float, layout: str = "constrained") -> "Fig
     return figure
 
 
-def draw_coverage(found: CameraCalibration) -> "Figure":
+def draw_coverage(calibration: CameraCalibration) -> "Figure":
     """Draw the target's points of all views in the image, and the residuals of all points.
 
     Cells of the image without a point are shaded.
@@ -42,18 +43,18 @@ def draw_coverage(found: CameraCalibration) -> "Figure":
 
     figure = new_figure(9.5, 4.2)
     left, right = figure.subplots(1, 2, width_ratios=(1.5, 1))
-    for view in found.views:
+    for view in calibration.views:
         left.plot(*view.seen.pixels.T, ".", markersize=3)
-    width, height = found.camera.size
+    width, height = calibration.camera.size
     for row, column in np.argwhere(
-        ~covered_cells(found.camera.size, [v.seen for v in found.views])
+        ~covered_cells(calibration.camera.size, [v.seen for v in calibration.views])
     ):
         corner = (column * width / CELLS, row * height / CELLS)
         left.add_patch(Rectangle(corner, width / CELLS, height / CELLS, color=OUTLIER, alpha=0.15,
                                  linewidth=0))  # fmt: skip
     left.set(xlim=(0, width), ylim=(height, 0), xlabel="u / px", ylabel="v / px", aspect="equal",
              title="Points seen, a colour a view")  # fmt: skip
-    residuals = np.concatenate([view.residuals for view in found.views])
+    residuals = np.concatenate([view.residuals for view in calibration.views])
     right.plot(*residuals.T, ".", color=INLIER, markersize=2)
     reach = 1.1 * float(np.abs(residuals).max()) + 1e-9
     right.set(xlim=(-reach, reach), ylim=(reach, -reach), xlabel="du / px", ylabel="dv / px",
@@ -98,12 +99,12 @@ def draw_bars(
     return figure
 
 
-def draw_laser_plane(found: LaserPlaneCalibration, board: FloatArray) -> "Figure":
+def draw_laser_plane(calibration: LaserPlaneCalibration, board: FloatArray) -> "Figure":
     """Draw camera, laser plane and boards in space, and from the side.
 
     Parameters
     ----------
-    found : LaserPlaneCalibration
+    calibration : LaserPlaneCalibration
         The calibration.
     board : (4, 3) ndarray
         Corners of the pattern, board frame. Units: mm.
@@ -111,11 +112,11 @@ def draw_laser_plane(found: LaserPlaneCalibration, board: FloatArray) -> "Figure
     figure = new_figure(9.5, 4.6, "none")
     side = figure.add_axes((0.075, 0.13, 0.4, 0.73))
     space: Any = figure.add_axes(SPACE, projection="3d")
-    outlines = [view.camera_from_board.apply(board)[[0, 1, 2, 3, 0]] for view in found.views]
+    outlines = [view.camera_from_board.apply(board)[[0, 1, 2, 3, 0]] for view in calibration.views]
     for outline in outlines:
         side.plot(outline[:, 2], outline[:, 1], color=BOARD, linewidth=0.8)
         space.plot(outline[:, 0], outline[:, 2], -outline[:, 1], color=BOARD, linewidth=0.8)
-    sheet = _sheet(found.plane, np.concatenate(outlines))
+    sheet = _sheet(calibration.plane, np.concatenate(outlines))
     side.plot(sheet[:, 2], sheet[:, 1], color=LASER_PLANE, linewidth=1.5)
     closed = sheet[[0, 1, 2, 3, 0]]
     space.plot(closed[:, 0], closed[:, 2], -closed[:, 1], color=LASER_PLANE)
@@ -131,13 +132,13 @@ def draw_laser_plane(found: LaserPlaneCalibration, board: FloatArray) -> "Figure
     return figure
 
 
-def draw_poses(found: HandEye, flanges: Sequence[Pose]) -> "Figure":
+def draw_poses(calibration: HandEye, flanges: Sequence[Pose]) -> "Figure":
     """Draw the poses of the sensor, and the positions of the target in its view."""
     figure = new_figure(9.5, 4.6, "none")
     space: Any = figure.add_axes(SPACE, projection="3d")
     view = figure.add_axes((0.075, 0.13, 0.4, 0.73))
-    sensors, centre = _sensors(found, flanges), _target_point(found, flanges)
-    left_out = {pose.index for pose in found.rejected}
+    sensors, centre = _sensors(calibration, flanges), _target_point(calibration, flanges)
+    left_out = {pose.index for pose in calibration.rejected}
     seen = np.array([pose.inverse().apply_one(centre) for pose in sensors])
     length = 0.25 * float(np.linalg.norm(seen, axis=1).mean())
     for index, pose in enumerate(sensors):
@@ -147,11 +148,11 @@ def draw_poses(found: HandEye, flanges: Sequence[Pose]) -> "Figure":
                        linewidth=1.2)  # fmt: skip
         space.text(*start, f" {index}", fontsize=7, color=OUTLIER if index in left_out else "black")
     space.scatter(*centre, color="black")
-    mount = "robot's base" if found.mounting == "eye_in_hand" else "flange"
+    mount = "robot's base" if calibration.mounting == "eye_in_hand" else "flange"
     scale_axes(space, ("x / mm", "y / mm", "z / mm"))
     fit_into(space, SPACE)
     _title_space(figure, f"Sensor (X red, Y green, Z blue) in the\n{mount} frame; target black")
-    _draw_view(view, seen, left_out, found)
+    _draw_view(view, seen, left_out, calibration)
     return figure
 
 
@@ -161,17 +162,17 @@ def _title_space(figure: "Figure", title: str) -> None:
     figure.text(left + width / 2, 0.885, title, ha="center", va="bottom", fontsize=12)
 
 
-def view_sizes(found: LaserPlaneCalibration) -> tuple[list[float], list[float]]:
+def view_sizes(calibration: LaserPlaneCalibration) -> tuple[list[float], list[float]]:
     """Return the root mean square of line and corner residuals of each view. Units: px."""
     return (
-        [rms(view.line_residuals) for view in found.views],
-        [float(np.sqrt(2)) * rms(view.corner_residuals) for view in found.views],
+        [rms(view.line_residuals) for view in calibration.views],
+        [float(np.sqrt(2)) * rms(view.corner_residuals) for view in calibration.views],
     )
 
 
-def _draw_view(axes: "Axes", seen: FloatArray, left_out: set[int], found: HandEye) -> None:
+def _draw_view(axes: "Axes", seen: FloatArray, left_out: set[int], calibration: HandEye) -> None:
     across = float(np.abs(seen[:, 2]).max()) + 1e-9
-    if found.sensor == "camera":
+    if calibration.sensor == "camera":
         axes.set(xlabel="x / mm", ylabel="y / mm", title="Target in the camera's view")
         axes.invert_yaxis()
         colours = seen[:, 2]
@@ -185,31 +186,35 @@ def _draw_view(axes: "Axes", seen: FloatArray, left_out: set[int], found: HandEy
         axes.annotate(str(index), point[:2], xytext=(6, 4), textcoords="offset points", fontsize=8,
                       color=OUTLIER if index in left_out else "black")  # fmt: skip
     label = (
-        "z / mm, along the view" if found.sensor == "camera" else "Z / mm, beside the laser plane"
+        "z / mm, along the view"
+        if calibration.sensor == "camera"
+        else "Z / mm, beside the laser plane"
     )
     axes.figure.colorbar(dots, ax=axes, label=label)
     axes.margins(0.12)  # the numbers beside the outermost dots
     axes.set_aspect("equal", adjustable="datalim")
 
 
-def _sensors(found: HandEye, flanges: Sequence[Pose]) -> list[Pose]:
+def _sensors(calibration: HandEye, flanges: Sequence[Pose]) -> list[Pose]:
     """Return the poses of the sensor in the frame in which the target is fixed."""
-    if found.mounting == "eye_in_hand":
-        return [flange @ found.mount_from_sensor for flange in flanges]
-    return [flange.inverse() @ found.mount_from_sensor for flange in flanges]
+    if calibration.mounting == "eye_in_hand":
+        return [flange @ calibration.mount_from_sensor for flange in flanges]
+    return [flange.inverse() @ calibration.mount_from_sensor for flange in flanges]
 
 
-def _target_point(found: HandEye, flanges: Sequence[Pose]) -> FloatArray:
-    if isinstance(found.target, Sphere):
-        return found.target.centre
-    if isinstance(found.target, Plane):
+def _target_point(calibration: HandEye, flanges: Sequence[Pose]) -> FloatArray:
+    if isinstance(calibration.target, Sphere):
+        return calibration.target.centre
+    if isinstance(calibration.target, Plane):
         # Of a plane: the point nearest to the mean of the points that the sensors aimed at.
-        aimed_at = [pose.apply_one(found.working_point) for pose in _sensors(found, flanges)]
+        aimed_at = [
+            pose.apply_one(calibration.working_point) for pose in _sensors(calibration, flanges)
+        ]
         middle = np.mean(aimed_at, axis=0)
-        normal = found.target.normal
-        foot: FloatArray = middle - normal * (normal @ middle - found.target.distance)
+        normal = calibration.target.normal
+        foot: FloatArray = middle - normal * (normal @ middle - calibration.target.distance)
         return foot
-    return found.target.translation
+    return calibration.target.translation
 
 
 def _sheet(plane: Plane, points: FloatArray) -> FloatArray:

@@ -53,28 +53,32 @@ class ReportContent:
     images: Sequence[npt.NDArray[Any]] = ()
 
 
-def camera_page(found: CameraCalibration, page: ReportContent) -> str:
+def camera_page(calibration: CameraCalibration, page: ReportContent) -> str:
     """Return the page of a camera calibration.
 
     Parameters
     ----------
-    found : CameraCalibration
+    calibration : CameraCalibration
         The calibration.
     page : ReportContent
-        Its values, warnings, names, provenance and images.
+        Values, warnings, names, provenance and images of the page.
 
     Returns
     -------
     str
         HTML without references to other files.
     """
-    names = [page.names[view.index] for view in found.views]
-    bad = _positions([view.index for view in found.views], [view.index for view in found.outliers])
-    sizes = [view.rms_px for view in found.views]
-    covered = covered_cells(found.camera.size, [view.seen for view in found.views]).mean()
+    names = [page.names[view.index] for view in calibration.views]
+    bad = _positions(
+        [view.index for view in calibration.views], [view.index for view in calibration.outliers]
+    )
+    sizes = [view.rms_px for view in calibration.views]
+    covered = covered_cells(
+        calibration.camera.size, [view.seen for view in calibration.views]
+    ).mean()
     pictures = [
         (
-            svg_element(draw_coverage(found)),
+            svg_element(draw_coverage(calibration)),
             f"Corners of all views: they lie in {100 * covered:.0f} % of the {CELLS} x {CELLS} "
             "cells of the image. In the shaded ones the lens is extrapolated. Right: residuals of "
             "all corners.",
@@ -84,31 +88,35 @@ def camera_page(found: CameraCalibration, page: ReportContent) -> str:
             "Residual of each view; orange: beyond the limit for outliers.",
         ),
     ]
-    views = {view.index: (view.seen.pixels, view.residuals, _NONE, _NONE) for view in found.views}
-    return _page("Camera calibration", page, pictures, _photos(page, views, found.rejected))
+    views = {
+        view.index: (view.seen.pixels, view.residuals, _NONE, _NONE) for view in calibration.views
+    }
+    return _page("Camera calibration", page, pictures, _photos(page, views, calibration.rejected))
 
 
 def laser_plane_page(
-    found: LaserPlaneCalibration, board_points: Points, page: ReportContent
+    calibration: LaserPlaneCalibration, board_points: Points, page: ReportContent
 ) -> str:
     """Return the page of a laser-plane calibration; see `camera_page`.
 
     Parameters
     ----------
-    found : LaserPlaneCalibration
+    calibration : LaserPlaneCalibration
         The calibration.
     board_points : (n, 3) ndarray
         Points of the board, board frame. Units: mm.
     page : ReportContent
-        Its values, warnings, names, provenance and images.
+        Values, warnings, names, provenance and images of the page.
     """
-    names = [page.names[view.index] for view in found.views]
-    bad = _positions([view.index for view in found.views], [view.index for view in found.outliers])
-    line, corners = view_sizes(found)
+    names = [page.names[view.index] for view in calibration.views]
+    bad = _positions(
+        [view.index for view in calibration.views], [view.index for view in calibration.outliers]
+    )
+    line, corners = view_sizes(calibration)
     bars = draw_bars(names, [("laser line", line), ("corners", corners)], bad, "rms, px")
     pictures = [
         (
-            svg_element(draw_laser_plane(found, _outline(board_points))),
+            svg_element(draw_laser_plane(calibration, _outline(board_points))),
             "Camera (triangle), boards (grey) and laser plane (red): the plane is measured where "
             "boards are, and extrapolated elsewhere.",
         ),
@@ -121,17 +129,19 @@ def laser_plane_page(
     views = {
         view.index: (
             view.seen.pixels, view.corner_residuals, view.seen.line_pixels,
-            line_vectors(found, view),
+            line_vectors(calibration, view),
         )
-        for view in found.views
+        for view in calibration.views
     }  # fmt: skip
-    return _page("Laser plane calibration", page, pictures, _photos(page, views, found.rejected))
+    return _page(
+        "Laser plane calibration", page, pictures, _photos(page, views, calibration.rejected)
+    )
 
 
-def line_vectors(found: LaserPlaneCalibration, view: CalibratedLaserView) -> FloatArray:
+def line_vectors(calibration: LaserPlaneCalibration, view: CalibratedLaserView) -> FloatArray:
     """Return predicted minus found laser points of a view, (m, 2), across the line. Units: px."""
-    rays = found.light_section.camera.rays(view.seen.line_pixels)
-    up, normal = view.camera_from_board.rotation[:, 2], found.plane.normal
+    rays = calibration.light_section.camera.rays(view.seen.line_pixels)
+    up, normal = view.camera_from_board.rotation[:, 2], calibration.plane.normal
     # Height over the board of the point of the laser plane on a ray grows along this direction.
     slant = (rays @ up) / (rays @ normal)
     gradient = up[:2] - slant[:, None] * normal[:2]
@@ -141,7 +151,7 @@ def line_vectors(found: LaserPlaneCalibration, view: CalibratedLaserView) -> Flo
 
 
 def hand_eye_page(
-    found: HandEye,
+    calibration: HandEye,
     flanges: Sequence[Pose],
     page: ReportContent,
     corners: Sequence[tuple[Points, FloatArray]] = (),
@@ -150,24 +160,24 @@ def hand_eye_page(
 
     Parameters
     ----------
-    found : HandEye
+    calibration : HandEye
         The calibration.
     flanges : sequence of Pose
         ``base_from_flange``, one a pose.
     page : ReportContent
-        Its values, warnings, names and provenance; of a board also its photos.
+        Values, warnings, names and provenance; of a board also its photos.
     corners : sequence of ((n, 2) ndarray, (n, 2) ndarray)
         Of a board in each photo: the corners found, and where the robot's pose and the result put
         them minus found. Units: px.
     """
-    bad = [pose.index for pose in found.rejected]
+    bad = [pose.index for pose in calibration.rejected]
     series = [
-        ("residual", found.residuals.tolist()),
-        ("held out", found.leave_one_out_residuals.tolist()),
+        ("residual", calibration.residuals.tolist()),
+        ("held out", calibration.leave_one_out_residuals.tolist()),
     ]
     pictures = [
         (
-            svg_element(draw_poses(found, flanges)),
+            svg_element(draw_poses(calibration, flanges)),
             "Where the target stood in the sensor's view, and the sensor at each pose; the numbers "
             "are those of the poses, from 0.",
         ),
@@ -178,7 +188,7 @@ def hand_eye_page(
         ),
     ]
     views = {index: (*seen, _NONE, _NONE) for index, seen in enumerate(corners)}
-    photos = _photos(page, views, found.rejected)
+    photos = _photos(page, views, calibration.rejected)
     return _page("Sensor to robot", page, pictures, photos, BY_ROBOT)
 
 
@@ -213,11 +223,13 @@ def _photos(
 def _caption(photo: ViewPhoto, factors: tuple[float, float], reason: str | None) -> str:
     if reason is not None:
         return f"{photo.name}: left out: {reason}"
-    told = [f"{len(photo.corners)} corners, {_rms(photo.corner_residuals)}, arrows ×{factors[0]:g}"]
+    parts = [
+        f"{len(photo.corners)} corners, {_rms(photo.corner_residuals)}, arrows ×{factors[0]:g}"
+    ]
     if len(photo.line):
         rms = _rms(photo.line_residuals)
-        told.append(f"{len(photo.line)} points of the laser line, {rms}, arrows ×{factors[1]:g}")
-    return f"{photo.name}: {'; '.join(told)}"
+        parts.append(f"{len(photo.line)} points of the laser line, {rms}, arrows ×{factors[1]:g}")
+    return f"{photo.name}: {'; '.join(parts)}"
 
 
 def _rms(vectors: FloatArray) -> str:

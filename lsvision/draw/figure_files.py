@@ -18,7 +18,7 @@ def figure_bytes(figure: "Figure", picture_format: str) -> bytes:
     Parameters
     ----------
     figure : matplotlib.figure.Figure
-        As `draw_measurement` returns it.
+        Figure, as from `draw_measurement`.
     picture_format : {"png", "svg"}
         Format of the file.
 

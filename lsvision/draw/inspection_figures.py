@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 SERIES_INCH, PROFILE_INCH = (7.6, 2.5), (7.6, 4.4)
 MARKERS = {Decision.OK: "o", Decision.NG: "X", Decision.UNDECIDED: "D"}
-"""Shapes beside the colours: a black-and-white print tells them too."""
+"""Marker shapes, so that verdicts differ in a black-and-white print too."""
 MAX_BINS = 30
 
 
@@ -79,9 +79,9 @@ def draw_judged_profile(measurement: Measurement, verdict: Verdict) -> Figure | 
     Parameters
     ----------
     measurement : Measurement
-        With its profile; without, there is nothing to draw.
+        Measurement with its profile; without a profile there is nothing to draw.
     verdict : Verdict
-        Of the measurement.
+        Verdict of the measurement.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

@@ -1,4 +1,4 @@
-"""Inspections as one page for people: verdicts, pictures, statistics, and what they rest on."""
+"""HTML page of an inspection: verdicts, pictures, statistics, and provenance."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from lsvision.draw.figure_files import svg_element
 from lsvision.draw.inspection_figures import draw_judged_profile, draw_series
 from lsvision.inspection.capability import NOT_CLAIMED, Capability
 from lsvision.inspection.decision import Decision
-from lsvision.inspection.inspected import Inspected, Series, series_of, shares_of
+from lsvision.inspection.inspected import Inspected, Series, count_verdicts, series_of
 from lsvision.inspection.job import Job
 from lsvision.inspection.verdict import item_cells
 from lsvision.measure import Measurement
@@ -18,21 +18,21 @@ from lsvision.results.html import html_environment
 from lsvision.results.quantities import Record
 
 MAX_PARTS = 20
-"""Measurements that have a section of their own; of more, those that are not OK come first."""
+"""Largest number of measurements with a section of their own; those that are not OK come first."""
 MIN_TREND = 2
-"""Measurements from which on a trend is drawn."""
+"""Smallest number of measurements for a trend."""
 
 
 @dataclass(frozen=True)
 class InspectionContext:
-    """What stands around the verdicts of a page.
+    """Content of a page apart from the verdicts.
 
     Parameters
     ----------
     job : Job
         The job.
     made : str
-        When the page was made.
+        Date of the page.
     calibration_days : float, optional
         Age of the oldest calibration.
     golden : sequence of dict
@@ -71,7 +71,7 @@ def inspection_page(inspected: Sequence[Inspected], context: InspectionContext) 
         context=context,
         provenance=inspected[0].verdict.provenance,
         total=len(inspected),
-        shares=shares_of(inspected) if several else [],
+        counts=count_verdicts(inspected) if several else [],
         blocked=inspected[0].verdict.blocked,
         series=[_series_values(each) for each in series],
         parts=[_part_values(each) for each in shown],
@@ -81,26 +81,29 @@ def inspection_page(inspected: Sequence[Inspected], context: InspectionContext) 
 
 
 def _series_values(series: Series) -> dict[str, Any]:
-    found = series.capability
+    capability = series.capability
     return {
         "heading": f"{series.item}, {series.quantity.heading}",
         "count": len(series.values),
         "picture": svg_element(draw_series(series)),
-        "rows": [] if found is None else _capability_rows(found),
+        "rows": [] if capability is None else _capability_rows(capability),
     }
 
 
-def _capability_rows(found: Capability) -> list[tuple[str, str]]:
-    low, high = found.cpk_interval
+def _capability_rows(capability: Capability) -> list[tuple[str, str]]:
+    low, high = capability.cpk_interval
     rows = [
-        ("mean", f"{found.mean:.5g}"),
-        ("standard deviation", f"{found.std:.3g}"),
-        ("Cpk", f"{found.cpk:.2f} ({low:.2f} .. {high:.2f})"),
-        ("measurement's share of the variance", f"{100 * found.measurement_share:.0f} %"),
+        ("mean", f"{capability.mean:.5g}"),
+        ("standard deviation", f"{capability.std:.3g}"),
+        ("Cpk", f"{capability.cpk:.2f} ({low:.2f} .. {high:.2f})"),
+        (
+            "measurement's fraction of the variance",
+            f"{100 * capability.measurement_fraction:.0f} %",
+        ),
     ]
-    if found.cp == found.cp:  # not NaN: both limits are there
-        low, high = found.cp_interval
-        rows.insert(2, ("Cp", f"{found.cp:.2f} ({low:.2f} .. {high:.2f})"))
+    if capability.cp == capability.cp:  # not NaN: both limits are there
+        low, high = capability.cp_interval
+        rows.insert(2, ("Cp", f"{capability.cp:.2f} ({low:.2f} .. {high:.2f})"))
     return rows
 
 

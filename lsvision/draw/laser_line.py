@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.draw.caller_axes import figure_of, set_title
 from lsvision.draw.photo import show_photo
-from lsvision.draw.titles import draw_legend, printable
+from lsvision.draw.titles import draw_legend, figure_of, printable, set_title
 from lsvision.geometry import BoolArray, FloatArray, Points
 from lsvision.laser_line.extraction import LaserLine
 from lsvision.results.palette import LASER_LINE, SATURATED
@@ -37,7 +36,7 @@ def draw_laser_line(
 ) -> Figure:
     """Draw a laser line into its image, with curves of its std, width and brightness.
 
-    The curves share the photo's axis along the line: below the photo, a point stands under its
+    The curves share the photo's axis along the line: below the photo, a point is plotted under its
     column; of a line that runs from top to bottom they stand to the right, a point in its row.
 
     Parameters
@@ -76,14 +75,14 @@ def draw_laser_line(
     size, photo_box, curve_boxes = _layout(np.shape(image), line.direction)
     figure = Figure(figsize=size, dpi=DPI, facecolor="white")
     FigureCanvasAgg(figure)
-    photo = figure.add_axes(_shares_of(photo_box, size))
+    photo = figure.add_axes(_figure_fractions(photo_box, size))
     _draw_on_photo(photo, image, line)
     left, top = LEFT_INCH / size[0], 1 - 0.2 / size[1]
     figure.suptitle(f"{printable(title)}\n{line_summary(line)}".lstrip(), x=left, y=top, ha="left",
                     va="top", fontsize=11, parse_math=False)  # fmt: skip
     for row, box in zip(_curves(line), curve_boxes, strict=True):
-        _draw_curve(figure, photo, line, row, _shares_of(box, size))
-    if line.direction == "columns":  # one axis for all: its numbers stand below the last
+        _draw_curve(figure, photo, line, row, _figure_fractions(box, size))
+    if line.direction == "columns":  # one axis for all: its tick labels are below the last
         for axes in figure.axes[1:-1]:
             axes.tick_params(labelbottom=False)
         figure.axes[-1].set_xlabel("u / px")
@@ -101,10 +100,10 @@ def line_summary(line: LaserLine) -> str:
     >>> line_summary(extract_laser_line(image)).split(", std")[0]
     '99 columns, 0 lost'
     """
-    found = ~np.isnan(line.std)
+    valid = ~np.isnan(line.std)
     return (
-        f"{len(line)} {line.direction}, {line.lost} lost, std {np.median(line.std[found]):.2g} px, "
-        f"width {np.median(line.width[found]):.1f} px, {line.saturated[found].mean():.0%} at full "
+        f"{len(line)} {line.direction}, {line.lost} lost, std {np.median(line.std[valid]):.2g} px, "
+        f"width {np.median(line.width[valid]):.1f} px, {line.saturated[valid].mean():.0%} at full "
         f"scale, second line in {line.second_line_fraction:.0%}"
     )
 
@@ -141,7 +140,7 @@ def _layout(
     return size, (LEFT_INCH, bottom, across, up), (first, second, third)
 
 
-def _shares_of(box: Box, size: tuple[float, float]) -> Box:
+def _figure_fractions(box: Box, size: tuple[float, float]) -> Box:
     """Return a box in inches as fractions of the figure."""
     return box[0] / size[0], box[1] / size[1], box[2] / size[0], box[3] / size[1]
 

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lsvision.draw.caller_axes import figure_of, set_title
 from lsvision.draw.panel import draw_panel
 from lsvision.draw.rejected import RejectedArc, rejected_arcs
-from lsvision.draw.titles import draw_legend, label_once, summary_title
+from lsvision.draw.titles import draw_legend, figure_of, label_once, set_title, summary_title
 from lsvision.ellipse.section import CylinderSection
 from lsvision.geometry import FloatArray, Points
 from lsvision.measure import Measurement
@@ -41,7 +40,7 @@ def draw_measurement(
     profile : Profile
         The measured profile.
     measurement : Measurement
-        Its measurement.
+        Measurement of the profile.
     title : str
         Title above the drawing, such as the name of the file.
     ax : matplotlib.axes.Axes, optional
@@ -88,7 +87,7 @@ def draw_on_axes(axes: Axes, profile: Profile, measurement: Measurement) -> None
     profile : Profile
         The measured profile.
     measurement : Measurement
-        Its measurement.
+        Measurement of the profile.
     """
     points = profile.points
     rejected = rejected_arcs(points, measurement)

@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.draw.caller_axes import figure_of, set_title
 from lsvision.draw.measurement import draw_on_axes
 from lsvision.draw.panel import draw_panel
 from lsvision.draw.photo import show_photo
 from lsvision.draw.rejected import rejected_arcs
-from lsvision.draw.titles import draw_legend, label_once, summary_title
+from lsvision.draw.titles import draw_legend, figure_of, label_once, set_title, summary_title
 from lsvision.ellipse.section import CylinderSection
 from lsvision.geometry import Points
 from lsvision.measure import Measurement

@@ -40,7 +40,7 @@ def draw_panel(
     cylinders : sequence of CylinderSection
         Numbered from 1 in this order.
     rejected : sequence of RejectedArc
-        In the order of their letters.
+        Rejected arcs in the order of their letters.
     """
     lines = [*_cylinder_lines(cylinders), *_rejected_lines(rejected)]
     if len(lines) > LINES:

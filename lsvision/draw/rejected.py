@@ -18,7 +18,7 @@ class RejectedArc:
     letter : str
         Label in the picture.
     indices : (k,) int ndarray
-        Its valid points that belong to no cylinder; at least one.
+        Valid points of the arc that belong to no cylinder; at least one.
     reason : str
         Reason of the rejection.
     colour : str

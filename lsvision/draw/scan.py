@@ -5,9 +5,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from lsvision.draw.caller_axes import figure_of, set_title
 from lsvision.draw.space import fit_into, scale_axes
-from lsvision.draw.titles import label_once, summary_title
+from lsvision.draw.titles import figure_of, label_once, set_title, summary_title
 from lsvision.geometry import FloatArray, Points
 from lsvision.results.number_format import format_std, format_value, with_minus_signs
 from lsvision.results.palette import POINTS, cylinder_colour

@@ -29,7 +29,7 @@ def scale_axes(
     axes : mpl_toolkits.mplot3d.Axes3D
         Axes with their complete content.
     names : (3,) sequence of str
-        Of the axes, with units.
+        Labels of the axes, with units.
     max_ticks : int
         On the longest axis.
     """
@@ -37,12 +37,12 @@ def scale_axes(
 
     lengths = np.array([np.ptp(getattr(axes, f"get_{letter}lim")()) for letter in "xyz"])
     axes.set_box_aspect(lengths)
-    shares = lengths / lengths.max()
-    for letter, name, share in zip("xyz", names, shares, strict=True):
+    fractions = lengths / lengths.max()
+    for letter, name, fraction in zip("xyz", names, fractions, strict=True):
         getattr(axes, f"set_{letter}label")(name, labelpad=13, fontsize=11)
         axis = getattr(axes, f"{letter}axis")
-        axis.set_major_locator(MaxNLocator(max(2, round(max_ticks * share))))
-        axis.set_tick_params(pad=8, labelsize=10)  # room between a minus sign and its tick
+        axis.set_major_locator(MaxNLocator(max(2, round(max_ticks * fraction))))
+        axis.set_tick_params(pad=8, labelsize=10)  # space between a minus sign and its tick
 
 
 def fit_into(axes: "Axes3D", place: tuple[float, float, float, float]) -> None:
@@ -53,14 +53,14 @@ def fit_into(axes: "Axes3D", place: tuple[float, float, float, float]) -> None:
     axes : mpl_toolkits.mplot3d.Axes3D
         Axes of a figure without automatic layout.
     place : tuple of float
-        Left, bottom, width, height, as shares of the figure.
+        Left, bottom, width, height, as fractions of the figure.
     """
     left, bottom, width, height = place
     figure = axes.figure
-    to_shares = figure.transFigure.inverted()
+    to_fractions = figure.transFigure.inverted()
     for _ in range(FIT_ITERATIONS):
         figure.draw_without_rendering()
-        drawn = _drawn_box(axes).transformed(to_shares)
+        drawn = _drawn_box(axes).transformed(to_fractions)
         own = axes.get_position(original=True)
         factor = min(width / drawn.width, height / drawn.height)
         across = own.x0 + own.width / 2 + left + width / 2 - (drawn.x0 + drawn.x1) / 2

@@ -1,9 +1,10 @@
-"""Titles and legends, alike in all pictures."""
+"""Titles and legends, the same in all pictures, also in axes of the caller."""
 
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 MAX_TITLE_CHARACTERS = 95
 LAST_SUPPORTED_CHARACTER = "\u058f"
@@ -38,7 +39,7 @@ def summary_title(cylinders: int, rejected: int, title: str) -> str:
 
 
 def label_once(axes: "Axes", label: str) -> str | None:
-    """Return the label, or an ignored one if the legend of the axes has it already."""
+    """Return the label, or an ignored one if it is in the legend of the axes already."""
     return None if label in axes.get_legend_handles_labels()[1] else label
 
 
@@ -48,3 +49,15 @@ def draw_legend(axes: "Axes", *, marker_scale: float = 1.6) -> None:
         loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=6, frameon=False, fontsize=9,
         borderaxespad=0.2, columnspacing=1.2, handlelength=1.8, markerscale=marker_scale,
     )  # fmt: skip
+
+
+def figure_of(ax: "Axes") -> "Figure":
+    """Return the figure of axes, also of axes in a subfigure."""
+    figure: Figure = ax.figure.figure
+    return figure
+
+
+def set_title(ax: "Axes", title: str) -> None:
+    """Set the title of axes, ``?`` for glyphs that the font lacks; an empty one is ignored."""
+    if title:
+        ax.set_title(printable(title), loc="left", parse_math=False, pad=24)

@@ -19,8 +19,8 @@ PHOTO_WIDTH = 640
 """Largest width at which a photo is stored in a page. Units: px."""
 JPEG_QUALITY = 70
 ARROW_FRACTION = 0.03
-"""Length of the median arrow relative to the image's width; rounded down to 1, 2 or 5 times a power
-of ten as factor."""
+"""Length of the median arrow relative to the image's width; the magnification is rounded down to 1,
+2 or 5 times a power of ten."""
 LINE_ARROWS = 30
 """Largest number of arrows along a laser line; more would hide it."""
 
@@ -32,9 +32,9 @@ class ViewPhoto:
     Parameters
     ----------
     name : str
-        Of the file, and what is said of it.
+        Name of the file, and the text above the photo.
     image : (height, width) or (height, width, 3) ndarray
-        8 or 16 bit.
+        Image of 8 or 16 bit.
     corners, corner_residuals : (n, 2) ndarray
         Points of the board, and projected minus found. Units: px.
     line, line_residuals : (m, 2) ndarray
@@ -55,9 +55,9 @@ def arrow_factor(residuals: Sequence[FloatArray], width: int) -> float:
     Parameters
     ----------
     residuals : sequence of (n, 2) ndarray
-        Of all photos. Units: px.
+        Residuals in all photos. Units: px.
     width : int
-        Of the photos. Units: px.
+        Width of the photos. Units: px.
     """
     lengths = np.concatenate([np.hypot(*residual.T) for residual in residuals] or [np.zeros(0)])
     median = float(np.median(lengths)) if len(lengths) else 0.0
@@ -91,7 +91,7 @@ def photo_svg(photo: ViewPhoto, factors: tuple[float, float]) -> str:
     photo : ViewPhoto
         Its coordinates are those of the element; pixel (0, 0) is the centre of the first pixel.
     factors : tuple of float
-        Of the arrows of corners, and of those of the laser line; from `arrow_factor`.
+        Magnification of the corners' arrows and of the laser line's; from `arrow_factor`.
     """
     height, width = photo.image.shape[:2]
     stroke = width / 640

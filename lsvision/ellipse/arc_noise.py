@@ -14,7 +14,7 @@ from lsvision.ellipse.robust_gauss_newton import EllipseResiduals
 from lsvision.geometry import FloatArray
 from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints
 from lsvision.statistics.correlation import estimate_correlation, neighbour_correlation
-from lsvision.statistics.robust import SIGNIFICANT_SIGMAS, mad_std
+from lsvision.statistics.robust import SIGNIFICANT_SIGMAS, upper_mad_std
 
 GRAZING_INCIDENCE_DEG = 45.0
 """Incidence at which the error of a sensor that smooths along the line has grown by sqrt(2), since
@@ -50,7 +50,7 @@ def estimate_arc_noise(compared: EllipseResiduals, min_variance_factor: float) -
     With a `min_variance_factor` of 1, a given noise model, errors are taken to be uncorrelated.
     """
     normalised = compared.residuals / np.sqrt(compared.variances)
-    scale = mad_std(normalised)
+    scale = upper_mad_std(normalised)
     factor = max(scale * scale, min_variance_factor)
     if min_variance_factor >= 1:
         return ArcNoise(factor, 1.0, 1.0, smoothed=False)

@@ -56,7 +56,7 @@ MAX_PHI = math.radians(88.0)
 """Largest phi of an interval."""
 MIN_RADIUS_FACTOR, MAX_RADIUS_FACTOR = 0.02, 50.0
 """Limits of an interval of the radius, in radii; the second, in semi-major axes, of the centre."""
-PRIOR_SHARE = 0.995
+PRIOR_FRACTION = 0.995
 """Ratio of a known quantity's std to its prior's, above which its interval is that of the prior."""
 MIN_NOISE = 1e-9
 """Smallest noise of points over m: below it F consists of rounding errors."""
@@ -92,7 +92,7 @@ def interval(fit: EllipseFit, quantity: Quantity, level: float = 0.95) -> Interv
     Returns
     -------
     low, high : float
-        See `intervals`.
+        Ends of the interval; see `intervals`.
 
     Raises
     ------
@@ -254,12 +254,12 @@ def _known_quantities(fit: EllipseFit, sigmas: float) -> dict[str, Interval]:
     if problem.known_radius is not None:
         gradient = semi_minor_gradient(fit.parameters)
         std = math.sqrt(max(float(gradient @ covariance @ gradient), 0.0))
-        if std > PRIOR_SHARE * problem.known_radius.effective_std:
+        if std > PRIOR_FRACTION * problem.known_radius.effective_std:
             known["radius"] = ellipse.radius - sigmas * std, ellipse.radius + sigmas * std
     if problem.known_phi is not None and not problem.known_phi.includes_circle:
         _, (gradient,) = problem.known_phi.residuals_and_jacobian(fit.parameters)
         std_ratio = math.sqrt(max(float(gradient @ covariance @ gradient), 0.0))
-        if std_ratio > PRIOR_SHARE:
+        if std_ratio > PRIOR_FRACTION:
             std = std_ratio * max(problem.known_phi.std, EXACT_STD)
             known["phi"] = ellipse.phi - sigmas * std, ellipse.phi + sigmas * std
     return known

@@ -83,7 +83,7 @@ def radial_residuals_and_normals(
     Returns
     -------
     signed : (n,) ndarray
-        Units: mm.
+        Signed residual of each point, positive outside. Units: mm.
     normals, w : (n,) complex ndarray
         The normal divided by its cosine with the ray, so that -n d(c + E w) is again the
         derivative of the residual; unit vector of the point on the ray.

@@ -104,7 +104,7 @@ class PhiPrior:
         Returns
         -------
         residuals : (k,) ndarray
-            Two near a circle, else one.
+            Residuals of the prior: two near a circle, else one.
         jacobian : (k, 5) ndarray
             Derivative by (centre_x, centre_y, m, p, q). Units: 1/mm.
         """

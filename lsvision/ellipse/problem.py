@@ -66,7 +66,7 @@ class EllipseProblem:
     known_radius : RadiusPrior or None
         Prior on b.
     residual : {"orthogonal", "radial"}
-        See `FittingSettings`.
+        Definition of a residual; see `FittingSettings`.
     known_phi : PhiPrior, optional
         Prior on the tilt.
     """
@@ -91,7 +91,7 @@ class EllipseProblem:
         residuals : (n + k,) ndarray
             The last k are those of the priors.
         jacobian : (n + k, 5) ndarray
-            Units: 1/mm.
+            Derivatives of the residuals. Units: 1/mm.
         """
         compare = (
             orthogonal_residuals_and_normals

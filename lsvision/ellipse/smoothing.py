@@ -16,7 +16,7 @@ from lsvision.ellipse.robust_gauss_newton import ellipse_residuals
 from lsvision.geometry import BoolArray, Ellipse, FloatArray
 from lsvision.geometry.arrays import TINY
 from lsvision.geometry.noisy_points import ComplexArray, NoisyPoints
-from lsvision.statistics.robust import mad_std
+from lsvision.statistics.robust import upper_mad_std
 
 WINDOW_FRACTION = 0.3
 """Width of the local regression as a fraction of the arc (paper: 30 % of the points)."""
@@ -96,7 +96,7 @@ def smooth_residual(
 def _bisquare_weights(normalised: FloatArray) -> FloatArray:
     """Return Tukey's weights of residuals over their standard deviations, (n,)."""
     # The scale is at least that of the noise model, so that points within the noise are kept.
-    z = normalised * (1 / (TUKEY_CONSTANT * max(mad_std(normalised), 1.0)))
+    z = normalised * (1 / (TUKEY_CONSTANT * max(upper_mad_std(normalised), 1.0)))
     weights: FloatArray = np.maximum(1 - z * z, 0.0) ** 2
     return weights
 

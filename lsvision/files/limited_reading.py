@@ -15,9 +15,9 @@ from lsvision.errors import UnreadableFile
 MAX_SIZE = 2 * 10**9
 """Largest file that is read without ``--max-size``. Units: bytes."""
 STDIN = "-"
-"""Path that stands for standard input."""
+"""Path of standard input."""
 WRITER_TIMEOUT_S = 10.0
-"""Time after which a named pipe that no program opens for writing is given up. Units: s."""
+"""Time limit for a named pipe that no program opens for writing. Units: s."""
 
 _POLL_S = 0.02
 _BINARY = getattr(os, "O_BINARY", 0)

@@ -54,9 +54,9 @@ def as_number_or_pair(
     Parameters
     ----------
     value : float, sequence of two floats, or None
-        As the caller passes it: also a list or an array.
+        Argument as the caller passes it: also a list or an array.
     name, unit : str
-        Of the argument, for the message.
+        Name and unit of the argument, for the message.
     pair : str
         What the two numbers are, for the message: ``"(min, max)"``.
 

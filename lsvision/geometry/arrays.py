@@ -69,6 +69,11 @@ def as_unit_vector(values: npt.ArrayLike, name: str) -> tuple[FloatArray, float]
     return as_readonly_array(vector / length, (3,)), length
 
 
+def rms(values: FloatArray) -> float:
+    """Return the root mean square of an array."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
 def extent_of(points: Points) -> float:
     """Return the longest side of the bounding box of points; 0 without points.
 

@@ -50,8 +50,8 @@ class NoisyPoints:
         return cls(as_complex(points), (xx + yy) / 2, deviator)
 
     @classmethod
-    def alike(cls, z: ComplexArray, x_std: float, y_std: float) -> Self:
-        """Return points x + iy with equal, independent errors of x and y. Units: mm."""
+    def uniform(cls, z: ComplexArray, x_std: float, y_std: float) -> Self:
+        """Return points x + iy, each with the covariance diag(x_std^2, y_std^2). Units: mm."""
         mean, deviator = np.empty(len(z)), np.empty(len(z), dtype=complex)
         mean.fill((x_std**2 + y_std**2) / 2)
         deviator.fill((x_std**2 - y_std**2) / 2)

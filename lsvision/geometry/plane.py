@@ -19,7 +19,8 @@ class Plane(ComparedByValue):
     Parameters
     ----------
     normal : (3,) array_like
-        Normal of any non-zero length; stored as a unit vector, with `distance` scaled alike.
+        Normal of any non-zero length; stored as a unit vector, with `distance` divided by the
+        same length.
     distance : float
         Distance from the origin along `normal`. Units: mm.
 

@@ -1,1 +1,1 @@
-"""Jobs and honest verdicts: limits, guard band, relations, statistics of many parts."""
+"""Jobs and verdicts: limits, guard band, relations, statistics of many parts."""

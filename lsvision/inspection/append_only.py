@@ -14,7 +14,7 @@ from lsvision.files.limited_reading import read_text
 from lsvision.results.quantities import Record
 
 FIRST = "0" * 64
-"""What stands for the line before the first."""
+"""Hash that replaces the one of a line before the first."""
 
 
 def read_records(path: str | os.PathLike[str]) -> list[Record]:

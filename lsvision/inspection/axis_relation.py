@@ -29,7 +29,7 @@ class SeenCylinder:
     fit : CylinderFit
         Axis and radius with their covariance.
     axial_range : (float, float)
-        From ``fit.point`` along ``fit.direction``. Units: mm.
+        Range of the observed points along ``fit.direction``, from ``fit.point``. Units: mm.
     """
 
     fit: CylinderFit
@@ -44,9 +44,9 @@ def relate_axes(
     Parameters
     ----------
     first, second : SeenCylinder
-        In one frame; their errors are taken as independent.
+        Two cylinders in the same frame; their errors are taken as independent.
     up : (3,) ndarray, optional
-        Unit vector along which flush is measured; without it there is none.
+        Unit vector along which flush is measured; without it flush is not measured.
 
     Returns
     -------
@@ -95,9 +95,9 @@ def angle_between(fit: CylinderFit, direction: FloatArray) -> Length:
     across = unit - (unit @ fit.direction) * fit.direction
     sine = float(np.linalg.norm(across))
     # The rotation from the axis to the direction, in the basis of the axis' errors.
-    turn = fit.tangent_basis @ across
+    rotation = fit.tangent_basis @ across
     angle = math.atan2(sine, float(unit @ fit.direction))
-    vector = turn * (angle / sine) if sine > PARALLEL else turn
+    vector = rotation * (angle / sine) if sine > PARALLEL else rotation
     return Length(vector, fit.covariance[2:4, 2:4], fit.degrees_of_freedom)
 
 
@@ -182,8 +182,8 @@ class _Pair:
         sine = np.cross(u, v)
         length = float(np.linalg.norm(sine))
         angle = math.atan2(length, float(u @ v))
-        turn = sine * (angle / length) if length > PARALLEL else sine
-        rotated: FloatArray = _plane_across(self.held) @ turn
+        rotation = sine * (angle / length) if length > PARALLEL else sine
+        rotated: FloatArray = _plane_across(self.held) @ rotation
         return rotated
 
 

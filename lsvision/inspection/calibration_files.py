@@ -24,14 +24,14 @@ def calibration_files(job: Job, job_path: Path) -> dict[str, dict[str, str | Non
     job : Job
         The job.
     job_path : Path
-        Its file; paths in it are relative to its folder.
+        File of the job; paths in it are relative to its folder.
 
     Raises
     ------
     LsvisionError
         If a file cannot be read, or is not the one whose SHA-256 the job states; names the line.
     """
-    found: dict[str, dict[str, str | None]] = {}
+    provenances: dict[str, dict[str, str | None]] = {}
     for key in KEYS:
         name = getattr(job.rig, key)
         if name is None:
@@ -47,8 +47,8 @@ def calibration_files(job: Job, job_path: Path) -> dict[str, dict[str, str | Non
                 f'got {digest[:12]}...: if it was calibrated anew, write {key}_sha256 = "{digest}" '
                 "and raise the revision"
             )
-        found[key] = {"file": name, "date": _date(content), "sha256": digest}
-    return found
+        provenances[key] = {"file": name, "date": _date(content), "sha256": digest}
+    return provenances
 
 
 def calibration_age_days(

@@ -1,4 +1,4 @@
-"""Statistics of many verdicts: shares, process capability, and what the measurement adds to it."""
+"""Statistics of many verdicts: binomial intervals, process capability, part of the measurement."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 NOT_CLAIMED = (
     "ISO 22514-7 is not claimed: it does not cover a radius or an angle fitted to many points"
 )
-"""What stands below every capability."""
+"""Note below every capability."""
 SIX = 6.0
 
 
@@ -24,13 +24,13 @@ class Capability:
     count : int
         Number of parts.
     mean, std : float
-        Of the measured values, in their unit; the measurement's own scatter is in it.
+        Mean and standard deviation of the measured values, in their unit; the standard deviation
     cp, cpk : float
         Cp is NaN with one limit.
     cp_interval, cpk_interval : (float, float)
         At `level`: Cp by chi^2, Cpk by Bissell's approximation.
-    measurement_share : float
-        Share of the variance that is the measurement's own, as its sigmas predict.
+    measurement_fraction : float
+        Fraction of the variance that the standard uncertainties of the measurement explain.
     level : float
         Probability of the intervals.
     """
@@ -42,7 +42,7 @@ class Capability:
     cpk: float
     cp_interval: tuple[float, float]
     cpk_interval: tuple[float, float]
-    measurement_share: float
+    measurement_fraction: float
     level: float = 0.95
 
 
@@ -57,9 +57,9 @@ def capability(
     Parameters
     ----------
     values : sequence of float
-        One a part, at least two.
+        Measured values, one for each part, at least two.
     limits : (float, float)
-        Of which one may be infinite.
+        Lower and upper limit; one may be infinite.
     stds : sequence of float
         Standard uncertainty of each value, as far as it differs from part to part.
     level : float
@@ -95,7 +95,7 @@ def capability(
     tail = (1 - level) / 2
     factors = np.sqrt(chi2.ppf([tail, 1 - tail], count - 1) / (count - 1))
     half = float(ndtri(1 - tail)) * math.sqrt(1 / (9 * count) + cpk**2 / (2 * (count - 1)))
-    own = float(np.mean(np.square(stds))) if len(stds) else math.nan
+    measurement_variance = float(np.mean(np.square(stds))) if len(stds) else math.nan
     return Capability(
         count=count,
         mean=mean,
@@ -104,24 +104,24 @@ def capability(
         cpk=cpk,
         cp_interval=(cp * float(factors[0]), cp * float(factors[1])),
         cpk_interval=(cpk - half, cpk + half),
-        measurement_share=min(own / std**2, 1.0),
+        measurement_fraction=min(measurement_variance / std**2, 1.0),
         level=level,
     )
 
 
-def share_interval(hits: int, count: int, level: float = 0.95) -> tuple[float, float]:
-    """Interval of a share, after Clopper and Pearson.
+def binomial_interval(hits: int, count: int, level: float = 0.95) -> tuple[float, float]:
+    """Confidence interval of a probability from counts, after Clopper and Pearson.
 
     Parameters
     ----------
     hits, count : int
-        How many of how many.
+        Number of hits, and number of trials.
     level : float
         Probability of the interval, at least.
 
     Examples
     --------
-    >>> low, high = share_interval(0, 30)
+    >>> low, high = binomial_interval(0, 30)
     >>> f"{low:.3f} {high:.3f}"
     '0.000 0.116'
     """

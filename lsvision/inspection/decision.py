@@ -10,7 +10,7 @@ from lsvision.inspection.uncertain import two_sided_factor
 
 
 class Decision(StrEnum):
-    """What is proved of a quantity, a part or a whole.
+    """Decision on a quantity, a part or a whole measurement.
 
     Examples
     --------
@@ -57,7 +57,7 @@ def decide(interval: tuple[float, float], limits: tuple[float, float]) -> Decisi
 def widened(
     value: float, interval: tuple[float, float], extra_std: float, level: float
 ) -> tuple[float, float]:
-    """Add an uncertainty that the fit cannot know to both half widths, in quadrature.
+    """Add an uncertainty that the fit does not contain to both half widths, in quadrature.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ from lsvision.results.result import Result
 POOLING_ALPHA = 0.25
 """p-value of the interaction above which it is taken as repeatability (AIAG)."""
 NDC_FACTOR = 1.41
-"""Of the number of distinct categories (AIAG)."""
+"""Factor in the number of distinct categories (AIAG)."""
 SIGMAS = 6.0
 """Standard deviations of a study variation."""
 
@@ -46,11 +46,11 @@ class Component:
     Parameters
     ----------
     name : str
-        As ``repeatability``.
+        Name of the component, as ``repeatability``.
     variance : float
         At least 0.
     interval : (float, float)
-        Of the standard deviation.
+        Confidence interval of the standard deviation.
     """
 
     name: str
@@ -88,48 +88,15 @@ class GaugeStudy(Result):
     level: float = 0.95
 
     def component(self, name: str) -> Component:
-        """Return a component by its name.
-
-        Parameters
-        ----------
-        name : str
-            Of `components`.
-
-        Returns
-        -------
-        Component
-            The one of that name.
-        """
+        """Return the component of a name."""
         return next(each for each in self.components if each.name == name)
 
-    def share_of_total(self, name: str) -> float:
-        """Return the standard deviation over that of the total: the %study variation over 100.
-
-        Parameters
-        ----------
-        name : str
-            Of `components`.
-
-        Returns
-        -------
-        float
-            Between 0 and 1.
-        """
+    def fraction_of_total(self, name: str) -> float:
+        """Return the std of a component over that of the total (%study variation / 100)."""
         return self.component(name).std / self.component("total").std
 
-    def share_of_tolerance(self, name: str) -> float:
-        """Return six standard deviations over the tolerance; NaN without one.
-
-        Parameters
-        ----------
-        name : str
-            Of `components`.
-
-        Returns
-        -------
-        float
-            %tolerance over 100.
-        """
+    def fraction_of_tolerance(self, name: str) -> float:
+        """Return six stds of a component over the tolerance (%tolerance / 100); NaN without one."""
         if self.tolerance is None:
             return math.nan
         return SIGMAS * self.component(name).std / self.tolerance
@@ -143,7 +110,7 @@ class GaugeStudy(Result):
         return max(int(NDC_FACTOR * self.component("parts").std / gauge), 1)
 
     def to_dict(self) -> Record:
-        """Return table, components and shares, ready for JSON.
+        """Return table, components and fractions, ready for JSON.
 
         Returns
         -------
@@ -168,8 +135,8 @@ class GaugeStudy(Result):
                     "variance": each.variance,
                     "std": each.std,
                     "std_interval": list(each.interval),
-                    "percent_of_total": 100 * self.share_of_total(each.name),
-                    "percent_of_tolerance": finite(100 * self.share_of_tolerance(each.name)),
+                    "percent_of_total": 100 * self.fraction_of_total(each.name),
+                    "percent_of_tolerance": finite(100 * self.fraction_of_tolerance(each.name)),
                 }
                 for each in self.components
             },
@@ -179,7 +146,7 @@ class GaugeStudy(Result):
         }
 
     def _summary(self) -> str:
-        gauge = 100 * self.share_of_total("gauge")
+        gauge = 100 * self.fraction_of_total("gauge")
         return f"gauge {gauge:.1f} % of total, ndc {self.distinct_categories}"
 
     def _cells(self) -> list[tuple[str, ...]]:
@@ -188,13 +155,13 @@ class GaugeStudy(Result):
         rows = [header]
         for each in self.components:
             low, high = each.interval
-            tolerance = 100 * self.share_of_tolerance(each.name)
+            tolerance = 100 * self.fraction_of_tolerance(each.name)
             rows.append(
                 (
                     each.name,
                     f"{each.std:.6g}",
                     f"{low:.4g} .. {high:.4g}",
-                    f"{100 * self.share_of_total(each.name):.2f}",
+                    f"{100 * self.fraction_of_total(each.name):.2f}",
                     f"{tolerance:.2f}" if math.isfinite(tolerance) else "",
                 )
             )
@@ -259,12 +226,12 @@ def _anova(table: FloatArray) -> tuple[AnovaRow, ...]:
     divisors = (2, 2, 3)  # of parts and operators the interaction, of that the repeatability
     names = ("parts", "operators", "interaction", "repeatability")
     rows = []
-    for place, name in enumerate(names):
+    for axis, name in enumerate(names):
         ratio = p_value = math.nan
-        if place < 3 and means[divisors[place]] > 0:
-            ratio = means[place] / means[divisors[place]]
-            p_value = float(f.sf(ratio, dofs[place], dofs[divisors[place]]))
-        rows.append(AnovaRow(name, dofs[place], squares[place], ratio, p_value))
+        if axis < 3 and means[divisors[axis]] > 0:
+            ratio = means[axis] / means[divisors[axis]]
+            p_value = float(f.sf(ratio, dofs[axis], dofs[divisors[axis]]))
+        rows.append(AnovaRow(name, dofs[axis], squares[axis], ratio, p_value))
     return tuple(rows)
 
 
@@ -284,14 +251,14 @@ def _components(
     operators[[1, 2]] = 1 / (p * r), -1 / (p * r)
     interaction = np.zeros(len(error)) if pooled else np.array([0, 0, 1, -1]) / r
     # A component below 0 is taken as none, also within a sum.
-    found = [max(float(c @ means), 0.0) for c in (operators, interaction, parts)]
+    variances = [max(float(c @ means), 0.0) for c in (operators, interaction, parts)]
     repeat = means[-1]
     combinations = {
         "repeatability": (last, repeat),
-        "reproducibility": (operators + interaction, found[0] + found[1]),
-        "gauge": (last + operators + interaction, repeat + found[0] + found[1]),
-        "parts": (parts, found[2]),
-        "total": (last + operators + interaction + parts, repeat + sum(found)),
+        "reproducibility": (operators + interaction, variances[0] + variances[1]),
+        "gauge": (last + operators + interaction, repeat + variances[0] + variances[1]),
+        "parts": (parts, variances[2]),
+        "total": (last + operators + interaction + parts, repeat + sum(variances)),
     }
     return tuple(
         Component(

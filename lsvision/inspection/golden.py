@@ -32,7 +32,7 @@ def check_golden(
     cylinders : sequence of CylinderSection or ScannedCylinder
         What was measured; the one nearest to the known radius is the golden part.
     job : Job
-        With a ``[golden]`` table.
+        Job with a ``[golden]`` table.
     source : str
         Name of the file.
     now : datetime
@@ -69,7 +69,7 @@ def check_golden(
 
 
 def golden_block(job: Job, log: Sequence[Record], now: datetime.datetime) -> str:
-    """Why the golden part forbids any decision now; empty if it does not.
+    """Reason why the golden part forbids any decision now; empty if it does not.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def golden_block(job: Job, log: Sequence[Record], now: datetime.datetime) -> str
     log : sequence of dict
         Checks, the oldest first.
     now : datetime
-        With its time zone.
+        Present time with its time zone.
     """
     if job.golden is None:
         return ""

@@ -1,4 +1,4 @@
-"""Revisions of a job: which content every revision number stands for."""
+"""Revisions of a job: hash of the content for each revision number."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SUFFIX = ".history.jsonl"
 
 
 def history_path(job_path: Path) -> Path:
-    """Where the history of a job file is kept: beside it."""
+    """Path of the history of a job file: beside it."""
     return job_path.with_name(job_path.name + SUFFIX)
 
 
@@ -23,7 +23,7 @@ def record_revision(job: Job, job_path: Path, now: datetime.datetime) -> bool:
     Raises
     ------
     LsvisionError
-        If its number stands for another content, or a newer one is there.
+        If its number is recorded with another content, or a newer one is recorded.
     """
     path = history_path(job_path)
     for entry in read_records(path):
@@ -46,7 +46,7 @@ def record_revision(job: Job, job_path: Path, now: datetime.datetime) -> bool:
 
 
 def unrecorded_note(job: Job, job_path: Path) -> str | None:
-    """What to say of a job that differs from its history; None if there is none, or it is in it."""
+    """Return a message if a job differs from its history; None if it is recorded or has none."""
     entries = read_records(history_path(job_path))
     if not entries or any(entry["hash"] == job.hash for entry in entries):
         return None

@@ -1,4 +1,4 @@
-"""Many judged measurements: shares of the verdicts, and the series of each quantity."""
+"""Many judged measurements: counts of the verdicts, and the series of each quantity."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from lsvision.inspection.capability import Capability, capability, share_interval
+from lsvision.inspection.capability import Capability, binomial_interval, capability
 from lsvision.inspection.decision import Decision
 from lsvision.inspection.remedies import Remedy
 from lsvision.inspection.verdict import Verdict, verdict_rows
@@ -26,11 +26,11 @@ class Inspected:
     profile : int
         Place of the profile in its file; 0 for a scan.
     measurement : Measurement or ScanMeasurement
-        What was judged.
+        Measurement that was judged.
     verdict : Verdict
-        What is proved.
+        Verdict on the measurement.
     remedies : tuple of Remedy
-        What would decide what is open.
+        Measurements that would decide the undecided quantities.
     """
 
     source: str
@@ -61,17 +61,17 @@ class Inspected:
 
 
 @dataclass(frozen=True)
-class Share:
-    """How many verdicts were of a kind.
+class VerdictCount:
+    """Number of verdicts of one kind.
 
     Parameters
     ----------
     decision : Decision
-        Which kind.
+        Kind of verdict.
     count : int
-        How many.
+        Number of such verdicts.
     interval : (float, float)
-        Of the share of all parts made alike, at 95 %.
+        95 % confidence interval of the probability of this verdict.
     """
 
     decision: Decision
@@ -90,13 +90,14 @@ class Series:
     quantity : Quantity
         Name and unit.
     limits : (float, float)
-        Infinite where there is none.
+        Lower and upper limit; infinite without a limit.
     numbers : tuple of int
-        Of the measurements, from 1.
+        Numbers of the measurements, from 1.
     values, stds, lows, highs : tuple of float
-        In the order of the measurements; units of the quantity.
+        Values, standard uncertainties and interval ends in the order of the measurements, in the
+        unit of the quantity.
     decisions : tuple of Decision
-        Of each.
+        Decision of each measurement.
     """
 
     item: str
@@ -118,14 +119,14 @@ class Series:
             return None
 
 
-def shares_of(inspected: Sequence[Inspected]) -> list[Share]:
-    """Share of each kind of verdict with its interval."""
+def count_verdicts(inspected: Sequence[Inspected]) -> list[VerdictCount]:
+    """Count each kind of verdict, with the interval of its probability."""
     total = len(inspected)
-    shares = []
+    counts = []
     for decision in Decision:
         count = sum(each.verdict.decision == decision for each in inspected)
-        shares.append(Share(decision, count, share_interval(count, total)))
-    return shares
+        counts.append(VerdictCount(decision, count, binomial_interval(count, total)))
+    return counts
 
 
 def series_of(inspected: Sequence[Inspected]) -> list[Series]:

@@ -42,7 +42,7 @@ SCHEMA = 1
 
 
 class Job(JobTable):
-    """What is measured and when it is good: one TOML file.
+    """Measurement and limits of a kind of part: one TOML file.
 
     Parameters of the tables are named with their units; unknown keys are errors. Equal jobs have
     equal hashes, however their files are laid out.
@@ -92,14 +92,12 @@ class Job(JobTable):
         Returns
         -------
         Job
-            Checked as a whole.
+            As `from_text` checks it.
 
         Raises
         ------
-        InvalidJob
-            Names every mistake with its line and the remedy.
-        UnreadableFile
-            If there is no such file, or it is no text.
+        InvalidJob, UnreadableFile
+            If the job has mistakes; if there is no such file, or it is no text.
 
         Examples
         --------
@@ -164,7 +162,7 @@ class Job(JobTable):
         Parameters
         ----------
         name : str
-            As in the job.
+            Name of the part in the job.
 
         Returns
         -------
@@ -174,12 +172,12 @@ class Job(JobTable):
         return next(part for part in self.parts if part.name == name)
 
     def extra_std(self, key: str) -> float:
-        """Return the uncertainty that the fit cannot know, in the unit of the key.
+        """Return the uncertainty that the fit does not contain, in the unit of the key.
 
         Parameters
         ----------
         key : str
-            As ``radius_mm``.
+            Key of the quantity, as ``radius_mm``.
 
         Returns
         -------

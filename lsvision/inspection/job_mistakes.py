@@ -29,14 +29,14 @@ _SHOWN = 60
 
 @dataclass(frozen=True)
 class Mistake:
-    """What is wrong in a job file.
+    """Mistake in a job file.
 
     Parameters
     ----------
     line : int or None
-        From 1; None for what is not there.
+        Line of the mistake, from 1; None if something is missing.
     message : str
-        What was expected, what came, and the mend.
+        What was expected, what was found, and the remedy.
     """
 
     line: int | None
@@ -74,11 +74,11 @@ def describe_mistakes(error: ValidationError, text: str, model: type[BaseModel])
     Parameters
     ----------
     error : ValidationError
-        Of the job's model.
+        Error from the validation of the job's model.
     text : str
         The file.
     model : type
-        The job's model, for the keys that it knows.
+        Model of the job, for the known keys.
     """
     lines = _lines_of_keys(text)
     mistakes: list[Mistake] = []
@@ -141,7 +141,7 @@ def _without_variants(where: Location) -> Location:
 
 
 def _message(where: Location, detail: Any, model: type[BaseModel]) -> str:
-    """What was expected, what came, and the mend, in words of the job file."""
+    """What was expected, what was found, and the remedy, in the words of the job file."""
     key = next((str(part) for part in reversed(where) if isinstance(part, str)), "the job")
     kind, got = detail["type"], _shown(detail["input"])
     if kind == "missing":
@@ -172,8 +172,8 @@ def _unknown_key(key: str, where: Location, known: list[str]) -> str:
     if with_unit:
         return f"{_path(where)}: the unit is missing: write {' or '.join(with_unit)}"
     near = difflib.get_close_matches(key, known, n=1)
-    mend = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
-    return f"{_path(where)}: unknown key: {mend}"
+    remedy = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
+    return f"{_path(where)}: unknown key: {remedy}"
 
 
 def known_keys(where: Location, model: type[BaseModel]) -> list[str]:

@@ -26,7 +26,7 @@ Vector = tuple[Number, Number, Number]
 
 
 class Source(JobTable):
-    """Where profiles come from when the job runs by itself."""
+    """Source of the profiles when the job runs by itself."""
 
     kind: Literal["folder", "replay", "leuze-lps", "keyence-ljx", "genicam", "camera"]
     path: str | None = None
@@ -49,7 +49,7 @@ class Rig(JobTable):
 
 
 class Scan(JobTable):
-    """How the sections of a scan follow each other; without it each profile is judged by itself."""
+    """Spacing of the sections of a scan; without it each profile is judged by itself."""
 
     feed: Vector | None = None
     step_mm: Number | None = None
@@ -187,7 +187,7 @@ class RelationLimits(JobTable):
 
 
 class DecisionRule(JobTable):
-    """How sure a verdict must be, and the value of a one-bit output for an undecided one."""
+    """Probability of a verdict, and the value of a one-bit output for an undecided one."""
 
     level: Annotated[float, Field(strict=True, gt=0.5, lt=1)] = 0.95
     undecided: Literal["ng", "ok"] = "ng"
@@ -213,7 +213,7 @@ class Golden(JobTable):
 
 
 class Address(JobTable):
-    """Where an output listens, or a broker is."""
+    """Address on which an output listens, or of a broker."""
 
     host: str = "127.0.0.1"
     port: Annotated[int, Field(strict=True, ge=1, le=65535)] | None = None
@@ -221,7 +221,7 @@ class Address(JobTable):
 
 
 class Output(JobTable):
-    """Where results go when the job runs by itself."""
+    """Destination of the results when the job runs by itself."""
 
     results: str | None = None
     record: str | None = None

@@ -1,4 +1,4 @@
-"""A commented job file from a measured profile: these parts, give or take what was asked for."""
+"""A commented job file from a measured profile: its parts with the requested tolerance."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ TAIL = """
 [decision]
 level = 0.95  # OK and NG are each wrong with a probability of at most 2.5 %
 undecided = "ng"  # what a one-bit output says
-# extra_std = { radius_mm = 0.01 }  # what the fit cannot know: temperature, repeatability
+# extra_std = { radius_mm = 0.01 }  # not in the fit: temperature, repeatability
 
 # [golden]  # a reference part; overdue or failed, and nothing is decided
 # radius_mm = 20
@@ -54,9 +54,9 @@ def job_text(name: str, cylinders: Sequence[CylinderSection], tolerance: float) 
     Parameters
     ----------
     name : str
-        Of the job.
+        Name of the job.
     cylinders : sequence of CylinderSection
-        From left to right, at least one.
+        Measured cylinders from left to right, at least one.
     tolerance : float
         Deviation of the radius to either side. Units: mm.
 
@@ -89,13 +89,13 @@ def job_text(name: str, cylinders: Sequence[CylinderSection], tolerance: float) 
             )
         )
     for number in range(1, len(cylinders)):
-        found = relate(cylinders[number - 1], cylinders[number])
+        relation = relate(cylinders[number - 1], cylinders[number])
         parts.append(
             RELATION.format(
                 first=number,
                 second=number + 1,
-                gap=round(max(found.gap, 0.0) + tolerance, 3),
-                text=format_value(found.gap, found.gap_std),
+                gap=round(max(relation.gap, 0.0) + tolerance, 3),
+                text=format_value(relation.gap, relation.gap_std),
             )
         )
     return "".join([*parts, TAIL])

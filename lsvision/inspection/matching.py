@@ -1,4 +1,4 @@
-"""Which measured cylinder is which part: by place, order or radius."""
+"""Assignment of measured cylinders to parts: by position, order or radius."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ RADIUS_TOLERANCE = 0.2
 
 @dataclass(frozen=True)
 class Matching:
-    """Which cylinder is which part.
+    """Assignment of cylinders to parts.
 
     Parameters
     ----------
@@ -45,22 +45,22 @@ def match_parts(parts: Sequence[Part], cylinders: Sequence[CylinderOfJob]) -> Ma
     cylinders : sequence of CylinderSection or ScannedCylinder
         In the order of the measurement, that is from left to right in a profile.
     """
-    found: dict[str, int] = {}
+    matched: dict[str, int] = {}
     claimed: dict[str, str] = {}
     for part in parts:
         index = _by_place_or_order(part, cylinders)
         if index is None:
             continue
-        owner = next((name for name, taken in found.items() if taken == index), None)
+        owner = next((name for name, taken in matched.items() if taken == index), None)
         if owner is None:
-            found[part.name] = index
+            matched[part.name] = index
         else:
             claimed[part.name] = owner
-    rest = [index for index in range(len(cylinders)) if index not in found.values()]
+    rest = [index for index in range(len(cylinders)) if index not in matched.values()]
     by_radius = [part for part in parts if not part.windows and part.order is None]
-    found |= _by_radius(by_radius, cylinders, rest)
-    additional = tuple(index for index in rest if index not in found.values())
-    return Matching(found, additional, claimed)
+    matched |= _by_radius(by_radius, cylinders, rest)
+    additional = tuple(index for index in rest if index not in matched.values())
+    return Matching(matched, additional, claimed)
 
 
 def place_of(cylinder: CylinderOfJob) -> tuple[float, ...]:
@@ -70,7 +70,7 @@ def place_of(cylinder: CylinderOfJob) -> tuple[float, ...]:
 
 
 def lies_in_windows(part: Part, place: Sequence[float]) -> bool:
-    """Whether a place lies in all windows of a part; an axis that it does not have counts not."""
+    """Whether a position lies in all windows of a part; windows of missing axes are ignored."""
     return all(
         low <= coordinate <= high
         for axis, (low, high) in part.windows.items()

@@ -26,7 +26,7 @@ def measure_quantity(cylinder: CylinderOfJob, part: Part, key: str, level: float
     Parameters
     ----------
     cylinder : CylinderSection or ScannedCylinder
-        What was measured.
+        Measured cylinder.
     part : Part
         The part that it is taken for; the origin of directions and positions.
     key : str
@@ -90,7 +90,7 @@ def _of_scan(tube: ScannedCylinder, part: Part, key: str) -> Uncertain:
 
 
 def _position(tube: ScannedCylinder, part: Part, key: str) -> Uncertain:
-    """Where the axis is: its distance from the nominal point, or a coordinate of it."""
+    """Position of the axis: its distance from the nominal point, or a coordinate of it."""
     near = tube.point if part.nominal_point_mm is None else np.array(part.nominal_point_mm)
     fit = tube.fit.with_reference_point(near)
     basis, covariance = fit.tangent_basis, fit.covariance[:2, :2]

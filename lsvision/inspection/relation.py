@@ -22,12 +22,12 @@ RELATION_QUANTITIES = {
         Quantity("flush", "mm"),
     )
 }
-"""What two cylinders have in common, by name."""
+"""Quantities of two cylinders, by name."""
 
 
 @dataclass(frozen=True, eq=False)
 class Seam(ComparedByValue):
-    """Where two cylinders are nearest to each other, base frame.
+    """Nearest points of two cylinders, base frame.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ class Seam(ComparedByValue):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Relation(Result):
-    """How two cylinders lie to each other.
+    """Distances and angle between two cylinders.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ class Relation(Result):
         ``distance``, ``angle``, ``gap`` and, where a direction for it is known, ``flush``.
         Units: mm, rad.
     seam : Seam, optional
-        Where both are nearest to each other; only in a base frame.
+        Points where both surfaces are nearest to each other; only in a base frame.
 
     Examples
     --------
@@ -113,7 +113,7 @@ class Relation(Result):
     def angle(self) -> float:
         """Angle between both axes, at most 90 deg. Units: rad.
 
-        Of two sections the smaller one of those that the signs of their tilts allow.
+        For two sections, the smallest angle that the unknown signs of their tilts allow.
         """
         return self.quantities["angle"].value
 
@@ -145,7 +145,7 @@ class Relation(Result):
         Returns
         -------
         low, high : float
-            Of distance and angle at least 0.
+            Ends of the interval; at least 0 for distance and angle.
 
         Raises
         ------
@@ -166,7 +166,7 @@ class Relation(Result):
         Parameters
         ----------
         name : {"distance", "angle", "gap", "flush"}
-            Which one.
+            Name of the quantity.
         level : float
             Probability of the interval.
 

@@ -1,4 +1,4 @@
-"""What would decide an undecided quantity: the shortest scan that is precise enough, as planned."""
+"""Remedies for undecided quantities: the shortest scan that is predicted to be precise enough."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from lsvision.results.number_format import format_std
 from lsvision.sensors.profile_sensor import ProfileSensor
 
 SECTIONS = (2, 3, 5, 10, 20)
-"""Lengths of a scan that are tried."""
+"""Numbers of sections that are tried."""
 SPACING_MM = 10.0
 PLANNED = ("radius_mm", "diameter_mm", "theta_deg", "phi_deg")
 """Quantities whose uncertainty the planner predicts."""
@@ -28,18 +28,18 @@ WORDS = {2: "two", 3: "three", 5: "five"}
 
 @dataclass(frozen=True)
 class Remedy:
-    """What would decide a quantity, if its value stays as it is.
+    """Measurement that would decide a quantity, if its value stays as it is.
 
     Parameters
     ----------
     item, quantity : str
         Part and key.
     sections : int, optional
-        Of a scan with `SPACING_MM` between them; None where none of `SECTIONS` is enough.
+        Number of sections of a scan, `SPACING_MM` apart; None if none of `SECTIONS` is enough.
     std : float
         Predicted standard uncertainty in the unit of the key; NaN without `sections`.
     text : str
-        For people.
+        Description of the measurement.
     """
 
     item: str
@@ -49,48 +49,48 @@ class Remedy:
     text: str
 
 
-def what_would_decide(verdict: Verdict, measurement: Measurement, job: Job) -> tuple[Remedy, ...]:
-    """Plan what would decide each undecided quantity of a profile's parts.
+def plan_remedies(verdict: Verdict, measurement: Measurement, job: Job) -> tuple[Remedy, ...]:
+    """Plan a scan that would decide each undecided quantity of a profile's parts.
 
     Parameters
     ----------
     verdict : Verdict
-        Of the measurement.
+        Verdict of the measurement.
     measurement : Measurement
-        Of one profile.
+        Measurement of one profile.
     job : Job
-        Its job.
+        Job of the verdict.
 
     Returns
     -------
     tuple of Remedy
         One for each undecided radius, diameter, theta and phi. The planner's view is the
-        measured one (noise, pitch and place of the part); its prediction is scaled so that for
+        measured one (noise, pitch and position of the part); its prediction is scaled so that for
         one section it is not better than what was measured.
     """
-    found = []
+    remedies = []
     for item in verdict.parts:
         for each in item.quantities:
             undecided = each.decision == Decision.UNDECIDED and each.key in PLANNED
             if undecided and item.cylinder is not None:
                 section = measurement.cylinders[item.cylinder]
-                found.append(_remedy(item.name, each, section, job))
-    return tuple(found)
+                remedies.append(_remedy(item.name, each, section, job))
+    return tuple(remedies)
 
 
 def _remedy(item: str, verdict: QuantityVerdict, section: CylinderSection, job: Job) -> Remedy:
     key, extra = verdict.key, job.extra_std(verdict.key)
-    room = min(abs(verdict.estimate.value - end) for end in verdict.limits) / two_sided_factor(
+    margin = min(abs(verdict.estimate.value - end) for end in verdict.limits) / two_sided_factor(
         job.decision.level
     )
-    if room <= extra:
+    if margin <= extra:
         reason = (
             f"no scan would: the limit is nearer than extra_std alone ({extra:g}) allows"
             if extra > 0
             else "no scan would: the value lies at the limit"
         )
         return Remedy(item, key, None, math.nan, reason)
-    needed = math.sqrt(room**2 - extra**2)
+    needed = math.sqrt(margin**2 - extra**2)
     try:
         scale = _scale(section)
         for sections in SECTIONS:
@@ -132,7 +132,7 @@ def _planned(section: CylinderSection, key: str, sections: int) -> float:
 
 
 def _view(section: CylinderSection) -> SensorView:
-    """The view in which the section was measured: its noise, pitch and place."""
+    """The view in which the section was measured: its noise, pitch and position."""
     problem = section.fit.problem
     noise = float(np.median(problem.stds)) * math.sqrt(section.fit.variance_factor)
     x, y = section.centre

@@ -9,13 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.errors import TooFewPoints
+from lsvision.geometry.arrays import rms
 from lsvision.inspection.capability import NOT_CLAIMED
 from lsvision.results.number_format import format_value
 from lsvision.results.quantities import Record, finite
 from lsvision.results.result import Result
 
-TOLERANCE_SHARE = 0.2
-"""Share of the tolerance that six standard deviations may take for Cg = 1."""
+TOLERANCE_FRACTION = 0.2
+"""Fraction of the tolerance that six standard deviations may take for Cg = 1."""
 SIGNIFICANCE = 0.05
 
 
@@ -28,11 +29,11 @@ class RepeatStudy(Result):
     count : int
         Number of repeated measurements.
     mean, std : float
-        Of the values.
+        Mean and standard deviation of the values.
     reference : float
         True value of the part.
     bias_interval, std_interval : (float, float)
-        By Student's t and by chi^2, at `level`.
+        Intervals of bias (Student's t) and standard deviation (chi^2), at `level`.
     p_value : float
         Probability of a bias at least as large without any.
     predicted_std : float
@@ -64,14 +65,14 @@ class RepeatStudy(Result):
         """A fifth of the tolerance over six standard deviations; NaN without a tolerance."""
         if self.tolerance is None or self.std == 0:
             return math.nan
-        return TOLERANCE_SHARE * self.tolerance / (6 * self.std)
+        return TOLERANCE_FRACTION * self.tolerance / (6 * self.std)
 
     @property
     def cgk(self) -> float:
         """A tenth of the tolerance less the bias, over three standard deviations."""
         if self.tolerance is None or self.std == 0:
             return math.nan
-        return (TOLERANCE_SHARE / 2 * self.tolerance - abs(self.bias)) / (3 * self.std)
+        return (TOLERANCE_FRACTION / 2 * self.tolerance - abs(self.bias)) / (3 * self.std)
 
     def to_dict(self) -> Record:
         """Return all numbers, ready for JSON.
@@ -107,12 +108,12 @@ class RepeatStudy(Result):
     def _notes(self) -> list[str]:
         low, high = self.bias_interval
         least, most = self.std_interval
-        doubt = "significant" if self.p_value < SIGNIFICANCE else "not significant"
+        significance = "significant" if self.p_value < SIGNIFICANCE else "not significant"
         lines = [
             f"{self.count} values, mean {format_value(self.mean, self.std)}, reference "
             f"{self.reference:g}",
             f"bias {self.bias:.4g}, {100 * self.level:g} % interval {low:.4g} .. {high:.4g} "
-            f"({doubt}, p {self.p_value:.3f})",
+            f"({significance}, p {self.p_value:.3f})",
             f"repeatability {self.std:.4g}, interval {least:.4g} .. {most:.4g}",
         ]
         if math.isfinite(self.predicted_std):
@@ -137,9 +138,9 @@ def study_repeats(
     Parameters
     ----------
     values : sequence of float
-        Of the same part, two or more.
+        Two or more measured values of the same part.
     reference : float
-        Its true value.
+        True value of the part.
     stds : sequence of float
         Standard uncertainties that the measurements state.
     tolerance : float, optional
@@ -181,7 +182,7 @@ def study_repeats(
             std * math.sqrt(dof / float(chi2.ppf(tail, dof))),
         ),
         p_value=2 * float(t.sf(abs(bias) / error, dof)) if error > 0 else float(bias == 0),
-        predicted_std=float(np.sqrt(np.mean(np.square(stds)))) if len(stds) else math.nan,
+        predicted_std=rms(np.asarray(stds)) if len(stds) else math.nan,
         tolerance=tolerance,
         level=level,
     )

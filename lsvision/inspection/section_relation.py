@@ -27,7 +27,7 @@ def relate_sections(first: CylinderSection, second: CylinderSection) -> Relation
     Parameters
     ----------
     first, second : CylinderSection
-        Of one profile.
+        Two cylinders measured in the same profile.
 
     Returns
     -------
@@ -49,7 +49,7 @@ def relate_sections(first: CylinderSection, second: CylinderSection) -> Relation
 
 @dataclass(frozen=True)
 class AngleOfSections:
-    """Angle between two axes of which one section does not tell the signs of the tilts.
+    """Angle between two axes whose signs of the tilts one section does not determine.
 
     Parameters
     ----------

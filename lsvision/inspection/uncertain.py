@@ -50,7 +50,7 @@ class Scalar:
     value, std : float
         Estimate and standard uncertainty.
     degrees_of_freedom : float
-        Of the standard uncertainty; infinite if it is known.
+        Degrees of freedom of the standard uncertainty; infinite if it is known.
 
     Examples
     --------
@@ -78,9 +78,9 @@ class Length(ComparedByValue):
     vector : (2,) ndarray
         The estimate.
     covariance : (2, 2) ndarray
-        Its covariance.
+        Covariance of both numbers.
     degrees_of_freedom : float
-        Of the covariance; infinite if it is known.
+        Degrees of freedom of the covariance; infinite if it is known.
 
     Notes
     -----

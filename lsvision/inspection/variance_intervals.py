@@ -23,7 +23,8 @@ def mean_square_interval(
     Parameters
     ----------
     coefficients, mean_squares, degrees_of_freedom : sequence of float
-        One of each mean square; coefficients may be negative.
+        One coefficient, mean square and number of degrees of freedom for each term; coefficients
+        may be negative.
     level : float
         Probability of the interval; exact for a single mean square, else approximate.
 
@@ -89,7 +90,7 @@ def sums_of_squares(values: np.ndarray) -> tuple[float, float, float, float]:
     Parameters
     ----------
     values : (parts, operators, trials) ndarray
-        Of a balanced crossed study.
+        Measured values of a balanced crossed study.
     """
     parts, operators, trials = values.shape
     centred = values - values.mean()

@@ -15,7 +15,7 @@ VERDICT_SCHEMA = "lsvision.verdict/1"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class QuantityVerdict(Result):
-    """What is proved of one quantity. Units: that of its estimate.
+    """Verdict on one quantity. Units: that of its estimate.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ class QuantityVerdict(Result):
     limits : (float, float)
         Smallest and largest good value; infinite where there is none.
     decision : Decision
-        What the interval proves.
+        Decision that the interval proves.
     reason : str
         Why, in numbers.
     level : float
@@ -92,18 +92,18 @@ class QuantityVerdict(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ItemVerdict(Result):
-    """What is proved of a part, or of a relation between two.
+    """Verdict on a part, or on a relation between two.
 
     Parameters
     ----------
     name : str
-        Of the part, or of both.
+        Name of the part, or of both parts of a relation.
     quantities : tuple of QuantityVerdict
         In the order of the job's keys; none of a part that is missing.
     cylinder : int, optional
         Index of the measured cylinder; None for a relation and for a missing part.
     decided : Decision, optional
-        What is known without quantities: a missing part is NG.
+        Decision without any quantity: a missing part is NG.
     reason : str
         Why `decided`; empty without.
     """
@@ -146,16 +146,16 @@ class ItemVerdict(Result):
 
 @dataclass(frozen=True)
 class Provenance:
-    """What a verdict rests on.
+    """Provenance of a verdict.
 
     Parameters
     ----------
     job, hash : str
         Name of the job, and SHA-256 of its canonical form.
     revision : int
-        Of the job.
+        Revision of the job.
     version : str
-        Of lsvision.
+        Version of lsvision.
     calibration : mapping
         Date and hash of each calibration file, by the job's key.
     """
@@ -179,16 +179,16 @@ class Provenance:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Verdict(Result):
-    """What is proved of a profile or a scan by its job.
+    """Verdict on a profile or a scan by its job.
 
     Parameters
     ----------
     parts, relations : tuple of ItemVerdict
-        In the order of the job.
+        Verdicts on parts and relations, in the order of the job.
     additional : tuple of int
         Indices of cylinders that are no part of the job.
     notes : tuple of str
-        What else a person should know: additional and exchanged parts.
+        Further messages: additional and exchanged parts.
     provenance : Provenance
         Job, version, calibration.
     blocked : str
@@ -201,19 +201,13 @@ class Verdict(Result):
     Examples
     --------
     >>> import lsvision as lsv
-    >>> job = lsv.Job.from_text('''
-    ... name = "tube"
-    ... [[part]]
-    ... name = "left"
-    ... order = 1
-    ... radius_mm = { min = 30, max = 40 }
-    ... ''')
-    >>> section = lsv.simulate.random_section("single", 7, noise_mm=0.02)
-    >>> verdict = lsv.judge(lsv.measure_cylinders(section.profile), job)
-    >>> verdict.decision == "OK", verdict.part("left").quantities[0].key
-    (True, 'radius_mm')
+    >>> job = lsv.Job.load("fixtures/jobs/welded_pair.toml")
+    >>> measurement = lsv.measure_cylinders(lsv.read_profile("fixtures/welded_pair.csv"))
+    >>> verdict = lsv.judge(measurement, job)
+    >>> verdict.decision == "NG", verdict.part("left").quantities[0].key
+    (True, 'phi_deg')
     >>> verdict.to_dict()["decision"]
-    'OK'
+    'NG'
     """
 
     parts: tuple[ItemVerdict, ...]
@@ -235,10 +229,10 @@ class Verdict(Result):
         """The worst of all parts and relations; undecided where the golden part blocks it."""
         if self.blocked:
             return Decision.UNDECIDED
-        found = [item.decision for item in self.items]
+        decisions = [item.decision for item in self.items]
         if self.additional_is_ng and self.additional:
-            found.append(Decision.NG)
-        return worst(found)
+            decisions.append(Decision.NG)
+        return worst(decisions)
 
     @property
     def passed(self) -> bool:
@@ -252,7 +246,7 @@ class Verdict(Result):
         Parameters
         ----------
         name : str
-            As in the job.
+            Name of the part in the job.
 
         Returns
         -------
@@ -368,7 +362,7 @@ def judged(estimate: Estimate, limits: tuple[float, float], level: float) -> Qua
     estimate : Estimate
         With its interval at `level`, the job's ``extra_std`` added.
     limits : (float, float)
-        In its unit.
+        Lower and upper limit in the unit of the quantity.
     level : float
         Probability of the interval.
     """

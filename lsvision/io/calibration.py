@@ -32,11 +32,11 @@ def write_calibration(
     Parameters
     ----------
     path : path
-        Written whole or not at all.
+        Written atomically.
     calibration : CameraCalibration or LaserPlaneCalibration
         The result. For measuring, save a laser plane's ``light_section``.
     provenance : mapping of str to str
-        See `provenance_of`.
+        Provenance from `provenance_of`.
 
     Raises
     ------

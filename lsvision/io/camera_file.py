@@ -71,7 +71,8 @@ def read_camera_covariance(path: str | os.PathLike[str]) -> FloatArray | None:
     Returns
     -------
     (4 + k, 4 + k) ndarray
-        Of fx, fy, cx, cy (px) and the k coefficients of distortion. None for other files.
+        Covariance of fx, fy, cx, cy (px) and the k coefficients of distortion; None for other
+        files.
 
     Raises
     ------
@@ -143,16 +144,16 @@ def _numbers(text: str, keys: Iterable[str], what: str) -> list[float]:
     """Return the numbers under a key: a list in brackets or of dashes, or its `data`."""
     number = r"[-+.\deE]+"
     for key in keys:
-        found = re.search(
+        match = re.search(
             rf"^[ \t]*{key}:[^\[\n]*(?:\n[ \t]+(?!data)\w+:.*)*(?:\n[ \t]*data:)?\s*"
             rf"(\[[^\]]*\]|(?:-[ \t]+{number}\s+)+)",
             text,
             re.MULTILINE,
         )
-        if found:
+        if match:
             return [
                 float(each)
-                for each in re.findall(rf"(?:^|(?<=[\[,\s])){number}", found[1])
+                for each in re.findall(rf"(?:^|(?<=[\[,\s])){number}", match[1])
                 if each != "-"
             ]
     raise ValueError(f"expected {what} under one of {', '.join(keys)}; got none")
@@ -160,7 +161,7 @@ def _numbers(text: str, keys: Iterable[str], what: str) -> list[float]:
 
 def _length(text: str, keys: Iterable[str]) -> int | None:
     for key in keys:
-        found = re.search(rf"^[ \t]*{key}:[ \t]*(\d{{1,9}})\b", text, re.MULTILINE)
-        if found:
-            return int(found.group(1))
+        match = re.search(rf"^[ \t]*{key}:[ \t]*(\d{{1,9}})\b", text, re.MULTILINE)
+        if match:
+            return int(match.group(1))
     return None

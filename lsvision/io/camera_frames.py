@@ -14,7 +14,7 @@ from lsvision.io.frames import Frame, capture_frames, read_frames
 GENICAM = "genicam:"
 """Before the address of a GenICam camera; with nothing behind it, the only one is meant."""
 DISCOVERY_MS, FRAME_MS = 1000, 3000
-"""How long cameras may take to answer, and a frame to come. Units: ms."""
+"""Time limits for the answer of a camera, and for a frame. Units: ms."""
 
 
 def open_camera(name: str) -> Iterator[Frame]:
@@ -77,10 +77,10 @@ def _genicam_frames(address: str) -> Iterator[Frame]:
 
 
 def _device(library: Any, address: str) -> Any:
-    found = library.discover(DISCOVERY_MS, None, address.startswith("127."))
-    chosen = [device for device in found if address in ("", device.ip)]
+    cameras = library.discover(DISCOVERY_MS, None, address.startswith("127."))
+    chosen = [device for device in cameras if address in ("", device.ip)]
     if len(chosen) != 1:
-        known = ", ".join(f"{device.ip} ({device.model})" for device in found) or "none"
+        known = ", ".join(f"{device.ip} ({device.model})" for device in cameras) or "none"
         raise LsvisionError(
             f"expected one GenICam camera at {address or 'any address'}, found {known}: name one "
             "as genicam:ADDRESS, and check its cable and network"

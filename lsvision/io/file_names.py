@@ -1,4 +1,4 @@
-"""Files that a name stands for: a file, the files of a folder, or those of a pattern."""
+"""Files of a name: the file itself, the files of a folder, or those of a pattern."""
 
 import glob
 from pathlib import Path
@@ -18,7 +18,7 @@ _ROS2_STORAGE, _ROS2_METADATA = (".db3", ".mcap"), "metadata.yaml"
 
 
 def find_files(name: str, suffixes: frozenset[str] = PROFILE_SUFFIXES) -> list[Path]:
-    """Return the files that a name stands for, in natural order (2 before 10).
+    """Return the files of a name, folder or pattern in natural order (2 before 10).
 
     Parameters
     ----------
@@ -39,11 +39,11 @@ def find_files(name: str, suffixes: frozenset[str] = PROFILE_SUFFIXES) -> list[P
         return [path]
     if is_directory(path):
         visible = (file for file in path.iterdir() if not file.name.startswith("."))
-        found = [file for file in visible if not suffixes or file.suffix.lower() in suffixes]
-        if any(file.suffix.lower() in _ROS2_STORAGE for file in found):
-            found = [file for file in found if file.name != _ROS2_METADATA]
+        files = [file for file in visible if not suffixes or file.suffix.lower() in suffixes]
+        if any(file.suffix.lower() in _ROS2_STORAGE for file in files):
+            files = [file for file in files if file.name != _ROS2_METADATA]
     elif exists(path) or not glob.has_magic(name):
         return [path]
     else:
-        found = [Path(match) for match in glob.glob(name, recursive=True)]  # noqa: PTH207 - Path.glob takes no absolute pattern
-    return sorted(filter(is_regular, found), key=natural_order)
+        files = [Path(match) for match in glob.glob(name, recursive=True)]  # noqa: PTH207 - Path.glob takes no absolute pattern
+    return sorted(filter(is_regular, files), key=natural_order)

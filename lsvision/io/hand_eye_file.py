@@ -27,7 +27,7 @@ UNITS = {"length": "mm", "angle": "rad", "covariance": "translation mm, left-han
 def save_hand_eye(
     hand_eye: HandEye, path: str | Path, provenance: Mapping[str, str] | None = None
 ) -> None:
-    """Write a calibration as JSON, whole or not at all.
+    """Write a calibration as JSON, atomically.
 
     Parameters
     ----------

@@ -33,7 +33,7 @@ def read_hand_eye_samples(
     Returns
     -------
     base_from_flanges, camera_from_targets : list of Pose
-        Units: mm.
+        Poses of each sample.
 
     Raises
     ------
@@ -47,9 +47,9 @@ def read_hand_eye_samples(
         flanges = [_pose(flange) for flange, _ in pairs]
         targets = [_pose(target) for _, target in pairs]
     except (ValueError, TypeError, KeyError, OverflowError) as error:
-        told = f"no {error}" if isinstance(error, KeyError) else str(error)
+        problem = f"no {error}" if isinstance(error, KeyError) else str(error)
         raise UnreadableFile(
-            f"{path}: expected samples of MoveIt, easy_handeye or easy_handeye2, got: {told}; "
+            f"{path}: expected samples of MoveIt, easy_handeye or easy_handeye2, got: {problem}; "
             "poses of the target alone are read with --poses and --target-convention"
         ) from error
     if inverse and mounting == "eye_to_hand":

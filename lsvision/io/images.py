@@ -80,7 +80,7 @@ def decode_image(content: bytes) -> npt.NDArray[Any] | None:
     Returns
     -------
     ndarray, optional
-        Of any depth; None where the bytes are no image.
+        Image of any bit depth; None where the bytes are no image.
 
     Raises
     ------

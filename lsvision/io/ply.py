@@ -20,7 +20,7 @@ def write_ply(
     colours: npt.ArrayLike,
     triangles: IntArray | None = None,
 ) -> None:
-    """Write coloured points, or the triangles between them, as binary PLY; whole or not at all.
+    """Write coloured points, or the triangles between them, as binary PLY, atomically.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ class PoseHeader:
     columns : tuple of int
         Column of each field; empty if the columns are in the order of the convention.
     length_unit, angle_unit : str or None
-        As the header states them.
+        Units as the header states them.
     """
 
     columns: tuple[int, ...] = ()
@@ -78,7 +78,7 @@ def read_pose_header(cells: Sequence[str], rule: PoseConvention, skip: int) -> P
     angles = {units[c] for c in columns[3:]} - {"", "-", "1"}
     if rule.rotation == "matrix":
         lengths, angles = {units[columns[k]] for k in (3, 7, 11)} - {""}, set()
-    return PoseHeader(columns, _length(lengths), _angle(angles))
+    return PoseHeader(columns, common_length_unit(lengths), _angle(angles))
 
 
 def _field(name: str, rule: PoseConvention) -> str:
@@ -87,7 +87,8 @@ def _field(name: str, rule: PoseConvention) -> str:
     return _QUATERNION.get(rule.name, {}).get(bare, bare)
 
 
-def _length(units: set[str]) -> LengthUnit | None:
+def common_length_unit(units: set[str]) -> LengthUnit | None:
+    """Return the unit that a file states of all its lengths, or None without one."""
     if not units:
         return None
     if units == {"mm"}:

@@ -38,9 +38,9 @@ def numbers_from_pose(pose: Pose, convention: str) -> FloatArray:
     Parameters
     ----------
     pose : Pose
-        Units: mm.
+        Pose to be written.
     convention : str
-        One of `CONVENTIONS`.
+        Name of a convention, one of `CONVENTIONS`.
 
     Returns
     -------
@@ -76,11 +76,11 @@ def std_of_numbers(pose: Pose, covariance: npt.ArrayLike, convention: str) -> Fl
     Parameters
     ----------
     pose : Pose
-        Units: mm.
+        Pose to be written.
     covariance : (6, 6) array_like
-        Of translation (mm) and left-hand rotation (rad), as of `HandEye`.
+        Covariance of translation (mm) and left-hand rotation (rad), as in `HandEye`.
     convention : str
-        One of `CONVENTIONS`.
+        Name of a convention, one of `CONVENTIONS`.
 
     Returns
     -------
@@ -110,23 +110,23 @@ def std_of_numbers(pose: Pose, covariance: npt.ArrayLike, convention: str) -> Fl
     return std
 
 
-def frame_rows(found: HandEye, convention: str) -> list[Row]:
+def frame_rows(hand_eye: HandEye, convention: str) -> list[Row]:
     """Return the sensor's frame in a convention: each number with one sigma, and all to type in.
 
     Parameters
     ----------
-    found : HandEye
+    hand_eye : HandEye
         The calibration.
     convention : str
-        One of `CONVENTIONS`.
+        Name of a convention, one of `CONVENTIONS`.
     """
-    mount = "flange" if found.mounting == "eye_in_hand" else "base"
-    name, rule = f"{mount}_from_{found.sensor}", convention_named(convention)
-    pose = found.mount_from_sensor
+    mount = "flange" if hand_eye.mounting == "eye_in_hand" else "base"
+    name, rule = f"{mount}_from_{hand_eye.sensor}", convention_named(convention)
+    pose = hand_eye.mount_from_sensor
     values = numbers_from_pose(pose, convention)
     if rule.rotation == "matrix":
-        return _matrix_rows(name, values.reshape(4, 4), found.covariance)
-    std = std_of_numbers(pose, found.covariance, convention)
+        return _matrix_rows(name, values.reshape(4, 4), hand_eye.covariance)
+    std = std_of_numbers(pose, hand_eye.covariance, convention)
     units = [rule.length_unit] * 3 + [_angle_unit(rule)] * (len(values) - 3)
     fields = [field.upper() if len(rule.rotation) == 3 else field for field in rule.fields]
     rows = [
@@ -135,8 +135,8 @@ def frame_rows(found: HandEye, convention: str) -> list[Row]:
     ]
     cells = [f"{value:.{DECIMALS[unit]}f}" for value, unit in zip(values + 0.0, units, strict=True)]
     typed = _WRITTEN.get(rule.name, ", ".join(["{}"] * len(cells))).format(*cells)
-    told = ", ".join(dict.fromkeys(unit for unit in units if unit))
-    return [*rows, (f"to type in, {rule.name}", typed, told)]
+    stated = ", ".join(dict.fromkeys(unit for unit in units if unit))
+    return [*rows, (f"to type in, {rule.name}", typed, stated)]
 
 
 def _matrix_rows(name: str, matrix: FloatArray, covariance: FloatArray) -> list[Row]:

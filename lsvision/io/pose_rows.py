@@ -9,7 +9,7 @@ from typing import Any
 from lsvision.errors import UnreadableFile
 from lsvision.files.json_text import parse_json
 from lsvision.files.limited_reading import read_text
-from lsvision.io.pose_header import PoseHeader, read_pose_header
+from lsvision.io.pose_header import PoseHeader, common_length_unit, read_pose_header
 from lsvision.io.pose_programs import program_rows
 from lsvision.io.profiles.unit_statements import unit_statements
 from lsvision.io.profiles.units import split_label
@@ -24,7 +24,7 @@ class PoseRows:
     Parameters
     ----------
     rows : list of list of float
-        One a pose, in the order of the convention's fields.
+        Numbers of each pose, in the order of the convention's fields.
     length_unit, angle_unit : str or None
         None where the file states none.
     """
@@ -136,13 +136,7 @@ def _stated_length(lines: Sequence[str]) -> LengthUnit | None:
     """The unit that comments state of all lengths."""
     comments = [line for line in lines if line.lstrip().startswith(("#", "%", "//"))]
     stated = {s.unit.unit or s.unit.text for s in unit_statements(comments) if s.axis is None}
-    if not stated:
-        return None
-    if stated == {"mm"}:
-        return "mm"
-    if stated == {"m"}:
-        return "m"
-    raise ValueError(f"lengths in {', '.join(sorted(stated))}: expected mm or m")
+    return common_length_unit(stated)
 
 
 def _row(cells: list[str], rule: PoseConvention, where: str) -> list[float]:

@@ -21,7 +21,7 @@ MAX_WRITING_FRACTION = 0.05
 SPOOL_BYTES, CHUNK_BYTES = 8 * 10**6, 10**6
 """Size of the text of a file that is kept in memory, and of a part of it that is copied."""
 STDOUT = Path("-")
-"""Path that stands for standard output."""
+"""Path of standard output."""
 
 
 class RecordText(Protocol):
@@ -141,7 +141,7 @@ class _Checkpoints:
         self._unwritten |= bool(records)
         start = time.monotonic()
         if start >= self._next:
-            with suppress(UnwritableFile):  # a full disk may have room again at the end
+            with suppress(UnwritableFile):  # a full disk may have free space again at the end
                 self.finish()
             stop = time.monotonic()
             self._next = stop + max(CHECKPOINT_S, (stop - start) / MAX_WRITING_FRACTION)

@@ -3,13 +3,11 @@
 import csv
 import io
 import json
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TextIO
 
 from lsvision.cylinder.robot_frame import PLACED_COVARIANCE_ORDER
 from lsvision.ellipse.section_table import SECTION_COLUMNS, section_row
-from lsvision.files.atomic_files import write_atomic
 from lsvision.files.printable import printable_cell, printable_name
 from lsvision.results.quantities import Record, finite
 
@@ -103,33 +101,6 @@ def input_record(file: "ProfileFile", profile: int) -> Record:
             for name, value in file.attributes[profile].items()
         }
     return record
-
-
-def write_json(path: str | os.PathLike[str], records: Sequence[Record]) -> None:
-    """Write records to one JSON file, whole or not at all.
-
-    Raises
-    ------
-    UnwritableFile
-        If the file cannot be written.
-    """
-    text = JsonText()
-    write_atomic(path, text.head + "".join(map(text.item, records)) + text.tail)
-
-
-def write_csv(path: str | os.PathLike[str], records: Sequence[Record]) -> None:
-    """Write records to one CSV file, a cylinder a row, whole or not at all; see `CsvText`.
-
-    Raises
-    ------
-    UnwritableFile
-        If the file cannot be written.
-    """
-    cylinders = [cylinder for record in records for cylinder in record["cylinders"]]
-    frames = [f for f in FRAMES if any(f"{f}_frame" in cylinder for cylinder in cylinders)]
-    text = CsvText(next(iter(frames), None))
-    text.prepare(records)
-    write_atomic(path, text.head + "".join(map(text.item, records)) + text.tail)
 
 
 class JsonText:

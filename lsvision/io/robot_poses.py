@@ -57,7 +57,7 @@ def read_robot_poses(
     path : path
         ``.json``, ``.rob`` (JSON), ``.yaml``, ``.yml``; anything else is text.
     convention : str
-        See `pose_from_numbers`; never guessed.
+        Convention of the file, see `pose_from_numbers`; never guessed.
     length_unit, angle_unit : str, optional
         Units of the file, if not the maker's. An explicit unit
         is not questioned unless the motion is impossible.
@@ -146,7 +146,7 @@ def encoder_poses(
     Parameters
     ----------
     count : int
-        How many profiles.
+        Number of profiles.
     direction : (3,) array_like
         Feed of the *section* seen in the base frame; its length does not matter. If the
         part moves instead, give the opposite of the part's feed.

@@ -1,18 +1,16 @@
 """Scans as JSON; each key names its unit, angles are in degrees."""
 
 import json
-import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from lsvision.files.atomic_files import write_atomic
 from lsvision.results.quantities import Record
 
 if TYPE_CHECKING:
     from lsvision.scan import ScanMeasurement, TubeShape
 
 SCAN_SCHEMA = "lsvision.scan/1"
-"""Name and version of the file."""
+"""Name and version of the file's format."""
 
 
 def scan_record(
@@ -32,30 +30,19 @@ def scan_record(
     sources : sequence of str
         Name of each profile's file.
     inputs : sequence of dict
-        How each profile was read, from `lsvision.io.results.input_record`.
+        Reading of each profile, from `lsvision.io.results.input_record`.
 
     Returns
     -------
     dict
         Base frame; lengths in ``*_mm``, angles in ``*_deg``; a number that does not exist (the
-        radius of a bow that is none) is None.
+        bow radius of a straight tube) is None.
     """
-    found = scan.to_dict()
-    for record, shape in zip(found["cylinders"], shapes, strict=True):
+    scan_dict = scan.to_dict()
+    for record, shape in zip(scan_dict["cylinders"], shapes, strict=True):
         record["shape"] = None if shape is None else shape.to_dict()
-    head = {"schema": SCAN_SCHEMA, "frame": found["frame"], "sources": list(sources)}
-    return head | ({"inputs": list(inputs)} if inputs else {}) | found
-
-
-def write_scan_json(path: str | os.PathLike[str], record: Record) -> None:
-    """Write a scan's record, whole or not at all.
-
-    Raises
-    ------
-    UnwritableFile
-        If the file cannot be written.
-    """
-    write_atomic(path, scan_json(record))
+    head = {"schema": SCAN_SCHEMA, "frame": scan_dict["frame"], "sources": list(sources)}
+    return head | ({"inputs": list(inputs)} if inputs else {}) | scan_dict
 
 
 def scan_json(record: Record) -> str:

@@ -3,13 +3,11 @@
 import csv
 import io
 import math
-import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lsvision.files.atomic_files import write_atomic
 from lsvision.geometry import Pose
 
 if TYPE_CHECKING:
@@ -20,30 +18,17 @@ _AXES = "xyz"
 _POINT: "tuple[AxisQuantity, ...]" = ("point_x", "point_y", "point_z")
 
 
-def write_scan_csv(
-    path: str | os.PathLike[str], scan: "ScanMeasurement", base_from_sections: Sequence[Pose]
-) -> None:
-    """Write the cylinders of a scan, whole or not at all.
+def scan_csv(scan: "ScanMeasurement", base_from_sections: Sequence[Pose]) -> str:
+    """Return the cylinders of a scan as CSV text.
 
     Parameters
     ----------
-    path : path
-        The file.
     scan : ScanMeasurement
-        What was found.
+        Measurement of the scan.
     base_from_sections : sequence of Pose
-        Of each profile; phi and theta are those in the first section that shows the cylinder.
-
-    Raises
-    ------
-    UnwritableFile
-        If the file cannot be written.
+        Section frame of each profile in the base frame; phi and theta are those in the first
+        section that shows the cylinder.
     """
-    write_atomic(path, scan_csv(scan, base_from_sections))
-
-
-def scan_csv(scan: "ScanMeasurement", base_from_sections: Sequence[Pose]) -> str:
-    """Return the cylinders of a scan as CSV text; see `write_scan_csv`."""
     rows = [
         scan_row(number, tube, base_from_sections[tube.sections[0]])
         for number, tube in enumerate(scan.cylinders)
@@ -61,11 +46,11 @@ def scan_row(number: int, tube: "ScannedCylinder", base_from_section: Pose) -> d
     Parameters
     ----------
     number : int
-        Its place in the scan, from 0.
+        Index of the cylinder in the scan, from 0.
     tube : ScannedCylinder
         The cylinder, base frame.
     base_from_section : Pose
-        Of the section that phi and theta are given in.
+        Section frame, in which phi and theta are given, in the base frame.
     """
     basis, covariance = tube.fit.tangent_basis, tube.covariance
     row: dict[str, Any] = {

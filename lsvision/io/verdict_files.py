@@ -31,7 +31,7 @@ def verdicts_csv(rows: Sequence[Record]) -> str:
     Parameters
     ----------
     rows : sequence of dict
-        All with the same keys.
+        Rows of the table, all with the same keys.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")

@@ -8,7 +8,7 @@ import numpy as np
 
 from lsvision.geometry import FloatArray, IntArray
 from lsvision.laser_line.image_array import Image
-from lsvision.statistics.robust import MAD_TO_STD
+from lsvision.statistics.robust import mad_std
 
 FIXED_POINT = 32
 """Response of the integer filter to 1 DN of an 8-bit image; 255 DN use half of 16 bit."""
@@ -91,8 +91,7 @@ def find_line_candidates(
         Empty where no maximum exceeds the threshold.
     """
     response, unit = _apply_matched_filter(signal, sigma)
-    sample = np.abs(response[::NOISE_SAMPLE_STEP, ::NOISE_SAMPLE_STEP])
-    noise_std = MAD_TO_STD * float(np.median(sample))
+    noise_std = mad_std(response[::NOISE_SAMPLE_STEP, ::NOISE_SAMPLE_STEP])
     threshold = max(min_score * unit, DETECTION_SIGMAS * noise_std)
     neighbourhood = np.ones((2 * max(1, round(sigma)) + 1, 1), np.uint8)
     highest = cv2.dilate(response, neighbourhood)

@@ -55,7 +55,7 @@ class DetectedLine:
     windows : Windows
         n windows around the line, ordered by column.
     stripes : Stripes
-        One for each window.
+        Stripes, one for each window.
     variances : (n, w) ndarray
         Read and shot noise of the windows' pixels. Units: DN^2.
     sigma : float
@@ -98,7 +98,7 @@ def find_direction(image: LineImage, settings: LineSettings) -> Direction:
     Parameters
     ----------
     image : LineImage
-        In its original orientation.
+        Image in its original orientation.
     settings : LineSettings
         Settings of `extract_laser_line`.
     """
@@ -136,7 +136,7 @@ def find_line(image: LineImage, settings: LineSettings) -> DetectedLine:
     Parameters
     ----------
     image : LineImage
-        With the line from left to right.
+        Image with the line from left to right.
     settings : LineSettings
         Settings of `extract_laser_line`.
 
@@ -192,7 +192,7 @@ def pixel_noise(image: LineImage, windows: Windows, settings: LineSettings) -> P
     Parameters
     ----------
     image : LineImage
-        With the line from left to right.
+        Image with the line from left to right.
     windows : Windows
         Windows around the line.
     settings : LineSettings
@@ -216,7 +216,7 @@ def locate_line(
     Parameters
     ----------
     image : LineImage
-        With the line from left to right.
+        Image with the line from left to right.
     columns, rows : (n,) ndarray
         Coarse positions, one for each column. Units: px.
     sigma : float

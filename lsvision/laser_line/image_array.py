@@ -21,7 +21,7 @@ def as_image(image: npt.ArrayLike, name: str = "image") -> Image:
     image : (height, width), (height, width, 1) or (height, width, 3) array_like
         uint8, uint16 or float.
     name : str
-        What the message calls it.
+        Name of the argument in the message.
 
     Returns
     -------

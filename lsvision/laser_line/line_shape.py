@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 
 from lsvision.geometry import BoolArray, FloatArray, IntArray
-from lsvision.statistics.robust import MAD_TO_STD
+from lsvision.statistics.robust import mad_std
 
 WINDOW = 11
 """Columns of a local polynomial: several times the blur, a fraction of a pipe. Units: px."""
@@ -68,7 +68,7 @@ def line_shape(rows: FloatArray, light: FloatArray, relative_std: FloatArray) ->
     """
     log_light = np.log(light)
     local_fade = np.gradient(log_light)
-    factor = MAD_TO_STD * float(np.median(np.abs(np.diff(log_light, 2)) / relative_std[1:-1]))
+    factor = mad_std(np.diff(log_light, 2) / relative_std[1:-1])
     noise = factor / np.sqrt(6) * relative_std  # 6: the variance of a second difference
     edge = np.abs(local_fade) > np.maximum(EDGE_FADE, EDGE_SIGMAS * noise / np.sqrt(2))
     slope, curvature, fade = np.full((3, len(rows)), np.nan)

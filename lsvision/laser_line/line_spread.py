@@ -14,7 +14,7 @@ import numpy as np
 
 from lsvision.geometry import FloatArray
 from lsvision.laser_line.line_shape import LineShape
-from lsvision.statistics.robust import MAD_TO_STD
+from lsvision.statistics.robust import mad_std
 
 CLEARANCE = 3
 """Distance from an edge or end in columns from which the width of a line is its own. Units: px."""
@@ -23,7 +23,7 @@ LEVEL_QUANTILE = 0.2
 STATED_STD = 0.1
 """Relative standard deviation of the variance of a stated blur (5 % of its sigma)."""
 UNSTATED_FRACTION = 0.4
-"""Share of lens and pixel in the variance of a narrow line where no blur is stated."""
+"""Fraction of lens and pixel in the variance of a narrow line where no blur is stated."""
 SPREAD_STD, TILT_STD, ALONG_STD = 1.0, 0.4, 0.3
 """Standard deviations of C_vv, C_uv and C_uu before the widths are used, over the line's variance:
 a pipe's axis is tilted from the laser plane's normal by an unknown angle."""
@@ -32,8 +32,8 @@ SHEET_STD = 0.02
 MIN_ACROSS = 0.05
 """Smallest squared sine between line and sheet's direction from which the sheet is estimated."""
 UNDETERMINED_FRACTION = 0.5
-"""Standard deviation over that of the prior, above which the widths say too little: the prior is
-kept, and its uncertainty."""
+"""Standard deviation over that of the prior, above which the widths determine too little: the prior
+is kept, and its uncertainty."""
 REWEIGHTINGS = 4
 TUKEY_SIGMAS = 4.7
 """Residual beyond which a width has no weight."""
@@ -51,9 +51,9 @@ class LineSpread:
     Parameters
     ----------
     values : (3,) ndarray
-        Units: px^2.
+        Estimated variances. Units: px^2.
     covariance : (3, 3) ndarray
-        Of `values`. Units: px^4.
+        Covariance of `values`. Units: px^4.
     """
 
     values: FloatArray
@@ -77,7 +77,7 @@ def estimate_line_spread(
         Standard deviation of `width` up to a common factor; infinite where it is not to be used.
         Units: px.
     shape : LineShape
-        Of the same points.
+        Local shape of the line at the same points.
     blur : float, optional
         Standard deviation of the point spread of lens and pixel, if measured. Units: px.
     sheet : (2,) ndarray
@@ -94,7 +94,7 @@ def estimate_line_spread(
     values: FloatArray = prior
     for _ in range(REWEIGHTINGS):
         residuals = target - design @ values
-        std = max(MAD_TO_STD * float(np.median(np.abs(residuals))), MIN_NOISE_FACTOR)
+        std = max(mad_std(residuals), MIN_NOISE_FACTOR)
         weights = np.clip(1 - (residuals / (TUKEY_SIGMAS * std)) ** 2, 0, 1) ** 2
         weights = weights / std**2
         information = (design * weights[:, None]).T @ design + np.diag(1 / prior_std**2)

@@ -14,7 +14,7 @@ from lsvision.laser_line.image_array import Image
 
 Bayer = Literal["RGGB", "BGGR", "GRBG", "GBRG"]
 COLOUR_ORDER = "BGR"
-"""Order of the colours in a colour image, as OpenCV has it."""
+"""Order of the colours in OpenCV's colour images."""
 
 
 def colour_planes(array: Image, pattern: Bayer, colour: str) -> list[tuple[int, int, Image]]:
@@ -27,7 +27,7 @@ def colour_planes(array: Image, pattern: Bayer, colour: str) -> list[tuple[int, 
     pattern : {"RGGB", "BGGR", "GRBG", "GBRG"}
         Colours of the first two pixels of the first row, then of the second.
     colour : {"red", "green", "blue"}
-        Whose pixels.
+        Colour of the pixels.
 
     Returns
     -------

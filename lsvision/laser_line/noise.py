@@ -12,7 +12,7 @@ import numpy as np
 from lsvision.geometry import FloatArray, IntArray
 from lsvision.laser_line.image_array import Image
 from lsvision.laser_line.stripe_windows import Windows
-from lsvision.statistics.robust import MAD_TO_STD
+from lsvision.statistics.robust import MAD_TO_STD, mad_std
 
 FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / np.sqrt(70.0)
 """Fourth difference, normalised to unit variance on white noise; removes cubic trends."""
@@ -207,10 +207,8 @@ def line_slopes(columns: IntArray, rows: FloatArray) -> FloatArray:
 
     Parameters
     ----------
-    columns : (n,) ndarray of int
-        Columns in which the line was located. Units: px.
-    rows : (n,) ndarray
-        Sub-pixel rows. Units: px.
+    columns, rows
+        As for `errors_are_interpolated`.
 
     Returns
     -------
@@ -237,6 +235,6 @@ def _scatter(line: FloatArray, scale: FloatArray, weights: FloatArray, lag: int)
     if count <= 0:
         return 0.0
     differences = sum(weight * line[lag * k :][:count] for k, weight in enumerate(weights))
-    scatter = np.abs(differences / scale[lag * order // 2 :][:count])
+    scatter = differences / scale[lag * order // 2 :][:count]
     scatter = scatter[np.isfinite(scatter)]
-    return MAD_TO_STD * float(np.median(scatter)) if len(scatter) >= MIN_SAMPLES else 0.0
+    return mad_std(scatter) if len(scatter) >= MIN_SAMPLES else 0.0

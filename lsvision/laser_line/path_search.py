@@ -56,14 +56,11 @@ class LinePath:
     ----------
     indices : (k,) ndarray of int
         Indices of the candidates, ordered by column.
-    segment_labels : (k,) ndarray of int
-        Number 0, 1, ... of the unbroken segment to which each belongs.
     cost_reduction : float
         Cost of an image without a line minus that of the path; about the number of columns.
     """
 
     indices: IntArray
-    segment_labels: IntArray
     cost_reduction: float
 
 
@@ -91,7 +88,7 @@ def shortest_line_path(candidates: LineCandidates, settings: PathSettings) -> Li
     from scipy.sparse.csgraph import dijkstra
 
     if not len(candidates):
-        return LinePath(np.zeros(0, np.int64), np.zeros(0, np.int64), 0.0)
+        return LinePath(np.zeros(0, np.int64), 0.0)
     count, width = len(candidates), candidates.shape[1]
     start, stop, cost = _edges(candidates, settings)
     nodes = count + width + 1
@@ -100,7 +97,7 @@ def shortest_line_path(candidates: LineCandidates, settings: PathSettings) -> Li
     costs, predecessors = dijkstra(graph, indices=count, return_predecessors=True)
     indices = _backtrack(predecessors.tolist(), count, width)
     cost_reduction = width * settings.empty_column_cost - float(costs[count + width])
-    return LinePath(indices, _segment_labels(candidates, indices, settings), cost_reduction)
+    return LinePath(indices, cost_reduction)
 
 
 def _edges(
@@ -160,14 +157,3 @@ def _backtrack(predecessors: list[int], count: int, width: int) -> IntArray:
             path.append(node)
         node = predecessors[node]
     return np.array(path[::-1], dtype=np.int64)
-
-
-def _segment_labels(
-    candidates: LineCandidates, indices: IntArray, settings: PathSettings
-) -> IntArray:
-    """Number of the segment of each candidate (k,): a new one at each gap or large step."""
-    steps = np.diff(candidates.columns[indices])
-    rises = np.abs(np.diff(candidates.rows[indices]))
-    broken = (steps > settings.max_missing_columns + 1) | (rises > settings.max_row_step * steps)
-    labels: IntArray = np.concatenate([[0], np.cumsum(broken)]).astype(np.int64)
-    return labels[: len(indices)]

@@ -194,14 +194,10 @@ def locate_by_steger(
     ----------
     image : (height, width) ndarray
         Signal of the laser. Units: DN.
-    windows : Windows
-        n windows around the line.
     start : Stripes
-        Result of `locate_by_derivative` for the same windows.
-    variances : (n, w) ndarray
-        Read and shot noise of the windows' pixels. Units: DN^2.
-    sigma : float
-        Sigma of the smoothing. Units: px.
+        Result of `locate_by_derivative`.
+    windows, variances, sigma
+        As for `locate_by_derivative`.
 
     Returns
     -------

@@ -8,6 +8,8 @@ from lsvision.results.number_format import format_std
 from lsvision.results.quantities import Record
 from lsvision.results.result import Result
 
+ANGLES = ("direction_std", "theta_std", "phi_std")
+
 
 class _Prediction(Result):
     """Standard uncertainties as a result: a line or a table of the numbers of `to_dict`."""
@@ -18,6 +20,22 @@ class _Prediction(Result):
         object.__setattr__(
             self, "covariance", as_readonly_array(self.covariance, (5, 5), "covariance")
         )
+
+    def to_dict(self) -> Record:
+        """Return the predicted standard uncertainties, ready for JSON.
+
+        Returns
+        -------
+        dict
+            Lengths in ``*_mm``, angles in ``*_deg``.
+        """
+        record: Record = {}
+        for name, value in vars(self).items():
+            if name in ANGLES:
+                record[f"{name}_deg"] = math.degrees(value)
+            elif name != "covariance":
+                record[name if isinstance(value, int) else f"{name}_mm"] = value
+        return record
 
     def _summary(self) -> str:
         return summary_of_stds(self.to_dict())
@@ -58,23 +76,6 @@ class SectionPrediction(_Prediction):
     covariance: FloatArray
     points: int
 
-    def to_dict(self) -> Record:
-        """Return the predicted standard uncertainties, ready for JSON.
-
-        Returns
-        -------
-        dict
-            Lengths in ``*_mm``, angles in ``*_deg``.
-        """
-        return {
-            "radius_std_mm": self.radius_std,
-            "theta_std_deg": math.degrees(self.theta_std),
-            "phi_std_deg": math.degrees(self.phi_std),
-            "centre_x_std_mm": self.centre_x_std,
-            "centre_y_std_mm": self.centre_y_std,
-            "points": self.points,
-        }
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ScanPrediction(_Prediction):
@@ -109,25 +110,6 @@ class ScanPrediction(_Prediction):
     points: int
     sections: int = 1
     length: float = 0.0
-
-    def to_dict(self) -> Record:
-        """Return the predicted standard uncertainties, ready for JSON.
-
-        Returns
-        -------
-        dict
-            Lengths in ``*_mm``, angles in ``*_deg``.
-        """
-        return {
-            "radius_std_mm": self.radius_std,
-            "direction_std_deg": math.degrees(self.direction_std),
-            "theta_std_deg": math.degrees(self.theta_std),
-            "phi_std_deg": math.degrees(self.phi_std),
-            "position_std_mm": self.position_std,
-            "points": self.points,
-            "sections": self.sections,
-            "length_mm": self.length,
-        }
 
 
 def cells_of_stds(record: Record) -> list[tuple[str, ...]]:

@@ -1,1 +1,1 @@
-"""What results share: numbers with units and sigmas as tables, records, frames and pictures."""
+"""Base of all results: numbers with units and sigmas as tables, records, frames and pictures."""

@@ -30,7 +30,7 @@ def format_value(value: float, std: float) -> str:
     value : float
         The number, in any unit.
     std : float
-        One sigma, in the same unit.
+        Standard uncertainty in the same unit.
 
     Examples
     --------

@@ -5,7 +5,7 @@ colour-blind readers, on white and on a dark photo.
 """
 
 CYLINDERS = ("#0072B2", "#00805E", "#A8457E", "#4B4BC8")
-"""Of the cylinders in turn; see `cylinder_colour`."""
+"""Colours of the cylinders in turn; see `cylinder_colour`."""
 REJECTED = ("#D55E00", "#9A6A00")
 """Colours of rejected arcs in turn; neighbours differ, and none has the colour of a cylinder."""
 POINTS = "#8C8C8C"
@@ -17,7 +17,7 @@ INLIER, OUTLIER = "#0072B2", "#D55E00"
 BOARD, LASER_PLANE = "#999999", "#C8102E"
 """Outlines of calibration targets and of the laser plane."""
 DECISIONS = {"OK": "#00644A", "NG": "#B3261E", "undecided": "#7A5B00"}
-"""Of verdicts; shapes and words stand beside them."""
+"""Colours of verdicts, which shapes and words show too."""
 LIMITS = "#B3261E"
 """Lines of limits."""
 FRAME_AXES = ("#C8102E", "#00805E", "#0072B2")

@@ -24,9 +24,9 @@ class Quantity:
     Parameters
     ----------
     name : str
-        As the result's property, or ``centre_x``.
+        Name of the result's property, or ``centre_x``.
     unit : {"mm", "deg", "mm_per_m", "percent"}
-        In tables and files; angles are rad inside.
+        Unit in tables and files; angles are rad inside.
 
     Examples
     --------
@@ -46,7 +46,7 @@ class Quantity:
 
     @property
     def unit_text(self) -> str:
-        """The unit as people write it."""
+        """Printed form of the unit."""
         return {"mm_per_m": "mm/m", "percent": "%"}.get(self.unit, self.unit)
 
     @property
@@ -79,7 +79,7 @@ class Estimate:
     Parameters
     ----------
     quantity : Quantity
-        What it is.
+        Name and unit of the number.
     value, std : float
         The number and one sigma.
     interval : tuple of float
@@ -144,9 +144,9 @@ def flat_row(record: Record, quantities: Sequence[Quantity] = ()) -> Record:
     Parameters
     ----------
     record : dict
-        Of one cylinder.
+        Record of one cylinder.
     quantities : sequence of Quantity
-        Those whose intervals it holds.
+        Quantities whose intervals the record holds.
 
     Returns
     -------

@@ -62,7 +62,7 @@ class Result(ComparedByValue, ABC):
         return json.dumps(self.to_dict(), indent=indent, allow_nan=False)
 
     def to_dataframe(self) -> "pd.DataFrame":
-        """Return the numbers as a pandas data frame, a cylinder (or whatever it is) a row.
+        """Return the numbers as a pandas data frame, one row for each cylinder (or other item).
 
         Returns
         -------

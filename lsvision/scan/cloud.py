@@ -85,7 +85,7 @@ def build_cloud(
     profiles : sequence of Profile
         Section frames.
     base_from_sections : sequence of Pose
-        One for each profile.
+        Section frame of each profile in the base frame.
     sensor : NoiseModel or None
         Noise model of all profiles. None: the model of each profile; if one profile has none,
         the noise of all of them is estimated.

@@ -35,7 +35,7 @@ class JointFitSettings:
     Parameters
     ----------
     point_assignment : PointAssignmentSettings
-        Which points belong to the cylinder.
+        Limits for the points of the cylinder.
     fitting : CylinderFittingSettings
         Fit to these points.
     max_iterations : int
@@ -102,7 +102,7 @@ def fit_tracks(
     cloud : ScanCloud
         All points of the scan.
     tracks : sequence of Track
-        As `associate_arcs` returns them.
+        Tracks from `associate_arcs`.
     known_radius : RadiusPrior or None
         Prior on every radius.
     settings : JointFitSettings

@@ -11,8 +11,9 @@ from lsvision.cylinder.problem import (
     parameters_from_cylinder,
 )
 from lsvision.geometry import BoolArray, Cylinder, FloatArray, IntArray, tangent_frame
+from lsvision.geometry.arrays import rms
 from lsvision.scan.cloud import ScanCloud
-from lsvision.statistics.robust import MAD_TO_STD
+from lsvision.statistics.robust import mad_std
 
 GAUSS_NEWTON_ITERATIONS = 5
 """Gauss-Newton steps for the section shifts; one is enough for a straight tube."""
@@ -81,12 +82,12 @@ class SectionShifts:
     @property
     def noise_factor(self) -> float:
         """Ratio of the observed to the predicted standard deviation (MAD), at least 1."""
-        return max(1.0, MAD_TO_STD * float(np.median(np.abs(self.normalised))))
+        return max(1.0, mad_std(self.normalised))
 
     @property
     def normalised_rms(self) -> float:
         """Rms of `normalised`."""
-        return float(np.sqrt(np.mean(self.normalised**2)))
+        return rms(self.normalised)
 
     def interpolated(self, section_count: int) -> FloatArray:
         """Return the (section_count, 2) shifts, interpolated linearly in the index. Units: mm."""
@@ -161,10 +162,8 @@ def assign_points(
 
     Parameters
     ----------
-    cloud : ScanCloud
-        All points.
-    cylinder : Cylinder
-        Base frame.
+    cloud, cylinder
+        As for `fit_section_shifts`.
     shifts : (sections, 2) ndarray
         Lateral shift of each section along e_phi and e_theta. Units: mm.
     noise_factor : float

@@ -237,7 +237,7 @@ def feed_direction(base_from_sections: Sequence[Pose]) -> tuple[FloatArray, Floa
     Parameters
     ----------
     base_from_sections : sequence of Pose
-        One or more.
+        Poses of one or more sections.
 
     Returns
     -------

@@ -138,7 +138,7 @@ class ScannedCylinder(WithCylinder, Result):
         return np.array([[r.mean(), np.sqrt(np.mean(r * r))] for r in residuals])
 
     def to_dict(self) -> Record:
-        """Return the cylinder with its evidence as plain numbers, ready for JSON.
+        """Return the cylinder with its diagnostics as plain numbers, ready for JSON.
 
         Returns
         -------

@@ -111,7 +111,7 @@ def associate_arcs(
     Parameters
     ----------
     observations : sequence of ArcObservation
-        In the order of the sections.
+        Arcs in the order of the sections.
     settings : TrackSettings
         Gates.
 
@@ -166,7 +166,7 @@ def predict_axes(recent: Sequence[ArcObservation]) -> tuple[FloatArray, FloatArr
     Parameters
     ----------
     recent : sequence of ArcObservation
-        One or more.
+        Last arcs of the track, one or more.
 
     Returns
     -------

@@ -141,32 +141,6 @@ class Camera(ComparedByValue):
         pixels: Points = distorted @ self.matrix[:2, :2].T + self.matrix[:2, 2]
         return pixels
 
-    def sees(self, pixels: Points) -> npt.NDArray[np.bool_]:
-        """Return whether each pixel lies in the image.
-
-        Parameters
-        ----------
-        pixels : (n, 2) ndarray
-            u, v. Units: px.
-
-        Returns
-        -------
-        (n,) ndarray of bool
-            False for NaN rows.
-
-        Examples
-        --------
-        >>> camera = Camera([[800, 0, 320], [0, 800, 240], [0, 0, 1]], [], (640, 480))
-        >>> camera.sees(np.array([[0.0, 479.0], [640.0, 0.0]])).tolist()
-        [True, False]
-        """
-        width, height = self.size
-        u, v = pixels.T
-        inside: npt.NDArray[np.bool_] = (
-            (u >= -0.5) & (u <= width - 0.5) & (v >= -0.5) & (v <= height - 0.5)
-        )
-        return inside
-
 
 def _check_matrix(matrix: FloatArray) -> None:
     """Raise ValueError if a (3, 3) matrix does not have the form of a camera matrix."""

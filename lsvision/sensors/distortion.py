@@ -37,7 +37,7 @@ def distort(normalised: Points, coefficients: FloatArray) -> tuple[Points, Float
     Returns
     -------
     distorted : (n, 2) ndarray
-        Units: focal lengths.
+        Distorted points. Units: focal lengths.
     jacobian : (n, 2, 2) ndarray
         d distorted / d normalised.
 
@@ -74,9 +74,9 @@ def undistort(distorted: Points, coefficients: FloatArray) -> tuple[Points, Floa
     Parameters
     ----------
     distorted : (n, 2) ndarray
-        Units: focal lengths. NaN rows stay NaN.
+        Distorted points. Units: focal lengths. NaN rows stay NaN.
     coefficients : (14,) ndarray
-        In OpenCV's order, as for `distort`.
+        Coefficients in OpenCV's order, as for `distort`.
 
     Returns
     -------

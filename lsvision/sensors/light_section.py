@@ -151,8 +151,6 @@ class LightSection(ComparedByValue):
     ) -> LaserLine:
         """Extract the laser line from an image of this camera and correct its blur.
 
-        Parameters are those of `profile`.
-
         Parameters
         ----------
         image, settings, laser_off

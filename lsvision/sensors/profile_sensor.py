@@ -88,7 +88,7 @@ class ProfileSensor:
         Returns
         -------
         (n, 2, 2) ndarray
-            Units: mm^2.
+            Covariance of each point. Units: mm^2.
         """
         rays = np.minimum(np.maximum(points - np.array(self.origin), -MAX_RANGE_MM), MAX_RANGE_MM)
         ranges = np.maximum(

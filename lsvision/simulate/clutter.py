@@ -100,7 +100,7 @@ def v_groove(
 
 
 def angle_iron(leg: float, thickness: float, centre: Centre, tilt: float = 0.0) -> Prism:
-    """Return an angle iron that stands on its edges, with its corner towards the sensor."""
+    """Return an angle iron with both edges on the ground and its corner towards the sensor."""
     reach, edge = leg / math.sqrt(2), thickness / math.sqrt(2)
     inside = [[reach - edge, -reach - edge], [0.0, -2 * edge], [-reach + edge, -reach - edge]]
     outline = [[-reach, -reach], [0.0, 0.0], [reach, -reach], *inside, [-reach, -reach]]

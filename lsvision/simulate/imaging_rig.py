@@ -82,7 +82,7 @@ class ImagingRig:
         angle : float
             Triangulation angle between optical axis and laser plane. Units: rad.
         distortion : (k,) array_like
-            As for the class.
+            Coefficients of distortion, as for the class.
         """
         if not 0 < angle < math.pi / 2:
             raise ValueError(

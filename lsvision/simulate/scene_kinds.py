@@ -40,7 +40,7 @@ SCENE_SENSOR = ProfileSensor(
     columns=376,
     min_range=200.0,
     max_range=650.0,
-    width_at_max_range=366.0,  # pitch 0.6 mm at 400 mm; room for two tubes of 80 mm diameter
+    width_at_max_range=366.0,  # pitch 0.6 mm at 400 mm; space for two tubes of 80 mm diameter
 )
 """Similar to an LPS 36 HI, with the columns of an LPS 36 and a field of view for the scenes."""
 

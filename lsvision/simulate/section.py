@@ -273,7 +273,7 @@ def visible_at_incidence(
     hits : Hits
         Intersections with their surface normals.
     rays : Rays
-        With unit directions, in the frame of the hits.
+        Rays with unit directions, in the frame of the hits.
     settings : SectionSettings
         Grazing limit and ramp.
     rng : numpy.random.Generator

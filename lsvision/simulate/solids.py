@@ -213,7 +213,7 @@ class BentTube:
     def local_cylinder(self, base_from_section: Pose) -> Cylinder | None:
         """Return the cylinder along the tangent of the axis where the section cuts it.
 
-        Of the two intersections, the one nearer to the sensor; None if there is none.
+        The one of the two intersections that is nearer to the sensor; None without any.
         """
         normal = base_from_section.rotation[:, 2]
         first = normal - (normal @ self.bend_normal) * self.bend_normal

@@ -99,7 +99,7 @@ def scan_truth_text(
     scene : Scene
         Base frame.
     base_from_sections : sequence of Pose
-        One for each section.
+        Section frame of each profile in the base frame.
     sections : sequence of SimulatedSection
         Result of `simulate_scan`.
     source : dict

@@ -56,7 +56,7 @@ def nested_centre(left: Ellipse, right: Ellipse, moved: Ellipse) -> tuple[float,
     left, right : Ellipse
         Touching, or with a gap smaller than `moved`.
     moved : Ellipse
-        Its centre is not used.
+        Ellipse whose centre is moved.
 
     Raises
     ------

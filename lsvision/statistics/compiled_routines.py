@@ -23,7 +23,7 @@ from lsvision.geometry import FloatArray
 _IMPROPER_INPUT, _MAX_EVALUATIONS_REACHED = 0, 5
 """Values of MINPACK's `info`."""
 _STEP_BOUND = 100.0
-"""Of the first step, as `scipy.optimize.leastsq` has it."""
+"""Factor of the bound of the first step, as in `scipy.optimize.leastsq`."""
 
 
 class LeastSquares(NamedTuple):

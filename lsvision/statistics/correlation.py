@@ -159,7 +159,7 @@ def debiased_autocorrelation_time(residuals: FloatArray, parameters: int) -> flo
     Parameters
     ----------
     residuals : (n,) ndarray
-        In order along the line, over their standard deviations.
+        Residuals in order along the line, divided by their standard deviations.
     parameters : int
         Number of parameters of the fit.
 

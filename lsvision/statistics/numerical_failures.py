@@ -18,7 +18,7 @@ def report_numerical_failure(what: str) -> Iterator[None]:
     Parameters
     ----------
     what : str
-        What is fitted, for the message.
+        Name of what is fitted, for the message.
 
     Raises
     ------

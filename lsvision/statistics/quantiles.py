@@ -17,7 +17,8 @@ FEW_DEGREES_OF_FREEDOM, MANY_DEGREES_OF_FREEDOM = 10.0, 1e4
 guess, and from which they are exact to 1e-9."""
 TINY = 1e-300
 MAX_STEPS = 10
-"""Of Newton's method; 7 are the most from one degree of freedom and up to a level of 0.999."""
+"""Maximum number of Newton steps; at most 7 are needed from one degree of freedom and up to a level
+of 0.999."""
 STEP_TOLERANCE = 1e-5
 """Relative size of the last step: the error after it is of the size of its square."""
 
@@ -33,9 +34,9 @@ def squared_quantile(quantities: int, degrees_of_freedom: FloatArray, level: flo
     Parameters
     ----------
     quantities : int
-        How many errors: 1 or 2.
+        Number of errors that are combined, 1 or 2.
     degrees_of_freedom : (k,) ndarray
-        Of the estimates of their variance, at least 1; inf where it is known.
+        Degrees of freedom of the estimated variances, at least 1; inf where it is known.
     level : float
         Probability, between 0 and 1.
 

@@ -26,11 +26,10 @@ def upper_median(values: FloatArray) -> float:
 
 
 def mad_std(values: FloatArray) -> float:
-    """Return the standard deviation about zero, by the median of the absolute values.
+    """Return the standard deviation about zero, by the median of the absolute values."""
+    return MAD_TO_STD * float(np.median(np.abs(values)))
 
-    Parameters
-    ----------
-    values : (n,) ndarray
-        At least one; same unit as the result.
-    """
+
+def upper_mad_std(values: FloatArray) -> float:
+    """Return the standard deviation about zero, by the upper median of the absolute values."""
     return MAD_TO_STD * upper_median(np.abs(values))

@@ -49,7 +49,7 @@ def test_a_killed_worker_costs_nothing_and_the_bytes_are_those_of_this_machine(t
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
-def test_no_scheduler_is_told(tmp_path, monkeypatch):
+def test_no_scheduler_is_reported(tmp_path, monkeypatch):
     monkeypatch.setattr("lsvision.batch.cluster.CONNECT_TIMEOUT_S", 0.5)
     write_parquet(tmp_path / "a.parquet", 2)
     tasks = plan_tasks([tmp_path / "a.parquet"], tmp_path, tmp_path / "out", BatchJob())

@@ -36,7 +36,7 @@ def test_an_endless_generator_is_read_a_bounded_number_ahead():
     assert len(taken) <= (1 + 2 * IN_FLIGHT_PER_JOB) * PROFILES_PER_TASK
 
 
-def test_slips_are_told():
+def test_slips_are_reported():
     with pytest.raises(ValueError, match="expected jobs >= 1, got 0"):
         lsv.measure_many([], jobs=0)
     with pytest.raises(TypeError):

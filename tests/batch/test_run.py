@@ -98,7 +98,7 @@ def test_a_manifest_that_was_cut_off_costs_one_file(folder):
     assert not leftover.exists()
 
 
-def test_results_of_another_job_are_refused(folder):
+def test_results_of_another_job_are_rejected(folder):
     run_batch(tasks_of(folder), folder / "out")
     other = BatchJob(partial(measure_cylinders, radius=19.0))
     with pytest.raises(LsvisionError, match=r"another job \(radius default, now 19\.0\)"):
@@ -117,7 +117,7 @@ def test_the_hash_of_a_job_tells_every_setting():
     assert BatchJob(reading={"units": None, "transpose": False}).hash == BatchJob().hash
 
 
-def test_a_broken_file_is_told_and_tried_again(folder):
+def test_a_broken_file_is_reported_and_tried_again(folder):
     broken = folder / "in" / "part-1.parquet"
     content = broken.read_bytes()
     broken.write_bytes(content[:100])
@@ -165,7 +165,7 @@ def test_a_folder_that_cannot_be_written_ends_the_batch(folder):
         run_batch(tasks_of(folder), folder / "out")
 
 
-def test_a_second_run_into_the_same_folder_is_refused(folder):
+def test_a_second_run_into_the_same_folder_is_rejected(folder):
     def again(_):
         with pytest.raises(LsvisionError, match="another run writes into it"):
             run_batch(tasks_of(folder), folder / "out")

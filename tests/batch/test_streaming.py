@@ -63,7 +63,7 @@ def test_a_lost_marker_counts_in_all_parts_after_the_one_that_shows_it(tmp_path)
     assert lost == [0, 0, 0, 0]
 
 
-def test_a_broken_file_is_told_with_its_first_bad_profile(tmp_path):
+def test_a_broken_file_is_reported_with_its_first_bad_profile(tmp_path):
     path = tmp_path / "a.parquet"
     write_parquet(path)
     content = path.read_bytes()

@@ -21,7 +21,7 @@ GOAL = 2.0  # um, without speckle
 SPECKLE_GOAL = 25.0  # um, one frame
 HALF_ARC = math.radians(60.0)
 TIME_GOAL = 25.0  # ms
-HONEST = 0.7, 1.4  # squared errors over predicted variance
+CONSISTENT = 0.7, 1.4  # squared errors over predicted variance
 SECTION = LightSection(Camera(RIG.matrix, RIG.distortion, RIG.size), RIG.laser_plane)
 
 
@@ -89,7 +89,7 @@ def speckled(images=30):
     off = 1e3 * (np.array([one.radius for one in found]) - RADIUS)
     yield Number("tilted 20 deg, speckle: |bias|", abs(off.mean()), unit="um")
     yield Number("tilted 20 deg, speckle: std", off.std(), unit="um")
-    yield Number("tilted 20 deg, speckle: NEES", float(np.mean(scores**2)), *HONEST, unit="")
+    yield Number("tilted 20 deg, speckle: NEES", float(np.mean(scores**2)), *CONSISTENT, unit="")
 
 
 def chain(image, section=SECTION):

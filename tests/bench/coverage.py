@@ -24,7 +24,7 @@ BLENDED_COLUMNS = 0.8
 
 @dataclass(frozen=True)
 class Conditions:
-    """What is done to the sections, and whether the measurement is told the noise."""
+    """What is done to the sections, and whether the noise is given to the measurement."""
 
     name: str
     settings: SectionSettings

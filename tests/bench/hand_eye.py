@@ -29,9 +29,8 @@ from lsvision.simulate.hand_eye import (
     section_poses_about,
     sphere_profile,
 )
+from tests.calibration.hand_eye_scenes import RADIUS, TARGET
 
-RADIUS = 20.0
-TARGET = np.array([800.0, 100.0, 300.0])
 WORK = np.array([0.0, -150.0, 0.0])  # 150 mm before the sensor's origin
 CAMERA = Camera(
     [[2264.0, 0, 640], [0, 2264.0, 512], [0, 0, 1]], [-0.12, 0.1, 0, 0, 0], (1280, 1024)
@@ -134,7 +133,7 @@ def errors(found, truth, work=WORK):
 def section_runs(case, runs, data=sphere_data, seed=0, **settings):
     """Errors, NEES/6, times, poses left out, and a free sphere's radius error in sigmas."""
     solve = calibrate_hand_eye_plane if data is plane_data else calibrate_hand_eye_sphere
-    rows, nees, seconds, radii, refused = [], [], [], [], 0
+    rows, nees, seconds, radii, rejected_count = [], [], [], [], 0
     for run in range(runs):
         rng = np.random.default_rng([seed, run])
         truth, profiles, poses = data(rng, case)
@@ -146,18 +145,18 @@ def section_runs(case, runs, data=sphere_data, seed=0, **settings):
             radii.append((found.sphere.radius - RADIUS) / found.sphere.radius_std)
         rows.append(lengths)
         nees.append(error @ np.linalg.solve(found.covariance, error) / 6)
-        refused += len(found.rejected)
-    return np.array(rows), np.array(nees), max(seconds), np.array(radii), refused
+        rejected_count += len(found.rejected)
+    return np.array(rows), np.array(nees), max(seconds), np.array(radii), rejected_count
 
 
 def report_section(name, case, goal, runs, data=sphere_data, **settings):
-    rows, nees, seconds, radii, refused = section_runs(case, runs, data, **settings)
+    rows, nees, seconds, radii, rejected_count = section_runs(case, runs, data, **settings)
     covered = f"radius in 95 % {np.mean(np.abs(radii) < 2.06):.2f} | " if len(radii) else ""
     rms, high = np.sqrt((rows**2).mean(axis=0)), np.quantile(rows, 0.95, axis=0)
     print(
         f"{name:34} RMS {rms[0]:.3f} mm {rms[1]:.3f} deg {rms[2]:.3f} mm at work | 95 % "
         f"{high[0]:.3f} {high[1]:.3f} {high[2]:.3f} | NEES/6 {nees.mean():.2f} | "
-        f"{covered}{refused} good poses left out of {runs * case.count} | {seconds:.2f} s | "
+        f"{covered}{rejected_count} good poses left out of {runs * case.count} | {seconds:.2f} s | "
         f"goal {goal}",
         flush=True,
     )
@@ -203,7 +202,7 @@ def board_run(rng, case, corner_std=0.1):
     """One simulated board calibration: truth and result."""
     mount = any_mount(rng)
     centre = BOARD.mean(axis=0)
-    sightings, poses = [], []
+    estimates, poses = [], []
     while len(poses) < case.count:
         lean = rotation_from_vector(rng.uniform(-1, 1, 3) * np.radians([35, 35, 180]))
         away = np.array([rng.uniform(-30, 30), rng.uniform(-30, 30), rng.uniform(300, 420)])
@@ -213,14 +212,14 @@ def board_run(rng, case, corner_std=0.1):
         if (pixels < 0).any() or (pixels > [1279, 1023]).any():
             continue
         noisy = pixels + rng.normal(0, corner_std, pixels.shape)
-        sightings.append(estimate_board_pose(noisy, BOARD, CAMERA))
+        estimates.append(estimate_board_pose(noisy, BOARD, CAMERA))
         base_from_board = Pose(rotation_from_vector(np.array([0.2, -0.1, 0.4])), TARGET)
         flange = base_from_board @ camera_from_board.inverse() @ mount.inverse()
         poses.append(case.reported(flange, rng))
     found = calibrate_hand_eye_board(
-        [sighting.camera_from_board for sighting in sightings],
+        [estimate.camera_from_board for estimate in estimates],
         poses,
-        covariances=[sighting.covariance for sighting in sightings],
+        covariances=[estimate.covariance for estimate in estimates],
         mounting=case.mounting,
     )
     return mount, found

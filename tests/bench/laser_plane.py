@@ -4,7 +4,6 @@ With ``images N`` instead: N sets of images as of the shipped example (JPEG, bla
 markers), other poses and noise each; 15 s a set.
 """
 
-import importlib.util
 import sys
 import tempfile
 import time
@@ -18,6 +17,7 @@ from lsvision.calibration.intrinsics import calibrate_camera, fit_camera
 from lsvision.calibration.laser_plane import calibrate_laser_plane, fit_laser_plane
 from lsvision.calibration.target import ChArUco, TargetView
 from lsvision.simulate.boards import BoardScene, simulate_boards
+from tests.scripts import import_script
 
 BOARDS = 15
 SCENES = {
@@ -70,10 +70,7 @@ def normalised(found, error):
 def recipe():
     """The shipped example's recipe."""
     path = Path(__file__).parents[2] / "calibration" / "example" / "make.py"
-    spec = importlib.util.spec_from_file_location("example_make", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return import_script(path)
 
 
 def from_images(make, seed):
@@ -89,7 +86,7 @@ def from_images(make, seed):
 
 
 def main_images(runs):
-    """Print whether sigmas from images are honest."""
+    """Print whether sigmas from images are valid."""
     make = recipe()
     found = [from_images(make, seed) for seed in range(runs)]
     rows = np.array([plane_error(each, make.RIG.laser_plane) for each in found])

@@ -29,7 +29,7 @@ from tests.bench.matching import match_tubes
 from tests.bench.progress import counted
 
 FIRST_SEED = 20_000
-LEAST_PHI_DEG = 15.0
+MIN_PHI_DEG = 15.0
 QUANTITIES = ("radius", "theta", "phi")
 CLEAN = SectionSettings(lost_fraction=0.0, jump_fraction=0.0)
 """Errors along the ray and grazing loss, nothing else."""
@@ -44,7 +44,7 @@ class Conditions:
     name: str
     settings: SectionSettings = CLEAN
     radius_known: bool = False
-    phi_deg: tuple[float, float] = (LEAST_PHI_DEG, 40.0)
+    phi_deg: tuple[float, float] = (MIN_PHI_DEG, 40.0)
 
 
 @dataclass(frozen=True)

@@ -67,11 +67,11 @@ class Times:
 
 @dataclass(frozen=True)
 class LiteralTimes:
-    """The same profiles by lsvision, and twice by the paper's chain.
+    """The same profiles by lsvision, and twice by the paper's pipeline.
 
-    `typed` is the chain as one types it in, its fits left to scipy's `least_squares` as it
+    `typed` is the pipeline as one types it in, its fits left to scipy's `least_squares` as it
     stands: unknowns x_0, y_0, a, b, theta, derivatives by differences. The paper says no more,
-    and the design page's 5 to 6 s a profile are this chain's.
+    and the design page's 5 to 6 s a profile are this pipeline's.
     `measure_cylinders_paper` reaches the same minima with parameters and derivatives of ours.
     """
 
@@ -84,7 +84,7 @@ class LiteralTimes:
     def rows(self):
         note = f"{self.typed.median:.1f} s a profile"
         ratio = self.typed.median / self.ours.median
-        yield Number(f"times the literal chain as typed, {self.kind}", ratio, 500, note=note)
+        yield Number(f"times the literal pipeline as typed, {self.kind}", ratio, 500, note=note)
         ratio = self.paper.median / self.ours.median
         yield Number(f"times measure_cylinders_paper, {self.kind}", ratio)
 
@@ -168,8 +168,8 @@ def time_measuring(what, profiles, repeats, measure=measure_cylinders):
 def _literal_times(kind, profiles, repeats):
     ours = time_measuring("for the ratio", profiles, repeats)
     paper = time_measuring("measure_cylinders_paper", profiles, 1, measure_cylinders_paper)
-    with mock.patch("lsvision.studies.chen_liu_2016.paper_chain.fit_ellipse", _fit_as_typed):
-        typed = time_measuring("literal chain as typed", profiles, 1, measure_cylinders_paper)
+    with mock.patch("lsvision.studies.chen_liu_2016.paper_pipeline.fit_ellipse", _fit_as_typed):
+        typed = time_measuring("literal pipeline as typed", profiles, 1, measure_cylinders_paper)
     return LiteralTimes(kind, ours, paper, typed)
 
 

@@ -20,7 +20,7 @@ REAL = Path(__file__).parents[3] / "shared" / "real"
 FOUND_IOU = 0.3
 """A detection that shares less with the labelled arc is another thing."""
 FAR_OFF = 1.0  # mm
-SMALLEST_PHI = np.radians(1.0)
+MIN_PHI = np.radians(1.0)
 MAIN_RADII = dict(
     zip(
         (f"p{i}" for i in range(1, 16)),
@@ -62,7 +62,7 @@ class Spheres:
         centre = np.array([p.centre_error for p in found])
         radius = np.array([p.radius_error for p in found])
         far = [p.name for p in found if max(p.centre_error, p.radius_error) > FAR_OFF]
-        reach = 100 * np.mean([p.phi_low <= SMALLEST_PHI for p in found])
+        reach = 100 * np.mean([p.phi_low <= MIN_PHI for p in found])
         extra = [p.name for p in found if p.extra]
         worst = max(found, key=lambda p: p.centre_error)
         yield Number("sphere-profiles: mIoU", np.mean([p.iou for p in found]), 0.982)

@@ -1,4 +1,4 @@
-"""Pairs taken from a stream: what the frames show decides, and what is missing is told."""
+"""Pairs taken from a stream: the frames decide, and what is missing is printed."""
 
 from pathlib import Path
 
@@ -39,7 +39,7 @@ def shifted(image, dx):
                           borderMode=cv2.BORDER_REPLICATE)  # fmt: skip
 
 
-def told(frames, state=None):
+def message(frames, state=None):
     """State after the frames, last text, and all pairs."""
     state, pairs, text = state or CaptureState(), [], ""
     for seed, frame in enumerate(frames):
@@ -69,12 +69,12 @@ def told(frames, state=None):
         ([BOARD, BOARD, LINE, shot("board", 1)], HOLD),
     ],
 )
-def test_the_person_is_told_what_the_frames_need(frames, text):
-    assert text in told(frames)[1]
+def test_the_person_is_reported_what_the_frames_need(frames, text):
+    assert text in message(frames)[1]
 
 
 def test_a_pair_is_the_held_board_and_its_line():
-    state, _, pairs = told([BOARD, BOARD, LINE, shot("board", 1), shot("board", 1),
+    state, _, pairs = message([BOARD, BOARD, LINE, shot("board", 1), shot("board", 1),
                             shot("line", 1)])  # fmt: skip
     assert [len(pairs), len(state.pairs)] == [2, 2]
     for number, pair in enumerate(pairs):
@@ -84,7 +84,7 @@ def test_a_pair_is_the_held_board_and_its_line():
 
 
 def test_a_line_after_a_move_is_not_paired():
-    _, text, pairs = told([BOARD, BOARD, shifted(BOARD, 20.0), LINE])
+    _, text, pairs = message([BOARD, BOARD, shifted(BOARD, 20.0), LINE])
     assert pairs == []
     assert SEE in text
 
@@ -134,7 +134,7 @@ def test_one_frontal_view_lacks_sides_tilts_and_depth():
         ({"tilt_x": 30.0}, {"right", "left", "lower"}),
     ],
 )
-def test_a_tilt_is_told_by_the_side_that_is_nearer(tilts, left):
+def test_a_tilt_is_measured_by_the_side_that_is_nearer(tilts, left):
     view = view_of(**tilts)
     corners = CHESSBOARD.points - CHESSBOARD.points.mean(axis=0)
     turn = Rotation.from_euler("xy", [tilts.get("tilt_x", 0), tilts.get("tilt_y", 0)], degrees=True)

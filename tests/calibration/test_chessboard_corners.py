@@ -81,7 +81,7 @@ def test_corners_that_are_left_out_are_reported():
     assert "of 54 corners left out, off the grid of the others: a laser line" in warnings[0]
 
 
-def test_points_that_are_no_grid_are_refused():
+def test_points_that_are_no_grid_are_rejected():
     white, truth = chessboard_picture(TURNS[0])
     wrong = np.random.default_rng(15).permutation(truth).reshape(6, 9, 2)
     assert locate_corners(photographed(white, np.random.default_rng(16)), wrong) is None

@@ -61,7 +61,7 @@ def test_symmetric_grids_are_numbered_as_one_reads(spin, bright):
     assert pixels[6, 0] > pixels[0, 0] or abs(np.cos(spin)) < 0.5
 
 
-def test_an_even_number_of_rows_of_an_asymmetric_grid_is_refused():
+def test_an_even_number_of_rows_of_an_asymmetric_grid_is_rejected():
     with pytest.raises(ValueError, match=r"odd number of rows .* got 11 x 4: count the discs"):
         CircleGrid(11, 4)
 

@@ -1,4 +1,4 @@
-"""Hand-eye calibration with a poor robot and heavy-tailed errors: right answers, not refused."""
+"""Hand-eye calibration with a poor robot and heavy-tailed errors: right results, none rejected."""
 
 import numpy as np
 import pytest
@@ -103,13 +103,13 @@ WRONG = {
 
 @pytest.mark.parametrize("fault", WRONG)
 @pytest.mark.parametrize("seed", [44, pytest.param(45, marks=pytest.mark.slow)])
-def test_wrong_poses_are_refused(fault, seed):
+def test_wrong_poses_are_rejected(fault, seed):
     boards, flanges, covariances = poor_scene(seed)
     with pytest.raises(CalibrationFailed):
         calibrate_hand_eye_board(boards, WRONG[fault](flanges), covariances=covariances)
 
 
-def test_a_board_of_another_size_is_refused():
+def test_a_board_of_another_size_is_rejected():
     boards, flanges, covariances = poor_scene(46, scale=1.1)
     with pytest.raises(CalibrationFailed, match="the size of the target"):
         calibrate_hand_eye_board(boards, flanges, covariances=covariances)

@@ -100,7 +100,7 @@ def test_pairs_shifted_by_one_are_detected():
 @pytest.mark.parametrize("shift", [3.0, 15.0])
 def test_a_sphere_that_moved_is_detected(shift):
     targets = [TARGET] * 6 + [TARGET + shift * np.eye(3)[0]] * 6
-    # The section poses follow the target, the calibration believes in one.
+    # The section poses follow the target, the calibration assumes one.
     profiles, flanges = sphere_scene(7, targets=targets)
     with pytest.raises(CalibrationFailed, match="moved between pose 5 and pose 6"):
         calibrate_hand_eye_sphere(profiles, flanges)
@@ -118,9 +118,9 @@ def test_a_plane_or_board_that_moved_is_detected_with_its_distance(target):
     seen, flanges = scene(22, 16)
     # Robot and target moved together look the same: later poses mean another target.
     aside = Pose.along((0.0, 0.0, 1.0), MOVED)
-    with pytest.raises(CalibrationFailed, match="moved between pose 7 and pose 8") as told:
+    with pytest.raises(CalibrationFailed, match="moved between pose 7 and pose 8") as text:
         calibrate(seen, [*flanges[:8], *(aside @ pose for pose in flanges[8:])])
-    apart = float(re.search(r"([\d.]+) mm apart", str(told.value))[1])
+    apart = float(re.search(r"([\d.]+) mm apart", str(text.value))[1])
     assert apart == pytest.approx(MOVED, abs=0.5)
 
 

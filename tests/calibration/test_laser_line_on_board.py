@@ -144,11 +144,13 @@ def images_beside():
     return [pair[0] for pair in pairs], [pair[1] for pair in pairs]
 
 
-def test_a_line_beside_the_pattern_is_refused_with_the_margin_that_gives_the_plane(images_beside):
-    told = r"no laser line within 0.9 squares .* squares beside it: set margin \(--margin\) to (\d)"
-    with pytest.raises(CalibrationFailed, match=told) as refused:
+def test_a_line_beside_the_pattern_is_rejected_with_the_margin_that_gives_the_plane(images_beside):
+    message = (
+        r"no laser line within 0.9 squares .* squares beside it: set margin \(--margin\) to (\d)"
+    )
+    with pytest.raises(CalibrationFailed, match=message) as failure:
         calibrate_laser_plane(CAMERA, TARGET, *images_beside, HELD)
-    margins = [int(number) for number in re.findall(r"--margin\) to (\d)", str(refused.value))]
+    margins = [int(number) for number in re.findall(r"--margin\) to (\d)", str(failure.value))]
     assert len(margins) == 4
     settings = replace(HELD, line=LineOnBoardSettings(margin=max(margins)))
     found = calibrate_laser_plane(CAMERA, TARGET, *images_beside, settings)
@@ -175,7 +177,7 @@ def test_two_views_give_a_warning_and_three_times_the_sigma(images):
     assert len(found.views) == 2
     assert found.warnings[0].startswith("two views cannot check each other")
     views, _ = find_laser_views(CAMERA, TARGET, boards, lines, HELD.line)
-    guess = BundleAdjustmentState(CAMERA, PLANE, guess_board_poses(CAMERA, views), np.zeros(2))
+    guess = BundleAdjustmentState(CAMERA, PLANE, guess_board_poses(CAMERA, views), np.zeros(3))
     claimed = adjust_bundle(views, guess, (False, False)).plane_covariance
     np.testing.assert_allclose(found.covariance, 9 * claimed, rtol=0.05, atol=1e-12)
 

@@ -24,8 +24,10 @@ def sphere():
     circles = np.column_stack([rng.normal(size=(COUNT, 2)), np.full(COUNT, 15.0)])
     stretches = rng.normal(size=(COUNT, 2, 3))
     covariances = np.tile(np.eye(3), (COUNT, 1, 1))
-    sightings = SphereObservations(circles, covariances, stretches, FLANGES, (20, np.inf), GROUPS)
-    return sightings, np.array([*TARGET, RADIUS, 0.1])
+    observations = SphereObservations(
+        circles, covariances, stretches, FLANGES, (20, np.inf), GROUPS
+    )
+    return observations, np.array([*TARGET, RADIUS, 0.1])
 
 
 def plane():
@@ -38,8 +40,8 @@ def plane():
     middles = flat * ((distance - origins @ normal)[:, None] / widths**2)
     directions = np.cross(flat / widths, (0, 0, 1))
     sizes, covariances = np.full(COUNT, 20.0), np.tile(np.eye(2), (COUNT, 1, 1))
-    sightings = PlaneObservations(middles, directions, sizes, covariances, FLANGES, GROUPS)
-    return sightings, np.append(normal, distance)
+    observations = PlaneObservations(middles, directions, sizes, covariances, FLANGES, GROUPS)
+    return observations, np.append(normal, distance)
 
 
 def board():
@@ -50,8 +52,8 @@ def board():
     seen = np.swapaxes(base_from_mount, -1, -2)
     at = (seen @ (TARGET - origins)[..., None])[..., 0]
     covariances = np.tile(np.eye(6), (COUNT, 1, 1))
-    sightings = BoardObservations(seen @ rotation, at, covariances, FLANGES, GROUPS)
-    return sightings, np.concatenate([TARGET, rotation.ravel()])
+    observations = BoardObservations(seen @ rotation, at, covariances, FLANGES, GROUPS)
+    return observations, np.concatenate([TARGET, rotation.ravel()])
 
 
 def state_of(target):
@@ -79,20 +81,20 @@ def differences(residuals_after, size):
 
 @pytest.mark.parametrize("kind", [sphere, plane, board])
 def test_jacobians_equal_difference_quotients(kind):
-    sightings, target = kind()
+    observations, target = kind()
     state = state_of(target)
-    lin = sightings.linearise(state)
-    by_mount = differences(lambda s: sightings.linearise(moved_mount(state, s)).residuals, 6)
+    lin = observations.linearise(state)
+    by_mount = differences(lambda s: observations.linearise(moved_mount(state, s)).residuals, 6)
     by_flange = differences(
-        lambda s: replace(sightings, flanges=moved_flanges(s)).linearise(state).residuals, 6
+        lambda s: replace(observations, flanges=moved_flanges(s)).linearise(state).residuals, 6
     )
     by_target = differences(
         lambda s: (
-            sightings.linearise(
+            observations.linearise(
                 States(
                     state.rotations,
                     state.translations,
-                    sightings.update_targets(state.targets, s[None, None]),
+                    observations.update_targets(state.targets, s[None, None]),
                 )
             ).residuals
         ),

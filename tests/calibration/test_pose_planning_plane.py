@@ -31,7 +31,7 @@ NOMINAL = Pose(
     rotation_from_vector(np.array([0.0, 0.008, 0.0])) @ MOUNT.rotation, MOUNT.translation + 1.0
 )
 SAME = 1e-9  # mm or mm of prediction; the same numbers by another way
-SAME_SHARE = 1e-4  # of a prediction; what is taken for known beforehand weighs less
+SAME_FRACTION = 1e-4  # of a prediction; what is taken for known beforehand weighs less
 AS_PREDICTED = 4.0  # sigmas of an error in three axes
 CLEARLY = 0.75  # of the sigma and error after as many random poses; 0.51 and 0.49 seen
 ROBOT = (0.05, np.radians(0.01))
@@ -104,10 +104,10 @@ UNFIT = {
 
 @pytest.mark.parametrize("case", UNFIT)
 def test_planned_poses_add_the_motion_that_was_missing(case):
-    motion, refusal = UNFIT[case]
+    motion, message = UNFIT[case]
     rng = np.random.default_rng(4)
     first = taken(flanges_about(8, motion, rng), rng)
-    with pytest.raises(DegenerateGeometry, match=refusal):
+    with pytest.raises(DegenerateGeometry, match=message):
         calibrated(first)
     plan = plan_hand_eye_poses_plane(NOMINAL, PLANE, POINT, measured=first[1], settings=SETTINGS)
     found = calibrated(first, taken(plan.base_from_flanges, rng))
@@ -176,7 +176,7 @@ def test_a_plan_rotates_with_the_base_frame():
         for world in (Pose(), turned)
     )
     assert first.indices == second.indices
-    np.testing.assert_allclose(first.predicted_std, second.predicted_std, rtol=SAME_SHARE)
+    np.testing.assert_allclose(first.predicted_std, second.predicted_std, rtol=SAME_FRACTION)
 
 
 def test_no_candidates_and_zero_count_are_rejected_for_a_plate():

@@ -9,18 +9,9 @@ from lsvision.calibration.rotations import (
     rotations_from_vectors,
     vectors_from_rotations,
 )
+from tests.alike import rotation_series
 
 MACHINE = 1e-12
-
-
-def series(vector, terms=60):
-    x, y, z = vector
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    total, term = np.eye(3), np.eye(3)
-    for power in range(1, terms):
-        term = term @ cross / power
-        total = total + term
-    return total
 
 
 VECTORS = [(0, 0, 0), (1e-10, 0, 0), (1e-5, -2e-5, 0), (0.3, -1, 2), (3.1, 0.2, 0), (0, np.pi, 0)]
@@ -29,7 +20,7 @@ VECTORS = [(0, 0, 0), (1e-10, 0, 0), (1e-5, -2e-5, 0), (0.3, -1, 2), (3.1, 0.2, 
 @pytest.mark.parametrize("vector", VECTORS)
 def test_rotation_equals_its_power_series_and_rotation_vectors_is_the_inverse(vector):
     rotation = rotations_from_vectors(np.array(vector, dtype=float))
-    np.testing.assert_allclose(rotation, series(vector), rtol=0, atol=MACHINE)
+    np.testing.assert_allclose(rotation, rotation_series(vector), rtol=0, atol=MACHINE)
     again = rotations_from_vectors(vectors_from_rotations(rotation))
     np.testing.assert_allclose(again, rotation, rtol=0, atol=MACHINE)
 

@@ -59,15 +59,15 @@ def test_shifting_the_profile_shifts_the_circle():
 
 PLATE = np.column_stack([np.linspace(-40, 40, 400), np.full(400, -300.0)])
 NOISE = np.random.default_rng(0).uniform(-40, 40, (300, 2))
-REFUSED = {
+REJECTED = {
     "nothing": (np.full((100, 2), np.nan), "has 0 points"),
     "plate": (PLATE + np.random.default_rng(1).normal(0, 0.02, PLATE.shape), "best arc"),
     "concave": (np.array(profile(0.0).points) * (1, -1), "best arc"),
 }
 
 
-@pytest.mark.parametrize("case", REFUSED)
+@pytest.mark.parametrize("case", REJECTED)
 def test_a_profile_without_a_sphere_is_rejected(case):
-    points, message = REFUSED[case]
+    points, message = REJECTED[case]
     with pytest.raises(TooFewPoints, match=message):
         find_sphere_arc(Profile(points))

@@ -52,7 +52,7 @@ def test_measure_imports_only_what_it_needs():
     assert result.stdout.splitlines()[-1] == "[]"
 
 
-def test_version_is_told(run):
+def test_version_is_reported(run):
     result = run("--version")
     assert result.exit_code == 0
     assert result.stdout.startswith("lsvision ")
@@ -122,7 +122,7 @@ def test_name_that_is_no_text_is_shown_with_escapes(tmp_path):
     assert result.stderr == "lsvision: \\xff.csv: no such file: check the name\n"
 
 
-def test_units_that_are_stated_are_not_doubted(tmp_path):
+def test_units_that_are_stated_are_not_questioned(tmp_path):
     rows = "\n".join(f"{k * 6e-4:.5f},-0.4" for k in range(200))
     (tmp_path / "m.csv").write_text(f"x,z\n{rows}\n")
     command = [sys.executable, "-m", "lsvision", "measure", "m.csv", "--units", "mm"]

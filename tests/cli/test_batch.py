@@ -1,4 +1,4 @@
-"""``lsvision batch``: files in, Parquet out, status, interrupts and refusals."""
+"""``lsvision batch``: files in, Parquet out, status, interrupts and error messages."""
 
 import os
 import signal
@@ -39,7 +39,7 @@ def test_a_folder_becomes_a_folder_of_results(run, folder):
     assert "results of another job (sensor" in other.stderr
 
 
-def test_a_broken_file_and_a_missing_one_are_told_and_the_rest_is_done(run, folder):
+def test_a_broken_file_and_a_missing_one_are_reported_and_the_rest_is_done(run, folder):
     (folder / "in" / "b.csv").write_text("no numbers\n")
     out = folder / "out"
     done = run("batch", folder / "in", folder / "none.csv", "--out", out, "--jobs", 1)
@@ -51,16 +51,16 @@ def test_a_broken_file_and_a_missing_one_are_told_and_the_rest_is_done(run, fold
 
 
 @pytest.mark.parametrize("words", [[], ["a.csv"], ["--out", "x"]])
-def test_usage_is_told(run, words):
-    told = run("batch", *words)
-    assert told.exit_code == 2
-    assert "expected files and --out DIR, or --status DIR" in told.stderr
+def test_usage_is_reported(run, words):
+    result = run("batch", *words)
+    assert result.exit_code == 2
+    assert "expected files and --out DIR, or --status DIR" in result.stderr
 
 
 def test_a_folder_without_a_batch_has_no_status(run, tmp_path):
-    told = run("batch", "--status", tmp_path)
-    assert told.exit_code == 1
-    assert "manifest.jsonl: no such file: name the --out of a batch" in told.stderr
+    result = run("batch", "--status", tmp_path)
+    assert result.exit_code == 1
+    assert "manifest.jsonl: no such file: name the --out of a batch" in result.stderr
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")

@@ -1,6 +1,5 @@
-"""`lsvision calibrate`: results on the example, and refusals that name file and mend."""
+"""`lsvision calibrate`: results on the example, and error messages with file and remedy."""
 
-import importlib.util
 import json
 import shutil
 from pathlib import Path
@@ -25,6 +24,7 @@ from lsvision.simulate.hand_eye import (
     rotation_from_vector,
     section_poses_about,
 )
+from tests.scripts import import_script
 
 EXAMPLE = Path(__file__).parents[2] / "calibration" / "example"
 BOARDS, LINES, SPHERE = EXAMPLE / "boards", EXAMPLE / "lines", EXAMPLE / "sphere"
@@ -62,7 +62,7 @@ def sphere_words(out, poses=POSES, convention="kuka"):
             "--convention", convention, "--out", out)  # fmt: skip
 
 
-def refused(result, out, code=1):
+def error_text(result, out, code=1):
     """The one line on stderr of a command that wrote nothing."""
     assert result.exit_code == code, result.output
     assert not out.exists()
@@ -89,12 +89,12 @@ def test_printed_target_is_the_one_that_is_looked_for(run, tmp_path):
 def test_circle_grid_and_chessboard_need_counts_and_square(run, tmp_path):
     out = tmp_path / "board.svg"
     words = ("calibrate", "target", "--out", out, "--target", "chessboard")
-    assert "--counts NxM and --square MM" in refused(run(*words), out, 2)
+    assert "--counts NxM and --square MM" in error_text(run(*words), out, 2)
     assert run(*words, "--counts", "9x6", "--square", "20").exit_code == 0
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "error"),
     [
         (("--target", "checkers"), "expected --target charuco, chessboard"),
         (("--counts", "eleven"), "expected --counts NxM, as 11x8, got 'eleven'"),
@@ -102,9 +102,9 @@ def test_circle_grid_and_chessboard_need_counts_and_square(run, tmp_path):
         (("--dictionary", "DICT_NONE"), "expected a dictionary of cv2.aruco, got 'DICT_NONE'"),
     ],
 )
-def test_target_that_is_none_is_a_usage_error(run, tmp_path, words, told):
+def test_target_that_is_none_is_a_usage_error(run, tmp_path, words, error):
     out = tmp_path / "board.svg"
-    assert told in refused(run("calibrate", "target", "--out", out, *words), out, 2)
+    assert error in error_text(run("calibrate", "target", "--out", out, *words), out, 2)
 
 
 def test_image_without_board_is_left_out_by_name(run, boards, out):
@@ -121,44 +121,46 @@ def test_image_without_board_is_left_out_by_name(run, boards, out):
 def test_fewer_views_than_needed_are_counted_and_named(run, boards, out):
     for path in sorted(boards.iterdir())[2:]:
         cv2.imwrite(str(path), np.full((480, 640), 99, np.uint8))
-    told = refused(run("calibrate", "camera", boards, "--out", out), out)
-    assert "2 views show the target and 3 are needed" in told
-    assert "image 5 (board_05.jpg)" in told
+    error = error_text(run("calibrate", "camera", boards, "--out", out), out)
+    assert "2 views show the target and 3 are needed" in error
+    assert "image 5 (board_05.jpg)" in error
 
 
 def test_images_of_mixed_sizes_are_named(run, boards, out):
     cv2.imwrite(str(boards / "board_02.jpg"), np.full((240, 320), 99, np.uint8))
-    told = refused(run("calibrate", "camera", boards, "--out", out), out)
-    assert "image 2 (board_02.jpg) is 320 x 240 px and image 0 (board_00.jpg) 640 x 480" in told
+    error = error_text(run("calibrate", "camera", boards, "--out", out), out)
+    assert "image 2 (board_02.jpg) is 320 x 240 px and image 0 (board_00.jpg) 640 x 480" in error
 
 
 def test_files_that_are_no_images_are_named(run, boards, out):
     (boards / "board_04.jpg").write_bytes(b"not an image")
-    told = refused(run("calibrate", "camera", boards, "--out", out), out)
-    assert "board_04.jpg is not an image of 8 or 16 bit" in told
+    error = error_text(run("calibrate", "camera", boards, "--out", out), out)
+    assert "board_04.jpg is not an image of 8 or 16 bit" in error
     (boards / "board_04.jpg").write_bytes(b"")
-    assert "board_04.jpg" in refused(run("calibrate", "camera", boards, "--out", out), out)
+    assert "board_04.jpg" in error_text(run("calibrate", "camera", boards, "--out", out), out)
 
 
 def test_what_does_not_exist_is_named(run, boards, out, tmp_path):
     missing = tmp_path / "missing.png"
-    assert "missing.png: no such file" in refused(
+    assert "missing.png: no such file" in error_text(
         run("calibrate", "camera", missing, "--out", out), out
     )
     empty = tmp_path / "empty"
     empty.mkdir()
-    assert "no image in this folder" in refused(
+    assert "no image in this folder" in error_text(
         run("calibrate", "camera", empty, "--out", out), out
     )
     words = ("laser-plane", "--boards", boards, "--lines", boards, "--camera", missing)
-    assert "missing.png: no such file" in refused(run("calibrate", *words, "--out", out), out)
+    assert "missing.png: no such file" in error_text(run("calibrate", *words, "--out", out), out)
 
 
 def test_laser_plane_wants_a_line_image_for_each_board(run, boards, camera_json, out):
     words = ("laser-plane", "--boards", boards, "--lines", LINES, "--camera", camera_json)
-    told = refused(run("calibrate", *words, "--out", out), out)
-    assert "expected a line image for each of 6 board images (board_00.jpg to board_05.jpg)" in told
-    assert "got 14 (line_00.jpg to line_13.jpg)" in told
+    error = error_text(run("calibrate", *words, "--out", out), out)
+    assert (
+        "expected a line image for each of 6 board images (board_00.jpg to board_05.jpg)" in error
+    )
+    assert "got 14 (line_00.jpg to line_13.jpg)" in error
 
 
 def test_shuffled_pair_of_board_and_line_is_left_out_by_name(run, camera_json, out, tmp_path):
@@ -177,14 +179,14 @@ def test_shuffled_pair_of_board_and_line_is_left_out_by_name(run, camera_json, o
     assert "left out: image 1 (board_01.jpg): its laser line lies" in result.stdout
 
 
-def test_line_images_all_shuffled_are_refused(run, boards, camera_json, out, tmp_path):
+def test_line_images_all_shuffled_are_rejected(run, boards, camera_json, out, tmp_path):
     lines = tmp_path / "lines"
     lines.mkdir()
     for number, other in enumerate((3, 0, 5, 1, 2, 4)):
         shutil.copy(LINES / f"line_{other:02d}.jpg", lines / f"line_{number:02d}.jpg")
     words = ("laser-plane", "--boards", boards, "--lines", lines, "--camera", camera_json)
-    told = refused(run("calibrate", *words, "--out", out), out)
-    assert "are board and line images shuffled" in told
+    error = error_text(run("calibrate", *words, "--out", out), out)
+    assert "are board and line images shuffled" in error
 
 
 def test_line_image_of_another_size_is_named(run, boards, camera_json, out, tmp_path):
@@ -194,18 +196,18 @@ def test_line_image_of_another_size_is_named(run, boards, camera_json, out, tmp_
         size = (240, 320) if number == 2 else (480, 640)
         cv2.imwrite(str(lines / f"line_{number}.png"), np.full(size, 3, np.uint8))
     words = ("laser-plane", "--boards", boards, "--lines", lines, "--camera", camera_json)
-    told = refused(run("calibrate", *words, "--out", out), out)
-    assert "line image 2 (line_2.png) is 320 x 240 px and the camera 640 x 480 px" in told
+    error = error_text(run("calibrate", *words, "--out", out), out)
+    assert "line image 2 (line_2.png) is 320 x 240 px and the camera 640 x 480 px" in error
 
 
-def test_line_images_without_a_line_are_refused(run, boards, camera_json, out, tmp_path):
+def test_line_images_without_a_line_are_rejected(run, boards, camera_json, out, tmp_path):
     dark = tmp_path / "dark"
     dark.mkdir()
     for number in range(6):
         cv2.imwrite(str(dark / f"line_{number}.png"), np.full((480, 640), 3, np.uint8))
     words = ("laser-plane", "--boards", boards, "--lines", dark, "--camera", camera_json)
-    told = refused(run("calibrate", *words, "--out", out), out)
-    assert "0 views show the board with the laser line on it and 2 are needed" in told
+    error = error_text(run("calibrate", *words, "--out", out), out)
+    assert "0 views show the board with the laser line on it and 2 are needed" in error
 
 
 def test_raw_images_of_a_colour_camera_use_the_lasers_own_pixels(run, camera_json, out):
@@ -223,14 +225,14 @@ def test_raw_images_of_a_colour_camera_use_the_lasers_own_pixels(run, camera_jso
 def test_colour_of_the_laser_is_asked_for(run, boards, camera_json, out, tmp_path):
     words = ("calibrate", "laser-plane", "--boards", boards, "--lines", boards,
              "--camera", camera_json, "--out", out)  # fmt: skip
-    assert "expected --laser in" in refused(run(*words, "--laser", "pink"), out, 2)
-    assert "expected --bayer in" in refused(run(*words, "--bayer", "RGBG"), out, 2)
-    assert "board_00.jpg has no colours: leave --laser green out" in refused(
+    assert "expected --laser in" in error_text(run(*words, "--laser", "pink"), out, 2)
+    assert "expected --bayer in" in error_text(run(*words, "--bayer", "RGBG"), out, 2)
+    assert "board_00.jpg has no colours: leave --laser green out" in error_text(
         run(*words, "--laser", "green"), out
     )
     colour = np.full((480, 640, 3), (9, 200, 9), np.uint8)
     cv2.imwrite(str(boards / "board_02.jpg"), colour)
-    assert "board_02.jpg has colours: say the laser's" in refused(run(*words), out)
+    assert "board_02.jpg has colours: say the laser's" in error_text(run(*words), out)
 
 
 def test_sphere_gives_files_for_scan_and_ros(run, out, tmp_path):
@@ -245,20 +247,20 @@ def test_sphere_gives_files_for_scan_and_ros(run, out, tmp_path):
     assert "sphere_poses.csv" in provenance["inputs"]
 
 
-def test_wrong_convention_is_refused_and_nothing_written(run, out):
-    told = refused(run(*sphere_words(out, convention="fanuc")), out)
-    assert "not w p r of convention 'fanuc'" in told
-    assert "expected --convention ur, kuka" in refused(
+def test_wrong_convention_is_rejected_and_nothing_written(run, out):
+    error = error_text(run(*sphere_words(out, convention="fanuc")), out)
+    assert "not w p r of convention 'fanuc'" in error
+    assert "expected --convention ur, kuka" in error_text(
         run(*sphere_words(out, convention="kukka")), out, 2
     )
 
 
-def test_poses_of_another_count_are_refused(run, out, tmp_path):
+def test_poses_of_another_count_are_rejected(run, out, tmp_path):
     fewer = tmp_path / "poses.csv"
     fewer.write_text("\n".join(POSES.read_text().splitlines()[:-1]))
-    told = refused(run(*sphere_words(out, fewer)), out)
+    error = error_text(run(*sphere_words(out, fewer)), out)
     expected = "expected 12 poses, one for each of pose_00.csv to pose_11.csv, got 11:"
-    assert f"poses.csv: {expected}" in told
+    assert f"poses.csv: {expected}" in error
 
 
 POSE_ROWS = POSES.read_text().splitlines()[1:]
@@ -272,28 +274,28 @@ SPOILT_POSES = {
 
 
 @pytest.mark.parametrize("case", SPOILT_POSES)
-def test_spoilt_poses_are_refused_with_what_is_wrong(run, out, tmp_path, case):
+def test_spoilt_poses_are_rejected_with_what_is_wrong(run, out, tmp_path, case):
     rows, message = SPOILT_POSES[case]
     poses = tmp_path / "poses.csv"
     poses.write_text("\n".join(["x,y,z,a,b,c", *rows]) + "\n")
-    told = refused(run(*sphere_words(out, poses)), out)
-    assert message in told
-    assert len(told.strip().splitlines()) == 1
+    error = error_text(run(*sphere_words(out, poses)), out)
+    assert message in error
+    assert len(error.strip().splitlines()) == 1
 
 
 def test_files_of_poses_and_profiles_that_are_missing_are_named(run, out, tmp_path):
-    assert "gone.csv" in refused(run(*sphere_words(out, tmp_path / "gone.csv")), out)
+    assert "gone.csv" in error_text(run(*sphere_words(out, tmp_path / "gone.csv")), out)
     words = list(map(str, sphere_words(out)))
     words[words.index(str(SPHERE))] = str(tmp_path / "profiles")
-    assert "profiles: no such file" in refused(run(*words), out)
+    assert "profiles: no such file" in error_text(run(*words), out)
 
 
-def test_poses_shifted_against_their_profiles_are_told(run, out, tmp_path):
+def test_poses_shifted_against_their_profiles_are_reported(run, out, tmp_path):
     head, *rows = POSES.read_text().splitlines()
     shifted = tmp_path / "poses.csv"
     shifted.write_text("\n".join([head, *rows[1:], rows[0]]))
-    told = refused(run(*sphere_words(out, shifted)), out)
-    assert "each profile belongs to the pose before: pairs shifted" in told
+    error = error_text(run(*sphere_words(out, shifted)), out)
+    assert "each profile belongs to the pose before: pairs shifted" in error
 
 
 def test_one_wrong_pose_is_left_out_by_the_name_of_its_profile(run, out, tmp_path):
@@ -309,7 +311,7 @@ def test_one_wrong_pose_is_left_out_by_the_name_of_its_profile(run, out, tmp_pat
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "error"),
     [
         (("--mounting", "on-the-wall"), "expected --mounting eye-in-hand or eye-to-hand"),
         (("--robot-std", "0.05"), "expected --robot-std MM:DEG above 0"),
@@ -317,23 +319,23 @@ def test_one_wrong_pose_is_left_out_by_the_name_of_its_profile(run, out, tmp_pat
         (("--frames", "tool0"), "expected --frames ROBOT:SENSOR"),
     ],
 )
-def test_slip_in_an_option_is_a_usage_error(run, out, words, told):
-    assert told in refused(run(*sphere_words(out), *words), out, 2)
+def test_slip_in_an_option_is_a_usage_error(run, out, words, error):
+    assert error in error_text(run(*sphere_words(out), *words), out, 2)
 
 
-def test_wrong_mounting_is_refused(run, out):
-    told = refused(run(*sphere_words(out), "--mounting", "eye-to-hand"), out)
-    assert "the mounting" in told
+def test_wrong_mounting_is_rejected(run, out):
+    error = error_text(run(*sphere_words(out), "--mounting", "eye-to-hand"), out)
+    assert "the mounting" in error
 
 
 def test_output_that_cannot_be_written_costs_no_work(run, out, tmp_path):
     bad = tmp_path / "nowhere" / "page.html"
-    assert "its folder does not exist" in refused(run(*sphere_words(out), "--report", bad), out)
+    assert "its folder does not exist" in error_text(run(*sphere_words(out), "--report", bad), out)
     words = ("calibrate", "camera", BOARDS, "--out", BOARDS / "board_00.jpg")
     assert "it is also an input" in run(*words).stderr
 
 
-def test_numbers_in_a_refusal_get_the_names_of_files():
+def test_numbers_in_an_error_message_get_the_names_of_files():
     names = {"image": ["a.png", "b.png"], "line_image": ["l.png", "m.png"]}
     assert (
         replace_image_numbers("line image 1 and image 0", **names)
@@ -353,10 +355,7 @@ def test_image_keeps_its_depth_and_loses_transparency(tmp_path):
 @pytest.fixture(scope="module")
 def recipe():
     """The example's recipe, for the truth that its files do not hold."""
-    spec = importlib.util.spec_from_file_location("example_make", EXAMPLE / "make.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return import_script(EXAMPLE / "make.py")
 
 
 MOUNT = Pose(rotation_from_vector(np.array([0.2, -0.1, 1.0])), (20.0, 30.0, 120.0))
@@ -390,10 +389,10 @@ def test_image_without_the_board_ends_a_hand_eye_calibration(
     cv2.imwrite(str(boards / "board_05.jpg"), np.full((480, 640), 99, np.uint8))
     flanges = [Pose.along((1, 0, 0), 100.0 * number) for number in range(6)]
     poses = write_flanges(tmp_path / "poses.csv", flanges)
-    told = refused(run("calibrate", "hand-eye", "board", boards, "--camera", camera_json, "--poses",
-                       poses, "--convention", "matrix", "--out", out), out)  # fmt: skip
-    assert "board_05.jpg: no ChArUco" in told
-    assert "leave out this image and its pose" in told
+    error = error_text(run("calibrate", "hand-eye", "board", boards, "--camera", camera_json,
+                       "--poses", poses, "--convention", "matrix", "--out", out), out)  # fmt: skip
+    assert "board_05.jpg: no ChArUco" in error
+    assert "leave out this image and its pose" in error
 
 
 @pytest.mark.parametrize("spoilt", ["image", "camera"])
@@ -406,10 +405,10 @@ def test_image_of_another_size_than_the_cameras_is_named(
         camera_json.write_text(camera_json.read_text().replace("width: 640", "width: 641"))
     flanges = [Pose.along((1, 0, 0), 100.0 * number) for number in range(6)]
     poses = write_flanges(tmp_path / "poses.csv", flanges)
-    told = refused(run("calibrate", "hand-eye", "board", boards, "--camera", camera_json, "--poses",
-                       poses, "--convention", "matrix", "--out", out), out)  # fmt: skip
-    assert "board_00.jpg is " in told
-    assert "take all images with one size" in told
+    error = error_text(run("calibrate", "hand-eye", "board", boards, "--camera", camera_json,
+                       "--poses", poses, "--convention", "matrix", "--out", out), out)  # fmt: skip
+    assert "board_00.jpg is " in error
+    assert "take all images with one size" in error
 
 
 @pytest.fixture
@@ -451,7 +450,7 @@ def test_plane_proposes_where_to_drive_next(run, plate_words, out, tmp_path):
 
 @pytest.mark.parametrize("target", ["sphere", "plane"])
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "error"),
     [
         (("--plan-out", "next.csv"), "expected --plan-poses N with --plan-out"),
         (
@@ -461,20 +460,20 @@ def test_plane_proposes_where_to_drive_next(run, plate_words, out, tmp_path):
         (("--plan-poses", -1), "--plan-poses"),
     ],
 )
-def test_plan_that_cannot_be_made_is_a_usage_error(run, out, target, words, told):
+def test_plan_that_cannot_be_made_is_a_usage_error(run, out, target, words, error):
     asked = [target if word == "sphere" else word for word in sphere_words(out)]
-    assert told in refused(run(*asked, *words), out, 2)
+    assert error in error_text(run(*asked, *words), out, 2)
 
 
-def test_sphere_that_was_bumped_half_way_is_told(run, out, tmp_path):
+def test_sphere_that_was_bumped_half_way_is_reported(run, out, tmp_path):
     head, *rows = POSES.read_text().splitlines()
     # Robot and sphere moved together show the same profile: so these poses mean another sphere.
     cells = [row.split(",") for row in rows]
     late = [",".join([str(float(x) - 12.0), *rest]) for x, *rest in cells[6:]]
     poses = tmp_path / "poses.csv"
     poses.write_text("\n".join([head, *rows[:6], *late]))
-    told = refused(run(*sphere_words(out, poses)), out)
-    assert "the target moved between pose 5 (pose_05.csv) and pose 6 (pose_06.csv)" in told
+    error = error_text(run(*sphere_words(out, poses)), out)
+    assert "the target moved between pose 5 (pose_05.csv) and pose 6 (pose_06.csv)" in error
 
 
 def target_samples(recipe):
@@ -549,15 +548,15 @@ def test_poses_of_target_and_flange_in_two_files(run, recipe, out, tmp_path):
     assert run(*words, *poses).exit_code == 0
     assert_found(load_hand_eye(out).flange_from_camera, MOUNT)
     out.unlink()
-    assert "expected --convention" in refused(run(*words, *poses[:2]), out, 2)
+    assert "expected --convention" in error_text(run(*words, *poses[:2]), out, 2)
     wrong = (*poses, "--target-convention", "mine")
-    assert "expected --convention ur, kuka" in refused(run(*words, *wrong), out, 2)
+    assert "expected --convention ur, kuka" in error_text(run(*words, *wrong), out, 2)
     wrong = (*poses, "--max-residual", "0")
-    assert "expected --max-residual above 0, got 0" in refused(run(*words, *wrong), out, 2)
+    assert "expected --max-residual above 0, got 0" in error_text(run(*words, *wrong), out, 2)
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "error"),
     [
         ("[1, 2]", "samples of MoveIt, easy_handeye or easy_handeye2"),
         ("samples: [{robot: 1}]", "no 'tracking'"),
@@ -567,9 +566,9 @@ def test_poses_of_target_and_flange_in_two_files(run, recipe, out, tmp_path):
         ("plain", "a str"),
     ],
 )  # fmt: skip
-def test_files_that_hold_no_samples_are_refused(run, text, told, out, tmp_path):
+def test_files_that_hold_no_samples_are_rejected(run, text, error, out, tmp_path):
     samples = tmp_path / "samples.yaml"
     samples.write_text(text)
-    message = refused(run("calibrate", "hand-eye", "poses", samples, "--out", out), out)
+    message = error_text(run("calibrate", "hand-eye", "poses", samples, "--out", out), out)
     assert "samples.yaml: expected samples of MoveIt" in message
-    assert told in message
+    assert error in message

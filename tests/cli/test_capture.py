@@ -88,26 +88,26 @@ def test_a_folder_that_cannot_be_made_is_named(run, video, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("more", "told"),
+    ("more", "message"),
     [(("--laser", "pink"), "--laser"), (("--target", "chessboard"), "--counts"),
      (("--pairs", 1), "--pairs")],
 )  # fmt: skip
-def test_slips_in_options_are_usage_errors(run, video, tmp_path, more, told):
+def test_slips_in_options_are_usage_errors(run, video, tmp_path, more, message):
     done = run(*words(tmp_path, video), *more)
     assert done.exit_code == 2
-    assert told in done.stderr
+    assert message in done.stderr
 
 
 @pytest.mark.parametrize(
-    ("camera", "told"),
+    ("camera", "message"),
     [("97", "camera 97 sent 0 of .* frames"), ("none.avi", "none.avi"), (__file__, "frame")],
 )
-def test_a_camera_that_is_not_there_is_named(camera, told):
-    with pytest.raises(LsvisionError, match=told):
+def test_a_camera_that_is_not_there_is_named(camera, message):
+    with pytest.raises(LsvisionError, match=message):
         next(open_camera(camera))
 
 
-def test_genicam_without_its_package_is_refused_by_name(monkeypatch):
+def test_genicam_without_its_package_is_rejected_by_name(monkeypatch):
     monkeypatch.setitem(sys.modules, "viva_genicam", None)
     with pytest.raises(LsvisionError, match=r"pip install 'lsvision\[genicam\]'"):
         next(open_camera("genicam:127.0.0.1"))

@@ -58,8 +58,10 @@ def test_views_of_a_turned_board_are_found_and_told(run, shots, tmp_path):
     found = load_hand_eye(out).flange_from_camera
     np.testing.assert_allclose(found.translation, MOUNT.translation, rtol=0, atol=SMALL_MM)
     np.testing.assert_allclose(found.rotation, MOUNT.rotation, rtol=0, atol=SMALL_RAD)
-    (told,) = (line for line in done.stdout.splitlines() if "looks the same after a turn" in line)
-    named = [k for k in range(len(TURNS)) if f"shot_{k}.png" in told]
+    (warning,) = (
+        line for line in done.stdout.splitlines() if "looks the same after a turn" in line
+    )
+    named = [k for k in range(len(TURNS)) if f"shot_{k}.png" in warning]
     assert named == list(TURNED)
     assert "looks the same after a turn" in page.read_text()
 

@@ -129,14 +129,14 @@ def test_the_golden_part_comes_first(run, job, profile, tmp_path):
     assert [json.loads(line)["passed"] for line in log] == [True]
 
 
-def test_a_limit_that_a_profile_does_not_have_is_told_with_the_file(run, job, profile):
+def test_a_limit_that_a_profile_does_not_have_is_reported_with_the_file(run, job, profile):
     path = job("max = 21 }\nbow_mm = { max = 1")
     done = run("inspect", path, profile)
     assert done.exit_code == 1
     assert "for a profile, got bow_mm of part 'tube': a scan has it" in done.stderr
 
 
-def test_a_changed_calibration_file_is_refused(run, job, profile, tmp_path):
+def test_a_changed_calibration_file_is_rejected(run, job, profile, tmp_path):
     (tmp_path / "rig.json").write_text("{}")
     path = job(INSIDE, '[rig]\nlight_section = "rig.json"\nlight_section_sha256 = "00"\n')
     done = run("inspect", path, profile)
@@ -187,9 +187,9 @@ def test_job_check_records_revisions(run, job, profile):
     job(OUTSIDE)
     assert "not in its history" in run("job", "check", path).stdout
     assert "not in its history" in run("inspect", path, profile).stderr
-    refused = run("job", "check", path, "--record")
-    assert refused.exit_code == 1
-    assert "revision 1 is recorded with another content" in refused.stderr
+    result = run("job", "check", path, "--record")
+    assert result.exit_code == 1
+    assert "revision 1 is recorded with another content" in result.stderr
 
 
 def test_job_new_writes_a_job_that_its_profile_passes(run, profile, tmp_path):

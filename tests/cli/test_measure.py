@@ -42,12 +42,12 @@ def test_theta_of_a_circle_is_not_determinable(run, rows, written, pipe):
     assert row[2] == "not determinable"
 
 
-def test_verbose_lists_the_refused_arcs_with_their_reasons(run):
+def test_verbose_lists_the_rejected_arcs_with_their_reasons(run):
     quiet = run("measure", REPOSITORY / "fixtures" / "empty.csv")
     assert "no cylinder found: goes on tangentially" in quiet.stdout
     assert "-v lists them" in quiet.stdout
-    told = run("measure", REPOSITORY / "fixtures" / "empty.csv", "-v").stdout
-    spans = [line.strip() for line in told.splitlines() if line.strip().startswith("points ")]
+    outcome = run("measure", REPOSITORY / "fixtures" / "empty.csv", "-v").stdout
+    spans = [line.strip() for line in outcome.splitlines() if line.strip().startswith("points ")]
     starts = [int(line.split()[1]) for line in spans]
     assert starts == sorted(starts)
     assert spans
@@ -152,8 +152,8 @@ def test_other_ways_to_measure_find_the_pipe(run, rows, written, pipe, options):
 
 def test_heights_not_counted_from_the_sensor_are_noted(run, written, pipe):
     middle = written(pipe + np.array([0, 400]))
-    doubt = "mm from the origin, the sensor measures at 200 to 600 mm: are heights counted"
-    assert doubt in run("measure", middle, "--sensor", "lps36hi").stdout
+    warning = "mm from the origin, the sensor measures at 200 to 600 mm: are heights counted"
+    assert warning in run("measure", middle, "--sensor", "lps36hi").stdout
     assert "from the origin" not in run("measure", middle).stdout
     assert "from the origin" not in run("measure", written(pipe), "--sensor", "lps36").stdout
 

@@ -1,4 +1,4 @@
-"""`lsvision measure` on bad input: one line that names the file and the mend; the rest goes on."""
+"""`lsvision measure` on bad input: one line with file and remedy; the rest goes on."""
 
 import json
 
@@ -40,7 +40,7 @@ def test_file_without_a_profile_is_one_line_and_exit_code_1(run, tmp_path, conte
     assert words in line
 
 
-def test_missing_file_and_empty_folder_are_told(run, tmp_path):
+def test_missing_file_and_empty_folder_are_reported(run, tmp_path):
     assert "absent.csv: no such file: check the name" in one_line(
         run("measure", tmp_path / "absent.csv")
     )
@@ -185,7 +185,9 @@ def test_output_over_an_input_or_another_output_is_a_usage_error(run, written, p
         ("--plot", "nowhere/out.png", "its folder does not exist: make it first"),
     ],
 )
-def test_output_that_cannot_be_written_is_told_before_the_work(run, written, pipe, tmp_path, case):
+def test_output_that_cannot_be_written_is_reported_before_the_work(
+    run, written, pipe, tmp_path, case
+):
     option, output, words = case
     path = written(pipe)
     before = sorted(tmp_path.rglob("*"))

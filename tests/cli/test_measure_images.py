@@ -26,7 +26,7 @@ def radii(rows, result):
     return [tuple(map(float, row[1].split(" ± "))) for row in rows(result)]
 
 
-def refusal(result):
+def error_line(result):
     """The one line that a failure is."""
     assert result.exit_code == 1, result.output
     (line,) = result.stderr.splitlines()
@@ -104,7 +104,7 @@ def test_a_raw_mosaic_is_measured_by_the_lasers_pixels(run, rows, single, tmp_pa
     )
     assert abs(radius - 25) < FOUR_SIGMA * sigma
     assert "400 columns" in run("line", file, "--laser", "red", "--bayer", "RGGB").stdout
-    assert "name its pattern (--bayer RGGB)" in refusal(run("line", file, "--laser", "red"))
+    assert "name its pattern (--bayer RGGB)" in error_line(run("line", file, "--laser", "red"))
 
 
 def test_sixteen_bits_are_measured_like_eight(run, rows, single, tmp_path):
@@ -162,7 +162,7 @@ def test_a_live_camera_is_measured(run, rows, single, monkeypatch):
 
 
 def test_an_image_without_a_rig_names_the_option(run, tmp_path):
-    assert "single.png: an image needs the rig that took it, --light-section" in refusal(
+    assert "single.png: an image needs the rig that took it, --light-section" in error_line(
         run("measure", IMAGES / "single.png")
     )
     saved(tmp_path / "a.png", np.zeros((99, 99), np.uint8))
@@ -179,36 +179,36 @@ BAD = {
 
 
 @pytest.mark.parametrize(("image", "options", "words"), BAD.values(), ids=BAD.keys())
-def test_a_bad_image_is_refused_by_name_with_what_to_do(run, tmp_path, image, options, words):
-    line = refusal(run("measure", saved(tmp_path / "bad.png", image), *RIG, *options))
+def test_a_bad_image_is_rejected_by_name_with_what_to_do(run, tmp_path, image, options, words):
+    line = error_line(run("measure", saved(tmp_path / "bad.png", image), *RIG, *options))
     assert f"{tmp_path / 'bad.png'}: " in line
     assert words in line
 
 
-def test_a_line_at_the_border_is_refused(run, single, tmp_path):
+def test_a_line_at_the_border_is_rejected(run, single, tmp_path):
     rows = np.arange(600)[:, None]
     border = 10 + 180 * np.exp(-0.5 * (rows / 1.2) ** 2) * np.ones(800)
-    line = refusal(run("measure", saved(tmp_path / "b.png", border.astype(np.uint8)), *RIG))
+    line = error_line(run("measure", saved(tmp_path / "b.png", border.astype(np.uint8)), *RIG))
     assert "b.png: " in line
     assert "border" in line
 
 
-def test_what_is_no_image_is_refused(run, tmp_path):
+def test_what_is_no_image_is_rejected(run, tmp_path):
     (tmp_path / "text.png").write_text("no image")
     (tmp_path / "text.mp4").write_text("no video")
-    assert "text.png is not an image of 8 or 16 bit" in refusal(
+    assert "text.png is not an image of 8 or 16 bit" in error_line(
         run("measure", tmp_path / "text.png", *RIG)
     )
-    assert "holds no frame" in refusal(run("measure", tmp_path / "text.mp4", *RIG))
-    assert "gone.png: no such file" in refusal(run("measure", tmp_path / "gone.png", *RIG))
+    assert "holds no frame" in error_line(run("measure", tmp_path / "text.mp4", *RIG))
+    assert "gone.png: no such file" in error_line(run("measure", tmp_path / "gone.png", *RIG))
 
 
-def test_a_laser_off_frame_that_does_not_fit_is_refused(run, single, tmp_path):
+def test_a_laser_off_frame_that_does_not_fit_is_rejected(run, single, tmp_path):
     words = ("measure", IMAGES / "single.png", *RIG, "--laser-off")
     small = saved(tmp_path / "small.png", single[::2, ::2])
-    assert "small.png: the laser-off frame is 400 x 300 px" in refusal(run(*words, small))
+    assert "small.png: the laser-off frame is 400 x 300 px" in error_line(run(*words, small))
     deep = saved(tmp_path / "deep.png", single.astype(np.uint16))
-    assert "expected a laser_off frame like the image" in refusal(run(*words, deep))
+    assert "expected a laser_off frame like the image" in error_line(run(*words, deep))
 
 
 @pytest.mark.parametrize(
@@ -218,12 +218,12 @@ def test_a_laser_off_frame_that_does_not_fit_is_refused(run, single, tmp_path):
         ({"normal": [0.0, 1.0, 0.0]}, "rig.json: the laser plane is parallel to the optical axis"),
     ],
 )
-def test_a_useless_rig_is_refused_by_name(run, tmp_path, change, words):
+def test_a_useless_rig_is_rejected_by_name(run, tmp_path, change, words):
     values = json.loads((IMAGES / "rig.json").read_text())
     values["laser_plane"].update(change)
     (tmp_path / "rig.json").write_text(json.dumps(values))
     rig = ("--light-section", tmp_path / "rig.json")
-    assert words in refusal(run("measure", IMAGES / "single.png", *rig))
+    assert words in error_line(run("measure", IMAGES / "single.png", *rig))
 
 
 @pytest.mark.parametrize(
@@ -256,15 +256,17 @@ def test_line_shows_writes_and_sums_up_the_extraction(run, tmp_path):
     assert read_image(plot).shape[1:] == (1295, 3)
 
 
-def test_line_refuses_by_name(run, tmp_path):
+def test_line_rejects_by_name(run, tmp_path):
     dark = saved(tmp_path / "dark.png", np.full((99, 99), 9, np.uint8))
-    assert "dark.png: no laser line" in refusal(run("line", dark))
-    assert "leave --laser red out" in refusal(run("line", IMAGES / "single.png", "--laser", "red"))
+    assert "dark.png: no laser line" in error_line(run("line", dark))
+    assert "leave --laser red out" in error_line(
+        run("line", IMAGES / "single.png", "--laser", "red")
+    )
 
 
 @needs_real
 @pytest.mark.parametrize("tilt", ["0", "0:2"])
-def test_the_drill_core_is_found_and_its_clutter_refused(run, rows, tmp_path, tilt):
+def test_the_drill_core_is_found_and_its_clutter_rejected(run, rows, tmp_path, tilt):
     """Square to the laser plane: the arc is too short for a free ellipse."""
     core = REAL / "drill-core"
     board = read_image(core / "checkerboard_in_laser_plane.jpg")
@@ -290,5 +292,5 @@ def test_real_stripes_are_found_and_daylight_has_none(run):
     stripe = REAL / "etna" / "data_calib4" / "frame0004.png"
     assert "1024 rows, 1 lost" in run("line", stripe, "--laser", "white").stdout
     for name in ("left01", "left09", "right05"):
-        line = refusal(run("line", REAL / "opencv-samples" / f"{name}.jpg"))
+        line = error_line(run("line", REAL / "opencv-samples" / f"{name}.jpg"))
         assert f"{name}.jpg: no laser line" in line

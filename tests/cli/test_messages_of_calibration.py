@@ -55,9 +55,12 @@ def options_of(words):
 
 def messages_of(path):
     """The text of a module's string literals, without its docstrings."""
-    nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
-    statements = {node.value for node in nodes if isinstance(node, ast.Expr)}
-    strings = [n for n in nodes if isinstance(n, ast.Constant) and isinstance(n.value, str)]
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    statements = [node.value for node in ast.walk(tree) if isinstance(node, ast.Expr)]
+    strings = [
+        node for node in ast.walk(tree)
+        if isinstance(node, ast.Constant) and isinstance(node.value, str)
+    ]  # fmt: skip
     return " ".join(node.value for node in strings if node not in statements)
 
 
@@ -66,7 +69,7 @@ def named_options():
     for path in sorted(PACKAGE.rglob("*.py")):
         name = path.relative_to(PACKAGE)
         commands = next((c for pattern, c in REACHED if name.match(pattern)), ())
-        for option in sorted(set(OPTION.findall(messages_of(path)))) if commands else ():
+        for option in sorted(set(OPTION.findall(messages_of(path)))):
             if (str(name), option) not in OF_OTHERS:
                 for command in commands:
                     yield pytest.param(command, option, id=f"{name}-{command}-{option}")
@@ -99,7 +102,7 @@ PYTHON = re.compile(
 
 
 @pytest.mark.parametrize(
-    ("target", "told"),
+    ("target", "printed"),
     [
         (ChArUco(), "ChArUco board of 11 x 8 squares of 15 mm (markers of 11 mm, DICT_4X4_100)"),
         (Chessboard(7, 6, 25.5), "chessboard of 7 x 6 inner corners 25.5 mm apart"),
@@ -110,8 +113,8 @@ PYTHON = re.compile(
         ),
     ],
 )
-def test_a_target_is_told_in_words(target, told):
-    assert str(target) == told
+def test_a_target_is_described_in_words(target, printed):
+    assert str(target) == printed
 
 
 @pytest.mark.parametrize(
@@ -119,9 +122,9 @@ def test_a_target_is_told_in_words(target, told):
 )
 def test_numbers_that_are_no_pose_are_shown_as_numbers(numbers):
     convention = {6: "kuka", 7: "ros", 16: "matrix"}[len(numbers)]
-    with pytest.raises(ValueError, match="expected") as told:
+    with pytest.raises(ValueError, match="expected") as printed:
         pose_from_numbers(numbers, convention)
-    assert not PYTHON.search(str(told.value))
+    assert not PYTHON.search(str(printed.value))
 
 
 @pytest.fixture
@@ -146,7 +149,7 @@ def spoilt(tmp_path):
         ("boards/board_00.jpg", ("--target", "chessboard", "--counts", "7x6", "--square", 9)),
     ],
 )
-def test_refusals_and_results_hold_no_python(run, spoilt, tmp_path, boards, target):
+def test_error_messages_and_results_hold_no_python(run, spoilt, tmp_path, boards, target):
     options = ("--out", tmp_path / "camera.json", *target)
     said = run("calibrate", "camera", EXAMPLE / boards, *options).output
     said += run("calibrate", "camera", spoilt, tmp_path / "small.png", *options).output
@@ -156,7 +159,7 @@ def test_refusals_and_results_hold_no_python(run, spoilt, tmp_path, boards, targ
     assert PYTHON.findall(said) == []
 
 
-def test_a_colour_that_images_lack_is_told_without_a_foreign_option(run, tmp_path):
+def test_a_colour_that_images_lack_is_reported_without_a_foreign_option(run, tmp_path):
     said = run("calibrate", "laser-plane", "--boards", EXAMPLE / "boards", "--lines",
                EXAMPLE / "lines", "--camera", camera_file(tmp_path), "--laser", "red",
                "--out", tmp_path / "rig.json").stderr  # fmt: skip
@@ -171,7 +174,7 @@ def camera_file(folder):
     return path
 
 
-def test_wrong_mounting_is_told_in_words(run, tmp_path):
+def test_wrong_mounting_is_described_in_words(run, tmp_path):
     words = ("hand-eye", "sphere", EXAMPLE / "sphere", "--poses", EXAMPLE / "sphere_poses.csv")
     more = ("--convention", "kuka", "--out", tmp_path / "h.json")
     said = run("calibrate", *words, *more, "--mounting", "eye-to-hand").output

@@ -1,4 +1,4 @@
-"""`measure` and `scan` with a sensor on a robot: the example's pipe, and what is refused."""
+"""`measure` and `scan` with a sensor on a robot: the example's pipe, and error messages."""
 
 import csv
 import json
@@ -60,9 +60,9 @@ def misses(path, frame="base_frame"):
 
 
 def test_measured_points_lie_on_the_axis_within_their_errors(on_robot, tmp_path):
-    told = on_robot("measure", "--known-radius", 15, "--json", tmp_path / "m.json")
-    assert told.exit_code == 0, told.output
-    assert told.stdout.count("base frame, one sigma, with the calibration's and the robot's") == 6
+    result = on_robot("measure", "--known-radius", 15, "--json", tmp_path / "m.json")
+    assert result.exit_code == 0, result.output
+    assert result.stdout.count("base frame, one sigma, with the calibration's and the robot's") == 6
     low, high = MEAN_SQUARE
     assert low < sum(misses(tmp_path / "m.json")) / NUMBERS < high
 
@@ -95,9 +95,9 @@ def test_csv_has_columns_of_the_base_frame(on_robot, tmp_path):
 
 def test_without_poses_the_table_is_in_the_flange_frame(run, hand_eye, tmp_path):
     words = ("--flange-from-section", hand_eye, "--json", tmp_path / "m.json")
-    told = run("measure", PIPE / "pipe_4.csv", *words, "--radius", 15)
-    assert told.exit_code == 0, told.output
-    assert "flange frame, one sigma, with the calibration's error" in told.stdout
+    result = run("measure", PIPE / "pipe_4.csv", *words, "--radius", 15)
+    assert result.exit_code == 0, result.output
+    assert "flange frame, one sigma, with the calibration's error" in result.stdout
     (record,) = json.loads((tmp_path / "m.json").read_text())["measurements"]
     assert {"flange_frame"} == {key for key in record["cylinders"][0] if key.endswith("_frame")}
 
@@ -110,16 +110,16 @@ def test_without_a_calibration_its_errors_are_said_to_be_left_out(run, tmp_path)
     poses = [pose @ flange_from_section for pose in read_robot_poses(POSES, "kuka")]
     np.savetxt(sections, [pose.matrix.ravel() for pose in poses])
     words = (PIPE, "--poses", sections, "--convention", "matrix", "--known-radius", 15)
-    told = run("measure", *words, "--json", tmp_path / "m.json")
-    assert told.stdout.count("the sensor's pose on the robot taken as exact") == 6
+    result = run("measure", *words, "--json", tmp_path / "m.json")
+    assert result.stdout.count("the sensor's pose on the robot taken as exact") == 6
     assert sum(misses(tmp_path / "m.json")) / NUMBERS > FAR_TOO_MUCH
 
 
 def test_a_scan_has_the_errors_of_robot_and_calibration(on_robot, run, tmp_path):
-    told = on_robot("scan", "--json", tmp_path / "s.json")
-    assert told.exit_code == 0, told.output
+    result = on_robot("scan", "--json", tmp_path / "s.json")
+    assert result.exit_code == 0, result.output
     assert (
-        "6 profiles, base frame, one sigma, with the calibration's and the robot's" in told.stdout
+        "6 profiles, base frame, one sigma, with the calibration's and the robot's" in result.stdout
     )
     (pipe,) = json.loads((tmp_path / "s.json").read_text())["cylinders"]
     sine = np.linalg.norm(np.cross(pipe["direction"], TRUTH["pipe"]["direction"]))
@@ -167,10 +167,10 @@ def rig_file(folder):
 )
 def test_another_file_is_no_hand_eye_file(run, tmp_path, command, file, message):
     words = ("--poses", POSES, "--convention", "kuka", "--flange-from-section", file(tmp_path))
-    told = run(command, PIPE, *words)
-    assert told.exit_code == 1
-    assert message in " ".join(told.stderr.split())
-    assert told.stdout == ""
+    result = run(command, PIPE, *words)
+    assert result.exit_code == 1
+    assert message in " ".join(result.stderr.split())
+    assert result.stdout == ""
 
 
 @pytest.mark.parametrize("command", ["measure", "scan"])
@@ -183,24 +183,24 @@ def test_another_file_is_no_hand_eye_file(run, tmp_path, command, file, message)
     ],
 )
 def test_poses_are_never_guessed(run, command, words, message):
-    told = run(command, PIPE, *words)
-    assert told.exit_code == 2
-    assert message in " ".join(told.stderr.split())
+    result = run(command, PIPE, *words)
+    assert result.exit_code == 2
+    assert message in " ".join(result.stderr.split())
 
 
 def test_a_scan_needs_poses_beside_the_hand_eye_file(run, hand_eye):
-    told = run("scan", PIPE, "--flange-from-section", hand_eye, "--feed", "0,0,1", "--step", 1)
-    assert told.exit_code == 2
-    assert "expected --poses with --flange-from-section, got none" in told.stderr
+    result = run("scan", PIPE, "--flange-from-section", hand_eye, "--feed", "0,0,1", "--step", 1)
+    assert result.exit_code == 2
+    assert "expected --poses with --flange-from-section, got none" in result.stderr
 
 
 @pytest.mark.parametrize("command", ["measure", "scan"])
 def test_poses_must_be_as_many_as_profiles(run, hand_eye, command):
     words = ("--poses", POSES, "--convention", "kuka", "--flange-from-section", hand_eye)
-    told = run(command, PIPE / "pipe_0.csv", *words)
-    assert told.exit_code == 1
-    assert "expected 1 pose, one for each profile, got 6: leave out" in told.stderr
-    assert told.stdout == ""
+    result = run(command, PIPE / "pipe_0.csv", *words)
+    assert result.exit_code == 1
+    assert "expected 1 pose, one for each profile, got 6: leave out" in result.stderr
+    assert result.stdout == ""
 
 
 @pytest.mark.parametrize("bad", ["gone.csv", "gone-*.csv", "bad.csv"])
@@ -208,10 +208,10 @@ def test_a_profile_that_cannot_be_read_leaves_every_pose_open(run, hand_eye, tmp
     (tmp_path / "bad.csv").write_text("no numbers\n")
     words = ("--poses", POSES, "--convention", "kuka", "--flange-from-section", hand_eye)
     files = [PIPE / f"pipe_{number}.csv" for number in range(5)]
-    told = run("measure", *files, tmp_path / bad, *words)
-    assert told.exit_code == 1
-    assert bad in told.stderr
-    assert told.stdout == ""
+    result = run("measure", *files, tmp_path / bad, *words)
+    assert result.exit_code == 1
+    assert bad in result.stderr
+    assert result.stdout == ""
 
 
 def test_no_output_overwrites_the_hand_eye_file(on_robot, hand_eye):

@@ -67,11 +67,11 @@ def test_standard_input_is_measured(run, pipe):
     assert "expected one input from standard input (-), got two" in " ".join(twice.stderr.split())
 
 
-def test_a_file_above_the_limit_is_refused_and_the_limit_can_be_raised(run, written, pipe):
+def test_a_file_above_the_limit_is_rejected_and_the_limit_can_be_raised(run, written, pipe):
     path = written(pipe)
-    refused = run("measure", path, "--max-size", "1kB")
-    assert refused.exit_code == FAILED
-    assert f"{path}: expected 1 kB at most" in refused.stderr
+    outcome = run("measure", path, "--max-size", "1kB")
+    assert outcome.exit_code == FAILED
+    assert f"{path}: expected 1 kB at most" in outcome.stderr
     assert run("--max-size=1 MB", "measure", path).exit_code == 0
     for size in ("0", "-1", "much", "1e9", "²GB"):
         assert run("measure", path, "--max-size", size).exit_code == USAGE
@@ -189,7 +189,7 @@ def test_a_picture_never_takes_the_name_of_an_input_or_output(tmp_path):
 
 
 @pytest.mark.skipif(not hasattr(os, "link"), reason="no hard links here")
-def test_an_output_that_is_an_input_by_another_name_is_refused(run, written, pipe, tmp_path):
+def test_an_output_that_is_an_input_by_another_name_is_rejected(run, written, pipe, tmp_path):
     path = written(pipe)
     os.link(path, tmp_path / "hard.csv")
     (tmp_path / "soft.csv").symlink_to(path)
@@ -271,7 +271,7 @@ def test_one_bad_name_is_one_failed_file(run, written, pipe, tmp_path):
 
 
 @needs_odd_names
-def test_outputs_of_odd_names_are_refused_in_one_line(run, written, pipe, tmp_path):
+def test_outputs_of_odd_names_are_rejected_in_one_line(run, written, pipe, tmp_path):
     path = written(pipe)
     (tmp_path / "loop").symlink_to(tmp_path / "loop")
     for name in ("loop", "n" * 300, "\x1b[31m/x"):
@@ -318,7 +318,7 @@ def test_any_number_of_processes_prints_and_writes_the_same(run, written, pipe, 
     assert "profile 18:" in alone.stdout
 
 
-def test_a_large_array_is_told_in_parts(run, pipe, tmp_path, monkeypatch):
+def test_a_large_array_is_reported_in_parts(run, pipe, tmp_path, monkeypatch):
     np.save(tmp_path / "a.npy", np.stack([pipe] * 5))
     monkeypatch.setattr("lsvision.io.profiles.streaming.PROFILES_AT_ONCE", 2)
     lines = run("measure", tmp_path / "a.npy").stdout.splitlines()

@@ -46,7 +46,7 @@ def written_report(run, folder):
     return report
 
 
-def test_a_page_that_cannot_be_written_is_refused_before_the_work(run, tmp_path):
+def test_a_page_that_cannot_be_written_is_rejected_before_the_work(run, tmp_path):
     start = time.perf_counter()
     result = run("paper", "--out", tmp_path / "missing" / "report.html")
     assert result.exit_code == 1

@@ -1,4 +1,4 @@
-"""``lsvision scan``: from files to numbers, pictures and clouds; and what it refuses."""
+"""``lsvision scan``: from files to numbers, pictures and clouds; rejected input."""
 
 import csv
 import json
@@ -31,11 +31,11 @@ def run():
 
 
 def test_a_folder_of_sections_gives_a_table(run) -> None:
-    told = run(PAIR, *MOTION, "--range-std", 0.05)
-    assert told.exit_code == 0, told.output
-    assert "20 profiles, base frame, one sigma" in told.stdout
-    assert "2: ovality" in told.stdout
-    assert "0-19" in told.stdout
+    result = run(PAIR, *MOTION, "--range-std", 0.05)
+    assert result.exit_code == 0, result.output
+    assert "20 profiles, base frame, one sigma" in result.stdout
+    assert "2: ovality" in result.stdout
+    assert "0-19" in result.stdout
 
 
 def test_all_outputs_are_written(run, tmp_path) -> None:
@@ -59,8 +59,8 @@ def write_poses(path: Path, count: int) -> Path:
 
 def test_robot_poses_say_where_the_sections_are(run, tmp_path) -> None:
     poses = write_poses(tmp_path / "poses.csv", 20)
-    told = run(PAIR, "--poses", poses, "--convention", "kuka", "--json", tmp_path / "a.json")
-    assert told.exit_code == 0, told.output
+    result = run(PAIR, "--poses", poses, "--convention", "kuka", "--json", tmp_path / "a.json")
+    assert result.exit_code == 0, result.output
     document = json.loads((tmp_path / "a.json").read_text())
     np.testing.assert_allclose(
         document["cylinders"][0]["direction"], [0.321, 0.117, 0.940], rtol=0, atol=0.002
@@ -68,15 +68,15 @@ def test_robot_poses_say_where_the_sections_are(run, tmp_path) -> None:
 
 
 def test_one_section_tells_of_its_twin(run) -> None:
-    told = run(PAIR / "section_00.csv", *MOTION)
-    assert told.exit_code == 0
-    assert told.stdout.count("one section alone: its twin") == 2
+    result = run(PAIR / "section_00.csv", *MOTION)
+    assert result.exit_code == 0
+    assert result.stdout.count("one section alone: its twin") == 2
 
 
 def test_a_scan_without_cylinders_says_so(run) -> None:
-    told = run(FIXTURES / "empty.csv", *MOTION)
-    assert told.exit_code == 0
-    assert "1 profile: no cylinder found" in told.stdout
+    result = run(FIXTURES / "empty.csv", *MOTION)
+    assert result.exit_code == 0
+    assert "1 profile: no cylinder found" in result.stdout
 
 
 @pytest.mark.parametrize(
@@ -96,25 +96,25 @@ def test_a_scan_without_cylinders_says_so(run) -> None:
         ([PAIR, "--feed", "1,0,0", "--step", 1], 1, "all 20 sections lie in one plane"),
     ],
 )
-def test_slips_are_told_in_one_line(run, words, code: int, message: str) -> None:
-    told = run(*words)
-    assert told.exit_code == code
-    assert message in " ".join(told.stderr.split())
-    assert "Traceback" not in told.stderr
+def test_slips_are_reported_in_one_line(run, words, code: int, message: str) -> None:
+    result = run(*words)
+    assert result.exit_code == code
+    assert message in " ".join(result.stderr.split())
+    assert "Traceback" not in result.stderr
 
 
 def test_poses_must_be_as_many_as_profiles(run, tmp_path) -> None:
     poses = write_poses(tmp_path / "poses.csv", 7)
-    told = run(PAIR, "--poses", poses, "--convention", "kuka")
-    assert told.exit_code == 1
-    assert "expected 20 poses, one for each profile, got 7" in told.stderr
+    result = run(PAIR, "--poses", poses, "--convention", "kuka")
+    assert result.exit_code == 1
+    assert "expected 20 poses, one for each profile, got 7" in result.stderr
 
 
-def test_a_pose_file_in_another_convention_is_refused(run, tmp_path) -> None:
+def test_a_pose_file_in_another_convention_is_rejected(run, tmp_path) -> None:
     poses = write_poses(tmp_path / "poses.csv", 20)
-    told = run(PAIR, "--poses", poses, "--convention", "ur")
-    assert told.exit_code == 1
-    assert "m" in told.stderr
+    result = run(PAIR, "--poses", poses, "--convention", "ur")
+    assert result.exit_code == 1
+    assert "m" in result.stderr
 
 
 def test_the_csv_holds_intervals_phi_and_theta(run, tmp_path) -> None:
@@ -155,15 +155,15 @@ def test_a_matrix_of_heights_is_a_scan(run, tmp_path) -> None:
     assert "units taken as mm" in found.stderr
     inputs = json.loads(out.read_text())["inputs"]
     assert [record["units_assumed"] for record in inputs] == [True] * 12
-    refused = run(tmp_path / "rows.npy", *MOTION)
-    assert refused.exit_code == 1
-    assert "--x0 and --dx" in refused.stderr
+    outcome = run(tmp_path / "rows.npy", *MOTION)
+    assert outcome.exit_code == 1
+    assert "--x0 and --dx" in outcome.stderr
 
 
-def test_a_unit_that_cannot_be_mm_is_refused_in_a_scan_too(run, tmp_path) -> None:
+def test_a_unit_that_cannot_be_mm_is_rejected_in_a_scan_too(run, tmp_path) -> None:
     for number in range(2):
         points = np.loadtxt(sorted(PAIR.glob("*.csv"))[number], delimiter=",", comments=["#", "x"])
         np.savetxt(tmp_path / f"{number}.csv", points[:, [0, -1]] * 1000, delimiter=",")
-    refused = run(tmp_path, *MOTION)
-    assert refused.exit_code == 1
-    assert "--units um, or --units mm if it is right" in refused.stderr
+    outcome = run(tmp_path, *MOTION)
+    assert outcome.exit_code == 1
+    assert "--units um, or --units mm if it is right" in outcome.stderr

@@ -1,4 +1,4 @@
-"""The one reason that a profile without a cylinder is told with."""
+"""The one reason given for a profile without a cylinder."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ FILLET = Rejection(Arc(140, 180), "concave towards the sensor", convex=False)
 
 
 @pytest.mark.parametrize(
-    ("rejections", "told"),
+    ("rejections", "message"),
     [
         ((), "no valid point"),
         ((STEP, FLAT), FLAT.reason),
@@ -23,12 +23,12 @@ FILLET = Rejection(Arc(140, 180), "concave towards the sensor", convex=False)
         ((FILLET, FLAT), FLAT.reason),
     ],
 )
-def test_the_longest_arc_is_told_before_flat_and_concave_stretches(rejections, told) -> None:
-    assert Measurement((), rejections).reason == told
+def test_the_longest_arc_is_reported_before_flat_and_concave_stretches(rejections, message) -> None:
+    assert Measurement((), rejections).reason == message
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_bar_with_rounded_corners_is_told_by_them(seed) -> None:
+def test_a_bar_with_rounded_corners_is_recognised_by_them(seed) -> None:
     """A table, and a bar of 60 mm on it whose corners have a radius of 15 mm."""
     x = np.arange(-80, 80, 0.25)
     inside = np.clip(np.abs(x) - 15, 0, 15)
@@ -42,7 +42,7 @@ def test_a_bar_with_rounded_corners_is_told_by_them(seed) -> None:
     assert "arcs rejected: -v lists them" in line
 
 
-def test_a_flat_plate_is_told_to_be_flat() -> None:
+def test_a_flat_plate_is_reported_as_flat() -> None:
     x = np.arange(-60, 60, 0.4)
     y = -300 + 0.1 * x + np.random.default_rng(4).normal(0, 0.05, len(x))
     assert measure_cylinders(np.c_[x, y]).reason.startswith("flat: ")

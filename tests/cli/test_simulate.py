@@ -1,4 +1,4 @@
-"""`lsvision simulate`: files, truth, and refusals."""
+"""`lsvision simulate`: files, truth, and error messages."""
 
 import json
 
@@ -78,7 +78,7 @@ def test_a_slip_of_the_user_is_a_usage_error(run, tmp_path, words, message):
     assert not list(tmp_path.iterdir())
 
 
-def test_what_the_world_refuses_is_an_lsvision_error(tmp_path):
+def test_what_the_world_rejects_is_an_lsvision_error(tmp_path):
     with pytest.raises(UnwritableFile, match="nowhere"):
         simulate("single", tmp_path / "nowhere")
     with pytest.raises(DegenerateGeometry, match="smaller or less tilted"):

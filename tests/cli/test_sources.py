@@ -41,7 +41,7 @@ def test_missing_file_is_left_to_the_reader(tmp_path):
     assert names([tmp_path / "absent.csv"]) == (["absent.csv"], [])
 
 
-def test_word_that_names_nothing_is_a_failure_with_its_mend(tmp_path):
+def test_word_that_names_nothing_is_a_failure_with_its_remedy(tmp_path):
     touch(tmp_path, "README.md")
     found, (folder, pattern) = names([tmp_path, tmp_path / "*.csv"])
     assert found == []

@@ -110,12 +110,14 @@ def wavy(amplitude, waves=36.0):
     return arc_points(ANGLES) + wave * arc_points(ANGLES, 1.0, (0.0, 0.0))
 
 
-@pytest.mark.parametrize(("rms", "refused"), [(2.5, False), (2.9, False), (3.1, True), (4.0, True)])
-def test_residuals_of_three_times_the_given_noise_are_too_large(rms, refused):
+@pytest.mark.parametrize(
+    ("rms", "is_rejected"), [(2.5, False), (2.9, False), (3.1, True), (4.0, True)]
+)
+def test_residuals_of_three_times_the_given_noise_are_too_large(rms, is_rejected):
     """Variances along the normal and across it add up to twice the mean variance."""
     std = 0.1  # 3 std are more than a hundredth of the radius
     reason = reason_of(wavy(2 * std * rms), std, phi=PhiPrior(0.0))
-    if refused:
+    if is_rejected:
         assert re.fullmatch(
             rf"residual rms {rms:.1f} times the noise, limit 3\.0: is the sensor's noise right\?",
             reason,
@@ -165,7 +167,7 @@ def section_of(low, high, *, radius=20.0, std=5.0, known_radius=None, known_phi=
 
 
 @pytest.mark.parametrize(
-    ("low", "high", "refused"),
+    ("low", "high", "is_rejected"),
     [
         (15.0, 30.0, False),
         (10.1, 30.0, False),
@@ -176,10 +178,10 @@ def section_of(low, high, *, radius=20.0, std=5.0, known_radius=None, known_phi=
         (15.0, math.inf, True),
     ],
 )
-def test_a_radius_must_be_bounded_within_a_factor_of_two(low, high, refused):
+def test_a_radius_must_be_bounded_within_a_factor_of_two(low, high, is_rejected):
     reason = undeterminable_radius_reason(section_of(low, high))
     expected = f"radius not determinable: {low:.3g} to {high:.3g} mm (95 %); a longer arc is needed"
-    assert reason == (expected if refused else None)
+    assert reason == (expected if is_rejected else None)
 
 
 @pytest.mark.parametrize("known", [{"known_radius": 20.0}, {"known_phi": 0.0}])
@@ -216,7 +218,7 @@ def short_arc(seed, degrees):
 
 @pytest.mark.parametrize("sensor", [SENSOR, None], ids=["sensor", "estimated"])
 def test_the_radius_of_45_deg_with_noise_is_not_determinable(sensor):
-    refused = 0
+    is_rejected = 0
     for seed in range(12):
         profile = prepare_profile(Profile(short_arc(seed, 45)), sensor)
         start = circle(20.0, (0.0, -400.0))
@@ -224,13 +226,13 @@ def test_the_radius_of_45_deg_with_noise_is_not_determinable(sensor):
         for known in ({"radius": RadiusPrior(20.0)}, {"phi": PhiPrior(0.0)}):
             assert undeterminable_radius_reason(fitted(profile, start, **known)) is None
         if reason is not None:
-            refused += 1
+            is_rejected += 1
             assert re.fullmatch(
                 r"radius not determinable: (\S+ to \S+ mm \(95 %\)|\S+ \+/- \S+ mm); "
                 "a longer arc is needed",
                 reason,
             )
-    assert refused >= 10
+    assert is_rejected >= 10
 
 
 def test_the_radius_of_150_deg_is_determinable():
@@ -239,7 +241,7 @@ def test_the_radius_of_150_deg_is_determinable():
         assert undeterminable_radius_reason(fitted(profile, circle(20.0, (0.0, -400.0)))) is None
 
 
-def test_a_radius_that_needs_no_interval_is_told_from_a_bound_of_its_std():
+def test_a_radius_that_needs_no_interval_is_distinguished_from_a_bound_of_its_std():
     for degrees in (60, 100, 160):
         profile = prepare_profile(Profile(short_arc(3, degrees)), SENSOR)
         section = fitted(profile, circle(20.0, (0.0, -400.0)))

@@ -101,7 +101,7 @@ def test_a_window_is_nearer_to_its_circle_than_to_a_line(degrees, tried):
 
 
 @pytest.mark.parametrize(("share", "tried"), [(0.008, True), (0.012, False)])
-def test_points_of_an_ellipse_lie_within_a_share_of_the_radius(share, tried):
+def test_points_of_an_ellipse_lie_within_a_fraction_of_the_radius(share, tried):
     assert whole(wavy(share * 20)) == tried
 
 

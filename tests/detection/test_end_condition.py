@@ -45,12 +45,12 @@ CURVED = 1.3
 @pytest.mark.parametrize("turn_deg", [-1, 1])
 @pytest.mark.parametrize("other", [KINK, NOTHING], ids=["kink", "nothing"])
 def test_an_end_that_turns_less_than_20_deg_goes_on_tangentially(turn_deg, other):
-    for deg, refused in ((0, True), (17, True), (19.4, True), (20.5, False), (23, False)):
+    for deg, is_rejected in ((0, True), (17, True), (19.4, True), (20.5, False), (23, False)):
         line = [turn_deg * deg] * 20
         for first, second in ((line, other), (other, line)):
             found = reason(first, second)
-            assert (found is not None) == refused, (deg, found)
-            if refused:
+            assert (found is not None) == is_rejected, (deg, found)
+            if is_rejected:
                 expected = (
                     f"goes on tangentially at one end (turns {deg:.0f} deg): a rounded corner"
                 )
@@ -63,17 +63,17 @@ def test_a_kink_or_nothing_at_both_ends_is_a_pipes(first, second):
 
 
 def test_where_both_ends_turn_less_than_20_deg_it_is_a_sheet():
-    for deg, refused in ((10, True), (19.4, True), (20.5, False), (40, False)):
+    for deg, is_rejected in ((10, True), (19.4, True), (20.5, False), (40, False)):
         found = reason([deg] * 20, [-deg] * 20)
-        assert (found is not None) == refused, (deg, found)
+        assert (found is not None) == is_rejected, (deg, found)
     assert reason([15] * 20, [-12] * 20) == (
         "goes on tangentially at both ends (turns 12 and 15 deg)"
     )
 
 
 def test_fewer_than_six_points_beyond_are_nothing():
-    for count, refused in ((5, False), (6, True)):
-        assert (reason([0] * count, NOTHING) is not None) == refused
+    for count, is_rejected in ((5, False), (6, True)):
+        assert (reason([0] * count, NOTHING) is not None) == is_rejected
 
 
 def test_the_turn_of_a_short_arc_is_measured_over_six_points():
@@ -92,12 +92,12 @@ def test_the_turn_of_a_long_arc_is_measured_over_an_eighth_of_its_points():
 
 
 def test_points_beyond_a_gap_are_another_thing():
-    for step, refused in ((2.5 * STEP, True), (3.5 * STEP, False)):
+    for step, is_rejected in ((2.5 * STEP, True), (3.5 * STEP, False)):
         arc = arc_points(np.arange(-60, 61, STEP_DEG))
         first = walk(arc[-1], [-60.0], step)
         beyond = walk(first[-1], [-60.0] * 15, STEP)
         found = reason_of(np.concatenate([arc, first, beyond]), 0, len(arc))
-        assert (found is not None) == refused
+        assert (found is not None) == is_rejected
 
 
 def test_jumps_between_the_points_beyond_do_not_hide_that_they_go_on():
@@ -121,9 +121,9 @@ def test_the_same_bent_the_other_way_is_a_corners():
 
 
 def test_a_fillet_has_the_curvature_of_the_cylinder_at_least():
-    for ratio, refused in ((0.72, True), (0.9, True), (1.1, False), (1.3, False)):
+    for ratio, is_rejected in ((0.72, True), (0.9, True), (1.1, False), (1.3, False)):
         found = reason(fillet(1 / ratio, 20), KINK)
-        assert (found is not None) == refused, (ratio, found)
+        assert (found is not None) == is_rejected, (ratio, found)
 
 
 def curvature_std(count, step, noise):
@@ -133,20 +133,20 @@ def curvature_std(count, step, noise):
 
 @pytest.mark.parametrize("count", [6, 12])
 def test_noise_hides_a_fillet_that_is_too_short(count):
-    """Its curvature is told from 3 sigma, over 6 to 12 points."""
+    """Its curvature is significant from 3 sigma, over 6 to 12 points."""
     points, start, stop = sides(fillet(1 / CURVED, count), KINK)
     chord = math.dist(points[0], points[count - 1]) / (count - 1)
-    for sigmas, refused in ((2.2, True), (2.8, True), (3.2, False), (3.8, False)):
+    for sigmas, is_rejected in ((2.2, True), (2.8, True), (3.2, False), (3.8, False)):
         noise = CURVED / 20 / sigmas / curvature_std(count, chord, 1.0)
-        assert (reason_of(points, start, stop, std=noise) is not None) == refused
+        assert (reason_of(points, start, stop, std=noise) is not None) == is_rejected
 
 
 def test_the_curvature_of_a_fillet_is_that_of_its_first_twelve_points():
     """With more of them 3 sigma would be passed; five tell no curvature."""
     points, start, stop = sides(fillet(1 / CURVED, 20), KINK)
-    for sigmas, refused in ((2.8, True), (3.2, False)):
+    for sigmas, is_rejected in ((2.8, True), (3.2, False)):
         noise = CURVED / 20 / sigmas / curvature_std(12, 0.985 * STEP, 1.0)
-        assert (reason_of(points, start, stop, std=noise) is not None) == refused
+        assert (reason_of(points, start, stop, std=noise) is not None) == is_rejected
     assert reason_of(*sides(fillet(1 / CURVED, 5), [0] * 20)) is not None
 
 
@@ -155,10 +155,10 @@ def test_the_scatter_of_a_line_hides_its_curvature_as_noise_does():
     points, start, stop = sides(fillet(1 / CURVED, 6), KINK)
     across = np.array([-5, 7, 4, -4, -7, 5])[:, None] / 60**0.5 * [-math.sin(0.87), math.cos(0.87)]
     limit = CURVED / 20 / 3 / curvature_std(6, STEP, 1.0)
-    for scatter, refused in ((0.9 * limit, False), (1.15 * limit, True)):
+    for scatter, is_rejected in ((0.9 * limit, False), (1.15 * limit, True)):
         rough = points.copy()
         rough[:start] += scatter * across
-        assert (reason_of(rough, start, stop, std=0.001) is not None) == refused
+        assert (reason_of(rough, start, stop, std=0.001) is not None) == is_rejected
 
 
 def test_the_turn_is_that_of_the_end_before_screening():

@@ -194,7 +194,7 @@ def test_a_point_that_the_sensor_cannot_see_is_no_inlier():
 
 
 def test_the_correlation_of_errors_delays_the_end():
-    """A line that leaves slowly is told by many points; correlated, they count for fewer."""
+    """A line that leaves slowly is detected by many points; correlated, they count for fewer."""
     leaving = np.concatenate([np.zeros(6), 0.8 * np.arange(1, 9)])
     end, prediction = certain(leaving, std=1.0, radius=1e4)
     last = [

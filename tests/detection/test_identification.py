@@ -1,4 +1,4 @@
-"""What a candidate grows to, on lines without errors where the last point can be told by hand."""
+"""What a candidate grows to, on lines without errors where the last point is known by hand."""
 
 import math
 
@@ -169,7 +169,7 @@ def turned_away(last_deg):
     """A circle seen far over its horizon, in its order along the line."""
     points = arc_points(np.arange(-60.0, last_deg, 0.5))
     count = len(points)
-    noisy = NoisyPoints.alike(as_complex(points), 0.01, 0.01)
+    noisy = NoisyPoints.uniform(as_complex(points), 0.01, 0.01)
     columns = np.arange(count)
     profile = exact(arc_points(np.linspace(-60, 60, count)))
     return type(profile)(points, noisy, columns, columns, 0.01, 0.1, 1.0)
@@ -279,7 +279,7 @@ def test_a_candidate_of_which_more_than_half_is_explained_is_none(taken, tried):
     assert rejections == []
 
 
-def test_an_arc_without_the_shape_of_a_pipe_is_told_once():
+def test_an_arc_without_the_shape_of_a_pipe_is_reported_once():
     """It failed as a seed and as an arc."""
     arcs, rejections = identify_arcs(two_pipes(), [seed_at(10, 50)] * 3, (30.0, 60.0))
     assert arcs == []

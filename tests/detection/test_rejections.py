@@ -61,8 +61,8 @@ def test_the_order_is_that_of_the_profile():
 
 @pytest.mark.parametrize(("stop", "kept"), [(42, True), (50, False)])
 def test_a_rejection_mostly_inside_a_cylinder_is_left_out(stop, kept):
-    told = explained([found_at(0, stop)], [Rejection(Arc(20, 70), "tried in vain")])
-    assert any(rejection.arc == Arc(20, 70) for rejection in told) == kept
+    completed = explained([found_at(0, stop)], [Rejection(Arc(20, 70), "tried in vain")])
+    assert any(rejection.arc == Arc(20, 70) for rejection in completed) == kept
 
 
 def reasons_of(points):

@@ -180,7 +180,7 @@ FEET = [(curvature, seed) for curvature in (0.8, 1.3, 2.0) for seed in range(4)]
 @pytest.mark.parametrize("mirrored", [False, True])
 @pytest.mark.parametrize(("curvature", "seed"), FEET)
 def test_the_foot_of_a_weld_bead_is_left_out(curvature, seed, mirrored):
-    """It leaves tangentially: its first points cannot be told, those of 3 sigma can."""
+    """It leaves tangentially: its first points cannot be detected, those of 3 sigma can."""
     points, first, away = with_foot(curvature)
     beside = np.flatnonzero(away > 3 * STD)
     if mirrored:

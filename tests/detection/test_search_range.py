@@ -66,6 +66,6 @@ def test_profiles_without_an_extent_still_have_a_range(points):
         pytest.param(math.inf, "got inf", id="endless nominal"),
     ],
 )
-def test_what_is_no_radius_is_refused(radius, message):
+def test_what_is_no_radius_is_rejected(radius, message):
     with pytest.raises(ValueError, match=message):
         search_range(radius, None, LINE)

@@ -59,7 +59,7 @@ def test_page_is_whole_and_well_formed(solved):
     assert "1.0 ± 0.1" in text
 
 
-def test_page_without_doubts_says_so(solved):
+def test_page_without_warnings_says_so(solved):
     text = hand_eye_page(*solved, ReportContent([], [], ["p"] * 8, {}))
     assert "No outliers, no warnings." in text
 

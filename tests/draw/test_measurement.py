@@ -1,4 +1,4 @@
-"""Pictures of a measurement: a person who sees only the picture is told the truth."""
+"""Pictures of a measurement: everything that the numbers say is in the picture."""
 
 import math
 import subprocess
@@ -37,7 +37,7 @@ def section(radius, phi, theta, centre, count=150):
 
 @pytest.fixture(scope="module")
 def scene():
-    """A tilted pipe, an upright one, and a bar between them with two refused arcs on it."""
+    """A tilted pipe, an upright one, and a bar between them with two rejected arcs on it."""
     tilted = section(20.0, 0.6, 0.5, (-60.0, -420.0))
     bar = np.column_stack([np.linspace(-20, 20, 60), np.full(60, -440.0)])
     bar[:, 1] += np.random.default_rng(5).normal(0, 0.02, 60)
@@ -111,17 +111,17 @@ def test_panel_tells_numbers_with_sigma_and_what_is_not_determinable(scene, figu
     assert figure.get_suptitle() == "scene.csv: 2 cylinders, 2 arcs rejected"
 
 
-def test_refused_arcs_have_letters_reasons_and_one_colour_each(figure):
+def test_rejected_arcs_have_letters_reasons_and_one_colour_each(figure):
     letters = [text for text in figure.axes[0].texts if text.get_text() in {"A", "B"}]
     assert len(letters) == 2
     for letter in letters:
-        (told,) = [t for t in figure.texts if t.get_text().startswith(f"{letter.get_text()}  ")]
-        assert same_color(told.get_color(), letter.get_bbox_patch().get_facecolor())
+        (message,) = [t for t in figure.texts if t.get_text().startswith(f"{letter.get_text()}  ")]
+        assert same_color(message.get_color(), letter.get_bbox_patch().get_facecolor())
     assert "A   tilt 80 deg over 65 deg" in words(figure)
     assert "B   flat: rises 0.01 mm over its chord" in words(figure)
 
 
-def test_refused_arcs_go_left_to_right_without_repetition_or_points_of_cylinders(scene):
+def test_rejected_arcs_go_left_to_right_without_repetition_or_points_of_cylinders(scene):
     profile, measurement = scene
     arcs = rejected_arcs(profile.points, measurement)
     assert [arc.letter for arc in arcs] == ["A", "B"]
@@ -185,7 +185,7 @@ def test_same_scene_gives_the_same_bytes_also_from_threads(scene):
         assert all(other == alone for other in pool.map(pictures, range(3)))
 
 
-def test_other_formats_are_refused(figure):
+def test_other_formats_are_rejected(figure):
     with pytest.raises(ValueError, match="expected a format among png, svg, got 'pdf'"):
         figure_bytes(figure, "pdf")
 

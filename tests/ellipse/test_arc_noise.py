@@ -60,7 +60,7 @@ def test_a_given_noise_model_may_be_too_small(rng):
     assert noise.variance_factor == pytest.approx(25, rel=0.2)
 
 
-def test_an_average_over_five_columns_is_told(rng):
+def test_an_average_over_five_columns_is_reported(rng):
     noise = estimate_arc_noise(compared(smoothed_along(2000, 5, rng)), ESTIMATED)
     assert noise.smoothed
     assert noise.autocorrelation_time == pytest.approx(5, rel=0.15)
@@ -120,14 +120,14 @@ def test_two_arcs_in_a_hundred_are_wrongly_said_to_err_more_at_their_flanks():
 
 
 @pytest.mark.parametrize("scale", [0.1, 1.0, 10.0])
-def test_errors_that_grow_with_incidence_are_told_at_any_scale(scale):
+def test_errors_that_grow_with_incidence_are_reported_at_any_scale(scale):
     normals = fan(100)
     stds = std_factors(np.degrees(np.angle(normals / 1j)))
     draws = scale * stds * np.random.default_rng(7).normal(size=(100, 100))
     assert all(errors_grow_with_incidence(draw, normals) for draw in draws)
 
 
-def test_errors_that_shrink_with_incidence_are_not_told():
+def test_errors_that_shrink_with_incidence_are_not_reported():
     normals = fan(100)
     draws = normals.imag * np.random.default_rng(8).normal(size=(100, 100))
     assert not any(errors_grow_with_incidence(draw, normals) for draw in draws)

@@ -17,7 +17,7 @@ M = 20.0
 
 
 def fit_with(sigmas, d, freedom=math.inf, known_phi=None):
-    """A fit whose d and covariance of d are as told."""
+    """A fit whose d and covariance of d are given."""
     truth = exact_pipe(10.0)
     points = upper_arc(truth)
     fit = fit_ellipse(points, truth, SENSOR.covariances(points))

@@ -226,8 +226,8 @@ def chi_square_of(fit):
     return float(fit.normalised @ fit.normalised)
 
 
-@pytest.mark.parametrize(("sigmas", "believed"), [(-5, True), (3, True), (3.6, False), (5, False)])
-def test_a_noise_model_is_believed_up_to_3_3_sigma_of_chi_square(sigmas, believed):
+@pytest.mark.parametrize(("sigmas", "accepted"), [(-5, True), (3, True), (3.6, False), (5, False)])
+def test_a_noise_model_is_accepted_up_to_3_3_sigma_of_chi_square(sigmas, accepted):
     truth = pipe(30.0)
     points = measured(upper_arc(truth, count=200), np.random.default_rng(3))
     fit = fit_noisy_points(noisy(points), truth)
@@ -236,7 +236,7 @@ def test_a_noise_model_is_believed_up_to_3_3_sigma_of_chi_square(sigmas, believe
     ratio = chi_square_of(fit) / 195 / wanted
     again = fit_noisy_points(noisy(points, ratio), truth)
     assert chi_square_of(again) / 195 == pytest.approx(wanted, rel=1e-3)
-    assert again.variance_factor == (1.0 if believed else pytest.approx(wanted, rel=1e-3))
+    assert again.variance_factor == (1.0 if accepted else pytest.approx(wanted, rel=1e-3))
     assert math.isinf(again.degrees_of_freedom)
 
 
@@ -247,8 +247,8 @@ def test_an_ellipse_is_surely_no_circle_from_five_sigma_on(sigmas, surely, rng):
     fit = fit_ellipse(measured(upper_arc(pipe(30.0)), rng), pipe(30.0))
     h = math.hypot(*fit.parameters[3:])
     largest = np.linalg.norm(fit.unscaled_covariance[3:, 3:], 2)
-    told = replace(fit, variance_factor=(h / sigmas) ** 2 / largest)
-    assert told.is_noncircular is surely
+    message = replace(fit, variance_factor=(h / sigmas) ** 2 / largest)
+    assert message.is_noncircular is surely
 
 
 def test_normals_point_outwards_across_the_ellipse(rng):
@@ -341,7 +341,7 @@ def test_the_fit_forgets_its_start(rng):
 
 
 @pytest.mark.parametrize("count", [0, 1, 5])
-def test_too_few_points_are_refused(count):
+def test_too_few_points_are_rejected(count):
     with pytest.raises(TooFewPoints, match=f"an arc has {count} points and needs 6: scan slower"):
         fit_ellipse(upper_arc(pipe(20.0))[:count], pipe(20.0))
 

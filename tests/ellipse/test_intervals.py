@@ -293,7 +293,7 @@ def test_an_exactly_known_circle_has_any_theta_and_hardly_a_phi(rng):
     assert not theta_is_determined(fit)
 
 
-def test_a_weakly_known_radius_is_still_told_by_the_points(rng):
+def test_a_weakly_known_radius_is_still_determined_by_the_points(rng):
     """Its posterior is narrower than its prior, by more than the share that counts as nothing."""
     free = prior_fit(FAR, rng)
     std = CylinderSection(free, Arc(0, 70), np.arange(70)).radius_std
@@ -397,7 +397,7 @@ def test_the_interval_of_theta_runs_through_the_seam(rng):
         ("phi", math.nan, "got nan"),
     ],
 )
-def test_what_is_no_quantity_or_level_is_refused(quantity, level, message, rng):
+def test_what_is_no_quantity_or_level_is_rejected(quantity, level, message, rng):
     with pytest.raises(ValueError, match=message):
         interval(fit_of(FAR, rng), quantity, level)
 

@@ -48,7 +48,7 @@ def test_a_short_arc_has_a_radius_where_the_tilt_is_known(rng):
 
 @pytest.mark.parametrize("std_deg", [0.0, 2.0, 8.0])
 @pytest.mark.parametrize("degrees", [SHORT, LONG])
-def test_sigma_and_interval_of_the_radius_are_honest(std_deg, degrees, rng):
+def test_sigma_and_interval_of_the_radius_are_valid(std_deg, degrees, rng):
     prior, held, normalised = PhiPrior(0.0, math.radians(std_deg)), 0, []
     for _ in range(RUNS):
         truth = drawn_about_square_on(std_deg, rng)
@@ -140,7 +140,7 @@ def test_far_from_a_circle_the_residual_is_that_of_phi():
         ((0.0, math.inf), "std >= 0 rad, got inf"),
     ],
 )
-def test_what_is_no_tilt_is_refused(arguments, message):
+def test_what_is_no_tilt_is_rejected(arguments, message):
     with pytest.raises(ValueError, match=message):
         PhiPrior(*arguments)
 

@@ -186,7 +186,7 @@ def test_least_squares_solves_a_problem_of_any_size():
 
 
 @pytest.mark.parametrize("count", [0, 1, 4])
-def test_too_few_rows_are_refused(count):
+def test_too_few_rows_are_rejected(count):
     problem = problem_of(upper_arc(pipe(20.0))[:count])
     with pytest.raises(TooFewPoints, match=f"an arc has {count} points and needs 5: scan slower"):
         minimise(problem, parameters_from_ellipse(pipe(20.0)))
@@ -197,7 +197,7 @@ def test_too_few_rows_are_refused(count):
     [(0, 0, math.nan, 0, 0), (0, 0, 5, 5, 0), (math.inf, 0, 5, 1, 0)],
     ids=["nan", "flat", "endless"],
 )
-def test_parameters_without_an_ellipse_are_refused(parameters):
+def test_parameters_without_an_ellipse_are_rejected(parameters):
     with pytest.raises(FitFailed, match="the points have no ellipse"):
         ellipse_from_parameters(np.array(parameters, dtype=float))
 
@@ -212,6 +212,6 @@ def test_parameters_without_an_ellipse_are_refused(parameters):
         (19.0, math.inf, "got inf"),
     ],
 )
-def test_what_is_no_radius_is_refused(radius, std, message):
+def test_what_is_no_radius_is_rejected(radius, std, message):
     with pytest.raises(ValueError, match=message):
         RadiusPrior(radius, std)

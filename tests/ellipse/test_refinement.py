@@ -59,7 +59,7 @@ def covers(fit, level=0.95):
     return abs(section.radius - TRUTH.radius) < quantile * section.radius_std
 
 
-def test_a_given_noise_model_is_fitted_once_and_believed(rng):
+def test_a_given_noise_model_is_fitted_once_and_accepted(rng):
     points = measured(upper_arc(TRUTH), rng)
     noisy = NoisyPoints.of(points, SENSOR.covariances(points))
     fit = refine_arc(noisy, TRUTH, FREE, SETTINGS, None)
@@ -156,6 +156,6 @@ def test_a_tilt_of_zero_makes_a_circle_whatever_the_assumed_noise(assumed, rng):
     assert abs(fit.ellipse.radius - 19.0) < 5 * section_of(fit).radius_std < 1.0
 
 
-def test_too_few_points_are_refused():
+def test_too_few_points_are_rejected():
     with pytest.raises(TooFewPoints, match="an arc has 5 points and needs 6"):
         refined(isotropic(upper_arc(TRUTH)[:5]))

@@ -125,7 +125,7 @@ def test_theta_of_a_tilted_pipe_is_determined(rng):
     assert section.theta_std < math.radians(5)
 
 
-def test_what_is_no_quantity_is_refused(rng):
+def test_what_is_no_quantity_is_rejected(rng):
     with pytest.raises(ValueError, match="expected one of radius, theta"):
         section_of(30.0, rng).interval("diameter")
     with pytest.raises(ValueError, match="level between 0 and 1"):

@@ -68,22 +68,22 @@ def test_a_device_is_written_to_not_replaced():
         ("a\0b", r"cannot be written \(embedded null byte\): name another file"),
     ],
 )
-def test_a_path_that_takes_no_file_is_refused_with_the_mend(tmp_path, name, message):
+def test_a_path_that_takes_no_file_is_rejected_with_the_remedy(tmp_path, name, message):
     (tmp_path / "file").write_text("")
     with pytest.raises(UnwritableFile, match=message):
         write_atomic(f"{tmp_path}/{name}", "content")
 
 
 def test_a_folder_without_permission_is_named(tmp_path, monkeypatch):
-    def refuse(*_, **__):
+    def fail(*_, **__):
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr("pathlib.Path.open", refuse)
+    monkeypatch.setattr("pathlib.Path.open", fail)
     with pytest.raises(UnwritableFile, match="no permission to write there: name another folder"):
         write_atomic(tmp_path / "result.json", "content")
 
 
-def test_a_loop_of_links_is_refused(tmp_path):
+def test_a_loop_of_links_is_rejected(tmp_path):
     (tmp_path / "loop").symlink_to(tmp_path / "loop")
     with pytest.raises(UnwritableFile, match="a loop of symbolic links"):
         write_atomic(tmp_path / "loop", "content")

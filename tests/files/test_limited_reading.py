@@ -34,7 +34,7 @@ def test_a_file_is_read_up_to_the_limit(tmp_path):
             read(path)
 
 
-def test_a_sparse_file_of_a_terabyte_is_refused_at_once(tmp_path):
+def test_a_sparse_file_of_a_terabyte_is_rejected_at_once(tmp_path):
     path = tmp_path / "large"
     with path.open("wb") as file:
         file.truncate(10**12)
@@ -45,7 +45,7 @@ def test_a_sparse_file_of_a_terabyte_is_refused_at_once(tmp_path):
 
 
 @pytest.mark.parametrize("device", ["/dev/zero", "/dev/null", "/dev/full"])
-def test_a_device_is_refused_by_name(device):
+def test_a_device_is_rejected_by_name(device):
     if not Path(device).exists():
         pytest.skip("no such device here")
     for read in (read_bytes, check_readable):
@@ -83,7 +83,7 @@ def test_a_pipe_is_no_way_around_the_limit(pipe):
 
 
 @needs_pipes
-def test_a_pipe_without_a_writer_is_refused_after_a_while(pipe, monkeypatch):
+def test_a_pipe_without_a_writer_is_rejected_after_a_while(pipe, monkeypatch):
     monkeypatch.setattr(limited_reading, "WRITER_TIMEOUT_S", 0.2)
     with pytest.raises(UnreadableFile, match=r"pipe: a named pipe that nobody has written to for"):
         read_bytes(pipe)
@@ -108,7 +108,7 @@ def test_a_hyphen_is_standard_input(monkeypatch):
         ("loop", "a loop of symbolic links: check where it points"),
     ],
 )
-def test_a_name_that_is_no_file_is_refused_with_the_remedy(tmp_path, name, message):
+def test_a_name_that_is_no_file_is_rejected_with_the_remedy(tmp_path, name, message):
     (tmp_path / "file").touch()
     (tmp_path / "loop").symlink_to(tmp_path / "loop")
     for read in (read_bytes, check_readable):

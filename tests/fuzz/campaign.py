@@ -49,13 +49,18 @@ def _run_worker(first, names, stop, findings, say):
         if line is None:
             _note(findings, last, f"the process ended with {worker.wait()}", say)
             break
-        told = json.loads(line)
+        message = json.loads(line)
         deadline = time.monotonic() + DEAD_SECONDS
-        if "wrong" in told:
-            _note(findings, {"begin": told["wrong"], "target": told["target"]}, told["error"], say)
+        if "wrong" in message:
+            _note(
+                findings,
+                {"begin": message["wrong"], "target": message["target"]},
+                message["error"],
+                say,
+            )
         else:
-            last = told
-            findings.tried[told["target"]] += 1
+            last = message
+            findings.tried[message["target"]] += 1
     worker.kill()
     worker.wait()
     worker.stdout.close()

@@ -285,3 +285,10 @@ _SPOILERS = (
     _round,
     _reshape,
 )
+
+
+def spoilt_json(rng, document):
+    """Bytes of a JSON file with wrong values in its fields, or with wrong bytes."""
+    if rng.random() < 0.8:
+        return json_bytes(spoil_document(rng, document))
+    return spoil_bytes(rng, json_bytes(document))

@@ -23,7 +23,14 @@ from lsvision.io.images import read_image
 from lsvision.io.profiles import FORMATS, MM_PER_UNIT, inspect_profiles
 from lsvision.io.robot_conventions import CONVENTIONS
 from tests.fuzz import samples
-from tests.fuzz.mutation import VALUES, json_bytes, spoil_array, spoil_bytes, spoil_document
+from tests.fuzz.mutation import (
+    VALUES,
+    json_bytes,
+    spoil_array,
+    spoil_bytes,
+    spoil_document,
+    spoilt_json,
+)
 from tests.laws.test_any_profile import assert_sound
 
 
@@ -39,7 +46,7 @@ def one_line(error):
 
 
 def require_named(error, path):
-    """A refusal of a file names it, in one line of words."""
+    """The error about a file is one line that names the file."""
     assert str(path) in one_line(error)
 
 
@@ -110,10 +117,7 @@ def poses(rng, folder):
 def rigs(rng, folder):
     """Spoilt rig files, and what is measured with those that are accepted."""
     path = folder / "rig.json"
-    if rng.random() < 0.7:
-        path.write_bytes(json_bytes(spoil_document(rng, samples.rig_document())))
-    else:
-        path.write_bytes(spoil_bytes(rng, json_bytes(samples.rig_document())))
+    path.write_bytes(spoilt_json(rng, samples.rig_document()))
     try:
         rig = lsv.LightSection.load(path)
     except LsvisionError as error:
@@ -127,10 +131,7 @@ def rigs(rng, folder):
 def hand_eyes(rng, folder):
     """Spoilt hand-eye files, and a section placed with those that are accepted."""
     path = folder / "hand_eye.json"
-    if rng.random() < 0.8:
-        path.write_bytes(json_bytes(spoil_document(rng, samples.hand_eye_document())))
-    else:
-        path.write_bytes(spoil_bytes(rng, json_bytes(samples.hand_eye_document())))
+    path.write_bytes(spoilt_json(rng, samples.hand_eye_document()))
     try:
         hand_eye = lsv.load_hand_eye(path)
     except LsvisionError as error:
@@ -448,10 +449,10 @@ def _written(rng, folder):
 
 
 def require_documented(error):
-    """Raise the error again unless it is the package's own refusal, in words.
+    """Raise the error again unless the package itself raised it, with a message.
 
     numpy's LinAlgError and Python's UnicodeError are ValueErrors too, and a ValueError that comes
-    out of numpy is no refusal: only what a module of lsvision raises itself counts.
+    out of numpy does not count: only what a module of lsvision raises itself counts.
     """
     if isinstance(error, LsvisionError):
         one_line(error)

@@ -17,7 +17,7 @@ INPUTS = dict.fromkeys(SHARES, 40) | {
 
 
 @pytest.mark.parametrize("name", INPUTS)
-def test_spoilt_inputs_are_refused_or_read(name, tmp_path):
+def test_spoilt_inputs_are_rejected_or_read(name, tmp_path):
     warnings.simplefilter("error")
     for number in range(INPUTS[name]):
         assert run_input(name, number, tmp_path) is None, f"{name} {number}"

@@ -74,7 +74,7 @@ def test_equality_is_that_of_the_points(numbers):
 
 
 @pytest.mark.parametrize("name", PUBLIC_VALUES)
-def test_assignment_to_any_attribute_of_a_public_value_is_refused_plainly(name):
+def test_assignment_to_any_attribute_of_a_public_value_is_rejected_plainly(name):
     kind = getattr(lsvision, name)
     bare = object.__new__(kind)
     for attribute in ("radius", "anything", *(field.name for field in dataclasses.fields(kind))):

@@ -38,7 +38,7 @@ def test_covariances_are_recovered(rng):
 
 def test_alike_gives_equal_covariances(rng):
     points, _ = noisy_points(rng)
-    alike = NoisyPoints.alike(as_complex(points), 0.2, 0.5)
+    alike = NoisyPoints.uniform(as_complex(points), 0.2, 0.5)
     one_by_one = NoisyPoints.of(points, np.tile(np.diag([0.04, 0.25]), (7, 1, 1)))
     for name in ("z", "mean_variance", "deviator"):
         np.testing.assert_allclose(getattr(alike, name), getattr(one_by_one, name), atol=1e-15)
@@ -74,10 +74,12 @@ def test_incidence_cosines_of_errors_without_direction_use_the_fan(ratio):
     assert seen == [True, True, True, True, False, False]
 
 
-@pytest.mark.parametrize(("ray_deg", "told"), [(0, True), (36.5, True), (39, False), (90, False)])
-def test_the_ray_is_the_error_direction_within_38_deg_of_y(ray_deg, told):
+@pytest.mark.parametrize(
+    ("ray_deg", "detected"), [(0, True), (36.5, True), (39, False), (90, False)]
+)
+def test_the_ray_is_the_error_direction_within_38_deg_of_y(ray_deg, detected):
     ray = np.exp(1j * np.radians(90 - ray_deg))
     along = np.array([ray.real, ray.imag])
     noisy = NoisyPoints.of(np.zeros((1, 2)), np.outer(along, along)[None])
     facing = noisy.incidence_cosines(np.array([ray * np.exp(1j * np.radians(80))]))[0]
-    assert (facing == pytest.approx(np.cos(np.radians(80)))) == told
+    assert (facing == pytest.approx(np.cos(np.radians(80)))) == detected

@@ -144,6 +144,6 @@ def test_a_matrix_is_taken_for_a_pose():
     ],
     ids=["3x3", "word", "one matrix", "one pose", "scaled"],
 )
-def test_what_are_no_poses_is_refused_with_its_place(values, kind, message):
+def test_what_are_no_poses_is_rejected_with_its_place(values, kind, message):
     with pytest.raises(kind, match=message):
         as_poses(values)

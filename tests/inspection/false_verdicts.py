@@ -56,8 +56,8 @@ class Outcome:
     at_limit : int
         Answers, of the two sides, that are wrong where the limit lies at the truth itself.
     undecided, least : float
-        Share of limits within 3 sigma of the truth that are left open, and the least share that a
-        rule with this guarantee needs for the best possible estimate; NaN where that is not known.
+        Fraction of limits within 3 sigma of the truth that are left open, and the least fraction
+        that a rule with this guarantee needs for the best possible estimate; NaN where unknown.
     """
 
     false_ok: bool
@@ -126,18 +126,18 @@ def outcome(cylinder, key, truth, ideal_std, rng):
         false_ng=judged(estimate, good, LEVEL).decision == Decision.NG,
         at_limit=int(high < truth) + int(low > truth),
         undecided=max(covered, 0.0) / (2 * SIGMAS * std),
-        least=math.nan if ideal_std is None else LEAST_UNDECIDED,
+        least=math.nan if ideal_std is None else MIN_UNDECIDED,
     )
 
 
-def _least_undecided():
-    """Share of limits within 3 sigma that are open to the interval of a normal estimate."""
+def _min_undecided():
+    """Fraction of limits within 3 sigma that are open to the interval of a normal estimate."""
     half = 1.959964
     shifts = np.linspace(-SIGMAS, SIGMAS, 2001)
     return float(np.mean(ndtr(half - shifts) - ndtr(-half - shifts)))
 
 
-LEAST_UNDECIDED = _least_undecided()
+MIN_UNDECIDED = _min_undecided()
 
 
 def run(condition, parts, first_seed=FIRST_SEED):

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from lsvision.errors import TooFewPoints
-from lsvision.inspection.capability import capability, share_interval
+from lsvision.inspection.capability import binomial_interval, capability
 from lsvision.inspection.gauge_study import study_gauge
 from lsvision.inspection.repeat_study import study_repeats
 from lsvision.inspection.variance_intervals import mean_square_interval
@@ -65,14 +65,14 @@ def test_the_components_of_the_aiag_example():
         found = study.component(name)
         assert round(found.variance, 5) == variance, name
         assert round(found.std, 5) == std, name
-        assert round(100 * study.share_of_total(name), 2) == percent, name
+        assert round(100 * study.fraction_of_total(name), 2) == percent, name
     assert study.distinct_categories == 4
 
 
 def test_percent_of_tolerance_is_six_sigmas_over_it():
     study = study_gauge(TABLE, tolerance=8.0)
-    assert round(100 * study.share_of_tolerance("gauge"), 2) == round(100 * 6 * 0.302373 / 8, 2)
-    assert math.isnan(study_gauge(TABLE).share_of_tolerance("gauge"))
+    assert round(100 * study.fraction_of_tolerance("gauge"), 2) == round(100 * 6 * 0.302373 / 8, 2)
+    assert math.isnan(study_gauge(TABLE).fraction_of_tolerance("gauge"))
     text = str(study)
     assert "ISO 22514-7 is not claimed" in text
     assert "taken as repeatability" in text
@@ -132,11 +132,11 @@ def test_the_intervals_of_cp_and_cpk_hold_the_truth(rng):
     assert misses[1] <= stats.binom.ppf(0.9999, draws, 0.06)  # an approximation
 
 
-def test_one_limit_gives_cpk_alone_and_the_measurements_share_is_told():
+def test_one_limit_gives_cpk_alone_and_the_measurements_fraction_is_reported():
     found = capability(sample(30, 1.0, 0.1), (-math.inf, 1.3), stds=[0.05] * 30)
     assert math.isnan(found.cp)
     assert found.cpk == pytest.approx(1.0)
-    assert found.measurement_share == pytest.approx(0.25)
+    assert found.measurement_fraction == pytest.approx(0.25)
     with pytest.raises(ValueError, match="expected two values or more that differ, got 3"):
         capability([1.0, 1.0, 1.0], (0.0, 2.0))
 
@@ -144,7 +144,7 @@ def test_one_limit_gives_cpk_alone_and_the_measurements_share_is_told():
 def test_the_interval_of_a_share_is_that_of_clopper_and_pearson():
     for hits, count in ((0, 30), (3, 30), (30, 30)):
         expected = stats.binomtest(hits, count).proportion_ci(0.95, "exact")
-        assert share_interval(hits, count) == pytest.approx((expected.low, expected.high))
+        assert binomial_interval(hits, count) == pytest.approx((expected.low, expected.high))
 
 
 def test_mean_and_standard_deviation_of_the_nist_reference_data():

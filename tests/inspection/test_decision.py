@@ -27,7 +27,7 @@ def test_an_interval_decides(interval, limits, decision):
     assert decide(interval, limits) == decision
 
 
-def test_the_worst_of_several_is_told():
+def test_the_worst_of_several_is_reported():
     ok, ng, undecided = Decision.OK, Decision.NG, Decision.UNDECIDED
     assert worst([ok, undecided, ng]) == "NG"
     assert worst([ok, undecided]) == "undecided"

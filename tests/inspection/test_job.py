@@ -34,9 +34,9 @@ extra_std = { radius_mm = 0.01 }
 
 
 def mistakes_of(text):
-    with pytest.raises(InvalidJob) as refused:
+    with pytest.raises(InvalidJob) as failure:
         Job.from_text(text, "job.toml")
-    return [str(mistake) for mistake in refused.value.mistakes]
+    return [str(mistake) for mistake in failure.value.mistakes]
 
 
 def changed(old, new):
@@ -127,7 +127,7 @@ def test_all_mistakes_are_named_at_once_in_the_order_of_the_lines():
     assert [mistake.split(":")[0] for mistake in mistakes_of(text)] == ["line 13", "line 25"]
 
 
-def test_a_job_without_parts_is_refused():
+def test_a_job_without_parts_is_rejected():
     assert mistakes_of('name = "nothing"\npart = []') == [
         "line 2: expected at least one [[part]], got none: add it"
     ]
@@ -146,11 +146,11 @@ def test_two_parts_of_one_order_claim_one_pipe():
     ]
 
 
-def test_two_parts_of_one_name_are_refused():
+def test_two_parts_of_one_name_are_rejected():
     assert mistakes_of(job_of_two("bb", (1, 2))) == ["line 7: two parts are named 'b': rename one"]
 
 
-def test_a_part_that_nothing_tells_from_others_is_refused():
+def test_a_part_that_nothing_distinguishes_from_others_is_rejected():
     text = 'name = "a"\n[[part]]\nname = "b"\nphi_deg = { max = 2 }\n'
     assert mistakes_of(text) == [
         "line 2: part 1: expected the cylinder that it is, got nothing: add x_mm = [least, "

@@ -1,4 +1,4 @@
-"""Verdicts by truth: missing, additional, exchanged, refused; extra uncertainty; half turns."""
+"""Verdicts by truth: missing, additional, exchanged, rejected; extra uncertainty; half turns."""
 
 import json
 import math
@@ -78,7 +78,7 @@ def test_an_extra_uncertainty_can_open_a_verdict(pair):
     assert diameter.estimate.std == pytest.approx(2 * radius.estimate.std)
 
 
-def test_parts_are_told_apart_by_radius(pair):
+def test_parts_are_distinguished_by_radius(pair):
     verdict = lsv.judge(pair, job(("thin", limits(14)), ("thick", limits(20))))
     assert [item.cylinder for item in verdict.parts] == [1, 0]
     assert verdict.decision == "OK"
@@ -98,7 +98,7 @@ def test_additional_cylinders_are_ng_where_the_job_says_so(pair):
     assert lsv.judge(pair, job(only, more='[decision]\nadditional = "ng"')).decision == "NG"
 
 
-def test_exchanged_parts_are_told(pair):
+def test_exchanged_parts_are_reported(pair):
     verdict = lsv.judge(
         pair,
         job(("left", f"x_mm = [-80, 0]\n{limits(14)}"), ("right", f"x_mm = [0, 80]\n{limits(20)}")),
@@ -107,20 +107,20 @@ def test_exchanged_parts_are_told(pair):
     assert verdict.notes == ("exchanged: 'left' and 'right' have each other's size",)
 
 
-def test_a_missing_part_carries_the_reason_of_what_was_refused_there(pair):
-    refused = Rejection(Arc(3, 9), "residual rms 4.1 times the noise, limit 2.0")
+def test_a_missing_part_carries_the_reason_of_what_was_rejected_there(pair):
+    failure = Rejection(Arc(3, 9), "residual rms 4.1 times the noise, limit 2.0")
     profile = lsv.Profile(np.column_stack([np.linspace(100, 120, 12), np.full(12, -400.0)]))
-    measurement = replace(pair, rejections=(refused,), profile=profile)
+    measurement = replace(pair, rejections=(failure,), profile=profile)
     there = lsv.judge(measurement, job(("third", f"x_mm = [90, 130]\n{limits(20)}")))
     assert there.decision == "NG"
-    assert there.parts[0].reason == f"missing; rejected there: {refused.reason}"
+    assert there.parts[0].reason == f"missing; rejected there: {failure.reason}"
     elsewhere = lsv.judge(measurement, job(("third", f"x_mm = [200, 230]\n{limits(20)}")))
     assert elsewhere.parts[0].reason == "missing: no arc was found there"
 
 
 def test_a_cylinder_whose_radius_is_not_determinable_is_undecided_not_missing():
-    refused = Rejection(Arc(3, 9), "radius not determinable: 12 to 698 mm (95 %); longer arc")
-    verdict = lsv.judge(Measurement((), (refused,)), job(("tube", f"order = 1\n{limits(20)}")))
+    failure = Rejection(Arc(3, 9), "radius not determinable: 12 to 698 mm (95 %); longer arc")
+    verdict = lsv.judge(Measurement((), (failure,)), job(("tube", f"order = 1\n{limits(20)}")))
     assert verdict.decision == "undecided"
     assert verdict.parts[0].reason.startswith("rejected: radius not determinable: 12 to 698 mm")
 
@@ -186,7 +186,7 @@ def test_theta_that_is_not_determined_is_undecided():
     assert verdict.parts[0].quantities[0].reason == "not determinable from this measurement"
 
 
-def test_what_a_profile_does_not_have_is_refused(pair):
+def test_what_a_profile_does_not_have_is_rejected(pair):
     with pytest.raises(ValueError, match="for a profile, got bow_mm of part 'left': a scan has it"):
         lsv.judge(pair, job(("left", "order = 1\nbow_mm = { max = 1 }")))
 
@@ -252,7 +252,7 @@ def test_a_scan_is_judged_with_form_and_place(scan):
         ("known_radius_mm = 19", "known_radius_mm of part 'thick' is for profiles"),
     ],
 )
-def test_what_a_scan_does_not_have_is_refused(scan, lines, message):
+def test_what_a_scan_does_not_have_is_rejected(scan, lines, message):
     with pytest.raises(ValueError, match=message):
         lsv.judge(scan, job(("thick", f"order = 1\n{lines}")))
 

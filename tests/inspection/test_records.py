@@ -15,7 +15,7 @@ from lsvision.inspection.calibration_files import calibration_age_days, calibrat
 from lsvision.inspection.golden import check_golden, golden_block
 from lsvision.inspection.history import history_path, record_revision, unrecorded_note
 from lsvision.inspection.job_template import job_text
-from lsvision.inspection.remedies import what_would_decide
+from lsvision.inspection.remedies import plan_remedies
 from lsvision.measure import measure_cylinders
 from lsvision.scan import measure_scan
 from lsvision.simulate import (
@@ -154,7 +154,7 @@ def test_what_would_decide_is_what_a_scan_then_reaches(scan):
     planned = lsv.Job.from_text(text)
     verdict = lsv.judge(middle, planned)
     assert verdict.decision == "undecided"
-    (remedy,) = what_would_decide(verdict, middle, planned)
+    (remedy,) = plan_remedies(verdict, middle, planned)
     assert remedy.sections in (2, 3)
     assert remedy.text.startswith(("two sections 10 mm apart would: radius ± 0.0", "three"))
     chosen = slice(0, remedy.sections)
@@ -169,11 +169,11 @@ def test_what_would_decide_is_what_a_scan_then_reaches(scan):
         ("[decision]\nextra_std = { radius_mm = 5.0 }", "no scan would: the limit is nearer than"),
     ],
 )
-def test_what_no_scan_decides_is_told(scan, more, words):
+def test_what_no_scan_decides_is_reported(scan, more, words):
     middle = measure_cylinders(scan[0][1])
     limit = middle.cylinders[0].radius
     text = f'name = "a"\n[[part]]\nname = "b"\norder = 1\nradius_mm = {{ max = {limit} }}\n{more}'
     planned = lsv.Job.from_text(text)
-    (remedy,) = what_would_decide(lsv.judge(middle, planned), middle, planned)
+    (remedy,) = plan_remedies(lsv.judge(middle, planned), middle, planned)
     assert remedy.text.startswith(words)
     assert remedy.sections is None

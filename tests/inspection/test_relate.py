@@ -217,7 +217,7 @@ def test_records_and_tables_name_their_units():
     assert repr(relation).startswith("<Relation: distance ")
 
 
-def test_what_cannot_be_compared_is_refused():
+def test_what_cannot_be_compared_is_rejected():
     section = random_section("welded_pair", 5, noise_mm=0.02)
     left, right = measured_pair(section)
     tube, other = scanned(PARALLEL, 0)

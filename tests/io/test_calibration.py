@@ -102,7 +102,7 @@ def test_ros_camera_info_is_read(text, tmp_path):
     assert_same_camera(read_camera(tmp_path / "camera.yaml"), CAMERA)
 
 
-def test_opencv_file_without_size_is_read_when_told_the_size(tmp_path):
+def test_opencv_file_without_size_is_read_when_given_the_size(tmp_path):
     path = tmp_path / "intrinsics.yml"
     path.write_text(OPENCV_NAMELESS)
     assert_same_camera(read_camera(path, size=(640, 480)), CAMERA)
@@ -198,14 +198,14 @@ def test_provenance_tells_the_inputs_apart(tmp_path):
         ("\x89PNG", "holds no camera"),
     ],
 )
-def test_files_without_a_camera_are_refused_by_name(text, match, tmp_path):
+def test_files_without_a_camera_are_rejected_by_name(text, match, tmp_path):
     path = tmp_path / "input.yaml"
     path.write_text(text)
     with pytest.raises(UnreadableFile, match=rf"input.yaml.*{match}"):
         read_camera(path)
 
 
-def test_size_that_contradicts_the_file_is_refused(tmp_path):
+def test_size_that_contradicts_the_file_is_rejected(tmp_path):
     (tmp_path / "a.yaml").write_text(ROS_FILE)
     with pytest.raises(UnreadableFile, match=r"images of \(640, 480\) px, not \(5, 5\)"):
         read_camera(tmp_path / "a.yaml", size=(5, 5))
@@ -218,7 +218,7 @@ def test_missing_files_and_folders_are_named(camera_calibration, tmp_path):
         write_calibration(tmp_path / "gone" / "a.json", camera_calibration, {})
 
 
-def test_the_covariance_of_a_camera_is_read_again_and_refused_where_it_is_none(tmp_path):
+def test_the_covariance_of_a_camera_is_read_again_and_rejected_where_it_is_none(tmp_path):
     boards = simulate_boards(BoardScene(), 6, rng=np.random.default_rng(4))
     found = fit_camera([TargetView(b.points, b.pixels, BoardScene().size) for b in boards])
     path = tmp_path / "camera.json"

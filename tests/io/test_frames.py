@@ -43,7 +43,7 @@ def test_frames_are_read_one_by_one(tmp_path):
     assert next(read_frames(written(tmp_path / "v.avi", (10, 120)))).mean() < 20
 
 
-def test_missing_and_broken_videos_are_refused_by_name(tmp_path):
+def test_missing_and_broken_videos_are_rejected_by_name(tmp_path):
     with pytest.raises(UnreadableFile, match=r"gone\.avi: no such file: check the name"):
         next(read_frames(tmp_path / "gone.avi"))
     (tmp_path / "text.mp4").write_bytes(b"no video at all" * 50)
@@ -56,7 +56,7 @@ def test_a_camera_gives_as_many_frames_as_asked(monkeypatch):
     assert [frame[0, 0] for frame in capture_frames(2, 2)] == [2, 1]
 
 
-def test_a_camera_that_stops_or_is_not_there_is_told(monkeypatch):
+def test_a_camera_that_stops_or_is_not_there_is_reported(monkeypatch):
     monkeypatch.setattr(frames.cv2, "VideoCapture", Capture)
     with pytest.raises(LsvisionError, match="camera 2 sent 3 of 5 frames: check its cable"):
         list(capture_frames(2, 5))

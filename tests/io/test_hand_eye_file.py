@@ -94,7 +94,7 @@ UNREADABLE = {
 
 
 @pytest.mark.parametrize("case", UNREADABLE)
-def test_other_files_are_refused_by_name(tmp_path, case):
+def test_other_files_are_rejected_by_name(tmp_path, case):
     text, message = UNREADABLE[case]
     path = tmp_path / "x.json"
     path.write_text(text)
@@ -102,7 +102,7 @@ def test_other_files_are_refused_by_name(tmp_path, case):
         load_hand_eye(path)
 
 
-def test_an_unknown_target_is_refused(tmp_path):
+def test_an_unknown_target_is_rejected(tmp_path):
     save_hand_eye(hand_eye(), tmp_path / "h.json")
     text = (tmp_path / "h.json").read_text().replace('"sphere"', '"cone"')
     (tmp_path / "h.json").write_text(text)
@@ -149,12 +149,12 @@ DAMAGED = {
 
 
 @pytest.mark.parametrize("case", DAMAGED)
-def test_numbers_that_are_none_are_refused(tmp_path, case):
+def test_numbers_that_are_none_are_rejected(tmp_path, case):
     path, value, message = DAMAGED[case]
     save_hand_eye(hand_eye(), tmp_path / "h.json")
     document = json.loads((tmp_path / "h.json").read_text())
     changed(document, path, value)
     (tmp_path / "h.json").write_text(json.dumps(document))
-    with pytest.raises(UnreadableFile, match=message) as refusal:
+    with pytest.raises(UnreadableFile, match=message) as reason:
         load_hand_eye(tmp_path / "h.json")
-    assert "h.json" in str(refusal.value)
+    assert "h.json" in str(reason.value)

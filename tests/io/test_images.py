@@ -49,7 +49,7 @@ def test_the_header_states_the_size(tmp_path, suffix):
     ],
     ids=["png", "bmp", "pgm", "tiff", "jpeg"],
 )
-def test_an_image_of_many_pixels_is_refused_before_it_is_unpacked(tmp_path, content):
+def test_an_image_of_many_pixels_is_rejected_before_it_is_unpacked(tmp_path, content):
     (tmp_path / "large").write_bytes(content)
     start = time.monotonic()
     with pytest.raises(UnreadableFile, match="large: expected an image of at most 100 megapixels"):
@@ -60,7 +60,7 @@ def test_an_image_of_many_pixels_is_refused_before_it_is_unpacked(tmp_path, cont
 @pytest.mark.parametrize(
     "content", [b"", b"no image", png_header(9, 9), b"v/1\x01", b"P5 0 0 255\n"]
 )
-def test_what_is_no_image_is_refused(tmp_path, content):
+def test_what_is_no_image_is_rejected(tmp_path, content):
     (tmp_path / "a").write_bytes(content)
     with pytest.raises(UnreadableFile, match="a is not an image of 8 or 16 bit"):
         read_image(tmp_path / "a")
@@ -76,7 +76,7 @@ def test_what_is_no_image_is_refused(tmp_path, content):
     ],
     ids=["long chunk", "animated", "no end", "cut"],
 )
-def test_a_png_of_broken_chunks_is_refused_and_never_hangs(tmp_path, tail):
+def test_a_png_of_broken_chunks_is_rejected_and_never_hangs(tmp_path, tail):
     (tmp_path / "a.png").write_bytes(png_header(9, 9) + tail)
     with pytest.raises(UnreadableFile, match="is not an image of 8 or 16 bit"):
         read_image(tmp_path / "a.png")

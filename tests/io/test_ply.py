@@ -56,7 +56,7 @@ def test_a_surface_without_triangles_is_a_whole_file(tmp_path: Path) -> None:
         (POINTS, COLOURS, np.array([[0, 1, 3]]), "rows below 3, got 3"),
     ],
 )
-def test_what_is_no_cloud_is_refused(
+def test_what_is_no_cloud_is_rejected(
     tmp_path: Path,
     points: np.ndarray,
     colours: np.ndarray,
@@ -68,6 +68,6 @@ def test_what_is_no_cloud_is_refused(
     assert not list(tmp_path.iterdir())
 
 
-def test_a_missing_folder_is_told(tmp_path: Path) -> None:
+def test_a_missing_folder_is_reported(tmp_path: Path) -> None:
     with pytest.raises(UnwritableFile, match="its folder does not exist"):
         write_ply(tmp_path / "no" / "a.ply", POINTS, COLOURS)

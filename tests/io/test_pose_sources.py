@@ -88,7 +88,7 @@ def test_positions_of_a_fanuc_listing(write, expected):
         ("xp={X 1,Y 2,Z 3,A 4,B 5}", "kuka", "position 1: no c in it"),
     ],
 )
-def test_what_is_no_position_is_refused(write, text, convention, message):
+def test_what_is_no_position_is_rejected(write, text, convention, message):
     with pytest.raises(UnreadableFile, match=message):
         read_robot_poses(write(text, "p.ls"), convention)
 
@@ -100,7 +100,7 @@ def test_one_file_a_pose_in_natural_order(write, tmp_path, expected, pattern):
     assert_same(read_robot_poses(tmp_path / pattern, "kuka"), expected())
 
 
-def test_a_file_of_two_poses_among_others_and_a_pattern_of_none_are_refused(write, tmp_path):
+def test_a_file_of_two_poses_among_others_and_a_pattern_of_none_are_rejected(write, tmp_path):
     write("1 2 3 4 5 6\n", "poses/a.txt")
     write("1 2 3 4 5 6\n600 2 3 4 5 6\n", "poses/b.txt")
     with pytest.raises(UnreadableFile, match=r"b.txt: expected one pose in each of 2 files, got 2"):
@@ -148,7 +148,7 @@ def test_units_in_the_header_count(write, expected):
         ("x,y,z,a [grad],b [rad],c", "angles in grad, rad"),
     ],
 )
-def test_a_header_that_says_something_else_is_refused(write, head, message):
+def test_a_header_that_says_something_else_is_rejected(write, head, message):
     count = head.count(",") + 1
     lines = [",".join(map(str, [*row, 0.5][:count])) for row in ROWS]
     with pytest.raises(UnreadableFile, match=message):

@@ -20,14 +20,24 @@ from lsvision.io.results import (
     RECORD_SCHEMA,
     input_record,
     measurement_record,
-    write_csv,
-    write_json,
 )
 from lsvision.measure import Measurement
 from lsvision.profile import Arc
 from lsvision.results.quantities import Estimate, Quantity
 
 NOISE_MM = 0.02
+
+
+def write_csv(path, records, frame=None):
+    files = ResultFiles(None, path, frame)
+    files.add(records)
+    files.finish()
+
+
+def write_json(path, records):
+    files = ResultFiles(path, None)
+    files.add(records)
+    files.finish()
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +94,7 @@ def test_a_robots_frame_is_named_and_its_columns_name_their_units(tmp_path, cyli
     record = measurement_record(Measurement((cylinder,), ()), placed=placed)
     (first, _) = placed[0]
     assert record["cylinders"][0]["base_frame"]["point_std_mm"] == first.point_std.tolist()
-    write_csv(tmp_path / "all.csv", [record])
+    write_csv(tmp_path / "all.csv", [record], "base")
     (row,) = csv.DictReader((tmp_path / "all.csv").read_text().splitlines())
     ours = {name for name in row if name.startswith("base_")}
     assert len(ours) == 6 + 2 * 4

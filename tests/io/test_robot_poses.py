@@ -11,6 +11,7 @@ from lsvision.errors import UnreadableFile
 from lsvision.geometry import Pose
 from lsvision.io.robot_conventions import CONVENTIONS, pose_from_numbers
 from lsvision.io.robot_poses import encoder_poses, read_robot_poses
+from tests.alike import rotation_series
 
 REAL = Path(__file__).parents[2] / "../shared/real"
 MACHINE = 1e-12  # products of three rotations in float64
@@ -41,16 +42,6 @@ def from_quaternion(w, x, y, z):
     )
 
 
-def exponential(vector, terms=40):
-    x, y, z = vector
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    total, term = np.eye(3), np.eye(3)
-    for power in range(1, terms):
-        term = term @ cross / power
-        total = total + term
-    return total
-
-
 EULER_TABLE = {
     "kuka": lambda a, b, c: about_z(a) @ about_y(b) @ about_x(c),
     "fanuc": lambda w, p, r: about_z(r) @ about_y(p) @ about_x(w),
@@ -74,7 +65,7 @@ def test_euler_angles_are_the_product_the_maker_states(convention):
 def test_ur_is_a_rotation_vector_in_metres_and_radians():
     vector = (0.3, -1.1, 2.0)
     pose = pose_from_numbers([0.1, 0.2, 0.3, *vector], "ur")
-    np.testing.assert_allclose(pose.rotation, exponential(vector), rtol=0, atol=MACHINE)
+    np.testing.assert_allclose(pose.rotation, rotation_series(vector), rtol=0, atol=MACHINE)
     np.testing.assert_allclose(pose.translation, [100, 200, 300], rtol=0, atol=MACHINE)
 
 
@@ -113,7 +104,7 @@ NUMBERS_REFUSED = [
 
 
 @pytest.mark.parametrize(("numbers", "convention", "message"), NUMBERS_REFUSED)
-def test_numbers_that_are_no_pose_are_refused(numbers, convention, message):
+def test_numbers_that_are_no_pose_are_rejected(numbers, convention, message):
     with pytest.raises(ValueError, match=message):
         pose_from_numbers(numbers, convention)
 
@@ -150,7 +141,7 @@ def test_leading_columns_can_be_left_out(tmp_path):
 
 MM_AS_UR = "300 100 500 0.1 0.2 0.3\n310 100 500 0.1 0.3 0.3"
 M_AS_KUKA = "0.3 0.1 0.5 10 20 30\n0.4 0.1 0.5 10 20 30"
-REFUSED = {
+REJECTED = {
     "empty": ("e.csv", "", "kuka", "no row with numbers"),
     "count": ("c.csv", "1,2,3,4,5,6,7", "kuka", "line 1: expected 6 numbers .* got 7"),
     "short": (
@@ -186,9 +177,9 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("case", REFUSED)
-def test_files_that_cannot_be_meant_are_refused_by_name(tmp_path, case):
-    name, text, convention, message = REFUSED[case]
+@pytest.mark.parametrize("case", REJECTED)
+def test_files_that_cannot_be_meant_are_rejected_by_name(tmp_path, case):
+    name, text, convention, message = REJECTED[case]
     (tmp_path / name).write_text(text)
     with pytest.raises(UnreadableFile, match=message) as caught:
         read_robot_poses(tmp_path / name, convention)
@@ -215,7 +206,7 @@ def test_an_encoder_axis_moves_the_section_in_equal_steps():
 
 
 @pytest.mark.parametrize(("count", "step"), [(0, 1.0), (3, 0.0), (3, math.nan)])
-def test_an_encoder_that_does_not_move_is_refused(count, step):
+def test_an_encoder_that_does_not_move_is_rejected(count, step):
     with pytest.raises(ValueError, match="expected"):
         encoder_poses(count, (0, 0, 1), step)
 
@@ -237,6 +228,6 @@ def test_names_of_pose_files_may_hold_digits_of_any_script(tmp_path):
     assert [pose.translation[0] for pose in poses] == [100.0, 200.0]
 
 
-def test_a_name_that_no_file_can_have_is_refused(tmp_path):
+def test_a_name_that_no_file_can_have_is_rejected(tmp_path):
     with pytest.raises(UnreadableFile, match="its name is too long"):
         read_robot_poses(tmp_path / ("a" * 5000), "kuka")

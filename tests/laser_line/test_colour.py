@@ -55,7 +55,7 @@ def errors(line, picture):
     return (gap(line.pixels) / by_v)[middle], line.std[middle]
 
 
-def assert_honest(image, settings, picture, rms, least=0.2):
+def assert_valid_stds(image, settings, picture, rms, least=0.2):
     """Errors below `rms` px, their mean square from `least` to 2 predicted variances."""
     found, std = errors(extract_laser_line(image, settings), picture)
     assert np.sqrt(np.mean(found**2)) < rms
@@ -67,7 +67,7 @@ def assert_honest(image, settings, picture, rms, least=0.2):
 
 def test_colours_of_full_resolution_are_used_as_they_are():
     image = coloured(PICTURE)
-    assert_honest(image, RED, PICTURE, 0.06)
+    assert_valid_stds(image, RED, PICTURE, 0.06)
     luminance = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     excess, grey = (extract_laser_line(*given) for given in ((image, RED), (luminance,)))
     assert np.nanmedian(excess.intensity) > 2 * np.nanmedian(grey.intensity)
@@ -84,12 +84,12 @@ HALVED = {
 @pytest.mark.parametrize("picture", [PICTURE, THIN], ids=["wide", "thin"])
 def test_the_halved_colours_of_a_jpeg_give_way_to_its_luminance(picture, quality, sampling):
     image = compressed(coloured(picture), quality, sampling)
-    assert_honest(image, RED, picture, 0.09, least=0.03)
+    assert_valid_stds(image, RED, picture, 0.09, least=0.03)
 
 
 def test_an_interpolated_mosaic_says_how_far_it_is_off():
     for picture in (PICTURE, THIN):
-        assert_honest(interpolated(coloured(picture)), RED, picture, 0.15, least=0.03)
+        assert_valid_stds(interpolated(coloured(picture)), RED, picture, 0.15, least=0.03)
 
 
 @pytest.mark.parametrize("laser", COLOURS)
@@ -97,7 +97,7 @@ def test_an_interpolated_mosaic_says_how_far_it_is_off():
 def test_a_raw_mosaic_is_measured_by_the_lasers_own_pixels(pattern, laser):
     raw = mosaic(coloured(PICTURE, laser), pattern)
     settings = LineSettings(channel=laser, bayer=pattern)
-    assert_honest(raw, settings, PICTURE, 0.07)
+    assert_valid_stds(raw, settings, PICTURE, 0.07)
     line = extract_laser_line(raw, settings)
     assert len(line) == 800 if laser == "green" else 400
     first = [place % 2 for place, letter in enumerate(pattern) if letter == laser[0].upper()]

@@ -12,7 +12,7 @@ from tests.tolerances import ROUNDING
 FALSE = 3.0  # px: another thing than the line
 GOALS = {200: 0.016, 100: 0.022, 50: 0.034, 25: 0.055, 12: 0.10}  # DN: px
 BIAS = 0.003 * 3  # px: the goal, tested on a third of the goal's points
-HONEST = (0.7, 1.4)  # NEES / dof
+VALID = (0.7, 1.4)  # NEES / dof
 GREY = LineSettings(direction="columns")
 
 
@@ -37,7 +37,7 @@ def test_the_error_meets_the_goal_and_the_std_predicts_it(peak, method):
     assert line.lost == 0
     assert rms(errors) <= GOALS[peak]
     assert abs(errors.mean()) <= BIAS
-    assert HONEST[0] <= nees(errors, line) <= HONEST[1]
+    assert VALID[0] <= nees(errors, line) <= VALID[1]
 
 
 @pytest.mark.parametrize(
@@ -55,7 +55,7 @@ def test_the_std_includes_speckle():
     line = extract_laser_line(image.image)
     errors = errors_of(line, image)
     assert rms(errors) <= 0.30
-    assert HONEST[0] <= nees(errors, line) <= HONEST[1]
+    assert VALID[0] <= nees(errors, line) <= VALID[1]
 
 
 def test_noise_given_by_the_settings_is_used():

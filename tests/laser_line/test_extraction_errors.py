@@ -117,6 +117,6 @@ def test_a_line_of_another_colour_is_not_found():
         extract_laser_line(colours, LineSettings(channel="red"))
 
 
-def test_an_image_too_thin_for_the_filter_is_told():
+def test_an_image_too_thin_for_the_filter_is_reported():
     with pytest.raises(NoLaserLine, match="17 px across the laser line and needs 24 px"):
         extract_laser_line(np.full((17, 800), 10, np.uint8))

@@ -33,7 +33,7 @@ from lsvision.geometry import orthogonal_residuals, radial_residuals
 from lsvision.geometry.ellipse import foot_points
 from lsvision.profile import Arc
 from lsvision.statistics.correlation import autocorrelation_time, estimate_correlation
-from lsvision.studies.chen_liu_2016.paper_chain import (
+from lsvision.studies.chen_liu_2016.paper_pipeline import (
     homogenise_profile_paper,
     smooth_profile_paper,
 )

@@ -117,14 +117,14 @@ def test_prediction_is_what_a_brute_force_fit_achieves_over_random_geometries():
 def test_feed_direction_error_changes_the_direction_as_predicted():
     unknowns, pipe, _ = pipe_and_points(19.0, 20, 20)
     feed = Feed(sections=11, spacing=4.0)
-    rays, believed = scan_rays(pipe, feed)
+    rays, reported = scan_rays(pipe, feed)
     small = 0.002  # rad, little enough for the linear response
     found = []
     for axis in range(2):
-        true = believed.copy()
-        true[:, axis] += small * believed[:, 2]
+        true = reported.copy()
+        true[:, axis] += small * reported[:, 2]
         ranges = ray_ranges(unknowns, rays, true)
-        found.append(fit_ranges(unknowns, rays, believed, ranges, ray_stds(ranges)) - unknowns)
+        found.append(fit_ranges(unknowns, rays, reported, ranges, ray_stds(ranges)) - unknowns)
     shifted = np.hypot(*found)[2:]
     plain, off = (
         sigmas(plan_scan(*unknowns[2:], view=VIEW, feed=replace(feed, feed_std=std)))

@@ -25,7 +25,8 @@ from lsvision.calibration.target import TargetView
 from lsvision.calibration.views import RejectedView
 from lsvision.inspection.gauge_study import study_gauge
 from lsvision.inspection.repeat_study import study_repeats
-from lsvision.io.results import measurement_record, write_csv
+from lsvision.io.result_files import ResultFiles
+from lsvision.io.results import measurement_record
 from lsvision.results.result import Result
 from lsvision.scan import ScanRejection
 
@@ -68,8 +69,8 @@ def camera_calibration():
     seen = TargetView(np.ones((4, 3)), np.ones((4, 2)), (64, 48))
     view = CalibratedView(0, seen, lsv.Pose(), np.ones((4, 2)))
     std = {"fx": 0.5, "fy": 0.5, "cx": 0.3, "cy": 0.3, "k1": 0.01}
-    doubt = (RejectedView(3, "no board"),)
-    return CameraCalibration(CAMERA, std, (view,), doubt, (), ("few views",))
+    rejected = (RejectedView(3, "no board"),)
+    return CameraCalibration(CAMERA, std, (view,), rejected, (), ("few views",))
 
 
 def laser_plane():
@@ -133,7 +134,11 @@ def test_every_kind_of_result_is_here():
     def kinds(base):
         return {kind for sub in base.__subclasses__() for kind in {sub} | kinds(sub)}
 
-    concrete = {kind for kind in kinds(Result) if not inspect.isabstract(kind)}
+    concrete = {
+        kind
+        for kind in kinds(Result)
+        if not inspect.isabstract(kind) and not kind.__name__.startswith("_")
+    }
     assert {type(result) for result in RESULTS.values()} == concrete
 
 
@@ -202,7 +207,9 @@ def test_a_measurement_without_cylinders_says_why():
 
 
 def test_the_frame_has_the_columns_and_numbers_of_the_csv(tmp_path):
-    write_csv(tmp_path / "all.csv", [measurement_record(MEASURED)])
+    files = ResultFiles(None, tmp_path / "all.csv")
+    files.add([measurement_record(MEASURED)])
+    files.finish()
     rows = list(csv.reader((tmp_path / "all.csv").read_text().splitlines()))
     frame = MEASURED.to_dataframe()
     assert list(frame.columns) == rows[0][3:-1]  # the reason stands last
@@ -240,8 +247,8 @@ def test_the_picture_shows_the_profile_and_each_cylinder_upright():
 
 
 def test_words_in_html_are_escaped():
-    told = lsv.Rejection(lsv.Arc(0, 3), "<b> & more")._repr_html_()
-    assert "&lt;b&gt; &amp; more" in told
+    report = lsv.Rejection(lsv.Arc(0, 3), "<b> & more")._repr_html_()
+    assert "&lt;b&gt; &amp; more" in report
 
 
 def test_results_of_other_numbers_differ():
@@ -309,12 +316,12 @@ def test_the_intervals_of_many_scans_have_their_coverage():
         ("radius", 95, "between 0 and 1, got 95"),
     ],
 )
-def test_an_interval_of_nothing_is_refused(quantity, level, message):
+def test_an_interval_of_nothing_is_rejected(quantity, level, message):
     with pytest.raises(ValueError, match=message):
         SCANNED.cylinders[0].interval(quantity, level)
 
 
-def test_without_pandas_the_mend_is_told(monkeypatch):
+def test_without_pandas_the_remedy_is_reported(monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(ImportError, match=r"pip install 'lsvision\[dataframe\]'"):
         MEASURED.to_dataframe()

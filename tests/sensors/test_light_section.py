@@ -281,7 +281,7 @@ def test_an_invalid_blur_is_rejected(blur):
         (np.zeros((1024, 1280), np.int32), TypeError, "uint8, uint16 or float, got int32"),
     ],
 )
-def test_what_is_no_image_is_told_before_its_size(image, kind, message):
+def test_what_is_no_image_is_reported_before_its_size(image, kind, message):
     with pytest.raises(kind, match=message):
         LightSection(CAMERA, PLANES["level line"]).profile(image)
 
@@ -308,7 +308,7 @@ DAMAGED = {
 
 
 @pytest.mark.parametrize("case", DAMAGED)
-def test_a_rig_whose_numbers_are_none_is_refused(tmp_path, case):
+def test_a_rig_whose_numbers_are_none_is_rejected(tmp_path, case):
     (*parents, last), value, message = DAMAGED[case]
     LightSection(CAMERA, PLANES["slanted"]).save(tmp_path / "rig.json")
     document = node = json.loads((tmp_path / "rig.json").read_text())

@@ -150,7 +150,7 @@ def test_speckle_has_its_contrast_and_width(looks, rng):
     assert shifted == pytest.approx(math.exp(-(3.0**2) / (2 * wide)), abs=0.03)
 
 
-REFUSED = {
+REJECTED = {
     "no light": (lambda: ImageSettings(peak=0.0), "positive peak"),
     "blur": (lambda: ImageSettings(psf_sigma=-1.0), "psf_sigma >= 0"),
     "bits": (lambda: ImageSensor(bits=7), "8 to 16 bits, got 7"),
@@ -170,7 +170,7 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize(("make", "message"), REFUSED.values(), ids=REFUSED.keys())
+@pytest.mark.parametrize(("make", "message"), REJECTED.values(), ids=REJECTED.keys())
 def test_invalid_settings_raise_errors(make, message):
     with pytest.raises(ValueError, match=message):
         make()

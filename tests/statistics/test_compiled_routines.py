@@ -34,7 +34,7 @@ def test_same_minimum_as_leastsq_to_the_last_bit():
     assert found.converged
 
 
-def test_too_few_evaluations_are_told():
+def test_too_few_evaluations_are_reported():
     start = np.array([1.0, 1.0])
     found = levenberg_marquardt(
         _residuals, _jacobian, start, xtol=1e-10, ftol=1e-10, max_evaluations=3
@@ -42,7 +42,7 @@ def test_too_few_evaluations_are_told():
     assert not found.converged
 
 
-def test_fewer_residuals_than_parameters_are_refused():
+def test_fewer_residuals_than_parameters_are_rejected():
     with pytest.raises(ValueError, match="expected at least 2 residuals, got fewer"):
         levenberg_marquardt(
             lambda x: _residuals(x)[:1], lambda x: _jacobian(x)[:1], np.ones(2),

@@ -151,7 +151,7 @@ def test_34_points_have_a_reference_band(count, has_bands):
     assert (found.degrees_of_freedom < math.inf) is has_bands
 
 
-def test_below_34_points_neighbours_tell_alone():
+def test_below_34_points_neighbours_decide_alone():
     blocks = np.repeat([1.0, -1.0, 1.0, -1.0], 8)
     found = estimate_correlation(blocks)
     assert found.neighbours_correlated

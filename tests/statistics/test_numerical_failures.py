@@ -1,4 +1,4 @@
-"""What overflows or is singular is refused in words."""
+"""Overflows and singular matrices give clear error messages."""
 
 import numpy as np
 import pytest

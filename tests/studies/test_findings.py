@@ -23,7 +23,7 @@ from lsvision.measure import measure_cylinders
 from lsvision.planning import section_bound
 from lsvision.sensors.profile_sensor import ProfileSensor
 from lsvision.simulate import Scene, SectionSettings, Tube, random_section, simulate_section
-from lsvision.studies.chen_liu_2016.paper_chain import (
+from lsvision.studies.chen_liu_2016.paper_pipeline import (
     homogenise_profile_paper,
     measure_cylinders_paper,
     smooth_profile_paper,

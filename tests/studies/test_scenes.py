@@ -4,7 +4,7 @@ import pytest
 
 from lsvision.measure import Measurement, measure_cylinders
 from lsvision.simulate import random_section
-from lsvision.studies.chen_liu_2016.paper_chain import measure_cylinders_paper
+from lsvision.studies.chen_liu_2016.paper_pipeline import measure_cylinders_paper
 from lsvision.studies.chen_liu_2016.scenes import TUBES, count_matches
 
 

@@ -16,7 +16,7 @@ from lsvision.io.profiles.stated_units import resolve_units
 from lsvision.io.profiles.text_table import TextTable
 from lsvision.io.profiles.units import split_label
 
-_FEWEST_PER_PROFILE = 5  # points: fewer make no ellipse, so a key that splits finer is no key
+_MIN_POINTS_PER_PROFILE = 5  # points: fewer make no ellipse, so a key that splits finer is no key
 _CONSTANT = 1e-6  # spread of a column that does not vary, relative to that of the widest
 
 
@@ -100,14 +100,14 @@ def _restarts(sections: Sequence[FloatArray]) -> tuple[str, ...]:
     x = sections[0][np.isfinite(sections[0][:, 0]), 0]
     with np.errstate(over="ignore", invalid="ignore"):  # numbers near the largest there are
         steps, span = np.diff(x), np.ptp(x) if len(x) else 0.0
-    if len(steps) < 2 * _FEWEST_PER_PROFILE:
+    if len(steps) < 2 * _MIN_POINTS_PER_PROFILE:
         return ()
     rising, falling = np.count_nonzero(steps > 0), np.count_nonzero(steps < 0)
     if not (rising and falling):
         return ()
     turned = steps < -0.5 * span if rising >= falling else steps > 0.5 * span
     back = np.flatnonzero(turned)
-    if len(back) == 0 or np.diff([-1, *back, len(x) - 1]).min() < _FEWEST_PER_PROFILE:
+    if len(back) == 0 or np.diff([-1, *back, len(x) - 1]).min() < _MIN_POINTS_PER_PROFILE:
         return ()
     return (
         f"x starts again {len(back)} times: several profiles? separate them by a column of their "
@@ -116,7 +116,7 @@ def _restarts(sections: Sequence[FloatArray]) -> tuple[str, ...]:
 
 
 def _in_space(table: TextTable, settings: ReadSettings) -> _Choice:
-    """Return the columns of x, y and z: those asked for, named so, or the first three of numbers.
+    """Return the columns of x, y and z: the requested or so named ones, or the first three numeric.
 
     Raises
     ------
@@ -130,8 +130,8 @@ def _in_space(table: TextTable, settings: ReadSettings) -> _Choice:
         columns = [_index(table, column) for column in settings.columns]
     elif not columns and len(numbers := _number_columns(table)) >= 3:
         columns = numbers[:3]
-        said = ", ".join(str(column) for column in columns)
-        notes = (f"no column is named: columns {said} taken for x, y and z",)
+        listed = ", ".join(str(column) for column in columns)
+        notes = (f"no column is named: columns {listed} taken for x, y and z",)
     if len(columns) != 3:
         has = ", ".join(table.label(column) for column in columns) or "none of them"
         raise UnreadableFile(
@@ -154,9 +154,9 @@ def _units(
         return units
     stated = dict.fromkeys((*units, *resolve_units(table, choice.x, choice.y, settings)))
     if len(stated) > 1:
-        said = ", ".join(unit or "none" for unit in stated)
+        listed = ", ".join(unit or "none" for unit in stated)
         raise UnreadableFile(
-            f"x, y and z have different units ({said}): say one with --units, or write all in it"
+            f"x, y and z have different units ({listed}): say one with --units, or write all in it"
         )
     return units
 
@@ -350,7 +350,7 @@ def _is_profile_key(column: FloatArray) -> bool:
     """Return True where each value occupies one run of points, long enough for a profile."""
     key = _without_gaps(column)
     runs = 1 + np.count_nonzero(np.diff(key))
-    return bool(runs == len(np.unique(key)) and runs * _FEWEST_PER_PROFILE <= len(key))
+    return bool(runs == len(np.unique(key)) and runs * _MIN_POINTS_PER_PROFILE <= len(key))
 
 
 def _codes(table: TextTable, column: int) -> FloatArray:

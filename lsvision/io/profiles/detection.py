@@ -99,7 +99,7 @@ def detect_format(content: bytes, suffix: str) -> str:
     content : bytes
         The whole file.
     suffix : str
-        As ``".csv"``; used only if the content is ambiguous.
+        Ending of the file's name, as ``".csv"``; used only if the content is ambiguous.
 
     Raises
     ------
@@ -145,7 +145,7 @@ def _zip_format(content: bytes, suffix: str) -> str:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             names = archive.namelist()
     except (zipfile.BadZipFile, ValueError, NotImplementedError, OSError, EOFError):
-        return "npz"  # whose reader says what is wrong
+        return "npz"  # whose reader reports what is wrong
     if names and all(name.endswith(".npy") for name in names):
         return "npz"
     if suffix in (".xlsx", ".xlsm", ".xlsb", ".ods", ".numbers"):

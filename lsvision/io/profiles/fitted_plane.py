@@ -16,7 +16,7 @@ MIN_EXTENT = 0.01
 """Smallest rms extent across the line relative to that along it, below which the points are said
 to lie on a line."""
 MIN_POINTS = 5
-FARTHEST_MM = 1e9
+MAX_COORDINATE_MM = 1e9
 """Coordinates beyond are markers of lost points; their squares could overflow. Units: mm."""
 
 
@@ -31,7 +31,7 @@ class FittedSections:
     file_from_section : Pose
         The section frame in the frame of the points; its Z is the plane's normal. Units: mm.
     note : str
-        The plane and its residuals, for people.
+        Description of the plane and its residuals.
     """
 
     sections: tuple[FloatArray, ...]
@@ -72,7 +72,7 @@ def fit_section_plane(clouds: Sequence[FloatArray]) -> FittedSections:
         raise UnreadableFile(
             f"{len(points)} valid points, --plane fit needs at least {MIN_POINTS}: check exposure"
         )
-    if float(np.abs(points).max()) > FARTHEST_MM:
+    if float(np.abs(points).max()) > MAX_COORDINATE_MM:
         raise UnreadableFile(
             f"coordinates reach {np.abs(points).max():.3g} mm: state what marks lost points with "
             "--lost, or the unit with --units"
@@ -109,5 +109,5 @@ def _check_flatness(extents: FloatArray) -> None:
         raise UnreadableFile(
             f"the points do not lie in a plane (rms {thickness:.3g} mm from the best one, and "
             f"{width:.3g} mm across their line): write the points of one laser plane, one section "
-            "a file or told apart by a column"
+            "a file or separated by a column"
         )

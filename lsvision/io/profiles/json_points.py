@@ -257,7 +257,7 @@ def flat_width(key: str, values: FloatArray) -> int | None:
     Parameters
     ----------
     key : str
-        Its name; ``scan_line`` holds triples.
+        Key of the matrix; ``scan_line`` holds triples.
     values : (n,) ndarray
         The numbers.
     """

@@ -38,26 +38,26 @@ THOUSANDS = re.compile(
     r"|(?:['’ \u00a0\u2009\u202f_][0-9]{3})+(?:[.,][0-9]*)?)"  # 1'234.5
 )
 _GROUPED = re.compile(r"[-+]?[1-9][0-9]{0,2},[0-9]{3}")
-"""1,234: one and a bit, or a thousand and a bit."""
+"""Ambiguous cell as 1,234: a decimal comma or a thousands separator."""
 MIN_GROUPED_CELLS = 3
-"""Number of cells like 1,234 from which, with whole numbers, the comma is no decimal mark."""
+"""Number of cells like 1,234 which, beside whole numbers, may have thousands separators."""
 _TRANSLATED = str.maketrans({"−": "-", "–": "-", "\u00a0": " ", "\u202f": " ", "\u2009": " "})
 
 
 @dataclass(frozen=True)
 class Word:
-    """A cell without a number.
+    """A cell that holds a word instead of a number.
 
     Parameters
     ----------
     row : int
-        Which row of the table.
+        Index of the row in the table.
     cell : str
-        Its text.
+        Text of the cell.
     reason : str
         Why it is not a number, and what to do.
     grouped : bool
-        Whether it is a number with thousands separators.
+        Whether the cell is a number with thousands separators.
     """
 
     row: int
@@ -75,7 +75,7 @@ class Column:
     values : (n,) ndarray
         NaN where a cell holds no number.
     words : int
-        How many cells hold neither a number nor a lost word.
+        Number of cells that hold neither a number nor a word for a lost point.
     word : Word or None
         The first of them.
     """
@@ -119,7 +119,7 @@ def parse_column(
     Parameters
     ----------
     cells : sequence of str
-        One a row.
+        Text of each row's cell.
     decimal_comma : bool
         Whether a comma is the decimal mark.
     lost_words : frozenset of str
@@ -160,7 +160,7 @@ def uses_decimal_comma(columns: Sequence[Sequence[str]]) -> bool:
     Raises
     ------
     UnreadableFile
-        Where commas may part thousands as well.
+        If the commas may also be thousands separators.
     """
     commas = proven = False
     suspect = None

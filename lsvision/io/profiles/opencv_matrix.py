@@ -1,4 +1,4 @@
-"""Matrices of OpenCV's FileStorage, whatever parser read them."""
+"""Matrices of OpenCV's FileStorage, from any parser."""
 
 import math
 import re
@@ -26,7 +26,7 @@ def matrix_of_node(key: str, node: Mapping[str, Any]) -> FloatArray:
     key : str
         Name in messages; may be empty.
     node : mapping
-        Its entries.
+        Entries of the matrix's node.
 
     Raises
     ------
@@ -70,9 +70,9 @@ def table_of_points(key: str, values: FloatArray) -> TextTable:
     Parameters
     ----------
     key : str
-        Its name; ``scan_line`` holds triples.
+        Key of the matrix; ``scan_line`` holds triples.
     values : ndarray
-        Its numbers.
+        Numbers of the matrix.
 
     Raises
     ------

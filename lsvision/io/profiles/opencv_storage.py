@@ -1,7 +1,7 @@
 """Profiles in OpenCV's FileStorage: YAML, XML or JSON written by `cv2.FileStorage`.
 
-OpenCV's own reader is not used: it trusts a matrix's header (an ``opencv-matrix`` without ``cols``
-corrupts the heap) and ends the process where lists nest deeply.
+OpenCV's own reader is not used: it does not check a matrix's header (an ``opencv-matrix`` without
+``cols`` corrupts the heap) and ends the process where lists nest deeply.
 """
 
 import re

@@ -116,12 +116,12 @@ def _stated(metadata: Any, axis: str = "") -> tuple[UnitStatement, ...]:
 
 
 def _stated_of_fields(schema: Any) -> list[UnitStatement]:
-    found: list[UnitStatement] = []
+    statements: list[UnitStatement] = []
     for field in schema:
         role = column_role(split_label(field.name)[0])
         if role in ("x", "height", "range"):
-            found += _stated(field.metadata, role)
-    return found
+            statements += _stated(field.metadata, role)
+    return statements
 
 
 def _limited_table(file: Any) -> Any:

@@ -34,7 +34,7 @@ def profiles_from_clouds(
     Parameters
     ----------
     clouds : sequence of (rows, columns, 3) ndarray
-        From `cloud_points`. Units: m.
+        Points from `cloud_points`. Units: m.
     attributes : sequence of mapping
         Attributes of each message.
     settings : ReadSettings
@@ -100,7 +100,7 @@ def cloud_points(cloud: Any) -> FloatArray:
 def _section_columns(
     rows: Sequence[FloatArray], settings: ReadSettings
 ) -> tuple[list[int], bool, tuple[str, ...]]:
-    """Which coordinates are x and height, whether heights grow away, and what was guessed."""
+    """Return the coordinates of x and height, whether heights grow away, and what was guessed."""
     if settings.columns is not None:
         chosen = [str(column).lower() for column in settings.columns]
         names = {**{axis: k for k, axis in enumerate("xyz")}, "0": 0, "1": 1, "2": 2}

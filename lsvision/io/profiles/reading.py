@@ -52,7 +52,7 @@ _READERS: dict[str, Callable[[bytes, ReadSettings], RawProfiles]] = {
     "rosbag": read_ros_bag,
 }
 
-_FARTHEST_MM = 1e4  # beyond the range of any profile sensor
+_MAX_RANGE_MM = 1e4  # beyond the range of any profile sensor
 _USUAL_MM, _FINER_UNITS = 1e3, ("um", "10nm")  # a finer unit gives coordinates below a metre
 _NARROWEST_MM = 1.0  # narrower than the field of any profile sensor
 _LIDAR_EXTENT = 10.0  # a profile of this size and place may be metres of a lidar, or mm
@@ -258,9 +258,9 @@ def in_section_frame(
     path : Path
         The file.
     reader : str
-        Its format.
+        Name of the file's format.
     raw : RawProfiles
-        Its content.
+        Content of the file.
     settings : ReadSettings
         Reading options of the caller.
     """
@@ -327,7 +327,7 @@ def require_points(profiles: Sequence[Profile]) -> None:
 
 def _unit_warnings(low: FloatArray, high: FloatArray) -> tuple[str, ...]:
     farthest = float(np.abs([low, high]).max())
-    if farthest > _FARTHEST_MM:
+    if farthest > _MAX_RANGE_MM:
         unit = next(
             (unit for unit in _FINER_UNITS if farthest * mm_per_unit(unit) < _USUAL_MM), "nm"
         )

@@ -46,7 +46,7 @@ class RegularRows:
 
 
 def find_regular_rows(text: str) -> RegularRows | None:
-    r"""Return the table of a text whose lines, from the first numbers on, are alike.
+    r"""Return the table of a text whose lines, from the first numbers on, have the same layout.
 
     None for every other text (other words, quotes, decimal commas, comments or empty lines among
     the numbers, blanks that align columns, a footer), which is then read line by line.
@@ -85,7 +85,7 @@ def parse_regular_rows(rows: str, separator: str, width: int) -> FloatArray | No
     rows : str
         The lines; empty ones behind the last are left out.
     separator : str
-        One character between two cells.
+        Character between two cells.
     width : int
         Cells in a line.
     """

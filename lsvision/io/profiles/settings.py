@@ -60,7 +60,7 @@ class ReadSettings:
     Parameters
     ----------
     format : str, optional
-        One of `FORMATS`.
+        Name of the file's format, one of `FORMATS`; by default recognised from the content.
     columns : str or sequence, optional
         Columns of x and height, or of x, travel and height: indices from 0 or names, as
         ``(0, 2)`` or ``"x,z"``.
@@ -79,10 +79,10 @@ class ReadSettings:
     x_start, x_pitch : float, optional
         For raw Keyence counts: XStart and XPitch as the controller states them. Units: 0.01 um.
     z_unit : float or str, optional
-        Of heights in rows without x: what one count is, a number in 0.01 um as a Keyence
+        Size of one count of heights in rows without x: a number in 0.01 um as a Keyence
         controller states ZUnit, or a length as ``"0.5um"``.
     topic : str, optional
-        Of a ROS bag, where several hold profiles, as ``"/scan"``.
+        Topic of a ROS bag in which several hold profiles, as ``"/scan"``.
     plane : str, optional
         ``"fit"`` where the points are x, y, z of a tilted plane, as of a camera's frame: the
         plane is fitted, and the section lies in it. Three `columns` are then x, y and z.
@@ -169,7 +169,7 @@ class RawProfiles:
     positions : tuple of float, optional
         Where along the travel each profile was taken, in the units of x.
     notes : tuple of str
-        What was guessed or left out, for people.
+        Guesses and omissions, as text for users.
     x_in_mm : bool
         True where the user gave x in mm, whatever the unit of the heights.
     lost : tuple of float

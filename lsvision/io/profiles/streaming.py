@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 PROFILES_AT_ONCE = 256
 """Profiles of a part: 256 of 4096 points take 17 MB."""
 MARKERS_KEPT = 8
-"""Most lost markers that are handed from part to part."""
+"""Largest number of markers of lost points that are passed from part to part."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +38,7 @@ class ProfilePart:
     Parameters
     ----------
     first : int
-        Place of the first profile in the file, from 0.
+        Index of the first profile in the file, from 0.
     file : ProfileFile
         The profiles of this part.
     columns : pyarrow.Table, optional
@@ -57,7 +57,7 @@ def iterate_profiles(
 ) -> Iterator[ProfilePart]:
     r"""Read the profiles of a file in parts.
 
-    Parquet with a profile a row and NPY arrays are read as far as they are asked for; any other
+    Parquet with a profile a row and NPY arrays are read lazily; any other
     file is one part.
 
     Parameters

@@ -16,8 +16,8 @@ _TYPES = frozenset(
 """Words of a row of data types."""
 _KEY_VALUE = re.compile(r"^[^:=]+[:=][^:=]*$")
 _BRACKETS = re.compile(r"\[[^\]]{0,80}\]|\([^)]{0,80}\)")
-_HELD = "\x00"
-"""Stands for a blank inside brackets while labels are split."""
+_INNER_BLANK = "\x00"
+"""Replaces a blank inside brackets while labels are split."""
 _COMMENT = re.compile(r"^[\s#%/!]+")
 
 
@@ -47,7 +47,7 @@ def read_header(preamble: Sequence[str], separator: str | None, width: int) -> H
     preamble : sequence of str
         Lines above the numbers.
     separator : str or None
-        What parts the cells of the numbers.
+        Separator of the cells that hold the numbers.
     width : int
         Number of columns.
     """
@@ -66,7 +66,7 @@ def read_header(preamble: Sequence[str], separator: str | None, width: int) -> H
             over = over or _bracketed_units(text, width)
         elif labels is not None and not names and not _is_no_header(line, text, labels, separator):
             parsed = [split_label(label) for label in labels]
-            if _knows_roles(parsed):
+            if _has_known_roles(parsed):
                 names, over = [name for name, _ in parsed], [unit for _, unit in parsed]
             elif above := _names_above(preamble, line, separator, width):
                 units = units or _strange_units(labels)
@@ -79,7 +79,7 @@ def read_header(preamble: Sequence[str], separator: str | None, width: int) -> H
     )
 
 
-def _knows_roles(parsed: Sequence[tuple[str, StatedUnit | None]]) -> bool:
+def _has_known_roles(parsed: Sequence[tuple[str, StatedUnit | None]]) -> bool:
     return sum(is_known_role(name) for name, _ in parsed) >= 2
 
 
@@ -91,7 +91,7 @@ def _is_no_header(line: str, text: str, labels: Sequence[str], separator: str | 
 
 
 def _labels(text: str, separator: str | None, width: int) -> list[str] | None:
-    tight = _BRACKETS.sub(lambda match: match[0].replace(" ", _HELD), text)
+    tight = _BRACKETS.sub(lambda match: match[0].replace(" ", _INNER_BLANK), text)
     tight = re.sub(
         r"(?<! ) +(?=[\[(])", "", tight
     )  # 'x [1/10 mm]' is one label, whatever parts cells
@@ -102,7 +102,7 @@ def _labels(text: str, separator: str | None, width: int) -> list[str] | None:
         while len(labels) > width and not labels[-1].strip():
             labels.pop()
         if len(labels) == width:
-            return [label.replace(_HELD, " ").strip() for label in labels]
+            return [label.replace(_INNER_BLANK, " ").strip() for label in labels]
     return None
 
 

@@ -56,7 +56,7 @@ class Layout:
 
 
 def may_state_size(line: str, separator: str | None) -> bool:
-    """Return whether a line may say how many rows and columns follow, as ``2 60``."""
+    """Return whether a line may hold the numbers of rows and columns that follow, as ``2 60``."""
     cells = [cell.strip() for cell in split_cells(line.strip(), separator)]
     return len(cells) == 2 and all(cell.isdecimal() for cell in cells) and 2 in map(int, cells)
 

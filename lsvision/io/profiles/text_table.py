@@ -34,9 +34,9 @@ _CUT_NUMBERS = (
     "without thousands separators"
 )
 _SAMPLE_ROWS = 5000
-"""Rows in which numbers cut at their commas are searched."""
-_TEXT_SHARE = 0.5
-"""Fraction of words from which a column is text, not numbers with errors."""
+"""Number of rows that are searched for numbers split at their commas."""
+_MIN_WORD_FRACTION = 0.5
+"""Fraction of cells that are not numbers, above which a column is text."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,7 @@ class TextTable:
     Parameters
     ----------
     values : (n, k) ndarray
-        NaN where a cell is empty or says that it holds nothing.
+        NaN where a cell is empty or holds a word for a lost point.
     names : tuple of str
         Lower-case name of each column without its unit; empty where the file has no header.
     units : tuple of (StatedUnit or None)
@@ -56,15 +56,16 @@ class TextTable:
     texts : mapping of int to sequence of str
         Cells of the columns that hold text.
     words : mapping of int to Word
-        The first cell that is not a number in each column of numbers; its row is a line's number.
+        First cell that is not a number in each column of numbers; `Word.row` is the number of
+        its line in the file.
     lost : tuple of float
         Markers of lost points that the file states.
     notes : tuple of str
-        What was left out, for people.
+        Omissions, as text for users.
     limits : tuple of float
         Ends of the type that the numbers were stored in.
     mentions : tuple of str
-        Lines beside the numbers, which may speak of a unit in other words.
+        Lines beside the numbers, which may mention a unit in other words.
     """
 
     values: FloatArray
@@ -210,7 +211,7 @@ def _encodings(content: bytes) -> list[str]:
 
 def _rows(lines: Sequence[str], layout: Layout) -> list[tuple[int, str]]:
     """Return number and text of each line of numbers; empty lines and comments are left out."""
-    # a tab at the end of a line stands before an empty cell: only blanks may go there
+    # a tab at the end of a line precedes an empty cell: strip blanks only
     strip = " \r\n" if layout.separator == "\t" else None
     rows = (
         (number, line.strip(strip))
@@ -249,7 +250,7 @@ def _careful_table(lines: Sequence[str], layout: Layout, lost_words: frozenset[s
         values[:, c] = parsed.values
         if parsed.word is not None:
             known = sum(bool(cell.strip()) for cell in column)
-            if parsed.words > _TEXT_SHARE * known and not parsed.word.grouped:
+            if parsed.words > _MIN_WORD_FRACTION * known and not parsed.word.grouped:
                 texts[c] = [cell.strip() for cell in column]
             words[c] = replace(parsed.word, row=rows[parsed.word.row][0])
     return TextTable(values, texts=texts, words=words)
@@ -314,8 +315,8 @@ def _unit_column(table: TextTable, header: Header) -> tuple[UnitStatement, ...]:
 
 
 def _footer_notes(footer: Sequence[str]) -> tuple[str, ...]:
-    said = [line.strip() for line in footer if line.strip() and not is_comment(line)]
-    if not said:
+    footer_text = [line.strip() for line in footer if line.strip() and not is_comment(line)]
+    if not footer_text:
         return ()
-    count = f"{len(said)} line{'s' if len(said) > 1 else ''}"
-    return (f"{count} after the numbers left out: {said[0][:60]!r}",)
+    count = f"{len(footer_text)} line{'s' if len(footer_text) > 1 else ''}"
+    return (f"{count} after the numbers left out: {footer_text[0][:60]!r}",)

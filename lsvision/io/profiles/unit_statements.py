@@ -119,11 +119,11 @@ def unit_statements(lines: Iterable[str]) -> tuple[UnitStatement, ...]:
     >>> [s.unit.unit for s in unit_statements(["# unit: um", "exposure: 2 ms", "x in mm"])]
     ['um', 'mm']
     """
-    found: dict[UnitStatement, None] = {}
+    statements: dict[UnitStatement, None] = {}
     for line in lines:
         for statement in _statements(line):
-            found[statement] = None
-    return tuple(found)
+            statements[statement] = None
+    return tuple(statements)
 
 
 def states_unit(line: str) -> bool:

@@ -120,7 +120,7 @@ def mm_per_unit(unit: str) -> float:
     Parameters
     ----------
     unit : str
-        From `parse_unit`, or anything it understands.
+        Unit from `parse_unit`, or any text that it understands.
 
     Raises
     ------

@@ -1,6 +1,6 @@
-"""Repetition of Chen and Liu (Sensors 2016): the paper's own chain and its experiments.
+"""Repetition of Chen and Liu (Sensors 2016): the paper's own pipeline and its experiments.
 
-`paper_chain` follows the text literally. The experiments repeat Tables 1-5 and Figures 5-16 on
+`paper_pipeline` follows the text literally. The experiments repeat Tables 1-5 and Figures 5-16 on
 the simulator: `cases` and `scenes` make the data, `methods` measures them in five ways, `tables`,
 `repeatability`, `steps`, `ablation`, `achievability` and `paper_pitfalls` evaluate them, and
 `report` runs all. `page`, `pictures`, `report_tables` and `json_report` present the results.
@@ -8,7 +8,7 @@ the simulator: `cases` and `scenes` make the data, `methods` measures them in fi
 
 from lsvision.studies.chen_liu_2016.json_report import report_json
 from lsvision.studies.chen_liu_2016.page import report_page
-from lsvision.studies.chen_liu_2016.paper_chain import PaperSettings, measure_cylinders_paper
+from lsvision.studies.chen_liu_2016.paper_pipeline import PaperSettings, measure_cylinders_paper
 from lsvision.studies.chen_liu_2016.report import ExperimentSizes, PaperReport, run_experiments
 from lsvision.studies.chen_liu_2016.report_tables import readme_table
 

@@ -37,12 +37,12 @@ SECTION_SETTINGS = SectionSettings(lost_fraction=0.03, jump_fraction=0.05)
 """Errors of the sensor in every section: enough jumps that each arc contains some of them."""
 RADIUS_RANGE = (10.0, 40.0)
 """Search range of the radius. Units: mm."""
-MIN_WINDOW_POINTS = 10
+MIN_COMPONENT_POINTS = 10
 """Smallest number of points of a connected component."""
 MEDIAN_OF_MODULUS = NormalDist().inv_cdf(0.75)
-"""Median of the modulus of a standard normal number."""
+"""Median of the absolute value of a standard normal variable."""
 QUANTILE_95 = NormalDist().inv_cdf(0.975)
-"""Its 95 % quantile."""
+"""95 % quantile of the absolute value of a standard normal variable."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +58,7 @@ class AblationResult:
     typical : tuple of float
         Median error of radius, theta, phi over that of an efficient method; 1 is ideal.
     worst : tuple of float
-        The same for the 95 % quantile of the error.
+        95 % quantiles of the errors over those of an efficient method.
     evaluations : float
         Mean number of evaluations of the residuals in the iterative fit.
     """
@@ -113,7 +113,7 @@ def run_ablation(
 def _detect_arcs(section: SimulatedSection) -> list[tuple[TubeTruth, AblationArc]]:
     """Each detected pipe with its arc and the candidate from which the arc grew."""
     profile = prepare_profile(section.profile, section.profile.noise)
-    components = connected_components(rasterise(profile), MIN_WINDOW_POINTS)
+    components = connected_components(rasterise(profile), MIN_COMPONENT_POINTS)
     candidates = find_candidates(profile, components, RADIUS_RANGE)
     arcs, _ = identify_arcs(profile, candidates, RADIUS_RANGE)
     seeds = [IdentifiedArc.of(c.indices, seed_ellipse(profile, c)) for c in candidates]

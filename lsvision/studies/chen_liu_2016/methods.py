@@ -1,4 +1,4 @@
-"""Five methods to measure a pipe: the paper's chain, one section, known radius, two and 20."""
+"""Five methods to measure a pipe: the paper's pipeline, one section, known radius, two and 20."""
 
 import math
 from collections.abc import Iterable
@@ -15,7 +15,7 @@ from lsvision.profile import NoiseModel
 from lsvision.scan import measure_scan
 from lsvision.simulate import SimulatedSection
 from lsvision.studies.chen_liu_2016.cases import COLUMNS, Case, simulate_case
-from lsvision.studies.chen_liu_2016.paper_chain import PaperSettings, measure_cylinders_paper
+from lsvision.studies.chen_liu_2016.paper_pipeline import PaperSettings, measure_cylinders_paper
 from lsvision.studies.chen_liu_2016.published_results import Triple
 
 Method = Literal["paper", "section", "known", "two", "twenty"]
@@ -47,7 +47,7 @@ class MethodInfo:
 
 
 METHODS: dict[Method, MethodInfo] = {
-    "paper": MethodInfo("a", "the paper's chain, literally", "paper’s chain", (0.0,)),
+    "paper": MethodInfo("a", "the paper's pipeline, literally", "paper’s pipeline", (0.0,)),
     "section": MethodInfo("b", "lsvision, one section", "one section", (0.0,)),
     "known": MethodInfo("c", "one section, radius known", "radius known", (0.0,)),
     "two": MethodInfo("d", "two sections, 10 mm apart", "two sections", (-5.0, 5.0)),
@@ -104,7 +104,7 @@ def case_bound(case: Case, method: Method, *, noise_mm: float) -> tuple[Triple, 
     case : Case
         Pipe or welded pair.
     method : str
-        A key of `METHODS`; the bound of the paper's chain is that of any use of one section.
+        A key of `METHODS`; the bound of the paper's pipeline is that of any use of one section.
     noise_mm : float
         Standard deviation along the ray. Units: mm.
     """
@@ -126,7 +126,7 @@ def case_errors(estimate: Estimate, case: Case, pipe: int) -> Triple:
 
 
 def _paper_settings(section: SimulatedSection) -> PaperSettings:
-    """Settings of the paper's chain with the window that it has on a full profile.
+    """Settings of the paper's pipeline with the window that it has on a full profile.
 
     The window is 10 % of the sensor's columns, as on the paper's profiles of a whole bench. 10 % of
     the pipe's points alone would be six points, which an ellipse always fits.

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 MAX_COST_RATIO = 1.1
-"""Errors of a variant over those of the whole chain, up to which its change costs nothing."""
+"""Errors of a variant over those of the whole pipeline, up to which its change is insignificant."""
 
 
 def report_page(report: PaperReport) -> str:
@@ -162,7 +162,7 @@ def _unreachable_errors(report: PaperReport) -> _UnreachableErrors:
 
 
 def _variants_without_cost(report: PaperReport) -> list[str]:
-    """Names of the variants whose errors all stay within `MAX_COST_RATIO` of the whole chain's."""
+    """Names of the variants with all errors within `MAX_COST_RATIO` of the whole pipeline's."""
     whole, *changed = report.ablation
     limits = MAX_COST_RATIO * np.array([*whole.typical, *whole.worst])
     return [

@@ -69,7 +69,7 @@ def printed_equation_one(points: Points, ellipse: Ellipse, theta: float) -> Floa
     Parameters
     ----------
     points : (n, 2) ndarray
-        Units: mm.
+        Points of a section. Units: mm.
     ellipse : Ellipse
         Ellipse of which centre and semi-axes are used.
     theta : float
@@ -134,7 +134,7 @@ def _radial_distance() -> Pitfall:
 
     return Pitfall(
         "“Absolute Euclidean distance” is not the distance to the ellipse",
-        "The name says nearest distance; Eqs. (2)-(4) measure along the ray from the centre.",
+        "The name means the nearest distance; Eqs. (2)-(4) measure along the ray from the centre.",
         "Two names, radial and orthogonal; the fit uses the orthogonal one, each point weighed "
         "by its error across the curve.",
         (

@@ -1,4 +1,4 @@
-"""The figures of the report: matplotlib figures as SVG that stand side by side in one page."""
+"""The figures of the report: matplotlib figures as SVG, side by side in one page."""
 
 import html
 import io
@@ -12,7 +12,7 @@ from lsvision.draw import draw_on_axes
 from lsvision.geometry import FloatArray, Points, orthogonal_residuals
 from lsvision.results.palette import CYLINDERS, REJECTED
 from lsvision.studies.chen_liu_2016.methods import METHODS, Method
-from lsvision.studies.chen_liu_2016.paper_chain import PaperSettings
+from lsvision.studies.chen_liu_2016.paper_pipeline import PaperSettings
 from lsvision.studies.chen_liu_2016.published_results import (
     PUBLISHED_BOX_MM,
     QUANTITIES,
@@ -109,7 +109,7 @@ def draw_scene(scene: SceneFigure, number: int) -> str:
     figure = new_figure(3.8)
     axes = figure.subplots()
     draw_on_axes(axes, scene.section.profile, scene.measurement)
-    axes.margins(y=0.15)  # room for the letters above the points
+    axes.margins(y=0.15)  # space for the letters above the points
     axes.legend(loc="lower center", fontsize=7, ncols=2, frameon=False, bbox_to_anchor=(0.5, 1.0))
     shown = "measured points and the pipes found, each with its ellipse and major axis"
     return inline_svg(figure, f"scene{number}", f"{scene.title}: {shown}")

@@ -10,9 +10,9 @@ class Triple:
     Parameters
     ----------
     radius_mm : float
-        Units: mm.
+        Number for the radius. Units: mm.
     theta_deg, phi_deg : float
-        Units: deg.
+        Numbers for both angles. Units: deg.
     """
 
     radius_mm: float

@@ -35,9 +35,9 @@ class Cell:
     Parameters
     ----------
     text : str
-        Its content.
+        Content of the cell.
     mark : {"", "good", "bad"}
-        How it is highlighted.
+        Kind of highlighting.
     """
 
     text: str
@@ -76,7 +76,7 @@ class Table:
     head : tuple of str
         Names of the columns.
     rows : tuple of Row
-        From top to bottom.
+        Rows from top to bottom.
     """
 
     caption: str
@@ -188,14 +188,14 @@ def _error_row(row: TableRow, quantity: str) -> Row:
 
 
 def achievability_table(results: Sequence[Achievability]) -> Table:
-    """Which printed errors one section can give, and what the others would take."""
+    """Table of printed errors that one section can give, and of the sections that others need."""
     rows: list[Row] = []
     for number in sorted({result.table for result in results}):
         rows.append(Row(f"Table {number}"))
         rows += [_achievability_row(result) for result in results if result.table == number]
     head = ("Quantity", "Largest printed error", "Best possible, one section",
-            "Chance of errors so small", "From one section?", "Sections that do",
-            "Noise it would take, mm")  # fmt: skip
+            "Probability of errors so small", "From one section?", "Sections needed",
+            "Noise needed, mm")  # fmt: skip
     return Table("The printed errors against the best possible", head, tuple(rows))
 
 
@@ -223,9 +223,9 @@ def _format_probability(probability: float) -> str:
 
 
 def timing_table(timings: Sequence[Timing]) -> Table:
-    """Table 5: the paper's times and those of both chains."""
-    head = ("Condition", "Paper, Matlab: s", "per pipe: s", "(a) paper’s chain: s", "per pipe: s",
-            "(b) lsvision: ms", "per pipe: ms", "Ratio a/b")  # fmt: skip
+    """Table 5: the paper's times and those of both pipelines."""
+    head = ("Condition", "Paper, Matlab: s", "per pipe: s", "(a) paper’s pipeline: s",
+            "per pipe: s", "(b) lsvision: ms", "per pipe: ms", "Ratio a/b")  # fmt: skip
     rows = []
     for timing in timings:
         printed, pipes = timing.printed, timing.printed.pipes
@@ -240,7 +240,7 @@ def timing_table(timings: Sequence[Timing]) -> Table:
 
 
 def match_table(timings: Sequence[Timing]) -> Table:
-    """Pipes found and false results of both chains in the scenes of Table 5."""
+    """Pipes found and false results of both pipelines in the scenes of Table 5."""
     head = ("Condition", "Pipes there", "(a) found", "(a) false", "(b) found", "(b) false")
     rows = [
         _row(timing.printed.condition, str(timing.pipes), str(timing.paper.found),
@@ -294,7 +294,7 @@ def ablation_table(results: Sequence[AblationResult]) -> Table:
         errors = [format_significant(value) for value in (*result.typical, *result.worst)]
         evaluations = format_significant(result.evaluations)
         rows.append(_row(result.name, *errors, evaluations, str(result.failed)))
-    head = ("Chain", "radius, typical", "θ, typical", "φ, typical", "radius, worst", "θ, worst",
+    head = ("Pipeline", "radius, typical", "θ, typical", "φ, typical", "radius, worst", "θ, worst",
             "φ, worst", "evaluations", "no ellipse")  # fmt: skip
     return Table(f"Error over the best possible, {results[0].pipes} pipes", head, tuple(rows))
 

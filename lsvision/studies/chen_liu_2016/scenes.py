@@ -18,7 +18,7 @@ from lsvision.simulate import (
     TubeTruth,
     random_section,
 )
-from lsvision.studies.chen_liu_2016.paper_chain import measure_cylinders_paper
+from lsvision.studies.chen_liu_2016.paper_pipeline import measure_cylinders_paper
 from lsvision.studies.chen_liu_2016.published_results import PUBLISHED_TIMES, PublishedTime
 from lsvision.studies.chen_liu_2016.tables import ProgressCallback
 
@@ -26,19 +26,19 @@ RADIUS_MM = 19.0
 TUBES = TubeRanges(radius_mm=(RADIUS_MM, RADIUS_MM), theta_deg=(0.0, 180.0), phi_deg=(10.0, 30.0))
 """Pipes like the paper's welded ones, with the tilts of its tables."""
 SEARCHED_MM = (10.0, 40.0)
-"""Search range of both chains. The fits of the paper's chain start at 20 mm, its geometric mean.
+"""Search range of both pipelines. The fits of the paper's start at 20 mm, its geometric mean.
 Units: mm."""
 FIGURE_SEED = 0
 """Seed of the scenes in Figures 14 and 15: the first of each kind, not a chosen one."""
 REPEATS = 5
-"""Measurements of each scene by the fast chain, of which the median time is used."""
+"""Measurements of each scene by the fast pipeline, of which the median time is used."""
 MIN_IOU = 0.5
 """Smallest intersection over union of the points of a result and of the pipe that it matches."""
 
 
 @dataclass(frozen=True, slots=True)
 class PipelineTiming:
-    """Time and matches of one chain under one condition.
+    """Time and matches of one pipeline under one condition.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class Timing:
     scenes, pipes : int
         Number of scenes, and of pipes in them.
     paper, section : PipelineTiming
-        The paper's chain, and lsvision, on the same profiles.
+        The paper's pipeline, and lsvision, on the same profiles.
     """
 
     printed: PublishedTime
@@ -77,14 +77,14 @@ class Timing:
 
     @property
     def ratio(self) -> float:
-        """Time of the paper's chain over that of lsvision."""
+        """Time of the paper's pipeline over that of lsvision."""
         return self.paper.seconds / self.section.seconds
 
 
 def time_conditions(
     scenes: int, *, noise_mm: float, seed: int = 0, progress: ProgressCallback = lambda _: None
 ) -> tuple[Timing, ...]:
-    """Time both chains on the same random scenes of each condition.
+    """Time both pipelines on the same random scenes of each condition.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def count_matches(measurement: Measurement, truth: SectionTruth) -> tuple[int, i
     Parameters
     ----------
     measurement : Measurement
-        Result of a chain.
+        Result of a pipeline.
     truth : SectionTruth
         True pipes and labels of the points.
     """
@@ -203,7 +203,7 @@ def measure_scenes(*, noise_mm: float) -> tuple[SceneFigure, ...]:
 
 
 class _MeasureFunction(Protocol):
-    """A chain: `measure_cylinders` or `measure_cylinders_paper`."""
+    """A pipeline: `measure_cylinders` or `measure_cylinders_paper`."""
 
     def __call__(self, profile: Profile, *, radius: tuple[float, float]) -> Measurement: ...
 
@@ -211,7 +211,7 @@ class _MeasureFunction(Protocol):
 def _time_chain(
     sections: list[SimulatedSection], measure: _MeasureFunction, repeats: int
 ) -> PipelineTiming:
-    """Time a chain on sections, and count its matches."""
+    """Time a pipeline on sections, and count its matches."""
     seconds: list[float] = []
     found = false = 0
     for section in sections:

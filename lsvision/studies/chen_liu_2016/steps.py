@@ -1,4 +1,4 @@
-"""Figures 5-10: intermediate results of both chains on one section."""
+"""Figures 5-10: intermediate results of both pipelines on one section."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ from lsvision.geometry import FloatArray, Points
 from lsvision.measure import Measurement, measure_cylinders
 from lsvision.profile import PreparedProfile
 from lsvision.simulate import SimulatedSection, TubeRanges, random_section
-from lsvision.studies.chen_liu_2016.paper_chain import (
+from lsvision.studies.chen_liu_2016.paper_pipeline import (
     PaperSettings,
     homogenise_profile_paper,
     largest_window_residual,
@@ -28,7 +28,7 @@ KIND, SEED = "welded_complex", 2
 TUBES = TubeRanges(radius_mm=(19.0, 19.0), phi_deg=(15.0, 30.0))
 RADIUS_RANGE = (10.0, 40.0)
 """Search range of the radius. Units: mm."""
-MIN_SPAN_POINTS = 10
+MIN_COMPONENT_POINTS = 10
 """Smallest number of points of a connected component."""
 WINDOW_STEP = 2
 """Step from window to window, in points: every second one is enough for a picture."""
@@ -52,13 +52,13 @@ class StepExample:
     identified : IdentifiedArc
         The longer pipe's arc before accurate screening.
     screened : ScreenedArc
-        The same after accurate screening.
+        Arc after accurate screening.
     smoothed : SmoothedArc
-        The same, smoothed.
+        Arc after smoothing.
     homogenised : HomogenisedArc
-        The same, homogenised.
+        Arc after homogenising.
     literal : (m, 2) ndarray
-        The arc smoothed and homogenised over x, as the paper's text has it. Units: mm.
+        The arc smoothed and homogenised over x, as in the paper's text. Units: mm.
     """
 
     section: SimulatedSection
@@ -87,7 +87,7 @@ def run_steps(*, noise_mm: float) -> StepExample:
     """
     section = random_section(KIND, SEED, noise_mm=noise_mm, tubes=TUBES)
     profile = prepare_profile(section.profile, section.profile.noise)
-    components = connected_components(rasterise(profile), MIN_SPAN_POINTS)
+    components = connected_components(rasterise(profile), MIN_COMPONENT_POINTS)
     candidates = find_candidates(profile, components, RADIUS_RANGE)
     arcs, _ = identify_arcs(profile, candidates, RADIUS_RANGE)
     labels = section.truth.labels[profile.sensor_columns]

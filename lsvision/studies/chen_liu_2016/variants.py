@@ -1,4 +1,4 @@
-"""Variants of the chain: one step left out, or done as in the paper's text, on a given arc."""
+"""Variants of the pipeline: one step left out, or done as in the paper's text, on a given arc."""
 
 import math
 from collections.abc import Callable
@@ -20,7 +20,7 @@ from lsvision.geometry import Ellipse, FloatArray, Points, radial_residuals
 from lsvision.geometry.noisy_points import NoisyPoints, as_vectors
 from lsvision.measure import Settings
 from lsvision.profile import PreparedProfile
-from lsvision.studies.chen_liu_2016.paper_chain import (
+from lsvision.studies.chen_liu_2016.paper_pipeline import (
     PaperSettings,
     homogenise_profile_paper,
     smooth_profile_paper,
@@ -110,7 +110,7 @@ class AblationArc:
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """The chain with one step changed.
+    """The pipeline with one step changed.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ class Variant:
 
 
 def _finish(screened: ScreenedArc) -> VariantFit:
-    """Smooth, homogenise and fit: the end of the chain, from any arc."""
+    """Smooth, homogenise and fit: the end of the pipeline, from any arc."""
     smoothed = smooth_arc(screened.points, screened.ellipse)
     return _fit(screened.points[smoothed.inliers], homogenise_arc(smoothed).ellipse)
 

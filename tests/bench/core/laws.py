@@ -12,7 +12,7 @@ import numpy as np
 from tests.bench.core.scenes import CoreScene, make_scene, own_scene
 
 OWN_FRACTION = 0.6
-"""Share of the sections that the first simulator makes; the rest are welded ones of the second."""
+"""Fraction of sections from the first simulator; the rest are welded ones of the second."""
 SHIFT = np.array([37.0, -21.0])  # mm
 TURN = math.radians(10.0)
 LOST_ROWS_FRACTION = 0.2

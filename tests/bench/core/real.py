@@ -67,7 +67,7 @@ def _sphere_rows(profiles):
     )
     note = f"of {len(profiles)} {' '.join(missed)}"
     yield Number("E: spheres missed", len(missed), high=0, note=note)
-    reach = 100 * np.mean([p.phi_low <= spheres.SMALLEST_PHI for p in found])
+    reach = 100 * np.mean([p.phi_low <= spheres.MIN_PHI for p in found])
     yield Number("E: 95 % of phi begins at <= 1 deg", reach, unit="%")
     extra = [p.name for p in found if p.extra]
     note = " ".join(extra[:6])

@@ -101,7 +101,7 @@ def fault_rows(score):
         inside = sum(pipe.inside for pipe in pipes)
         note = f"{inside} of {len(pipes)} found, {scenes} scenes"
         goal = -math.inf if kind == "flank bias" else MIN_T_INSIDE
-        # Refused as no cylinder is no wrong interval.
+        # Rejected as no cylinder is no wrong interval.
         share = 100 * inside / len(pipes) if pipes else math.nan
         yield Number(f"T: {kind}, 95 % hold the crest's radius", share, goal, unit="%", note=note)
 

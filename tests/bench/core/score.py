@@ -61,7 +61,7 @@ class SetScore:
         return np.abs([pipe.sigmas for pipe in self.pipes])
 
     def beyond(self, sigmas):
-        """Share of the radii that are further off, in percent."""
+        """Fraction of the radii that are further off, in percent."""
         return 100 * float(np.mean(self.sigmas > sigmas)) if self.pipes else math.nan
 
     @property

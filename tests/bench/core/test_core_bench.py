@@ -88,7 +88,7 @@ def test_rows_of_a_changed_scene_say_where_they_come_from(law, rng):
     np.testing.assert_allclose(np.hypot(*before.T), np.hypot(*after.T), rtol=1e-9)
 
 
-def test_moves_and_counts_of_a_law_are_told(rng):
+def test_moves_and_counts_of_a_law_are_reported(rng):
     scene = make_scene("As", 1, SEED)
     change = insert_lost_rows(reverse(scene, rng).scene, rng)
     back = len(scene.points) - 1 - change.rows

@@ -185,7 +185,7 @@ BLOB = "x,y,z\n" + "".join(f"{k % 5},{k // 5 % 5},{300 + k // 25}\n" for k in ra
     ],
     ids=["line", "blob", "xz", "two", "columns", "few", "units", "huge", "heights"],
 )
-def test_points_without_a_plane_are_refused(write, content, options, message):
+def test_points_without_a_plane_are_rejected(write, content, options, message):
     with pytest.raises(UnreadableFile, match=message):
         inspect_profiles(write(content), plane="fit", **options)
 

@@ -78,7 +78,7 @@ def test_counts_in_a_tiff_need_their_size(write, kind):
     )
 
 
-def test_a_height_map_of_too_many_pixels_is_refused_before_it_is_unpacked(write):
+def test_a_height_map_of_too_many_pixels_is_rejected_before_it_is_unpacked(write):
     content = bytearray(cv2.imencode(".png", np.zeros((4, 4), np.uint16))[1].tobytes())
     content[16:24] = (1_000_000).to_bytes(4, "big") * 2
     with pytest.raises(UnreadableFile, match="at most 100 megapixels, got 1000000 x 1000000 px"):
@@ -99,7 +99,7 @@ def test_transposed_arrays_are_read(write):
     npt.assert_allclose(profiles[2].points[1], [X[1], HEIGHTS[2, 1]])
 
 
-def test_a_wrong_size_of_a_count_is_refused():
+def test_a_wrong_size_of_a_count_is_rejected():
     assert ReadSettings(z_unit="0.4 um").height_scale == pytest.approx(4e-4)
     assert ReadSettings(z_unit=40).height_scale == pytest.approx(4e-4)
     with pytest.raises(ValueError, match=r"expected z_unit as a number of 0\.01 um or as a length"):

@@ -1,4 +1,4 @@
-"""Headers that promise more than the file holds are refused before anything is allocated."""
+"""Headers that promise more than the file holds are rejected before anything is allocated."""
 
 import io
 import json
@@ -66,14 +66,14 @@ def parquet_of_many_values():
         (npy((1,), [("x", "<f8", (2, 2)), ("z", "<f8", (2, 2))]) + bytes(64), "x, z is neither"),
     ],
 )
-def test_a_header_that_promises_too_much_is_refused(write, content, message):
-    with pytest.raises(UnreadableFile, match=message) as refusal:
+def test_a_header_that_promises_too_much_is_rejected(write, content, message):
+    with pytest.raises(UnreadableFile, match=message) as error:
         read_profiles(write(content))
-    assert "\n" not in str(refusal.value)
+    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("content", [npz(**{"a.npy": bytes(10**6)}), parquet_of_many_values()])
-def test_what_unpacks_to_more_than_the_limit_is_refused(write, content):
+def test_what_unpacks_to_more_than_the_limit_is_rejected(write, content):
     assert len(content) < 100_000
     with size_limit(500_000), pytest.raises(UnreadableFile, match=r"--max-size"):
         read_profiles(write(content))
@@ -115,7 +115,7 @@ MATRIX = {"type_id": "opencv-matrix", "rows": 2, "cols": 2, "dt": "d", "data": [
         ({"sizes": [1] * 99}, "a matrix with a bad or missing sizes"),
     ],
 )
-def test_a_matrix_whose_size_is_wrong_is_refused(write, change, message):
+def test_a_matrix_whose_size_is_wrong_is_rejected(write, change, message):
     node = {key: value for key, value in (MATRIX | change).items() if value is not None}
     with pytest.raises(UnreadableFile, match=message):
         read_profile(write(json.dumps({"points": node})))
@@ -137,6 +137,6 @@ def test_a_matrix_whose_size_is_wrong_is_refused(write, change, message):
         ("{" + "\n" * 300_000, "no FileStorage of OpenCV"),
     ],
 )
-def test_deep_or_expanding_text_is_refused(write, text, message):
+def test_deep_or_expanding_text_is_rejected(write, text, message):
     with pytest.raises(UnreadableFile, match=message):
         read_profile(write(text), format="opencv")

@@ -1,4 +1,4 @@
-"""Points in JSON and YAML of every shape, and ROS LaserScan; what is neither is refused."""
+"""Points in JSON and YAML of every shape, and ROS LaserScan; what is neither is rejected."""
 
 import json
 
@@ -65,7 +65,7 @@ def test_units_in_json_count(write, arc, shape, more):
     assert not file.units_assumed
 
 
-def test_a_unit_in_json_that_is_not_understood_is_refused(write, arc):
+def test_a_unit_in_json_that_is_not_understood_is_rejected(write, arc):
     for more in ({"unit": "elle"}, {"x_unit": "elle", "z_unit": "elle"}):
         with pytest.raises(UnreadableFile, match=r"'.*elle' is stated in it and not understood"):
             read_profile(write(json.dumps({**more, **SHAPES["x and z"](arc)})))
@@ -111,7 +111,7 @@ def test_several_profiles_in_json(write, arc):
         ),
     ],
 )
-def test_json_without_points_is_refused_with_its_keys(write, text, message):
+def test_json_without_points_is_rejected_with_its_keys(write, text, message):
     with pytest.raises(UnreadableFile, match=message):
         read_profile(write(text))
 

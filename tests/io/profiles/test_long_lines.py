@@ -42,7 +42,7 @@ def test_points_beside_a_long_line_are_read(write, text):
         "%time,field.angle_min,field.ranges0\n" + '"' + "1" * 200_000 + "\n",
     ],
 )
-def test_long_texts_without_points_are_refused(write, text):
-    with pytest.raises(UnreadableFile) as refusal:
+def test_long_texts_without_points_are_rejected(write, text):
+    with pytest.raises(UnreadableFile) as message:
         read_profile(write(text))
-    assert "\n" not in str(refusal.value)
+    assert "\n" not in str(message.value)

@@ -1,4 +1,4 @@
-"""Lost points are told by the values that mark them, counted and named."""
+"""Lost points are recognised by the values that mark them, counted and reported."""
 
 import warnings
 
@@ -58,7 +58,7 @@ def test_a_marker_reads_as_nan_does(write, arc, marker, fraction, both):
     assert f"{lost.sum()} by {shown}" in file.summary or beyond
 
 
-def test_two_markers_are_told_apart(write, arc):
+def test_two_markers_are_distinguished(write, arc):
     text, _ = spoilt(arc, "-9999", 0.2)
     lines = text.splitlines()
     lines[3:60:7] = [line.split(",")[0] + ",9999" for line in lines[3:60:7]]

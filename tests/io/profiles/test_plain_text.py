@@ -99,14 +99,14 @@ def test_whole_numbers_in_the_third_column_are_a_label(write):
     assert any("label" in note for note in file.notes)
 
 
-def test_a_second_column_of_few_values_tells_profiles_apart(write):
+def test_a_second_column_of_few_values_separates_profiles(write):
     text = "".join(f"{x} {y} {x * y + 0.5}\n" for y in (0.5, 1.5, 0.25) for x in range(5))
     file = inspect_profiles(write(text))
     assert file.positions == (0.5, 1.5, 0.25)
     npt.assert_array_equal(file.profiles[2].points[:, 1], 0.25 * np.arange(5) + 0.5)
 
 
-def test_a_column_that_numbers_the_scan_tells_profiles_apart(write):
+def test_a_column_that_numbers_the_scan_separates_profiles(write):
     text = "scan,x,z\n" + "".join(f"{s},{x},{s + x}\n" for s in (4, 5) for x in range(3))
     profiles = read_profiles(write(text))
     assert [profile.points[0].tolist() for profile in profiles] == [[0.0, 4.0], [0.0, 5.0]]

@@ -57,7 +57,7 @@ def test_units_that_nobody_states_are_reported_as_assumed(write):
         ("x,y,z\n" + "0,1,5\n4,1,6\n" * 3 + "0,2,\n4,2,\n" * 3, "1 of 2 profiles hold no point"),
     ],
 )
-def test_what_looks_wrong_is_noted_with_its_mend(write, text, hint):
+def test_what_looks_wrong_is_noted_with_its_remedy(write, text, hint):
     assert any(hint in note for note in inspect_profiles(write(text)).notes)
 
 
@@ -91,6 +91,6 @@ def test_the_keywords_are_the_fields_of_the_settings():
         ({"columns": (0, -1)}, r"expected columns .* from 0, got \(0, -1\)"),
     ],
 )
-def test_a_slip_in_the_options_is_refused(options, message):
+def test_a_slip_in_the_options_is_rejected(options, message):
     with pytest.raises(ValueError, match=message):
         ReadSettings(**options)

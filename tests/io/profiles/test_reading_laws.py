@@ -36,14 +36,14 @@ COORDINATE = st.floats(-1e4, 1e4).map(lambda value: round(value, 4))
 MEASURED = st.floats(-900.0, 900.0).map(lambda value: round(value, 4))
 
 
-def read_or_refuse(content: bytes, **options) -> None:
+def read_or_reject(content: bytes, **options) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "profile"
         path.write_bytes(content)
         try:
             profiles = read_profiles(path, **options)
-        except LsvisionError as refusal:
-            profiles, message = [], str(refusal)
+        except LsvisionError as reason:
+            profiles, message = [], str(reason)
         else:
             message = ""
         assert "\n" not in message
@@ -53,14 +53,14 @@ def read_or_refuse(content: bytes, **options) -> None:
 @pytest.mark.parametrize("start", STARTS)
 @settings(max_examples=40, deadline=None)
 @given(rest=st.binary(max_size=300) | NUMBER_LIKE.map(str.encode))
-def test_any_bytes_after_any_start_are_read_or_refused(start, rest):
-    read_or_refuse(STARTS[start] + rest)
+def test_any_bytes_after_any_start_are_read_or_rejected(start, rest):
+    read_or_reject(STARTS[start] + rest)
 
 
 @settings(max_examples=150, deadline=None)
 @given(content=st.text(max_size=200).map(lambda text: text.encode("utf-8", "replace")))
-def test_any_text_is_read_or_refused(content):
-    read_or_refuse(content)
+def test_any_text_is_read_or_rejected(content):
+    read_or_reject(content)
 
 
 @settings(max_examples=150, deadline=None)
@@ -69,8 +69,8 @@ def test_any_text_is_read_or_refused(content):
     name=st.sampled_from(FORMATS),
     dx=st.none() | st.floats(0.1, 1.0),
 )
-def test_any_bytes_are_read_or_refused_in_any_format_asked_for(content, name, dx):
-    read_or_refuse(content, format=name, dx=dx, x_start=1.0, x_pitch=1.0, z_unit=1.0)
+def test_any_bytes_are_read_or_rejected_in_any_format_asked_for(content, name, dx):
+    read_or_reject(content, format=name, dx=dx, x_start=1.0, x_pitch=1.0, z_unit=1.0)
 
 
 @settings(max_examples=60, deadline=None)

@@ -114,7 +114,7 @@ def test_beginning_that_states_the_size_is_left_to_the_reader_of_lines():
     assert parse_table("2 399\n" + lines).values.shape == (401, 2)
 
 
-def test_numbers_cut_at_their_commas_are_refused_wherever_they_begin():
+def test_numbers_cut_at_their_commas_are_rejected_wherever_they_begin():
     lines = "".join(f"{k},5,-{k},25\n" for k in range(600))
     with pytest.raises(UnreadableFile, match="numbers look cut at their commas"):
         parse_table(lines + "1,05,-2,05\n" + lines)

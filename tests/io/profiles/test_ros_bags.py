@@ -140,7 +140,7 @@ def test_each_scan_is_a_profile_in_mm(bag, kind):
     if kind != "bag":
         assert len(read_profiles(path.parent)) == 3  # the folder, metadata.yaml in it
         renamed = shutil.copy(path, path.parent.parent / "renamed.dat")
-        assert len(read_profiles(renamed)) == 3  # told by its content
+        assert len(read_profiles(renamed)) == 3  # recognised by its content
 
 
 @pytest.mark.parametrize("kind", FORMATS)
@@ -236,7 +236,7 @@ def test_a_bag_of_other_messages_says_what_it_holds(bag, kind):
 @pytest.mark.parametrize("kind", FORMATS)
 def test_a_bag_that_is_cut_or_spoilt_is_one_line(bag, kind, tmp_path, rng):
     content = bag(kind, {"/scan": scans(4)}).read_bytes()
-    refused = 0
+    failure = 0
     for trial in range(40):
         spoilt = bytearray(content)
         if trial % 2:
@@ -246,19 +246,19 @@ def test_a_bag_that_is_cut_or_spoilt_is_one_line(bag, kind, tmp_path, rng):
                 spoilt[place] = rng.integers(256)
         path = tmp_path / f"spoilt.{kind}"
         path.write_bytes(spoilt)
-        told, profiles = "", []
+        text, profiles = "", []
         try:
             profiles = read_profiles(path)
         except UnreadableFile as error:
-            told = str(error)
-        refused += bool(told)
-        assert not told or told.startswith(f"{path}: ")
-        assert "\n" not in told
+            text = str(error)
+        failure += bool(text)
+        assert not text or text.startswith(f"{path}: ")
+        assert "\n" not in text
         assert all(not np.isinf(profile.points).any() for profile in profiles)
-    assert refused >= 10
+    assert failure >= 10
 
 
-def test_a_cloud_that_is_cut_short_is_refused(bag):
+def test_a_cloud_that_is_cut_short_is_rejected(bag):
     def short(store, number):
         cloud = cloud_message(store, number, line_cloud((0, 2))[None])
         cloud.data = cloud.data[:100]
@@ -275,7 +275,7 @@ def test_a_cloud_that_is_cut_short_is_refused(bag):
         read_profile(bag("mcap", {"/line": [flat]}, "flat"))
 
 
-def test_a_bag_without_messages_or_points_is_refused(bag, monkeypatch):
+def test_a_bag_without_messages_or_points_is_rejected(bag, monkeypatch):
     empty = [lambda store, k: cloud_message(store, k, np.zeros((0, 5, 3)))]
     with pytest.raises(UnreadableFile, match="PointCloud2 messages without a row of points"):
         read_profile(bag("mcap", {"/line": empty}, "rows"))

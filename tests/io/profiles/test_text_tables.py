@@ -122,7 +122,7 @@ def test_counts_and_comments_stand_in_any_order(write, arc, head):
     ],
 )
 @pytest.mark.parametrize("head", [[], ["x,z"]])
-def test_a_footer_is_told_and_left_out(write, arc, head, footer):
+def test_a_footer_is_reported_and_left_out(write, arc, head, footer):
     path = write("\n".join([*head, *lines_of(arc), *footer]), "p.csv")
     file = inspect_profiles(path)
     npt.assert_array_equal(file.profiles[0].points, arc)
@@ -143,12 +143,12 @@ def test_a_footer_is_told_and_left_out(write, arc, head, footer):
         (["1_000,2", "1_001,3"], "thousands"),
     ],
 )
-def test_thousands_separators_are_refused_by_name(write, lines, message):
+def test_thousands_separators_are_rejected_by_name(write, lines, message):
     with pytest.raises(UnreadableFile, match=message):
         read_profile(write("\n".join(lines) + "\n"))
 
 
-def test_numbers_that_commas_cut_are_refused(write, arc):
+def test_numbers_that_commas_cut_are_rejected(write, arc):
     for head in ([], ["x,z"]):
         lines = [*head, *lines_of(arc, "{x:.3f};{z:.3f}", comma=True)]
         with pytest.raises(UnreadableFile, match="cut at their commas"):
@@ -164,7 +164,7 @@ def test_columns_are_effective_in_a_wide_table(write, arc):
         assert_reads(write, [head, *lines], arc, columns=columns)
 
 
-def test_a_column_of_words_that_is_asked_for_is_refused(write, arc):
+def test_a_column_of_words_that_is_asked_for_is_rejected(write, arc):
     path = write("\n".join(["time,x,z", *lines_of(arc, "10:11:12,{x},{z}")]))
     with pytest.raises(UnreadableFile, match="line 2: column time holds text: '10:11:12'"):
         read_profile(path, columns="time,z")
@@ -264,7 +264,7 @@ def test_an_empty_first_column_and_typeset_minus_signs_are_read(write, arc):
     assert_reads(write, [line.replace("-", "−") for line in lines_of(arc)], arc)
 
 
-def test_a_column_of_parts_alone_tells_profiles_apart(tmp_path):
+def test_a_column_of_parts_alone_separates_profiles(tmp_path):
     rows = [f"{part},{x},{-400 + 0.1 * x * x}" for part in ("A7", "B2") for x in range(12)]
     path = tmp_path / "parts.csv"
     path.write_text("\n".join(["part_id,x,z", *rows]))

@@ -1,4 +1,4 @@
-"""Units are taken from wherever a file states them, and refused where they are not understood."""
+"""Units are taken from wherever a file states them, and rejected where they are not understood."""
 
 import numpy as np
 import numpy.testing as npt
@@ -191,7 +191,7 @@ def test_a_remark_is_no_unit(line):
     assert unit_statements([line]) == ()
 
 
-def test_units_are_given_with_a_scale_and_wrong_ones_refused():
+def test_units_are_given_with_a_scale_and_wrong_ones_rejected():
     assert ReadSettings(units="1/10 mm").units == "0.1 mm"
     with pytest.raises(
         ValueError, match=r"expected units among .* or with a scale as 0.1mm, got 'x'"

@@ -1,4 +1,4 @@
-"""A unit in words of any kind is read, or refused with these words: never dropped in silence.
+"""A unit in words of any kind is read, or failure with these words: never dropped in silence.
 
 The pipe of 2 mm, 17 mm below the sensor, looks plausible in any unit.
 """
@@ -55,12 +55,12 @@ def test_units_in_further_forms_are_read(write, head, unit, separator):
         "# 100 digits/mm",
     ],
 )
-def test_a_unit_in_other_words_is_refused_with_the_line(write, line):
+def test_a_unit_in_other_words_is_rejected_with_the_line(write, line):
     path = write(f"{line}\nx,z\n{rows('um')}", "a.csv")
-    with pytest.raises(UnreadableFile) as refused:
+    with pytest.raises(UnreadableFile) as failure:
         read_profile(path)
-    assert line in str(refused.value)
-    assert "--units" in str(refused.value)
+    assert line in str(failure.value)
+    assert "--units" in str(failure.value)
     npt.assert_allclose(read_profile(path, units="um").points, PIPE, atol=ROUNDING_MM)
 
 
@@ -136,7 +136,7 @@ def test_a_scale_in_numpy_is_never_dropped(write):
 
 
 @pytest.mark.parametrize("name", ["a.json", "a.yaml"])
-def test_a_key_that_stands_twice_is_refused(write, name):
+def test_a_key_that_stands_twice_is_rejected(write, name):
     content = '{"x": [1, 2, 3], "z": [4, 5, 6], "x": [7, 8, 9]}'
     if name == "a.yaml":
         content = "x: [1, 2, 3]\nz: [4, 5, 6]\nx: [7, 8, 9]\n"
@@ -151,7 +151,7 @@ def test_further_words_for_nothing(write, word):
     assert read_profile(write(f"x,z\n{cells}")).lost == 15
 
 
-def test_names_that_stand_twice_are_told(write):
+def test_names_that_stand_twice_are_reported(write):
     both = "".join(f"{x:.4f},{z:.4f},{x + 9:.4f},{z:.4f}\n" for x, z in PIPE)
     file = inspect_profiles(write(f"x,z,x,z\n{both}"))
     npt.assert_allclose(file.profiles[0].points, PIPE, atol=ROUNDING_MM)

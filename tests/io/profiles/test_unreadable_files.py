@@ -1,4 +1,4 @@
-"""What cannot be read is refused in one line that names the file and the mend."""
+"""What cannot be read gives one line that names the file and the remedy."""
 
 import io
 import os
@@ -109,16 +109,16 @@ def npy(array) -> bytes:
         ("frame,x0,z0\n", "a header and no profile under it"),
     ],
 )
-def test_bad_content_is_refused_with_file_and_mend(write, content, message):
+def test_bad_content_is_rejected_with_file_and_remedy(write, content, message):
     path = write(content)
-    with pytest.raises(UnreadableFile, match=message) as refusal:
+    with pytest.raises(UnreadableFile, match=message) as error:
         read_profile(path)
-    assert str(refusal.value).startswith(f"{path}: ")
-    assert "\n" not in str(refusal.value)
+    assert str(error.value).startswith(f"{path}: ")
+    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("name", ["a.rec", "a.gprec", "a.llt", "a.AVI"])
-def test_recordings_of_makers_are_refused_with_advice(write, name):
+def test_recordings_of_makers_are_rejected_with_advice(write, name):
     with pytest.raises(UnreadableFile, match=r"a (Gocator|scanCONTROL) recording.*CSV"):
         read_profile(write("some text", name))
 
@@ -128,18 +128,18 @@ def test_a_missing_file_is_named(tmp_path):
         read_profile(tmp_path / "none.csv")
 
 
-def test_a_directory_is_refused(tmp_path):
+def test_a_directory_is_rejected(tmp_path):
     with pytest.raises(UnreadableFile, match="a directory: name the files in it"):
         read_profile(tmp_path)
 
 
-def test_a_name_that_is_no_path_is_refused():
+def test_a_name_that_is_no_path_is_rejected():
     with pytest.raises(UnreadableFile, match="no file can have such a name"):
         read_profile("pro\0file.csv")
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")
-def test_a_file_without_permission_is_refused(write):
+def test_a_file_without_permission_is_rejected(write):
     path = write("1,2\n3,4\n")
     path.chmod(0)
     with pytest.raises(UnreadableFile, match="no permission to read it: check its owner"):
@@ -190,7 +190,7 @@ def test_without_pyarrow_the_message_says_what_to_install(write, monkeypatch):
         read_profile(write(b"PAR1"))
 
 
-def test_a_wrong_format_by_hand_is_refused_not_crashed(write):
+def test_a_wrong_format_by_hand_is_rejected_not_crashed(write):
     path = write("1,2\n3,4\n")
     for name in ("npy", "npz", "ply", "pcd", "parquet", "gocator", "gocator-points", "opencv"):
         with pytest.raises(UnreadableFile):
@@ -213,7 +213,7 @@ def test_a_table_without_a_number_says_that_all_points_are_lost(write, content):
         read_profile(write(content))
 
 
-def test_a_word_over_two_lines_is_told_in_one(write):
-    with pytest.raises(UnreadableFile) as refused:
+def test_a_word_over_two_lines_is_reported_in_one(write):
+    with pytest.raises(UnreadableFile) as failure:
         read_profile(write("%YAML:1.0\n---\nscan_line: [!\n!]", "a.yml"))
-    assert "\n" not in str(refused.value)
+    assert "\n" not in str(failure.value)

@@ -1,4 +1,4 @@
-"""Poses and uncertainties of impossible size are refused in words."""
+"""Poses and uncertainties of impossible size are rejected."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ PIPE = Profile(20 * np.column_stack([np.cos(ANGLE), np.sin(ANGLE)]) - [0, 400])
 
 
 @pytest.mark.parametrize("step", [1e10, 1e200, 1e308])
-def test_poses_that_are_too_far_are_refused(step):
+def test_poses_that_are_too_far_are_rejected(step):
     with pytest.raises(ValueError, match=r"expected finite coordinates within 1e\+09 mm"):
         measure_scan([PIPE, PIPE], [Pose(), Pose.along((0, 0, 1), step)])
 
@@ -19,7 +19,7 @@ def test_poses_that_are_too_far_are_refused(step):
 @pytest.mark.parametrize(
     "errors", [{"pose_std": 1e9}, {"pose_std": np.nan}, {"feed_std": 10.0}, {"feed_std": -1.0}]
 )
-def test_uncertainties_that_are_none_are_refused(errors):
+def test_uncertainties_that_are_none_are_rejected(errors):
     with pytest.raises(ValueError, match=r"expected (pose|feed)_std from 0 to 1"):
         measure_scan([PIPE, PIPE], [Pose(), Pose.along((0, 0, 1), 5.0)], **errors)
 

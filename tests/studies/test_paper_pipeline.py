@@ -1,10 +1,10 @@
-"""The steps of the paper's own chain, by themselves."""
+"""The steps of the paper's own pipeline, by themselves."""
 
 import numpy as np
 import pytest
 
 from lsvision.errors import FitFailed
-from lsvision.studies.chen_liu_2016.paper_chain import (
+from lsvision.studies.chen_liu_2016.paper_pipeline import (
     homogenise_profile_paper,
     smooth_profile_paper,
 )

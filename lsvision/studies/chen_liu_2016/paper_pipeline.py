@@ -1,9 +1,9 @@
-"""The paper's own chain, as literally as its text allows: for comparison with `measure_cylinders`.
+"""The paper's own pipeline, as literally as its text allows: a reference for `measure_cylinders`.
 
 Where the text leaves a choice open: the sensor error is one number (0.9 mm, the resolution of
 section 4); a window without a fit has no arc; "the first few points" of an arc are 10 % of it.
 The flow chart (Figure 6) can open and close several arcs on one pipe; they stay several. The
-chain has no test against planes, so it reports huge ellipses on them.
+pipeline has no test against planes, so it reports huge ellipses on them.
 """
 
 import math
@@ -34,7 +34,7 @@ MAX_INITIAL_RADIUS_MM = 40.0
 
 @dataclass(frozen=True, kw_only=True)
 class PaperSettings:
-    """Constants of the paper's chain.
+    """Constants of the paper's pipeline.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def measure_cylinders_paper(
     known_radius: float | Sequence[float] | None = None,
     settings: PaperSettings = PaperSettings(),
 ) -> Measurement:
-    """Measure the cylinders of a profile by the paper's chain, sections 3.2, 3.3 and 2.3.
+    """Measure the cylinders of a profile by the paper's pipeline, sections 3.2, 3.3 and 2.3.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def measure_cylinders_paper(
         Search range (min, max), or a nominal radius with a range of 20 % around it. The fits
         start at the geometric mean of the range, at most 40 mm. Units: mm.
     known_radius : float or (float, float), optional
-        Radius, or (radius, std): sets the search range where `radius` gives none. The chain
+        Radius, or (radius, std): sets the search range where `radius` gives none. The pipeline
         has no priors. Units: mm.
     settings : PaperSettings
         Constants of the paper.
@@ -197,7 +197,7 @@ def homogenise_profile_paper(points: Points, step_mm: float = 0.5) -> Points:
     Returns
     -------
     (m, 2) ndarray
-        Units: mm.
+        Points at equal steps of x. Units: mm.
     """
     from scipy.interpolate import CubicSpline
 

@@ -1,4 +1,4 @@
-"""What no ellipse can be fitted to is refused in words, whatever overflows on the way."""
+"""Points without an ellipse are rejected with a message, whatever overflows on the way."""
 
 import numpy as np
 import pytest
