@@ -24,7 +24,7 @@ def run_step(
     command : callable
         Words behind ``lsvision calibrate``, given the folder and that of the results.
     example_options : tuple of str
-        What the shipped example wants beside them.
+        Options that the shipped example needs beside them.
     """
     from lsvision.cli import main
 
