@@ -158,6 +158,13 @@ def test_a_line_beside_the_pattern_is_rejected_with_the_margin_that_gives_the_pl
     distance = found.plane.distance - BESIDE.distance
     assert abs(distance) < 3 * np.sqrt(found.covariance[2, 2])
     assert np.degrees(np.arccos(min(1.0, found.plane.normal @ BESIDE.normal))) < 0.5
+    assert any("lies beside the pattern, within the margin" in text for text in found.warnings)
+
+
+def test_a_line_on_the_pattern_gives_no_warning_of_the_margin(images):
+    wide = replace(HELD, line=LineOnBoardSettings(margin=3.0))
+    found = calibrate_laser_plane(CAMERA, TARGET, *images, wide)
+    assert not any("beside the pattern" in text for text in found.warnings)
 
 
 def test_a_reflection_on_the_pattern_is_no_line_where_a_brighter_one_is_beside_it(images_beside):
