@@ -55,12 +55,9 @@ def options_of(words):
 
 def messages_of(path):
     """The text of a module's string literals, without its docstrings."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    statements = [node.value for node in ast.walk(tree) if isinstance(node, ast.Expr)]
-    strings = [
-        node for node in ast.walk(tree)
-        if isinstance(node, ast.Constant) and isinstance(node.value, str)
-    ]  # fmt: skip
+    nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    statements = {node.value for node in nodes if isinstance(node, ast.Expr)}
+    strings = [n for n in nodes if isinstance(n, ast.Constant) and isinstance(n.value, str)]
     return " ".join(node.value for node in strings if node not in statements)
 
 
@@ -69,7 +66,7 @@ def named_options():
     for path in sorted(PACKAGE.rglob("*.py")):
         name = path.relative_to(PACKAGE)
         commands = next((c for pattern, c in REACHED if name.match(pattern)), ())
-        for option in sorted(set(OPTION.findall(messages_of(path)))):
+        for option in sorted(set(OPTION.findall(messages_of(path)))) if commands else ():
             if (str(name), option) not in OF_OTHERS:
                 for command in commands:
                     yield pytest.param(command, option, id=f"{name}-{command}-{option}")
