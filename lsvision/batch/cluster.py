@@ -1,5 +1,8 @@
 """Tasks on the machines of a Dask cluster, a bounded number of them in flight."""
 
+import contextlib
+import math
+import time
 from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
 from typing import Any, TypeVar
@@ -13,7 +16,9 @@ Value = TypeVar("Value")
 IN_FLIGHT_PER_THREAD = 3
 """Tasks handed to the scheduler per thread of its workers."""
 CONNECT_TIMEOUT_S = 10.0
-"""Time limit for the answer of the scheduler. Units: s."""
+"""Time limit for the answer of the scheduler, at the start and when it goes away. Units: s."""
+POLL_S = 1.0
+"""How often the connection is checked while all workers are busy. Units: s."""
 
 
 def run_on_cluster(
@@ -70,31 +75,44 @@ def _connect(address: str) -> Any:
 def _run(
     client: Any, function: Callable[[Task], Value], remaining: Iterator[Task]
 ) -> Iterator[Finished[Task, Value]]:
+    in_flight: dict[Any, Task] = {}
+    while True:
+        most = IN_FLIGHT_PER_THREAD * max(sum(client.nthreads().values()), 1)
+        for task in islice(remaining, max(most - len(in_flight), 0)):
+            in_flight[client.submit(function, task, pure=False)] = task
+        if not in_flight:
+            return
+        for future in _wait(client, list(in_flight)):
+            yield Finished(in_flight.pop(future), _result(client, future))
+
+
+def _wait(client: Any, futures: list[Any]) -> list[Any]:
+    """Return the futures that are done, at least one.
+
+    The client itself would wait without limit for a scheduler that has gone away.
+    """
     import distributed
 
-    in_flight: dict[Any, Task] = {}
+    wait: Any = distributed.wait  # without annotations
+    lost_since = math.inf
+    while True:
+        with contextlib.suppress(TimeoutError), client.as_current():
+            return list(wait(futures, timeout=POLL_S, return_when="FIRST_COMPLETED").done)
+        now = time.monotonic()
+        lost_since = math.inf if client.status == "running" else min(lost_since, now)
+        if now - lost_since > CONNECT_TIMEOUT_S:
+            raise TimeoutError("no answer")
 
-    def submit() -> list[Any]:
-        most = IN_FLIGHT_PER_THREAD * max(sum(client.nthreads().values()), 1)
-        new = {
-            client.submit(function, task, pure=False): task
-            for task in islice(remaining, max(most - len(in_flight), 0))
-        }
-        in_flight.update(new)
-        return list(new)
 
-    as_completed: Any = distributed.as_completed  # without annotations
-    completed = as_completed(submit(), loop=client.loop)
-    for future in completed:
-        task = in_flight.pop(future)
-        try:
-            value = future.result()
-        except distributed.KilledWorker:
-            value = EndedProcess()
-        except distributed.CancelledError as error:
-            raise _gone(client.scheduler.address, error) from None
-        yield Finished(task, value)
-        completed.update(submit())
+def _result(client: Any, future: Any) -> Any:
+    import distributed
+
+    try:
+        return future.result()
+    except distributed.KilledWorker:
+        return EndedProcess()
+    except distributed.CancelledError as error:
+        raise _gone(client.scheduler.address, error) from None
 
 
 def _gone(address: str, error: Exception) -> LsvisionError:

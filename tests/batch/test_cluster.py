@@ -1,7 +1,12 @@
 """A batch on a Dask cluster of this machine, one worker of which is killed."""
 
+import json
 import os
 import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +16,7 @@ from lsvision.batch.run import plan_tasks, run_batch
 from lsvision.errors import LsvisionError
 from tests.batch.sources import profiles, write_parquet
 
+PATH_TO_TASKS = {"PYTHONPATH": str(Path(__file__).parents[2])}
 distributed = pytest.importorskip("distributed")
 
 
@@ -55,3 +61,48 @@ def test_no_scheduler_is_reported(tmp_path, monkeypatch):
     tasks = plan_tasks([tmp_path / "a.parquet"], tmp_path, tmp_path / "out", BatchJob())
     with pytest.raises(LsvisionError, match="no scheduler answers"):
         run_batch(tasks, tmp_path / "out", scheduler="tcp://127.0.0.1:9")
+
+
+@pytest.fixture
+def scheduler(tmp_path):
+    """A scheduler with one worker, in processes that can be killed; and its address."""
+    file, processes = tmp_path / "scheduler.json", []
+    for role, words in {
+        "scheduler": ("--host", "127.0.0.1", "--port", "0"),
+        "worker": ("--nthreads", "1", "--local-directory", str(tmp_path)),
+    }.items():
+        command = [sys.executable, "-m", f"distributed.cli.dask_{role}", "--no-dashboard", *words]
+        command += ["--scheduler-file", str(file)]
+        processes.append(
+            subprocess.Popen(command, env=os.environ | PATH_TO_TASKS, stderr=subprocess.DEVNULL)
+        )
+        for _ in range(300):
+            if file.exists() and file.read_text():
+                break
+            time.sleep(0.1)
+    yield processes[0], json.loads(file.read_text())["address"]
+    for process in processes:
+        process.kill()
+        process.wait(10)
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
+def test_a_scheduler_that_goes_away_is_told_and_costs_no_finished_file(tmp_path, scheduler):
+    process, address = scheduler
+    source, out = tmp_path / "in", tmp_path / "out"
+    source.mkdir()
+    for number in range(8):
+        write_parquet(source / f"{number}.parquet", 2, first_id=number)
+    tasks, finished = plan_tasks(sorted(source.iterdir()), source, out, BatchJob()), []
+
+    def report(outcome):
+        finished.append(outcome.name)
+        if len(finished) == 2:
+            process.kill()
+
+    with pytest.raises(LsvisionError, match=r"gone away .* finished files are kept"):
+        run_batch(tasks, out, scheduler=address, report=report)
+    kept = {path.name: path.stat().st_mtime_ns for path in out.glob("[01].parquet")}
+    assert len(kept) == 2
+    assert len(run_batch(tasks, out).done) == 8
+    assert kept == {path.name: path.stat().st_mtime_ns for path in out.glob("[01].parquet")}
