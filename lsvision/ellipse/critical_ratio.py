@@ -46,12 +46,16 @@ class CriticalRatios:
         c of one quantity and of both components of d; F quantiles where the noise was estimated.
     m : (F,) ndarray
         m of the estimates. Units: mm.
-    deviators : (F,) complex ndarray
-        d of the estimates. Units: mm.
+    lengths : (F,) ndarray
+        |d| of the estimates. Units: mm.
+    directions : (F,) complex ndarray
+        Unit vectors of these d, in sigmas per mm along the axes of the ring.
     semi_axes : (2, F) ndarray
         Semi-axes in sigmas of the ring |d| = 1 mm, the larger first.
     axes : (F,) complex ndarray
         Directions of the larger semi-axis.
+    reaches : (F,) ndarray
+        Radius of the ring from which it counts as a straight line. Units: mm.
     prior_fractions, of_priors : (F,) ndarray
         Fraction of the information on d from a prior on phi that includes a circle, and its c.
     may_be_circle : (F,) bool ndarray
@@ -62,9 +66,11 @@ class CriticalRatios:
     one: FloatArray
     two: FloatArray
     m: FloatArray
-    deviators: ComplexArray
+    lengths: FloatArray
+    directions: ComplexArray
     semi_axes: FloatArray
     axes: ComplexArray
+    reaches: FloatArray
     prior_fractions: FloatArray
     of_priors: FloatArray
     may_be_circle: BoolArray
@@ -73,8 +79,12 @@ class CriticalRatios:
     def of(cls, stack: FitStack, level: float) -> Self:
         """Return the critical ratios of fits at a level between 0 and 1."""
         one, two = (squared_quantile(k, stack.degrees_of_freedom, level) for k in (1, 2))
-        variances, axes = np.linalg.eigh(stack.covariances[:, 3:, 3:])
-        m = stack.parameters[:, 2]
+        variances, vectors = np.linalg.eigh(stack.covariances[:, 3:, 3:])
+        axes = vectors[:, 0, 0] + 1j * vectors[:, 1, 0]
+        a, b = semi_axes = 1 / np.sqrt(np.maximum(variances.T, TINY))
+        m, deviators = stack.parameters[:, 2], flattening(stack.parameters)
+        directions = _in_sigmas(deviators, semi_axes, axes)
+        reaches = np.minimum(MAX_CURVATURE_RADIUS * a / b**2, MAX_SIGMAS / np.abs(directions))
         fractions, of_priors = np.zeros((2, len(m)))
         for k in np.flatnonzero(stack.has_prior & stack.may_be_circle):
             known = stack.fits[k].problem.known_phi
@@ -83,8 +93,7 @@ class CriticalRatios:
                 fractions[k] = min(share, 1.0)
                 of_priors[k] = known.max_likelihood_ratio(level)
         return cls(
-            level, one, two, m, flattening(stack.parameters),
-            1 / np.sqrt(np.maximum(variances.T, TINY)), axes[:, 0, 0] + 1j * axes[:, 1, 0],
+            level, one, two, m, np.abs(deviators), directions, semi_axes, axes, reaches,
             fractions, of_priors, stack.may_be_circle,
         )  # fmt: skip
 
@@ -108,41 +117,26 @@ class CriticalRatios:
         kappas : (k,) ndarray
             Values of h / m.
         """
-        directions, (a, b) = self._in_sigmas(owners, self.deviators[owners]), self.semi_axes
-        reach = np.minimum(
-            MAX_CURVATURE_RADIUS * a[owners] / b[owners] ** 2, MAX_SIGMAS / np.abs(directions)
-        )
         h, ratios = self.m[owners] * kappas, self.one[owners]
-        near = h < reach
-        counts = np.where(near, self._ring_points(owners, h), 0)
-        for count in np.unique(counts[near]).tolist():
-            i = counts == count
-            tubes = self._ring_tubes(owners[i], h[i], directions[i], count)
-            ratios[i] = self._interpolate(owners[i], _fraction_of_two(self.level, tubes))
+        near = h < self.reaches[owners]
+        if near.any():
+            counts = np.where(near, self._ring_points(owners, h), 0)
+            for count in np.unique(counts[near]).tolist():
+                i = counts == count
+                tubes = self._ring_tubes(owners[i], h[i], count)
+                ratios[i] = self._interpolate(owners[i], _fraction_of_two(self.level, tubes))
         more = np.maximum(self.of_priors[owners] - ratios, 0.0)
         return ratios + self.prior_fractions[owners] * more
 
     def of_direction(self, owners: IntArray, deviators: ComplexArray) -> FloatArray:
         """Return c of theta for directions of d (k,) and a true d of the estimate's length."""
-        in_sigmas = np.abs(self._in_sigmas(owners, deviators))
-        distances = np.abs(self.deviators[owners]) * in_sigmas
+        in_sigmas = _in_sigmas(deviators, self.semi_axes[:, owners], self.axes[owners])
+        distances = self.lengths[owners] * np.abs(in_sigmas)
         fractions = np.interp(distances, END_SIGMAS, _half_line_fractions(self.level))
         return self._interpolate(owners, fractions)
 
     def _interpolate(self, owners: IntArray, fractions: FloatArray) -> FloatArray:
         return (1 - fractions) * self.one[owners] + fractions * self.two[owners]
-
-    def _in_sigmas(self, owners: IntArray, directions: ComplexArray) -> ComplexArray:
-        """Return the unit vectors of directions in sigmas per mm, along the axes of the rings.
-
-        The zero vector gives the first axis.
-        """
-        lengths = np.abs(directions)
-        units = directions / np.maximum(lengths, TINY) * self.axes[owners].conj()
-        units[lengths == 0] = 1.0
-        a, b = self.semi_axes[:, owners]
-        in_sigmas: ComplexArray = a * units.real + 1j * (b * units.imag)
-        return in_sigmas
 
     def _ring_points(self, owners: IntArray, h: FloatArray) -> IntArray:
         """Return the number of points of the integral along each ring: powers of two."""
@@ -152,9 +146,7 @@ class CriticalRatios:
         points: IntArray = np.exp2(np.ceil(np.log2(count))).astype(int)
         return points
 
-    def _ring_tubes(
-        self, owners: IntArray, h: FloatArray, directions: ComplexArray, count: int
-    ) -> FloatArray:
+    def _ring_tubes(self, owners: IntArray, h: FloatArray, count: int) -> FloatArray:
         """Return probabilities of tubes of half width sqrt(chi2) about rings of radius h, (k, 3).
 
         By Green's theorem the probability of a region is the integral of 1 - exp(-r^2 / 2) over the
@@ -163,6 +155,7 @@ class CriticalRatios:
         has no hole; the boundary is then put on the axis, where both sides cancel.
         """
         a, b = self.semi_axes[:, owners, None]
+        directions = self.directions[owners]
         widths = np.sqrt(_chi2_quantiles(self.level))
         t = np.arange(count) * (2 * np.pi / count)
         b_cos, a_sin = b * np.cos(t), a * np.sin(t)
@@ -212,3 +205,16 @@ def _fraction_of_two(level: float, tubes: FloatArray) -> FloatArray:
         positions += node * weights / np.where(products == 0, TINY, products)
     fractions: FloatArray = np.minimum(np.maximum((positions + 1) / 2, 0.0), 1.0)
     return fractions
+
+
+def _in_sigmas(deviators: ComplexArray, semi_axes: FloatArray, axes: ComplexArray) -> ComplexArray:
+    """Return the unit vectors of directions in sigmas per mm, along the axes of the rings.
+
+    The zero vector gives the first axis.
+    """
+    lengths = np.abs(deviators)
+    units = deviators / np.maximum(lengths, TINY) * axes.conj()
+    units[lengths == 0] = 1.0
+    a, b = semi_axes
+    in_sigmas: ComplexArray = a * units.real + 1j * (b * units.imag)
+    return in_sigmas

@@ -22,7 +22,7 @@ from lsvision.ellipse.critical_ratio import CriticalRatios
 from lsvision.ellipse.fit_stack import TINY, FitStack
 from lsvision.ellipse.parameters import PARAMETERS
 from lsvision.geometry import BoolArray, FloatArray, IntArray
-from lsvision.geometry.noisy_points import ComplexArray
+from lsvision.geometry.noisy_points import ComplexArray, as_complex, as_vectors
 
 RADIUS_LOW, RADIUS_HIGH, PHI_LOW, PHI_HIGH, RADIUS_LOW_2, PHI_HIGH_2 = range(6)
 X_LOW, X_HIGH, Y_LOW, Y_HIGH, THETA_LOW, THETA_HIGH, CIRCLE = range(6, 13)
@@ -261,30 +261,34 @@ def _turn_to_extrema(
 ) -> tuple[FloatArray, FloatArray]:
     """Return angles of u and kappas at the extrema, by Newton's method."""
     centres, shapes = sections
-    pp, pq, qq = shapes[:, 1, 1], 2 * shapes[:, 1, 2], shapes[:, 2, 2]
+    mean, deviator = _mean_and_deviator(shapes)
     radii = OUTWARD[ends] * np.sqrt(np.maximum(squared_radii, 0.0))
     is_phi, moving = IS_PHI[ends], np.ones(len(ends), dtype=bool)
     for _ in range(MAX_ROUNDS):
-        cos, sin = np.cos(angles), np.sin(angles)
-        f = np.array([-kappas, cos, sin]).T
+        u = np.exp(1j * angles)
+        f = np.empty_like(centres)
+        f[:, 0], f[:, 1:] = -kappas, as_vectors(u)
         Cf = apply(shapes, f)
         variances = np.maximum((f * Cf).sum(axis=1), TINY)
         scale = radii / np.sqrt(variances)
-        m, p, q = (centres + scale[:, None] * Cf).T
+        extrema = centres + scale[:, None] * Cf
         # At the extremum d has the direction u: no component across it.
-        along, across, C_across = (
-            cos * p + sin * q,
-            cos * q - sin * p,
-            cos * Cf[:, 2] - sin * Cf[:, 1],
-        )
-        spread = sin * (sin * pp - cos * pq) + cos * cos * qq
-        slopes = along - scale * (spread - C_across * C_across / variances)
-        turns = np.where(slopes > 0, across / slopes, np.arctan2(across, along))
+        u_conj = u.conj()
+        d, C_across = as_complex(extrema[:, 1:]) * u_conj, (as_complex(Cf[:, 1:]) * u_conj).imag
+        spread = mean - (deviator * u_conj * u_conj).real
+        slopes = d.real - scale * (spread - C_across * C_across / variances)
+        turns = np.where(slopes > 0, d.imag / slopes, np.angle(d))
         turns = np.minimum(np.maximum(turns, -MAX_TURN), MAX_TURN) * moving
-        new = np.minimum(np.maximum(along / np.maximum(m, TINY), 0.0), 1.0)
+        new = np.minimum(np.maximum(d.real / np.maximum(extrema[:, 0], TINY), 0.0), 1.0)
         new = np.where(is_phi & moving, new, kappas)
         moving &= np.maximum(np.abs(turns), np.abs(new - kappas)) >= DIRECTION_TOLERANCE
         angles, kappas = angles + turns, new
         if not moving.any():
             break
     return angles, kappas
+
+
+def _mean_and_deviator(shapes: FloatArray) -> tuple[FloatArray, ComplexArray]:
+    """Return half the trace of the shapes of d, and half their difference and direction."""
+    pp, pq, qq = shapes[:, 1, 1], shapes[:, 1, 2], shapes[:, 2, 2]
+    return (pp + qq) / 2, (pp - qq) / 2 + 1j * pq
