@@ -13,11 +13,13 @@ import sys
 import tarfile
 import tempfile
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from lsvision.cli.measure_files import AT_ONCE
+from lsvision.ellipse.section import compute_intervals
 from lsvision.measure import measure_cylinders
 from lsvision.profile import Profile
 from lsvision.simulate import random_section
@@ -119,22 +121,30 @@ def batch(_base, effort, folder):
 
 
 def intervals(_base, effort, _folder):
+    """Of the cylinders of one profile, as in a live cell; of 16 profiles, as in files."""
     for kind in ("single", "welded_pair"):
         profiles = [Profile(points) for points in points_of(effort.sections, kind)]
-        measuring, computing = [], []
-        for profile in (*profiles[:3], *profiles):
-            start = time.process_time()
-            found = measure_cylinders(profile)
-            measuring.append(time.process_time() - start)
-            for cylinder in found.cylinders:
-                start = time.process_time()
-                _ = cylinder.estimates
-                computing.append(time.process_time() - start)
-        count = len(computing) / len(measuring)
-        ratio = np.median(computing) / (np.median(measuring) / count)
-        what = f"five intervals of a cylinder / its measurement, {kind}"
-        note = f"{1e3 * np.median(computing):.2f} and {1e3 * np.median(measuring) / count:.2f} ms"
-        yield Number(what, ratio, high=1.0, note=note)
+        measuring, alone, together = [], [], []
+        for start in range(0, len(profiles), AT_ONCE):
+            found = []
+            for profile in profiles[start : start + AT_ONCE]:
+                measured, seconds = _timed(lambda p=profile: measure_cylinders(p))
+                measuring.append(seconds)
+                alone.append(_timed(lambda m=measured: compute_intervals(m.cylinders))[1])
+                found += [replace(each, fit=replace(each.fit)) for each in measured.cylinders]
+            _, seconds = _timed(lambda f=found: compute_intervals(f))
+            together += [seconds / len(profiles[start : start + AT_ONCE])]
+        for how, times in (("", alone), (f", {AT_ONCE} profiles at once", together)):
+            what = f"intervals of a profile{how} / its measurement, {kind}"
+            note = f"{1e3 * np.median(times):.2f} and {1e3 * np.median(measuring):.2f} ms"
+            yield Number(what, np.median(times) / np.median(measuring), high=1.0, note=note)
+
+
+def _timed(function):
+    """Return the value of a function, and its processor time."""
+    start = time.process_time()
+    value = function()
+    return value, time.process_time() - start
 
 
 def start_up(base, _effort, _folder):
