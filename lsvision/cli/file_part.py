@@ -20,7 +20,6 @@ from lsvision.cli.messages import internal_error
 from lsvision.cli.robot_frame import RobotFrame, robot_frame_table
 from lsvision.cli.section_table import measurement_lines
 from lsvision.cli.sources import iterate_source, read_source
-from lsvision.ellipse.section import compute_intervals
 from lsvision.errors import LsvisionError
 from lsvision.files.limited_reading import STDIN
 from lsvision.files.printable import printable, printable_name
@@ -209,6 +208,8 @@ def measure_parts(options: PartOptions, parts: Sequence[FilePart]) -> list[PartR
     list of PartResult
         If a profile cannot be measured, there is an error and no result of its part.
     """
+    from lsvision.ellipse.section import compute_intervals
+
     measured = [_measure_part(options, part) for part in parts]
     found = [section for each in measured if not isinstance(each, PartResult) for section in each]
     with contextlib.suppress(Exception):  # met again in the part that has caused it
