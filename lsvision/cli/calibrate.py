@@ -126,9 +126,7 @@ def camera(
         shots = read_images(files)
         calibration = calibrate_camera(shots, board, model)
     rows = camera_rows(calibration)
-    warnings = warning_lines(
-        names, calibration.rejected, calibration.outliers, calibration.warnings
-    )
+    warnings = warning_lines(names, calibration)
     provenance = provenance_of(f"{len(calibration.views)} views of {board}", files)
     if report is not None:
         from lsvision.draw.calibration_report import ReportContent, camera_page
@@ -219,9 +217,7 @@ def laser_plane(
         f"laser line on {board} in {len(calibration.views)} poses", dict.fromkeys(files)
     )
     rows = laser_plane_rows(calibration)
-    warnings = warning_lines(
-        names, calibration.rejected, calibration.outliers, calibration.warnings
-    )
+    warnings = warning_lines(names, calibration)
     if report is not None:
         photos = [
             brighter_of(*pair, line_options.pattern) for pair in zip(shots, line_shots, strict=True)

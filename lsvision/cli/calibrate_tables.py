@@ -10,8 +10,9 @@ from lsvision.results.tables import text_table
 
 if TYPE_CHECKING:
     from lsvision.calibration.hand_eye_result import HandEye
+    from lsvision.calibration.intrinsics import CameraCalibration
+    from lsvision.calibration.laser_plane_result import LaserPlaneCalibration
     from lsvision.calibration.pose_planning import PosePlan
-    from lsvision.calibration.views import RejectedView
 
 
 def pose_rows(hand_eye: "HandEye", names: Sequence[str]) -> list[tuple[str, str, str, str]]:
@@ -41,13 +42,10 @@ def value_lines(rows: Sequence[Row]) -> list[str]:
 
 
 def warning_lines(
-    names: Sequence[str],
-    rejected: "Sequence[RejectedView]",
-    outliers: "Sequence[RejectedView]",
-    warnings: Sequence[str],
+    names: Sequence[str], calibration: "CameraCalibration | LaserPlaneCalibration"
 ) -> list[str]:
     """Return lines on rejected views, outliers and warnings, with the names of the images."""
-    lines = rejection_lines(rejected, outliers, warnings)
+    lines = rejection_lines(calibration.rejected, calibration.outliers, calibration.warnings)
     return [replace_image_numbers(line, image=names) for line in lines]
 
 
