@@ -122,6 +122,19 @@ def test_the_interval_of_cp_of_montgomery():
     assert tuple(round(end, 2) for end in found.cp_interval) == (1.57, 3.01)
 
 
+def test_the_interval_of_cpk_of_the_sas_example():
+    # SAS/QC User's Guide, amplification of 75 amplifiers: at 90 % from 0.328 to 0.496.
+    decibels = """
+        4.54 4.87 4.66 4.90 4.68 5.22 4.43 5.14 3.07 4.22 5.09 3.41 5.75 5.16 3.96 5.37 5.70 4.11
+        4.83 4.51 4.57 4.16 5.73 3.64 5.48 4.95 4.57 4.46 4.75 5.38 5.19 4.35 4.98 4.87 3.53 4.46
+        4.57 4.69 5.27 4.67 5.03 4.50 5.35 4.55 4.05 6.63 5.32 5.24 5.73 5.08 5.07 5.42 5.05 5.70
+        4.79 4.34 5.06 4.64 4.82 3.24 4.79 4.46 3.84 5.05 5.46 4.64 6.13 4.31 4.81 4.98 4.95 5.57
+        4.11 4.15 5.95
+    """
+    found = capability(list(map(float, decibels.split())), (4.0, 6.0), level=0.90)
+    assert tuple(round(end, 3) for end in found.cpk_interval) == (0.328, 0.496)
+
+
 def test_the_intervals_of_cp_and_cpk_hold_the_truth(rng):
     draws, misses = 800, np.zeros(2)
     for _ in range(draws):
