@@ -6,6 +6,7 @@ together. A printed edge has no width of its own.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -171,7 +172,8 @@ def _edge_sigmas(image: npt.ArrayLike, view: TargetView | LaserView, along: str)
     """Yield the sigma of each edge of one image that can be measured."""
     grey = grey_image(image).astype(np.float64)
     chords = _chords(view, 0 if along == "u" else 1)
-    for start, stop in chords[:: max(1, len(chords) // MAX_EDGES_PER_IMAGE)]:
+    step = max(1, math.ceil(len(chords) / MAX_EDGES_PER_IMAGE))
+    for start, stop in chords[::step]:
         sigmas = (_edge_sigma(grey, start, stop, fraction) for fraction in ACROSS_FRACTIONS)
         sigma = next((value for value in sigmas if value is not None), None)
         if sigma is not None:

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
+from lsvision.calibration import lens_blur
 from lsvision.calibration.lens_blur import measure_lens_blur
 from lsvision.calibration.target import Chessboard, CircleGrid
 from lsvision.errors import CalibrationFailed
@@ -38,6 +39,13 @@ def test_blur_is_that_of_the_drawn_image(blur):
     assert found.sigma == pytest.approx(np.hypot(blur, PIXEL), abs=CLOSE)
     assert found.std < 0.01
     assert found.edges > 60
+
+
+def test_no_more_edges_are_measured_than_are_needed(monkeypatch):
+    images = [board_image(0.8)] * 2
+    every = measure_lens_blur(images, TARGET).edges
+    monkeypatch.setattr(lens_blur, "MAX_EDGES_PER_IMAGE", every // 2 - 1)
+    assert measure_lens_blur(images, TARGET).edges <= every - 2
 
 
 def test_each_direction_has_its_own_blur():
