@@ -88,14 +88,14 @@ class Ellipsoids(NamedTuple):
     """Sections (m, p, q) of k ellipsoids, and (p, q) in sigmas.
 
     centres (k, 3); shapes (k, 3, 3); excess (k,): squared radii less c; roots (3, k): entries 11,
-    21 and 22 of the Cholesky factors of the shapes of d; whites (k,): d of the centres in sigmas.
+    21 and 22 of the Cholesky factors of the shapes of d; whitened (k,): d of the centres in sigmas.
     """
 
     centres: FloatArray
     shapes: FloatArray
     excess: FloatArray
     roots: FloatArray
-    whites: ComplexArray
+    whitened: ComplexArray
 
     @classmethod
     def of(cls, centres: FloatArray, shapes: FloatArray, excess: FloatArray) -> "Ellipsoids":
@@ -104,24 +104,24 @@ class Ellipsoids(NamedTuple):
         mixed = shapes[:, 1, 2] / first
         second = np.sqrt(np.maximum(shapes[:, 2, 2] - mixed * mixed, TINY))
         p = centres[:, 1] / first
-        whites = p + 1j * ((centres[:, 2] - mixed * p) / second)
-        return cls(centres, shapes, excess, np.array([first, mixed, second]), whites)
+        whitened = p + 1j * ((centres[:, 2] - mixed * p) / second)
+        return cls(centres, shapes, excess, np.array([first, mixed, second]), whitened)
 
     def to_circles(self, rows: IntArray) -> tuple[FloatArray, FloatArray]:
         """Return gradients by (p, q) whose extrema are circles, (j, 2); distances in sigmas."""
-        whites = self.whites[rows]
-        return self._gradients(rows, -whites), np.abs(whites)
+        whitened = self.whitened[rows]
+        return self._gradients(rows, -whitened), np.abs(whitened)
 
     def find_tangents(
         self, rows: IntArray, rho: FloatArray, sides: FloatArray
     ) -> tuple[FloatArray, FloatArray, ComplexArray]:
         """Return normals, radii and points of contact of tangents from d = 0 to the ellipses."""
-        whites, (first, mixed, second) = self.whites[rows], self.roots[:, rows]
-        distances = np.maximum(np.abs(whites), TINY)
+        whitened, (first, mixed, second) = self.whitened[rows], self.roots[:, rows]
+        distances = np.maximum(np.abs(whitened), TINY)
         rho = np.minimum(rho, MAX_TANGENT * distances)
         sines = rho / distances
-        steps = sines * whites * (-sines + 1j * (sides * np.sqrt(1 - sines * sines)))
-        contact = whites + steps
+        steps = sines * whitened * (-sines + 1j * (sides * np.sqrt(1 - sines * sines)))
+        contact = whitened + steps
         d = first * contact.real + 1j * (mixed * contact.real + second * contact.imag)
         return self._gradients(rows, steps), rho, d
 
@@ -190,7 +190,7 @@ class Regions:
         (owners, ends), (ellipsoids, rho) = rows, sections
         on_ridge = self.stack.known_radius[owners] & RIDGE_GRADIENTS[ends].any(axis=1)
         i = np.flatnonzero(on_ridge | (ends == RADIUS_HIGH))
-        i = i[rho[i] > np.abs(ellipsoids.whites[i])]
+        i = i[rho[i] > np.abs(ellipsoids.whitened[i])]
         if not i.size:
             return
         to_circle, distances = ellipsoids.to_circles(i)

@@ -5,6 +5,7 @@ is shared; wall time only where several processes are the point.
 """
 
 import argparse
+import csv
 import io
 import os
 import resource
@@ -30,6 +31,7 @@ ROOT = Path(__file__).parents[2]
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 FIRST_SEED = 930_000
 PITCH_MM = 0.3
+RADIUS_MM, SEEN = 25.0, 0.9
 
 
 @dataclass(frozen=True)
@@ -84,8 +86,9 @@ def files_of_two_pipes(base, effort, folder):
 
 def matrix(base, effort, folder):
     """Rows of heights; both without and with start-up, since the base gets fewer rows."""
-    section = random_section("single", FIRST_SEED + 7).profile.points
-    heights = np.interp(np.arange(400) * PITCH_MM - 60, *np.nan_to_num(section, nan=-450.0).T)
+    x = np.arange(400) * PITCH_MM - 60
+    pipe = RADIUS_MM * (np.sqrt(np.maximum(1 - (x / RADIUS_MM) ** 2, 0.0)) - 1) - 400
+    heights = np.where(np.abs(x) < SEEN * RADIUS_MM, pipe, -450.0)
     rng = np.random.default_rng(1)
     rows = heights + rng.normal(0, 0.02, (effort.rows, 400))
     small, large = folder / "small.npy", folder / "large.npy"
@@ -93,13 +96,24 @@ def matrix(base, effort, folder):
     np.save(large, rows)
     words = "--x0", -60, "--dx", PITCH_MM, "--csv", folder / "m.csv"
     old, _, _ = run(base, "measure", small, *words)
+    found = _cylinders_in(folder / "m.csv")
     new, _, memory = run(ROOT, "measure", large, *words, "--jobs", 1)
+    yield Number(
+        "cylinders a row of the base and of this commit, the smaller",
+        min(found / effort.base_rows, _cylinders_in(folder / "m.csv") / effort.rows),
+        low=0.99,
+    )
     _, _, small_memory = run(ROOT, "measure", small, *words, "--jobs", 1)
     ratio = old / effort.base_rows / (new / effort.rows)
     note = f"{effort.base_rows / old:.1f} and {effort.rows / new:.0f} profiles a second"
     yield Number(f"matrix of {effort.rows} x 400, --csv: times faster", ratio, low=40, note=note)
     more = memory - small_memory
     yield Number("its memory above that of the first rows", more, high=20, unit="MB")
+
+
+def _cylinders_in(path):
+    with path.open(newline="") as file:
+        return sum(bool(row["radius_mm"]) for row in csv.DictReader(file))
 
 
 def batch(_base, effort, folder):
