@@ -33,11 +33,9 @@ SECOND_ENDS = {RADIUS_LOW: RADIUS_LOW_2, PHI_HIGH: PHI_HIGH_2}
 OUTWARD = np.array([1.0, -1.0, -1.0, 1.0, 1.0, 1.0])
 """+1 for the ends of largest h, -1 for those of smallest."""
 IS_PHI = np.isin(np.arange(ENDS), (PHI_LOW, PHI_HIGH, PHI_HIGH_2))
-CENTRE_AXES = {X_LOW: (0, -1.0), X_HIGH: (0, 1.0), Y_LOW: (1, -1.0), Y_HIGH: (1, 1.0)}
 GRADIENTS = np.zeros((ENDS, PARAMETERS))
 """Gradients of the quantities that are linear: centre_x and centre_y, outward at each end."""
-for _end, (_axis, _sign) in CENTRE_AXES.items():
-    GRADIENTS[_end, _axis] = _sign
+GRADIENTS[[X_LOW, X_HIGH, Y_LOW, Y_HIGH], [0, 0, 1, 1]] = -1.0, 1.0, -1.0, 1.0
 RIDGE_GRADIENTS = GRADIENTS[:, :3].copy()
 """Gradients by (x, y, m), on d = 0, of the quantities whose extremum may be a circle: radius, and
 with a known radius those on the surface b = const."""
