@@ -69,7 +69,8 @@ def _of_section(section: CylinderSection, part: Part, key: str, level: float) ->
         "centre_y": lambda: (section.centre[1], math.sqrt(section.covariance[1, 1])),
     }[quantity.name]()
     scale = factor * quantity.scale
-    determined = key != "theta_deg" or section.theta_determined
+    # The interval alone has the coverage that a verdict needs; (0, pi) is every direction.
+    determined = key != "theta_deg" or high - low < math.pi
     return Estimate(quantity, scale * value, scale * std, (scale * low, scale * high), determined)
 
 
