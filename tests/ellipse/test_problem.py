@@ -5,9 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hypothesis import given
-from scipy.optimize import approx_fprime, least_squares
+from scipy.optimize import approx_fprime, brentq, least_squares
 
 from lsvision import Ellipse
+from lsvision.ellipse import parameters as module
 from lsvision.ellipse.fit import FittingSettings, fit_ellipse
 from lsvision.ellipse.parameters import (
     ellipse_from_parameters,
@@ -215,3 +216,28 @@ def test_parameters_without_an_ellipse_are_rejected(parameters):
 def test_what_is_no_radius_is_rejected(radius, std, message):
     with pytest.raises(ValueError, match=message):
         RadiusPrior(radius, std)
+
+
+@pytest.mark.parametrize(("longest", "calls"), [(0.12, 0), (0.185, 0), (0.215, 1), (0.3, 1)])
+def test_after_a_large_newton_step_the_nearest_points_are_found_in_closed_form(
+    longest, calls, monkeypatch
+):
+    """The step from the ray to a point, by differences of the squared distance: limit 0.2 rad."""
+    a, b, found = 30.0, 19.0, []
+    closed_form = module._nearest_directions
+    monkeypatch.setattr(
+        module, "_nearest_directions", lambda *args: found.append(1) or closed_form(*args)
+    )
+
+    def step(factor):
+        x, y = factor * np.array([a * math.cos(0.8), b * math.sin(0.8)])
+        squared = lambda t: ((x - a * math.cos(t)) ** 2 + (y - b * math.sin(t)) ** 2) / 2  # noqa: E731
+        low, at, high = (squared(0.8 + shift) for shift in (-1e-4, 0.0, 1e-4))
+        return abs((high - low) / 2e-4 / ((high - 2 * at + low) / 1e-8))
+
+    factor = brentq(lambda f: step(f) - longest, 1.0, 8.0)
+    point = factor * np.array([[a * math.cos(0.8), b * math.sin(0.8)]])
+    ellipse = Ellipse.from_axes((0.0, 0.0), a, b, 0.0)
+    signed, _, _ = orthogonal_residuals_and_normals(point, parameters_from_ellipse(ellipse))
+    assert len(found) == calls
+    np.testing.assert_allclose(signed, orthogonal_residuals(point, ellipse), atol=1e-6)

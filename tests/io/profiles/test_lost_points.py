@@ -176,3 +176,10 @@ def test_signalling_nan_is_a_lost_point_as_any_other(tmp_path, arc):
 def test_a_stated_marker_that_is_too_large_for_a_number_marks_nothing(write, arc):
     rows = "\n".join(f"{x},{z}" for x, z in arc)
     assert read_profile(write(f"# invalid value: 1e999\nx,z\n{rows}\n")).lost == 0
+
+
+@pytest.mark.parametrize(("odd", "markers"), [(-1.0, (-1.0,)), (0.0, (0.0,)), (60.0, ())])
+def test_of_distances_a_single_one_that_is_none_is_a_marker(odd, markers):
+    distances = np.repeat(np.linspace(168.0, 172.0, 12), 4)
+    values = np.append(distances, [odd, odd])
+    assert find_lost_markers(values, is_range=True) == markers
