@@ -20,8 +20,11 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 CORE = ("detection", "ellipse", "statistics")
-TESTS = ("tests/detection", "tests/ellipse", "tests/statistics", "tests/test_measure.py",
-         "tests/laws", "tests/io/profiles/test_lost_points.py", "tests/test_fixtures.py", "tests/bench/test_core_short.py")  # fmt: skip
+TESTS = (
+    "tests/detection", "tests/ellipse", "tests/statistics", "tests/test_measure.py", "tests/laws",
+    "tests/io/profiles/test_lost_points.py", "tests/test_fixtures.py",
+    "tests/bench/test_core_short.py",
+)  # fmt: skip
 CHANGE = 1.3
 """Factor on a constant, or its inverse."""
 TIMEOUT_S = 400.0
