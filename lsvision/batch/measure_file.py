@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
     from lsvision.measure import Measurement
 
-PROFILES_AT_ONCE = 16
-"""Number of profiles whose intervals are computed together."""
 TEMPORARY = ".lsvision."
 """Beginning of the name of an output that is being written."""
 
@@ -163,11 +161,9 @@ def _notes(file: ProfileFile) -> Iterator[str]:
 
 
 def _measure_part(task: FileTask, part: ProfilePart) -> "list[Measurement | None]":
-    """Measure the profiles of a part, with the intervals of some at a time."""
+    """Measure the profiles of a part, and compute the intervals of all."""
     measured = [_measure_profile(task, part, k) for k in range(len(part.file.profiles))]
-    for start in range(0, len(measured), PROFILES_AT_ONCE):
-        group = measured[start : start + PROFILES_AT_ONCE]
-        compute_intervals(c for each in group if each is not None for c in each.cylinders)
+    compute_intervals(c for each in measured if each is not None for c in each.cylinders)
     return measured
 
 

@@ -30,8 +30,8 @@ MAX_SIZE_OF_SMALL = 5 * 10**4
 """Largest file that is measured in one task with others; larger ones are read by the main process
 and measured in parts, so that one file occupies all processes. Units: bytes."""
 AT_ONCE = 16
-"""Number of small files, or of profiles of a larger one, in a task: the intervals of all their
-cylinders are computed together. It does not depend on the number of processes, so that the results
+"""Number of small files, or of profiles of a larger one, in a task: intervals of all their
+cylinders are computed at once. It does not depend on the number of processes, so that the results
 are the same for any."""
 MIN_SIZE_FOR_PROCESSES = 2 * 10**6
 """Total size of the files above which several processes, which take a second to start, save time:

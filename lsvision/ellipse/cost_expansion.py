@@ -45,9 +45,9 @@ class Expansion(NamedTuple):
     gradient_of_points: FloatArray
     information_of_points: FloatArray
 
-    def rows(self, chosen: IntArray | BoolArray | int) -> "Expansion":
+    def chosen(self, rows: IntArray | BoolArray) -> "Expansion":
         """Return the expansion of some rows."""
-        return Expansion(*(field[chosen] for field in self))
+        return Expansion(*(field[rows] for field in self))
 
 
 def expand_cost(stack: FitStack, owners: IntArray, parameters: FloatArray) -> Expansion:

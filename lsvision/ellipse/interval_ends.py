@@ -137,7 +137,7 @@ class _Search:
         circle_ratios = np.full(len(ends), math.inf)
         last = Targets(ends[rows], angles[rows], kappas[rows], critical[rows], circle_ratios)
         search = cls(
-            regions, ends, critical, wanted, rows, ends[rows], regions.best.rows(rows.owners),
+            regions, ends, critical, wanted, rows, ends[rows], regions.best.chosen(rows.owners),
             last, critical[rows], np.ones(rows.ends.size),
         )  # fmt: skip
         search._find_targets()
@@ -266,7 +266,10 @@ class _Search:
         """Keep only some of the active rows."""
         if not chosen.all():
             self.rows, self.parameters = self.rows.chosen(chosen), self.parameters[chosen]
-            self.expansion, self.targets = self.expansion.rows(chosen), self.targets.rows(chosen)
+            self.expansion, self.targets = (
+                self.expansion.chosen(chosen),
+                self.targets.chosen(chosen),
+            )
             self.lengths, self.reduction = self.lengths[chosen], self.reduction[chosen]
 
 

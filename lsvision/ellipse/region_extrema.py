@@ -76,9 +76,9 @@ class Targets(NamedTuple):
     critical: FloatArray
     circle_ratios: FloatArray
 
-    def rows(self, chosen: BoolArray) -> "Targets":
+    def chosen(self, rows: BoolArray) -> "Targets":
         """Return the targets of some rows."""
-        first, angles, kappas, critical = (field[chosen] for field in self[:4])
+        first, angles, kappas, critical = (field[rows] for field in self[:4])
         return Targets(first, angles, kappas, critical, self.circle_ratios)
 
 
@@ -192,7 +192,7 @@ class Regions:
         if not i.size:
             return
         to_circle, distances = ellipsoids.to_circles(i)
-        f, there = RIDGE_GRADIENTS[ends[i]], expansion.rows(i)
+        f, there = RIDGE_GRADIENTS[ends[i]], expansion.chosen(i)
         covariances = np.asarray(np.linalg.inv(there.information[:, :3, :3]), dtype=np.float64)
         Cf = apply(covariances, f)
         circles = parameters[i] - apply(there.covariance, there.gradient)

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import islice
 from typing import get_args
 
 import numpy as np
@@ -25,6 +26,9 @@ from lsvision.results.picture import draw_svg
 from lsvision.results.quantities import LEVEL, Estimate, Record, finite, numbers
 from lsvision.results.result import Result
 
+SECTIONS_AT_ONCE = 32
+"""Number of sections whose intervals are computed together: more need more memory and are no
+faster."""
 THETA_UNKNOWN_STD = math.pi / math.sqrt(12)
 """Standard deviation of an undetermined direction, uniform in [0, pi). Units: rad."""
 
@@ -258,10 +262,11 @@ def compute_intervals(sections: Iterable[CylinderSection], level: float = LEVEL)
     Parameters
     ----------
     sections : iterable of CylinderSection
-        Some 30 are enough; many more need more memory and are no faster.
+        Sections, computed `SECTIONS_AT_ONCE` at a time.
     level : float
         Level of confidence, between 0 and 1.
     """
-    fits = [section.fit for section in sections]
-    intervals_of_fits(fits, level)
-    are_thetas_determined(fits)
+    fits = iter([section.fit for section in sections])
+    while group := list(islice(fits, SECTIONS_AT_ONCE)):
+        intervals_of_fits(group, level)
+        are_thetas_determined(group)

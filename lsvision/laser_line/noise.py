@@ -181,7 +181,7 @@ def errors_are_interpolated(columns: IntArray, rows: FloatArray) -> bool:
 def roughness(columns: IntArray, rows: FloatArray) -> float:
     """Return the largest scatter of a line over the distances of its points. Units: px.
 
-    Of lines of one place the one with the larger roughness is the worse.
+    Where a line was located in two ways, the way with the smaller roughness is the better one.
 
     Parameters
     ----------
