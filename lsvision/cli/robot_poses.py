@@ -65,11 +65,12 @@ class PoseFile:
             If the file cannot be read, or holds another number of poses.
         """
         from lsvision.io.robot_poses import read_robot_poses
+        from lsvision.results.summaries import counted
 
         flanges = read_robot_poses(self.path, self.convention)
         if len(flanges) != count:
             raise UnreadableFile(
-                f"{self.path}: expected {count} pose{'' if count == 1 else 's'}, one for each "
+                f"{self.path}: expected {counted(count, 'pose')}, one for each "
                 f"{each}, got {len(flanges)}: leave out what has no partner"
             )
         return flanges

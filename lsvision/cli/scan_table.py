@@ -27,11 +27,11 @@ def scan_lines(
     verbose : bool
         List the rejected tracks; else, if nothing was found, only the longest.
     """
+    from lsvision.results.summaries import counted
     from lsvision.results.tables import text_table
     from lsvision.scan.scan_table import tube_cells
 
-    count = len(scan.measurements)
-    profiles = f"{count} profile{'' if count == 1 else 's'}"
+    profiles = counted(len(scan.measurements), "profile")
     rejected = [f"  {rejection}" for rejection in scan.rejections]
     if scan.cylinders:
         lines = [f"{profiles}, base frame, {sigma}", *text_table(tube_cells(scan.cylinders))]

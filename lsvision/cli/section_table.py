@@ -27,10 +27,11 @@ def measurement_lines(
         nothing was found, only one arc.
     """
     from lsvision.ellipse.section_table import section_cells
+    from lsvision.results.summaries import counted
     from lsvision.results.tables import text_table
 
     rejections = sorted(measurement.rejections, key=lambda r: (r.arc.start, r.arc.stop))
-    rejected = f"{len(rejections)} arc{'' if len(rejections) == 1 else 's'} rejected"
+    rejected = f"{counted(len(rejections), 'arc')} rejected"
     lines = text_table(section_cells(measurement.cylinders))
     if not measurement.cylinders:
         reason = measurement.reason

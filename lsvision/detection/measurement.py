@@ -8,10 +8,10 @@ from lsvision.detection.arcs import Rejection
 from lsvision.ellipse.section import CylinderSection, compute_intervals
 from lsvision.ellipse.section_table import section_cells
 from lsvision.profile import Profile
-from lsvision.results.number_format import format_value
 from lsvision.results.picture import draw_svg
 from lsvision.results.quantities import Record
 from lsvision.results.result import Result
+from lsvision.results.summaries import counted, cylinder_summary, rejection_notes
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -79,22 +79,15 @@ class Measurement(Result):
         }
 
     def _summary(self) -> str:
-        radii = ", ".join(
-            f"radius {format_value(each.radius, each.radius_std)} mm" for each in self.cylinders
-        )
-        cylinders = counted(len(self.cylinders), "cylinder") + (f" ({radii})" if radii else "")
-        return f"{cylinders}, {counted(len(self.rejections), 'arc')} rejected"
+        rejected = counted(len(self.rejections), "arc")
+        return f"{cylinder_summary(self.cylinders)}, {rejected} rejected"
 
     def _cells(self) -> list[tuple[str, ...]]:
         compute_intervals(self.cylinders)
         return section_cells(self.cylinders)
 
     def _notes(self) -> list[str]:
-        rejected = f"{counted(len(self.rejections), 'arc')} rejected"
-        if self.cylinders:
-            return [f"{rejected}: see .rejections"] if self.rejections else []
-        reasons = [f"  {each!s}" for each in self.rejections]
-        return [f"no cylinder found, {rejected}", *reasons]
+        return rejection_notes(self.rejections, "arc", found=bool(self.cylinders))
 
     def _rows(self) -> list[Record]:
         compute_intervals(self.cylinders)
@@ -109,8 +102,3 @@ class Measurement(Result):
         ellipses = [cylinder.ellipse for cylinder in self.cylinders]
         sections = list(zip(arcs, ellipses, strict=True))
         return draw_svg(points, sections, f"a profile with {counted(len(sections), 'cylinder')}")
-
-
-def counted(count: int, noun: str) -> str:
-    """Return ``1 arc`` or ``2 arcs``."""
-    return f"{count} {noun}{'' if count == 1 else 's'}"

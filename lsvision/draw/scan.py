@@ -10,6 +10,7 @@ from lsvision.draw.titles import figure_of, label_once, set_title, summary_title
 from lsvision.geometry import FloatArray, Points
 from lsvision.results.number_format import format_std, format_value, with_minus_signs
 from lsvision.results.palette import POINTS, cylinder_colour
+from lsvision.results.summaries import counted
 from lsvision.scan import ScanMeasurement, ScannedCylinder
 from lsvision.scan.shape import tube_surface
 
@@ -186,7 +187,7 @@ def _numbers_of(tube: ScannedCylinder) -> list[str]:
     """Return lines of text, the most important first."""
     direction = ", ".join(f"{value:+.4f}" for value in tube.direction)
     point = ", ".join(f"{value:.2f}" for value in tube.point)
-    sections = f"{len(tube.sections)} section{'' if len(tube.sections) == 1 else 's'}"
+    sections = counted(len(tube.sections), "section")
     lines = [
         f"radius {format_value(tube.radius, tube.radius_std)} mm",
         f"axis   ({direction})",

@@ -2,6 +2,8 @@
 
 from typing import TYPE_CHECKING
 
+from lsvision.results.summaries import counted
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -33,7 +35,7 @@ def summary_title(cylinders: int, rejected: int, title: str) -> str:
     """
     summary = f"{cylinders or 'no'} cylinder{'' if cylinders in {0, 1} else 's'}"
     if rejected:
-        summary += f", {rejected} arc{'' if rejected == 1 else 's'} rejected"
+        summary += f", {counted(rejected, 'arc')} rejected"
     shown = printable(title)
     return f"{shown}: {summary}" if shown else summary
 

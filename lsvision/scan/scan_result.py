@@ -9,14 +9,13 @@ import numpy as np
 
 from lsvision.cylinder.axis_table import AxisQuantity, axis_record, axis_row
 from lsvision.cylinder.fit_result import CylinderFit
-from lsvision.detection.measurement import counted
 from lsvision.geometry import Cylinder, FloatArray, IntArray, Points
 from lsvision.geometry.cylinder import WithCylinder
 from lsvision.measure import Measurement
-from lsvision.results.number_format import format_value
 from lsvision.results.picture import draw_svg
 from lsvision.results.quantities import Record, numbers
 from lsvision.results.result import Result
+from lsvision.results.summaries import counted, cylinder_summary, rejection_notes
 from lsvision.scan.scan_table import spans, tube_cells, twin_notes
 
 
@@ -276,22 +275,15 @@ class ScanMeasurement(Result):
         }
 
     def _summary(self) -> str:
-        radii = ", ".join(
-            f"radius {format_value(tube.radius, tube.radius_std)} mm" for tube in self.cylinders
-        )
-        found = counted(len(self.cylinders), "cylinder") + (f" ({radii})" if radii else "")
-        return f"{found}, {counted(len(self.measurements), 'profile')}"
+        profiles = counted(len(self.measurements), "profile")
+        return f"{cylinder_summary(self.cylinders)}, {profiles}"
 
     def _cells(self) -> list[tuple[str, ...]]:
         return tube_cells(self.cylinders)
 
     def _notes(self) -> list[str]:
-        rejected = f"{counted(len(self.rejections), 'track')} rejected"
-        if self.cylinders:
-            return twin_notes(self.cylinders) + (
-                [f"{rejected}: see .rejections"] if self.rejections else []
-            )
-        return [f"no cylinder found, {rejected}", *(f"  {each}" for each in self.rejections)]
+        rejected = rejection_notes(self.rejections, "track", found=bool(self.cylinders))
+        return [*twin_notes(self.cylinders), *rejected]
 
     def _rows(self) -> list[Record]:
         return [row for tube in self.cylinders for row in tube._rows()]

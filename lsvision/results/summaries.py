@@ -1,0 +1,71 @@
+"""Lines of text on the cylinders and the rejections of a result."""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from lsvision.results.number_format import format_value
+
+
+class HasRadius(Protocol):
+    """Cylinder whose radius has a standard uncertainty."""
+
+    @property
+    def radius(self) -> float:
+        """Radius. Units: mm."""
+
+    @property
+    def radius_std(self) -> float:
+        """Standard uncertainty of the radius. Units: mm."""
+
+
+def counted(count: int, noun: str) -> str:
+    """Return a number with its noun.
+
+    Examples
+    --------
+    >>> counted(1, "arc"), counted(2, "arc")
+    ('1 arc', '2 arcs')
+    """
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def cylinder_summary(cylinders: Sequence[HasRadius]) -> str:
+    """Return the number of cylinders and their radii.
+
+    Parameters
+    ----------
+    cylinders : sequence
+        Objects with ``radius`` and ``radius_std``. Units: mm.
+
+    Examples
+    --------
+    >>> cylinder_summary(())
+    '0 cylinders'
+    """
+    radii = ", ".join(f"radius {format_value(c.radius, c.radius_std)} mm" for c in cylinders)
+    return counted(len(cylinders), "cylinder") + (f" ({radii})" if radii else "")
+
+
+def rejection_notes(rejections: Sequence[object], noun: str, *, found: bool) -> list[str]:
+    """Return the number of rejections, and each of them if no cylinder was found.
+
+    Parameters
+    ----------
+    rejections : sequence
+        Rejections; ``str`` gives the reason.
+    noun : str
+        What was rejected, in the singular.
+    found : bool
+        Whether there is a cylinder.
+
+    Examples
+    --------
+    >>> rejection_notes(["points 3 to 9: too short"], "arc", found=True)
+    ['1 arc rejected: see .rejections']
+    >>> rejection_notes(["points 3 to 9: too short"], "arc", found=False)
+    ['no cylinder found, 1 arc rejected', '  points 3 to 9: too short']
+    """
+    rejected = f"{counted(len(rejections), noun)} rejected"
+    if found:
+        return [f"{rejected}: see .rejections"] if rejections else []
+    return [f"no cylinder found, {rejected}", *(f"  {each!s}" for each in rejections)]
