@@ -11,9 +11,11 @@ import cv2
 import numpy as np
 
 from lsvision.calibration.board_shape import SHAPE_TERMS, BoardShape
+from lsvision.calibration.camera_uncertainty import intrinsics_by_free_ones
 from lsvision.calibration.target import TargetView
 from lsvision.geometry import BoolArray, FloatArray, Pose
 from lsvision.sensors.camera import Camera
+from lsvision.statistics.normal_matrix import invert_normal_matrix
 
 MIN_F_RATIO = 10.0
 """Smallest F ratio of the three parameters of the shape: by noise in one set of 10^6."""
@@ -73,15 +75,16 @@ def fit_bent_board(
     """
     shape = BoardShape.of(np.concatenate([view.points for view in views]))
     start = _State.of(camera, poses)
-    flat, flat_normal = _minimise(_Problem(views, shape, _transfer(camera, free), 0), start)
-    problem = _Problem(views, shape, _transfer(camera, free), SHAPE_TERMS)
+    transfer = intrinsics_by_free_ones(camera, free)
+    flat, flat_normal = _minimise(_Problem(views, shape, transfer, 0), start)
+    problem = _Problem(views, shape, transfer, SHAPE_TERMS)
     bent, normal = _minimise(problem, flat)
     dof = 2 * sum(len(view.points) for view in views) - 6 * len(views) - len(normal.reduced)
     variance = normal.chi2 / max(dof, 1)
     if not flat_normal.chi2 - normal.chi2 > MIN_F_RATIO * SHAPE_TERMS * variance:
         return None
     covariance = variance * normal.inverse
-    shared, transfer = problem.transfer.shape[1], problem.transfer
+    shared = transfer.shape[1]
     return BentBoardFit(
         bent.camera(camera),
         bent.board_poses(),
@@ -90,14 +93,6 @@ def fit_bent_board(
         bent.bow,
         np.sqrt(covariance.diagonal()[shared:]),
     )
-
-
-def _transfer(camera: Camera, free: BoolArray) -> FloatArray:
-    """Return the matrix (4 + k, m) from the m free intrinsics to all."""
-    transfer: FloatArray = np.eye(len(free))[:, free]
-    if free[1] and not free[0]:
-        transfer[0, 0] = camera.matrix[0, 0] / camera.matrix[1, 1]
-    return transfer
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,9 +138,7 @@ class _NormalEquations:
 
     @property
     def inverse(self) -> FloatArray:
-        matrix, scale = self.scaled
-        inverse: FloatArray = np.linalg.inv(matrix) * np.outer(scale, scale)
-        return inverse
+        return invert_normal_matrix(self.reduced)
 
     def step(self) -> tuple[FloatArray, FloatArray]:
         """Return the step of what is shared, and of the poses (v, 6)."""

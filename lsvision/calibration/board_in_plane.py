@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
 from lsvision.calibration.board_pose import estimate_board_pose, guess_camera_from_board
-from lsvision.calibration.target import Target, TargetView, find_target
+from lsvision.calibration.target import Target, TargetView, board_homography, find_target
 from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import FloatArray, Plane, Pose
 from lsvision.results.quantities import Record, numbers
@@ -128,9 +127,7 @@ def calibrate_board_in_plane(
 
 def _equivalent_pinhole_camera(view: TargetView) -> tuple[Camera, Pose]:
     """Return a pinhole camera and board pose that reproduce the image's homography."""
-    homography, _ = cv2.findHomography(
-        np.ascontiguousarray(view.points[:, :2]), np.ascontiguousarray(view.pixels)
-    )
+    homography = board_homography(view)
     centre = _camera_centre(homography, view)
     a, b, h = centre
     if not abs(h) > 1e-6:

@@ -16,6 +16,7 @@ from lsvision.calibration.rotations import vectors_from_rotations
 from lsvision.calibration.target import TargetView
 from lsvision.geometry import BoolArray, FloatArray, Pose
 from lsvision.sensors.camera import Camera
+from lsvision.statistics.normal_matrix import invert_normal_matrix
 
 NEGLIGIBLE = 1e-8
 """Fraction of the largest variance below which a principal axis is left out."""
@@ -45,9 +46,7 @@ def intrinsics_covariance(
     (4 + k, 4 + k) ndarray
         Positive semidefinite.
     """
-    transfer = np.eye(len(free))[:, free]
-    if free[1] and not free[0]:
-        transfer[0, 0] = camera.matrix[0, 0] / camera.matrix[1, 1]
+    transfer = intrinsics_by_free_ones(camera, free)
     information, chi2 = np.zeros((len(free), len(free))), 0.0
     for view, pose in zip(views, poses, strict=True):
         projected, jacobian = cv2.projectPoints(
@@ -60,11 +59,21 @@ def intrinsics_covariance(
         information -= cross.T @ np.linalg.solve(of_pose.T @ of_pose, cross)
         chi2 += float(((np.asarray(projected).reshape(-1, 2) - view.pixels) ** 2).sum())
     reduced = transfer.T @ information @ transfer
-    scale = 1 / np.sqrt(np.diag(reduced))
-    inverse = np.linalg.inv(reduced * np.outer(scale, scale)) * np.outer(scale, scale)
+    inverse = invert_normal_matrix(reduced)
     dof = 2 * sum(len(view.points) for view in views) - 6 * len(views) - len(reduced)
     covariance: FloatArray = transfer @ inverse @ transfer.T * (chi2 / max(dof, 1))
     return covariance
+
+
+def intrinsics_by_free_ones(camera: Camera, free: BoolArray) -> FloatArray:
+    """Return the Jacobian (4 + k, m) of all intrinsics by the m free ones.
+
+    Where only fy is free of the two focal lengths, fx is a fixed multiple of it.
+    """
+    jacobian: FloatArray = np.eye(len(free))[:, free]
+    if free[1] and not free[0]:
+        jacobian[0, 0] = camera.matrix[0, 0] / camera.matrix[1, 1]
+    return jacobian
 
 
 def camera_modes(camera: Camera, covariance: FloatArray) -> list[Camera]:

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from lsvision.geometry import FloatArray, Points
 from lsvision.geometry.arrays import BoolArray
+from lsvision.geometry.homography import apply_homography
 
 SMOOTHING_FRACTION, MIN_SMOOTHING_PX = 0.05, 1.0
 """Standard deviation of the smoothing, as a fraction of the smallest square, and its smallest
@@ -178,8 +179,7 @@ class _Grid:
 def _distorted_grid(parameters: FloatArray, nodes: Points) -> Points:
     """Return the nodes (n, 2) of a board in the image, about its middle in half widths."""
     homography = np.append(parameters[:8], 1.0).reshape(3, 3)
-    projected = nodes @ homography[:, :2].T + homography[:, 2]
-    ideal = projected[:, :2] / projected[:, 2:]
+    ideal = apply_homography(homography, nodes)
     squares = (ideal**2).sum(axis=1, keepdims=True)
     distorted: Points = ideal * (1 + parameters[8] * squares + parameters[9] * squares**2)
     return distorted

@@ -19,6 +19,7 @@ from lsvision.calibration.batched_least_squares import (
 from lsvision.calibration.observations import MM_PER_RADIAN, Observations, States
 from lsvision.errors import FitFailed
 from lsvision.geometry import FloatArray
+from lsvision.statistics.normal_matrix import invert_normal_matrix
 
 NOMINAL_ROBOT_STD = (0.05, float(np.radians(0.01)))
 """Standard deviation of position (mm) and orientation (rad) of a repeatable six-axis arm: the
@@ -81,14 +82,21 @@ class ErrorsInVariablesFit:
         return covariance
 
     @property
+    def prediction_covariances(self) -> FloatArray:
+        """Covariances J Q J' (n, m, m) of the predicted observations, without variance factor."""
+        covariances: FloatArray = (
+            self.jacobian @ self.cofactors @ np.swapaxes(self.jacobian, -1, -2)
+        )
+        return covariances
+
+    @property
     def redundancy(self) -> FloatArray:
         """Redundancy matrices (n, m, m) of the poses: 1 - J Q J', 1 where not used.
 
         They map the error of an observation to its residual.
         """
         eye = np.eye(self.residuals.shape[1])
-        hats = self.jacobian @ self.cofactors @ np.swapaxes(self.jacobian, -1, -2)
-        redundancy: FloatArray = eye - self.mask[:, None, None] * hats
+        redundancy: FloatArray = eye - self.mask[:, None, None] * self.prediction_covariances
         return redundancy
 
     def steps_by_shifts(self, shifts: FloatArray) -> FloatArray:
@@ -157,7 +165,7 @@ def _build_fit(
     used = jacobian[0] * mask[:, None, None]
     normalised_jacobian = np.concatenate([used.reshape(-1, jacobian.shape[-1]), prior[0]])
     try:
-        cofactors = _scaled_inverse(normalised_jacobian.T @ normalised_jacobian)
+        cofactors = invert_normal_matrix(normalised_jacobian.T @ normalised_jacobian)
     except np.linalg.LinAlgError as error:
         raise FitFailed(
             "the normal matrix is singular: the poses do not determine all six parameters of the "
@@ -253,13 +261,6 @@ def _restricted_likelihood(
         return float((diagonals * mask).sum()) - 0.5 * (chi2 + float(information))
 
     return likelihood
-
-
-def _scaled_inverse(matrix: FloatArray) -> FloatArray:
-    """Return the inverse of a normal matrix, computed at unit diagonal."""
-    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    inverse: FloatArray = np.linalg.inv(matrix * np.outer(scale, scale)) * np.outer(scale, scale)
-    return inverse
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,11 +9,19 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.calibration.bundle_adjustment_problem import LaserView
-from lsvision.calibration.target import CircleGrid, Target, TargetView, find_target, grey_image
+from lsvision.calibration.target import (
+    CircleGrid,
+    Target,
+    TargetView,
+    board_homography,
+    find_target,
+    grey_image,
+)
 from lsvision.calibration.views import ViewSources, collect_views, require_size
 from lsvision.errors import CalibrationFailed, LsvisionError
 from lsvision.geometry import FloatArray, IntArray, Points
 from lsvision.geometry.arrays import BoolArray
+from lsvision.geometry.homography import apply_homography
 from lsvision.laser_line.extraction import LaserLine, LineSettings, extract_laser_line
 from lsvision.laser_line.image_array import as_image
 from lsvision.laser_line.mosaic import interpolated_grey
@@ -205,9 +213,8 @@ def _line_beside(
 
 def _squares_beside(pixels: Points, view: TargetView, target: Target) -> FloatArray:
     """Return how far points lie beside the outermost corners, in squares."""
-    inverse = np.asarray(np.linalg.inv(_homography(view)), dtype=np.float64)
-    on_board = _apply_homography(inverse, pixels)
-    low, high = target.points[:, :2].min(axis=0), target.points[:, :2].max(axis=0)
+    on_board = _on_board(pixels, view)
+    low, high = _bounds(target)
     distance: FloatArray = np.maximum(low - on_board, on_board - high).max(axis=1)
     return distance / _pitch(target)
 
@@ -251,28 +258,25 @@ def _pitch(target: Target) -> float:
     return float(np.sort(np.hypot(*(points - points[0]).T))[1])
 
 
-def _homography(view: TargetView) -> FloatArray:
-    """Return the homography from the board plane (mm) to the image (px)."""
-    homography, _ = cv2.findHomography(
-        np.ascontiguousarray(view.points[:, :2]), np.ascontiguousarray(view.pixels)
-    )
-    return np.asarray(homography, dtype=np.float64)
+def _on_board(pixels: Points, view: TargetView) -> Points:
+    """Return the points (n, 2) of the board plane that pixels show. Units: mm."""
+    inverse = np.asarray(np.linalg.inv(board_homography(view)), dtype=np.float64)
+    return apply_homography(inverse, pixels)
+
+
+def _bounds(target: Target) -> tuple[FloatArray, FloatArray]:
+    """Return the smallest and the largest x and y of the target's points. Units: mm."""
+    points = target.points[:, :2]
+    return points.min(axis=0), points.max(axis=0)
 
 
 def _outline(view: TargetView, target: Target, margin: float) -> Points:
     """Return the corners (4, 2) of the board's flat part in the image. Units: px."""
     border = margin * _pitch(target)
-    low = target.points[:, :2].min(axis=0) - border
-    high = target.points[:, :2].max(axis=0) + border
+    low, high = _bounds(target)
+    low, high = low - border, high + border
     corners = [low, (high[0], low[1]), high, (low[0], high[1])]
-    return _apply_homography(_homography(view), np.array(corners))
-
-
-def _apply_homography(homography: FloatArray, points: Points) -> Points:
-    """Apply a homography to points."""
-    mapped = points @ homography[:, :2].T + homography[:, 2]
-    result: Points = mapped[:, :2] / mapped[:, 2:]
-    return result
+    return apply_homography(board_homography(view), np.array(corners))
 
 
 def _inside(pixels: Points, outline: Points) -> BoolArray:
@@ -292,15 +296,13 @@ def _clear_of_edges(
 ) -> BoolArray:
     """Return which points are far from the edges of squares or discs, or beside the pattern."""
     pitch = _pitch(target)
-    on_board = _apply_homography(
-        np.asarray(np.linalg.inv(_homography(view)), dtype=np.float64), pixels
-    )
+    on_board = _on_board(pixels, view)
     if isinstance(target, CircleGrid):
         offset = on_board[:, None] - target.points[:, :2]
         distance = np.linalg.norm(offset, axis=2).min(axis=1, initial=np.inf)
         far: BoolArray = np.abs(distance - target.diameter / 2) >= clearance * pitch
         return far
-    low, high = target.points[:, :2].min(axis=0), target.points[:, :2].max(axis=0)
+    low, high = _bounds(target)
     beside = ((on_board < low - 1.2 * pitch) | (on_board > high + 1.2 * pitch)).any(axis=1)
     squares = (on_board - low) / pitch
     edge_distance = np.abs(squares - np.round(squares)).min(axis=1)

@@ -210,8 +210,7 @@ def _outlier_p_values(fit: ErrorsInVariablesFit) -> FloatArray:
     size = fit.residuals.shape[1]
     residuals, used = fit.residuals[..., None], fit.mask > 0
     inside = np.linalg.solve(fit.redundancy + 1e-12 * np.eye(size), residuals)
-    variances = fit.jacobian @ fit.cofactors @ np.swapaxes(fit.jacobian, -1, -2)
-    outside = np.linalg.solve(np.eye(size) + variances, residuals)
+    outside = np.linalg.solve(np.eye(size) + fit.prediction_covariances, residuals)
     chi2_decrease = (residuals * np.where(used[:, None, None], inside, outside)).sum(axis=(1, 2))
     remaining_chi2 = np.where(used, fit.chi2 - chi2_decrease, fit.chi2)
     dof = np.where(used, fit.dof - size, fit.dof)

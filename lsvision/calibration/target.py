@@ -52,6 +52,14 @@ class TargetView(ComparedByValue):
             raise ValueError(f"expected {len(self.points)} pixels, got {len(self.pixels)}")
 
 
+def board_homography(view: TargetView) -> FloatArray:
+    """Return the homography (3, 3) from the board plane (mm) to the image (px)."""
+    homography, _ = cv2.findHomography(
+        np.ascontiguousarray(view.points[:, :2]), np.ascontiguousarray(view.pixels)
+    )
+    return np.asarray(homography, dtype=np.float64)
+
+
 @runtime_checkable
 class Target(Protocol):
     """A flat pattern of known points."""

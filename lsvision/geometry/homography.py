@@ -1,0 +1,17 @@
+"""Homographies: maps from plane to plane that a pinhole camera causes."""
+
+from lsvision.geometry.arrays import FloatArray, Points
+
+
+def apply_homography(homography: FloatArray, points: Points) -> Points:
+    """Return the points (n, 2) that a homography (3, 3) makes of points (n, 2).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> apply_homography(np.diag([1.0, 1.0, 2.0]), np.array([[4.0, 6.0]]))
+    array([[2., 3.]])
+    """
+    mapped = points @ homography[:, :2].T + homography[:, 2]
+    result: Points = mapped[:, :2] / mapped[:, 2:]
+    return result

@@ -1,0 +1,31 @@
+"""Inverse of the normal matrix of a least-squares problem."""
+
+import numpy as np
+
+from lsvision.geometry import FloatArray
+
+
+def invert_normal_matrix(matrix: FloatArray) -> FloatArray:
+    """Return the inverse of J'J, computed with its diagonal scaled to 1.
+
+    Without the scaling, parameters in px and in rad differ by so many orders of magnitude that the
+    inverse loses its digits.
+
+    Parameters
+    ----------
+    matrix : (k, k) ndarray
+        Normal matrix, positive definite.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If it is singular.
+
+    Examples
+    --------
+    >>> invert_normal_matrix(np.diag([4.0, 1e-20])).diagonal()
+    array([2.5e-01, 1.0e+20])
+    """
+    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    inverse: FloatArray = np.linalg.inv(matrix * np.outer(scale, scale)) * np.outer(scale, scale)
+    return inverse
