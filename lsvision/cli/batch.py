@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lsvision.cli.measure_options import build_measure_function
-from lsvision.cli.messages import FAILED, print_error, print_lines
+from lsvision.cli.messages import FAILED, print_error, print_notes
 from lsvision.cli.option_groups import expand_option_groups
 from lsvision.cli.profile_options import (
     KnownPhi,
@@ -189,6 +189,4 @@ class _Report(StatusLine):
 
     def print_notes(self) -> None:
         """Print what was assumed in reading the files, each remark once."""
-        for note, names in self._notes.items():
-            more = f" and {len(names) - 1} more" if len(names) > 1 else ""
-            print_lines([f"{names[0]}{more}: note: {note}"], err=True)
+        print_notes(self._notes)

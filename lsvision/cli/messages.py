@@ -2,7 +2,7 @@
 
 import sys
 import traceback
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 
 import typer
 
@@ -22,6 +22,13 @@ def print_error(message: str, *, debug: bool = False) -> None:
 def print_lines(lines: Iterable[str], *, err: bool = False) -> None:
     """Write lines on stdout, or on stderr, with what does not print in them escaped."""
     typer.echo("\n".join(printable(line) for line in lines), err=err)
+
+
+def print_notes(names_by_note: Mapping[str, Sequence[object]]) -> None:
+    """Write each note once on stderr, with the first of the files that it is about."""
+    for note, names in names_by_note.items():
+        more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+        print_lines([f"{names[0]}{more}: note: {note}"], err=True)
 
 
 def internal_error(error: Exception) -> str:

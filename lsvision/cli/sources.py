@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lsvision.cli.messages import print_lines
+from lsvision.cli.messages import print_notes
 from lsvision.errors import LsvisionError, UnreadableFile
 from lsvision.files.file_kinds import is_directory
 from lsvision.files.limited_reading import STDIN
@@ -119,9 +119,7 @@ def read_sources(sources: Sequence[Path], options: "ReadOptions") -> "list[Profi
         for remark in (*file.notes, assumed):
             if remark:
                 remarks.setdefault(remark, []).append(file.path)
-    for remark, paths in remarks.items():
-        more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
-        print_lines([f"{paths[0]}{more}: note: {remark}"], err=True)
+    print_notes(remarks)
     return files
 
 

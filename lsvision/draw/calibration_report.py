@@ -68,10 +68,7 @@ def camera_page(calibration: CameraCalibration, page: ReportContent) -> str:
     str
         HTML without references to other files.
     """
-    names = [page.names[view.index] for view in calibration.views]
-    bad = _positions(
-        [view.index for view in calibration.views], [view.index for view in calibration.outliers]
-    )
+    names, bad = _names_and_outliers(calibration, page)
     sizes = [view.rms_px for view in calibration.views]
     covered = covered_cells(
         calibration.camera.size, [view.seen for view in calibration.views]
@@ -108,10 +105,7 @@ def laser_plane_page(
     page : ReportContent
         Values, warnings, names, provenance and images of the page.
     """
-    names = [page.names[view.index] for view in calibration.views]
-    bad = _positions(
-        [view.index for view in calibration.views], [view.index for view in calibration.outliers]
-    )
+    names, bad = _names_and_outliers(calibration, page)
     line, corners = view_sizes(calibration)
     bars = draw_bars(names, [("laser line", line), ("corners", corners)], bad, "rms, px")
     pictures = [
@@ -249,8 +243,14 @@ def _page(
     return template.render(**pieces, **vars(page))
 
 
-def _positions(indices: Sequence[int], marked: Sequence[int]) -> list[int]:
-    return [position for position, index in enumerate(indices) if index in marked]
+def _names_and_outliers(
+    calibration: CameraCalibration | LaserPlaneCalibration, page: ReportContent
+) -> tuple[list[str], list[int]]:
+    """Return the name of each view, and the positions of the outliers among the views."""
+    indices = [view.index for view in calibration.views]
+    outliers = [view.index for view in calibration.outliers]
+    positions = [position for position, index in enumerate(indices) if index in outliers]
+    return [page.names[index] for index in indices], positions
 
 
 def _outline(points: Points) -> Points:

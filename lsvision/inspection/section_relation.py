@@ -101,22 +101,26 @@ def _separation(first: CylinderSection, second: CylinderSection, direction: Floa
     (reach_1, by_1), (reach_2, by_2) = _reach(first, direction), _reach(second, direction)
     offset = float(np.subtract(second.centre, first.centre) @ direction)
     gradients = np.concatenate([-direction, -by_1]), np.concatenate([direction, -by_2])
-    variance = sum(
-        float(gradient @ each.fit.parameter_covariance @ gradient)
-        for gradient, each in zip(gradients, (first, second), strict=True)
-    )
-    return Scalar(offset - reach_1 - reach_2, math.sqrt(variance))
+    return Scalar(offset - reach_1 - reach_2, _std(gradients, (first, second)))
 
 
 def _height(first: CylinderSection, second: CylinderSection) -> Scalar:
     """Height of the crest of the second ellipse over that of the first."""
     (reach_1, by_1), (reach_2, by_2) = _reach(first, UP), _reach(second, UP)
     gradients = np.concatenate([-UP, -by_1]), np.concatenate([UP, by_2])
+    height = second.centre[1] + reach_2 - first.centre[1] - reach_1
+    return Scalar(height, _std(gradients, (first, second)))
+
+
+def _std(
+    gradients: tuple[FloatArray, FloatArray], sections: tuple[CylinderSection, CylinderSection]
+) -> float:
+    """Standard uncertainty of a quantity by its gradients for the parameters of both fits."""
     variance = sum(
         float(gradient @ each.fit.parameter_covariance @ gradient)
-        for gradient, each in zip(gradients, (first, second), strict=True)
+        for gradient, each in zip(gradients, sections, strict=True)
     )
-    return Scalar(second.centre[1] + reach_2 - first.centre[1] - reach_1, math.sqrt(variance))
+    return math.sqrt(variance)
 
 
 def _direction_of_gap(first: CylinderSection, second: CylinderSection) -> FloatArray:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 from lsvision.cylinder.robot_frame import PLACED_COVARIANCE_ORDER
 from lsvision.ellipse.section_table import SECTION_COLUMNS, section_row
 from lsvision.files.printable import printable_cell, printable_name
-from lsvision.results.quantities import Record, finite
+from lsvision.results.quantities import Record, coordinate_columns, finite
 
 if TYPE_CHECKING:
     from lsvision.cylinder.robot_frame import PlacedCylinder
@@ -241,10 +241,10 @@ def _placed_columns(frame: str) -> list[str]:
 def _placed_row(frame: str, placed: Mapping[str, Any]) -> Record:
     row: Record = {}
     for name, numbers in (("point", placed["point_mm"]), ("point_std", placed["point_std_mm"])):
-        row |= {f"{frame}_{name}_{axis}_mm": n for axis, n in zip("xyz", numbers, strict=True)}
+        row |= coordinate_columns(f"{frame}_{name}", numbers, "_mm")
     for sign, twin in zip(("plus", "minus"), placed["twins"], strict=True):
         name = f"{frame}_direction_{sign}"
-        row |= {f"{name}_{axis}": n for axis, n in zip("xyz", twin["direction"], strict=True)}
+        row |= coordinate_columns(name, twin["direction"])
         row[f"{name}_std_deg"] = twin["direction_std_deg"]
     row["includes_calibration"] = placed["includes_calibration"]
     return row

@@ -167,7 +167,12 @@ def flat_row(record: Record, quantities: Sequence[Quantity] = ()) -> Record:
         elif isinstance(value, list) and len(value) == 3 and isinstance(value[0], float):
             unit = next((unit for unit in ("_mm", "_deg") if key.endswith(unit)), "")
             stem = key.removesuffix(unit)
-            row |= {f"{stem}_{axis}{unit}": n for axis, n in zip("xyz", value, strict=True)}
+            row |= coordinate_columns(stem, value, unit)
         elif not isinstance(value, list | dict):
             row[key] = value
     return row
+
+
+def coordinate_columns(stem: str, coordinates: Sequence[float], unit: str = "") -> Record:
+    """Return three coordinates as columns ``stem_x``, ``stem_y``, ``stem_z``, then the unit."""
+    return {f"{stem}_{axis}{unit}": n for axis, n in zip("xyz", coordinates, strict=True)}

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from lsvision.io.profiles.column_roles import is_known_role
 from lsvision.io.profiles.number_rows import COMMENT_MARKS
-from lsvision.io.profiles.text_layout import is_number_or_lost, split_cells
+from lsvision.io.profiles.text_layout import drop_blank_cells, is_number_or_lost, split_cells
 from lsvision.io.profiles.unit_statements import states_unit
 from lsvision.io.profiles.units import NOT_LENGTHS, StatedUnit, parse_unit, split_label, state_unit
 
@@ -99,8 +99,7 @@ def _labels(text: str, separator: str | None, width: int) -> list[str] | None:
         split_cells(tight, separator),
         [w for w in re.split(r"[,;\s|]+", tight.replace('"', "")) if w],
     ):
-        while len(labels) > width and not labels[-1].strip():
-            labels.pop()
+        drop_blank_cells(labels, width)
         if len(labels) == width:
             return [label.replace(_INNER_BLANK, " ").strip() for label in labels]
     return None

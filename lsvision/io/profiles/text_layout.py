@@ -88,6 +88,12 @@ def split_cells(line: str, separator: str | None) -> list[str]:
         return line.replace('"', "").split(separator)
 
 
+def drop_blank_cells(cells: list[str], width: int) -> None:
+    """Remove blank cells from the end of a row that is longer than the table is wide."""
+    while len(cells) > width and not cells[-1].strip():
+        cells.pop()
+
+
 def is_comment(line: str) -> bool:
     """Return whether a line is a comment, by its first character."""
     return line.lstrip().startswith(COMMENT_MARKS)

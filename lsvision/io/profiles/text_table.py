@@ -16,7 +16,13 @@ from lsvision.io.profiles.number_rows import (
 )
 from lsvision.io.profiles.regular_rows import fill_empty_cells, find_regular_rows
 from lsvision.io.profiles.text_header import Header, read_header
-from lsvision.io.profiles.text_layout import Layout, find_layout, is_comment, split_cells
+from lsvision.io.profiles.text_layout import (
+    Layout,
+    drop_blank_cells,
+    find_layout,
+    is_comment,
+    split_cells,
+)
 from lsvision.io.profiles.unit_statements import (
     MAX_MENTION_LINES,
     UnitStatement,
@@ -263,8 +269,7 @@ def _split_rows(rows: Sequence[tuple[int, str]], layout: Layout) -> list[list[st
         found = split_cells(row, separator)
         if len(found) > width and "#" in row:
             found = split_cells(re.sub(r"\s+#.*$", "", row), separator)
-        while len(found) > width and not found[-1].strip():
-            found.pop()
+        drop_blank_cells(found, width)
         if len(found) == width - 1 and layout.separator and _ends_open(rows, separator):
             found.append("")
         if len(found) != width:

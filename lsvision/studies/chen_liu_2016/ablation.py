@@ -14,10 +14,8 @@ from statistics import NormalDist
 import numpy as np
 
 from lsvision.detection.arcs import IdentifiedArc
-from lsvision.detection.candidates import find_candidates, seed_ellipse
-from lsvision.detection.identification import identify_arcs
+from lsvision.detection.candidates import seed_ellipse
 from lsvision.detection.profile_preparation import prepare_profile
-from lsvision.detection.range_image import connected_components, rasterise
 from lsvision.errors import LsvisionError
 from lsvision.geometry import FloatArray, IntArray
 from lsvision.planning import section_bound
@@ -28,6 +26,7 @@ from lsvision.simulate import (
     TubeTruth,
     random_section,
 )
+from lsvision.studies.chen_liu_2016.arc_detection import detect_arcs
 from lsvision.studies.chen_liu_2016.tables import ProgressCallback
 from lsvision.studies.chen_liu_2016.variants import VARIANTS, AblationArc, Variant, VariantFit
 
@@ -35,10 +34,6 @@ KINDS = ("single", "welded_pair", "complex")
 TUBES = TubeRanges(radius_mm=(15.0, 29.0), phi_deg=(15.0, 30.0))
 SECTION_SETTINGS = SectionSettings(lost_fraction=0.03, jump_fraction=0.05)
 """Errors of the sensor in every section: enough jumps that each arc contains some of them."""
-RADIUS_RANGE = (10.0, 40.0)
-"""Search range of the radius. Units: mm."""
-MIN_COMPONENT_POINTS = 10
-"""Smallest number of points of a connected component."""
 MEDIAN_OF_MODULUS = NormalDist().inv_cdf(0.75)
 """Median of the absolute value of a standard normal variable."""
 QUANTILE_95 = NormalDist().inv_cdf(0.975)
@@ -113,9 +108,7 @@ def run_ablation(
 def _detect_arcs(section: SimulatedSection) -> list[tuple[TubeTruth, AblationArc]]:
     """Each detected pipe with its arc and the candidate from which the arc grew."""
     profile = prepare_profile(section.profile, section.profile.noise)
-    components = connected_components(rasterise(profile), MIN_COMPONENT_POINTS)
-    candidates = find_candidates(profile, components, RADIUS_RANGE)
-    arcs, _ = identify_arcs(profile, candidates, RADIUS_RANGE)
+    arcs, candidates = detect_arcs(profile)
     seeds = [IdentifiedArc.of(c.indices, seed_ellipse(profile, c)) for c in candidates]
     labels = section.truth.labels[profile.sensor_columns]
     detected = []

@@ -9,7 +9,7 @@ import numpy as np
 
 from lsvision.geometry import IntArray, Points, Pose
 from lsvision.measure import measure_cylinders
-from lsvision.planning import scan_bound, section_bound
+from lsvision.planning import ScanPrediction, SectionPrediction, scan_bound, section_bound
 from lsvision.planning.sensor_view import cylinder_normals
 from lsvision.profile import NoiseModel
 from lsvision.scan import measure_scan
@@ -175,14 +175,14 @@ def _estimates_by_pipe(
 def _section_bound(section: SimulatedSection, label: int, known_std: float | None) -> Triple:
     """Bound of a pipe from one section; `known_std` is the std of a known radius in mm."""
     on_pipe = section.truth.labels == label
-    bound = section_bound(
-        section.truth.tubes[label - 1].ellipse,
-        section.truth.points[on_pipe],
-        noise_of(section).covariances(section.profile.points)[on_pipe],
-        known_std,
+    return _triple(
+        section_bound(
+            section.truth.tubes[label - 1].ellipse,
+            section.truth.points[on_pipe],
+            noise_of(section).covariances(section.profile.points)[on_pipe],
+            known_std,
+        )
     )
-    deg = math.degrees(1.0)
-    return Triple(bound.radius_std, bound.theta_std * deg, bound.phi_std * deg)
 
 
 def _scan_bound(
@@ -200,7 +200,11 @@ def _scan_bound(
         covariances = noise_of(section).covariances(section.profile.points)[on_pipe]
         points.append(seen)
         variances.append(np.einsum("ni,nij,nj->n", normals, covariances, normals))
-    bound = scan_bound(pipe, np.concatenate(points), np.concatenate(variances))
+    return _triple(scan_bound(pipe, np.concatenate(points), np.concatenate(variances)))
+
+
+def _triple(bound: SectionPrediction | ScanPrediction) -> Triple:
+    """Standard uncertainties of radius (mm), theta and phi (deg)."""
     deg = math.degrees(1.0)
     return Triple(bound.radius_std, bound.theta_std * deg, bound.phi_std * deg)
 

@@ -5,10 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.detection.arcs import IdentifiedArc
-from lsvision.detection.candidates import find_candidates
-from lsvision.detection.identification import identify_arcs
 from lsvision.detection.profile_preparation import prepare_profile
-from lsvision.detection.range_image import connected_components, rasterise
 from lsvision.detection.screening import ScreenedArc, screen_arc
 from lsvision.ellipse.homogenising import HomogenisedArc, homogenise_arc
 from lsvision.ellipse.smoothing import SmoothedArc, smooth_arc
@@ -16,6 +13,7 @@ from lsvision.geometry import FloatArray, Points
 from lsvision.measure import Measurement, measure_cylinders
 from lsvision.profile import PreparedProfile
 from lsvision.simulate import SimulatedSection, TubeRanges, random_section
+from lsvision.studies.chen_liu_2016.arc_detection import RADIUS_RANGE, detect_arcs
 from lsvision.studies.chen_liu_2016.paper_pipeline import (
     PaperSettings,
     homogenise_profile_paper,
@@ -26,10 +24,6 @@ from lsvision.studies.chen_liu_2016.paper_pipeline import (
 KIND, SEED = "welded_complex", 2
 """Kind and seed of the scene."""
 TUBES = TubeRanges(radius_mm=(19.0, 19.0), phi_deg=(15.0, 30.0))
-RADIUS_RANGE = (10.0, 40.0)
-"""Search range of the radius. Units: mm."""
-MIN_COMPONENT_POINTS = 10
-"""Smallest number of points of a connected component."""
 WINDOW_STEP = 2
 """Step from window to window, in points: every second one is enough for a picture."""
 
@@ -87,9 +81,7 @@ def run_steps(*, noise_mm: float) -> StepExample:
     """
     section = random_section(KIND, SEED, noise_mm=noise_mm, tubes=TUBES)
     profile = prepare_profile(section.profile, section.profile.noise)
-    components = connected_components(rasterise(profile), MIN_COMPONENT_POINTS)
-    candidates = find_candidates(profile, components, RADIUS_RANGE)
-    arcs, _ = identify_arcs(profile, candidates, RADIUS_RANGE)
+    arcs, _ = detect_arcs(profile)
     labels = section.truth.labels[profile.sensor_columns]
     pipe_arcs = [arc for arc in arcs if (labels[arc.indices] > 0).mean() > 0.5]
     identified = max(pipe_arcs, key=lambda arc: len(arc.indices), default=None)
