@@ -1,14 +1,16 @@
 """Hand-eye solution with noisy robot poses (errors in variables).
 
-The error of the robot is part of the covariance of each pose: C_i = C_observation + s^2 A_i S A_i'
-with the Jacobian A_i by the flange pose, the nominal robot covariance S and its scale s. Without
-this term the covariance of the result is several times too small.
+The error of the robot is part of the covariance of each pose: C_i = C_observation + A_i S A_i' with
+the Jacobian A_i by the flange pose and the robot's covariance S = s_p^2 S_p + s_r^2 S_r, with one
+scale for the errors of position and one for those of orientation. Without this term the covariance
+of the result is several times too small.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from lsvision.calibration.batched_least_squares import (
     prior_jacobian_and_residuals,
@@ -23,13 +25,15 @@ from lsvision.statistics.normal_matrix import invert_normal_matrix
 
 NOMINAL_ROBOT_STD = (0.05, float(np.radians(0.01)))
 """Standard deviation of position (mm) and orientation (rad) of a repeatable six-axis arm: the
-ratio of the two where the robot's error is estimated. The data determine its scale but not the
-ratio."""
+units of the scales, and their most likely ratio."""
 ROBOT_STD_SCALE_BOUNDS = (1e-3, 1e3)
 """Smallest and largest scale that is considered, in units of `NOMINAL_ROBOT_STD`."""
 ROBOT_STD_SCALE_PRIOR = 10.0
 """Median of the half-Cauchy prior of the robot's standard deviation, in units of
 `NOMINAL_ROBOT_STD`: 0.5 mm, 0.1 deg."""
+ROBOT_RATIO_PRIOR = 3.0
+"""Standard deviation, as a factor, of the log-normal prior of the ratio of the robot's errors of
+position and orientation, about that of `NOMINAL_ROBOT_STD`."""
 LOG_LIKELIHOOD_CUTOFF = 12.0
 """Decrease of the log-likelihood beyond which a scale is ignored."""
 TINY = 1e-300
@@ -51,8 +55,9 @@ class ErrorsInVariablesFit:
         Whitening matrix of every pose, used or not.
     jacobian, residuals : ndarray
         Whitened Jacobian (n, m, p) and residuals (n, m) of every pose, used or not.
-    robot_std_scale : float
-        Standard deviation of the robot in units of the stated or nominal one.
+    robot_std_scales : (2,) ndarray
+        Standard deviations of the robot's position and orientation in units of the stated or
+        nominal ones.
     chi2 : float
         Sum of squared whitened residuals of the used poses and the prior.
     dof : int
@@ -67,7 +72,7 @@ class ErrorsInVariablesFit:
     whitening: FloatArray
     jacobian: FloatArray
     residuals: FloatArray
-    robot_std_scale: float
+    robot_std_scales: FloatArray
     chi2: float
     dof: int
     variance_factor: float
@@ -133,33 +138,39 @@ def fit_errors_in_variables(
     mask : (n,) ndarray
         1 for the poses to use, 0 for others.
     estimate_robot_std : bool
-        Whether the scale of the robot's error is estimated from the residuals. Otherwise the stated
-        robot is used, and the covariance is scaled by the reduced chi^2 where that exceeds 1.
+        Whether the scales of the robot's errors are estimated from the residuals. Otherwise the
+        stated robot is used, and the covariance is scaled by the reduced chi^2 where that is
+        above 1.
 
     Raises
     ------
     FitFailed
         If the normal equations are singular.
     """
-    states, scale = initial_guess, 1.0
+    states, scales = initial_guess, np.ones(2)
     for _ in range(6):
         previous = states
         if estimate_robot_std:
-            scale = _estimate_robot_std_scale(observations, states, mask)
-        whitening = robot_whitening(observations, states, scale)
+            scales = _estimate_robot_std_scales(observations, states, mask)
+        whitening = robot_whitening(observations, states, scales)
         states = solve_least_squares(
             observations, states, mask[:, None, None] * whitening, max_steps=8
         ).states
         if np.abs(states.translations - previous.translations).max() < 1e-7:
             break
-    return _build_fit(observations, states, mask, scale, estimate=estimate_robot_std)
+    return _build_fit(observations, states, mask, scales, estimate=estimate_robot_std)
 
 
 def _build_fit(
-    observations: Observations, states: States, mask: FloatArray, scale: float, *, estimate: bool
+    observations: Observations,
+    states: States,
+    mask: FloatArray,
+    scales: FloatArray,
+    *,
+    estimate: bool,
 ) -> ErrorsInVariablesFit:
     """Return the fit at a state, with its cofactors and statistics."""
-    whitening = robot_whitening(observations, states, scale)
+    whitening = robot_whitening(observations, states, scales)
     jacobian, residuals = whitened_jacobian_and_residuals(observations, states, whitening)
     prior, prior_residuals = prior_jacobian_and_residuals(observations, states)
     used = jacobian[0] * mask[:, None, None]
@@ -181,7 +192,7 @@ def _build_fit(
         whitening=whitening[0],
         jacobian=jacobian[0],
         residuals=residuals[0],
-        robot_std_scale=scale,
+        robot_std_scales=scales,
         chi2=chi2,
         dof=dof,
         variance_factor=variance_factor,
@@ -196,69 +207,90 @@ def degrees_of_freedom(observations: Observations, states: States, mask: FloatAr
     return int(observed + prior - unknowns)
 
 
-def robot_whitening(observations: Observations, states: States, scale: float) -> FloatArray:
-    """Return whitening matrices (s, n, m, m) of C_i = C_observation + scale^2 A_i S A_i'."""
+def robot_whitening(
+    observations: Observations, states: States, scales: npt.ArrayLike
+) -> FloatArray:
+    """Return whitening matrices (s, n, m, m) of observations with errors of the robot.
+
+    `scales` (2,) are those of the robot's stated or nominal errors of position and orientation.
+    """
     return whitening_matrices(
-        observations.covariances + scale**2 * robot_covariances(observations, states)
+        observations.covariances + robot_covariances(observations, states, scales)
     )
 
 
-def robot_covariances(observations: Observations, states: States) -> FloatArray:
-    """Return A_i S A_i' (s, n, m, m): the part of the stated or nominal robot in a covariance."""
-    jacobian = observations.linearise(states).flange_jacobian
-    robot: FloatArray = jacobian @ observations.flanges.covariances @ np.swapaxes(jacobian, -1, -2)
-    return robot
+def robot_covariances(
+    observations: Observations, states: States, scales: npt.ArrayLike
+) -> FloatArray:
+    """Return A_i S A_i' (s, n, m, m) for scales (2,) of the robot's position and orientation."""
+    parts = _robot_covariance_parts(observations, states)
+    covariances: FloatArray = np.tensordot(np.square(scales), parts, axes=(0, 2))
+    return covariances
 
 
-def _estimate_robot_std_scale(
+def _robot_covariance_parts(observations: Observations, states: States) -> FloatArray:
+    """Return A_i S_p A_i' and A_i S_r A_i', (s, n, 2, m, m)."""
+    jacobian = observations.linearise(states).flange_jacobian[:, :, None]
+    parts: FloatArray = jacobian @ observations.flanges.covariances @ np.swapaxes(jacobian, -1, -2)
+    return parts
+
+
+def _estimate_robot_std_scales(
     observations: Observations, states: States, mask: FloatArray
-) -> float:
-    """Estimate the scale of the robot's error: root of its posterior mean square.
+) -> FloatArray:
+    """Estimate the scales of the robot's position and orientation: roots of posterior mean squares.
 
-    Restricted likelihood (Harville 1977) of the linearised problem times a half-Cauchy prior, on a
-    coarse grid and then on a fine one. The mean and not the mode: where the observations are as
-    noisy as the robot, the mode is often zero, and then the covariance is too small.
+    Restricted likelihood (Harville 1977) of the linearised problem times a half-Cauchy prior of the
+    geometric mean of both scales and a log-normal one of their ratio, on a coarse grid and then on
+    a fine one. The mean and not the mode: where the observations are as noisy as the robot, the
+    mode is often zero, and then the covariance is too small.
     """
     likelihood = _restricted_likelihood(observations, states, mask)
-    scales = np.geomspace(*ROBOT_STD_SCALE_BOUNDS, 30)
-    log_likelihoods = np.array([likelihood(scale) for scale in scales])
-    considered = np.flatnonzero(log_likelihoods > log_likelihoods.max() - LOG_LIKELIHOOD_CUTOFF)
-    low, high = max(considered[0] - 1, 0), min(considered[-1] + 1, len(scales) - 1)
-    scales = np.geomspace(scales[low], scales[high], 30)
-    log_likelihoods = np.array([likelihood(scale) for scale in scales])
+    z = np.linspace(-2.0, 2.0, 9)  # of the ratio's logarithm, in standard deviations of its prior
+    by_ratio = ROBOT_RATIO_PRIOR ** (0.5 * np.stack([z, -z], axis=-1))
+    means = np.geomspace(*ROBOT_STD_SCALE_BOUNDS, 30)
+    of_means = likelihood(means[:, None, None] * by_ratio).max(axis=1)
+    considered = np.flatnonzero(of_means > of_means.max() - LOG_LIKELIHOOD_CUTOFF)
+    low, high = max(considered[0] - 1, 0), min(considered[-1] + 1, len(means) - 1)
+    means = np.geomspace(means[low], means[high], 30)
+    scales = means[:, None, None] * by_ratio
+    log_likelihoods = likelihood(scales) - 0.5 * z**2
     # Half-Cauchy prior; the last factor is the spacing of the logarithmic grid.
     weights = (
         np.exp(log_likelihoods - log_likelihoods.max())
-        / (1 + (scales / ROBOT_STD_SCALE_PRIOR) ** 2)
-        * scales
+        * (means / (1 + (means / ROBOT_STD_SCALE_PRIOR) ** 2))[:, None]
     )
-    return float(np.sqrt((weights * scales**2).sum() / weights.sum()))
+    mean_squares: FloatArray = np.tensordot(weights, scales**2, axes=2) / weights.sum()
+    return np.sqrt(mean_squares)
 
 
 def _restricted_likelihood(
     observations: Observations, states: States, mask: FloatArray
-) -> Callable[[float], float]:
-    """Return the log-likelihood of a robot scale, marginalised over the unknowns."""
-    robot = robot_covariances(observations, states)
+) -> Callable[[FloatArray], FloatArray]:
+    """Return the log-likelihood of robot scales (..., 2), marginalised over the unknowns."""
+    used = mask > 0
+    parts = _robot_covariance_parts(observations, states)[0, used]
     unit = np.ones((1, 1, 1, 1)) * np.eye(observations.covariances.shape[-1])
     jacobian, residual = whitened_jacobian_and_residuals(observations, states, unit)
     prior, prior_residual = prior_jacobian_and_residuals(observations, states)
-    column_scales = 1 / np.maximum(
-        np.linalg.norm(jacobian.reshape(-1, jacobian.shape[-1]), axis=0), TINY
-    )
+    rows = jacobian[0, used]
+    column_scales = 1 / np.maximum(np.linalg.norm(jacobian[0], axis=(0, 1)), TINY)
+    rows = np.concatenate([rows * column_scales, residual[0, used, :, None]], axis=-1)
+    columns = rows.shape[-1]
+    of_prior = np.concatenate([prior[0] * column_scales, prior_residual[0, :, None]], axis=-1)
 
-    def likelihood(scale: float) -> float:
-        whitening = whitening_matrices(observations.covariances + scale**2 * robot)
-        diagonals = np.log(np.einsum("snii->sni", whitening)).sum(axis=-1)
-        used = mask[:, None, None] * whitening
-        whitened = (used @ jacobian).reshape(1, -1, jacobian.shape[-1])
-        jacobians = np.concatenate([whitened, prior], axis=1)[0] * column_scales
-        rhs = (used @ residual[..., None]).reshape(1, -1)
-        rhs = np.concatenate([rhs, prior_residual], axis=1)[0]
-        step = np.linalg.lstsq(jacobians, -rhs, rcond=None)[0]
-        chi2 = float(((jacobians @ step + rhs) ** 2).sum())
-        _, information = np.linalg.slogdet(jacobians.T @ jacobians)
-        return float((diagonals * mask).sum()) - 0.5 * (chi2 + float(information))
+    def likelihood(scales: FloatArray) -> FloatArray:
+        covariances = observations.covariances[used] + np.tensordot(scales**2, parts, axes=(-1, 1))
+        # Normal matrix, right-hand side and sum of squares in one symmetric matrix.
+        weighted = np.linalg.solve(covariances, rows).reshape(*scales.shape[:-1], -1, columns)
+        normal = rows.reshape(-1, columns).T @ weighted + of_prior.T @ of_prior
+        matrix, moment = normal[..., :-1, :-1], normal[..., :-1, -1:]
+        explained = (moment * np.linalg.solve(matrix, moment)).sum(axis=(-2, -1))
+        chi2 = normal[..., -1, -1] - explained
+        information = np.linalg.slogdet(matrix)[1]
+        log_determinants = np.linalg.slogdet(covariances)[1].sum(axis=-1)
+        total: FloatArray = -0.5 * (log_determinants + chi2 + information)
+        return total
 
     return likelihood
 
@@ -287,7 +319,7 @@ def least_determined_direction(
     Its standard deviation is predicted for the nominal or stated robot; infinite where the normal
     matrix is singular.
     """
-    whitening = fit.mask[:, None, None] * robot_whitening(observations, fit.states, 1.0)
+    whitening = fit.mask[:, None, None] * robot_whitening(observations, fit.states, (1.0, 1.0))
     jacobian, _ = whitened_jacobian_and_residuals(observations, fit.states, whitening)
     rows = jacobian.reshape(-1, jacobian.shape[-1])
     mount, target = rows[:, :6] / ([1.0] * 3 + [MM_PER_RADIAN] * 3), rows[:, 6:]

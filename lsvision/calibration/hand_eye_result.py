@@ -40,7 +40,8 @@ class HandEyeSettings(ShowsChanges):
     ----------
     robot_std : tuple of float, optional
         Standard deviation of the robot's pose in each axis of position (mm) and orientation (rad).
-        If None, its scale is estimated from the residuals, with the ratio of 0.05 mm to 0.01 deg.
+        If None, both are estimated from the residuals, with a ratio of 0.05 mm to 0.01 deg as the
+        most likely one before.
         The "repeatability" of a data sheet is the best case; absolute accuracy is several times
         worse.
     arc : SphereArcSettings

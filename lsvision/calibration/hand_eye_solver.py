@@ -121,7 +121,7 @@ def _explained_residual_rms(
     robot, sensor = (
         float(np.einsum("nii,i->n", covariances, squares)[fit.mask > 0].mean())
         for covariances in (
-            robot_covariances(observations, fit.states)[0],
+            robot_covariances(observations, fit.states, (1.0, 1.0))[0],
             observations.covariances,
         )
     )
@@ -202,10 +202,8 @@ def _estimate_robot_std(
 ) -> tuple[float, float]:
     """Return the std of the robot's position (mm) and rotation (rad) in each axis."""
     robot_std = np.array(settings.robot_std or NOMINAL_ROBOT_STD)
-    factor = (
-        fit.robot_std_scale if settings.robot_std is None else float(np.sqrt(fit.variance_factor))
-    )
-    position, rotation = robot_std * factor
+    factors = fit.robot_std_scales if settings.robot_std is None else np.sqrt(fit.variance_factor)
+    position, rotation = robot_std * factors
     return float(position), float(rotation)
 
 
@@ -298,7 +296,7 @@ def _fit_hypothesis(
         whitening = search_whitening(observations, mask[None])
     else:
         whitening = mask[:, None, None] * robot_whitening(
-            observations, initial_guess, fit.robot_std_scale
+            observations, initial_guess, fit.robot_std_scales
         )
     solution = solve_least_squares(observations, initial_guess, whitening)
     targets = solution.states.targets[0]

@@ -38,9 +38,9 @@ class FlangePoses:
         From the mount (the frame that carries the sensor) to the frame of the target.
     origins : (n, 3) ndarray
         Origin of the mount in the frame of the target. Units: mm.
-    covariances : (n, 6, 6) ndarray
-        Covariance of translation (mm) and left-hand rotation (rad) for the stated or nominal
-        standard uncertainty of the robot.
+    covariances : (n, 2, 6, 6) ndarray
+        Covariances of translation (mm) and left-hand rotation (rad) by the robot's errors of
+        position and by those of orientation, for its stated or nominal standard uncertainty.
     """
 
     rotations: FloatArray
@@ -177,16 +177,17 @@ def stack_flange_poses(
     """
     R = np.array([pose.rotation for pose in base_from_flanges])
     t = np.array([pose.translation for pose in base_from_flanges])
-    unit = np.diag([robot_std[0] ** 2] * 3 + [robot_std[1] ** 2] * 3)
-    covariances = np.broadcast_to(unit, (len(t), 6, 6))
+    unit = np.zeros((2, 6, 6))
+    unit[0, :3, :3], unit[1, 3:, 3:] = np.square(robot_std)[:, None, None] * np.eye(3)
+    covariances = np.broadcast_to(unit, (len(t), 2, 6, 6))
     if mounting == "eye_in_hand":
         return FlangePoses(R, t, covariances)
     inverse = np.swapaxes(R, -1, -2)
     # A left-hand error (dt, w) changes the inverse pose to t' = -R't - R'dt + R'(w x t) and
     # (1 - [R'w]x) R'.
-    transfer = np.zeros((len(t), 6, 6))
-    transfer[:, :3, :3], transfer[:, 3:, 3:] = -inverse, -inverse
-    transfer[:, :3, 3:] = -inverse @ cross_matrices(t)
+    transfer = np.zeros((len(t), 1, 6, 6))
+    transfer[:, 0, :3, :3], transfer[:, 0, 3:, 3:] = -inverse, -inverse
+    transfer[:, 0, :3, 3:] = -inverse @ cross_matrices(t)
     covariances = transfer @ covariances @ np.swapaxes(transfer, -1, -2)
     return FlangePoses(inverse, -(inverse @ t[..., None])[..., 0], covariances)
 

@@ -368,7 +368,7 @@ def _information_matrices(
     )
     state = States(nominal.rotation[None], nominal.translation[None], target.state[None, None])
     jacobian = whitened_jacobian_and_residuals(
-        observations, state, robot_whitening(observations, state, 1.0)
+        observations, state, robot_whitening(observations, state, (1.0, 1.0))
     )[0][0]
     information: FloatArray = np.swapaxes(jacobian, -1, -2) @ jacobian
     return information

@@ -56,6 +56,18 @@ def test_sets_with_heavy_tails_are_accepted_and_within_their_covariance(seeds):
     assert 0.6 * CHI2_MEAN < np.mean(chi2) < 1.5 * CHI2_MEAN
 
 
+@pytest.mark.parametrize("robot", [(1.0, 0.04), (0.2, 0.16)], ids=["position", "orientation"])
+def test_errors_of_position_and_of_orientation_are_estimated_separately(robot):
+    position, rotation = robot[0], np.radians(robot[1])
+    ratios = []
+    for seed in range(60, 65):
+        boards, flanges, covariances = poor_scene(seed, robot=(position, rotation))
+        found = calibrate_hand_eye_board(boards, flanges, covariances=covariances)
+        ratios.append(found.robot_std[0] / found.robot_std[1])
+    # the ratio of 0.05 mm to 0.01 deg, held, would be wrong by a factor of 4 to 5
+    assert position / rotation / 2 < np.median(ratios) < 2 * position / rotation
+
+
 def test_a_robot_that_leaves_4_mm_is_accepted_with_a_warning():
     boards, flanges, covariances = poor_scene(41, robot=(1.5, np.radians(0.2)))
     found = calibrate_hand_eye_board(boards, flanges, covariances=covariances)
