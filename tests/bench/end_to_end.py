@@ -43,10 +43,16 @@ class Effort:
     base_rows: int
     batch_profiles: int
     sections: int
+    images: int
+    scans: int
 
 
-QUICK = Effort(files=40, rows=300, base_rows=20, batch_profiles=1500, sections=40)
-FULL = Effort(files=200, rows=2000, base_rows=100, batch_profiles=100_000, sections=100)
+QUICK = Effort(
+    files=40, rows=300, base_rows=20, batch_profiles=1500, sections=40, images=21, scans=3
+)
+FULL = Effort(
+    files=200, rows=2000, base_rows=100, batch_profiles=100_000, sections=100, images=61, scans=9
+)
 
 
 def points_of(count, kind="welded_pair"):
@@ -169,7 +175,16 @@ def start_up(base, _effort, _folder):
     yield Number("lsvision measure FILE / the base", new / old, high=0.45, note=note)
 
 
-PARTS = {each.__name__: each for each in (start_up, intervals, files_of_two_pipes, matrix, batch)}
+def images_and_scans(base, effort, folder):
+    from tests.bench.images_and_scans import compare
+
+    yield from compare(base, folder, effort.images, effort.scans)
+
+
+PARTS = {
+    each.__name__: each
+    for each in (start_up, intervals, files_of_two_pipes, matrix, batch, images_and_scans)
+}
 
 
 def main(words=None):

@@ -1,0 +1,64 @@
+"""Worker of `tests.bench.images_and_scans`: ``python timed_calls.py FOLDER``.
+
+Runs under any commit's lsvision, so it uses public names only. For each line of its input, the
+name of a file of the folder, it prints the processor time of one call in seconds; the first
+answer of each file follows one call that is not counted.
+"""
+
+import os
+import sys
+import time
+from functools import cache
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+import lsvision as lsv
+
+CAMERA = [[2264.0, 0.0, 640.0], [0.0, 2264.0, 512.0], [0.0, 0.0, 1.0]]
+
+
+def _image_call(file, profile):
+    image = file["image"]
+    colour = {"channel": "red"} if image.ndim == 3 else {}
+    settings = lsv.LineSettings(**colour)
+    if not profile:
+        return lambda: lsv.extract_laser_line(image, settings)
+    camera = lsv.Camera(CAMERA, [-0.1, 0.02, 0.0, 0.0], (1280, 1024))
+    rig = lsv.LightSection(camera, lsv.Plane((0.0, 0.75**0.5, 0.5), 150.0))
+    return lambda: rig.profile(image, settings)
+
+
+def _scan_call(file):
+    cuts = np.cumsum(file["counts"])[:-1]
+    profiles = [lsv.Profile(points) for points in np.split(file["points"], cuts)]
+    poses = [lsv.Pose(np.eye(3), translation) for translation in file["translations"]]
+    return lambda: lsv.measure_scan(profiles, poses)
+
+
+@cache
+def call_of(path):
+    """The call of a file, made once."""
+    file = np.load(path)
+    if "image" not in file:
+        call = _scan_call(file)
+    else:
+        call = _image_call(file, profile=path.stem.startswith("profile"))
+    call()
+    return call
+
+
+def main():
+    cv2.setNumThreads(1)
+    folder = Path(sys.argv[1])
+    for name in sys.stdin:
+        call = call_of(folder / name.strip())
+        start = time.process_time()
+        call()
+        print(time.process_time() - start, flush=True)
+
+
+if __name__ == "__main__":
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    main()
