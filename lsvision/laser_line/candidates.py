@@ -91,21 +91,37 @@ def find_line_candidates(
         Empty where no maximum exceeds the threshold.
     """
     response, unit = _apply_matched_filter(signal, sigma)
-    noise_std = mad_std(response[::NOISE_SAMPLE_STEP, ::NOISE_SAMPLE_STEP])
+    sample = response[::NOISE_SAMPLE_STEP, ::NOISE_SAMPLE_STEP]
+    # 16-bit numbers take five times as long to partition.
+    noise_std = mad_std(sample.astype(np.promote_types(response.dtype, np.int32)))
     threshold = max(min_score * unit, DETECTION_SIGMAS * noise_std)
-    neighbourhood = np.ones((2 * max(1, round(sigma)) + 1, 1), np.uint8)
-    highest = cv2.dilate(response, neighbourhood)
-    peak = cv2.compare(response, highest, cv2.CMP_EQ)
-    peak &= cv2.compare(response, threshold, cv2.CMP_GT)
-    rows, columns = _nonzero(peak)
+    columns, rows = _find_maxima(response, threshold, max(1, round(sigma)))
     scores = response[rows, columns].astype(np.float64) / unit
-    order = np.lexsort((-scores, columns))
-    rank = np.arange(len(order)) - np.searchsorted(columns[order], columns[order])
-    kept = order[rank < per_column]
-    kept = kept[np.lexsort((rows[kept], columns[kept]))]
+    kept = _highest_of_each_column(columns, scores, per_column)
+    columns, rows, scores = columns[kept], rows[kept], scores[kept]
     shape = (signal.shape[0], signal.shape[1])
-    peaks = _subpixel_peaks(response, columns[kept], rows[kept])
-    return LineCandidates(columns[kept], peaks, scores[kept], threshold / unit, shape)
+    peaks = _subpixel_peaks(response, columns, rows)
+    return LineCandidates(columns, peaks, scores, threshold / unit, shape)
+
+
+def _find_maxima(response: Image, threshold: float, radius: int) -> tuple[IntArray, IntArray]:
+    """Columns and rows, in this order, of the maxima above a threshold down each column."""
+    peak = response == cv2.dilate(response, np.ones((2 * radius + 1, 1), np.uint8))
+    # Whole numbers are compared with a whole number: ten times as fast, and the same.
+    whole = response.dtype.kind == "i"
+    peak &= response > (math.floor(threshold) if whole else threshold)
+    rows, columns = np.divmod(np.flatnonzero(peak), response.shape[1])
+    columns, rows = np.divmod(np.sort(columns * len(response) + rows), len(response))
+    return columns, rows
+
+
+def _highest_of_each_column(columns: IntArray, scores: FloatArray, most: int) -> IntArray | slice:
+    """Indices of the candidates with the highest scores of each column, in the order given."""
+    if np.bincount(columns, minlength=1).max() <= most:
+        return slice(None)
+    order = np.lexsort((-scores, columns))
+    rank = np.arange(len(order)) - np.searchsorted(columns, columns)
+    return np.sort(order[rank < most])
 
 
 def _apply_matched_filter(signal: Image, sigma: float) -> tuple[Image, float]:
@@ -126,10 +142,3 @@ def _subpixel_peaks(response: Image, columns: IntArray, rows: IntArray) -> Float
     shift = np.where(curved, 0.5 * (after - before) / np.where(curved, curvature, 1.0), 0.0)
     peaks: FloatArray = rows + np.clip(shift, -0.5, 0.5)
     return peaks
-
-
-def _nonzero(mask: Image) -> tuple[IntArray, IntArray]:
-    """Rows and columns of the nonzero pixels; skips empty rows, which are most of them."""
-    full = np.flatnonzero(mask.any(axis=1))
-    rows, columns = np.nonzero(mask[full])
-    return full[rows], columns

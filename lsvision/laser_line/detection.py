@@ -16,6 +16,7 @@ import numpy as np
 from lsvision.errors import NoLaserLine
 from lsvision.geometry import BoolArray, FloatArray, IntArray
 from lsvision.laser_line.candidates import LineCandidates, find_line_candidates
+from lsvision.laser_line.image_array import Image
 from lsvision.laser_line.line_image import Direction, LineImage
 from lsvision.laser_line.noise import PixelNoise, estimate_pixel_noise
 from lsvision.laser_line.path_search import LinePath, PathSettings, shortest_line_path
@@ -103,8 +104,7 @@ def find_direction(image: LineImage, settings: LineSettings) -> Direction:
         Settings of `extract_laser_line`.
     """
     shrink = max(1, round(min(image.signal.shape) / COARSE_HEIGHT_PX))
-    height, width = (max(1, length // shrink) for length in image.signal.shape)
-    small = cv2.resize(image.signal, (width, height), interpolation=cv2.INTER_AREA)
+    small = _shrunk(image.signal, shrink)
     path = replace(
         settings.path,
         restart_cost=settings.path.restart_cost / shrink,
@@ -113,15 +113,25 @@ def find_direction(image: LineImage, settings: LineSettings) -> Direction:
     )
     sigma = max(1.0, settings.sigma / shrink)
     min_score = settings.min_contrast * image.full_scale
-    by_column, by_row = (
-        find_line_candidates(signal, sigma, min_score, path.candidates)
-        for signal in (small, np.ascontiguousarray(small.T))
-    )
+    by_column = find_line_candidates(small, sigma, min_score, path.candidates)
     score = _line_score(by_column, path)
-    # No line is longer than there are columns with candidates.
+    # No line is longer than the image, or than there are columns with candidates.
+    if score >= len(small) ** 2:
+        return "columns"
+    by_row = find_line_candidates(cv2.transpose(small), sigma, min_score, path.candidates)
     if score >= len(np.unique(by_row.columns)) ** 2:
         return "columns"
     return "columns" if score >= _line_score(by_row, path) else "rows"
+
+
+def _shrunk(image: Image, factor: int) -> Image:
+    """An image with each length divided by a whole number; OpenCV is fastest at halving."""
+    while factor > 1:
+        step = 2 if factor % 2 == 0 else factor
+        height, width = (max(1, length // step) for length in image.shape)
+        image = cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
+        factor //= step
+    return image
 
 
 def _line_score(candidates: LineCandidates, settings: PathSettings) -> float:

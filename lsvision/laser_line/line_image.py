@@ -57,7 +57,7 @@ class LineImage:
         # Channels that are one array stay one array.
         arrays = (self.signal, self.channel_signal, self.brightness, self.raw_channel)
         distinct = {id(array): array for array in arrays}
-        transposed = {key: np.ascontiguousarray(array.T) for key, array in distinct.items()}
+        transposed = {key: cv2.transpose(array) for key, array in distinct.items()}
         signal, own, brightness, raw = (transposed[id(array)] for array in arrays)
         return LineImage(signal, own, brightness, raw, self.full_scale)
 

@@ -105,47 +105,60 @@ def _edges(
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Start, stop and cost of every edge; node ``count + c`` is "no line in column c"."""
     count, width = len(candidates), candidates.shape[1]
-    columns = candidates.columns
     candidate_costs = settings.empty_column_cost * (
         1 - np.minimum(candidates.scores / (settings.max_score_ratio * candidates.threshold), 1.0)
     )
-    nodes = np.arange(count)
+    first, second, link_costs = _links(candidates, candidate_costs, settings)
     empty = count + np.arange(width)
-    starts = [empty, empty[columns], nodes]
-    stops = [empty + 1, nodes, count + columns + 1]
+    starts = [empty, empty[candidates.columns], np.arange(count), first]
+    stops = [empty + 1, np.arange(count), count + candidates.columns + 1, second]
     costs = [
         np.full(width, settings.empty_column_cost),
         settings.restart_cost / 2 + candidate_costs,
         np.full(count, settings.restart_cost / 2),
+        link_costs,
     ]
-    for step in range(1, settings.max_missing_columns + 2):
-        first, second = _neighbours(candidates, step, settings.max_row_step)
-        rise = candidates.rows[second] - candidates.rows[first]
-        starts.append(first)
-        stops.append(second)
-        costs.append(
-            settings.slope_cost * rise**2 / step
-            + candidate_costs[second]
-            + settings.empty_column_cost * (step - 1)
-        )
     return np.concatenate(starts), np.concatenate(stops), np.concatenate(costs)
 
 
-def _neighbours(
-    candidates: LineCandidates, step: int, max_row_step: int
-) -> tuple[IntArray, IntArray]:
-    """Pairs of candidates `step` columns and at most `max_row_step` rows per column apart."""
-    # Sort keys of two columns are so far apart that no search interval covers both.
-    span = candidates.shape[0] + 2 * max_row_step * (step + 1)
-    keys = candidates.columns * span + candidates.rows
-    target = keys + step * span
-    half = max_row_step * step
-    low = np.searchsorted(keys, target - half)
-    high = np.searchsorted(keys, target + half, side="right")
-    counts = high - low
-    first = np.repeat(np.arange(len(keys)), counts)
-    before = np.repeat(np.cumsum(counts) - counts, counts)
-    second = np.repeat(low, counts) + np.arange(len(first)) - before
+def _links(
+    candidates: LineCandidates, candidate_costs: FloatArray, settings: PathSettings
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Edges from candidate to candidate that may be on the path: start, stop and cost.
+
+    An edge over several columns is left out if the path may as well pass a candidate of the next
+    column: one `turn` rows off the straight line adds slope_cost * step / (step - 1) * turn^2 to
+    the cost, and saves part of that of an empty column.
+    """
+    rows, empty_cost = candidates.rows, settings.empty_column_cost
+    steps = range(1, settings.max_missing_columns + 2)
+    columns = np.arange(candidates.shape[1] + steps.stop)
+    column_starts = np.searchsorted(candidates.columns, columns)
+    next_rise, saved = np.zeros((2, len(candidates)))
+    links = []
+    for step in steps:
+        first, second = _pairs(column_starts, candidates.columns + step)
+        rise = rows[second] - rows[first]
+        kept = np.abs(rise) <= settings.max_row_step * step
+        if step > 1:
+            turn, onward = next_rise[first] - rise / step, rise - next_rise[first]
+            added = settings.slope_cost * step / (step - 1) * turn**2
+            kept &= (added >= saved[first]) | (np.abs(onward) > settings.max_row_step * (step - 1))
+        first, second, rise = first[kept], second[kept], rise[kept]
+        if step == 1:
+            next_rise[first], saved[first] = rise, empty_cost - candidate_costs[second]
+        cost = settings.slope_cost * rise**2 / step + candidate_costs[second]
+        links.append((first, second, cost + empty_cost * (step - 1)))
+    starts, stops, costs = (np.concatenate(each) for each in zip(*links, strict=True))
+    return starts, stops, costs
+
+
+def _pairs(column_starts: IntArray, columns: IntArray) -> tuple[IntArray, IntArray]:
+    """Pairs of each candidate and those of the column that is given for it."""
+    low = column_starts[columns]
+    counts = column_starts[columns + 1] - low
+    first = np.repeat(np.arange(len(low)), counts)
+    second = np.arange(len(first)) + (low - np.cumsum(counts) + counts)[first]
     return first, second
 
 

@@ -142,8 +142,10 @@ def cut_windows(
     half_width = math.ceil(HALF_WIDTH_SIGMAS * sigma)
     offsets = np.arange(-half_width, half_width + 1)
     centre_rows = np.rint(rows).astype(np.int64)
-    window_rows = np.clip(centre_rows[:, None] + offsets, 0, signal.shape[0] - 1)
-    at = window_rows, columns[:, None]
-    values = signal[at].astype(np.float64)
-    saturated = image.raw_channel[at] >= image.full_scale
-    return Windows(columns, centre_rows, offsets, values, saturated)
+    window_rows = np.clip(centre_rows + offsets[:, None], 0, signal.shape[0] - 1)
+    at = window_rows * signal.shape[1] + columns
+    values = signal.ravel().take(at)
+    raw = values if image.raw_channel is signal else image.raw_channel.ravel().take(at)
+    # Views of transposed arrays: sums over each window run along the memory.
+    saturated = (raw >= image.full_scale).T
+    return Windows(columns, centre_rows, offsets, values.astype(np.float64).T, saturated)

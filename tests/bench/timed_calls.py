@@ -1,8 +1,8 @@
 """Worker of `tests.bench.images_and_scans`: ``python timed_calls.py FOLDER``.
 
-Runs under any commit's lsvision, so it uses public names only. For each line of its input, the
-name of a file of the folder, it prints the processor time of one call in seconds; the first
-answer of each file follows one call that is not counted.
+Runs under any commit's lsvision, so it uses public names only. For each line of its input, a
+number of calls and the name of a file of the folder, it prints the median processor time of a call
+in seconds. The first call is not counted: the other process has used the caches.
 """
 
 import os
@@ -10,6 +10,7 @@ import sys
 import time
 from functools import cache
 from pathlib import Path
+from statistics import median
 
 import cv2
 import numpy as np
@@ -45,18 +46,23 @@ def call_of(path):
         call = _scan_call(file)
     else:
         call = _image_call(file, profile=path.stem.startswith("profile"))
-    call()
     return call
+
+
+def _seconds(call):
+    start = time.process_time()
+    call()
+    return time.process_time() - start
 
 
 def main():
     cv2.setNumThreads(1)
     folder = Path(sys.argv[1])
-    for name in sys.stdin:
-        call = call_of(folder / name.strip())
-        start = time.process_time()
-        call()
-        print(time.process_time() - start, flush=True)
+    for line in sys.stdin:
+        count, name = line.strip().split(maxsplit=1)
+        call = call_of(folder / name)
+        seconds = [_seconds(call) for _ in range(int(count) + 1)]
+        print(median(seconds[1:]), flush=True)
 
 
 if __name__ == "__main__":

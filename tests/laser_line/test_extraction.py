@@ -196,3 +196,10 @@ def test_the_image_is_not_changed():
     before = image.copy()
     extract_laser_line(image, laser_off=np.zeros_like(image))
     np.testing.assert_array_equal(image, before)
+
+
+@pytest.mark.filterwarnings("error")
+def test_the_narrowest_filters_overflow_nowhere():
+    image = rendered(plank(), sheet_sigma=0.02).image
+    line = extract_laser_line(image, LineSettings(sigma=0.01))
+    assert np.isfinite(line.std).sum() + line.lost == len(line)
