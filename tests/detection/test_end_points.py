@@ -127,6 +127,33 @@ def test_points_at_one_position_of_the_ellipse_are_judged_without_breaking(scale
     assert np.isfinite(found.log_odds).all()
 
 
+def end_with_a_jump_after_a_gap(leverage):
+    """Only the ellipse's height is uncertain; the first point after the gap is 6 sigma off."""
+    residuals = np.array([0.0, 0.0, 6.0, 0.1, -0.1, 0.0, 0.1])
+    rows = np.zeros((5, len(residuals)))
+    rows[1] = math.sqrt(leverage - 1)
+    positions = np.array([0.0, 0.5, 6.0, 6.5, 7.0, 7.5, 8.0])
+    end = EndPoints(residuals, np.ones(7), rows, np.ones(7, dtype=bool), positions)
+    return end, Prediction(np.zeros(5), np.diag([0, 1.0, 0, 0, 0]), 1.0, 20.0)
+
+
+def test_a_jump_after_a_gap_is_no_inlier_where_the_points_beyond_it_are():
+    found = find_end_inliers(*end_with_a_jump_after_a_gap(leverage=10.5))
+    assert found.members.tolist() == [1, 2, 3, 4]
+    assert found.leverages[0] == pytest.approx(10.5)
+
+
+def test_a_point_of_little_leverage_is_not_compared_with_those_beyond_it():
+    found = find_end_inliers(*end_with_a_jump_after_a_gap(leverage=9.5))
+    assert found.members.tolist() == [0, 2, 3, 4]
+
+
+def test_a_point_after_a_gap_stays_an_inlier_where_it_explains_those_beyond_it():
+    end, prediction = end_with_a_jump_after_a_gap(leverage=30.0)
+    shifted = end._replace(residuals=np.where(end.positions < 1, 0.0, end.residuals[3] + 6.0))
+    assert find_end_inliers(shifted, prediction).members.tolist() == [0, 1, 2, 3, 4]
+
+
 @pytest.mark.parametrize("seed", SEEDS)
 def test_inliers_of_a_coarse_and_quiet_line_are_those_of_the_filter_as_well(seed):
     """Where two steps bend more than the noise the other line may bend as well, by 1 / R."""
