@@ -23,6 +23,7 @@ from lsvision.laser_line.path_search import LinePath, PathSettings, shortest_lin
 from lsvision.laser_line.settings import LineSettings
 from lsvision.laser_line.stripe_windows import Stripes, Windows, cut_windows
 from lsvision.laser_line.subpixel import locate_by_derivative
+from lsvision.statistics.robust import median
 
 MAX_SIGMA_DOUBLINGS = 3
 """Largest number of times that the sigma of the filter is doubled: to 8 times its value."""
@@ -244,7 +245,7 @@ def _rival_ratio(candidates: LineCandidates, path: LinePath) -> float:
     """Number of strong candidates in the image for each of the line's own; inf without a line."""
     if not len(path.indices):
         return math.inf
-    strong = candidates.scores > MIN_RIVAL_SCORE_RATIO * np.median(candidates.scores[path.indices])
+    strong = candidates.scores > MIN_RIVAL_SCORE_RATIO * median(candidates.scores[path.indices])
     return float(strong.sum() / len(path.indices))
 
 
@@ -279,7 +280,7 @@ def _second_line_fraction(
     line_rows = np.full(width, np.inf)
     line_rows[candidates.columns[path.indices]] = candidates.rows[path.indices]
     apart = np.abs(candidates.rows - line_rows[candidates.columns]) > SECOND_LINE_MIN_SIGMAS * sigma
-    strong = candidates.scores > MIN_RIVAL_SCORE_RATIO * np.median(candidates.scores[path.indices])
+    strong = candidates.scores > MIN_RIVAL_SCORE_RATIO * median(candidates.scores[path.indices])
     others = candidates.select(apart & strong)
     if len(others) < settings.path.restart_cost:
         return 0.0

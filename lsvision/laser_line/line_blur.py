@@ -9,6 +9,7 @@ from lsvision.geometry import FloatArray, IntArray
 from lsvision.laser_line.extraction import LaserLine
 from lsvision.laser_line.line_shape import WINDOW, LineShape, line_shape
 from lsvision.laser_line.line_spread import LineSpread, estimate_line_spread
+from lsvision.statistics.robust import median
 
 MAX_STEP_PX = 8.0
 """Largest step between neighbouring columns of one surface. Units: px."""
@@ -73,7 +74,8 @@ def correct_line_blur(
     if sheet_direction is not None:
         sheet = np.asarray(sheet_direction, dtype=np.float64)[[1 - across, across]]
     # A colour mosaic has a point in every second column: all lengths in steps between points.
-    pitch = float(np.nanmedian(np.diff(line.pixels[:, 1 - across])))
+    steps = np.diff(line.pixels[:, 1 - across])
+    pitch = median(steps[np.isfinite(steps)])
     rows, std, widths = (
         values / pitch for values in (line.pixels[:, across], line.std, line.width)
     )
@@ -95,7 +97,7 @@ def _shift(
 ) -> tuple[FloatArray, FloatArray]:
     """Shift of a run by its blur (n,), and the standard deviation of this value. Units: px."""
     _, c_uv, c_uu = spread.values
-    variance = np.minimum(width**2, MAX_VARIANCE_RATIO * np.median(width**2))
+    variance = np.minimum(width**2, MAX_VARIANCE_RATIO * median(width**2))
     lag = shape.slope * c_uu - c_uv  # minus the covariance of row and column of a pixel's light
     bend = shape.curvature * c_uu / 2
     fade = lag * shape.fade
@@ -105,7 +107,7 @@ def _shift(
     shift = bend + fade + skew
     size = np.abs(bend) + np.abs(fade) + np.abs(skew)
     shift_variance = (
-        np.einsum("ij,jk,ik->i", gradient, spread.covariance[1:, 1:], gradient)
+        (gradient @ spread.covariance[1:, 1:] * gradient).sum(axis=1)
         + WINDOW / 2 * (lag * shape.fade_std) ** 2  # common to the columns of a window
         + (SECOND_ORDER * size**2 / width) ** 2
     )

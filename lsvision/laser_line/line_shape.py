@@ -48,9 +48,9 @@ class LineShape:
 
     def far_from_edges(self, distance: int) -> BoolArray:
         """Whether neither an edge nor an end is within a distance in columns (n,)."""
-        edge = np.pad(self.edge, distance, constant_values=True)
-        near = np.convolve(edge, np.ones(2 * distance + 1), mode="valid")
+        near = np.convolve(self.edge, np.ones(2 * distance + 1), mode="same")
         far: BoolArray = near < 0.5
+        far[:distance] = far[-distance:] = False
         return far
 
 
@@ -67,8 +67,10 @@ def line_shape(rows: FloatArray, light: FloatArray, relative_std: FloatArray) ->
         Standard deviation of `light`, relative to it, up to a common factor.
     """
     log_light = np.log(light)
-    local_fade = np.gradient(log_light)
-    factor = mad_std(np.diff(log_light, 2) / relative_std[1:-1])
+    steps = np.diff(log_light)
+    before, after = np.append(steps[0], steps), np.append(steps, steps[-1])
+    local_fade = (before + after) / 2
+    factor = mad_std(np.diff(steps) / relative_std[1:-1])
     noise = factor / np.sqrt(6) * relative_std  # 6: the variance of a second difference
     edge = np.abs(local_fade) > np.maximum(EDGE_FADE, EDGE_SIGMAS * noise / np.sqrt(2))
     slope, curvature, fade = np.full((3, len(rows)), np.nan)
@@ -79,19 +81,17 @@ def line_shape(rows: FloatArray, light: FloatArray, relative_std: FloatArray) ->
         fade[piece], gain = _derivative(log_light[piece], FADE_DEGREE, 1)
         fade_std[piece] = gain * noise[piece]
     edge = np.isnan(slope)
-    fade[edge] = _fade_at_edges(log_light)[edge]
-    fade_std[edge] = np.hypot(fade_std, EDGE_STD_FRACTION * local_fade)[edge]
+    fade[edge] = _fade_at_edges(before[edge], after[edge])
+    fade_std[edge] = np.hypot(fade_std[edge], EDGE_STD_FRACTION * local_fade[edge])
     return LineShape(*_continued(slope, curvature, edge), fade, fade_std, edge)
 
 
-def _fade_at_edges(log_light: FloatArray) -> FloatArray:
-    """Change of blurred light (n,) from those to both neighbours.
+def _fade_at_edges(before: FloatArray, after: FloatArray) -> FloatArray:
+    """Change of blurred light (n,) from those from and to its neighbours.
 
     Their geometric mean, 0 if they differ in sign: across the end of a line the logarithm of the
     light bends so much that their arithmetic mean is five times too large 1.5 px from the end.
     """
-    steps = np.diff(log_light)
-    before, after = np.append(steps[0], steps), np.append(steps, steps[-1])
     fade: FloatArray = np.sign(before) * np.sqrt(np.maximum(before * after, 0.0))
     return fade
 
@@ -107,7 +107,7 @@ def _derivative(values: FloatArray, degree: int, order: int) -> tuple[FloatArray
     """Derivative (n,) of local polynomials, and its std for values of std 1."""
     filters, gains = _filters(degree, order)
     half, last = WINDOW // 2, len(values) - WINDOW
-    inner = np.lib.stride_tricks.sliding_window_view(values, WINDOW) @ filters[half]
+    inner = np.correlate(values, filters[half], mode="valid")
     derivative = np.concatenate(
         [filters[:half] @ values[:WINDOW], inner, filters[half + 1 :] @ values[last:]]
     )

@@ -14,7 +14,7 @@ import numpy as np
 
 from lsvision.geometry import FloatArray
 from lsvision.laser_line.line_shape import LineShape
-from lsvision.statistics.robust import mad_std
+from lsvision.statistics.robust import mad_std, median
 
 CLEARANCE = 3
 """Distance from an edge or end in columns from which the width of a line is its own. Units: px."""
@@ -92,15 +92,14 @@ def estimate_line_spread(
     scale = 2 * width[usable] * width_std[usable]
     design, target = design / scale[:, None], variances / scale
     values: FloatArray = prior
+    prior_information = np.diag(1 / prior_std**2)
     for _ in range(REWEIGHTINGS):
         residuals = target - design @ values
         std = max(mad_std(residuals), MIN_NOISE_FACTOR)
-        weights = np.clip(1 - (residuals / (TUKEY_SIGMAS * std)) ** 2, 0, 1) ** 2
-        weights = weights / std**2
-        information = (design * weights[:, None]).T @ design + np.diag(1 / prior_std**2)
-        right = (design * weights[:, None]).T @ target + prior / prior_std**2
-        covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
-        values = covariance @ right
+        weights = np.maximum(1 - (residuals / (TUKEY_SIGMAS * std)) ** 2, 0.0) ** 2 / std**2
+        weighted = design.T * weights
+        covariance = np.asarray(np.linalg.inv(weighted @ design + prior_information))
+        values = covariance @ (weighted @ target + prior_information @ prior)
     undetermined = np.sqrt(covariance.diagonal()) > UNDETERMINED_FRACTION * prior_std
     values = np.where(undetermined, prior, values)
     spread = LineSpread(values, covariance + np.diag([(MODEL_ERROR * values[0]) ** 2] * 3))
@@ -125,11 +124,13 @@ def _prior(
     variances: FloatArray, slope: FloatArray, blur: float | None, sheet: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Values (3,) of the spread before the widths are used, and their standard deviations."""
-    narrow = float(np.quantile(variances / (1 + slope**2), LEVEL_QUANTILE))
+    ordered = np.sort(variances / (1 + slope**2))
+    place = LEVEL_QUANTILE * (len(ordered) - 1)
+    narrow = float(np.interp(place, np.arange(len(ordered)), ordered))
     lens = UNSTATED_FRACTION * narrow if blur is None else min(blur**2, narrow)
     u, v = sheet
     across = np.maximum((v - slope * u) ** 2, MIN_ACROSS)
-    thickness = max(float(np.median((variances - lens * (1 + slope**2)) / across)), 0.0)
+    thickness = max(median((variances - lens * (1 + slope**2)) / across), 0.0)
     values = lens * np.array([1.0, 0.0, 1.0]) + thickness * np.array([v * v, u * v, u * u])
     scale = max(narrow, thickness)
     return values, scale * np.array([SPREAD_STD, TILT_STD, ALONG_STD])

@@ -12,7 +12,7 @@ import numpy as np
 from lsvision.geometry import FloatArray, IntArray
 from lsvision.laser_line.image_array import Image
 from lsvision.laser_line.stripe_windows import Windows
-from lsvision.statistics.robust import MAD_TO_STD, mad_std
+from lsvision.statistics.robust import MAD_TO_STD, mad_std, median
 
 FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / np.sqrt(70.0)
 """Fourth difference, normalised to unit variance on white noise; removes cubic trends."""
@@ -95,10 +95,10 @@ def estimate_pixel_noise(signal: Image, windows: Windows) -> PixelNoise:
     inside = inside[:: max(1, len(inside) // MAX_SAMPLE_COLUMNS)]
     offsets = windows.offsets[:: max(1, len(windows.offsets) // MAX_SAMPLE_PIXELS)]
     rows = np.clip(windows.centre_rows[inside, None] + offsets, 0, signal.shape[0] - 1)
-    columns = windows.columns[inside, None]
-    along = np.stack([signal[rows, columns + shift] for shift in range(-2, 3)]).astype(np.float64)
-    level = along.mean(axis=0).ravel()
-    scatter = np.abs(np.tensordot(FOURTH_DIFFERENCE, along, axes=1).ravel())
+    at = (rows * signal.shape[1] + windows.columns[inside, None]).ravel()
+    along = signal.ravel().take(at + np.arange(-2, 3)[:, None]).astype(np.float64)
+    level = along.mean(axis=0)
+    scatter = np.abs(FOURTH_DIFFERENCE @ along)
     # Bins of equal size: the few brightest pixels that fill none are left out.
     order = np.argsort(level, kind="stable")[: len(level) // BINS * BINS].reshape(BINS, -1)
     means = level[order].mean(axis=1)
@@ -153,7 +153,7 @@ def excess_variance(
             ):
                 break
             scatter = longer_scatter
-    explained = float(np.median(std**2 / steepness)) if len(std) else 0.0
+    explained = median(std**2 / steepness) if len(std) else 0.0
     excess: FloatArray = steepness * max(scatter**2 - explained, 0.0)
     return excess
 

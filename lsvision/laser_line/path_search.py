@@ -7,11 +7,15 @@ and a new segment elsewhere costs a constant.
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lsvision.geometry import FloatArray, IntArray
 from lsvision.laser_line.candidates import LineCandidates
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 MIN_EDGE_COST = 1e-9
 """Added to the cost of every edge; negligible beside `PathSettings.empty_column_cost`."""
@@ -84,20 +88,30 @@ def shortest_line_path(candidates: LineCandidates, settings: PathSettings) -> Li
     Nodes are the candidates and, for each column, "no line here"; every edge leads to a later
     column, and no cost is negative, as Dijkstra's algorithm requires.
     """
-    from scipy.sparse import csr_array
     from scipy.sparse.csgraph import dijkstra
 
     if not len(candidates):
         return LinePath(np.zeros(0, np.int64), 0.0)
     count, width = len(candidates), candidates.shape[1]
-    start, stop, cost = _edges(candidates, settings)
-    nodes = count + width + 1
-    # A sparse matrix does not store an edge of cost 0.
-    graph = csr_array((cost + MIN_EDGE_COST, (start, stop)), shape=(nodes, nodes))
+    graph = _sparse_matrix(*_edges(candidates, settings), count + width + 1)
     costs, predecessors = dijkstra(graph, indices=count, return_predecessors=True)
     indices = _backtrack(predecessors.tolist(), count, width)
     cost_reduction = width * settings.empty_column_cost - float(costs[count + width])
     return LinePath(indices, cost_reduction)
+
+
+def _sparse_matrix(
+    start: IntArray, stop: IntArray, cost: FloatArray, nodes: int
+) -> "csr_array[np.float64]":
+    """Matrix of the costs of edges, in half the time that scipy takes to check and sort them."""
+    from scipy.sparse import csr_array
+
+    order = np.argsort(start, kind="stable")
+    row_starts = np.zeros(nodes + 1, np.int32)
+    np.cumsum(np.bincount(start, minlength=nodes), out=row_starts[1:])
+    # A sparse matrix does not store an edge of cost 0.
+    entries = cost[order] + MIN_EDGE_COST, stop[order].astype(np.int32), row_starts
+    return csr_array(entries, shape=(nodes, nodes))
 
 
 def _edges(

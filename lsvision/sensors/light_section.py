@@ -10,6 +10,7 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any, Self
 
@@ -97,7 +98,7 @@ class LightSection(ComparedByValue):
         provenance = dict(self.provenance)
         return type(self), (self.camera, self.laser_plane, provenance, self.line_blur_px)
 
-    @property
+    @cached_property
     def camera_from_section(self) -> Pose:
         """Pose of the section frame in the camera frame, as the class defines it. Units: mm."""
         return section_pose(self.laser_plane)
