@@ -191,7 +191,7 @@ class CylinderSection(WithEllipse, Result):
     @property
     def _values(self) -> tuple[Estimate, ...]:
         """The `estimates` without intervals, whose computation takes some ms."""
-        x_std, y_std = (math.sqrt(variance) for variance in self.covariance.diagonal()[:2])
+        x_std, y_std = np.sqrt(self.fit.parameter_covariance.diagonal()[:2]).tolist()
         values = (self.radius, self.theta, self.phi, *self.centre)
         stds = (self.radius_std, self.theta_std, self.phi_std, x_std, y_std)
         known = (True, self.theta_determined, True, True, True)
