@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.calibration.board_observations import BoardObservations
+from lsvision.calibration.board_scale import board_scale
 from lsvision.calibration.errors_in_variables import NOMINAL_ROBOT_STD
 from lsvision.calibration.hand_eye_result import HandEye, HandEyeSettings, RejectedPose, Sphere
 from lsvision.calibration.hand_eye_solver import (
@@ -110,7 +111,7 @@ def calibrate_hand_eye_sphere(
     if radius is not None and not radius > 0:
         raise ValueError(f"expected a positive radius in mm, got {radius}")
     arcs, observed, unobserved = _observe(
-        profiles, lambda profile: find_sphere_arc(profile, radius, settings.arc), "sphere"
+        profiles, flanges, lambda profile: find_sphere_arc(profile, radius, settings.arc), "sphere"
     )
     min_poses = 5 if radius is not None else 6
     _require_count(len(observed), min_poses, "a sphere in its profile", unobserved)
@@ -184,7 +185,7 @@ def calibrate_hand_eye_plane(
     """
     _require_pairs(len(profiles), len(base_from_flanges), "profiles")
     flanges = as_poses(base_from_flanges)
-    lines, observed, unobserved = _observe(profiles, find_plane_line, "line")
+    lines, observed, unobserved = _observe(profiles, flanges, find_plane_line, "line")
     _require_count(len(observed), 8, "a straight line in its profile", unobserved)
     poses = [flanges[index] for index in observed]
     observations = PlaneObservations(
@@ -233,7 +234,8 @@ def calibrate_hand_eye_board(
     Returns
     -------
     HandEye
-        `flange_from_camera`; `target` is ``base_from_board``.
+        `flange_from_camera`; `target` is ``base_from_board``, and `target_scale` shows a board
+        whose size was stated wrong.
 
     Raises
     ------
@@ -255,40 +257,79 @@ def calibrate_hand_eye_board(
     count = len(camera_from_boards)
     _require_pairs(count, len(base_from_flanges), "boards")
     boards, flanges = as_poses(camera_from_boards), as_poses(base_from_flanges)
-    _require_count(count, 4, "a board in its image", [])
+    repeated = _repeated([pose.matrix for pose in boards], flanges)
+    observed = [index for index in range(count) if index not in repeated]
+    unobserved = [_repeated_pose(*pair, "board") for pair in repeated.items()]
+    _require_count(len(observed), 4, "a board in its image", unobserved)
     matrices = np.full((count, 6, 6), 1e-12) * np.eye(6) if covariances is None else covariances
+    shifts = np.zeros((0, count, 6)) if camera_modes is None else camera_modes
+    shifts = as_readonly_array(shifts, ("m", count, 6), "camera_modes")[:, observed]
+    poses = [flanges[index] for index in observed]
     observations = BoardObservations(
-        np.array([pose.rotation for pose in boards]),
-        np.array([pose.translation for pose in boards]),
-        as_readonly_array(matrices, (count, 6, 6), "covariances"),
-        stack_flange_poses(flanges, mounting, settings.robot_std or NOMINAL_ROBOT_STD),
-        np.zeros(count, dtype=np.int64),
+        np.array([boards[index].rotation for index in observed]),
+        np.array([boards[index].translation for index in observed]),
+        as_readonly_array(matrices, (count, 6, 6), "covariances")[observed],
+        stack_flange_poses(poses, mounting, settings.robot_std or NOMINAL_ROBOT_STD),
+        np.zeros(len(observed), dtype=np.int64),
     )
-    solution = solve_hand_eye(observations, flanges, 3, settings)
+    solution = solve_hand_eye(observations, poses, 3, settings)
     board = solution.fit.states.targets[0, 0]
     target = Pose(board[3:].reshape(3, 3), board[:3])
     working_point = observations.origins.mean(axis=0)
-    context = ResultContext(list(range(count)), [], working_point, mounting, "camera", settings)
+    context = ResultContext(observed, unobserved, working_point, mounting, "camera", settings)
     found = build_hand_eye(observations, solution, target, context)
-    if camera_modes is None:
-        return found
-    shifts = as_readonly_array(camera_modes, ("m", count, 6), "camera_modes")
-    by_camera = solution.fit.steps_by_shifts(shifts)[:, :6]
-    return replace(found, covariance=found.covariance + by_camera.T @ by_camera)
+    scale = board_scale(
+        solution.fit, observations.origins, shifts, robot_is_stated=settings.robot_std is not None
+    )
+    scale.require_plausible()
+    errors = solution.fit.steps_by_shifts(shifts)[:, :6]
+    if scale.significant:
+        errors = np.concatenate([errors, scale.step[None]])
+    return replace(
+        found,
+        covariance=found.covariance + errors.T @ errors,
+        target_scale=(scale.factor, scale.std),
+    )
 
 
 def _observe(
-    profiles: Sequence[Profile | npt.ArrayLike], find: Callable[[Profile], Shape], name: str
+    profiles: Sequence[Profile | npt.ArrayLike],
+    flanges: Sequence[Pose],
+    find: Callable[[Profile], Shape],
+    name: str,
 ) -> tuple[list[Shape], list[int], list[RejectedPose]]:
     """Return the shapes found in the profiles, the indices of these, and the other profiles."""
     shapes, observed, unobserved = [], [], []
-    for index, profile in enumerate(profiles):
+    checked = [as_profile(profile) for profile in profiles]
+    repeated = _repeated([profile.points for profile in checked], flanges)
+    for index, profile in enumerate(checked):
+        if index in repeated:
+            unobserved.append(_repeated_pose(index, repeated[index], "profile"))
+            continue
         try:
-            shapes.append(find(as_profile(profile)))
+            shapes.append(find(profile))
             observed.append(index)
         except TooFewPoints as error:
             unobserved.append(RejectedPose(index, f"no {name} found: {error}"))
     return shapes, observed, unobserved
+
+
+def _repeated(observed: Sequence[FloatArray], flanges: Sequence[Pose]) -> dict[int, int]:
+    """Return the indices of pairs that an earlier one equals to the last digit, with its index.
+
+    A pair that is stored twice counts as two that agree perfectly: the others are taken for wrong.
+    """
+    first: dict[bytes, int] = {}
+    repeated = {}
+    for index, (values, flange) in enumerate(zip(observed, flanges, strict=True)):
+        earlier = first.setdefault(values.tobytes() + flange.matrix.tobytes(), index)
+        if earlier != index:
+            repeated[index] = earlier
+    return repeated
+
+
+def _repeated_pose(index: int, earlier: int, what: str) -> RejectedPose:
+    return RejectedPose(index, f"the same pose and {what} as pose {earlier}, stored twice")
 
 
 def _covariances(shapes: Sequence[SphereArc] | Sequence[PlaneLine]) -> FloatArray:

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from lsvision.calibration.hand_eye_warnings import hand_eye_warnings
 from lsvision.calibration.observations import Mounting
 from lsvision.calibration.pose_outliers import OutlierSettings
 from lsvision.calibration.result_tables import Row, cells_of_rows
@@ -23,13 +24,6 @@ from lsvision.results.quantities import Record, finite, numbers
 from lsvision.results.result import Result
 
 Sensor = Literal["section", "camera"]
-
-HEIGHT_SCALE_SIGMAS = 4.0
-"""Standard deviations from 1 above which a height scale is significant."""
-LARGE_RESIDUAL_MM = 3.0
-"""Root mean square residual above which a warning is given. Units: mm."""
-MIN_HEIGHT_SCALE_ERROR = 0.005
-"""Deviation of the height scale from 1 above which a warning is given."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -149,6 +143,10 @@ class HandEye(Result):
         Factor by which the profiles' heights must be multiplied, about the working point, and its
         standard deviation; a check of the sensor, 1 for a correct one. None where the target does
         not determine it.
+    target_scale : tuple of float, optional
+        Factor by which the size of a board must be multiplied, and its standard deviation; a check
+        of the stated size. A factor far from 1 is not applied, and the covariance holds what it
+        would change. None for other targets.
 
     Examples
     --------
@@ -178,6 +176,7 @@ class HandEye(Result):
     mounting: Mounting
     sensor: Sensor
     height_scale: tuple[float, float] | None = None
+    target_scale: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         for name, shape in (
@@ -229,30 +228,10 @@ class HandEye(Result):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings about large residuals, and about the sensor's heights."""
-        return (*self._residual_warnings(), *self._height_warnings())
-
-    def _residual_warnings(self) -> list[str]:
-        if not self.residual_rms > LARGE_RESIDUAL_MM:
-            return []
-        position, rotation = self.robot_std
-        return [
-            f"the poses leave {self.residual_rms:.2g} mm, as of a robot of {position:.2g} mm and "
-            f"{math.degrees(rotation):.2g} deg an axis: if yours is better, check the size of the "
-            "target, the convention of the poses, and that the robot stood still"
-        ]
-
-    def _height_warnings(self) -> list[str]:
-        if self.height_scale is None:
-            return []
-        factor, std = self.height_scale
-        if abs(factor - 1) < max(HEIGHT_SCALE_SIGMAS * std, MIN_HEIGHT_SCALE_ERROR):
-            return []
-        return [
-            f"the sensor's heights must be multiplied by {factor:.3f} +/- {std:.3f}: is their "
-            "unit or the sensor's own calibration wrong? Away from the working point, positions "
-            "and radii have the same relative error"
-        ]
+        """Warnings about large residuals, the sensor's heights, and the size of a board."""
+        return hand_eye_warnings(
+            self.residual_rms, self.robot_std, self.height_scale, self.target_scale
+        )
 
     @property
     def working_point_std(self) -> float:
@@ -315,6 +294,7 @@ class HandEye(Result):
         vector = Rotation.from_matrix(self.mount_from_sensor.rotation).as_rotvec(degrees=True)
         position_std, rotation_std = self.robot_std
         factor, factor_std = self.height_scale or (None, None)
+        size, size_std = self.target_scale or (None, None)
         return {
             "mounting": self.mounting,
             "sensor": self.sensor,
@@ -330,6 +310,8 @@ class HandEye(Result):
             "robot_rotation_std_deg": math.degrees(rotation_std),
             "height_scale": factor,
             "height_scale_std": factor_std,
+            "target_scale": size,
+            "target_scale_std": size_std,
             "residuals_mm": numbers(self.residuals),
             "leave_one_out_residuals_mm": numbers(self.leave_one_out_residuals),
             "rejected": [{"index": pose.index, "reason": pose.reason} for pose in self.rejected],
@@ -397,4 +379,7 @@ def accuracy_rows(hand_eye: HandEye) -> list[Row]:
         rows.append(("sphere's radius", radius, "mm" if free else "mm (given)"))
     if hand_eye.height_scale is not None:
         rows.append(("heights to be multiplied by", format_value(*hand_eye.height_scale), ""))
+    if hand_eye.target_scale is not None:
+        scale = format_value(*hand_eye.target_scale)
+        rows.append(("size of the board to be multiplied by", scale, ""))
     return rows

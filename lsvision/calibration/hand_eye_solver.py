@@ -9,6 +9,7 @@ from lsvision.calibration.batched_least_squares import (
     search_whitening,
     solve_least_squares,
 )
+from lsvision.calibration.board_observations import BoardObservations
 from lsvision.calibration.errors_in_variables import (
     NOMINAL_ROBOT_STD,
     ErrorsInVariablesFit,
@@ -144,7 +145,8 @@ def _diagnose(
         f"the best solution leaves {inlier_rms:.3g} mm at {inliers} of {count} poses, more than "
         f"the {limit:.2g} mm that noise explains: are pairs shuffled, is the convention or unit of "
         "the poses another one than stated, or the mounting (eye in hand, eye to hand), or the "
-        "size of the target? A worse robot needs a larger max_residual_rms (--max-residual)"
+        "size of the target? A worse robot needs a larger limit, --max-residual (in Python "
+        "max_residual_rms)"
     )
 
 
@@ -323,11 +325,12 @@ def _f_test_p_value(one_target: _TargetHypothesis, two_targets: _TargetHypothesi
 
 def detect_mispaired_poses(observations: Observations, rms: float) -> str | None:
     """Return how poses and profiles are shifted or reversed; None if they are not."""
+    what = "board" if isinstance(observations, BoardObservations) else "profile"
     all_poses = np.ones(len(observations.flanges))
     order = np.arange(len(all_poses))
     for explanation, permutation in (
-        ("each profile belongs to the next pose", np.roll(order, -1)),
-        ("each profile belongs to the pose before", np.roll(order, 1)),
+        (f"each {what} belongs to the next pose", np.roll(order, -1)),
+        (f"each {what} belongs to the pose before", np.roll(order, 1)),
         ("the poses are in reverse order", order[::-1]),
     ):
         trial = replace(observations, flanges=observations.flanges.select(permutation))

@@ -74,6 +74,7 @@ def save_hand_eye(
         "weakness": hand_eye.least_determined_std,
         "weakest": hand_eye.least_determined_direction,
         "height_factor": hand_eye.height_scale,
+        "target_factor": hand_eye.target_scale,
     }
     write_atomic(path, json.dumps(document, indent=2) + "\n")
 
@@ -193,7 +194,8 @@ def _hand_eye_of(document: dict[str, Any]) -> HandEye:
         least_determined_direction=document["weakest"],
         mounting=document["mounting"],
         sensor=document["sensor"],
-        height_scale=_height_factor_of(document.get("height_factor")),
+        height_scale=_factor_of(document.get("height_factor")),
+        target_scale=_factor_of(document.get("target_factor")),
     )
 
 
@@ -201,7 +203,9 @@ def _check_numbers(hand_eye: HandEye) -> None:
     """Raise an error for numbers that are not finite or out of range."""
     check_covariance(hand_eye.covariance)
     factor, factor_std = hand_eye.height_scale or (1.0, 0.0)
-    lengths = [*hand_eye.robot_std, hand_eye.least_determined_std, factor, factor_std]
+    size, size_std = hand_eye.target_scale or (1.0, 0.0)
+    scales = [factor, factor_std, size, size_std]
+    lengths = [*hand_eye.robot_std, hand_eye.least_determined_std, *scales]
     target = hand_eye.target
     if isinstance(target, Sphere):
         lengths += [target.radius, target.radius_std, *np.abs(target.centre).tolist()]
@@ -270,7 +274,7 @@ def check_covariance(covariance: npt.NDArray[np.float64]) -> None:
         )
 
 
-def _height_factor_of(given: Any) -> tuple[float, float] | None:
+def _factor_of(given: Any) -> tuple[float, float] | None:
     if given is None:
         return None
     factor, std = given

@@ -183,13 +183,24 @@ def _angle_error(
     if rule.rotation == "rotvec":
         turns = float(np.linalg.norm(rows[:, 3:], axis=1).max())
         if turns > MAX_ANGLE_RAD:
-            return f"rotation vector of length {turns:.4g} rad: degrees? Say angle_unit='deg'"
+            return (
+                f"rotation vector of length {turns:.4g} rad: degrees? {_state_angle(rule, 'deg')}"
+            )
     elif np.radians(1) < largest <= MAX_ANGLE_RAD and len(rows) > 1:
         return (
-            f"no angle above {largest:.4g}: these look like radians where {rule.name!r} has "
-            "degrees; say angle_unit='rad', or angle_unit='deg' if they really are so small"
+            f"no angle above {largest:.4g}: these look like radians where {rule.name} has degrees. "
+            f"{_state_angle(rule, 'rad')}, or deg if they really are so small"
         )
     return None
+
+
+def _state_angle(rule: PoseConvention, unit: AngleUnit) -> str:
+    header = ",".join(rule.fields[:3] + tuple(f"{name} [{unit}]" for name in rule.fields[3:]))
+    return f"Say so in a header, {header} (in Python angle_unit='{unit}')"
+
+
+def _state_length(unit: LengthUnit) -> str:
+    return f"Say so in a first line, # lengths in {unit} (in Python length_unit='{unit}')"
 
 
 def _motion_error(poses: Iterable[Pose], stated: LengthUnit | None) -> str | None:
@@ -199,13 +210,13 @@ def _motion_error(poses: Iterable[Pose], stated: LengthUnit | None) -> str | Non
     spread = float(np.linalg.norm(np.ptp(origins, axis=0)))
     if reach > REACH_MM or spread > SPREAD_MM:
         return (
-            f"the flange would stand {reach / 1000:.4g} m from its base and move "
-            f"{spread / 1000:.4g} m: millimetres read as metres? Say length_unit='mm'"
+            f"the poses reach {reach / 1000:.4g} m from the origin and spread over "
+            f"{spread / 1000:.4g} m: millimetres read as metres? {_state_length('mm')}"
         )
     if stated is None and reach < MIN_POSITION_MM:
         return (
-            f"the flange would never be more than {reach:.4g} mm from its base: metres read as "
-            "millimetres? Say length_unit='m' (or 'mm' if it is really so)"
+            f"no pose is more than {reach:.4g} mm from the origin: metres read as millimetres? "
+            f"{_state_length('m')}, or mm if it is really so"
         )
     turned = float(np.abs(rotations - rotations[0]).max())
     if len(origins) > 1 and spread < SAME_POSE_MM and turned < SAME_POSE_RAD:

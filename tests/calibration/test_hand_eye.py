@@ -238,3 +238,15 @@ def test_the_same_input_gives_the_same_bytes():
     scene = sphere_scene(16, 8)
     first, second = (calibrate_hand_eye_sphere(*scene) for _ in range(2))
     assert first.covariance.tobytes() == second.covariance.tobytes()
+
+
+@pytest.mark.parametrize("kind", STANDING)
+def test_pairs_stored_twice_count_once_and_are_named(kind):
+    scene, calibrate = STANDING[kind]
+    seen, flanges = scene(31)
+    once = calibrate(seen, flanges, settings=FEW_TRIALS)
+    found = calibrate(seen + seen[:1] * 4, flanges + flanges[:1] * 4, settings=FEW_TRIALS)
+    assert [pose.index for pose in found.rejected] == list(range(len(seen), len(seen) + 4))
+    assert all("as pose 0, stored twice" in pose.reason for pose in found.rejected)
+    assert found.covariance == pytest.approx(once.covariance)
+    assert np.isnan(found.residuals[-4:]).all()

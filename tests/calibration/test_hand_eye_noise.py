@@ -9,7 +9,13 @@ from lsvision.errors import CalibrationFailed
 from lsvision.geometry import Pose
 from lsvision.io.robot_conventions import pose_from_numbers
 from lsvision.simulate.hand_eye import rotation_from_vector
-from tests.calibration.hand_eye_scenes import MOUNT, TARGET, pose_errors
+from tests.calibration.hand_eye_scenes import (
+    FEW_TRIALS,
+    MOUNT,
+    TARGET,
+    board_scene,
+    pose_errors,
+)
 
 CHI2_6 = 30.0  # of six errors; 4e-5, and heavy tails and an estimated robot add to it
 CHI2_MEAN = 6.0
@@ -125,3 +131,35 @@ def test_a_board_of_another_size_is_rejected():
     boards, flanges, covariances = poor_scene(46, scale=1.1)
     with pytest.raises(CalibrationFailed, match="the size of the target"):
         calibrate_hand_eye_board(boards, flanges, covariances=covariances)
+
+
+@pytest.mark.parametrize("percent", [-1, 1])
+def test_a_board_of_a_slightly_wrong_size_gives_a_warning_with_its_factor(percent):
+    boards, flanges = board_scene(7, 12)
+    scaled = [Pose(p.rotation, p.translation * (1 + percent / 100)) for p in boards]
+    found = calibrate_hand_eye_board(scaled, flanges)
+    factor, std = found.target_scale
+    assert abs(factor - 1 / (1 + percent / 100)) < 3 * std < 0.006
+    assert "the size of the board must be multiplied by" in found.warnings[0]
+    errors = pose_errors(found.flange_from_camera, MOUNT)
+    assert np.linalg.norm(errors[:3]) > 2.0  # the size is not corrected, but the sigma tells
+    assert (np.abs(errors[:3]) < 3 * np.sqrt(found.covariance.diagonal()[:3])).all()
+
+
+def test_a_board_far_off_its_stated_size_is_rejected_with_the_factor():
+    boards, flanges = board_scene(7, 12)
+    scaled = [Pose(p.rotation, p.translation * 1.05) for p in boards]
+    with pytest.raises(
+        CalibrationFailed, match=r"must be multiplied by 0\.95.*measure its squares"
+    ):
+        calibrate_hand_eye_board(scaled, flanges)
+
+
+def test_the_right_size_of_a_board_is_confirmed():
+    scales = [
+        calibrate_hand_eye_board(*board_scene(seed, 10), settings=FEW_TRIALS).target_scale
+        for seed in range(20, 28)
+    ]
+    normalised = [abs(factor - 1) / std for factor, std in scales]
+    assert max(normalised) < 4.0
+    assert all(std < 0.002 for _, std in scales)

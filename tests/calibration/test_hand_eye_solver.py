@@ -97,6 +97,12 @@ def test_pairs_shifted_by_one_are_detected():
         calibrate_hand_eye_sphere(profiles, [flanges[-1], *flanges[:-1]])
 
 
+def test_shifted_boards_are_called_boards():
+    boards, flanges = board_scene(8)
+    with pytest.raises(CalibrationFailed, match="each board belongs to the pose before"):
+        calibrate_hand_eye_board(boards, [*flanges[1:], flanges[0]])
+
+
 @pytest.mark.parametrize("shift", [3.0, 15.0])
 def test_a_sphere_that_moved_is_detected(shift):
     targets = [TARGET] * 6 + [TARGET + shift * np.eye(3)[0]] * 6

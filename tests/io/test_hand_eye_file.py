@@ -35,6 +35,7 @@ def hand_eye(target=TARGETS["sphere"], mounting="eye_in_hand"):
         mounting=mounting,
         sensor="section",
         height_scale=(0.993, 0.001) if isinstance(target, Sphere) else None,
+        target_scale=(0.99, 0.0004) if isinstance(target, Pose) else None,
     )
 
 
@@ -54,6 +55,7 @@ def test_a_calibration_survives_its_file(tmp_path, kind):
     )
     assert type(after.target) is type(before.target)
     assert after.height_scale == before.height_scale
+    assert after.target_scale == before.target_scale
 
 
 def test_the_file_says_units_and_where_it_comes_from(tmp_path):

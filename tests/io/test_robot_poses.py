@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -184,6 +185,20 @@ def test_files_that_cannot_be_meant_are_rejected_by_name(tmp_path, case):
     with pytest.raises(UnreadableFile, match=message) as caught:
         read_robot_poses(tmp_path / name, convention)
     assert name in str(caught.value)
+
+
+@pytest.mark.parametrize("case", ["mm as m", "m as mm", "radians", "degrees"])
+def test_a_unit_can_be_stated_in_the_file_as_the_message_says(tmp_path, case):
+    name, text, convention, _ = REJECTED[case]
+    (tmp_path / name).write_text(text)
+    with pytest.raises(UnreadableFile) as caught:
+        read_robot_poses(tmp_path / name, convention)
+    line = re.search(r"Say so in a (?:header|first line), (.*) \(in Python", str(caught.value))[1]
+    (tmp_path / name).write_text(f"{line}\n{text}")
+    reach = max(
+        np.linalg.norm(p.translation) for p in read_robot_poses(tmp_path / name, convention)
+    )
+    assert 100 < reach < 5000
 
 
 def test_a_missing_file_is_named(tmp_path):

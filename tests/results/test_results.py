@@ -118,8 +118,8 @@ UNITS = ("_mm", "_deg", "_px", "_mm_per_mm")
 WITHOUT_UNIT = {
     "theta_determined", "points", "frame", "includes_calibration", "ambiguous", "sections",
     "section", "edges", "views", "index", "k1", "k1_std", "mounting", "sensor", "height_scale",
-    "height_scale_std", "normal_x", "normal_y", "normal_z", "direction_x", "direction_y",
-    "direction_z", "start", "stop", "reason",
+    "height_scale_std", "target_scale", "target_scale_std", "normal_x", "normal_y", "normal_z",
+    "direction_x", "direction_y", "direction_z", "start", "stop", "reason",
     # Of a verdict the unit stands in the column `quantity`; a study has that of its values.
     "schema", "decision", "passed", "job", "revision", "job_hash", "version", "item", "name",
     "item_decision", "quantity", "value", "std", "low", "high", "level", "min", "max",

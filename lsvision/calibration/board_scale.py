@@ -1,0 +1,95 @@
+"""Size of a board as the robot's motion shows it: a check of the stated size.
+
+A wrong size multiplies all distances from the camera to the board by one factor, and the robot's
+motion, which is in mm, does not. The hand-eye solution takes up most of the difference: the camera
+moves along its own axis, by 4 mm where a board 400 mm away is 1 % too large, and the residuals grow
+less than the error.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lsvision.calibration.errors_in_variables import ErrorsInVariablesFit
+from lsvision.calibration.hand_eye_warnings import (
+    MIN_BOARD_SCALE_ERROR,
+    board_finding,
+    is_wrong_scale,
+)
+from lsvision.errors import CalibrationFailed
+from lsvision.geometry import FloatArray, Points
+
+MAX_SCALE_ERROR = 0.02
+"""Deviation from 1 above which the calibration is rejected; a printer's scale is off by less."""
+
+
+@dataclass(frozen=True, eq=False)
+class BoardScale:
+    """Factor by which the size of a board must be multiplied.
+
+    Parameters
+    ----------
+    factor, std : float
+        Estimate and its standard deviation.
+    step : (6,) ndarray
+        Change of the sensor's translation (mm) and left-hand rotation (rad) if it was applied.
+    """
+
+    factor: float
+    std: float
+    step: FloatArray
+
+    @property
+    def significant(self) -> bool:
+        """Whether the stated size is wrong."""
+        return is_wrong_scale((self.factor, self.std), MIN_BOARD_SCALE_ERROR)
+
+    def require_plausible(self) -> None:
+        """Require a size that is not far off the stated one.
+
+        Raises
+        ------
+        CalibrationFailed
+            With the factor and the remedy.
+        """
+        if self.significant and abs(self.factor - 1) > MAX_SCALE_ERROR:
+            raise CalibrationFailed(board_finding((self.factor, self.std)))
+
+
+def board_scale(
+    fit: ErrorsInVariablesFit,
+    origins: Points,
+    camera_modes: FloatArray,
+    *,
+    robot_is_stated: bool,
+) -> BoardScale:
+    """Estimate the scale of a board from the residuals of a fit with the stated size.
+
+    Parameters
+    ----------
+    fit : ErrorsInVariablesFit
+        Solution with the stated size.
+    origins : (n, 3) ndarray
+        Origins of the board in the camera frame. Units: mm.
+    camera_modes : (m, n, 6) ndarray
+        Shifts of the boards by independent errors of the camera, which also change the scale.
+    robot_is_stated : bool
+        Whether the weights are those of a stated robot; an estimated one also holds what a wrong
+        size leaves, and the noise is taken from the residuals beside it.
+    """
+    by_scale = np.concatenate([origins, np.zeros_like(origins)], axis=1)
+    shifts = np.concatenate([by_scale[None], camera_modes])
+    steps = fit.steps_by_shifts(shifts)
+    # Change of the residuals by each shift, after the solution has followed it.
+    white = fit.mask[:, None] * (
+        np.einsum("nij,knj->kni", fit.whitening, shifts)
+        + np.einsum("nij,kj->kni", fit.jacobian, steps)
+    )
+    information = float((white[0] ** 2).sum())
+    errors = np.einsum("ni,kni->k", white[0], np.concatenate([fit.residuals[None], white[1:]]))
+    error, by_camera = errors[0] / information, errors[1:] / information
+    chi2 = (fit.chi2 - error**2 * information) / max(fit.dof - 1, 1)
+    variance = (max(chi2, 1.0) if robot_is_stated else chi2) / information
+    std = float(np.sqrt(variance + (by_camera**2).sum()))
+    factor = 1 / (1 + float(error))
+    return BoardScale(factor, std * factor**2, -steps[0, :6] * float(error))

@@ -1,0 +1,72 @@
+"""Warnings about a hand-eye calibration: residuals, heights of the sensor, size of the board."""
+
+import math
+
+Scale = tuple[float, float]
+
+LARGE_RESIDUAL_MM = 3.0
+"""Root mean square residual above which a warning is given. Units: mm."""
+SCALE_SIGMAS = 4.0
+"""Standard deviations from 1 above which a scale is significant."""
+MIN_HEIGHT_SCALE_ERROR = 0.005
+"""Deviation of the height scale from 1 above which a warning is given."""
+MIN_BOARD_SCALE_ERROR = 0.003
+"""Deviation of a board's scale from 1 above which a warning is given; a camera's focal length errs
+by as much."""
+
+
+def hand_eye_warnings(
+    residual_rms: float, robot_std: Scale, height_scale: Scale | None, target_scale: Scale | None
+) -> tuple[str, ...]:
+    """Return the warnings about a calibration, with numbers and remedy; empty for a good one.
+
+    See `HandEye` for the parameters.
+    """
+    warnings = []
+    if residual_rms > LARGE_RESIDUAL_MM:
+        warnings.append(_residual_finding(residual_rms, robot_std))
+    if height_scale and is_wrong_scale(height_scale, MIN_HEIGHT_SCALE_ERROR):
+        warnings.append(_height_finding(height_scale))
+    if target_scale and is_wrong_scale(target_scale, MIN_BOARD_SCALE_ERROR):
+        warnings.append(board_finding(target_scale))
+    return tuple(warnings)
+
+
+def is_wrong_scale(scale: Scale, min_error: float) -> bool:
+    """Return whether a scale, with its standard deviation, differs from 1 significantly."""
+    factor, std = scale
+    return abs(factor - 1) >= max(SCALE_SIGMAS * std, min_error)
+
+
+def board_finding(scale: Scale) -> str:
+    """Return in words what the scale of a board shows, with the remedy.
+
+    Examples
+    --------
+    >>> board_finding((0.99, 0.0004)).split(":")[0]
+    "by the robot's motion the size of the board must be multiplied by 0.9900 +/- 0.0004"
+    """
+    factor, std = scale
+    return (
+        "by the robot's motion the size of the board must be multiplied by "
+        f"{factor:.4f} +/- {std:.4f}: measure its squares, and give the same size here and to the "
+        "calibration of the camera"
+    )
+
+
+def _residual_finding(residual_rms: float, robot_std: Scale) -> str:
+    position, rotation = robot_std
+    return (
+        f"the poses leave {residual_rms:.2g} mm, as of a robot of {position:.2g} mm and "
+        f"{math.degrees(rotation):.2g} deg an axis: if yours is better, check the size of the "
+        "target, the convention of the poses, and that the robot stood still"
+    )
+
+
+def _height_finding(scale: Scale) -> str:
+    factor, std = scale
+    return (
+        f"the sensor's heights must be multiplied by {factor:.3f} +/- {std:.3f}: is their "
+        "unit or the sensor's own calibration wrong? Away from the working point, positions "
+        "and radii have the same relative error"
+    )
