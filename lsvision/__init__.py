@@ -1,7 +1,7 @@
 """Radius and orientation of cylinders from a light section, each number with its uncertainty.
 
-The public names stand in ``__init__.pyi``. Each is imported from its module on first use, so that
-``lsvision --help`` does not wait for numpy, OpenCV and scipy.
+The public names are listed in ``__init__.pyi``. Each is imported from its module on first use, so
+that ``lsvision --help`` does not wait for numpy, OpenCV and scipy.
 """
 
 import lazy_loader

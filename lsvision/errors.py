@@ -1,8 +1,8 @@
 """Errors of the package; each message states what failed, got and needed, and the remedy.
 
 A wrong argument (shape, negative radius) is a ``ValueError`` or ``TypeError``; data that cannot be
-used (empty file, no line in the image, too few poses) are a `LsvisionError`; an arc that is no
-cylinder is no error: it is a ``Rejection`` in the result.
+used (empty file, no line in the image, too few poses) are a `LsvisionError`; an arc that is not a
+cylinder is not an error: it is a ``Rejection`` in the result.
 """
 
 

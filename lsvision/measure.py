@@ -1,6 +1,6 @@
 """Pipeline from one profile to its cylinders (the paper's Figure 4).
 
-Range image and candidates precede the paper's steps, because rough identification alone takes
+Range image and candidates precede the paper's steps, because rough identification alone mistakes
 planes for huge ellipses. The paper's pipeline without them is
 `lsvision.studies.chen_liu_2016.measure_cylinders_paper`.
 """
@@ -118,7 +118,7 @@ def measure_cylinders(
     Raises
     ------
     ValueError
-        If a radius is not positive, its range is reversed, a known phi is no tilt (as one in
+        If a radius is not positive, its range is reversed, a known phi is not a tilt (as one in
         degrees), or a sensor's name is unknown.
     TypeError
         If an argument is of another kind.

@@ -131,7 +131,7 @@ class Profile(ComparedByValue):
     Raises
     ------
     TypeError, ValueError
-        If `points` is no table of numbers, or not (n, 2).
+        If `points` is not a table of numbers, or not (n, 2).
 
     Warns
     -----

@@ -1,1 +1,1 @@
-"""Many profiles: measured in parallel, from files to files, on one machine or several."""
+"""Batches of profile files, measured in parallel on one machine or several."""

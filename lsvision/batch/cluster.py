@@ -14,7 +14,7 @@ Task = TypeVar("Task")
 Value = TypeVar("Value")
 
 IN_FLIGHT_PER_THREAD = 3
-"""Tasks handed to the scheduler per thread of its workers."""
+"""Tasks per thread of the workers that are submitted at a time."""
 CONNECT_TIMEOUT_S = 10.0
 """Time limit for the answer of the scheduler, at the start and when it goes away. Units: s."""
 POLL_S = 1.0
@@ -60,7 +60,7 @@ def _connect(address: str) -> Any:
         import distributed
     except ModuleNotFoundError:
         raise LsvisionError(
-            "--scheduler takes dask: pip install 'lsvision[cluster]' here and on all workers"
+            "--scheduler needs dask: pip install 'lsvision[cluster]' here and on all workers"
         ) from None
     try:
         open_client: Any = distributed.Client

@@ -53,7 +53,7 @@ class BatchJob:
 
     @property
     def hash(self) -> str:
-        """Return a hash of the settings: results of equal hashes may lie in one folder."""
+        """Return a hash of the settings: results of equal hashes may be in one folder."""
         canonical = json.dumps(self.settings, sort_keys=True, allow_nan=False)
         return hashlib.sha256(canonical.encode()).hexdigest()[:16]
 

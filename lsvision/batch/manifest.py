@@ -1,4 +1,4 @@
-"""Manifest of a batch: which files are done, with which job; one line of JSON each."""
+"""Manifest of a batch: one line of JSON for each finished file."""
 
 import json
 import os
@@ -68,7 +68,7 @@ class Status:
 
 
 def read_status(folder: Path) -> Status | None:
-    """Return the state of the batch whose results lie in a folder; None if there is none.
+    """Return the state of the batch whose results are in a folder; None if there is none.
 
     Raises
     ------
@@ -204,7 +204,7 @@ class Manifest:
             os.fsync(self._file.fileno())
         except OSError as error:
             raise UnwritableFile(
-                f"{self._folder / MANIFEST}: {error.strerror}: make room, then run again"
+                f"{self._folder / MANIFEST}: {error.strerror}: free disk space, then run again"
             ) from None
 
 

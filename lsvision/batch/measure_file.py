@@ -1,4 +1,4 @@
-"""The unit of a batch: one file of profiles in, one Parquet file of cylinders out."""
+"""A task of a batch: measures one file of profiles and writes one Parquet file of cylinders."""
 
 import os
 import secrets
@@ -156,7 +156,7 @@ def _measure_to(task: FileTask) -> FileOutcome:
 
 def _notes(file: ProfileFile) -> Iterator[str]:
     if file.units_assumed:
-        yield f"units taken as {file.units}: say --units"
+        yield f"units taken as {file.units}: state them with --units"
     yield from file.notes
 
 
@@ -206,4 +206,6 @@ def _close(writer: "pa.parquet.ParquetWriter", temporary: Path, output: Path) ->
 
 def _unwritable(path: Path, error: OSError) -> UnwritableFile:
     reason = error.strerror or str(error)
-    return UnwritableFile(f"{path}: {reason}: make room or choose another folder, then run again")
+    return UnwritableFile(
+        f"{path}: {reason}: free disk space or choose another folder, then run again"
+    )

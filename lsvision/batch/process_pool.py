@@ -16,14 +16,14 @@ Task = TypeVar("Task")
 Value = TypeVar("Value")
 
 IN_FLIGHT_PER_JOB = 3
-"""Tasks handed to the pool per process: one at work, others that wait for it."""
+"""Tasks per process that are submitted at a time: one that runs, and others that wait."""
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-"""Variables that limit the threads of linear algebra to one a process."""
+"""Variables that limit the threads of linear algebra to one per process."""
 
 
 @dataclass(frozen=True)
 class EndedProcess:
-    """Stands for the result of a task that ended its process twice: out of memory, a crash."""
+    """Result of a task that ended its process twice (out of memory, or a crash)."""
 
 
 class Finished(NamedTuple, Generic[Task, Value]):

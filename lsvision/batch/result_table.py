@@ -1,4 +1,4 @@
-"""Results of a batch as a Parquet table: a cylinder a row."""
+"""Results of a batch as a Parquet table: one cylinder per row."""
 
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from lsvision.measure import Measurement
 
 PLACE_COLUMNS = ("source", "profile", "cylinder")
-"""Columns before those of the section."""
+"""Columns before those with the cylinder's quantities."""
 INTEGERS, FLAGS = ("profile", "cylinder", "points"), ("theta_determined",)
 
 
@@ -47,21 +47,21 @@ def result_table(
     """
     import pyarrow as pa
 
-    places: list[int] = []
+    indices: list[int] = []
     rows: list[dict[str, Any]] = []
     for index, measurement in enumerate(measurements):
         for row in _rows(measurement):
             rows.append(row | {"source": source, "profile": part.first + index})
-            places.append(index)
+            indices.append(index)
     names = (*PLACE_COLUMNS, *SECTION_COLUMNS)
     decided = () if inspection is None else ("decision",)
     columns = {
         name: pa.array([row.get(name) for row in rows], type=_type_of(name)) for name in names
     }
-    columns |= _columns_of_file(part, places, taken=(*names, *decided, "reason", "rejections"))
+    columns |= _columns_of_file(part, indices, taken=(*names, *decided, "reason", "rejections"))
     if inspection is not None:
         decisions = [_decision(measurement, inspection) for measurement in measurements]
-        columns["decision"] = pa.array([decisions[place] for place in places], type=pa.string())
+        columns["decision"] = pa.array([decisions[index] for index in indices], type=pa.string())
     columns["reason"] = pa.array([row["reason"] for row in rows], type=pa.string())
     columns["rejections"] = pa.array([row["rejections"] for row in rows], type=_rejections_type())
     return pa.table(columns)
@@ -87,7 +87,7 @@ def _rows(measurement: "Measurement | None") -> Iterator[dict[str, Any]]:
 
 
 def _columns_of_file(
-    part: ProfilePart, places: list[int], taken: tuple[str, ...]
+    part: ProfilePart, indices: list[int], taken: tuple[str, ...]
 ) -> dict[str, "pa.ChunkedArray | pa.Array"]:
     """Return the other columns of the file, repeated for each cylinder of a profile."""
     import pyarrow as pa
@@ -97,7 +97,7 @@ def _columns_of_file(
         table = pa.Table.from_pylist([dict(each) for each in part.file.attributes])
     if table is None:
         return {}
-    repeated = table.take(pa.array(places, type=pa.int64()))
+    repeated = table.take(pa.array(indices, type=pa.int64()))
     return {name + "_in_file" * (name in taken): repeated[name] for name in repeated.column_names}
 
 

@@ -1,4 +1,4 @@
-"""A batch: files in, a Parquet file each out, a manifest of the files that are done."""
+"""A run of a batch: a Parquet file for each file of profiles, and a manifest."""
 
 import importlib.util
 from collections.abc import Callable, Iterable, Iterator, Sequence

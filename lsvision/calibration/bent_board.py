@@ -1,7 +1,7 @@
 """Camera and board poses from views of a board that may be bent.
 
-A board that is bowed or twisted by a few tenths of a millimetre moves the focal length by per
-cents, and few residuals show it. Its shape is common to all views.
+A board that is bowed or twisted by a few tenths of a millimetre biases the focal length by several
+per cent, which hardly shows in the residuals. Its shape is common to all views.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,8 @@ from lsvision.sensors.camera import Camera
 from lsvision.statistics.normal_matrix import invert_normal_matrix
 
 MIN_F_RATIO = 10.0
-"""Smallest F ratio of the three parameters of the shape: by noise in one set of 10^6."""
+"""Smallest F ratio of the three parameters of the shape; noise alone exceeds it in one of 10^6 sets
+of views."""
 MAX_STEPS = 30
 """Maximum number of Gauss-Newton steps; about six are needed."""
 RELATIVE_TOLERANCE = 1e-10
@@ -54,7 +55,7 @@ class BentBoardFit:
 def fit_bent_board(
     camera: Camera, views: Sequence[TargetView], poses: Sequence[Pose], free: BoolArray
 ) -> BentBoardFit | None:
-    """Refine a camera together with the shape of its board, where the corners prove one.
+    """Refine a camera together with the shape of its board, if the board is significantly bent.
 
     Parameters
     ----------
@@ -71,7 +72,7 @@ def fit_bent_board(
     Returns
     -------
     BentBoardFit or None
-        None where a flat board explains the corners as well.
+        None if a flat board explains the corners equally well.
     """
     shape = BoardShape.of(np.concatenate([view.points for view in views]))
     start = _State.of(camera, poses)
@@ -124,7 +125,7 @@ class _State:
 
 @dataclass(frozen=True, eq=False)
 class _NormalEquations:
-    """Normal equations of what the views share, their poses eliminated, and those of each pose."""
+    """Normal equations of the common parameters (poses eliminated), and those of each pose."""
 
     reduced: FloatArray
     gradient: FloatArray
@@ -141,7 +142,7 @@ class _NormalEquations:
         return invert_normal_matrix(self.reduced)
 
     def step(self) -> tuple[FloatArray, FloatArray]:
-        """Return the step of what is shared, and of the poses (v, 6)."""
+        """Return the step of the common parameters, and of the poses (v, 6)."""
         matrix, scale = self.scaled
         shared = scale * np.linalg.solve(matrix, scale * self.gradient)
         poses = [
@@ -177,7 +178,7 @@ class _Problem:
     def _view(
         self, state: _State, view: TargetView, vector: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the Jacobians by pose and by what is shared, and observed minus projected."""
+        """Return the Jacobians by pose and common parameters, and observed minus projected."""
         fx, fy, cx, cy = state.intrinsics[:4]
         matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
         points = self.shape.bent(view.points, state.bow)
@@ -200,7 +201,7 @@ class _Problem:
 
 
 def _minimise(problem: _Problem, state: _State) -> tuple[_State, _NormalEquations]:
-    """Return the minimum by Gauss-Newton steps, halved where they go too far."""
+    """Return the minimum by Gauss-Newton steps, halved if they increase the cost."""
     normal = problem.linearise(state)
     for _ in range(MAX_STEPS):
         shared, poses = normal.step()

@@ -88,7 +88,7 @@ def _require_spread(pixels: FloatArray, points: FloatArray) -> None:
         singular_values = np.linalg.svd(coordinates - coordinates.mean(axis=0), compute_uv=False)
         if not singular_values[1] > 1e-3 * singular_values[0]:
             raise CalibrationFailed(
-                "the board's corners lie on one line: the rotation about it is free"
+                "the board's corners lie on one line: the rotation about it is not determined"
             )
 
 

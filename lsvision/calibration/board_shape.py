@@ -67,7 +67,7 @@ class BoardShape:
 
 
 def bow_warning(parameters: FloatArray, std: FloatArray) -> list[str]:
-    """Return a warning about a board that is not flat; none where it may be.
+    """Return a warning about a board that is not flat; None if it may be flat.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
-"""Boards that look the same after a turn: which views of a robot's board are turned.
+"""Orientation of boards that look the same after a turn, resolved by the robot's poses.
 
-A camera does not see from which end such a board is numbered. The robot does: the relative rotation
-of two boards in the camera has the angle of the relative rotation of the flange, whatever the pose
-of the camera on it.
+An image does not show from which end such a board is numbered. The robot's poses do: the relative
+rotation of two boards in the camera has the angle of the relative rotation of the flange, whatever
+the pose of the camera on it.
 """
 
 from collections.abc import Sequence
@@ -16,10 +16,11 @@ from lsvision.errors import CalibrationFailed
 from lsvision.geometry import FloatArray, IntArray, Pose
 
 CAPPED_ANGLE = np.radians(10.0)
-"""Difference of two angles beyond which a larger one counts no more: a wrong pose. Units: rad."""
+"""Largest difference of two angles that is counted, so that a wrong pose has limited influence.
+Units: rad."""
 MIN_MARGIN = np.radians(2.0)
-"""Smallest mean by which another turn of a view fits worse; robots and boards are off by tenths of
-a degree. Units: rad."""
+"""Smallest mean by which another turn of a view fits worse; errors of robots and boards are tenths
+of a degree. Units: rad."""
 MAX_SWEEPS = 20
 """Maximum number of sweeps over the views; two or three are needed."""
 
@@ -65,7 +66,7 @@ def _turn_about(middle: FloatArray, angle_deg: float) -> Pose:
 
 @dataclass(frozen=True, eq=False)
 class TurnedBoards:
-    """Boards all numbered from one end.
+    """Boards all numbered from the same end.
 
     Parameters
     ----------
@@ -95,7 +96,7 @@ class TurnedBoards:
     @property
     def warning(self) -> str:
         """Warning about such a board, with the views that were turned."""
-        finding = "the robot's poses show that all views are numbered from one end"
+        finding = "the robot's poses show that all views are numbered from the same end"
         if self.turned:
             names = ", ".join(f"pose {index}" for index in self.turned)
             finding = (
@@ -110,7 +111,7 @@ class TurnedBoards:
 def turn_boards(
     camera_from_boards: Sequence[Pose], flanges: Sequence[Pose], turns: Sequence[Pose]
 ) -> TurnedBoards:
-    """Number the boards of all views from one end, by the poses of the robot.
+    """Number the boards of all views from the same end, by the poses of the robot.
 
     Parameters
     ----------
@@ -129,7 +130,7 @@ def turn_boards(
     Raises
     ------
     CalibrationFailed
-        If the poses do not tell the turn of a view.
+        If the poses do not determine the numbering of a view.
     """
     group = [Pose(), *turns]
     costs = _angle_differences(camera_from_boards, flanges, group)
@@ -219,7 +220,8 @@ def _require_certain(costs: FloatArray, labels: IntArray) -> None:
     if margins.min() < MIN_MARGIN:
         raise CalibrationFailed(
             f"pose {int(margins.argmin())}: the board looks the same after a turn, and the robot's "
-            f"poses do not tell how it is turned ({np.degrees(margins.min()):.1f} deg between two "
+            f"poses do not determine its orientation ({np.degrees(margins.min()):.1f} deg between "
+            "two "
             "answers): use a board with one even and one odd count of inner corners, or a ChArUco "
             "board, or take poses with larger tilts"
         )

@@ -1,4 +1,4 @@
-"""Uncertainty of a calibrated camera, and what it does to results that take the camera as given.
+"""Uncertainty of a calibrated camera, and its effect on results that assume the camera to be exact.
 
 The errors of the intrinsics are common to all views: more views do not average them out. They are
 taken along the principal axes of their covariance, one standard deviation each, and the result is

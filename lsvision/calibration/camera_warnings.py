@@ -83,7 +83,7 @@ def _scale_warnings(camera: Camera, poses: Sequence[Pose]) -> list[str]:
     near, far = PLAUSIBLE_DISTANCE
     if not near < distance < far:
         warnings.append(
-            f"the boards stand {distance:.3g} mm from the camera, which is implausible: give the "
+            f"the boards are {distance:.3g} mm from the camera, which is implausible: give the "
             "target's square in mm, as measured on the print"
         )
     aspect = camera.matrix[0, 0] / camera.matrix[1, 1]
@@ -114,7 +114,8 @@ def _model_warnings(camera: Camera, std: FloatArray) -> list[str]:
     not_invertible = np.isnan(camera.rays(np.column_stack([u.ravel(), v.ravel()]))[:, 0]).mean()
     if not_invertible:
         warnings.append(
-            f"the distortion folds over {100 * not_invertible:.0f} % of the image, where there "
+            f"the distortion is not invertible in {100 * not_invertible:.0f} % of the image, where "
+            "there "
             "were no corners: hold the board there, or estimate fewer radial terms"
         )
     return warnings

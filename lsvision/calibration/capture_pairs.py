@@ -1,7 +1,7 @@
-"""Pairs of board and laser line from a stream of frames, while someone holds the board.
+"""Pairs of board and laser line from a stream of frames, with the board held by hand.
 
-The board, held still and sharp, is one image; the laser line on it before it moves is the other.
-The frames decide: there is no key to press.
+One image shows the board at rest and in focus, the other the laser line on the unmoved board.
+Images are selected automatically from the frames, without a key press.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ SURROUNDINGS_PX = 40
 
 @dataclass(frozen=True, kw_only=True)
 class CaptureSettings:
-    """When a board counts as still, sharp and new, and a line as there.
+    """Limits for a board at rest, in focus and in a new pose, and for the presence of a line.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class CaptureSettings:
         image's width.
     min_contrast : float
         Smallest brightness of the line over its surroundings, and beyond five sigmas of these,
-        where what the board's image explains is taken away. Units: DN of 255.
+        after what the board's image explains is subtracted. Units: DN of 255.
     line : LineOnBoardSettings
         Detection of the line, as for `calibrate_laser_plane`.
     """
@@ -93,13 +93,13 @@ class CaptureState:
         Views of the pairs.
     last : TargetView, optional
         The board in the last frame.
-    held : tuple of (ndarray, TargetView), optional
-        A board that waits for its laser line.
+    pending : tuple of (ndarray, TargetView), optional
+        Board whose laser line is still missing.
     """
 
     pairs: tuple[TargetView, ...] = ()
     last: TargetView | None = None
-    held: tuple[Image, TargetView] | None = None
+    pending: tuple[Image, TargetView] | None = None
 
 
 def next_state(
@@ -121,12 +121,12 @@ def next_state(
     extraction = settings.line.extraction or LineSettings()
     grey = grey_image(interpolated_grey(frame, extraction.bayer))
     view = _board(grey, target)
-    held = state.held
-    if held is not None and (view is None or movement(held[1], view) <= settings.still_px):
-        if _shows_line(frame, view, held, target, settings):
-            taken = CaptureState(pairs=(*state.pairs, held[1]))
+    pending = state.pending
+    if pending is not None and (view is None or movement(pending[1], view) <= settings.still_px):
+        if _shows_line(frame, view, pending, target, settings):
+            taken = CaptureState(pairs=(*state.pairs, pending[1]))
             text = f"pair {len(taken.pairs)} taken: move the board"
-            return taken, text, Pair(held[0], frame, held[1])
+            return taken, text, Pair(pending[0], frame, pending[1])
         return replace(state, last=view), LASER_ON, None
     fresh = CaptureState(pairs=state.pairs, last=view)
     if view is None:
@@ -134,15 +134,15 @@ def next_state(
     problem = _view_problem(state, grey, view, target, settings)
     if problem:
         return fresh, problem, None
-    return replace(fresh, held=(frame, view)), LASER_ON, None
+    return replace(fresh, pending=(frame, view)), LASER_ON, None
 
 
 def _view_problem(
     state: CaptureState, frame: Image, view: TargetView, target: Target, settings: CaptureSettings
 ) -> str | None:
-    """Return why a board does not count yet; None where it does."""
+    """Return why a board is not accepted yet; None if it is."""
     if any(movement(pair, view) < settings.min_change * view.size[0] for pair in state.pairs):
-        return "as in a pair before: move the board"
+        return "as in an earlier pair: move the board"
     moved = np.inf if state.last is None else movement(state.last, view)
     if moved > settings.still_px:
         return "board seen: hold it still"
@@ -192,11 +192,11 @@ def _focus_problem(frame: Image, view: TargetView, limit: float) -> str | None:
 
 
 def _shows_line(
-    frame: Image, view: TargetView | None, held: tuple[Image, TargetView], target: Target,
+    frame: Image, view: TargetView | None, pending: tuple[Image, TargetView], target: Target,
     settings: CaptureSettings,
 ) -> bool:  # fmt: skip
-    """Return whether the laser line lies on the held board, as the calibration will find it."""
-    board, board_view = held
+    """Return whether the laser line lies on the pending board, as the calibration will find it."""
+    board, board_view = pending
     if board.shape != frame.shape:
         return False
     try:

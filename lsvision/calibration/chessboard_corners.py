@@ -1,4 +1,4 @@
-"""Corners of a chessboard in an image, to a fraction of a pixel, from a rough start.
+"""Corners of a chessboard in an image, to a fraction of a pixel, from rough positions.
 
 A corner is the saddle point of the smoothed image (Lucchese and Mitra, "Using saddle points for
 subpixel feature detection in camera calibration targets", APCCAS 2002). Before, the image is
@@ -20,7 +20,8 @@ from lsvision.geometry.homography import apply_homography
 
 SMOOTHING_FRACTION, MIN_SMOOTHING_PX = 0.05, 1.0
 """Standard deviation of the smoothing, as a fraction of the smallest square, and its smallest
-value. Twice as much gains a tenth on noisy boards, and loses a tenth in uneven light."""
+value. Twice this value reduces the errors by a tenth on noisy images, and increases them by a tenth
+in uneven light."""
 
 RADIUS_FRACTION, MIN_RADIUS_PX = 0.2, 3.0
 """Radius of the window around a corner, as a fraction of the smallest square, and its smallest
@@ -33,7 +34,8 @@ SEARCHES = 3
 """Number of searches, each from the grid that fits the corners of the one before."""
 
 GRID_TOLERANCE = 0.02
-"""Distance from the grid, in squares, that is expected of a start or of a distorted lens."""
+"""Distance from the grid, in squares, that is expected of an initial position or of a distorted
+lens."""
 
 OUTLIER_SIGMAS = 5.0
 """Distance from the grid, in robust standard deviations, beyond which a corner is left out."""
@@ -55,10 +57,10 @@ RAYLEIGH_MEDIAN = float(np.sqrt(2 * np.log(2)))
 
 
 def initial_corners(image: npt.NDArray[np.uint8], columns: int, rows: int) -> Iterator[Points]:
-    """Yield the corners (rows, columns, 2) that OpenCV's finders see, in no certain order.
+    """Yield the corners (rows, columns, 2) that OpenCV's detectors find, in no defined order.
 
-    The classic finder is fast. The others also find boards that are soft, or crossed by a laser
-    line, which is clipped last.
+    The classic detector is fast. The others also find boards that are blurred, or crossed by a
+    laser line, whose brightness is clipped in the last attempt.
     """
     halved = cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
     clipped = np.minimum(image * (255 / (2 * max(float(np.median(image)), 1))), 255)
@@ -186,7 +188,7 @@ def _distorted_grid(parameters: FloatArray, nodes: Points) -> Points:
 
 
 def _refine(image: npt.NDArray[np.uint8], start: Points, grid: Points) -> tuple[Points, BoolArray]:
-    """Return the saddle points next to the start, and which of them exist within the window."""
+    """Return the saddle points near the initial ones, and which of them are inside the window."""
     size = square_size(grid)
     smooth = cv2.GaussianBlur(
         image.astype(np.float32), (0, 0), max(SMOOTHING_FRACTION * size, MIN_SMOOTHING_PX)
@@ -220,7 +222,7 @@ def _refine(image: npt.NDArray[np.uint8], start: Points, grid: Points) -> tuple[
 
 @dataclass(frozen=True, eq=False)
 class _Levels:
-    """Brightness of black and of white squares as polynomials of the place in the image."""
+    """Brightness of black and of white squares as polynomials of the position in the image."""
 
     middle: FloatArray
     extent: float
@@ -262,7 +264,7 @@ def cell_middles(corners: Points) -> Points:
 
 
 def sample(image: npt.NDArray[np.float32], places: Points) -> FloatArray:
-    """Return the image at places (..., 2) in px, interpolated; the border goes on outside."""
+    """Return the image at places (..., 2) in px, interpolated; outside, the border is continued."""
     flat = places.reshape(1, -1, 2).astype(np.float32)
     # OpenCV's remap takes up to 32767 columns.
     parts = [

@@ -1,8 +1,8 @@
-"""Order of a chessboard's corners, the same whichever finder and whichever turn of the image.
+"""Order of a chessboard's corners, independent of the detector and the image's orientation.
 
 The first corner touches a black square at a corner of the board, the rows run to the right of the
 columns (as printed: x to the right, y down). Where a half turn changes nothing, because both counts
-are even or both are odd, the row that points most to the right in the image is taken.
+are even or both are odd, the order whose rows point most to the right in the image is taken.
 """
 
 import cv2
@@ -43,7 +43,7 @@ def corner_order(image: npt.NDArray[np.uint8], corners: Points) -> IntArray:
     smooth = cv2.GaussianBlur(image.astype(np.float32), (0, 0), smoothing)
     flat, right_handed = corners.reshape(-1, 2), _right_handed_orders(corners)
     black_first = [order for order in right_handed if _contrast(smooth, flat[order]) > 0]
-    # A board with four white corners has no black one to begin at.
+    # A board with four white corner squares has no black one for the first corner.
     return max(black_first or right_handed, key=lambda order: _rightward(flat[order]))
 
 

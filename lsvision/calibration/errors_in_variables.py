@@ -302,7 +302,7 @@ class LeastDeterminedDirection:
     Parameters
     ----------
     std : float
-        Standard deviation for the nominal robot; one radian counts 100 mm. Units: mm.
+        Standard deviation for the nominal robot; one radian counts as 100 mm. Units: mm.
     description : str
         Direction in words.
     """

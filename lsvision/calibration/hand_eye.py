@@ -57,9 +57,10 @@ def calibrate_hand_eye_sphere(
 ) -> HandEye:
     """Calibrate a profile sensor to a robot by profiles of one fixed sphere.
 
-    Take 12 poses: tilts of up to 35 deg about both axes, spins all around, the sphere left and
-    right, near and far in the view, and cut 0.3 to 0.85 radii away from its centre, on both
-    sides. Cuts through the centre do not determine the position across the laser plane.
+    Take 12 poses: tilts of up to 35 deg about both axes, all rotations about the viewing direction,
+    the sphere left and right, near and far in the view, and the laser plane 0.3 to 0.85 radii away
+    from its centre, on both sides. Cuts through the centre do not determine the position across the
+    laser plane.
 
     Parameters
     ----------
@@ -147,7 +148,7 @@ def calibrate_hand_eye_plane(
     """Calibrate a profile sensor to a robot by profiles of one fixed plane.
 
     More accurate than a sphere in rotation, about three times less at the working point: take 20
-    poses, tilted by 40 deg both ways about two axes, at near and far ranges.
+    poses, tilted by ± 40 deg about two axes, at near and far ranges.
 
     Parameters
     ----------

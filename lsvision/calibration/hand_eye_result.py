@@ -108,7 +108,7 @@ class HandEye(Result):
     ----------
     mount_from_sensor : Pose
         Sensor (section or camera) in the frame that carries it: the flange (eye in hand) or
-        the base (eye to hand). Read it by the name that fits: `flange_from_section`,
+        the base (eye to hand). Use the property of the setup: `flange_from_section`,
         `base_from_section`, `flange_from_camera`, `base_from_camera`.
     covariance : (6, 6) array_like
         Covariance of translation (mm) and rotation (rad), both along the mount's axes; the rotation
@@ -132,7 +132,7 @@ class HandEye(Result):
         Cost of the second-best minimum over the best's; near 1 the solution is ambiguous.
     least_determined_std : float
         Standard deviation of the least determined direction for the nominal or stated robot; one
-        radian counts 100 mm. Units: mm.
+        radian counts as 100 mm. Units: mm.
     least_determined_direction : str
         Description of that direction.
     mounting : {"eye_in_hand", "eye_to_hand"}

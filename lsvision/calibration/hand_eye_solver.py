@@ -245,7 +245,7 @@ def detect_moved_target(
     """Return a description of the target's motion between two poses; None if it did not move.
 
     It moved if two targets, one before and one after some pose, fit far better than one. `mask`
-    (n,) excludes outlying poses, which must not be taken for a moved target. Without `fit` all
+    (n,) excludes outlying poses, which must not be mistaken for a moved target. Without `fit` all
     initial guesses are tried, with the weights of the search.
     """
     initial_guess = fit.states if fit else multi_start(observations, mask)[0].select(np.array([0]))

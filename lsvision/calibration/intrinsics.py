@@ -68,8 +68,8 @@ class CameraSettings:
         Whether tau_x and tau_y are estimated: only for a sensor that is tilted behind the lens
         (Scheimpflug).
     bent_board : bool
-        Whether bow and twist of the board are estimated too, from six views on and where the
-        corners prove them.
+        Whether bow and twist of the board are estimated too, from six views on and if they are
+        significant.
     """
 
     radial_terms: int = 2
@@ -143,7 +143,7 @@ class CameraCalibration(Result):
         Covariance of fx, fy, cx, cy (px) and the k coefficients; zero for fixed ones.
     board_bow, board_bow_std : (3,) ndarray
         Deviation of the board's middle from flatness along x and along y, positive away from
-        the camera, and its twist at the corners; zero where a flat board explains the corners as
+        the camera, and its twist at the corners; zero if a flat board explains the corners equally
         well. Units: mm.
     """
 
@@ -257,7 +257,7 @@ def fit_camera(
         [view.index for view in views],
         [view.rms_px for view in views],
         OUTLIER_FACTOR,
-        ("", "blurred, moved, or points taken wrongly; leave it out and calibrate anew"),
+        ("", "blurred, moved, or wrong points; leave it out and calibrate again"),
     )
     return CameraCalibration(
         camera,
@@ -273,7 +273,7 @@ def fit_camera(
 
 
 def _free(std: FloatArray, settings: CameraSettings) -> BoolArray:
-    """Return which intrinsics are estimated on their own; fx is not where the aspect is fixed."""
+    """Return which intrinsics are estimated independently; not fx if the aspect is fixed."""
     free: BoolArray = std > 0
     free[0] &= not settings.fixed_aspect
     return free
@@ -293,7 +293,7 @@ class _Solution:
 
 
 def _solve(seen: Sequence[TargetView], settings: CameraSettings) -> _Solution:
-    """Return camera, poses and board by least squares; the board is flat where it may be."""
+    """Return camera, poses and board by least squares; flat unless it is significantly bent."""
     matrix, distortion, std, poses = _solve_flat(seen, settings)
     camera, free = Camera(matrix, distortion, seen[0].size), _free(std, settings)
     enough = settings.bent_board and len(seen) >= MIN_BOW_VIEWS

@@ -32,7 +32,7 @@ EDGE_INFLUENCE_SIGMAS = 2.5
 
 MIN_BESIDE_BRIGHTNESS_RATIO = 3.0
 """Smallest ratio of the brightness of a line beside the board to that of a line on it at which the
-latter is taken for a reflection or an edge."""
+latter is assumed to be a reflection or an edge."""
 
 MIN_UNIFORM_FRACTION = 0.15
 """Smallest fraction of points on uniform background; below it the line itself is in the image."""

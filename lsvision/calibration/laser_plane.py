@@ -247,7 +247,7 @@ def _beside_warning(views: Sequence[LaserView], margin: float) -> list[str]:
     """Return a warning about lines beside the patterns; none where no margin was set for them.
 
     A surface 1 mm off the pattern's plane moves the plane by 1 mm at line residuals of 0.1 px (8
-    boards tilted by 30 deg): no margin is taken that was not set.
+    boards tilted by 30 deg): only a margin that was set is used.
     """
     if margin <= 1 or _pattern_fraction(views) > MIN_CROSSING_FRACTION:
         return []
@@ -352,7 +352,7 @@ def _warnings(solution: BundleAdjustmentResult, count: int, tilt: float) -> list
             f"standard deviations are multiplied by {TWO_VIEWS_STD_FACTOR:g}; add poses"
         )
     elif count < 10:
-        warnings.append(f"{count} views; 15 halve the error of 4")
+        warnings.append(f"{count} views; the error of 15 views is half that of 4")
     if tilt < RECOMMENDED_TILT:
         warnings.append(
             f"boards tilted by {np.degrees(tilt):.0f} deg at most, expected 25 deg and more: "

@@ -25,7 +25,7 @@ MIN_SECOND_AXIS = 0.03
 """Smallest ratio of rotation about a second axis to that about the main axis; tilts of 1 deg
 beside spins of 30 deg."""
 MM_PER_RADIAN = 100.0
-"""Length in mm that one radian counts for where translation and rotation are compared."""
+"""Length in mm that is equivalent to one radian where translation and rotation are compared."""
 
 
 @dataclass(frozen=True, eq=False)

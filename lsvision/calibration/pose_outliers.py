@@ -152,7 +152,7 @@ def _trimmed_costs(observations: Observations, states: States, trimmed_count: in
 def _reject_gross_outliers(observations: Observations, state: States) -> FloatArray:
     """Return the mask of poses without a gross error."""
     norms = _pose_residuals(observations, state)[0]
-    # A residual below 2 search sigmas is no gross error, however small the others are.
+    # A residual below 2 search sigmas is not a gross error, however small the others are.
     limit = GROSS_OUTLIER_FACTOR * max(float(np.median(norms)), 0.4)
     mask: FloatArray = (norms <= limit).astype(np.float64)
     return mask
@@ -224,7 +224,7 @@ def ambiguity_ratio(observations: Observations, fit: ErrorsInVariablesFit) -> fl
     """Return the cost of the best other minimum over that of the fit; inf if there is none.
 
     All minima are those of one cost, with the weights of the fit: a minimum of the search's rough
-    weights may lie some mm from the fit and is no solution of its own.
+    weights may lie some mm from the fit and is not a separate solution.
     """
     whitening = fit.mask[None, :, None, None] * fit.whitening
     states, _ = multi_start(observations, fit.mask)

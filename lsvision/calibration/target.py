@@ -181,8 +181,9 @@ class Chessboard(PrintedTarget):
     """Plain chessboard; must be completely visible.
 
     The first corner touches a black square at a corner of the board. Corners that a laser line or
-    glare covers are left out. One count best even and the other odd: else a half turn of the board
-    is not seen, and a hand-eye calibration must find it by the robot (`turn_boards`).
+    glare covers are left out. One count should be even and the other odd: otherwise the board looks
+    the same after half a turn, and a hand-eye calibration must resolve its orientation by the
+    robot's poses (`turn_boards`).
 
     Parameters
     ----------
@@ -234,8 +235,8 @@ class CircleGrid(PrintedTarget):
     Parameters
     ----------
     columns, rows : int
-        Number of discs in a row, and of rows; odd for an asymmetric grid, whose half turn looks the
-        same otherwise.
+        Number of discs in a row, and of rows; odd for an asymmetric grid, which otherwise looks the
+        same after half a turn.
     spacing : float
         Distance of neighbours in a row; in an asymmetric grid half the distance within a row,
         and the distance between rows. Units: mm.

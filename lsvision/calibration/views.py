@@ -124,8 +124,8 @@ def outlier_views(
 ) -> list[RejectedView]:
     """Return the views whose residual exceeds `factor` times the median.
 
-    `rms_values` are the root mean square residuals in px; `texts` stand before the numbers, and
-    after them with the remedy.
+    `rms_values` are the root mean square residuals in px; `texts` are the beginning of the message
+    and the remedy.
     """
     median = float(np.median(rms_values))
     prefix, remedy = texts

@@ -1,4 +1,4 @@
-"""The command ``lsvision``: one module a command, heavy imports inside the commands."""
+"""The command ``lsvision``: one module per command, heavy imports inside the commands."""
 
 from lsvision.cli.app import main
 

@@ -1,4 +1,4 @@
-"""``lsvision batch``: files of profiles in, a Parquet file of cylinders each out, resumable."""
+"""``lsvision batch``: a Parquet file of cylinders for each file of profiles; resumable."""
 
 import os
 import time
@@ -36,7 +36,7 @@ def batch(
     *,
     files: Annotated[
         list[str] | None,
-        typer.Argument(metavar="FILE|DIR|GLOB", help="Profiles: as many files as you like."),
+        typer.Argument(metavar="FILE|DIR|GLOB", help="Any number of files of profiles."),
     ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Folder of the results.")
@@ -52,7 +52,9 @@ def batch(
     status: Annotated[
         Path | None,
         typer.Option(
-            "--status", metavar="DIR", help="Print how much is done in a folder of results."
+            "--status",
+            metavar="DIR",
+            help="Print the progress of a batch, from its folder of results.",
         ),
     ] = None,
     job_file: Annotated[
@@ -71,9 +73,9 @@ def batch(
 
     A cylinder is a row: source, profile, cylinder, the columns of ``lsvision measure --csv``, the
     other columns of the input (ids, times), reason and rejections; a profile without cylinders is
-    a row with its reason. Parquet (lists x and z, a profile a row) and NPY are read in parts,
+    a row with its reason. Parquet (lists x and z, one profile per row) and NPY are read in parts,
     so that the memory does not grow with the file. manifest.jsonl in the folder of the results
-    lists what is done: the same command again goes on where the last one was interrupted, and
+    lists the finished files: the same command continues where the last one was interrupted, and
     measures files that are new, changed or failed.
 
     \b
@@ -111,7 +113,9 @@ def batch(
         )
     except KeyboardInterrupt:
         report.clear()
-        print_error(f"interrupted: {out} holds what is done; the same command goes on from there")
+        print_error(
+            f"interrupted: {out} contains the finished files; the same command continues from there"
+        )
         raise
     report.clear()
     report.print_notes()

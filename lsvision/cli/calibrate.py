@@ -84,7 +84,10 @@ def camera(
         int, typer.Option(min=0, max=3, help="How many of k1, k2, k3 are free.")
     ] = 2,
     tilted: Annotated[
-        bool, typer.Option("--tilted", help="The sensor is tilted behind the lens (Scheimpflug).")
+        bool,
+        typer.Option(
+            "--tilted", help="The image sensor is tilted relative to the lens (Scheimpflug)."
+        ),
     ] = False,
     fixed_aspect: Annotated[
         bool, typer.Option("--fixed-aspect", help="fx = fy, as of square pixels.")
@@ -95,7 +98,7 @@ def camera(
     ] = False,
     ros_yaml: Annotated[
         Path | None,
-        typer.Option(metavar="F.yaml", help="Also write it as OpenCV and ROS read it."),
+        typer.Option(metavar="F.yaml", help="Also write it in the format of OpenCV and ROS."),
     ] = None,
     report: Report = None,
 ) -> None:
@@ -234,7 +237,7 @@ def laser_plane(
 def _image_pairs(
     board_words: Sequence[str], line_words: Sequence[str]
 ) -> tuple[list[Path], list[Path]]:
-    """Return the files of board and line images, as many of each."""
+    """Return the files of board and line images, the same number of each."""
     boards, lines = image_files(board_words), image_files(line_words)
     if len(boards) != len(lines):
         raise UnreadableFile(

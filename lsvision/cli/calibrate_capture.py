@@ -37,9 +37,10 @@ def capture(
 ) -> None:
     """Take the images for calibrate camera and calibrate laser-plane.
 
-    Hold the board before the camera: once it is found, still and sharp, it is taken, and you are
-    asked for the laser. The line is taken when it lies on the unmoved board. After each pair it is
-    shown what is still missing: parts of the image, tilts, distances.
+    Hold the board in front of the camera: an image is saved once the board is found, at rest and in
+    focus; then switch the laser on. The image of the line is saved when the line lies on the
+    unmoved board. After each pair the command lists what is still missing: parts of the image,
+    tilts, distances.
 
     \b
       lsvision calibrate capture --camera 0 --boards boards --lines lines

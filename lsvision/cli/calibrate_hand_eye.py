@@ -24,12 +24,14 @@ from lsvision.cli.target_options import TargetOptions
 from lsvision.files.printable import printable
 
 hand_eye = command_group(
-    "hand-eye", "Where the sensor sits on the robot: from a sphere, a plane or a board."
+    "hand-eye", "Pose of the sensor on the robot, from a sphere, a plane or a board."
 )
 
 Profiles = Annotated[
     list[str],
-    typer.Argument(metavar="FILE|DIR|GLOB", help="Profiles, one a pose, in the poses' order."),
+    typer.Argument(
+        metavar="FILE|DIR|GLOB", help="Profiles, one per pose, in the order of the poses."
+    ),
 ]
 
 
@@ -41,21 +43,24 @@ def sphere(
     job: HandEyeOptions,
     radius: Annotated[
         float | None,
-        typer.Option(metavar="MM", help="Of the sphere; found too if not given, as a check."),
+        typer.Option(
+            metavar="MM", help="Radius of the sphere; estimated if not given, as a check."
+        ),
     ] = None,
     plan: PosePlanOptions,
     reading: ReadingOptions,
 ) -> None:
     """Calibrate a profile sensor to the robot on a sphere; the best target for most.
 
-    Twelve poses: tilts of up to 35 deg about both axes, turned all around, the sphere left and
-    right, near and far, and cut 0.3 to 0.85 radii beside its centre on both sides.
+    Twelve poses: tilts of up to 35 deg about both axes, all rotations about the viewing direction,
+    the sphere at the left and right and at near and far ranges, and the laser plane 0.3 to 0.85
+    radii beside its centre on both sides.
 
     \b
     The shipped example:
       lsvision calibrate hand-eye sphere calibration/example/sphere --radius 20 \\
         --poses calibration/example/sphere_poses.csv --convention kuka --out hand_eye.json
-    Where to drive next:
+    The next poses to measure:
       lsvision calibrate hand-eye sphere ... --out hand_eye.json --plan-poses 6 --plan-out next.csv
     """  # noqa: D301 - the backspace makes click keep the line breaks
     if radius is not None and not (math.isfinite(radius) and radius > 0):
@@ -73,12 +78,12 @@ def plane(
 ) -> None:
     """Calibrate a profile sensor to the robot on a flat plate.
 
-    Twenty poses, tilted by 40 deg both ways about two axes, at near and far ranges. Better than
-    a sphere in rotation, about three times worse where it measures.
+    Twenty poses, tilted by ± 40 deg about two axes, at near and far ranges. The rotation is more
+    accurate than with a sphere, a point in the measuring range about three times less accurate.
 
     \b
       lsvision calibrate hand-eye plane plate/ --poses poses.csv --convention ur --out hand_eye.json
-    Eight poses by hand, and where to drive next; then once more with all of them:
+    Eight poses by hand, and the next poses to measure; then once more with all of them:
       lsvision calibrate hand-eye plane plate/ --poses poses.csv --convention ur \\
         --out hand_eye.json --plan-poses 6 --plan-out next.csv
     """  # noqa: D301 - the backspace makes click keep the line breaks
@@ -93,7 +98,7 @@ def board(
     *,
     images: Annotated[
         list[str],
-        typer.Argument(metavar="FILE|DIR|GLOB", help="Images of the board, one a pose."),
+        typer.Argument(metavar="FILE|DIR|GLOB", help="Images of the board, one per pose."),
     ],
     camera: Annotated[Path, typer.Option(metavar="F", help="From calibrate camera.")],
     job: HandEyeOptions,
@@ -143,14 +148,16 @@ def target_poses(
     job: HandEyeResultOptions,
     poses: Annotated[
         Path | None,
-        typer.Option(metavar="F", help="Poses of the flange, where they are in another file."),
+        typer.Option(metavar="F", help="Poses of the flange, if they are in another file."),
     ] = None,
     convention: Annotated[
-        str | None, typer.Option(metavar="NAME", help="How --poses is written; see sphere.")
+        str | None, typer.Option(metavar="NAME", help="Convention of --poses; see sphere.")
     ] = None,
     target_convention: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="How FILE is written beside --poses [as --convention]."),
+        typer.Option(
+            metavar="NAME", help="Convention of FILE if --poses is given [that of --convention]."
+        ),
     ] = None,
 ) -> None:
     """Calibrate a camera to the robot from poses of a target that were found elsewhere.
@@ -161,7 +168,7 @@ def target_poses(
     \b
     Samples as MoveIt or easy_handeye store them:
       lsvision calibrate hand-eye poses samples.yaml --out hand_eye.json
-    Two files of poses, one a row:
+    Two files of poses, one per row:
       lsvision calibrate hand-eye poses targets.csv --target-convention matrix \\
         --poses flanges.csv --convention kuka --out hand_eye.json
     """  # noqa: D301 - the backspace makes click keep the line breaks

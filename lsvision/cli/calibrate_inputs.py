@@ -37,19 +37,22 @@ Report = Annotated[
 
 @dataclass(frozen=True, kw_only=True)
 class LineOptions:
-    """The laser line on a board: its colour, and where it may lie."""
+    """Options of the laser line on a board: its colour, and where it is searched."""
 
     laser: Annotated[
         str,
         typer.Option(
-            metavar="COLOUR", help="In colour images: red, green, blue, white; else grey."
+            metavar="COLOUR",
+            help="Laser colour in colour images: red, green, blue, white; else grey.",
         ),
     ] = "grey"
     bayer: BayerPattern = None
     margin: Annotated[
         float,
         typer.Option(
-            min=0, metavar="SQUARES", help="How far beyond its pattern the board is flat and white."
+            min=0,
+            metavar="SQUARES",
+            help="Width of the flat white border around the board's pattern.",
         ),
     ] = 0.9
 

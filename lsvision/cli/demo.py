@@ -11,9 +11,9 @@ from lsvision.errors import UnwritableFile
 DEFAULT_FOLDER = Path("lsvision-demo")
 NEXT_COMMANDS = (
     ("{profile} -v", "why the other arcs were rejected"),
-    ("{profile} --radius 20:30 --range-std 0.05", "with what you know of pipe and sensor"),
+    ("{profile} --radius 20:30 --range-std 0.05", "with what is known of pipe and sensor"),
     ("{profile} --json results.json --csv results.csv", "results for other programs"),
-    ("YOUR_PROFILE.csv --plot yours.png", "your own data: x, height in mm, a point a line"),
+    ("YOUR_PROFILE.csv --plot yours.png", "your own data: x and height in mm, one point per line"),
 )
 """Arguments of ``lsvision measure``, and their purpose."""
 

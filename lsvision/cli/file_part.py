@@ -89,9 +89,9 @@ class FilePart:
     header : list of str
         Summary of the file, or of a part of a large one, and notes; printed before the results.
     flanges : list of Pose, optional
-        Poses of the robot's flange, one a profile.
+        Poses of the robot's flange, one per profile.
     pictures : list of Path, optional
-        Pictures to draw, one a profile.
+        Pictures to draw, one per profile.
     """
 
     file: "ProfileFile | ImageFile"
@@ -266,29 +266,29 @@ def error_text(source: Path | LiveCamera, error: Exception, options: PartOptions
 
 @dataclass(frozen=True, eq=False)
 class _Section:
-    """Profile with valid points, its place in the part, and its measurement."""
+    """Profile with valid points, its index in the part, and its measurement."""
 
-    place: int
+    index: int
     profile: "Profile"
     measurement: "Measurement"
     upside_down: bool
     placed: "list[tuple[PlacedCylinder, PlacedCylinder]] | None"
 
 
-def _measure_section(options: PartOptions, part: FilePart, place: int) -> _Section:
-    profile = part.file.profiles[place]
+def _measure_section(options: PartOptions, part: FilePart, index: int) -> _Section:
+    profile = part.file.profiles[index]
     try:
         measurement = options.measuring(profile)
     except LsvisionError as error:
-        number = part.first + place
+        number = part.first + index
         raise LsvisionError(f"{part.file.path}, profile {number}: {error}") from error
     empty = not measurement.cylinders and not isinstance(part.file, ImageFile)
     upside_down = empty and _holds_cylinders_upside_down(options.measuring, profile)
     placed = None
     if options.placing is not None:
-        flange = None if part.flanges is None else part.flanges[place]
+        flange = None if part.flanges is None else part.flanges[index]
         placed = options.placing.place(measurement.cylinders, flange)
-    return _Section(place, profile, measurement, upside_down, placed)
+    return _Section(index, profile, measurement, upside_down, placed)
 
 
 def _holds_cylinders_upside_down(measuring: Measure, profile: "Profile") -> bool:
@@ -316,14 +316,14 @@ def _header(options: PartOptions, file: "ProfileFile | ImageFile", first: int = 
 def _lines(options: PartOptions, part: FilePart, section: _Section) -> list[str]:
     text_lines = measurement_lines(section.measurement, section.profile, verbose=options.verbose)
     if part.several:
-        head = f"{_kind(part.file)} {part.first + section.place}:"
+        head = f"{_kind(part.file)} {part.first + section.index}:"
         found = bool(section.measurement.cylinders)
         text_lines = [head, *text_lines] if found else [f"{head} {text_lines[0]}", *text_lines[1:]]
     lines = [f"  {line}" for line in (*text_lines, *robot_frame_table(section.placed or ()))]
     if section.upside_down:
         turn = "--no-flip" if part.file.flipped else "--flip"
         lines.append(
-            f"  upside down it holds cylinders: do its heights grow the other way? then say {turn}"
+            f"  upside down it holds cylinders: do its heights grow the other way? then use {turn}"
         )
     return lines
 
@@ -333,17 +333,17 @@ def _records(part: FilePart, sections: Sequence[_Section]) -> "list[Record]":
     from lsvision.io.results import input_record, measurement_record
     from lsvision.measure import Measurement
 
-    found = {section.place: section for section in sections}
+    found = {section.index: section for section in sections}
     name, records = printable_name(part.file.path), []
-    for place in range(len(part)):
-        section = found.get(place)
+    for index in range(len(part)):
+        section = found.get(index)
         measurement = Measurement((), ()) if section is None else section.measurement
-        reading = None if isinstance(part.file, ImageFile) else input_record(part.file, place)
+        reading = None if isinstance(part.file, ImageFile) else input_record(part.file, index)
         records.append(
             measurement_record(
                 measurement,
                 source=name,
-                profile=part.first + place,
+                profile=part.first + index,
                 placed=None if section is None else section.placed,
                 reading=reading,
                 reason=measurement.reason,
@@ -357,7 +357,7 @@ def _draw(options: PartOptions, part: FilePart, sections: Sequence[_Section]) ->
     errors = []
     for section in sections if part.pictures is not None else ():
         try:
-            _draw_section(options, part, section, (part.pictures or [])[section.place])
+            _draw_section(options, part, section, (part.pictures or [])[section.index])
         except Exception as error:  # noqa: BLE001 - a picture must not cost the results
             errors.append(error_text(part.file.path, error, options))
     return errors
@@ -370,9 +370,9 @@ def _draw_section(options: PartOptions, part: FilePart, section: _Section, path:
     found = section.profile, section.measurement
     title = printable(str(part.file.path))
     if part.several:
-        title += f", {_kind(part.file)} {part.first + section.place}"
+        title += f", {_kind(part.file)} {part.first + section.index}"
     if isinstance(part.file, ImageFile) and options.imaging is not None:
-        image, rig = part.file.images[section.place], options.imaging.light_section
+        image, rig = part.file.images[section.index], options.imaging.light_section
         figure = draw_overlay(image, rig, *found, title=title)
     else:
         figure = draw_measurement(*found, title=title)

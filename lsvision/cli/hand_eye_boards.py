@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Evidence:
-    """What a page shows of each pose beside its residual, and what is doubtful.
+    """Photos and corners of each pose for the report, and warnings.
 
     Parameters
     ----------
@@ -70,12 +70,12 @@ class SeenBoards:
     def numbered_from_one_end(
         self, target: "Target", flanges: "Sequence[Pose]", mounting: "Mounting"
     ) -> "SeenBoards":
-        """Return the boards all numbered from one end, as the robot's poses tell.
+        """Return the boards numbered from the same end, which the robot's poses determine.
 
         Raises
         ------
         CalibrationFailed
-            If they do not tell.
+            If the poses do not determine it.
         """
         from lsvision.calibration.board_turns import pattern_turns, turn_boards
 

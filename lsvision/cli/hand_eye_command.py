@@ -59,7 +59,8 @@ class HandEyeResultOptions:
     robot_std: Annotated[
         str | None,
         typer.Option(
-            metavar="MM:DEG", help="One sigma of the robot's pose per axis; else from residuals."
+            metavar="MM:DEG",
+            help="One sigma of the robot's pose per axis; else estimated from the residuals.",
         ),
     ] = None
     max_residual: Annotated[
@@ -72,17 +73,19 @@ class HandEyeResultOptions:
     ] = None
     easy_handeye: Annotated[
         Path | None,
-        typer.Option(metavar="F.yaml", help="Also write it as ROS easy_handeye reads it."),
+        typer.Option(metavar="F.yaml", help="Also write it in the format of ROS easy_handeye."),
     ] = None
     frame_convention: Annotated[
         str | None,
         typer.Option(
             metavar="NAME",
-            help="How the found frame is printed, to type it in [as the poses; ros for samples].",
+            help="Convention in which the sensor's frame is printed [that of the poses; ros for "
+            "samples].",
         ),
     ] = None
     frames: Annotated[
-        str, typer.Option(metavar="ROBOT:SENSOR", help="Names of the frames in that file.")
+        str,
+        typer.Option(metavar="ROBOT:SENSOR", help="Names of the frames in that easy_handeye file."),
     ] = FRAMES
     report: Report = None
 
@@ -144,7 +147,7 @@ class HandEyeOptions(HandEyeResultOptions):
         str,
         typer.Option(
             metavar="NAME",
-            help="How the poses are written, never guessed: ur, kuka, fanuc, yaskawa, mitsubishi, "
+            help="Convention of the poses, never guessed: ur, kuka, fanuc, yaskawa, mitsubishi, "
             "kawasaki, staubli, abb, ros, matrix.",
         ),
     ]
@@ -174,7 +177,7 @@ class PosePlanOptions:
     ] = 0
     plan_out: Annotated[
         Path | None,
-        typer.Option(metavar="F.csv", help="Write them as 4x4 rows (--convention matrix)."),
+        typer.Option(metavar="F.csv", help="Write these poses as 4x4 rows (--convention matrix)."),
     ] = None
 
 

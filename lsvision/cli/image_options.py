@@ -16,7 +16,7 @@ LightSectionFile = Annotated[
     typer.Option(
         "--light-section",
         metavar="RIG.json",
-        help="Images: camera and laser plane, from lsvision calibrate laser-plane.",
+        help="For images: rig file (camera and laser plane), from lsvision calibrate laser-plane.",
     ),
 ]
 Laser = Annotated[
@@ -24,7 +24,7 @@ Laser = Annotated[
     typer.Option(
         "--laser",
         metavar="COLOUR",
-        help="In colour images: red, green, blue, white; else grey.",
+        help="Laser colour in colour images: red, green, blue, white; else grey.",
     ),
 ]
 BayerPattern = Annotated[
@@ -40,12 +40,15 @@ Method = Annotated[
     str,
     typer.Option(
         metavar="NAME",
-        help="Images: derivative, gaussian (overexposed lines), steger (lines of any direction).",
+        help="Method for images: derivative, gaussian (overexposed lines), steger (lines of any "
+        "direction).",
     ),
 ]
 LaserOff = Annotated[
     Path | None,
-    typer.Option(metavar="IMAGE", help="The same view without the laser, subtracted."),
+    typer.Option(
+        metavar="IMAGE", help="Image of the same view without the laser, which is subtracted."
+    ),
 ]
 
 

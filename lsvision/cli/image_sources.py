@@ -63,7 +63,7 @@ class ImageFile:
     images : tuple of ndarray
         The frames, if they are kept.
     summary : str
-        One line of text.
+        Summary in one line.
     notes : tuple of str
         Remarks on the images.
     """
@@ -112,7 +112,7 @@ def check_colours(image: Any, laser: str, where: str = "it", bayer: str | None =
     coloured = image.ndim == 3 and bool((image != image[..., :1]).any())
     if coloured and laser == "grey":
         raise UnreadableFile(
-            f"{where} has colours: say the laser's, --laser red, green, blue or white"
+            f"{where} has colours: name the laser's colour, --laser red, green, blue or white"
         )
     if not coloured and laser not in ("grey", "white") and bayer is None:
         raise UnreadableFile(

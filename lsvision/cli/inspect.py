@@ -50,7 +50,9 @@ def inspect(
     json_file: JsonFile = None,
     csv_file: Annotated[
         Path | None,
-        typer.Option("--csv", metavar="F", help="Write a quantity a row; - is standard output."),
+        typer.Option(
+            "--csv", metavar="F", help="Write one quantity per row; - is standard output."
+        ),
     ] = None,
     parquet: Annotated[
         Path | None, typer.Option(metavar="F", help="Write the rows of --csv as Parquet.")
@@ -160,7 +162,7 @@ class _Run:
 def _groups(
     words: Sequence[str], suffixes: frozenset[str]
 ) -> tuple[list[tuple[str, list[Path]]], list[LsvisionError]]:
-    """Files in groups: each folder by itself, other words together; and words that name nothing."""
+    """Files in groups, one for each folder and one for all others; and arguments without a file."""
     groups: list[tuple[str, list[Path]]] = []
     others = [word for word in words if not is_directory(word)]
     failures: list[LsvisionError] = []

@@ -12,9 +12,7 @@ from lsvision.cli.option_groups import command_group
 from lsvision.cli.outputs import STDOUT, check_outputs, write_output
 from lsvision.cli.profile_options import Radius
 
-job = command_group(
-    "job", "Make and check a job file: which parts are measured, and when they are good."
-)
+job = command_group("job", "Make and check a job file: the parts to measure and their limits.")
 
 JobFile = Annotated[Path, typer.Argument(metavar="JOB.toml", help="The job file.")]
 
@@ -27,11 +25,12 @@ def new_job(
     ] = STDOUT,
     name: Annotated[str | None, typer.Option(metavar="NAME", help="Of the job.")] = None,
     tolerance: Annotated[
-        float, typer.Option(min=1e-6, metavar="MM", help="Of each radius, to either side.")
+        float,
+        typer.Option(min=1e-6, metavar="MM", help="Tolerance of each radius, to either side."),
     ] = 0.1,
     radius: Radius = None,
 ) -> None:
-    """Write a commented job from a measured profile: these pipes, give or take a tolerance.
+    """Write a commented job from a measured profile: these pipes with a tolerance.
 
     \b
       lsvision job new fixtures/welded_pair.csv --radius 10:60 --tolerance 0.3 -o pair.toml
@@ -57,7 +56,7 @@ def check_job(
     path: JobFile,
     record: Annotated[
         bool,
-        typer.Option("--record", help="Keep this revision in the history beside the file."),
+        typer.Option("--record", help="Record this revision in the history beside the file."),
     ] = False,
 ) -> None:
     """Print every mistake of a job file with its line and the remedy, or what the job is.

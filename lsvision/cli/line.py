@@ -29,7 +29,7 @@ def line(
         typer.Option(
             "--csv",
             metavar="F",
-            help="Write u, v, std, width and more, a point a row; - is standard output.",
+            help="Write u, v, std, width and more, one point per row; - is standard output.",
         ),
     ] = None,
     laser: Laser = "grey",
@@ -39,8 +39,8 @@ def line(
 ) -> None:
     """Extract the laser line of an image, column by column, to a fraction of a pixel.
 
-    Look at it before you calibrate or measure: is it the laser's line that was found, is it
-    at full scale (expose shorter), does its std stay small? Needs no rig.
+    A check before calibration or measurement: whether the laser's line was found, whether it is
+    saturated (then expose shorter), and whether its std is small. Needs no rig.
 
     \b
     See the line of an image:

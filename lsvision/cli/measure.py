@@ -47,7 +47,7 @@ def measure(
     files: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="FILE|DIR|GLOB", help="Profiles, images, videos: as many as you like."
+            metavar="FILE|DIR|GLOB", help="Any number of files of profiles, images or videos."
         ),
     ] = None,
     radius: Radius = None,
@@ -55,7 +55,7 @@ def measure(
     known_phi_deg: KnownPhi = None,
     sensor: SensorOptions,
     paper: Annotated[
-        bool, typer.Option("--paper", help="The paper's pipeline to the letter, for comparison.")
+        bool, typer.Option("--paper", help="The paper's pipeline as published, for comparison.")
     ] = False,
     light_section: LightSectionFile = None,
     laser: Laser = "grey",
@@ -64,11 +64,11 @@ def measure(
     laser_off: LaserOff = None,
     surface_std: Annotated[
         float,
-        typer.Option(min=0, metavar="MM", help="Images: roughness of the surface, one sigma."),
+        typer.Option(min=0, metavar="MM", help="For images: roughness of the surface, one sigma."),
     ] = 0.0,
     camera: Annotated[
         int | None,
-        typer.Option(min=0, metavar="INDEX", help="Take images from this connected camera, too."),
+        typer.Option(min=0, metavar="INDEX", help="Also take images from this connected camera."),
     ] = None,
     frames: Annotated[
         int | None,
@@ -81,7 +81,7 @@ def measure(
         Path | None,
         typer.Option(
             metavar="F.png|F.svg",
-            help="Draw what was found into the profile, or the image; of several files F-NAME.png "
+            help="Draw the cylinders into the profile or the image; of several files F-NAME.png "
             "each, of several profiles or frames in a file F-NAME-K.png.",
         ),
     ] = None,
@@ -93,7 +93,7 @@ def measure(
 
     For each cylinder: radius, theta (direction of the section's major axis, from X towards Y),
     phi (tilt of the axis from the laser plane's normal) and centre, each with one sigma, and
-    below them the 95 % intervals. Text files hold x and height in mm, one point a line, unless
+    below them the 95 % intervals. Text files hold x and height in mm, one point per line, unless
     their header or an option says otherwise. Images need the rig that took them.
 
     \b
@@ -103,7 +103,7 @@ def measure(
       lsvision measure fixtures/welded_complex.csv --radius 10:40 --sensor lps36hi -v
     A pipe turned to 25 +/- 0.05 mm:
       lsvision measure fixtures/single.csv --known-radius 25:0.05
-    A pipe that lies square to the laser plane, give or take 5 deg:
+    A pipe perpendicular to the laser plane, ± 5 deg:
       lsvision measure fixtures/planar.csv --known-phi-deg 0:5
     A folder, all results in two files and a picture of each:
       lsvision measure fixtures --json all.json --csv all.csv --plot all.png

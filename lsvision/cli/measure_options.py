@@ -36,7 +36,7 @@ def build_measure_function(
     sensor : ProfileSensor, optional
         Noise of the points.
     paper : bool
-        The paper's pipeline to the letter, which uses the search range alone.
+        The paper's pipeline as published, which uses the search range alone.
 
     Raises
     ------

@@ -20,7 +20,7 @@ def print_error(message: str, *, debug: bool = False) -> None:
 
 
 def print_lines(lines: Iterable[str], *, err: bool = False) -> None:
-    """Write lines on stdout, or on stderr, with what does not print in them escaped."""
+    """Write lines on stdout, or on stderr, with non-printable characters escaped."""
     typer.echo("\n".join(printable(line) for line in lines), err=err)
 
 

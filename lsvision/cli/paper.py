@@ -18,7 +18,10 @@ def paper(
     ] = DEFAULT_PAGE,
     json: Annotated[Path | None, typer.Option("--json", help="The same numbers as JSON.")] = None,
     full: Annotated[
-        bool, typer.Option("--full", help="Tight statistics: about ten minutes.")
+        bool,
+        typer.Option(
+            "--full", help="More sections, for narrower confidence intervals: about ten minutes."
+        ),
     ] = False,
     noise_mm: Annotated[
         float,
@@ -30,10 +33,10 @@ def paper(
 ) -> None:
     """Run the paper's experiments again and assess its results.
 
-    Its Tables 1-5 and Figures 5-16 on the simulator: the paper's pipeline taken literally, lsvision
+    Its Tables 1-5 and Figures 5-16 on the simulator: the paper's pipeline as published, lsvision
     from one section, with a known radius, from two sections and from twenty, each beside the
-    printed figure and the best that any method can reach. Takes under a minute; the same
-    command gives the same numbers, times excepted.
+    published number and the Cramer-Rao bound. Takes under a minute; the same command gives the same
+    numbers, except for times.
 
     \b
       lsvision paper --out report.html

@@ -40,7 +40,7 @@ def plan(
     sensor: Annotated[str | None, typer.Option(help="lps36hi (default) or lps36.")] = None,
     range_std: Annotated[
         float | None,
-        typer.Option(help="Instead of a sensor: one sigma along the ray at the standoff, mm."),
+        typer.Option(help="Noise without --sensor: one sigma along the ray at the standoff, mm."),
     ] = None,
     pitch: Annotated[
         float | None,
@@ -62,10 +62,11 @@ def plan(
         bool, typer.Option("--known-radius", help="Take the radius as exactly known.")
     ] = False,
     target_phi_deg: Annotated[
-        float | None, typer.Option(help="How many sections for this sigma of phi, deg?")
+        float | None, typer.Option(help="Return the number of sections for this sigma of phi, deg.")
     ] = None,
     target_radius: Annotated[
-        float | None, typer.Option(help="How many sections for this sigma of the radius, mm?")
+        float | None,
+        typer.Option(help="Return the number of sections for this sigma of the radius, mm."),
     ] = None,
 ) -> None:
     """Predict the one-sigma errors of a pipe's radius and direction, without measuring.
@@ -80,7 +81,7 @@ def plan(
 
     lsvision plan --radius 19 --range-std 0.1 --sections 20 --spacing 1
 
-    How many sections over which length for 0.05 deg:
+    Number and length of the sections for 0.05 deg:
 
     lsvision plan --radius 19 --phi-deg 20 --target-phi-deg 0.05
     """

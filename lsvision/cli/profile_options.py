@@ -28,14 +28,16 @@ KnownRadius = Annotated[
     str | None,
     typer.Option(
         metavar="MM|MM:SIGMA",
-        help="Radius known beforehand, exactly or with one sigma; sharpens phi and theta.",
+        help="Radius known beforehand, exactly or with one sigma; reduces the uncertainty of phi "
+        "and theta.",
     ),
 ]
 KnownPhi = Annotated[
     str | None,
     typer.Option(
         metavar="DEG|DEG:SIGMA",
-        help="Tilt known beforehand, as 0 for a scan square to the pipe; sharpens the radius.",
+        help="Tilt known beforehand, as 0 for a section perpendicular to the axis; reduces the "
+        "uncertainty of the radius.",
     ),
 ]
 JsonFile = Annotated[
@@ -44,7 +46,9 @@ JsonFile = Annotated[
 ]
 CsvFile = Annotated[
     Path | None,
-    typer.Option("--csv", metavar="F", help="Write a cylinder a row as CSV; - is standard output."),
+    typer.Option(
+        "--csv", metavar="F", help="Write one cylinder per row as CSV; - is standard output."
+    ),
 ]
 Jobs = Annotated[
     int | None,
@@ -64,7 +68,8 @@ class SensorOptions:
     sensor: Annotated[
         str | None,
         typer.Option(
-            metavar="lps36hi|lps36", help="Noise of this sensor; else estimated from the profile."
+            metavar="lps36hi|lps36",
+            help="Use the noise of this sensor; else it is estimated from the profile.",
         ),
     ] = None
     range_std: Annotated[
@@ -120,7 +125,8 @@ class ReadingOptions:
     units: Annotated[
         str | None,
         typer.Option(
-            metavar="UNIT", help="Of coordinates: nm um mm cm dm m km mil in ft, or scaled: 0.1mm."
+            metavar="UNIT",
+            help="Unit of the coordinates: nm um mm cm dm m km mil in ft, or scaled: 0.1mm.",
         ),
     ] = None
     flip: Annotated[
@@ -137,7 +143,7 @@ class ReadingOptions:
     ] = None
     transpose: Annotated[
         bool,
-        typer.Option("--transpose", help="Rows and columns change places: profiles in columns."),
+        typer.Option("--transpose", help="Transpose the matrix: each column is a profile."),
     ] = False
     x0: Annotated[
         float | None,
@@ -151,24 +157,27 @@ class ReadingOptions:
         str | None,
         typer.Option(
             metavar="UNIT|N",
-            help="Rows of heights: what one count is, as 0.5um; Keyence's ZUnit in 0.01 um.",
+            help="Rows of heights: size of one count, as 0.5um; Keyence's ZUnit in 0.01 um.",
         ),
     ] = None
     x_start: Annotated[
-        float | None, typer.Option(metavar="N", help="Raw Keyence: XStart, 0.01 um.")
+        float | None, typer.Option(metavar="N", help="Raw Keyence data: XStart, in 0.01 um.")
     ] = None
     x_pitch: Annotated[
-        float | None, typer.Option(metavar="N", help="Raw Keyence: XPitch, 0.01 um.")
+        float | None, typer.Option(metavar="N", help="Raw Keyence data: XPitch, in 0.01 um.")
     ] = None
     topic: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="Of a ROS bag, where several hold profiles, as /scan."),
+        typer.Option(
+            metavar="NAME", help="Topic of a ROS bag, as /scan, if several contain profiles."
+        ),
     ] = None
     plane: Annotated[
         str | None,
         typer.Option(
             metavar="fit",
-            help="Points are x, y, z of a tilted plane, as of a camera's frame: it is fitted.",
+            help="Points are x, y, z in a tilted plane, as in a camera's frame: a plane is fitted "
+            "to them.",
         ),
     ] = None
 

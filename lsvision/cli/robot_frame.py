@@ -28,7 +28,7 @@ class RobotFrame:
     calibration : HandEye, optional
         Without, the poses are the section's own.
     rows : PoseFile, optional
-        Poses of the flange, one a profile; without, the result is in the flange frame.
+        Poses of the flange, one per profile; without, the result is in the flange frame.
     """
 
     calibration: "HandEye | None"

@@ -19,13 +19,13 @@ class RobotOptions:
 
     poses: Annotated[
         Path | None,
-        typer.Option(metavar="F", help="Poses of the robot's flange, one a profile."),
+        typer.Option(metavar="F", help="Poses of the robot's flange, one per profile."),
     ] = None
     convention: Annotated[
         str | None,
         typer.Option(
             metavar="NAME",
-            help="Of the poses, never guessed: ur, kuka, fanuc, abb, ros, matrix, ...",
+            help="Convention of the poses, never guessed: ur, kuka, fanuc, abb, ros, matrix, ...",
         ),
     ] = None
     flange_from_section: Annotated[

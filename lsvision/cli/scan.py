@@ -59,7 +59,7 @@ def scan(
         str | None,
         typer.Option(
             metavar="X,Y,Z",
-            help="Direction in which the section moves, in its own frame: 0,0,1 is along the "
+            help="Direction of the section's motion, in the section frame: 0,0,1 is along the "
             "laser plane's normal. If the part moves, the opposite of its motion.",
         ),
     ] = None,
@@ -75,7 +75,7 @@ def scan(
         typer.Option(
             metavar="MM",
             min=0,
-            help="One sigma of each pose, per axis, beside the hand-eye file's.",
+            help="One sigma of each pose per axis, in addition to the hand-eye file's.",
         ),
     ] = 0.0,
     feed_std_deg: Annotated[
@@ -101,7 +101,7 @@ def scan(
 
     Two sections 10 mm apart determine radius and direction 10 to 25 times better than one, and
     more sections better still. For each cylinder: radius, direction, a point of the axis, each with
-    one sigma; where three sections show it also bow, taper and ovality.
+    one sigma; with three or more sections also bow, taper and ovality.
 
     \b
     Twenty sections, 1 mm apart along the laser plane's normal:
@@ -112,8 +112,9 @@ def scan(
       lsvision scan calibration/example/pipe --poses calibration/example/pipe_poses.csv \\
         --convention kuka --flange-from-section hand_eye.json --radius 15
 
-    The fit cannot see a wrong feed: a direction 0.5 deg off turns the axis by 0.45 deg and costs
-    0.1 mm of radius with the same residuals. --feed-std-deg puts that into the errors.
+    A wrong feed does not show in the residuals: an error of 0.5 deg in its direction changes the
+    direction of the axis by 0.45 deg and the radius by 0.1 mm. --feed-std-deg includes that in the
+    errors.
     """  # noqa: D301 - the backspace makes click keep the line breaks
     check_picture(plot)
     options = reading.parse()

@@ -18,12 +18,17 @@ def simulate(
     kind: Annotated[str, typer.Argument(help=KIND_HELP)],
     out: Annotated[Path, typer.Option("--out", "-o", help="Existing folder for the files.")],
     seed: Annotated[
-        int, typer.Option(min=0, help="Seed of the first scene; the next scenes count on.")
+        int,
+        typer.Option(
+            min=0, help="Seed of the first scene; each further scene has the next number."
+        ),
     ] = 0,
     count: Annotated[int, typer.Option(min=1, help="How many scenes.")] = 1,
     noise_mm: Annotated[
         float | None,
-        typer.Option(help="One sigma along the ray at 400 mm; drawn from 0.02-0.1 mm without."),
+        typer.Option(
+            help="One sigma along the ray at 400 mm; drawn from 0.02-0.1 mm if not given."
+        ),
     ] = None,
     radius: Annotated[
         str, typer.Option(metavar="MM|MM:MM", help="Radius of the tubes, or min:max, mm.")
@@ -44,7 +49,7 @@ def simulate(
 ) -> None:
     """Write simulated light sections of pipes, each with the truth beside it.
 
-    KIND_0000.csv holds x and z in mm, z growing towards the sensor, one row a column of the
+    KIND_0000.csv holds x and z in mm, z growing towards the sensor, one row per column of the
     sensor, nan where it measured nothing. KIND_0000.truth.json holds the radius, theta, phi and
     centre of every tube, the label of every point, the sensor and the seed. The same command
     writes the same bytes.
@@ -52,7 +57,7 @@ def simulate(
     \b
     One welded pair:
       lsvision simulate welded_pair --out .
-    A hundred pipes of 19 mm among bars and curved sheets, to try settings on:
+    A hundred pipes of 19 mm among bars and curved sheets, to test settings with:
       mkdir trial && lsvision simulate complex --count 100 --radius 19 --out trial
     A single pipe tilted by 20 to 30 deg, almost without noise:
       lsvision simulate single --phi-deg 20:30 --noise-mm 0.005 --lost 0 --jumps 0 --out .

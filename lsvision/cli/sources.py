@@ -105,7 +105,7 @@ def iterate_source(source: Path, options: "ReadOptions") -> "Iterator[ProfilePar
 
 
 def read_sources(sources: Sequence[Path], options: "ReadOptions") -> "list[ProfileFile]":
-    """Read files in order; print on stderr what was assumed, each remark once.
+    """Read files in order; print on stderr which assumptions were made, each remark once.
 
     Raises
     ------
@@ -115,7 +115,9 @@ def read_sources(sources: Sequence[Path], options: "ReadOptions") -> "list[Profi
     files = [read_source(source, options) for source in sources]
     remarks: dict[str, list[Path]] = {}
     for file in files:
-        assumed = f"units taken as {file.units}: say --units" if file.units_assumed else ""
+        assumed = (
+            f"units taken as {file.units}: state them with --units" if file.units_assumed else ""
+        )
         for remark in (*file.notes, assumed):
             if remark:
                 remarks.setdefault(remark, []).append(file.path)
@@ -139,7 +141,7 @@ def _no_file_error(name: str, suffixes: frozenset[str]) -> UnreadableFile:
         what, pattern = ("image", "*.png") if suffixes is IMAGE_SUFFIXES else ("profile", "*.csv")
         return UnreadableFile(
             f"{name}: no {what} in this folder: name another, its subfolders as "
-            f"'{Path(name) / '**' / pattern}', or files whose suffix is none of "
+            f"'{Path(name) / '**' / pattern}', or files whose suffix is not one of "
             f"{' '.join(sorted(suffixes))}"
         )
     return UnreadableFile(f"{name}: no file matches this pattern: check it with ls")

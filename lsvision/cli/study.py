@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from lsvision.results.result import Result
 
 study = command_group(
-    "study", "Study the measurement itself: bias, repeatability and reproducibility."
+    "study", "Studies of the measurement: bias, repeatability and reproducibility."
 )
 
 Tolerance = Annotated[
@@ -55,7 +55,8 @@ def repeat(
 ) -> None:
     """Bias and repeatability of one part measured many times: a type-1 study.
 
-    Of several cylinders in a profile, the one whose quantity is nearest to the reference counts.
+    Of several cylinders in a profile, the one whose quantity is nearest to the reference is
+    evaluated.
 
     \b
       lsvision study repeat 'repeats/*.csv' --reference 19.0 --tolerance 0.4
@@ -83,7 +84,7 @@ def repeat(
 @study.command()
 def grr(
     table: Annotated[
-        Path, typer.Argument(metavar="TABLE.csv", help="A measurement a row, with a header.")
+        Path, typer.Argument(metavar="TABLE.csv", help="One measurement per row, with a header.")
     ],
     value: Annotated[str, typer.Option(metavar="COLUMN", help="Measured value.")] = "value",
     part: Annotated[str, typer.Option(metavar="COLUMN", help="Part.")] = "part",
@@ -94,8 +95,8 @@ def grr(
 ) -> None:
     """Repeatability and reproducibility of a crossed study, by analysis of variance.
 
-    Every operator measures every part as often. An interaction with p above 0.25 is taken as
-    repeatability, as AIAG does.
+    Every operator measures every part the same number of times. An interaction with p above 0.25 is
+    pooled with the repeatability (AIAG MSA).
 
     \b
       lsvision study grr table.csv --tolerance 4
@@ -172,7 +173,7 @@ def _read_crossed(path: Path, value: str, part: str, operator: str) -> "FloatArr
     counts = {len(numbers) for numbers in cells.values()}
     if len(cells) != len(parts) * len(operators) or len(counts) != 1:
         raise LsvisionError(
-            f"{path}: expected every operator to measure every part as often, got "
+            f"{path}: expected every operator to measure every part equally often, got "
             f"{len(cells)} of {len(parts) * len(operators)} pairs with {min(counts, default=0)} to "
             f"{max(counts, default=0)} trials: add the missing rows"
         )

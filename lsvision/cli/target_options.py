@@ -1,4 +1,4 @@
-"""Options that describe a calibration target, shared by the commands that print or see one."""
+"""Options of a calibration target, shared by the commands that print or detect one."""
 
 import re
 from dataclasses import dataclass
@@ -38,7 +38,7 @@ class TargetOptions:
         ),
     ] = None
     dictionary: Annotated[
-        str, typer.Option(metavar="NAME", help="Of a ChArUco board's markers.")
+        str, typer.Option(metavar="NAME", help="Dictionary of a ChArUco board's markers.")
     ] = "DICT_4X4_100"
 
     def parse(self) -> "Target":

@@ -48,7 +48,7 @@ def shape_rejection_reason(
     radius_range: tuple[float, float],
     settings: AcceptanceSettings = AcceptanceSettings(),
 ) -> str | None:
-    """Return why an ellipse, with its normals at the points, is no cylinder; None if it may be."""
+    """Return why an ellipse, with normals at the points, is not a cylinder; None if it may be."""
     low, high = radius_range
     if len(normals) < settings.min_points:
         return f"only {len(normals)} points on an ellipse, needs {settings.min_points}"
@@ -88,7 +88,7 @@ def rejection_reason(
     # With a known radius b cannot vanish: the fit stops, unconverged, at the kink of b at a circle.
     if not fit.converged and fit.problem.known_radius is None:
         tilt = f"the fit stopped at {math.degrees(fit.ellipse.phi):.0f} deg"
-        return f"no ellipse fits best: the flatter the better ({tilt})"
+        return f"no best ellipse: the fit improves as it becomes flatter ({tilt})"
     return undeterminable_radius_reason(section)
 
 

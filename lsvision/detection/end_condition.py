@@ -1,8 +1,8 @@
-"""End condition: the line of a cylinder does not go on tangentially beyond the ends of its arc.
+"""End condition: the line of a cylinder does not continue tangentially beyond the ends of its arc.
 
 It ends where the surface turns away from the sensor, or in a kink at the next object. The crest of
-a bent sheet, or the rounded corner of a tube, goes on tangentially. The exception is a fillet, such
-as the foot of a weld bead: it begins tangentially, too, but is concave towards the sensor.
+a bent sheet, or the rounded corner of a tube, continues tangentially. The exception is a fillet,
+such as the foot of a weld bead: it begins tangentially, too, but is concave towards the sensor.
 """
 
 import cmath
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from lsvision.detection.screening import ScreenedArc
 
 MIN_TURN_DEG = 20.0
-"""Turn of the line at an end below which it goes on tangentially. Units: deg."""
+"""Turn of the line at an end below which it continues tangentially. Units: deg."""
 POINTS_BEYOND, BEYOND_FRACTION = 6, 1 / 8
 """Points beyond an end over which its turn is measured: this number or this fraction of the arc."""
 FILLET_POINTS = 2 * POINTS_BEYOND
@@ -37,7 +37,7 @@ line beyond a rounded corner at most 0, the valleys of a corrugated sheet up to 
 def tangential_end_reason(
     profile: PreparedProfile, arc: IdentifiedArc, screened: "ScreenedArc", noise_std: float
 ) -> str | None:
-    """Return why an arc whose line goes on tangentially is no cylinder; None if it does not.
+    """Return why an arc whose line continues tangentially is not a cylinder; None if it does not.
 
     The turn is measured at the outer ends of `arc`, because screening may shorten them; fillets
     begin at the ends of `screened`. `noise_std` is the standard deviation of a point. Units: mm.
@@ -63,8 +63,10 @@ def tangential_end_reason(
         return None
     if max(turns_deg) < MIN_TURN_DEG:
         first, second = sorted(turns_deg)
-        return f"goes on tangentially at both ends (turns {first:.0f} and {second:.0f} deg)"
-    return f"goes on tangentially at one end (turns {tangential_deg[0]:.0f} deg): a rounded corner"
+        return f"continues tangentially at both ends (turns {first:.0f} and {second:.0f} deg)"
+    return (
+        f"continues tangentially at one end (turns {tangential_deg[0]:.0f} deg): a rounded corner"
+    )
 
 
 def connected_beyond(arc_points: ComplexArray, beyond: ComplexArray, max_count: int) -> IntArray:

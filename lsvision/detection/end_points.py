@@ -2,7 +2,7 @@
 
 From the middle part outwards, a Kalman filter of the ellipse predicts each point from the inliers
 further inside. The density of its residual is compared with that of an outlier, of another line
-that goes on smoothly, and of a gradual departure from the ellipse (foot of a weld bead).
+that continues smoothly, and of a gradual departure from the ellipse (foot of a weld bead).
 """
 
 import math

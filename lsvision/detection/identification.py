@@ -43,7 +43,7 @@ def identify_arcs(
     radius_range: tuple[float, float],
     settings: AcceptanceSettings = AcceptanceSettings(),
 ) -> tuple[list[IdentifiedArc], list[Rejection]]:
-    """Return the arcs that candidates grow to, the first first, and those of another shape.
+    """Return the arcs that grow from the candidates, in their order, and those of another shape.
 
     Each point belongs to one arc at most. `radius_range` is in mm.
     """
@@ -74,8 +74,8 @@ def grow_arc(
 ) -> tuple[IdentifiedArc, EllipseResiduals] | None:
     """Return the whole arc around a candidate with the residuals of its inliers.
 
-    `free` are the ascending indices of the points that may belong to the arc. None where the
-    points around the candidate lie on no ellipse.
+    `free` are the ascending indices of the points that may belong to the arc. None if the points
+    around the candidate do not lie on an ellipse.
     """
     seeded = np.zeros(len(profile.points), dtype=bool)
     seeded[candidate.indices] = True

@@ -23,7 +23,7 @@ class Measurement(Result):
     cylinders : tuple of CylinderSection
         Sections in ascending order of the x of their centres.
     rejections : tuple of Rejection
-        Arcs that are no cylinders, with reasons, in the order of the profile.
+        Arcs that are not cylinders, with reasons, in the order of the profile.
     profile : Profile, optional
         Measured profile, for pictures; ignored in comparisons.
 

@@ -12,7 +12,7 @@ NOMINAL_SPREAD = 0.2
 """Half width of the search over a nominal radius, and smallest radius searched over a known one."""
 MIN_RADIUS_FRACTION = 1 / 3
 """Smallest radius over the geometric mean of extent and pitch: 4 pitches for a profile of 150
-points, 7 for 400, 21 for 4000. A smaller pipe has under twelve points, or is dust."""
+points, 7 for 400, 21 for 4000. A smaller pipe has under twelve points, or is a speck of dust."""
 MAX_RADIUS_EXTENTS = 0.5 / math.sin(math.radians(AcceptanceSettings().min_coverage_deg) / 2)
 """Largest radius over the extent, 1.54: larger pipes show less than the smallest accepted arc."""
 

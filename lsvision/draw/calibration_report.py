@@ -157,12 +157,12 @@ def hand_eye_page(
     calibration : HandEye
         The calibration.
     flanges : sequence of Pose
-        ``base_from_flange``, one a pose.
+        ``base_from_flange``, one per pose.
     page : ReportContent
-        Values, warnings, names and provenance; of a board also its photos.
+        Values, warnings, names and provenance; for a board also its photos.
     corners : sequence of ((n, 2) ndarray, (n, 2) ndarray)
-        Of a board in each photo: the corners found, and where the robot's pose and the result put
-        them minus found. Units: px.
+        For a board, in each photo: the corners found, and predicted by the robot's pose and the
+        result minus found. Units: px.
     """
     bad = [pose.index for pose in calibration.rejected]
     series = [

@@ -36,8 +36,8 @@ def draw_laser_line(
 ) -> Figure:
     """Draw a laser line into its image, with curves of its std, width and brightness.
 
-    The curves share the photo's axis along the line: below the photo, a point is plotted under its
-    column; of a line that runs from top to bottom they stand to the right, a point in its row.
+    The curves share the photo's axis along the line: below the photo, with each point under its
+    column; for a line that runs from top to bottom at the right, with each point in its row.
 
     Parameters
     ----------

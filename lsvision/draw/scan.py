@@ -67,7 +67,7 @@ def draw_scan(
     Raises
     ------
     TypeError
-        If `ax` is flat.
+        If `ax` is two-dimensional.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""3D axes: equal scales, and a drawing that fills its place with all labels."""
+"""3D axes: equal scales, and a drawing that fills its area, including all labels."""
 
 from collections.abc import Sequence
 from itertools import product
@@ -46,7 +46,7 @@ def scale_axes(
 
 
 def fit_into(axes: "Axes3D", place: tuple[float, float, float, float]) -> None:
-    """Scale and move axes until what they draw, with all labels, fills a place.
+    """Scale and move axes until what they draw, including all labels, fills an area.
 
     Parameters
     ----------

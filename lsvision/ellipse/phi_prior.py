@@ -38,7 +38,7 @@ class PhiPrior:
     More than two sigmas from 0 the prior is normal in phi. All (p, q) on a ring have this phi, so
     `fit_ellipse` uses the prior only where the points themselves determine theta.
 
-    Nearer to 0 the section may be a circle, where phi is no regular parameter: a cost of
+    Nearer to 0 the section may be a circle, where phi is not a regular parameter: a cost of
     (phi / std)^2 has a cusp there, at which the fit would stop with far too small a variance.
     There (p, q) / m has a normal prior about zero, with the second moments for a phi that is the
     modulus of a normal variable and a uniform theta: with f = (phi / 2)^2 and v = (std / 2)^2
@@ -109,7 +109,7 @@ class PhiPrior:
             Derivative by (centre_x, centre_y, m, p, q). Units: 1/mm.
         """
         m, p, q = (float(value) for value in parameters[2:])
-        # A step of the iteration may have m <= 0, which is no ellipse: avoid division by zero.
+        # A step of the iteration may have m <= 0, which is not an ellipse: avoid division by zero.
         m = max(m, TINY)
         jacobian = np.zeros((self.residual_count, len(parameters)))
         if self.includes_circle:

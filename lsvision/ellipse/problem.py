@@ -160,7 +160,7 @@ def minimise(
         raise TooFewPoints("an arc", rows, PARAMETERS, "scan slower or nearer")
     solution = least_squares(problem.evaluate, initial_guess, max_evaluations, tolerance)
     if not np.isfinite(solution.parameters).all():
-        raise FitFailed("the ellipse fit left the finite numbers: the points lie on no ellipse")
+        raise FitFailed("the ellipse fit overflowed: the points do not lie on an ellipse")
     return solution
 
 

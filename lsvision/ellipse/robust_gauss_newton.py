@@ -161,7 +161,7 @@ def refine_ellipse(points: NoisyPoints, parameters: FloatArray, steps: int) -> F
 
 
 def gauss_newton_step(compared: EllipseResiduals, parameters: FloatArray) -> FloatArray:
-    """Return the parameters after one step of `refine_ellipse`; NaN if they are no ellipse."""
+    """Return the parameters after one step of `refine_ellipse`; NaN if they are not an ellipse."""
     squares = compared.residuals * compared.residuals / compared.inflated_variances
     factor = max(upper_median(squares) * MAD_TO_STD**2, 1.0)
     equations = WeightedSystem.of(compared, factor).normal_equations()

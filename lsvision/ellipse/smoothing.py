@@ -41,7 +41,7 @@ class SmoothedArc:
     residuals, stds : (k,) ndarray
         Smoothed residuals, positive outside; standard deviation of a single point. Units: mm.
     inliers : (n,) bool ndarray
-        Mask of the measured points that are no jumps.
+        Mask of the measured points that are not jumps.
     """
 
     ellipse: Ellipse

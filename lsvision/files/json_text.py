@@ -22,7 +22,7 @@ def parse_json(text: str, *, allow_nan: bool = False) -> Any:
     text : str
         The whole text.
     allow_nan : bool
-        Accept ``NaN`` and ``Infinity``, as measured points hold them.
+        Accept ``NaN`` and ``Infinity``, as measured points may contain.
 
     Returns
     -------

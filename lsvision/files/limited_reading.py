@@ -120,7 +120,7 @@ def check_readable(path: str | os.PathLike[str]) -> None:
     Raises
     ------
     UnreadableFile
-        If it is no regular file, or one that is too large.
+        If it is not a regular file, or too large.
     """
     name = os.fspath(path)
     try:

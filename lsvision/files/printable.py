@@ -16,7 +16,7 @@ def printable(text: str) -> str:
     ----------
     text : str
         As a file name or a cell of a file: may hold line ends, ESC, marks that turn the direction
-        of writing, and the surrogates that stand for bytes which are not UTF-8.
+        of writing, and the surrogates that represent bytes which are not UTF-8.
 
     Examples
     --------

@@ -27,7 +27,7 @@ def as_section_points(values: Any) -> FloatArray:
     Raises
     ------
     TypeError
-        If the values are no table of numbers.
+        If the values are not a table of numbers.
     ValueError
         If the shape is not (n, 2), or the columns are not found.
 
@@ -94,7 +94,7 @@ def as_known_phi(value: Any) -> float | tuple[float, float] | None:
     Raises
     ------
     TypeError
-        If it is no number and no pair.
+        If it is neither a number nor a pair.
     ValueError
         If it is above pi / 2, or its std is.
 

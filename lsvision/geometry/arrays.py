@@ -22,7 +22,7 @@ def as_readonly_array(
     values : array_like
         Array to copy.
     shape : tuple
-        Expected shape; a string stands for any length, as in ``("n", 2)``.
+        Expected shape; a string means any length, as in ``("n", 2)``.
     name : str
         Name of the array in the error message.
 
@@ -93,7 +93,7 @@ MAX_COORDINATE_MM = 1e9
 MAX_VARIANCE_MM2 = MAX_COORDINATE_MM**2
 """Largest variance of a point."""
 PSD_TOLERANCE = 1e-9
-"""Smallest eigenvalue of a covariance that is still taken for 0, relative to its largest."""
+"""Smallest eigenvalue of a covariance that still counts as 0, relative to its largest."""
 
 
 def require_coordinates(points: Points) -> None:
@@ -112,7 +112,7 @@ def require_coordinates(points: Points) -> None:
 
 
 def require_covariances(covariances: FloatArray) -> None:
-    """Raise an error if matrices (n, k, k) are no covariances of points.
+    """Raise an error if matrices (n, k, k) are not covariances of points.
 
     Raises
     ------

@@ -12,7 +12,7 @@ class ComparedByValue:
 
     The ``==`` of a dataclass compares tuples of fields, which fails for arrays. Here two values are
     equal if they are of the same class and all their fields are equal: arrays of the same shape
-    and numbers (NaN is equal to NaN: a lost point), dataclasses by their own fields. Fields
+    and numbers (NaN is equal to NaN: a lost point), dataclasses by their fields. Fields
     declared with ``field(compare=False)`` do not count. Equal values have equal hashes.
 
     Examples

@@ -1,10 +1,10 @@
-"""Homographies: maps from plane to plane that a pinhole camera causes."""
+"""Homographies: projective maps from plane to plane, as by a pinhole camera."""
 
 from lsvision.geometry.arrays import FloatArray, Points
 
 
 def apply_homography(homography: FloatArray, points: Points) -> Points:
-    """Return the points (n, 2) that a homography (3, 3) makes of points (n, 2).
+    """Return the images (n, 2) of points (n, 2) under a homography (3, 3).
 
     Examples
     --------

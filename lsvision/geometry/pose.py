@@ -53,7 +53,7 @@ class Pose(ComparedByValue):
         if not defect <= ORTHONORMALITY_TOLERANCE:
             raise ValueError(f"expected an orthonormal rotation, got R'R off by {defect:.3g}")
         if np.linalg.det(rotation) < 0:
-            raise ValueError("expected a proper rotation, got determinant -1: it mirrors")
+            raise ValueError("expected a proper rotation, got determinant -1: a reflection")
         object.__setattr__(self, "rotation", rotation)
         object.__setattr__(
             self, "translation", as_readonly_array(self.translation, (3,), "translation")
@@ -134,7 +134,7 @@ class Pose(ComparedByValue):
         return Pose(_nearest_rotation(rotation), self.apply_one(other.translation))
 
     def __rmatmul__(self, other: object) -> NoReturn:
-        """Raise a TypeError that names the remedy: the left operand of ``@`` is no pose."""
+        """Raise a TypeError that names the remedy: the left operand of ``@`` is not a pose."""
         raise TypeError(
             f"expected a Pose before @, got {type(other).__name__}: Pose.from_matrix makes one of "
             "a 4x4 matrix"
@@ -207,7 +207,7 @@ def as_pose(value: Pose | npt.ArrayLike) -> Pose:
     TypeError
         If it is neither.
     ValueError
-        If the matrix is no rigid motion.
+        If the matrix is not a rigid motion.
 
     Examples
     --------
@@ -235,7 +235,7 @@ def as_poses(values: Iterable[Pose | npt.ArrayLike]) -> tuple[Pose, ...]:
     Raises
     ------
     TypeError, ValueError
-        If one is no pose; the message names its index.
+        If one is not a pose; the message names its index.
     """
     if isinstance(values, Pose):
         raise TypeError("expected a sequence of poses, got one Pose: put it into a list")

@@ -1,4 +1,4 @@
-"""Settings as short text: what differs from the defaults."""
+"""Settings as short text: the values that differ from the defaults."""
 
 from dataclasses import MISSING, Field, fields, is_dataclass
 from typing import Any

@@ -1,4 +1,4 @@
-"""Files that only grow: a JSON record a line, each with the hash of the line before it."""
+"""Files that only grow: one JSON record per line, each with the hash of the line before it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def read_records(path: str | os.PathLike[str]) -> list[Record]:
     Raises
     ------
     UnreadableFile
-        If a line is no record, or the line before it was changed or removed.
+        If a line is not a record, or the line before it was changed or removed.
     """
     if not exists(path):
         return []
@@ -39,7 +39,7 @@ def read_records(path: str | os.PathLike[str]) -> list[Record]:
             ) from None
         if known != previous:
             raise UnreadableFile(
-                f"{os.fspath(path)}, line {number}: what stands before it was changed after it was "
+                f"{os.fspath(path)}, line {number}: what precedes it was changed after it was "
                 "written: restore the file from a backup"
             )
         records.append(record)

@@ -22,7 +22,7 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True, eq=False)
 class SeenCylinder:
-    """A cylinder in space, and along which length it was seen.
+    """A cylinder in space, and the part of its length that was observed.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class SeenCylinder:
 def relate_axes(
     first: SeenCylinder, second: SeenCylinder, up: FloatArray | None = None
 ) -> Relation:
-    """Return how two cylinders lie to each other in space.
+    """Return distance, angle, gap and flush of two cylinders in space.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def relate_axes(
         At the line of nearest approach if it lies within the seen length of both, else in the
         middle of the length that both are seen along: distance of the axes, gap of the
         surfaces, flush, angle and seam. Covariances are propagated to first order, with the
-        place along both axes held.
+        positions along both axes kept fixed.
     """
     pair = _Pair.of(first, second)
     values = pair.values(np.zeros(10), up)
@@ -75,8 +75,12 @@ def relate_axes(
     }
     if up is not None:
         quantities["flush"] = scalar(5)
-    # Parallel axes leave open which point of the line it is: only errors across it count.
-    across = np.eye(3) if pair.crossing else np.eye(3) - np.outer(pair.held, pair.held)
+    # For parallel axes any point along the line is valid: only errors perpendicular to it count.
+    across = (
+        np.eye(3)
+        if pair.crossing
+        else np.eye(3) - np.outer(pair.mean_direction, pair.mean_direction)
+    )
     seam = Seam(
         points=pair.foot_points(np.zeros(10)),
         point=values[6:9],
@@ -137,8 +141,8 @@ class _Pair:
         return covariance
 
     @property
-    def held(self) -> FloatArray:
-        """(3,) unit vector between both directions."""
+    def mean_direction(self) -> FloatArray:
+        """(3,) unit vector midway between both directions."""
         mean = self.first.direction + self.sign * self.second.direction
         unit: FloatArray = mean / np.linalg.norm(mean)
         return unit
@@ -154,7 +158,7 @@ class _Pair:
         return moved
 
     def foot_points(self, step: FloatArray) -> FloatArray:
-        """(2, 3) points of both axes: of the nearest approach, or at the same places as before."""
+        """(2, 3) points of both axes: of the nearest approach, or at unchanged positions."""
         moved, along = self._moved(step), self.along
         if self.crossing:
             along = _nearest_approach(moved[0][:2], moved[1][:2]) or along
@@ -178,17 +182,17 @@ class _Pair:
         return np.concatenate([offset, self._angle(u, v), [distance - r - t, flush], seam, mean])
 
     def _angle(self, u: FloatArray, v: FloatArray) -> FloatArray:
-        """(2,) rotation from the first axis to the second, in the plane across both."""
+        """(2,) rotation from the first axis to the second, in the plane perpendicular to both."""
         sine = np.cross(u, v)
         length = float(np.linalg.norm(sine))
         angle = math.atan2(length, float(u @ v))
         rotation = sine * (angle / length) if length > PARALLEL else sine
-        rotated: FloatArray = _plane_across(self.held) @ rotation
+        rotated: FloatArray = _plane_across(self.mean_direction) @ rotation
         return rotated
 
 
 def _plane_across(direction: FloatArray) -> FloatArray:
-    """(2, 3) unit vectors across a direction."""
+    """(2, 3) unit vectors perpendicular to a direction."""
     rows: FloatArray = np.linalg.svd(direction[None])[2][1:]
     return rows
 

@@ -1,4 +1,4 @@
-"""Calibration files that a job names: their dates, and whether they are those it was made for."""
+"""Calibration files that a job names: their dates, and a check of their hashes."""
 
 from __future__ import annotations
 
@@ -44,7 +44,8 @@ def calibration_files(job: Job, job_path: Path) -> dict[str, dict[str, str | Non
             line = line_of(("rig", f"{key}_sha256"), read_text(job_path))
             raise LsvisionError(
                 f"{job_path}, line {line}: expected {name} with SHA-256 {stated[:12]}..., "
-                f'got {digest[:12]}...: if it was calibrated anew, write {key}_sha256 = "{digest}" '
+                f"got {digest[:12]}...: if it was calibrated again, write "
+                f'{key}_sha256 = "{digest}" '
                 "and raise the revision"
             )
         provenances[key] = {"file": name, "date": _date(content), "sha256": digest}

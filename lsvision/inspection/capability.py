@@ -1,4 +1,4 @@
-"""Statistics of many verdicts: binomial intervals, process capability, part of the measurement."""
+"""Statistics of many verdicts: binomial intervals and process capability."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Capability:
     count : int
         Number of parts.
     mean, std : float
-        Mean and standard deviation of the measured values, in their unit; the standard deviation
+        Mean and standard deviation of the measured values, in their unit.
     cp, cpk : float
         Cp is NaN with one limit.
     cp_interval, cpk_interval : (float, float)
@@ -61,7 +61,7 @@ def capability(
     limits : (float, float)
         Lower and upper limit; one may be infinite.
     stds : sequence of float
-        Standard uncertainty of each value, as far as it differs from part to part.
+        Standard uncertainty of each value, without the part that is common to all.
     level : float
         Probability of the intervals.
 
@@ -117,7 +117,7 @@ def binomial_interval(hits: int, count: int, level: float = 0.95) -> tuple[float
     hits, count : int
         Number of hits, and number of trials.
     level : float
-        Probability of the interval, at least.
+        Lower bound of the probability of the interval.
 
     Examples
     --------

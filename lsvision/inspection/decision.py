@@ -1,4 +1,4 @@
-"""Three answers, and the rule between them: the guard band of ISO 14253-1."""
+"""Decision OK, NG or undecided by the guard band of ISO 14253-1."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _SEVERITY = {Decision.OK: 0, Decision.UNDECIDED: 1, Decision.NG: 2}
 
 
 def worst(decisions: Iterable[Decision]) -> Decision:
-    """The worst of several decisions: NG, then undecided, then OK; OK of none."""
+    """The worst of several decisions: NG, then undecided, then OK; OK if there are none."""
     return max(decisions, key=_SEVERITY.__getitem__, default=Decision.OK)
 
 
@@ -37,7 +37,7 @@ def decide(interval: tuple[float, float], limits: tuple[float, float]) -> Decisi
     Parameters
     ----------
     interval : (float, float)
-        Holds the true value at the job's level; with a level of 0.95 each false answer has a
+        Contains the true value at the job's level; with a level of 0.95 each false answer has a
         probability of at most 2.5 %.
     limits : (float, float)
         Smallest and largest good value; infinite where there is none.

@@ -16,7 +16,7 @@ from lsvision.results.quantities import Record, finite
 from lsvision.results.result import Result
 
 POOLING_ALPHA = 0.25
-"""p-value of the interaction above which it is taken as repeatability (AIAG)."""
+"""p-value of the interaction above which it is pooled with the repeatability (AIAG)."""
 NDC_FACTOR = 1.41
 """Factor in the number of distinct categories (AIAG)."""
 SIGMAS = 6.0
@@ -74,7 +74,7 @@ class GaugeStudy(Result):
     components : tuple of Component
         Repeatability, reproducibility, gauge (both), parts, total.
     pooled : bool
-        Whether the interaction was taken as repeatability.
+        Whether the interaction was pooled with the repeatability.
     tolerance : float, optional
         Width of the tolerance.
     level : float
@@ -88,7 +88,7 @@ class GaugeStudy(Result):
     level: float = 0.95
 
     def component(self, name: str) -> Component:
-        """Return the component of a name."""
+        """Return the component with a given name."""
         return next(each for each in self.components if each.name == name)
 
     def fraction_of_total(self, name: str) -> float:
@@ -185,7 +185,7 @@ class GaugeStudy(Result):
 def study_gauge(
     values: FloatArray, tolerance: float | None = None, level: float = 0.95
 ) -> GaugeStudy:
-    """Analyse a balanced crossed study: every operator measures every part as often.
+    """Analyse a balanced crossed study: every operator measures every part equally often.
 
     Parameters
     ----------
@@ -223,7 +223,8 @@ def _anova(table: FloatArray) -> tuple[AnovaRow, ...]:
     dofs = (p - 1, o - 1, (p - 1) * (o - 1), p * o * (r - 1))
     squares = sums_of_squares(table)
     means = [square / dof for square, dof in zip(squares, dofs, strict=True)]
-    divisors = (2, 2, 3)  # of parts and operators the interaction, of that the repeatability
+    # Rows by whose mean square each row is divided in its F test.
+    divisors = (2, 2, 3)
     names = ("parts", "operators", "interaction", "repeatability")
     rows = []
     for axis, name in enumerate(names):
@@ -250,7 +251,7 @@ def _components(
     parts[[0, 2]] = 1 / (o * r), -1 / (o * r)
     operators[[1, 2]] = 1 / (p * r), -1 / (p * r)
     interaction = np.zeros(len(error)) if pooled else np.array([0, 0, 1, -1]) / r
-    # A component below 0 is taken as none, also within a sum.
+    # A negative component counts as 0, also within a sum.
     variances = [max(float(c @ means), 0.0) for c in (operators, interaction, parts)]
     repeat = means[-1]
     combinations = {

@@ -1,4 +1,4 @@
-"""Golden part: a reference that must be measured rightly before others are judged."""
+"""Golden part: a reference that must be measured correctly before others are judged."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SUFFIX = ".golden.jsonl"
 
 
 def golden_path(job: Job, job_path: Path) -> Path:
-    """The log of the golden part: as the job names it, else beside the job."""
+    """Path of the log of the golden part: that in the job, else beside the job file."""
     if job.golden is not None and job.golden.log is not None:
         return job_path.parent / job.golden.log
     return job_path.with_name(job_path.name + SUFFIX)
@@ -30,7 +30,7 @@ def check_golden(
     Parameters
     ----------
     cylinders : sequence of CylinderSection or ScannedCylinder
-        What was measured; the one nearest to the known radius is the golden part.
+        Measured cylinders; the one nearest to the known radius is the golden part.
     job : Job
         Job with a ``[golden]`` table.
     source : str

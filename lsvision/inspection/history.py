@@ -18,7 +18,7 @@ def history_path(job_path: Path) -> Path:
 
 
 def record_revision(job: Job, job_path: Path, now: datetime.datetime) -> bool:
-    """Keep a revision in the history of its job; False if it is there already.
+    """Record a revision in the history of its job; False if it is there already.
 
     Raises
     ------

@@ -24,7 +24,7 @@ class Inspected:
     source : str
         Name of the file, or of the folder of a scan.
     profile : int
-        Place of the profile in its file; 0 for a scan.
+        Index of the profile in its file; 0 for a scan.
     measurement : Measurement or ScanMeasurement
         Measurement that was judged.
     verdict : Verdict
@@ -139,18 +139,18 @@ def series_of(inspected: Sequence[Inspected]) -> list[Series]:
         for quantity in item.quantities
         if quantity.estimate.determined and math.isfinite(quantity.estimate.value)
     ]
-    for place, (name, quantity, _) in enumerate(judged):
-        found.setdefault((name, quantity.key), []).append(place)
+    for index, (name, quantity, _) in enumerate(judged):
+        found.setdefault((name, quantity.key), []).append(index)
     series = []
-    for (name, _), places in found.items():
-        quantities = [judged[place][1] for place in places]
+    for (name, _), indices in found.items():
+        quantities = [judged[index][1] for index in indices]
         estimates = [each.estimate for each in quantities]
         series.append(
             Series(
                 item=name,
                 quantity=estimates[0].quantity,
                 limits=quantities[0].limits,
-                numbers=tuple(judged[place][2] for place in places),
+                numbers=tuple(judged[index][2] for index in indices),
                 values=tuple(each.value for each in estimates),
                 stds=tuple(each.std for each in estimates),
                 lows=tuple(each.interval[0] for each in estimates),

@@ -1,4 +1,4 @@
-"""The job: what is measured, and when it is good; from a TOML file, with every mistake named."""
+"""Job: settings of a measurement and limits of its parts, read from a TOML file."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ class Job(JobTable):
         Raises
         ------
         InvalidJob, UnreadableFile
-            If the job has mistakes; if there is no such file, or it is no text.
+            If the job has mistakes; if there is no such file, or it is not text.
 
         Examples
         --------
@@ -157,7 +157,7 @@ class Job(JobTable):
         return hashlib.sha256(text.encode()).hexdigest()
 
     def part(self, name: str) -> Part:
-        """Return the part of a name.
+        """Return the part with a given name.
 
         Parameters
         ----------
@@ -191,7 +191,7 @@ class Job(JobTable):
 
 
 def _claims(parts: tuple[Part, ...]) -> list[tuple[Location, str]]:
-    """Parts that claim one cylinder, or one name."""
+    """Mistakes of parts with the same cylinder, or the same name."""
     mistakes: list[tuple[Location, str]] = []
     for (_, first), (number, second) in itertools.combinations(enumerate(parts), 2):
         where = ("part", number)
@@ -201,7 +201,8 @@ def _claims(parts: tuple[Part, ...]) -> list[tuple[Location, str]]:
             mistakes.append(
                 (
                     (*where, "order"),
-                    f"{first.name!r} and {second.name!r} claim one pipe, order {first.order}: "
+                    f"{first.name!r} and {second.name!r} are the same cylinder, order "
+                    f"{first.order}: "
                     "give each its own",
                 )
             )
@@ -209,15 +210,16 @@ def _claims(parts: tuple[Part, ...]) -> list[tuple[Location, str]]:
             mistakes.append(
                 (
                     (*where, f"{next(iter(second.windows))}_mm"),
-                    f"{first.name!r} and {second.name!r} claim one pipe: their windows overlap; "
-                    "draw the border between them",
+                    f"{first.name!r} and {second.name!r} are the same cylinder: their windows "
+                    "overlap; "
+                    "separate the windows",
                 )
             )
     return mistakes
 
 
 def _overlap(first: Part, second: Part) -> bool:
-    """Whether some place lies in the windows of both parts."""
+    """Whether the windows of both parts overlap."""
     everywhere = (float("-inf"), float("inf"))
     for axis in "xyz":
         low_1, high_1 = first.windows.get(axis, everywhere)
@@ -228,7 +230,7 @@ def _overlap(first: Part, second: Part) -> bool:
 
 
 def _unknown_parts(job: Job) -> list[tuple[Location, str]]:
-    """Relations to parts that are none."""
+    """Mistakes of relations that name unknown parts."""
     names = [part.name for part in job.parts]
     mistakes: list[tuple[Location, str]] = []
     for number, relation in enumerate(job.relations):

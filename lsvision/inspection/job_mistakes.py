@@ -1,8 +1,8 @@
 """Mistakes in a job file, each with its line and the remedy.
 
-`tomllib` keeps no positions, so that the line of a key is looked up in the text: keys stand at the
-beginning of a line, below the header of their table. A style-preserving parser (tomlkit) would be a
-dependency more for one number, and does not give lines either.
+`tomllib` keeps no positions, so that the line of a key is looked up in the text: keys are at the
+beginning of a line, below the header of their table. A style-preserving parser (tomlkit) would be
+one more dependency, and does not give line numbers either.
 """
 
 from __future__ import annotations
@@ -61,11 +61,11 @@ class MistakesError(ValueError):
 
 
 def syntax_mistake(error: tomllib.TOMLDecodeError) -> Mistake:
-    """The mistake of a text that is no TOML."""
+    """The mistake of a text that is not TOML."""
     message = str(error)
     found = _POSITION.search(message)
     words = _POSITION.sub("", message)
-    return Mistake(int(found[1]) if found else None, f"no TOML: {words[:1].lower()}{words[1:]}")
+    return Mistake(int(found[1]) if found else None, f"not TOML: {words[:1].lower()}{words[1:]}")
 
 
 def describe_mistakes(error: ValidationError, text: str, model: type[BaseModel]) -> list[Mistake]:
@@ -83,7 +83,7 @@ def describe_mistakes(error: ValidationError, text: str, model: type[BaseModel])
     lines = _lines_of_keys(text)
     mistakes: list[Mistake] = []
     details = error.errors()
-    if len(details) > 1:  # parts with mistakes are no parts, and so there seem to be too few
+    if len(details) > 1:  # parts with mistakes are left out, so that there seem to be too few
         details = [detail for detail in details if detail["type"] != "too_short"]
     for detail in details:
         cause = detail.get("ctx", {}).get("error")

@@ -26,7 +26,7 @@ Vector = tuple[Number, Number, Number]
 
 
 class Source(JobTable):
-    """Source of the profiles when the job runs by itself."""
+    """Source of the profiles when the job runs unattended."""
 
     kind: Literal["folder", "replay", "leuze-lps", "keyence-ljx", "genicam", "camera"]
     path: str | None = None
@@ -83,10 +83,10 @@ class Measure(JobTable):
 
 
 class Part(JobTable):
-    """A cylinder that must be there: which one it is, and its limits.
+    """A cylinder that is expected: how it is identified, and its limits.
 
-    It is found by place (`x_mm`, `y_mm`, `z_mm`: its centre lies in all windows that are given),
-    by `order` (from the left, or in the order of the scan), or else by radius.
+    It is identified by position (`x_mm`, `y_mm`, `z_mm`: its centre lies in all windows that are
+    given), by `order` (from the left, or in the order of the scan), or else by radius.
     """
 
     name: Name
@@ -119,10 +119,11 @@ class Part(JobTable):
             if window[0] >= window[1]:
                 raise ValueError(f"{axis}_mm reversed: expected [least, largest], got {[*window]}")
         if self.windows and self.order is not None:
-            raise ValueError("expected a place (x_mm, y_mm, z_mm) or an order, got both")
+            raise ValueError("expected a position (x_mm, y_mm, z_mm) or an order, got both")
         if not self.windows and self.order is None and self.expected_radius is None:
             raise ValueError(
-                "expected the cylinder that it is, got nothing: add x_mm = [least, largest], "
+                "expected a way to identify the cylinder, got nothing: add x_mm = [least, "
+                "largest], "
                 "order = 1, or a radius_mm with a nominal"
             )
         needs = {"direction_deg": "nominal_direction", "position_mm": "nominal_point_mm"}
@@ -130,13 +131,10 @@ class Part(JobTable):
             if getattr(self, key) is not None and getattr(self, need) is None:
                 raise ValueError(f"{key} is counted from {need}: add it")
         if self.nominal_direction is not None and not math.hypot(*self.nominal_direction) > 0:
-            raise ValueError("expected a nominal_direction with a length, got 0, 0, 0")
+            raise ValueError("expected a non-zero nominal_direction, got 0, 0, 0")
         theta = self.theta_deg
         if theta is not None and not 0 < theta.ends[1] - theta.ends[0] < 180:
-            raise ValueError(
-                "theta_deg is an angle without a beginning: expected both limits, less than 180 "
-                "deg apart"
-            )
+            raise ValueError("theta_deg is periodic: expected both limits, less than 180 deg apart")
         return self
 
     @property
@@ -163,7 +161,7 @@ class Part(JobTable):
 
 
 class RelationLimits(JobTable):
-    """Limits of what two parts have in common."""
+    """Limits of the quantities between two parts."""
 
     between: tuple[Name, Name]
     up: Vector | None = None
@@ -177,7 +175,7 @@ class RelationLimits(JobTable):
         if not self.limits:
             raise ValueError(f"expected a limit among {', '.join(RELATION_KEYS)}, got none")
         if self.up is not None and not math.hypot(*self.up) > 0:
-            raise ValueError("expected up with a length, got 0, 0, 0")
+            raise ValueError("expected a non-zero up, got 0, 0, 0")
         return self
 
     @property
@@ -204,7 +202,7 @@ class DecisionRule(JobTable):
 
 
 class Golden(JobTable):
-    """A reference part that must be measured now and then, and rightly."""
+    """Reference part that must be measured at intervals, and within its tolerance."""
 
     radius_mm: Positive
     tolerance_mm: Positive
@@ -221,7 +219,7 @@ class Address(JobTable):
 
 
 class Output(JobTable):
-    """Destination of the results when the job runs by itself."""
+    """Destination of the results when the job runs unattended."""
 
     results: str | None = None
     record: str | None = None

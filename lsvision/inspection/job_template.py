@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from lsvision.ellipse.section import CylinderSection
 
 HEAD = """\
-# A job for lsvision: lsvision job check FILE says what is wrong in it, lsvision inspect FILE
+# A job for lsvision: lsvision job check FILE lists its mistakes, lsvision inspect FILE
 # PROFILES judges by it. Lengths are in mm, angles in deg, as the names say.
 schema = 1
 name = {name}
@@ -23,10 +23,10 @@ radius_mm = [{low:g}, {high:g}]  # where cylinders are searched
 PART = """
 [[part]]
 name = "part {number}"
-x_mm = [{left:g}, {right:g}]  # which cylinder: by place; or order = {number}
+x_mm = [{left:g}, {right:g}]  # which cylinder: by position; or order = {number}
 radius_mm = {{ nominal = {radius:g}, upper = {tolerance:g}, lower = -{tolerance:g} }}
 # measured: {text}
-# known_radius_mm = [{radius:g}, 0.05]  # a radius known beforehand and its sigma sharpens phi
+# known_radius_mm = [{radius:g}, 0.05]  # a known radius and its sigma reduce the uncertainty of phi
 # phi_deg = {{ max = 5 }}  # measured {phi:.1f}
 # centre_x_mm = {{ nominal = {x:.1f}, upper = 1, lower = -1 }}
 """
@@ -41,7 +41,7 @@ level = 0.95  # OK and NG are each wrong with a probability of at most 2.5 %
 undecided = "ng"  # what a one-bit output says
 # extra_std = { radius_mm = 0.01 }  # not in the fit: temperature, repeatability
 
-# [golden]  # a reference part; overdue or failed, and nothing is decided
+# [golden]  # a reference part; if it is overdue or failed, every verdict is undecided
 # radius_mm = 20
 # tolerance_mm = 0.05
 # every_hours = 8

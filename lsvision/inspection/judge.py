@@ -1,4 +1,4 @@
-"""`judge`: a measurement and a job in, what is proved out."""
+"""`judge`: verdict on a measurement by the limits of a job."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ def judge(
     A quantity is OK where its interval at the job's level lies inside the limits, NG where it lies
     wholly outside, else undecided (the guard band of ISO 14253-1): with level 0.95 a part outside
     its limits is judged OK with a probability of at most 2.5 %, and one inside NG likewise. The
-    job's ``extra_std`` is added to both half widths in quadrature. A part, a relation and the
-    whole are the worst of what they hold, NG > undecided > OK.
+    job's ``extra_std`` is added to both half widths in quadrature. The decision on a part, a
+    relation or the whole is the worst of its quantities, NG > undecided > OK.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def judge(
     job : Job
         Parts, relations and their limits.
     blocked : str
-        Why nothing can be decided now, as of an overdue golden part (see
+        Reason why nothing can be decided now, such as an overdue golden part (see
         `lsvision.inspection.golden`); every verdict is then undecided.
     calibration : mapping, optional
         Date and hash of each calibration file, for the record.
@@ -59,7 +59,7 @@ def judge(
     Returns
     -------
     Verdict
-        A missing part is NG, with the recogniser's reasons; one that was seen and whose radius
+        A missing part is NG, with the reasons of rejected arcs; one that was seen and whose radius
         is not determinable is undecided. `Verdict.decision` compares to ``"OK"``, ``"NG"`` and
         ``"undecided"``.
 
@@ -138,7 +138,7 @@ def _judge_part(cylinder: CylinderOfJob, part: Part, job: Job, index: int) -> It
 
 
 def _judged(estimate: Estimate, key: str, limits: tuple[float, float], job: Job) -> QuantityVerdict:
-    """The verdict of a quantity with the job's extra uncertainty, theta turned to its limits."""
+    """The verdict of a quantity with the job's extra uncertainty; theta is near its limits."""
     level, extra = job.decision.level, job.extra_std(key)
     estimate = replace(
         estimate,
@@ -193,8 +193,8 @@ def _missing(
     part: Part, measurement: Measurement | ScanMeasurement, matching: Matching
 ) -> ItemVerdict:
     """A part without a cylinder: NG, or undecided if it was seen and is not determinable."""
-    if part.name in matching.claimed:
-        reason = f"the only cylinder there is taken as {matching.claimed[part.name]!r}"
+    if part.name in matching.owners:
+        reason = f"the only cylinder there is assigned to {matching.owners[part.name]!r}"
         return ItemVerdict(part.name, decided=Decision.UNDECIDED, reason=reason)
     reasons = [reason for reason in _rejections_at(part, measurement) if reason]
     seen = next((reason for reason in reasons if reason.startswith(UNDETERMINABLE)), None)
@@ -229,7 +229,7 @@ def _rejections_at(part: Part, measurement: Measurement | ScanMeasurement) -> li
 
 def _additional(matching: Matching, cylinders: Sequence[CylinderOfJob]) -> list[str]:
     return [
-        f"additional: cylinder {index + 1}, radius {cylinders[index].radius:.4g} mm, is no part"
+        f"additional: cylinder {index + 1}, radius {cylinders[index].radius:.4g} mm, is not a part"
         for index in matching.additional
     ]
 
@@ -262,7 +262,7 @@ def _exchanged(
 
 
 def _blocked(verdict: Verdict, reason: str) -> Verdict:
-    """The verdict with every decision open, and why."""
+    """The verdict with every decision undecided, and the reason."""
 
     def opened(item: ItemVerdict) -> ItemVerdict:
         return replace(item, decided=Decision.UNDECIDED, reason=reason)

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from lsvision.results.quantities import Quantity, Unit
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-"""A finite number; a text or a truth value is none."""
+"""A finite number; text and booleans are rejected."""
 Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
 
 SECTION_KEYS = ("radius_mm", "diameter_mm", "theta_deg", "phi_deg", "centre_x_mm", "centre_y_mm")
@@ -27,7 +27,7 @@ UNITS: tuple[Unit, ...] = ("mm_per_m", "percent", "deg", "mm")
 
 
 DIGITS = 9
-"""Decimals of a sum of a nominal and a deviation, which binary numbers do not hold exactly."""
+"""Decimals of a sum of a nominal and a deviation, which binary numbers do not represent exactly."""
 
 
 def quantity_of(key: str) -> Quantity:
@@ -43,7 +43,7 @@ def quantity_of(key: str) -> Quantity:
 
 
 class JobTable(BaseModel):
-    """Base of the tables of a job: frozen, without keys that nobody reads."""
+    """Base of the tables of a job: frozen; unknown keys are errors."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -82,7 +82,7 @@ class Limits(JobTable):
             raise ValueError(
                 f"limits reversed: from {least:g} to {most:g}; exchange them"
                 if least > most
-                else f"expected limits with room between them, got {least:g} twice"
+                else f"expected different limits, got {least:g} twice"
             )
         both = self.upper is not None and self.lower is not None  # then a fit, as -0.02, -0.05
         if self.nominal is not None and not both and not least <= self.nominal <= most:

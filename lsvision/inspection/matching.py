@@ -23,14 +23,14 @@ class Matching:
     cylinders : mapping of str to int
         Index of the cylinder of each part that was found.
     additional : tuple of int
-        Indices of the cylinders that are no part of the job.
-    claimed : mapping of str to str
-        Parts that would be the cylinder of another part, and its name.
+        Indices of the cylinders that are not parts of the job.
+    owners : mapping of str to str
+        Parts whose only cylinder is already another part's, and the name of that part.
     """
 
     cylinders: Mapping[str, int]
     additional: tuple[int, ...]
-    claimed: Mapping[str, str]
+    owners: Mapping[str, str]
 
 
 def match_parts(parts: Sequence[Part], cylinders: Sequence[CylinderOfJob]) -> Matching:
@@ -39,58 +39,60 @@ def match_parts(parts: Sequence[Part], cylinders: Sequence[CylinderOfJob]) -> Ma
     Parameters
     ----------
     parts : sequence of Part
-        Those with a place take the cylinder nearest to the middle of their windows among those
-        that lie in them, those with an order the one of that number; the others share what is
-        left so that the radii deviate least in sum, each by 20 % at the most.
+        Those with windows take the cylinder nearest to the middle of their windows among those
+        that lie in them, those with an order the one of that number; the remaining cylinders are
+        assigned to the others so that the sum of the deviations of the radii is smallest, each 20 %
+        at the most.
     cylinders : sequence of CylinderSection or ScannedCylinder
         In the order of the measurement, that is from left to right in a profile.
     """
     matched: dict[str, int] = {}
-    claimed: dict[str, str] = {}
+    owners: dict[str, str] = {}
     for part in parts:
-        index = _by_place_or_order(part, cylinders)
+        index = _by_position_or_order(part, cylinders)
         if index is None:
             continue
         owner = next((name for name, taken in matched.items() if taken == index), None)
         if owner is None:
             matched[part.name] = index
         else:
-            claimed[part.name] = owner
+            owners[part.name] = owner
     rest = [index for index in range(len(cylinders)) if index not in matched.values()]
     by_radius = [part for part in parts if not part.windows and part.order is None]
     matched |= _by_radius(by_radius, cylinders, rest)
     additional = tuple(index for index in rest if index not in matched.values())
-    return Matching(matched, additional, claimed)
+    return Matching(matched, additional, owners)
 
 
-def place_of(cylinder: CylinderOfJob) -> tuple[float, ...]:
+def position_of(cylinder: CylinderOfJob) -> tuple[float, ...]:
     """Centre in the section, or point of the axis in the base frame. Units: mm."""
-    place = getattr(cylinder, "centre", None)
-    return tuple(map(float, cylinder.point if place is None else place))  # type: ignore[union-attr] # a ScannedCylinder has no centre
+    position = getattr(cylinder, "centre", None)
+    return tuple(map(float, cylinder.point if position is None else position))  # type: ignore[union-attr]
+    # a ScannedCylinder has no centre
 
 
-def lies_in_windows(part: Part, place: Sequence[float]) -> bool:
+def lies_in_windows(part: Part, position: Sequence[float]) -> bool:
     """Whether a position lies in all windows of a part; windows of missing axes are ignored."""
     return all(
         low <= coordinate <= high
         for axis, (low, high) in part.windows.items()
-        for coordinate in place["xyz".index(axis) :][:1]
+        for coordinate in position["xyz".index(axis) :][:1]
     )
 
 
-def _by_place_or_order(part: Part, cylinders: Sequence[CylinderOfJob]) -> int | None:
+def _by_position_or_order(part: Part, cylinders: Sequence[CylinderOfJob]) -> int | None:
     if part.order is not None:
         return part.order - 1 if part.order <= len(cylinders) else None
     if not part.windows:
         return None
-    places = [place_of(cylinder) for cylinder in cylinders]
-    inside = [index for index, place in enumerate(places) if lies_in_windows(part, place)]
+    positions = [position_of(cylinder) for cylinder in cylinders]
+    inside = [index for index, position in enumerate(positions) if lies_in_windows(part, position)]
 
     def off_middle(index: int) -> float:
         return sum(
-            (places[index]["xyz".index(axis)] - (low + high) / 2) ** 2
+            (positions[index]["xyz".index(axis)] - (low + high) / 2) ** 2
             for axis, (low, high) in part.windows.items()
-            if "xyz".index(axis) < len(places[index])
+            if "xyz".index(axis) < len(positions[index])
         )
 
     return min(inside, key=off_middle, default=None)
@@ -106,7 +108,7 @@ def _by_radius(
     wanted = np.array([part.expected_radius for part in parts], dtype=np.float64)
     radii = np.array([cylinders[index].radius for index in rest])
     deviations = np.abs(radii / wanted[:, None] - 1)
-    far = 1.0 + len(parts)  # dearer than all allowed deviations together
+    far = 1.0 + len(parts)  # costs more than all allowed deviations together
     rows, columns = linear_sum_assignment(np.where(deviations > RADIUS_TOLERANCE, far, deviations))
     return {
         parts[row].name: rest[column]

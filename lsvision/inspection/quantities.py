@@ -28,7 +28,7 @@ def measure_quantity(cylinder: CylinderOfJob, part: Part, key: str, level: float
     cylinder : CylinderSection or ScannedCylinder
         Measured cylinder.
     part : Part
-        The part that it is taken for; the origin of directions and positions.
+        The part to which it is assigned; origin of directions and positions.
     key : str
         One of `SECTION_KEYS` for a section, of `SCAN_KEYS` for a scan.
     level : float

@@ -35,7 +35,7 @@ def relate(
     Relation
         In a section: distance of the centres and gap of the ellipses in its plane; the angle
         between the axes has a wide interval, because the signs of both tilts are open. In space:
-        all of it at the line of nearest approach, or in the middle of the seen length if that
+        all quantities at the line of nearest approach, or in the middle of the seen length if that
         line lies outside, as for parallel pipes; and the seam between both.
 
     Raises
@@ -70,7 +70,7 @@ def relate(
         direction = np.asarray(up, dtype=np.float64)
         length = float(np.linalg.norm(direction)) if direction.shape == (3,) else math.nan
         if not (math.isfinite(length) and length > 0):
-            raise ValueError(f"expected up as three numbers with a length, got {up!r}")
+            raise ValueError(f"expected up as three numbers, not all zero, got {up!r}")
         direction = direction / length
     return relate_axes(_seen(a), _seen(b), direction)
 

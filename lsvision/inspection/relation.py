@@ -133,7 +133,7 @@ class Relation(Result):
         return self.quantities["gap"].std
 
     def interval(self, quantity: str, level: float = LEVEL) -> tuple[float, float]:
-        """Return the interval that holds the true value with probability `level`.
+        """Return the interval that contains the true value with probability `level`.
 
         Parameters
         ----------

@@ -28,7 +28,7 @@ WORDS = {2: "two", 3: "three", 5: "five"}
 
 @dataclass(frozen=True)
 class Remedy:
-    """Measurement that would decide a quantity, if its value stays as it is.
+    """Measurement that would decide a quantity, if its value does not change.
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ UP = np.array([0.0, 1.0])
 
 
 def relate_sections(first: CylinderSection, second: CylinderSection) -> Relation:
-    """Return how two cylinders of one section lie to each other, in the section's plane.
+    """Return distance, angle, gap and flush of two cylinders in the plane of their section.
 
     The covariances of both fits, which share no points, are propagated to first order.
 
@@ -75,7 +75,8 @@ class AngleOfSections:
         """From the least to the largest angle that the intervals of both tilts allow.
 
         |phi_1 - phi_2| <= angle <= phi_1 + phi_2, whatever both directions are; each tilt is
-        taken at the level (1 + level) / 2, so that both hold together.
+        taken at the level (1 + level) / 2, so that both contain the true tilts with that of
+        `level`.
         """
         pairs = [each.interval("phi", (1 + level) / 2) for each in (self.first, self.second)]
         (low_1, high_1), (low_2, high_2) = pairs
@@ -126,7 +127,7 @@ def _std(
 def _direction_of_gap(first: CylinderSection, second: CylinderSection) -> FloatArray:
     """Unit vector along which the ellipses are separated most: along their shortest distance.
 
-    For ellipses that overlap it is the direction of the shortest way apart.
+    For ellipses that overlap it is the direction of the shortest displacement that separates them.
     """
     angles = np.linspace(0, 2 * math.pi, DIRECTIONS, endpoint=False)
     best = float(angles[np.argmax(_separations(first, second, angles))])

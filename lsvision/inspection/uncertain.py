@@ -37,7 +37,7 @@ class Uncertain(Protocol):
         ...
 
     def interval(self, level: float) -> tuple[float, float]:
-        """Interval that holds the true value with probability `level`."""
+        """Interval that contains the true value with probability `level`."""
         ...
 
 
@@ -87,8 +87,8 @@ class Length(ComparedByValue):
     The length of a noisy vector is larger than the true one on average. The lower end is the true
     length at which a length as large as the estimate has the probability (1 - level) / 2, with
     the vector in the estimated direction; 0 if noise alone makes it that probable. The upper end is
-    the linear one, which the bias makes safer, with the largest standard deviation where the
-    direction is open.
+    the linear one, which the bias makes conservative, with the largest standard deviation where the
+    direction is undetermined.
 
     Examples
     --------

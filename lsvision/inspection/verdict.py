@@ -1,4 +1,4 @@
-"""Result of `lsvision.judge`: what is proved of each quantity, part and relation, and why."""
+"""Result of `lsvision.judge`: decision on each quantity, part and relation, with the reason."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ class QuantityVerdict(Result):
     ----------
     estimate : Estimate
         Value, standard uncertainty and interval at the job's level, both with the job's
-        ``extra_std``; an angle without a beginning is turned next to its limits.
+        ``extra_std``; a periodic angle is shifted next to its limits.
     limits : (float, float)
         Smallest and largest good value; infinite where there is none.
     decision : Decision
         Decision that the interval proves.
     reason : str
-        Why, in numbers.
+        Reason with numbers.
     level : float
         Probability of the interval.
     """
@@ -105,7 +105,7 @@ class ItemVerdict(Result):
     decided : Decision, optional
         Decision without any quantity: a missing part is NG.
     reason : str
-        Why `decided`; empty without.
+        Reason of `decided`; empty without.
     """
 
     name: str
@@ -167,7 +167,7 @@ class Provenance:
     calibration: Mapping[str, Mapping[str, str | None]] = field(default_factory=dict, hash=False)
 
     def to_record(self) -> Record:
-        """Ready for JSON."""
+        """Return the provenance, ready for JSON."""
         return {
             "job": self.job,
             "revision": self.revision,
@@ -186,13 +186,13 @@ class Verdict(Result):
     parts, relations : tuple of ItemVerdict
         Verdicts on parts and relations, in the order of the job.
     additional : tuple of int
-        Indices of cylinders that are no part of the job.
+        Indices of cylinders that are not parts of the job.
     notes : tuple of str
         Further messages: additional and exchanged parts.
     provenance : Provenance
         Job, version, calibration.
     blocked : str
-        Why nothing can be decided: a golden part that is overdue or failed; else empty.
+        Reason why nothing can be decided: a golden part that is overdue or failed; else empty.
     additional_is_ng : bool
         Whether an additional cylinder makes the verdict NG.
     undecided_passes : bool
@@ -251,12 +251,12 @@ class Verdict(Result):
         Returns
         -------
         ItemVerdict
-            The first of that name.
+            The first with that name.
         """
         return next(item for item in self.parts if item.name == name)
 
     def to_dict(self) -> Record:
-        """Return the verdict as plain numbers and words, ready for JSON.
+        """Return the verdict as plain numbers and text, ready for JSON.
 
         Returns
         -------
@@ -305,7 +305,7 @@ QUANTITY_HEADER = ("", "quantity", "value", "interval", "limits", "margin", "")
 
 
 def item_cells(items: Sequence[ItemVerdict]) -> list[tuple[str, ...]]:
-    """Cells of a table: a row a quantity, the header first."""
+    """Cells of a table: one row per quantity, the header first."""
     rows: list[tuple[str, ...]] = [QUANTITY_HEADER]
     for item in items:
         if not item.quantities:
@@ -384,4 +384,4 @@ def _reason(estimate: Estimate, limits: tuple[float, float], decision: Decision)
         return f"interval {interval} {unit} lies wholly {side}"
     crossed = [f"{end:g}" for end in limits if low < end < high]
     word = "limits" if len(crossed) > 1 else "limit"
-    return f"interval {interval} {unit} holds the {word} {' and '.join(crossed)}"
+    return f"interval {interval} {unit} contains the {word} {' and '.join(crossed)}"

@@ -77,7 +77,7 @@ def read_camera_covariance(path: str | os.PathLike[str]) -> FloatArray | None:
     Raises
     ------
     UnreadableFile
-        If the file is missing, or the covariance is no symmetric matrix of that size.
+        If the file is missing, or the covariance is not a symmetric matrix of that size.
     """
     source, camera = Path(path), read_camera(path)
     with size_limit(min(current_size_limit(), MAX_SIZE)):
@@ -91,7 +91,7 @@ def read_camera_covariance(path: str | os.PathLike[str]) -> FloatArray | None:
         if not (np.isfinite(covariance).all() and np.allclose(covariance, covariance.T)):
             raise ValueError("expected a finite symmetric matrix")
     except (TypeError, ValueError) as error:
-        raise UnreadableFile(f"{source}: camera_covariance: {error}: calibrate anew") from error
+        raise UnreadableFile(f"{source}: camera_covariance: {error}: calibrate again") from error
     return covariance
 
 

@@ -1,4 +1,4 @@
-"""Frames of a camera by its name: an index, a GenICam camera, or a video in its place."""
+"""Frames of a camera that is given by name: an index, a GenICam camera, or a video instead."""
 
 from collections.abc import Iterator
 from importlib import import_module
@@ -12,13 +12,13 @@ from lsvision.errors import LsvisionError
 from lsvision.io.frames import Frame, capture_frames, read_frames
 
 GENICAM = "genicam:"
-"""Before the address of a GenICam camera; with nothing behind it, the only one is meant."""
+"""Prefix of the address of a GenICam camera; without an address, the only connected one."""
 DISCOVERY_MS, FRAME_MS = 1000, 3000
 """Time limits for the answer of a camera, and for a frame. Units: ms."""
 
 
 def open_camera(name: str) -> Iterator[Frame]:
-    """Return the frames of a camera, one after the other until it stops or the caller does.
+    """Yield the frames of a camera until it or the caller stops.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Files of a name: the file itself, the files of a folder, or those of a pattern."""
+"""Files that a name denotes: one file, the files of a folder, or those that match a pattern."""
 
 import glob
 from pathlib import Path
@@ -12,13 +12,13 @@ PROFILE_SUFFIXES = frozenset(
         *(".npy", ".npz", ".ply", ".pcd", ".parquet", ".bag", ".db3", ".mcap"),
     ]
 )
-"""Files that count as profiles when a folder is named; any file can be named by itself."""
+"""Files that count as profiles when a folder is named; any file can be named explicitly."""
 
 _ROS2_STORAGE, _ROS2_METADATA = (".db3", ".mcap"), "metadata.yaml"
 
 
 def find_files(name: str, suffixes: frozenset[str] = PROFILE_SUFFIXES) -> list[Path]:
-    """Return the files of a name, folder or pattern in natural order (2 before 10).
+    """Return the files that a name denotes, in natural order (2 before 10).
 
     Parameters
     ----------

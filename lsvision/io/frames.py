@@ -48,7 +48,8 @@ def read_frames(path: str | os.PathLike[str]) -> Iterator[Frame]:
         first = next(frames := _frames(capture), None)
         if first is None:
             raise UnreadableFile(
-                f"{source} holds no frame that can be decoded: play it to see whether it is whole, "
+                f"{source} holds no frame that can be decoded: play it to see whether it is "
+                "complete, "
                 "or save it again as AVI or MP4"
             )
         yield first

@@ -95,8 +95,8 @@ def load_hand_eye(path: str | Path) -> HandEye:
     Raises
     ------
     UnreadableFile
-        If the file is missing, is not JSON, is of another schema or lacks a field; if a pose is no
-        rigid motion, a covariance is invalid, or a number is not finite.
+        If the file is missing, is not JSON, is of another schema or lacks a field; if a pose is not
+        a rigid motion, a covariance is invalid, or a number is not finite.
 
     Examples
     --------
@@ -124,7 +124,7 @@ def load_hand_eye(path: str | Path) -> HandEye:
         _check_numbers(hand_eye)
     except KeyError as error:
         raise UnreadableFile(
-            f"{path}: expected a whole hand-eye file, got one with a bad or missing {error}: "
+            f"{path}: expected a complete hand-eye file, got one with a bad or missing {error}: "
             "calibrate again"
         ) from error
     except (TypeError, ValueError, AttributeError, OverflowError) as error:

@@ -1,4 +1,4 @@
-"""Samples of a hand-eye calibration as ROS tools store them: flange and target, pair by pair.
+"""Samples of a hand-eye calibration as ROS tools store them: pairs of flange and target poses.
 
 Lengths are in metres. MoveIt: a list of ``effector_wrt_world`` and ``object_wrt_sensor``, 4x4 row
 by row. easy_handeye2: ``samples`` of ``robot`` and ``tracking`` (or ``optical``). easy_handeye:
@@ -28,7 +28,7 @@ def read_hand_eye_samples(
     path : path
         ``.json`` is JSON, anything else YAML.
     mounting : {"eye_in_hand", "eye_to_hand"}
-        easy_handeye stores the inverse pose of the flange for a camera that stands still.
+        easy_handeye stores the inverse pose of the flange for a fixed camera.
 
     Returns
     -------
@@ -38,7 +38,7 @@ def read_hand_eye_samples(
     Raises
     ------
     UnreadableFile
-        If the file is missing, not parsed, of another kind, or holds a pose that is none.
+        If the file is missing, cannot be parsed, is of another kind, or contains an invalid pose.
     """
     file = Path(path)
     parse = parse_json if file.suffix.lower() == ".json" else parse_yaml

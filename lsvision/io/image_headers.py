@@ -45,11 +45,11 @@ def _png_size(content: bytes) -> tuple[int, int] | None:
     """Return the size of a PNG with complete chunks: OpenCV may hang at a truncated one."""
     if content[12:16] != b"IHDR":
         return None
-    place, kind = len(_PNG_MAGIC), b""
+    offset, kind = len(_PNG_MAGIC), b""
     while kind != b"IEND":
-        length, kind = struct.unpack_from(">I4s", content, place)
-        place += 12 + length
-        if place > len(content) or kind in _ANIMATION_CHUNKS:
+        length, kind = struct.unpack_from(">I4s", content, offset)
+        offset += 12 + length
+        if offset > len(content) or kind in _ANIMATION_CHUNKS:
             return None
     return struct.unpack_from(">II", content, 16)
 
@@ -82,24 +82,24 @@ def _webp_size(content: bytes) -> tuple[int, int] | None:
 
 
 def _jpeg_size(content: bytes) -> tuple[int, int] | None:
-    place = 2
+    offset = 2
     while True:
-        place = content.find(b"\xff", place)
-        if place < 0:
+        offset = content.find(b"\xff", offset)
+        if offset < 0:
             return None
-        marker = content[place + 1] if place + 1 < len(content) else _JPEG_END
+        marker = content[offset + 1] if offset + 1 < len(content) else _JPEG_END
         if marker in _JPEG_FRAMES:
-            height, width = struct.unpack_from(">HH", content, place + 5)
+            height, width = struct.unpack_from(">HH", content, offset + 5)
             return width, height
         if marker in (_JPEG_SCAN, _JPEG_END):
             return None
         if marker == 0xFF:
-            place += 1
+            offset += 1
         elif marker in _JPEG_ALONE or marker == 0:
-            place += 2
+            offset += 2
         else:
-            (length,) = struct.unpack_from(">H", content, place + 2)
-            place += 2 + length
+            (length,) = struct.unpack_from(">H", content, offset + 2)
+            offset += 2 + length
 
 
 def _tiff_size(content: bytes) -> tuple[int, int] | None:

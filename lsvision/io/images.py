@@ -22,13 +22,13 @@ def read_image(path: str | os.PathLike[str]) -> npt.NDArray[Any]:
     Parameters
     ----------
     path : path
-        PNG, TIFF, JPEG, BMP, PGM, PPM or WebP, known by its first bytes; ``"-"`` is standard
+        PNG, TIFF, JPEG, BMP, PGM, PPM or WebP, detected by its first bytes; ``"-"`` is standard
         input.
 
     Returns
     -------
     (height, width) or (height, width, 3) ndarray of uint8 or uint16
-        Blue first; transparency is left out, and no orientation tag turns it.
+        Blue first; transparency and orientation tags are ignored.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def decode_image(content: bytes) -> npt.NDArray[Any] | None:
     Returns
     -------
     ndarray, optional
-        Image of any bit depth; None where the bytes are no image.
+        Image of any bit depth; None if the bytes are not an image.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Poses as the numbers of a robot maker's convention, with one sigma each, ready to type in."""
+"""Poses as numbers in a robot maker's convention, with one sigma each."""
 
 import math
 import warnings
@@ -20,10 +20,10 @@ from lsvision.results.number_format import format_std, format_value
 STEP = 1e-5
 """Step of the numeric derivative. Units: mm, rad."""
 MIN_COSINE_OF_MIDDLE = 1e-3
-"""Distance of the middle angle from where the two others turn about one axis; nearer, these have
-no sigma. Units: rad."""
+"""Distance of the middle angle from gimbal lock; nearer, the two other angles have no sigma. Units:
+rad."""
 DECIMALS = {"mm": 3, "m": 6, "deg": 4, "rad": 6, "": 8}
-"""Decimals that are typed: 0.001 mm, 0.0001 deg."""
+"""Decimals that are printed: 0.001 mm, 0.0001 deg."""
 _WRITTEN = {
     "kuka": "{{X {}, Y {}, Z {}, A {}, B {}, C {}}}",
     "fanuc": "X {} Y {} Z {} W {} P {} R {}",
@@ -45,8 +45,8 @@ def numbers_from_pose(pose: Pose, convention: str) -> FloatArray:
     Returns
     -------
     (n,) ndarray
-        In the order and the units of the convention. Where the middle of three angles makes the
-        outer ones turn about one axis, the last is 0. A quaternion has w >= 0.
+        In the order and the units of the convention. In gimbal lock the last of three angles is 0.
+        A quaternion has w >= 0.
 
     Raises
     ------
@@ -85,8 +85,8 @@ def std_of_numbers(pose: Pose, covariance: npt.ArrayLike, convention: str) -> Fl
     Returns
     -------
     (n,) ndarray
-        To first order; NaN for angles that the pose does not determine by themselves, because the
-        middle angle makes the outer ones turn about one axis.
+        To first order; NaN for the outer angles in gimbal lock, where the pose determines only
+        their sum or difference.
     """
     from scipy.spatial.transform import Rotation
 
@@ -111,7 +111,7 @@ def std_of_numbers(pose: Pose, covariance: npt.ArrayLike, convention: str) -> Fl
 
 
 def frame_rows(hand_eye: HandEye, convention: str) -> list[Row]:
-    """Return the sensor's frame in a convention: each number with one sigma, and all to type in.
+    """Return the sensor's frame in a convention: each number with one sigma, and all in one line.
 
     Parameters
     ----------
@@ -175,13 +175,13 @@ def _angles(matrix: FloatArray, rule: PoseConvention) -> FloatArray:
         angles = rotation.as_rotvec() / RAD_PER_UNIT[rule.angle_unit]
     else:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # the outer angles turn about one axis: see the sigmas
+            warnings.simplefilter("ignore")  # gimbal lock: the outer angles have no sigmas
             angles = rotation.as_euler(rule.rotation) / RAD_PER_UNIT[rule.angle_unit]
     return angles
 
 
 def _near(values: FloatArray, pose: Pose, rule: PoseConvention) -> FloatArray:
-    """Return numbers in the turn, or with the sign, that is nearest to those of the pose."""
+    """Return numbers in the revolution, or with the sign, that is nearest to those of the pose."""
     reference = numbers_from_pose(pose, rule.name)
     near: FloatArray = values.copy()
     if rule.rotation == "matrix":
@@ -199,7 +199,7 @@ def _near(values: FloatArray, pose: Pose, rule: PoseConvention) -> FloatArray:
 
 
 def _is_singular(pose: Pose, rule: PoseConvention) -> bool:
-    """Return whether the outer angles of the convention turn about one axis."""
+    """Return whether the angles of the convention are in gimbal lock."""
     middle = _angles(pose.rotation, rule)[1] * RAD_PER_UNIT[rule.angle_unit]
     proper = rule.rotation[0] == rule.rotation[2]
     distance = math.sin(middle) if proper else math.cos(middle)

@@ -48,12 +48,13 @@ def program_rows(path: Path, text: str, rule: PoseConvention) -> list[list[float
             if rule.name != maker:
                 raise UnreadableFile(
                     f"{path}: positions of a {maker.upper()} program, got convention "
-                    f"{rule.name!r}: say --convention {maker}"
+                    f"{rule.name!r}: use --convention {maker}"
                 )
             return read_rows(path, text, rule)
     if _KUKA_AXES.search(text):
         raise UnreadableFile(
-            f"{path}: joint angles (E6AXIS), no positions: write E6POS or FRAME of the flange"
+            f"{path}: joint angles (E6AXIS) instead of positions: write E6POS or FRAME of the "
+            "flange"
         )
     return None
 

@@ -1,4 +1,4 @@
-"""Results of a run written as they come: files that are whole at any time, and streams."""
+"""Results of a run, written as they come: files that are valid at any time, and streams."""
 
 import io
 import sys
@@ -46,7 +46,7 @@ class RecordText(Protocol):
         ...
 
     def rewritten(self, text: TextIO, head: str) -> Iterator[str]:
-        """Yield the text of records that were written under another head, under the present."""
+        """Yield the text of records that were written under another head, for the present one."""
         ...
 
 
@@ -54,8 +54,8 @@ class ResultFiles:
     """The JSON and the CSV file of a run, each on a disk or on standard output.
 
     A file is rewritten from time to time while results come, completely each time: a run that is
-    killed leaves what was measured until a moment before. Standard output gets each result at
-    once, with the columns that the first one needs. Nothing is written where there is no result.
+    killed leaves all but the results of the last moment. Each result is written to standard output
+    immediately, with the columns of the first one. Nothing is written where there is no result.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ class ResultFiles:
             (json_file, JsonText()),
             (csv_file, CsvText(frame)),
         ]
-        # Files before the stream: a closed pipe must not cost them a result.
+        # Files before the stream: a closed pipe must not lose a result in the files.
         self._files: list[_Checkpoints | _Stream] = [
             _Checkpoints(path, text) for path, text in texts if path is not None and path != STDOUT
         ]

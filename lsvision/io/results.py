@@ -43,14 +43,14 @@ def measurement_record(
     source : str
         Name of the file that the profile came from.
     profile : int
-        Place of the profile in its file, from 0.
+        Index of the profile in its file, from 0.
     placed : sequence of pairs of PlacedCylinder, optional
         Both cylinders of each section in the robot's frame; they become ``base_frame`` or
         ``flange_frame`` of its record.
     reading : dict, optional
         How the profile was read, from `input_record`; it becomes ``input`` of the record.
     reason : str, optional
-        Why the profile holds no cylinder; left out where it holds one.
+        Reason why the profile has no cylinder; left out if it has one.
 
     Returns
     -------
@@ -82,7 +82,7 @@ def input_record(file: "ProfileFile", profile: int) -> Record:
     file : ProfileFile
         The file.
     profile : int
-        Place of the profile in it, from 0.
+        Index of the profile in it, from 0.
     """
     record: Record = {
         "reader": file.reader,
@@ -172,8 +172,8 @@ class CsvText:
         """Return the rows of the next record."""
         rows = [_csv_row(record, k, each) for k, each in enumerate(record["cylinders"])]
         if not rows:
-            place = {"source": record["source"], "profile": record["profile"]}
-            rows = [place | {"reason": record.get("reason", "")}]
+            source = {"source": record["source"], "profile": record["profile"]}
+            rows = [source | {"reason": record.get("reason", "")}]
         attributes = {
             self._attributes[name]: value
             for name, value in _attributes(record).items()
@@ -208,8 +208,8 @@ def _placed_record(twins: "tuple[PlacedCylinder, PlacedCylinder]") -> Record:
     }
 
 
-def _csv_row(record: Record, place: int, cylinder: Record) -> Record:
-    row: Record = {"source": record["source"], "profile": record["profile"], "cylinder": place}
+def _csv_row(record: Record, number: int, cylinder: Record) -> Record:
+    row: Record = {"source": record["source"], "profile": record["profile"], "cylinder": number}
     row |= section_row(cylinder)
     for frame in FRAMES:
         if f"{frame}_frame" in cylinder:
@@ -218,7 +218,7 @@ def _csv_row(record: Record, place: int, cylinder: Record) -> Record:
 
 
 def _attributes(record: Record) -> dict[str, Any]:
-    """Return the attributes of a profile; a spreadsheet does not take the texts for formulas."""
+    """Return the attributes of a profile; a spreadsheet must not evaluate the texts as formulas."""
     attributes: dict[str, Any] = record.get("input", {}).get("attributes", {})
     return {
         name: printable_cell(value) if isinstance(value, str) else value

@@ -1,8 +1,8 @@
 """Pose conventions of robot makers, as a table; a convention is never guessed.
 
-KUKA, FANUC, Yaskawa and Mitsubishi write the *same* rotation with their letters in another
-order, so a KUKA file read as FANUC gives plausible but wrong poses. The caller therefore
-must state the convention.
+KUKA, FANUC, Yaskawa and Mitsubishi write the *same* rotation with their letters in different
+orders, so a KUKA file read as FANUC gives plausible but wrong poses. The caller therefore must
+state the convention.
 """
 
 import math
@@ -77,7 +77,7 @@ CONVENTIONS: dict[str, PoseConvention] = {row.name: row for row in _TABLE}
 
 
 def convention_named(name: str) -> PoseConvention:
-    """Return the convention of a name.
+    """Return the convention with a given name.
 
     Raises
     ------
@@ -123,8 +123,8 @@ def pose_from_numbers(
     Raises
     ------
     ValueError
-        Unknown convention, wrong count, NaN, a quaternion that is not of length 1, a matrix
-        that is no rotation.
+        Unknown convention, wrong count, NaN, a quaternion that is not of length 1, a matrix that is
+        not a rotation.
 
     Examples
     --------
@@ -178,7 +178,7 @@ def _pose_from_matrix(matrix: FloatArray, mm: float) -> Pose:
         )
     left, _, right = np.linalg.svd(rotation)
     if np.linalg.det(rotation) < 0:
-        raise ValueError("expected a rotation, got a matrix of determinant -1: it mirrors")
+        raise ValueError("expected a rotation, got a matrix of determinant -1: a reflection")
     return Pose(left @ right, matrix[:3, 3] * mm)
 
 

@@ -44,13 +44,13 @@ def read_robot_poses(
 ) -> list[Pose]:
     """Read poses of a robot's flange from a CSV, text, JSON or YAML file.
 
-    One pose a row. In JSON and YAML: a list of rows, or one list of rows under one key; a row
+    One pose per row. In JSON and YAML: a list of rows, or one list of rows under one key; a row
     is a list (nested as in ``[[x, y, z], [qx, qy, qz, qw]]`` or a 4x4) or a mapping with the
     convention's field names. In text: separated by commas, blanks, tabs or semicolons (then
     with a decimal comma if the file has one), brackets ignored, ``#`` begins a comment, one
     header line allowed; with a header that names all fields, columns are taken by name and
     units as stated. Positions of KUKA (``E6POS``, ``FRAME``) and FANUC (``.ls``) programs are
-    read from their text. A folder or a pattern names one file a pose.
+    read from their text. A folder or a pattern denotes files of one pose each.
 
     Parameters
     ----------
@@ -59,8 +59,8 @@ def read_robot_poses(
     convention : str
         Convention of the file, see `pose_from_numbers`; never guessed.
     length_unit, angle_unit : str, optional
-        Units of the file, if not the maker's. An explicit unit
-        is not questioned unless the motion is impossible.
+        Units of the file, if not the maker's. An explicit unit is accepted unless the motion is
+        impossible.
     skip_columns : int
         Columns before the pose in a text file without named columns (a number, a time stamp).
 
@@ -74,7 +74,7 @@ def read_robot_poses(
     ValueError
         Unknown convention.
     UnreadableFile
-        File missing, not parsed, wrong count of numbers, no rotation, implausible units or a
+        File missing, not parsed, wrong count of numbers, not a rotation, implausible units or a
         robot that did not move.
 
     Examples
@@ -93,7 +93,7 @@ def read_robot_poses(
             )
     rows = [row for part in parts for row in part.rows]
     if not rows:
-        raise UnreadableFile(f"{path}: expected one pose a row, got no row with numbers")
+        raise UnreadableFile(f"{path}: expected one pose per row, got no row with numbers")
     length_unit = length_unit or _one_unit(path, [part.length_unit for part in parts])
     angle_unit = angle_unit or _one_unit(path, [part.angle_unit for part in parts])
     poses = []
@@ -159,7 +159,7 @@ def encoder_poses(
     Returns
     -------
     list of Pose
-        ``base_from_section``, one a profile. Units: mm.
+        ``base_from_section``, one per profile. Units: mm.
 
     Examples
     --------

@@ -30,7 +30,7 @@ def scan_record(
     sources : sequence of str
         Name of each profile's file.
     inputs : sequence of dict
-        Reading of each profile, from `lsvision.io.results.input_record`.
+        How each profile was read, from `lsvision.io.results.input_record`.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Cylinders of a scan as CSV: a cylinder a row, each quantity with its 95 % interval."""
+"""Cylinders of a scan as CSV: one cylinder per row, each quantity with its 95 % interval."""
 
 import csv
 import io

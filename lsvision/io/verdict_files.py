@@ -19,14 +19,14 @@ def verdicts_json(records: Sequence[Record]) -> str:
     Parameters
     ----------
     records : sequence of dict
-        ``source``, ``profile`` and what ``Verdict.to_dict`` holds.
+        ``source``, ``profile`` and the items of ``Verdict.to_dict``.
     """
     document = {"schema": FILE_SCHEMA, "verdicts": list(records)}
     return json.dumps(document, indent=2, allow_nan=False) + "\n"
 
 
 def verdicts_csv(rows: Sequence[Record]) -> str:
-    """A table with a row a quantity; empty cells where a number does not exist.
+    """A table with one row per quantity; empty cells where a number does not exist.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ MAX_DEPTH = 64
 MAX_LENGTH = 10_000_000
 """Longest text; 10^5 poses. Units: characters."""
 
-_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # the same events, 20 times as fast
+_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # the same events, 20 times faster
 _DIRECTIVE = re.compile(r"\A\s*%YAML[: ][^\n]*\n")  # OpenCV writes %YAML:1.0, which is not YAML
 
 Yaml = str | list[Any] | dict[str, Any]
@@ -35,8 +35,8 @@ def parse_yaml(text: str) -> Yaml:
     Raises
     ------
     ValueError
-        If the text is not YAML, nests deeper than `MAX_DEPTH`, is longer than `MAX_LENGTH`, holds
-        an alias, a key that is no text, or one twice in a mapping.
+        If the text is not YAML, nests deeper than `MAX_DEPTH`, is longer than `MAX_LENGTH`, or
+        contains an alias, a key that is not text, or a key twice in a mapping.
 
     Examples
     --------
@@ -52,7 +52,7 @@ def parse_yaml(text: str) -> Yaml:
                 break
             builder.add(event)
     except yaml.YAMLError as error:
-        raise ValueError(f"no YAML: {' '.join(str(error).split())[:200]}") from None
+        raise ValueError(f"not YAML: {' '.join(str(error).split())[:200]}") from None
     return builder.document
 
 

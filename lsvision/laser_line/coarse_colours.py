@@ -1,8 +1,8 @@
 """Colours with less resolution than the image: those of a JPEG file, or of an interpolated mosaic.
 
-They are located beside the luminance by more than the noise of their pixels. The luminance has
-twice their resolution and wins, except where a printed pattern is in it, which the excess of the
-laser's colour does not see.
+A line in them deviates from that in the luminance by more than the noise of the pixels. The
+luminance has twice their resolution and is used, except where it shows a printed pattern, which the
+excess of the laser's colour does not contain.
 """
 
 import math
@@ -33,7 +33,7 @@ MIN_BRIGHT_FRACTION = 0.75
 def sharper_line(
     image: LineImage, detected: DetectedLine, settings: LineSettings
 ) -> tuple[LineImage, DetectedLine, FloatArray | float]:
-    """Return the image and line of the luminance where the colours are coarser than it is.
+    """Return the image and line of the luminance where the colours are coarser.
 
     Parameters
     ----------

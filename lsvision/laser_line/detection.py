@@ -171,7 +171,9 @@ def find_line(image: LineImage, settings: LineSettings) -> DetectedLine:
         candidates = find_line_candidates(image.signal, sigma, min_score, settings.path.candidates)
         path = shortest_line_path(candidates, settings.path)
         if len(path.indices) < MIN_POINTS:
-            reasons.append(f"{len(path.indices)} columns hold a ridge that goes on in the next")
+            reasons.append(
+                f"{len(path.indices)} columns contain a ridge that continues in the next"
+            )
             continue
         ridge = candidates.select(path.indices)
         line = locate_line(image, ridge.columns, ridge.rows, sigma, settings)
@@ -192,7 +194,7 @@ def find_line(image: LineImage, settings: LineSettings) -> DetectedLine:
         )
     raise NoLaserLine(
         f"no laser line runs through the {columns} x {rows} px: {reasons[0]}; darken the room or "
-        "give a laser_off frame, expose until the line stands out, set channel to the laser's "
+        "give a laser_off frame, expose until the line is bright, set channel to the laser's "
         "colour, or min_contrast lower for a dim line"
     )
 

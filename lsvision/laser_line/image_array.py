@@ -1,4 +1,4 @@
-"""An image as callers pass it: checked for type and shape before anything looks at it."""
+"""Check of type and shape of an image that a caller passes."""
 
 import os
 from typing import Any
@@ -31,7 +31,7 @@ def as_image(image: npt.ArrayLike, name: str = "image") -> Image:
     Raises
     ------
     TypeError
-        If it is no array, as the name of a file, or its numbers are of another type.
+        If it is not an array, as the name of a file, or its numbers are of another type.
     ValueError
         If the shape is another, or a float image holds NaN.
 
@@ -81,7 +81,7 @@ def _hint(shape: tuple[int, ...]) -> str:
     if len(shape) == 3 and shape[2] == 4:
         return ": leave transparency out, image[..., :3]"
     if len(shape) == 3 and shape[0] in (1, 3):
-        return ": colours stand last, np.moveaxis(image, 0, -1)"
+        return ": the colours must be the last axis, np.moveaxis(image, 0, -1)"
     if len(shape) > 2 and shape[0] > 1:
         return ": one image at a time"
     return ""

@@ -17,7 +17,7 @@ SECOND_ORDER = 2.0
 """Error of the first order over the squared size of its terms by the line's width; largest seen on
 pipes whose line turns upright (measured on noise-free images)."""
 MAX_VARIANCE_RATIO = 2.0
-"""Largest variance of a column over the median: one that is wider holds something else."""
+"""Largest variance of a column over the median: a larger one comes from something else."""
 
 
 def correct_line_blur(

@@ -1,11 +1,11 @@
 """Blur of a laser line along it and across, from its own width.
 
-Two things blur a line: the point spread of lens and pixel, the same in all directions, and the
+Two effects blur a line: the point spread of lens and pixel, the same in all directions, and the
 thickness of the laser sheet, which spreads each point of the line in the direction in which the
 normal of the laser plane (of a pipe: its axis) is seen. Down a column, a line of slope m has the
 variance C_vv - 2 m C_uv + m^2 C_uu, with the covariance C of both: a line that is level in one
 place and steep in another determines C. Where it has one slope only, C is hardly determined, but
-the correction needs it as little.
+then it hardly affects the correction.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,8 @@ from lsvision.laser_line.line_shape import LineShape
 from lsvision.statistics.robust import mad_std, median
 
 CLEARANCE = 3
-"""Distance from an edge or end in columns from which the width of a line is its own. Units: px."""
+"""Distance from an edge or end in columns beyond which the width of a line is undisturbed. Units:
+px."""
 LEVEL_QUANTILE = 0.2
 """Quantile of the variances perpendicular to the line that is that of its narrow parts."""
 STATED_STD = 0.1

@@ -1,8 +1,8 @@
 """The laser's own pixels of a sensor with a colour mosaic (Bayer).
 
 Each pixel of such a sensor sees one colour: a red or blue laser one pixel in four, a green one two.
-Interpolated to a colour image, the line is located up to 0.2 px beside where it is, to one side or
-the other by its place among the rows; its own pixels alone locate it without that error.
+Interpolated to a colour image, the line is located up to 0.2 px off its true position, to a side
+that depends on its position among the rows; its own pixels alone locate it without that error.
 """
 
 from typing import Literal

@@ -99,7 +99,7 @@ def estimate_pixel_noise(signal: Image, windows: Windows) -> PixelNoise:
     along = signal.ravel().take(at + np.arange(-2, 3)[:, None]).astype(np.float64)
     level = along.mean(axis=0)
     scatter = np.abs(FOURTH_DIFFERENCE @ along)
-    # Bins of equal size: the few brightest pixels that fill none are left out.
+    # Bins of equal size: the few brightest pixels that do not fill a bin are left out.
     order = np.argsort(level, kind="stable")[: len(level) // BINS * BINS].reshape(BINS, -1)
     means = level[order].mean(axis=1)
     variances = np.maximum(

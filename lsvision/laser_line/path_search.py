@@ -1,9 +1,9 @@
 """Connect candidates to a laser line: the shortest path from the first column to the last.
 
 A candidate's score counts only up to a little more than the detection threshold, so that bright
-glints cannot pay for jumps and a long dim line has the lower cost. A candidate on the path costs
-less the higher its score, an empty column costs nearly 1, a step between rows costs its square,
-and a new segment elsewhere costs a constant.
+glints do not compensate for jumps and a long dim line has the lower cost. A candidate on the path
+costs less the higher its score, an empty column costs nearly 1, a step between rows costs its
+square, and a new segment elsewhere costs a constant.
 """
 
 from dataclasses import dataclass

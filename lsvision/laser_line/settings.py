@@ -36,11 +36,11 @@ class LineSettings(ShowsChanges):
     bayer : {"RGGB", "BGGR", "GRBG", "GBRG"}, optional
         Colours of a sensor's first two pixels of the first row, then of the second: only the
         pixels of the colour `channel` are used, with a filter of the same sigma. The image is raw
-        (one number a pixel), or interpolated from such a one.
+        (one number per pixel), or interpolated from such a one.
     luminance : bool
-        Locate the line in the luminance where a JPEG file or a mosaic has kept the colours
-        coarsely, and no printed pattern is seen in it. False where the line is known to cross one,
-        which the colour alone ignores.
+        Locate the line in the luminance where a JPEG file or a mosaic stores the colours with a
+        lower resolution, and no printed pattern is seen in it. False where the line is known to
+        cross one, which the colour alone ignores.
     full_scale : float, optional
         Largest value of a pixel; by default that of the image's depth, see
         `prepare_line_image`. Units: DN.

@@ -75,8 +75,8 @@ def locate_by_derivative(
     Notes
     -----
     F(m) = sum I_k x_k g(x_k), x_k = k - m, g(x) = exp(-x^2 / 2 s^2), is solved for F = 0 by
-    Newton's method on the continuous filter, so the result is not drawn to pixel centres, as it
-    is by interpolation. Its variance is sum (x_k g(x_k))^2 var_k / F'^2. For a Gaussian stripe of
+    Newton's method on the continuous filter, so the result is not biased towards pixel centres, as
+    by interpolation. Its variance is sum (x_k g(x_k))^2 var_k / F'^2. For a Gaussian stripe of
     sigma q the ratio -F' / sum I_k g is s^2 / (s^2 + q^2), which gives its width.
     """
     offsets, sigma = windows.offsets, max(sigma, MIN_SIGMA_PX)

@@ -126,7 +126,7 @@ def cells_of_stds(record: Record) -> list[tuple[str, ...]]:
 
 
 def summary_of_stds(record: Record) -> str:
-    """One line with all of it.
+    """All standard uncertainties in one line.
 
     Examples
     --------

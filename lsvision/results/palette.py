@@ -1,6 +1,6 @@
-"""The colours of all pictures: a thing has the same colour in a photo, a section and a scan.
+"""The colours of all pictures: an object has the same colour in a photo, a section and a scan.
 
-Based on the palette of Okabe and Ito, darkened where white letters stand on it; distinguished by
+Based on the palette of Okabe and Ito, darkened under white letters; distinguished by
 colour-blind readers, on white and on a dark photo.
 """
 
@@ -9,7 +9,7 @@ CYLINDERS = ("#0072B2", "#00805E", "#A8457E", "#4B4BC8")
 REJECTED = ("#D55E00", "#9A6A00")
 """Colours of rejected arcs in turn; neighbours differ, and none has the colour of a cylinder."""
 POINTS = "#8C8C8C"
-"""Measured points that belong to nothing found."""
+"""Measured points that belong to no cylinder."""
 LASER_LINE, SATURATED = "#0095C8", "#D55E00"
 """Points of a laser line, and those of them where the sensor is at full scale."""
 INLIER, OUTLIER = "#0072B2", "#D55E00"
@@ -17,7 +17,7 @@ INLIER, OUTLIER = "#0072B2", "#D55E00"
 BOARD, LASER_PLANE = "#999999", "#C8102E"
 """Outlines of calibration targets and of the laser plane."""
 DECISIONS = {"OK": "#00644A", "NG": "#B3261E", "undecided": "#7A5B00"}
-"""Colours of verdicts, which shapes and words show too."""
+"""Colours of verdicts, which shapes and text show too."""
 LIMITS = "#B3261E"
 """Lines of limits."""
 FRAME_AXES = ("#C8102E", "#00805E", "#0072B2")

@@ -24,7 +24,7 @@ class Result(ComparedByValue, ABC):
 
     @abstractmethod
     def to_dict(self) -> Record:
-        """Return the result as plain numbers and words, ready for JSON.
+        """Return the result as plain numbers and text, ready for JSON.
 
         Returns
         -------

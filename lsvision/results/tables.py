@@ -11,7 +11,7 @@ def text_table(rows: Cells, left: int = 0) -> list[str]:
     Parameters
     ----------
     rows : sequence of sequence of str
-        Cells, as many in each row.
+        Cells, the same number in each row.
     left : int
         Number of columns, from the first, that are aligned to the left; the others are aligned to
         the right.

@@ -198,7 +198,7 @@ def assign_points(
 def _point_distances(
     cloud: ScanCloud, cylinder: Cylinder, rows: IntArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return what residuals from a cylinder are computed of.
+    """Return the quantities from which residuals from a cylinder are computed.
 
     Returns
     -------

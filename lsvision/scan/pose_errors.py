@@ -16,10 +16,10 @@ from lsvision.geometry import FloatArray, Pose, tangent_frame
 from lsvision.scan.cloud import ScanCloud
 
 MAX_POSE_STD_MM = 1e3
-"""Largest standard uncertainty of a pose: beyond a metre it is no information. Units: mm."""
+"""Largest standard uncertainty of a pose: above a metre it gives no information. Units: mm."""
 MAX_FEED_STD = 1.0
-"""Largest standard uncertainty of the feed's direction, for which small angles still hold some.
-Units: rad."""
+"""Largest standard uncertainty of the feed's direction, up to which the small-angle approximation
+is tolerable. Units: rad."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -254,7 +254,7 @@ class ScanMeasurement(Result):
     measurements: tuple[Measurement, ...]
 
     def to_dict(self) -> Record:
-        """Return cylinders and rejections as plain numbers and words, ready for JSON.
+        """Return cylinders and rejections as plain numbers and text, ready for JSON.
 
         Returns
         -------

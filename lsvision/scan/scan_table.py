@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def tube_cells(tubes: "Sequence[ScannedCylinder]") -> list[tuple[str, ...]]:
-    """Cells of a table, the header first: a row a cylinder, numbers with one sigma."""
+    """Cells of a table, the header first: one row per cylinder, numbers with one sigma."""
     rows: list[tuple[str, ...]] = [("", *AXIS_HEADER, "sections", "points")]
     for number, tube in enumerate(tubes, 1):
         points = str(len(tube.points))
@@ -32,7 +32,7 @@ def twin_note(twin: Cylinder) -> str:
     """The other direction of a cylinder that one section alone shows."""
     x, y, z = twin.direction
     return (
-        f"one section alone: its twin ({x:+.4f} {y:+.4f} {z:+.4f}) fits as well; a second "
+        f"one section alone: its twin ({x:+.4f} {y:+.4f} {z:+.4f}) fits equally well; a second "
         "section decides"
     )
 

@@ -1,4 +1,4 @@
-"""Result of `measure_shape`: bow, taper and ovality of a tube, in numbers and words."""
+"""Result of `measure_shape`: bow, taper and ovality of a tube, in numbers and text."""
 
 import math
 from dataclasses import dataclass

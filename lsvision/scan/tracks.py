@@ -1,4 +1,4 @@
-"""Associate the arcs of different sections: a track holds the arcs of one cylinder.
+"""Associate the arcs of different sections: a track contains the arcs of one cylinder.
 
 Sections are processed in order. Each track predicts where the next section cuts its cylinder:
 along the line through its arc centres, or along both twins while the centres are too close

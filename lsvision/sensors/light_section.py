@@ -128,7 +128,7 @@ class LightSection(ComparedByValue):
         Raises
         ------
         TypeError, ValueError
-            If it is no image (as the name of a file: `read_image` reads one).
+            If it is not an image (for the name of a file use `read_image`).
         LsvisionError
             If the size of the image differs from that of the camera.
         NoLaserLine

@@ -32,9 +32,9 @@ class ProfileSensor:
     range_std : float
         Standard deviation along the ray at `reference_range`. Units: mm.
     reference_range : float
-        Distance from the origin at which `range_std` holds. Units: mm.
+        Distance from the origin at which `range_std` is valid. Units: mm.
     origin : tuple of float
-        Point of the section frame from which the rays fan out. Units: mm.
+        Point of the section frame from which the rays diverge. Units: mm.
     quantum : float
         Resolution of the sensor's coordinates; adds quantum^2 / 12 to both coordinates. Units: mm.
     columns : int
@@ -110,7 +110,7 @@ LPS36HI = ProfileSensor(
     # as uniform, one sigma = 0.4 / sqrt(12).
     range_std=0.115,
     reference_range=400.0,
-    quantum=0.01,  # words of the HI connection are 1/100 mm
+    quantum=0.01,  # numbers of the HI connection are in 1/100 mm
     columns=240,  # HI connection
     min_range=200.0,
     max_range=600.0,
@@ -123,7 +123,7 @@ LPS36 = ProfileSensor(
     # Resolution 3 mm at 800 mm (Leuze). DERIVED as above: 0.75 mm at 400 mm, / sqrt(12).
     range_std=0.217,
     reference_range=400.0,
-    quantum=0.1,  # words of the standard connection are 1/10 mm
+    quantum=0.1,  # numbers of the standard connection are in 1/10 mm
     columns=376,
     min_range=200.0,
     max_range=800.0,
@@ -136,12 +136,12 @@ KNOWN_SENSORS = {"lps36hi": LPS36HI, "lps36": LPS36}
 
 
 def find_sensor(name: str) -> ProfileSensor:
-    """Return the sensor of a name.
+    """Return the sensor with a given name.
 
     Parameters
     ----------
     name : str
-        One of `KNOWN_SENSORS`; case, blanks, hyphens and underscores do not count.
+        One of `KNOWN_SENSORS`; case, blanks, hyphens and underscores are ignored.
 
     Raises
     ------
@@ -167,7 +167,7 @@ def as_noise_model(sensor: NoiseModel | str | None) -> NoiseModel | None:
     ValueError
         If the name is unknown.
     TypeError
-        If it is no noise model.
+        If it is not a noise model.
 
     Examples
     --------

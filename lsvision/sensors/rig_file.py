@@ -110,9 +110,9 @@ def read_json(path: str | os.PathLike[str], schema: str) -> dict[str, Any]:
     Raises
     ------
     UnreadableFile
-        If the file is missing, is no JSON, or has another schema or other units.
+        If the file is missing, is not JSON, or has another schema or other units.
     """
-    text = read_bytes(path).decode("utf-8-sig", "replace")  # an image is reported as no JSON
+    text = read_bytes(path).decode("utf-8-sig", "replace")  # an image is reported as not JSON
     return parse_document(text, Path(path), (schema,))
 
 
@@ -132,7 +132,7 @@ def parse_document(text: str, source: Path, schemas: Sequence[str]) -> dict[str,
         values = parse_json(text)
     except ValueError as error:
         raise UnreadableFile(
-            f"{source} is no JSON ({error}): expected a {schemas[-1]} file"
+            f"{source} is not JSON ({error}): expected a {schemas[-1]} file"
         ) from error
     got = values.get("schema") if isinstance(values, dict) else None
     if got not in schemas:

@@ -17,7 +17,7 @@ from lsvision.geometry.ellipse import WithEllipse
 from lsvision.simulate.solids import Hits, Rays
 
 CLUTTER = 0
-"""Label of objects that are no tubes; the k-th tube of a scene has label k >= 1."""
+"""Label of objects that are not tubes; the k-th tube of a scene has label k >= 1."""
 NOTHING = -1
 """Label of a column without a valid point: lost, or displaced by a jump."""
 MAX_GAP_COLUMNS = 8

@@ -1,1 +1,1 @@
-"""Robust estimates and autocorrelation."""
+"""Robust estimates, autocorrelation, quantiles, and markers of lost points."""

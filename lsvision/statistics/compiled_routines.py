@@ -1,4 +1,4 @@
-"""LAPACK and MINPACK from scipy's compiled modules, without the packages around these.
+"""LAPACK and MINPACK from scipy's compiled modules, without importing their packages.
 
 ``import scipy.optimize`` takes as long as numpy, OpenCV and the measurement of ten profiles
 together: it imports all of scipy's linear algebra, special functions, sparse matrices and

@@ -17,7 +17,7 @@ from lsvision.geometry.arrays import TINY
 LOW_FREQUENCY_BAND = slice(4, 8)
 """Half waves along the arc: the lowest four that five parameters do not absorb."""
 FORM_BAND = slice(4, 6)
-"""The lowest two of them, in which a shape that is no ellipse shows, as an arc of two radii."""
+"""The lowest two of them, which show a shape that is not an ellipse, as an arc of two radii."""
 LOW_FREQUENCY_DOF = float(LOW_FREQUENCY_BAND.stop - LOW_FREQUENCY_BAND.start)
 """Degrees of freedom of a variance estimated from the low-frequency band."""
 MAX_LOW_FREQUENCY_POWER = 2.786

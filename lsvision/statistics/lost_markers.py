@@ -11,7 +11,7 @@ MIN_REST = 5
 MAX_MARKERS_PER_SIDE = 3
 """Largest number of different markers below the other values, and above them."""
 MIN_REPEATS = 3
-"""Smallest number of repetitions of a marker that is no common marker value."""
+"""Smallest number of repetitions of a marker other than the common marker values."""
 MIN_MULTIPLICITY_RATIO = 2.5
 """Smallest ratio of these repetitions to the mean of the other values: rounded heights and planes
 without noise repeat, too."""
@@ -45,7 +45,7 @@ def find_lost_markers(
     limits : sequence of float
         Smallest and largest number of the type in which the values were stored.
     is_range : bool
-        True for distances from the sensor: 0 and less are no distances, and the largest may be
+        True for distances from the sensor: 0 and less are not distances, and the largest may be
         the end of the sensor's range.
     known_only : bool
         Return common marker values only, not others that are merely repeated.
@@ -100,7 +100,7 @@ def _may_hold_marker(known: FloatArray) -> bool:
 def _needed_gap(
     value: float, count: int, limits: Sequence[float], *, is_range: bool, known_only: bool
 ) -> float | None:
-    """Return the smallest distance of a marker in spans of the rest; None if it is no marker."""
+    """Return the smallest distance of a marker in spans of the rest; None if it is not a marker."""
     if value in limits or _is_limit(value) or (is_range and value <= 0 and not known_only):
         return MIN_LIMIT_GAP
     if _is_nines(value):

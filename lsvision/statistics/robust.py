@@ -8,8 +8,8 @@ MAD_TO_STD = 1.4826
 """Standard deviation over the median absolute deviation, for a normal distribution."""
 
 SIGNIFICANT_SIGMAS = 3.0
-"""Standard deviations that chance exceeds in 0.3 % of the cases: a smaller deviation is no effect,
-a larger one of a single point may be an outlier."""
+"""Standard deviations that chance exceeds in 0.3 % of the cases: a smaller deviation is not
+significant, a larger one of a single point may be an outlier."""
 
 
 def upper_median(values: FloatArray) -> float:

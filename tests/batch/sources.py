@@ -18,7 +18,7 @@ def profiles(count, kind="single"):
 
 
 def write_parquet(path, count=5, first_id=10**15):
-    """A profile a row, with an id that no float holds, a text and a time beside it."""
+    """One profile per row, with an id that no float holds, a text and a time beside it."""
     points = profiles(count)
     table = pa.table(
         {

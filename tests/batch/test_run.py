@@ -203,7 +203,9 @@ def test_implausible_units_are_an_error_and_assumed_ones_a_note(folder):
     (failed,) = status.failed
     assert "a.csv: coordinates reach" in failed.error
     assert "--units" in failed.error
-    assert all("units taken as mm: say --units" in outcome.notes for outcome in status.done)
+    assert all(
+        "units taken as mm: state them with --units" in outcome.notes for outcome in status.done
+    )
 
 
 def test_a_bug_met_by_one_file_costs_no_other(folder):

@@ -49,7 +49,7 @@ NOISE_UNKNOWN = (
 
 @dataclass(frozen=True)
 class Coverage:
-    """One row a section: true phi, whether each interval holds, and what is said of theta."""
+    """One row per section: true phi, whether each interval holds, and what is said of theta."""
 
     conditions: Conditions
     phi: np.ndarray

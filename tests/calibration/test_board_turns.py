@@ -108,5 +108,5 @@ def test_poses_that_do_not_tell_the_turn_are_refused():
     board = Pose(np.diag([1.0, -1.0, -1.0]), (0.0, 0.0, 300.0))
     flanges = [Pose(turn, (10.0 * k, 0.0, 0.0)) for k, turn in enumerate(spin)]
     boards = [Pose(flange.rotation.T @ board.rotation, board.translation) for flange in flanges]
-    with pytest.raises(CalibrationFailed, match="do not tell how it is turned"):
+    with pytest.raises(CalibrationFailed, match="do not determine its orientation"):
         turn_boards(boards, flanges, pattern_turns(AMBIGUOUS))

@@ -80,7 +80,7 @@ def test_a_pair_is_the_held_board_and_its_line():
     for number, pair in enumerate(pairs):
         assert np.abs(pair.board.astype(int) - shot("board", number)).mean() < 2
         assert np.abs(pair.line.astype(int) - shot("line", number)).mean() < 2
-    assert state.held is None
+    assert state.pending is None
 
 
 def test_a_line_after_a_move_is_not_paired():

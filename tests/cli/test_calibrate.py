@@ -232,7 +232,7 @@ def test_colour_of_the_laser_is_asked_for(run, boards, camera_json, out, tmp_pat
     )
     colour = np.full((480, 640, 3), (9, 200, 9), np.uint8)
     cv2.imwrite(str(boards / "board_02.jpg"), colour)
-    assert "board_02.jpg has colours: say the laser's" in error_text(run(*words), out)
+    assert "board_02.jpg has colours: name the laser's colour" in error_text(run(*words), out)
 
 
 def test_sphere_gives_files_for_scan_and_ros(run, out, tmp_path):

@@ -1,4 +1,4 @@
-"""`lsvision calibrate hand-eye` on matrices of heights, one profile a row."""
+"""`lsvision calibrate hand-eye` on matrices of heights, one profile per row."""
 
 import cv2
 import numpy as np

@@ -44,7 +44,7 @@ def test_theta_of_a_circle_is_not_determinable(run, rows, written, pipe):
 
 def test_verbose_lists_the_rejected_arcs_with_their_reasons(run):
     quiet = run("measure", REPOSITORY / "fixtures" / "empty.csv")
-    assert "no cylinder found: goes on tangentially" in quiet.stdout
+    assert "no cylinder found: continues tangentially" in quiet.stdout
     assert "-v lists them" in quiet.stdout
     outcome = run("measure", REPOSITORY / "fixtures" / "empty.csv", "-v").stdout
     spans = [line.strip() for line in outcome.splitlines() if line.strip().startswith("points ")]
@@ -58,9 +58,9 @@ def test_profile_upside_down_names_flip(run, rows, written, pipe):
     result = run("measure", written(pipe * (1, -1)))
     assert result.exit_code == 0
     assert "no cylinder found" in result.stdout
-    assert "say --flip" in result.stdout
+    assert "use --flip" in result.stdout
     assert len(rows(run("measure", written(pipe * (1, -1)), "--flip"))) == 1
-    assert "say --no-flip" in run("measure", written(pipe), "--flip").stdout
+    assert "use --no-flip" in run("measure", written(pipe), "--flip").stdout
 
 
 def test_json_and_csv_hold_what_the_table_shows(run, rows, tmp_path):

@@ -22,7 +22,7 @@ def one_line(result):
     [
         (b"", "the file is empty: expected x and height"),
         (bytes(range(256)) * 8, "export the profile as text"),
-        (b"the quick brown fox\njumps over\n", "expected x and height in mm, one point a line"),
+        (b"the quick brown fox\njumps over\n", "expected x and height in mm, one point per line"),
         (b"1.5\n2.5\n3.5\n", "one column in it: expected x and height"),
         (b"x,z\n" + b"nan,nan\n" * 50, "all 50 points are lost"),
         (b"inf,inf\n" * 50, "all 50 points are lost"),

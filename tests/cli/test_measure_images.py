@@ -173,7 +173,7 @@ BAD = {
     "another size": (np.zeros((480, 640), np.uint8), (), "640 x 480 px and the rig's camera 800"),
     "no line": (np.full((600, 800), 10, np.uint8), (), "no laser line"),
     "all saturated": (np.full((600, 800), 255, np.uint8), (), "shorten the exposure"),
-    "colour as grey": (np.full((600, 800, 3), (9, 8, 200), np.uint8), (), "say the laser's, "),
+    "colour as grey": (np.full((600, 800, 3), (9, 8, 200), np.uint8), (), "name the laser"),
     "grey as colour": (np.zeros((600, 800), np.uint8), ("--laser", "red"), "leave --laser red out"),
 }  # fmt: skip
 

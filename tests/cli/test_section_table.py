@@ -10,7 +10,7 @@ from lsvision.profile import Arc
 
 FLAT = Rejection(Arc(0, 90), "flat: 0.03 mm rms from a straight line", convex=False)
 STEP = Rejection(Arc(90, 120), "no arc: 3 mm rms from a straight line", convex=False)
-CORNER = Rejection(Arc(120, 140), "goes on tangentially at one end")
+CORNER = Rejection(Arc(120, 140), "continues tangentially at one end")
 FILLET = Rejection(Arc(140, 180), "concave towards the sensor", convex=False)
 
 

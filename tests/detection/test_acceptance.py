@@ -150,7 +150,8 @@ def test_a_parabola_has_no_best_ellipse():
     wide = AcceptanceSettings(max_tilt_deg=89.0)
     reason = rejection_reason(profile, section, (1.0, 1000.0), wide)
     assert re.fullmatch(
-        r"no ellipse fits best: the flatter the better \(the fit stopped at \d\d deg\)", reason
+        r"no best ellipse: the fit improves as it becomes flatter \(the fit stopped at \d\d deg\)",
+        reason,
     )
 
 

@@ -52,7 +52,7 @@ def test_an_end_that_turns_less_than_20_deg_goes_on_tangentially(turn_deg, other
             assert (found is not None) == is_rejected, (deg, found)
             if is_rejected:
                 expected = (
-                    f"goes on tangentially at one end (turns {deg:.0f} deg): a rounded corner"
+                    f"continues tangentially at one end (turns {deg:.0f} deg): a rounded corner"
                 )
                 assert found == expected
 
@@ -67,7 +67,7 @@ def test_where_both_ends_turn_less_than_20_deg_it_is_a_sheet():
         found = reason([deg] * 20, [-deg] * 20)
         assert (found is not None) == is_rejected, (deg, found)
     assert reason([15] * 20, [-12] * 20) == (
-        "goes on tangentially at both ends (turns 12 and 15 deg)"
+        "continues tangentially at both ends (turns 12 and 15 deg)"
     )
 
 
@@ -103,7 +103,7 @@ def test_points_beyond_a_gap_are_another_thing():
 def test_jumps_between_the_points_beyond_do_not_hide_that_they_go_on():
     points, start, stop = sides([], [0] * 20)
     points[stop + 1 : stop + 6 : 2, 1] += 9.0
-    assert reason_of(points, start, stop).startswith("goes on tangentially at one end")
+    assert reason_of(points, start, stop).startswith("continues tangentially at one end")
 
 
 def fillet(radius_ratio, count):
@@ -193,7 +193,7 @@ def test_a_rounded_corner_is_one_at_any_pitch_and_size(pitch, count, mirror, rng
     profile = prepare_profile(Profile(points), None)
     arc = identified(edge[0], edge[-1] + 1, circle(radius))
     found = tangential_end_reason(profile, arc, arc, 0.02)
-    assert found.startswith("goes on tangentially at one end (turns ")
+    assert found.startswith("continues tangentially at one end (turns ")
     assert found.endswith(": a rounded corner")
 
 
@@ -209,7 +209,7 @@ def test_the_crest_of_a_bent_sheet_goes_on_at_both_ends(pitch, half_deg, rng):
     profile = prepare_profile(Profile(np.column_stack([x, y])), None)
     arc = identified(edge[0], edge[-1] + 1, circle())
     assert tangential_end_reason(profile, arc, arc, 0.02).startswith(
-        "goes on tangentially at both ends (turns "
+        "continues tangentially at both ends (turns "
     )
 
 

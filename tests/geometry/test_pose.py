@@ -97,7 +97,7 @@ SKEW = np.eye(3) + 1e-3 * np.ones((3, 3))
         pytest.param(lambda: Pose(np.eye(2)), r"rotation of shape \(3, 3\), got", id="2x2"),
         pytest.param(lambda: Pose(SKEW), "orthonormal rotation, got R'R off by 0.002", id="skew"),
         pytest.param(lambda: Pose(np.full((3, 3), np.nan)), "orthonormal", id="nan rotation"),
-        pytest.param(lambda: Pose(np.diag([1, 1, -1])), "it mirrors", id="mirror"),
+        pytest.param(lambda: Pose(np.diag([1, 1, -1])), "a reflection", id="mirror"),
         pytest.param(lambda: Pose(translation=(0, 0)), r"translation of shape \(3\)", id="flat"),
         pytest.param(lambda: Pose(translation=(0, math.inf, 0)), "finite translation", id="inf"),
         pytest.param(lambda: Pose.along((0, 0, 0), 1.0), "non-zero feed direction", id="no feed"),

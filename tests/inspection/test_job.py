@@ -75,14 +75,15 @@ def test_the_hash_is_that_of_the_content_not_of_the_layout():
         ("{ nominal = 19, upper = 0.1, lower = -0.1 }", "{ upper = 0.1, lower = -0.1 }",
          "line 12: part 1, radius_mm: expected a nominal beside upper and lower, got none"),
         ("{ min = 29.8, max = 30.2 }", "{ min = 30, max = 30 }",
-         "line 18: part 2, diameter_mm: expected limits with room between them, got 30 twice"),
+         "line 18: part 2, diameter_mm: expected different limits, got 30 twice"),
         ("x_mm = [0, 40]", "x_mm = [-10, 40]",
-         "line 17: 'left' and 'right' claim one pipe: their windows overlap; draw the border "
+         "line 17: 'left' and 'right' are the same cylinder: their windows overlap; draw the "
+         "border "
          "between them"),
         ("x_mm = [0, 40]", "x_mm = [40, 0]",
          "line 15: part 2: x_mm reversed: expected [least, largest], got [40.0, 0.0]"),
         ("x_mm = [0, 40]", "x_mm = [0, 40]\norder = 2",
-         "line 15: part 2: expected a place (x_mm, y_mm, z_mm) or an order, got both"),
+         "line 15: part 2: expected a position (x_mm, y_mm, z_mm) or an order, got both"),
         ('["left", "right"]', '["left", "middle"]',
          "line 21: no part is named 'middle': the parts are 'left', 'right'"),
         ('["left", "right"]', '["left", "left"]', "line 21: expected two parts, got 'left' twice"),
@@ -95,12 +96,12 @@ def test_the_hash_is_that_of_the_content_not_of_the_layout():
         ("phi_deg = { max = 2 }", 'phi_deg = { max = "2" }',
          "line 13: part 1, phi_deg, max: expected number, got '2'"),
         ("phi_deg = { max = 2 }", "theta_deg = { max = 2 }",
-         "line 8: part 1: theta_deg is an angle without a beginning: expected both limits, less "
+         "line 8: part 1: theta_deg is periodic: expected both limits, less "
          "than 180 deg apart"),
         ("phi_deg = { max = 2 }", "direction_deg = { max = 2 }",
          "line 8: part 1: direction_deg is counted from nominal_direction: add it"),
         ("phi_deg = { max = 2 }", "nominal_direction = [0, 0, 0]",
-         "line 8: part 1: expected a nominal_direction with a length, got 0, 0, 0"),
+         "line 8: part 1: expected a non-zero nominal_direction, got 0, 0, 0"),
         ('sensor = "lps36hi"', 'sensor = "lps36hi"\nrange_std_mm = 0.05',
          "line 4: measure: expected sensor or range_std_mm, got both: leave one out"),
         ("[10, 40]", "[40, 10]",
@@ -142,7 +143,7 @@ def job_of_two(names, orders):
 
 def test_two_parts_of_one_order_claim_one_pipe():
     assert mistakes_of(job_of_two("bc", (1, 1))) == [
-        "line 8: 'b' and 'c' claim one pipe, order 1: give each its own"
+        "line 8: 'b' and 'c' are the same cylinder, order 1: give each its own"
     ]
 
 
@@ -153,7 +154,7 @@ def test_two_parts_of_one_name_are_rejected():
 def test_a_part_that_nothing_distinguishes_from_others_is_rejected():
     text = 'name = "a"\n[[part]]\nname = "b"\nphi_deg = { max = 2 }\n'
     assert mistakes_of(text) == [
-        "line 2: part 1: expected the cylinder that it is, got nothing: add x_mm = [least, "
+        "line 2: part 1: expected a way to identify the cylinder, got nothing: add x_mm = [least, "
         "largest], order = 1, or a radius_mm with a nominal"
     ]
 

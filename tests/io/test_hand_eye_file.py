@@ -132,7 +132,7 @@ DAMAGED = {
     "shape": (["covariance"], [[1.0]], "expected covariance of shape"),
     "null": (["covariance", 0, 0], None, "expected covariances below"),
     "scaled": (["mount_from_sensor", 0, 1], -1.1, "expected an orthonormal rotation"),
-    "mirrored": (["mount_from_sensor", 2, 2], -1.0, "it mirrors"),
+    "mirrored": (["mount_from_sensor", 2, 2], -1.0, "a reflection"),
     "huge": (["mount_from_sensor", 0, 3], 1e200, "expected finite numbers below"),
     "text": (["mount_from_sensor"], "here", "damaged"),
     "point": (["working_point", 1], None, "expected finite numbers below"),

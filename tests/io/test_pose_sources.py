@@ -56,7 +56,7 @@ def test_positions_of_a_kuka_program(write, expected, form):
     path = write("\n".join(lines), "scan.dat")
     assert_same(read_robot_poses(path, "kuka"), expected())
     for other in ("fanuc", "mitsubishi", "matrix"):
-        with pytest.raises(UnreadableFile, match=r"KUKA program.*say --convention kuka"):
+        with pytest.raises(UnreadableFile, match=r"KUKA program.*use --convention kuka"):
             read_robot_poses(path, other)
 
 
@@ -73,7 +73,7 @@ def fanuc(rows, frame="0"):
 def test_positions_of_a_fanuc_listing(write, expected):
     path = write(fanuc(ROWS), "SCAN.LS")
     assert_same(read_robot_poses(path, "fanuc"), expected("fanuc"))
-    with pytest.raises(UnreadableFile, match=r"FANUC program.*say --convention fanuc"):
+    with pytest.raises(UnreadableFile, match=r"FANUC program.*use --convention fanuc"):
         read_robot_poses(path, "kuka")
 
 

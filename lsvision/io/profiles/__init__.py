@@ -1,4 +1,4 @@
-"""Profile files of many makers, each turned into the section frame by its own reader."""
+"""Profile files of many makers, each transformed to the section frame by its own reader."""
 
 from lsvision.io.profiles.reading import (
     ProfileFile,

@@ -16,7 +16,7 @@ from lsvision.io.profiles.stated_units import resolve_units
 from lsvision.io.profiles.text_table import TextTable
 from lsvision.io.profiles.units import split_label
 
-_MIN_POINTS_PER_PROFILE = 5  # points: fewer make no ellipse, so a key that splits finer is no key
+_MIN_POINTS_PER_PROFILE = 5  # fewer points do not determine an ellipse: not a key of profiles
 _CONSTANT = 1e-6  # spread of a column that does not vary, relative to that of the widest
 
 
@@ -28,9 +28,9 @@ class _Choice:
     height: int
     key: int | None = None
     away: bool = False
-    travel: bool = True  # the key is a place along the travel, not a number of the profile
+    travel: bool = True  # the key is a position along the travel, not a number of the profile
     notes: tuple[str, ...] = ()
-    used: tuple[int, ...] = field(default=())  # looked at beside these, and left out on purpose
+    used: tuple[int, ...] = field(default=())  # considered and deliberately not used
     y: int | None = None  # of points in space
 
     @property
@@ -40,12 +40,11 @@ class _Choice:
 
 
 def profiles_from_table(table: TextTable, settings: ReadSettings) -> RawProfiles:
-    """Return the profiles in a table of points, one point a row.
+    """Return the profiles in a table of points, one point per row.
 
     Named columns are taken by their names; unnamed ones by position: two are x and height;
     of three or more the second is left out where it is constant, and separates the profiles where
-    each of its values stands in one run of points; otherwise the third must be whole numbers (a
-    label).
+    each of its values is in one run of points; otherwise the third must be whole numbers (a label).
     Columns that do not vary within a profile become its attributes. Where a plane is to be fitted,
     the points are x, y and z.
 
@@ -98,7 +97,7 @@ def _restarts(sections: Sequence[FloatArray]) -> tuple[str, ...]:
     if len(sections) != 1 or sections[0].shape[1] != 2:
         return ()
     x = sections[0][np.isfinite(sections[0][:, 0]), 0]
-    with np.errstate(over="ignore", invalid="ignore"):  # numbers near the largest there are
+    with np.errstate(over="ignore", invalid="ignore"):  # numbers near the largest float
         steps, span = np.diff(x), np.ptp(x) if len(x) else 0.0
     if len(steps) < 2 * _MIN_POINTS_PER_PROFILE:
         return ()
@@ -111,7 +110,7 @@ def _restarts(sections: Sequence[FloatArray]) -> tuple[str, ...]:
         return ()
     return (
         f"x starts again {len(back)} times: several profiles? separate them by a column of their "
-        "numbers, or write one a file",
+        "numbers, or write one per file",
     )
 
 
@@ -123,22 +122,22 @@ def _in_space(table: TextTable, settings: ReadSettings) -> _Choice:
     UnreadableFile
         If they are not there.
     """
-    place, notes = _places(table), tuple[str, ...]()
-    depth = "height" if "height" in place else "range"
-    columns = [place[role] for role in ("x", "y", depth) if role in place]
+    by_role, notes = _columns_by_role(table), tuple[str, ...]()
+    depth = "height" if "height" in by_role else "range"
+    columns = [by_role[role] for role in ("x", "y", depth) if role in by_role]
     if settings.columns is not None:
         columns = [_index(table, column) for column in settings.columns]
     elif not columns and len(numbers := _number_columns(table)) >= 3:
         columns = numbers[:3]
         listed = ", ".join(str(column) for column in columns)
-        notes = (f"no column is named: columns {listed} taken for x, y and z",)
+        notes = (f"no column is named: columns {listed} read as x, y and z",)
     if len(columns) != 3:
         has = ", ".join(table.label(column) for column in columns) or "none of them"
         raise UnreadableFile(
             f"--plane fit needs x, y and z of each point, got {has}: name three columns with "
             "--columns, or leave --plane out where the points are x and height"
         )
-    key = place.get("scan")
+    key = by_role.get("scan")
     if key is None or key in columns or not _parts_profiles(table, key):
         key = _part_key(table)
     x, y, z = columns
@@ -156,7 +155,8 @@ def _units(
     if len(stated) > 1:
         listed = ", ".join(unit or "none" for unit in stated)
         raise UnreadableFile(
-            f"x, y and z have different units ({listed}): say one with --units, or write all in it"
+            f"x, y and z have different units ({listed}): state one with --units, or write all in "
+            "the same"
         )
     return units
 
@@ -168,10 +168,10 @@ def _requested_columns(table: TextTable, settings: ReadSettings) -> _Choice | No
     away = bool(table.names) and column_role(table.names[indices[-1]]) == "range"
     if len(indices) == 3:
         return _Choice(indices[0], indices[-1], indices[1], away)
-    place = _places(table).get("scan")
+    scan = _columns_by_role(table).get("scan")
     key = None
-    if place is not None and place not in indices and _parts_profiles(table, place):
-        key = place
+    if scan is not None and scan not in indices and _parts_profiles(table, scan):
+        key = scan
     return _Choice(indices[0], indices[-1], key, away, travel=False)
 
 
@@ -188,14 +188,14 @@ def _index(table: TextTable, column: int | str) -> int:
     raise UnreadableFile(f"no column named {column!r} in it (it has {has}): see --columns")
 
 
-def _places(table: TextTable) -> dict[str, int]:
+def _columns_by_role(table: TextTable) -> dict[str, int]:
     """Return the first column in each role: numbers, or also text if it identifies profiles."""
-    place: dict[str, int] = {}
+    by_role: dict[str, int] = {}
     for index, name in enumerate(table.names):
         role = column_role(name)
         if index not in table.texts or role == "scan":
-            place.setdefault(role, index)
-    return place
+            by_role.setdefault(role, index)
+    return by_role
 
 
 def _named(table: TextTable) -> _Choice | None:
@@ -207,19 +207,24 @@ def _named(table: TextTable) -> _Choice | None:
     ]
     if not twice:
         return choice
-    note = f"{' and '.join(twice)} stand twice in the header: the first taken, others by --columns"
+    note = (
+        f"{' and '.join(twice)} occur twice in the header: the first is used, choose others with "
+        "--columns"
+    )
     return replace(choice, notes=(*choice.notes, note))
 
 
 def _by_names(table: TextTable) -> _Choice | None:
-    place = _places(table)
-    away = "range" in place and "height" not in place
-    in_order = [place[role] for role in ("x", "y", "range" if away else "height") if role in place]
-    if "angle" in place and "x" not in place:
-        raise UnreadableFile("an angle and no x among its columns: convert it to x and height")
+    by_role = _columns_by_role(table)
+    away = "range" in by_role and "height" not in by_role
+    in_order = [
+        by_role[role] for role in ("x", "y", "range" if away else "height") if role in by_role
+    ]
+    if "angle" in by_role and "x" not in by_role:
+        raise UnreadableFile("an angle and no x in its columns: convert it to x and height")
     if len(in_order) < 2:
         return None
-    scan = place.get("scan")
+    scan = by_role.get("scan")
     if scan is not None and not _parts_profiles(table, scan):
         scan = None
     if scan is None:
@@ -248,7 +253,7 @@ def _placed(table: TextTable) -> _Choice:
         labels = " and ".join(table.names[c] if table.names else f"column {c}" for c in columns)
         noted = bool(table.names or table.texts)
         x, height = columns
-        return _Choice(x, height, notes=(f"{labels} taken for x and height",) if noted else ())
+        return _Choice(x, height, notes=(f"{labels} read as x and height",) if noted else ())
     first, second, third = columns[:3]
     notes = (
         f"no column is named: columns {first}, {second} and {third} of "
@@ -259,7 +264,7 @@ def _placed(table: TextTable) -> _Choice:
     if in_plane:
         return _Choice(first, columns[in_plane.height], notes=notes + in_plane.notes, used=used)
     if _whole(values[:, 2]) and not _whole(values[:, 1]) and not _is_profile_key(values[:, 1]):
-        note = f"column {third} is whole numbers: taken for a label"
+        note = f"column {third} has whole numbers: read as a label"
         return _Choice(first, second, notes=(*notes, note), used=used)
     if not _is_profile_key(values[:, 1]):
         _raise_no_key(table, second)
@@ -281,7 +286,7 @@ def _in_plane(xyz: FloatArray) -> _Choice | None:
     if spread[1] <= _CONSTANT * max(spread):
         return _Choice(0, 2)
     if spread[2] <= _CONSTANT * max(spread):
-        return _Choice(0, 1, notes=("z does not vary: x and y taken for the profile",))
+        return _Choice(0, 1, notes=("z does not vary: x and y read as the profile",))
     return None
 
 
@@ -306,7 +311,8 @@ def _raise_one_column(table: TextTable) -> NoReturn:
                 "height with --columns"
             )
     raise UnreadableFile(
-        "one column in it: expected x and height, or say where the heights lie with --x0 and --dx"
+        "one column in it: expected x and height, or state the positions of the heights with --x0 "
+        "and --dx"
     )
 
 
@@ -314,7 +320,7 @@ def _raise_no_key(table: TextTable, key: int) -> NoReturn:
     values = len(np.unique(table.values[:, key]))
     raise UnreadableFile(
         f"column {table.label(key)} does not separate profiles ({values} values in "
-        f"{len(table.values)} points): say which columns are x and height with --columns"
+        f"{len(table.values)} points): name the columns of x and height with --columns"
     )
 
 
@@ -347,7 +353,7 @@ def _part_key(table: TextTable) -> int | None:
 
 
 def _is_profile_key(column: FloatArray) -> bool:
-    """Return True where each value occupies one run of points, long enough for a profile."""
+    """Return whether each value occupies one run of points, long enough for a profile."""
     key = _without_gaps(column)
     runs = 1 + np.count_nonzero(np.diff(key))
     return bool(runs == len(np.unique(key)) and runs * _MIN_POINTS_PER_PROFILE <= len(key))
@@ -386,7 +392,7 @@ def _split_by(key: FloatArray) -> list[IntArray]:
 
 
 def _without_gaps(key: FloatArray) -> FloatArray:
-    """Return the key in which a lost point without a key takes that of the point before."""
+    """Return the key in which a lost point without a key gets that of the previous point."""
     known = np.isfinite(key)
     rows = np.where(known, np.arange(len(key)), np.argmax(known))
     return np.where(known.any(), key[np.maximum.accumulate(rows)], 0.0)

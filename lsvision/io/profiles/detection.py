@@ -113,7 +113,7 @@ def detect_format(content: bytes, suffix: str) -> str:
     ('text', 'opencv')
     """
     if not content or content.isspace():
-        raise UnreadableFile("the file is empty: expected x and height in mm, one point a line")
+        raise UnreadableFile("the file is empty: expected x and height in mm, one point per line")
     for magic, name in _MAGIC:
         if content.startswith(magic):
             return name

@@ -1,4 +1,4 @@
-"""Section of points in space: their plane is fitted, and they are turned into its section frame."""
+"""Section of points in space: a plane is fitted, and they are transformed to its section frame."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,11 +13,11 @@ MAX_THICKNESS = 0.1
 """Largest rms distance from the plane, relative to the rms extent of the points across their line:
 at 0.1, the plane of 100 points is determined to about 0.01 rad."""
 MIN_EXTENT = 0.01
-"""Smallest rms extent across the line relative to that along it, below which the points are said
-to lie on a line."""
+"""Smallest rms extent across the line relative to that along it, below which the points are on a
+line."""
 MIN_POINTS = 5
 MAX_COORDINATE_MM = 1e9
-"""Coordinates beyond are markers of lost points; their squares could overflow. Units: mm."""
+"""Larger coordinates are markers of lost points; their squares could overflow. Units: mm."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -54,13 +54,13 @@ def fit_section_plane(clouds: Sequence[FloatArray]) -> FittedSections:
     Returns
     -------
     FittedSections
-        The points, their frame, and what is said of them.
+        The points, their frame, and a note.
 
     Raises
     ------
     UnreadableFile
-        If they have no three coordinates, are fewer than `MIN_POINTS`, lie in no plane or on a
-        line, or are too large for any sensor.
+        If they do not have three coordinates, are fewer than `MIN_POINTS`, do not lie in a plane,
+        lie on a line, or are too large for any sensor.
     """
     if any(cloud.shape[1] != 3 for cloud in clouds):
         raise UnreadableFile(

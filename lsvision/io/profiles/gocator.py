@@ -18,7 +18,7 @@ _UNITS = ("mm", "mm")
 
 
 def read_gocator(content: bytes, _: ReadSettings) -> RawProfiles:
-    """Return the profiles of the sections Part (one profile a row), Profile and RawProfile.
+    """Return the profiles of the sections Part (one profile per row), Profile and RawProfile.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def read_gocator(content: bytes, _: ReadSettings) -> RawProfiles:
 
 
 def read_gocator_points(content: bytes, _: ReadSettings) -> RawProfiles:
-    """Return the profiles of a list with columns x0, z0, x1, z1, ..., one profile a row."""
+    """Return the profiles of a list with columns x0, z0, x1, z1, ..., one profile per row."""
     lines = [line for line in decode_text(content).splitlines() if line.strip()]
     names = [name.strip().lower() for name in lines[0].split(",")] if lines else []
     if "x0" not in names:
@@ -51,7 +51,7 @@ def read_gocator_points(content: bytes, _: ReadSettings) -> RawProfiles:
     first = names.index("x0")
     pairs = [numbers_from_cells(line.split(",")[first:]) for line in lines[1:]]
     if not pairs:
-        raise UnreadableFile("a header and no profile under it: export the recording again")
+        raise UnreadableFile("a header without a profile: export the recording again")
     return RawProfiles(
         sections=[row[: len(row) // 2 * 2].reshape(-1, 2) for row in pairs], units=_UNITS
     )
@@ -66,7 +66,7 @@ def _blocks(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
             block = []
         elif text:
             block.append(text)
-    if block:  # cut off while it was written: what is there still counts
+    if block:  # truncated while it was written: the complete part is used
         yield block[0], block[1:]
 
 

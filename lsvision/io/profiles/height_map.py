@@ -1,4 +1,4 @@
-"""Height maps: images whose pixels are heights, one profile a row (TIFF, PNG)."""
+"""Height maps: images whose pixels are heights, one profile per row (TIFF, PNG)."""
 
 import numpy as np
 
@@ -40,7 +40,7 @@ def read_height_map(content: bytes, settings: ReadSettings) -> RawProfiles:
     if image.dtype.kind in "iu":
         if settings.z_unit is None and settings.units is None:
             raise UnreadableFile(
-                "counts without their size: say what one is, as --z-unit 0.5um or --units um"
+                "counts without their size: state the size of one, as --z-unit 0.5um or --units um"
             )
         ends = np.iinfo(image.dtype)
         limits = (float(ends.min), float(ends.max))

@@ -39,12 +39,12 @@ _EXPECTED_KEYS = 'expected {"x": [...], "z": [...]} or {"points": [[x, z], ...]}
 
 
 def read_json(content: bytes, settings: ReadSettings) -> RawProfiles:
-    """Return the profiles of a JSON file, or of one with an object a line.
+    """Return the profiles of a JSON file, or of one with one object per line.
 
     Raises
     ------
     UnreadableFile
-        If it is not JSON, or no points are found in it; the keys found are named.
+        If it is not JSON, or no points are found in it; the error names the keys found.
     """
     return profiles_from_document(_parse(decode_text(content)), settings, "JSON")
 
@@ -64,7 +64,7 @@ def profiles_from_document(document: Any, settings: ReadSettings, kind: str) -> 
     Raises
     ------
     UnreadableFile
-        If no points are found; the keys found are named.
+        If no points are found; the error names the keys found.
     """
     profiles = _profiles(document, settings, depth=0)
     if profiles is None:
@@ -151,7 +151,7 @@ def _from_named_list(
     statements: tuple[UnitStatement, ...],
     depth: int,
 ) -> RawProfiles | None:
-    """Return the profiles under a key; of a flat list only if the key is a name for points."""
+    """Return the profiles under a key; of a flat list only if the key is a name of points."""
     if isinstance(value, list) and _column(value) and not isinstance(value[0], list):
         if key.lower() not in _FLAT_KEYS:
             return None
@@ -340,7 +340,7 @@ def _statement_lines(document: Mapping[str, Any]) -> Iterator[str]:
 def _column(value: Any) -> Any:
     """Return the value if it is a list of numbers, or of lists of numbers; else None.
 
-    An object with the keys 0, 1, 2, ... is a list: so pandas writes a column.
+    An object with the keys 0, 1, 2, ... is a list: pandas writes columns like that.
     """
     if isinstance(value, Mapping) and list(value) == [str(k) for k in range(len(value))]:
         value = list(value.values())
@@ -360,7 +360,7 @@ def _floats(value: Any) -> FloatArray:
     try:
         array = np.array(_with_nan(value), dtype=np.float64)
     except (ValueError, TypeError, OverflowError):
-        raise UnreadableFile("a list of points with words in it: write numbers, or null") from None
+        raise UnreadableFile("a list of points with text in it: write numbers, or null") from None
     array[np.isinf(array)] = np.nan
     return array
 

@@ -14,7 +14,9 @@ _LOST_COUNT = 0
 
 
 def read_keyence_raw(content: bytes, settings: ReadSettings) -> RawProfiles:
-    """Return the profiles of 16-bit counts, one a row: height (count - 32768) z_unit, 0 where lost.
+    """Return the profiles of 16-bit counts, one per row; the count 0 is a lost point.
+
+    The height is (count - 32768) z_unit.
 
     Raises
     ------

@@ -38,7 +38,7 @@ def profiles_from_scans(scans: Sequence[Mapping[str, Any]]) -> RawProfiles:
     Raises
     ------
     UnreadableFile
-        If angles are missing or no numbers.
+        If angles are missing or not numbers.
     """
     sections = [_section(scan) for scan in scans]
     return RawProfiles(
@@ -54,14 +54,12 @@ def read_laser_scan(content: bytes, _: ReadSettings) -> RawProfiles:
     Raises
     ------
     UnreadableFile
-        If there is no column of ranges, no row, or a row is cut short.
+        If there is no column of ranges, no row, or a row is truncated.
     """
     try:
         rows = [row for row in csv.reader(decode_text(content).splitlines()) if row]
     except csv.Error as error:
-        raise UnreadableFile(
-            f"a LaserScan table that is broken ({error}): record it again"
-        ) from None
+        raise UnreadableFile(f"an invalid LaserScan table ({error}): record it again") from None
     if not rows:
         raise UnreadableFile("a LaserScan table without a row: record it again")
     names = [name.strip().removeprefix("%").removeprefix("field.") for name in rows[0]]

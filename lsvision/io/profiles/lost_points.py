@@ -22,9 +22,9 @@ class LostMarker:
     text : str
         The value in the units of the file; ``"0, 0"`` where both coordinates are 0.
     count : int
-        Points that it marks.
+        Number of points that it marks.
     guessed : bool
-        True where neither the file nor the user states it.
+        True if neither the file nor the user states it.
     """
 
     text: str
@@ -45,8 +45,8 @@ def remove_lost(
 ) -> tuple[list[FloatArray], tuple[LostMarker, ...]]:
     """Return sections with NaN in place of markers, and the markers.
 
-    A marker that the user states is the only one; else those that the file states, the well known,
-    and values that look like one, see `find_lost_markers`.
+    A marker that the user states is the only one; otherwise those that the file states, well-known
+    ones, and values that look like one, see `find_lost_markers`.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Matrices of heights: one profile a row, x from the first column and the spacing."""
+"""Matrices of heights: one profile per row, x from the first column and the spacing."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from lsvision.io.profiles.stated_units import one_unit
 from lsvision.io.profiles.text_table import TextTable, decode_text, parse_table
 
 MIN_COLUMNS = 21
-"""A table as wide as this is a matrix of heights: no list of points has so many columns."""
+"""Smallest number of columns of a matrix of heights: lists of points have fewer."""
 MAX_HINTED_COLUMNS = 200
 """A profile has more points; a table narrower than this and much longer may hold profiles in
 columns."""
@@ -38,14 +38,14 @@ def profiles_from_matrix(table: TextTable, settings: ReadSettings) -> RawProfile
         return RawProfiles(
             sections=[np.column_stack([heights[0], row]) for row in heights[1:]],
             units=(height_unit(table, settings),) * 2,
-            notes=(*table.notes, "the first row of heights rises evenly: taken for x"),
+            notes=(*table.notes, "the first row of heights rises evenly: read as x"),
             lost=table.lost,
         )
     if settings.dx is None and len(heights) == 2 and rises(heights[0]):
         return RawProfiles(
             sections=[heights.T],
             units=(height_unit(table, settings),) * 2,
-            notes=(*table.notes, "two rows: the first taken for x, the other for z"),
+            notes=(*table.notes, "two rows: the first read as x, the other as z"),
             lost=table.lost,
         )
     hint = "" if settings.transpose else _transpose_hint(*heights.shape)
@@ -93,11 +93,11 @@ def height_unit(table: TextTable, settings: ReadSettings) -> str | None:
 def _transpose_hint(rows: int, columns: int) -> str:
     if rows < 2 * columns or columns > MAX_HINTED_COLUMNS:
         return ""
-    return f"{columns} columns of {rows}: profiles may lie in columns, say --transpose"
+    return f"{columns} columns of {rows}: profiles may lie in columns, use --transpose"
 
 
 def _is_x_row(heights: FloatArray) -> bool:
-    """Return whether the first row rises evenly, and most of the others do not."""
+    """Return whether the first row increases in equal steps, and most of the others do not."""
     with np.errstate(over="ignore", invalid="ignore"):
         steps = np.diff(heights[0])
     even = bool(np.all(np.abs(steps - steps.mean()) < MAX_UNEVENNESS * abs(steps.mean())))
@@ -105,6 +105,6 @@ def _is_x_row(heights: FloatArray) -> bool:
 
 
 def rises(row: FloatArray) -> bool:
-    """Return whether the numbers that are not lost rise throughout, or fall throughout."""
+    """Return whether the numbers that are not lost increase or decrease strictly."""
     known = row[np.isfinite(row)]
     return len(known) > 1 and bool(np.all(known[1:] > known[:-1]) or np.all(known[1:] < known[:-1]))

@@ -1,4 +1,4 @@
-"""Profiles in columns that have names: one point a row, or one profile a row."""
+"""Profiles in columns that have names: one point per row, or one profile per row."""
 
 from collections.abc import Mapping, Sequence
 
@@ -29,14 +29,14 @@ def profiles_from_named(
     Parameters
     ----------
     columns : mapping
-        One array each: (n,) with a point a row; or, with a profile a row, (k, m) arrays or k
-        arrays of any length, where x may also be the (m,) that all rows share.
+        One array each: (n,) with one point per row; or, with one profile per row, (k, m) arrays or
+        k arrays of any length, where x may also be the (m,) that all rows share.
     settings : ReadSettings
         Reading options.
     statements : tuple of UnitStatement
         Units that the file states beside the columns.
     texts : mapping, optional
-        Columns of text, one a row.
+        Columns of text, one per row.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def profiles_from_named(
     odd = [label for label, column in columns.items() if not _is_column(column)]
     if odd:
         raise UnreadableFile(
-            f"expected arrays of shape (n,), one number a point, or (k, n), one row a profile: "
+            f"expected arrays of shape (n,), one number per point, or (k, n), one row per profile: "
             f"{', '.join(odd)} is neither"
         )
     labels = {label: split_label(label) for label in columns}
@@ -59,7 +59,9 @@ def profiles_from_named(
     if np.ndim(columns[height][0] if len(columns[height]) else 0.0) == 0:
         return _from_points(columns, texts or {}, settings, statements)
     if settings.columns is not None:
-        raise UnreadableFile("a profile a row: --columns is for a point a row, leave it out")
+        raise UnreadableFile(
+            "one profile per row: --columns applies to one point per row only, leave it out"
+        )
     x = by_role.get("x")
     rows = [np.asarray(row) for row in columns[height]]
     xs = _x_of_rows(rows, None if x is None else columns[x], settings)

@@ -1,4 +1,4 @@
-"""Text cells to numbers: a fast path for valid cells, cell by cell otherwise."""
+"""Conversion of text cells to numbers, fast if all cells are valid, else cell by cell."""
 
 import re
 from collections.abc import Sequence
@@ -27,7 +27,8 @@ MISSING_VALUES = frozenset(
 _MISSING_PATTERN = re.compile(
     r"[-+]?1\.#(?:ind|qnan|snan|inf)0*|[-+]?[sq]?nan(?:\(\w*\))?|<na>|\\n|[*]+|[#]+|-+(?:\.-+)?|0x(?:f+|80+|7f+)|(?:over|under|out.?of.?)range"
 )
-"""The same with variable content: fields too narrow, ends of integer types in hexadecimal."""
+"""Further contents of a cell without a number: fields too narrow, limits of integer types in
+hexadecimal."""
 
 POINT_NUMBER = re.compile(r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eEdD][-+]?[0-9]+)?")
 COMMA_NUMBER = re.compile(r"[-+]?(?:[0-9]+(?:,[0-9]*)?|,[0-9]+)(?:[eEdD][-+]?[0-9]+)?")
@@ -46,7 +47,7 @@ _TRANSLATED = str.maketrans({"−": "-", "–": "-", "\u00a0": " ", "\u202f": " 
 
 @dataclass(frozen=True)
 class Word:
-    """A cell that holds a word instead of a number.
+    """A cell that contains text instead of a number.
 
     Parameters
     ----------
@@ -103,7 +104,7 @@ def numbers_from_cells(cells: Sequence[str]) -> FloatArray:
     Raises
     ------
     UnreadableFile
-        At a cell that is another word.
+        If a cell contains other text.
     """
     column = parse_column(cells, decimal_comma=False)
     if column.word is not None:
@@ -187,7 +188,7 @@ def uses_decimal_comma(columns: Sequence[Sequence[str]]) -> bool:
 
 def floats_from(array: npt.NDArray[np.generic]) -> FloatArray:
     """Return the array in double precision, without a warning for numbers beyond its range."""
-    with np.errstate(invalid="ignore", over="ignore"):  # a signalling nan is lost all the same
+    with np.errstate(invalid="ignore", over="ignore"):  # a signalling NaN is a lost point, too
         return array.astype(np.float64)
 
 
@@ -203,6 +204,6 @@ def _has_decimal_point(cells: Sequence[str]) -> bool:
 def _word(row: int, cell: str) -> Word:
     if THOUSANDS.fullmatch(cell):
         return Word(row, cell, "has a thousands separator: export numbers without them", True)
-    reason = "is not a number: take such lines out, mark them as comments with #, or say --lost"
+    reason = "is not a number: remove such lines, mark them as comments with #, or use --lost"
     shown = " ".join(cell.split())[:20]
     return Word(row, cell, f"{reason} {shown} if it marks lost points")

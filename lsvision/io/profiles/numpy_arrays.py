@@ -49,7 +49,7 @@ def read_npy(content: bytes, settings: ReadSettings) -> RawProfiles:
     """Return the profiles of an array: (n, 2 or 3), (k, n, 2), or rows of heights with ``dx``."""
     arrays = _load(content)
     if "" not in arrays:
-        raise UnreadableFile("a zip archive, no array by itself: leave --format npy out")
+        raise UnreadableFile("a zip archive instead of an array: leave --format npy out")
     return profiles_from_array(arrays[""], settings)
 
 
@@ -115,7 +115,7 @@ def _unpack(content: bytes) -> dict[str, npt.NDArray[np.generic]]:
 def _array_of(content: bytes) -> npt.NDArray[np.generic]:
     """Return the array of an NPY file; its size is first checked against its header."""
     if not content.startswith(NPY_MAGIC):
-        raise ValueError(f"no NPY array, but {content[:8]!r}")
+        raise ValueError(f"not an NPY array, but {content[:8]!r}")
     _check_size(io.BytesIO(content), len(content))
     return _load_quietly(io.BytesIO(content))
 

@@ -31,7 +31,7 @@ def matrix_of_node(key: str, node: Mapping[str, Any]) -> FloatArray:
     Raises
     ------
     UnreadableFile
-        If rows x columns is another number than that of its data.
+        If rows x columns differs from the number of its data.
     """
     try:
         sizes = node["sizes"] if "sizes" in node else [_word(node["rows"]), _word(node["cols"])]

@@ -52,7 +52,7 @@ def read_opencv_storage(content: bytes, settings: ReadSettings) -> RawProfiles:
     }
     if len(columns) > 1:
         return profiles_from_named(columns, settings, unit_statements(_lines_of_words(text)))
-    # Long lists are split here: a parser of YAML needs microseconds a number.
+    # Long lists are split here: a YAML parser needs microseconds per number.
     lists = {key: body.split(",") for key, body in _FLAT_LIST.findall(text) if key != "data"}
     key = min(lists, key=_rank, default=None)
     if key is not None and (key in _KEYS or len(lists[key]) >= _MIN_NUMBERS):
@@ -84,7 +84,7 @@ def _first_node(text: str) -> tuple[str, FloatArray]:
         nodes = _parse(text)
     except ValueError as error:
         raise UnreadableFile(
-            f"no FileStorage of OpenCV ({str(error)[:200]}): write it again with cv2.FileStorage"
+            f"not a FileStorage of OpenCV ({str(error)[:200]}): write it again with cv2.FileStorage"
         ) from None
     for key in sorted(nodes, key=_rank):
         values = _numbers(key, nodes[key])

@@ -1,4 +1,4 @@
-"""Profiles in Parquet: a point a row (x, z) or a profile a row (lists x and z)."""
+"""Profiles in Parquet: one point per row (x, z) or one profile per row (lists x and z)."""
 
 import io
 from collections.abc import Iterator
@@ -40,7 +40,7 @@ def read_parquet(content: bytes, settings: ReadSettings) -> RawProfiles:
 def iterate_tables(path: Path, rows: int) -> "Iterator[pa.Table]":
     """Yield a Parquet file in tables of at most `rows` profiles.
 
-    A file with a point a row is one table, since a profile may lie anywhere in it.
+    A file with one point per row is one table, since the points of a profile may be anywhere in it.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def _pyarrow() -> Any:
         import pyarrow.parquet
     except ModuleNotFoundError:
         raise UnreadableFile(
-            "reading Parquet takes pyarrow: pip install 'lsvision[batch]'"
+            "reading Parquet needs pyarrow: pip install 'lsvision[batch]'"
         ) from None
     return pyarrow
 
@@ -97,7 +97,7 @@ def _tables(file: BinaryIO, rows: int | None) -> "Iterator[pa.Table]":
 
 
 def _texts(column: Any) -> list[str] | None:
-    """Return the cells of a column of words, dates or truth values; None for nested columns."""
+    """Return the cells of a column of text, dates or booleans; None for nested columns."""
     import pyarrow.types as kinds
 
     if kinds.is_nested(column.type):
@@ -127,7 +127,7 @@ def _stated_of_fields(schema: Any) -> list[UnitStatement]:
 def _limited_table(file: Any) -> Any:
     """Return the table of a file, rejected as soon as it unpacks to more than the limit.
 
-    A value may take no byte in the file. Metadata of columns are not read: broken ones end the
+    A value may need no byte in the file. Metadata of columns are not read: invalid ones crash the
     process (pyarrow 26).
     """
     import pyarrow

@@ -1,4 +1,4 @@
-"""Plain text: x and height (or x, y and z) of one point a line."""
+"""Plain text: x and height (or x, y and z) of one point per line."""
 
 from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.matrix import MIN_COLUMNS, profiles_from_matrix

@@ -35,7 +35,7 @@ def read_ply(content: bytes, settings: ReadSettings) -> RawProfiles:
     Raises
     ------
     UnreadableFile
-        If its header is broken, or its vertices are missing, not first, or cut short.
+        If its header is broken, or its vertices are missing, not first, or truncated.
     """
     head, end, body = content.partition(b"end_header")
     lines = [line.split() for line in head.decode("latin-1").splitlines()]
@@ -54,7 +54,7 @@ def read_pcd(content: bytes, settings: ReadSettings) -> RawProfiles:
     Raises
     ------
     UnreadableFile
-        If its header is broken, its data are compressed, or they are cut short.
+        If its header is broken, its data are compressed, or they are truncated.
     """
     match = re.search(rb"^DATA[ \t]+(\w+)[ \t]*\r?\n", content, re.MULTILINE)
     if match is None or match[1] not in (b"ascii", b"binary"):
@@ -139,7 +139,7 @@ def _points(body: bytes, layout: _Layout, *, ascii_: bool) -> TextTable:
         columns = _ascii_columns(body, dtype, layout.count)
     elif len(body) < layout.count * dtype.itemsize:
         raise UnreadableFile(
-            f"cut short: its header announces {layout.count} points: export it again"
+            f"truncated: its header announces {layout.count} points: export it again"
         )
     else:
         records = np.frombuffer(body, dtype, layout.count)
@@ -153,6 +153,6 @@ def _ascii_columns(body: bytes, dtype: np.dtype[np.void], count: int) -> list[Fl
     cells = body.decode("latin-1").split()
     total = sum(widths)
     if len(cells) < count * total:
-        raise UnreadableFile(f"cut short: its header announces {count} points: export it again")
+        raise UnreadableFile(f"truncated: its header announces {count} points: export it again")
     rows = numbers_from_cells(cells[: count * total]).reshape(count, total)
     return [rows[:, starts[axis]] for axis in "xyz"]

@@ -15,7 +15,8 @@ from lsvision.io.profiles.number_rows import floats_from
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 
 FLATNESS = 1e-6
-"""Spread of a coordinate relative to the largest, below which points lie in a plane across it."""
+"""Spread of a coordinate relative to the largest, below which points lie in a plane perpendicular
+to it."""
 
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 _LIDAR = "PointCloud2 in its x-y plane: X is the scanner's y, Y the opposite of its x"
@@ -28,8 +29,9 @@ def profiles_from_clouds(
 ) -> RawProfiles:
     """Profiles of PointCloud2 messages.
 
-    Points of one plane across y are taken as x and z; of one across z, as of a lidar, as those of
-    a LaserScan; other columns where the user names them; all three where a plane is to be fitted.
+    Points of one plane perpendicular to y are read as x and z; of one perpendicular to z, as of a
+    lidar, as those of a LaserScan; other columns where the user names them; all three where a plane
+    is to be fitted.
 
     Parameters
     ----------
@@ -43,7 +45,7 @@ def profiles_from_clouds(
     Raises
     ------
     UnreadableFile
-        If there is no row of points, or those of a row lie in no section.
+        If there is no row of points, or those of a row do not lie in a section.
     """
     rows, kept = [], []
     for cloud, attribute in zip(clouds, attributes, strict=True):
@@ -70,7 +72,7 @@ def cloud_points(cloud: Any) -> FloatArray:
     Raises
     ------
     UnreadableFile
-        If it has no x, y and z, or is cut short.
+        If it has no x, y and z, or is truncated.
     """
     order = ">" if cloud.is_bigendian else "<"
     fields = {field.name: field for field in cloud.fields}
@@ -88,7 +90,7 @@ def cloud_points(cloud: Any) -> FloatArray:
         last = (shape[0] - 1) * strides[0] + (shape[1] - 1) * strides[1] + field.offset
         if kind.kind == "V" or last + kind.itemsize > data.nbytes or min(*shape, *strides) < 0:
             raise UnreadableFile(
-                f"a PointCloud2 whose {axis} is cut short or of an unknown type: record it again"
+                f"a PointCloud2 whose {axis} is truncated or of an unknown type: record it again"
             )
         plane: Any = np.zeros(shape)
         if plane.size:
@@ -116,7 +118,7 @@ def _section_columns(
     if flat[2]:
         return [1, 0], True, (_LIDAR,)
     raise UnreadableFile(
-        "a PointCloud2 whose points lie in no section across y or z (they span "
+        "a PointCloud2 whose points do not lie in a section perpendicular to y or z (they span "
         f"{' x '.join(f'{spread:.3g}' for spread in spreads)} m): publish it in the scanner's own "
         "frame, or name two of its coordinates as --columns x,z"
     )

@@ -1,4 +1,4 @@
-"""Columns of a table that hold one value a profile: the attributes of the profiles."""
+"""Columns of a table that hold one value per profile: the attributes of the profiles."""
 
 from collections.abc import Mapping, Sequence
 
@@ -21,7 +21,7 @@ def profile_attributes(
     Parameters
     ----------
     table : TextTable
-        A point a row; without names it gives no attributes.
+        One point per row; without names it gives no attributes.
     rows : sequence of ndarray
         Rows of each profile.
     points : sequence of int
@@ -29,7 +29,7 @@ def profile_attributes(
     key : int or None
         Column that identifies profiles.
     left_out : sequence of int
-        Columns that were looked at and left out on purpose.
+        Columns that were considered and deliberately not used.
     """
     others = [c for c in range(table.values.shape[1]) if c not in points]
     kept: list[dict[str, float | str]] = [{} for _ in rows]

@@ -52,10 +52,13 @@ _READERS: dict[str, Callable[[bytes, ReadSettings], RawProfiles]] = {
     "rosbag": read_ros_bag,
 }
 
-_MAX_RANGE_MM = 1e4  # beyond the range of any profile sensor
-_USUAL_MM, _FINER_UNITS = 1e3, ("um", "10nm")  # a finer unit gives coordinates below a metre
+_MAX_RANGE_MM = 1e4  # larger than the range of any profile sensor
+_USUAL_MM, _FINER_UNITS = (
+    1e3,
+    ("um", "10nm"),
+)  # the first one that makes coordinates smaller than a metre is suggested
 _NARROWEST_MM = 1.0  # narrower than the field of any profile sensor
-_LIDAR_EXTENT = 10.0  # a profile of this size and place may be metres of a lidar, or mm
+_LIDAR_EXTENT = 10.0  # coordinates up to this may be metres of a lidar, or mm of a sensor
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -81,7 +84,7 @@ class ProfileFile:
     notes : tuple of str
         Remarks on what was guessed, left out or looks wrong.
     unit_warnings : tuple of str
-        Those of the notes on coordinates that suggest another unit.
+        Those of the notes that suggest another unit.
     markers : tuple of LostMarker
         Values that mark lost points, in the units of the file.
     attributes : tuple of mapping
@@ -117,8 +120,8 @@ class ProfileFile:
     def summary(self) -> str:
         """Summary in one line: reader, units, number of profiles, lost points, direction.
 
-        Definition: as ``"text, mm (assumed), 1 profile, 3 of 376 points lost"``, with
-        ``"(3 by -9999)"`` behind it where a value marks them.
+        Definition: as ``"text, mm (assumed), 1 profile, 3 of 376 points lost"``, followed by ``"(3
+        by -9999)"`` if a value marks them.
         """
         units = f"{self.units} (assumed)" if self.units_assumed else self.units
         count = len(self.profiles)
@@ -185,7 +188,7 @@ def read_profiles(path: str | os.PathLike[str], **options: Unpack[ReadOptions]) 
     Raises
     ------
     UnreadableFile
-        If a file cannot be read or holds no valid point (named), or there is none.
+        If there is no file, or one cannot be read or has no valid point; the message names it.
 
     Examples
     --------
@@ -280,7 +283,7 @@ def in_section_frame(
         fitted = fit_section_plane([section * x_scale for section in sections])
         sections, to_mm = list(fitted.sections), np.array([1.0, -1.0 if away else 1.0])
     if (to_mm != 1.0).any():
-        with np.errstate(over="ignore", invalid="ignore"):  # what overflows is lost
+        with np.errstate(over="ignore", invalid="ignore"):  # overflow makes a point lost
             sections = [section * to_mm for section in sections]
     profiles = tuple(Profile(section, lost=()) for section in sections)
     named = tuple(dict.fromkeys(unit or "mm" for unit in (x_unit, height_unit)))
@@ -306,7 +309,7 @@ def in_section_frame(
 
 
 def require_plausible_units(file: ProfileFile) -> None:
-    """Raise UnreadableFile if nobody states the unit and the coordinates are implausible in mm."""
+    """Raise UnreadableFile if mm are assumed and the coordinates are implausible in mm."""
     if file.unit_warnings and file.units_assumed:
         marked = [f"{marker.count} by {marker.text}" for marker in file.markers]
         lost = f" (without {file.lost} lost points, {', '.join(marked)})" if marked else ""
@@ -344,7 +347,7 @@ def _hints(
     notes = []
     wide_enough = high[0] - low[0] >= _NARROWEST_MM
     if assumed and wide_enough and float(np.abs([low, high]).max()) <= _LIDAR_EXTENT:
-        notes.append(f"the points span {size} mm: metres of a lidar? then say --units m")
+        notes.append(f"the points span {size} mm: if these are metres of a lidar, use --units m")
     empty = sum(profile.lost == len(profile) for profile in profiles)
     if empty:
         notes.append(f"{empty} of {len(profiles)} profiles hold no point")

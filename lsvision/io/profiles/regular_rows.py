@@ -1,4 +1,4 @@
-"""Regular rows of numbers in a text, parsed all at once: most files hold nothing else."""
+"""Regular rows of numbers in a text, parsed all at once: most files contain nothing else."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -96,7 +96,7 @@ def parse_regular_rows(rows: str, separator: str, width: int) -> FloatArray | No
     parts = []
     for block in _blocks(rows):
         values = _parse_block(block, separator, width)
-        if values is None and separator != " ":  # two blanks part cells like one
+        if values is None and separator != " ":  # two blanks separate cells like one
             values = _parse_block(fill_empty_cells(block, separator), separator, width)
         if values is None:
             return None
@@ -115,7 +115,7 @@ def fill_empty_cells(rows: str, separator: str) -> str:
     '1,nan,nan,nan\nnan,2,3,4'
     """
     text = f"\n{rows}\n"
-    for _ in range(2):  # the second of two empty cells is seen in the second pass
+    for _ in range(2):  # the second of two empty cells is found in the second pass
         text = text.replace(separator * 2, f"{separator}nan{separator}")
     text = text.replace(f"{separator}\n", f"{separator}nan\n")
     return text.replace(f"\n{separator}", f"\nnan{separator}")[1:-1]
@@ -163,7 +163,7 @@ def _parse_block(block: str, separator: str, width: int) -> FloatArray | None:
     marks = content.translate(None, _CELL_BYTES if separator in " \t" else _CELL_BYTES + b" ")
     if marks + b"\n" != (mark * (width - 1) + b"\n") * (marks.count(b"\n") + 1):
         return None
-    # numpy spends more time on a line than on a cell
+    # numpy needs more time for a line than for a cell
     joined = content.translate(bytes.maketrans(b"\n", mark)).decode()
     try:
         return np.loadtxt([joined], delimiter=separator, comments=None).reshape(-1, width)

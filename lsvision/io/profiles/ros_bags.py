@@ -82,7 +82,9 @@ def _messages(path: Path, topic: str | None) -> tuple[str, list[Message]]:
             "rosbag info or ros2 bag info, repair it with rosbag reindex, or record it again"
         ) from None
     if not messages:
-        raise UnreadableFile("a ROS bag whose index leads to no message: repair or record it again")
+        raise UnreadableFile(
+            "a ROS bag whose index refers to no message: repair or record it again"
+        )
     return kind, messages
 
 
@@ -95,11 +97,11 @@ def _chosen(connections: Sequence[Any], topic: str | None) -> list[Any]:
         return wanted
     if topics:
         raise UnreadableFile(
-            f"a ROS bag of several topics with profiles: say --topic {_named(wanted)}"
+            f"a ROS bag of several topics with profiles: use --topic {_named(wanted)}"
         )
     if topic is not None and fitting:
         raise UnreadableFile(
-            f"no topic {topic!r} with profiles in it: say --topic {_named(fitting)}"
+            f"no topic {topic!r} with profiles in it: use --topic {_named(fitting)}"
         )
     raise UnreadableFile(
         "a ROS bag without a message of LaserScan or PointCloud2 (it has "

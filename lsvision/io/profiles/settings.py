@@ -55,7 +55,7 @@ class ReadOptions(TypedDict, total=False):
 
 @dataclass(frozen=True, kw_only=True)
 class ReadSettings:
-    """Reading options for a file; None leaves it to the file.
+    """Reading options for a file; None uses what the file states.
 
     Parameters
     ----------
@@ -69,11 +69,11 @@ class ReadSettings:
     flip : bool, optional
         True where heights grow away from the sensor (ranges), False where they grow towards it.
     lost : float, str or sequence, optional
-        What the file holds where a point is lost, in its own units, as ``-9999`` or
-        ``"-9999,ERR"``; ``"none"`` where every number is a height. Without it, values that
-        repeat far from the rest are taken for lost points and named.
+        Value in the file that marks a lost point, in the units of the file, as ``-9999`` or
+        ``"-9999,ERR"``; ``"none"`` where every number is a height. Without it, values that repeat
+        far from the rest are read as lost points, with a note.
     transpose : bool
-        True where rows and columns change places: profiles lie in columns.
+        True if each column of the matrix is a profile.
     x0, dx : float, optional
         For rows of heights without x: x of the first column, spacing of columns. Units: mm.
     x_start, x_pitch : float, optional
@@ -167,17 +167,17 @@ class RawProfiles:
     away : bool
         True where heights grow away from the sensor.
     positions : tuple of float, optional
-        Where along the travel each profile was taken, in the units of x.
+        Position of each profile along the travel, in the units of x.
     notes : tuple of str
         Guesses and omissions, as text for users.
     x_in_mm : bool
-        True where the user gave x in mm, whatever the unit of the heights.
+        True if the user gave x in mm, independent of the unit of the heights.
     lost : tuple of float
         Markers of lost points that the file states, in its own units.
     limits : tuple of float
-        Ends of the type that the heights were stored in.
+        Limits of the data type in which the heights were stored.
     attributes : tuple of mapping
-        Data of the file on each profile other than its points; empty where nothing.
+        Data of the file on each profile other than its points; empty if there are none.
     ignored : tuple of str
         Columns that were not used.
     """

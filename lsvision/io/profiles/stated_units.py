@@ -9,7 +9,7 @@ from lsvision.io.profiles.text_table import TextTable
 from lsvision.io.profiles.unit_statements import UnitStatement, unit_mentions
 from lsvision.io.profiles.units import StatedUnit, mm_per_unit
 
-_REMEDY = "say which it is, as --units um or --units 0.1mm"
+_REMEDY = "state it, as --units um or --units 0.1mm"
 
 
 def resolve_units(
@@ -24,7 +24,7 @@ def resolve_units(
     x, height : int
         The columns.
     settings : ReadSettings
-        The user's word is taken before the file's.
+        What the user states has priority over the file.
 
     Returns
     -------
@@ -46,7 +46,7 @@ def resolve_units(
 def require_known_unit(
     units: tuple[str | None, str | None], lines: Iterable[str], settings: ReadSettings
 ) -> None:
-    """Raise an error if a file states no known unit and yet mentions one in other words.
+    """Raise an error if a file does not state a known unit but mentions one in other words.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def _stated(table: TextTable, x: int, height: int) -> tuple[str | None, str | No
 
 
 def one_unit(over: StatedUnit | None, statements: Iterable[UnitStatement] = ()) -> str | None:
-    """Return the unit on which all statements about a column agree; None without any.
+    """Return the unit that all statements about a column agree on; None without a statement.
 
     Raises
     ------

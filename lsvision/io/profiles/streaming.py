@@ -1,4 +1,4 @@
-"""Profiles of a file of any size, some at a time: the memory does not grow with the file."""
+"""Profiles of a file of any size, read in parts: the memory does not grow with the file."""
 
 import os
 from collections.abc import Iterator
@@ -57,7 +57,7 @@ def iterate_profiles(
 ) -> Iterator[ProfilePart]:
     r"""Read the profiles of a file in parts.
 
-    Parquet with a profile a row and NPY arrays are read lazily; any other
+    Parquet with one profile per row and NPY arrays are read lazily; any other
     file is one part.
 
     Parameters
@@ -116,7 +116,7 @@ def iterate_profiles(
 
 
 def _streamed_kind(file: Path, settings: ReadSettings) -> str | None:
-    """Return the format of a file whose parts can be read by themselves, else None."""
+    """Return the format of a file whose parts can be read independently, else None."""
     if settings.plane is not None:  # one plane for all profiles
         return None
     if str(file) == STDIN or not is_regular(file):

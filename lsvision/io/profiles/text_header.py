@@ -36,7 +36,7 @@ class Header:
     names: tuple[str, ...]
     units: tuple[StatedUnit | None, ...]
     counted: int = 0
-    """Names in a line that names x and height but not as many columns as there are; else 0."""
+    """Number of names in a line that names x and height but not all columns; else 0."""
 
 
 def read_header(preamble: Sequence[str], separator: str | None, width: int) -> Header:
@@ -84,7 +84,7 @@ def _has_known_roles(parsed: Sequence[tuple[str, StatedUnit | None]]) -> bool:
 
 
 def _is_no_header(line: str, text: str, labels: Sequence[str], separator: str | None) -> bool:
-    """Return whether a line with as many words as columns is something else than their names."""
+    """Return whether a line with one word per column is not their names."""
     if all(map(is_number_or_lost, labels)) or states_unit(line):
         return True
     return separator is None and _is_key_value(text, labels)
@@ -94,7 +94,7 @@ def _labels(text: str, separator: str | None, width: int) -> list[str] | None:
     tight = _BRACKETS.sub(lambda match: match[0].replace(" ", _INNER_BLANK), text)
     tight = re.sub(
         r"(?<! ) +(?=[\[(])", "", tight
-    )  # 'x [1/10 mm]' is one label, whatever parts cells
+    )  # 'x [1/10 mm]' is one label, whatever separates the cells
     for labels in (
         split_cells(tight, separator),
         [w for w in re.split(r"[,;\s|]+", tight.replace('"', "")) if w],

@@ -26,10 +26,10 @@ MIN_TEXT_TABLE_FRACTION = 0.5
 
 _ANY_NUMBER = re.compile(f"{POINT_NUMBER.pattern}|{COMMA_NUMBER.pattern}|{THOUSANDS.pattern}")
 _RULE = re.compile(r"[-=_*~]{3,}")
-"""A line that is drawn under a table."""
+"""Line of dashes below a table."""
 _QUOTED = re.compile(r'"[^"]*"')
 _WORDS = re.compile(r'"[^"]*"|[^\s"]+')
-_NO_NUMBERS = "expected x and height in mm, one point a line, got no line of numbers"
+_NO_NUMBERS = "expected x and height in mm, one point per line, got no line of numbers"
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def may_state_size(line: str, separator: str | None) -> bool:
 
 
 def _states_size(lines: Sequence[str], first: int, stop: int, separator: str | None) -> bool:
-    """Return whether the first line of numbers is how many rows and columns follow, as ``2 60``."""
+    """Return whether the first line of numbers is a count of rows and columns, as ``2 60``."""
     if not may_state_size(lines[first], separator):
         return False
     cells = split_cells(lines[first].strip(), separator)
@@ -71,7 +71,7 @@ def _states_size(lines: Sequence[str], first: int, stop: int, separator: str | N
 
 
 def split_cells(line: str, separator: str | None) -> list[str]:
-    """Return the cells of a line; quotes hold a cell together and are left out.
+    """Return the cells of a line; a quoted part is one cell, without the quotes.
 
     Examples
     --------
@@ -158,7 +158,7 @@ def _first_number_row(lines: Sequence[str]) -> tuple[int, str | None] | None:
                 if not _is_above_table(lines, index, len(cells)):
                     return _with_lost_rows(lines, index, separator), separator
                 preamble += 1
-        if preamble >= MAX_PREAMBLE_LINES:  # rows of lost points are none of it, however many
+        if preamble >= MAX_PREAMBLE_LINES:  # rows of lost points do not count
             return None
     return None
 
@@ -169,7 +169,7 @@ def _is_above_table(lines: Sequence[str], index: int, width: int) -> bool:
     nearest = list(islice(below, 3))
     numbers = [all(map(is_number_or_lost, cells)) for cells in nearest]
     if numbers == [False, True, True]:
-        return True  # a header stands between
+        return True  # a header is between
     if not nearest or width == len(nearest[0]):
         return False
     widths = [len(cells) for cells in (*nearest, *below)]
@@ -197,12 +197,15 @@ def _with_lost_rows(lines: Sequence[str], index: int, separator: str | None) -> 
 
 
 def _first_text_row(lines: Sequence[str]) -> tuple[int, str | None, int, tuple[int, ...]]:
-    """Return the layout of a table with words and numbers, by what most lines have in common."""
+    """Return the layout of a table with words and numbers, from the layout of most lines."""
     rows = [i for i, line in enumerate(lines) if line.strip() and not is_comment(line)]
     sample = rows[len(rows) // 4 :][: 4 * SAMPLE_LINES]
     best: tuple[int, str | None, int, tuple[int, ...]] | None = None
     marks = [mark for mark in (";", "\t", "|") if all(mark in lines[i] for i in sample)]
-    separators = marks[:1] or (",", None)  # a comma is a decimal mark where others part cells
+    separators = marks[:1] or (
+        ",",
+        None,
+    )  # a comma is a decimal mark where other characters separate cells
     for separator in separators:
         cells = [split_cells(lines[i].strip(" \r\n"), separator) for i in sample]
         if not cells:

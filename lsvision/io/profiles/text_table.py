@@ -36,7 +36,8 @@ _CHECKED_BYTES = 1 << 16  # at once, in the cache
 _COMMENT_STARTS = "#%/! \t"
 _CUT_COMMA = re.compile(r"(?:^|,)[-+]?[0-9]{1,3},0[0-9]+(?=[,.\r\n]|$)", re.MULTILINE)
 _CUT_NUMBERS = (
-    "numbers look cut at their commas ({cells!r}): export with semicolons between cells and "
+    "numbers seem to be split at their commas ({cells!r}): export with semicolons between cells "
+    "and "
     "without thousands separators"
 )
 _SAMPLE_ROWS = 5000
@@ -69,7 +70,7 @@ class TextTable:
     notes : tuple of str
         Omissions, as text for users.
     limits : tuple of float
-        Ends of the type that the numbers were stored in.
+        Limits of the data type in which the numbers were stored.
     mentions : tuple of str
         Lines beside the numbers, which may mention a unit in other words.
     """
@@ -122,14 +123,14 @@ def parse_table(text: str, lost_words: frozenset[str] = frozenset()) -> TextTabl
     Raises
     ------
     UnreadableFile
-        If there is no table of numbers, or its lines do not fit one another.
+        If there is no table of numbers, or its lines differ in layout.
 
     Examples
     --------
     >>> parse_table("x [mm];z [mm]\n1,5;-2\n2,0;").values.tolist()
     [[1.5, -2.0], [2.0, nan]]
     """
-    text = text.replace("\u2212", "-")  # a minus sign as typesetters write it
+    text = text.replace("\u2212", "-")  # typographic minus sign
     body = _regular_body(text) or _any_body(text.splitlines(), lost_words)
     table, layout = body.table, body.layout
     values = table.values
@@ -191,7 +192,7 @@ def _any_body(lines: Sequence[str], lost_words: frozenset[str]) -> _Body:
 
 
 def _holds_controls(content: bytes, text: str) -> bool:
-    """Return whether a text has control characters; in bytes of ASCII they are found quicker."""
+    """Return whether a text has control characters; which are found faster in ASCII bytes."""
     if not (content.isascii() and len(content) == len(text)):
         return bool(_CONTROL.search(text))
     codes = np.frombuffer(content, np.uint8)
@@ -310,7 +311,7 @@ def _check_cells(header: Header, values: FloatArray, sample: str, layout: Layout
 
 
 def _unit_column(table: TextTable, header: Header) -> tuple[UnitStatement, ...]:
-    """The unit in a column that is named so."""
+    """The unit in a column named unit."""
     found: list[UnitStatement] = []
     for column, cells in table.texts.items():
         if header.names and header.names[column] in ("unit", "units", "einheit", "uom"):

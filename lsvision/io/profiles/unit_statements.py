@@ -19,7 +19,7 @@ MAX_LINE_LENGTH = 300
 """Longest line that may state a unit or a marker of lost points. Units: characters."""
 
 MAX_MENTION_LINES = 1000
-"""Maximum number of lines that are searched for a unit in any words."""
+"""Maximum number of lines that are searched for a unit in free text."""
 
 _UNIT_KEYS = frozenset(
     "unit units uom einheit einheiten maßeinheit masseinheit unité unités".split()  # noqa: SIM905
@@ -132,7 +132,7 @@ def states_unit(line: str) -> bool:
 
 
 def unit_mentions(lines: Iterable[str]) -> tuple[str, ...]:
-    """Lines that mention a unit other than mm or a conversion, in any words.
+    """Lines that mention a unit other than mm or a conversion, in free text.
 
     Examples
     --------

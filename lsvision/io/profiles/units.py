@@ -85,7 +85,7 @@ class StatedUnit:
     text : str
         Text in the file.
     unit : str or None
-        Name that `mm_per_unit` takes; None where the words are not understood.
+        Name that `mm_per_unit` takes; None if the text is not understood.
     """
 
     text: str
@@ -93,7 +93,7 @@ class StatedUnit:
 
 
 def parse_unit(text: str) -> str | None:
-    """Name of a unit of length, with its scale; None where the text is no such unit.
+    """Name of a unit of length, with its scale; None if the text is not such a unit.
 
     Examples
     --------

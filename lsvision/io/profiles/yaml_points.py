@@ -1,6 +1,6 @@
 """Points in plain YAML as ROS and loggers write it: keys with numbers and lists, nothing else.
 
-No aliases, tags or types: what is not understood is text, so that no file can do harm.
+No aliases, tags or types: what is not understood stays text, so that a malicious file is harmless.
 """
 
 import re
@@ -28,7 +28,7 @@ def read_yaml(content: bytes, settings: ReadSettings) -> RawProfiles:
     Raises
     ------
     UnreadableFile
-        If no points are found in it; the keys found are named.
+        If no points are found in it; the error names the keys found.
     """
     parts = [part for part in _DOCUMENT_END.split(decode_text(content)) if part.strip()]
     documents = [document for part in parts if (document := parse_plain_yaml(part))]
@@ -64,7 +64,7 @@ def parse_plain_yaml(text: str) -> dict[str, Any] | list[Any]:
                 body.append(line)
             continue
         if key in document:
-            raise UnreadableFile(f"YAML with the key {key!r} twice: write one file a profile")
+            raise UnreadableFile(f"YAML with the key {key!r} twice: write one file per profile")
         if key is not None:
             document[key] = _value(body)
         elif body:

@@ -1,6 +1,6 @@
 """Repetition of Chen and Liu (Sensors 2016): the paper's own pipeline and its experiments.
 
-`paper_pipeline` follows the text literally. The experiments repeat Tables 1-5 and Figures 5-16 on
+`paper_pipeline` follows the paper's text. The experiments repeat Tables 1-5 and Figures 5-16 on
 the simulator: `cases` and `scenes` make the data, `methods` measures them in five ways, `tables`,
 `repeatability`, `steps`, `ablation`, `achievability` and `paper_pitfalls` evaluate them, and
 `report` runs all. `page`, `pictures`, `report_tables` and `json_report` present the results.

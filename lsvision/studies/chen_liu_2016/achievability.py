@@ -84,7 +84,7 @@ def compare_with_bound(rows: Sequence[TableRow], *, noise_mm: float) -> tuple[Ac
     rows : sequence of TableRow
         All rows of the tables.
     noise_mm : float
-        Standard deviation along the ray for which the bounds hold. Units: mm.
+        Standard deviation along the ray for which the bounds are valid. Units: mm.
     """
     tables = sorted({row.printed.table for row in rows})
     return tuple(

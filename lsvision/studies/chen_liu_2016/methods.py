@@ -153,9 +153,9 @@ def _measure_scan(
 def _estimates_by_pipe(
     estimates: Iterable[tuple[IntArray, Estimate]], pipes: int
 ) -> tuple[Estimate | None, ...]:
-    """For each pipe the estimate that holds most of its points, or None.
+    """For each pipe the estimate with most of its points, or None.
 
-    An estimate belongs to the pipe from which more than half of its points are.
+    An estimate belongs to the pipe that more than half of its points come from.
 
 
     Each estimate comes with the true labels of its points; the k-th pipe has the label k.

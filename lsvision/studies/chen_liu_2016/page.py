@@ -1,6 +1,6 @@
-"""The report as one HTML page that opens from disk, for a reader who never saw the code.
+"""The report as one self-contained HTML page, for readers who do not know the code.
 
-The text stands in ``templates/report.html.j2``; this module computes the numbers in it.
+The text is in ``templates/report.html.j2``; this module computes the numbers in it.
 """
 
 from dataclasses import dataclass
@@ -132,14 +132,14 @@ def _largest_printed_errors(report: PaperReport, table: int) -> Triple:
 
 @dataclass(frozen=True, slots=True)
 class _UnreachableErrors:
-    """Groups of printed errors (a quantity of a table) too small for one section.
+    """Groups of printed errors (a quantity of a table) that are too small for one section.
 
     Parameters
     ----------
     groups : int
         Number of them at the report's noise.
     groups_at_figure_16_noise : int
-        Number of them at the noise at which one section fills the box of Figure 16.
+        Number of them at the noise at which the centres from one section fill the box of Figure 16.
     sections_needed : int
         Sections 1 mm apart that reach all groups that a scan can reach; 0 without such a group.
     """

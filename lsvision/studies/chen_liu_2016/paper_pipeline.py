@@ -1,8 +1,8 @@
-"""The paper's own pipeline, as literally as its text allows: a reference for `measure_cylinders`.
+"""The paper's own pipeline, as close to its text as possible: a reference for `measure_cylinders`.
 
-Where the text leaves a choice open: the sensor error is one number (0.9 mm, the resolution of
+Choices that the text leaves open: the sensor error is one number (0.9 mm, the resolution of
 section 4); a window without a fit has no arc; "the first few points" of an arc are 10 % of it.
-The flow chart (Figure 6) can open and close several arcs on one pipe; they stay several. The
+The flow chart (Figure 6) can open and close several arcs on one pipe; they are not joined. The
 pipeline has no test against planes, so it reports huge ellipses on them.
 """
 
@@ -190,7 +190,8 @@ def homogenise_profile_paper(points: Points, step_mm: float = 0.5) -> Points:
     Parameters
     ----------
     points : (n, 2) ndarray
-        Smoothed arc. Points whose x does not rise are left out: S(x) needs it. Units: mm.
+        Smoothed arc. Points whose x does not increase are left out, since S(x) needs increasing x.
+        Units: mm.
     step_mm : float
         Spacing along x. Units: mm.
 
@@ -228,7 +229,7 @@ def _identify_spans(
 
 
 def _screen(points: Points, indices: IntArray, radius: float, settings: PaperSettings) -> IntArray:
-    """Indices left by accurate screening, Figure 9: end points beyond the sensor error go."""
+    """Indices after accurate screening, Figure 9: end points beyond the sensor error are out."""
     part = max(1, round(settings.end_part_fraction * len(points)))
     middle = points[part : len(points) - part]
     ellipse = fit_ellipse(middle, initial_ellipse(middle, radius), settings=RADIAL_FITTING).ellipse

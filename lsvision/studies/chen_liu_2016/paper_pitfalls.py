@@ -1,4 +1,4 @@
-"""Five pitfalls in the paper's wording, each with numbers that prove it."""
+"""Five pitfalls in the paper's wording, each with numbers that demonstrate it."""
 
 import math
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ SPLINE_STEP_MM = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """A number that proves a pitfall.
+    """A number that demonstrates a pitfall.
 
     Parameters
     ----------
@@ -36,14 +36,14 @@ class Check:
 
 @dataclass(frozen=True, slots=True)
 class Pitfall:
-    """A misleading place in the paper's wording.
+    """A misleading passage in the paper's wording.
 
     Parameters
     ----------
     title, wording, ours : str
         Topic; wording of the paper; what lsvision does instead.
     checks : tuple of Check
-        Numbers that prove it.
+        Numbers that demonstrate it.
     """
 
     title: str

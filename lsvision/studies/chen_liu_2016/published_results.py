@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Triple:
-    """A number each for radius, theta and phi: errors, standard deviations or bounds.
+    """One number each for radius, theta and phi: errors, standard deviations or bounds.
 
     Parameters
     ----------
@@ -124,6 +124,6 @@ PUBLISHED_TIMES = (
 """Table 5."""
 
 PUBLISHED_BOX_MM = 0.6
-"""Section 4.3: side of the box that holds the centres of repeated measurements. Units: mm."""
+"""Section 4.3: side of the box that contains the centres of repeated measurements. Units: mm."""
 PUBLISHED_AXIS_MM = 0.25
 """Section 4.3: the ellipse's axes vary by less. Units: mm."""

@@ -84,7 +84,7 @@ class PaperReport:
     ablation : tuple of AblationResult
         Errors with single steps changed or left out.
     pitfalls : tuple of Pitfall
-        Misleading places in the paper's wording.
+        Misleading passages in the paper's wording.
     """
 
     noise_mm: float

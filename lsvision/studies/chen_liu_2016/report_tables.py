@@ -247,7 +247,7 @@ def match_table(timings: Sequence[Timing]) -> Table:
              str(timing.paper.false), str(timing.section.found), str(timing.section.false))
         for timing in timings
     ]  # fmt: skip
-    return Table("Pipes found, and results that are no pipe", head, tuple(rows))
+    return Table("Pipes found, and results that are not pipes", head, tuple(rows))
 
 
 def scene_table(scene: SceneFigure) -> Table:
@@ -261,7 +261,7 @@ def scene_table(scene: SceneFigure) -> Table:
             if result is not None:
                 measured = Cell(f"{result[0]:.2f} ± {result[1]:.2f}")
             rows.append(Row(f"pipe {number}, {name}", (Cell(f"{true:.2f}"), measured)))
-    return Table(f"{scene.false} results that are no pipe", ("", "true", "found"), tuple(rows))
+    return Table(f"{scene.false} results that are not pipes", ("", "true", "found"), tuple(rows))
 
 
 def repeatability_table(repeatability: Repeatability) -> Table:
@@ -300,7 +300,7 @@ def ablation_table(results: Sequence[AblationResult]) -> Table:
 
 
 def pitfall_table(pitfall: Pitfall) -> Table:
-    """The numbers that prove a pitfall."""
+    """The numbers that demonstrate a pitfall."""
     rows = [
         _row(check.what, "no value (0/0)" if math.isnan(check.value) else f"{check.value:.4g}")
         for check in pitfall.checks

@@ -29,7 +29,7 @@ SEARCHED_MM = (10.0, 40.0)
 """Search range of both pipelines. The fits of the paper's start at 20 mm, its geometric mean.
 Units: mm."""
 FIGURE_SEED = 0
-"""Seed of the scenes in Figures 14 and 15: the first of each kind, not a chosen one."""
+"""Seed of the scenes in Figures 14 and 15: the first of each kind, not selected."""
 REPEATS = 5
 """Measurements of each scene by the fast pipeline, of which the median time is used."""
 MIN_IOU = 0.5
@@ -62,7 +62,7 @@ class Timing:
     Parameters
     ----------
     printed : PublishedTime
-        The row as the paper prints it.
+        The row as printed in the paper.
     scenes, pipes : int
         Number of scenes, and of pipes in them.
     paper, section : PipelineTiming
@@ -105,8 +105,8 @@ def time_conditions(
             for number in range(seed, seed + scenes)
         ]
         pipes = sum(len(section.truth.tubes) for section in sections)
-        paper = _time_chain(sections, measure_cylinders_paper, repeats=1)
-        lsvision = _time_chain(sections, measure_cylinders, repeats=REPEATS)
+        paper = _time_pipeline(sections, measure_cylinders_paper, repeats=1)
+        lsvision = _time_pipeline(sections, measure_cylinders, repeats=REPEATS)
         timings.append(Timing(printed, scenes, pipes, paper, lsvision))
     return tuple(timings)
 
@@ -208,7 +208,7 @@ class _MeasureFunction(Protocol):
     def __call__(self, profile: Profile, *, radius: tuple[float, float]) -> Measurement: ...
 
 
-def _time_chain(
+def _time_pipeline(
     sections: list[SimulatedSection], measure: _MeasureFunction, repeats: int
 ) -> PipelineTiming:
     """Time a pipeline on sections, and count its matches."""

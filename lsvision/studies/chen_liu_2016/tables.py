@@ -51,7 +51,7 @@ class TableRow:
     Parameters
     ----------
     printed : PublishedRow
-        The row as the paper prints it.
+        The row as printed in the paper.
     spreads : mapping of Method to ErrorStatistics
         Errors of each method, in the order of `METHODS`.
     """

@@ -211,7 +211,7 @@ def _homogenised_over_x(arc: AblationArc) -> VariantFit:
 
 
 def _smoothing_to_fit_of_paper(arc: AblationArc) -> VariantFit:
-    """Sections 3.3 and 2.3 to the letter, on an arc that lsvision identified and screened."""
+    """Sections 3.3 and 2.3 as published, on an arc that lsvision identified and screened."""
     smooth = smooth_profile_paper(_by_x(as_vectors(arc.screened.points.z)))
     fit = fit_ellipse(homogenise_profile_paper(smooth), arc.initial_guess, settings=RADIAL_FITTING)
     return _with_evaluations(fit, arc.initial_guess)

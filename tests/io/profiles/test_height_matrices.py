@@ -1,4 +1,4 @@
-"""Matrices of heights, one profile a row, in every container, and long tables in Parquet."""
+"""Matrices of heights, one profile per row, in every container, and long tables in Parquet."""
 
 import io
 

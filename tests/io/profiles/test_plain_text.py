@@ -1,4 +1,4 @@
-"""Text of one point a line: separators, commas, comments, headers, units, third columns."""
+"""Text of one point per line: separators, commas, comments, headers, units, third columns."""
 
 import numpy as np
 import numpy.testing as npt

@@ -213,7 +213,7 @@ def test_other_coordinates_are_named_by_columns(bag):
 @pytest.mark.parametrize("kind", FORMATS)
 def test_one_of_several_topics_is_chosen(bag, kind):
     path = bag(kind, {"/left": scans(2), "/right": scans(1, centre=(0.01, 0.35))})
-    named = r"say --topic /left \(LaserScan, 2 messages\) or /right \(LaserScan, 1 messages\)"
+    named = r"use --topic /left \(LaserScan, 2 messages\) or /right \(LaserScan, 1 messages\)"
     with pytest.raises(UnreadableFile, match=f"several topics with profiles: {named}"):
         read_profiles(path)
     with pytest.raises(UnreadableFile, match=f"no topic '/up' with profiles in it: {named}"):

@@ -57,7 +57,7 @@ def test_a_marker_reads_as_nan_does():
     [
         ("e07_any_zip.xlsx", "a spreadsheet: save it as CSV"),
         ("e07_one_member.zip", "a zip archive of .*: unpack it"),
-        ("a61_ljx_matrix_transposed.csv", "profiles may lie in columns, say --transpose"),
+        ("a61_ljx_matrix_transposed.csv", "profiles may lie in columns, use --transpose"),
     ],
 )
 def test_a_case_that_is_not_read_says_what_to_do(name, message):
@@ -78,4 +78,4 @@ def test_what_looks_odd_in_a_case_is_noted():
     assert counts.markers[0].text == "-2147483648"
     assert counts.unit_warnings[0].endswith("--units 10nm")
     lidar = inspect_profiles(CASES / "a20_lidar_xy_m.csv", columns="y,x", flip=True)
-    assert any("say --units m" in note for note in lidar.notes)
+    assert any("use --units m" in note for note in lidar.notes)

@@ -208,7 +208,7 @@ def test_metres_of_a_lidar_are_hinted_at(write):
     angle = np.linspace(-1, 1, 60)
     points = np.column_stack([2 * np.tan(angle), -2 - 0.2 * np.cos(angle)])
     file = inspect_profiles(write(written(points)))
-    assert any("say --units m" in note for note in file.notes)
+    assert any("use --units m" in note for note in file.notes)
     assert file.unit_warnings == ()
     assert inspect_profiles(write("# unit: m\n" + written(points))).notes == ()
 

@@ -151,11 +151,12 @@ def test_further_words_for_nothing(write, word):
     assert read_profile(write(f"x,z\n{cells}")).lost == 15
 
 
-def test_names_that_stand_twice_are_reported(write):
+def test_names_that_occur_twice_are_reported(write):
     both = "".join(f"{x:.4f},{z:.4f},{x + 9:.4f},{z:.4f}\n" for x, z in PIPE)
     file = inspect_profiles(write(f"x,z,x,z\n{both}"))
     npt.assert_allclose(file.profiles[0].points, PIPE, atol=ROUNDING_MM)
-    assert "x and z stand twice in the header: the first taken, others by --columns" in file.notes
+    used = "x and z occur twice in the header: the first is used, choose others with --columns"
+    assert used in file.notes
 
 
 @pytest.mark.parametrize("footer", ["-----\nChecksum 0xAB12", "=====", "___\nEND"])

@@ -43,9 +43,9 @@ def npy(array) -> bytes:
         ("1;2\n3;4,5\n6;7.5\n", "line 2: '4,5' is not a number"),
         (
             SLANTED,
-            r"1 does not separate profiles \(20 values in 20 points\): say which .* with --columns",
+            r"1 does not separate profiles \(20 values in 20 points\): name the .* with --columns",
         ),
-        ("angle [deg],range\n0,400\n1,399\n", "an angle and no x among its columns: convert"),
+        ("angle [deg],range\n0,400\n1,399\n", "an angle and no x in its columns: convert"),
         ("x y z\n" + SLANTED, "column y does not separate profiles"),
         (" ".join(["1"] * 30), "1 rows of 30 heights without x: .* --x0 and --dx"),
         ("www.micro-epsilon.com\nscanCONTROL\n", "log of results, not of profiles: export"),
@@ -76,7 +76,7 @@ def npy(array) -> bytes:
         (
             "ply\nformat ascii 1.0\nelement vertex 2\nproperty int x\nproperty int y\n"
             "property int z\nend_header\n1 2 3\n",
-            "cut short: its header announces 2 points",
+            "truncated: its header announces 2 points",
         ),
         (
             "ply\nformat binary_little_endian 1.0\nelement vertex 2\nproperty int x\n"
@@ -91,7 +91,7 @@ def npy(array) -> bytes:
         ("VERSION 0.7\nFIELDS x\nSIZE 4\nTYPE F\nWIDTH 0\nDATA ascii\n", "without points"),
         (
             "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 9\nHEIGHT 1\nDATA binary\n12",
-            "cut short: its header announces 9 points",
+            "truncated: its header announces 9 points",
         ),
         ("%YAML:1.0\n---\nname: tube\n", r"no list of points among its keys \(name\)"),
         (
