@@ -19,14 +19,14 @@ CAPPED_ANGLE = np.radians(10.0)
 """Largest difference of two angles that is counted, so that a wrong pose has limited influence.
 Units: rad."""
 MIN_MARGIN = np.radians(2.0)
-"""Smallest mean by which another turn of a view fits worse; errors of robots and boards are tenths
-of a degree. Units: rad."""
+"""Smallest mean difference by which every other turn of a view must fit worse; errors of robots and
+boards are tenths of a degree. Units: rad."""
 MAX_SWEEPS = 20
 """Maximum number of sweeps over the views; two or three are needed."""
 
 
 def pattern_turns(target: Target) -> tuple[Pose, ...]:
-    """Return the turns of a board, other than none, after which its pattern looks the same.
+    """Return the turns of a board after which its pattern looks the same.
 
     Parameters
     ----------
@@ -73,8 +73,8 @@ class TurnedBoards:
     poses : tuple of Pose
         ``camera_from_board``.
     maps : (n, 6, 6) ndarray
-        From an error of each pose as given to that of `poses`: origin (mm), left-hand rotation
-        (rad).
+        Matrices that map an error of each given pose to the error of that in `poses`; origin (mm),
+        left-hand rotation (rad).
     turned : tuple of int
         Indices of the views that were numbered from another end than most.
     """
@@ -164,10 +164,10 @@ def _angle_differences(
     """
     board = np.array([pose.rotation for pose in boards])
     flange = np.array([pose.rotation for pose in flanges])
-    wanted = _angles(np.einsum("iba,jbc->ijac", flange, flange))
+    flange_angles = _angles(np.einsum("iba,jbc->ijac", flange, flange))
     turned = np.einsum("jab,gbc->jgac", board, np.array([turn.rotation for turn in group]))
-    found = _angles(np.einsum("iab,jgcb->ijgac", board, turned))
-    differences = np.minimum(np.abs(found - wanted[:, :, None]), CAPPED_ANGLE)
+    board_angles = _angles(np.einsum("iab,jgcb->ijgac", board, turned))
+    differences = np.minimum(np.abs(board_angles - flange_angles[:, :, None]), CAPPED_ANGLE)
     itself = np.arange(len(board))
     differences[itself, itself] = 0.0
     return differences
@@ -220,8 +220,7 @@ def _require_certain(costs: FloatArray, labels: IntArray) -> None:
     if margins.min() < MIN_MARGIN:
         raise CalibrationFailed(
             f"pose {int(margins.argmin())}: the board looks the same after a turn, and the robot's "
-            f"poses do not determine its orientation ({np.degrees(margins.min()):.1f} deg between "
-            "two "
-            "answers): use a board with one even and one odd count of inner corners, or a ChArUco "
-            "board, or take poses with larger tilts"
+            "poses do not determine its orientation (the best two differ by "
+            f"{np.degrees(margins.min()):.1f} deg): use a board with one even and one odd count of "
+            "inner corners, or a ChArUco board, or take poses with larger tilts"
         )

@@ -21,6 +21,7 @@ from lsvision.calibration.batched_least_squares import (
 from lsvision.calibration.observations import MM_PER_RADIAN, Observations, States
 from lsvision.errors import FitFailed
 from lsvision.geometry import FloatArray
+from lsvision.geometry.arrays import TINY
 from lsvision.statistics.normal_matrix import invert_normal_matrix
 
 NOMINAL_ROBOT_STD = (0.05, float(np.radians(0.01)))
@@ -36,7 +37,6 @@ ROBOT_RATIO_PRIOR = 3.0
 position and orientation, about that of `NOMINAL_ROBOT_STD`."""
 LOG_LIKELIHOOD_CUTOFF = 12.0
 """Decrease of the log-likelihood beyond which a scale is ignored."""
-TINY = 1e-300
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,8 @@ import time
 
 from lsvision.files.printable import printable
 
-BAR = 24
+BAR_WIDTH = 24
+"""Width of the bar. Units: characters."""
 
 
 class StatusLine:
@@ -59,7 +60,7 @@ class Progress(StatusLine):
         fraction = (done + part / parts) / self._total
         profiles = f", profile {part} of {parts}" if parts > 1 else ""
         self.write(
-            f"[{'#' * int(BAR * fraction):.<{BAR}}] {done}/{self._total}{profiles}"
+            f"[{'#' * int(BAR_WIDTH * fraction):.<{BAR_WIDTH}}] {done}/{self._total}{profiles}"
             f"{_time_left(time.monotonic() - self._start, fraction)} {printable(name)}"
         )
 

@@ -17,7 +17,7 @@ class TargetOptions:
     """A calibration target: its kind and dimensions."""
 
     target_name: Annotated[
-        str, typer.Option("--target", metavar="NAME", help=f"{', '.join(TARGETS)}.")
+        str, typer.Option("--target", metavar="NAME", help=f"Kind of target: {', '.join(TARGETS)}.")
     ] = "charuco"
     counts: Annotated[
         str | None,

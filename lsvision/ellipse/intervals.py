@@ -74,7 +74,7 @@ class Intervals(NamedTuple):
 
 _INTERVALS: WeakKeyDictionary[EllipseFit, dict[float, Intervals]] = WeakKeyDictionary()
 _THETA_DETERMINED: WeakKeyDictionary[EllipseFit, bool] = WeakKeyDictionary()
-"""What was computed of each fit, by level, as long as the fit itself is kept."""
+"""Results of each fit, by level; dropped together with the fit."""
 
 
 def interval(fit: EllipseFit, quantity: Quantity, level: float = 0.95) -> Interval:
@@ -168,7 +168,7 @@ def theta_is_determined(fit: EllipseFit) -> bool:
 
 
 def are_thetas_determined(fits: Sequence[EllipseFit]) -> list[bool]:
-    """Return `theta_is_determined` of several fits; each fit keeps the answer."""
+    """Return `theta_is_determined` of several fits; each fit keeps the result."""
     new = [fit for fit in fits if fit not in _THETA_DETERMINED]
     if new:
         _THETA_DETERMINED.update(zip(new, _determine_thetas(new), strict=True))
@@ -266,7 +266,7 @@ def _known_quantities(fit: EllipseFit, sigmas: float) -> dict[str, Interval]:
 
 
 class _Found(NamedTuple):
-    """What the search has found for one fit; whether it may be a circle, for phi and for theta."""
+    """Result of the search for one fit; whether it may be a circle, for phi and for theta."""
 
     parameters: FloatArray
     wanted: Sequence[bool]

@@ -12,7 +12,8 @@ NOT_CLAIMED = (
     "ISO 22514-7 is not claimed: it does not cover a radius or an angle fitted to many points"
 )
 """Note below every capability."""
-SIX = 6.0
+PROCESS_SIGMAS = 6.0
+"""Width of a process in standard deviations, in Cp and Cpk."""
 
 
 @dataclass(frozen=True)
@@ -90,8 +91,8 @@ def capability(
     if not std > 0:
         raise ValueError(f"expected two values or more that differ, got {count} without spread")
     mean, (least, most) = float(measured.mean()), limits
-    cp = (most - least) / (SIX * std) if math.isfinite(most - least) else math.nan
-    cpk = min(most - mean, mean - least) / (SIX / 2 * std)
+    cp = (most - least) / (PROCESS_SIGMAS * std) if math.isfinite(most - least) else math.nan
+    cpk = min(most - mean, mean - least) / (PROCESS_SIGMAS / 2 * std)
     tail = (1 - level) / 2
     factors = np.sqrt(chi2.ppf([tail, 1 - tail], count - 1) / (count - 1))
     half = float(ndtri(1 - tail)) * math.sqrt(1 / (9 * count) + cpk**2 / (2 * (count - 1)))

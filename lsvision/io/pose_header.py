@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from lsvision.io.profiles.units import split_label
 from lsvision.io.robot_conventions import CONVENTIONS, AngleUnit, LengthUnit, PoseConvention
 
-_FIELDS = {field for rule in CONVENTIONS.values() for field in rule.fields}
+_FIELDS = {field for pose_convention in CONVENTIONS.values() for field in pose_convention.fields}
 _ALIASES = {
     **{prefix + axis: axis for prefix in ("p", "t", "pos", "tcp", "trans") for axis in "xyz"},
     **{axis + "pos": axis for axis in "xyz"},
@@ -35,14 +35,16 @@ class PoseHeader:
     angle_unit: AngleUnit | None = None
 
 
-def read_pose_header(cells: Sequence[str], rule: PoseConvention, skip: int) -> PoseHeader:
+def read_pose_header(
+    cells: Sequence[str], pose_convention: PoseConvention, skip: int
+) -> PoseHeader:
     """Return the columns and units that a header names.
 
     Parameters
     ----------
     cells : sequence of str
         The header's cells.
-    rule : PoseConvention
+    pose_convention : PoseConvention
         Convention with the names of the fields.
     skip : int
         Columns before the pose where the header names no field.
@@ -58,33 +60,34 @@ def read_pose_header(cells: Sequence[str], rule: PoseConvention, skip: int) -> P
     (2, 1, 0, 5, 4, 3)
     """
     labels = [split_label(cell) for cell in cells]
-    names = [_field(name, rule) for name, _ in labels]
-    missing = [field for field in rule.fields if field not in names]
-    twice = [field for field in rule.fields if names.count(field) > 1]
+    names = [_field(name, pose_convention) for name, _ in labels]
+    missing = [field for field in pose_convention.fields if field not in names]
+    twice = [field for field in pose_convention.fields if names.count(field) > 1]
     if twice:
         raise ValueError(f"the header names {twice[0]} {names.count(twice[0])} times: rename one")
     if missing:
         known = [(k, name) for k, name in enumerate(names) if name in _FIELDS]
-        expected = dict(enumerate(rule.fields, start=skip))
+        expected = dict(enumerate(pose_convention.fields, start=skip))
         if any(expected.get(k) != name for k, name in known):
             raise ValueError(
                 f"the header names {' '.join(name for _, name in known)} and not "
-                f"{' '.join(missing)} of convention {rule.name!r}: is it another convention?"
+                f"{' '.join(missing)} of convention {pose_convention.name!r}: is it another "
+                "convention?"
             )
         return PoseHeader()
-    columns = tuple(names.index(field) for field in rule.fields)
+    columns = tuple(names.index(field) for field in pose_convention.fields)
     units = ["" if stated is None else stated.text.lower() for _, stated in labels]
     lengths = {units[columns[k]] for k in range(3)} - {""}
     angles = {units[c] for c in columns[3:]} - {"", "-", "1"}
-    if rule.rotation == "matrix":
+    if pose_convention.rotation == "matrix":
         lengths, angles = {units[columns[k]] for k in (3, 7, 11)} - {""}, set()
-    return PoseHeader(columns, common_length_unit(lengths), _angle(angles))
+    return PoseHeader(columns, common_length_unit(lengths), _common_angle_unit(angles))
 
 
-def _field(name: str, rule: PoseConvention) -> str:
+def _field(name: str, pose_convention: PoseConvention) -> str:
     bare = re.sub(r"[\W_]", "", name)
     bare = _ALIASES.get(bare, bare)
-    return _QUATERNION.get(rule.name, {}).get(bare, bare)
+    return _QUATERNION.get(pose_convention.name, {}).get(bare, bare)
 
 
 def common_length_unit(units: set[str]) -> LengthUnit | None:
@@ -98,7 +101,7 @@ def common_length_unit(units: set[str]) -> LengthUnit | None:
     raise ValueError(f"lengths in {', '.join(sorted(units))}: expected all in mm, or all in m")
 
 
-def _angle(units: set[str]) -> AngleUnit | None:
+def _common_angle_unit(units: set[str]) -> AngleUnit | None:
     if not units:
         return None
     known = {_ANGLES.get(unit) for unit in units}

@@ -61,13 +61,13 @@ def numbers_from_pose(pose: Pose, convention: str) -> FloatArray:
     >>> numbers_from_pose(pose, "ur").round(4).tolist()
     [0.1, 0.0, 0.5, 0.0, 0.0, 1.5708]
     """
-    rule = convention_named(convention)
-    mm = MM_PER_UNIT[rule.length_unit]
-    if rule.rotation == "matrix":
+    pose_convention = convention_named(convention)
+    mm = MM_PER_UNIT[pose_convention.length_unit]
+    if pose_convention.rotation == "matrix":
         matrix = pose.matrix.copy()
         matrix[:3, 3] /= mm
         return matrix.ravel()
-    return np.concatenate([pose.translation / mm, _angles(pose.rotation, rule)])
+    return np.concatenate([pose.translation / mm, _angles(pose.rotation, pose_convention)])
 
 
 def std_of_numbers(pose: Pose, covariance: npt.ArrayLike, convention: str) -> FloatArray:
@@ -90,7 +90,7 @@ def std_of_numbers(pose: Pose, covariance: npt.ArrayLike, convention: str) -> Fl
     """
     from scipy.spatial.transform import Rotation
 
-    rule = convention_named(convention)
+    pose_convention = convention_named(convention)
     columns = []
     for step in np.eye(6) * STEP:
         ends = [
@@ -100,12 +100,14 @@ def std_of_numbers(pose: Pose, covariance: npt.ArrayLike, convention: str) -> Fl
             )
             for sign in (1.0, -1.0)
         ]
-        after, before = (_near(numbers_from_pose(end, convention), pose, rule) for end in ends)
+        after, before = (
+            _near(numbers_from_pose(end, convention), pose, pose_convention) for end in ends
+        )
         columns.append((after - before) / (2 * STEP))
     jacobian = np.column_stack(columns)
     variances = np.einsum("ij,jk,ik->i", jacobian, np.asarray(covariance), jacobian)
     std: FloatArray = np.sqrt(np.maximum(variances, 0.0))
-    if len(rule.rotation) == 3 and _is_singular(pose, rule):
+    if len(pose_convention.rotation) == 3 and _is_singular(pose, pose_convention):
         std[[3, 5]] = np.nan
     return std
 
@@ -121,22 +123,25 @@ def frame_rows(hand_eye: HandEye, convention: str) -> list[Row]:
         Name of a convention, one of `CONVENTIONS`.
     """
     mount = "flange" if hand_eye.mounting == "eye_in_hand" else "base"
-    name, rule = f"{mount}_from_{hand_eye.sensor}", convention_named(convention)
+    name, pose_convention = f"{mount}_from_{hand_eye.sensor}", convention_named(convention)
     pose = hand_eye.mount_from_sensor
     values = numbers_from_pose(pose, convention)
-    if rule.rotation == "matrix":
+    if pose_convention.rotation == "matrix":
         return _matrix_rows(name, values.reshape(4, 4), hand_eye.covariance)
     std = std_of_numbers(pose, hand_eye.covariance, convention)
-    units = [rule.length_unit] * 3 + [_angle_unit(rule)] * (len(values) - 3)
-    fields = [field.upper() if len(rule.rotation) == 3 else field for field in rule.fields]
+    units = [pose_convention.length_unit] * 3 + [_angle_unit(pose_convention)] * (len(values) - 3)
+    fields = [
+        field.upper() if len(pose_convention.rotation) == 3 else field
+        for field in pose_convention.fields
+    ]
     rows = [
         (f"{name} {field}", format_value(float(value), float(sigma)), unit)
         for field, value, sigma, unit in zip(fields, values, std, units, strict=True)
     ]
     cells = [f"{value:.{DECIMALS[unit]}f}" for value, unit in zip(values + 0.0, units, strict=True)]
-    typed = _WRITTEN.get(rule.name, ", ".join(["{}"] * len(cells))).format(*cells)
+    typed = _WRITTEN.get(pose_convention.name, ", ".join(["{}"] * len(cells))).format(*cells)
     stated = ", ".join(dict.fromkeys(unit for unit in units if unit))
-    return [*rows, (f"to type in, {rule.name}", typed, stated)]
+    return [*rows, (f"to type in, {pose_convention.name}", typed, stated)]
 
 
 def _matrix_rows(name: str, matrix: FloatArray, covariance: FloatArray) -> list[Row]:
@@ -159,38 +164,41 @@ def _matrix_rows(name: str, matrix: FloatArray, covariance: FloatArray) -> list[
     ]
 
 
-def _angle_unit(rule: PoseConvention) -> str:
-    return "" if rule.rotation.startswith("quaternion") else rule.angle_unit
+def _angle_unit(pose_convention: PoseConvention) -> str:
+    return "" if pose_convention.rotation.startswith("quaternion") else pose_convention.angle_unit
 
 
-def _angles(matrix: FloatArray, rule: PoseConvention) -> FloatArray:
+def _angles(matrix: FloatArray, pose_convention: PoseConvention) -> FloatArray:
     from scipy.spatial.transform import Rotation
 
     rotation = Rotation.from_matrix(matrix)
     angles: FloatArray
-    if rule.rotation.startswith("quaternion"):
+    if pose_convention.rotation.startswith("quaternion"):
         xyzw = rotation.as_quat(canonical=True)
-        angles = np.roll(xyzw, 1) if rule.rotation.endswith("wxyz") else xyzw
-    elif rule.rotation == "rotvec":
-        angles = rotation.as_rotvec() / RAD_PER_UNIT[rule.angle_unit]
+        angles = np.roll(xyzw, 1) if pose_convention.rotation.endswith("wxyz") else xyzw
+    elif pose_convention.rotation == "rotvec":
+        angles = rotation.as_rotvec() / RAD_PER_UNIT[pose_convention.angle_unit]
     else:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # gimbal lock: the outer angles have no sigmas
-            angles = rotation.as_euler(rule.rotation) / RAD_PER_UNIT[rule.angle_unit]
+            angles = (
+                rotation.as_euler(pose_convention.rotation)
+                / RAD_PER_UNIT[pose_convention.angle_unit]
+            )
     return angles
 
 
-def _near(values: FloatArray, pose: Pose, rule: PoseConvention) -> FloatArray:
+def _near(values: FloatArray, pose: Pose, pose_convention: PoseConvention) -> FloatArray:
     """Return numbers in the revolution, or with the sign, that is nearest to those of the pose."""
-    reference = numbers_from_pose(pose, rule.name)
+    reference = numbers_from_pose(pose, pose_convention.name)
     near: FloatArray = values.copy()
-    if rule.rotation == "matrix":
+    if pose_convention.rotation == "matrix":
         return near
     angles, wanted = near[3:], reference[3:]
-    turn = 2 * math.pi / RAD_PER_UNIT[rule.angle_unit]
-    if rule.rotation.startswith("quaternion"):
+    turn = 2 * math.pi / RAD_PER_UNIT[pose_convention.angle_unit]
+    if pose_convention.rotation.startswith("quaternion"):
         near[3:] = angles * np.sign(angles @ wanted)
-    elif rule.rotation == "rotvec":
+    elif pose_convention.rotation == "rotvec":
         if angles @ wanted < 0 and np.linalg.norm(wanted) > turn / 4:
             near[3:] = angles - turn * angles / np.linalg.norm(angles)
     else:
@@ -198,9 +206,9 @@ def _near(values: FloatArray, pose: Pose, rule: PoseConvention) -> FloatArray:
     return near
 
 
-def _is_singular(pose: Pose, rule: PoseConvention) -> bool:
+def _is_singular(pose: Pose, pose_convention: PoseConvention) -> bool:
     """Return whether the angles of the convention are in gimbal lock."""
-    middle = _angles(pose.rotation, rule)[1] * RAD_PER_UNIT[rule.angle_unit]
-    proper = rule.rotation[0] == rule.rotation[2]
+    middle = _angles(pose.rotation, pose_convention)[1] * RAD_PER_UNIT[pose_convention.angle_unit]
+    proper = pose_convention.rotation[0] == pose_convention.rotation[2]
     distance = math.sin(middle) if proper else math.cos(middle)
     return abs(distance) < MIN_COSINE_OF_MIDDLE

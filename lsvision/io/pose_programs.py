@@ -17,7 +17,9 @@ _FANUC_FIELD = re.compile(r"\b([XYZWPR])\s*=\s*([^\s,;}]+)[ \t]*([A-Z]*)", re.IG
 _FANUC_FRAME = re.compile(r"\bUF\s*:\s*(\S{1,40}?)\s*,", re.IGNORECASE)
 
 
-def program_rows(path: Path, text: str, rule: PoseConvention) -> list[list[float]] | None:
+def program_rows(
+    path: Path, text: str, pose_convention: PoseConvention
+) -> list[list[float]] | None:
     """Return the positions of a robot program in the order of the convention's fields.
 
     Parameters
@@ -26,7 +28,7 @@ def program_rows(path: Path, text: str, rule: PoseConvention) -> list[list[float
         Path of the file, for messages.
     text : str
         The whole file.
-    rule : PoseConvention
+    pose_convention : PoseConvention
         Convention of the poses; a program of another maker is an error.
 
     Returns
@@ -45,12 +47,12 @@ def program_rows(path: Path, text: str, rule: PoseConvention) -> list[list[float
         (_FANUC, "fanuc", _fanuc_rows),
     ):
         if pattern.search(text):
-            if rule.name != maker:
+            if pose_convention.name != maker:
                 raise UnreadableFile(
                     f"{path}: positions of a {maker.upper()} program, got convention "
-                    f"{rule.name!r}: use --convention {maker}"
+                    f"{pose_convention.name!r}: use --convention {maker}"
                 )
-            return read_rows(path, text, rule)
+            return read_rows(path, text, pose_convention)
     if _KUKA_AXES.search(text):
         raise UnreadableFile(
             f"{path}: joint angles (E6AXIS) instead of positions: write E6POS or FRAME of the "
@@ -59,11 +61,11 @@ def program_rows(path: Path, text: str, rule: PoseConvention) -> list[list[float
     return None
 
 
-def _kuka_rows(path: Path, text: str, rule: PoseConvention) -> list[list[float]]:
+def _kuka_rows(path: Path, text: str, pose_convention: PoseConvention) -> list[list[float]]:
     rows = []
     for number, aggregate in enumerate(_KUKA.findall(_without_kuka_comments(text)), 1):
         values = {name.lower(): float(value) for name, value in _KUKA_FIELD.findall(aggregate)}
-        rows.append(_ordered(path, f"position {number}", values, rule))
+        rows.append(_ordered(path, f"position {number}", values, pose_convention))
     return rows
 
 
@@ -77,7 +79,7 @@ def _without_kuka_comment(line: str) -> str:
     return before + brace + behind.partition(";")[0]
 
 
-def _fanuc_rows(path: Path, text: str, rule: PoseConvention) -> list[list[float]]:
+def _fanuc_rows(path: Path, text: str, pose_convention: PoseConvention) -> list[list[float]]:
     rows, frames = [], {}
     for name, body in _FANUC.findall(text):
         where = f"P[{name}]"
@@ -94,7 +96,7 @@ def _fanuc_rows(path: Path, text: str, rule: PoseConvention) -> list[list[float]
                 ) from None
         frame = _FANUC_FRAME.search(body)
         frames[frame[1] if frame else ""] = where
-        rows.append(_ordered(path, where, values, rule))
+        rows.append(_ordered(path, where, values, pose_convention))
     if len(frames) > 1:
         raise UnreadableFile(
             f"{path}: positions in several user frames (UF {', '.join(frames)}): teach all in one"
@@ -102,10 +104,12 @@ def _fanuc_rows(path: Path, text: str, rule: PoseConvention) -> list[list[float]
     return rows
 
 
-def _ordered(path: Path, where: str, values: dict[str, float], rule: PoseConvention) -> list[float]:
-    missing = [field for field in rule.fields if field not in values]
+def _ordered(
+    path: Path, where: str, values: dict[str, float], pose_convention: PoseConvention
+) -> list[float]:
+    missing = [field for field in pose_convention.fields if field not in values]
     if missing:
         raise UnreadableFile(
             f"{path}: {where}: no {' '.join(missing)} in it: joint angles? write positions"
         )
-    return [values[field] for field in rule.fields]
+    return [values[field] for field in pose_convention.fields]

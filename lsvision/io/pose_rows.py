@@ -34,14 +34,14 @@ class PoseRows:
     angle_unit: AngleUnit | None = None
 
 
-def pose_rows(path: Path, rule: PoseConvention, skip_columns: int) -> PoseRows:
+def pose_rows(path: Path, pose_convention: PoseConvention, skip_columns: int) -> PoseRows:
     """Read the numbers of each pose in a file, in the order of the convention's fields.
 
     Parameters
     ----------
     path : Path
         ``.json`` and ``.rob`` are JSON, ``.yaml`` and ``.yml`` YAML, anything else text.
-    rule : PoseConvention
+    pose_convention : PoseConvention
         Gives the names and the count of the fields.
     skip_columns : int
         Columns before the pose in text without named columns.
@@ -54,11 +54,15 @@ def pose_rows(path: Path, rule: PoseConvention, skip_columns: int) -> PoseRows:
     text = read_text(path)
     suffix = path.suffix.lower()
     if suffix in {".json", ".rob"}:
-        return PoseRows(_structured_rows(_parsed(path, text, parse_json), rule, path))
+        return PoseRows(_structured_rows(_parsed(path, text, parse_json), pose_convention, path))
     if suffix in {".yaml", ".yml"}:
-        return PoseRows(_structured_rows(_parsed(path, text, parse_yaml), rule, path))
-    program = program_rows(path, text, rule)
-    return _text_rows(path, text, rule, skip_columns) if program is None else PoseRows(program)
+        return PoseRows(_structured_rows(_parsed(path, text, parse_yaml), pose_convention, path))
+    program = program_rows(path, text, pose_convention)
+    return (
+        _text_rows(path, text, pose_convention, skip_columns)
+        if program is None
+        else PoseRows(program)
+    )
 
 
 def _parsed(path: Path, text: str, parse: Callable[[str], Any]) -> Any:
@@ -70,7 +74,9 @@ def _parsed(path: Path, text: str, parse: Callable[[str], Any]) -> Any:
         ) from None
 
 
-def _structured_rows(document: Any, rule: PoseConvention, path: Path) -> list[list[float]]:
+def _structured_rows(
+    document: Any, pose_convention: PoseConvention, path: Path
+) -> list[list[float]]:
     if isinstance(document, Mapping):
         lists = {key: value for key, value in document.items() if isinstance(value, list)}
         if len(lists) != 1:
@@ -82,36 +88,36 @@ def _structured_rows(document: Any, rule: PoseConvention, path: Path) -> list[li
     if not isinstance(document, list):
         raise UnreadableFile(f"{path}: expected a list of poses, got {type(document).__name__}")
     try:
-        return [_flat(row, rule) for row in document]
+        return [_flat(row, pose_convention) for row in document]
     except (TypeError, ValueError, OverflowError) as error:
         raise UnreadableFile(f"{path}: expected rows of numbers: {error}") from error
 
 
-def _flat(row: Any, rule: PoseConvention) -> list[float]:
+def _flat(row: Any, pose_convention: PoseConvention) -> list[float]:
     if isinstance(row, Mapping):
         named = {str(key).lower(): value for key, value in row.items()}
-        missing = [field for field in rule.fields if field not in named]
+        missing = [field for field in pose_convention.fields if field not in named]
         if missing:
             raise ValueError(
-                f"expected fields {' '.join(rule.fields)}, missing {' '.join(missing)}"
+                f"expected fields {' '.join(pose_convention.fields)}, missing {' '.join(missing)}"
             )
-        return [float(named[field]) for field in rule.fields]
+        return [float(named[field]) for field in pose_convention.fields]
     if isinstance(row, Sequence) and not isinstance(row, str):
-        return [number for item in row for number in _flat(item, rule)]
+        return [number for item in row for number in _flat(item, pose_convention)]
     return [float(row)]
 
 
-def _text_rows(path: Path, text: str, rule: PoseConvention, skip: int) -> PoseRows:
+def _text_rows(path: Path, text: str, pose_convention: PoseConvention, skip: int) -> PoseRows:
     lines = text.splitlines()
     numbered = [(n, cells) for n, line in enumerate(lines, 1) if (cells := _cells(line))]
     first = numbered[0][0] if numbered else 1
     header = PoseHeader()
     try:
         if numbered and not any(_is_number(cell) for cell in numbered[0][1]):
-            header = read_pose_header(numbered[0][1], rule, skip)
+            header = read_pose_header(numbered[0][1], pose_convention, skip)
             numbered = numbered[1:]
         elif numbered and (commented := _commented_header(lines[: first - 1], numbered[0][1])):
-            header = read_pose_header(commented, rule, skip)
+            header = read_pose_header(commented, pose_convention, skip)
         length_unit = header.length_unit or _stated_length(lines)
     except ValueError as error:
         raise UnreadableFile(f"{path}: {error}") from error
@@ -120,7 +126,9 @@ def _text_rows(path: Path, text: str, rule: PoseConvention, skip: int) -> PoseRo
         where = f"{path}: line {number}"
         if len(cells) <= max(header.columns, default=0):
             raise UnreadableFile(f"{where}: expected a number under each name, got {len(cells)}")
-        rows.append(_row([cells[c] for c in header.columns] or cells[skip:], rule, where))
+        rows.append(
+            _row([cells[c] for c in header.columns] or cells[skip:], pose_convention, where)
+        )
     return PoseRows(rows, length_unit, header.angle_unit)
 
 
@@ -139,11 +147,13 @@ def _stated_length(lines: Sequence[str]) -> LengthUnit | None:
     return common_length_unit(stated)
 
 
-def _row(cells: list[str], rule: PoseConvention, where: str) -> list[float]:
-    if len(cells) != len(rule.fields):
+def _row(cells: list[str], pose_convention: PoseConvention, where: str) -> list[float]:
+    if len(cells) != len(pose_convention.fields):
         raise UnreadableFile(
-            f"{where}: expected {len(rule.fields)} numbers ({' '.join(rule.fields)}), got "
-            f"{len(cells)}; is it another convention than {rule.name!r}? A leading number or "
+            f"{where}: expected {len(pose_convention.fields)} numbers "
+            f"({' '.join(pose_convention.fields)}), got "
+            f"{len(cells)}; is it another convention than {pose_convention.name!r}? A leading "
+            "number or "
             "time stamp is left out by skip_columns=1"
         )
     try:

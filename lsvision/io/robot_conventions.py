@@ -132,22 +132,23 @@ def pose_from_numbers(
     >>> pose.apply_one([10.0, 0.0, 0.0]).round(6)
     array([100.,  10., 500.])
     """
-    rule = convention_named(convention)
+    pose_convention = convention_named(convention)
     values = np.asarray(numbers, dtype=np.float64).ravel()
-    if len(values) != len(rule.fields):
+    if len(values) != len(pose_convention.fields):
         raise ValueError(
-            f"expected {len(rule.fields)} numbers ({' '.join(rule.fields)}) for convention "
-            f"{rule.name!r}, got {len(values)}"
+            f"expected {len(pose_convention.fields)} numbers ({' '.join(pose_convention.fields)}) "
+            "for convention "
+            f"{pose_convention.name!r}, got {len(values)}"
         )
     if not np.isfinite(values).all():
         raise ValueError(f"expected finite numbers, got {_shown(values)}")
     if np.abs(values).max() > MAX_NUMBER:
         raise ValueError(f"expected numbers up to {MAX_NUMBER:g}, got {_shown(values)}")
-    mm = MM_PER_UNIT[length_unit or rule.length_unit]
-    if rule.rotation == "matrix":
+    mm = MM_PER_UNIT[length_unit or pose_convention.length_unit]
+    if pose_convention.rotation == "matrix":
         return _pose_from_matrix(values.reshape(4, 4), mm)
-    rad = RAD_PER_UNIT[angle_unit or rule.angle_unit]
-    return Pose(_rotation(values[3:], rule.rotation, rad), values[:3] * mm)
+    rad = RAD_PER_UNIT[angle_unit or pose_convention.angle_unit]
+    return Pose(_rotation(values[3:], pose_convention.rotation, rad), values[:3] * mm)
 
 
 def _rotation(values: FloatArray, kind: str, rad: float) -> FloatArray:

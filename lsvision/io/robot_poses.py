@@ -83,9 +83,9 @@ def read_robot_poses(
     >>> len(poses), poses[0].translation.shape
     (6, (3,))
     """
-    rule = convention_named(convention)
+    pose_convention = convention_named(convention)
     files = pose_files(path)
-    parts = [pose_rows(file, rule, skip_columns) for file in files]
+    parts = [pose_rows(file, pose_convention, skip_columns) for file in files]
     for file, part in zip(files, parts, strict=True):
         if len(files) > 1 and len(part.rows) != 1:
             raise UnreadableFile(
@@ -106,7 +106,7 @@ def read_robot_poses(
             raise UnreadableFile(f"{path}: pose {number}: {error}") from error
         poses.append(pose)
     for problem in (
-        _angle_error(np.array(rows), rule, angle_unit),
+        _angle_error(np.array(rows), pose_convention, angle_unit),
         _motion_error(poses, length_unit),
     ):
         if problem:
@@ -175,27 +175,27 @@ def encoder_poses(
 
 
 def _angle_error(
-    rows: npt.NDArray[np.float64], rule: PoseConvention, stated: AngleUnit | None
+    rows: npt.NDArray[np.float64], pose_convention: PoseConvention, stated: AngleUnit | None
 ) -> str | None:
-    if rule.rotation.startswith(("quaternion", "matrix")) or stated is not None:
+    if pose_convention.rotation.startswith(("quaternion", "matrix")) or stated is not None:
         return None
     largest = float(np.abs(rows[:, 3:]).max())
-    if rule.rotation == "rotvec":
+    if pose_convention.rotation == "rotvec":
         turns = float(np.linalg.norm(rows[:, 3:], axis=1).max())
         if turns > MAX_ANGLE_RAD:
             return (
-                f"rotation vector of length {turns:.4g} rad: degrees? {_state_angle(rule, 'deg')}"
+                f"rotation vector of length {turns:.4g} rad: degrees? {_state_angle(pose_convention, 'deg')}"
             )
     elif np.radians(1) < largest <= MAX_ANGLE_RAD and len(rows) > 1:
         return (
-            f"no angle above {largest:.4g}: these look like radians where {rule.name} has degrees. "
-            f"{_state_angle(rule, 'rad')}, or deg if they really are so small"
+            f"no angle above {largest:.4g}: these look like radians where {pose_convention.name} has degrees. "
+            f"{_state_angle(pose_convention, 'rad')}, or deg if they really are so small"
         )
     return None
 
 
-def _state_angle(rule: PoseConvention, unit: AngleUnit) -> str:
-    header = ",".join(rule.fields[:3] + tuple(f"{name} [{unit}]" for name in rule.fields[3:]))
+def _state_angle(pose_convention: PoseConvention, unit: AngleUnit) -> str:
+    header = ",".join(pose_convention.fields[:3] + tuple(f"{name} [{unit}]" for name in pose_convention.fields[3:]))
     return f"Say so in a header, {header} (in Python angle_unit='{unit}')"
 
 
