@@ -27,9 +27,9 @@ def measure_many(
     profiles : iterable of Profile, (n, 2) array_like or data frame
         Profiles, read lazily, a bounded number ahead of the results: a generator may be endless.
     jobs : int, optional
-        Number of processes; 1 measures in this one. Default: the number of cores. A script
-        that uses more than 1 needs ``if __name__ == "__main__":``, since each process imports
-        it.
+        Number of processes; 1 measures in the calling process. Default: the number of cores. A
+        script that uses more than 1 needs ``if __name__ == "__main__":``, since each process
+        imports it.
     **options
         Arguments of `measure_cylinders`: radius, known_radius, known_phi, sensor, settings.
 

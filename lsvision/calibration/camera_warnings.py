@@ -115,7 +115,6 @@ def _model_warnings(camera: Camera, std: FloatArray) -> list[str]:
     if not_invertible:
         warnings.append(
             f"the distortion is not invertible in {100 * not_invertible:.0f} % of the image, where "
-            "there "
-            "were no corners: hold the board there, or estimate fewer radial terms"
+            "there were no corners: hold the board there, or estimate fewer radial terms"
         )
     return warnings

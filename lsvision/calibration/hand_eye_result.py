@@ -34,8 +34,7 @@ class HandEyeSettings(ShowsChanges):
     ----------
     robot_std : tuple of float, optional
         Standard deviation of the robot's pose in each axis of position (mm) and orientation (rad).
-        If None, both are estimated from the residuals, with a ratio of 0.05 mm to 0.01 deg as the
-        most likely one before.
+        If None, both are estimated from the residuals; prior ratio: 0.05 mm to 0.01 deg.
         The "repeatability" of a data sheet is the best case; absolute accuracy is several times
         worse.
     arc : SphereArcSettings

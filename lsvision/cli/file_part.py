@@ -212,7 +212,7 @@ def measure_parts(options: PartOptions, parts: Sequence[FilePart]) -> list[PartR
 
     measured = [_measure_part(options, part) for part in parts]
     found = [section for each in measured if not isinstance(each, PartResult) for section in each]
-    with contextlib.suppress(Exception):  # met again in the part that has caused it
+    with contextlib.suppress(Exception):  # raised again in the part that causes it
         compute_intervals(cylinder for each in found for cylinder in each.measurement.cylinders)
     return [
         each if isinstance(each, PartResult) else _result(options, part, each)

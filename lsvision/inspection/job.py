@@ -202,8 +202,7 @@ def _claims(parts: tuple[Part, ...]) -> list[tuple[Location, str]]:
                 (
                     (*where, "order"),
                     f"{first.name!r} and {second.name!r} are the same cylinder, order "
-                    f"{first.order}: "
-                    "give each its own",
+                    f"{first.order}: give each its own",
                 )
             )
         if first.windows and second.windows and _overlap(first, second):
@@ -211,8 +210,7 @@ def _claims(parts: tuple[Part, ...]) -> list[tuple[Location, str]]:
                 (
                     (*where, f"{next(iter(second.windows))}_mm"),
                     f"{first.name!r} and {second.name!r} are the same cylinder: their windows "
-                    "overlap; "
-                    "separate the windows",
+                    "overlap; separate the windows",
                 )
             )
     return mistakes

@@ -123,8 +123,7 @@ class Part(JobTable):
         if not self.windows and self.order is None and self.expected_radius is None:
             raise ValueError(
                 "expected a way to identify the cylinder, got nothing: add x_mm = [least, "
-                "largest], "
-                "order = 1, or a radius_mm with a nominal"
+                "largest], order = 1, or a radius_mm with a nominal"
             )
         needs = {"direction_deg": "nominal_direction", "position_mm": "nominal_point_mm"}
         for key, need in needs.items():

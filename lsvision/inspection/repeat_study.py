@@ -35,7 +35,7 @@ class RepeatStudy(Result):
     bias_interval, std_interval : (float, float)
         Intervals of bias (Student's t) and standard deviation (chi^2), at `level`.
     p_value : float
-        Probability of a bias at least as large without any.
+        Probability of a bias at least as large if there is none.
     predicted_std : float
         Root mean square of the sigmas that the measurements state; NaN without.
     tolerance : float, optional
@@ -117,7 +117,7 @@ class RepeatStudy(Result):
             f"repeatability {self.std:.4g}, interval {least:.4g} .. {most:.4g}",
         ]
         if math.isfinite(self.predicted_std):
-            lines.append(f"the measurements state {self.predicted_std:.4g} themselves")
+            lines.append(f"standard uncertainty of the measurements {self.predicted_std:.4g}")
         if self.tolerance is not None:
             lines.append(
                 f"Cg {self.cg:.2f}, Cgk {self.cgk:.2f} of the tolerance {self.tolerance:g}"
@@ -165,7 +165,7 @@ def study_repeats(
     count = len(measured)
     if count < 2:
         raise TooFewPoints("a study of repeats", count, 2, "measure the part more often")
-    # Against the reference first: a large mean would cost the digits of the spread.
+    # Subtract the reference first: a large mean would cost digits of the standard deviation.
     offsets = measured - reference
     bias, std = float(offsets.mean()), float(offsets.std(ddof=1))
     tail, dof = (1 - level) / 2, count - 1

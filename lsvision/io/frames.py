@@ -49,8 +49,7 @@ def read_frames(path: str | os.PathLike[str]) -> Iterator[Frame]:
         if first is None:
             raise UnreadableFile(
                 f"{source} holds no frame that can be decoded: play it to see whether it is "
-                "complete, "
-                "or save it again as AVI or MP4"
+                "complete, or save it again as AVI or MP4"
             )
         yield first
         yield from frames

@@ -153,8 +153,7 @@ def _row(cells: list[str], pose_convention: PoseConvention, where: str) -> list[
             f"{where}: expected {len(pose_convention.fields)} numbers "
             f"({' '.join(pose_convention.fields)}), got "
             f"{len(cells)}; is it another convention than {pose_convention.name!r}? A leading "
-            "number or "
-            "time stamp is left out by skip_columns=1"
+            "number or time stamp is left out by skip_columns=1"
         )
     try:
         return [float(cell) for cell in cells]

@@ -137,8 +137,7 @@ def pose_from_numbers(
     if len(values) != len(pose_convention.fields):
         raise ValueError(
             f"expected {len(pose_convention.fields)} numbers ({' '.join(pose_convention.fields)}) "
-            "for convention "
-            f"{pose_convention.name!r}, got {len(values)}"
+            f"for convention {pose_convention.name!r}, got {len(values)}"
         )
     if not np.isfinite(values).all():
         raise ValueError(f"expected finite numbers, got {_shown(values)}")

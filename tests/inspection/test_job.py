@@ -77,9 +77,8 @@ def test_the_hash_is_that_of_the_content_not_of_the_layout():
         ("{ min = 29.8, max = 30.2 }", "{ min = 30, max = 30 }",
          "line 18: part 2, diameter_mm: expected different limits, got 30 twice"),
         ("x_mm = [0, 40]", "x_mm = [-10, 40]",
-         "line 17: 'left' and 'right' are the same cylinder: their windows overlap; draw the "
-         "border "
-         "between them"),
+         "line 17: 'left' and 'right' are the same cylinder: their windows overlap; separate "
+         "the windows"),
         ("x_mm = [0, 40]", "x_mm = [40, 0]",
          "line 15: part 2: x_mm reversed: expected [least, largest], got [40.0, 0.0]"),
         ("x_mm = [0, 40]", "x_mm = [0, 40]\norder = 2",

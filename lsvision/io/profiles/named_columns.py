@@ -59,9 +59,7 @@ def profiles_from_named(
     if np.ndim(columns[height][0] if len(columns[height]) else 0.0) == 0:
         return _from_points(columns, texts or {}, settings, statements)
     if settings.columns is not None:
-        raise UnreadableFile(
-            "one profile per row: --columns applies to one point per row only, leave it out"
-        )
+        raise UnreadableFile("--columns is for files with one point per row: leave it out")
     x = by_role.get("x")
     rows = [np.asarray(row) for row in columns[height]]
     xs = _x_of_rows(rows, None if x is None else columns[x], settings)

@@ -37,8 +37,7 @@ _COMMENT_STARTS = "#%/! \t"
 _CUT_COMMA = re.compile(r"(?:^|,)[-+]?[0-9]{1,3},0[0-9]+(?=[,.\r\n]|$)", re.MULTILINE)
 _CUT_NUMBERS = (
     "numbers seem to be split at their commas ({cells!r}): export with semicolons between cells "
-    "and "
-    "without thousands separators"
+    "and without thousands separators"
 )
 _SAMPLE_ROWS = 5000
 """Number of rows that are searched for numbers split at their commas."""
@@ -192,7 +191,7 @@ def _any_body(lines: Sequence[str], lost_words: frozenset[str]) -> _Body:
 
 
 def _holds_controls(content: bytes, text: str) -> bool:
-    """Return whether a text has control characters; which are found faster in ASCII bytes."""
+    """Return whether a text has control characters; a search of bytes is faster than of text."""
     if not (content.isascii() and len(content) == len(text)):
         return bool(_CONTROL.search(text))
     codes = np.frombuffer(content, np.uint8)
