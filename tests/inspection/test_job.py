@@ -115,7 +115,7 @@ def test_the_hash_is_that_of_the_content_not_of_the_layout():
          "ovality_percent, length_seen_mm, distance_mm, angle_deg, gap_mm, flush_mm, got 'radius'"),
         ('name = "frame tube"\n', "", "name is missing: add it"),
         ('between = ["left", "right"]\n', "", "line 20: relation 1, between is missing: add it"),
-        ("revision = 3", "revision = = 3", "line 2: no TOML: invalid value"),
+        ("revision = 3", "revision = = 3", "line 2: not TOML: invalid value"),
     ],
 )  # fmt: skip
 def test_a_mistake_is_named_with_its_line_and_the_remedy(old, new, mistake):

@@ -227,7 +227,7 @@ def test_what_cannot_be_compared_is_rejected():
         lsv.relate("left", "right")
     with pytest.raises(ValueError, match="two cylinders, got the same one twice"):
         lsv.relate(left, left)
-    with pytest.raises(ValueError, match="expected up as three numbers with a length"):
+    with pytest.raises(ValueError, match="expected up as three numbers, not all zero"):
         lsv.relate(tube, other, up=(0, 0, 0))
     relation = lsv.relate(left, right)
     with pytest.raises(ValueError, match="expected a quantity among distance, angle, gap, flush"):

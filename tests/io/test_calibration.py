@@ -194,7 +194,7 @@ def test_provenance_tells_the_inputs_apart(tmp_path):
         (ROS_FILE.replace("0., 0., 1.]", "0.]"), "matrix of 9 numbers, got 7"),
         (ROS_FILE.replace("distortion_coefficients", "x"), "expected distortion coefficients"),
         ('{"schema": "something"}', "has schema 'something'"),
-        ("{ broken", "is no JSON"),
+        ("{ broken", "is not JSON"),
         ("\x89PNG", "holds no camera"),
     ],
 )
@@ -227,7 +227,7 @@ def test_the_covariance_of_a_camera_is_read_again_and_rejected_where_it_is_none(
     document = json.loads(path.read_text())
     document["camera_covariance"] = [[1.0]]
     path.write_text(json.dumps(document))
-    with pytest.raises(UnreadableFile, match=r"camera.json: camera_covariance: .* calibrate anew"):
+    with pytest.raises(UnreadableFile, match=r"camera.json: camera_covariance: .* calibrate again"):
         read_camera_covariance(path)
     del document["camera_covariance"]
     path.write_text(json.dumps(document))

@@ -100,7 +100,7 @@ NUMBERS_REFUSED = [
     ([1, 2, 3, math.nan, 5, 6], "kuka", "finite"),
     ([1, 2, 3, 0.5, 0.5, 0.5, 0.6], "ros", "quaternion of length 1, got length 1.05"),
     (np.eye(4).ravel() * 2, "matrix", "column by column"),
-    (np.diag([1, 1, -1, 1.0]).ravel(), "matrix", "mirrors"),
+    (np.diag([1, 1, -1, 1.0]).ravel(), "matrix", "a reflection"),
 ]
 
 
@@ -154,14 +154,14 @@ REJECTED = {
     "words": ("w.csv", "1,2,3,4,5,6\n1,2,x,4,5,6", "kuka", "line 2: expected numbers only"),
     "nan": ("n.csv", "1,2,nan,4,5,6", "kuka", "pose 1: expected finite"),
     "json": ("j.json", "{", "kuka", "expected robot poses in json, got: Expecting"),
-    "yaml": ("y.yaml", "a: [", "kuka", "expected robot poses in yaml, got: no YAML"),
+    "yaml": ("y.yaml", "a: [", "kuka", "expected robot poses in yaml, got: not YAML"),
     "alias": ("a.yaml", "a: &x [*x]", "kuka", "expected YAML without aliases"),
     "deep": ("d.yml", "- " * 900, "kuka", "expected at most 64 levels of nesting"),
     "deep json": ("d.json", "[" * 900 + "]" * 900, "kuka", "at most 64 levels of nesting"),
     "empty integer": ("i.yaml", '!!int ""', "kuka", "expected a list of poses, got str"),
     "empty number": ("n.yaml", '- [1, 2, 3, 4, 5, !!int ""]', "kuka", "could not convert"),
     "date": ("d.yaml", "- [2026-99-99, 1, 2, 3, 4, 5]", "kuka", "could not convert"),
-    "null": ("z.yaml", "- [1, 2, \0]", "kuka", "no YAML: unacceptable character"),
+    "null": ("z.yaml", "- [1, 2, \0]", "kuka", "not YAML: unacceptable character"),
     "400 digits": ("h.json", "[[" + "9" * 400 + "]]", "kuka", "one of 400 digits"),
     "nan json": ("nan.json", "[[NaN]]", "kuka", "expected finite numbers, got NaN"),
     "overflow": ("o.csv", "1e200,1,2,3,4,5", "kuka", r"expected numbers up to 1e\+09"),

@@ -27,8 +27,8 @@ def test_only_the_first_document_is_read():
         ("[" * 200_000, "nesting"),
         ("{a: " * 200_000, "nesting"),
         ("? [1]\n: 2", "expected keys that are texts"),
-        ("a: \0", "no YAML: unacceptable character"),
-        ("a: [", "no YAML"),
+        ("a: \0", "not YAML: unacceptable character"),
+        ("a: [", "not YAML"),
         ("x" * (MAX_LENGTH + 1), "expected at most 10000000 characters"),
     ],
 )

@@ -221,7 +221,7 @@ def test_missing_and_foreign_files_are_rejected_with_their_name(tmp_path):
     with pytest.raises(UnreadableFile, match=r"none\.json: no such file"):
         LightSection.load(tmp_path / "none.json")
     (tmp_path / "image.json").write_bytes(b"\x89PNG")
-    with pytest.raises(UnreadableFile, match=r"image\.json is no JSON"):
+    with pytest.raises(UnreadableFile, match=r"image\.json is not JSON"):
         LightSection.load(tmp_path / "image.json")
     with pytest.raises(UnwritableFile, match="its folder does not exist"):
         LightSection(CAMERA, PLANES["slanted"]).save(tmp_path / "gone" / "rig.json")

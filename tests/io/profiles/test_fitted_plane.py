@@ -175,7 +175,7 @@ BLOB = "x,y,z\n" + "".join(f"{k % 5},{k // 5 % 5},{300 + k // 25}\n" for k in ra
         ("0 1\n1 2\n2 5\n", {}, "needs x, y and z of each point, got none of them"),
         (BLOB, {"columns": "x,z"}, "needs x, y and z of each point, got x, z"),
         ("x,y,z\n0,1,2\n1,1,3\n4,2,2\n", {}, "3 valid points, --plane fit needs at least 5"),
-        ("x [mm],y [m],z [mm]\n" + BLOB[6:], {}, r"different units \(mm, m\): say one"),
+        ("x [mm],y [m],z [mm]\n" + BLOB[6:], {}, r"different units \(mm, m\): state one"),
         (
             "x,y,z\n" + "".join(f"{k},{k * k},1e200\n" for k in range(9)),
             {"lost": "none"},

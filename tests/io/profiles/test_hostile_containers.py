@@ -54,13 +54,13 @@ def parquet_of_many_values():
         (pcd(COUNT="1 1 99999999999"), "a PCD file with a broken header"),
         (pcd(WIDTH="-2", HEIGHT="-1"), "a PCD file without points"),
         (pcd(WIDTH="9" * 5000), "a PCD file with a broken header"),
-        (pcd(WIDTH="9" * 30), "cut short"),
+        (pcd(WIDTH="9" * 30), "truncated"),
         (npy((10**15,)), "NumPy cannot read it .*an array of shape"),
         (npy((10**9, 10**9, 10**9)), "NumPy cannot read it .*an array of shape"),
         (npy((-5, 2)), "NumPy cannot read it"),
         (npy("(" * 2000), "NumPy cannot read it"),
         (npy("1(2)"), "NumPy cannot read it"),
-        (npz(**{"a.npy": b"hello"}), "NumPy cannot read it .*no NPY array"),
+        (npz(**{"a.npy": b"hello"}), "NumPy cannot read it .*not an NPY array"),
         (npz(a=b"hello"), "a zip archive of a: unpack it"),
         (npz(**{"x.npy": npy(()) + bytes(8), "z.npy": npy(()) + bytes(8)}), "x, z is neither"),
         (npy((1,), [("x", "<f8", (2, 2)), ("z", "<f8", (2, 2))]) + bytes(64), "x, z is neither"),
@@ -125,8 +125,8 @@ def test_a_matrix_whose_size_is_wrong_is_rejected(write, change, message):
     ("text", "message"),
     [
         ('{"a":' * 100_000, "levels of nesting"),
-        ("%YAML:1.0\n---\na: " + "[" * 200_000, "no YAML"),
-        ("%YAML:1.0\n---\na: " + "- " * 200_000, "no FileStorage of OpenCV"),
+        ("%YAML:1.0\n---\na: " + "[" * 200_000, "not YAML"),
+        ("%YAML:1.0\n---\na: " + "- " * 200_000, "not a FileStorage of OpenCV"),
         ("<opencv_storage>" + "<a>" * 200_000, "at most 16 levels of nesting"),
         ("<opencv_storage><a></opencv_storage>", "no XML"),
         (
@@ -134,7 +134,7 @@ def test_a_matrix_whose_size_is_wrong_is_rejected(write, change, message):
             "</opencv_storage>",
             "without DOCTYPE",
         ),
-        ("{" + "\n" * 300_000, "no FileStorage of OpenCV"),
+        ("{" + "\n" * 300_000, "not a FileStorage of OpenCV"),
     ],
 )
 def test_deep_or_expanding_text_is_rejected(write, text, message):

@@ -41,7 +41,7 @@ def test_the_summary_says_what_is_assumed(write):
 
 def test_names_that_say_nothing_are_noted(write):
     file = inspect_profiles(write("u,v\n0,400\n9,399\n"))
-    assert file.notes == ("u and v taken for x and height",)
+    assert file.notes == ("u and v read as x and height",)
 
 
 def test_units_that_nobody_states_are_reported_as_assumed(write):

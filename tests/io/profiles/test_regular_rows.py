@@ -116,5 +116,5 @@ def test_beginning_that_states_the_size_is_left_to_the_reader_of_lines():
 
 def test_numbers_cut_at_their_commas_are_rejected_wherever_they_begin():
     lines = "".join(f"{k},5,-{k},25\n" for k in range(600))
-    with pytest.raises(UnreadableFile, match="numbers look cut at their commas"):
+    with pytest.raises(UnreadableFile, match="numbers seem to be split at their commas"):
         parse_table(lines + "1,05,-2,05\n" + lines)

@@ -202,7 +202,8 @@ def test_each_row_of_an_organised_cloud_is_a_profile(bag):
 def test_other_coordinates_are_named_by_columns(bag):
     points = line_cloud((1, 2)) + np.linspace(0, 0.01, 150)[:, None] * (1, 0, 0)
     path = bag("mcap", {"/line": [lambda s, k: cloud_message(s, k, points[None])]})
-    with pytest.raises(UnreadableFile, match=r"in no section across y or z \(.*--columns x,z"):
+    rejected = r"lie in a section perpendicular to y or z \(.*--columns x,z"
+    with pytest.raises(UnreadableFile, match=rejected):
         read_profile(path)
     profile = read_profile(path, columns="y,z")
     npt.assert_allclose(profile.points, 1000 * points[:, 1:], atol=SINGLE_PRECISION_MM)
@@ -269,7 +270,7 @@ def test_a_cloud_that_is_cut_short_is_rejected(bag):
         cloud.fields = [field for field in cloud.fields if field.name != "z"]
         return cloud
 
-    with pytest.raises(UnreadableFile, match="whose x is cut short or of an unknown type"):
+    with pytest.raises(UnreadableFile, match="whose x is truncated or of an unknown type"):
         read_profile(bag("mcap", {"/line": [short]}, "short"))
     with pytest.raises(UnreadableFile, match="PointCloud2 with x, intensity, y: expected x, y, z"):
         read_profile(bag("mcap", {"/line": [flat]}, "flat"))
@@ -281,7 +282,7 @@ def test_a_bag_without_messages_or_points_is_rejected(bag, monkeypatch):
         read_profile(bag("mcap", {"/line": empty}, "rows"))
     path = bag("bag", {"/scan": scans(1)})
     monkeypatch.setattr("lsvision.io.profiles.ros_bags._decoded", lambda *_: iter(()))
-    with pytest.raises(UnreadableFile, match="a ROS bag whose index leads to no message"):
+    with pytest.raises(UnreadableFile, match="a ROS bag whose index refers to no message"):
         read_profile(path)
 
 

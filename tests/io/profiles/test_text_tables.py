@@ -151,7 +151,7 @@ def test_thousands_separators_are_rejected_by_name(write, lines, message):
 def test_numbers_that_commas_cut_are_rejected(write, arc):
     for head in ([], ["x,z"]):
         lines = [*head, *lines_of(arc, "{x:.3f};{z:.3f}", comma=True)]
-        with pytest.raises(UnreadableFile, match="cut at their commas"):
+        with pytest.raises(UnreadableFile, match="split at their commas"):
             read_profile(write("\n".join(line.replace(";", ",") for line in lines), "p.csv"))
 
 

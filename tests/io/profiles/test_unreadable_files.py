@@ -39,7 +39,7 @@ def npy(array) -> bytes:
         ("nan,nan\n1,nan\n2,inf\n", "all 3 points are lost: check exposure"),
         ("1,2\n", "one valid point in it, no profile"),
         ("1,2\nend of data\n3,4\n", "line 2 has 1 cells, expected 2"),
-        ("1,2\n3,4\n\n5,six\n", "line 4: 'six' is not a number: take such lines out"),
+        ("1,2\n3,4\n\n5,six\n", "line 4: 'six' is not a number: remove such lines"),
         ("1;2\n3;4,5\n6;7.5\n", "line 2: '4,5' is not a number"),
         (
             SLANTED,
@@ -103,10 +103,10 @@ def npy(array) -> bytes:
         ("%YAML:1.0\n---\nscan_line: [ 1, b, 3, 4 ]\n", "'b' is not a number"),
         (
             "%YAML:1.0\n---\n\t: : [",
-            "no FileStorage of OpenCV .*: write it again",
+            "not a FileStorage of OpenCV .*: write it again",
         ),
         ("Info\nCSV Version,\nEnd\n", r"without profiles \(it has Info\): export it in profile"),
-        ("frame,x0,z0\n", "a header and no profile under it"),
+        ("frame,x0,z0\n", "a header without a profile"),
     ],
 )
 def test_bad_content_is_rejected_with_file_and_remedy(write, content, message):
