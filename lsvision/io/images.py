@@ -52,7 +52,7 @@ def read_image(path: str | os.PathLike[str]) -> npt.NDArray[Any]:
     if image is None or image.dtype not in (np.uint8, np.uint16) or not image.size:
         raise UnreadableFile(
             f"{source} is not an image of 8 or 16 bit: save it as PNG, TIFF or JPEG, and copy it "
-            "anew if it is cut short"
+            "again if it is truncated"
         )
     return image[..., :3] if image.ndim == 3 else image
 

@@ -306,7 +306,7 @@ def _raise_one_column(table: TextTable) -> NoReturn:
         text, count = Counter(cells).most_common(1)[0]
         if count > 1:
             raise UnreadableFile(
-                f"column {table.label(column)} holds text ({text[:40]!r} in {count} lines): say "
+                f"column {table.label(column)} holds text ({text[:40]!r} in {count} lines): use "
                 f"--lost {text[:20]} if that marks lost points, or name the columns of x and "
                 "height with --columns"
             )
