@@ -71,7 +71,7 @@ def test_the_calibration_is_that_of_boards_numbered_from_one_end():
     for index in np.flatnonzero(labels != np.bincount(labels).argmax()):
         assert f"pose {index}" in corrected.warning
     numbered = turn_boards(boards, flanges, pattern_turns(AMBIGUOUS))
-    assert "all views are numbered from one end" in numbered.warning
+    assert "all views are numbered from the same end" in numbered.warning
 
 
 def test_a_board_on_the_flange_is_turned_too():

@@ -80,7 +80,7 @@ def test_an_interrupted_batch_goes_on_from_there(run, folder, pipe, written):
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert b"the same command goes on from there" in errors
+    assert b"the same command continues from there" in errors
     before = {path.name: path.stat().st_mtime_ns for path in out.glob("*.parquet")}
     assert 0 < len(before) < 32
     assert run(*words[:-1], 1).exit_code == 0

@@ -249,7 +249,7 @@ def test_study_grr_reads_a_table(run, tmp_path):
     table.write_text("\n".join(["part,operator,value", *rows[:-1]]))
     short = run("study", "grr", table)
     assert short.exit_code == 1
-    assert "expected every operator to measure every part as often" in short.stderr
+    assert "expected every operator to measure every part equally often" in short.stderr
     other = run("study", "grr", table, "--value", "height")
     assert "expected a column 'height', got part, operator, value" in other.stderr
     table.write_text("part,operator,value\n1,a,x\n")
