@@ -10,9 +10,9 @@ from lsvision.calibration.target import TargetView
 from lsvision.geometry import Pose
 from lsvision.sensors.camera import Camera
 
-WANTED_TILT = np.radians(20.0)
+REQUESTED_TILT = np.radians(20.0)
 """Tilt to each of four sides that is requested of a hand-held board. Units: rad."""
-WANTED_DEPTH_RATIO = 1.15
+REQUESTED_DEPTH_RATIO = 1.15
 """Requested ratio of the farthest to the nearest distance of the board."""
 FOCAL_GUESS = 1.2
 """Focal length relative to the image's width, of a camera that is not calibrated yet: a lens of
@@ -47,12 +47,12 @@ def missing_from(views: Sequence[TargetView], pairs: int) -> tuple[str, ...]:
     sides = [
         name
         for name, axis, sign in _SIDES
-        if max(sign * pose.rotation[axis, 2] for pose in poses) < np.sin(WANTED_TILT)
+        if max(sign * pose.rotation[axis, 2] for pose in poses) < np.sin(REQUESTED_TILT)
     ]
     if sides:
         missing.append(f"tilt with the {', '.join(sides)} side nearer")
     distances = [float(np.linalg.norm(pose.translation)) for pose in poses]
-    if max(distances) < WANTED_DEPTH_RATIO * min(distances):
+    if max(distances) < REQUESTED_DEPTH_RATIO * min(distances):
         missing.append("nearer and farther")
     return tuple(missing)
 

@@ -22,7 +22,7 @@ def check_outputs(
     outputs: Sequence[Path | None],
     sources: Sequence[Path],
     streams: Sequence[Path | None] = (),
-) -> "TakenFiles":
+) -> "CommandFiles":
     """Raise an error if an output could not be written after the work.
 
     Parameters
@@ -36,7 +36,7 @@ def check_outputs(
 
     Returns
     -------
-    TakenFiles
+    CommandFiles
         The files of this run, for names that are generated later.
 
     Raises
@@ -46,7 +46,7 @@ def check_outputs(
     typer.BadParameter
         If two outputs, or an output and an input, are the same file, or two inputs are ``-``.
     """
-    taken = TakenFiles()
+    taken = CommandFiles()
     for source in sources:
         if source == STDOUT and source in taken:
             raise typer.BadParameter("expected one input from standard input (-), got two")
@@ -68,7 +68,7 @@ def check_outputs(
     return taken
 
 
-class TakenFiles:
+class CommandFiles:
     """Files that a command reads or writes, however they are named."""
 
     def __init__(self) -> None:
@@ -123,13 +123,13 @@ class Pictures:
         Name from the user, which the picture of a single profile gets unchanged.
     several : bool
         Whether there is more than one input file.
-    taken : TakenFiles, optional
+    taken : CommandFiles, optional
         The inputs and other outputs of the command, `plot` among them.
     """
 
-    def __init__(self, plot: Path, *, several: bool, taken: TakenFiles | None = None) -> None:
+    def __init__(self, plot: Path, *, several: bool, taken: CommandFiles | None = None) -> None:
         self._plot, self._several = plot, several
-        self._taken = TakenFiles() if taken is None else taken
+        self._taken = CommandFiles() if taken is None else taken
 
     def path_of(self, source: Path, number: int, parts: int) -> Path:
         """Return the path of a profile's picture: ``out.png``, or ``out-SOURCE-NUMBER.png``.

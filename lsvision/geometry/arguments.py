@@ -49,7 +49,7 @@ def as_section_points(values: Any) -> FloatArray:
 def as_number_or_pair(
     value: Any, name: str, unit: str, pair: str
 ) -> float | tuple[float, float] | None:
-    """Return a number as float and two of them as a tuple; None stays.
+    """Return a number as float and two of them as a tuple; None as None.
 
     Parameters
     ----------

@@ -32,7 +32,7 @@ def record_revision(job: Job, job_path: Path, now: datetime.datetime) -> bool:
         if entry["revision"] >= job.revision:
             raise LsvisionError(
                 f"{job_path}: revision {entry['revision']} is recorded with another content: "
-                f"expected a revision above it, got {job.revision}; raise it"
+                f"expected a revision above it, got {job.revision}: increase it"
             )
     entry = {
         "revision": job.revision,

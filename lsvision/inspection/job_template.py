@@ -14,7 +14,7 @@ HEAD = """\
 # PROFILES judges by it. Lengths are in mm, angles in deg, as the names say.
 schema = 1
 name = {name}
-revision = 1  # raise it with every change
+revision = 1  # increase it with every change
 
 [measure]
 radius_mm = [{low:g}, {high:g}]  # where cylinders are searched
