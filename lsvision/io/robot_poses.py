@@ -183,24 +183,27 @@ def _angle_error(
     if pose_convention.rotation == "rotvec":
         turns = float(np.linalg.norm(rows[:, 3:], axis=1).max())
         if turns > MAX_ANGLE_RAD:
-            return (
-                f"rotation vector of length {turns:.4g} rad: degrees? {_state_angle(pose_convention, 'deg')}"
-            )
+            remedy = _state_angle(pose_convention, "deg")
+            return f"rotation vector of length {turns:.4g} rad: degrees? {remedy}"
     elif np.radians(1) < largest <= MAX_ANGLE_RAD and len(rows) > 1:
         return (
-            f"no angle above {largest:.4g}: these look like radians where {pose_convention.name} has degrees. "
-            f"{_state_angle(pose_convention, 'rad')}, or deg if they really are so small"
+            f"no angle above {largest:.4g}: these look like radians where {pose_convention.name} "
+            f"has degrees. {_state_angle(pose_convention, 'rad')}, or deg if they really are so "
+            "small"
         )
     return None
 
 
 def _state_angle(pose_convention: PoseConvention, unit: AngleUnit) -> str:
-    header = ",".join(pose_convention.fields[:3] + tuple(f"{name} [{unit}]" for name in pose_convention.fields[3:]))
-    return f"Say so in a header, {header} (in Python angle_unit='{unit}')"
+    header = ",".join(
+        pose_convention.fields[:3]
+        + tuple(f"{name} [{unit}]" for name in pose_convention.fields[3:])
+    )
+    return f"State it in a header, {header} (in Python angle_unit='{unit}')"
 
 
 def _state_length(unit: LengthUnit) -> str:
-    return f"Say so in a first line, # lengths in {unit} (in Python length_unit='{unit}')"
+    return f"State it in a first line, # lengths in {unit} (in Python length_unit='{unit}')"
 
 
 def _motion_error(poses: Iterable[Pose], stated: LengthUnit | None) -> str | None:
