@@ -52,7 +52,11 @@ class ScanCloud:
     def rows_of(self, section: int, indices: IntArray) -> IntArray:
         """Return the rows of the cloud with the given points of a profile."""
         first, last = np.searchsorted(self.point_sections, [section, section + 1])
-        rows: IntArray = first + np.flatnonzero(np.isin(self.indices[first:last], indices))
+        there = self.indices[first:last]
+        # A table, which takes a tenth of the time of `np.isin`.
+        wanted = np.zeros(max(there.max(initial=-1), indices.max(initial=-1)) + 1, dtype=bool)
+        wanted[indices] = True
+        rows: IntArray = first + np.flatnonzero(wanted[there])
         return rows
 
     def subset(self, rows: IntArray) -> "ScanCloud":

@@ -26,6 +26,7 @@ from lsvision.scan.point_assignment import (
 )
 from lsvision.scan.scan_result import ScanRejection
 from lsvision.scan.tracks import ArcObservation, Track
+from lsvision.statistics.robust import median
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -238,7 +239,7 @@ def _mean_square_residual(fit: CylinderFit) -> float:
 def _initial_guesses(track: Track) -> list[Cylinder]:
     """Return the cylinder through the centres, if they differ, and both twins of the best arc."""
     best = min(track, key=lambda observation: observation.twins_std)
-    radius = float(np.median([observation.radius for observation in track]))
+    radius = median(np.array([observation.radius for observation in track]))
     centres = np.array([observation.centre for observation in track])
     mean_centre = centres.mean(axis=0)
     guesses = [Cylinder(best.centre, twin, radius) for twin in best.twins]

@@ -108,28 +108,31 @@ def fit_section_shifts(
     cylinder : Cylinder
         Base frame.
     rows : (n,) int ndarray
-        Rows of the cloud with the points of the cylinder.
+        Rows of the cloud with the points of the cylinder, ascending.
     free_radius : bool
         Fit the common radius as well: a straight cylinder fitted to a bent tube has a wrong one.
     """
     across, stds, offsets, _ = _point_distances(cloud, cylinder, rows)
-    sections, index = np.unique(cloud.point_sections[rows], return_inverse=True)
+    sections, starts, counts = np.unique(
+        cloud.point_sections[rows], return_index=True, return_counts=True
+    )
+    index = np.repeat(np.arange(len(sections)), counts)
     shifts, radius = np.zeros((len(sections), 2)), cylinder.radius
     # A short arc does not determine the shift along the arc; a prior of half a radius does.
     prior = np.eye(2) / (SHIFT_PRIOR_STD_RADII * radius) ** 2
     for _ in range(GAUSS_NEWTON_ITERATIONS):
         from_centre = across - shifts[index].T
         distances = np.hypot(*from_centre)
-        jacobian = (from_centre / distances / stds).T
+        jacobian = from_centre / distances / stds
         residuals = (distances - radius - offsets) / stds
-        covariances = np.linalg.inv(
-            _sum_by_section(index, jacobian[:, :, None] * jacobian[:, None, :]) + prior
-        )
-        gradient = _sum_by_section(index, jacobian * residuals[:, None])
+        # Sums over the points of each section, (k, 2, 2) and (k, 2).
+        normal_matrices = np.add.reduceat(jacobian[:, None] * jacobian, starts, axis=2).T
+        covariances = np.linalg.inv(normal_matrices + prior)
+        gradient = np.add.reduceat(jacobian * residuals, starts, axis=1).T
         step = np.einsum("kij,kj->ki", covariances, gradient)
         if free_radius:
             # Schur complement: information on the radius after eliminating the shifts.
-            coupling = _sum_by_section(index, jacobian / stds[:, None])
+            coupling = np.add.reduceat(jacobian / stds, starts, axis=1).T
             response = np.einsum("kij,kj->ki", covariances, coupling)
             information = float((stds**-2.0).sum() - (coupling * response).sum())
             radius_step = (
@@ -142,13 +145,6 @@ def fit_section_shifts(
     chi2 = float(np.einsum("ki,kij,kj", shifts, np.linalg.inv(covariances), shifts))
     straight = Cylinder(cylinder.point, cylinder.direction, radius)
     return SectionShifts(straight, sections, shifts, chi2 / shifts.size, normalised)
-
-
-def _sum_by_section(index: IntArray, values: FloatArray) -> FloatArray:
-    """Return the sum of the rows of `values` for each section index."""
-    total = np.zeros((int(index.max()) + 1, *values.shape[1:]))
-    np.add.at(total, index, values)
-    return total
 
 
 def assign_points(

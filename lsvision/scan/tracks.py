@@ -14,6 +14,7 @@ import numpy as np
 
 from lsvision.ellipse.section import CylinderSection
 from lsvision.geometry import FloatArray, Pose
+from lsvision.statistics.robust import median
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -124,11 +125,12 @@ def associate_arcs(
     tracks: list[list[ArcObservation]] = []
     for section in sorted({observation.section for observation in observations}):
         arcs = [observation for observation in observations if observation.section == section]
+        predictions = [_predict(track[-settings.window :]) for track in tracks]
         candidates = sorted(
             (distance, t, a)
-            for t, track in enumerate(tracks)
+            for t, prediction in enumerate(predictions)
             for a, arc in enumerate(arcs)
-            if (distance := _normalised_gate_distance(track[-settings.window :], arc, settings)) < 1
+            if (distance := _normalised_gate_distance(prediction, arc, settings)) < 1
         )
         extended_tracks: set[int] = set()
         assigned_arcs: set[int] = set()
@@ -141,21 +143,35 @@ def associate_arcs(
     return tuple(tuple(track) for track in tracks)
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class _Prediction:
+    """Radius of a cylinder from some of its arcs, and its axis as `predict_axes` returns it."""
+
+    radius: float
+    radius_std: float
+    point: FloatArray
+    directions: FloatArray
+    direction_std: float
+
+
+def _predict(recent: Sequence[ArcObservation]) -> _Prediction:
+    radius = median(np.array([observation.radius for observation in recent]))
+    radius_std = min(observation.radius_std for observation in recent)
+    return _Prediction(radius, radius_std, *predict_axes(recent))
+
+
 def _normalised_gate_distance(
-    recent: Sequence[ArcObservation], arc: ArcObservation, settings: TrackSettings
+    prediction: _Prediction, arc: ArcObservation, settings: TrackSettings
 ) -> float:
     """Return the distance of an arc's centre from the predicted axis, divided by the gate."""
-    radius = float(np.median([observation.radius for observation in recent]))
-    radius_std = min(observation.radius_std for observation in recent)
-    radius_uncertainty = settings.sigmas * math.hypot(radius_std, arc.radius_std)
+    radius, directions = prediction.radius, prediction.directions
+    radius_uncertainty = settings.sigmas * math.hypot(prediction.radius_std, arc.radius_std)
     if abs(arc.radius - radius) > radius_uncertainty + settings.radius_gate * radius:
         return math.inf
-    point, directions, direction_std = predict_axes(recent)
-    offset = arc.centre - point
+    offset = arc.centre - prediction.point
     distances = np.linalg.norm(offset - (directions @ offset)[:, None] * directions, axis=1)
-    uncertainty = settings.sigmas * arc.centre_std + 2 * direction_std * float(
-        np.linalg.norm(offset)
-    )
+    direction_uncertainty = 2 * prediction.direction_std * float(np.linalg.norm(offset))
+    uncertainty = settings.sigmas * arc.centre_std + direction_uncertainty
     gate = min(settings.gate * radius + uncertainty, settings.max_gate * radius)
     return float(distances.min()) / gate
 
@@ -183,7 +199,7 @@ def predict_axes(recent: Sequence[ArcObservation]) -> tuple[FloatArray, FloatArr
     best = min(recent, key=lambda observation: observation.twins_std)
     if len(recent) > 1:
         _, lengths, directions = np.linalg.svd(centres - mean_centre)
-        centre_std = float(np.median([observation.centre_std for observation in recent]))
+        centre_std = median(np.array([observation.centre_std for observation in recent]))
         line_std = centre_std / max(float(lengths[0]), 1e-12)
         if line_std < best.twins_std:
             return mean_centre, directions[:1], line_std
