@@ -12,9 +12,9 @@ from lsvision.geometry import FloatArray
 
 _PLACES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 _NODES, _WEIGHTS = (_PLACES + 1) / 2, _WEIGHTS / 2
-FEW_DEGREES_OF_FREEDOM, MANY_DEGREES_OF_FREEDOM = 10.0, 1e4
-"""Degrees of freedom from which three terms of the expansion about a normal quantile are an initial
-guess, and from which they are exact to 1e-9."""
+FEW_DEGREES_OF_FREEDOM, MANY_DEGREES_OF_FREEDOM = 10.0, 100.0
+"""Degrees of freedom from which five terms of the expansion about a normal quantile are an initial
+guess, and from which they are exact to 1e-8."""
 TINY = 1e-300
 MAX_STEPS = 10
 """Maximum number of Newton steps; at most 7 are needed from one degree of freedom and up to a level
@@ -72,11 +72,15 @@ def normal_probability(values: FloatArray) -> FloatArray:
 def _student_quantile(degrees_of_freedom: FloatArray, level: float) -> FloatArray:
     """Return t that |t| exceeds with probability 1 - level, for an array (k,).
 
-    With t = sqrt(dof) tan(u), the density of u is proportional to cos(u)^(dof - 1).
+    With t = sqrt(dof) tan(u), the density of u is proportional to cos(u)^(dof - 1). The expansion
+    is that of Abramowitz and Stegun, Handbook of Mathematical Functions, 26.7.5.
     """
     z = NormalDist().inv_cdf((1 + level) / 2)
     first, second = (z**3 + z) / 4, (5 * z**5 + 16 * z**3 + 3 * z) / 96
-    quantiles: FloatArray = z + (first + second / degrees_of_freedom) / degrees_of_freedom
+    third = (3 * z**7 + 19 * z**5 + 17 * z**3 - 15 * z) / 384
+    fourth = (79 * z**9 + 776 * z**7 + 1482 * z**5 - 1920 * z**3 - 945 * z) / 92160
+    rate = 1 / degrees_of_freedom
+    quantiles: FloatArray = z + rate * (first + rate * (second + rate * (third + rate * fourth)))
     few = degrees_of_freedom <= MANY_DEGREES_OF_FREEDOM
     if few.any():
         dof = degrees_of_freedom[few]

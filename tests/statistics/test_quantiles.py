@@ -8,7 +8,24 @@ from scipy.special import chdtri, fdtri, ndtr
 from lsvision.statistics.quantiles import normal_probability, squared_quantile
 
 LEVELS = (0.05, 0.5, 0.68, 0.95, 0.9973, 0.999)
-DEGREES = (1.0, 1.05, 1.1, 1.5, 2.0, 3.7, 8.0, 25.3, 100.0, 371.5, 5e3, 9.9e4, 1.1e5, 3e6, 1e10)
+DEGREES = (
+    1.0,
+    1.05,
+    1.1,
+    1.5,
+    2.0,
+    3.7,
+    8.0,
+    25.3,
+    80.0,
+    101.0,
+    371.5,
+    5e3,
+    9.9e4,
+    1.1e5,
+    3e6,
+    1e10,
+)
 
 
 @pytest.mark.parametrize("level", LEVELS)
