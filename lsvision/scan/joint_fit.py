@@ -5,6 +5,7 @@ turn. The track with the most points comes first; each point belongs to one cyli
 of a single section yields that section's own cylinder, with its twin.
 """
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -17,7 +18,7 @@ from lsvision.cylinder.robot_frame import twin_jacobian
 from lsvision.ellipse.problem import RadiusPrior
 from lsvision.ellipse.section import CylinderSection
 from lsvision.errors import LsvisionError
-from lsvision.geometry import Cylinder, FloatArray, IntArray, Pose, tangent_frame
+from lsvision.geometry import BoolArray, Cylinder, FloatArray, IntArray, Pose, tangent_frame
 from lsvision.scan.cloud import ScanCloud
 from lsvision.scan.point_assignment import (
     PointAssignmentSettings,
@@ -113,7 +114,7 @@ def fit_tracks(
     fits: list[JointFit] = []
     rejections: list[ScanRejection] = []
     for track in sorted(tracks, key=_count_points, reverse=True):
-        unassigned = tuple(arc for arc in track if _is_mostly_in(cloud, arc))
+        unassigned = tuple(itertools.compress(track, _are_mostly_in(cloud, track)))
         if not unassigned:
             continue
         if has_one_section:
@@ -134,22 +135,24 @@ def _count_points(track: Track) -> int:
     return sum(len(observation.arc.indices) for observation in track)
 
 
-def _is_mostly_in(cloud: ScanCloud, observation: ArcObservation) -> bool:
-    """Return whether the cloud contains more than half of the arc's points."""
-    indices = observation.arc.indices
-    return 2 * len(cloud.rows_of(observation.section, indices)) > len(indices)
+def _are_mostly_in(cloud: ScanCloud, observations: Sequence[ArcObservation]) -> BoolArray:
+    """Return whether the cloud contains more than half of each arc's points (n,)."""
+    counts = np.array([len(observation.arc.indices) for observation in observations])
+    sections = np.repeat([observation.section for observation in observations], counts)
+    indices = np.concatenate([observation.arc.indices for observation in observations])
+    starts = np.cumsum(counts) - counts
+    contained = np.add.reduceat(cloud.contains(sections, indices), starts, dtype=np.int64)
+    mostly: BoolArray = 2 * contained > counts
+    return mostly
 
 
 def _check_recognised_fraction(
     joint_fit: JointFit, tracks: Sequence[Track], settings: JointFitSettings
 ) -> JointFit | ScanRejection:
     """Return the fit, or a rejection if detection found too few of its sections' arcs."""
-    recognised = {
-        observation.section
-        for track in tracks
-        for observation in track
-        if _is_mostly_in(joint_fit.cloud, observation)
-    }
+    observations = list(itertools.chain.from_iterable(tracks))
+    on_it = itertools.compress(observations, _are_mostly_in(joint_fit.cloud, observations))
+    recognised = {observation.section for observation in on_it}
     section_count = len(np.unique(joint_fit.cloud.point_sections))
     if len(recognised) >= settings.min_recognised_fraction * section_count:
         return joint_fit
@@ -243,7 +246,7 @@ def _initial_guesses(track: Track) -> list[Cylinder]:
     centres = np.array([observation.centre for observation in track])
     mean_centre = centres.mean(axis=0)
     guesses = [Cylinder(best.centre, twin, radius) for twin in best.twins]
-    direction = np.linalg.svd(centres - mean_centre)[2][0]
+    direction = np.linalg.svd(centres - mean_centre, full_matrices=False)[2][0]
     if np.ptp(centres @ direction) > 0:
         guesses.insert(0, Cylinder(mean_centre, direction, radius))
     return guesses

@@ -16,7 +16,9 @@ from lsvision.scan.cloud import ScanCloud
 from lsvision.statistics.robust import mad_std
 
 GAUSS_NEWTON_ITERATIONS = 5
-"""Gauss-Newton steps for the section shifts; one is enough for a straight tube."""
+"""Gauss-Newton steps for the section shifts; two or three reach `MIN_STEP_MM`."""
+MIN_STEP_MM = 1e-9
+"""Largest change of a shift and of the radius in the last step. Units: mm."""
 SHIFT_PRIOR_STD_RADII = 0.5
 """Prior standard deviation of a section's shift. Units: radii."""
 
@@ -129,7 +131,7 @@ def fit_section_shifts(
         normal_matrices = np.add.reduceat(jacobian[:, None] * jacobian, starts, axis=2).T
         covariances = np.linalg.inv(normal_matrices + prior)
         gradient = np.add.reduceat(jacobian * residuals, starts, axis=1).T
-        step = np.einsum("kij,kj->ki", covariances, gradient)
+        step, radius_step = np.einsum("kij,kj->ki", covariances, gradient), 0.0
         if free_radius:
             # Schur complement: information on the radius after eliminating the shifts.
             coupling = np.add.reduceat(jacobian / stds, starts, axis=1).T
@@ -141,6 +143,8 @@ def fit_section_shifts(
             step -= response * radius_step
             radius += radius_step
         shifts = shifts + step
+        if max(np.abs(step).max(), abs(radius_step)) < MIN_STEP_MM:
+            break
     normalised = (np.hypot(*(across - shifts[index].T)) - radius - offsets) / stds
     chi2 = float(np.einsum("ki,kij,kj", shifts, np.linalg.inv(covariances), shifts))
     straight = Cylinder(cylinder.point, cylinder.direction, radius)

@@ -198,7 +198,7 @@ def predict_axes(recent: Sequence[ArcObservation]) -> tuple[FloatArray, FloatArr
     mean_centre = centres.mean(axis=0)
     best = min(recent, key=lambda observation: observation.twins_std)
     if len(recent) > 1:
-        _, lengths, directions = np.linalg.svd(centres - mean_centre)
+        _, lengths, directions = np.linalg.svd(centres - mean_centre, full_matrices=False)
         centre_std = median(np.array([observation.centre_std for observation in recent]))
         line_std = centre_std / max(float(lengths[0]), 1e-12)
         if line_std < best.twins_std:
