@@ -21,6 +21,7 @@ from lsvision.cylinder.problem import (
     distance_stds_and_biases,
     minimise,
     parameters_from_cylinder,
+    rotate_covariances,
     weighted_problem,
 )
 from lsvision.ellipse.problem import RadiusPrior
@@ -225,7 +226,9 @@ def _residuals(
         std = max(mad_std(residuals), TINY)
         return residuals, np.full(len(points), std), residuals / std
     stds, offsets, _ = distance_stds_and_biases(
-        points @ frame.T, frame @ covariances @ frame.T, parameters_from_cylinder(frame, cylinder)
+        points @ frame.T,
+        rotate_covariances(covariances, frame),
+        parameters_from_cylinder(frame, cylinder),
     )
     return residuals, stds, (residuals - offsets) / stds
 
@@ -239,7 +242,7 @@ def _fit(
 ) -> CylinderFit:
     for _ in range(reweightings + 1):
         frame = tangent_frame(cylinder.direction)
-        in_frame = None if covariances is None else frame @ covariances @ frame.T
+        in_frame = None if covariances is None else rotate_covariances(covariances, frame)
         parameters = parameters_from_cylinder(frame, cylinder)
         problem = weighted_problem(points @ frame.T, in_frame, parameters, known_radius)
         cylinder = cylinder_from_parameters(frame, minimise(problem, parameters))

@@ -9,6 +9,7 @@ from lsvision.cylinder.problem import (
     axis_distances,
     distance_stds_and_biases,
     parameters_from_cylinder,
+    rotate_covariances,
 )
 from lsvision.geometry import BoolArray, Cylinder, FloatArray, IntArray, tangent_frame
 from lsvision.geometry.arrays import rms
@@ -211,7 +212,7 @@ def _point_distances(
     """
     frame = tangent_frame(cylinder.direction)
     points, parameters = cloud.points[rows] @ frame.T, parameters_from_cylinder(frame, cylinder)
-    covariances = frame @ cloud.covariances[rows] @ frame.T
+    covariances = rotate_covariances(cloud.covariances[rows], frame)
     stds, offsets, _ = distance_stds_and_biases(points, covariances, parameters)
     across = (points[:, :2] - parameters[:2]).T
     _, normals, _ = axis_distances(points, parameters)
