@@ -93,6 +93,12 @@ def speed(effort):
     return measure_speed(effort.timed_scenes, effort.repeats).numbers
 
 
+def steps(effort):
+    from tests.bench.steps import where_time_goes
+
+    return where_time_goes(effort.timed_scenes, effort.repeats)
+
+
 BENCHES: dict[str, Callable[[Effort], Iterable[Number]]] = {
     "recognition": recognition,
     "single_section": single_section,
@@ -102,6 +108,7 @@ BENCHES: dict[str, Callable[[Effort], Iterable[Number]]] = {
     "spheres": spheres,
     "images": images,
     "speed": speed,
+    "steps": steps,
 }
 """Each goes from an effort to its rows; imports wait until the threads are counted."""
 

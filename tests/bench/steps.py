@@ -1,0 +1,94 @@
+"""Where the time of `measure_cylinders` goes: its steps, and what does not depend on the points.
+
+Processor time of the steps of `lsvision.measure`, the least of several rounds, because the machine
+is shared. What takes as long with half of the points consists of the calls of Python
+and numpy, which only fewer calls would shorten.
+"""
+
+import sys
+import time
+from collections import defaultdict
+from contextlib import ExitStack
+from unittest import mock
+
+import numpy as np
+
+import lsvision.measure
+from lsvision.profile import Profile
+from lsvision.simulate import random_section
+from tests.bench.goals import Number
+
+STEPS = (
+    "prepare_profile", "search_range", "rasterise", "connected_components", "find_candidates",
+    "identify_arcs", "screen_arc", "tangential_end_reason", "smooth_arc", "homogenise_arc",
+    "refine_arc", "rejection_reason", "suppress_overlapping", "complete_rejections",
+    "measurement_in_sensor_columns",
+)  # fmt: skip
+"""The functions that `lsvision.measure` calls, in order."""
+FIRST_SEED = 40_000
+FEWER = 2
+
+
+def where_time_goes(scenes, repeats):
+    """Rows for a single pipe and a welded pair in clutter."""
+    for kind, name in (("single", "one pipe"), ("welded_complex", "welded pair in clutter")):
+        points = [random_section(kind, FIRST_SEED + k).profile.points for k in range(scenes)]
+        profiles = [Profile(each) for each in points]
+        total, by_step = _least_times(profiles, repeats)
+        yield Number(f"{name}: measure_cylinders", 1e3 * total, unit="ms")
+        for step in STEPS:
+            share = f"{by_step[step] / total:.1%}"
+            yield Number(f"{name}: {step}", 1e6 * by_step[step], unit="us", note=share)
+        rest = total - sum(by_step.values())
+        yield Number(f"{name}: all else", 1e6 * rest, unit="us", note=f"{rest / total:.1%}")
+        fewer, _ = _least_times([Profile(each[::FEWER]) for each in points], repeats)
+        what = f"{name}: time with one of {FEWER} points / with all"
+        yield Number(what, fewer / total)
+        python, compiled = _count_calls(profiles[0])
+        yield Number(f"{name}: calls of functions", python + compiled, note=f"{python} of Python")
+
+
+def _least_times(profiles, repeats):
+    """Seconds a profile, whole and by step; of each the least of the rounds."""
+    totals, by_step = [], {step: [] for step in STEPS}
+    for _ in range(repeats):
+        spent = defaultdict(float)
+        with ExitStack() as stack:
+            for step in STEPS:
+                timed = _timed(getattr(lsvision.measure, step), spent, step)
+                stack.enter_context(mock.patch.object(lsvision.measure, step, timed))
+            start = time.process_time()
+            for profile in profiles:
+                lsvision.measure.measure_cylinders(profile)
+            totals.append(time.process_time() - start)
+        for step in STEPS:
+            by_step[step].append(spent[step])
+    least = {step: float(np.min(each)) / len(profiles) for step, each in by_step.items()}
+    return float(np.min(totals)) / len(profiles), least
+
+
+def _timed(function, spent, step):
+    def call(*args, **options):
+        start = time.process_time()
+        try:
+            return function(*args, **options)
+        finally:
+            spent[step] += time.process_time() - start
+
+    return call
+
+
+def _count_calls(profile):
+    """Calls of functions of Python and of compiled ones in one measurement."""
+    counts = {"call": 0, "c_call": 0}
+
+    def count(_frame, event, _argument):
+        if event in counts:
+            counts[event] += 1
+
+    sys.setprofile(count)
+    try:
+        lsvision.measure.measure_cylinders(profile)
+    finally:
+        sys.setprofile(None)
+    return counts["call"], counts["c_call"]
