@@ -14,6 +14,7 @@ import sys
 import tarfile
 import tempfile
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -88,6 +89,22 @@ def files_of_two_pipes(base, effort, folder):
     what = f"{effort.files} CSV files of two pipes, --csv --json: times faster"
     yield Number(what, old / new, low=25, note=note)
     yield Number("the same with two processes: times faster than one", alone / both, low=1.7)
+    side_by_side = _wall_of_two_commands(sorted(files.iterdir()), folder)
+    note = "two commands that share nothing, each with half of the files"
+    yield Number("what the machine's two cores allow", alone / side_by_side, note=note)
+
+
+def _wall_of_two_commands(files, folder):
+    """Wall time of two commands side by side, each with every second file and one process."""
+
+    def measure(first):
+        outputs = "--csv", folder / f"{first}.csv", "--json", folder / f"{first}.json"
+        run(ROOT, "measure", *files[first::2], *outputs, "--jobs", 1)
+
+    start = time.monotonic()
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(measure, (0, 1)))
+    return time.monotonic() - start
 
 
 def matrix(base, effort, folder):
