@@ -150,7 +150,7 @@ def test_corners_in_half_of_the_image_give_a_warning():
 
 def test_square_given_in_metres_is_implausible():
     seen = [replace(view, points=view.points / 1000) for view in views_of(BoardScene(), 10, 8)]
-    assert any("stand 0.3" in warning for warning in fit_camera(seen).warnings)
+    assert any("boards are 0.3" in warning for warning in fit_camera(seen).warnings)
 
 
 def test_stretched_print_is_implausible():
