@@ -13,7 +13,7 @@ import typer
 from typer.core import TyperGroup
 from typer.main import get_group
 
-from lsvision.cli.messages import FAILED, internal_error, print_error
+from lsvision.cli.messages import FAILED, internal_error, plain_usage_message, print_error
 from lsvision.errors import LsvisionError
 from lsvision.files.limited_reading import size_limit
 from lsvision.files.printable import printable
@@ -70,7 +70,7 @@ class _OneLineErrors(TyperGroup):
         except KeyboardInterrupt:
             raise typer.Exit(INTERRUPTED) from None
         except _USAGE_ERROR as error:
-            error.message = printable(error.message)
+            error.message = printable(plain_usage_message(error))
             raise
         except LsvisionError as error:
             print_error(str(error), debug=ctx.params["debug"])

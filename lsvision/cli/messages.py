@@ -3,6 +3,7 @@
 import sys
 import traceback
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import typer
 
@@ -35,3 +36,29 @@ def internal_error(error: Exception) -> str:
     """Return the message of an unexpected exception, a bug."""
     reason = " ".join(str(error).split()) or "no message"
     return f"internal error, {type(error).__name__}: {reason} (--debug shows where; please report)"
+
+
+_KINDS = {"int": "a whole number", "float": "a number"}
+_BOUNDS = {"ge": "at least", "gt": "above", "le": "at most", "lt": "below"}
+
+
+def plain_usage_message(error: Any) -> str:
+    """Return the message of a usage error with what was expected and what was given.
+
+    Parameters
+    ----------
+    error : click.UsageError
+        Where the value of an option is rejected by pydantic, its message names neither.
+    """
+    details = getattr(error.__cause__, "errors", None)
+    if details is None:
+        return str(error.message)
+    first = details()[0]
+    bounds = [
+        f"{word} {first['ctx'][key]:g}"
+        for key, word in _BOUNDS.items()
+        if key in first.get("ctx", ())
+    ]
+    kind = _KINDS.get(first["type"].partition("_")[0])
+    expected = " and ".join(bounds) or kind
+    return f"expected {expected}, got {first['input']!r}" if expected else str(error.message)

@@ -55,7 +55,7 @@ class Progress(StatusLine):
             Number of its finished profiles, and of all its profiles.
         """
         self.done = done
-        if self._total * parts == 1:
+        if self._total * parts <= 1:  # a single profile, or no file was found
             return
         fraction = (done + part / parts) / self._total
         profiles = f", profile {part} of {parts}" if parts > 1 else ""

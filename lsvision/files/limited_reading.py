@@ -24,7 +24,7 @@ _BINARY = getattr(os, "O_BINARY", 0)
 _ADVICE = {
     errno.ENOENT: "no such file: check the name",
     errno.ENOTDIR: "no such file: check the name",
-    errno.EISDIR: "a directory: name the files in it, as DIR/*.csv",
+    errno.EISDIR: "a directory: name a file in it",
     errno.EACCES: "no permission to read it: check its owner and mode",
     errno.EPERM: "no permission to read it: check its owner and mode",
     errno.ELOOP: "a loop of symbolic links: check where it points",
@@ -120,11 +120,13 @@ def check_readable(path: str | os.PathLike[str]) -> None:
     Raises
     ------
     UnreadableFile
-        If it is not a regular file, or too large.
+        If it is not a regular file, too large, or may not be read.
     """
     name = os.fspath(path)
     try:
         _check_regular(Path(name).stat())
+        if not os.access(name, os.R_OK):
+            raise UnreadableFile(_ADVICE[errno.EACCES])
     except UnreadableFile as error:
         raise UnreadableFile(f"{name}: {error}") from None
     except OSError as error:

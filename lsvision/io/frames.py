@@ -1,6 +1,7 @@
 """Frames of a video file or of a connected camera."""
 
 import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import islice
@@ -81,8 +82,9 @@ def capture_frames(index: int, count: int) -> Iterator[Frame]:
             got += 1
             yield frame
     if got < count:
+        wanted = "" if count == sys.maxsize else f" of {count}"
         raise LsvisionError(
-            f"camera {index} sent {got} of {count} frames: check its cable, that no other program "
+            f"camera {index} sent {got}{wanted} frames: check its cable, that no other program "
             "uses it, and its index (0 is the first)"
         )
 

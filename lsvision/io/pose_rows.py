@@ -152,8 +152,8 @@ def _row(cells: list[str], pose_convention: PoseConvention, where: str) -> list[
         raise UnreadableFile(
             f"{where}: expected {len(pose_convention.fields)} numbers "
             f"({' '.join(pose_convention.fields)}), got "
-            f"{len(cells)}; is it another convention than {pose_convention.name!r}? A leading "
-            "number or time stamp is left out by skip_columns=1"
+            f"{len(cells)}; is it another convention than {pose_convention.name!r}? Name the "
+            "columns in a header where there are more (in Python skip_columns=1 drops the first)"
         )
     try:
         return [float(cell) for cell in cells]

@@ -82,14 +82,18 @@ class LineSettings(ShowsChanges):
         for name, allowed in choices.items():
             if getattr(self, name) not in get_args(allowed):
                 raise ValueError(
-                    f"expected {name} in {get_args(allowed)}, got {getattr(self, name)!r}"
+                    f"expected {name} among {', '.join(get_args(allowed))}, "
+                    f"got {getattr(self, name)!r}"
                 )
         if self.direction not in (None, *get_args(Direction)):
             raise ValueError(
-                f"expected direction in {get_args(Direction)} or None, got {self.direction!r}"
+                f"expected direction among {', '.join(get_args(Direction))} or None, "
+                f"got {self.direction!r}"
             )
         if self.bayer not in (None, *get_args(Bayer)):
-            raise ValueError(f"expected bayer in {get_args(Bayer)} or None, got {self.bayer!r}")
+            raise ValueError(
+                f"expected bayer among {', '.join(get_args(Bayer))}, got {self.bayer!r}"
+            )
         if self.bayer and self.channel in ("grey", "white"):
             raise ValueError(
                 f"expected channel red, green or blue beside bayer, got {self.channel!r}"

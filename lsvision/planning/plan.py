@@ -135,7 +135,10 @@ def plan_scan(
 def _tube_in_view(radius: float, theta: float, phi: float, view: SensorView) -> Cylinder:
     """Return the tube in the section frame, its axis through the centre of the view."""
     if not 0 <= phi < math.pi / 2:
-        raise ValueError(f"expected phi in [0, pi/2) rad, got {phi}")
+        raise ValueError(
+            f"expected phi from 0 to below pi/2 rad (90 deg), got {phi:.6g} rad "
+            f"({math.degrees(phi):.6g} deg)"
+        )
     if not math.isfinite(theta):
         raise ValueError(f"expected a finite theta in rad, got {theta}")
     sin_phi = math.sin(phi)

@@ -186,8 +186,8 @@ def fit_track(
     if len(sections) < 2:
         return ScanRejection(
             sections,
-            f"an arc in section {sections[0]} alone, radius {track[0].radius:.3g} mm: its "
-            "measurement has both twins; no other section shows it",
+            f"an arc in section {sections[0]} alone, radius {track[0].radius:.3g} mm: one "
+            "section allows two directions, and no other section shows the arc",
         )
     try:
         cylinder = select_twin(cloud, track, known_radius, settings)

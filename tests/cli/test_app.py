@@ -64,6 +64,21 @@ def test_no_command_shows_the_help_as_a_usage_error(run):
     assert "Commands:" in result.output
 
 
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (("--range-std", "50um"), "'--range-std': expected a number, got '50um'"),
+        (("--jobs", "0"), "'--jobs': expected at least 1, got '0'"),
+        (("--jobs", "many"), "'--jobs': expected a whole number, got 'many'"),
+        (("--surface-std", "-1"), "'--surface-std': expected at least 0, got '-1'"),
+    ],
+)
+def test_number_that_is_none_is_quoted_with_what_was_expected(run, words, expected):
+    result = run("measure", "profile.csv", *words)
+    assert result.exit_code == 2
+    assert expected in " ".join(result.output.split())
+
+
 @pytest.mark.parametrize("words", [["mesure"], ["measure"], ["measure", "--colour", "x.csv"]])
 def test_slip_in_the_words_is_a_usage_error(run, words):
     result = run(*words)

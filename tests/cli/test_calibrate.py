@@ -225,7 +225,7 @@ def test_raw_images_of_a_colour_camera_use_the_lasers_own_pixels(run, camera_jso
 def test_colour_of_the_laser_is_asked_for(run, boards, camera_json, out, tmp_path):
     words = ("calibrate", "laser-plane", "--boards", boards, "--lines", boards,
              "--camera", camera_json, "--out", out)  # fmt: skip
-    assert "expected --laser in" in error_text(run(*words, "--laser", "pink"), out, 2)
+    assert "expected --laser among grey, red," in error_text(run(*words, "--laser", "pink"), out, 2)
     assert "expected --bayer in" in error_text(run(*words, "--bayer", "RGBG"), out, 2)
     assert "board_00.jpg has no colours: leave --laser green out" in error_text(
         run(*words, "--laser", "green"), out

@@ -1,6 +1,7 @@
 """`lsvision measure` on bad input: one line with file and remedy; the rest goes on."""
 
 import json
+import os
 
 import numpy as np
 import pytest
@@ -47,6 +48,17 @@ def test_missing_file_and_empty_folder_are_reported(run, tmp_path):
     result = run("measure", tmp_path)
     assert result.exit_code == FAILED
     assert f"{tmp_path}: no profile in this folder" in one_line(result)
+    pattern = run("measure", tmp_path / "*.csv")
+    assert pattern.exit_code == FAILED
+    assert "no file matches this pattern" in one_line(pattern)
+
+
+def test_a_file_that_may_not_be_read_is_no_internal_error(run, written, pipe, monkeypatch):
+    path = written(pipe)
+    monkeypatch.setattr(os, "access", lambda *_: False)  # root may read all
+    assert one_line(run("measure", path)) == (
+        f"lsvision: {path}: no permission to read it: check its owner and mode"
+    )
 
 
 def test_wrong_units_name_the_option(run, written, pipe):

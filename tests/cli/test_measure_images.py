@@ -229,10 +229,13 @@ def test_a_useless_rig_is_rejected_by_name(run, tmp_path, change, words):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--laser", "pink"), "expected --laser in"),
-        (("--laser", "red", "--bayer", "RGB"), "expected --bayer in"),
+        (("--laser", "pink"), "expected --laser among grey, red, green, blue, white, got 'pink'"),
+        (
+            ("--laser", "red", "--bayer", "RGB"),
+            "expected --bayer among RGGB, BGGR, GRBG, GBRG, got 'RGB'",
+        ),
         (("--bayer", "RGGB"), "expected --laser red, green or blue beside --bayer"),
-        (("--method", "guess"), "expected method in"),
+        (("--method", "guess"), "expected method among derivative, gaussian, steger, got 'guess'"),
         (("--surface-std", "-1"), "--surface-std"),
         (("--frames", "0"), "--frames"),
     ],

@@ -52,7 +52,7 @@ def test_theta_of_an_upright_pipe_is_not_determinable():
     ("options", "words"),
     [
         (["--radius", "-19"], "positive radius"),
-        (["--radius", "19", "--phi-deg", "90"], "expected phi in"),
+        (["--radius", "19", "--phi-deg", "90"], "(90 deg), got"),
         (["--radius", "19", "--sensor", "lps99"], "lps36hi, lps36"),
         (["--radius", "19", "--sensor", "lps36", "--range-std", "0.1"], "got both"),
         (["--radius", "19", "--spacing", "2"], "got neither"),

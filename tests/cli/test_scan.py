@@ -79,6 +79,15 @@ def test_a_scan_without_cylinders_says_so(run) -> None:
     assert "1 profile: no cylinder found" in result.stdout
 
 
+def test_arcs_that_do_not_meet_ask_for_the_poses(run) -> None:
+    result = run(PAIR, "--feed", "0,0,1", "--step", 1000, "-v")
+    assert (
+        "20 sections show an arc, and no two of them lie on one cylinder: do the poses"
+        in result.stdout
+    )
+    assert "one section allows two directions, and no other section shows the arc" in result.stdout
+
+
 @pytest.mark.parametrize(
     ("words", "code", "message"),
     [

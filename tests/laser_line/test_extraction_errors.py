@@ -48,10 +48,10 @@ def test_a_laser_off_image_of_another_size_is_rejected():
 
 
 SETTINGS = {
-    "method": ({"method": "centroid"}, "expected method in"),
-    "channel": ({"channel": "infrared"}, "expected channel in"),
-    "direction": ({"direction": "diagonal"}, "expected direction in"),
-    "bayer": ({"bayer": "RGB", "channel": "red"}, "expected bayer in"),
+    "method": ({"method": "centroid"}, "expected method among derivative, gaussian, steger, got"),
+    "channel": ({"channel": "infrared"}, "expected channel among"),
+    "direction": ({"direction": "diagonal"}, "expected direction among"),
+    "bayer": ({"bayer": "RGB", "channel": "red"}, "expected bayer among"),
     "colour of a mosaic": ({"bayer": "RGGB"}, "expected channel red, green or blue beside bayer"),
     "sigma": ({"sigma": 0.0}, "positive sigma"),
     "full_scale": ({"full_scale": -1.0}, "positive full_scale"),

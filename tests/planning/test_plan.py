@@ -182,7 +182,11 @@ def test_sections_needed_is_the_least_number_that_reaches_the_target(spacing):
 
 INVALID_CALLS = [
     (lambda: plan_section(-1.0, 0.3, 0.3), ValueError, "positive radius"),
-    (lambda: plan_section(19.0, 0.3, math.pi / 2), ValueError, "expected phi in"),
+    (
+        lambda: plan_section(19.0, 0.3, math.pi / 2),
+        ValueError,
+        "expected phi from 0 to below pi/2 rad",
+    ),
     (lambda: plan_section(19.0, math.nan, 0.3), ValueError, "finite theta"),
     (lambda: plan_section(19.0, 0.3, 0.3, known_radius_std=-1.0), ValueError, "known_radius_std"),
     (

@@ -129,7 +129,7 @@ def test_a_missing_file_is_named(tmp_path):
 
 
 def test_a_directory_is_rejected(tmp_path):
-    with pytest.raises(UnreadableFile, match="a directory: name the files in it"):
+    with pytest.raises(UnreadableFile, match="a directory: name a file in it"):
         read_profile(tmp_path)
 
 
