@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+import os
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Protocol, cast, runtime_checkable
+from typing import Any, Protocol, cast, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -33,6 +34,12 @@ METRES_EXTENTS, METRES_PITCH, MIN_STEPS = (1e-3, 1.0), 0.002, 5
 """Range of the extent and largest pitch of a profile that is taken to be in metres, and smallest
 number of steps for that test. No profile sensor is as fine: the smallest fields of view are some
 mm wide, the finest pitch is 0.0025 mm. Units: mm."""
+
+FARTHEST_MM = 1e5
+"""Largest coordinate that is not questioned: lidars reach 100 m, and a profile in micrometres at a
+range of 0.1 m has this coordinate. Units: mm."""
+MIN_ZERO_ROWS = 3
+"""Smallest number of points (0, 0) that look like lost points."""
 
 
 @runtime_checkable
@@ -198,11 +205,20 @@ def as_profile(points: Profile | npt.ArrayLike) -> Profile:
     UserWarning
         If the points seem to be in metres: the longer span is 0.001 to 1 mm, with less than
         0.002 mm from one point to the next along X. The finest profile sensors sold have a pitch
-        of 0.0025 mm; a profile of 0.2 m with 376 points has one of 0.0005 "mm".
+        of 0.0025 mm; a profile of 0.2 m with 376 points has one of 0.0005 "mm". And if a point is
+        farther away than 100 m, as in micrometres.
     """
     profile = points if isinstance(points, Profile) else Profile(cast("Points", points))
     valid = profile.points[~np.isnan(profile.points[:, 0])]
     extent, (low, high) = extent_of(valid), METRES_EXTENTS
+    farthest = float(np.abs(valid).max(initial=0.0))
+    if farthest > FARTHEST_MM:
+        warnings.warn(
+            f"expected a profile in mm, got coordinates up to {farthest:.3g} mm: micrometres? "
+            "divide the points by 1000",
+            UserWarning,
+            stacklevel=3,
+        )
     if not low < extent < high:
         return profile
     steps = np.abs(np.diff(valid[:, 0]))
@@ -217,6 +233,27 @@ def as_profile(points: Profile | npt.ArrayLike) -> Profile:
     return profile
 
 
+def require_several(profiles: Any) -> None:
+    """Raise TypeError for one profile or a name, where a sequence of profiles is expected.
+
+    Examples
+    --------
+    >>> require_several("scans/")
+    Traceback (most recent call last):
+    ...
+    TypeError: expected a sequence of profiles, got str 'scans/': lsvision.read_profiles reads files
+    """
+    if isinstance(profiles, str | bytes | os.PathLike):
+        hint = f"{type(profiles).__name__} {str(profiles)!r}: lsvision.read_profiles reads files"
+    elif isinstance(profiles, Profile) or hasattr(profiles, "columns"):
+        hint = f"one {type(profiles).__name__}: put it into a list"
+    elif not isinstance(profiles, Iterable):
+        hint = type(profiles).__name__
+    else:
+        return
+    raise TypeError(f"expected a sequence of profiles, got {hint}")
+
+
 def _without(points: Points, lost: BoolArray) -> Points:
     """Return read-only points with NaN in the rows of lost ones."""
     kept: Points = np.where(lost[:, np.newaxis], np.nan, points)
@@ -225,6 +262,14 @@ def _without(points: Points, lost: BoolArray) -> Points:
 
 
 def _warn_of_markers(points: Points) -> None:
+    zeros = int(np.count_nonzero(~points.any(axis=1)))
+    if zeros >= MIN_ZERO_ROWS:
+        warnings.warn(
+            f"(0, 0) occurs in {zeros} of {len(points)} points and looks like a marker of lost "
+            "points: pass Profile(points, lost=0), or lost=() if not",
+            UserWarning,
+            stacklevel=3,
+        )
     for axis in (1, 0):
         for value in find_lost_markers(points[:, axis], known_only=True):
             count = int(np.count_nonzero(points[:, axis] == value))

@@ -207,3 +207,62 @@ def test_a_folder_or_a_pattern_of_profiles_is_read(tmp_path):
         lsv.read_profiles(str(tmp_path / "*.csv"))
     with pytest.raises(lsv.LsvisionError, match="no such file"):
         lsv.read_profiles(tmp_path / "one.csv")
+
+
+def test_micrometres_are_reported(profile):
+    with pytest.warns(UserWarning, match=r"up to 4\.\d+e\+05 mm: micrometres\? divide"):
+        lsv.measure_cylinders(profile.points * 1000)
+
+
+def test_zeros_of_lost_points_are_reported_and_can_be_named(profile, measured):
+    zeros = np.nan_to_num(profile.points)
+    lost = int(np.count_nonzero(~zeros.any(axis=1)))
+    with pytest.warns(UserWarning, match=rf"\(0, 0\) occurs in {lost} of .* lost=0\)"):
+        lsv.Profile(zeros)
+    named = lsv.Profile(zeros, lost=0)
+    assert named.lost == profile.lost
+    assert lsv.measure_cylinders(named, radius=(10, 60)) == measured
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ("scans/", "got str 'scans/': lsvision.read_profiles reads files"),
+        (lsv.Profile([[0.0, -400.0], [1.0, -400.0]]), "got one Profile: put it into a list"),
+        (pd.DataFrame({"x": [0.0, 1.0], "z": [1.0, 1.0]}), "got one DataFrame: put it into a list"),
+        (None, "got NoneType"),
+    ],
+)
+def test_one_profile_or_a_name_is_no_sequence_of_profiles(given, words):
+    for call in (
+        lambda: lsv.measure_scan(given, [np.eye(4)]),
+        lambda: lsv.measure_many(given, jobs=1),
+        lambda: lsv.calibrate_hand_eye_sphere(given, [lsv.Pose.from_matrix(np.eye(4))]),
+    ):
+        with pytest.raises(TypeError, match="expected a sequence of profiles") as caught:
+            call()
+        assert words in str(caught.value)
+
+
+def test_points_are_no_file_name():
+    for read in (lsv.read_profile, lsv.read_profiles, lsv.inspect_profiles):
+        with pytest.raises(TypeError, match="expected the name of a file, got ndarray"):
+            read(np.zeros((3, 2)))
+
+
+def test_a_job_and_a_measurement_are_not_exchanged(measured):
+    job = lsv.Job.load(ROOT / "fixtures" / "jobs" / "welded_pair.toml")
+    for pair in ((job, measured), (measured, "job.toml"), (np.zeros((3, 2)), job)):
+        with pytest.raises(TypeError, match=r"expected judge\(measurement, job\)"):
+            lsv.judge(*pair)
+
+
+def test_a_file_name_is_no_indentation_of_json(measured):
+    with pytest.raises(TypeError, match=r"blanks, got .out.json.: pathlib\.Path"):
+        measured.to_json("out.json")
+
+
+@pytest.mark.parametrize("std", ["0.05", None, 0, float("nan"), -1])
+def test_a_noise_that_is_no_positive_number_is_quoted(std):
+    with pytest.raises(ValueError, match=f"expected a positive range_std in mm, got {std!r}"):
+        lsv.ProfileSensor(range_std=std)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from lsvision.batch.process_pool import EndedProcess, default_jobs, run_tasks
 from lsvision.errors import LsvisionError
 from lsvision.measure import Measurement, measure_cylinders
-from lsvision.profile import Profile, as_profile
+from lsvision.profile import Profile, as_profile, require_several
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -55,6 +55,7 @@ def measure_many(
     jobs = default_jobs() if jobs is None else jobs
     if jobs < 1:
         raise ValueError(f"expected jobs >= 1, got {jobs}")
+    require_several(profiles)
     return _measure_many(profiles, jobs, options)
 
 

@@ -32,7 +32,7 @@ from lsvision.calibration.sphere_observations import SphereObservations
 from lsvision.errors import CalibrationFailed, DegenerateGeometry, TooFewPoints
 from lsvision.geometry import FloatArray, Plane, Pose, as_readonly_array
 from lsvision.geometry.pose import as_poses
-from lsvision.profile import Profile, as_profile
+from lsvision.profile import Profile, as_profile, require_several
 
 Shape = TypeVar("Shape", SphereArc, PlaneLine)
 
@@ -107,6 +107,7 @@ def calibrate_hand_eye_sphere(
     >>> calibration.rejected, calibration.working_point_std < 0.02
     ((), True)
     """
+    require_several(profiles)
     _require_pairs(len(profiles), len(base_from_flanges), "profiles")
     flanges = as_poses(base_from_flanges)
     if radius is not None and not radius > 0:
@@ -184,6 +185,7 @@ def calibrate_hand_eye_plane(
     >>> found.flange_from_section.translation.round(0) + 0.0
     array([  0.,  80., 120.])
     """
+    require_several(profiles)
     _require_pairs(len(profiles), len(base_from_flanges), "profiles")
     flanges = as_poses(base_from_flanges)
     lines, observed, unobserved = _observe(profiles, flanges, find_plane_line, "line")

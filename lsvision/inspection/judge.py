@@ -65,6 +65,8 @@ def judge(
 
     Raises
     ------
+    TypeError
+        If the arguments are not a measurement and a job.
     ValueError
         If the job limits a quantity that a measurement of this kind does not have.
     LsvisionError
@@ -84,6 +86,12 @@ def judge(
     >>> lsv.judge(lsv.measure_cylinders(section.profile), job).decision
     <Decision.UNDECIDED: 'undecided'>
     """
+    if not isinstance(measurement, Measurement | ScanMeasurement) or not isinstance(job, Job):
+        raise TypeError(
+            "expected judge(measurement, job) with a result of measure_cylinders or measure_scan "
+            f"and a Job (Job.load reads one), got {type(measurement).__name__} and "
+            f"{type(job).__name__}"
+        )
     matching = match_parts(job.parts, measurement.cylinders)
     cylinders = {
         name: _as_part(measurement.cylinders[index], job.part(name))

@@ -52,6 +52,11 @@ class Result(ComparedByValue, ABC):
         str
             JSON (RFC 8259: without NaN and infinity).
 
+        Raises
+        ------
+        TypeError
+            If `indent` is not a number, such as the name of a file.
+
         Examples
         --------
         >>> import json
@@ -59,6 +64,11 @@ class Result(ComparedByValue, ABC):
         >>> json.loads(lsv.plan_section(19.0, 0.3, 0.35).to_json())["points"]
         97
         """
+        if not (indent is None or isinstance(indent, int)):
+            raise TypeError(
+                f"expected indent as a number of blanks, got {indent!r}: "
+                "pathlib.Path(name).write_text(result.to_json()) writes a file"
+            )
         return json.dumps(self.to_dict(), indent=indent, allow_nan=False)
 
     def to_dataframe(self) -> "pd.DataFrame":

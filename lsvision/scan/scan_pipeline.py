@@ -17,7 +17,7 @@ from lsvision.geometry.arrays import require_coordinates
 from lsvision.geometry.pose import as_poses
 from lsvision.geometry.settings_repr import ShowsChanges
 from lsvision.measure import Measurement, Settings, measure_cylinders
-from lsvision.profile import NoiseModel, Profile, as_profile
+from lsvision.profile import NoiseModel, Profile, as_profile, require_several
 from lsvision.scan.cloud import build_cloud, require_noncoplanar_sections
 from lsvision.scan.joint_fit import JointFit, JointFitSettings, fit_tracks
 from lsvision.scan.pose_errors import (
@@ -148,6 +148,7 @@ def measure_scan(  # noqa: PLR0913 - the options of `measure_cylinders`, the pos
     >>> [f"{pipe.radius:.1f} mm" for pipe in scan.cylinders]
     ['19.0 mm']
     """
+    require_several(profiles)
     seen, noise = [as_profile(profile) for profile in profiles], as_noise_model(sensor)
     poses = validate_poses(seen, base_from_sections)
     known = as_number_or_pair(known_radius, "known_radius", "mm", "(radius, std)")

@@ -70,8 +70,8 @@ class ProfileSensor:
     def __post_init__(self) -> None:
         for name in ("range_std", "reference_range", "min_range", "width_at_max_range"):
             value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f"expected a positive {name} in mm, got {value}")
+            if not (isinstance(value, int | float | np.number) and 0 < value < math.inf):
+                raise ValueError(f"expected a positive {name} in mm, got {value!r}")
         if not self.max_range > self.min_range:
             raise ValueError(f"expected max_range > min_range, got {self.max_range} mm")
         if not self.quantum >= 0:

@@ -4,7 +4,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Unpack
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -201,7 +201,7 @@ def read_profiles(path: str | os.PathLike[str], **options: Unpack[ReadOptions]) 
     >>> len(read_profiles(f"{folder}/1*.csv"))
     2
     """
-    files = find_files(os.fspath(path))
+    files = find_files(_file_name(path))
     if not files:
         kinds = " ".join(sorted(PROFILE_SUFFIXES))
         raise UnreadableFile(f"{os.fspath(path)}: no profile file in it (those are {kinds})")
@@ -237,7 +237,7 @@ def inspect_profiles(path: str | os.PathLike[str], **options: Unpack[ReadOptions
     'text, m, 1 profile, 0 of 2 points lost, heights turned'
     """
     settings = ReadSettings(**options)
-    file = Path(path)
+    file = Path(_file_name(path))
     content = read_bytes(file)
     try:
         reader = settings.format or detect_format(content, file.suffix)
@@ -249,6 +249,15 @@ def inspect_profiles(path: str | os.PathLike[str], **options: Unpack[ReadOptions
     except UnreadableFile as error:
         raise UnreadableFile(f"{file}: {error}") from None
     return found
+
+
+def _file_name(path: Any) -> str:
+    if not isinstance(path, str | os.PathLike):
+        raise TypeError(
+            f"expected the name of a file, got {type(path).__name__}: lsvision.measure_cylinders "
+            "takes points as they are"
+        )
+    return os.fspath(path)
 
 
 def in_section_frame(
