@@ -226,7 +226,9 @@ def calibrate_camera(
     (5, True)
     """
     _require_equal_sizes(images)
-    seen, sources = collect_views(images, lambda image: find_target(image, target))
+    seen, sources = collect_views(
+        images, lambda image: find_target(image, target), lambda view: view.pixels.tobytes()
+    )
     calibration = fit_camera(seen, settings, sources)
     left_out = left_out_warnings(target, seen, sources.names(len(seen)))
     return replace(calibration, warnings=(*calibration.warnings, *left_out))

@@ -116,7 +116,11 @@ def find_laser_views(
         for index, image in enumerate(images):
             require_size(camera, image, f"{name} {index}")
     pairs = zip(board_images, line_images, strict=True)
-    return collect_views(pairs, lambda pair: find_laser_view(camera, target, *pair, settings))
+    return collect_views(
+        pairs,
+        lambda pair: find_laser_view(camera, target, *pair, settings),
+        lambda view: view.pixels.tobytes() + view.line_pixels.tobytes(),
+    )
 
 
 def find_laser_view(

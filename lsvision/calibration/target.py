@@ -121,7 +121,8 @@ class ChArUco(PrintedTarget):
     dictionary : str
         Name of OpenCV's marker dictionary.
     legacy : bool
-        Pattern of OpenCV before 4.6 (boards with an even number of rows differ).
+        Pattern of OpenCV before 4.6: boards with an even number of rows begin with a white square.
+        Where the stated pattern is not found, the other one is tried: their corners are the same.
 
     Examples
     --------
@@ -159,15 +160,23 @@ class ChArUco(PrintedTarget):
     @property
     def board(self) -> Any:
         """OpenCV's board of this pattern."""
+        return self._board(self.legacy)
+
+    def _board(self, legacy: bool) -> Any:
         dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
         size = (self.squares_x, self.squares_y)
         board = cv2.aruco.CharucoBoard(size, self.square, self.marker, dictionary)
-        board.setLegacyPattern(self.legacy)
+        board.setLegacyPattern(legacy)
         return board
 
     def _find(self, image: npt.NDArray[np.uint8]) -> tuple[Points, Points] | None:
         """Return the visible inner corners, at least six not in one row."""
-        corners, ids, _, _ = cv2.aruco.CharucoDetector(self.board).detectBoard(image)
+        patterns = (self.legacy, not self.legacy) if self.squares_y % 2 == 0 else (self.legacy,)
+        for legacy in patterns:
+            board = self._board(legacy)
+            corners, ids, _, _ = cv2.aruco.CharucoDetector(board).detectBoard(image)
+            if ids is not None:
+                break
         if ids is None or len(ids) < 6:
             return None
         points = self.points[np.asarray(ids).reshape(-1)]

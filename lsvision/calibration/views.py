@@ -10,11 +10,17 @@ import numpy.typing as npt
 from lsvision.errors import CalibrationFailed, DegenerateGeometry, LsvisionError
 from lsvision.geometry import Pose
 from lsvision.laser_line.image_array import as_image
+from lsvision.results.summaries import counted
 from lsvision.sensors.camera import Camera
 
 Image = TypeVar("Image")
 View = TypeVar("View")
 
+MIN_OUTLIER_PX = 0.15
+"""Residual up to which a view is no outlier, however small the others are: good sets have 0.05 to
+0.3 px. Units: px."""
+MAX_REPEATED = 2
+"""Number of images up to which each is listed with the reason that it shares with others."""
 MIN_TILT = np.radians(5.0)
 """Smallest angle between two boards; below it all boards count as parallel. Units: rad."""
 
@@ -56,16 +62,26 @@ class ViewSources:
 
 
 def collect_views(
-    images: Iterable[Image], find: Callable[[Image], View]
+    images: Iterable[Image], find: Callable[[Image], View], content: Callable[[View], bytes]
 ) -> tuple[list[View], ViewSources]:
-    """Apply `find` to each image; images in which it fails are rejected with the error."""
+    """Apply `find` to each image; images in which it fails are rejected with the error.
+
+    So are those of the same `content` as an earlier one: a photo that is there twice counts once.
+    """
     views, indices, rejected = [], [], []
+    first: dict[bytes, int] = {}
     for index, image in enumerate(images):
         try:
-            views.append(find(image))
-            indices.append(index)
+            view = find(image)
         except LsvisionError as error:
             rejected.append(RejectedView(index, str(error)))
+            continue
+        earlier = first.setdefault(content(view), index)
+        if earlier == index:
+            views.append(view)
+            indices.append(index)
+        else:
+            rejected.append(RejectedView(index, f"the same photo as image {earlier}"))
     return views, ViewSources(tuple(indices), tuple(rejected))
 
 
@@ -93,13 +109,29 @@ def require_views(count: int, need: int, shown: str, remedy: str, sources: ViewS
     Raises
     ------
     CalibrationFailed
-        "`count` views show `shown` and `need` are needed, best 15: `remedy`".
+        "`count` views show `shown` and `need` are needed, best 15: `remedy`", and the reasons.
     """
     if count < need:
-        reasons = "".join(f"\n  image {view.index}: {view.reason}" for view in sources.rejected)
+        show = "show" if count != 1 else "shows"
+        reasons = "".join(f"; {text}" for text in _rejections(sources.rejected))
         raise CalibrationFailed(
-            f"{count} views show {shown} and {need} are needed, best 15: {remedy}{reasons}"
+            f"{counted(count, 'view')} {show} {shown} and {need} are needed, best 15: "
+            f"{remedy}{reasons}"
         )
+
+
+def _rejections(rejected: Sequence[RejectedView]) -> list[str]:
+    """Return the reason for each image; one that many share only once, behind all of them."""
+    images: dict[str, list[int]] = {}
+    for view in rejected:
+        images.setdefault(view.reason, []).append(view.index)
+    texts = []
+    for reason, indices in images.items():
+        if len(indices) > MAX_REPEATED:
+            texts.append(", ".join(f"image {index}" for index in indices) + f": {reason}")
+        else:
+            texts += [f"image {index}: {reason}" for index in indices]
+    return texts
 
 
 def require_tilted(camera_from_boards: Sequence[Pose], undetermined: str) -> None:
@@ -122,7 +154,7 @@ def require_tilted(camera_from_boards: Sequence[Pose], undetermined: str) -> Non
 def outlier_views(
     indices: Sequence[int], rms_values: Sequence[float], factor: float, texts: tuple[str, str]
 ) -> list[RejectedView]:
-    """Return the views whose residual exceeds `factor` times the median.
+    """Return the views whose residual exceeds `factor` times the median, and `MIN_OUTLIER_PX`.
 
     `rms_values` are the root mean square residuals in px; `texts` are the beginning of the message
     and the remedy.
@@ -134,7 +166,7 @@ def outlier_views(
             index, f"{prefix}{rms:.2f} px rms where the median view has {median:.2f} px: {remedy}"
         )
         for index, rms in zip(indices, rms_values, strict=True)
-        if rms > factor * median
+        if rms > max(factor * median, MIN_OUTLIER_PX)
     ]
 
 

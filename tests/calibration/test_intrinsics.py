@@ -175,9 +175,37 @@ def chessboard_image(size=(480, 640)):
 def test_images_without_board_are_listed_in_the_error():
     empty = np.full((480, 640), 255, np.uint8)
     with pytest.raises(
-        CalibrationFailed, match=r"1 views show (.|\n)*image 1: no chessboard of 9 x 6"
+        CalibrationFailed, match=r"1 view shows .*; image 1: no chessboard of 9 x 6"
     ):
         calibrate_camera([chessboard_image(), empty], Chessboard(9, 6, 10.0))
+
+
+def test_a_reason_that_many_images_share_is_told_once():
+    empty = [np.full((480, 640), 255, np.uint8)] * 4
+    with pytest.raises(CalibrationFailed) as caught:
+        calibrate_camera([chessboard_image(), *empty], Chessboard(9, 6, 10.0))
+    assert "; image 1, image 2, image 3, image 4: no chessboard" in str(caught.value)
+    assert str(caught.value).count("no chessboard") == 1
+    assert "\n" not in str(caught.value)
+
+
+def test_a_photo_that_is_there_twice_counts_once():
+    image = chessboard_image()
+    with pytest.raises(CalibrationFailed, match="image 2: the same photo as image 0"):
+        calibrate_camera([image, image.copy(), image], Chessboard(9, 6, 10.0))
+
+
+def test_no_view_of_a_very_good_set_is_an_outlier():
+    rng = np.random.default_rng(5)
+    seen = [
+        replace(view, pixels=view.pixels + rng.normal(0, std, view.pixels.shape))
+        for view, std in zip(
+            views_of(BoardScene(corner_std=0.0), 10, 3), [0.01] * 9 + [0.07], strict=True
+        )
+    ]
+    found = fit_camera(seen)
+    assert found.views[9].rms_px > 2.5 * np.median([view.rms_px for view in found.views])
+    assert found.outliers == ()
 
 
 def test_images_of_mixed_size_are_rejected():

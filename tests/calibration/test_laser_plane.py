@@ -123,7 +123,7 @@ def test_boards_with_small_tilt_give_a_warning():
 
 def test_one_view_is_rejected():
     scene = BoardScene()
-    with pytest.raises(CalibrationFailed, match=r"1 views show .* 2 are needed, best 15"):
+    with pytest.raises(CalibrationFailed, match=r"1 view shows .* 2 are needed, best 15"):
         fit_laser_plane(camera_of(scene), views_of(scene, 1))
 
 

@@ -64,6 +64,14 @@ def test_printed_page_shows_the_target_at_true_scale(target):
     np.testing.assert_allclose(shift, shift.mean(axis=0) + 0 * shift, atol=PRINTED / PER_MM)
 
 
+@pytest.mark.parametrize("printed", ["charuco", "charuco legacy"])
+def test_a_charuco_board_of_either_pattern_is_found_without_saying_which(printed):
+    image = rasterised(layout_target(TARGETS[printed]))
+    right, other = (find_target(image, ChArUco(8, 6, 12.0, 9.0, legacy=k)) for k in (True, False))
+    np.testing.assert_array_equal(right.points, other.points)
+    np.testing.assert_array_equal(right.pixels, other.pixels)
+
+
 def test_charuco_of_opencv_is_found_in_part():
     target = TARGETS["charuco"]
     image = cv2.copyMakeBorder(
