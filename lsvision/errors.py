@@ -34,7 +34,8 @@ class TooFewPoints(LsvisionError):
     """
 
     def __init__(self, what: str, got: int, need: int, hint: str) -> None:
-        super().__init__(f"{what} has {got} points and needs {need}: {hint}")
+        points = "1 point" if got == 1 else f"{got} points"
+        super().__init__(f"{what} has {points} and needs {need}: {hint}")
         self.got, self.need = got, need
 
 

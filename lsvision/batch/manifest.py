@@ -12,6 +12,7 @@ from lsvision import __version__
 from lsvision.batch.job import BatchJob
 from lsvision.batch.measure_file import TEMPORARY, FileOutcome, FileTask, file_version
 from lsvision.errors import LsvisionError, UnreadableFile, UnwritableFile
+from lsvision.results.summaries import counted
 
 MANIFEST = "manifest.jsonl"
 """Name of the manifest in the folder of the results."""
@@ -80,8 +81,12 @@ def read_status(folder: Path) -> Status | None:
         text = path.read_text(encoding="utf-8")
     except FileNotFoundError:
         return None
-    except (OSError, UnicodeDecodeError) as error:
-        raise UnreadableFile(f"{path}: {error}: no manifest of a batch") from None
+    except NotADirectoryError:
+        raise UnreadableFile(f"{folder}: a file: name a folder, the --out of a batch") from None
+    except OSError as error:
+        raise UnreadableFile(f"{path}: {error.strerror}: check its owner and mode") from None
+    except UnicodeDecodeError:
+        raise UnreadableFile(f"{path}: no text, so no manifest: name another folder") from None
     lines = text.splitlines()
     records = [record for record in map(_parsed, lines) if record is not None]
     if not records and "\n" not in text:  # interrupted while the first line was written
@@ -145,9 +150,10 @@ class Manifest:
             status = read_status(self._folder)
             self._file = path.open("a+", encoding="utf-8")
         except OSError as error:
-            raise UnwritableFile(
-                f"{path}: {error.strerror}: name a folder that can be written"
-            ) from None
+            where = (
+                f"{self._folder}: a file" if self._folder.is_file() else f"{path}: {error.strerror}"
+            )
+            raise UnwritableFile(f"{where}: name a folder that can be written") from None
         try:
             _lock(self._file, self._folder)
             self._end_cut_line()
@@ -250,5 +256,5 @@ def summary(status: Status, names: Iterable[str] = ()) -> str:
     left = max(total - len(done) - len(failed), 0)
     return (
         f"{len(done)} of {total} files done, {len(failed)} failed{aside}, {left} left: "
-        f"{profiles} profiles, {cylinders} cylinders"
+        f"{counted(profiles, 'profile')}, {counted(cylinders, 'cylinder')}"
     )

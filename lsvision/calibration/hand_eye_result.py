@@ -368,8 +368,8 @@ def accuracy_rows(hand_eye: HandEye) -> list[Row]:
         (f"error at the working point ({x}, {y}, {z})", f"{hand_eye.working_point_std:.3f}", "mm"),
         ("residual, rms", f"{hand_eye.residual_rms:.3f}", "mm"),
         ("the same, held out", f"{hand_eye.leave_one_out_rms:.3f}", "mm"),
-        ("robot, one sigma", f"{hand_eye.robot_std[0]:.3f}", "mm"),
-        ("robot, one sigma", f"{math.degrees(hand_eye.robot_std[1]):.4f}", "deg"),
+        ("robot's position, one sigma", f"{hand_eye.robot_std[0]:.3f}", "mm"),
+        ("robot's rotation, one sigma", f"{math.degrees(hand_eye.robot_std[1]):.4f}", "deg"),
     ]
     if isinstance(hand_eye.target, Sphere):
         ball = hand_eye.target

@@ -78,7 +78,8 @@ def repeat(
     )
     values, stds = _measured(files, QUANTITIES.index(quantity), reference, measuring)
     result = study_repeats(values, reference, stds=stds, tolerance=tolerance, level=level)
-    _show(result, json_file)
+    unit = "deg" if quantity in ("theta", "phi") else "mm"
+    _show(result, json_file, f"{quantity} in {unit}:")
 
 
 @study.command()
@@ -114,8 +115,8 @@ def _check_level(level: float) -> None:
         raise typer.BadParameter(f"expected --level between 0 and 1, got {level:g}")
 
 
-def _show(result: "Result", json_file: Path | None) -> None:
-    print_lines(str(result).splitlines(), err=json_file == STDOUT)
+def _show(result: "Result", json_file: Path | None, *head: str) -> None:
+    print_lines([*head, *str(result).splitlines()], err=json_file == STDOUT)
     if json_file is not None:
         write_output(json_file, result.to_json(indent=2) + "\n")
 
@@ -150,7 +151,9 @@ def _read_crossed(path: Path, value: str, part: str, operator: str) -> "FloatArr
 
     from lsvision.files.limited_reading import read_text
 
-    rows = csv.DictReader(io.StringIO(read_text(path)))
+    text = read_text(path)
+    separator = max(",;\t", key=text.partition("\n")[0].count)
+    rows = csv.DictReader(io.StringIO(text), delimiter=separator)
     names = [name.strip() for name in rows.fieldnames or ()]
     for column in (value, part, operator):
         if column not in names:
@@ -162,8 +165,8 @@ def _read_crossed(path: Path, value: str, part: str, operator: str) -> "FloatArr
     for line, row in enumerate(rows, 2):
         clean = {str(key).strip(): text for key, text in row.items()}
         try:
-            number = float(clean[value])
-        except (TypeError, ValueError):
+            number = float(clean[value] if separator == "," else clean[value].replace(",", "."))
+        except (AttributeError, TypeError, ValueError):
             raise UnreadableFile(
                 f"{path}, line {line}: expected a number in {value!r}, got {clean[value]!r}"
             ) from None

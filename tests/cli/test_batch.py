@@ -134,3 +134,12 @@ radius_mm = { nominal = 19, upper = 3, lower = -3 }
     )
     assert scan.exit_code == 1
     assert "a job of scans or images" in scan.stderr
+
+
+def test_a_file_is_no_folder_of_results(run, folder):
+    file = folder / "in" / "a.csv"
+    status = run("batch", "--status", file)
+    assert f"{file}: a file: name a folder, the --out of a batch" in status.stderr
+    out = run("batch", folder / "in" / "b.csv", "--out", file, "--jobs", 1)
+    assert (status.exit_code, out.exit_code) == (1, 1)
+    assert f"{file}: a file: name a folder that can be written" in out.stderr

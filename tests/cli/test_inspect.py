@@ -226,7 +226,7 @@ def test_study_repeat_compares_with_the_reference(run, written, tmp_path):
     record = json.loads(out.read_text())
     low, high = record["bias_interval"]
     assert (record["count"], low < 0 < high) == (4, True)
-    assert "4 values, mean" in done.stdout
+    assert done.stdout.startswith("radius in mm:\n4 values, mean")
     wrong = run("study", "repeat", *paths, "--reference", "19", "--quantity", "colour")
     assert wrong.exit_code == 2
     assert "expected --quantity among radius, theta" in wrong.stderr
@@ -246,6 +246,9 @@ def test_study_grr_reads_a_table(run, tmp_path):
     assert done.exit_code == 0, done.output
     assert "repeatability" in done.stdout
     assert "% of tolerance" in done.stdout
+    german = [row.replace(",", ";").replace(".", ",") for row in rows]
+    table.write_text("\n".join(["part;operator;value", *german]))
+    assert run("study", "grr", table, "--tolerance", "4").stdout == done.stdout
     table.write_text("\n".join(["part,operator,value", *rows[:-1]]))
     short = run("study", "grr", table)
     assert short.exit_code == 1

@@ -48,3 +48,11 @@ def test_word_that_names_nothing_is_a_failure_with_its_remedy(tmp_path):
     assert f"{tmp_path}: no profile in this folder" in folder
     assert "**" in folder
     assert "*.csv: no file matches this pattern" in pattern
+
+
+def test_columns_that_seem_exchanged_are_told(run, written, pipe):
+    remark = "if the columns are exchanged, use --columns 1,0"
+    exchanged = written(pipe[:, ::-1])
+    assert remark in run("measure", exchanged).stdout
+    assert remark not in run("measure", exchanged, "--columns", "1,0").stdout
+    assert remark not in run("measure", written(pipe)).stdout

@@ -105,7 +105,7 @@ def test_the_intervals_of_a_gauge_study_hold_the_truth(interaction, rng):
 def test_a_study_without_variation_between_operators_has_no_negative_variance(rng):
     study = study_gauge(rng.normal(0, 1, (5, 3, 2)))
     assert all(each.variance >= 0 and each.interval[0] >= 0 for each in study.components)
-    with pytest.raises(TooFewPoints, match="a gauge study by trials has 1 points and needs 2"):
+    with pytest.raises(TooFewPoints, match="a gauge study by trials has 1 point and needs 2"):
         study_gauge(np.zeros((5, 3, 1)))
 
 
@@ -180,5 +180,5 @@ def test_bias_and_its_interval_are_those_of_a_t_test(rng):
     assert study.cg == pytest.approx(0.2 / (6 * values.std(ddof=1)))
     assert study.cgk == pytest.approx((0.1 - abs(values.mean() - 19)) / (3 * values.std(ddof=1)))
     assert "Cg" in str(study)
-    with pytest.raises(TooFewPoints, match="a study of repeats has 1 points and needs 2"):
+    with pytest.raises(TooFewPoints, match="a study of repeats has 1 point and needs 2"):
         study_repeats([1.0], 1.0)

@@ -7,6 +7,7 @@ from lsvision.geometry import FloatArray
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.stated_units import one_unit
 from lsvision.io.profiles.text_table import TextTable, decode_text, parse_table
+from lsvision.results.summaries import counted
 
 MIN_COLUMNS = 21
 """Smallest number of columns of a matrix of heights: lists of points have fewer."""
@@ -72,7 +73,7 @@ def column_positions(
     """
     if settings.dx is None:
         raise UnreadableFile(
-            f"{rows} rows of {columns} heights without x: "
+            f"{counted(rows, 'row')} of {columns} heights without x: "
             "give x of the first column and the spacing in mm, --x0 and --dx"
             + (f" ({hint})" if (hint := _transpose_hint(rows, columns)) else "")
         )

@@ -57,6 +57,7 @@ _USUAL_MM, _FINER_UNITS = (
     1e3,
     ("um", "10nm"),
 )  # the first one that makes coordinates smaller than a metre is suggested
+_MIN_ORDERED = 20  # smallest number of points whose order tells x from height
 _NARROWEST_MM = 1.0  # narrower than the field of any profile sensor
 _LIDAR_EXTENT = 10.0  # coordinates up to this may be metres of a lidar, or mm of a sensor
 
@@ -357,10 +358,24 @@ def _hints(
     wide_enough = high[0] - low[0] >= _NARROWEST_MM
     if assumed and wide_enough and float(np.abs([low, high]).max()) <= _LIDAR_EXTENT:
         notes.append(f"the points span {size} mm: if these are metres of a lidar, use --units m")
+    if assumed and any(map(_seems_exchanged, profiles)):
+        notes.append(
+            "the heights rise or fall steadily and x does not: if the columns are exchanged, use "
+            "--columns 1,0"
+        )
     empty = sum(profile.lost == len(profile) for profile in profiles)
     if empty:
         notes.append(f"{empty} of {len(profiles)} profiles hold no point")
     return tuple(notes)
+
+
+def _seems_exchanged(profile: Profile) -> bool:
+    """Return whether height is as ordered as x should be, and x as little as a height."""
+    x, height = profile.points[~np.isnan(profile.points[:, 0])].T
+    steps, rises = np.diff(x), np.diff(height)
+    steady = bool((rises > 0).all() or (rises < 0).all())
+    share = np.mean(steps > 0) if len(steps) else 0.0
+    return len(x) >= _MIN_ORDERED and steady and 0.1 < share < 0.9
 
 
 def _extent(profiles: tuple[Profile, ...]) -> tuple[FloatArray, FloatArray] | None:
