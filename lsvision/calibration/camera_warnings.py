@@ -12,17 +12,21 @@ from lsvision.sensors.camera import Camera
 RECOMMENDED_VIEWS = 10
 """Number of views below which a warning is given."""
 RECOMMENDED_TILT = np.radians(25.0)
-"""Largest tilt from the mean board below which a warning is given: at 15 deg errors double, at 5
-deg they are ten times larger. Units: rad."""
+"""A warning is given if no board is tilted by more than this from the mean board: at 15 deg the
+errors double, at 5 deg they are ten times larger. Units: rad."""
 CELLS = 5
 """The image is divided into CELLS x CELLS cells to measure the coverage by corners."""
 RECOMMENDED_COVERAGE = 0.6
 """Fraction of the cells with corners below which a warning is given."""
 PLAUSIBLE_DISTANCE = (20.0, 20_000.0)
-"""Range of plausible board distances; outside it the target's size was given in another unit.
+"""Range of plausible board distances; outside it the target's size was not given in mm.
 Units: mm."""
-PLAUSIBLE_ASPECT = 0.02
-"""Deviation of fx / fy from 1 that square pixels and a print at true scale never cause."""
+MAX_ASPECT_DEVIATION = 0.02
+"""Deviation of fx / fy from 1 above which a warning is given: with square pixels and a print at
+true scale it is smaller."""
+MAX_PRINCIPAL_POINT_OFFSET = 0.15
+"""Distance of the principal point from the image's centre above which a warning is given, as a
+fraction of the image's width or height."""
 RECOMMENDED_FOCAL_STD = 0.005
 """Relative standard deviation of the focal length above which a warning is given."""
 
@@ -30,9 +34,10 @@ RECOMMENDED_FOCAL_STD = 0.005
 def check_camera(
     camera: Camera, std: FloatArray, seen: Sequence[TargetView], poses: Sequence[Pose]
 ) -> tuple[str, ...]:
-    """Return warnings about a calibrated camera, with numbers and remedy; empty for a good set.
+    """Return warnings about a calibrated camera, with numbers and remedy; empty if there are none.
 
-    `std` are the standard deviations of fx, fy, ... in px, `poses` are ``camera_from_board``.
+    `seen` are the views of the target; `std` are the standard deviations of fx, fy, ... in px,
+    `poses` are ``camera_from_board``.
     """
     warnings = [
         *_view_warnings(len(seen), max_tilt(poses)),
@@ -57,7 +62,7 @@ def _view_warnings(count: int, tilt: float) -> list[str]:
 
 
 def covered_cells(size: tuple[int, int], seen: Sequence[TargetView]) -> BoolArray:
-    """Return which cells of the image hold a corner, (CELLS, CELLS), rows downwards."""
+    """Return a (CELLS, CELLS) mask of the image's cells that contain a corner, top row first."""
     pixels = np.concatenate([view.pixels for view in seen])
     u, v = np.floor(pixels / size * CELLS).clip(0, CELLS - 1).astype(int).T
     covered = np.zeros((CELLS, CELLS), dtype=bool)
@@ -87,7 +92,7 @@ def _scale_warnings(camera: Camera, poses: Sequence[Pose]) -> list[str]:
             "target's square in mm, as measured on the print"
         )
     aspect = camera.matrix[0, 0] / camera.matrix[1, 1]
-    if abs(aspect - 1) > PLAUSIBLE_ASPECT:
+    if abs(aspect - 1) > MAX_ASPECT_DEVIATION:
         warnings.append(
             f"fx / fy is {aspect:.3f}: unless the pixels are not square, the print is stretched; "
             "measure the board along both sides"
@@ -105,7 +110,7 @@ def _model_warnings(camera: Camera, std: FloatArray) -> list[str]:
         )
     width, height = camera.size
     offset = np.abs(camera.matrix[:2, 2] - (np.array([width, height]) - 1) / 2) / (width, height)
-    if offset.max() > 0.15:
+    if offset.max() > MAX_PRINCIPAL_POINT_OFFSET:
         warnings.append(
             f"the principal point lies {100 * offset.max():.0f} % of the image off its middle: "
             "cropped images, or too few tilted views"

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 MAX_TICKS = 6
 """Number of ticks on the longest axis; shorter ones get fewer."""
 FIT_ITERATIONS = 3
-"""Iterations of the scaling: labels do not scale with the drawing."""
+"""Number of scaling steps; one is not enough, because labels keep their size."""
 
 
 def scale_axes(
@@ -31,7 +31,7 @@ def scale_axes(
     names : (3,) sequence of str
         Labels of the axes, with units.
     max_ticks : int
-        On the longest axis.
+        Largest number of ticks, on the longest axis.
     """
     from matplotlib.ticker import MaxNLocator
 
@@ -45,40 +45,40 @@ def scale_axes(
         axis.set_tick_params(pad=8, labelsize=10)  # space between a minus sign and its tick
 
 
-def fit_into(axes: "Axes3D", place: tuple[float, float, float, float]) -> None:
-    """Scale and move axes until what they draw, including all labels, fills an area.
+def fit_into(axes: "Axes3D", area: tuple[float, float, float, float]) -> None:
+    """Scale and move axes until their drawing, including all labels, fills an area.
 
     Parameters
     ----------
     axes : mpl_toolkits.mplot3d.Axes3D
         Axes of a figure without automatic layout.
-    place : tuple of float
-        Left, bottom, width, height, as fractions of the figure.
+    area : tuple of float
+        Area to fill: left, bottom, width, height, as fractions of the figure.
     """
-    left, bottom, width, height = place
+    left, bottom, width, height = area
     figure = axes.figure
     to_fractions = figure.transFigure.inverted()
     for _ in range(FIT_ITERATIONS):
         figure.draw_without_rendering()
         drawn = _drawn_box(axes).transformed(to_fractions)
-        own = axes.get_position(original=True)
+        box = axes.get_position(original=True)
         factor = min(width / drawn.width, height / drawn.height)
-        across = own.x0 + own.width / 2 + left + width / 2 - (drawn.x0 + drawn.x1) / 2
-        up = own.y0 + own.height / 2 + bottom + height / 2 - (drawn.y0 + drawn.y1) / 2
-        size = factor * own.width, factor * own.height
-        axes.set_position((across - size[0] / 2, up - size[1] / 2, *size))
+        x = box.x0 + box.width / 2 + left + width / 2 - (drawn.x0 + drawn.x1) / 2
+        y = box.y0 + box.height / 2 + bottom + height / 2 - (drawn.y0 + drawn.y1) / 2
+        size = factor * box.width, factor * box.height
+        axes.set_position((x - size[0] / 2, y - size[1] / 2, *size))
 
 
 def _drawn_box(axes: "Axes3D") -> "Bbox":
-    """Return the extent of the box, ticks and labels of axes, without margins."""
+    """Return the tight bounding box of the drawn cuboid, ticks and labels. Units: px."""
     from matplotlib.transforms import Bbox
     from mpl_toolkits.mplot3d.proj3d import proj_transform
 
     limits = (getattr(axes, f"get_{letter}lim")() for letter in "xyz")
     corners = np.array(list(product(*limits))).T
-    across, up, _ = proj_transform(*corners, axes.get_proj())
+    x, y, _ = proj_transform(*corners, axes.get_proj())
     box = Bbox.null()
-    box.update_from_data_xy(axes.transData.transform(np.column_stack([across, up])))
+    box.update_from_data_xy(axes.transData.transform(np.column_stack([x, y])))
     renderer = axes.figure.canvas.get_renderer()
-    own = (getattr(axes, f"{letter}axis").get_tightbbox(renderer) for letter in "xyz")
-    return Bbox.union([box, *own])
+    axis_boxes = (getattr(axes, f"{letter}axis").get_tightbbox(renderer) for letter in "xyz")
+    return Bbox.union([box, *axis_boxes])

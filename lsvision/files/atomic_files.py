@@ -53,6 +53,7 @@ def write_atomic(path: str | os.PathLike[str], content: str | bytes | Iterable[b
 
 
 def _replace(target: Path, chunks: Iterable[bytes]) -> None:
+    """Write a temporary file beside the target, then rename it to the target."""
     if target.is_dir():
         raise IsADirectoryError
     part = target.with_name(f".lsvision.{secrets.token_hex(8)}.part")
@@ -69,6 +70,7 @@ def _replace(target: Path, chunks: Iterable[bytes]) -> None:
 
 
 def _hint(error: OSError | ValueError) -> str:
+    """Return why a file could not be written, and the remedy."""
     if isinstance(error, IsADirectoryError):
         return "a directory: name a file in it"
     if isinstance(error, FileNotFoundError | NotADirectoryError):

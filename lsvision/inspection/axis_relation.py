@@ -21,7 +21,7 @@ Range = tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
-class SeenCylinder:
+class ObservedCylinder:
     """A cylinder in space, and the part of its length that was observed.
 
     Parameters
@@ -37,13 +37,13 @@ class SeenCylinder:
 
 
 def relate_axes(
-    first: SeenCylinder, second: SeenCylinder, up: FloatArray | None = None
+    first: ObservedCylinder, second: ObservedCylinder, up: FloatArray | None = None
 ) -> Relation:
     """Return distance, angle, gap and flush of two cylinders in space.
 
     Parameters
     ----------
-    first, second : SeenCylinder
+    first, second : ObservedCylinder
         Two cylinders in the same frame; their errors are taken as independent.
     up : (3,) ndarray, optional
         Unit vector along which flush is measured; without it flush is not measured.
@@ -51,8 +51,8 @@ def relate_axes(
     Returns
     -------
     Relation
-        At the line of nearest approach if it lies within the seen length of both, else in the
-        middle of the length that both are seen along: distance of the axes, gap of the
+        At the common perpendicular of the axes if it lies within the observed length of both, else
+        in the middle of the length along which both were observed: distance of the axes, gap of the
         surfaces, flush, angle and seam. Covariances are propagated to first order, with the
         positions along both axes kept fixed.
     """
@@ -117,7 +117,7 @@ class _Pair:
     crossing: bool
 
     @classmethod
-    def of(cls, first: SeenCylinder, second: SeenCylinder) -> _Pair:
+    def of(cls, first: ObservedCylinder, second: ObservedCylinder) -> _Pair:
         a, b = first.fit, second.fit
         sign = 1.0 if a.direction @ b.direction >= 0 else -1.0
         along = _nearest_approach((a.point, a.direction), (b.point, b.direction))
@@ -216,7 +216,7 @@ def _nearest_approach(
     return (along_u - cosine * along_v) / square, (cosine * along_u - along_v) / square
 
 
-def _common_middle(first: SeenCylinder, second: SeenCylinder, sign: float) -> Range:
+def _common_middle(first: ObservedCylinder, second: ObservedCylinder, sign: float) -> Range:
     """Positions along both axes in the middle of the length that both are seen along.
 
     Where they are seen along different lengths, it is the middle between those.

@@ -1,4 +1,4 @@
-"""`relate`: two cylinders of one measurement, in a section or in space."""
+"""Distance, angle, gap and flush of two measured cylinders, in a section or in space."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.ellipse.section import CylinderSection
-from lsvision.inspection.axis_relation import SeenCylinder, relate_axes
+from lsvision.inspection.axis_relation import ObservedCylinder, relate_axes
 from lsvision.inspection.relation import Relation
 from lsvision.inspection.section_relation import relate_sections
 from lsvision.scan.scan_result import ScannedCylinder
@@ -21,6 +21,8 @@ def relate(
     a: Relatable, b: Relatable, *, up: npt.ArrayLike | Sequence[float] | None = None
 ) -> Relation:
     """Return distance, angle, gap and flush of two cylinders, each with its uncertainty.
+
+    Gap is the distance between the surfaces, flush the height of b's crest over a's.
 
     Parameters
     ----------
@@ -34,14 +36,15 @@ def relate(
     -------
     Relation
         In a section: distance of the centres and gap of the ellipses in its plane; the angle
-        between the axes has a wide interval, because the signs of both tilts are open. In space:
-        all quantities at the line of nearest approach, or in the middle of the seen length if that
-        line lies outside, as for parallel pipes; and the seam between both.
+        between the axes has a wide interval, because the signs of both tilts are unknown. In space:
+        all quantities at the common perpendicular of the axes, or in the middle of the observed
+        length if the perpendicular lies outside, as for parallel pipes; and the seam, which is the
+        point midway between both surfaces and the direction of a weld there.
 
     Raises
     ------
     TypeError
-        If one is of a section and the other in space, or one is neither.
+        If one is a section and the other in space, or an argument is no cylinder.
     ValueError
         If `up` has no length, or both are the same cylinder.
 
@@ -72,12 +75,12 @@ def relate(
         if not (math.isfinite(length) and length > 0):
             raise ValueError(f"expected up as three numbers, not all zero, got {up!r}")
         direction = direction / length
-    return relate_axes(_seen(a), _seen(b), direction)
+    return relate_axes(_observed(a), _observed(b), direction)
 
 
-def _seen(cylinder: ScannedCylinder) -> SeenCylinder:
+def _observed(cylinder: ScannedCylinder) -> ObservedCylinder:
     if not isinstance(cylinder, ScannedCylinder):
         raise TypeError(
             f"expected a CylinderSection or a ScannedCylinder, got {type(cylinder).__name__}"
         )
-    return SeenCylinder(cylinder.fit, cylinder.axial_range)
+    return ObservedCylinder(cylinder.fit, cylinder.axial_range)

@@ -43,8 +43,9 @@ class Seam(ComparedByValue):
     direction_std : float
         Root mean square angle of `direction` to the true one. Units: rad.
     crossing : bool
-        Whether the line of nearest approach lies within the seen length of both cylinders;
-        otherwise `points` are in the middle of the length that both are seen along.
+        Whether the common perpendicular of the axes lies within the observed length of both
+        cylinders; otherwise `points` are in the middle of the length along which both were
+        observed.
     """
 
     points: FloatArray

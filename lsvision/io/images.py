@@ -13,7 +13,8 @@ from lsvision.files.limited_reading import read_bytes
 from lsvision.io.image_headers import image_size
 
 MAX_PIXELS = 10**8
-"""Largest image that is read; finding its line takes 20 to 50 times its pixels in memory."""
+"""Largest number of pixels of an image that is read; extracting its laser line takes 20 to 50 times
+the memory of the pixels."""
 
 
 def read_image(path: str | os.PathLike[str]) -> npt.NDArray[Any]:
@@ -28,7 +29,7 @@ def read_image(path: str | os.PathLike[str]) -> npt.NDArray[Any]:
     Returns
     -------
     (height, width) or (height, width, 3) ndarray of uint8 or uint16
-        Blue first; transparency and orientation tags are ignored.
+        Channels in the order blue, green, red; transparency and orientation tags are ignored.
 
     Raises
     ------
@@ -58,7 +59,7 @@ def read_image(path: str | os.PathLike[str]) -> npt.NDArray[Any]:
 
 
 def encode_png(image: npt.NDArray[Any]) -> bytes:
-    """Return an image of 8 or 16 bit, blue first, as the content of a PNG file.
+    """Return the content of a PNG file of an image of 8 or 16 bit (blue, green, red).
 
     Examples
     --------
@@ -71,11 +72,13 @@ def encode_png(image: npt.NDArray[Any]) -> bytes:
 
 
 class TooManyPixels(ValueError):
-    """An image of more than `MAX_PIXELS`."""
+    """Error of an image with more than `MAX_PIXELS`."""
 
 
 def decode_image(content: bytes) -> npt.NDArray[Any] | None:
-    """Image of a whole file, as it was stored; its size is checked before it is unpacked.
+    """Return the image of a file's content, as it was stored.
+
+    The size is read from the header and checked before the image is decoded.
 
     Returns
     -------
@@ -85,7 +88,7 @@ def decode_image(content: bytes) -> npt.NDArray[Any] | None:
     Raises
     ------
     TooManyPixels
-        If it is larger than `MAX_PIXELS`.
+        If the image is larger than `MAX_PIXELS`.
     """
     size = image_size(content)
     if size is None:

@@ -1,4 +1,4 @@
-"""Results of a run, written as they come: files that are valid at any time, and streams."""
+"""Writers of the results of a run: files that are complete at any time, and streams."""
 
 import io
 import sys
@@ -15,11 +15,12 @@ from lsvision.io.results import CsvText, JsonText
 from lsvision.results.quantities import Record
 
 CHECKPOINT_S = 1.0
-"""Shortest time between two writings of a file. Units: s."""
+"""Shortest time between two rewrites of a file. Units: s."""
 MAX_WRITING_FRACTION = 0.05
-"""Largest fraction of the run time for rewriting the file."""
+"""Largest fraction of the run time that is spent on rewriting a file."""
 SPOOL_BYTES, CHUNK_BYTES = 8 * 10**6, 10**6
-"""Size of the text of a file that is kept in memory, and of a part of it that is copied."""
+"""Largest text that is kept in memory (a longer one is kept in a temporary file), and the size of
+the pieces in which it is copied."""
 STDOUT = Path("-")
 """Path of standard output."""
 
@@ -46,16 +47,19 @@ class RecordText(Protocol):
         ...
 
     def rewritten(self, text: TextIO, head: str) -> Iterator[str]:
-        """Yield the text of records that were written under another head, for the present one."""
+        """Yield the text of earlier records, converted from their head to the present one.
+
+        `text` is their text under the earlier `head`, such as CSV rows with fewer columns.
+        """
         ...
 
 
 class ResultFiles:
     """The JSON and the CSV file of a run, each on a disk or on standard output.
 
-    A file is rewritten from time to time while results come, completely each time: a run that is
-    killed leaves all but the results of the last moment. Each result is written to standard output
-    immediately, with the columns of the first one. Nothing is written where there is no result.
+    A file is rewritten completely from time to time during the run: if the run is killed, only the
+    results since the last rewrite are lost. Each result is written to standard output immediately,
+    with the columns of the first one. Without any result, nothing is written.
 
     Parameters
     ----------
@@ -73,13 +77,15 @@ class ResultFiles:
             (csv_file, CsvText(frame)),
         ]
         # Files before the stream: a closed pipe must not lose a result in the files.
-        self._files: list[_Checkpoints | _Stream] = [
-            _Checkpoints(path, text) for path, text in texts if path is not None and path != STDOUT
+        self._files: list[_RewrittenFile | _Stream] = [
+            _RewrittenFile(path, text)
+            for path, text in texts
+            if path is not None and path != STDOUT
         ]
         self._files += [_Stream(sys.stdout, text) for path, text in texts if path == STDOUT]
 
     def add(self, records: Sequence[Record]) -> None:
-        """Add results; what cannot be written now is tried again at the end."""
+        """Add results; if a file cannot be written now, it is tried again at the end."""
         for file in self._files:
             file.add(records)
 
@@ -89,7 +95,7 @@ class ResultFiles:
         Raises
         ------
         UnwritableFile
-            If a file cannot be written; the other one is.
+            If a file cannot be written; the other one is written nevertheless.
         """
         failures = []
         for file in self._files:
@@ -104,6 +110,8 @@ class ResultFiles:
 
 
 class _Stream:
+    """An open stream to which each record is written immediately."""
+
     def __init__(self, stream: TextIO, text: RecordText) -> None:
         self._stream, self._text, self._started = stream, text, False
 
@@ -124,27 +132,27 @@ class _Stream:
         """Leave standard output open."""
 
 
-class _Checkpoints:
+class _RewrittenFile:
     """A file that is rewritten from time to time; a long text is kept on disk, not in memory."""
 
     def __init__(self, path: Path, text: RecordText) -> None:
         self._path, self._text = path, text
         self._body = _new_spool()
-        self._unwritten, self._next = False, time.monotonic() + CHECKPOINT_S
+        self._unwritten, self._next_rewrite = False, time.monotonic() + CHECKPOINT_S
 
     def add(self, records: Sequence[Record]) -> None:
         head = self._text.head
         if self._text.prepare(records):
-            self._rewrite(head)
+            self._convert(head)
         for record in records:
             self._body.write(self._text.item(record).encode("utf-8", "backslashreplace"))
         self._unwritten |= bool(records)
         start = time.monotonic()
-        if start >= self._next:
+        if start >= self._next_rewrite:
             with suppress(UnwritableFile):  # a full disk may have free space again at the end
                 self.finish()
             stop = time.monotonic()
-            self._next = stop + max(CHECKPOINT_S, (stop - start) / MAX_WRITING_FRACTION)
+            self._next_rewrite = stop + max(CHECKPOINT_S, (stop - start) / MAX_WRITING_FRACTION)
 
     def finish(self) -> None:
         if self._unwritten:
@@ -161,8 +169,8 @@ class _Checkpoints:
             yield chunk
         yield self._text.tail.encode()
 
-    def _rewrite(self, head: str) -> None:
-        """Write the text again, under a new head."""
+    def _convert(self, head: str) -> None:
+        """Convert the text of the earlier records, written under `head`, to the present head."""
         self._body.seek(0)
         old, self._body = io.TextIOWrapper(self._body, "utf-8", newline=""), _new_spool()
         with old:

@@ -36,8 +36,8 @@ class Camera(ComparedByValue):
     Raises
     ------
     ValueError
-        If the matrix has another form, the number of coefficients is none of those, or the
-        size is not positive.
+        If the matrix does not have this form, the number of coefficients is not one of those
+        above, or the size is not positive.
 
     Examples
     --------
@@ -86,8 +86,8 @@ class Camera(ComparedByValue):
         Returns
         -------
         (n, 3) ndarray
-            Camera frame, scaled to z = 1. NaN where the pixel is lost, or outside of the range
-            of the distortion model, so that it has no ray.
+            Camera frame, scaled to z = 1. NaN for lost points, and for pixels for which the
+            distortion model has no inverse.
         """
         return self.rays_with_jacobian(pixels)[0]
 
@@ -114,12 +114,12 @@ class Camera(ComparedByValue):
         ([[0.0, 0.0, 1.0]], [[0.00125, 0.0], [0.0, 0.00125]])
         """
         array = as_readonly_array(pixels, ("n", 2), "pixels")
-        from_sensor = np.linalg.inv(self.matrix[:2, :2])
-        distorted = (array - self.matrix[:2, 2]) @ from_sensor.T
+        normalised_from_pixel = np.linalg.inv(self.matrix[:2, :2])
+        distorted = (array - self.matrix[:2, 2]) @ normalised_from_pixel.T
         normalised, jacobian = undistort(distorted, self._coefficients)
         rays = np.column_stack([normalised, np.ones(len(array))])
         rays[np.isnan(normalised[:, 0])] = np.nan
-        return rays, invert_2x2(jacobian) @ from_sensor
+        return rays, invert_2x2(jacobian) @ normalised_from_pixel
 
     def project(self, points: npt.ArrayLike) -> Points:
         """Project points into the image.

@@ -5,17 +5,17 @@ import numpy as np
 from lsvision.geometry import Plane, Pose
 
 MIN_FACING_COSINE = 0.98
-"""Cosine of the angle between optical axis and the plane's normal (11 deg), above which the plane
-faces the camera and the optical axis does not determine the direction of Y."""
+"""Cosine of the angle (11 deg) between the optical axis and the plane's normal above which the
+plane faces the camera, so that the optical axis does not determine the direction of Y."""
 
 
 def section_pose(plane: Plane) -> Pose:
     """Return the pose of the section frame in the frame of the camera.
 
     Origin at the point of the plane nearest to the camera's centre; Y in the plane, opposite to the
-    optical axis; X across it, growing with image u (with v where the line runs nearer to v);
-    Z = X x Y. Where the plane faces the camera (within 11 deg), X follows image u and Y points up
-    in the image.
+    optical axis; X in the plane, perpendicular to Y, increasing with image u (with image v if X is
+    closer to the direction of v); Z = X x Y. Where the plane faces the camera (within 11 deg), X
+    follows image u and Y points up in the image.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def section_pose(plane: Plane) -> Pose:
     """
     normal, optical_axis = plane.normal, np.array([0.0, 0.0, 1.0])
     if abs(normal @ optical_axis) > MIN_FACING_COSINE:
-        # The cross product with the optical axis has no reliable direction: take image u.
+        # The cross product with the optical axis is nearly zero: X follows image u instead.
         x = np.array([1.0, 0.0, 0.0])
         x = x - normal * (normal @ x)
         upwards = np.array([0.0, -1.0, 0.0])

@@ -2,8 +2,11 @@
 
 Profile sensors smooth along the line and have form errors that many neighbours share. A fit absorbs
 the lowest frequencies of such errors, so that the residuals are less correlated than the errors.
-`estimate_correlation` estimates the errors of a five-parameter fit from the lowest frequencies that
-it leaves, and `debiased_autocorrelation_time` corrects for any number of parameters.
+`estimate_correlation` estimates the correlation of the errors after a five-parameter fit from the
+lowest frequencies that such a fit does not absorb; `debiased_autocorrelation_time` corrects for any
+number of parameters.
+
+Frequencies are the indices k of the cosine transform: the number of half waves along the arc.
 """
 
 import math
@@ -15,27 +18,29 @@ from lsvision.geometry import FloatArray
 from lsvision.geometry.arrays import TINY
 
 LOW_FREQUENCY_BAND = slice(4, 8)
-"""Half waves along the arc: the lowest four that five parameters do not absorb."""
+"""Frequencies 4 to 7 (half waves along the arc): the lowest that five parameters do not absorb."""
 FORM_BAND = slice(4, 6)
-"""The lowest two of them, which show a shape that is not an ellipse, as an arc of two radii."""
+"""Frequencies 4 and 5, which are large for a shape that is not an ellipse, such as an arc of two
+radii."""
 LOW_FREQUENCY_DOF = float(LOW_FREQUENCY_BAND.stop - LOW_FREQUENCY_BAND.start)
 """Degrees of freedom of a variance estimated from the low-frequency band."""
 MAX_LOW_FREQUENCY_POWER = 2.786
 """Largest mean power of the low-frequency band, over that of uncorrelated errors: the 97.5 %
 quantile of chi^2 with 4 degrees of freedom over 4 (exceeded by chance in one of 40 arcs)."""
 REFERENCE_BAND = slice(12, 34)
-"""Half waves with which the lowest are compared."""
-MIN_WAVES = REFERENCE_BAND.stop
-"""Number of points below which there is no reference band."""
+"""Frequencies whose power is the reference for that of the low frequencies."""
+MIN_SPECTRUM_POINTS = REFERENCE_BAND.stop
+"""Smallest number of points whose spectrum contains the reference band."""
 MAX_SMOOTHED_RISE = 2.0
-"""Largest rise of the spectrum towards low frequencies for a sensor that smooths, since it
-attenuates the reference band, too. Without the limit the interval of smoothed data is far too
-wide, without the rise one real sphere in ten has an interval of phi that does not reach 0."""
+"""Largest ratio of low-frequency power to reference power that is used for a sensor that smooths,
+since smoothing attenuates the reference band, too. Without this limit the intervals of smoothed
+data are far too wide; with a ratio of 1, the phi interval of one real sphere in ten does not
+contain 0."""
 MIN_POINTS = 8
 """Number of points below which no correlation is estimated."""
 LAG1_SIGMAS = 3.5
 """Standard errors by which the correlation of neighbours must exceed zero to show a sensor that
-smooths along the line: by chance in one of 4000 arcs."""
+smooths along the line: exceeded by chance in one of 4000 arcs."""
 LAG_SIGMAS = 2.0
 """Standard errors above which the correlation at a lag counts in the autocorrelation time."""
 
@@ -53,9 +58,9 @@ class Correlation:
     autocorrelation_time : float
         Number of points per effective point; 1 for uncorrelated errors.
     degrees_of_freedom : float
-        Degrees of freedom of `autocorrelation_time`: 4 where it is estimated from the lowest half
-        waves, since neighbours are correlated or these waves are significantly larger; infinite
-        elsewhere.
+        Degrees of freedom of `autocorrelation_time`: 4 if it is estimated from the low-frequency
+        band, because neighbours are correlated or the power of that band is significantly larger;
+        infinite otherwise.
     neighbours_correlated : bool
         Whether neighbours are significantly correlated: a sensor that smooths along the line.
     """
@@ -79,7 +84,7 @@ def estimate_correlation(normalised: FloatArray) -> Correlation:
         Below 34 points only neighbours are compared.
     """
     time, neighbours = neighbour_correlation(normalised)
-    if len(normalised) < MIN_WAVES:
+    if len(normalised) < MIN_SPECTRUM_POINTS:
         dof = LOW_FREQUENCY_DOF if neighbours else math.inf
         return Correlation(time, dof, neighbours)
     powers = _relative_powers(normalised)
@@ -91,6 +96,7 @@ def estimate_correlation(normalised: FloatArray) -> Correlation:
         if low < MAX_LOW_FREQUENCY_POWER:
             return Correlation(time, math.inf, neighbours_correlated=False)
         low = max(low, form)
+    # The power may increase further below the band: it is extrapolated by the same ratio.
     rise = max(low / max(reference, TINY), 1.0)
     if neighbours:
         rise = min(rise, MAX_SMOOTHED_RISE)
@@ -98,11 +104,11 @@ def estimate_correlation(normalised: FloatArray) -> Correlation:
 
 
 def _relative_powers(normalised: FloatArray) -> list[float]:
-    """Return the powers of the lowest half waves over that of uncorrelated errors."""
-    # Half waves by the Fourier transform of the residuals and their mirror image.
-    waves = np.fft.rfft(np.concatenate([normalised, normalised[::-1]]))[: REFERENCE_BAND.stop]
-    typical = 2 * max(float(normalised @ normalised), TINY)
-    powers: list[float] = ((waves.real**2 + waves.imag**2) / typical).tolist()
+    """Return the power at frequencies 0 to 33, relative to that of uncorrelated errors."""
+    # A cosine transform, as the Fourier transform of the residuals and their mirror image.
+    transform = np.fft.rfft(np.concatenate([normalised, normalised[::-1]]))[: REFERENCE_BAND.stop]
+    uncorrelated = 2 * max(float(normalised @ normalised), TINY)
+    powers: list[float] = ((transform.real**2 + transform.imag**2) / uncorrelated).tolist()
     return powers
 
 
@@ -187,5 +193,5 @@ def debiased_autocorrelation_time(residuals: FloatArray, parameters: int) -> flo
     insignificant = np.flatnonzero(pairs <= 2 * np.sqrt(2 / n))
     count = int(insignificant[0]) if len(insignificant) else len(pairs)
     time = 1 + 2 * float(pairs[:count].sum())
-    absorbed = 4 * parameters * count / n
+    absorbed = 4 * parameters * count / n  # 2 sum over 2 count lags, parameters / n each
     return max(1.0, time / (1 - min(absorbed, MAX_ABSORBED_FRACTION)))

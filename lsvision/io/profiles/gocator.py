@@ -1,7 +1,8 @@
-"""CSV of LMI Gocator sensors: the sections of a recording, and lists of points.
+"""CSV of LMI Gocator sensors: recordings with titled blocks, and lists of points.
 
 Layout: Gocator Line Profile Sensors, User Manual, "CSV Format" (sections Info to Surface Section).
-Z grows towards the sensor; an empty cell is a lost point; all lengths are in mm.
+The manual calls the blocks sections. Z increases towards the sensor; an empty cell is a lost point;
+all lengths are in mm.
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,28 +19,31 @@ _UNITS = ("mm", "mm")
 
 
 def read_gocator(content: bytes, _: ReadSettings) -> RawProfiles:
-    """Return the profiles of the sections Part (one profile per row), Profile and RawProfile.
+    """Return the profiles of the blocks Part, Surface, Profile and RawProfile.
+
+    Part and Surface hold one profile per row.
+
 
     Raises
     ------
     UnreadableFile
-        If the recording holds none of these sections.
+        If the recording has none of these blocks.
     """
-    sections: list[FloatArray] = []
+    profiles: list[FloatArray] = []
     positions: list[float] = []
     titles = []
     for title, lines in _blocks(decode_text(content).splitlines()):
         titles.append(title)
-        if title in _SECTIONS:
-            for y, points in _SECTIONS[title](lines):
-                sections.append(points)
+        if title in _BLOCK_READERS:
+            for y, points in _BLOCK_READERS[title](lines):
+                profiles.append(points)
                 positions.append(y)
-    if not sections:
+    if not profiles:
         raise UnreadableFile(
             f"a Gocator recording without profiles (it has {', '.join(titles) or 'no sections'}): "
             "export it in profile mode or as a uniform surface"
         )
-    return RawProfiles(sections=sections, units=_UNITS, positions=tuple(positions))
+    return RawProfiles(sections=profiles, units=_UNITS, positions=tuple(positions))
 
 
 def read_gocator_points(content: bytes, _: ReadSettings) -> RawProfiles:
@@ -58,6 +62,7 @@ def read_gocator_points(content: bytes, _: ReadSettings) -> RawProfiles:
 
 
 def _blocks(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
+    """Yield the title and the non-empty lines of each block; a line ``End`` ends a block."""
     block: list[str] = []
     for line in lines:
         text = line.strip()
@@ -66,11 +71,12 @@ def _blocks(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
             block = []
         elif text:
             block.append(text)
-    if block:  # truncated while it was written: the complete part is used
+    if block:  # the file was truncated: the lines up to there are used
         yield block[0], block[1:]
 
 
 def _surface(lines: Sequence[str]) -> Iterator[tuple[float, FloatArray]]:
+    """Yield y and points (x, z) of each row of a height map; its first row holds the x."""
     x = np.empty(0)
     for line in lines:
         head, *cells = line.split(",")
@@ -84,7 +90,10 @@ def _surface(lines: Sequence[str]) -> Iterator[tuple[float, FloatArray]]:
 
 
 def _profiles(lines: Sequence[str]) -> Iterator[tuple[float, FloatArray]]:
-    """Return rows marked X, Z or I in the column Axis; without a row X the header states x."""
+    """Yield y and points (x, z) of each row Z of the column Axis.
+
+    Their x is the last row X, or the header if there is none.
+    """
     axis = -1
     x = np.empty(0)
     for line in lines:
@@ -101,4 +110,9 @@ def _profiles(lines: Sequence[str]) -> Iterator[tuple[float, FloatArray]]:
                 yield (float(y[0]) if len(y) else 0.0), np.column_stack([x, row])
 
 
-_SECTIONS = {"Part": _surface, "Surface": _surface, "Profile": _profiles, "RawProfile": _profiles}
+_BLOCK_READERS = {
+    "Part": _surface,
+    "Surface": _surface,
+    "Profile": _profiles,
+    "RawProfile": _profiles,
+}
