@@ -266,3 +266,13 @@ def test_a_file_name_is_no_indentation_of_json(measured):
 def test_a_noise_that_is_no_positive_number_is_quoted(std):
     with pytest.raises(ValueError, match=f"expected a positive range_std in mm, got {std!r}"):
         lsv.ProfileSensor(range_std=std)
+
+
+@pytest.mark.parametrize("std", [0.0, 0.001, 0.05])
+def test_a_known_radius_is_never_less_certain_than_stated(std):
+    tubes = lsv.read_profile(ROOT / "fixtures" / "welded_pair.csv")
+    found = lsv.measure_cylinders(tubes, radius=(28, 36), known_radius=(32, std)).cylinders
+    (tube,) = found
+    low, high = tube.interval("radius")
+    assert tube.radius_std <= max(std, 1e-6 * tube.radius)
+    assert high - low == pytest.approx(2 * 1.96 * tube.radius_std, rel=0.05)

@@ -70,8 +70,9 @@ def _measure_many(
         if isinstance(measurements, EndedProcess):
             last = measured + len(task) - 1
             raise LsvisionError(
-                f"profiles {measured} to {last} ended their process twice, out of memory? "
-                "measure them with jobs=1"
+                f"profiles {measured} to {last} ended their process twice: out of memory, "
+                "or a script that calls this outside if __name__ == '__main__':? measure them with "
+                "jobs=1"
             )
         yield from measurements
         measured += len(task)

@@ -126,6 +126,11 @@ def _run_one_by_one(
 @contextmanager
 def _pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
     """Open a pool of single-threaded processes, terminated if the caller stops early."""
+    if getattr(multiprocessing.current_process(), "_inheriting", False):  # imports the script
+        raise RuntimeError(
+            "expected several processes to be started below if __name__ == '__main__':, since "
+            "each of them imports the script; or pass jobs=1"
+        )
     others = set(multiprocessing.active_children())
     variables = {name: os.environ.get(name) for name in THREAD_VARIABLES}
     os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))

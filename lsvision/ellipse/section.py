@@ -102,14 +102,17 @@ class CylinderSection(WithEllipse, Result):
 
         Definition: rms change of b over the distribution of (m, p, q), by a cubature rule of third
         degree with six points. Far from a circle this is the linear approximation; near a circle,
-        b = m - |(p, q)| has a kink, where the linear approximation is wrong.
+        b = m - |(p, q)| has a kink, where the linear approximation is wrong. The points of the
+        rule leave the curved surface of a known radius, so that its prior is the upper limit.
         """
         covariance = self.fit.parameter_covariance[2:, 2:]
         variances, axes = np.linalg.eigh(covariance)
         steps = axes * np.sqrt(3 * np.maximum(variances, 0.0))
         shifted = self.fit.parameters[2:, None] + np.concatenate([steps, -steps], axis=1)
         radii = shifted[0] - np.hypot(shifted[1], shifted[2])
-        return math.sqrt(float(((radii - self.radius) ** 2).sum()) / 6)
+        std = math.sqrt(float(((radii - self.radius) ** 2).sum()) / 6)
+        known = self.fit.problem.known_radius
+        return std if known is None else min(std, known.effective_std)
 
     @property
     def theta_std(self) -> float:

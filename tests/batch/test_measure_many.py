@@ -1,6 +1,8 @@
 """Many profiles in Python: as one by one, in order, without reading far ahead."""
 
 import itertools
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -41,3 +43,20 @@ def test_slips_are_reported():
         lsv.measure_many([], jobs=0)
     with pytest.raises(TypeError):
         next(lsv.measure_many(["text"], jobs=1))
+
+
+def test_a_script_without_a_guard_is_told_so(tmp_path):
+    script = tmp_path / "many.py"
+    script.write_text(
+        "import lsvision as lsv\n"
+        "section = lsv.simulate.random_section('single', 7)\n"
+        "print(len(list(lsv.measure_many([section.profile], jobs=2))))\n"
+    )
+    done = subprocess.run(
+        [sys.executable, script], capture_output=True, text=True, timeout=100, check=False
+    )
+    assert done.returncode == 1
+    last = done.stderr.splitlines()[-1]
+    assert last.startswith("lsvision.errors.LsvisionError: profiles 0 to 0 ended their process")
+    assert "outside if __name__ == '__main__':" in last
+    assert "expected several processes to be started below if __name__" in done.stderr

@@ -342,7 +342,7 @@ def test_the_fit_forgets_its_start(rng):
 
 @pytest.mark.parametrize("count", [0, 1, 5])
 def test_too_few_points_are_rejected(count):
-    with pytest.raises(TooFewPoints, match=f"an arc has {count} points and needs 6: scan slower"):
+    with pytest.raises(TooFewPoints, match=f"an arc has {count} points? and needs 6: scan slower"):
         fit_ellipse(upper_arc(pipe(20.0))[:count], pipe(20.0))
 
 
