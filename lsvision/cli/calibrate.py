@@ -81,7 +81,7 @@ def camera(
     out: Annotated[Path, typer.Option("--out", "-o", metavar="F.json", help="The camera.")],
     target_options: TargetOptions,
     radial_terms: Annotated[
-        int, typer.Option(min=0, max=3, help="How many of k1, k2, k3 are free.")
+        int, typer.Option(metavar="N", min=0, max=3, help="How many of k1, k2, k3 are free.")
     ] = 2,
     tilted: Annotated[
         bool,

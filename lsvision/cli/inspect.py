@@ -218,7 +218,7 @@ def _lines(each: "Inspected") -> list[str]:
     name = each.source if each.profile == 0 else f"{each.source}, profile {each.profile}"
     decision = str(each.verdict.decision)
     table = [f"  {line}" for line in str(each.verdict).splitlines() if line != decision]
-    remedies = [f"  {r.item}, {r.quantity}: {r.text}" for r in each.remedies]
+    remedies = [f"  {remedy}" for remedy in each.remedies]
     return [f"{name}: {decision}", *table, *remedies]
 
 

@@ -1,5 +1,8 @@
 """Messages on the terminal: an error is one line on stderr."""
 
+import os
+import re
+import shlex
 import sys
 import traceback
 from collections.abc import Iterable, Mapping, Sequence
@@ -52,7 +55,7 @@ def plain_usage_message(error: Any) -> str:
     """
     details = getattr(error.__cause__, "errors", None)
     if details is None:
-        return str(error.message)
+        return str(error.message) + _measure_hint(str(error.message))
     first = details()[0]
     bounds = [
         f"{word} {first['ctx'][key]:g}"
@@ -62,3 +65,11 @@ def plain_usage_message(error: Any) -> str:
     kind = _KINDS.get(first["type"].partition("_")[0])
     expected = " and ".join(bounds) or kind
     return f"expected {expected}, got {first['input']!r}" if expected else str(error.message)
+
+
+def _measure_hint(message: str) -> str:
+    """Return how to measure a file that stands where a command is expected."""
+    found = re.search(r"^No such command '(.+)'\.$", message)
+    if found is None or not os.path.exists(found[1]):  # noqa: PTH110 - a name with a null is none
+        return ""
+    return f" To measure it: lsvision measure {shlex.quote(found[1])}"

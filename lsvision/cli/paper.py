@@ -14,9 +14,14 @@ DEFAULT_PAGE = Path("report.html")
 
 def paper(
     out: Annotated[
-        Path, typer.Option("--out", "-o", help="The page, one HTML file that needs no other.")
+        Path,
+        typer.Option(
+            "--out", "-o", metavar="F.html", help="The page, one HTML file that needs no other."
+        ),
     ] = DEFAULT_PAGE,
-    json: Annotated[Path | None, typer.Option("--json", help="The same numbers as JSON.")] = None,
+    json: Annotated[
+        Path | None, typer.Option("--json", metavar="F", help="The same numbers as JSON.")
+    ] = None,
     full: Annotated[
         bool,
         typer.Option(
@@ -26,17 +31,20 @@ def paper(
     noise_mm: Annotated[
         float,
         typer.Option(
-            min=0.001, max=0.3, help="Noise of a point, one sigma along the ray at 400 mm, mm."
+            metavar="MM",
+            min=0.001,
+            max=0.3,
+            help="Noise of a point, one sigma along the ray at 400 mm.",
         ),
     ] = 0.1,
-    seed: Annotated[int, typer.Option(min=0, help="Of the first measurement.")] = 0,
+    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Of the first measurement.")] = 0,
 ) -> None:
     """Run the paper's experiments again and assess its results.
 
     Its Tables 1-5 and Figures 5-16 on the simulator: the paper's pipeline as published, lsvision
     from one section, with a known radius, from two sections and from twenty, each beside the
-    published number and the Cramer-Rao bound. Takes under a minute; the same command gives the same
-    numbers, except for times.
+    published number and the Cramer-Rao bound. Takes a minute or two; the same command gives the
+    same numbers, except for times.
 
     \b
       lsvision paper --out report.html

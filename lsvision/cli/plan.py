@@ -29,62 +29,70 @@ DEFAULT_PITCH_MM = 0.6
 
 def plan(
     *,
-    radius_mm: Annotated[float, typer.Option("--radius", help="Radius of the pipe, mm.")],
+    radius_mm: Annotated[float, typer.Option("--radius", metavar="MM", help="Radius of the pipe.")],
     theta_deg: Annotated[
-        float, typer.Option(help="Direction of the section's major axis, deg from X towards Y.")
+        float,
+        typer.Option(
+            metavar="DEG", help="Direction of the section's major axis, from X towards Y."
+        ),
     ] = 0.0,
     phi_deg: Annotated[
-        float, typer.Option(help="Tilt of the pipe from the laser plane's normal, deg.")
+        float, typer.Option(metavar="DEG", help="Tilt of the pipe from the laser plane's normal.")
     ] = 20.0,
-    standoff: Annotated[float, typer.Option(help="Sensor to pipe centre, mm.")] = 400.0,
-    sensor: Annotated[str | None, typer.Option(help="lps36hi (default) or lps36.")] = None,
+    standoff: Annotated[float, typer.Option(metavar="MM", help="Sensor to pipe centre.")] = 400.0,
+    sensor: Annotated[
+        str | None, typer.Option(metavar="lps36hi|lps36", help="lps36hi (default) or lps36.")
+    ] = None,
     range_std: Annotated[
         float | None,
-        typer.Option(help="Noise without --sensor: one sigma along the ray at the standoff, mm."),
+        typer.Option(
+            metavar="MM", help="Noise without --sensor: one sigma along the ray at the standoff."
+        ),
     ] = None,
     pitch: Annotated[
         float | None,
-        typer.Option(help="Spacing of the points in X at the standoff, mm; else the sensor's own."),
+        typer.Option(
+            metavar="MM", help="Spacing of the points in X at the standoff; else the sensor's own."
+        ),
     ] = None,
     sections: Annotated[
-        int | None, typer.Option(help="Number of parallel sections, fitted jointly.")
+        int | None, typer.Option(metavar="N", help="Number of parallel sections, fitted jointly.")
     ] = None,
     spacing: Annotated[
-        float | None, typer.Option(help="Distance from section to section, mm [1].")
+        float | None, typer.Option(metavar="MM", help="Distance from section to section [1].")
     ] = None,
     feed_std_deg: Annotated[
-        float, typer.Option(help="One sigma of the feed direction, deg.")
+        float, typer.Option(metavar="DEG", help="One sigma of the feed direction.")
     ] = 0.0,
     pose_std: Annotated[
-        float, typer.Option(help="One sigma of each section's position, per axis, mm.")
+        float, typer.Option(metavar="MM", help="One sigma of each section's position, per axis.")
     ] = 0.0,
     known_radius: Annotated[
         bool, typer.Option("--known-radius", help="Take the radius as exactly known.")
     ] = False,
     target_phi_deg: Annotated[
-        float | None, typer.Option(help="Return the number of sections for this sigma of phi, deg.")
+        float | None,
+        typer.Option(metavar="DEG", help="Return the number of sections for this sigma of phi."),
     ] = None,
     target_radius: Annotated[
         float | None,
-        typer.Option(help="Return the number of sections for this sigma of the radius, mm."),
+        typer.Option(
+            metavar="MM", help="Return the number of sections for this sigma of the radius."
+        ),
     ] = None,
 ) -> None:
     """Predict the one-sigma errors of a pipe's radius and direction, without measuring.
 
     Numbers are the Cramer-Rao bound: what the best possible fit reaches.
 
+    \b
     One section of a 19 mm pipe under an LPS 36 HI:
-
-    lsvision plan --radius 19 --theta-deg 20 --phi-deg 20 --standoff 400
-
+      lsvision plan --radius 19 --theta-deg 20 --phi-deg 20 --standoff 400
     Twenty sections, 1 mm apart, any sensor with 0.1 mm noise along the ray:
-
-    lsvision plan --radius 19 --range-std 0.1 --sections 20 --spacing 1
-
+      lsvision plan --radius 19 --range-std 0.1 --sections 20 --spacing 1
     Number and length of the sections for 0.05 deg:
-
-    lsvision plan --radius 19 --phi-deg 20 --target-phi-deg 0.05
-    """
+      lsvision plan --radius 19 --phi-deg 20 --target-phi-deg 0.05
+    """  # noqa: D301 - the backspace makes click keep the line breaks
     from lsvision.planning import Feed
 
     try:

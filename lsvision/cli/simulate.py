@@ -15,19 +15,24 @@ KIND_HELP = (
 
 
 def simulate(
-    kind: Annotated[str, typer.Argument(help=KIND_HELP)],
-    out: Annotated[Path, typer.Option("--out", "-o", help="Existing folder for the files.")],
+    kind: Annotated[str, typer.Argument(metavar="KIND", help=KIND_HELP)],
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="DIR", help="Existing folder for the files.")
+    ],
     seed: Annotated[
         int,
         typer.Option(
-            min=0, help="Seed of the first scene; each further scene has the next number."
+            metavar="N",
+            min=0,
+            help="Seed of the first scene; each further scene has the next number.",
         ),
     ] = 0,
-    count: Annotated[int, typer.Option(min=1, help="How many scenes.")] = 1,
+    count: Annotated[int, typer.Option(metavar="N", min=1, help="How many scenes.")] = 1,
     noise_mm: Annotated[
         float | None,
         typer.Option(
-            help="One sigma along the ray at 400 mm; drawn from 0.02-0.1 mm if not given."
+            metavar="MM",
+            help="One sigma along the ray at 400 mm; drawn from 0.02-0.1 mm if not given.",
         ),
     ] = None,
     radius: Annotated[
@@ -41,10 +46,10 @@ def simulate(
         str, typer.Option(metavar="DEG|DEG:DEG", help="Tilt of the tubes, deg.")
     ] = "0:40",
     lost: Annotated[
-        float, typer.Option(min=0, max=1, help="Fraction of columns lost at random.")
+        float, typer.Option(metavar="P", min=0, max=1, help="Fraction of columns lost at random.")
     ] = 0.03,
     jumps: Annotated[
-        float, typer.Option(min=0, max=1, help="Fraction of points off by 2-12 mm.")
+        float, typer.Option(metavar="P", min=0, max=1, help="Fraction of points off by 2-12 mm.")
     ] = 0.02,
 ) -> None:
     """Write simulated light sections of pipes, each with the truth beside it.

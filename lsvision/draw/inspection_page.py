@@ -117,6 +117,6 @@ def _part_values(each: Inspected) -> dict[str, Any]:
         "decision": str(verdict.decision),
         "cells": item_cells(verdict.items),
         "notes": verdict._notes()[1:],
-        "remedies": [f"{r.item}, {r.quantity}: {r.text}" for r in each.remedies],
+        "remedies": [str(remedy) for remedy in each.remedies],
         "picture": "" if figure is None else svg_element(figure),
     }

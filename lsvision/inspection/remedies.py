@@ -48,6 +48,10 @@ class Remedy:
     std: float
     text: str
 
+    def __str__(self) -> str:
+        name = self.quantity.rpartition("_")[0].replace("_", " ")
+        return f"{self.item}, {name}: {self.text}"
+
 
 def plan_remedies(verdict: Verdict, measurement: Measurement, job: Job) -> tuple[Remedy, ...]:
     """Plan a scan that would decide each undecided quantity of a profile's parts.
@@ -91,14 +95,13 @@ def _remedy(item: str, verdict: QuantityVerdict, section: CylinderSection, job: 
         )
         return Remedy(item, key, None, math.nan, reason)
     needed = math.sqrt(margin**2 - extra**2)
+    name, unit = verdict.estimate.quantity.name, verdict.estimate.quantity.unit_text
     try:
         scale = _scale(section)
         for sections in SECTIONS:
             std = scale * _planned(section, key, sections)
             if std <= needed:
                 number = WORDS.get(sections, str(sections))
-                unit = verdict.estimate.quantity.unit_text
-                name = verdict.estimate.quantity.name
                 text = (
                     f"{number} sections {SPACING_MM:g} mm apart would: {name} ± {format_std(std)} "
                     f"{unit}"
@@ -106,7 +109,10 @@ def _remedy(item: str, verdict: QuantityVerdict, section: CylinderSection, job: 
                 return Remedy(item, key, sections, std, text)
     except (LsvisionError, ValueError) as failure:
         return Remedy(item, key, None, math.nan, f"no prediction: {failure}")
-    text = f"{SECTIONS[-1]} sections {SPACING_MM:g} mm apart would not: {key} needs ± {needed:.2g}"
+    text = (
+        f"{SECTIONS[-1]} sections {SPACING_MM:g} mm apart would not: {name} needs ± {needed:.2g} "
+        f"{unit}"
+    )
     return Remedy(item, key, None, math.nan, text)
 
 

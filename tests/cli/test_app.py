@@ -1,6 +1,7 @@
 """The frame: help, version, and what a failure looks like from the shell."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -24,6 +25,17 @@ def test_help_names_every_command(run):
     result = run("--help")
     assert result.exit_code == 0
     assert all(name in result.stdout for name in ("measure", "plan", "simulate", "--version"))
+
+
+def test_help_names_what_an_option_takes_not_its_type(run):
+    """``--radius MM``, not ``--radius <float>``."""
+    words = ["calibrate camera", "calibrate hand-eye poses", "calibrate hand-eye sphere", "demo"]
+    words += ["calibrate capture", "calibrate laser-plane", "calibrate target", "job new", "line"]
+    words += ["measure", "batch", "inspect", "scan", "plan", "paper", "simulate", "study grr"]
+    for command in [*words, "study repeat"]:
+        shown = run(*command.split(), "--help").stdout.partition("Options:")[2]
+        assert "--help" in shown
+        assert not re.search("<(float|int|str|path)", shown), command
 
 
 def test_help_imports_nothing_heavy():
@@ -56,6 +68,12 @@ def test_version_is_reported(run):
     result = run("--version")
     assert result.exit_code == 0
     assert result.stdout.startswith("lsvision ")
+
+
+def test_a_file_in_place_of_a_command_is_answered_with_the_command(run, written, pipe):
+    path = written(pipe, "a b.csv")
+    assert f"To measure it: lsvision measure '{path}'" in run(path).stderr
+    assert "To measure it" not in run("none.csv").stderr
 
 
 def test_no_command_shows_the_help_as_a_usage_error(run):

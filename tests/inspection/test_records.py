@@ -157,6 +157,7 @@ def test_what_would_decide_is_what_a_scan_then_reaches(scan):
     (remedy,) = plan_remedies(verdict, middle, planned)
     assert remedy.sections in (2, 3)
     assert remedy.text.startswith(("two sections 10 mm apart would: radius ± 0.0", "three"))
+    assert str(remedy) == f"b, radius: {remedy.text}"
     chosen = slice(0, remedy.sections)
     (reached,) = measure_scan(profiles[chosen], poses[chosen]).cylinders
     assert reached.radius_std == pytest.approx(remedy.std, rel=0.5)
