@@ -21,7 +21,7 @@ class BatchJob:
     Parameters
     ----------
     measure : functools.partial
-        Profile to Measurement: `measure_cylinders` with its keyword arguments.
+        Function that measures a profile: `measure_cylinders` with its keyword arguments.
     reading : ReadOptions
         Options of reading.
     inspection : Job, optional
@@ -53,12 +53,13 @@ class BatchJob:
 
     @property
     def hash(self) -> str:
-        """Return a hash of the settings: results of equal hashes may be in one folder."""
+        """Hash of the settings (16 hex digits); results in one folder must have the same."""
         canonical = json.dumps(self.settings, sort_keys=True, allow_nan=False)
         return hashlib.sha256(canonical.encode()).hexdigest()[:16]
 
 
 def _plain(value: Any) -> Any:
+    """Return a value as numbers, text, lists and mappings, ready for JSON."""
     if is_dataclass(value) and not isinstance(value, type):
         return {name: _plain(each) for name, each in asdict(value).items()}
     if isinstance(value, Mapping):

@@ -49,7 +49,7 @@ class LaserView:
     line_pixels : (m, 2) array_like
         Points of the laser line on the board, all finite. Units: px.
     line_std : (m,) array_like
-        Standard deviation of each point across the line. Units: px.
+        Standard deviation of each point along the line's normal. Units: px.
     """
 
     points: FloatArray
@@ -243,7 +243,7 @@ class BundleAdjustmentProblem:
         rotations: FloatArray,
         translations: FloatArray,
     ) -> FloatArray:
-        """Return the height of the laser points over the board, converted to px across the line."""
+        """Return the height of the laser points over the board, in px normal to the line."""
         rays, view = self._rays(camera), self._line_view
         ray_dot_normal = rays @ plane.normal
         laser_points = rays * (plane.distance / ray_dot_normal)[:, None]

@@ -11,25 +11,26 @@ from lsvision.geometry import Pose
 from lsvision.sensors.camera import Camera
 
 REQUESTED_TILT = np.radians(20.0)
-"""Tilt to each of four sides that is requested of a hand-held board. Units: rad."""
+"""Requested tilt of a hand-held board towards each of its four sides. Units: rad."""
 REQUESTED_DEPTH_RATIO = 1.15
 """Requested ratio of the farthest to the nearest distance of the board."""
 FOCAL_GUESS = 1.2
-"""Focal length relative to the image's width, of a camera that is not calibrated yet: a lens of
-45 deg. Between 30 and 60 deg a tilt of 20 deg is estimated as 14 to 30 deg."""
+"""Assumed focal length of a camera that is not calibrated yet, relative to the image's width: a
+field of view of 45 deg. If it is 30 to 60 deg, a tilt of 20 deg is estimated as 14 to 30 deg."""
+# Name, image axis, and sign along it in which the board's normal is tilted.
 _SIDES = (("right", 0, 1), ("left", 0, -1), ("lower", 1, 1), ("upper", 1, -1))
 _ROWS, _COLUMNS = ("upper", "middle", "lower"), ("left", "middle", "right")
 
 
-def missing_from(views: Sequence[TargetView], pairs: int) -> tuple[str, ...]:
-    """Return instructions for the next views; empty where nothing is missing.
+def missing_views(views: Sequence[TargetView], pairs: int) -> tuple[str, ...]:
+    """Return instructions for the next views; empty if none are missing.
 
     Parameters
     ----------
     views : sequence of TargetView
         Views of one camera, which need not be calibrated.
     pairs : int
-        Requested number of pairs.
+        Requested number of pairs of images, of the board and of the laser line on it.
 
     Returns
     -------
@@ -58,7 +59,7 @@ def missing_from(views: Sequence[TargetView], pairs: int) -> tuple[str, ...]:
 
 
 def rough_camera(size: tuple[int, int]) -> Camera:
-    """Return a camera of an image size before any calibration: see `FOCAL_GUESS`."""
+    """Return an approximate camera without distortion, of focal length `FOCAL_GUESS`."""
     width, height = size
     focal = FOCAL_GUESS * width
     matrix = np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])
@@ -66,8 +67,9 @@ def rough_camera(size: tuple[int, int]) -> Camera:
 
 
 def _empty_areas(views: Sequence[TargetView]) -> list[str]:
-    """Return the corners, sides and the middle of the image in which no cell holds a corner."""
+    """Return the corners, sides and the middle of the image without any corner of a board."""
     covered = covered_cells(views[0].size, views)
+    # The outermost cells on each side are the first and the last block.
     blocks = np.array([0, *[1] * (CELLS - 2), 2])
     return [
         " ".join(dict.fromkeys((row_name, column_name)))
@@ -78,4 +80,5 @@ def _empty_areas(views: Sequence[TargetView]) -> list[str]:
 
 
 def _rough_pose(view: TargetView) -> Pose:
+    """Return the approximate ``camera_from_board``."""
     return guess_camera_from_board(view, rough_camera(view.size).rays(view.pixels))

@@ -39,7 +39,7 @@ class CalibratedLaserView(ComparedByValue):
     corner_residuals : (n, 2) ndarray
         Projected minus observed corners. Units: px.
     line_residuals : (m,) ndarray
-        Residuals of the laser line, across it. Units: px.
+        Residuals of the laser line, along its normal. Units: px.
     """
 
     index: int

@@ -26,10 +26,10 @@ from lsvision.statistics.robust import mad_std
 ALONG_FRACTION = 0.3
 """Half length of the window along an edge, as a fraction of the edge's length."""
 ACROSS_FRACTIONS = (0.25, 0.09)
-"""Half widths of the window across an edge, as fractions of its length: wide, and narrow (not
-reaching the marker in a ChArUco square) where the wide one contains more than the edge."""
+"""Half widths of the window perpendicular to an edge, as fractions of its length: wide, and narrow
+(not reaching the marker in a ChArUco square) where the wide one contains more than the edge."""
 MAX_HALF_WIDTH_PX = 8.0
-"""Largest half width of the window across an edge. Units: px."""
+"""Largest half width of the window perpendicular to an edge. Units: px."""
 MIN_EDGE_LENGTH_PX = 12.0
 """Smallest length of an edge, corner to corner. Units: px."""
 MIN_CONTRAST = 20.0
@@ -47,7 +47,7 @@ MAX_SIGMA_FRACTION = 0.4
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LensBlur(Result):
-    """Blur of an image across edges of one direction.
+    """Blur of an image perpendicular to edges of one direction.
 
     Parameters
     ----------
@@ -234,7 +234,7 @@ def _pixels_around_edge(
     values : (n,) ndarray
         Brightness of the pixels. Units: DN.
     positions : (2, n) ndarray
-        Distance across the edge, and along it from its middle. Units: px.
+        Distance from the edge, and position along it from its middle. Units: px.
     length : float
         Length of the edge. Units: px.
     """

@@ -314,7 +314,7 @@ def find_target(image: npt.ArrayLike, target: Target) -> TargetView:
     Parameters
     ----------
     image : (height, width) or (height, width, 3) array_like
-        8 or 16 bit; three channels in OpenCV's order, blue first.
+        8 or 16 bit; three channels in OpenCV's order (blue, green, red).
     target : Target
         The target.
 

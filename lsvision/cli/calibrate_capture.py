@@ -49,7 +49,7 @@ def capture(
     board, line = target_options.parse(), line_options.parse()
     for folder in (boards, lines):
         _require_empty(folder)
-    from lsvision.calibration.capture_needs import missing_from
+    from lsvision.calibration.capture_needs import missing_views
     from lsvision.calibration.capture_pairs import CaptureSettings, CaptureState, next_state
     from lsvision.io.camera_frames import open_camera
 
@@ -61,10 +61,10 @@ def capture(
         printed = text
         if pair is not None:
             _write_pair(pair, len(state.pairs) - 1, boards, lines)
-            typer.echo(f"missing: {'; '.join(missing_from(state.pairs, pairs)) or 'nothing'}")
+            typer.echo(f"missing: {'; '.join(missing_views(state.pairs, pairs)) or 'nothing'}")
         if len(state.pairs) == pairs:
             break
-    missing = missing_from(state.pairs, pairs)
+    missing = missing_views(state.pairs, pairs)
     typer.echo(f"{len(state.pairs)} of {pairs} pairs in {boards} and {lines}")
     if len(state.pairs) < pairs:
         raise LsvisionError(f"{camera} ended early; still missing: {'; '.join(missing)}")

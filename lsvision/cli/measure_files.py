@@ -1,4 +1,4 @@
-"""Many files, or images of a camera, in order; an error in one does not stop the rest."""
+"""Measure files, or images of a camera, in order; an error in one does not stop the rest."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -26,16 +26,16 @@ from lsvision.files.file_kinds import is_regular
 if TYPE_CHECKING:
     from lsvision.io.result_files import ResultFiles
 
-MAX_SIZE_OF_SMALL = 5 * 10**4
-"""Largest file that is measured in one task with others; larger ones are read by the main process
-and measured in parts, so that one file occupies all processes. Units: bytes."""
-AT_ONCE = 16
-"""Number of small files, or of profiles of a larger one, in a task: intervals of all their
-cylinders are computed at once. It does not depend on the number of processes, so that the results
-are the same for any."""
+MAX_SMALL_FILE_BYTES = 5 * 10**4
+"""Largest file that is measured in one task together with others. Larger ones are read by the main
+process and divided into tasks, so that all processes work on one file. Units: bytes."""
+TASK_SIZE = 16
+"""Number of small files, or of profiles of a larger file, in a task: the intervals of all their
+cylinders are computed together. It does not depend on the number of processes, so that the results
+do not, either."""
 MIN_SIZE_FOR_PROCESSES = 2 * 10**6
-"""Total size of the files above which several processes, which take a second to start, save time:
-about 250 profiles of 400 points. Units: bytes."""
+"""Smallest total size of the files (about 250 profiles of 400 points) for which several processes,
+which take a second to start, save time. Units: bytes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +85,7 @@ def measure_sources(sources: Sequence[Path | LiveCamera], run: RunOptions) -> in
     sources : sequence of Path or LiveCamera
         The files.
     run : RunOptions
-        How they are measured, and what is written. The output is the same for any number of
+        Options of measuring and of the outputs. The output is the same for any number of
         processes.
 
     Returns
@@ -129,25 +129,26 @@ def _results(
     measure, jobs = partial(_measure, run.part), _count_jobs(sources, run)
     tasks = _tasks(sources, run, _read_with_poses(sources, run.part))
     progress.show(0, str(sources[0]) if sources else "")
-    for task, found in run_tasks(measure, tasks, jobs, ordered=True):
-        _show(progress, task)
-        if not isinstance(found, EndedProcess):
-            yield from enumerate(found, task.first)
+    for task, results in run_tasks(measure, tasks, jobs, ordered=True):
+        _show_progress(progress, task)
+        if not isinstance(results, EndedProcess):
+            yield from enumerate(results, task.first)
         elif len(task.sources) == 1:
-            yield task.first, _ended(task.sources[0])
-        else:  # find the file that is the reason
+            yield task.first, _crash_result(task.sources[0])
+        else:  # measure each file in a task of its own, to find the one that crashes
             singles = (_Task(k, (source,)) for k, source in enumerate(task.sources, task.first))
             for single, alone in run_tasks(measure, singles, jobs, ordered=True):
-                ended = _ended(single.sources[0])
+                ended = _crash_result(single.sources[0])
                 yield single.first, ended if isinstance(alone, EndedProcess) else alone[0]
 
 
-def _ended(source: Path | LiveCamera) -> PartResult:
+def _crash_result(source: Path | LiveCamera) -> PartResult:
+    """Return the error of a file during whose measurement the process ended."""
     ended = f"{source}: it ended its process twice (out of memory, or a crash)"
     return PartResult(errors=[ended])
 
 
-def _show(progress: Progress, task: _Task) -> None:
+def _show_progress(progress: Progress, task: _Task) -> None:
     """Show how many files are done, and how many profiles of a larger one."""
     name = str(task.sources[-1])
     if task.part is None:
@@ -206,14 +207,14 @@ def _tasks(
             for number in group:
                 yield from _tasks_of_file(number, sources[number], run, read_files)
         else:
-            while files := list(islice(group, AT_ONCE)):
+            while files := list(islice(group, TASK_SIZE)):
                 yield _Task(files[0], tuple(sources[number] for number in files))
 
 
 def _is_small(source: Path | LiveCamera, run: RunOptions) -> bool:
     if run.pictures is not None or isinstance(source, LiveCamera) or is_image(source):
         return False
-    return 0 < _size(source) <= MAX_SIZE_OF_SMALL
+    return 0 < _size(source) <= MAX_SMALL_FILE_BYTES
 
 
 def _tasks_of_file(
@@ -223,8 +224,8 @@ def _tasks_of_file(
     try:
         for whole in [read_files[number]] if read_files else read_parts(source, run.part):
             part, read = _with_pictures(whole, run.pictures), whole.first + len(whole)
-            at_once = 1 if isinstance(part.file, ImageFile) else AT_ONCE
-            for each in part.slices(at_once):
+            task_size = 1 if isinstance(part.file, ImageFile) else TASK_SIZE
+            for each in part.slices(task_size):
                 yield _Task(number, (source,), each, read)
     except Exception as error:  # noqa: BLE001 - a bug in one file must not stop the run
         yield _Task(number, (source,), error=error_text(source, error, run.part))
@@ -235,9 +236,9 @@ def _with_pictures(part: FilePart, pictures: Pictures | None) -> FilePart:
     if pictures is None:
         return part
     paths = [
-        pictures.path_of(part.file.path, part.first + place, 2 if part.several else 1)
+        pictures.path_of(part.file.path, part.first + index, 2 if part.several else 1)
         if profile.lost < len(profile)
         else Path()
-        for place, profile in enumerate(part.file.profiles)
+        for index, profile in enumerate(part.file.profiles)
     ]
     return replace(part, pictures=paths)

@@ -14,17 +14,17 @@ from lsvision.geometry import Cylinder, FloatArray, Points, hemisphere_direction
 from lsvision.geometry.arrays import TINY
 
 DIRECTIONS = 400
-"""Directions of the grid over the hemisphere: 7 deg apart, so that at least one lies in the region
-of convergence even of a short arc."""
+"""Number of directions in the grid over the hemisphere: they are 7 deg apart, so that even for a
+short arc one of them converges to the cylinder."""
 MAX_CANDIDATES = 8
 """Number of best directions of each grid that are refined."""
 MIN_STRETCH = 2.0
-"""Smallest elongation of the points for which the stretched grid is searched. Their axis must be
-known to about radius / length: the regular grid is fine enough up to about 5."""
+"""Smallest ratio of length to width of the points for which the stretched grid is searched, too.
+The direction must be known to about radius / length: the regular grid suffices up to about 5."""
 DISTINCT_DIRECTION_COSINE = np.cos(np.radians(12.0))
 """Cosine of the angle between two candidates, which must exceed 12 deg."""
 MAX_POINTS = 400
-"""Points used for the initial guess, evenly selected; more do not improve it."""
+"""Largest number of points, evenly selected, for the initial guess; more do not improve it."""
 
 
 def guess_cylinder(points: Points, known_radius: RadiusPrior | None = None) -> Cylinder:
@@ -32,7 +32,7 @@ def guess_cylinder(points: Points, known_radius: RadiusPrior | None = None) -> C
 
     For each direction of a grid, an algebraic circle is fitted to the projection of the points
     along it; the best directions are refined, and the best cylinder is returned. For elongated
-    points a second grid is as much finer near their long axis.
+    points a second grid is used, which is finer near their long axis.
 
     Parameters
     ----------
@@ -62,10 +62,10 @@ def guess_cylinder(points: Points, known_radius: RadiusPrior | None = None) -> C
 
 
 def _candidates(points: Points) -> list[Cylinder]:
-    """Return the circles of least cost on a regular grid of directions, and on a stretched one.
+    """Return the cylinders of least cost on a regular and, for elongated points, a stretched grid.
 
-    The stretched grid is regular where the points, shortened along their long axis, are as wide as
-    long: there a direction must be known equally well in all places.
+    The stretched grid is regular in coordinates that are compressed along the long axis until the
+    points are as wide as long; its directions are denser near that axis.
     """
     grid = hemisphere_directions(DIRECTIONS)
     grids = [grid]
@@ -109,6 +109,7 @@ def projected_circles(
     square = (projected**2).sum(axis=2)
     design = np.concatenate([projected, np.ones((*square.shape, 1))], axis=2)
     normal = np.einsum("kni,knj->kij", design, design)
+    # Keeps the normal matrix invertible where the projected points are collinear.
     ridge = 1e-12 * np.trace(normal, axis1=1, axis2=2)
     normal += ridge[:, None, None] * np.eye(3)
     solution = np.linalg.solve(normal, np.einsum("kni,kn->ki", design, square)[..., None])[..., 0]

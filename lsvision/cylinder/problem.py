@@ -101,12 +101,12 @@ def axis_distances(
     x, y, a, b = (float(value) for value in parameters[:4])
     u = np.array([a, b, 1.0]) / np.sqrt(a * a + b * b + 1.0)
     # One coordinate after the other in memory: what follows runs along them.
-    across = np.subtract(points.T, np.array([[x], [y], [0.0]]), order="C")
-    along = u @ across
-    across -= u[:, None] * along
-    distances = np.sqrt(across[0] ** 2 + across[1] ** 2 + across[2] ** 2)
-    across /= np.maximum(distances, TINY)
-    return distances, across, along
+    radial = np.subtract(points.T, np.array([[x], [y], [0.0]]), order="C")
+    along = u @ radial
+    radial -= u[:, None] * along
+    distances = np.sqrt(radial[0] ** 2 + radial[1] ** 2 + radial[2] ** 2)
+    radial /= np.maximum(distances, TINY)
+    return distances, radial, along
 
 
 def rotate_covariances(covariances: FloatArray, rotation: FloatArray) -> FloatArray:

@@ -78,7 +78,7 @@ def rejection_reason(
     reason = shape_rejection_reason(fit.ellipse, fit.normals, radius_range, settings)
     if reason is not None:
         return reason
-    # The variances along the normal and across it add up to twice the mean variance.
+    # The variances along the normal and the tangent add up to twice the mean variance.
     variance = 2 * float(profile.noisy_points.mean_variance[section.indices].sum())
     scatter = math.sqrt(float(fit.residuals @ fit.residuals) / variance)
     limit = profile.max_noise_factor(fit.ellipse.radius)

@@ -171,7 +171,7 @@ def view_sizes(calibration: LaserPlaneCalibration) -> tuple[list[float], list[fl
 
 
 def _draw_view(axes: "Axes", seen: FloatArray, left_out: set[int], calibration: HandEye) -> None:
-    across = float(np.abs(seen[:, 2]).max()) + 1e-9
+    largest = float(np.abs(seen[:, 2]).max()) + 1e-9
     if calibration.sensor == "camera":
         axes.set(xlabel="x / mm", ylabel="y / mm", title="Target in the camera's view")
         axes.invert_yaxis()
@@ -179,7 +179,7 @@ def _draw_view(axes: "Axes", seen: FloatArray, left_out: set[int], calibration: 
         limits: tuple[float, float] = (float(colours.min()), float(colours.max()))
     else:
         axes.set(xlabel="X / mm", ylabel="Y / mm", title="Target's centre in the section")
-        colours, limits = seen[:, 2], (-across, across)
+        colours, limits = seen[:, 2], (-largest, largest)
     dots = axes.scatter(*seen[:, :2].T, c=colours, cmap="coolwarm", vmin=limits[0],
                         vmax=limits[1], edgecolors="black", s=60)  # fmt: skip
     for index, point in enumerate(seen):

@@ -133,14 +133,14 @@ def laser_plane_page(
 
 
 def line_vectors(calibration: LaserPlaneCalibration, view: CalibratedLaserView) -> FloatArray:
-    """Return predicted minus found laser points of a view, (m, 2), across the line. Units: px."""
+    """Return predicted minus found laser points along the line's normal, (m, 2). Units: px."""
     rays = calibration.light_section.camera.rays(view.seen.line_pixels)
     up, normal = view.camera_from_board.rotation[:, 2], calibration.plane.normal
     # Height over the board of the point of the laser plane on a ray grows along this direction.
     slant = (rays @ up) / (rays @ normal)
     gradient = up[:2] - slant[:, None] * normal[:2]
-    across = gradient / np.hypot(*gradient.T)[:, None]
-    vectors: FloatArray = -view.line_residuals[:, None] * across
+    normals = gradient / np.hypot(*gradient.T)[:, None]
+    vectors: FloatArray = -view.line_residuals[:, None] * normals
     return vectors
 
 

@@ -24,7 +24,8 @@ MIN_WIDTH_INCH = 10.5
 """Smallest width of the figure, for the summary above the image. Units: inch."""
 LEFT_INCH, RIGHT_INCH, TOP_INCH, BOTTOM_INCH = 0.95, 0.3, 1.05, 0.65
 CURVE_INCH, CURVE_GAP_INCH, PHOTO_GAP_INCH = 1.45, 0.2, 0.75
-"""Extent of a curve's axes across the line, and the gaps between curves and below the photo."""
+"""Extent of a curve's axes perpendicular to the line, and the gaps between curves and below the
+photo."""
 AXIS_PERCENTILE = 99.0
 """Percentile of the values of a curve that its axes show."""
 Box = tuple[float, float, float, float]
@@ -42,7 +43,7 @@ def draw_laser_line(
     Parameters
     ----------
     image : (height, width) or (height, width, 3) array_like
-        Image of the line; blue first.
+        Image of the line; channels in the order blue, green, red.
     line : LaserLine
         The line.
     title : str
@@ -123,21 +124,21 @@ def _layout(
     height, width = shape[:2]
     max_width, max_height = MAX_PHOTO_INCH[direction]
     scale = min(max_width / width, max_height / height)
-    across, up = scale * width, scale * height
+    photo_width, photo_height = scale * width, scale * height
     curves = 3 * CURVE_INCH + 2 * CURVE_GAP_INCH
     steps = [number * (CURVE_INCH + CURVE_GAP_INCH) for number in range(3)]
     if direction == "columns":
         bottom = BOTTOM_INCH + curves + PHOTO_GAP_INCH
-        size = (LEFT_INCH + across + RIGHT_INCH, bottom + up + TOP_INCH)
+        size = (LEFT_INCH + photo_width + RIGHT_INCH, bottom + photo_height + TOP_INCH)
         first, second, third = (
-            (LEFT_INCH, BOTTOM_INCH + step, across, CURVE_INCH) for step in reversed(steps)
+            (LEFT_INCH, BOTTOM_INCH + step, photo_width, CURVE_INCH) for step in reversed(steps)
         )
     else:
-        bottom, start = BOTTOM_INCH, LEFT_INCH + across + CURVE_GAP_INCH
-        size = (start + curves + RIGHT_INCH, bottom + up + TOP_INCH)
-        first, second, third = ((start + step, bottom, CURVE_INCH, up) for step in steps)
+        bottom, start = BOTTOM_INCH, LEFT_INCH + photo_width + CURVE_GAP_INCH
+        size = (start + curves + RIGHT_INCH, bottom + photo_height + TOP_INCH)
+        first, second, third = ((start + step, bottom, CURVE_INCH, photo_height) for step in steps)
     size = (max(size[0], MIN_WIDTH_INCH), size[1])
-    return size, (LEFT_INCH, bottom, across, up), (first, second, third)
+    return size, (LEFT_INCH, bottom, photo_width, photo_height), (first, second, third)
 
 
 def _figure_fractions(box: Box, size: tuple[float, float]) -> Box:

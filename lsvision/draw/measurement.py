@@ -25,7 +25,7 @@ SIZE_INCH, DPI = (13.0, 7.0), 110
 MARGIN = 0.05
 """Margin of the drawing, as a fraction of its extent."""
 LABEL_GAP_PX = 22.0
-"""Smallest distance between the letters of rejected arcs."""
+"""Smallest distance between the letters of rejected arcs. Units: px."""
 RASTERISE_POINTS = 20_000
 """Number of points above which an SVG contains them as an image, to stay small."""
 
@@ -44,7 +44,7 @@ def draw_measurement(
     title : str
         Title above the drawing, such as the name of the file.
     ax : matplotlib.axes.Axes, optional
-        Draw into these axes, without the panel; without, into a figure of its own.
+        Axes to draw into, without the panel. By default a new figure with the panel is drawn.
 
     Returns
     -------
@@ -108,6 +108,7 @@ def draw_on_axes(axes: Axes, profile: Profile, measurement: Measurement) -> None
 
 
 def _draw_cylinder(axes: Axes, points: Points, cylinder: CylinderSection, number: int) -> None:
+    """Draw the points, the ellipse, the major axis if it is determined, and the number."""
     colour, ellipse = cylinder_colour(number), cylinder.ellipse
     axes.plot(*points[cylinder.indices].T, "o", color=colour, ms=3.2, zorder=4,
               label=label_once(axes, "points of a cylinder"))  # fmt: skip
@@ -115,8 +116,8 @@ def _draw_cylinder(axes: Axes, points: Points, cylinder: CylinderSection, number
     axes.plot(*outline.T, "-", color=colour, lw=1.1, zorder=2,
               label=label_once(axes, "fitted ellipse"))  # fmt: skip
     if cylinder.theta_determined:  # otherwise its direction would look like a result
-        tips = ellipse.points_at(np.array([0.0, math.pi]))
-        axes.plot(*tips.T, "--", color=colour, lw=1.3, zorder=2,
+        vertices = ellipse.points_at(np.array([0.0, math.pi]))
+        axes.plot(*vertices.T, "--", color=colour, lw=1.3, zorder=2,
                   label=label_once(axes, "major axis (direction θ)"))  # fmt: skip
     badge = {"boxstyle": "circle,pad=0.25", "fc": colour, "ec": "white"}
     axes.text(*ellipse.centre, str(number), color="white", fontsize=10, weight="bold", ha="center",
@@ -124,20 +125,20 @@ def _draw_cylinder(axes: Axes, points: Points, cylinder: CylinderSection, number
 
 
 def _label_rejected(axes: Axes, points: Points, rejected: Sequence[RejectedArc]) -> None:
-    """Draw letters above the arcs, each moved up until it overlaps none before it."""
+    """Draw the letters above their arcs, each moved up until it overlaps no earlier letter."""
     axes.autoscale_view()
     axes.apply_aspect()
     to_pixels = axes.transData
-    up, placed = np.array([0.0, LABEL_GAP_PX]), list[FloatArray]()
+    up, label_pixels = np.array([0.0, LABEL_GAP_PX]), list[FloatArray]()
     for arc in rejected:
         anchor = points[arc.indices[len(arc.indices) // 2]]
-        spot = to_pixels.transform(anchor) + up
-        while any(math.hypot(*(spot - other)) < LABEL_GAP_PX for other in placed):
-            spot = spot + up / 2
-        placed.append(spot)
-        place = to_pixels.inverted().transform(spot)
+        pixel = to_pixels.transform(anchor) + up
+        while any(math.hypot(*(pixel - other)) < LABEL_GAP_PX for other in label_pixels):
+            pixel = pixel + up / 2
+        label_pixels.append(pixel)
+        position = to_pixels.inverted().transform(pixel)
         leader = {"arrowstyle": "-", "color": arc.colour, "lw": 0.8}
-        axes.annotate("", anchor, xytext=place, arrowprops=leader, zorder=4)
+        axes.annotate("", anchor, xytext=position, arrowprops=leader, zorder=4)
         box = {"boxstyle": "round,pad=0.2", "fc": arc.colour, "ec": "none"}
-        axes.text(*place, arc.letter, color="white", fontsize=9, weight="bold", ha="center",
+        axes.text(*position, arc.letter, color="white", fontsize=9, weight="bold", ha="center",
                   va="center", zorder=5, bbox=box)  # fmt: skip

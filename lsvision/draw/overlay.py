@@ -54,7 +54,7 @@ def draw_overlay(
     title : str
         Title above the photo, such as the name of the file.
     ax : matplotlib.axes.Axes, optional
-        Draw the photo alone into these axes; without, both into a figure of its own.
+        Axes to draw the photo into, alone. By default a new figure with both is drawn.
 
     Returns
     -------

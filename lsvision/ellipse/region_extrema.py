@@ -270,7 +270,7 @@ def _turn_to_extrema(
         variances = np.maximum((f * Cf).sum(axis=1), TINY)
         scale = radii / np.sqrt(variances)
         extrema = centres + scale[:, None] * Cf
-        # At the extremum d has the direction u: no component across it.
+        # At the extremum d has the direction u: no component perpendicular to it.
         u_conj = u.conj()
         d, C_across = as_complex(extrema[:, 1:]) * u_conj, (as_complex(Cf[:, 1:]) * u_conj).imag
         spread = mean - (deviator * u_conj * u_conj).real

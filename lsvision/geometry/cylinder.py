@@ -42,7 +42,7 @@ class WithCylinder:
 
     @property
     def tangent_basis(self) -> FloatArray:
-        """(2, 3) unit vectors e_phi and e_theta across the axis, see `tangent_frame`."""
+        """(2, 3) unit vectors e_phi and e_theta perpendicular to the axis; see `tangent_frame`."""
         return tangent_frame(self.direction)[:2]
 
 
@@ -119,8 +119,8 @@ class Cylinder(ComparedByValue):
         """
         from_axis = np.asarray(points, dtype=np.float64) - self.point
         along = from_axis @ self.direction
-        across = from_axis - np.outer(along, self.direction)
-        distances: FloatArray = np.linalg.norm(across, axis=1) - self.radius
+        radial = from_axis - np.outer(along, self.direction)
+        distances: FloatArray = np.linalg.norm(radial, axis=1) - self.radius
         return distances
 
     def section(self) -> Ellipse:

@@ -13,12 +13,12 @@ from lsvision.files.json_text import parse_json
 from lsvision.files.limited_reading import read_text
 from lsvision.results.quantities import Record
 
-FIRST = "0" * 64
-"""Hash that replaces the one of a line before the first."""
+FIRST_HASH = "0" * 64
+"""Hash that stands in the first line, which has no line before it."""
 
 
 def read_records(path: str | os.PathLike[str]) -> list[Record]:
-    """Records of a file, the oldest first; none if there is no file.
+    """Return the records of a file, the oldest first; an empty list if there is no file.
 
     Raises
     ------
@@ -27,20 +27,20 @@ def read_records(path: str | os.PathLike[str]) -> list[Record]:
     """
     if not exists(path):
         return []
-    records, previous = [], FIRST
+    records, previous = [], FIRST_HASH
     for number, line in enumerate(read_text(path).splitlines(), 1):
         try:
             record = parse_json(line)
-            known = record.pop("previous")
+            stated_hash = record.pop("previous")
         except (ValueError, KeyError, AttributeError, TypeError):
             raise UnreadableFile(
                 f"{os.fspath(path)}, line {number}: expected a record with the hash of the line "
                 "before, got something else: restore the file from a backup"
             ) from None
-        if known != previous:
+        if stated_hash != previous:
             raise UnreadableFile(
-                f"{os.fspath(path)}, line {number}: what precedes it was changed after it was "
-                "written: restore the file from a backup"
+                f"{os.fspath(path)}, line {number}: the line before it was changed or removed: "
+                "restore the file from a backup"
             )
         records.append(record)
         previous = hashlib.sha256(line.encode()).hexdigest()
@@ -48,12 +48,12 @@ def read_records(path: str | os.PathLike[str]) -> list[Record]:
 
 
 def append_record(path: str | os.PathLike[str], record: Record) -> None:
-    """Add a record at the end; all before it stays as it is.
+    """Append a record to a file, after checking that the earlier ones are unchanged.
 
     Raises
     ------
     UnreadableFile
-        If the file is not whole.
+        If the earlier lines are damaged or were changed.
     UnwritableFile
         If it cannot be written.
 
@@ -70,6 +70,6 @@ def append_record(path: str | os.PathLike[str], record: Record) -> None:
     read_records(path)
     text = read_text(path) if exists(path) else ""
     lines = text.splitlines()
-    previous = hashlib.sha256(lines[-1].encode()).hexdigest() if lines else FIRST
+    previous = hashlib.sha256(lines[-1].encode()).hexdigest() if lines else FIRST_HASH
     line = json.dumps(record | {"previous": previous}, allow_nan=False)
     write_atomic(path, text + line + "\n")

@@ -76,7 +76,7 @@ def relate_axes(
     if up is not None:
         quantities["flush"] = scalar(5)
     # For parallel axes any point along the line is valid: only errors perpendicular to it count.
-    across = (
+    projector = (
         np.eye(3)
         if pair.crossing
         else np.eye(3) - np.outer(pair.mean_direction, pair.mean_direction)
@@ -84,7 +84,7 @@ def relate_axes(
     seam = Seam(
         points=pair.foot_points(np.zeros(10)),
         point=values[6:9],
-        point_covariance=across @ covariance[6:9, 6:9] @ across,
+        point_covariance=projector @ covariance[6:9, 6:9] @ projector,
         direction=values[9:12],
         direction_std=math.sqrt(max(float(np.trace(covariance[9:12, 9:12])), 0.0)),
         crossing=pair.crossing,
@@ -96,10 +96,10 @@ def angle_between(fit: CylinderFit, direction: FloatArray) -> Length:
     """Angle between an axis, in either sense, and an exact direction. Units: rad."""
     unit = direction / np.linalg.norm(direction)
     unit = unit if unit @ fit.direction >= 0 else -unit
-    across = unit - (unit @ fit.direction) * fit.direction
-    sine = float(np.linalg.norm(across))
+    perpendicular = unit - (unit @ fit.direction) * fit.direction
+    sine = float(np.linalg.norm(perpendicular))
     # The rotation from the axis to the direction, in the basis of the axis' errors.
-    rotation = fit.tangent_basis @ across
+    rotation = fit.tangent_basis @ perpendicular
     angle = math.atan2(sine, float(unit @ fit.direction))
     vector = rotation * (angle / sine) if sine > PARALLEL else rotation
     return Length(vector, fit.covariance[2:4, 2:4], fit.degrees_of_freedom)

@@ -19,7 +19,13 @@ from lsvision.inspection.limits import quantity_of
 from lsvision.inspection.matching import Matching, match_parts
 from lsvision.inspection.quantities import CylinderOfJob, measure_quantity
 from lsvision.inspection.relate import relate
-from lsvision.inspection.verdict import ItemVerdict, Provenance, QuantityVerdict, Verdict, judged
+from lsvision.inspection.verdict import (
+    ItemVerdict,
+    Provenance,
+    QuantityVerdict,
+    Verdict,
+    judge_quantity,
+)
 from lsvision.measure import Measurement, radius_prior_from_value
 from lsvision.results.quantities import Estimate
 from lsvision.scan.scan_result import ScanMeasurement, ScanRejection
@@ -155,7 +161,7 @@ def _judged(estimate: Estimate, key: str, limits: tuple[float, float], job: Job)
     )
     if key == "theta_deg":
         return _judged_direction(estimate, limits, level)
-    return judged(estimate, limits, level)
+    return judge_quantity(estimate, limits, level)
 
 
 def _judged_direction(
@@ -166,7 +172,7 @@ def _judged_direction(
     shift = turns * HALF_TURN_DEG
     low, high = (end + shift for end in estimate.interval)
     turned = replace(estimate, value=estimate.value + shift, interval=(low, high))
-    verdict = judged(turned, limits, level)
+    verdict = judge_quantity(turned, limits, level)
     beyond = low <= limits[1] - HALF_TURN_DEG or high >= limits[0] + HALF_TURN_DEG
     if verdict.decision == Decision.NG and beyond:
         reason = f"{turned.interval_text} deg reaches the limits half a turn away"
@@ -227,7 +233,7 @@ def _rejections_at(part: Part, measurement: Measurement | ScanMeasurement) -> li
             return True
         points = measurement.profile.points[rejection.arc.start : rejection.arc.stop]
         points = points[np.isfinite(points[:, 0])]
-        # An arc lies above its centre: only its place across the line of sight counts.
+        # An arc lies above its centre: only the position normal to the line of sight counts.
         low, high = part.windows["x"]
         return bool(len(points)) and low <= float(points[:, 0].mean()) <= high
 

@@ -23,13 +23,13 @@ class QuantityVerdict(Result):
         Value, standard uncertainty and interval at the job's level, both with the job's
         ``extra_std``; a periodic angle is shifted next to its limits.
     limits : (float, float)
-        Smallest and largest good value; infinite where there is none.
+        Smallest and largest permissible value; infinite if there is none.
     decision : Decision
-        Decision that the interval proves.
+        OK or NG if the interval lies inside or outside the limits, else undecided.
     reason : str
         Reason with numbers.
     level : float
-        Probability of the interval.
+        Coverage probability of the interval.
     """
 
     estimate: Estimate
@@ -40,25 +40,25 @@ class QuantityVerdict(Result):
 
     @property
     def key(self) -> str:
-        """As in the job: name and unit."""
+        """Key of the quantity in the job: name and unit, as ``phi_deg``."""
         return f"{self.estimate.quantity.name}_{self.estimate.quantity.unit}"
 
     @property
     def margin(self) -> float:
-        """Distance of the value from the nearer limit in sigmas; negative outside."""
-        least, most = self.limits
-        distance = min(self.estimate.value - least, most - self.estimate.value)
+        """Distance of the value from the nearer limit, over its std; negative outside."""
+        lower, upper = self.limits
+        distance = min(self.estimate.value - lower, upper - self.estimate.value)
         if self.estimate.std == 0:
             return math.copysign(math.inf, distance)
         return distance / self.estimate.std
 
     @property
     def limits_text(self) -> str:
-        """As ``18.9 .. 19.1`` or ``<= 2``."""
-        least, most = self.limits
-        if least == -math.inf:
-            return f"<= {most:g}"
-        return f">= {least:g}" if most == math.inf else f"{least:g} .. {most:g}"
+        """Limits as text, such as ``18.9 .. 19.1`` or ``<= 2``."""
+        lower, upper = self.limits
+        if lower == -math.inf:
+            return f"<= {upper:g}"
+        return f">= {lower:g}" if upper == math.inf else f"{lower:g} .. {upper:g}"
 
     def to_dict(self) -> Record:
         """Return value, interval, limits, margin, decision and reason, ready for JSON.
@@ -66,7 +66,7 @@ class QuantityVerdict(Result):
         Returns
         -------
         dict
-            In the unit of ``quantity``, which its name ends with.
+            Values in the unit that the key in ``quantity`` ends with.
         """
         low, high = self.estimate.interval
         return {
@@ -92,20 +92,20 @@ class QuantityVerdict(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ItemVerdict(Result):
-    """Verdict on a part, or on a relation between two.
+    """Verdict on a part, or on a relation between two parts.
 
     Parameters
     ----------
     name : str
         Name of the part, or of both parts of a relation.
     quantities : tuple of QuantityVerdict
-        In the order of the job's keys; none of a part that is missing.
+        Verdicts in the order of the job's keys; empty for a missing part.
     cylinder : int, optional
         Index of the measured cylinder; None for a relation and for a missing part.
     decided : Decision, optional
-        Decision without any quantity: a missing part is NG.
+        Decision on an item without quantities: a missing part is NG.
     reason : str
-        Reason of `decided`; empty without.
+        Reason of `decided`; empty if that is None.
     """
 
     name: str
@@ -188,11 +188,12 @@ class Verdict(Result):
     additional : tuple of int
         Indices of cylinders that are not parts of the job.
     notes : tuple of str
-        Further messages: additional and exchanged parts.
+        Further messages, such as that two parts seem to be exchanged.
     provenance : Provenance
         Job, version, calibration.
     blocked : str
-        Reason why nothing can be decided: a golden part that is overdue or failed; else empty.
+        Reason why nothing can be decided: the check of the golden part (the reference) is overdue
+        or failed. Otherwise empty.
     additional_is_ng : bool
         Whether an additional cylinder makes the verdict NG.
     undecided_passes : bool
@@ -226,7 +227,7 @@ class Verdict(Result):
 
     @property
     def decision(self) -> Decision:
-        """The worst of all parts and relations; undecided where the golden part blocks it."""
+        """The worst of all parts and relations; undecided if `blocked` states a reason."""
         if self.blocked:
             return Decision.UNDECIDED
         decisions = [item.decision for item in self.items]
@@ -288,24 +289,25 @@ class Verdict(Result):
             for item in self.items
             if item.reason not in ("", self.blocked)
         ]
-        open_ones = [
+        not_ok = [
             f"{item.name}, {each.estimate.quantity.heading}: {each.reason}"
             for item in self.items
             for each in item.quantities
             if each.decision != Decision.OK
         ]
         blocked = [self.blocked] if self.blocked else []
-        return [f"{self.decision}", *blocked, *reasons, *open_ones, *self.notes]
+        return [f"{self.decision}", *blocked, *reasons, *not_ok, *self.notes]
 
     def _rows(self) -> list[Record]:
         return verdict_rows(self)
 
 
 QUANTITY_HEADER = ("", "quantity", "value", "interval", "limits", "margin", "")
+"""Header of a table of verdicts; the first column is the item, the last the decision."""
 
 
 def item_cells(items: Sequence[ItemVerdict]) -> list[tuple[str, ...]]:
-    """Cells of a table: one row per quantity, the header first."""
+    """Return the cells of a table: the header, then one row per quantity."""
     rows: list[tuple[str, ...]] = [QUANTITY_HEADER]
     for item in items:
         if not item.quantities:
@@ -318,7 +320,7 @@ def item_cells(items: Sequence[ItemVerdict]) -> list[tuple[str, ...]]:
 
 
 def quantity_cells(name: str, verdict: QuantityVerdict) -> tuple[str, ...]:
-    """Cells under `QUANTITY_HEADER`."""
+    """Return the row of a quantity, with the columns of `QUANTITY_HEADER`."""
     estimate = verdict.estimate
     margin = f"{verdict.margin:+.1f} sigma" if estimate.determined else ""
     interval = estimate.interval_text if estimate.determined else ""
@@ -329,7 +331,7 @@ def quantity_cells(name: str, verdict: QuantityVerdict) -> tuple[str, ...]:
 
 
 def verdict_rows(verdict: Verdict) -> list[Record]:
-    """Rows of CSV, Parquet and data frames: a quantity a row, one for an item without any."""
+    """Return the rows of a table: one per quantity, and one per item without quantities."""
     rows: list[Record] = []
     for item in verdict.items:
         head: Record = {
@@ -347,6 +349,7 @@ def verdict_rows(verdict: Verdict) -> list[Record]:
 
 
 ROW_KEYS = ("quantity", "value", "std", "low", "high", "level", "min", "max", "margin_sigmas")
+"""Keys of `QuantityVerdict.to_dict` that are columns of their own in a table."""
 
 
 def _provenance_columns(provenance: Provenance) -> Record:
@@ -354,17 +357,19 @@ def _provenance_columns(provenance: Provenance) -> Record:
     return {key: record[key] for key in ("job", "revision", "job_hash", "version")}
 
 
-def judged(estimate: Estimate, limits: tuple[float, float], level: float) -> QuantityVerdict:
+def judge_quantity(
+    estimate: Estimate, limits: tuple[float, float], level: float
+) -> QuantityVerdict:
     """Return the verdict of a quantity, with its reason.
 
     Parameters
     ----------
     estimate : Estimate
-        With its interval at `level`, the job's ``extra_std`` added.
+        Estimate with its interval at `level`, including the job's ``extra_std``.
     limits : (float, float)
         Lower and upper limit in the unit of the quantity.
     level : float
-        Probability of the interval.
+        Coverage probability of the interval.
     """
     if not estimate.determined or not all(map(math.isfinite, estimate.interval)):
         reason = "not determinable from this measurement"
@@ -374,13 +379,14 @@ def judged(estimate: Estimate, limits: tuple[float, float], level: float) -> Qua
 
 
 def _reason(estimate: Estimate, limits: tuple[float, float], decision: Decision) -> str:
+    """Return how the interval lies relative to the limits, with numbers."""
     low, high = estimate.interval
-    least, most = limits
+    lower, upper = limits
     interval, unit = estimate.interval_text, estimate.quantity.unit_text
     if decision == Decision.OK:
         return f"interval {interval} {unit} lies inside the limits"
     if decision == Decision.NG:
-        side = f"below {least:g}" if high < least else f"above {most:g}"
+        side = f"below {lower:g}" if high < lower else f"above {upper:g}"
         return f"interval {interval} {unit} lies wholly {side}"
     crossed = [f"{end:g}" for end in limits if low < end < high]
     word = "limits" if len(crossed) > 1 else "limit"

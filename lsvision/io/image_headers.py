@@ -4,14 +4,18 @@ import re
 import struct
 
 _PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
+# Chunks of animated PNG files, which are not read.
 _ANIMATION_CHUNKS = frozenset([b"acTL", b"fcTL", b"fdAT"])
+# Magic number, width and height, with comments between them.
 _PNM = re.compile(rb"P[1-6](?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{1,9})\s")
-_TIFF_WIDTH, _TIFF_HEIGHT = 256, 257
-_TIFF_TYPES = {3: "H", 4: "I"}
+_TIFF_WIDTH, _TIFF_HEIGHT = 256, 257  # tags
+_TIFF_TYPES = {3: "H", 4: "I"}  # SHORT and LONG as formats of struct
+# Markers of frame headers (SOF0 to SOF15), which hold the size; C4, C8 and CC are other segments.
 _JPEG_FRAMES = frozenset([*range(0xC0, 0xD0)]) - {0xC4, 0xC8, 0xCC}
-_JPEG_ALONE = frozenset([0x01, *range(0xD0, 0xD8)])
+# Markers that no length and no content follow: TEM, RST0 to RST7.
+_JPEG_WITHOUT_LENGTH = frozenset([0x01, *range(0xD0, 0xD8)])
 _JPEG_SCAN, _JPEG_END = 0xDA, 0xD9
-_WEBP_SIDE = (1 << 14) - 1
+_WEBP_SIDE_MASK = (1 << 14) - 1  # width and height have 14 bits
 
 
 def image_size(content: bytes) -> tuple[int, int] | None:
@@ -42,7 +46,7 @@ def image_size(content: bytes) -> tuple[int, int] | None:
 
 
 def _png_size(content: bytes) -> tuple[int, int] | None:
-    """Return the size of a PNG with complete chunks: OpenCV may hang at a truncated one."""
+    """Return the size of a PNG whose chunks are complete; OpenCV may hang at a truncated file."""
     if content[12:16] != b"IHDR":
         return None
     offset, kind = len(_PNG_MAGIC), b""
@@ -68,20 +72,22 @@ def _bmp_size(content: bytes) -> tuple[int, int]:
 
 
 def _webp_size(content: bytes) -> tuple[int, int] | None:
+    """Return the size of a WebP: extended (VP8X), lossless (VP8L) or lossy (VP8)."""
     kind = content[12:16] if content[8:12] == b"WEBP" else b""
     if kind == b"VP8X":
         low, middle, high = struct.unpack_from("<HHH", content, 24)
         return 1 + low + ((middle & 0xFF) << 16), 1 + (middle >> 8) + (high << 8)
     if kind == b"VP8L":
         (bits,) = struct.unpack_from("<I", content, 21)
-        return 1 + (bits & _WEBP_SIDE), 1 + (bits >> 14 & _WEBP_SIDE)
+        return 1 + (bits & _WEBP_SIDE_MASK), 1 + (bits >> 14 & _WEBP_SIDE_MASK)
     if kind == b"VP8 ":
         width, height = struct.unpack_from("<HH", content, 26)
-        return width & _WEBP_SIDE, height & _WEBP_SIDE
+        return width & _WEBP_SIDE_MASK, height & _WEBP_SIDE_MASK
     return None
 
 
 def _jpeg_size(content: bytes) -> tuple[int, int] | None:
+    """Return the size in the first frame header of a JPEG; None if the scan begins before it."""
     offset = 2
     while True:
         offset = content.find(b"\xff", offset)
@@ -95,7 +101,7 @@ def _jpeg_size(content: bytes) -> tuple[int, int] | None:
             return None
         if marker == 0xFF:
             offset += 1
-        elif marker in _JPEG_ALONE or marker == 0:
+        elif marker in _JPEG_WITHOUT_LENGTH or marker == 0:
             offset += 2
         else:
             (length,) = struct.unpack_from(">H", content, offset + 2)
@@ -103,18 +109,19 @@ def _jpeg_size(content: bytes) -> tuple[int, int] | None:
 
 
 def _tiff_size(content: bytes) -> tuple[int, int] | None:
+    """Return the size in the first directory of a TIFF."""
     order = "<" if content.startswith(b"II") else ">"
     (start,) = struct.unpack_from(f"{order}I", content, 4)
     (count,) = struct.unpack_from(f"{order}H", content, start)
-    found: dict[int, int] = {}
+    sides: dict[int, int] = {}
     for entry in range(start + 2, start + 2 + 12 * count, 12):
         tag, kind = struct.unpack_from(f"{order}HH", content, entry)
         if tag in (_TIFF_WIDTH, _TIFF_HEIGHT) and kind in _TIFF_TYPES:
             (value,) = struct.unpack_from(f"{order}{_TIFF_TYPES[kind]}", content, entry + 8)
-            found.setdefault(tag, value)
-    if len(found) < 2:
+            sides.setdefault(tag, value)
+    if len(sides) < 2:
         return None
-    return found[_TIFF_WIDTH], found[_TIFF_HEIGHT]
+    return sides[_TIFF_WIDTH], sides[_TIFF_HEIGHT]
 
 
 _FORMATS = (

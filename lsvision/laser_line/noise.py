@@ -225,7 +225,7 @@ def line_slopes(columns: IntArray, rows: FloatArray) -> FloatArray:
 
 
 def _scatter(line: FloatArray, scale: FloatArray, weights: FloatArray, lag: int) -> float:
-    """Robust standard deviation of a line across itself, from its differences. Units: px.
+    """Robust standard deviation of a line along its normal, from its differences. Units: px.
 
     `line` holds the row in each column and `scale` its factor sqrt(1 + slope^2), NaN where lost;
     `weights` are those of a difference of unit variance, `lag` columns apart.

@@ -29,8 +29,8 @@ class LineSettings(ShowsChanges):
         Standard deviation of the filter: best at 1 to 1.5 times that of the line. Doubled, up
         to 8 times, where the line is wider. Units: px.
     direction : {"columns", "rows"}, optional
-        One point for each column (a level line), or for each row (an upright one). Detected
-        by default.
+        One point for each column (a nearly horizontal line), or for each row (a nearly vertical
+        one). Detected by default.
     channel : {"grey", "red", "green", "blue", "white"}
         The laser's colour in a colour image; "grey" for a camera without colours.
     bayer : {"RGGB", "BGGR", "GRBG", "GBRG"}, optional

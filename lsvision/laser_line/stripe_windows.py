@@ -91,7 +91,8 @@ class Stripes:
     pixels : (n, 2) ndarray
         Positions u, v. Units: px.
     std : (n,) ndarray
-        Standard deviation across the line, predicted from read and shot noise alone. Units: px.
+        Standard deviation along the line's normal, predicted from read and shot noise alone. Units:
+        px.
     heights : (n,) ndarray
         Height above the background. Units: DN.
     sigmas : (n,) ndarray

@@ -224,11 +224,11 @@ def locate_by_steger(
     -------
     Stripes
         One for each window; NaN near the left and right border. Neither u nor v of a ridge point
-        is a whole number. `std` is that across the line.
+        is a whole number. `std` is that along the line's normal.
 
     Notes
     -----
-    Taylor expansion about a pixel: across the line, along the eigenvector n of the Hessian's
+    Taylor expansion about a pixel, along the line's normal: the eigenvector n of the Hessian's
     most negative eigenvalue, the ridge lies at t = -(g . n) / (n' H n). Each component of the
     gradient of white noise, smoothed by a 2-D Gaussian, has the variance var / (8 pi s^4).
 

@@ -1,7 +1,7 @@
 """Cramer-Rao bounds of one section (an ellipse) and of a scan (a cylinder).
 
-Both invert the Fisher information of independent Gaussian errors across the surface. The fits use
-none of this code, so that they can be compared with it.
+Both invert the Fisher information of independent Gaussian errors normal to the surface. The fits
+use none of this code, so that they can be compared with it.
 """
 
 import math
@@ -38,7 +38,7 @@ def fisher_information(jacobian: FloatArray, variances: FloatArray) -> FloatArra
     jacobian : (n, k) ndarray
         Derivative of each point's signed distance from the surface by the parameters.
     variances : (n,) ndarray
-        Variance of each point's error across the surface, n' Sigma n. Units: mm^2.
+        Variance of each point's error along the surface normal, n' Sigma n. Units: mm^2.
 
     Returns
     -------
@@ -57,7 +57,7 @@ def fisher_information(jacobian: FloatArray, variances: FloatArray) -> FloatArra
         hint = "reduce the standoff or the pitch, or measure more of the pipe"
         raise TooFewPoints("the planned view", len(jacobian), 5, hint)
     if not (np.isfinite(variances).all() and (variances > 0).all()):
-        raise ValueError("expected positive finite variances across the surface in mm^2")
+        raise ValueError("expected positive finite variances along the surface normal in mm^2")
     weighted = jacobian / np.sqrt(variances)[:, None]
     information: FloatArray = weighted.T @ weighted
     return information
@@ -127,7 +127,7 @@ def section_bound(
     points : (n, 2) ndarray
         Noise-free points on the ellipse, section frame; NaN rows are lost points. Units: mm.
     covariances : (n, 2, 2) ndarray
-        Covariance of each point's error. Only n' Sigma n, the variance across the curve, is
+        Covariance of each point's error. Only n' Sigma n, the variance along the curve's normal, is
         used: for noise along the ray that is exactly the information of the measured ranges.
         Units: mm^2.
     known_radius_std : float, optional
@@ -251,8 +251,8 @@ def scan_bound(
     variances = as_readonly_array(variances, (len(points),), "variances")
     basis = tangent_frame(cylinder.direction)[:2]
     along = (points - cylinder.point) @ cylinder.direction
-    across = cylinder_normals(cylinder, points) @ basis.T
-    jacobian = np.column_stack([across, along[:, None] * across, np.ones(len(points))])
+    lateral = cylinder_normals(cylinder, points) @ basis.T
+    jacobian = np.column_stack([lateral, along[:, None] * lateral, np.ones(len(points))])
     prior = None if known_radius_std is None else (4, known_radius_std)
     covariance = invert_information(fisher_information(jacobian, variances), prior)
     if shared_errors is not None:

@@ -168,8 +168,8 @@ def _pose_error_jacobian(
         columns += [feed.pose_std * normals[:, [axis]] * in_section for axis in range(3)]
     if feed.feed_std > 0:
         positions = feed.shifts @ feed.unit
-        across = np.linalg.svd(feed.unit[None])[2][1:]
-        columns.append(feed.feed_std * positions[point_sections][:, None] * (normals @ across.T))
+        lateral = np.linalg.svd(feed.unit[None])[2][1:]
+        columns.append(feed.feed_std * positions[point_sections][:, None] * (normals @ lateral.T))
     return np.column_stack(columns) if columns else None
 
 

@@ -171,8 +171,8 @@ def cylinder_normals(cylinder: Cylinder, points: Points) -> FloatArray:
     if points.shape[1] == 2:
         points = np.column_stack([points, np.zeros(len(points))])
     from_axis = points - cylinder.point
-    across = from_axis - np.outer(from_axis @ cylinder.direction, cylinder.direction)
-    normals: FloatArray = across / np.linalg.norm(across, axis=1, keepdims=True)
+    radial = from_axis - np.outer(from_axis @ cylinder.direction, cylinder.direction)
+    normals: FloatArray = radial / np.linalg.norm(radial, axis=1, keepdims=True)
     return normals
 
 

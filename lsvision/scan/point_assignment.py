@@ -115,7 +115,7 @@ def fit_section_shifts(
     free_radius : bool
         Fit the common radius as well: a straight cylinder fitted to a bent tube has a wrong one.
     """
-    across, stds, offsets, _ = _point_distances(cloud, cylinder, rows)
+    lateral, stds, offsets, _ = _point_distances(cloud, cylinder, rows)
     sections, starts, counts = np.unique(
         cloud.point_sections[rows], return_index=True, return_counts=True
     )
@@ -124,7 +124,7 @@ def fit_section_shifts(
     # A short arc does not determine the shift along the arc; a prior of half a radius does.
     prior = np.eye(2) / (SHIFT_PRIOR_STD_RADII * radius) ** 2
     for _ in range(GAUSS_NEWTON_ITERATIONS):
-        from_centre = across - shifts[index].T
+        from_centre = lateral - shifts[index].T
         distances = np.hypot(*from_centre)
         jacobian = from_centre / distances / stds
         residuals = (distances - radius - offsets) / stds
@@ -146,7 +146,7 @@ def fit_section_shifts(
         shifts = shifts + step
         if max(np.abs(step).max(), abs(radius_step)) < MIN_STEP_MM:
             break
-    normalised = (np.hypot(*(across - shifts[index].T)) - radius - offsets) / stds
+    normalised = (np.hypot(*(lateral - shifts[index].T)) - radius - offsets) / stds
     chi2 = float(np.einsum("ki,kij,kj", shifts, np.linalg.inv(covariances), shifts))
     straight = Cylinder(cylinder.point, cylinder.direction, radius)
     return SectionShifts(straight, sections, shifts, chi2 / shifts.size, normalised)
@@ -181,9 +181,9 @@ def assign_points(
     near = np.flatnonzero(np.abs(cylinder.signed_distances(cloud.points)) < reach)
     if len(near) == 0:
         return near
-    across, stds, offsets, incidence_cosines = _point_distances(cloud, cylinder, near)
+    lateral, stds, offsets, incidence_cosines = _point_distances(cloud, cylinder, near)
     sections = cloud.point_sections[near]
-    normalised = (np.hypot(*(across - shifts[sections].T)) - cylinder.radius - offsets) / stds
+    normalised = (np.hypot(*(lateral - shifts[sections].T)) - cylinder.radius - offsets) / stds
     inliers = (np.abs(normalised) < settings.sigmas * noise_factor) & (
         incidence_cosines > settings.min_incidence_cosine
     )
@@ -203,7 +203,7 @@ def _point_distances(
 
     Returns
     -------
-    across : (2, n) ndarray
+    lateral : (2, n) ndarray
         Points from the axis, along e_phi and e_theta. Units: mm.
     stds, offsets : (n,) ndarray
         Standard deviation and expected value of ``distance - radius``. Units: mm.
@@ -214,11 +214,11 @@ def _point_distances(
     points, parameters = cloud.points[rows] @ frame.T, parameters_from_cylinder(frame, cylinder)
     covariances = rotate_covariances(cloud.covariances[rows], frame)
     stds, offsets, _ = distance_stds_and_biases(points, covariances, parameters)
-    across = (points[:, :2] - parameters[:2]).T
+    lateral = (points[:, :2] - parameters[:2]).T
     _, normals, _ = axis_distances(points, parameters)
     towards_sensor = cloud.towards_sensor[cloud.point_sections[rows]]
     incidence_cosines: FloatArray = (normals.T @ frame * towards_sensor).sum(axis=1)
-    return across, stds, offsets, incidence_cosines
+    return lateral, stds, offsets, incidence_cosines
 
 
 def _split_into_arcs(

@@ -128,9 +128,9 @@ def common_error_jacobian(
     columns = [np.zeros((len(cloud), 0))]
     if errors.feed_std > 0:
         feed, distances = feed_direction(cloud.poses)
-        across = np.linalg.svd(feed[None])[2][1:]
+        lateral = np.linalg.svd(feed[None])[2][1:]
         columns.append(
-            errors.feed_std * distances[cloud.point_sections][:, None] * (directions @ across.T)
+            errors.feed_std * distances[cloud.point_sections][:, None] * (directions @ lateral.T)
         )
     if errors.calibration is not None:
         flange_from_section = errors.calibration.flange_from_section

@@ -18,7 +18,8 @@ from lsvision.scan.scan_result import ScannedCylinder
 from lsvision.scan.shape_result import FormDeviation, SectionCentres, TubeShape
 
 PARAMETERS = 10
-"""Point (2) and direction (2) across the axis, radius; bow (2), taper (1), ovality (2)."""
+"""Point (2) and direction (2) perpendicular to the axis, radius; bow (2), taper (1), ovality
+(2)."""
 BOW, TAPER, OVALITY = slice(5, 7), slice(7, 8), slice(8, 10)
 """Positions of the deviations among the parameters; the radius is parameter 4."""
 MIN_SECTIONS = 3
@@ -187,9 +188,9 @@ def fit_section_centres(
         Mean radius of the tube. Units: mm.
     """
     sections, index = np.unique(point_sections, return_inverse=True)
-    across, along = points[:2], points[2]
-    centres, covariances = _fit_circles(across, stds, index, radius, free=2)
-    circles, circle_covariances = _fit_circles(across, stds, index, radius, free=3)
+    lateral, along = points[:2], points[2]
+    centres, covariances = _fit_circles(lateral, stds, index, radius, free=2)
+    circles, circle_covariances = _fit_circles(lateral, stds, index, radius, free=3)
     return SectionCentres(
         sections=sections,
         along=np.bincount(index, along) / np.bincount(index),
@@ -201,7 +202,7 @@ def fit_section_centres(
 
 
 def _fit_circles(
-    across: FloatArray, stds: FloatArray, index: IntArray, radius: float, *, free: int
+    lateral: FloatArray, stds: FloatArray, index: IntArray, radius: float, *, free: int
 ) -> tuple[FloatArray, FloatArray]:
     """Return (centre_1, centre_2, deviation from radius) of each section, and the covariances.
 
@@ -212,7 +213,7 @@ def _fit_circles(
     # The prior (std = radius) keeps a circle finite whose arc is too short to determine it.
     prior = np.eye(free) / radius**2
     for _ in range(GAUSS_NEWTON_ITERATIONS):
-        from_centre = across - circles[index, :2].T
+        from_centre = lateral - circles[index, :2].T
         distance = np.hypot(*from_centre)
         jacobian = np.column_stack([(from_centre / distance).T, np.ones(len(stds))])[:, :free]
         jacobian /= stds[:, None]

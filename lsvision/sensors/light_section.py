@@ -29,7 +29,7 @@ from lsvision.sensors.rig_file import read_rig, write_rig
 from lsvision.sensors.section_frame import section_pose
 
 ALONG_FRACTION = 0.05
-"""Standard deviation along the line over that across it. The column of a point is exact, but
+"""Standard deviation along the line over that along its normal. The column of a point is exact, but
 without an error along the line its weight at a steep flank would be infinite."""
 MIN_BASELINE_MM = 0.1
 """Smallest distance of the laser plane from the camera's centre: a plane through it shows no depth.
@@ -323,7 +323,10 @@ class LightSection(ComparedByValue):
 
 
 def _pixel_covariances(line: LaserLine) -> FloatArray:
-    """Covariance (n, 2, 2) of each point, across and along the line. Units: px^2."""
+    """Covariance (n, 2, 2) of each point, from its errors normal to and along the line.
+
+    Units: px^2.
+    """
     along_v = line.direction == "columns"
     fractions = (ALONG_FRACTION, 1.0) if along_v else (1.0, ALONG_FRACTION)
     covariances: FloatArray = line.std[:, None, None] ** 2 * np.diag(np.square(fractions))

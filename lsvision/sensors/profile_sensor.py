@@ -17,8 +17,8 @@ MIN_RANGE_FRACTION = 1e-3
 MAX_RANGE_MM = 1e12
 """Largest coordinate relative to the origin, against overflow at invalid points. Units: mm."""
 LATERAL_FRACTION = 0.05
-"""Standard deviation across the ray over that along it. The beam has a width, and without an error
-across the ray the weight of a point at a grazing flank would be infinite."""
+"""Standard deviation perpendicular to the ray over that along it. The beam has a width, and without
+a perpendicular error the weight of a point at a grazing flank would be infinite."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,10 +96,10 @@ class ProfileSensor:
         )
         std = self.range_std * (ranges / self.reference_range) ** 2
         along = rays * (std / ranges)[:, None]
-        across = (LATERAL_FRACTION * std) ** 2 + self.quantum**2 / 12
+        lateral = (LATERAL_FRACTION * std) ** 2 + self.quantum**2 / 12
         covariances: FloatArray = along[:, :, None] * along[:, None, :]
-        covariances[:, 0, 0] += across
-        covariances[:, 1, 1] += across
+        covariances[:, 0, 0] += lateral
+        covariances[:, 1, 1] += lateral
         return covariances
 
 

@@ -42,7 +42,8 @@ class BoardScene:
     twist : float
         Deviation t of the corners from flatness. Units: mm.
     corner_std, line_std : float
-        Standard deviation of a corner coordinate, and across the line. Units: px.
+        Standard deviation of a corner coordinate, and of a line point along the normal of the
+        line. Units: px.
     line_points : int
         Number of points of the line on each board.
     """
@@ -77,7 +78,7 @@ class SimulatedBoard:
     pixels : (n, 2) ndarray
         Image points of the corners, with noise. Units: px.
     line_pixels : (m, 2) ndarray
-        Image points of the laser line on the board, with noise across it. Units: px.
+        Image points of the laser line on the board, with noise along its normal. Units: px.
     camera_from_board : Pose
         True pose.
     """
@@ -130,12 +131,12 @@ def _measure(
     pixels = _project(scene, pose.apply(bent))
     line_pixels = _project(scene, pose.apply(line))
     along = np.gradient(line_pixels, axis=0)
-    across = np.column_stack([-along[:, 1], along[:, 0]]) / np.hypot(*along.T)[:, None]
+    normals = np.column_stack([-along[:, 1], along[:, 0]]) / np.hypot(*along.T)[:, None]
     errors = rng.normal(0, scene.line_std, (len(line), 1))
     return SimulatedBoard(
         corners,
         pixels + rng.normal(0, scene.corner_std, pixels.shape),
-        line_pixels + across * errors,
+        line_pixels + normals * errors,
         pose,
     )
 

@@ -167,7 +167,7 @@ class TargetMotion:
     sideways, depth : float
         Largest offset of the target along the section's X and Y. Units: mm.
     offset : float
-        Largest offset along Z, across the laser plane. Units: mm.
+        Largest offset along Z, normal to the laser plane. Units: mm.
     standoff : float
         Mean y of the target. Units: mm.
     """

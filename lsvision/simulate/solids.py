@@ -142,7 +142,7 @@ class Tube:
 def _circle_interval(
     start: FloatArray, ray: FloatArray, radius: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return where rays enter and leave an infinite tube, from their components across its axis."""
+    """Return where rays enter and leave an infinite tube, from components normal to its axis."""
     squared = np.einsum("ij,ij->i", ray, ray)
     half = np.einsum("ij,ij->i", start, ray)
     outside = np.einsum("ij,ij->i", start, start) - radius**2

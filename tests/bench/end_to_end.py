@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lsvision.cli.measure_files import AT_ONCE
+from lsvision.cli.measure_files import TASK_SIZE
 from lsvision.ellipse.section import compute_intervals
 from lsvision.measure import measure_cylinders
 from lsvision.profile import Profile
@@ -162,16 +162,16 @@ def intervals(_base, effort, _folder):
     for kind in ("single", "welded_pair"):
         profiles = [Profile(points) for points in points_of(effort.sections, kind)]
         measuring, alone, together = [], [], []
-        for start in range(0, len(profiles), AT_ONCE):
+        for start in range(0, len(profiles), TASK_SIZE):
             found = []
-            for profile in profiles[start : start + AT_ONCE]:
+            for profile in profiles[start : start + TASK_SIZE]:
                 measured, seconds = _timed(lambda p=profile: measure_cylinders(p))
                 measuring.append(seconds)
                 alone.append(_timed(lambda m=measured: compute_intervals(m.cylinders))[1])
                 found += [replace(each, fit=replace(each.fit)) for each in measured.cylinders]
             _, seconds = _timed(lambda f=found: compute_intervals(f))
-            together += [seconds / len(profiles[start : start + AT_ONCE])]
-        for how, times in (("", alone), (f", {AT_ONCE} profiles at once", together)):
+            together += [seconds / len(profiles[start : start + TASK_SIZE])]
+        for how, times in (("", alone), (f", {TASK_SIZE} profiles at once", together)):
             what = f"intervals of a profile{how} / its measurement, {kind}"
             note = f"{1e3 * np.median(times):.2f} and {1e3 * np.median(measuring):.2f} ms"
             yield Number(what, np.median(times) / np.median(measuring), high=1.0, note=note)

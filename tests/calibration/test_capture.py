@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from lsvision.calibration.capture_needs import missing_from
+from lsvision.calibration.capture_needs import missing_views
 from lsvision.calibration.capture_pairs import (
     CaptureSettings,
     CaptureState,
@@ -112,11 +112,11 @@ def view_of(tilt_x=0.0, tilt_y=0.0, distance=400.0, offset=(0.0, 0.0)):
 
 
 def test_without_a_view_only_their_number_is_missing():
-    assert missing_from([], 15) == ("15 more",)
+    assert missing_views([], 15) == ("15 more",)
 
 
 def test_one_frontal_view_lacks_sides_tilts_and_depth():
-    number, areas, tilts, depth = missing_from([view_of()], 15)
+    number, areas, tilts, depth = missing_views([view_of()], 15)
     assert number == "14 more"
     named = areas.removeprefix("board into the image's ").split(", ")
     assert len(named) == 8
@@ -143,7 +143,7 @@ def test_a_tilt_is_measured_by_the_side_that_is_nearer(tilts, left):
     side = ("right" if nearest[0] > 0 else "left") if "tilt_y" in tilts else (
         "lower" if nearest[1] > 0 else "upper")  # fmt: skip
     assert left == {"right", "left", "lower", "upper"} - {side}
-    text = next(text for text in missing_from([view], 1) if text.startswith("tilt"))
+    text = next(text for text in missing_views([view], 1) if text.startswith("tilt"))
     assert set(text.removeprefix("tilt with the ").split(" side")[0].split(", ")) == left
 
 
@@ -154,4 +154,4 @@ def test_a_full_set_lacks_nothing():
         for x, y in ((-75, -60), (75, -60), (-75, 60), (75, 60))
         for distance in (400.0, 500.0)
     ]
-    assert missing_from([*tilts, *moved], 12) == ()
+    assert missing_views([*tilts, *moved], 12) == ()

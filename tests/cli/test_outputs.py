@@ -143,7 +143,7 @@ def test_an_interrupted_run_keeps_what_was_measured(written, pipe, tmp_path, num
 
 def test_an_interrupted_file_keeps_its_measured_profiles(run, pipe, tmp_path, monkeypatch):
     """All but those that were to be computed together with the interrupted one."""
-    for name, value in {"AT_ONCE": 1, "MAX_SIZE_OF_SMALL": 0}.items():
+    for name, value in {"TASK_SIZE": 1, "MAX_SMALL_FILE_BYTES": 0}.items():
         monkeypatch.setattr(f"lsvision.cli.measure_files.{name}", value)
     np.save(tmp_path / "three.npy", np.stack([pipe, pipe, np.full_like(pipe, np.nan), pipe]))
     calls = []

@@ -14,7 +14,7 @@ from lsvision.errors import DegenerateGeometry
 from lsvision.inspection.decision import Decision
 from lsvision.inspection.job_tables import Part
 from lsvision.inspection.quantities import measure_quantity
-from lsvision.inspection.verdict import judged
+from lsvision.inspection.verdict import judge_quantity
 from lsvision.measure import measure_cylinders
 from lsvision.planning import section_bound
 from lsvision.simulate import TubeRanges, random_section
@@ -122,8 +122,8 @@ def outcome(cylinder, key, truth, ideal_std, rng):
     low, high = estimate.interval if estimate.determined else (-math.inf, math.inf)
     covered = min(high, truth + SIGMAS * std) - max(low, truth - SIGMAS * std)
     return Outcome(
-        false_ok=judged(estimate, bad, LEVEL).decision == Decision.OK,
-        false_ng=judged(estimate, good, LEVEL).decision == Decision.NG,
+        false_ok=judge_quantity(estimate, bad, LEVEL).decision == Decision.OK,
+        false_ng=judge_quantity(estimate, good, LEVEL).decision == Decision.NG,
         at_limit=int(high < truth) + int(low > truth),
         undecided=max(covered, 0.0) / (2 * SIGMAS * std),
         least=math.nan if ideal_std is None else MIN_UNDECIDED,

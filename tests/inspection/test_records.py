@@ -64,10 +64,10 @@ def test_a_file_that_only_grows_notices_what_was_changed(tmp_path):
     assert [record["number"] for record in read_records(path)] == [0, 1, 2]
     lines = path.read_text().splitlines()
     path.write_text("\n".join([lines[0].replace("0", "7", 1), *lines[1:]]))
-    with pytest.raises(UnreadableFile, match="line 2: what precedes it was changed"):
+    with pytest.raises(UnreadableFile, match="line 2: the line before it was changed or removed"):
         read_records(path)
     path.write_text("\n".join([lines[0], lines[2]]))
-    with pytest.raises(UnreadableFile, match="line 2: what precedes it was changed"):
+    with pytest.raises(UnreadableFile, match="line 2: the line before it was changed or removed"):
         append_record(path, {"number": 3})
     path.write_text("nothing\n")
     with pytest.raises(UnreadableFile, match="line 1: expected a record with the hash"):

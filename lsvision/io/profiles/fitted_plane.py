@@ -10,10 +10,10 @@ from lsvision.geometry import FloatArray, Plane, Pose
 from lsvision.sensors.section_frame import section_pose
 
 MAX_THICKNESS = 0.1
-"""Largest rms distance from the plane, relative to the rms extent of the points across their line:
-at 0.1, the plane of 100 points is determined to about 0.01 rad."""
+"""Largest rms distance from the plane, relative to the rms extent of the points normal to their
+line: at 0.1, the plane of 100 points is determined to about 0.01 rad."""
 MIN_EXTENT = 0.01
-"""Smallest rms extent across the line relative to that along it, below which the points are on a
+"""Smallest rms extent normal to the line relative to that along it, below which the points are on a
 line."""
 MIN_POINTS = 5
 MAX_COORDINATE_MM = 1e9

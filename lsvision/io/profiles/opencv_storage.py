@@ -25,24 +25,28 @@ from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.text_table import decode_text
 from lsvision.io.profiles.unit_statements import lost_statements, unit_statements
 
-_KEYS = (TRIPLES, "profile", "points", "line")
+_POINT_KEYS = (TRIPLES, "profile", "points", "line")
 _MIN_NUMBERS = 30  # a shorter list under another name may be a pose or a matrix
+# A key with a word as its value, such as "unit: um".
 _KEY_WORD = re.compile(r"^[A-Za-z_]\w*:\s*[^\[\s!]")
+# A key with a list that contains no other list.
 _FLAT_LIST = re.compile(r"^[ \t{]*\"?([A-Za-z_]\w*)\"?[ \t]*:\s*\[([^\[\]]*)\]", re.MULTILINE)
+# A list of numbers that would take the YAML parser too long.
 _LONG_LIST = re.compile(r"\[([^\[\]{}\"'#&*]{2000,})\]")
+# OpenCV's NaN and infinity, which are not JSON.
 _OPENCV_CONSTANT = re.compile(r"(?<=[\[,\s])[-+]?\.(?:Nan|Inf)(?=[\s,\]])", re.IGNORECASE)
 _MAX_XML_DEPTH = 16
 
 
 def read_opencv_storage(content: bytes, settings: ReadSettings) -> RawProfiles:
-    """Profile under the key ``scan_line`` (x, y, z after one another), or the first list there.
+    """Return the profile under the key ``scan_line`` (x, y, z in turn), or that of the first list.
 
-    Heights are taken to grow towards the sensor.
+    Heights are assumed to increase towards the sensor.
 
     Raises
     ------
     UnreadableFile
-        If the file cannot be parsed or there is no list of points in it.
+        If the file cannot be parsed or contains no list of points.
     """
     text = decode_text(content)
     columns = {
@@ -55,9 +59,9 @@ def read_opencv_storage(content: bytes, settings: ReadSettings) -> RawProfiles:
     # Long lists are split here: a YAML parser needs microseconds per number.
     lists = {key: body.split(",") for key, body in _FLAT_LIST.findall(text) if key != "data"}
     key = min(lists, key=_rank, default=None)
-    if key is not None and (key in _KEYS or len(lists[key]) >= _MIN_NUMBERS):
+    if key is not None and (key in _POINT_KEYS or len(lists[key]) >= _MIN_NUMBERS):
         values = numbers_from_cells(lists[key])
-        if key not in _KEYS and flat_width(key, values) is None:
+        if key not in _POINT_KEYS and flat_width(key, values) is None:
             raise UnreadableFile(
                 f"expected points with rising x under {key!r}, got {len(values)} numbers: write "
                 "scan_line: [x, y, z, ...] or lists x and z"
@@ -76,10 +80,12 @@ def _lines_of_words(text: str) -> list[str]:
 
 
 def _rank(key: str) -> int:
-    return _KEYS.index(key) if key in _KEYS else len(_KEYS)
+    """Return the rank of a key among those that may hold points; known names come first."""
+    return _POINT_KEYS.index(key) if key in _POINT_KEYS else len(_POINT_KEYS)
 
 
 def _first_node(text: str) -> tuple[str, FloatArray]:
+    """Return the key of lowest rank that holds points, and its numbers."""
     try:
         nodes = _parse(text)
     except ValueError as error:
@@ -89,7 +95,7 @@ def _first_node(text: str) -> tuple[str, FloatArray]:
     for key in sorted(nodes, key=_rank):
         values = _numbers(key, nodes[key])
         pairs = values.ndim == 2 and values.shape[1] == 2
-        if values.size and (key in _KEYS or pairs or values.size >= _MIN_NUMBERS):
+        if values.size and (key in _POINT_KEYS or pairs or values.size >= _MIN_NUMBERS):
             return key, values
     raise UnreadableFile(
         f"no list of points among its keys ({', '.join(nodes)[:200] or 'none'}): "
@@ -98,7 +104,7 @@ def _first_node(text: str) -> tuple[str, FloatArray]:
 
 
 def _parse(text: str) -> dict[str, Any]:
-    """Nodes under the root; a matrix is a mapping, long lists are lists of text.
+    """Return the nodes under the root; a matrix is a mapping, a long list a list of str.
 
     Raises
     ------
@@ -115,17 +121,20 @@ def _parse(text: str) -> dict[str, Any]:
 
         long_lists: list[list[str]] = []
 
-        def shorten(match: re.Match[str]) -> str:
+        def replace_by_placeholder(match: re.Match[str]) -> str:
             long_lists.append(match[1].split(","))
             return f"[\\long list {len(long_lists) - 1}]"
 
-        root = _with_long_lists(parse_yaml(_LONG_LIST.sub(shorten, text)), long_lists)
+        root = _with_long_lists(
+            parse_yaml(_LONG_LIST.sub(replace_by_placeholder, text)), long_lists
+        )
     if not isinstance(root, dict):
         raise ValueError(f"expected keys with values, got a {type(root).__name__}")
     return {str(key): value for key, value in root.items()}
 
 
 def _with_long_lists(node: Any, long_lists: list[list[str]]) -> Any:
+    """Return a parsed node in which the placeholders are replaced by the long lists."""
     if isinstance(node, dict):
         return {key: _with_long_lists(value, long_lists) for key, value in node.items()}
     if not isinstance(node, list):
@@ -148,7 +157,7 @@ def _from_xml(text: str) -> dict[str, Any]:
 
 
 class _ShallowTree(ElementTree.TreeBuilder):
-    """Builds a tree of limited depth."""
+    """Builder of an XML tree of limited depth."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -168,6 +177,7 @@ class _ShallowTree(ElementTree.TreeBuilder):
 
 
 def _xml_node(element: ElementTree.Element) -> Any:
+    """Return words for an element without children, a list for children ``_``, else a mapping."""
     children = list(element)
     if not children:
         return (element.text or "").split()
@@ -186,12 +196,13 @@ def _numbers(key: str, node: Any) -> FloatArray:
         if len({len(item) for item in node}) != 1:
             return np.empty(0)
         flat = [cell for item in node for cell in item]
-        rows = _cells(flat)
+        rows = _numbers_of_list(flat)
         return rows.reshape(len(node), -1) if rows.size else rows
-    return _cells(node)
+    return _numbers_of_list(node)
 
 
-def _cells(items: list[Any]) -> FloatArray:
+def _numbers_of_list(items: list[Any]) -> FloatArray:
+    """Return the numbers of a list; empty if an item is not a number."""
     if any(isinstance(item, list | Mapping | bool) or item is None for item in items):
         return np.empty(0)
     try:
