@@ -1,5 +1,6 @@
 """Options of the commands that extract a laser line from images."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
@@ -90,14 +91,37 @@ def parse_imaging(
     ------
     LsvisionError
         If the rig or the laser-off frame cannot be used; names the file.
+    typer.BadParameter
+        If an option of images is given without a rig.
     """
     if light_section is None:
+        _reject_image_options(line, laser_off, more)
         return None
     from lsvision.sensors.light_section import LightSection
 
     rig = LightSection.load(light_section)
     dark = read_laser_off(laser_off, rig.camera.size)
     return ImagingOptions(light_section=rig, line=line, laser_off=dark, **more)
+
+
+def _reject_image_options(
+    line: "LineSettings", laser_off: Path | None, more: Mapping[str, Any]
+) -> None:
+    """Require a rig for options that profiles do not have: else they would do nothing."""
+    given = {
+        "--laser": line.channel != "grey",
+        "--bayer": line.bayer,
+        "--method": line.method != "derivative",
+        "--laser-off": laser_off,
+        "--surface-std": more.get("surface_std"),
+        "--frames": more.get("frames"),
+    }
+    names = [name for name, value in given.items() if value]
+    if names:
+        raise typer.BadParameter(
+            f"expected --light-section RIG.json with {', '.join(names)}, got none: images need the "
+            "rig that took them (lsvision calibrate laser-plane makes one), profiles have no image"
+        )
 
 
 def read_laser_off(path: Path | None, size: tuple[int, int]) -> Any:

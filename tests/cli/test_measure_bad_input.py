@@ -69,6 +69,8 @@ def test_wrong_units_name_the_option(run, written, pipe):
     assert metres.exit_code == FAILED
     assert "see --units m, or --units mm if it is right" in one_line(metres)
     assert run("measure", written(pipe * 1000), "--units", "um").exit_code == 0
+    far = run("measure", written(2 * pipe), "--units", "inch").stdout
+    assert "mm: is the unit right (in)? see --units" in far
 
 
 def test_other_files_are_measured_and_the_failures_counted_at_the_end(run, written, pipe, tmp_path):

@@ -297,3 +297,13 @@ def test_real_stripes_are_found_and_daylight_has_none(run):
     for name in ("left01", "left09", "right05"):
         line = error_line(run("line", REAL / "opencv-samples" / f"{name}.jpg"))
         assert f"{name}.jpg: no laser line" in line
+
+
+@pytest.mark.parametrize(
+    "option",
+    [("--laser", "red"), ("--method", "steger"), ("--surface-std", 0.1), ("--frames", 3)],
+)
+def test_options_of_images_do_not_vanish_without_a_rig(run, written, pipe, option):
+    result = run("measure", written(pipe), *option)
+    assert result.exit_code == 2
+    assert f"expected --light-section RIG.json with {option[0]}, got none" in result.stderr

@@ -298,7 +298,8 @@ def in_section_frame(
     profiles = tuple(Profile(section, lost=()) for section in sections)
     named = tuple(dict.fromkeys(unit or "mm" for unit in (x_unit, height_unit)))
     extent = _extent(profiles)
-    unit_warnings = () if extent is None else _unit_warnings(*extent)
+    stated = "" if assumed else ", ".join(named)
+    unit_warnings = () if extent is None else _unit_warnings(*extent, stated)
     hints = () if extent is None else _hints(*extent, profiles, assumed=assumed)
     guessed = tuple(marker.note for marker in markers if marker.guessed)
     return ProfileFile(
@@ -338,16 +339,19 @@ def require_points(profiles: Sequence[Profile]) -> None:
         raise UnreadableFile("one valid point in it, no profile: check exposure, or --columns")
 
 
-def _unit_warnings(low: FloatArray, high: FloatArray) -> tuple[str, ...]:
+def _unit_warnings(low: FloatArray, high: FloatArray, stated: str) -> tuple[str, ...]:
+    """Return a remark on sizes that no sensor sees; where a unit is stated, it is questioned."""
     farthest = float(np.abs([low, high]).max())
     if farthest > _MAX_RANGE_MM:
         unit = next(
             (unit for unit in _FINER_UNITS if farthest * mm_per_unit(unit) < _USUAL_MM), "nm"
         )
-        return (f"coordinates reach {farthest:.3g} mm: another unit? see --units {unit}",)
-    if high[0] - low[0] < _NARROWEST_MM:
-        return (f"the profile is {high[0] - low[0]:.3g} mm wide: metres? see --units m",)
-    return ()
+        found, guess = f"coordinates reach {farthest:.3g} mm", f"another unit? see --units {unit}"
+    elif high[0] - low[0] < _NARROWEST_MM:
+        found, guess = f"the profile is {high[0] - low[0]:.3g} mm wide", "metres? see --units m"
+    else:
+        return ()
+    return (f"{found}: {f'is the unit right ({stated})? see --units' if stated else guess}",)
 
 
 def _hints(
