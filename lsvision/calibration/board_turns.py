@@ -111,7 +111,7 @@ class TurnedBoards:
 def turn_boards(
     camera_from_boards: Sequence[Pose], flanges: Sequence[Pose], turns: Sequence[Pose]
 ) -> TurnedBoards:
-    """Number the boards of all views from the same end, by the poses of the robot.
+    """Number the corners of the boards in all views from the same end, by the robot's poses.
 
     Parameters
     ----------

@@ -345,7 +345,7 @@ class HandEye(Result):
 
 
 def hand_eye_rows(hand_eye: HandEye) -> list[Row]:
-    """Rows of the sensor's pose with one sigma (rotation vector), and of its accuracy."""
+    """Return table rows of the sensor's pose (rotation vector) and its accuracy, with one sigma."""
     from scipy.spatial.transform import Rotation
 
     mount = "flange" if hand_eye.mounting == "eye_in_hand" else "base"
@@ -362,7 +362,7 @@ def hand_eye_rows(hand_eye: HandEye) -> list[Row]:
 
 
 def accuracy_rows(hand_eye: HandEye) -> list[Row]:
-    """Rows of the accuracy at the working point and of the residuals."""
+    """Return table rows of the accuracy at the working point and of the residuals."""
     x, y, z = (f"{value:.1f}" for value in hand_eye.working_point)
     rows: list[Row] = [
         (f"error at the working point ({x}, {y}, {z})", f"{hand_eye.working_point_std:.3f}", "mm"),

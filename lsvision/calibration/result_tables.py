@@ -17,7 +17,7 @@ Row = tuple[str, str, str]
 
 
 def cells_of_rows(rows: Sequence[Row]) -> list[tuple[str, ...]]:
-    """Cells of a table with its header."""
+    """Return the cells of a table, its header first."""
     return [("", "value", "unit"), *rows]
 
 
@@ -26,14 +26,14 @@ def rejection_lines(
     outliers: "Sequence[RejectedView]",
     warnings: Sequence[str],
 ) -> list[str]:
-    """Lines on rejected views, outlier views, and warnings."""
+    """Return the lines on rejected views, outlier views, and warnings."""
     lines = [f"left out: image {view.index}: {view.reason}" for view in rejected]
     lines += [f"fits badly: image {view.index}: {view.reason}" for view in outliers]
     return lines + [f"warning: {text}" for text in warnings]
 
 
 def camera_rows(calibration: "CameraCalibration") -> list[Row]:
-    """Intrinsics with one sigma."""
+    """Return table rows of the intrinsics, with one sigma."""
     rows: list[Row] = []
     for name, (value, std) in calibration.parameters.items():
         if std > 0:
@@ -43,7 +43,7 @@ def camera_rows(calibration: "CameraCalibration") -> list[Row]:
 
 
 def camera_record(calibration: "CameraCalibration") -> "Record":
-    """Intrinsics with their standard deviations, and residuals, ready for JSON."""
+    """Return the intrinsics with their standard deviations, and residuals, ready for JSON."""
     record: Record = {}
     for name, (value, std) in calibration.parameters.items():
         unit = "_px" if name in ("fx", "fy", "cx", "cy") else ""
@@ -58,7 +58,7 @@ def camera_record(calibration: "CameraCalibration") -> "Record":
 
 
 def camera_parameters(calibration: "CameraCalibration") -> dict[str, tuple[float, float]]:
-    """Value and standard deviation of fx, fy, cx, cy (px) and of each coefficient."""
+    """Return the value and standard deviation of fx, fy, cx, cy (px) and of each coefficient."""
     matrix = calibration.camera.matrix
     values = [
         matrix[0, 0],
@@ -72,7 +72,7 @@ def camera_parameters(calibration: "CameraCalibration") -> dict[str, tuple[float
 
 
 def laser_plane_rows(calibration: "LaserPlaneCalibration") -> list[Row]:
-    """The plane with one sigma, and residuals."""
+    """Return table rows of the plane, with one sigma, and of the residuals."""
     tilt_x, tilt_y, distance = (math.sqrt(value) for value in calibration.covariance.diagonal())
     normal = ", ".join(f"{value:.6f}" for value in calibration.plane.normal)
     rows: list[Row] = [
@@ -87,7 +87,7 @@ def laser_plane_rows(calibration: "LaserPlaneCalibration") -> list[Row]:
 
 
 def _bow_rows(calibration: "CameraCalibration | LaserPlaneCalibration") -> list[Row]:
-    """Bow and twist of the board with one sigma; none where they were not fitted."""
+    """Return table rows of the board's bow and twist, with one sigma, if they were fitted."""
     if not calibration.board_bow_std.any():
         return []
     names = ("bow along x", "bow along y", "twist")
@@ -98,7 +98,7 @@ def _bow_rows(calibration: "CameraCalibration | LaserPlaneCalibration") -> list[
 
 
 def laser_plane_record(calibration: "LaserPlaneCalibration") -> "Record":
-    """The plane with its standard deviations, and residuals, ready for JSON."""
+    """Return the plane with its standard deviations, and residuals, ready for JSON."""
     from lsvision.results.quantities import numbers
 
     tilt_x, tilt_y, distance = (math.sqrt(value) for value in calibration.covariance.diagonal())

@@ -124,7 +124,7 @@ class _Run:
     def measured(
         self, name: str, sources: Sequence[Path]
     ) -> "Iterator[tuple[str, int, Measurement | ScanMeasurement]]":
-        """Name, number and measurement of every profile, or of the scan that all of them make."""
+        """Yield name, number and measurement of each profile, or of the scan of all profiles."""
         from lsvision.inspection.measuring import measure_profile, measure_sections
 
         files = [
@@ -162,7 +162,7 @@ class _Run:
 def _groups(
     words: Sequence[str], suffixes: frozenset[str]
 ) -> tuple[list[tuple[str, list[Path]]], list[LsvisionError]]:
-    """Files in groups, one for each folder and one for all others; and arguments without a file."""
+    """Return groups of files, one per folder and one of all others, and the errors."""
     groups: list[tuple[str, list[Path]]] = []
     others = [word for word in words if not is_directory(word)]
     failures: list[LsvisionError] = []
@@ -214,7 +214,7 @@ def _judged(
 
 
 def _lines(each: "Inspected") -> list[str]:
-    """Printed text of a verdict."""
+    """Return the printed text of a verdict."""
     name = each.source if each.profile == 0 else f"{each.source}, profile {each.profile}"
     decision = str(each.verdict.decision)
     table = [f"  {line}" for line in str(each.verdict).splitlines() if line != decision]

@@ -102,7 +102,7 @@ def parse_search_range(text: str | None) -> float | tuple[float, float] | None:
 
 
 def parse_known_radius(text: str | None) -> float | tuple[float, float] | None:
-    """Prior of ``--known-radius``: a radius, or ``radius:std``. Units: mm."""
+    """Return the prior of ``--known-radius`` in mm, from ``radius`` or ``radius:std``."""
     if text is None:
         return None
     radius, std = _pair(text, "--known-radius 19 or --known-radius 19:0.05")
@@ -112,7 +112,7 @@ def parse_known_radius(text: str | None) -> float | tuple[float, float] | None:
 
 
 def parse_known_phi(text: str | None) -> float | tuple[float, float] | None:
-    """Prior of ``--known-phi-deg``: a tilt, or ``tilt:std``. Units: deg; returned in rad."""
+    """Return the prior of ``--known-phi-deg`` in rad, from ``tilt`` or ``tilt:std`` in deg."""
     if text is None:
         return None
     phi_deg, std_deg = _pair(text, "--known-phi-deg 0 or --known-phi-deg 0:2", "deg")
@@ -125,7 +125,7 @@ def parse_known_phi(text: str | None) -> float | tuple[float, float] | None:
 
 
 def _pair(text: str, expected: str, unit: str = "mm") -> tuple[float, float | None]:
-    """One finite number, or two with a colon between them."""
+    """Return one finite number, or two with a colon between them."""
     try:
         numbers = [float(part) for part in text.split(":")]
     except ValueError:

@@ -48,7 +48,7 @@ def command_group(name: str, summary: str) -> typer.Typer:
 
 
 def _options_of(group: Any) -> list[inspect.Parameter]:
-    """A keyword parameter for each field of a dataclass."""
+    """Return a keyword parameter for each field of a dataclass."""
     hints = get_type_hints(group, include_extras=True)
     return [
         inspect.Parameter(

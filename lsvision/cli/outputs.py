@@ -154,7 +154,7 @@ class Pictures:
 
 
 def _short(stem: str) -> str:
-    """A file's stem as printable text, short enough for the name of the picture."""
+    """Return the stem of a file's name as printable text, short enough for a picture's name."""
     return printable(stem).encode()[:MAX_STEM_BYTES].decode("utf-8", "ignore")
 
 
@@ -178,5 +178,5 @@ def _write_problem(place: Path) -> str | None:
 
 
 def _is_device(output: Path) -> bool:
-    """A terminal or pipe, as ``/dev/stdout``: written to directly."""
+    """Return whether a path is a terminal or a pipe, such as ``/dev/stdout``."""
     return exists(output) and not is_regular(output) and not is_directory(output)

@@ -108,7 +108,7 @@ def _settings(lost: float, jumps: float) -> "SectionSettings":
 
 
 def _range(text: str, option: str) -> tuple[float, float]:
-    """``19`` or ``10:40`` as (least, largest)."""
+    """Return (smallest, largest) of a range written as ``19`` or ``10:40``."""
     try:
         numbers = [float(part) for part in text.split(":")]
         least, largest = numbers if len(numbers) == 2 else (numbers[0], *numbers)

@@ -127,7 +127,7 @@ def _measured(
     reference: float,
     measuring: "Callable[[Profile], Measurement]",
 ) -> tuple[list[float], list[float]]:
-    """Value and sigma of every profile, in mm or deg."""
+    """Return the value and sigma of every profile, in mm or deg."""
     sources, missing = find_sources(words)
     if missing:
         raise missing[0]
@@ -146,7 +146,7 @@ def _measured(
 
 
 def _read_crossed(path: Path, value: str, part: str, operator: str) -> "FloatArray":
-    """(parts, operators, trials) table of a balanced study."""
+    """Return the table of a balanced study, (parts, operators, trials)."""
     import numpy as np
 
     from lsvision.files.limited_reading import read_text

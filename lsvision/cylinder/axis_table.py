@@ -21,7 +21,7 @@ COVARIANCE_ORDER = "point along e_phi, e_theta (mm), direction along them (rad),
 
 
 def axis_cells(fit: "CylinderFit") -> tuple[str, ...]:
-    """Cells under `AXIS_HEADER`, each number with one sigma."""
+    """Return the row of a cylinder, with the columns of `AXIS_HEADER`; numbers with one sigma."""
     places, point_places = decimals_for(fit.direction_std), decimals_for(fit.position_std)
     return (
         format_value(fit.radius, fit.radius_std),
@@ -33,7 +33,7 @@ def axis_cells(fit: "CylinderFit") -> tuple[str, ...]:
 
 
 def axis_record(fit: "CylinderFit") -> Record:
-    """Axis, radius and covariance, ready for JSON; lengths in mm, angles in deg."""
+    """Return the axis, radius and covariance, ready for JSON; lengths in mm, angles in deg."""
     return {
         "point_mm": numbers(fit.point),
         "position_std_mm": fit.position_std,
@@ -47,7 +47,7 @@ def axis_record(fit: "CylinderFit") -> Record:
 
 
 def axis_row(record: Record, interval: Sequence[float]) -> Record:
-    """Columns of a data frame: radius with its interval, point and direction by component."""
+    """Return the columns of a data frame: radius with its interval, point and direction."""
     x, y, z = record["point_mm"]
     u, v, w = record["direction"]
     low, high = interval

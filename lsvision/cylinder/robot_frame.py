@@ -167,7 +167,7 @@ class PlacedCylinder(WithCylinder, Result):
 
 
 def placed_cells(cylinder: PlacedCylinder) -> tuple[str, ...]:
-    """Cells under `PLACED_HEADER`, each number with one sigma beside it."""
+    """Return the row of a cylinder, with the columns of `PLACED_HEADER`; numbers with one sigma."""
     stds = [float(std) for std in cylinder.point_std]
     places = decimals_for(cylinder.direction_std)
     return (

@@ -26,7 +26,7 @@ MAX_BINS = 30
 
 
 def draw_series(series: Series) -> Figure:
-    """Trend and histogram of a quantity against its limits.
+    """Draw the trend and the histogram of a quantity, with its limits.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def _draw_trend(axes: Axes, series: Series) -> None:
 
 
 def draw_judged_profile(measurement: Measurement, verdict: Verdict) -> Figure | None:
-    """A profile with its ellipses, and the limits of each part's radius as dashed ellipses.
+    """Draw a profile with its ellipses; dashed ellipses show the limits of each part's radius.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def draw_judged_profile(measurement: Measurement, verdict: Verdict) -> Figure | 
 
 
 def _draw_limit(axes: Axes, ellipse: Ellipse, radius: float) -> None:
-    """The ellipse as it would be with another radius of the cylinder."""
+    """Draw the ellipse that a cylinder of another radius would have."""
     factor = radius / ellipse.semi_minor
     outline = ellipse.points_at(np.linspace(0, 2 * math.pi, 181))
     scaled = np.add(ellipse.centre, factor * (outline - ellipse.centre))

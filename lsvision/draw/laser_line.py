@@ -152,7 +152,7 @@ def _draw_points(axes: Axes, points: Points, saturated: BoolArray) -> None:
 
 
 def _curves(line: LaserLine) -> tuple[tuple[str, FloatArray], ...]:
-    """Curve of the line: name with unit, and a value for each point."""
+    """Return the curves along the line: name with unit, and a value for each point."""
     return (
         ("std / px", line.std),
         ("width / px (1 sigma)", line.width),

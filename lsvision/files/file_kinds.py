@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def status_of(path: str | os.PathLike[str]) -> os.stat_result | None:
-    """Status of a file, links followed.
+    """Return the status of a file, following links.
 
     Returns
     -------
@@ -39,7 +39,7 @@ def is_regular(path: str | os.PathLike[str]) -> bool:
 
 
 def natural_order(path: Path) -> list[tuple[bool, int, str]]:
-    """Key to sort paths by: runs of digits by their value, the rest by its letters.
+    """Return a sorting key for paths: digits count by their value, other text by its letters.
 
     Examples
     --------

@@ -58,7 +58,7 @@ def size_limit(limit: int) -> Iterator[None]:
 
 
 def current_size_limit() -> int:
-    """Largest size of a file, and of what is unpacked from it, that is read. Units: bytes."""
+    """Return the size limit of files, and of the data unpacked from them. Units: bytes."""
     return _limit.get()
 
 

@@ -139,7 +139,7 @@ def _table_of(values: Any) -> FloatArray:
 
 
 def _table_of_frame(frame: Any) -> FloatArray:
-    """Columns x and height of a data frame."""
+    """Return the columns x and height of a data frame."""
     labels = list(frame.columns)
     by_name = {str(label).strip().lower(): label for label in reversed(labels)}
     x = next((by_name[name] for name in X_COLUMNS if name in by_name), None)
@@ -174,7 +174,7 @@ def _hint(shape: tuple[int, ...]) -> str:
 
 
 def _shown(value: Any) -> str:
-    """A value as messages show it: short ones whole, else type and shape."""
+    """Return a value as text for a message: short values completely, others by type and shape."""
     text = repr(value)
     if len(text) <= 40 and "\n" not in text:
         return f"{type(value).__name__} {text}"

@@ -53,7 +53,7 @@ def _equal(one: Any, other: Any) -> bool:
 
 
 def _key(value: Any) -> Hashable:
-    """A hashable representation; equal for equal values."""
+    """Return a hashable representation; equal for equal values."""
     if isinstance(value, np.ndarray):
         # -0.0 and 0.0, and NaN of different bits, are equal but differ in their bytes.
         return value.shape, (np.nan_to_num(value.astype(np.complex128)) + 0.0).tobytes()

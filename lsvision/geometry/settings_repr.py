@@ -25,7 +25,7 @@ class ShowsChanges:
 
 
 def _changes(settings: Any) -> str:
-    """``Name(field=value)``, and so for settings within settings."""
+    """Return ``Name(field=value)`` with the fields that are not defaults, and so nested ones."""
     shown = []
     for field in fields(settings):
         value = getattr(settings, field.name)

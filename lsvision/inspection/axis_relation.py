@@ -93,7 +93,7 @@ def relate_axes(
 
 
 def angle_between(fit: CylinderFit, direction: FloatArray) -> Length:
-    """Angle between an axis, in either sense, and an exact direction. Units: rad."""
+    """Return the angle between an axis, in either sense, and an exact direction. Units: rad."""
     unit = direction / np.linalg.norm(direction)
     unit = unit if unit @ fit.direction >= 0 else -unit
     perpendicular = unit - (unit @ fit.direction) * fit.direction
@@ -148,7 +148,7 @@ class _Pair:
         return unit
 
     def _moved(self, step: FloatArray) -> list[tuple[FloatArray, FloatArray, float]]:
-        """Point, direction and radius of both after a change of their parameters."""
+        """Return point, direction and radius of both cylinders for changed parameters."""
         moved = []
         for fit, part in ((self.first, step[:5]), (self.second, step[5:])):
             basis = fit.tangent_basis
@@ -158,7 +158,7 @@ class _Pair:
         return moved
 
     def foot_points(self, step: FloatArray) -> FloatArray:
-        """(2, 3) points of both axes: of the nearest approach, or at unchanged positions."""
+        """Return a point of each axis, (2, 3): of the common perpendicular, or fixed ones."""
         moved, along = self._moved(step), self.along
         if self.crossing:
             along = _nearest_approach(moved[0][:2], moved[1][:2]) or along
@@ -167,7 +167,7 @@ class _Pair:
         )
 
     def values(self, step: FloatArray, up: FloatArray | None) -> FloatArray:
-        """(12,) offset (2), angle (2), gap, flush, seam point (3) and direction (3)."""
+        """Return (12,): offset (2), angle (2), gap, flush, seam point (3) and direction (3)."""
         (_, u, r), (_, v, t) = self._moved(step)
         v = self.sign * v
         foot, other = self.foot_points(step)
@@ -182,7 +182,7 @@ class _Pair:
         return np.concatenate([offset, self._angle(u, v), [distance - r - t, flush], seam, mean])
 
     def _angle(self, u: FloatArray, v: FloatArray) -> FloatArray:
-        """(2,) rotation from the first axis to the second, in the plane perpendicular to both."""
+        """Return the (2,) rotation from the first axis to the second, normal to both."""
         sine = np.cross(u, v)
         length = float(np.linalg.norm(sine))
         angle = math.atan2(length, float(u @ v))
@@ -192,20 +192,20 @@ class _Pair:
 
 
 def _plane_across(direction: FloatArray) -> FloatArray:
-    """(2, 3) unit vectors perpendicular to a direction."""
+    """Return two unit vectors perpendicular to a direction, (2, 3)."""
     rows: FloatArray = np.linalg.svd(direction[None])[2][1:]
     return rows
 
 
 def _crest(direction: FloatArray, radius: float, up: FloatArray) -> float:
-    """Height of a cylinder's crest over its axis along `up`."""
+    """Return the height of a cylinder's crest over its axis along `up`."""
     return radius * math.sqrt(max(1 - float(direction @ up) ** 2, 0.0))
 
 
 def _nearest_approach(
     first: tuple[FloatArray, FloatArray], second: tuple[FloatArray, FloatArray]
 ) -> Range | None:
-    """Positions of the line of nearest approach along both axes; None if they are parallel."""
+    """Return the positions of the common perpendicular on both axes; None if parallel."""
     (point, u), (other, v) = first, second
     cosine = float(u @ v)
     square = 1 - cosine**2
@@ -217,7 +217,7 @@ def _nearest_approach(
 
 
 def _common_middle(first: ObservedCylinder, second: ObservedCylinder, sign: float) -> Range:
-    """Positions along both axes in the middle of the length that both are seen along.
+    """Return the positions on both axes in the middle of their common observed length.
 
     Where they are seen along different lengths, it is the middle between those.
     """

@@ -17,7 +17,7 @@ KEYS = ("light_section", "flange_from_section")
 
 
 def calibration_files(job: Job, job_path: Path) -> dict[str, dict[str, str | None]]:
-    """File, date and hash of each calibration file of a job, by its key.
+    """Return the file, date and hash of each calibration file of a job, by its key.
 
     Parameters
     ----------
@@ -55,14 +55,14 @@ def calibration_files(job: Job, job_path: Path) -> dict[str, dict[str, str | Non
 def calibration_age_days(
     files: Mapping[str, Mapping[str, str | None]], now: datetime.datetime
 ) -> float | None:
-    """Age of the oldest calibration; None where no file has a date."""
+    """Return the age of the oldest calibration in days; None if no file has a date."""
     dates = [file["date"] for file in files.values() if file["date"]]
     ages = [now - datetime.datetime.fromisoformat(date) for date in dates if date]
     return max((age.total_seconds() / 86400 for age in ages), default=None)
 
 
 def _date(content: bytes) -> str | None:
-    """Date in the provenance of a calibration file; None where there is none."""
+    """Return the date in the provenance of a calibration file; None if there is none."""
     try:
         date = parse_json(content.decode())["provenance"]["date"]
         datetime.datetime.fromisoformat(date)

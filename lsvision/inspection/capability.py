@@ -111,7 +111,7 @@ def capability(
 
 
 def binomial_interval(hits: int, count: int, level: float = 0.95) -> tuple[float, float]:
-    """Confidence interval of a probability from counts, after Clopper and Pearson.
+    """Return the confidence interval of a probability from counts, after Clopper and Pearson.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ _SEVERITY = {Decision.OK: 0, Decision.UNDECIDED: 1, Decision.NG: 2}
 
 
 def worst(decisions: Iterable[Decision]) -> Decision:
-    """The worst of several decisions: NG, then undecided, then OK; OK if there are none."""
+    """Return the worst of several decisions (NG, then undecided, then OK); OK if there are none."""
     return max(decisions, key=_SEVERITY.__getitem__, default=Decision.OK)
 
 

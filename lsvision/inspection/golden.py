@@ -16,7 +16,7 @@ SUFFIX = ".golden.jsonl"
 
 
 def golden_path(job: Job, job_path: Path) -> Path:
-    """Path of the log of the golden part: that in the job, else beside the job file."""
+    """Return the path of the golden part's log: that of the job, else one beside the job file."""
     if job.golden is not None and job.golden.log is not None:
         return job_path.parent / job.golden.log
     return job_path.with_name(job_path.name + SUFFIX)
@@ -69,7 +69,7 @@ def check_golden(
 
 
 def golden_block(job: Job, log: Sequence[Record], now: datetime.datetime) -> str:
-    """Reason why the golden part forbids any decision now; empty if it does not.
+    """Return the reason why the golden part forbids a decision; empty if it does not.
 
     Parameters
     ----------

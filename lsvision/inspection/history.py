@@ -13,7 +13,7 @@ SUFFIX = ".history.jsonl"
 
 
 def history_path(job_path: Path) -> Path:
-    """Path of the history of a job file: beside it."""
+    """Return the path of the history of a job file, which is beside it."""
     return job_path.with_name(job_path.name + SUFFIX)
 
 

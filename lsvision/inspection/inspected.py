@@ -130,7 +130,7 @@ def count_verdicts(inspected: Sequence[Inspected]) -> list[VerdictCount]:
 
 
 def series_of(inspected: Sequence[Inspected]) -> list[Series]:
-    """Every quantity in all measurements, in the order of the job."""
+    """Return the series of every quantity over all measurements, in the order of the job."""
     found: dict[tuple[str, str], list[int]] = {}
     judged = [
         (item.name, quantity, number)

@@ -191,7 +191,7 @@ class Job(JobTable):
 
 
 def _claims(parts: tuple[Part, ...]) -> list[tuple[Location, str]]:
-    """Mistakes of parts with the same cylinder, or the same name."""
+    """Return the mistakes of parts that claim the same cylinder or have the same name."""
     mistakes: list[tuple[Location, str]] = []
     for (_, first), (number, second) in itertools.combinations(enumerate(parts), 2):
         where = ("part", number)
@@ -217,7 +217,7 @@ def _claims(parts: tuple[Part, ...]) -> list[tuple[Location, str]]:
 
 
 def _overlap(first: Part, second: Part) -> bool:
-    """Whether the windows of both parts overlap."""
+    """Return whether the windows of both parts overlap."""
     everywhere = (float("-inf"), float("inf"))
     for axis in "xyz":
         low_1, high_1 = first.windows.get(axis, everywhere)
@@ -228,7 +228,7 @@ def _overlap(first: Part, second: Part) -> bool:
 
 
 def _unknown_parts(job: Job) -> list[tuple[Location, str]]:
-    """Mistakes of relations that name unknown parts."""
+    """Return the mistakes of relations that name unknown parts."""
     names = [part.name for part in job.parts]
     mistakes: list[tuple[Location, str]] = []
     for number, relation in enumerate(job.relations):
@@ -245,7 +245,7 @@ def _unknown_parts(job: Job) -> list[tuple[Location, str]]:
 
 
 def _newer_schema(values: dict[str, Any], text: str) -> list[Mistake]:
-    """The mistake of a job that a newer version wrote; its other keys would only confuse."""
+    """Return the mistake of a job that was written by a newer version; others are not reported."""
     version = values.get("schema", SCHEMA)
     if not isinstance(version, int) or version <= SCHEMA:
         return []

@@ -61,7 +61,7 @@ class MistakesError(ValueError):
 
 
 def syntax_mistake(error: tomllib.TOMLDecodeError) -> Mistake:
-    """The mistake of a text that is not TOML."""
+    """Return the mistake of a text that is not TOML."""
     message = str(error)
     found = _POSITION.search(message)
     words = _POSITION.sub("", message)
@@ -69,7 +69,7 @@ def syntax_mistake(error: tomllib.TOMLDecodeError) -> Mistake:
 
 
 def describe_mistakes(error: ValidationError, text: str, model: type[BaseModel]) -> list[Mistake]:
-    """All mistakes of a job, in the order of its lines.
+    """Return all mistakes of a job, in the order of its lines.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def describe_mistakes(error: ValidationError, text: str, model: type[BaseModel])
 
 
 def line_of(where: Location, text: str) -> int | None:
-    r"""Line of a key, or of the nearest table around it; None without either.
+    r"""Return the line number of a key, or of the nearest table around it; None without either.
 
     Examples
     --------
@@ -114,7 +114,7 @@ def _line(where: Location, lines: dict[Location, int]) -> int | None:
 
 
 def _lines_of_keys(text: str) -> dict[Location, int]:
-    """Line of every table and key."""
+    """Return the line number of every table and key."""
     lines: dict[Location, int] = {}
     table: Location = ()
     counts: dict[Location, int] = {}
@@ -136,12 +136,12 @@ def _names(dotted: str) -> Location:
 
 
 def _without_variants(where: Location) -> Location:
-    """A location without pydantic's names of the variants of a union."""
+    """Return a location without the names that pydantic gives to variants of a union."""
     return tuple(part for part in where if not (isinstance(part, str) and _VARIANT.match(part)))
 
 
 def _message(where: Location, detail: Any, model: type[BaseModel]) -> str:
-    """What was expected, what was found, and the remedy, in the words of the job file."""
+    """Return what was expected, what was found, and the remedy, in the words of the job file."""
     key = next((str(part) for part in reversed(where) if isinstance(part, str)), "the job")
     kind, got = detail["type"], _shown(detail["input"])
     if kind == "missing":
@@ -157,7 +157,7 @@ def _message(where: Location, detail: Any, model: type[BaseModel]) -> str:
 
 
 def _path(where: Location) -> str:
-    """As ``part 1, radius_mm``: tables of a list are counted from 1."""
+    """Return a location as text, such as ``part 1, radius_mm``; tables of a list count from 1."""
     words: list[str] = []
     for part in where:
         if isinstance(part, int) and words:
@@ -177,7 +177,7 @@ def _unknown_key(key: str, where: Location, known: list[str]) -> str:
 
 
 def known_keys(where: Location, model: type[BaseModel]) -> list[str]:
-    """Keys that the table around a location may have."""
+    """Return the keys that are allowed in the table around a location."""
     for part in where[:-1]:
         if isinstance(part, str):
             field = next(
@@ -191,7 +191,7 @@ def known_keys(where: Location, model: type[BaseModel]) -> list[str]:
 
 
 def _model_in(annotation: Any) -> type[BaseModel] | None:
-    """The table within ``Table | None`` or ``tuple[Table, ...]``."""
+    """Return the table class in ``Table | None`` or ``tuple[Table, ...]``."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     for part in getattr(annotation, "__args__", ()):

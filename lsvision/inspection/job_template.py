@@ -102,7 +102,7 @@ def job_text(name: str, cylinders: Sequence[CylinderSection], tolerance: float) 
 
 
 def _windows(cylinders: Sequence[CylinderSection]) -> list[tuple[float, float]]:
-    """Windows of x that end in the middle between neighbours, the outer ones a radius away."""
+    """Return windows of x bounded midway between neighbours, the outer ones by a radius."""
     places = [cylinder.centre[0] for cylinder in cylinders]
     between = [round((a + b) / 2, 1) for a, b in itertools.pairwise(places)]
     first = round(places[0] - cylinders[0].radius, 1)

@@ -128,7 +128,7 @@ def _provenance(job: Job, calibration: Mapping[str, Mapping[str, str | None]]) -
 
 
 def _as_part(cylinder: CylinderOfJob, part: Part) -> CylinderOfJob:
-    """The cylinder with the part's known radius as a prior, where it has one."""
+    """Return the cylinder with the part's known radius as a prior, if it has one."""
     if part.known_radius_mm is None:
         return cylinder
     if not isinstance(cylinder, CylinderSection):
@@ -152,7 +152,7 @@ def _judge_part(cylinder: CylinderOfJob, part: Part, job: Job, index: int) -> It
 
 
 def _judged(estimate: Estimate, key: str, limits: tuple[float, float], job: Job) -> QuantityVerdict:
-    """The verdict of a quantity with the job's extra uncertainty; theta is near its limits."""
+    """Return the verdict of a quantity, including the job's extra uncertainty."""
     level, extra = job.decision.level, job.extra_std(key)
     estimate = replace(
         estimate,
@@ -167,7 +167,7 @@ def _judged(estimate: Estimate, key: str, limits: tuple[float, float], job: Job)
 def _judged_direction(
     estimate: Estimate, limits: tuple[float, float], level: float
 ) -> QuantityVerdict:
-    """The verdict of an angle that is the same after half a turn."""
+    """Return the verdict of an angle with a period of half a turn."""
     turns = round((sum(limits) / 2 - estimate.value) / HALF_TURN_DEG)
     shift = turns * HALF_TURN_DEG
     low, high = (end + shift for end in estimate.interval)
@@ -206,7 +206,7 @@ def _judge_relation(
 def _missing(
     part: Part, measurement: Measurement | ScanMeasurement, matching: Matching
 ) -> ItemVerdict:
-    """A part without a cylinder: NG, or undecided if it was seen and is not determinable."""
+    """Return the verdict of a missing part: NG, or undecided if its radius was not determinable."""
     if part.name in matching.owners:
         reason = f"the only cylinder there is assigned to {matching.owners[part.name]!r}"
         return ItemVerdict(part.name, decided=Decision.UNDECIDED, reason=reason)
@@ -220,7 +220,7 @@ def _missing(
 
 
 def _rejections_at(part: Part, measurement: Measurement | ScanMeasurement) -> list[str]:
-    """Reasons of the arcs rejected where the part should be, the longest arc first.
+    """Return the reasons of the arcs rejected where the part should be, the longest arc first.
 
     Everywhere, if the part has no place, or the places of the arcs are not known.
     """
@@ -251,7 +251,7 @@ def _additional(matching: Matching, cylinders: Sequence[CylinderOfJob]) -> list[
 def _exchanged(
     parts: Sequence[ItemVerdict], cylinders: Mapping[str, CylinderOfJob], job: Job
 ) -> list[str]:
-    """Pairs of parts of which each would fit the other's limits of size and not its own."""
+    """Return the pairs of parts of which each fits only the other's limits of size."""
 
     def fits(name: str, limits_of: str) -> bool:
         part = job.part(limits_of)
@@ -276,7 +276,7 @@ def _exchanged(
 
 
 def _blocked(verdict: Verdict, reason: str) -> Verdict:
-    """The verdict with every decision undecided, and the reason."""
+    """Return the verdict with every decision undecided, for the reason that is given."""
 
     def opened(item: ItemVerdict) -> ItemVerdict:
         return replace(item, decided=Decision.UNDECIDED, reason=reason)

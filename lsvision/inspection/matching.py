@@ -65,14 +65,14 @@ def match_parts(parts: Sequence[Part], cylinders: Sequence[CylinderOfJob]) -> Ma
 
 
 def position_of(cylinder: CylinderOfJob) -> tuple[float, ...]:
-    """Centre in the section, or point of the axis in the base frame. Units: mm."""
+    """Return the centre in the section, or a point of the axis in the base frame. Units: mm."""
     position = getattr(cylinder, "centre", None)
     return tuple(map(float, cylinder.point if position is None else position))  # type: ignore[union-attr]
     # a ScannedCylinder has no centre
 
 
 def lies_in_windows(part: Part, position: Sequence[float]) -> bool:
-    """Whether a position lies in all windows of a part; windows of missing axes are ignored."""
+    """Return whether a position is in the part's windows of all axes that the position has."""
     return all(
         low <= coordinate <= high
         for axis, (low, high) in part.windows.items()

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def sensor_of(job: Job) -> NoiseModel | None:
-    """The noise model that the job names or describes; None without."""
+    """Return the noise model that the job names or describes; None if it does neither."""
     measure = job.measure
     if measure.sensor is not None:
         return find_sensor(measure.sensor)

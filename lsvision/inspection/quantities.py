@@ -75,7 +75,7 @@ def _of_section(section: CylinderSection, part: Part, key: str, level: float) ->
 
 
 def _of_scan(tube: ScannedCylinder, part: Part, key: str) -> Uncertain:
-    """The quantity in mm, rad, mm/m or percent."""
+    """Return a quantity of a scanned cylinder in mm, rad, mm/m or percent."""
     fit = tube.fit
     if key in ("radius_mm", "diameter_mm"):
         factor = 2.0 if key == "diameter_mm" else 1.0
@@ -91,7 +91,7 @@ def _of_scan(tube: ScannedCylinder, part: Part, key: str) -> Uncertain:
 
 
 def _position(tube: ScannedCylinder, part: Part, key: str) -> Uncertain:
-    """Position of the axis: its distance from the nominal point, or a coordinate of it."""
+    """Return the distance of the axis from the nominal point, or a coordinate of the axis."""
     near = tube.point if part.nominal_point_mm is None else np.array(part.nominal_point_mm)
     fit = tube.fit.with_reference_point(near)
     basis, covariance = fit.tangent_basis, fit.covariance[:2, :2]

@@ -61,7 +61,7 @@ class Seam(ComparedByValue):
         return math.sqrt(float(self.point_covariance.trace()))
 
     def to_record(self) -> Record:
-        """Points, direction and their uncertainties, ready for JSON."""
+        """Return the points, direction and their uncertainties, ready for JSON."""
         return {
             "points_mm": [numbers(point) for point in self.points],
             "seam_point_mm": numbers(self.point),
@@ -221,7 +221,7 @@ class Relation(Result):
 
 
 def format_point(point: FloatArray) -> str:
-    """Three coordinates as a table shows them.
+    """Return three coordinates as text for a table.
 
     Examples
     --------

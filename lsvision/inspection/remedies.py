@@ -117,7 +117,7 @@ def _remedy(item: str, verdict: QuantityVerdict, section: CylinderSection, job: 
 
 
 def _scale(section: CylinderSection) -> float:
-    """Measured uncertainty of the radius over the planned one of one section, at least 1."""
+    """Return the ratio of measured to planned radius uncertainty of a section, at least 1."""
     planned = plan_section(
         section.radius, section.theta, section.phi, view=_view(section)
     ).radius_std
@@ -138,7 +138,7 @@ def _planned(section: CylinderSection, key: str, sections: int) -> float:
 
 
 def _view(section: CylinderSection) -> SensorView:
-    """The view in which the section was measured: its noise, pitch and position."""
+    """Return the view in which the section was measured: its noise, pitch and position."""
     problem = section.fit.problem
     noise = float(np.median(problem.stds)) * math.sqrt(section.fit.variance_factor)
     x, y = section.centre

@@ -72,7 +72,7 @@ class AngleOfSections:
         return math.hypot(self.first.phi_std, self.second.phi_std)
 
     def interval(self, level: float) -> tuple[float, float]:
-        """From the least to the largest angle that the intervals of both tilts allow.
+        """Return the smallest and largest angle that the intervals of both tilts allow.
 
         |phi_1 - phi_2| <= angle <= phi_1 + phi_2, whatever both directions are; each tilt is
         taken at the level (1 + level) / 2, so that both contain the true tilts with that of
@@ -85,7 +85,7 @@ class AngleOfSections:
 
 
 def _reach(section: CylinderSection, direction: FloatArray) -> tuple[float, FloatArray]:
-    """Reach of an ellipse from its centre along a unit vector, and its gradient by m, p, q.
+    """Return the support function of an ellipse along a unit vector, and its gradient by m, p, q.
 
     With the ellipse c + E w, E = [[m + p, q], [q, m - p]], it is |E n|.
     """
@@ -98,7 +98,7 @@ def _reach(section: CylinderSection, direction: FloatArray) -> tuple[float, Floa
 
 
 def _separation(first: CylinderSection, second: CylinderSection, direction: FloatArray) -> Scalar:
-    """Distance between both ellipses along a direction from the first to the second."""
+    """Return the distance between both ellipses along a direction from the first to the second."""
     (reach_1, by_1), (reach_2, by_2) = _reach(first, direction), _reach(second, direction)
     offset = float(np.subtract(second.centre, first.centre) @ direction)
     gradients = np.concatenate([-direction, -by_1]), np.concatenate([direction, -by_2])
@@ -106,7 +106,7 @@ def _separation(first: CylinderSection, second: CylinderSection, direction: Floa
 
 
 def _height(first: CylinderSection, second: CylinderSection) -> Scalar:
-    """Height of the crest of the second ellipse over that of the first."""
+    """Return the height of the crest of the second ellipse over that of the first."""
     (reach_1, by_1), (reach_2, by_2) = _reach(first, UP), _reach(second, UP)
     gradients = np.concatenate([-UP, -by_1]), np.concatenate([UP, by_2])
     height = second.centre[1] + reach_2 - first.centre[1] - reach_1
@@ -116,7 +116,7 @@ def _height(first: CylinderSection, second: CylinderSection) -> Scalar:
 def _std(
     gradients: tuple[FloatArray, FloatArray], sections: tuple[CylinderSection, CylinderSection]
 ) -> float:
-    """Standard uncertainty of a quantity by its gradients for the parameters of both fits."""
+    """Return the std of a quantity from its gradients by the parameters of both fits."""
     variance = sum(
         float(gradient @ each.fit.parameter_covariance @ gradient)
         for gradient, each in zip(gradients, sections, strict=True)
@@ -125,7 +125,7 @@ def _std(
 
 
 def _direction_of_gap(first: CylinderSection, second: CylinderSection) -> FloatArray:
-    """Unit vector along which the ellipses are separated most: along their shortest distance.
+    """Return the unit vector of the largest separation of the ellipses: of their shortest distance.
 
     For ellipses that overlap it is the direction of the shortest displacement that separates them.
     """
@@ -141,7 +141,7 @@ def _direction_of_gap(first: CylinderSection, second: CylinderSection) -> FloatA
 
 
 def _separations(first: CylinderSection, second: CylinderSection, angles: FloatArray) -> FloatArray:
-    """Separation of both ellipses along each direction (rad). Units: mm."""
+    """Return the separation of both ellipses along each direction (rad). Units: mm."""
     directions = np.stack([np.cos(angles), np.sin(angles)])
     separations: FloatArray = np.subtract(second.centre, first.centre) @ directions
     for each in (first, second):

@@ -37,7 +37,7 @@ class Uncertain(Protocol):
         ...
 
     def interval(self, level: float) -> tuple[float, float]:
-        """Interval that contains the true value with probability `level`."""
+        """Return the interval that contains the true value with probability `level`."""
         ...
 
 
@@ -64,7 +64,7 @@ class Scalar:
     degrees_of_freedom: float = math.inf
 
     def interval(self, level: float) -> tuple[float, float]:
-        """Value and so many standard uncertainties, by Student's t."""
+        """Return the interval: the value plus and minus a multiple of its std, by Student's t."""
         half = two_sided_factor(level, self.degrees_of_freedom) * self.std
         return self.value - half, self.value + half
 
@@ -116,7 +116,7 @@ class Length(ComparedByValue):
         return math.sqrt(max(float(unit @ self.covariance @ unit), 0.0))
 
     def interval(self, level: float) -> tuple[float, float]:
-        """Both ends, at least 0; see the notes of the class."""
+        """Return both ends, at least 0; see the notes of the class."""
         factor = two_sided_factor(level, self.degrees_of_freedom)
         variances, axes = np.linalg.eigh(self.covariance)
         stds = np.sqrt(np.maximum(variances, 0.0))
@@ -131,7 +131,7 @@ class Length(ComparedByValue):
 
 
 def _least_length(length: float, unit: FloatArray, stds: FloatArray, tail: float) -> float:
-    """True length along `unit` at which one of at least `length` has the probability `tail`."""
+    """Return the true length for which a measured one exceeds `length` with probability `tail`."""
     if _probability_beyond(length, 0.0 * unit, stds) > tail:
         return 0.0
     low, high = 0.0, length
@@ -145,7 +145,7 @@ def _least_length(length: float, unit: FloatArray, stds: FloatArray, tail: float
 
 
 def two_sided_factor(level: float, degrees_of_freedom: float = math.inf) -> float:
-    """Half width of an interval over the standard uncertainty.
+    """Return the ratio of the half width of an interval to the standard uncertainty.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def two_sided_factor(level: float, degrees_of_freedom: float = math.inf) -> floa
 
 
 def _probability_beyond(length: float, mean: FloatArray, stds: FloatArray) -> float:
-    """Probability that a vector with independent components is at least `length` long.
+    """Return the probability that a vector with independent components exceeds `length`.
 
     The second component, of the larger standard deviation, is integrated in closed form.
     """

@@ -18,7 +18,7 @@ def mean_square_interval(
     degrees_of_freedom: Sequence[float],
     level: float = 0.95,
 ) -> tuple[float, float]:
-    """Interval of a linear combination of expected mean squares.
+    """Return the interval of a linear combination of expected mean squares.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def mean_square_interval(
 def _variance(
     falling: Sequence[tuple[float, float]], rising: Sequence[tuple[float, float]], tail: float
 ) -> float:
-    """Square of the distance to the end where `falling` terms are smaller and `rising` larger."""
+    """Return the squared distance to the end where `falling` decrease and `rising` increase."""
     from scipy.stats import f
 
     total = sum((_g(dof, tail) * term) ** 2 for term, dof in falling)
@@ -85,7 +85,7 @@ def _h(dof: float, tail: float) -> float:
 
 
 def sums_of_squares(values: np.ndarray) -> tuple[float, float, float, float]:
-    """Sums of squares of parts, operators, interaction and repeatability.
+    """Return the sums of squares of parts, operators, interaction and repeatability.
 
     Parameters
     ----------

@@ -8,7 +8,7 @@ HEADER = "u [px],v [px],std [px],width [px],intensity [DN],saturated"
 
 
 def line_csv(line: LaserLine) -> str:
-    """A laser line as CSV, one point per row; ``nan`` where it is lost.
+    """Return a laser line as CSV text, one point per row; ``nan`` where it is lost.
 
     Parameters
     ----------

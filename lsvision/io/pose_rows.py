@@ -133,7 +133,7 @@ def _text_rows(path: Path, text: str, pose_convention: PoseConvention, skip: int
 
 
 def _commented_header(lines: Sequence[str], cells: Sequence[str]) -> list[str] | None:
-    """Names in the last comment above the numbers, where it has as many as there are cells."""
+    """Return the column names in the last comment above the numbers, if their count matches."""
     comments = [line.strip().lstrip("#%/ ") for line in lines if line.strip()]
     names = _cells(comments[-1]) if comments else []
     fields = [name for name in names if split_label(name)[0] in ("x", "y", "z")]
@@ -141,7 +141,7 @@ def _commented_header(lines: Sequence[str], cells: Sequence[str]) -> list[str] |
 
 
 def _stated_length(lines: Sequence[str]) -> LengthUnit | None:
-    """The unit that comments state of all lengths."""
+    """Return the unit of length that the comments state."""
     comments = [line for line in lines if line.lstrip().startswith(("#", "%", "//"))]
     stated = {s.unit.unit or s.unit.text for s in unit_statements(comments) if s.axis is None}
     return common_length_unit(stated)

@@ -14,7 +14,7 @@ FILE_SCHEMA = "lsvision.verdicts/1"
 
 
 def verdicts_json(records: Sequence[Record]) -> str:
-    """One document of all verdicts.
+    """Return a JSON document of all verdicts.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ def verdicts_json(records: Sequence[Record]) -> str:
 
 
 def verdicts_csv(rows: Sequence[Record]) -> str:
-    """A table with one row per quantity; empty cells where a number does not exist.
+    """Return a table with one row per quantity; empty cells where a number does not exist.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def verdicts_csv(rows: Sequence[Record]) -> str:
 
 
 def verdicts_parquet(rows: Sequence[Record]) -> bytes:
-    """The table of `verdicts_csv` as a Parquet file.
+    """Return the table of `verdicts_csv` as a Parquet file.
 
     Raises
     ------

@@ -113,7 +113,7 @@ class ScanPrediction(_Prediction):
 
 
 def cells_of_stds(record: Record) -> list[tuple[str, ...]]:
-    """Cells of a table: a header and one row.
+    """Return the cells of a table: a header and one row.
 
     Examples
     --------
@@ -126,7 +126,7 @@ def cells_of_stds(record: Record) -> list[tuple[str, ...]]:
 
 
 def summary_of_stds(record: Record) -> str:
-    """All standard uncertainties in one line.
+    """Return all standard uncertainties in one line.
 
     Examples
     --------

@@ -25,5 +25,5 @@ FRAME_AXES = ("#C8102E", "#00805E", "#0072B2")
 
 
 def cylinder_colour(number: int) -> str:
-    """Colour of a cylinder, numbered from 1; repeats after the last."""
+    """Return the colour of a cylinder, numbered from 1; colours repeat."""
     return CYLINDERS[(number - 1) % len(CYLINDERS)]

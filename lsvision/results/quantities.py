@@ -139,7 +139,7 @@ def numbers(values: npt.ArrayLike) -> list[float | None]:
 
 
 def flat_row(record: Record, quantities: Sequence[Quantity] = ()) -> Record:
-    """Columns of a record: numbers and text unchanged, an interval as its ends.
+    """Return the columns of a record: numbers and text unchanged, an interval as its ends.
 
     Parameters
     ----------

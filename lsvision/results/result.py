@@ -107,7 +107,7 @@ class Result(ComparedByValue, ABC):
         return "\n".join(self._lines())
 
     def _repr_html_(self) -> str:
-        """The table and a small picture, for notebooks."""
+        """Return the table and a small picture, for notebooks."""
         return (
             html_environment()
             .get_template("result.html.j2")
@@ -116,14 +116,14 @@ class Result(ComparedByValue, ABC):
 
     @abstractmethod
     def _summary(self) -> str:
-        """Content of the repr."""
+        """Return the content of the repr."""
 
     @abstractmethod
     def _cells(self) -> Cells:
         """Return rows of the table, the first its header."""
 
     def _notes(self) -> list[str]:
-        """Lines below the table."""
+        """Return the lines below the table."""
         return []
 
     def _lines(self) -> list[str]:
@@ -135,5 +135,5 @@ class Result(ComparedByValue, ABC):
         return [flat_row(self.to_dict())]
 
     def _picture(self) -> str:
-        """An ``<svg>`` element; empty where there is nothing to see."""
+        """Return an ``<svg>`` element, or an empty text if there is nothing to draw."""
         return ""

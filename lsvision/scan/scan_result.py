@@ -293,7 +293,7 @@ class ScanMeasurement(Result):
 
 
 def _end_view(tubes: Sequence[ScannedCylinder]) -> str:
-    """The points as seen along the axis of the first cylinder."""
+    """Return an SVG picture of the points, viewed along the axis of the first cylinder."""
     e_phi, e_theta = tubes[0].fit.tangent_basis
     seen = [(tube.points @ np.column_stack([e_theta, e_phi]), None) for tube in tubes]
     title = f"{counted(len(tubes), 'cylinder')}, seen along the axis of the first"

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def tube_cells(tubes: "Sequence[ScannedCylinder]") -> list[tuple[str, ...]]:
-    """Cells of a table, the header first: one row per cylinder, numbers with one sigma."""
+    """Return the cells of a table: a header and one row per cylinder, numbers with one sigma."""
     rows: list[tuple[str, ...]] = [("", *AXIS_HEADER, "sections", "points")]
     for number, tube in enumerate(tubes, 1):
         points = str(len(tube.points))
@@ -20,7 +20,7 @@ def tube_cells(tubes: "Sequence[ScannedCylinder]") -> list[tuple[str, ...]]:
 
 
 def twin_notes(tubes: "Sequence[ScannedCylinder]") -> list[str]:
-    """A numbered line for each cylinder that one section alone shows."""
+    """Return a numbered line for each cylinder that was measured in one section only."""
     return [
         f"  {number}: {twin_note(tube.twin)}"
         for number, tube in enumerate(tubes, 1)
@@ -29,7 +29,7 @@ def twin_notes(tubes: "Sequence[ScannedCylinder]") -> list[str]:
 
 
 def twin_note(twin: Cylinder) -> str:
-    """The other direction of a cylinder that one section alone shows."""
+    """Return a line with the other possible direction of a cylinder of one section only."""
     x, y, z = twin.direction
     return (
         f"one section alone: its twin ({x:+.4f} {y:+.4f} {z:+.4f}) fits equally well; a second "

@@ -112,7 +112,7 @@ def invert_2x2(matrices: FloatArray) -> FloatArray:
 
 
 def _determinants(matrices: FloatArray) -> FloatArray:
-    """Determinants (n,) of matrices (n, 2, 2)."""
+    """Return the determinants (n,) of matrices (n, 2, 2)."""
     determinants: FloatArray = (
         matrices[:, 0, 0] * matrices[:, 1, 1] - matrices[:, 0, 1] * matrices[:, 1, 0]
     )
@@ -120,7 +120,7 @@ def _determinants(matrices: FloatArray) -> FloatArray:
 
 
 def _tilt_homography(tau_x: float, tau_y: float) -> FloatArray:
-    """Homography (3, 3) of a sensor tilted by `tau_x` and `tau_y` (Scheimpflug), as in OpenCV."""
+    """Return OpenCV's (3, 3) homography of a sensor tilted by `tau_x`, `tau_y` (Scheimpflug)."""
     about_x = [
         [1.0, 0.0, 0.0],
         [0.0, math.cos(tau_x), math.sin(tau_x)],

@@ -297,7 +297,7 @@ class LightSection(ComparedByValue):
             raise DegenerateGeometry(f"{path}: {error}") from error
 
     def _normal_in_image(self, pixels: Points) -> FloatArray:
-        """Direction (2,) in which the plane's normal is seen halfway along a line; zeros if not."""
+        """Return the image direction (2,) of the plane's normal halfway along a line, or 0."""
         seen = pixels[np.isfinite(pixels).all(axis=1)]
         ray = self.camera.rays(seen[[len(seen) // 2]])
         point = ray * _depths(ray, self.laser_plane)
@@ -308,7 +308,7 @@ class LightSection(ComparedByValue):
         return direction
 
     def _section_points(self, pixels: Points) -> tuple[Points, FloatArray]:
-        """Section points (n, 2) of pixels, and d point / d pixel (n, 2, 2)."""
+        """Return the section points (n, 2) of pixels, and their Jacobian by the pixel (n, 2, 2)."""
         rays, ray_jacobians = self.camera.rays_with_jacobian(pixels)
         normal, pose = self.laser_plane.normal, self.camera_from_section
         depth = _depths(rays, self.laser_plane)
@@ -323,7 +323,7 @@ class LightSection(ComparedByValue):
 
 
 def _pixel_covariances(line: LaserLine) -> FloatArray:
-    """Covariance (n, 2, 2) of each point, from its errors normal to and along the line.
+    """Return the (n, 2, 2) covariances of points from their errors normal to and along the line.
 
     Units: px^2.
     """
@@ -334,7 +334,7 @@ def _pixel_covariances(line: LaserLine) -> FloatArray:
 
 
 def _depths(rays: Points, plane: Plane) -> FloatArray:
-    """Depths z (n,) at which rays (z = 1) meet the plane; NaN where they do not. Units: mm."""
+    """Return the depths z (n,) at which rays (z = 1) meet the plane, in mm; NaN if they do not."""
     slant = rays @ plane.normal
     ahead = slant * plane.distance > 0
     depths: FloatArray = np.where(ahead, plane.distance / np.where(ahead, slant, 1.0), np.nan)

@@ -117,7 +117,7 @@ def read_json(path: str | os.PathLike[str], schema: str) -> dict[str, Any]:
 
 
 def parse_document(text: str, source: Path, schemas: Sequence[str]) -> dict[str, Any]:
-    """Values of a JSON text of one of several schemas; see `read_json`.
+    """Parse a JSON text of one of several schemas, and check schema and units; see `read_json`.
 
     Parameters
     ----------

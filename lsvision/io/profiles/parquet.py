@@ -52,7 +52,7 @@ def iterate_tables(path: Path, rows: int) -> "Iterator[pa.Table]":
 
 
 def profiles_from_table(table: "pa.Table", settings: ReadSettings) -> RawProfiles:
-    """Profiles of a table, or of consecutive rows of one; see `read_parquet`."""
+    """Return the profiles of a table, or of consecutive rows of one; see `read_parquet`."""
     pyarrow = _pyarrow()
     try:
         columns = {name: _values(table[name]) for name in table.column_names}

@@ -74,7 +74,7 @@ def read_pcd(content: bytes, settings: ReadSettings) -> RawProfiles:
 
 
 def _with_comments(table: TextTable, head: bytes, mark: str) -> TextTable:
-    """The table with the units and lost markers that the comments of a header state."""
+    """Return the table with the units and lost markers that the comments of a header state."""
     lines = [line.strip() for line in head.decode("latin-1").splitlines()]
     texts = [line.removeprefix(mark).strip() for line in lines if line.startswith(mark)]
     comments = tuple(f"# {line}" for line in texts)

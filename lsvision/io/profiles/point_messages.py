@@ -27,7 +27,7 @@ def profiles_from_clouds(
     attributes: Sequence[Mapping[str, float | str]],
     settings: ReadSettings,
 ) -> RawProfiles:
-    """Profiles of PointCloud2 messages.
+    """Return the profiles of PointCloud2 messages.
 
     Points of one plane perpendicular to y are read as x and z; of one perpendicular to z, as of a
     lidar, as those of a LaserScan; other columns where the user names them; all three where a plane
@@ -67,7 +67,7 @@ def profiles_from_clouds(
 
 
 def cloud_points(cloud: Any) -> FloatArray:
-    """(rows, columns, 3) points of a message, given with its fields as attributes. Units: m.
+    """Return the (rows, columns, 3) points of a message, whose fields are attributes. Units: m.
 
     Raises
     ------
@@ -125,7 +125,7 @@ def _section_columns(
 
 
 def _largest_spread(rows: Sequence[FloatArray], axis: int) -> float:
-    """Largest spread of a coordinate within a row."""
+    """Return the largest range of a coordinate within a row."""
     spreads = [0.0]
     for row in rows:
         known = row[np.isfinite(row).all(axis=1), axis]

@@ -40,7 +40,7 @@ class Message:
 
 
 def read_ros_bag(content: bytes, settings: ReadSettings) -> RawProfiles:
-    """Profiles of the LaserScan or PointCloud2 messages of a bag, each with its ``stamp_s``.
+    """Return the profiles of a bag's LaserScan or PointCloud2 messages, each with its ``stamp_s``.
 
     Raises
     ------
@@ -60,7 +60,7 @@ def read_ros_bag(content: bytes, settings: ReadSettings) -> RawProfiles:
 
 
 def _messages(path: Path, topic: str | None) -> tuple[str, list[Message]]:
-    """Type and messages of the chosen topic."""
+    """Return the type and messages of the chosen topic."""
     try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
@@ -89,7 +89,7 @@ def _messages(path: Path, topic: str | None) -> tuple[str, list[Message]]:
 
 
 def _chosen(connections: Sequence[Any], topic: str | None) -> list[Any]:
-    """The connections of one topic with profiles."""
+    """Return the connections with profiles, all of one topic."""
     fitting = [c for c in connections if c.msgtype in (LASER_SCAN, POINT_CLOUD) and c.msgcount]
     wanted = [c for c in fitting if topic is None or c.topic.strip("/") == topic.strip("/")]
     topics = dict.fromkeys((c.topic, c.msgtype) for c in wanted)

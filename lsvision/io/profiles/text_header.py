@@ -40,7 +40,7 @@ class Header:
 
 
 def read_header(preamble: Sequence[str], separator: str | None, width: int) -> Header:
-    """Names and units of the columns.
+    """Return the names and units of the columns.
 
     Parameters
     ----------

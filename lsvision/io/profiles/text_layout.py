@@ -227,7 +227,7 @@ def _first_text_row(lines: Sequence[str]) -> tuple[int, str | None, int, tuple[i
 
 
 def _no_table(lines: Sequence[str], rows: Sequence[int]) -> UnreadableFile:
-    """The error that all points are lost, or that there is no table of numbers."""
+    """Return the error of a text whose points are all lost, or that has no table of numbers."""
     lost = 0
     for index in rows:
         cells = split_cells(lines[index], find_separator(lines[index].strip()))

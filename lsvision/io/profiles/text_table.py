@@ -310,7 +310,7 @@ def _check_cells(header: Header, values: FloatArray, sample: str, layout: Layout
 
 
 def _unit_column(table: TextTable, header: Header) -> tuple[UnitStatement, ...]:
-    """The unit in a column named unit."""
+    """Return the unit in a column named unit."""
     found: list[UnitStatement] = []
     for column, cells in table.texts.items():
         if header.names and header.names[column] in ("unit", "units", "einheit", "uom"):

@@ -132,7 +132,7 @@ def states_unit(line: str) -> bool:
 
 
 def unit_mentions(lines: Iterable[str]) -> tuple[str, ...]:
-    """Lines that mention a unit other than mm or a conversion, in free text.
+    """Return the lines that mention a unit other than mm or a conversion, in free text.
 
     Examples
     --------
@@ -151,7 +151,7 @@ def _mentions_unit(line: str) -> bool:
 
 
 def lost_statements(lines: Iterable[str]) -> tuple[float, ...]:
-    """Markers of lost points that ``key: value`` lines state, as ``# invalid value: -9999``.
+    """Return the lost-point markers in ``key: value`` lines, as ``# invalid value: -9999``.
 
     Examples
     --------

@@ -140,12 +140,12 @@ def mm_per_unit(unit: str) -> float:
 
 
 def state_unit(text: str) -> StatedUnit:
-    """The unit that a text states."""
+    """Return the unit that a text states."""
     return StatedUnit(text.strip(), parse_unit(text))
 
 
 def split_label(label: str) -> tuple[str, StatedUnit | None]:
-    """Lower-case name and stated unit of a column's label.
+    """Return the lower-case name and stated unit of a column's label.
 
     Examples
     --------

@@ -46,7 +46,7 @@ def read_yaml(content: bytes, settings: ReadSettings) -> RawProfiles:
 
 
 def parse_plain_yaml(text: str) -> dict[str, Any] | list[Any]:
-    r"""Keys of the top level with their numbers, texts and lists.
+    r"""Return the keys of the top level with their numbers, texts and lists.
 
     Examples
     --------
@@ -82,7 +82,7 @@ def _value(body: list[str]) -> Any:
 
 
 def _items(body: list[str]) -> list[Any]:
-    """Items of a block list; an item may be a mapping over several lines."""
+    """Return the items of a block list; an item may be a mapping over several lines."""
     items: list[list[str]] = []
     for line in body:
         text = line.strip()
