@@ -61,11 +61,13 @@ class TubeRanges:
 
     def __post_init__(self) -> None:
         if not 0 < self.radius_mm[0] <= self.radius_mm[1] < math.inf:
-            raise ValueError(f"expected 0 < least <= largest radius in mm, got {self.radius_mm}")
+            raise ValueError(f"expected radius min:max above 0 mm, got {_span(self.radius_mm)}")
         if not 0 <= self.phi_deg[0] <= self.phi_deg[1] <= MAX_PHI_DEG:
-            raise ValueError(f"expected phi within 0 to {MAX_PHI_DEG:g} deg, got {self.phi_deg}")
+            raise ValueError(
+                f"expected phi within 0 to {MAX_PHI_DEG:g} deg, got {_span(self.phi_deg)}"
+            )
         if not -math.inf < self.theta_deg[0] <= self.theta_deg[1] < math.inf:
-            raise ValueError(f"expected least <= largest theta in deg, got {self.theta_deg}")
+            raise ValueError(f"expected theta min:max in deg, got {_span(self.theta_deg)}")
 
     def draw_ellipse(
         self, rng: np.random.Generator, radius_part: tuple[float, float] = (0.0, 1.0)
@@ -84,6 +86,10 @@ class TubeRanges:
         phi = math.radians(rng.uniform(*self.phi_deg))
         theta = math.radians(rng.uniform(*self.theta_deg))
         return Ellipse((0.0, 0.0), radius / math.cos(phi), radius, theta)
+
+
+def _span(ends: tuple[float, float]) -> str:
+    return f"{ends[0]:g} to {ends[1]:g}"
 
 
 def random_section(
