@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
@@ -315,6 +316,17 @@ def _solve(seen: Sequence[TargetView], settings: CameraSettings) -> _Solution:
     )
 
 
+@contextmanager
+def _one_opencv_thread() -> Iterator[None]:
+    """Limit OpenCV to one thread: with more, the last digits of its sums differ between runs."""
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(threads)
+
+
 def _solve_flat(
     seen: Sequence[TargetView], settings: CameraSettings
 ) -> tuple[FloatArray, FloatArray, FloatArray, list[Pose]]:
@@ -330,14 +342,15 @@ def _solve_flat(
     solutions = []
     for initial_guess, extra_flags in initial_guesses:
         try:
-            solution = cv2.calibrateCameraExtended(
-                points,
-                pixels,
-                seen[0].size,
-                initial_guess.copy(),
-                None,
-                flags=settings.flags | extra_flags,
-            )
+            with _one_opencv_thread():
+                solution = cv2.calibrateCameraExtended(
+                    points,
+                    pixels,
+                    seen[0].size,
+                    initial_guess.copy(),
+                    None,
+                    flags=settings.flags | extra_flags,
+                )
         except cv2.error:
             continue
         if np.isfinite(solution[0]) and np.isfinite(solution[1]).all():

@@ -91,6 +91,18 @@ def test_order_of_views_does_not_matter():
     assert forth.views[0].rms_px == pytest.approx(back.views[-1].rms_px, rel=1e-4)
 
 
+def test_the_same_views_give_the_same_digits_with_several_threads():
+    views = views_of(BoardScene(), 15, 3)
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(4)
+    try:
+        matrices = {fit_camera(views).camera.matrix.tobytes() for _ in range(4)}
+        assert cv2.getNumThreads() == 4
+    finally:
+        cv2.setNumThreads(threads)
+    assert len(matrices) == 1
+
+
 def test_tilted_sensor_is_estimated_if_enabled():
     lens = np.array([-0.12, 0.1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, np.radians(10), 0.0])
     seen = views_of(BoardScene(distortion=lens), 20, 3)
