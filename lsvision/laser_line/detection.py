@@ -27,7 +27,7 @@ from lsvision.statistics.robust import median
 
 MAX_SIGMA_DOUBLINGS = 3
 """Largest number of times that the sigma of the filter is doubled: to 8 times its value."""
-MAX_WIDTH_SIGMAS = 1.25
+MAX_WIDTH_SIGMAS = 1.32
 """Width of a line over sigma of the filter above which a wider filter is used."""
 MIN_STRIPE_FRACTION = 0.75
 """Smallest fraction of a line's columns in which its ridge is a stripe."""

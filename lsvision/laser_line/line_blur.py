@@ -16,7 +16,7 @@ MAX_STEP_PX = 8.0
 SECOND_ORDER = 2.0
 """Error of the first order over the squared size of its terms by the line's width; largest seen on
 pipes whose line becomes vertical (measured on noise-free images)."""
-MAX_VARIANCE_RATIO = 2.0
+MAX_VARIANCE_RATIO = 4.0
 """Largest variance of a column over the median: a larger one comes from something else."""
 
 

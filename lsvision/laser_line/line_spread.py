@@ -30,6 +30,8 @@ SPREAD_STD, TILT_STD, ALONG_STD = 1.0, 0.4, 0.3
 a pipe's axis is tilted from the laser plane's normal by an unknown angle."""
 SHEET_STD = 0.02
 """Standard deviation of the sheet's part of C_uu that follows from C_uv, over C_vv."""
+CONSTRAINT_STEPS = 3
+"""Number of linearisations of the constraint that a stated blur is."""
 MIN_ACROSS = 0.05
 """Smallest squared sine between line and sheet's direction from which the sheet is estimated."""
 UNDETERMINED_FRACTION = 0.5
@@ -40,7 +42,7 @@ TUKEY_SIGMAS = 4.7
 """Residual beyond which a width has no weight."""
 MIN_NOISE_FACTOR = 0.1
 """Smallest noise of the widths over the one that is stated for them."""
-MODEL_ERROR = 0.08
+MODEL_ERROR = 0.1
 """Error of each value over C_vv because the sheet is seen nearer, thus thicker, on top of a pipe
 than on its flanks; from noise-free images."""
 
@@ -108,16 +110,21 @@ def estimate_line_spread(
 
 
 def _with_stated_blur(spread: LineSpread, blur: float) -> LineSpread:
-    """The weighted mean of an estimate and the C_uu that the stated blur gives.
+    """The weighted mean of an estimate and the stated blur: a step of a Kalman filter.
 
-    The sheet spreads light along one direction: its part of C_uu follows from that of the others.
+    The sheet spreads light along one direction: without the blur B of lens and pixel, C is of rank
+    one, C_uu - B = C_uv^2 / (C_vv - B). C_uv and C_vv are as uncertain as C_uu: they change, too.
     """
-    c_vv, c_uv, c_uu = spread.values
-    sheet = max(c_vv - blur**2, UNSTATED_FRACTION * c_vv)
-    variance = (STATED_STD * blur**2) ** 2 + (SHEET_STD * c_vv) ** 2
-    gain = spread.covariance[:, 2] / (spread.covariance[2, 2] + variance)
-    values = spread.values + gain * (blur**2 + c_uv**2 / sheet - c_uu)
-    covariance: FloatArray = spread.covariance - np.outer(gain, spread.covariance[2])
+    values, P = spread.values, spread.covariance
+    for _ in range(CONSTRAINT_STEPS):
+        c_vv, c_uv, c_uu = values
+        sheet = max(c_vv - blur**2, UNSTATED_FRACTION * c_vv)
+        row = np.array([(c_uv / sheet) ** 2, -2 * c_uv / sheet, 1.0])
+        variance = (STATED_STD * blur**2) ** 2 + (SHEET_STD * c_vv) ** 2
+        gain = P @ row / (row @ P @ row + variance)
+        missing = blur**2 - (c_uu - c_uv**2 / sheet)
+        values = spread.values + gain * (missing - row @ (spread.values - values))
+    covariance: FloatArray = P - np.outer(gain, row @ P)
     return LineSpread(values, covariance)
 
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from lsvision.geometry import BoolArray, FloatArray, IntArray
 from lsvision.laser_line.image_array import Image
-from lsvision.laser_line.stripe_windows import Stripes, Windows
+from lsvision.laser_line.stripe_windows import END_PIXELS, Stripes, Windows
 
 NEWTON_ITERATIONS = 4
 """Newton steps; the fourth moves less than 1e-6 px on any stripe within 1 px of its start."""
@@ -33,6 +33,12 @@ MIN_SIGMA_PX = 0.1
 as this one does, and its exponentials overflow. Units: px."""
 WIDTH_RATIO_MARGIN = 1e-3
 """Margin from 0 and 1 of the ratio that gives a stripe's width, which would be infinite or 0."""
+TABULATED_WIDTHS = (0.3, 2.6, 50)
+"""Smallest and largest width of a stripe over sigma of the filter for which the part of its tails
+in the background is tabulated, and number of values."""
+MEDIAN_SPAN = 7
+"""Number of neighbouring columns whose median width tells the part of the tails; of 15, steep ends
+of a line are smoothed."""
 GAUSS_NEWTON_ITERATIONS = 10
 """Damped Gauss-Newton steps; from the zero crossings six suffice."""
 GAUSS_NEWTON_DAMPING = 1e-9
@@ -77,7 +83,8 @@ def locate_by_derivative(
     F(m) = sum I_k x_k g(x_k), x_k = k - m, g(x) = exp(-x^2 / 2 s^2), is solved for F = 0 by
     Newton's method on the continuous filter, so the result is not biased towards pixel centres, as
     by interpolation. Its variance is sum (x_k g(x_k))^2 var_k / F'^2. For a Gaussian stripe of
-    sigma q the ratio -F' / sum I_k g is s^2 / (s^2 + q^2), which gives its width.
+    sigma q the ratio -F' / sum I_k g is s^2 / (s^2 + q^2), which gives its width; of a wide one
+    the tails are part of the background, which `_lost_tails` makes up for.
     """
     offsets, sigma = windows.offsets, max(sigma, MIN_SIGMA_PX)
     gaussian = np.exp(-0.5 * (offsets[:, None] / sigma) ** 2)
@@ -100,12 +107,51 @@ def locate_by_derivative(
     _, _, spread = _moments((gaussian * tilt) ** 2 * variances.T, offsets, position)
     variance = spread * (scale / steepness) ** 2
     width_ratio = np.clip(steepness / mass, WIDTH_RATIO_MARGIN, 1 - WIDTH_RATIO_MARGIN)
-    sigmas = sigma * np.sqrt(1 / width_ratio - 1)
-    heights = mass * np.hypot(sigma, sigmas) / (np.sqrt(2 * np.pi) * sigma * sigmas)
+    wider, heavier = _lost_tails(width_ratio, offsets, sigma)
+    sigmas = sigma * np.sqrt(1 / width_ratio - 1) * wider
+    heights = heavier * mass * np.hypot(sigma, sigmas) / (np.sqrt(2 * np.pi) * sigma * sigmas)
     rows = np.where(located, windows.centre_rows + position, np.nan)
     std = np.hypot(np.sqrt(variance), windows.clipping_std)
     pixels = np.column_stack([windows.columns.astype(np.float64), rows])
     return Stripes(pixels, std, heights, sigmas)
+
+
+def _lost_tails(
+    width_ratio: FloatArray, offsets: IntArray, sigma: float
+) -> tuple[FloatArray, FloatArray]:
+    """Factors (n,) on width and filtered light because a background holds tails of its stripe.
+
+    From the median of neighbours: the factor would enlarge the noise of the widths.
+
+    A background of t times the stripe's height lowers the sum of I_k g by t sqrt(s^2 + q^2) / q,
+    and leaves F' as it is: of a stripe 1.5 times as wide as the filter, whose tails are 5 % of its
+    height, by 8 %. How much more than its neighbour a steep part of a line loses would look
+    like a change of its light.
+    """
+    if len(offsets) <= 2 * END_PIXELS:  # of so short a window all is background
+        return np.ones_like(width_ratio), np.ones_like(width_ratio)
+    widths = sigma * np.linspace(*TABULATED_WIDTHS)
+    ends = np.concatenate([offsets[:END_PIXELS], offsets[-END_PIXELS:]])
+    tails = np.exp(-0.5 * (ends[:, None] / widths) ** 2).mean(axis=0)
+    kept = 1 - tails * np.hypot(sigma, widths) / widths
+    ratios = sigma**2 / (sigma**2 + widths**2) / kept
+    seen = sigma * np.sqrt(1 / ratios - 1)
+    found = np.isfinite(width_ratio)
+    smooth = np.ones_like(width_ratio)
+    smooth[found] = _running_median(width_ratio[found])
+    wider = np.interp(smooth, ratios[::-1], (widths / seen)[::-1])
+    return wider, np.interp(smooth, ratios[::-1], 1 / kept[::-1])
+
+
+def _running_median(values: FloatArray) -> FloatArray:
+    """Median (n,) of each value and its neighbours; the first and the last count repeatedly."""
+    if not len(values):
+        return values
+    padded = np.pad(values, MEDIAN_SPAN // 2, mode="edge")
+    shifted = np.stack([padded[k : k + len(values)] for k in range(MEDIAN_SPAN)])
+    shifted.sort(axis=0)
+    medians: FloatArray = shifted[MEDIAN_SPAN // 2]
+    return medians
 
 
 def _tilt(offsets: IntArray, position: FloatArray, sigma: float) -> FloatArray:

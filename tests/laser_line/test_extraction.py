@@ -88,6 +88,17 @@ def test_intensity_and_width_are_those_of_the_stripe():
     assert np.median(line.width) == pytest.approx(2.25, abs=0.1)
 
 
+def test_width_and_intensity_hold_where_the_tails_reach_beyond_the_window():
+    v, u = np.mgrid[:200, :400]
+    sigma = 1.5 + 3 * (u / 400) ** 3  # 1.5 to 4.5 px
+    image = 10 + 150 * np.exp(-0.5 * ((v - 100.3 - 0.01 * u) / sigma) ** 2)
+    line = extract_laser_line(image, LineSettings(full_scale=255.0, read_noise=1.0, gain=0.02))
+    assert line.filter_sigma == 2.0
+    columns = line.pixels[:, 0]
+    np.testing.assert_allclose(line.width, 1.5 + 3 * (columns / 400) ** 3, rtol=0.02)
+    np.testing.assert_allclose(line.intensity, 150, rtol=0.02)
+
+
 @pytest.mark.parametrize("subtract", [False, True], ids=["one frame", "laser-off frame"])
 def test_glints_blobs_and_streaks_are_not_the_line(subtract):
     false = []

@@ -10,6 +10,7 @@ from lsvision.laser_line.extraction import LineSettings, extract_laser_line
 from lsvision.laser_line.line_blur import _continuous_runs, correct_line_blur
 from lsvision.laser_line.line_shape import WINDOW, line_shape
 from lsvision.laser_line.line_spread import estimate_line_spread
+from lsvision.measure import measure_cylinders
 from tests.laser_line.other_pictures import Picture, photograph
 
 BLUR = 0.8  # px
@@ -139,3 +140,17 @@ def test_the_blur_is_known_from_the_widths(blur, roll):
     truth = picture.blur**2 * np.array([1, 0, 1]) + [v * v, u * v, u * u]
     assert (np.abs(spread.values - truth) < 3 * np.sqrt(np.diag(spread.covariance))).all()
     assert np.sqrt(spread.covariance[2, 2]) < 0.15
+
+
+@pytest.mark.parametrize("stated", [True, False], ids=["stated", "unstated"])
+def test_a_thick_sheet_seen_along_a_steep_flank_leaves_the_radius_right(stated):
+    # The sheet's blur runs along the line on one flank, where a column holds 5 px of it.
+    picture = Picture(psf=0.6, roll=45.0, sheet=0.25, wall=None, radius=23.0)
+    section = picture.light_section(picture.blur if stated else 0.0)
+    errors = []
+    for seed in range(3):
+        image = photograph(picture.light(), np.random.default_rng(seed))
+        (cylinder,) = measure_cylinders(section.profile(image)).cylinders
+        assert abs(cylinder.radius - 23.0) < 3 * cylinder.radius_std
+        errors.append(cylinder.radius - 23.0)
+    assert abs(np.mean(errors)) < 0.1
