@@ -99,10 +99,10 @@ def test_an_unknown_kind_raises_an_error():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"radius_mm": (0.0, 10.0)}, "0 < least"),
-        ({"radius_mm": (20.0, 10.0)}, "0 < least"),
+        ({"radius_mm": (0.0, 10.0)}, "radius min:max above 0 mm, got 0 to 10"),
+        ({"radius_mm": (20.0, 10.0)}, "radius min:max above 0 mm, got 20 to 10"),
         ({"phi_deg": (0.0, 85.0)}, "phi within"),
-        ({"theta_deg": (10.0, 5.0)}, "theta in deg"),
+        ({"theta_deg": (10.0, 5.0)}, "theta min:max in deg, got 10 to 5"),
     ],
 )
 def test_invalid_ranges_raise_errors(changes, message):
