@@ -327,34 +327,38 @@ def _one_opencv_thread() -> Iterator[None]:
         cv2.setNumThreads(threads)
 
 
-def _solve_flat(
-    seen: Sequence[TargetView], settings: CameraSettings
-) -> tuple[FloatArray, FloatArray, FloatArray, list[Pose]]:
-    """Return camera matrix, distortion, standard deviations and poses by least squares."""
+def _minima(seen: Sequence[TargetView], flags: int) -> list[Any]:
+    """Return OpenCV's solutions from two initial guesses, those that are finite.
+
+    Without an initial guess OpenCV 5 sometimes converges to a wrong minimum.
+    """
     points = [np.ascontiguousarray(view.points, dtype=np.float32) for view in seen]
     pixels = [view.pixels.astype(np.float32).reshape(-1, 1, 2) for view in seen]
-    linear_guess = cv2.initCameraMatrix2D(points, pixels, seen[0].size, 1.0)
-    # Without an initial guess OpenCV 5 sometimes converges to a wrong minimum: try both.
+    size = seen[0].size
+    linear_guess = cv2.initCameraMatrix2D(points, pixels, size, 1.0)
     initial_guesses: list[tuple[Any, int]] = [
         (np.eye(3), 0),
         (linear_guess, cv2.CALIB_USE_INTRINSIC_GUESS),
     ]
     solutions = []
-    for initial_guess, extra_flags in initial_guesses:
+    for guess, more in initial_guesses:
         try:
             with _one_opencv_thread():
                 solution = cv2.calibrateCameraExtended(
-                    points,
-                    pixels,
-                    seen[0].size,
-                    initial_guess.copy(),
-                    None,
-                    flags=settings.flags | extra_flags,
+                    points, pixels, size, guess.copy(), None, flags=flags | more
                 )
         except cv2.error:
             continue
         if np.isfinite(solution[0]) and np.isfinite(solution[1]).all():
             solutions.append(solution)
+    return solutions
+
+
+def _solve_flat(
+    seen: Sequence[TargetView], settings: CameraSettings
+) -> tuple[FloatArray, FloatArray, FloatArray, list[Pose]]:
+    """Return camera matrix, distortion, standard deviations and poses by least squares."""
+    solutions = _minima(seen, settings.flags)
     if not solutions:
         raise CalibrationFailed(
             f"{len(seen)} views are not consistent with one camera: check the target's counts and "
