@@ -113,7 +113,8 @@ class Pose(ComparedByValue):
         """
         homogeneous = as_readonly_array(matrix, (4, 4), "matrix")
         if not np.allclose(homogeneous[3], (0, 0, 0, 1), rtol=0, atol=ORTHONORMALITY_TOLERANCE):
-            raise ValueError(f"expected last row 0 0 0 1, got {homogeneous[3]}")
+            last_row = " ".join(f"{number:g}" for number in homogeneous[3])
+            raise ValueError(f"expected last row 0 0 0 1, got {last_row}")
         return cls(homogeneous[:3, :3], homogeneous[:3, 3])
 
     @property

@@ -103,7 +103,9 @@ SKEW = np.eye(3) + 1e-3 * np.ones((3, 3))
         pytest.param(lambda: Pose.along((0, 0, 0), 1.0), "non-zero feed direction", id="no feed"),
         pytest.param(lambda: Pose.from_matrix(np.eye(3)), r"matrix of shape \(4, 4\)", id="3x3"),
         pytest.param(
-            lambda: Pose.from_matrix(2 * np.eye(4)), "expected last row 0 0 0 1", id="scaled matrix"
+            lambda: Pose.from_matrix(2 * np.eye(4)),
+            "expected last row 0 0 0 1, got 0 0 0 2",
+            id="scaled matrix",
         ),
         pytest.param(
             lambda: Pose().apply([1.0, 2.0, 3.0]), r"shape \(n, 3\) or \(n, 2\)", id="one point"
