@@ -24,8 +24,8 @@ from lsvision.detection.measurement import Measurement
 from lsvision.detection.profile_preparation import prepare_profile
 from lsvision.detection.range_image import (
     RangeImageSettings,
+    build_range_image,
     connected_components,
-    rasterise,
 )
 from lsvision.detection.rejections import complete_rejections
 from lsvision.detection.screening import screen_arc
@@ -159,7 +159,7 @@ def _find_cylinders(
     """Run the steps of the paper's Figure 4 on a profile."""
     prepared = prepare_profile(profile, sensor or profile.noise)
     radius_range = search_range(radius, priors.radius, prepared)
-    range_image = rasterise(prepared, settings.range_image)
+    range_image = build_range_image(prepared, settings.range_image)
     components = connected_components(range_image, settings.candidates.min_span_points)
     candidates = find_candidates(prepared, components, radius_range, settings.candidates)
     # Rough identification, section 3.2.1.

@@ -189,22 +189,22 @@ class HandEye(Result):
     @property
     def flange_from_section(self) -> Pose:
         """Section frame of a profile sensor on the flange."""
-        return self._named("eye_in_hand", "section")
+        return self._require_pose("eye_in_hand", "section")
 
     @property
     def base_from_section(self) -> Pose:
         """Section frame of a profile sensor fixed in the base frame."""
-        return self._named("eye_to_hand", "section")
+        return self._require_pose("eye_to_hand", "section")
 
     @property
     def flange_from_camera(self) -> Pose:
         """Camera on the flange; ``@ light_section.camera_from_section`` gives the section."""
-        return self._named("eye_in_hand", "camera")
+        return self._require_pose("eye_in_hand", "camera")
 
     @property
     def base_from_camera(self) -> Pose:
         """Camera fixed in the base frame."""
-        return self._named("eye_to_hand", "camera")
+        return self._require_pose("eye_to_hand", "camera")
 
     @property
     def sphere(self) -> Sphere:
@@ -331,7 +331,7 @@ class HandEye(Result):
         left_out = [f"left out: pose {pose.index}: {pose.reason}" for pose in self.rejected]
         return left_out + [f"warning: {text}" for text in self.warnings]
 
-    def _named(self, mounting: Mounting, sensor: Sensor) -> Pose:
+    def _require_pose(self, mounting: Mounting, sensor: Sensor) -> Pose:
         if (self.mounting, self.sensor) != (mounting, sensor):
             expected, got = (name.replace("_", " ") for name in (mounting, self.mounting))
             raise ValueError(

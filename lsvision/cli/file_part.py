@@ -188,7 +188,7 @@ def measure_files(options: PartOptions, sources: Sequence[Path]) -> list[PartRes
     return [
         PartResult(errors=[errors[source]])
         if source in errors
-        else _joined([next(found) for _ in parts[source]])
+        else _join_results([next(found) for _ in parts[source]])
         for source in sources
     ]
 
@@ -244,7 +244,7 @@ def _result(options: PartOptions, part: FilePart, sections: "list[_Section]") ->
     return PartResult(lines, records, _draw(options, part, sections))
 
 
-def _joined(results: Sequence[PartResult]) -> PartResult:
+def _join_results(results: Sequence[PartResult]) -> PartResult:
     """Return the results of the parts of a file as one."""
     return PartResult(
         [line for each in results for line in each.lines],

@@ -185,7 +185,7 @@ def _inspect_all(
         for title, part in parts:
             try:
                 for source, number, measurement in run.measured(title, part):
-                    each = _judged(run, source, number, measurement, blocked)
+                    each = _judge_profile(run, source, number, measurement, blocked)
                     print_lines(_lines(each), err=to_stderr)
                     yield each
             except (LsvisionError, ValueError) as error:
@@ -194,7 +194,7 @@ def _inspect_all(
                 print_error(text if text.startswith(title) else f"{title}: {text}")
 
 
-def _judged(
+def _judge_profile(
     run: _Run,
     source: str,
     number: int,

@@ -76,7 +76,7 @@ def repeat(
         known_radius=parse_known_radius(known_radius),
         sensor=sensor.parse(),
     )
-    values, stds = _measured(files, QUANTITIES.index(quantity), reference, measuring)
+    values, stds = _measure_quantity(files, QUANTITIES.index(quantity), reference, measuring)
     result = study_repeats(values, reference, stds=stds, tolerance=tolerance, level=level)
     unit = "deg" if quantity in ("theta", "phi") else "mm"
     _show(result, json_file, f"{quantity} in {unit}:")
@@ -121,7 +121,7 @@ def _show(result: "Result", json_file: Path | None, *head: str) -> None:
         write_output(json_file, result.to_json(indent=2) + "\n")
 
 
-def _measured(
+def _measure_quantity(
     words: list[str],
     place: int,
     reference: float,

@@ -136,7 +136,7 @@ class PlacedCylinder(WithCylinder, Result):
 
     @property
     def direction_record(self) -> Record:
-        """Direction and covariance, in which the twins differ, ready for JSON."""
+        """Direction and covariance, which differ between the two cylinders, ready for JSON."""
         return {
             "direction": numbers(self.direction),
             "direction_std_deg": math.degrees(self.direction_std),
@@ -202,7 +202,7 @@ def place_section(
     -------
     tuple of PlacedCylinder
         In the order of ``section.axis_twins``: cos(phi) n +/- sin(phi) m. One of them is the
-        cylinder; a second section, or knowledge of the scene, determines which.
+        real cylinder; a second section, or knowledge of the scene, determines which.
 
     Raises
     ------
@@ -253,14 +253,14 @@ def place_section(
 
 
 def twin_jacobian(section: CylinderSection, sign: float) -> FloatArray:
-    """Return the Jacobian of a twin by the section's ellipse parameters, section frame.
+    """Return the Jacobian of one of the two cylinders by the section's ellipse parameters.
 
     Parameters
     ----------
     section : CylinderSection
         The measured section.
     sign : {1.0, -1.0}
-        Sign of the twin cos(phi) n + sign sin(phi) m.
+        Selects the cylinder of direction cos(phi) n + sign sin(phi) m (section frame).
 
     Returns
     -------
@@ -288,12 +288,12 @@ def twin_jacobian(section: CylinderSection, sign: float) -> FloatArray:
 
 
 def rigid_motion_jacobian(cylinder: Cylinder, pivot: FloatArray, axes: FloatArray) -> FloatArray:
-    """Return the Jacobian of a cylinder by a small rigid motion.
+    """Return the Jacobian of a cylinder with respect to a small rigid motion.
 
     Parameters
     ----------
     cylinder : Cylinder
-        Any frame.
+        Cylinder in any frame.
     pivot : (3,) ndarray
         Centre of the rotations, in the same frame. Units: mm.
     axes : (3, 3) ndarray

@@ -1,8 +1,8 @@
 """Posterior probability that each point at an end of an arc lies on the arc's ellipse.
 
 From the middle part outwards, a Kalman filter of the ellipse predicts each point from the inliers
-further inside. The density of its residual is compared with that of an outlier, of another line
-that continues smoothly, and of a gradual departure from the ellipse (foot of a weld bead).
+closer to the middle. The density of its residual is compared with that for an outlier, for a point
+of another smooth line, and for a gradual departure from the ellipse (foot of a weld bead).
 """
 
 import math
@@ -15,10 +15,11 @@ from lsvision.geometry.arrays import TINY
 from lsvision.statistics.compiled_routines import dpotrf, dtrtrs
 
 OUTLIER_FRACTION = 0.05
-"""Prior probability that a point is an outlier: stray light, a jump."""
+"""Prior probability that a point is an outlier, from stray light or a jump."""
 END_LOG_MARGIN = -math.log(OUTLIER_FRACTION)
 """Largest decrease of the cumulated log likelihood ratio from its maximum to the last inlier of an
-arc: that of one outlier. 5 would include more of a weld's foot, 0 would cut off valid ends."""
+arc: the decrease by one outlier. 5 would include more of a weld's foot, 0 would cut off valid
+ends."""
 POINTS_BEYOND = 8
 """Largest number of connected points beyond the last inlier that are used to detect a departure."""
 WINDOW = 2 * POINTS_BEYOND
@@ -32,14 +33,16 @@ BEND_STD_RADII = 2.0
 NO_DEPARTURE_PRIOR = 0.5
 """Prior probability that no departure begins inside the end."""
 MAX_STEP_RATIO = 5.0
-"""Largest ratio of two steps along the line by which another line is extrapolated."""
+"""Largest ratio of two successive steps with which another line is extrapolated."""
 EXCLUDED = 1 / math.sqrt(np.finfo(float).eps)
-"""Factor on the variance of points that the filter must not use: half the digits of a float."""
+"""Factor on the variance of points that the filter must not use; its square is the precision of a
+float, so that the factorisation keeps half the digits."""
 PREDECESSORS = 2
 """Number of points of the middle part, before an end, from which another line is extrapolated."""
 DECISIVE_LEVERAGE = 10.0
-"""Leverage above which a point decides on those beyond it, and may be a jump. 5 to 10 % of the ends
-of simulated arcs have one; with it, one radius of 1200 was 11 sigma off."""
+"""Leverage above which a point determines the prediction of the points beyond it; it may be a jump.
+5 to 10 % of the ends of simulated arcs have one; where it was a jump, one radius of 1200 was wrong
+by 11 sigma."""
 LOG_INLIER = math.log(1 - OUTLIER_FRACTION) - 0.5 * math.log(2 * math.pi)
 
 
@@ -89,42 +92,42 @@ def find_end_inliers(end: EndPoints, prediction: Prediction) -> EndInliers:
     A single point that determines the prediction of the points beyond it, after a gap, may be a
     jump: it is an inlier if the end's likelihood is higher with it than without it.
     """
-    found, likelihood = _filter_end(end, prediction)
-    decisive = (found.leverages > DECISIVE_LEVERAGE).nonzero()[0]
+    inliers, likelihood = _filter_end(end, prediction)
+    decisive = (inliers.leverages > DECISIVE_LEVERAGE).nonzero()[0]
     if len(decisive) == 0:
-        return found
+        return inliers
     visible = end.visible.copy()
-    visible[found.members[decisive[0]] + PREDECESSORS] = False
+    visible[inliers.members[decisive[0]] + PREDECESSORS] = False
     other, likelihood_without = _filter_end(end._replace(visible=visible), prediction)
-    return other if likelihood_without > likelihood else found
+    return other if likelihood_without > likelihood else inliers
 
 
 def _filter_end(end: EndPoints, prediction: Prediction) -> tuple[EndInliers, float]:
     """Return the inliers of an end by a Kalman filter, and the log likelihood ratio of the end."""
-    rows, time = end.jacobian[:, PREDECESSORS:], prediction.autocorrelation_time
+    rows, correlation_time = end.jacobian[:, PREDECESSORS:], prediction.autocorrelation_time
     residuals = end.residuals[PREDECESSORS:] - prediction.offset @ rows
     point_variances, visible = end.variances[PREDECESSORS:], end.visible[PREDECESSORS:]
     log_outlier = math.log(OUTLIER_FRACTION / (2 * prediction.radius))
     covariance = rows.T @ prediction.covariance @ rows
     # The filter uses only points that are possible inliers of the ellipse predicted without them.
     possible = _log_inlier(residuals, point_variances + covariance.diagonal()) > log_outlier
-    used = np.where(visible & possible, time, EXCLUDED) * point_variances
+    used = np.where(visible & possible, correlation_time, EXCLUDED) * point_variances
     factor = _cholesky(covariance, used)
     stds = factor.diagonal()
     residuals = dtrtrs(factor, residuals, lower=1)[0] * stds
     variances = np.maximum(stds * stds - used, 0.0) + point_variances
     log_inlier = _log_inlier(residuals, variances)
     log_inlier[~visible] = -np.inf
-    evidence = np.logaddexp(log_inlier, log_outlier)
-    evidence -= _log_other_line(end, prediction.radius, log_outlier)
-    gain = evidence.cumsum() / time
+    log_ratio = np.logaddexp(log_inlier, log_outlier)
+    log_ratio -= _log_other_line(end, prediction.radius, log_outlier)
+    cumulated = log_ratio.cumsum() / correlation_time
     likely = log_inlier > log_outlier
-    within = gain >= max([0.0, *gain.tolist()]) - END_LOG_MARGIN
+    within = cumulated >= max([0.0, *cumulated.tolist()]) - END_LOG_MARGIN
     last = (within & likely).nonzero()[0]
     members = likely[: last[-1] + 1 if len(last) else 0].nonzero()[0]
     leverages = variances[members] / point_variances[members]
     inliers = EndInliers(members, log_inlier[members] - log_outlier, leverages)
-    return inliers, max([0.0, *gain.tolist()])
+    return inliers, max([0.0, *cumulated.tolist()])
 
 
 def departure_free_probability(
@@ -191,9 +194,9 @@ def _log_other_line(end: EndPoints, radius: float, log_outlier: float) -> FloatA
 
 
 def _cholesky(covariance: FloatArray, variances: FloatArray) -> FloatArray:
-    """Return the Cholesky factor of a covariance with variances added to its diagonal."""
+    """Return the Cholesky factor of a covariance plus variances, or the stds if there is none."""
     total = np.array(covariance, order="F")
     total.flat[:: len(total) + 1] += variances
-    spread = np.sqrt(total.diagonal())
+    stds = np.sqrt(total.diagonal())
     factor, failed = dpotrf(total, lower=1, clean=1, overwrite_a=1)
-    return np.diag(spread) if failed else factor
+    return np.diag(stds) if failed else factor

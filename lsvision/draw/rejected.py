@@ -1,4 +1,4 @@
-"""Rejected arcs of a picture: each has a letter, which the panel explains."""
+"""Rejected arcs as they are drawn: each has a letter, by which the panel lists its reason."""
 
 from dataclasses import dataclass
 
@@ -32,25 +32,24 @@ class RejectedArc:
 
 
 def rejected_arcs(points: Points, measurement: Measurement) -> tuple[RejectedArc, ...]:
-    """Return the rejected arcs from left to right, each span once.
+    """Return the rejected arcs from left to right; of several with the same span the first.
 
     Parameters
     ----------
     points : (n, 2) ndarray
         Points of the profile. Units: mm.
     measurement : Measurement
-        Its cylinders and rejections. A rejection whose points all belong to cylinders in the end
-        is left out.
+        Cylinders and rejections. A rejection whose points all belong to cylinders is omitted.
     """
-    free = np.isfinite(points[:, 0])
+    unassigned = np.isfinite(points[:, 0])
     for cylinder in measurement.cylinders:
-        free[cylinder.indices] = False
+        unassigned[cylinder.indices] = False
     reasons: dict[tuple[int, int], str] = {}
     for rejection in measurement.rejections:
         reasons.setdefault((rejection.arc.start, rejection.arc.stop), rejection.reason)
     arcs: list[RejectedArc] = []
     for (start, stop), reason in sorted(reasons.items()):
-        indices = start + np.flatnonzero(free[start:stop])
+        indices = start + np.flatnonzero(unassigned[start:stop])
         if len(indices):
             colour = REJECTED[len(arcs) % len(REJECTED)]
             arcs.append(RejectedArc(_letter(len(arcs)), indices, reason, colour))
@@ -58,6 +57,6 @@ def rejected_arcs(points: Points, measurement: Measurement) -> tuple[RejectedArc
 
 
 def _letter(number: int) -> str:
-    """Return A to Z, then A1 to Z1."""
-    turn, letter = divmod(number, 26)
-    return chr(ord("A") + letter) + (str(turn) if turn else "")
+    """Return A to Z for 0 to 25, then A1 to Z1, A2 to Z2, ..."""
+    suffix, letter = divmod(number, 26)
+    return chr(ord("A") + letter) + (str(suffix) if suffix else "")

@@ -45,7 +45,7 @@ class Expansion(NamedTuple):
     gradient_of_points: FloatArray
     information_of_points: FloatArray
 
-    def chosen(self, rows: IntArray | BoolArray) -> "Expansion":
+    def select(self, rows: IntArray | BoolArray) -> "Expansion":
         """Return the expansion of some rows."""
         return Expansion(*(field[rows] for field in self))
 

@@ -137,7 +137,7 @@ class _Search:
         circle_ratios = np.full(len(ends), math.inf)
         last = Targets(ends[rows], angles[rows], kappas[rows], critical[rows], circle_ratios)
         search = cls(
-            regions, ends, critical, wanted, rows, ends[rows], regions.best.chosen(rows.owners),
+            regions, ends, critical, wanted, rows, ends[rows], regions.best.select(rows.owners),
             last, critical[rows], np.ones(rows.ends.size),
         )  # fmt: skip
         search._find_targets()
@@ -155,7 +155,7 @@ class _Search:
         self._find_targets()
         done = moved & self._is_last_step(previous)
         if done.any():
-            rows = self.rows.chosen(done)
+            rows = self.rows.select(done)
             self.ends[rows] = self._move(np.ones(done.size))[done]
             self.critical[rows] = self.targets.critical[done]
             self._decide_by_circles(rows.owners[rows.ends == CIRCLE])
@@ -227,7 +227,7 @@ class _Search:
         """Move to trial parameters (k, 5) where F is not too large; return which rows moved."""
         moved = np.hypot(trial[:, 3], trial[:, 4]) < MAX_FLATTENING * trial[:, 2]
         if moved.any():
-            owners, ends = self.rows.chosen(moved)
+            owners, ends = self.rows.select(moved)
             new = expand_cost(self.regions.stack, owners, trial[moved])
             ratio = new.cost_of_points - self.regions.best.cost_of_points[owners]
             near = ratio < MAX_RATIO * self.targets.critical[moved]
@@ -265,10 +265,10 @@ class _Search:
     def _keep(self, chosen: BoolArray) -> None:
         """Keep only some of the active rows."""
         if not chosen.all():
-            self.rows, self.parameters = self.rows.chosen(chosen), self.parameters[chosen]
+            self.rows, self.parameters = self.rows.select(chosen), self.parameters[chosen]
             self.expansion, self.targets = (
-                self.expansion.chosen(chosen),
-                self.targets.chosen(chosen),
+                self.expansion.select(chosen),
+                self.targets.select(chosen),
             )
             self.lengths, self.reduction = self.lengths[chosen], self.reduction[chosen]
 

@@ -62,7 +62,7 @@ class Rows(NamedTuple):
     owners: IntArray
     ends: IntArray
 
-    def chosen(self, rows: IntArray | BoolArray) -> "Rows":
+    def select(self, rows: IntArray | BoolArray) -> "Rows":
         """Return some of the rows."""
         return Rows(self.owners[rows], self.ends[rows])
 
@@ -76,7 +76,7 @@ class Targets(NamedTuple):
     critical: FloatArray
     circle_ratios: FloatArray
 
-    def chosen(self, rows: BoolArray) -> "Targets":
+    def select(self, rows: BoolArray) -> "Targets":
         """Return the targets of some rows."""
         first, angles, kappas, critical = (field[rows] for field in self[:4])
         return Targets(first, angles, kappas, critical, self.circle_ratios)
@@ -192,7 +192,7 @@ class Regions:
         if not i.size:
             return
         to_circle, distances = ellipsoids.to_circles(i)
-        f, there = RIDGE_GRADIENTS[ends[i]], expansion.chosen(i)
+        f, there = RIDGE_GRADIENTS[ends[i]], expansion.select(i)
         covariances = np.asarray(np.linalg.inv(there.information[:, :3, :3]), dtype=np.float64)
         Cf = apply(covariances, f)
         circles = parameters[i] - apply(there.covariance, there.gradient)

@@ -80,11 +80,11 @@ def as_number_or_pair(
     try:
         numbers = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
-        raise TypeError(f"{expected}, got {_shown(value)}") from None
+        raise TypeError(f"{expected}, got {_format_value(value)}") from None
     if numbers.ndim == 0:
         return float(numbers)
     if numbers.shape != (2,):
-        raise ValueError(f"{expected}, got {_shown(value)}")
+        raise ValueError(f"{expected}, got {_format_value(value)}")
     return float(numbers[0]), float(numbers[1])
 
 
@@ -135,7 +135,9 @@ def _table_of(values: Any) -> FloatArray:
             return np.asarray(table, dtype=np.float64)
     except (TypeError, ValueError):
         pass
-    raise TypeError(f"expected points as an (n, 2) array of numbers in mm, got {_shown(values)}")
+    raise TypeError(
+        f"expected points as an (n, 2) array of numbers in mm, got {_format_value(values)}"
+    )
 
 
 def _table_of_frame(frame: Any) -> FloatArray:
@@ -173,7 +175,7 @@ def _hint(shape: tuple[int, ...]) -> str:
     return ""
 
 
-def _shown(value: Any) -> str:
+def _format_value(value: Any) -> str:
     """Return a value as text for a message: short values completely, others by type and shape."""
     text = repr(value)
     if len(text) <= 40 and "\n" not in text:

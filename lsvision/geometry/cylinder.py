@@ -15,6 +15,9 @@ from lsvision.geometry.ellipse import Ellipse
 from lsvision.geometry.equality import ComparedByValue
 from lsvision.geometry.pose import Pose, as_pose
 
+MIN_COS_PHI = 1e-9
+"""Cosine of the tilt below which an axis is parallel to the section plane."""
+
 
 class WithCylinder:
     """Point, direction and radius of an object that has a `cylinder`, in the same frame."""
@@ -83,12 +86,12 @@ class Cylinder(ComparedByValue):
         Parameters
         ----------
         a_from_b : Pose or (4, 4) array_like
-            Frame b in frame a.
+            Pose of frame b in frame a.
 
         Returns
         -------
         Cylinder
-            Coordinates of frame a.
+            Cylinder in frame a.
 
         Examples
         --------
@@ -105,7 +108,7 @@ class Cylinder(ComparedByValue):
         Parameters
         ----------
         points : (n, 3) array_like
-            The cylinder's frame. Units: mm.
+            Points in the cylinder's frame. Units: mm.
 
         Returns
         -------
@@ -137,7 +140,7 @@ class Cylinder(ComparedByValue):
             If the axis is parallel to the plane.
         """
         cos_phi = abs(float(self.direction[2]))
-        if cos_phi < 1e-9:
+        if cos_phi < MIN_COS_PHI:
             raise ValueError(
                 "expected an axis that crosses the section plane, got one parallel to it"
             )
@@ -153,7 +156,7 @@ class Cylinder(ComparedByValue):
         Parameters
         ----------
         ellipse : Ellipse
-            Section frame.
+            Ellipse in the section frame.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""Unit vectors: the tangent basis of a direction, and directions spread over a hemisphere."""
+"""Unit vectors: the tangent basis of a direction, and a uniform grid on a hemisphere."""
 
 import numpy as np
 
@@ -23,7 +23,7 @@ def tangent_frame(direction: FloatArray) -> FloatArray:
 
 
 def hemisphere_directions(count: int) -> FloatArray:
-    """Return (count, 3) unit vectors with z > 0, evenly spread (Fibonacci lattice)."""
+    """Return (count, 3) unit vectors with z > 0, uniformly distributed (Fibonacci lattice)."""
     k = np.arange(count) + 0.5
     z = 1 - k / count
     azimuth = np.pi * (1 + np.sqrt(5.0)) * k

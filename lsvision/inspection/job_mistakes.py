@@ -143,7 +143,7 @@ def _without_variants(where: Location) -> Location:
 def _message(where: Location, detail: Any, model: type[BaseModel]) -> str:
     """Return what was expected, what was found, and the remedy, in the words of the job file."""
     key = next((str(part) for part in reversed(where) if isinstance(part, str)), "the job")
-    kind, got = detail["type"], _shown(detail["input"])
+    kind, got = detail["type"], _format_value(detail["input"])
     if kind == "missing":
         return f"{_path(where)} is missing: add it"
     if kind == "too_short":
@@ -201,6 +201,6 @@ def _model_in(annotation: Any) -> type[BaseModel] | None:
     return None
 
 
-def _shown(value: Any) -> str:
+def _format_value(value: Any) -> str:
     text = repr(value)
     return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."

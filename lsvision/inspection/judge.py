@@ -106,7 +106,7 @@ def judge(
     parts = [
         _judge_part(cylinders[part.name], part, job, matching.cylinders[part.name])
         if part.name in cylinders
-        else _missing(part, measurement, matching)
+        else _judge_missing(part, measurement, matching)
         for part in job.parts
     ]
     verdict = Verdict(
@@ -145,13 +145,15 @@ def _as_part(cylinder: CylinderOfJob, part: Part) -> CylinderOfJob:
 def _judge_part(cylinder: CylinderOfJob, part: Part, job: Job, index: int) -> ItemVerdict:
     level = job.decision.level
     quantities = [
-        _judged(measure_quantity(cylinder, part, key, level), key, limits.ends, job)
+        _judge_estimate(measure_quantity(cylinder, part, key, level), key, limits.ends, job)
         for key, limits in part.limits.items()
     ]
     return ItemVerdict(part.name, tuple(quantities), index)
 
 
-def _judged(estimate: Estimate, key: str, limits: tuple[float, float], job: Job) -> QuantityVerdict:
+def _judge_estimate(
+    estimate: Estimate, key: str, limits: tuple[float, float], job: Job
+) -> QuantityVerdict:
     """Return the verdict of a quantity, including the job's extra uncertainty."""
     level, extra = job.decision.level, job.extra_std(key)
     estimate = replace(
@@ -160,11 +162,11 @@ def _judged(estimate: Estimate, key: str, limits: tuple[float, float], job: Job)
         interval=widened(estimate.value, estimate.interval, extra, level),
     )
     if key == "theta_deg":
-        return _judged_direction(estimate, limits, level)
+        return _judge_direction(estimate, limits, level)
     return judge_quantity(estimate, limits, level)
 
 
-def _judged_direction(
+def _judge_direction(
     estimate: Estimate, limits: tuple[float, float], level: float
 ) -> QuantityVerdict:
     """Return the verdict of an angle with a period of half a turn."""
@@ -199,11 +201,11 @@ def _judge_relation(
                 "relation"
             )
         estimate = relation.estimate(quantity, job.decision.level)
-        quantities.append(_judged(estimate, key, ends.ends, job))
+        quantities.append(_judge_estimate(estimate, key, ends.ends, job))
     return ItemVerdict(name, tuple(quantities))
 
 
-def _missing(
+def _judge_missing(
     part: Part, measurement: Measurement | ScanMeasurement, matching: Matching
 ) -> ItemVerdict:
     """Return the verdict of a missing part: NG, or undecided if its radius was not determinable."""
@@ -257,7 +259,7 @@ def _exchanged(
         part = job.part(limits_of)
         keys = [key for key in ("radius_mm", "diameter_mm") if key in part.limits]
         verdicts = [
-            _judged(
+            _judge_estimate(
                 measure_quantity(cylinders[name], part, key, job.decision.level),
                 key, part.limits[key].ends, job,
             )

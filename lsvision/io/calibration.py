@@ -48,8 +48,8 @@ def write_calibration(
     else:
         schema, values = LASER_PLANE_SCHEMA, _laser_plane_values(calibration)
     details = {
-        "rejected": _named(calibration.rejected),
-        "outliers": _named(calibration.outliers),
+        "rejected": _views_as_json(calibration.rejected),
+        "outliers": _views_as_json(calibration.outliers),
         "warnings": list(calibration.warnings),
         "provenance": dict(provenance),
     }
@@ -139,5 +139,5 @@ def provenance_of(method: str, inputs: Iterable[str | os.PathLike[str]]) -> dict
     }
 
 
-def _named(views: Iterable[RejectedView]) -> list[dict[str, Any]]:
+def _views_as_json(views: Iterable[RejectedView]) -> list[dict[str, Any]]:
     return [{"image": view.index, "reason": view.reason} for view in views]

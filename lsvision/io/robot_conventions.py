@@ -140,9 +140,9 @@ def pose_from_numbers(
             f"for convention {pose_convention.name!r}, got {len(values)}"
         )
     if not np.isfinite(values).all():
-        raise ValueError(f"expected finite numbers, got {_shown(values)}")
+        raise ValueError(f"expected finite numbers, got {_format_value(values)}")
     if np.abs(values).max() > MAX_NUMBER:
-        raise ValueError(f"expected numbers up to {MAX_NUMBER:g}, got {_shown(values)}")
+        raise ValueError(f"expected numbers up to {MAX_NUMBER:g}, got {_format_value(values)}")
     mm = MM_PER_UNIT[length_unit or pose_convention.length_unit]
     if pose_convention.rotation == "matrix":
         return _pose_from_matrix(values.reshape(4, 4), mm)
@@ -157,7 +157,7 @@ def _rotation(values: FloatArray, kind: str, rad: float) -> FloatArray:
         norm = float(np.linalg.norm(values))
         if abs(norm - 1) > UNIT_QUATERNION:
             raise ValueError(
-                f"expected a quaternion of length 1, got length {norm:.4f}: {_shown(values)}"
+                f"expected a quaternion of length 1, got length {norm:.4f}: {_format_value(values)}"
             )
         xyzw = np.roll(values, -1) if kind.endswith("wxyz") else values
         matrix: FloatArray = Rotation.from_quat(xyzw / norm).as_matrix()
@@ -174,7 +174,7 @@ def _pose_from_matrix(matrix: FloatArray, mm: float) -> Pose:
     if defect > ORTHONORMAL or not np.allclose(matrix[3], (0, 0, 0, 1), rtol=0, atol=ORTHONORMAL):
         raise ValueError(
             f"expected a 4x4 of a rotation with last row 0 0 0 1, got R'R off by {defect:.3g} and "
-            f"last row {_shown(matrix[3])}: is it written column by column?"
+            f"last row {_format_value(matrix[3])}: is it written column by column?"
         )
     left, _, right = np.linalg.svd(rotation)
     if np.linalg.det(rotation) < 0:
@@ -182,5 +182,5 @@ def _pose_from_matrix(matrix: FloatArray, mm: float) -> Pose:
     return Pose(left @ right, matrix[:3, 3] * mm)
 
 
-def _shown(values: FloatArray) -> str:
+def _format_value(values: FloatArray) -> str:
     return " ".join(f"{value:g}" for value in values.tolist())

@@ -1,4 +1,4 @@
-"""HTML from jinja2 templates: one environment for pages and for what notebooks show."""
+"""The jinja2 environment of all HTML: pages, and the representations in notebooks."""
 
 from functools import cache
 from typing import TYPE_CHECKING
@@ -11,8 +11,8 @@ if TYPE_CHECKING:
 def html_environment(package: str = "lsvision.results") -> "Environment":
     """Return an environment with the templates of a package and those of `lsvision.results`.
 
-    Pages extend ``base.html.j2``. All text that a template gets is escaped; a name that it does not
-    get is an error.
+    Pages extend ``base.html.j2``. The values of a template are escaped; an undefined
+    name is an error.
 
     Parameters
     ----------

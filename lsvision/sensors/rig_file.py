@@ -1,6 +1,7 @@
 """The rig file: a light section as JSON with schema, units and provenance.
 
-Part of this package and not of ``io`` because `LightSection` has methods to save and load it.
+The module is in this package and not in ``io``, because `LightSection` has methods to save and load
+it.
 """
 
 import json
@@ -28,9 +29,11 @@ MAX_LINE_BLUR_PX = 1e3
 MIN_FOCAL_LENGTH_PX = 1e-3
 """Shortest focal length that a camera file may state. Units: px."""
 MAX_VALUE = 1e9
-"""Largest number of a camera file: beyond it products overflow, and no lens has such a value."""
+"""Largest number that a camera file may contain: products of larger ones may overflow, and no lens
+has such a value."""
 
-_DAMAGED = (
+# Exceptions that wrong or missing values of a parsed file raise.
+_DAMAGE_ERRORS = (
     KeyError,
     TypeError,
     ValueError,
@@ -153,7 +156,7 @@ def write_rig(
     provenance: Mapping[str, str],
     line_blur_px: float = 0.0,
 ) -> None:
-    """Write a rig file; an existing file is replaced only when all is written. See `read_rig`.
+    """Write a rig file; an existing file is replaced only after everything is written.
 
     Raises
     ------
@@ -188,7 +191,7 @@ def read_rig(path: str | os.PathLike[str]) -> tuple[Camera, Plane, dict[str, str
         blur = float(values.get("line_blur_px", 0.0))
         if not (math.isfinite(blur) and 0 <= blur <= MAX_LINE_BLUR_PX):
             raise ValueError(f"expected line_blur_px from 0 to {MAX_LINE_BLUR_PX:g}, got {blur}")
-    except _DAMAGED as error:
+    except _DAMAGE_ERRORS as error:
         problem = f"lacks {error}" if isinstance(error, KeyError) else f"is damaged: {error}"
         raise UnreadableFile(f"{path} {problem}; save the light section again") from error
     return camera, plane, provenance, blur

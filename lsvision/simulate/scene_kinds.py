@@ -1,8 +1,9 @@
 """Seven named kinds of random scene, and the simulated section of a kind and a seed.
 
 Tubes have a radius of 10-40 mm, a tilt phi of 0-40 deg and any theta by default. The tubes of a
-pair touch in the section. Scenes are drawn until an ideal sensor sees a sufficient arc of every
-tube; the truth records the actual arcs, which noise and losses may shorten.
+pair touch in the section. Random scenes are drawn until the visible arc of every tube is at least
+`MIN_VISIBLE_ARC` for an ideal sensor; the truth records the actual arcs, which noise and lost
+points may shorten.
 """
 
 import dataclasses
@@ -26,11 +27,13 @@ MAX_PHI_DEG = 80.0
 NOISE_MM = (0.02, 0.1)
 """Range of the noise's standard deviation at the reference range. Units: mm."""
 MIN_VISIBLE_ARC = math.radians(80.0)
-"""Smallest arc of every tube of a random scene that an ideal sensor sees. Units: rad."""
+"""Smallest visible arc of every tube of a random scene, for an ideal sensor. Units: rad."""
 MAX_BULGE = 0.11
-"""Largest bulge of a bead; a larger one turns by over 50 deg and resembles a tube."""
+"""Largest bulge of a weld bead (see `weld_bead`); a larger one spans an arc of more than 50 deg and
+resembles a tube."""
 MAX_DRAWS = 200
-"""Maximum number of scenes drawn until all tubes are visible; a few are usual except for stacks."""
+"""Largest number of scenes that are drawn until all tubes are visible; usually a few suffice,
+except for stacks."""
 
 SCENE_SENSOR = ProfileSensor(
     name="simulated profile sensor",
@@ -114,7 +117,7 @@ def random_section(
     settings : SectionSettings, optional
         Errors of the sensor. None: 3 % lost points and 2 % jumps.
     tubes : TubeRanges, optional
-        None: radius 10-40 mm, phi 0-40 deg, any theta.
+        Ranges of the tubes. None: radius 10-40 mm, phi 0-40 deg, any theta.
 
     Raises
     ------
@@ -213,13 +216,14 @@ def _draw_visible(
         if all(tube.arc >= MIN_VISIBLE_ARC and tube.visible for tube in section.truth.tubes):
             return scene
     raise DegenerateGeometry(
-        f"{MAX_DRAWS} random scenes drawn and none shows all its tubes to the sensor, whose line "
-        f"is {SCENE_SENSOR.width_at_max_range:g} mm long at {SCENE_SENSOR.max_range:g} mm: ask for "
-        "smaller or less tilted tubes"
+        f"{MAX_DRAWS} random scenes drawn and in none are all tubes visible to the sensor, whose "
+        f"line is {SCENE_SENSOR.width_at_max_range:g} mm long at {SCENE_SENSOR.max_range:g} mm: "
+        "ask for smaller or less tilted tubes"
     )
 
 
 def _no_clutter(_ellipses: list[Ellipse], _rng: np.random.Generator) -> list[Prism]:
+    """Return no clutter, for scenes of tubes alone."""
     return []
 
 

@@ -12,7 +12,7 @@ from lsvision.detection.candidates import (
     seed_ellipse,
 )
 from lsvision.detection.profile_preparation import prepare_profile
-from lsvision.detection.range_image import connected_components, rasterise
+from lsvision.detection.range_image import build_range_image, connected_components
 from lsvision.profile import Arc
 from tests.detection.scenes import bowl, dome, flat, line
 
@@ -20,7 +20,7 @@ RANGE = (5.0, 60.0)
 
 
 def candidates_of(profile, radius_range=RANGE):
-    components = connected_components(rasterise(profile), 10)
+    components = connected_components(build_range_image(profile), 10)
     return find_candidates(profile, components, radius_range)
 
 
@@ -158,7 +158,7 @@ def test_no_components_have_no_candidates():
 
 def test_the_shortest_window_is_a_setting():
     profile = line(dome(0, 20, half_deg=80))
-    (component,) = connected_components(rasterise(profile), 10)
+    (component,) = connected_components(build_range_image(profile), 10)
     shortest = [
         min(
             len(c.indices)

@@ -10,7 +10,7 @@ from lsvision.detection import identification
 from lsvision.detection.candidates import Candidate, find_candidates
 from lsvision.detection.identification import connected_inliers, grow_arc, identify_arcs
 from lsvision.detection.profile_preparation import prepare_profile
-from lsvision.detection.range_image import connected_components, rasterise
+from lsvision.detection.range_image import build_range_image, connected_components
 from lsvision.detection.search_range import search_range
 from lsvision.geometry.noisy_points import NoisyPoints, as_complex
 from lsvision.profile import Arc
@@ -25,7 +25,7 @@ FIRST, STOP = len(LEFT), len(LEFT) + len(PIPE)
 
 
 def best_candidate(profile):
-    components = connected_components(rasterise(profile), 10)
+    components = connected_components(build_range_image(profile), 10)
     return find_candidates(profile, components, RANGE)[0]
 
 
@@ -45,7 +45,7 @@ def arcs_of(points, noise=None):
     """Columns of all arcs that the candidates of a profile grow to."""
     profile = prepare_profile(points, noise)
     radii = search_range(None, None, profile)
-    components = connected_components(rasterise(profile), 10)
+    components = connected_components(build_range_image(profile), 10)
     arcs, _ = identify_arcs(profile, find_candidates(profile, components, radii), radii)
     return [np.sort(profile.sensor_columns[arc.indices]) for arc in arcs]
 
@@ -290,7 +290,7 @@ def test_an_arc_without_the_shape_of_a_pipe_is_reported_once():
 
 def test_two_touching_pipes_are_two_arcs_without_common_points():
     profile = line(dome(0, 20, 85), dome(40, 20, 85))
-    components = connected_components(rasterise(profile), 10)
+    components = connected_components(build_range_image(profile), 10)
     arcs, _ = identify_arcs(profile, find_candidates(profile, components, RANGE), RANGE)
     assert len(arcs) == 2
     assert not set(arcs[0].indices.tolist()) & set(arcs[1].indices.tolist())

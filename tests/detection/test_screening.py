@@ -11,7 +11,7 @@ from lsvision.detection.candidates import find_candidates
 from lsvision.detection.end_points import EndInliers, find_end_inliers
 from lsvision.detection.identification import identify_arcs
 from lsvision.detection.profile_preparation import prepare_profile
-from lsvision.detection.range_image import connected_components, rasterise
+from lsvision.detection.range_image import build_range_image, connected_components
 from lsvision.detection.screening import screen_arc
 from lsvision.ellipse.arc_noise import ArcNoise
 from lsvision.ellipse.parameters import ellipse_from_parameters, parameters_from_ellipse
@@ -220,7 +220,7 @@ def test_what_was_cut_off_on_one_side_is_judged_with_the_other_side():
 def test_a_tube_whose_first_fit_misses_its_end_is_whole_after_the_second():
     points, labels, _ = other_scene(np.random.default_rng([33, 0]), 2, welded=True, cluttered=True)
     profile = prepare_profile(Profile(points), None)
-    components = connected_components(rasterise(profile), 10)
+    components = connected_components(build_range_image(profile), 10)
     candidates = find_candidates(profile, components, (5.0, 60.0))
     arcs, _ = identify_arcs(profile, candidates, (5.0, 60.0))
     kept = [set(profile.sensor_columns[screen_arc(profile, arc).indices].tolist()) for arc in arcs]

@@ -39,7 +39,7 @@ def targets_and_ellipsoid(phi_deg, rng):
     angles[directed], kappas[directed] = (each[0, ends[directed]] for each in searched)
     critical = np.repeat(ratios.one, len(ends))
     last = Targets(start, angles, kappas, critical, np.full(1, np.inf))
-    found = regions.find_targets(rows, start, regions.best.chosen(rows.owners), last)
+    found = regions.find_targets(rows, start, regions.best.select(rows.owners), last)
     drawn = rng.normal(size=(DRAWN, 5))
     drawn /= np.linalg.norm(drawn, axis=1, keepdims=True)
     factor = np.linalg.cholesky(regions.best.covariance[0])

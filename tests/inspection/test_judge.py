@@ -10,7 +10,7 @@ import pytest
 
 import lsvision as lsv
 from lsvision.detection.arcs import Rejection
-from lsvision.inspection.judge import _judged_direction
+from lsvision.inspection.judge import _judge_direction
 from lsvision.inspection.limits import quantity_of
 from lsvision.measure import Measurement, measure_cylinders
 from lsvision.profile import Arc
@@ -157,7 +157,7 @@ def test_a_known_radius_sharpens_the_part_that_has_it(pair):
 
 def direction(value, low, high, ends):
     estimate = Estimate(quantity_of("theta_deg"), value, 1.0, (low, high))
-    return _judged_direction(estimate, ends, 0.95)
+    return _judge_direction(estimate, ends, 0.95)
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from lsvision.detection.end_points import (
 from lsvision.detection.identification import connected_inliers, grow_arc, identify_arcs
 from lsvision.detection.line_order import order_along_line
 from lsvision.detection.profile_preparation import prepare_profile
-from lsvision.detection.range_image import connected_components, rasterise
+from lsvision.detection.range_image import build_range_image, connected_components
 from lsvision.detection.rejections import complete_rejections
 from lsvision.detection.screening import screen_arc
 from lsvision.detection.windows import fit_window_circles
@@ -42,7 +42,7 @@ from tests.ellipse.arcs import SENSOR, pipe, upper_arc
 
 RANGE = (5.0, 60.0)
 PREPARED = line(flat(-50, -20), dome(0, 20), flat(20, 50))
-COMPONENTS = connected_components(rasterise(PREPARED), 10)
+COMPONENTS = connected_components(build_range_image(PREPARED), 10)
 CANDIDATES = find_candidates(PREPARED, COMPONENTS, RANGE)
 ARC, COMPARED = grow_arc(PREPARED, CANDIDATES[0], PREPARED.valid_indices)
 SCREENED = screen_arc(PREPARED, ARC)
@@ -60,8 +60,8 @@ FIT = refine_arc(SCREENED.points, SCREENED.ellipse, Priors(None, None), FittingS
 STEPS = {
     "prepare_profile": (prepare_profile, Profile(POINTS), ProfileSensor()),
     "order_along_line": (order_along_line, POINTS[::2]),
-    "rasterise": (rasterise, PREPARED),
-    "connected_components": (connected_components, rasterise(PREPARED), 10),
+    "build_range_image": (build_range_image, PREPARED),
+    "connected_components": (connected_components, build_range_image(PREPARED), 10),
     "find_candidates": (find_candidates, PREPARED, COMPONENTS, RANGE),
     "seed_ellipse": (seed_ellipse, PREPARED, CANDIDATES[0]),
     "grow_arc": (grow_arc, PREPARED, CANDIDATES[0], PREPARED.valid_indices.copy()),

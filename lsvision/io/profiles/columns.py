@@ -59,7 +59,7 @@ def profiles_from_table(table: TextTable, settings: ReadSettings) -> RawProfiles
     if settings.plane is not None:
         choice = _in_space(table, settings)
     else:
-        choice = _requested_columns(table, settings) or _named(table) or _placed(table)
+        choice = _requested_columns(table, settings) or _by_name(table) or _by_position(table)
     _check_numbers(table, choice)
     points = table.values
     if choice.coordinates != tuple(range(points.shape[1])):
@@ -198,7 +198,7 @@ def _columns_by_role(table: TextTable) -> dict[str, int]:
     return by_role
 
 
-def _named(table: TextTable) -> _Choice | None:
+def _by_name(table: TextTable) -> _Choice | None:
     choice = _by_names(table)
     if choice is None:
         return None
@@ -243,7 +243,7 @@ def _by_names(table: TextTable) -> _Choice | None:
     return _Choice(x, height, y, away)
 
 
-def _placed(table: TextTable) -> _Choice:
+def _by_position(table: TextTable) -> _Choice:
     columns = _number_columns(table)
     if len(columns) < 2:
         columns = list(range(table.values.shape[1]))

@@ -29,25 +29,25 @@ def profiles_from_named(
     Parameters
     ----------
     columns : mapping
-        One array each: (n,) with one point per row; or, with one profile per row, (k, m) arrays or
-        k arrays of any length, where x may also be the (m,) that all rows share.
+        Arrays by name: (n,) with one point per row; or, with one profile per row, (k, m) or k
+        arrays of any length, where x may also be one (m,) array for all rows.
     settings : ReadSettings
         Reading options.
     statements : tuple of UnitStatement
         Units that the file states beside the columns.
     texts : mapping, optional
-        Columns of text, one per row.
+        Columns of text, with one cell per row.
 
     Raises
     ------
     UnreadableFile
         If no column is a height or a range, or lengths do not agree.
     """
-    odd = [label for label, column in columns.items() if not _is_column(column)]
-    if odd:
+    unusable = [label for label, column in columns.items() if not _is_column(column)]
+    if unusable:
         raise UnreadableFile(
             f"expected arrays of shape (n,), one number per point, or (k, n), one row per profile: "
-            f"{', '.join(odd)} is neither"
+            f"{', '.join(unusable)} is neither"
         )
     labels = {label: split_label(label) for label in columns}
     by_role = {column_role(name): label for label, (name, _) in reversed(labels.items())}
@@ -67,10 +67,10 @@ def profiles_from_named(
         raise UnreadableFile(f"{x} and {height} differ in length: expected an x for each height")
     units: tuple[str | None, str | None] = (None, None)
     if settings.units is None:
-        about = [[s for s in statements if s.axis in (None, axis)] for axis in ("x", "height")]
-        x_unit = "mm" if x is None else one_unit(labels[x][1], about[0])
-        units = x_unit, one_unit(labels[height][1], about[1])
-    if x is None and settings.z_unit is not None:
+        by_axis = [[s for s in statements if s.axis in (None, axis)] for axis in ("x", "height")]
+        x_unit = "mm" if x is None else one_unit(labels[x][1], by_axis[0])
+        units = x_unit, one_unit(labels[height][1], by_axis[1])
+    if x is None and settings.z_unit is not None:  # in 0.01 um
         units = "mm", f"{float(settings.z_unit) / 100:.12g} um"
     return RawProfiles(
         sections=[np.column_stack(pair) for pair in zip(xs, rows, strict=True)],
@@ -79,7 +79,7 @@ def profiles_from_named(
         x_in_mm=x is None,
         attributes=_row_attributes(columns, texts or {}, {x, height}, len(rows)),
         ignored=tuple(
-            label for label in columns if label not in (x, height) and not _is_flat(columns[label])
+            label for label in columns if label not in (x, height) and not _is_1d(columns[label])
         ),
     )
 
@@ -94,7 +94,7 @@ def _row_attributes(
     flat: dict[str, Sequence[float | str]] = {
         label: np.asarray(values).tolist()
         for label, values in columns.items()
-        if label not in used and _is_flat(values) and len(values) == rows
+        if label not in used and _is_1d(values) and len(values) == rows
     }
     flat |= {label: cells for label, cells in texts.items() if len(cells) == rows}
     if not flat:
@@ -102,12 +102,13 @@ def _row_attributes(
     return tuple({label: cells[row] for label, cells in flat.items()} for row in range(rows))
 
 
-def _is_flat(values: _Column) -> bool:
+def _is_1d(values: _Column) -> bool:
+    """Return whether a column has one number per row, and not a profile."""
     return len(values) > 0 and np.ndim(values[0]) == 0
 
 
 def _is_column(column: _Column) -> bool:
-    """Return whether it is an array of numbers, or rows of numbers."""
+    """Return whether a column is a 1D or 2D array, or a sequence of 1D arrays."""
     if isinstance(column, np.ndarray):
         return column.ndim in (1, 2)
     return all(np.ndim(row) == 1 for row in column)
@@ -119,6 +120,7 @@ def _from_points(
     settings: ReadSettings,
     statements: tuple[UnitStatement, ...],
 ) -> RawProfiles:
+    """Return the profiles of columns with one point per row."""
     flat = [label for label in columns if np.ndim(columns[label]) == 1]
     lengths = {len(columns[label]) for label in flat}
     if len(lengths) != 1 or not lengths.pop():
@@ -142,10 +144,13 @@ def _from_points(
 def _x_of_rows(
     rows: Sequence[FloatArray], x: _Column | None, settings: ReadSettings
 ) -> list[FloatArray]:
+    """Return the x of each profile: its own, the x of all, or the positions of the columns."""
     if x is None:
         return [column_positions(len(row), len(rows), settings)[0] for row in rows]
     if np.ndim(x[0] if len(x) else 0.0) == 0:
         return [np.asarray(x)] * len(rows)
     if len(x) != len(rows):
-        raise UnreadableFile(f"{len(x)} rows of x and {len(rows)} of heights: expected as many")
+        raise UnreadableFile(
+            f"{len(x)} rows of x and {len(rows)} of heights: expected equal numbers"
+        )
     return [np.asarray(row) for row in x]

@@ -57,7 +57,7 @@ def profiles_from_table(table: "pa.Table", settings: ReadSettings) -> RawProfile
     try:
         columns = {name: _values(table[name]) for name in table.column_names}
         texts = {name: _texts(table[name]) for name in table.column_names if columns[name] is None}
-        stated = [*_stated(table.schema.metadata), *_stated_of_fields(table.schema)]
+        stated = [*_unit_statements(table.schema.metadata), *_field_statements(table.schema)]
     except (pyarrow.ArrowException, OSError, ValueError, TypeError, KeyError) as error:
         raise _unreadable(error) from None
     known = {name: values for name, values in columns.items() if values is not None}
@@ -105,7 +105,7 @@ def _texts(column: Any) -> list[str] | None:
     return ["" if value is None else str(value) for value in column.to_pylist()]
 
 
-def _stated(metadata: Any, axis: str = "") -> tuple[UnitStatement, ...]:
+def _unit_statements(metadata: Any, axis: str = "") -> tuple[UnitStatement, ...]:
     """Return the units in the metadata of a table, as ``unit: um``."""
     lines = [
         f"unit {axis}: {value.decode('utf-8', 'replace')}"
@@ -115,12 +115,12 @@ def _stated(metadata: Any, axis: str = "") -> tuple[UnitStatement, ...]:
     return unit_statements(lines)
 
 
-def _stated_of_fields(schema: Any) -> list[UnitStatement]:
+def _field_statements(schema: Any) -> list[UnitStatement]:
     statements: list[UnitStatement] = []
     for field in schema:
         role = column_role(split_label(field.name)[0])
         if role in ("x", "height", "range"):
-            statements += _stated(field.metadata, role)
+            statements += _unit_statements(field.metadata, role)
     return statements
 
 

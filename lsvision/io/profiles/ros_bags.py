@@ -70,7 +70,7 @@ def _messages(path: Path, topic: str | None) -> tuple[str, list[Message]]:
         ) from None
     try:
         with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
-            connections = _chosen(reader.connections, topic)
+            connections = _select_connections(reader.connections, topic)
             kind: str = connections[0].msgtype
             messages = list(_decoded(reader, connections))
     except UnreadableFile:
@@ -88,7 +88,7 @@ def _messages(path: Path, topic: str | None) -> tuple[str, list[Message]]:
     return kind, messages
 
 
-def _chosen(connections: Sequence[Any], topic: str | None) -> list[Any]:
+def _select_connections(connections: Sequence[Any], topic: str | None) -> list[Any]:
     """Return the connections with profiles, all of one topic."""
     fitting = [c for c in connections if c.msgtype in (LASER_SCAN, POINT_CLOUD) and c.msgcount]
     wanted = [c for c in fitting if topic is None or c.topic.strip("/") == topic.strip("/")]
@@ -97,19 +97,19 @@ def _chosen(connections: Sequence[Any], topic: str | None) -> list[Any]:
         return wanted
     if topics:
         raise UnreadableFile(
-            f"a ROS bag of several topics with profiles: use --topic {_named(wanted)}"
+            f"a ROS bag of several topics with profiles: use --topic {_list_topics(wanted)}"
         )
     if topic is not None and fitting:
         raise UnreadableFile(
-            f"no topic {topic!r} with profiles in it: use --topic {_named(fitting)}"
+            f"no topic {topic!r} with profiles in it: use --topic {_list_topics(fitting)}"
         )
     raise UnreadableFile(
         "a ROS bag without a message of LaserScan or PointCloud2 (it has "
-        f"{_named(connections) or 'no topic'}): record the topic of the scanner"
+        f"{_list_topics(connections) or 'no topic'}): record the topic of the scanner"
     )
 
 
-def _named(connections: Sequence[Any]) -> str:
+def _list_topics(connections: Sequence[Any]) -> str:
     counts: dict[str, int] = {}
     for connection in connections:
         kind = connection.msgtype.rpartition("/")[2]

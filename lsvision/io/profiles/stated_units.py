@@ -38,7 +38,7 @@ def resolve_units(
     """
     if settings.units is not None:
         return None, None
-    units = _stated(table, x, height)
+    units = _find_stated_units(table, x, height)
     require_known_unit(units, table.mentions, settings)
     return units
 
@@ -61,7 +61,7 @@ def require_known_unit(
         )
 
 
-def _stated(table: TextTable, x: int, height: int) -> tuple[str | None, str | None]:
+def _find_stated_units(table: TextTable, x: int, height: int) -> tuple[str | None, str | None]:
     over = table.units or (None,) * table.values.shape[1]
     names = table.names or ("",) * table.values.shape[1]
     return (
