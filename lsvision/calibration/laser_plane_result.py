@@ -31,7 +31,7 @@ class CalibratedLaserView(ComparedByValue):
     Parameters
     ----------
     index : int
-        Index of the images.
+        Index of the view's images in the input.
     seen : LaserView
         Corners and laser line in the images.
     camera_from_board : Pose
@@ -56,20 +56,20 @@ class LaserPlaneCalibration(Result):
     Parameters
     ----------
     light_section : LightSection
-        The result; its camera is refined if there are enough views.
+        Calibrated light section; its camera is refined if there are enough views.
     covariance : (3, 3) ndarray
-        Covariance of the plane: tilt about the section's X, about its Y (rad), distance (mm).
+        Covariance of the plane's tilt about the section's X and Y (rad) and of its distance (mm).
     views : tuple of CalibratedLaserView
         Residuals of each view.
     board_bow, board_bow_std : (3,) ndarray
         Deviation of the board's middle from flatness along x and along y, positive away from
-        the camera, and its twist at the corners; zero where it was not fitted. Units: mm.
+        the camera, and its twist at the corners; zero if it was not fitted. Units: mm.
     rejected : tuple of RejectedView
         Views that could not be used, or whose line is not in the plane of the others.
     outliers : tuple of RejectedView
         Views that were used and have large residuals.
     warnings : tuple of str
-        Weaknesses of the set of views.
+        Warnings about the set of views, with remedies.
     """
 
     light_section: LightSection

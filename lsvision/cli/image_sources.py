@@ -29,7 +29,7 @@ class ImagingOptions:
     Parameters
     ----------
     light_section : LightSection
-        The rig.
+        Calibrated camera and laser plane.
     line : LineSettings
         Settings of the line extraction.
     laser_off : (height, width) or (height, width, 3) ndarray, optional
@@ -52,14 +52,14 @@ class ImagingOptions:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ImageFile:
-    """Return the profiles of an image or of the frames of a video; corresponds to `ProfileFile`.
+    """Profiles of an image or of the frames of a video; the counterpart of `ProfileFile`.
 
     Parameters
     ----------
     path : Path
         The file, or the name of a live camera.
     profiles : tuple of Profile
-        One per frame; without valid points where no line was found.
+        One per frame; without valid points if no line was found in it.
     images : tuple of ndarray
         The frames, if they are kept.
     summary : str
@@ -97,7 +97,7 @@ class LiveCamera:
 
 
 def is_image(source: Path) -> bool:
-    """Return whether a file counts as an image or video, by its suffix."""
+    """Return whether the suffix of a file is that of an image or a video."""
     return source.suffix.lower() in IMAGE_SUFFIXES | VIDEO_SUFFIXES
 
 
@@ -122,7 +122,7 @@ def check_colours(image: Any, laser: str, where: str = "it", bayer: str | None =
 
 
 def read_image_source(source: Path | LiveCamera, imaging: ImagingOptions | None) -> ImageFile:
-    """Return the profiles of an image, a video, or what a camera sends.
+    """Return the profiles of an image, a video or a live camera.
 
     Raises
     ------

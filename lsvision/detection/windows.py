@@ -11,16 +11,16 @@ from lsvision.geometry.noisy_points import as_complex, as_vectors
 WINDOW_GROWTH = 2
 """Ratio of successive window lengths."""
 SHIFTS_PER_WINDOW = 3
-"""Length of a window over the largest distance of windows of that length."""
+"""Ratio of a window's length to the largest shift between successive windows of that length."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class WindowCircles:
     """Circles of w windows. Units: mm.
 
-    `radius` is infinite where a window is straight; there `rms`, the root mean square distance from
-    the circle to first order, is 0 or NaN. `line_rms` is that from the best line. A `convex` window
-    bulges towards the sensor.
+    `rms` is the root mean square distance from the circle, to first order, and `line_rms` that from
+    the best line. `radius` is infinite for a straight window, and its `rms` then 0 or NaN. A
+    `convex` window is curved towards the sensor.
     """
 
     centre: FloatArray
@@ -31,10 +31,10 @@ class WindowCircles:
 
 
 def multiscale_windows(sizes: Sequence[int], smallest: int) -> tuple[IntArray, IntArray]:
-    """Return starts and stops of windows of growing length, symmetric within each component.
+    """Return starts and stops of windows of increasing length, symmetric within each component.
 
-    `sizes` are the numbers of points of successive components. No window reaches from one into
-    the next; the last window of each is the component itself.
+    `sizes` are the numbers of points of successive components. No window extends over
+    two components; the last window of each is the component itself.
     """
     starts, stops, first = [], [], 0
     for size in sizes:
@@ -56,10 +56,10 @@ def multiscale_windows(sizes: Sequence[int], smallest: int) -> tuple[IntArray, I
 def fit_window_circles(points: Points, starts: IntArray, stops: IntArray) -> WindowCircles:
     """Fit Kasa's circle to each window [start, stop): linear least squares in x^2 + y^2.
 
-    Biased to small radii on short noisy arcs: used to select windows, not as a result.
+    The radius of short noisy arcs is biased to small values: the circles only select windows.
     """
     z = as_complex(points)
-    origin = (z[0] + z[-1]) / 2  # a near origin keeps the digits of the squares
+    origin = (z[0] + z[-1]) / 2  # near the points, so that the squares keep their precision
     z = z - origin
     q = z.real**2 + z.imag**2
     running = np.zeros((4, len(z) + 1), dtype=complex)
@@ -71,24 +71,25 @@ def fit_window_circles(points: Points, starts: IntArray, stops: IntArray) -> Win
     moments -= running.take(starts, axis=1)
     moments /= np.maximum(stops - starts, 1)
     mean, zz, qz, qq = moments
-    # Covariances of z with its conjugate, with z, and of q = |z|^2 with z and with q.
-    spread, slant = qq.real - (mean * mean.conj()).real, zz - mean * mean
+    # Second central moments E|z|^2 and E z^2; covariances of q = |z|^2 with z and with q.
+    variance, pseudo_variance = qq.real - (mean * mean.conj()).real, zz - mean * mean
     cov_qz, var_q = qz - qq.real * mean, qq.imag - qq.real**2
-    size = np.abs(slant)
+    modulus = np.abs(pseudo_variance)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        centre = (spread * cov_qz - slant * cov_qz.conj()) / (spread**2 - size**2)
+        centre = variance * cov_qz - pseudo_variance * cov_qz.conj()
+        centre /= variance**2 - modulus**2
         from_mean = centre - mean
-        radius = np.sqrt(spread + (from_mean * from_mean.conj()).real)
+        radius = np.sqrt(variance + (from_mean * from_mean.conj()).real)
         radius[~(radius < np.inf)] = np.inf
         rms = np.sqrt(np.maximum(var_q - 2 * (centre.conj() * cov_qz).real, 0.0)) / (2 * radius)
-    line_rms = np.sqrt(np.maximum(spread - size, 0.0) / 2)
+    line_rms = np.sqrt(np.maximum(variance - modulus, 0.0) / 2)
     return WindowCircles(as_vectors(centre + origin), radius, rms, line_rms, from_mean.imag < 0)
 
 
 def arc_coverage(
     points: Points, starts: IntArray, stops: IntArray, centres: FloatArray
 ) -> FloatArray:
-    """Return the angle of each window's arc, over the top of its circle. Units: rad."""
+    """Return the angle that each window's arc covers, across the top of its circle. Units: rad."""
     z, from_top = as_complex(points), -1j
     first, last = ((z[i] - as_complex(centres)) * from_top for i in (starts, stops - 1))
     coverage: FloatArray = np.abs(np.angle(first) - np.angle(last))

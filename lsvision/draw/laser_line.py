@@ -1,4 +1,4 @@
-"""Pictures of an extracted laser line: on the image, and its values by column."""
+"""Pictures of an extracted laser line: in its image, and its values as curves."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 DPI = 100
 MAX_PHOTO_INCH = {"columns": (11.7, 9.0), "rows": (7.5, 10.5)}
-"""Largest width and height of the photo, for a line along the columns and along the rows."""
+"""Largest width and height of the photo, for a line with one point per column and one per row."""
 MIN_WIDTH_INCH = 10.5
 """Smallest width of the figure, for the summary above the image. Units: inch."""
 LEFT_INCH, RIGHT_INCH, TOP_INCH, BOTTOM_INCH = 0.95, 0.3, 1.05, 0.65
@@ -47,10 +47,10 @@ def draw_laser_line(
     line : LaserLine
         The line.
     title : str
-        Above the image, as the name of the file.
+        Title above the image, such as the name of the file.
     ax : matplotlib.axes.Axes, optional
-        Draw the line into the image alone, into these axes; without, all into a figure of its
-        own.
+        Axes to draw image and line into, without curves. By default a new figure with all is
+        drawn.
 
     Returns
     -------

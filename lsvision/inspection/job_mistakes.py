@@ -24,7 +24,7 @@ _HEADER = re.compile(r"\s*(\[\[?)\s*([^\[\]#]+?)\s*\]")
 _KEY = re.compile(r"\s*([A-Za-z0-9_.\"'-]+(?:\s*\.\s*[A-Za-z0-9_\"'-]+)*)\s*=")
 _POSITION = re.compile(r"\s*\(at line (\d+), column \d+\)")
 _VARIANT = re.compile(r"(float|int|str|Limits|constrained.*|tuple\[.*)$")
-_SHOWN = 60
+_MAX_SHOWN_CHARACTERS = 60
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Mistake:
 
 
 class MistakesError(ValueError):
-    """Mistakes that concern several tables, each with its own place.
+    """Mistakes in several tables, each with its location.
 
     Parameters
     ----------
@@ -63,9 +63,11 @@ class MistakesError(ValueError):
 def syntax_mistake(error: tomllib.TOMLDecodeError) -> Mistake:
     """Return the mistake of a text that is not TOML."""
     message = str(error)
-    found = _POSITION.search(message)
+    position = _POSITION.search(message)
     words = _POSITION.sub("", message)
-    return Mistake(int(found[1]) if found else None, f"not TOML: {words[:1].lower()}{words[1:]}")
+    return Mistake(
+        int(position[1]) if position else None, f"not TOML: {words[:1].lower()}{words[1:]}"
+    )
 
 
 def describe_mistakes(error: ValidationError, text: str, model: type[BaseModel]) -> list[Mistake]:
@@ -83,7 +85,7 @@ def describe_mistakes(error: ValidationError, text: str, model: type[BaseModel])
     lines = _lines_of_keys(text)
     mistakes: list[Mistake] = []
     details = error.errors()
-    if len(details) > 1:  # parts with mistakes are left out, so that there seem to be too few
+    if len(details) > 1:  # invalid parts are not counted, so that "too short" may be wrong
         details = [detail for detail in details if detail["type"] != "too_short"]
     for detail in details:
         cause = detail.get("ctx", {}).get("error")
@@ -203,4 +205,4 @@ def _model_in(annotation: Any) -> type[BaseModel] | None:
 
 def _format_value(value: Any) -> str:
     text = repr(value)
-    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
+    return text if len(text) <= _MAX_SHOWN_CHARACTERS else f"{text[:_MAX_SHOWN_CHARACTERS]}..."

@@ -31,7 +31,7 @@ DIGITS = 9
 
 
 def quantity_of(key: str) -> Quantity:
-    """Name and unit of a key.
+    """Return the name and unit of a key.
 
     Examples
     --------

@@ -105,7 +105,7 @@ def find_line_candidates(
 
 
 def _find_maxima(response: Image, threshold: float, radius: int) -> tuple[IntArray, IntArray]:
-    """Columns and rows, in this order, of the maxima above a threshold down each column."""
+    """Return columns and rows of the maxima above a threshold down each column."""
     peak = response == cv2.dilate(response, np.ones((2 * radius + 1, 1), np.uint8))
     # Whole numbers are compared with a whole number: ten times as fast, and the same.
     whole = response.dtype.kind == "i"
@@ -116,7 +116,7 @@ def _find_maxima(response: Image, threshold: float, radius: int) -> tuple[IntArr
 
 
 def _highest_of_each_column(columns: IntArray, scores: FloatArray, most: int) -> IntArray | slice:
-    """Indices of the candidates with the highest scores of each column, in the order given."""
+    """Return the indices of the highest-scoring candidates of each column, in the given order."""
     if np.bincount(columns, minlength=1).max() <= most:
         return slice(None)
     order = np.lexsort((-scores, columns))
@@ -125,7 +125,7 @@ def _highest_of_each_column(columns: IntArray, scores: FloatArray, most: int) ->
 
 
 def _apply_matched_filter(signal: Image, sigma: float) -> tuple[Image, float]:
-    """Response of the matched filter, and its value for a stripe of 1 DN; integers for speed."""
+    """Return the integer response of the matched filter, and its value for a stripe of 1 DN."""
     kernel = matched_kernel(sigma).astype(np.float32)[:, None]
     if signal.dtype == np.uint8:
         along = np.ones(1, np.float32)
@@ -134,7 +134,7 @@ def _apply_matched_filter(signal: Image, sigma: float) -> tuple[Image, float]:
 
 
 def _subpixel_peaks(response: Image, columns: IntArray, rows: IntArray) -> FloatArray:
-    """Rows (n,) of the vertices of the parabolas through maxima and their neighbours."""
+    """Return the rows (n,) of the vertices of the parabolas through maxima and their neighbours."""
     above, below = np.maximum(rows - 1, 0), np.minimum(rows + 1, len(response) - 1)
     before, at, after = (response[row, columns].astype(np.float64) for row in (above, rows, below))
     curvature = 2 * at - before - after

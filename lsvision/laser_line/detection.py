@@ -126,7 +126,7 @@ def find_direction(image: LineImage, settings: LineSettings) -> Direction:
 
 
 def _shrunk(image: Image, factor: int) -> Image:
-    """An image with each length divided by a whole number; OpenCV is fastest at halving."""
+    """Return an image downsampled by a whole number; OpenCV is fastest at halving."""
     while factor > 1:
         step = 2 if factor % 2 == 0 else factor
         height, width = (max(1, length // step) for length in image.shape)
@@ -136,7 +136,7 @@ def _shrunk(image: Image, factor: int) -> Image:
 
 
 def _line_score(candidates: LineCandidates, settings: PathSettings) -> float:
-    """Squared length of the line over the ratio of its rivals. Units: px^2."""
+    """Return the squared length of the line over the ratio of its rivals. Units: px^2."""
     path = shortest_line_path(candidates, settings)
     return path.cost_reduction**2 / max(_rival_ratio(candidates, path), 1.0)
 
@@ -200,7 +200,7 @@ def find_line(image: LineImage, settings: LineSettings) -> DetectedLine:
 
 
 def pixel_noise(image: LineImage, windows: Windows, settings: LineSettings) -> PixelNoise:
-    """Noise of the pixels from the settings; what they do not give is estimated.
+    """Return the noise of the pixels from the settings; values that they lack are estimated.
 
     Parameters
     ----------
@@ -244,7 +244,7 @@ def locate_line(
 
 
 def _rival_ratio(candidates: LineCandidates, path: LinePath) -> float:
-    """Number of strong candidates in the image for each of the line's own; inf without a line."""
+    """Return the ratio of strong candidates in the image to those on the line, or inf."""
     if not len(path.indices):
         return math.inf
     strong = candidates.scores > MIN_RIVAL_SCORE_RATIO * median(candidates.scores[path.indices])
@@ -277,7 +277,7 @@ def _rejection_reason(line: DetectedLine, longest: int, rival_ratio: float) -> s
 def _second_line_fraction(
     candidates: LineCandidates, path: LinePath, sigma: float, settings: LineSettings
 ) -> float:
-    """Fraction of the columns in which a second line can be followed beside the first."""
+    """Return the fraction of columns in which a second line is found beside the first."""
     width = candidates.shape[1]
     line_rows = np.full(width, np.inf)
     line_rows[candidates.columns[path.indices]] = candidates.rows[path.indices]

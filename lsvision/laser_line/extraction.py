@@ -201,7 +201,7 @@ def _extract_from_mosaic(
 
 
 def _in_mosaic(line: LaserLine, row: int, column: int) -> LaserLine:
-    """A line of every second row and column, in pixels of the sensor.
+    """Return a line of every second row and column, converted to pixels of the sensor.
 
     Between its pixels a thin line is not seen. This shifts the zero crossing of the filter of sigma
     s by up to 4 pi q^2 exp(-2 pi^2 p^2), 1 / p^2 = 1 / q^2 + 1 / s^2, for a line of sigma q, to
@@ -221,7 +221,7 @@ def _in_mosaic(line: LaserLine, row: int, column: int) -> LaserLine:
 
 
 def _interleaved(first: LaserLine, second: LaserLine) -> LaserLine:
-    """Two lines of every second column, in the order of the columns."""
+    """Return two lines of every second column as one, in the order of the columns."""
     along = 0 if first.direction == "columns" else 1
     pairs = [(line, int(np.nanmax(line.pixels[:, along])) % 2) for line in (first, second)]
     columns = np.concatenate([2 * np.arange(len(line)) + odd for line, odd in pairs])
@@ -294,7 +294,7 @@ def _relocate_saturated(image: LineImage, detected: DetectedLine) -> Stripes:
 
 
 def _near_border(image: LineImage, detected: DetectedLine) -> BoolArray:
-    """Whether a window of the line is so near to the upper or lower border that it is cut off."""
+    """Return whether the upper or lower border cuts off a window of the line."""
     margin = BORDER_SIGMAS * detected.sigma
     rows = detected.windows.centre_rows
     near: BoolArray = (rows < margin) | (rows > image.signal.shape[0] - 1 - margin)
@@ -338,7 +338,7 @@ def _build_line(
 
 
 def _rows_at_columns(pixels: Points, columns: IntArray) -> FloatArray:
-    """Rows (n,) of the line at whole columns; ridge points lie up to 1 px beside them."""
+    """Return the rows (n,) of the line at whole columns, from ridge points up to 1 px beside."""
     before, after = np.roll(pixels, SLOPE_SPAN, axis=0), np.roll(pixels, -SLOPE_SPAN, axis=0)
     du, dv = (after - before).T
     slopes = np.divide(dv, du, out=np.zeros_like(dv), where=np.abs(du) > 1)

@@ -95,7 +95,7 @@ def correct_line_blur(
 def _shift(
     shape: LineShape, spread: LineSpread, width: FloatArray, filter_sigma: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Shift of a run by its blur (n,), and the standard deviation of this value. Units: px."""
+    """Return the shift (n,) of a run by its blur, and its standard deviation. Units: px."""
     _, c_uv, c_uu = spread.values
     variance = np.minimum(width**2, MAX_VARIANCE_RATIO * median(width**2))
     lag = shape.slope * c_uu - c_uv  # minus the covariance of row and column of a pixel's light
@@ -115,7 +115,7 @@ def _shift(
 
 
 def _continuous_runs(rows: FloatArray) -> list[IntArray]:
-    """Indices of each run without lost points and jumps that is as long as the window."""
+    """Return the indices of each run without lost points and jumps, at least a window long."""
     valid = np.flatnonzero(np.isfinite(rows))
     breaks = (np.diff(valid) > 1) | (np.abs(np.diff(rows[valid])) > MAX_STEP_PX)
     runs = np.split(valid, np.flatnonzero(breaks) + 1)

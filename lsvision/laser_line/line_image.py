@@ -122,7 +122,7 @@ def prepare_line_image(
 
 
 def full_scale_of(array: Image, given: float | None) -> float:
-    """Largest value of a pixel: as given, or from the type and the brightest pixel. Units: DN."""
+    """Return the largest pixel value, as given or from type and brightest pixel. Units: DN."""
     if given is not None:
         return float(given)
     if array.dtype == np.uint8:
@@ -137,7 +137,7 @@ def full_scale_of(array: Image, given: float | None) -> float:
 
 
 def _laser_light(array: Image, channel: Channel) -> tuple[Image, Image, Image]:
-    """Excess of the laser's colour, its own channel, and luminance; the same array where equal."""
+    """Return the excess of the laser's colour, its channel, and luminance, possibly the same."""
     if array.ndim == 2:
         if channel not in ("grey", "white"):
             raise ValueError(
@@ -157,7 +157,7 @@ def _laser_light(array: Image, channel: Channel) -> tuple[Image, Image, Image]:
 
 
 def _grey_channel(array: Image) -> Image:
-    """One channel of a grey image that is stored as three equal ones."""
+    """Return one channel of a grey image that is stored as three equal ones."""
     first = array[..., 0]
     if np.array_equal(first, array[..., 1]) and np.array_equal(first, array[..., 2]):
         return np.ascontiguousarray(first)

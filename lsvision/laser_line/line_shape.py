@@ -47,7 +47,7 @@ class LineShape:
     edge: BoolArray
 
     def far_from_edges(self, distance: int) -> BoolArray:
-        """Whether neither an edge nor an end is within a distance in columns (n,)."""
+        """Return whether neither an edge nor an end is within a distance in columns (n,)."""
         near = np.convolve(self.edge, np.ones(2 * distance + 1), mode="same")
         far: BoolArray = near < 0.5
         far[:distance] = far[-distance:] = False
@@ -97,14 +97,14 @@ def _fade_at_edges(before: FloatArray, after: FloatArray) -> FloatArray:
 
 
 def _pieces(smooth: BoolArray) -> list[IntArray]:
-    """Indices of each run of smooth points, as long as a window."""
+    """Return the indices of each run of smooth points that is at least as long as a window."""
     indices = np.flatnonzero(smooth)
     pieces = np.split(indices, np.flatnonzero(np.diff(indices) > 1) + 1)
     return [piece for piece in pieces if len(piece) >= WINDOW]
 
 
 def _derivative(values: FloatArray, degree: int, order: int) -> tuple[FloatArray, FloatArray]:
-    """Derivative (n,) of local polynomials, and its std for values of std 1."""
+    """Return the derivative (n,) of local polynomials, and its std for values of std 1."""
     filters, gains = _filters(degree, order)
     half, last = WINDOW // 2, len(values) - WINDOW
     inner = np.correlate(values, filters[half], mode="valid")
@@ -118,7 +118,7 @@ def _derivative(values: FloatArray, degree: int, order: int) -> tuple[FloatArray
 
 @lru_cache
 def _filters(degree: int, order: int) -> tuple[FloatArray, FloatArray]:
-    """Filters (window, window) of a derivative at each place of a window, and their norms."""
+    """Return the filters (window, window) of a derivative at each position, and their norms."""
     half = WINDOW // 2
     powers = np.arange(degree + 1)
     x = np.arange(-half, half + 1)[:, None] / half
@@ -131,7 +131,7 @@ def _filters(degree: int, order: int) -> tuple[FloatArray, FloatArray]:
 def _continued(
     slope: FloatArray, curvature: FloatArray, edge: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Slope and curvature with those at edges continued from the nearest smooth point."""
+    """Return slope and curvature; at edges those of the nearest smooth point."""
     smooth, at = np.flatnonzero(~edge), np.flatnonzero(edge)
     if not len(smooth):
         return np.zeros_like(slope), np.zeros_like(slope)

@@ -110,7 +110,7 @@ def estimate_line_spread(
 
 
 def _with_stated_blur(spread: LineSpread, blur: float) -> LineSpread:
-    """The weighted mean of an estimate and the stated blur: a step of a Kalman filter.
+    """Return the weighted mean of an estimate and the stated blur (a Kalman filter step).
 
     The sheet spreads light along one direction: without the blur B of lens and pixel, C is of rank
     one, C_uu - B = C_uv^2 / (C_vv - B). C_uv and C_vv are as uncertain as C_uu: they change, too.
@@ -131,7 +131,7 @@ def _with_stated_blur(spread: LineSpread, blur: float) -> LineSpread:
 def _prior(
     variances: FloatArray, slope: FloatArray, blur: float | None, sheet: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Values (3,) of the spread before the widths are used, and their standard deviations."""
+    """Return the spread (3,) that is assumed before the widths are used, and its stds."""
     ordered = np.sort(variances / (1 + slope**2))
     place = LEVEL_QUANTILE * (len(ordered) - 1)
     narrow = float(np.interp(place, np.arange(len(ordered)), ordered))

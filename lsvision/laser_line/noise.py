@@ -66,7 +66,7 @@ class PixelNoise:
     gain: float
 
     def variances(self, values: FloatArray) -> FloatArray:
-        """Variance of pixels from their values, at least that of rounding. Units: DN, DN^2."""
+        """Return the variance (DN^2) of pixels by their values (DN), at least that of rounding."""
         variances: FloatArray = self.read_variance + self.gain * np.maximum(values, 0.0)
         return np.maximum(variances, QUANTISATION_VARIANCE)
 
@@ -201,7 +201,7 @@ def _scatters(columns: IntArray, rows: FloatArray) -> list[float]:
 
 
 def line_slopes(columns: IntArray, rows: FloatArray) -> FloatArray:
-    """Absolute slope of a line at each point: the smaller of those to the two sides.
+    """Return the absolute slope of a line at each point: the smaller one of the two sides.
 
     The smaller one is not affected by a jump beside the point.
 
@@ -225,7 +225,7 @@ def line_slopes(columns: IntArray, rows: FloatArray) -> FloatArray:
 
 
 def _scatter(line: FloatArray, scale: FloatArray, weights: FloatArray, lag: int) -> float:
-    """Robust standard deviation of a line along its normal, from its differences. Units: px.
+    """Return the robust std of a line along its normal, from differences of its points. Units: px.
 
     `line` holds the row in each column and `scale` its factor sqrt(1 + slope^2), NaN where lost;
     `weights` are those of a difference of unit variance, `lag` columns apart.

@@ -103,7 +103,7 @@ def shortest_line_path(candidates: LineCandidates, settings: PathSettings) -> Li
 def _sparse_matrix(
     start: IntArray, stop: IntArray, cost: FloatArray, nodes: int
 ) -> "csr_array[np.float64]":
-    """Matrix of the costs of edges, in half the time that scipy takes to check and sort them."""
+    """Return the matrix of the edges' costs; scipy's own checks and sorting take twice the time."""
     from scipy.sparse import csr_array
 
     order = np.argsort(start, kind="stable")
@@ -117,7 +117,7 @@ def _sparse_matrix(
 def _edges(
     candidates: LineCandidates, settings: PathSettings
 ) -> tuple[IntArray, IntArray, FloatArray]:
-    """Start, stop and cost of every edge; node ``count + c`` is "no line in column c"."""
+    """Return start, stop and cost of each edge; node ``count + c`` is "no line in column c"."""
     count, width = len(candidates), candidates.shape[1]
     candidate_costs = settings.empty_column_cost * (
         1 - np.minimum(candidates.scores / (settings.max_score_ratio * candidates.threshold), 1.0)
@@ -138,7 +138,7 @@ def _edges(
 def _links(
     candidates: LineCandidates, candidate_costs: FloatArray, settings: PathSettings
 ) -> tuple[IntArray, IntArray, FloatArray]:
-    """Edges from candidate to candidate that may be on the path: start, stop and cost.
+    """Return start, stop and cost of the edges between candidates that may be on the path.
 
     An edge over several columns is left out if the path may as well pass a candidate of the next
     column: one `turn` rows off the straight line adds slope_cost * step / (step - 1) * turn^2 to
@@ -168,7 +168,7 @@ def _links(
 
 
 def _pairs(column_starts: IntArray, columns: IntArray) -> tuple[IntArray, IntArray]:
-    """Pairs of each candidate and those of the column that is given for it."""
+    """Return the pairs of each candidate with the candidates of the column that is given for it."""
     low = column_starts[columns]
     counts = column_starts[columns + 1] - low
     first = np.repeat(np.arange(len(low)), counts)
@@ -177,7 +177,7 @@ def _pairs(column_starts: IntArray, columns: IntArray) -> tuple[IntArray, IntArr
 
 
 def _backtrack(predecessors: list[int], count: int, width: int) -> IntArray:
-    """Candidates on the path (k,), followed back from the last node over each predecessor."""
+    """Return the candidates (k,) on the path, from the last node back over the predecessors."""
     path, node = [], count + width
     while node != count:
         if node < count:

@@ -119,7 +119,7 @@ def locate_by_derivative(
 def _lost_tails(
     width_ratio: FloatArray, offsets: IntArray, sigma: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Factors (n,) on width and filtered light because a background holds tails of its stripe.
+    """Return factors (n,) on width and filtered light, for tails that were counted as background.
 
     From the median of neighbours: the factor would enlarge the noise of the widths.
 
@@ -144,7 +144,7 @@ def _lost_tails(
 
 
 def _running_median(values: FloatArray) -> FloatArray:
-    """Median (n,) of each value and its neighbours; the first and the last count repeatedly."""
+    """Return the running median (n,) of values; the first and the last value are repeated."""
     if not len(values):
         return values
     padded = np.pad(values, MEDIAN_SPAN // 2, mode="edge")
@@ -155,7 +155,7 @@ def _running_median(values: FloatArray) -> FloatArray:
 
 
 def _tilt(offsets: IntArray, position: FloatArray, sigma: float) -> FloatArray:
-    """Factors (w, n) that turn g(k) into g(k - m), but for one factor for each window.
+    """Return factors (w, n) that convert g(k) into g(k - m), up to one factor for each window.
 
     g(k - m) = g(k) exp(k m / s^2) exp(-m^2 / 2 s^2): powers of exp(m / s^2), here from the first
     pixel on, take a quarter of the time of exponentials.
@@ -170,7 +170,7 @@ def _tilt(offsets: IntArray, position: FloatArray, sigma: float) -> FloatArray:
 def _moments(
     weights: FloatArray, offsets: IntArray, position: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Sums (n,) over pixels of weights (w, n), of weights times x, and times x^2."""
+    """Return the sums (n,) over pixels of weights (w, n), of weights times x, and times x^2."""
     zeroth, first, second = np.array([np.ones(len(offsets)), offsets, offsets**2]) @ weights
     by_x = first - position * zeroth
     return zeroth, by_x, second - position * (first + by_x)
@@ -223,7 +223,7 @@ def _fit_gaussians(
     usable: BoolArray,
     variances: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Parameters A, m, q, B (n, 4) of the fits, and their normal matrices (n, 4, 4)."""
+    """Return the parameters A, m, q, B (n, 4) of the fits, and their normal matrices (n, 4, 4)."""
     weights = np.where(windows.saturated, 0.0, 1 / variances[usable])
     background = (windows.values - windows.background_subtracted)[:, 0]
     parameters = np.column_stack([start.heights[usable], initial, start.sigmas[usable], background])
@@ -243,7 +243,7 @@ def _fit_gaussians(
 
 
 def _gaussian_residuals(windows: Windows, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Residuals (n, w), and derivatives (n, w, 4) of the model by A, m, q, B."""
+    """Return the residuals (n, w), and derivatives (n, w, 4) of the model by A, m, q, B."""
     height, position, width, background = (column[:, None] for column in parameters.T)
     x = (windows.offsets - position) / width
     shape = np.exp(-0.5 * x**2)
@@ -314,7 +314,7 @@ def locate_by_steger(
 def _derivatives(
     image: Image, columns: IntArray, rows: IntArray, sigma: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Gradient (n, 2) and Hessian (n, 2, 2) of the smoothed image by u and v."""
+    """Return the gradient (n, 2) and Hessian (n, 2, 2) of the smoothed image by u and v."""
     from scipy.ndimage import gaussian_filter
     from skimage.feature import hessian_matrix
 

@@ -68,9 +68,10 @@ def test_equality_is_that_of_the_points(numbers):
     points = np.resize(np.array(numbers), (4, 2))
     changed = points.copy()
     changed[2] = [7e3, 1.0]
-    assert Profile(points) == Profile(points.copy())
-    assert hash(Profile(points)) == hash(Profile(points.copy()))
-    assert Profile(points) != Profile(changed)
+    profile, copy, other = (Profile(p, lost=()) for p in (points, points.copy(), changed))
+    assert profile == copy
+    assert hash(profile) == hash(copy)
+    assert profile != other
 
 
 @pytest.mark.parametrize("name", PUBLIC_VALUES)

@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 PARQUET_MAGIC = b"PAR1"
-_BYTES_PER_VALUE = 8
+_BYTES_PER_VALUE = 8  # of an unpacked number
 
 
 def read_parquet(content: bytes, settings: ReadSettings) -> RawProfiles:
-    """Return the profiles of a Parquet file; columns are taken by their names.
+    """Return the profiles of a Parquet file; columns are assigned by their names.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def iterate_tables(path: Path, rows: int) -> "Iterator[pa.Table]":
 
 
 def profiles_from_table(table: "pa.Table", settings: ReadSettings) -> RawProfiles:
-    """Return the profiles of a table, or of consecutive rows of one; see `read_parquet`."""
+    """Return the profiles of an Arrow table; see `read_parquet`."""
     pyarrow = _pyarrow()
     try:
         columns = {name: _values(table[name]) for name in table.column_names}
@@ -127,8 +127,8 @@ def _field_statements(schema: Any) -> list[UnitStatement]:
 def _limited_table(file: Any) -> Any:
     """Return the table of a file, rejected as soon as it unpacks to more than the limit.
 
-    A value may need no byte in the file. Metadata of columns are not read: invalid ones crash the
-    process (pyarrow 26).
+    Because of compression, the size of the file does not limit that of the table. Metadata of
+    columns are not read: invalid ones crash the process (pyarrow 26).
     """
     import pyarrow
 
@@ -145,6 +145,7 @@ def _limited_table(file: Any) -> Any:
 
 
 def _values(column: Any) -> FloatArray | list[FloatArray] | None:
+    """Return the numbers of a column, an array per row for lists; None for other columns."""
     kind = column.type
     if _is_list(kind):
         return _rows(column) if _is_number(kind.value_type) else None
@@ -152,7 +153,7 @@ def _values(column: Any) -> FloatArray | list[FloatArray] | None:
 
 
 def _rows(column: Any) -> list[FloatArray]:
-    """Return the numbers of each list; none of a null."""
+    """Return the numbers of each list; an empty array for a null."""
     import pyarrow as pa
 
     lists = column.combine_chunks().cast(pa.large_list(pa.float64()))

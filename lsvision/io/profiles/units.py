@@ -93,7 +93,7 @@ class StatedUnit:
 
 
 def parse_unit(text: str) -> str | None:
-    """Name of a unit of length, with its scale; None if the text is not such a unit.
+    """Return the name of a unit of length with its scale; None if the text is no such unit.
 
     Examples
     --------

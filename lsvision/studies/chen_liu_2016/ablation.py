@@ -106,7 +106,7 @@ def run_ablation(
 
 
 def _detect_arcs(section: SimulatedSection) -> list[tuple[TubeTruth, AblationArc]]:
-    """Each detected pipe with its arc and the candidate from which the arc grew."""
+    """Return each detected pipe with its arc and the candidate from which the arc grew."""
     profile = prepare_profile(section.profile, section.profile.noise)
     arcs, candidates = detect_arcs(profile)
     seeds = [IdentifiedArc.of(c.indices, seed_ellipse(profile, c)) for c in candidates]
@@ -121,12 +121,12 @@ def _detect_arcs(section: SimulatedSection) -> list[tuple[TubeTruth, AblationArc
 
 
 def _mostly(labels: IntArray, indices: IntArray, label: int) -> bool:
-    """Whether most of the points belong to the pipe of a label."""
+    """Return whether most of the points belong to the pipe of a label."""
     return bool((labels[indices] == label).mean() > 0.5)
 
 
 def _bound(section: SimulatedSection, tube: TubeTruth) -> FloatArray:
-    """Cramer-Rao bound (3,) of radius (mm), theta and phi (rad): standard deviations."""
+    """Return the Cramer-Rao bound (3,) as stds of radius (mm), theta and phi (rad)."""
     on_pipe = section.truth.labels == tube.label
     covariances = section.sensor.covariances(section.truth.points)[on_pipe]
     bound = section_bound(tube.ellipse, section.truth.points[on_pipe], covariances)
@@ -145,14 +145,14 @@ def _apply_variant(
 
 
 def _errors(fit: VariantFit, tube: TubeTruth) -> FloatArray:
-    """Moduli of the errors of radius (mm), theta and phi (rad)."""
+    """Return the absolute errors of radius (mm), theta and phi (rad)."""
     ellipse = fit.ellipse
     theta_error = (ellipse.theta - tube.theta + math.pi / 2) % math.pi - math.pi / 2
     return np.abs([ellipse.radius - tube.radius, theta_error, ellipse.phi - tube.phi])
 
 
 def _summarise(variant: Variant, outcomes: Sequence[_Outcome | None]) -> AblationResult:
-    """Median and 95 % quantile of the errors of a variant over all pipes."""
+    """Return the median and 95 % quantile of the errors of a variant over all pipes."""
     fitted = [outcome for outcome in outcomes if outcome is not None]
     errors = np.array([outcome.errors for outcome in fitted]) if fitted else np.full((1, 3), np.nan)
     typical = np.median(errors, axis=0) / MEDIAN_OF_MODULUS

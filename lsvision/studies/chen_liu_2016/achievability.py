@@ -65,7 +65,7 @@ class Achievability:
         return self.chance_at(1.0)
 
     def chance_at(self, noise_ratio: float) -> float:
-        """The same probability with the noise multiplied by a ratio; the bound is proportional."""
+        """Return the probability for noise, and thus the bound, multiplied by a ratio."""
         from scipy.special import chdtr
 
         return float(chdtr(self.pipes, self.chi_square / noise_ratio**2))
@@ -116,7 +116,7 @@ def _compare(rows: Sequence[TableRow], quantity: str, noise_mm: float) -> Achiev
 def _sections_needed(
     rows: Sequence[TableRow], quantity: str, std: float, noise_mm: float
 ) -> int | None:
-    """Sections for a standard deviation of the quantity, for the pipe that needs most."""
+    """Return the number of sections that reach a std for every pipe."""
     view = SensorView(
         sensor=paper_sensor(noise_mm),
         standoff=STANDOFF_MM,

@@ -38,7 +38,7 @@ SECTION_SETTINGS = SectionSettings(
 
 
 def paper_sensor(noise_mm: float) -> ProfileSensor:
-    """The paper's sensor: pitch 0.6 mm, standard deviation `noise_mm` along the ray at 400 mm."""
+    """Return the paper's sensor: pitch 0.6 mm, std `noise_mm` along the ray at 400 mm."""
     return ProfileSensor(
         name="the paper's sensor, simulated",
         range_std=noise_mm,
@@ -86,7 +86,7 @@ class Case:
 
 
 def paper_cases() -> tuple[Case, ...]:
-    """The twelve pipes of Tables 1-3 and the three pairs of Table 4."""
+    """Return the twelve pipes of Tables 1-3 and the three pairs of Table 4."""
     singles = [Case((row,)) for row in PUBLISHED_ROWS if row.table < 4]
     pairs = [
         Case((first, second))
@@ -123,12 +123,12 @@ def simulate_case(
 
 
 def _section(row: PublishedRow) -> Ellipse:
-    """Section of a row's pipe, centred at the origin."""
+    """Return the section of a row's pipe, centred at the origin."""
     phi = math.radians(row.phi_deg)
     major = row.radius_mm / math.cos(phi)
     return Ellipse((0.0, 0.0), major, row.radius_mm, math.radians(row.theta_deg))
 
 
 def _tube(row: PublishedRow, centre: tuple[float, float]) -> Tube:
-    """A row's pipe with the centre of its section at (x, y) in mm."""
+    """Return a row's pipe with the centre of its section at (x, y) in mm."""
     return Tube.of(row.radius_mm, math.radians(row.theta_deg), math.radians(row.phi_deg), centre)

@@ -1,4 +1,4 @@
-"""The report as JSON: the numbers of the page; the name of each key ends in its unit."""
+"""The report as JSON: all numbers of the page, in keys that end in their unit."""
 
 import dataclasses
 import json

@@ -97,7 +97,7 @@ def measure_case(
 
 
 def case_bound(case: Case, method: Method, *, noise_mm: float) -> tuple[Triple, ...]:
-    """Cramer-Rao bound: smallest standard deviations of any unbiased estimate, for each pipe.
+    """Return the Cramer-Rao bound for each pipe: the smallest stds of any unbiased estimate.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def case_bound(case: Case, method: Method, *, noise_mm: float) -> tuple[Triple, 
 
 
 def case_errors(estimate: Estimate, case: Case, pipe: int) -> Triple:
-    """Errors of the estimate of a pipe; that of theta is in [-90, 90) deg."""
+    """Return the errors of the estimate of a pipe; that of theta is in [-90, 90) deg."""
     row = case.rows[pipe]
     radius, theta, phi = estimate
     theta_error = (math.degrees(theta) - row.theta_deg + 90) % 180 - 90
@@ -126,7 +126,7 @@ def case_errors(estimate: Estimate, case: Case, pipe: int) -> Triple:
 
 
 def _paper_settings(section: SimulatedSection) -> PaperSettings:
-    """Settings of the paper's pipeline with the window that it has on a full profile.
+    """Return settings of the paper's pipeline with the window of a full profile.
 
     The window is 10 % of the sensor's columns, as on the paper's profiles of a whole bench. 10 % of
     the pipe's points alone would be six points, which an ellipse always fits.
@@ -173,7 +173,7 @@ def _estimates_by_pipe(
 
 
 def _section_bound(section: SimulatedSection, label: int, known_std: float | None) -> Triple:
-    """Bound of a pipe from one section; `known_std` is the std of a known radius in mm."""
+    """Return the bound of a pipe from one section; `known_std` is that of a known radius in mm."""
     on_pipe = section.truth.labels == label
     return _triple(
         section_bound(
@@ -188,7 +188,7 @@ def _section_bound(section: SimulatedSection, label: int, known_std: float | Non
 def _scan_bound(
     case: Case, sections: tuple[SimulatedSection, ...], poses: tuple[Pose, ...], label: int
 ) -> Triple:
-    """Bound of a pipe from several sections."""
+    """Return the bound of a pipe from several sections."""
     pipe = case.scene.tubes[label - 1].local_cylinder(Pose())
     if pipe is None:
         raise ValueError("expected a pipe that intersects z = 0, got one that does not")
@@ -204,18 +204,18 @@ def _scan_bound(
 
 
 def _triple(bound: SectionPrediction | ScanPrediction) -> Triple:
-    """Standard uncertainties of radius (mm), theta and phi (deg)."""
+    """Return the standard uncertainties of radius (mm), theta and phi (deg)."""
     deg = math.degrees(1.0)
     return Triple(bound.radius_std, bound.theta_std * deg, bound.phi_std * deg)
 
 
 def _with_zero_z(points: Points) -> Points:
-    """Points (n, 3) in the plane z = 0 from points (n, 2). Units: mm."""
+    """Return points (n, 2) as points (n, 3) in the plane z = 0. Units: mm."""
     return np.column_stack([points, np.zeros(len(points))])
 
 
 def noise_of(section: SimulatedSection) -> NoiseModel:
-    """Noise model of a simulated section's profile."""
+    """Return the noise model of a simulated section's profile."""
     noise = section.profile.noise
     if noise is None:
         raise ValueError("expected a profile with a noise model, got one without")

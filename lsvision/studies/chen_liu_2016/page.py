@@ -85,7 +85,7 @@ def report_page(report: PaperReport) -> str:
 
 @cache
 def _environment() -> "Environment":
-    """Templates of this package, with its filters."""
+    """Return the environment of this package's templates, with its filters."""
     environment = html_environment("lsvision.studies.chen_liu_2016")
     environment.filters["significant"] = format_significant
     environment.filters["anchor"] = _anchor
@@ -93,12 +93,12 @@ def _environment() -> "Environment":
 
 
 def _anchor(heading: str) -> str:
-    """Fragment identifier of a heading: its letters and digits, with hyphens for spaces."""
+    """Return the fragment identifier of a heading: letters, digits, and hyphens for spaces."""
     return "".join(c for c in heading.lower() if c.isalnum() or c == " ").replace(" ", "-")
 
 
 def _pictures(report: PaperReport) -> dict[str, Any]:
-    """SVG of every figure of the page."""
+    """Return every figure of the page as SVG."""
     return {
         "tables": draw_tables(report.rows),
         "recognition": draw_recognition(report.steps),
@@ -110,7 +110,7 @@ def _pictures(report: PaperReport) -> dict[str, Any]:
 
 
 def _tables(report: PaperReport) -> dict[str, Any]:
-    """Every table of the page."""
+    """Return every table of the page."""
     numbers = sorted({row.printed.table for row in report.rows})
     return {
         "errors": [error_table(report.rows, number) for number in numbers],
@@ -125,7 +125,7 @@ def _tables(report: PaperReport) -> dict[str, Any]:
 
 
 def _largest_printed_errors(report: PaperReport, table: int) -> Triple:
-    """Largest error, either sign, that a table of the paper prints of each quantity."""
+    """Return the largest absolute error of each quantity in a table of the paper."""
     results = [result for result in report.achievability if result.table == table]
     return Triple(**{result.quantity: result.largest_printed for result in results})
 
@@ -162,7 +162,7 @@ def _unreachable_errors(report: PaperReport) -> _UnreachableErrors:
 
 
 def _variants_without_cost(report: PaperReport) -> list[str]:
-    """Names of the variants with all errors within `MAX_COST_RATIO` of the whole pipeline's."""
+    """Return the names of variants with all errors within `MAX_COST_RATIO` of the pipeline's."""
     whole, *changed = report.ablation
     limits = MAX_COST_RATIO * np.array([*whole.typical, *whole.worst])
     return [

@@ -60,7 +60,7 @@ class PaperSettings:
     step_mm: float = 0.5
 
     def window_points(self, count: int) -> int:
-        """Number of points in a window of rough identification on a profile of `count` points."""
+        """Return the number of points in a window of rough identification, of `count` points."""
         return max(MIN_WINDOW_POINTS, round(self.window_fraction * count))
 
 
@@ -121,7 +121,7 @@ def measure_cylinders_paper(
 
 
 def initial_ellipse(points: Points, radius: float) -> Ellipse:
-    """Initial guess of the paper's fit (section 2.3): a circle whose top is the highest point.
+    """Return the initial guess of the paper (section 2.3): a circle below the highest point.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ def initial_ellipse(points: Points, radius: float) -> Ellipse:
 
 
 def largest_window_residual(window: Points, radius: float) -> float:
-    """Largest abs(r_j) of the ellipse fitted to a window; inf where no ellipse fits. Units: mm.
+    """Return the largest abs(r_j) of a window's ellipse in mm; inf if no ellipse fits.
 
     Parameters
     ----------
@@ -210,7 +210,7 @@ def homogenise_profile_paper(points: Points, step_mm: float = 0.5) -> Points:
 def _identify_spans(
     points: Points, radius: float, settings: PaperSettings
 ) -> list[tuple[int, int]]:
-    """Spans of Figure 6: an arc opens at a window whose r_j are all small, and closes after."""
+    """Return the spans of Figure 6: consecutive windows in which all r_j are small."""
     count = len(points)
     num = settings.window_points(count)
     spans: list[tuple[int, int]] = []
@@ -229,7 +229,7 @@ def _identify_spans(
 
 
 def _screen(points: Points, indices: IntArray, radius: float, settings: PaperSettings) -> IntArray:
-    """Indices after accurate screening, Figure 9: end points beyond the sensor error are out."""
+    """Return the indices after screening (Figure 9): without end points beyond the sensor error."""
     part = max(1, round(settings.end_part_fraction * len(points)))
     middle = points[part : len(points) - part]
     ellipse = fit_ellipse(middle, initial_ellipse(middle, radius), settings=RADIAL_FITTING).ellipse

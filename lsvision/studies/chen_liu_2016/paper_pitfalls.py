@@ -64,7 +64,7 @@ def check_pitfalls() -> tuple[Pitfall, ...]:
 
 
 def printed_equation_one(points: Points, ellipse: Ellipse, theta: float) -> FloatArray:
-    """Left-hand side of the paper's Eq. (1) as printed, which should be 1 on the ellipse.
+    """Return the left-hand side of the paper's Eq. (1) as printed; it should be 1 on the ellipse.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def printed_equation_one(points: Points, ellipse: Ellipse, theta: float) -> Floa
 
 
 def printed_equation_four(points: Points, ellipse: Ellipse, theta: float) -> FloatArray:
-    """The paper's r_j, Eq. (4) as printed, which should be 0 on the ellipse. Units: mm.
+    """Return the paper's r_j, Eq. (4) as printed, in mm; it should be 0 on the ellipse.
 
     Parameters are those of `printed_equation_one`; points are (n, 2) in mm.
     """
@@ -121,7 +121,7 @@ def _theta_of_major_axis() -> Pitfall:
 
 def _radial_distance() -> Pitfall:
     def ratio(phi_deg: float) -> float:
-        """Largest radial residual over the orthogonal one, 0.1 mm outside the ellipse."""
+        """Return the largest radial residual over the orthogonal one, 0.1 mm off the ellipse."""
         phi = math.radians(phi_deg)
         ellipse = Ellipse((0.0, 0.0), 19.0 / math.cos(phi), 19.0, 0.0)
         angles = np.linspace(0, 2 * math.pi, 721)
@@ -164,7 +164,7 @@ def _two_axes() -> Pitfall:
 
 
 def _section_by_rays(axis: FloatArray, radius: float = 19.0) -> FloatArray:
-    """Distance in z = 0 from a pipe's axis to its surface, in 360 directions. Units: mm."""
+    """Return the distance (mm) in z = 0 from a pipe's axis to its surface in 360 directions."""
     angles = np.radians(np.arange(360))
     directions = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(360)])
     across = directions - (directions @ axis)[:, None] * axis

@@ -91,7 +91,7 @@ def _draw_table(axes: "Axes", rows: Sequence[TableRow], quantity: str, position:
 
 
 def _tick_label(printed: PublishedRow) -> str:
-    """Label of a table on the x axis."""
+    """Return the label of a table for the x axis."""
     kind = "welded" if printed.table == 4 else f"φ = {printed.phi_deg:g}°"
     return f"Table {printed.table}\n{kind}"
 
@@ -138,7 +138,7 @@ def draw_repeatability(repeatability: Repeatability) -> str:
 
 
 def _covariance_ellipse(covariance: FloatArray) -> FloatArray:
-    """Points (181, 2) of the ellipse of `ELLIPSE_SIGMAS` of a covariance (2, 2)."""
+    """Return points (181, 2) on the `ELLIPSE_SIGMAS` ellipse of a covariance (2, 2)."""
     angles = np.linspace(0, 2 * np.pi, 181)
     circle = np.column_stack([np.cos(angles), np.sin(angles)])
     ellipse: FloatArray = ELLIPSE_SIGMAS * circle @ np.linalg.cholesky(covariance).T
@@ -146,7 +146,7 @@ def _covariance_ellipse(covariance: FloatArray) -> FloatArray:
 
 
 def _box(low: FloatArray, high: FloatArray) -> FloatArray:
-    """Closed polygon (5, 2) of a box between two opposite corners."""
+    """Return the closed polygon (5, 2) of a box between two opposite corners."""
     (left, bottom), (right, top) = low, high
     return np.array([[left, bottom], [right, bottom], [right, top], [left, top], [left, bottom]])
 

@@ -103,7 +103,7 @@ def measure_repeatedly(repeats: int, *, noise_mm: float, seed: int = 0) -> Repea
 
 
 def expected_range(count: int) -> float:
-    """Mean range (largest minus smallest) of `count` standard normal numbers.
+    """Return the mean range (largest minus smallest) of `count` standard normal numbers.
 
     Definition: integral of 1 - F^n - (1 - F)^n.
 
@@ -121,7 +121,7 @@ def expected_range(count: int) -> float:
 
 
 def phi_std_of_axes(axis_std_mm: float, radius_mm: float, phi_deg: float) -> float:
-    """Standard deviation of phi = arccos(b / a) for equal, independent ones of a and b. Units: deg.
+    """Return the std of phi = arccos(b / a) in deg, for equal, independent stds of a and b.
 
     Parameters
     ----------

@@ -158,5 +158,5 @@ def run_experiments(
 
 
 def _ordered_runs(runs: Mapping[str, int]) -> dict[Method, int]:
-    """Number of measurements by each method, in the order of `METHODS`."""
+    """Return the number of measurements by each method, in the order of `METHODS`."""
     return {method: runs[method] for method in METHODS}

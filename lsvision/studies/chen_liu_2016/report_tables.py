@@ -101,7 +101,7 @@ def format_significant(value: float, digits: int = 2) -> str:
 
 
 def readme_table(rows: Sequence[TableRow]) -> str:
-    """Typical (root mean square) errors of Tables 1-4 as a Markdown table.
+    """Return the typical (root mean square) errors of Tables 1-4 as a Markdown table.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def _markdown_row(*cells: str) -> str:
 
 
 def error_table(rows: Sequence[TableRow], number: int) -> Table:
-    """One of Tables 1-4: printed errors, the bound of one section, errors of the five methods.
+    """Return one of Tables 1-4: printed errors, one section's bound, errors of the five methods.
 
     Parameters
     ----------
@@ -188,7 +188,7 @@ def _error_row(row: TableRow, quantity: str) -> Row:
 
 
 def achievability_table(results: Sequence[Achievability]) -> Table:
-    """Table of printed errors that one section can give, and of the sections that others need."""
+    """Return the table of printed errors that one section reaches, and of the sections needed."""
     rows: list[Row] = []
     for number in sorted({result.table for result in results}):
         rows.append(Row(f"Table {number}"))
@@ -223,7 +223,7 @@ def _format_probability(probability: float) -> str:
 
 
 def timing_table(timings: Sequence[Timing]) -> Table:
-    """Table 5: the paper's times and those of both pipelines."""
+    """Return Table 5: the times of the paper and of both pipelines."""
     head = ("Condition", "Paper, Matlab: s", "per pipe: s", "(a) paper’s pipeline: s",
             "per pipe: s", "(b) lsvision: ms", "per pipe: ms", "Ratio a/b")  # fmt: skip
     rows = []
@@ -240,7 +240,7 @@ def timing_table(timings: Sequence[Timing]) -> Table:
 
 
 def match_table(timings: Sequence[Timing]) -> Table:
-    """Pipes found and false results of both pipelines in the scenes of Table 5."""
+    """Return the table of pipes found and false results of both pipelines (scenes of Table 5)."""
     head = ("Condition", "Pipes there", "(a) found", "(a) false", "(b) found", "(b) false")
     rows = [
         _row(timing.printed.condition, str(timing.pipes), str(timing.paper.found),
@@ -251,7 +251,7 @@ def match_table(timings: Sequence[Timing]) -> Table:
 
 
 def scene_table(scene: SceneFigure) -> Table:
-    """True and measured values of the pipes of a scene."""
+    """Return the table of true and measured values of the pipes in a scene."""
     rows = []
     for number, pipe in enumerate(scene.pipes, 1):
         true_values = (pipe.true_radius_mm, pipe.true_theta_deg, pipe.true_phi_deg)
@@ -265,7 +265,7 @@ def scene_table(scene: SceneFigure) -> Table:
 
 
 def repeatability_table(repeatability: Repeatability) -> Table:
-    """Spread of centre and semi-axes, the bound, and the paper's figures."""
+    """Return the table of std of centre and semi-axes, the bound, and the paper's figures."""
     names = ("centre X", "centre Y", "long semi-axis a", "short semi-axis b (the radius)")
     boxes = [format_significant(side) for side in repeatability.box_mm]
     bound_boxes = [format_significant(side) for side in repeatability.expected_box_mm]
@@ -284,7 +284,7 @@ def repeatability_table(repeatability: Repeatability) -> Table:
 
 
 def ablation_table(results: Sequence[AblationResult]) -> Table:
-    """Errors of every variant in units of the bound."""
+    """Return the table of errors of every variant in units of the bound."""
     rows: list[Row] = []
     group = ""
     for result in results:
@@ -300,7 +300,7 @@ def ablation_table(results: Sequence[AblationResult]) -> Table:
 
 
 def pitfall_table(pitfall: Pitfall) -> Table:
-    """The numbers that demonstrate a pitfall."""
+    """Return the table of numbers that demonstrate a pitfall."""
     rows = [
         _row(check.what, "no value (0/0)" if math.isnan(check.value) else f"{check.value:.4g}")
         for check in pitfall.checks
@@ -309,5 +309,5 @@ def pitfall_table(pitfall: Pitfall) -> Table:
 
 
 def _row(name: str, *texts: str) -> Row:
-    """Row of cells without highlighting."""
+    """Return a row of cells without highlighting."""
     return Row(name, tuple(Cell(text) for text in texts))

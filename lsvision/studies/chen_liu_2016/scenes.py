@@ -135,7 +135,7 @@ def count_matches(measurement: Measurement, truth: SectionTruth) -> tuple[int, i
 
 
 def _match(points: BoolArray, pipe: BoolArray) -> bool:
-    """Whether two sets of points overlap by more than `MIN_IOU` (intersection over union)."""
+    """Return whether the overlap (intersection over union) of two point sets exceeds `MIN_IOU`."""
     return bool((points & pipe).sum() > MIN_IOU * (points | pipe).sum())
 
 
@@ -227,7 +227,7 @@ def _time_pipeline(
 
 
 def _pipe(tube: TubeTruth, section: SimulatedSection, measurement: Measurement) -> ScenePipe:
-    """True and measured values of a pipe; measured by the first result with mostly its points."""
+    """Return true and measured values of a pipe, those of the first result with its points."""
     deg = math.degrees(1.0)
     truth = (tube.radius, tube.theta * deg, tube.phi * deg)
     labels = section.truth.labels

@@ -107,7 +107,7 @@ def run_steps(*, noise_mm: float) -> StepExample:
 
 
 def _windows(profile: PreparedProfile) -> FloatArray:
-    """X of the middle and largest abs(r_j) of the paper's windows (k, 2), Figure 6."""
+    """Return the middle x and largest abs(r_j) of the paper's windows, (k, 2) (Figure 6)."""
     points = profile.points[profile.valid_indices]
     num = PaperSettings().window_points(len(points))
     radius = float(np.sqrt(RADIUS_RANGE[0] * RADIUS_RANGE[1]))

@@ -125,7 +125,7 @@ def pool_errors(spreads: Sequence[ErrorStatistics]) -> ErrorStatistics:
 def _statistics(
     case: Case, method: Method, seeds: range, noise_mm: float
 ) -> tuple[ErrorStatistics, ...]:
-    """Statistics of a method for each pipe of a case, one measurement for each seed."""
+    """Return the statistics of a method for each pipe of a case, one measurement for each seed."""
     measured = [measure_case(case, method, seed, noise_mm=noise_mm) for seed in seeds]
     bounds = case_bound(case, method, noise_mm=noise_mm)
     return tuple(
@@ -137,7 +137,7 @@ def _statistics(
 def _pipe_statistics(
     estimates: Sequence[Estimate | None], case: Case, pipe: int, bound: Triple
 ) -> ErrorStatistics:
-    """Statistics of the estimates of one pipe; None is a measurement that missed it."""
+    """Return statistics of the estimates of one pipe; None stands for a missed pipe."""
     errors = [_numbers(case_errors(e, case, pipe)) for e in estimates if e is not None]
     missed = len(estimates) - len(errors)
     if not errors:
@@ -150,5 +150,5 @@ def _pipe_statistics(
 
 
 def _numbers(triple: Triple) -> list[float]:
-    """The fields of a triple, in the order of `QUANTITIES`."""
+    """Return the fields of a triple, in the order of `QUANTITIES`."""
     return [getattr(triple, name) for name in QUANTITIES]

@@ -128,7 +128,7 @@ class Variant:
 
 
 def _finish(screened: ScreenedArc) -> VariantFit:
-    """Smooth, homogenise and fit: the end of the pipeline, from any arc."""
+    """Smooth, homogenise and fit an arc: the end of the pipeline."""
     smoothed = smooth_arc(screened.points, screened.ellipse)
     return _fit(screened.points[smoothed.inliers], homogenise_arc(smoothed).ellipse)
 
@@ -164,7 +164,7 @@ def _without_homogenising(arc: AblationArc) -> VariantFit:
 
 
 def _direct_fit(arc: AblationArc) -> VariantFit:
-    """OpenCV's algebraic fit; relative to the centroid, because it computes in float32."""
+    """Return OpenCV's algebraic fit, relative to the centroid since it computes in float32."""
     points = as_vectors(arc.inliers.z)
     centroid = points.mean(axis=0)
     fitted = cv2.fitEllipseDirect((points - centroid).astype(np.float32))
@@ -190,7 +190,7 @@ def _radial(arc: AblationArc) -> VariantFit:
 
 
 def _fixed_sensor_error(arc: AblationArc) -> VariantFit:
-    """Screening with one limit in mm (Figure 9) instead of each point's own noise."""
+    """Screen an arc with one limit in mm (Figure 9) instead of the noise of each point."""
     settings, indices = PaperSettings(), arc.arc.indices
     points: Points = arc.profile.points[indices]
     part = max(1, round(settings.end_part_fraction * len(indices)))
@@ -211,14 +211,14 @@ def _homogenised_over_x(arc: AblationArc) -> VariantFit:
 
 
 def _smoothing_to_fit_of_paper(arc: AblationArc) -> VariantFit:
-    """Sections 3.3 and 2.3 as published, on an arc that lsvision identified and screened."""
+    """Return the fit by sections 3.3 and 2.3 as published, for an arc from lsvision's screening."""
     smooth = smooth_profile_paper(_by_x(as_vectors(arc.screened.points.z)))
     fit = fit_ellipse(homogenise_profile_paper(smooth), arc.initial_guess, settings=RADIAL_FITTING)
     return _with_evaluations(fit, arc.initial_guess)
 
 
 def _by_x(points: Points) -> Points:
-    """Points ordered by x."""
+    """Return the points ordered by x."""
     ordered: Points = points[np.argsort(points[:, 0], kind="stable")]
     return ordered
 
