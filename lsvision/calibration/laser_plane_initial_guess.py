@@ -13,17 +13,18 @@ from lsvision.geometry import FloatArray, Plane, Points, Pose
 from lsvision.geometry.arrays import BoolArray
 from lsvision.sensors.camera import Camera
 
-MIN_SPREAD = 0.02
-"""Smallest ratio of the second to the first singular value of points that span a plane."""
+MIN_SINGULAR_VALUE_RATIO = 0.02
+"""Smallest ratio of the second to the first singular value of points that determine a plane."""
 
 OUTLIER_DISTANCE_PX = 10.0
-"""Smallest distance of an outlying view's line from the plane of the others; noise is far less."""
+"""Smallest distance of an outlying view's line from the plane of the others; noise is far
+smaller."""
 
 OUTLIER_FACTOR = 5.0
-"""Smallest ratio of that distance to the median view's, for inaccurate initial cameras."""
+"""Smallest ratio of that distance to the median one, since the initial camera may be inaccurate."""
 
 MIN_VIEWS_FOR_REJECTION = 4
-"""Smallest number of views with which one can be rejected."""
+"""Smallest number of views of which one can be rejected."""
 
 
 def fit_plane(points: Points) -> Plane:
@@ -45,11 +46,11 @@ def fit_plane(points: Points) -> Plane:
     5.0
     """
     centre = points.mean(axis=0)
-    _, spread, axes = np.linalg.svd(points - centre, full_matrices=False)
-    if not spread[1] > MIN_SPREAD * spread[0]:
+    _, extents, axes = np.linalg.svd(points - centre, full_matrices=False)
+    if not extents[1] > MIN_SINGULAR_VALUE_RATIO * extents[0]:
         raise DegenerateGeometry(
-            f"the laser lines of all views lie on one line (spread {spread[1]:.3g} of "
-            f"{spread[0]:.3g} mm), through which any plane may pass: move the board nearer and "
+            f"the laser lines of all views lie on one line (spread {extents[1]:.3g} of "
+            f"{extents[0]:.3g} mm), through which any plane may pass: move the board nearer and "
             "farther and tilt it, so that the line lands elsewhere"
         )
     normal = axes[2]
@@ -83,7 +84,7 @@ def plane_inlier_views(
     """Find the views whose laser lines lie in the plane of the majority (least median).
 
     Each pair of views gives a plane; the one with the smallest median distance of all views is
-    taken, which tolerates almost half of them being wrong.
+    used, so that almost half of the views may be outliers.
 
     Parameters
     ----------

@@ -26,8 +26,8 @@ POSITIONS = 16
 """Number of positions at equal steps of arc length (paper section 3.3.2) at which the local
 quadratic is evaluated: five per window of 30 %, since a quadratic has no finer detail."""
 RIDGE = 1e-9
-"""Ridge of the regression over its weights, and smallest step over the arc's length: points may
-share a foot point. Larger than rounding errors."""
+"""Ridge of the regression relative to its weights, and smallest step relative to the arc's length,
+since points may share a foot point. Larger than rounding errors."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -53,15 +53,15 @@ class SmoothedArc:
 
 def smooth_arc(points: NoisyPoints, ellipse: Ellipse) -> SmoothedArc:
     """Smooth the residuals of n points from their screened ellipse, and find jumps."""
-    compared = ellipse_residuals(points, parameters_from_ellipse(ellipse))
-    # Angles from the middle of the arc, so that none jumps by 2 pi.
-    middle = cmath.rect(1.0, cmath.phase(compared.w.sum()))
-    turned = compared.w * middle.conjugate()
-    angles = np.arctan2(turned.imag, turned.real)
+    evaluated = ellipse_residuals(points, parameters_from_ellipse(ellipse))
+    # Angles relative to the middle of the arc, so that they have no jump of 2 pi.
+    middle = cmath.rect(1.0, cmath.phase(evaluated.w.sum()))
+    rotated = evaluated.w * middle.conjugate()
+    angles = np.arctan2(rotated.imag, rotated.real)
     order = angles.argsort(kind="stable")
-    angles, residuals = angles[order], compared.residuals[order]
-    stds = np.sqrt(compared.variances[order])
-    feet = points.z[order] - residuals * compared.normals[order]
+    angles, residuals = angles[order], evaluated.residuals[order]
+    stds = np.sqrt(evaluated.variances[order])
+    feet = points.z[order] - residuals * evaluated.normals[order]
     length = np.zeros(len(points))
     np.abs(feet[1:] - feet[:-1]).cumsum(out=length[1:])
     length += (RIDGE * length[-1] + TINY) * np.arange(len(points))
@@ -78,7 +78,8 @@ def smooth_residual(
 ) -> tuple[FloatArray, FloatArray]:
     """Return residuals smoothed at k arc lengths `even`, and robust weights (n,); 0 is a jump.
 
-    One pass of robust local quadratic regression; the paper's reference 20 fits lines twice.
+    One pass of robust local quadratic regression; the paper's reference 20 fits local lines in two
+    passes.
     `length` is the ascending arc length of the n points. Units: mm.
     """
     half = WINDOW_FRACTION * float(length[-1] - length[0]) / 2 + TINY

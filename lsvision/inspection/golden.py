@@ -1,4 +1,4 @@
-"""Golden part: a reference that must be measured correctly before others are judged."""
+"""Golden part: a reference part that must be measured correctly before other parts are judged."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from lsvision.inspection.quantities import CylinderOfJob
 from lsvision.results.quantities import Record
 
 SUFFIX = ".golden.jsonl"
+"""Suffix of the log's default name, after that of the job file."""
 
 
 def golden_path(job: Job, job_path: Path) -> Path:
@@ -34,15 +35,15 @@ def check_golden(
     job : Job
         Job with a ``[golden]`` table.
     source : str
-        Name of the file.
+        Name of the measured file.
     now : datetime
-        When it was measured.
+        Time of the measurement.
 
     Returns
     -------
     dict
         A line of the log. ``passed`` only if the interval of the radius lies within the
-        tolerance: an undecided golden part proves nothing.
+        tolerance: an undecided check does not pass.
 
     Raises
     ------
@@ -74,7 +75,7 @@ def golden_block(job: Job, log: Sequence[Record], now: datetime.datetime) -> str
     Parameters
     ----------
     job : Job
-        Without a golden part nothing is forbidden.
+        Job; without a ``[golden]`` table the result is empty.
     log : sequence of dict
         Checks, the oldest first.
     now : datetime

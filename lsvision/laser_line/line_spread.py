@@ -1,11 +1,11 @@
-"""Blur of a laser line along it and across, from its own width.
+"""Covariance of the blur of a laser line, from its width in the image.
 
-Two effects blur a line: the point spread of lens and pixel, the same in all directions, and the
-thickness of the laser sheet, which spreads each point of the line in the direction in which the
-normal of the laser plane (of a pipe: its axis) is seen. Down a column, a line of slope m has the
-variance C_vv - 2 m C_uv + m^2 C_uu, with the covariance C of both: a line that is level in one
-place and steep in another determines C. Where it has one slope only, C is hardly determined, but
-then it hardly affects the correction.
+Two effects blur a line: the point spread of lens and pixel, which is isotropic, and the thickness
+of the laser sheet, which blurs each point along the image direction of the laser plane's normal (on
+a pipe along its axis). Let C be the covariance of both effects together. The intensity along a
+column of a line of slope m then has the variance C_vv - 2 m C_uv + m^2 C_uu: a line with parts of
+different slope determines C. A line of one slope hardly determines C, but then C hardly affects the
+correction.
 """
 
 from dataclasses import dataclass
@@ -17,34 +17,36 @@ from lsvision.laser_line.line_shape import LineShape
 from lsvision.statistics.robust import mad_std, median
 
 CLEARANCE = 3
-"""Distance from an edge or end in columns beyond which the width of a line is undisturbed. Units:
+"""Distance in columns from an edge or end beyond which the width of a line is not disturbed. Units:
 px."""
-LEVEL_QUANTILE = 0.2
-"""Quantile of the variances perpendicular to the line that is that of its narrow parts."""
+NARROW_QUANTILE = 0.2
+"""Quantile of the variances perpendicular to the line that is taken for its narrow parts."""
 STATED_STD = 0.1
-"""Relative standard deviation of the variance of a stated blur (5 % of its sigma)."""
+"""Relative standard deviation of the variance of a stated blur, whose sigma is known to 5 %."""
 UNSTATED_FRACTION = 0.4
-"""Fraction of lens and pixel in the variance of a narrow line where no blur is stated."""
+"""Fraction of a narrow line's variance that is assumed for lens and pixel if no blur is stated."""
 SPREAD_STD, TILT_STD, ALONG_STD = 1.0, 0.4, 0.3
-"""Standard deviations of C_vv, C_uv and C_uu before the widths are used, over the line's variance:
-a pipe's axis is tilted from the laser plane's normal by an unknown angle."""
+"""Prior standard deviations of C_vv, C_uv and C_uu, relative to the line's variance: a pipe's axis
+is tilted from the laser plane's normal by an unknown angle."""
 SHEET_STD = 0.02
 """Standard deviation of the sheet's part of C_uu that follows from C_uv, over C_vv."""
 CONSTRAINT_STEPS = 3
-"""Number of linearisations of the constraint that a stated blur is."""
-MIN_ACROSS = 0.05
-"""Smallest squared sine between line and sheet's direction from which the sheet is estimated."""
+"""Number of times that the constraint by a stated blur is linearised."""
+MIN_SQUARED_SINE = 0.05
+"""Lower limit of the squared sine between the line and the direction of the sheet's blur, by which
+the estimate of that blur is divided."""
 UNDETERMINED_FRACTION = 0.5
-"""Standard deviation over that of the prior, above which the widths determine too little: the prior
-is kept, and its uncertainty."""
-REWEIGHTINGS = 4
+"""Ratio of a standard deviation to that of the prior above which the prior value is kept, since the
+widths hardly determine it."""
+REWEIGHTING_ITERATIONS = 4
+"""Number of iterations of the robust fit to the widths."""
 TUKEY_SIGMAS = 4.7
-"""Residual beyond which a width has no weight."""
+"""Residual, in standard deviations, from which on a width has no weight."""
 MIN_NOISE_FACTOR = 0.1
-"""Smallest noise of the widths over the one that is stated for them."""
+"""Smallest ratio of the widths' estimated noise to `width_std`."""
 MODEL_ERROR = 0.1
-"""Error of each value over C_vv because the sheet is seen nearer, thus thicker, on top of a pipe
-than on its flanks; from noise-free images."""
+"""Error of each value relative to C_vv, since the top of a pipe is nearer to the camera than its
+flanks, so that the sheet's image is thicker there; from noise-free images."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +98,7 @@ def estimate_line_spread(
     design, target = design / scale[:, None], variances / scale
     values: FloatArray = prior
     prior_information = np.diag(1 / prior_std**2)
-    for _ in range(REWEIGHTINGS):
+    for _ in range(REWEIGHTING_ITERATIONS):
         residuals = target - design @ values
         std = max(mad_std(residuals), MIN_NOISE_FACTOR)
         weights = np.maximum(1 - (residuals / (TUKEY_SIGMAS * std)) ** 2, 0.0) ** 2 / std**2
@@ -122,8 +124,8 @@ def _with_stated_blur(spread: LineSpread, blur: float) -> LineSpread:
         row = np.array([(c_uv / sheet) ** 2, -2 * c_uv / sheet, 1.0])
         variance = (STATED_STD * blur**2) ** 2 + (SHEET_STD * c_vv) ** 2
         gain = P @ row / (row @ P @ row + variance)
-        missing = blur**2 - (c_uu - c_uv**2 / sheet)
-        values = spread.values + gain * (missing - row @ (spread.values - values))
+        innovation = blur**2 - (c_uu - c_uv**2 / sheet)
+        values = spread.values + gain * (innovation - row @ (spread.values - values))
     covariance: FloatArray = P - np.outer(gain, row @ P)
     return LineSpread(values, covariance)
 
@@ -133,12 +135,12 @@ def _prior(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the spread (3,) that is assumed before the widths are used, and its stds."""
     ordered = np.sort(variances / (1 + slope**2))
-    place = LEVEL_QUANTILE * (len(ordered) - 1)
-    narrow = float(np.interp(place, np.arange(len(ordered)), ordered))
+    position = NARROW_QUANTILE * (len(ordered) - 1)
+    narrow = float(np.interp(position, np.arange(len(ordered)), ordered))
     lens = UNSTATED_FRACTION * narrow if blur is None else min(blur**2, narrow)
     u, v = sheet
-    across = np.maximum((v - slope * u) ** 2, MIN_ACROSS)
-    thickness = max(median((variances - lens * (1 + slope**2)) / across), 0.0)
+    squared_sine = np.maximum((v - slope * u) ** 2, MIN_SQUARED_SINE)
+    thickness = max(median((variances - lens * (1 + slope**2)) / squared_sine), 0.0)
     values = lens * np.array([1.0, 0.0, 1.0]) + thickness * np.array([v * v, u * v, u * u])
     scale = max(narrow, thickness)
     return values, scale * np.array([SPREAD_STD, TILT_STD, ALONG_STD])

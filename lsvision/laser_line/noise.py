@@ -1,7 +1,7 @@
 """Standard deviation of a laser line's points, estimated from the image itself.
 
 Two sources: read and shot noise, from the scatter of pixel values along the line; and the excess
-over it (mainly speckle, which shifts a stripe by the same amount however bright it is), from the
+over it (mainly speckle, whose shift of a stripe does not depend on its brightness), from the
 scatter of the located rows from column to column.
 """
 
@@ -21,23 +21,24 @@ THIRD_DIFFERENCE = np.array([1.0, -3.0, 3.0, -1.0]) / np.sqrt(20.0)
 FIFTH_DIFFERENCE = np.array([1.0, -5.0, 10.0, -10.0, 5.0, -1.0]) / np.sqrt(252.0)
 """Fifth difference, normalised in the same way; removes a pipe's curve over tens of columns."""
 INDEPENDENT_LAG = 3
-"""Distance in columns from which the errors of points are independent: the speckle of nearer ones
-is correlated. Units: px."""
+"""Distance in columns from which on the errors of points are independent; at shorter distances
+speckle is correlated. Units: px."""
 MAX_SCATTER_RATIO = 2.5
-"""Ratio of the scatter at `INDEPENDENT_LAG` to that of neighbours above which the errors are
-correlated even further: 1.0 in read noise, 1.6 to 1.9 in speckle, 2.6 to 4 in enlarged
+"""Ratio of the scatter at `INDEPENDENT_LAG` to that of neighbours above which the correlation
+extends over longer distances: 1.0 in read noise, 1.6 to 1.9 in speckle, 2.6 to 4 in enlarged
 photographs."""
 LONGER_LAGS = (6, 12)
-"""Distances in columns that are tried then. Units: px."""
+"""Distances in columns that are tried in this case. Units: px."""
 COMPARED_LAGS = (1, 2, 3, 6)
 """Distances in columns whose scatters are compared to see whether columns are interpolated."""
 MAX_INTERPOLATED_RATIO = 0.7
-"""Smallest scatter over the largest below which they are: 0.84 and more in images of a camera with
-three sensors, 0 to 0.56 in JPEG files and interpolated mosaics."""
+"""Ratio of the smallest to the largest scatter below which columns are interpolated: 0.84 and more
+in images of a camera with three sensors, 0 to 0.56 in JPEG files and interpolated mosaics."""
 MIN_SCATTER_GROWTH = 1.25
 """Smallest ratio by which the scatter must grow for a longer distance to be used."""
 MIN_LENGTH_RATIO = 20
-"""Smallest length of a line over that of a difference: most differences then lie on one surface."""
+"""Smallest ratio of a line's length to that of a difference, so that most differences lie on one
+surface."""
 SLOPE_SPAN = 6
 """Distance in columns over which the slope of a line is computed, to each side. Units: px."""
 BINS = 12
@@ -95,11 +96,11 @@ def estimate_pixel_noise(signal: Image, windows: Windows) -> PixelNoise:
     inside = inside[:: max(1, len(inside) // MAX_SAMPLE_COLUMNS)]
     offsets = windows.offsets[:: max(1, len(windows.offsets) // MAX_SAMPLE_PIXELS)]
     rows = np.clip(windows.centre_rows[inside, None] + offsets, 0, signal.shape[0] - 1)
-    at = (rows * signal.shape[1] + windows.columns[inside, None]).ravel()
-    along = signal.ravel().take(at + np.arange(-2, 3)[:, None]).astype(np.float64)
+    indices = (rows * signal.shape[1] + windows.columns[inside, None]).ravel()
+    along = signal.ravel().take(indices + np.arange(-2, 3)[:, None]).astype(np.float64)
     level = along.mean(axis=0)
     scatter = np.abs(FOURTH_DIFFERENCE @ along)
-    # Bins of equal size: the few brightest pixels that do not fill a bin are left out.
+    # Bins of equal size: the few brightest pixels that do not fill a bin are omitted.
     order = np.argsort(level, kind="stable")[: len(level) // BINS * BINS].reshape(BINS, -1)
     means = level[order].mean(axis=1)
     variances = np.maximum(

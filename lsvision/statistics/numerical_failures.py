@@ -10,7 +10,7 @@ from lsvision.errors import FitFailed
 
 @contextmanager
 def report_numerical_failure(what: str) -> Iterator[None]:
-    """Turn a singular matrix or an overflow within the block into a `FitFailed`.
+    """Raise `FitFailed` for a singular matrix or an overflow within the block.
 
     Floating-point warnings are suppressed within the block: check its results with
     `require_finite`.

@@ -12,10 +12,11 @@ from lsvision.results.summaries import counted
 MIN_COLUMNS = 21
 """Smallest number of columns of a matrix of heights: lists of points have fewer."""
 MAX_HINTED_COLUMNS = 200
-"""A profile has more points; a table narrower than this and much longer may hold profiles in
-columns."""
+"""Largest number of columns for the hint that profiles may lie in columns: rows of profiles usually
+have more points."""
 MAX_UNEVENNESS = 0.05
-"""Largest deviation of the steps of x, relative to their mean: x is rounded to a few digits."""
+"""Largest deviation of the steps of x, relative to their mean, in a row of evenly spaced x: they
+are rounded to a few digits."""
 
 
 def read_matrix(content: bytes, settings: ReadSettings) -> RawProfiles:
@@ -64,7 +65,7 @@ def profiles_from_matrix(table: TextTable, settings: ReadSettings) -> RawProfile
 def column_positions(
     columns: int, rows: int, settings: ReadSettings
 ) -> tuple[FloatArray, tuple[str, ...]]:
-    """Return x of each column as the user states it, and a note if the first is assumed.
+    """Return x of each column from the user's options, and a note if the first is assumed.
 
     Raises
     ------
@@ -87,11 +88,12 @@ def height_unit(table: TextTable, settings: ReadSettings) -> str | None:
         return f"{float(settings.z_unit) / 100:.12g} um"
     if settings.units is not None:
         return None
-    about = [s for s in table.statements if s.axis in (None, "height")]
-    return one_unit(next(filter(None, table.units), None), about)
+    statements = [s for s in table.statements if s.axis in (None, "height")]
+    return one_unit(next(filter(None, table.units), None), statements)
 
 
 def _transpose_hint(rows: int, columns: int) -> str:
+    """Return a hint for tables that are much longer than wide; else an empty text."""
     if rows < 2 * columns or columns > MAX_HINTED_COLUMNS:
         return ""
     return f"{columns} columns of {rows}: profiles may lie in columns, use --transpose"
