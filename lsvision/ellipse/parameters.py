@@ -2,7 +2,7 @@
 
 The ellipse is ``c + E w`` for all unit vectors w, with the symmetric matrix
 ``E = [[m + p, q], [q, m - p]]``; so ``a = m + h``, ``b = m - h``, ``h = |(p, q)|`` and
-``theta = atan2(q, p) / 2``. In (a, b, theta) a circle (a pipe at right angles to the laser plane)
+``theta = atan2(q, p) / 2``. In (a, b, theta) a circle (a pipe perpendicular to the laser plane)
 is a singular point; in (m, p, q) it is regular.
 """
 
@@ -16,8 +16,10 @@ from lsvision.geometry.ellipse import MAX_FOOT_POINT_ITERATIONS, foot_directions
 from lsvision.geometry.noisy_points import ComplexArray, as_complex
 
 PARAMETERS = 5
+"""Number of parameters: centre x, y, m, p, q."""
 FOOT_TOLERANCE = 3e-3
-"""Last Newton step (rad). Nearest points are then exact to 1e-5 rad and distances to 1e-9 mm."""
+"""Newton step (rad) below which the iteration ends: nearest points are then exact to 1e-5 rad and
+distances to 1e-9 mm."""
 MAX_STEP = 0.2
 """Largest Newton step (rad) of a point near the ellipse."""
 MIN_AXIS_RATIO = 1e-3
@@ -49,30 +51,31 @@ def orthogonal_residuals_and_normals(
     w /= np.abs(w)
     largest = math.inf
     for _ in range(MAX_FOOT_POINT_ITERATIONS):
-        along, across = m * w, d * w.conj()
-        foot, normals = along + across, along - across
+        mean_part, deviator_part = m * w, d * w.conj()
+        foot, normals = mean_part + deviator_part, mean_part - deviator_part
         residuals = offsets - foot
         if largest < FOOT_TOLERANCE:
             break
-        # |normals|^2 + residuals . foot, as |foot|^2 + |normals|^2 is the same everywhere.
-        bending = ((residuals - foot) * foot.conj()).real + squares
-        turn = (residuals * normals.conj()).imag / bending
-        largest = float(np.abs(turn).max(initial=0.0))
-        if not (largest < MAX_STEP and bending.min() > 0):
+        # Derivative by the step: |normals|^2 + residuals . foot, where |foot|^2 + |normals|^2 is
+        # the same everywhere.
+        derivative = ((residuals - foot) * foot.conj()).real + squares
+        step = (residuals * normals.conj()).imag / derivative
+        largest = float(np.abs(step).max(initial=0.0))
+        if not (largest < MAX_STEP and derivative.min() > 0):
             w = _nearest_directions(offsets, parameters)
         else:
-            w *= 1 + 1j * turn
+            w *= 1 + 1j * step
             w /= np.abs(w)
     normals *= side / np.abs(normals)
     return (residuals * normals.conj()).real, normals, w
 
 
 def _nearest_directions(offsets: ComplexArray, parameters: FloatArray) -> ComplexArray:
-    """Return the unit vectors w of the nearest points E w, from any distance; centre at 0."""
-    a, b, turn = axes_of(parameters)
-    turned = offsets * turn.conjugate()
-    cos, sin = foot_directions(turned.real, turned.imag, a, b)
-    return _complex(cos, sin) * turn
+    """Return the unit vectors w of the nearest points E w, also for points far from them."""
+    a, b, rotation = axes_of(parameters)
+    rotated = offsets * rotation.conjugate()
+    cos, sin = foot_directions(rotated.real, rotated.imag, a, b)
+    return _complex(cos, sin) * rotation
 
 
 def radial_residuals_and_normals(
@@ -88,14 +91,14 @@ def radial_residuals_and_normals(
         The normal divided by its cosine with the ray, so that -n d(c + E w) is again the
         derivative of the residual; unit vector of the point on the ray.
     """
-    a, b, turn = axes_of(parameters)
-    offsets = (as_complex(points) - centre_of(parameters)) * turn.conjugate()
+    a, b, rotation = axes_of(parameters)
+    offsets = (as_complex(points) - centre_of(parameters)) * rotation.conjugate()
     w = _complex(offsets.real / a, offsets.imag / b)
     rho, scaled = np.abs(offsets), np.abs(w)
     w /= scaled
     gradient = _complex(w.real / a, w.imag / b)
     along_ray = (gradient * offsets.conj()).real / rho
-    return rho - rho / scaled, gradient * (turn / along_ray), w * turn
+    return rho - rho / scaled, gradient * (rotation / along_ray), w * rotation
 
 
 def parameter_jacobian(

@@ -19,6 +19,7 @@ PERPENDICULAR_PHI_STD = 1e-3
 CIRCLE_SIGMAS = 2.0
 """Ratio of phi to its prior std up to which the section may be a circle."""
 TINY = 1e-12
+"""Smallest divisor m, and ratio h / m, of a step that is not an ellipse."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,11 +39,11 @@ class PhiPrior:
     More than two sigmas from 0 the prior is normal in phi. All (p, q) on a ring have this phi, so
     `fit_ellipse` uses the prior only where the points themselves determine theta.
 
-    Nearer to 0 the section may be a circle, where phi is not a regular parameter: a cost of
-    (phi / std)^2 has a cusp there, at which the fit would stop with far too small a variance.
-    There (p, q) / m has a normal prior about zero, with the second moments for a phi that is the
-    modulus of a normal variable and a uniform theta: with f = (phi / 2)^2 and v = (std / 2)^2
-    E h^2 / m^2 = f^2 + 6 f v + 3 v^2, which suffice for a linear estimate.
+    Within two sigmas of 0 the section may be a circle, at which phi is not a regular parameter: a
+    cost of (phi / std)^2 has a cusp, where the fit would stop with a variance that is far too
+    small. In this case (p, q) / m has a normal prior about zero, with the second moments for a phi
+    that is the modulus of a normal variable and a uniform theta: with f = (phi / 2)^2 and
+    v = (std / 2)^2, E h^2 / m^2 = f^2 + 6 f v + 3 v^2, which suffice for a linear estimate.
 
     Raises
     ------
@@ -51,8 +52,8 @@ class PhiPrior:
 
     Examples
     --------
-    >>> square_on = PhiPrior(0.0, math.radians(2.0))
-    >>> residuals, _ = square_on.residuals_and_jacobian(np.array([0.0, -400.0, 20.0, 0.0, 0.0]))
+    >>> perpendicular = PhiPrior(0.0, math.radians(2.0))
+    >>> residuals, _ = perpendicular.residuals_and_jacobian(np.array([0.0, -400.0, 20.0, 0.0, 0.0]))
     >>> residuals
     array([0., 0.])
     """

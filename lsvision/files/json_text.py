@@ -7,8 +7,12 @@ MAX_DEPTH = 64
 """Deepest nesting of lists and mappings; the package's own files need 7."""
 
 
+MAX_DIGITS = 300
+"""Largest number of digits of an integer; a float has a range of 1.8e308."""
+
+
 class NestedTooDeep(ValueError):
-    """A text that nests deeper than `MAX_DEPTH`."""
+    """Error of a text with more than `MAX_DEPTH` levels of nesting."""
 
     def __init__(self) -> None:
         super().__init__(f"expected at most {MAX_DEPTH} levels of nesting, got more")
@@ -34,8 +38,8 @@ def parse_json(text: str, *, allow_nan: bool = False) -> Any:
     NestedTooDeep
         If the text nests deeper than `MAX_DEPTH`.
     ValueError
-        If the text is not JSON, or holds a key twice in one object, a number beyond double
-        precision, ``NaN`` or ``Infinity``.
+        If the text is not JSON, or contains a key twice in one object, a number beyond the range
+        of a double, ``NaN`` or ``Infinity``.
 
     Examples
     --------
@@ -57,6 +61,7 @@ def parse_json(text: str, *, allow_nan: bool = False) -> Any:
 
 
 def _check_depth(value: Any) -> None:
+    """Raise NestedTooDeep if a value has more than `MAX_DEPTH` levels of lists and mappings."""
     level = [value]
     for _ in range(MAX_DEPTH + 1):
         level = [
@@ -71,6 +76,7 @@ def _check_depth(value: Any) -> None:
 
 
 def _mapping(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return the pairs of an object as a dict; raise ValueError if a key occurs twice."""
     mapping = dict(pairs)
     if len(mapping) < len(pairs):
         keys = [key for key, _ in pairs]
@@ -91,6 +97,6 @@ def _number(digits: str) -> float:
 
 
 def _integer(digits: str) -> int | float:
-    if len(digits) > 300:
+    if len(digits) > MAX_DIGITS:
         raise ValueError(f"expected numbers below 1.8e308, got one of {len(digits)} digits")
     return int(digits)

@@ -1,4 +1,4 @@
-"""A commented job file from a measured profile: its parts with the requested tolerance."""
+"""Text of a commented job file, from the cylinders of a measured profile and a tolerance."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ undecided = "ng"  # what a one-bit output says
 
 
 def job_text(name: str, cylinders: Sequence[CylinderSection], tolerance: float) -> str:
-    """Return a job that the measured cylinders should pass.
+    """Return the text of a job whose limits contain the measured cylinders.
 
     Parameters
     ----------
@@ -58,20 +58,24 @@ def job_text(name: str, cylinders: Sequence[CylinderSection], tolerance: float) 
     cylinders : sequence of CylinderSection
         Measured cylinders from left to right, at least one.
     tolerance : float
-        Deviation of the radius to either side. Units: mm.
+        Permissible deviation of the radius, up and down. Units: mm.
 
     Returns
     -------
     str
-        TOML; nominal radii are rounded to a tenth of the tolerance, windows reach to the middle
-        between neighbours.
+        TOML; nominal radii are rounded to a tenth of the tolerance, windows in x extend to the
+        middle between neighbours.
     """
     from lsvision.inspection.relate import relate
     from lsvision.results.number_format import format_value
 
     radii = [cylinder.radius for cylinder in cylinders]
-    # JSON's strings are TOML's.
-    parts = [HEAD.format(name=json.dumps(name), low=_down(min(radii)), high=_up(max(radii)))]
+    # A string in JSON is also one in TOML.
+    parts = [
+        HEAD.format(
+            name=json.dumps(name), low=_scaled(0.6, min(radii)), high=_scaled(1.5, max(radii))
+        )
+    ]
     step = 10 ** math.floor(math.log10(tolerance / 10))
     for number, (cylinder, (left, right)) in enumerate(
         zip(cylinders, _windows(cylinders), strict=True), 1
@@ -103,17 +107,14 @@ def job_text(name: str, cylinders: Sequence[CylinderSection], tolerance: float) 
 
 def _windows(cylinders: Sequence[CylinderSection]) -> list[tuple[float, float]]:
     """Return windows of x bounded midway between neighbours, the outer ones by a radius."""
-    places = [cylinder.centre[0] for cylinder in cylinders]
-    between = [round((a + b) / 2, 1) for a, b in itertools.pairwise(places)]
-    first = round(places[0] - cylinders[0].radius, 1)
-    last = round(places[-1] + cylinders[-1].radius, 1)
+    centres = [cylinder.centre[0] for cylinder in cylinders]
+    between = [round((a + b) / 2, 1) for a, b in itertools.pairwise(centres)]
+    first = round(centres[0] - cylinders[0].radius, 1)
+    last = round(centres[-1] + cylinders[-1].radius, 1)
     ends = [first, *between, last]
     return list(itertools.pairwise(ends))
 
 
-def _down(radius: float) -> float:
-    return float(f"{0.6 * radius:.2g}")
-
-
-def _up(radius: float) -> float:
-    return float(f"{1.5 * radius:.2g}")
+def _scaled(factor: float, radius: float) -> float:
+    """Return a limit of the searched radii: a multiple of a radius, rounded to two digits."""
+    return float(f"{factor * radius:.2g}")

@@ -1,4 +1,4 @@
-"""Frames of a camera that is given by name: an index, a GenICam camera, or a video instead."""
+"""Frames of a named source: the index of a camera, a GenICam camera, or a video file."""
 
 from collections.abc import Iterator
 from importlib import import_module
@@ -14,11 +14,11 @@ from lsvision.io.frames import Frame, capture_frames, read_frames
 GENICAM = "genicam:"
 """Prefix of the address of a GenICam camera; without an address, the only connected one."""
 DISCOVERY_MS, FRAME_MS = 1000, 3000
-"""Time limits for the answer of a camera, and for a frame. Units: ms."""
+"""Time limits for the discovery of cameras, and for a frame. Units: ms."""
 
 
 def open_camera(name: str) -> Iterator[Frame]:
-    """Yield the frames of a camera until it or the caller stops.
+    """Yield the frames of a camera until it stops sending or the caller stops reading.
 
     Parameters
     ----------
@@ -34,8 +34,8 @@ def open_camera(name: str) -> Iterator[Frame]:
     Raises
     ------
     LsvisionError
-        If there is no such camera or file, its package is not installed, or it stops sending;
-        while the frames are read.
+        While frames are read: if there is no such camera or file, its package is not installed, or
+        it stops sending.
     """
     if name.startswith(GENICAM):
         return _genicam_frames(name.removeprefix(GENICAM))
@@ -77,12 +77,13 @@ def _genicam_frames(address: str) -> Iterator[Frame]:
 
 
 def _device(library: Any, address: str) -> Any:
+    """Return the one GenICam camera at an address, or the only one if the address is empty."""
     cameras = library.discover(DISCOVERY_MS, None, address.startswith("127."))
-    chosen = [device for device in cameras if address in ("", device.ip)]
-    if len(chosen) != 1:
+    matching = [device for device in cameras if address in ("", device.ip)]
+    if len(matching) != 1:
         known = ", ".join(f"{device.ip} ({device.model})" for device in cameras) or "none"
         raise LsvisionError(
             f"expected one GenICam camera at {address or 'any address'}, found {known}: name one "
             "as genicam:ADDRESS, and check its cable and network"
         )
-    return chosen[0]
+    return matching[0]

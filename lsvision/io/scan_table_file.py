@@ -76,8 +76,8 @@ def _tilt(tube: "ScannedCylinder", base_from_section: Pose) -> dict[str, Any]:
     """Return phi and theta of the axis in a section, with intervals.
 
     Definition: phi is the angle between the axis and the section's normal Z, theta the direction of
-    the axis in the section's plane, from X towards Y, in [0, pi). Where the region of the direction
-    (two quantities) reaches Z, phi may be 0 and theta is not determined.
+    the axis in the section's plane, from X towards Y, in [0, pi). If the joint confidence
+    region of the two direction errors contains Z, phi may be 0 and theta is not determined.
     """
     x, y, z = base_from_section.rotation.T @ tube.direction
     phi = math.atan2(math.hypot(x, y), abs(z))
@@ -87,19 +87,21 @@ def _tilt(tube: "ScannedCylinder", base_from_section: Pose) -> dict[str, Any]:
         math.cos(math.atan2(y * along, x * along)),
         math.sin(math.atan2(y * along, x * along)),
     )
-    steps = np.array([[math.cos(phi) * cos, math.cos(phi) * sin, -math.sin(phi)], [-sin, cos, 0.0]])
+    tilt_axes = np.array(
+        [[math.cos(phi) * cos, math.cos(phi) * sin, -math.sin(phi)], [-sin, cos, 0.0]]
+    )
     tangents = tube.fit.tangent_basis @ base_from_section.rotation * along
-    jacobian = steps @ tangents.T
+    jacobian = tilt_axes @ tangents.T
     variances = np.diag(jacobian @ tube.covariance[2:4, 2:4] @ jacobian.T)
-    phi_std, across_std = (math.sqrt(max(0.0, float(v))) for v in variances)
+    phi_std, tangential_std = (math.sqrt(max(0.0, float(v))) for v in variances)
     factor = tube.fit.coverage_factor()
-    determined = phi > tube.fit.coverage_factor(quantities=2) * max(phi_std, across_std)
+    determined = phi > tube.fit.coverage_factor(quantities=2) * max(phi_std, tangential_std)
     low = max(0.0, phi - factor * phi_std) if determined else 0.0
     row = _degrees_row("phi", phi, phi_std, (low, min(math.pi / 2, phi + factor * phi_std)))
     if not determined:
         row |= _row("theta", "deg", "", "", (0.0, 180.0))
         return row | {"theta_determined": False}
-    std = across_std / math.sin(phi)
+    std = tangential_std / math.sin(phi)
     row |= _degrees_row("theta", theta, std, (theta - factor * std, theta + factor * std))
     return row | {"theta_determined": True}
 

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 class Result(ComparedByValue, ABC):
     """Base of the results: one definition of their numbers for screen, notebook and file.
 
-    ``repr(result)`` is one line, ``print(result)`` its table; a notebook shows the table and,
-    where there is something to see, a small picture. Results are equal if all their numbers are.
+    ``repr(result)`` is one line, ``print(result)`` writes a table; a notebook shows the table and,
+    for measurements, a small picture. Results are equal if all their numbers are equal.
     """
 
     __slots__ = ()
@@ -29,8 +29,8 @@ class Result(ComparedByValue, ABC):
         Returns
         -------
         dict
-            Every key names its unit: lengths ``*_mm``, angles ``*_deg``. A number that does not
-            exist, as an infinite sigma, is None.
+            Every key ends in its unit: lengths ``*_mm``, angles ``*_deg``. A number that is not
+            finite, such as an infinite sigma, is None.
 
         Examples
         --------
@@ -45,7 +45,7 @@ class Result(ComparedByValue, ABC):
         Parameters
         ----------
         indent : int, optional
-            Blanks by which nested parts are shifted; None writes one line.
+            Number of spaces by which nested levels are indented; None writes one line.
 
         Returns
         -------
@@ -77,8 +77,8 @@ class Result(ComparedByValue, ABC):
         Returns
         -------
         pandas.DataFrame
-            Its columns are named as the keys of `to_dict` and the columns of ``--csv``; an
-            interval takes two, ``*_low_95_*`` and ``*_high_95_*``.
+            Columns with the names of the keys of `to_dict` and of the columns of ``--csv``; an
+            interval has two columns, ``*_low_95_*`` and ``*_high_95_*``.
 
         Raises
         ------
