@@ -75,8 +75,8 @@ def initial_corners(image: npt.NDArray[np.uint8], columns: int, rows: int) -> It
         found, corners = find(picture, (columns, rows), flags=flags)
         if found:
             scale = image.shape[1] / picture.shape[1]
-            places = np.asarray(corners, dtype=np.float64).reshape(rows, columns, 2)
-            yield (places + 0.5) * scale - 0.5
+            positions = np.asarray(corners, dtype=np.float64).reshape(rows, columns, 2)
+            yield (positions + 0.5) * scale - 0.5
 
 
 def locate_corners(
@@ -203,8 +203,8 @@ def _refine(image: npt.NDArray[np.uint8], start: Points, grid: Points) -> tuple[
     begin = start.reshape(-1, 2)
     corners, is_saddle = begin.copy(), np.ones(len(begin), dtype=bool)
     for _ in range(MAX_REFINEMENT_STEPS):
-        places = corners[:, None] + np.column_stack([x, y])
-        a, b, c, d, e, _ = paraboloid @ levels.flatten(smooth, places).T
+        positions = corners[:, None] + np.column_stack([x, y])
+        a, b, c, d, e, _ = paraboloid @ levels.flatten(smooth, positions).T
         determinant = 4 * a * c - b * b
         is_saddle = determinant < 0
         divisor = np.where(is_saddle, determinant, -1.0)
@@ -237,8 +237,8 @@ class _Levels:
         odd = np.indices(middles.shape[:2]).sum(axis=0) % 2 == 1
         # Twice as many squares of each colour as the polynomial has terms.
         degree = int(np.searchsorted([12, 24], odd.size, side="right"))
-        places = grid.reshape(-1, 2)
-        middle, extent = places.mean(axis=0), float(np.ptp(places, axis=0).max()) / 2
+        positions = grid.reshape(-1, 2)
+        middle, extent = positions.mean(axis=0), float(np.ptp(positions, axis=0).max()) / 2
         values = sample(image, middles)
         first, second = (
             _robust_solution(_terms((middles[colour] - middle) / extent, degree), values[colour])
@@ -246,13 +246,13 @@ class _Levels:
         )
         return _Levels(middle, extent, degree, first, second)
 
-    def flatten(self, image: npt.NDArray[np.float32], places: Points) -> FloatArray:
-        """Return the image at places (..., 2): 0 in squares like the first, 1 in the others."""
-        terms = _terms((places - self.middle) / self.extent, self.degree)
+    def flatten(self, image: npt.NDArray[np.float32], positions: Points) -> FloatArray:
+        """Return the image at positions (..., 2): 0 in squares like the first, 1 in the others."""
+        terms = _terms((positions - self.middle) / self.extent, self.degree)
         contrast = terms @ (self.second - self.first)
         typical = np.median(contrast)
         contrast = np.sign(typical) * np.maximum(contrast * np.sign(typical), abs(typical) / 5)
-        flattened: FloatArray = (sample(image, places) - terms @ self.first) / (contrast + 1e-9)
+        flattened: FloatArray = (sample(image, positions) - terms @ self.first) / (contrast + 1e-9)
         return flattened
 
 
@@ -263,20 +263,20 @@ def cell_middles(corners: Points) -> Points:
     return middles
 
 
-def sample(image: npt.NDArray[np.float32], places: Points) -> FloatArray:
-    """Return the image at places (..., 2) in px, interpolated; outside, the border is continued."""
-    flat = places.reshape(1, -1, 2).astype(np.float32)
+def sample(image: npt.NDArray[np.float32], positions: Points) -> FloatArray:
+    """Interpolate the image at positions (..., 2) in px; outside, the border is continued."""
+    flat = positions.reshape(1, -1, 2).astype(np.float32)
     # OpenCV's remap takes up to 32767 columns.
     parts = [
         cv2.remap(image, part, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         for part in np.array_split(flat, 1 + flat.shape[1] // 30000, axis=1)
     ]
-    return np.concatenate(parts, axis=1).reshape(places.shape[:-1]).astype(np.float64)
+    return np.concatenate(parts, axis=1).reshape(positions.shape[:-1]).astype(np.float64)
 
 
-def _terms(places: Points, degree: int) -> FloatArray:
+def _terms(positions: Points, degree: int) -> FloatArray:
     """Return the terms of a polynomial in x and y, (..., 1), (..., 3) or (..., 6)."""
-    x, y = places[..., 0], places[..., 1]
+    x, y = positions[..., 0], positions[..., 1]
     terms = [np.ones_like(x), x, y, x * x, x * y, y * y]
     return np.stack(terms[: (1, 3, 6)[degree]], axis=-1)
 

@@ -174,9 +174,9 @@ def calibrate_hand_eye_plane(
     --------
     >>> from lsvision.simulate.hand_eye import SectionView, TargetMotion
     >>> from lsvision.simulate.hand_eye import plane_profile, section_poses_about
-    >>> rng, place = np.random.default_rng(0), np.array([800.0, 0.0, 300.0])
+    >>> rng, position = np.random.default_rng(0), np.array([800.0, 0.0, 300.0])
     >>> motion = TargetMotion(standoff=-150.0, tilt=np.radians(40.0), offset=0.0)
-    >>> sections = section_poses_about(place, 10, motion, rng)
+    >>> sections = section_poses_about(position, 10, motion, rng)
     >>> mount, plane = Pose(translation=(0.0, 80.0, 120.0)), Plane((0, 0, 1), 300.0)
     >>> seen = [plane.transformed(pose.inverse()) for pose in sections]
     >>> profiles = [plane_profile(each, SectionView(), rng) for each in seen]
@@ -248,9 +248,9 @@ def calibrate_hand_eye_board(
     Examples
     --------
     >>> from lsvision.simulate.hand_eye import TargetMotion, section_poses_about
-    >>> rng, place = np.random.default_rng(0), np.array([800.0, 0.0, 300.0])
-    >>> base_from_cameras = section_poses_about(place, 8, TargetMotion(standoff=-150.0), rng)
-    >>> mount, base_from_board = Pose(translation=(0.0, 80.0, 120.0)), Pose(translation=place)
+    >>> rng, position = np.random.default_rng(0), np.array([800.0, 0.0, 300.0])
+    >>> base_from_cameras = section_poses_about(position, 8, TargetMotion(standoff=-150.0), rng)
+    >>> mount, base_from_board = Pose(translation=(0.0, 80.0, 120.0)), Pose(translation=position)
     >>> boards = [pose.inverse() @ base_from_board for pose in base_from_cameras]
     >>> flanges = [pose @ mount.inverse() for pose in base_from_cameras]
     >>> found = calibrate_hand_eye_board(boards, flanges)

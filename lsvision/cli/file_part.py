@@ -1,4 +1,4 @@
-"""Consecutive profiles of a file: measured, with the results as text and records."""
+"""Measure consecutive profiles of a file, and return the results as text and records."""
 
 import contextlib
 import sys
@@ -34,11 +34,12 @@ if TYPE_CHECKING:
     from lsvision.sensors.profile_sensor import ProfileSensor
 
 MAX_FLIP_CHECK_POINTS = 20_000
-"""Largest number of points measured upside down; of longer profiles, every n-th point."""
+"""Largest number of points of a profile that is measured upside down as a check; longer profiles
+are subsampled."""
 
 
 class Measure(Protocol):
-    """Profile to Measurement."""
+    """Function that measures a profile."""
 
     def __call__(self, profile: "Profile", /) -> "Measurement":
         """Measure a profile."""
@@ -52,13 +53,13 @@ class PartOptions:
     Parameters
     ----------
     measuring : callable
-        Profile to Measurement.
+        Function that measures a profile.
     sensor : ProfileSensor, optional
         The sensor whose noise `measuring` uses.
     reading : ReadOptions
         Options of reading profile files.
     imaging : ImagingOptions, optional
-        Rig and settings by which images become profiles; without them images are errors.
+        Rig and settings for converting images to profiles; without them an image is an error.
     placing : RobotFrame, optional
         Transformation of cylinders to the robot's frame; without, they stay in the section frame.
     verbose, debug : bool
@@ -81,7 +82,7 @@ class FilePart:
     Parameters
     ----------
     file : ProfileFile or ImageFile
-        These profiles.
+        File with these profiles only.
     first : int
         Number of the first profile in the whole file.
     several : bool
@@ -138,12 +139,12 @@ class PartResult:
 
 
 def read_parts(source: Path | LiveCamera, options: PartOptions) -> Iterator[FilePart]:
-    """Read a file in parts; one part, unless it is large and can be read in parts.
+    """Yield the profiles of a file in parts; a single part unless the file is large.
 
     Raises
     ------
     LsvisionError
-        If it cannot be read.
+        If the file cannot be read.
     """
     if _holds_images(source, options):
         yield _read_images(source, options)
@@ -163,6 +164,7 @@ def read_whole(source: Path | LiveCamera, options: PartOptions) -> FilePart:
 
 
 def _holds_images(source: Path | LiveCamera, options: PartOptions) -> bool:
+    """Return whether a source is read as images, and not as profiles or a map of heights."""
     if isinstance(source, LiveCamera):
         return True
     if str(source) == STDIN:  # with a rig always an image
@@ -206,7 +208,7 @@ def measure_parts(options: PartOptions, parts: Sequence[FilePart]) -> list[PartR
     Returns
     -------
     list of PartResult
-        If a profile cannot be measured, there is an error and no result of its part.
+        One for each part; if a profile cannot be measured, that of its part has only the error.
     """
     from lsvision.ellipse.section import compute_intervals
 
@@ -254,7 +256,7 @@ def _join_results(results: Sequence[PartResult]) -> PartResult:
 
 
 def error_text(source: Path | LiveCamera, error: Exception, options: PartOptions) -> str:
-    """Return the message of an exception that a file has caused; in debugging print its origin."""
+    """Return the message of an exception that a file caused; with `debug`, print its traceback."""
     if options.debug:
         traceback.print_exception(error, file=sys.stderr)
     if isinstance(error, LsvisionError):
@@ -292,6 +294,7 @@ def _measure_section(options: PartOptions, part: FilePart, index: int) -> _Secti
 
 
 def _holds_cylinders_upside_down(measuring: Measure, profile: "Profile") -> bool:
+    """Return whether cylinders are found in a profile whose heights are negated."""
     from lsvision.profile import Profile
 
     step = 1 + len(profile) // MAX_FLIP_CHECK_POINTS

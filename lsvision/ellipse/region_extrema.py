@@ -192,16 +192,16 @@ class Regions:
         if not i.size:
             return
         to_circle, distances = ellipsoids.to_circles(i)
-        f, there = RIDGE_GRADIENTS[ends[i]], expansion.select(i)
-        covariances = np.asarray(np.linalg.inv(there.information[:, :3, :3]), dtype=np.float64)
+        f, selected = RIDGE_GRADIENTS[ends[i]], expansion.select(i)
+        covariances = np.asarray(np.linalg.inv(selected.information[:, :3, :3]), dtype=np.float64)
         Cf = apply(covariances, f)
-        circles = parameters[i] - apply(there.covariance, there.gradient)
-        circles += apply(there.covariance[:, :, 3:], to_circle)
+        circles = parameters[i] - apply(selected.covariance, selected.gradient)
+        circles += apply(selected.covariance[:, :, 3:], to_circle)
         lengths = np.sqrt((rho[i] ** 2 - distances**2) / (f * Cf).sum(axis=1))
         circles[:, :3] += lengths[:, None] * Cf
         circles[:, 3:] = 0.0
-        slopes = apply(there.information_of_points, circles - parameters[i])
-        slopes += there.gradient_of_points
+        slopes = apply(selected.information_of_points, circles - parameters[i])
+        slopes += selected.gradient_of_points
         is_circle = np.hypot(slopes[:, 3], slopes[:, 4]) <= slopes[:, 2]
         targets[i[is_circle]] = circles[is_circle]
 

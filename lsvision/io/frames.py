@@ -106,7 +106,7 @@ def _opened(source: str | int) -> Iterator[Any]:
 
 def _frames(capture: Any) -> Iterator[Frame]:
     while True:
-        there, frame = capture.read()
-        if not there:
+        received, frame = capture.read()
+        if not received:
             return
         yield np.asarray(frame)

@@ -225,10 +225,10 @@ def _interleaved(first: LaserLine, second: LaserLine) -> LaserLine:
     along = 0 if first.direction == "columns" else 1
     pairs = [(line, int(np.nanmax(line.pixels[:, along])) % 2) for line in (first, second)]
     columns = np.concatenate([2 * np.arange(len(line)) + odd for line, odd in pairs])
-    places = np.argsort(columns, kind="stable")
+    order = np.argsort(columns, kind="stable")
 
     def merged(name: str) -> Any:
-        return np.concatenate([getattr(first, name), getattr(second, name)])[places]
+        return np.concatenate([getattr(first, name), getattr(second, name)])[order]
 
     return replace(
         first,

@@ -45,9 +45,9 @@ def colour_planes(array: Image, pattern: Bayer, colour: str) -> list[tuple[int, 
     letter = colour[0].upper()
     plane = array if array.ndim == 2 else array[:, :, COLOUR_ORDER.index(letter)]
     return [
-        (place // 2, place % 2, np.ascontiguousarray(plane[place // 2 :: 2, place % 2 :: 2]))
-        for place, found in enumerate(pattern)
-        if found == letter
+        (index // 2, index % 2, np.ascontiguousarray(plane[index // 2 :: 2, index % 2 :: 2]))
+        for index, pixel_letter in enumerate(pattern)
+        if pixel_letter == letter
     ]
 
 

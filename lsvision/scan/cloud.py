@@ -52,10 +52,10 @@ class ScanCloud:
     def rows_of(self, section: int, indices: IntArray) -> IntArray:
         """Return the rows of the cloud with the given points of a profile."""
         first, last = np.searchsorted(self.point_sections, [section, section + 1])
-        there = self.indices[first:last]
-        wanted = np.zeros(max(there.max(initial=-1), indices.max(initial=-1)) + 1, dtype=bool)
+        present = self.indices[first:last]
+        wanted = np.zeros(max(present.max(initial=-1), indices.max(initial=-1)) + 1, dtype=bool)
         wanted[indices] = True
-        rows: IntArray = first + np.flatnonzero(wanted[there])
+        rows: IntArray = first + np.flatnonzero(wanted[present])
         return rows
 
     def contains(self, sections: IntArray, indices: IntArray) -> BoolArray:

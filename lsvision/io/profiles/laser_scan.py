@@ -63,15 +63,15 @@ def read_laser_scan(content: bytes, _: ReadSettings) -> RawProfiles:
     if not rows:
         raise UnreadableFile("a LaserScan table without a row: record it again")
     names = [name.strip().removeprefix("%").removeprefix("field.") for name in rows[0]]
-    places = [k for k, name in enumerate(names) if _RANGE_COLUMN.fullmatch(name)]
-    if not places or len(rows) < 2:
+    range_columns = [k for k, name in enumerate(names) if _RANGE_COLUMN.fullmatch(name)]
+    if not range_columns or len(rows) < 2:
         raise UnreadableFile("a LaserScan table without ranges or without a row: record it again")
     scans: list[dict[str, Any]] = []
     for number, row in enumerate(rows[1:], 2):
         if len(row) < len(names):
             raise UnreadableFile(f"row {number} has {len(row)} cells, expected {len(names)}")
         scan: dict[str, Any] = {name: row[k] for k, name in enumerate(names) if name in _KEPT_KEYS}
-        scan["ranges"] = [row[k] for k in places]
+        scan["ranges"] = [row[k] for k in range_columns]
         scans.append(scan)
     return profiles_from_scans(scans)
 
