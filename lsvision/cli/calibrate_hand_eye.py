@@ -120,6 +120,7 @@ def board(
     names = [printable(file.name) for file in files]
     flanges = job.read_flanges(names)
     boards = see_boards(files, target, camera)
+    names, flanges = [names[k] for k in boards.indices], [flanges[k] for k in boards.indices]
     with prefix_file_names(pose=names):
         boards = boards.numbered_from_one_end(target, flanges, job.placement)
         found = calibrate_hand_eye_board(

@@ -9,6 +9,7 @@ import numpy as np
 
 from lsvision.cli.calibrate_inputs import read_images, replace_image_numbers
 from lsvision.files.printable import printable
+from lsvision.results.summaries import counted
 
 if TYPE_CHECKING:
     from lsvision.calibration.hand_eye_result import HandEye
@@ -16,6 +17,9 @@ if TYPE_CHECKING:
     from lsvision.calibration.target import Target, TargetView
     from lsvision.geometry import FloatArray, Points, Pose
     from lsvision.sensors.camera import Camera
+
+MIN_BOARDS = 4
+"""Smallest number of images that show the board."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,10 +43,12 @@ class Evidence:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SeenBoards:
-    """One board in the image of each pose.
+    """Boards in the images that show one.
 
     Parameters
     ----------
+    indices : list of int
+        Images that show the board; what follows is of these only.
     camera : Camera
         Calibrated.
     images : sequence of images
@@ -56,9 +62,10 @@ class SeenBoards:
     camera_modes : (m, n, 6) ndarray, optional
         Where the file of the camera has its covariance; see `board_pose_modes`.
     warnings : tuple of str
-        Corners that were left out, and turned views.
+        Images and corners that were left out, and turned views.
     """
 
+    indices: list[int]
     camera: "Camera"
     images: Sequence[Any]
     views: "Sequence[TargetView]"
@@ -116,12 +123,13 @@ class SeenBoards:
 
 
 def see_boards(files: Sequence[Path], target: "Target", camera_file: Path) -> SeenBoards:
-    """Find the board in each image.
+    """Find the board in each image; an image without it is left out, with its pose.
 
     Raises
     ------
     LsvisionError
-        If an image does not show the board; names it.
+        If fewer than 4 images show the board, with the reason of the first that does not; if an
+        image is not of the camera's size.
     """
     from lsvision.calibration.board_pose import estimate_board_pose
     from lsvision.calibration.camera_uncertainty import board_pose_modes
@@ -131,26 +139,32 @@ def see_boards(files: Sequence[Path], target: "Target", camera_file: Path) -> Se
     from lsvision.io.camera_file import read_camera, read_camera_covariance
 
     camera, camera_covariance = read_camera(camera_file), read_camera_covariance(camera_file)
-    poses, covariances, views, images = [], [], [], read_images(files)
-    for file, image in zip(files, images, strict=True):
+    images = read_images(files)
+    indices, views, estimates, left_out = [], [], [], []
+    for index, (file, image) in enumerate(zip(files, images, strict=True)):
         require_size(camera, image, printable(str(file)))
         try:
-            seen = find_target(image, target)
-            estimate = estimate_board_pose(seen.pixels, seen.points, camera)
+            view = find_target(image, target)
+            estimates.append(estimate_board_pose(view.pixels, view.points, camera))
         except LsvisionError as error:
-            raise LsvisionError(f"{file}: {error}; or leave out this image and its pose") from error
-        poses.append(estimate.camera_from_board)
-        covariances.append(estimate.covariance)
-        views.append(seen)
+            left_out.append(f"{printable(str(file))}: {error}")
+            continue
+        indices.append(index)
+        views.append(view)
+    if len(indices) < MIN_BOARDS:
+        shown = f"{len(indices)} of {counted(len(files), 'image')} show the board"
+        raise LsvisionError("; ".join([f"{shown} and {MIN_BOARDS} are needed", *left_out[:1]]))
     modes = None
     if camera_covariance is not None:
         modes = board_pose_modes(views, camera, camera_covariance)
+    warnings = [f"left out with its pose: {reason}" for reason in left_out]
     return SeenBoards(
+        indices=indices,
         camera=camera,
-        images=images,
+        images=[images[index] for index in indices],
         views=views,
-        poses=poses,
-        covariances=np.array(covariances),
+        poses=[estimate.camera_from_board for estimate in estimates],
+        covariances=np.array([estimate.covariance for estimate in estimates]),
         camera_modes=modes,
-        warnings=tuple(left_out_warnings(target, views, range(len(views)))),
+        warnings=(*warnings, *left_out_warnings(target, views, range(len(views)))),
     )

@@ -385,16 +385,31 @@ def test_board_gives_the_camera_on_the_flange(run, recipe, camera_json, out, tmp
     assert_found(found.flange_from_camera, MOUNT)
 
 
-def test_image_without_the_board_ends_a_hand_eye_calibration(
+def test_image_without_the_board_is_left_out_with_its_pose(run, recipe, camera_json, out, tmp_path):
+    photos = shutil.copytree(BOARDS, tmp_path / "photos")
+    hidden = sorted(photos.iterdir())[4]
+    cv2.imwrite(str(hidden), np.full(cv2.imread(str(hidden)).shape[:2], 99, np.uint8))
+    seen = recipe.board_poses(np.random.default_rng(recipe.SEED))
+    flanges = [BASE_FROM_TARGET @ pose.inverse() @ MOUNT.inverse() for pose in seen]
+    poses = write_flanges(tmp_path / "poses.csv", flanges)
+    result = run("calibrate", "hand-eye", "board", photos, "--camera", camera_json,
+                 "--poses", poses, "--convention", "matrix", "--out", out)  # fmt: skip
+    assert result.exit_code == 0, result.output
+    assert f"left out with its pose: {hidden}: no ChArUco" in result.output.replace("\n", " ")
+    assert_found(load_hand_eye(out).flange_from_camera, MOUNT)
+
+
+def test_images_without_the_board_end_a_hand_eye_calibration(
     run, boards, camera_json, out, tmp_path
 ):
-    cv2.imwrite(str(boards / "board_05.jpg"), np.full((480, 640), 99, np.uint8))
+    for number in range(3):
+        cv2.imwrite(str(boards / f"board_{number:02}.jpg"), np.full((480, 640), 99, np.uint8))
     flanges = [Pose.along((1, 0, 0), 100.0 * number) for number in range(6)]
     poses = write_flanges(tmp_path / "poses.csv", flanges)
     error = error_text(run("calibrate", "hand-eye", "board", boards, "--camera", camera_json,
                        "--poses", poses, "--convention", "matrix", "--out", out), out)  # fmt: skip
-    assert "board_05.jpg: no ChArUco" in error
-    assert "leave out this image and its pose" in error
+    assert "3 of 6 images show the board and 4 are needed" in error
+    assert "board_00.jpg: no ChArUco" in error
 
 
 @pytest.mark.parametrize("spoilt", ["image", "camera"])
