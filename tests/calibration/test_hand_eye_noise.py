@@ -66,7 +66,7 @@ def test_sets_with_heavy_tails_are_accepted_and_within_their_covariance(seeds):
 def test_errors_of_position_and_of_orientation_are_estimated_separately(robot):
     position, rotation = robot[0], np.radians(robot[1])
     ratios = []
-    for seed in range(60, 65):
+    for seed in range(60, 63):
         boards, flanges, covariances = poor_scene(seed, robot=(position, rotation))
         found = calibrate_hand_eye_board(boards, flanges, covariances=covariances)
         ratios.append(found.robot_std[0] / found.robot_std[1])
@@ -158,7 +158,7 @@ def test_a_board_far_off_its_stated_size_is_rejected_with_the_factor():
 def test_the_right_size_of_a_board_is_confirmed():
     scales = [
         calibrate_hand_eye_board(*board_scene(seed, 10), settings=FEW_TRIALS).target_scale
-        for seed in range(20, 28)
+        for seed in range(20, 25)
     ]
     normalised = [abs(factor - 1) / std for factor, std in scales]
     assert max(normalised) < 4.0
