@@ -3,6 +3,7 @@
 import math
 
 Scale = tuple[float, float]
+"""Factor and its standard deviation."""
 
 LARGE_RESIDUAL_MM = 3.0
 """Root mean square residual above which a warning is given. Units: mm."""
@@ -16,7 +17,10 @@ by as much."""
 
 
 def hand_eye_warnings(
-    residual_rms: float, robot_std: Scale, height_scale: Scale | None, target_scale: Scale | None
+    residual_rms: float,
+    robot_std: tuple[float, float],
+    height_scale: Scale | None,
+    target_scale: Scale | None,
 ) -> tuple[str, ...]:
     """Return the warnings about a calibration, with numbers and remedy; empty for a good one.
 
@@ -54,7 +58,7 @@ def board_finding(scale: Scale) -> str:
     )
 
 
-def _residual_finding(residual_rms: float, robot_std: Scale) -> str:
+def _residual_finding(residual_rms: float, robot_std: tuple[float, float]) -> str:
     position, rotation = robot_std
     return (
         f"the poses leave {residual_rms:.2g} mm, as of a robot of {position:.2g} mm and "

@@ -327,7 +327,7 @@ def _one_opencv_thread() -> Iterator[None]:
         cv2.setNumThreads(threads)
 
 
-def _minima(seen: Sequence[TargetView], flags: int) -> list[Any]:
+def _solve_from_initial_guesses(seen: Sequence[TargetView], flags: int) -> list[Any]:
     """Return OpenCV's solutions from two initial guesses, those that are finite.
 
     Without an initial guess OpenCV 5 sometimes converges to a wrong minimum.
@@ -358,7 +358,7 @@ def _solve_flat(
     seen: Sequence[TargetView], settings: CameraSettings
 ) -> tuple[FloatArray, FloatArray, FloatArray, list[Pose]]:
     """Return camera matrix, distortion, standard deviations and poses by least squares."""
-    solutions = _minima(seen, settings.flags)
+    solutions = _solve_from_initial_guesses(seen, settings.flags)
     if not solutions:
         raise CalibrationFailed(
             f"{len(seen)} views are not consistent with one camera: check the target's counts and "

@@ -37,8 +37,8 @@ TABULATED_WIDTHS = (0.3, 2.6, 50)
 """Smallest and largest width of a stripe over sigma of the filter for which the part of its tails
 in the background is tabulated, and number of values."""
 MEDIAN_SPAN = 7
-"""Number of neighbouring columns whose median width tells the part of the tails; of 15, steep ends
-of a line are smoothed."""
+"""Number of neighbouring columns whose median width gives the correction for the tails; 15 columns
+would smooth the widths at steep ends of a line."""
 GAUSS_NEWTON_ITERATIONS = 10
 """Damped Gauss-Newton steps; from the zero crossings six suffice."""
 GAUSS_NEWTON_DAMPING = 1e-9
@@ -84,7 +84,7 @@ def locate_by_derivative(
     Newton's method on the continuous filter, so the result is not biased towards pixel centres, as
     by interpolation. Its variance is sum (x_k g(x_k))^2 var_k / F'^2. For a Gaussian stripe of
     sigma q the ratio -F' / sum I_k g is s^2 / (s^2 + q^2), which gives its width; of a wide one
-    the tails are part of the background, which `_lost_tails` makes up for.
+    the tails are part of the background, for which `_tail_factors` corrects.
     """
     offsets, sigma = windows.offsets, max(sigma, MIN_SIGMA_PX)
     gaussian = np.exp(-0.5 * (offsets[:, None] / sigma) ** 2)
@@ -107,51 +107,42 @@ def locate_by_derivative(
     _, _, spread = _moments((gaussian * tilt) ** 2 * variances.T, offsets, position)
     variance = spread * (scale / steepness) ** 2
     width_ratio = np.clip(steepness / mass, WIDTH_RATIO_MARGIN, 1 - WIDTH_RATIO_MARGIN)
-    wider, heavier = _lost_tails(width_ratio, offsets, sigma)
-    sigmas = sigma * np.sqrt(1 / width_ratio - 1) * wider
-    heights = heavier * mass * np.hypot(sigma, sigmas) / (np.sqrt(2 * np.pi) * sigma * sigmas)
+    width_factor, light_factor = _tail_factors(width_ratio, offsets, sigma)
+    sigmas = sigma * np.sqrt(1 / width_ratio - 1) * width_factor
+    heights = light_factor * mass * np.hypot(sigma, sigmas) / (np.sqrt(2 * np.pi) * sigma * sigmas)
     rows = np.where(located, windows.centre_rows + position, np.nan)
     std = np.hypot(np.sqrt(variance), windows.clipping_std)
     pixels = np.column_stack([windows.columns.astype(np.float64), rows])
     return Stripes(pixels, std, heights, sigmas)
 
 
-def _lost_tails(
+def _tail_factors(
     width_ratio: FloatArray, offsets: IntArray, sigma: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return factors (n,) on width and filtered light, for tails that were counted as background.
+    """Return factors (n,) on width and filtered light that correct for tails in the background.
 
-    From the median of neighbours: the factor would enlarge the noise of the widths.
-
-    A background of t times the stripe's height lowers the sum of I_k g by t sqrt(s^2 + q^2) / q,
-    and leaves F' as it is: of a stripe 1.5 times as wide as the filter, whose tails are 5 % of its
-    height, by 8 %. How much more than its neighbour a steep part of a line loses would look
-    like a change of its light.
+    The background is the mean of a window's ends. Where it contains t times the stripe's height, it
+    lowers the sum of I_k g by t sqrt(s^2 + q^2) / q and does not change F': by 8 % for a stripe 1.5
+    times as wide as the filter, whose tails are 5 % of its height. Without the correction, a steep
+    part of a line would seem to have less light than its neighbours. The factors follow from the
+    median width of neighbouring columns, so that they do not amplify the noise of single widths.
     """
-    if len(offsets) <= 2 * END_PIXELS:  # of so short a window all is background
+    from scipy.ndimage import median_filter
+
+    if len(offsets) <= 2 * END_PIXELS:  # the whole window is background
         return np.ones_like(width_ratio), np.ones_like(width_ratio)
     widths = sigma * np.linspace(*TABULATED_WIDTHS)
     ends = np.concatenate([offsets[:END_PIXELS], offsets[-END_PIXELS:]])
     tails = np.exp(-0.5 * (ends[:, None] / widths) ** 2).mean(axis=0)
     kept = 1 - tails * np.hypot(sigma, widths) / widths
     ratios = sigma**2 / (sigma**2 + widths**2) / kept
-    seen = sigma * np.sqrt(1 / ratios - 1)
+    apparent_widths = sigma * np.sqrt(1 / ratios - 1)
     found = np.isfinite(width_ratio)
     smooth = np.ones_like(width_ratio)
-    smooth[found] = _running_median(width_ratio[found])
-    wider = np.interp(smooth, ratios[::-1], (widths / seen)[::-1])
-    return wider, np.interp(smooth, ratios[::-1], 1 / kept[::-1])
-
-
-def _running_median(values: FloatArray) -> FloatArray:
-    """Return the running median (n,) of values; the first and the last value are repeated."""
-    if not len(values):
-        return values
-    padded = np.pad(values, MEDIAN_SPAN // 2, mode="edge")
-    shifted = np.stack([padded[k : k + len(values)] for k in range(MEDIAN_SPAN)])
-    shifted.sort(axis=0)
-    medians: FloatArray = shifted[MEDIAN_SPAN // 2]
-    return medians
+    if found.any():
+        smooth[found] = median_filter(width_ratio[found], MEDIAN_SPAN, mode="nearest")
+    width_factor = np.interp(smooth, ratios[::-1], (widths / apparent_widths)[::-1])
+    return width_factor, np.interp(smooth, ratios[::-1], 1 / kept[::-1])
 
 
 def _tilt(offsets: IntArray, position: FloatArray, sigma: float) -> FloatArray:

@@ -1,8 +1,8 @@
 """Where the time of `measure_cylinders` goes: its steps, and what does not depend on the points.
 
 Processor time of the steps of `lsvision.measure`, the least of several rounds, because the machine
-is shared. What takes as long with half of the points consists of the calls of Python
-and numpy, which only fewer calls would shorten.
+is shared. The time that remains with half of the points is that of calls of Python and numpy: only
+fewer calls would shorten it.
 """
 
 import sys

@@ -374,28 +374,33 @@ def write_flanges(path, flanges):
     return path
 
 
-def test_board_gives_the_camera_on_the_flange(run, recipe, camera_json, out, tmp_path):
+@pytest.fixture
+def calibrate_on_board(run, recipe, camera_json, out, tmp_path):
+    """Calibrate by photos of the example's board, with the camera at MOUNT."""
     seen = recipe.board_poses(np.random.default_rng(recipe.SEED))
     flanges = [BASE_FROM_TARGET @ pose.inverse() @ MOUNT.inverse() for pose in seen]
     poses = write_flanges(tmp_path / "poses.csv", flanges)
-    result = run("calibrate", "hand-eye", "board", BOARDS, "--camera", camera_json,
-                 "--poses", poses, "--convention", "matrix", "--out", out)  # fmt: skip
-    assert result.exit_code == 0, result.output
-    found = load_hand_eye(out)
-    assert_found(found.flange_from_camera, MOUNT)
+
+    def calibrate(photos):
+        result = run("calibrate", "hand-eye", "board", photos, "--camera", camera_json,
+                     "--poses", poses, "--convention", "matrix", "--out", out)  # fmt: skip
+        assert result.exit_code == 0, result.output
+        return result.output
+
+    return calibrate
 
 
-def test_image_without_the_board_is_left_out_with_its_pose(run, recipe, camera_json, out, tmp_path):
+def test_board_gives_the_camera_on_the_flange(calibrate_on_board, out):
+    calibrate_on_board(BOARDS)
+    assert_found(load_hand_eye(out).flange_from_camera, MOUNT)
+
+
+def test_image_without_the_board_is_left_out_with_its_pose(calibrate_on_board, out, tmp_path):
     photos = shutil.copytree(BOARDS, tmp_path / "photos")
     hidden = sorted(photos.iterdir())[4]
     cv2.imwrite(str(hidden), np.full(cv2.imread(str(hidden)).shape[:2], 99, np.uint8))
-    seen = recipe.board_poses(np.random.default_rng(recipe.SEED))
-    flanges = [BASE_FROM_TARGET @ pose.inverse() @ MOUNT.inverse() for pose in seen]
-    poses = write_flanges(tmp_path / "poses.csv", flanges)
-    result = run("calibrate", "hand-eye", "board", photos, "--camera", camera_json,
-                 "--poses", poses, "--convention", "matrix", "--out", out)  # fmt: skip
-    assert result.exit_code == 0, result.output
-    assert f"left out with its pose: {hidden}: no ChArUco" in result.output.replace("\n", " ")
+    output = calibrate_on_board(photos)
+    assert f"left out with its pose: {hidden}: no ChArUco" in output.replace("\n", " ")
     assert_found(load_hand_eye(out).flange_from_camera, MOUNT)
 
 
