@@ -8,9 +8,9 @@ from typing import Annotated
 import typer
 
 from lsvision.cli.messages import FAILED, print_error, print_lines
-from lsvision.cli.option_groups import command_group
+from lsvision.cli.option_groups import command_group, expand_option_groups
 from lsvision.cli.outputs import STDOUT, check_outputs, write_output
-from lsvision.cli.profile_options import Radius
+from lsvision.cli.profile_options import Radius, ReadingOptions
 
 job = command_group("job", "Make and check a job file: the parts to measure and their limits.")
 
@@ -18,7 +18,9 @@ JobFile = Annotated[Path, typer.Argument(metavar="JOB.toml", help="The job file.
 
 
 @job.command("new")
+@expand_option_groups
 def new_job(
+    *,
     profile: Annotated[Path, typer.Argument(metavar="PROFILE", help="A profile of good parts.")],
     out: Annotated[
         Path, typer.Option("--out", "-o", metavar="JOB.toml", help="The job; - is standard output.")
@@ -29,8 +31,12 @@ def new_job(
         typer.Option(min=1e-6, metavar="MM", help="Tolerance of each radius, to either side."),
     ] = 0.1,
     radius: Radius = None,
+    reading: ReadingOptions,
 ) -> None:
     """Write a commented job from a measured profile: these pipes with a tolerance.
+
+    Of a file with several profiles the first is measured. Options for reading are not part of the
+    job: inspect takes the same ones.
 
     \b
       lsvision job new fixtures/welded_pair.csv --radius 10:60 --tolerance 0.3 -o pair.toml
@@ -41,9 +47,10 @@ def new_job(
     from lsvision.inspection.job_template import job_text
     from lsvision.measure import measure_cylinders
 
+    options = reading.parse()
     search = parse_search_range(radius)
     check_outputs((), [profile], streams=(out,))
-    (file,) = read_sources([profile], {})
+    (file,) = read_sources([profile], options)
     measurement = measure_cylinders(file.profiles[0], radius=search)
     if not measurement.cylinders:
         reasons = "; ".join(str(each) for each in measurement.rejections[:2])

@@ -2,7 +2,7 @@
 
 import csv
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,12 +12,19 @@ import typer
 from lsvision.cli.messages import print_error, print_lines
 from lsvision.cli.option_groups import command_group, expand_option_groups
 from lsvision.cli.outputs import STDOUT, check_outputs, write_output
-from lsvision.cli.profile_options import JsonFile, KnownRadius, Radius, SensorOptions
-from lsvision.cli.sources import find_sources, read_sources
+from lsvision.cli.profile_options import (
+    JsonFile,
+    KnownRadius,
+    Radius,
+    ReadingOptions,
+    SensorOptions,
+)
+from lsvision.cli.sources import find_sources, read_sources, suffixes_of_profiles
 from lsvision.errors import LsvisionError, UnreadableFile
 
 if TYPE_CHECKING:
     from lsvision.geometry import FloatArray
+    from lsvision.io.profiles import ProfileFile
     from lsvision.measure import Measurement
     from lsvision.profile import Profile
     from lsvision.results.result import Result
@@ -52,6 +59,7 @@ def repeat(
     known_radius: KnownRadius = None,
     sensor: SensorOptions,
     json_file: JsonFile = None,
+    reading: ReadingOptions,
 ) -> None:
     """Bias and repeatability of one part measured many times: a type-1 study.
 
@@ -76,7 +84,13 @@ def repeat(
         known_radius=parse_known_radius(known_radius),
         sensor=sensor.parse(),
     )
-    values, stds = _measure_quantity(files, QUANTITIES.index(quantity), reference, measuring)
+    options = reading.parse()
+    sources, missing = find_sources(files, suffixes_of_profiles(reading.dx))
+    check_outputs((), sources, streams=(json_file,))
+    if missing:
+        raise missing[0]
+    profiles = read_sources(sources, options)
+    values, stds = _measure_quantity(profiles, QUANTITIES.index(quantity), reference, measuring)
     result = study_repeats(values, reference, stds=stds, tolerance=tolerance, level=level)
     unit = "deg" if quantity in ("theta", "phi") else "mm"
     _show(result, json_file, f"{quantity} in {unit}:")
@@ -122,17 +136,14 @@ def _show(result: "Result", json_file: Path | None, *head: str) -> None:
 
 
 def _measure_quantity(
-    words: list[str],
+    files: "Sequence[ProfileFile]",
     place: int,
     reference: float,
     measuring: "Callable[[Profile], Measurement]",
 ) -> tuple[list[float], list[float]]:
     """Return the value and sigma of every profile, in mm or deg."""
-    sources, missing = find_sources(words)
-    if missing:
-        raise missing[0]
     values, stds = [], []
-    for file in read_sources(sources, {}):
+    for file in files:
         for number, profile in enumerate(file.profiles):
             measurement = measuring(profile)
             estimates = [cylinder.estimates[place] for cylinder in measurement.cylinders]
