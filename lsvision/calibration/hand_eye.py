@@ -18,7 +18,8 @@ import numpy.typing as npt
 from lsvision.calibration.board_observations import BoardObservations
 from lsvision.calibration.board_scale import board_scale
 from lsvision.calibration.errors_in_variables import NOMINAL_ROBOT_STD
-from lsvision.calibration.hand_eye_result import HandEye, HandEyeSettings, RejectedPose, Sphere
+from lsvision.calibration.hand_eye_parts import RejectedPose, Sphere
+from lsvision.calibration.hand_eye_result import HandEye, HandEyeSettings
 from lsvision.calibration.hand_eye_solver import (
     ResultContext,
     build_hand_eye,

@@ -3,27 +3,27 @@
 from __future__ import annotations
 
 import math
+import os
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
 
+from lsvision.calibration.hand_eye_json import read_hand_eye, write_hand_eye
+from lsvision.calibration.hand_eye_parts import RejectedPose, Sensor, Sphere
 from lsvision.calibration.hand_eye_warnings import hand_eye_warnings
 from lsvision.calibration.observations import Mounting
 from lsvision.calibration.pose_outliers import OutlierSettings
-from lsvision.calibration.result_tables import Row, cells_of_rows
+from lsvision.calibration.result_tables import cells_of_rows, hand_eye_rows
 from lsvision.calibration.rotations import cross_matrices
 from lsvision.calibration.sphere_arc import SphereArcSettings
 from lsvision.geometry import FloatArray, Plane, Pose, as_readonly_array
 from lsvision.geometry.arrays import rms
-from lsvision.geometry.equality import ComparedByValue
 from lsvision.geometry.settings_repr import ShowsChanges
-from lsvision.results.number_format import format_value
 from lsvision.results.quantities import Record, finite, numbers
 from lsvision.results.result import Result
-
-Sensor = Literal["section", "camera"]
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -59,44 +59,6 @@ class HandEyeSettings(ShowsChanges):
     max_residual_rms: float | None = None
     max_least_determined_std: float = 10.0
     min_ambiguity_ratio: float = 1.2
-
-
-@dataclass(frozen=True, eq=False)
-class Sphere(ComparedByValue):
-    """Sphere that was the target of a calibration.
-
-    Parameters
-    ----------
-    centre : (3,) array_like
-        In the base frame (eye in hand) or the flange frame (eye to hand). Units: mm.
-    radius : float
-        Radius of the sphere. Units: mm.
-    radius_std : float
-        Standard deviation; 0 where the radius was given. Units: mm.
-    """
-
-    centre: FloatArray
-    radius: float
-    radius_std: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "centre", as_readonly_array(self.centre, (3,), "centre"))
-
-
-@dataclass(frozen=True)
-class RejectedPose:
-    """Index of a pose and the reason for its rejection.
-
-    Parameters
-    ----------
-    index : int
-        Index of the pose, from 0.
-    reason : str
-        Reason with numbers.
-    """
-
-    index: int
-    reason: str
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -158,6 +120,11 @@ class HandEye(Result):
     >>> found.flange_from_section.translation.shape, found.covariance_at((0, -200)).shape
     ((3,), (3, 3))
     >>> found.std_at(found.working_point) == found.to_dict()["working_point_std_mm"]
+    True
+    >>> import tempfile
+    >>> path = f"{tempfile.mkdtemp()}/hand_eye.json"
+    >>> found.save(path)
+    >>> HandEye.load(path) == found
     True
     """
 
@@ -278,14 +245,60 @@ class HandEye(Result):
         """
         return math.sqrt(float(np.trace(self.covariance_at(point))))
 
+    def save(
+        self, path: str | os.PathLike[str], provenance: Mapping[str, str] | None = None
+    ) -> None:
+        """Write the hand-eye file (JSON), as ``lsvision calibrate hand-eye`` does.
+
+        Parameters
+        ----------
+        path : path
+            ``.json``; an existing file is replaced only when all is written.
+        provenance : mapping of str to str, optional
+            Method, date, version and inputs' hash, from `lsvision.io.calibration.provenance_of`.
+
+        Raises
+        ------
+        UnwritableFile
+            If the folder is missing or not writable.
+        """
+        write_hand_eye(path, self, provenance)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Self:
+        """Read the hand-eye file that `save` or ``lsvision calibrate hand-eye`` wrote.
+
+        Parameters
+        ----------
+        path : path
+            ``.json``.
+
+        Returns
+        -------
+        HandEye
+            The calibration, equal to the one that was saved.
+
+        Raises
+        ------
+        UnreadableFile
+            If the file is missing, damaged, or of another schema.
+
+        Examples
+        --------
+        >>> HandEye.load("nowhere.json")
+        Traceback (most recent call last):
+        ...
+        lsvision.errors.UnreadableFile: nowhere.json: no such file: check the name
+        """
+        return read_hand_eye(path, cls)
+
     def to_dict(self) -> Record:
         """Return the pose, its uncertainty and the diagnostics as plain numbers, ready for JSON.
 
         Returns
         -------
         dict
-            Lengths in ``*_mm``, angles in ``*_deg``; `save_hand_eye` writes what `load_hand_eye`
-            reads again.
+            Lengths in ``*_mm``, angles in ``*_deg``; `save` writes what `load` reads again.
         """
         from scipy.spatial.transform import Rotation
 
@@ -342,43 +355,3 @@ class HandEye(Result):
 
     def _rms(self, residuals: FloatArray) -> float:
         return rms(np.delete(residuals, [pose.index for pose in self.rejected]))
-
-
-def hand_eye_rows(hand_eye: HandEye) -> list[Row]:
-    """Return table rows of the sensor's pose (rotation vector) and its accuracy, with one sigma."""
-    from scipy.spatial.transform import Rotation
-
-    mount = "flange" if hand_eye.mounting == "eye_in_hand" else "base"
-    std = [math.sqrt(value) for value in hand_eye.covariance.diagonal()]
-    pose, deg = hand_eye.mount_from_sensor, math.degrees(1)
-    vector = Rotation.from_matrix(pose.rotation).as_rotvec()
-    return [
-        *((f"{mount}_from_{hand_eye.sensor} {axis}", format_value(float(value), sigma), "mm")
-          for axis, value, sigma in zip("xyz", pose.translation, std[:3], strict=True)),
-        *((f"rotation vector {axis}", format_value(float(value) * deg, sigma * deg), "deg")
-          for axis, value, sigma in zip("xyz", vector, std[3:], strict=True)),
-        *accuracy_rows(hand_eye),
-    ]  # fmt: skip
-
-
-def accuracy_rows(hand_eye: HandEye) -> list[Row]:
-    """Return table rows of the accuracy at the working point and of the residuals."""
-    x, y, z = (f"{value:.1f}" for value in hand_eye.working_point)
-    rows: list[Row] = [
-        (f"error at the working point ({x}, {y}, {z})", f"{hand_eye.working_point_std:.3f}", "mm"),
-        ("residual, rms", f"{hand_eye.residual_rms:.3f}", "mm"),
-        ("the same, held out", f"{hand_eye.leave_one_out_rms:.3f}", "mm"),
-        ("robot's position, one sigma", f"{hand_eye.robot_std[0]:.3f}", "mm"),
-        ("robot's rotation, one sigma", f"{math.degrees(hand_eye.robot_std[1]):.4f}", "deg"),
-    ]
-    if isinstance(hand_eye.target, Sphere):
-        ball = hand_eye.target
-        free = ball.radius_std > 0
-        radius = format_value(ball.radius, ball.radius_std) if free else f"{ball.radius:g}"
-        rows.append(("sphere's radius", radius, "mm" if free else "mm (given)"))
-    if hand_eye.height_scale is not None:
-        rows.append(("heights to be multiplied by", format_value(*hand_eye.height_scale), ""))
-    if hand_eye.target_scale is not None:
-        scale = format_value(*hand_eye.target_scale)
-        rows.append(("size of the board to be multiplied by", scale, ""))
-    return rows

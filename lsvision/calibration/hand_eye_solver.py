@@ -18,13 +18,8 @@ from lsvision.calibration.errors_in_variables import (
     robot_covariances,
     robot_whitening,
 )
-from lsvision.calibration.hand_eye_result import (
-    HandEye,
-    HandEyeSettings,
-    RejectedPose,
-    Sensor,
-    Sphere,
-)
+from lsvision.calibration.hand_eye_parts import RejectedPose, Sensor, Sphere
+from lsvision.calibration.hand_eye_result import HandEye, HandEyeSettings
 from lsvision.calibration.observations import (
     Mounting,
     Observations,

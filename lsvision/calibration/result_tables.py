@@ -4,9 +4,11 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from lsvision.calibration.hand_eye_parts import Sphere
 from lsvision.results.number_format import format_value
 
 if TYPE_CHECKING:
+    from lsvision.calibration.hand_eye_result import HandEye
     from lsvision.calibration.intrinsics import CameraCalibration
     from lsvision.calibration.laser_plane_result import LaserPlaneCalibration
     from lsvision.calibration.views import RejectedView
@@ -115,3 +117,43 @@ def laser_plane_record(calibration: "LaserPlaneCalibration") -> "Record":
         "outliers": [{"image": view.index, "reason": view.reason} for view in calibration.outliers],
         "warnings": list(calibration.warnings),
     }
+
+
+def hand_eye_rows(hand_eye: "HandEye") -> list[Row]:
+    """Return table rows of the sensor's pose (rotation vector) and its accuracy, with one sigma."""
+    from scipy.spatial.transform import Rotation
+
+    mount = "flange" if hand_eye.mounting == "eye_in_hand" else "base"
+    std = [math.sqrt(value) for value in hand_eye.covariance.diagonal()]
+    pose, deg = hand_eye.mount_from_sensor, math.degrees(1)
+    vector = Rotation.from_matrix(pose.rotation).as_rotvec()
+    return [
+        *((f"{mount}_from_{hand_eye.sensor} {axis}", format_value(float(value), sigma), "mm")
+          for axis, value, sigma in zip("xyz", pose.translation, std[:3], strict=True)),
+        *((f"rotation vector {axis}", format_value(float(value) * deg, sigma * deg), "deg")
+          for axis, value, sigma in zip("xyz", vector, std[3:], strict=True)),
+        *accuracy_rows(hand_eye),
+    ]  # fmt: skip
+
+
+def accuracy_rows(hand_eye: "HandEye") -> list[Row]:
+    """Return table rows of the accuracy at the working point and of the residuals."""
+    x, y, z = (f"{value:.1f}" for value in hand_eye.working_point)
+    rows: list[Row] = [
+        (f"error at the working point ({x}, {y}, {z})", f"{hand_eye.working_point_std:.3f}", "mm"),
+        ("residual, rms", f"{hand_eye.residual_rms:.3f}", "mm"),
+        ("the same, held out", f"{hand_eye.leave_one_out_rms:.3f}", "mm"),
+        ("robot's position, one sigma", f"{hand_eye.robot_std[0]:.3f}", "mm"),
+        ("robot's rotation, one sigma", f"{math.degrees(hand_eye.robot_std[1]):.4f}", "deg"),
+    ]
+    if isinstance(hand_eye.target, Sphere):
+        ball = hand_eye.target
+        free = ball.radius_std > 0
+        radius = format_value(ball.radius, ball.radius_std) if free else f"{ball.radius:g}"
+        rows.append(("sphere's radius", radius, "mm" if free else "mm (given)"))
+    if hand_eye.height_scale is not None:
+        rows.append(("heights to be multiplied by", format_value(*hand_eye.height_scale), ""))
+    if hand_eye.target_scale is not None:
+        scale = format_value(*hand_eye.target_scale)
+        rows.append(("size of the board to be multiplied by", scale, ""))
+    return rows

@@ -239,10 +239,10 @@ def report_hand_eye(
     job: HandEyeResultOptions, inputs: Sequence[Path], evidence: Evidence = NO_EVIDENCE,
 ) -> None:  # fmt: skip
     """Write the files and print the result."""
-    from lsvision.calibration.hand_eye_result import accuracy_rows
+    from lsvision.calibration.result_tables import accuracy_rows
     from lsvision.geometry import Pose
     from lsvision.io.calibration import provenance_of
-    from lsvision.io.hand_eye_file import export_easy_handeye, save_hand_eye
+    from lsvision.io.hand_eye_file import export_easy_handeye
     from lsvision.io.pose_numbers import frame_rows
 
     convention = job.convention if isinstance(job, HandEyeOptions) else None
@@ -262,7 +262,7 @@ def report_hand_eye(
 
         page = ReportContent(rows, warnings, names, provenance, evidence.images)
         write_atomic(job.report, hand_eye_page(hand_eye, flanges, page, evidence.corners))
-    save_hand_eye(hand_eye, job.out, provenance)
+    hand_eye.save(job.out, provenance)
     if job.easy_handeye is not None:
         robot, sensor = job.frame_names
         export_easy_handeye(hand_eye, job.easy_handeye, robot_frame=robot, sensor_frame=sensor)

@@ -117,9 +117,9 @@ def read_calibration(path: Path) -> "HandEye":
     LsvisionError
         If it is invalid, of another schema, of a camera, or of a fixed sensor.
     """
-    from lsvision.io.hand_eye_file import load_hand_eye
+    from lsvision.calibration.hand_eye_result import HandEye
 
-    calibration = load_hand_eye(path)
+    calibration = HandEye.load(path)
     try:
         _ = calibration.flange_from_section
     except ValueError as error:

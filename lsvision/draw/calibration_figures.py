@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lsvision.calibration.camera_warnings import CELLS, covered_cells
-from lsvision.calibration.hand_eye_result import HandEye, Sphere
+from lsvision.calibration.hand_eye_parts import Sphere
+from lsvision.calibration.hand_eye_result import HandEye
 from lsvision.calibration.intrinsics import CameraCalibration
 from lsvision.calibration.laser_plane_result import LaserPlaneCalibration
 from lsvision.draw.space import fit_into, scale_axes

@@ -1,33 +1,17 @@
-"""Hand-eye calibrations in files: JSON, and YAML of ROS easy_handeye."""
+"""Hand-eye calibrations in files: the functions of the public names, and ROS easy_handeye."""
 
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, get_args
 
-import numpy as np
-import numpy.typing as npt
-
-from lsvision.calibration.hand_eye_result import HandEye, RejectedPose, Sensor, Sphere
-from lsvision.calibration.observations import Mounting
-from lsvision.errors import UnreadableFile
+from lsvision.calibration.hand_eye_result import HandEye
 from lsvision.files.atomic_files import write_atomic
-from lsvision.files.json_text import parse_json
-from lsvision.files.limited_reading import read_text
-from lsvision.geometry import Plane, Pose
-
-SCHEMA = "lsvision/hand-eye/1"
-MAX_VALUE = 1e9
-"""Largest number of a hand-eye file: a kilometre, in mm; larger ones overflow later."""
-SYMMETRY_TOLERANCE = 1e-6
-"""Largest asymmetry or negative eigenvalue of a covariance, relative to its largest entry."""
-UNITS = {"length": "mm", "angle": "rad", "covariance": "translation mm, left-hand rotation rad"}
 
 
 def save_hand_eye(
     hand_eye: HandEye, path: str | Path, provenance: Mapping[str, str] | None = None
 ) -> None:
-    """Write a calibration as JSON, atomically.
+    """Write a calibration as JSON, atomically: `HandEye.save`.
 
     Parameters
     ----------
@@ -55,32 +39,11 @@ def save_hand_eye(
     >>> lsv.load_hand_eye(path) == found
     True
     """
-    document = {
-        "schema": SCHEMA,
-        "units": UNITS,
-        "provenance": dict(provenance or {}),
-        "mounting": hand_eye.mounting,
-        "sensor": hand_eye.sensor,
-        "mount_from_sensor": hand_eye.mount_from_sensor.matrix.tolist(),
-        "covariance": hand_eye.covariance.tolist(),
-        "working_point": hand_eye.working_point.tolist(),
-        "working_std": hand_eye.working_point_std,
-        "residuals": _with_nulls(hand_eye.residuals),
-        "held_out": _with_nulls(hand_eye.leave_one_out_residuals),
-        "rejected": [{"index": r.index, "reason": r.reason} for r in hand_eye.rejected],
-        "target": _target_document(hand_eye.target),
-        "robot_std": list(hand_eye.robot_std),
-        "ambiguity": hand_eye.ambiguity_ratio if np.isfinite(hand_eye.ambiguity_ratio) else None,
-        "weakness": hand_eye.least_determined_std,
-        "weakest": hand_eye.least_determined_direction,
-        "height_factor": hand_eye.height_scale,
-        "target_factor": hand_eye.target_scale,
-    }
-    write_atomic(path, json.dumps(document, indent=2) + "\n")
+    hand_eye.save(path, provenance)
 
 
 def load_hand_eye(path: str | Path) -> HandEye:
-    """Read a calibration that `save_hand_eye` wrote.
+    """Read a calibration that `save_hand_eye` wrote: `HandEye.load`.
 
     Parameters
     ----------
@@ -105,34 +68,7 @@ def load_hand_eye(path: str | Path) -> HandEye:
     ...
     lsvision.errors.UnreadableFile: nowhere.json: no such file: check the name
     """
-    path = Path(path)
-    try:
-        document = parse_json(read_text(path))
-    except ValueError as error:
-        raise UnreadableFile(f"{path}: expected a hand-eye file (JSON), got: {error}") from error
-    schema = document.get("schema") if isinstance(document, dict) else None
-    if schema != SCHEMA:
-        raise UnreadableFile(
-            f"{path}: expected schema {SCHEMA!r}, got {schema!r}: is it another file?"
-        )
-    if document.get("units", UNITS) != UNITS:
-        raise UnreadableFile(
-            f"{path}: expected units {UNITS}, got {document['units']}: convert its numbers"
-        )
-    try:
-        hand_eye = _hand_eye_of(document)
-        _check_numbers(hand_eye)
-    except KeyError as error:
-        raise UnreadableFile(
-            f"{path}: expected a complete hand-eye file, got one with a bad or missing {error}: "
-            "calibrate again"
-        ) from error
-    except (TypeError, ValueError, AttributeError, OverflowError) as error:
-        raise UnreadableFile(
-            f"{path}: expected a hand-eye file as lsvision writes it, got one that is damaged: "
-            f"{error}: calibrate again"
-        ) from error
-    return hand_eye
+    return HandEye.load(path)
 
 
 def export_easy_handeye(
@@ -175,135 +111,3 @@ def export_easy_handeye(
         f"  qx: {qx:.12f}\n  qy: {qy:.12f}\n  qz: {qz:.12f}\n  qw: {qw:.12f}\n"
     )
     write_atomic(path, text)
-
-
-def _hand_eye_of(document: dict[str, Any]) -> HandEye:
-    ambiguity = document["ambiguity"]
-    position, rotation = document["robot_std"]
-    return HandEye(
-        mount_from_sensor=Pose.from_matrix(document["mount_from_sensor"]),
-        covariance=document["covariance"],
-        residuals=np.array(document["residuals"], dtype=np.float64),
-        leave_one_out_residuals=np.array(document["held_out"], dtype=np.float64),
-        rejected=tuple(RejectedPose(r["index"], r["reason"]) for r in document["rejected"]),
-        target=_target_of(document["target"]),
-        working_point=document["working_point"],
-        robot_std=(float(position), float(rotation)),
-        ambiguity_ratio=float("inf") if ambiguity is None else float(ambiguity),
-        least_determined_std=float(document["weakness"]),
-        least_determined_direction=document["weakest"],
-        mounting=document["mounting"],
-        sensor=document["sensor"],
-        height_scale=_factor_of(document.get("height_factor")),
-        target_scale=_factor_of(document.get("target_factor")),
-    )
-
-
-def _check_numbers(hand_eye: HandEye) -> None:
-    """Raise an error for numbers that are not finite or out of range."""
-    check_covariance(hand_eye.covariance)
-    factor, factor_std = hand_eye.height_scale or (1.0, 0.0)
-    size, size_std = hand_eye.target_scale or (1.0, 0.0)
-    scales = [factor, factor_std, size, size_std]
-    lengths = [*hand_eye.robot_std, hand_eye.least_determined_std, *scales]
-    target = hand_eye.target
-    if isinstance(target, Sphere):
-        lengths += [target.radius, target.radius_std, *np.abs(target.centre).tolist()]
-    numbers = [*hand_eye.working_point, *hand_eye.mount_from_sensor.translation, *lengths]
-    if not (np.abs(numbers) <= MAX_VALUE).all() or min(lengths) < 0:
-        raise ValueError(
-            f"expected finite numbers below {MAX_VALUE:g} and no negative standard uncertainty, "
-            f"got working point {hand_eye.working_point.tolist()}, standard uncertainties, height "
-            f"factor and sphere {lengths}"
-        )
-    if not hand_eye.ambiguity_ratio >= 0:
-        raise ValueError(f"expected ambiguity from 0, got {hand_eye.ambiguity_ratio}")
-    count = len(hand_eye.residuals)
-    if len(hand_eye.leave_one_out_residuals) != count:
-        raise ValueError(
-            f"expected as many held-out residuals as residuals, got "
-            f"{len(hand_eye.leave_one_out_residuals)} and {count}"
-        )
-    residuals = np.concatenate([hand_eye.residuals, hand_eye.leave_one_out_residuals])
-    if (np.abs(residuals) > MAX_VALUE).any():
-        raise ValueError(f"expected residuals below {MAX_VALUE:g} mm, got {residuals.tolist()}")
-    indices = [pose.index for pose in hand_eye.rejected]
-    if not all(type(index) is int and 0 <= index < count for index in indices):
-        raise ValueError(f"expected rejected poses from 0 to {count - 1}, got {indices}")
-    if len(set(indices)) == count:
-        raise ValueError(f"expected a pose that is not rejected, got {count}, all rejected")
-    if hand_eye.mounting not in get_args(Mounting) or hand_eye.sensor not in get_args(Sensor):
-        raise ValueError(
-            f"expected mounting {' or '.join(get_args(Mounting))} and sensor "
-            f"{' or '.join(get_args(Sensor))}, got {hand_eye.mounting!r} and {hand_eye.sensor!r}"
-        )
-
-
-def check_covariance(covariance: npt.NDArray[np.float64]) -> None:
-    """Raise an error for a matrix that is not a covariance.
-
-    Parameters
-    ----------
-    covariance : (n, n) ndarray
-        Finite, symmetric and positive semi-definite, each within rounding.
-
-    Raises
-    ------
-    ValueError
-        If it is not.
-
-    Examples
-    --------
-    >>> check_covariance(np.diag([1.0, -1.0]))
-    Traceback (most recent call last):
-        ...
-    ValueError: expected a positive semi-definite covariance, got eigenvalues from -1 to 1
-    """
-    largest = float(np.abs(covariance).max(initial=0.0))
-    if not largest <= MAX_VALUE:
-        raise ValueError(f"expected covariances below {MAX_VALUE:g}, got {largest:g}")
-    asymmetry = float(np.abs(covariance - covariance.T).max(initial=0.0))
-    if asymmetry > SYMMETRY_TOLERANCE * largest:
-        raise ValueError(f"expected a symmetric covariance, got entries {asymmetry:.3g} apart")
-    eigenvalues = np.linalg.eigvalsh(covariance)
-    low, high = float(eigenvalues.min(initial=0.0)), float(eigenvalues.max(initial=0.0))
-    if low < -SYMMETRY_TOLERANCE * largest:
-        raise ValueError(
-            "expected a positive semi-definite covariance, got eigenvalues from "
-            f"{low:.3g} to {high:.3g}"
-        )
-
-
-def _factor_of(given: Any) -> tuple[float, float] | None:
-    if given is None:
-        return None
-    factor, std = given
-    return float(factor), float(std)
-
-
-def _target_document(target: Sphere | Plane | Pose) -> dict[str, Any]:
-    if isinstance(target, Sphere):
-        return {
-            "kind": "sphere",
-            "centre": target.centre.tolist(),
-            "radius": target.radius,
-            "radius_std": target.radius_std,
-        }
-    if isinstance(target, Plane):
-        return {"kind": "plane", "normal": target.normal.tolist(), "distance": target.distance}
-    return {"kind": "board", "pose": target.matrix.tolist()}
-
-
-def _target_of(document: dict[str, Any]) -> Sphere | Plane | Pose:
-    kind = document["kind"]
-    if kind == "sphere":
-        return Sphere(document["centre"], document["radius"], document["radius_std"])
-    if kind == "plane":
-        return Plane(document["normal"], document["distance"])
-    if kind == "board":
-        return Pose.from_matrix(document["pose"])
-    raise ValueError(f"target of kind {kind!r}")
-
-
-def _with_nulls(lengths: "np.ndarray[Any, np.dtype[np.float64]]") -> list[float | None]:
-    return [float(value) if np.isfinite(value) else None for value in lengths]

@@ -1,12 +1,14 @@
 """Calibration files: what is written is read again, and nothing else is."""
 
 import json
+import re
 
 import numpy as np
 import pytest
 import yaml
 
-from lsvision.calibration.hand_eye_result import HandEye, RejectedPose, Sphere
+from lsvision.calibration.hand_eye_parts import RejectedPose, Sphere
+from lsvision.calibration.hand_eye_result import HandEye
 from lsvision.errors import UnreadableFile, UnwritableFile
 from lsvision.geometry import Plane, Pose
 from lsvision.io.hand_eye_file import export_easy_handeye, load_hand_eye, save_hand_eye
@@ -56,6 +58,24 @@ def test_a_calibration_survives_its_file(tmp_path, kind):
     assert type(after.target) is type(before.target)
     assert after.height_scale == before.height_scale
     assert after.target_scale == before.target_scale
+
+
+def test_the_class_saves_and_loads_its_files(tmp_path):
+    before, path = hand_eye(), tmp_path / "hand_eye.json"
+    before.save(path, {"method": "sphere"})
+    assert HandEye.load(path) == HandEye.load(str(path)) == before
+    assert json.loads(path.read_text())["provenance"] == {"method": "sphere"}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [("{}", "expected schema 'lsvision/hand-eye/1', got None"), ("[", "hand-eye file (JSON)")],
+)
+def test_the_class_loads_no_other_file(tmp_path, text, message):
+    path = tmp_path / "rig.json"
+    path.write_text(text)
+    with pytest.raises(UnreadableFile, match=re.escape(message)):
+        HandEye.load(path)
 
 
 def test_the_file_says_units_and_where_it_comes_from(tmp_path):
