@@ -84,8 +84,8 @@ def _write_profile(folder: Path) -> Path:
 
 def _next_lines(profile: Path, picture: Path) -> list[str]:
     commands = [
-        (f"lsvision measure {arguments.format(profile=_quoted(profile))}", what)
-        for arguments, what in NEXT_COMMANDS
+        (f"lsvision measure {arguments.format(profile=_quoted(profile))}", purpose)
+        for arguments, purpose in NEXT_COMMANDS
     ]
     commands.append(("lsvision --help", "scans, camera images, calibration, robots"))
     return [
@@ -93,7 +93,7 @@ def _next_lines(profile: Path, picture: Path) -> list[str]:
         f"The picture shows points, ellipses and rejected arcs: {picture}",
         "",
         "Next:",
-        *(line for command, what in commands for line in (f"  # {what}", f"  {command}")),
+        *(line for command, purpose in commands for line in (f"  # {purpose}", f"  {command}")),
     ]
 
 

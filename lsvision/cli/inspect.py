@@ -25,7 +25,7 @@ from lsvision.files.printable import printable_name
 
 if TYPE_CHECKING:
     from lsvision.geometry import Pose
-    from lsvision.inspection.inspected import Inspected
+    from lsvision.inspection.inspected import JudgedMeasurement
     from lsvision.inspection.job import Job
     from lsvision.io.profiles import ReadOptions
     from lsvision.measure import Measurement
@@ -79,8 +79,8 @@ def inspect(
       lsvision inspect job.toml golden.csv --golden
     """  # noqa: D301 - the backspace makes click keep the line breaks
     from lsvision.inspection.append_only import read_records
-    from lsvision.inspection.golden import golden_block, golden_path
-    from lsvision.inspection.history import unrecorded_note
+    from lsvision.inspection.golden import find_blocking_reason, golden_path
+    from lsvision.inspection.history import describe_unrecorded_change
     from lsvision.inspection.job import Job
 
     if report is not None and report.suffix.lower() not in (".html", ".htm"):
@@ -92,7 +92,7 @@ def inspect(
     groups, missing = _groups(files, suffixes)
     inputs = [job_file, *(source for _, sources in groups for source in sources)]
     check_outputs((parquet, report), inputs, streams=(json_file, csv_file))
-    if note := unrecorded_note(job, job_file):
+    if note := describe_unrecorded_change(job, job_file):
         print_error(f"{job_file}: note: {note}")
     now = datetime.datetime.now(datetime.UTC)
     run = _Run(job, job_file, options)
@@ -102,7 +102,9 @@ def inspect(
         _check_golden(run, groups, golden_path(job, job_file), now)
     log = read_records(golden_path(job, job_file)) if job.golden is not None else []
     to_stderr = STDOUT in (json_file, csv_file)
-    inspected = list(_inspect_all(run, groups, golden_block(job, log, now), to_stderr=to_stderr))
+    inspected = list(
+        _inspect_all(run, groups, find_blocking_reason(job, log, now), to_stderr=to_stderr)
+    )
     _write(inspected, (json_file, csv_file, parquet))
     if report is not None and inspected:
         _write_report(report, inspected, run, (log, now))
@@ -113,10 +115,10 @@ class _Run:
     """The job of a run, how its files are read, and how many failed."""
 
     def __init__(self, job: "Job", path: Path, reading: "ReadOptions") -> None:
-        from lsvision.inspection.calibration_files import calibration_files
+        from lsvision.inspection.calibration_files import check_calibration_files
 
         self.job, self.folder, self.reading = job, path.parent, reading
-        self.calibration = calibration_files(job, path)
+        self.calibration = check_calibration_files(job, path)
         self.failures = 0
         rig = None if job.rig.light_section is None else self.folder / job.rig.light_section
         self.imaging = parse_imaging(rig, parse_line_settings(job.rig.laser, "derivative"), None)
@@ -178,7 +180,7 @@ def _groups(
 
 def _inspect_all(
     run: _Run, groups: Sequence[tuple[str, list[Path]]], blocked: str, *, to_stderr: bool
-) -> "Iterator[Inspected]":
+) -> "Iterator[JudgedMeasurement]":
     """Judge everything, and print each verdict as it comes; a failure does not stop the rest."""
     for name, sources in groups:
         parts = [(name, sources)] if run.job.scan is not None else [(str(s), [s]) for s in sources]
@@ -200,8 +202,8 @@ def _judge_profile(
     number: int,
     measurement: "Measurement | ScanMeasurement",
     blocked: str,
-) -> "Inspected":
-    from lsvision.inspection.inspected import Inspected
+) -> "JudgedMeasurement":
+    from lsvision.inspection.inspected import JudgedMeasurement
     from lsvision.inspection.judge import judge
     from lsvision.inspection.remedies import plan_remedies
     from lsvision.measure import Measurement
@@ -210,10 +212,10 @@ def _judge_profile(
     remedies = (
         plan_remedies(verdict, measurement, run.job) if isinstance(measurement, Measurement) else ()
     )
-    return Inspected(printable_name(source), number, measurement, verdict, remedies)
+    return JudgedMeasurement(printable_name(source), number, measurement, verdict, remedies)
 
 
-def _lines(each: "Inspected") -> list[str]:
+def _lines(each: "JudgedMeasurement") -> list[str]:
     """Return the printed text of a verdict."""
     name = each.source if each.profile == 0 else f"{each.source}, profile {each.profile}"
     decision = str(each.verdict.decision)
@@ -244,7 +246,7 @@ def _check_golden(
 
 
 def _write(
-    inspected: "Sequence[Inspected]", outputs: tuple[Path | None, Path | None, Path | None]
+    inspected: "Sequence[JudgedMeasurement]", outputs: tuple[Path | None, Path | None, Path | None]
 ) -> None:
     from lsvision.files.atomic_files import write_atomic
     from lsvision.io.verdict_files import verdicts_csv, verdicts_json, verdicts_parquet
@@ -261,7 +263,7 @@ def _write(
 
 def _write_report(
     path: Path,
-    inspected: "Sequence[Inspected]",
+    inspected: "Sequence[JudgedMeasurement]",
     run: _Run,
     golden: "tuple[Sequence[Record], datetime.datetime]",
 ) -> None:
@@ -278,7 +280,7 @@ def _write_report(
     write_output(path, inspection_page(inspected, context))
 
 
-def _finish(inspected: "Sequence[Inspected]", failures: int, *, to_stderr: bool) -> None:
+def _finish(inspected: "Sequence[JudgedMeasurement]", failures: int, *, to_stderr: bool) -> None:
     """Sum up, and end with the exit code of the worst."""
     from lsvision.inspection.decision import Decision, worst
 

@@ -44,7 +44,7 @@ def new_job(
     from lsvision.cli.measure_options import parse_search_range
     from lsvision.cli.sources import read_sources
     from lsvision.errors import LsvisionError
-    from lsvision.inspection.job_template import job_text
+    from lsvision.inspection.job_template import build_job_text
     from lsvision.measure import measure_cylinders
 
     options = reading.parse()
@@ -55,7 +55,7 @@ def new_job(
     if not measurement.cylinders:
         reasons = "; ".join(str(each) for each in measurement.rejections[:2])
         raise LsvisionError(f"{profile}: no cylinder to make a job of: {reasons}")
-    write_output(out, job_text(name or profile.stem, measurement.cylinders, tolerance))
+    write_output(out, build_job_text(name or profile.stem, measurement.cylinders, tolerance))
 
 
 @job.command("check")
@@ -73,8 +73,12 @@ def check_job(
       lsvision job check job.toml --record
     """  # noqa: D301 - the backspace makes click keep the line breaks
     from lsvision.errors import InvalidJob
-    from lsvision.inspection.calibration_files import calibration_files
-    from lsvision.inspection.history import history_path, record_revision, unrecorded_note
+    from lsvision.inspection.calibration_files import check_calibration_files
+    from lsvision.inspection.history import (
+        describe_unrecorded_change,
+        history_path,
+        record_revision,
+    )
     from lsvision.inspection.job import Job
 
     try:
@@ -83,7 +87,7 @@ def check_job(
         for mistake in error.mistakes:
             print_error(f"{path}: {mistake}")
         raise typer.Exit(FAILED) from None
-    calibration_files(checked, path)
+    check_calibration_files(checked, path)
     parts = ", ".join(part.name for part in checked.parts)
     lines = [
         f"{path}: {checked.name}, revision {checked.revision}, hash {checked.hash[:12]}",
@@ -93,7 +97,7 @@ def check_job(
         now = datetime.datetime.now(datetime.UTC)
         done = "recorded in" if record_revision(checked, path, now) else "is already in"
         lines.append(f"  revision {checked.revision} {done} {history_path(path).name}")
-    elif note := unrecorded_note(checked, path):
+    elif note := describe_unrecorded_change(checked, path):
         lines.append(f"  note: {note}")
     print_lines(lines)
 

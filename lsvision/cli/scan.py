@@ -131,7 +131,7 @@ def scan(
 
     from lsvision.scan import fit_sections_jointly
 
-    pose_errors = _pose_errors(pose_std, feed_std_deg, motion)
+    pose_errors = _build_pose_errors(pose_std, feed_std_deg, motion)
     profiles, names, records = _read_all(sources, options)
     base_from_sections = scan_poses(motion, len(profiles))
     measurements = _measure_all(profiles, names, search, known, noise)
@@ -139,17 +139,19 @@ def scan(
         profiles, base_from_sections, measurements, known_radius=known, sensor=noise,
         pose_errors=pose_errors,
     )  # fmt: skip
-    shapes = _shapes(scan_result)
+    shapes = _measure_shapes(scan_result)
     _write_tables(scan_result, shapes, (names, records), base_from_sections, (json_file, csv_file))
     lines = scan_lines(scan_result, shapes, motion_uncertainty_caption(motion), verbose=verbose)
     print_lines(lines, err=STDOUT in (json_file, csv_file))
-    points = _all_points(profiles, base_from_sections)
+    points = _points_in_base(profiles, base_from_sections)
     if plot is not None:
         _draw(plot, scan_result, points, title=" ".join(files), of_robot=isinstance(motion, Robot))
     _write_clouds(scan_result, points, points_ply, surfaces_ply)
 
 
-def _pose_errors(pose_std: float, feed_std_deg: float, motion: Encoder | Robot) -> "PoseErrors":
+def _build_pose_errors(
+    pose_std: float, feed_std_deg: float, motion: Encoder | Robot
+) -> "PoseErrors":
     from lsvision.scan import PoseErrors
 
     try:
@@ -194,7 +196,8 @@ def _measure_all(
     return measurements
 
 
-def _shapes(scan_result: "ScanMeasurement") -> "list[TubeShape | None]":
+def _measure_shapes(scan_result: "ScanMeasurement") -> "list[TubeShape | None]":
+    """Return the form of each cylinder; None where it has too few sections."""
     from lsvision.scan import measure_shape
     from lsvision.scan.shape import MIN_SECTIONS
 
@@ -204,26 +207,32 @@ def _shapes(scan_result: "ScanMeasurement") -> "list[TubeShape | None]":
     ]
 
 
-def _all_points(profiles: "Sequence[Profile]", poses: "Sequence[Pose]") -> "Points":
+def _points_in_base(
+    profiles: "Sequence[Profile]", base_from_sections: "Sequence[Pose]"
+) -> "Points":
+    """Return all measured points in the base frame, without lost ones. Units: mm."""
     import numpy as np
 
     points = np.concatenate(
-        [pose.apply(profile.points) for profile, pose in zip(profiles, poses, strict=True)]
+        [
+            base_from_section.apply(profile.points)
+            for profile, base_from_section in zip(profiles, base_from_sections, strict=True)
+        ]
     )
-    seen: Points = points[np.isfinite(points[:, 0])]
-    return seen
+    measured_points: Points = points[np.isfinite(points[:, 0])]
+    return measured_points
 
 
 def _write_tables(
     scan_result: "ScanMeasurement",
     shapes: "Sequence[TubeShape | None]",
-    read: "tuple[list[str], list[Record]]",
+    inputs: "tuple[list[str], list[Record]]",
     base_from_sections: "Sequence[Pose]",
     outputs: tuple[Path | None, Path | None],
 ) -> None:
-    """Write the JSON and CSV files that the options name."""
+    """Write the JSON and CSV files that the options name; `inputs`: name and record per profile."""
     json_file, csv_file = outputs
-    names, records = read
+    names, records = inputs
     if json_file is not None:
         from lsvision.io.scan_results import scan_json, scan_record
 

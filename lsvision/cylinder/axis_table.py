@@ -1,4 +1,4 @@
-"""A cylinder in space as a table and as a record: the one list of its numbers."""
+"""Quantities of a cylinder in space, as cells of a table and as a record."""
 
 import math
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 AxisQuantity = Literal[
     "radius", "point_x", "point_y", "point_z", "direction_x", "direction_y", "direction_z"
 ]
-"""Quantities that have an interval; lengths in mm, components of a unit vector."""
+"""Quantities that have an interval: lengths in mm, and components of a unit vector."""
 AXIS_QUANTITIES: tuple[AxisQuantity, ...] = get_args(AxisQuantity)
 
 AXIS_HEADER = ("radius mm", "direction x y z", "± deg", "point x y z mm", "± mm")
@@ -22,12 +22,15 @@ COVARIANCE_ORDER = "point along e_phi, e_theta (mm), direction along them (rad),
 
 def axis_cells(fit: "CylinderFit") -> tuple[str, ...]:
     """Return the row of a cylinder, with the columns of `AXIS_HEADER`; numbers with one sigma."""
-    places, point_places = decimals_for(fit.direction_std), decimals_for(fit.position_std)
+    direction_decimals, point_decimals = (
+        decimals_for(fit.direction_std),
+        decimals_for(fit.position_std),
+    )
     return (
         format_value(fit.radius, fit.radius_std),
-        " ".join(f"{part:+.{places}f}" for part in fit.direction),
+        " ".join(f"{component:+.{direction_decimals}f}" for component in fit.direction),
         format_std(math.degrees(fit.direction_std)),
-        " ".join(f"{part:.{point_places}f}" for part in fit.point),
+        " ".join(f"{coordinate:.{point_decimals}f}" for coordinate in fit.point),
         format_std(fit.position_std),
     )
 

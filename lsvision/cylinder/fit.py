@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from lsvision.cylinder.fit_result import CylinderFit, variance_factor
+from lsvision.cylinder.fit_result import CylinderFit, estimate_variance_factor
 from lsvision.cylinder.initial_guess import guess_cylinder
 from lsvision.cylinder.problem import (
     PARAMETERS,
@@ -33,7 +33,7 @@ from lsvision.statistics.numerical_failures import report_numerical_failure, req
 from lsvision.statistics.robust import mad_std
 
 MIN_EXTENT_MM = 1e-9
-"""Smallest extent of points that a cylinder is fitted to: a hundredth of an atom. Units: mm."""
+"""Smallest extent of points to which a cylinder is fitted: a hundredth of an atom. Units: mm."""
 COPLANARITY_TOLERANCE = 1e-7
 """Ratio of the thickness to the extent of points below which they lie in a plane or on a line."""
 SINGULARITY_TOLERANCE = 1e-14
@@ -108,7 +108,7 @@ def fit_cylinder(
         If there are fewer than 6 points.
     DegenerateGeometry
         If all points lie at one place or on a line; or, without an initial guess, in a plane,
-        where two cylinders fit.
+        as those of one section, to which two cylinders fit.
     FitFailed
         If no cylinder fits, as for noisy points of a plane, or if numbers overflow.
 
@@ -242,9 +242,9 @@ def _fit(
 ) -> CylinderFit:
     for _ in range(reweightings + 1):
         frame = tangent_frame(cylinder.direction)
-        in_frame = None if covariances is None else rotate_covariances(covariances, frame)
+        rotated = None if covariances is None else rotate_covariances(covariances, frame)
         parameters = parameters_from_cylinder(frame, cylinder)
-        problem = weighted_problem(points @ frame.T, in_frame, parameters, known_radius)
+        problem = weighted_problem(points @ frame.T, rotated, parameters, known_radius)
         cylinder = cylinder_from_parameters(frame, minimise(problem, parameters))
     foot_points = problem.points @ frame
     return _build_fit(points, foot_points, cylinder, problem, known_noise=covariances is not None)
@@ -262,7 +262,7 @@ def _build_fit(
     problem = replace(problem, points=foot_points @ frame.T)
     residuals, jacobian = problem.evaluate(parameters_from_cylinder(frame, cylinder))
     normalised = residuals[: len(points)]
-    factor, dof, std_scale = variance_factor(
+    factor, dof, std_scale = estimate_variance_factor(
         normalised, len(residuals) - PARAMETERS, known_noise=known_noise
     )
     return CylinderFit(
@@ -297,13 +297,13 @@ def _invert_information(information: FloatArray) -> FloatArray:
 
 
 def _rescale(fit: CylinderFit, origin: FloatArray, scale: float) -> CylinderFit:
-    """Transform a fit to scaled and centred points back to mm."""
+    """Return a fit to centred and scaled points, transformed to the original points in mm."""
     scaled = fit.cylinder
-    units = np.array([scale, scale, 1.0, 1.0, scale])
+    parameter_scales = np.array([scale, scale, 1.0, 1.0, scale])
     return replace(
         fit,
         cylinder=Cylinder(scaled.point * scale + origin, scaled.direction, scaled.radius * scale),
-        covariance=fit.covariance * np.outer(units, units),
+        covariance=fit.covariance * np.outer(parameter_scales, parameter_scales),
         residuals=fit.residuals * scale,
         stds=fit.stds * scale,
     )

@@ -40,12 +40,12 @@ class CylinderFit(WithCylinder, Result):
     residuals : (n,) ndarray
         Signed distance of every point from the surface, positive outside. Units: mm.
     normalised : (n,) ndarray
-        Residuals divided by `stds`, less their bias; the fit minimises their sum of squares.
+        Residuals minus their bias, divided by `stds`; the fit minimises their sum of squares.
     stds : (n,) ndarray
         Predicted standard deviation of the residuals; without a noise model their rms.
         Units: mm.
     inliers : (n,) ndarray of bool
-        The points used.
+        Points to which the cylinder was fitted.
     variance_factor : float
         Factor on the covariance that follows from `stds`: 1 if they explain the residuals, more
         if the residuals are larger or correlated along the line.
@@ -102,8 +102,8 @@ class CylinderFit(WithCylinder, Result):
         Parameters
         ----------
         quantity : {"radius", "point_x", ..., "point_z", "direction_x", ..., "direction_z"}
-            Units: mm, or components of the unit vector. The interval of a point is that across the
-            axis: along it, any point of the axis is one.
+            Units: mm, or components of the unit vector. The interval of a point is that
+            perpendicular to the axis: its position along the axis may be chosen.
         level : float
             Level of confidence, between 0 and 1.
 
@@ -127,9 +127,9 @@ class CylinderFit(WithCylinder, Result):
         if name == "radius":
             value, std = self.radius, self.radius_std
         else:
-            index, first = "xyz".index(axis), 0 if name == "point" else 2
+            index, row = "xyz".index(axis), 0 if name == "point" else 2
             gradient = self.tangent_basis[:, index]
-            covariance = self.covariance[first : first + 2, first : first + 2]
+            covariance = self.covariance[row : row + 2, row : row + 2]
             value = float((self.point if name == "point" else self.direction)[index])
             std = math.sqrt(max(float(gradient @ covariance @ gradient), 0.0))
         return value - factor * std, value + factor * std
@@ -164,7 +164,7 @@ class CylinderFit(WithCylinder, Result):
         return math.sqrt(squared)
 
     def to_dict(self) -> Record:
-        """Return axis, radius, covariance and scatter as plain numbers, ready for JSON.
+        """Return axis, radius, covariance and rms residual as plain numbers, ready for JSON.
 
         Returns
         -------
@@ -215,10 +215,10 @@ class CylinderFit(WithCylinder, Result):
         return replace(self, cylinder=cylinder, covariance=jacobian @ self.covariance @ jacobian.T)
 
 
-def variance_factor(
+def estimate_variance_factor(
     normalised: FloatArray, degrees_of_freedom: int, *, known_noise: bool
 ) -> tuple[float, float, float]:
-    """Return the factors by which the residuals require standard deviations and covariance to grow.
+    """Return the factors on covariance and standard deviations that the residuals require.
 
     Parameters
     ----------
@@ -242,9 +242,13 @@ def variance_factor(
     """
     degrees_of_freedom = max(degrees_of_freedom, 1)
     reduced_chi2 = float(normalised @ normalised) / degrees_of_freedom
-    time = autocorrelation_time(normalised)
+    correlation_time = autocorrelation_time(normalised)
     if known_noise:
         significant = reduced_chi2 > 1 + SIGNIFICANT_SIGMAS * math.sqrt(2 / degrees_of_freedom)
-        return (reduced_chi2 if significant else 1.0) * time, math.inf, 1.0
+        return (reduced_chi2 if significant else 1.0) * correlation_time, math.inf, 1.0
     reduced_chi2 = max(reduced_chi2, float(np.finfo(float).tiny))
-    return time, max(degrees_of_freedom / time, 1.0), math.sqrt(reduced_chi2)
+    return (
+        correlation_time,
+        max(degrees_of_freedom / correlation_time, 1.0),
+        math.sqrt(reduced_chi2),
+    )

@@ -37,7 +37,7 @@ def guess_cylinder(points: Points, known_radius: RadiusPrior | None = None) -> C
     Parameters
     ----------
     points : (n, 3) ndarray
-        Centred, and scaled to an extent of about 1.
+        Points centred at the origin and scaled to an extent of about 1.
     known_radius : RadiusPrior, optional
         Prior on the radius, in the same scale.
 
@@ -76,7 +76,7 @@ def _candidates(points: Points) -> list[Cylinder]:
         grids.append(stretched / np.linalg.norm(stretched, axis=1, keepdims=True))
     candidates = []
     for directions in grids:
-        centres, radii, costs = projected_circles(points, directions)
+        centres, radii, costs = fit_projected_circles(points, directions)
         candidates += [
             Cylinder(centres[k], directions[k], radii[k])
             for k in _best_distinct_directions(grid, costs)
@@ -84,7 +84,7 @@ def _candidates(points: Points) -> list[Cylinder]:
     return candidates
 
 
-def projected_circles(
+def fit_projected_circles(
     points: Points, directions: FloatArray
 ) -> tuple[Points, FloatArray, FloatArray]:
     """Fit an algebraic circle (Kasa) to the projection of the points along each direction.
@@ -101,21 +101,23 @@ def projected_circles(
     centres : (k, 3) ndarray
         Centres of the circles, in the frame of the points.
     radii, costs : (k,) ndarray
-        The cost is the mean square of (algebraic residual / diameter), which approximates that
-        of the distances.
+        Radius, and mean square of (algebraic residual / diameter), which approximates the mean
+        square distance from the circle.
     """
     frames = np.stack([tangent_frame(u)[:2] for u in directions])
     projected = np.einsum("kij,nj->kni", frames, points)
-    square = (projected**2).sum(axis=2)
-    design = np.concatenate([projected, np.ones((*square.shape, 1))], axis=2)
+    squared_distances = (projected**2).sum(axis=2)
+    design = np.concatenate([projected, np.ones((*squared_distances.shape, 1))], axis=2)
     normal = np.einsum("kni,knj->kij", design, design)
     # Keeps the normal matrix invertible where the projected points are collinear.
     ridge = 1e-12 * np.trace(normal, axis1=1, axis2=2)
     normal += ridge[:, None, None] * np.eye(3)
-    solution = np.linalg.solve(normal, np.einsum("kni,kn->ki", design, square)[..., None])[..., 0]
+    solution = np.linalg.solve(
+        normal, np.einsum("kni,kn->ki", design, squared_distances)[..., None]
+    )[..., 0]
     centre = solution[:, :2] / 2
     radii = np.sqrt(np.maximum(solution[:, 2] + (centre**2).sum(axis=1), 1e-12))
-    residuals = square - np.einsum("kni,ki->kn", design, solution)
+    residuals = squared_distances - np.einsum("kni,ki->kn", design, solution)
     costs = (residuals**2).mean(axis=1) / (2 * radii) ** 2
     return np.einsum("kij,ki->kj", frames, centre), radii, costs
 
@@ -123,13 +125,13 @@ def projected_circles(
 def _best_distinct_directions(directions: FloatArray, costs: FloatArray) -> list[int]:
     """Return the indices of the directions of least cost that differ from one another.
 
-    Of a stretched grid, `directions` are those before stretching.
+    For a stretched grid, `directions` are those before stretching.
     """
     selected: list[int] = []
     for index in np.argsort(costs, kind="stable"):
         if all(
-            abs(directions[index] @ directions[other]) < DISTINCT_DIRECTION_COSINE
-            for other in selected
+            abs(directions[index] @ directions[selected_index]) < DISTINCT_DIRECTION_COSINE
+            for selected_index in selected
         ):
             selected.append(int(index))
             if len(selected) == MAX_CANDIDATES:

@@ -18,13 +18,14 @@ from lsvision.statistics.compiled_routines import levenberg_marquardt
 PARAMETERS = 5
 MAX_RADIUS_EXTENTS = 1e5
 """Largest ratio of the radius to the extent of the points; above it, the points lie on a plane."""
-FOOT_ITERATIONS = 3
-"""Iterations for the foot point; each reduces its error by the ratio of point error to radius."""
+FOOT_POINT_ITERATIONS = 3
+"""Iterations for the foot point; each multiplies its error by about point error / radius."""
 MIN_VARIANCE_RATIO = 1e-12
 """Smallest ratio of the variance of a distance to the trace of its point's covariance: that of an
 error along a ray that grazes the surface at 1e-6 rad."""
 PLAUSIBLE_SIGMAS = 6.0
-"""Points farther from the surface get a first-order weight: their foot point may not exist."""
+"""Distance from the surface, in standard deviations, beyond which a point is weighted to first
+order, at the measured point: its foot point may not exist."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -61,15 +62,15 @@ class CylinderProblem:
             Derivative of the residuals by the parameters.
         """
         length = float(np.sqrt(parameters[2] ** 2 + parameters[3] ** 2 + 1.0))
-        distances, normals, along = axis_distances(self.points, parameters)
+        distances, normals, axial_positions = axis_distances(self.points, parameters)
         count = len(distances) + (self.known_radius is not None)
         residuals, jacobian = np.empty(count), np.empty((count, PARAMETERS))
-        by_points, weights = jacobian[: len(distances)], 1 / self.stds
+        point_rows, weights = jacobian[: len(distances)], 1 / self.stds
         residuals[: len(distances)] = (distances - parameters[4] - self.offsets) * weights
-        by_points[:, 0], by_points[:, 1] = -normals[0] * weights, -normals[1] * weights
-        height = along / length
-        by_points[:, 2], by_points[:, 3] = by_points[:, 0] * height, by_points[:, 1] * height
-        by_points[:, 4] = -weights
+        point_rows[:, 0], point_rows[:, 1] = -normals[0] * weights, -normals[1] * weights
+        height = axial_positions / length
+        point_rows[:, 2], point_rows[:, 3] = point_rows[:, 0] * height, point_rows[:, 1] * height
+        point_rows[:, 4] = -weights
         if self.known_radius is not None:
             std = self.known_radius.effective_std
             residuals[-1] = (parameters[4] - self.known_radius.radius) / std
@@ -95,22 +96,22 @@ def axis_distances(
         Distance of each point from the axis. Units: mm.
     normals : (3, n) ndarray
         Unit vectors away from the axis.
-    along : (n,) ndarray
+    axial_positions : (n,) ndarray
         Position along the axis from ``(x, y, 0)``. Units: mm.
     """
     x, y, a, b = (float(value) for value in parameters[:4])
     u = np.array([a, b, 1.0]) / np.sqrt(a * a + b * b + 1.0)
-    # One coordinate after the other in memory: what follows runs along them.
+    # Stored coordinate by coordinate: the following operations run over the points.
     radial = np.subtract(points.T, np.array([[x], [y], [0.0]]), order="C")
-    along = u @ radial
-    radial -= u[:, None] * along
+    axial_positions = u @ radial
+    radial -= u[:, None] * axial_positions
     distances = np.sqrt(radial[0] ** 2 + radial[1] ** 2 + radial[2] ** 2)
     radial /= np.maximum(distances, TINY)
-    return distances, radial, along
+    return distances, radial, axial_positions
 
 
 def rotate_covariances(covariances: FloatArray, rotation: FloatArray) -> FloatArray:
-    """Return R C R' for each of n covariances; a tenth of the time of stacked products.
+    """Return R C R' for each of n covariances C.
 
     Parameters
     ----------
@@ -130,6 +131,7 @@ def rotate_covariances(covariances: FloatArray, rotation: FloatArray) -> FloatAr
     >>> rotate_covariances(np.diag([1.0, 4.0, 9.0])[None], swap)[0].diagonal()
     array([4., 1., 9.])
     """
+    # One product takes a tenth of the time of n products.
     rotated: FloatArray = covariances.reshape(-1, 9) @ np.kron(rotation, rotation).T
     return rotated.reshape(-1, 3, 3)
 
@@ -162,7 +164,7 @@ def distance_stds_and_biases(
     -------
     stds, offsets : (n,) ndarray
         ``distance - radius - offset`` has mean 0 and standard deviation std. Units: mm.
-    feet : (n, 3) ndarray
+    foot_points : (n, 3) ndarray
         Most probable true points, on the surface. Units: mm.
     """
     radius = float(parameters[4])
@@ -172,9 +174,11 @@ def distance_stds_and_biases(
     variances = np.maximum((normals * error_directions).sum(axis=0), min_variances)
     plausible = np.abs(distances - radius) < PLAUSIBLE_SIGMAS * np.sqrt(variances)
     normal_errors = distances - radius
-    for _ in range(FOOT_ITERATIONS):
-        feet = points.T - error_directions * (np.where(plausible, normal_errors, 0.0) / variances)
-        foot_distances, foot_normals, _ = axis_distances(feet.T, parameters)
+    for _ in range(FOOT_POINT_ITERATIONS):
+        foot_points = points.T - error_directions * (
+            np.where(plausible, normal_errors, 0.0) / variances
+        )
+        foot_distances, foot_normals, _ = axis_distances(foot_points.T, parameters)
         normals = np.where(plausible, foot_normals, normals)
         normal_errors = normal_errors + np.where(plausible, foot_distances - radius, 0.0)
         error_directions = _multiply(covariances, normals)
@@ -185,8 +189,10 @@ def distance_stds_and_biases(
     uncorrelated = tangent_variances - normal_tangent**2 / variances
     offsets = np.where(plausible, distances - radius - normal_errors, 0.0)
     offsets = offsets + uncorrelated / (2 * radius)
-    feet = points.T - error_directions * (np.where(plausible, normal_errors, 0.0) / variances)
-    return np.sqrt(variances), offsets, feet.T
+    foot_points = points.T - error_directions * (
+        np.where(plausible, normal_errors, 0.0) / variances
+    )
+    return np.sqrt(variances), offsets, foot_points.T
 
 
 def weighted_problem(
@@ -211,9 +217,11 @@ def weighted_problem(
     if covariances is None:
         ones = np.ones(len(points))
         return CylinderProblem(points, ones, 0 * ones, known_radius)
-    stds, offsets, feet = distance_stds_and_biases(points, covariances, parameters)
-    from_feet = axis_distances(points, parameters)[0] - axis_distances(feet, parameters)[0]
-    return CylinderProblem(feet, stds, offsets - from_feet, known_radius)
+    stds, offsets, foot_points = distance_stds_and_biases(points, covariances, parameters)
+    distances_from_feet = (
+        axis_distances(points, parameters)[0] - axis_distances(foot_points, parameters)[0]
+    )
+    return CylinderProblem(foot_points, stds, offsets - distances_from_feet, known_radius)
 
 
 def _multiply(covariances: FloatArray, vectors: FloatArray) -> FloatArray:
@@ -260,7 +268,7 @@ def parameters_from_cylinder(frame: FloatArray, cylinder: Cylinder) -> FloatArra
 
 
 def cylinder_from_parameters(frame: FloatArray, parameters: FloatArray) -> Cylinder:
-    """Return the cylinder of parameters; its point is the axis point nearest to the origin."""
+    """Return the cylinder with given parameters, its point next to the origin of the frame."""
     u = np.array([parameters[2], parameters[3], 1.0])
     c = np.array([parameters[0], parameters[1], 0.0])
     foot = c - (c @ u) / (u @ u) * u

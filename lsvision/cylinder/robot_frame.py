@@ -41,7 +41,7 @@ class SectionMount(Protocol):
 
     @property
     def covariance(self) -> FloatArray:
-        """(6, 6) covariance of translation (mm) and rotation (rad), along the flange's axes.
+        """Covariance of translation (mm) and rotation (rad) along the flange's axes, (6, 6).
 
         A rotation vector w acts from the left, R -> exp([w]x) R, about the section's origin.
         """
@@ -92,7 +92,7 @@ class PlacedCylinder(WithCylinder, Result):
 
     @property
     def point_std(self) -> FloatArray:
-        """(3,) standard uncertainty of `point`, per axis of the frame. Units: mm."""
+        """Standard uncertainty of `point` per axis of the frame, (3,). Units: mm."""
         std: FloatArray = np.sqrt(np.diag(self.covariance)[:3])
         return std
 
@@ -162,20 +162,24 @@ class PlacedCylinder(WithCylinder, Result):
 
     def _rows(self) -> list[Record]:
         row = flat_row(self.to_dict())
-        left_out = ("covariance_order", *(f"{n}_{a}" for n in ("e_phi", "e_theta") for a in "xyz"))
-        return [{key: value for key, value in row.items() if key not in left_out}]
+        omitted = (
+            "covariance_order",
+            *(f"{vector}_{axis}" for vector in ("e_phi", "e_theta") for axis in "xyz"),
+        )
+        return [{key: value for key, value in row.items() if key not in omitted}]
 
 
 def placed_cells(cylinder: PlacedCylinder) -> tuple[str, ...]:
     """Return the row of a cylinder, with the columns of `PLACED_HEADER`; numbers with one sigma."""
     stds = [float(std) for std in cylinder.point_std]
-    places = decimals_for(cylinder.direction_std)
+    direction_decimals = decimals_for(cylinder.direction_std)
     return (
         " ".join(
-            f"{part:.{decimals_for(std)}f}" for part, std in zip(cylinder.point, stds, strict=True)
+            f"{coordinate:.{decimals_for(std)}f}"
+            for coordinate, std in zip(cylinder.point, stds, strict=True)
         ),
         " ".join(format_std(std) for std in stds),
-        " ".join(f"{part:+.{places}f}" for part in cylinder.direction),
+        " ".join(f"{component:+.{direction_decimals}f}" for component in cylinder.direction),
         format_std(math.degrees(cylinder.direction_std)),
     )
 
@@ -219,29 +223,30 @@ def place_section(
     >>> first.frame, first.includes_calibration, first.point.shape
     ('base', False, (3,))
     """
-    flange = Pose() if base_from_flange is None else as_pose(base_from_flange)
+    flange_pose = Pose() if base_from_flange is None else as_pose(base_from_flange)
     frame: Frame = "flange" if base_from_flange is None else "base"
     mount: SectionMount | Pose = (
         cast("SectionMount", calibration)
         if hasattr(calibration, "robot_std")
         else as_pose(calibration)
     )
+    # `motions` holds pivot, axes and covariance of each uncertain rigid motion.
     if isinstance(mount, Pose):
-        pose, motions = flange @ mount, []
+        section_pose, motions = flange_pose @ mount, []
     else:
-        pose = flange @ mount.flange_from_section
-        motions = [(pose.translation, flange.rotation, mount.covariance)]
+        section_pose = flange_pose @ mount.flange_from_section
+        motions = [(section_pose.translation, flange_pose.rotation, mount.covariance)]
         if base_from_flange is not None:
-            motions.append((flange.translation, np.eye(3), robot_covariance(mount)))
+            motions.append((flange_pose.translation, np.eye(3), robot_covariance(mount)))
 
     def place(twin: Cylinder, sign: float) -> PlacedCylinder:
-        cylinder = twin.transformed(pose)
-        by_section = twin_jacobian(section, sign)
-        by_section[:6] = np.kron(np.eye(2), pose.rotation) @ by_section[:6]
-        covariance = by_section @ section.covariance @ by_section.T
+        cylinder = twin.transformed(section_pose)
+        section_jacobian = twin_jacobian(section, sign)
+        section_jacobian[:6] = np.kron(np.eye(2), section_pose.rotation) @ section_jacobian[:6]
+        covariance = section_jacobian @ section.covariance @ section_jacobian.T
         for pivot, axes, motion_covariance in motions:
-            by_motion = rigid_motion_jacobian(cylinder, pivot, axes)
-            covariance += by_motion @ motion_covariance @ by_motion.T
+            motion_jacobian = rigid_motion_jacobian(cylinder, pivot, axes)
+            covariance += motion_jacobian @ motion_covariance @ motion_jacobian.T
         projection = np.zeros((6, 7))
         projection[:3, :3], projection[5, 6] = np.eye(3), 1.0
         projection[3:5, 3:6] = tangent_frame(cylinder.direction)[:2]

@@ -10,7 +10,7 @@ from lsvision.draw.figure_files import svg_element
 from lsvision.draw.inspection_figures import draw_judged_profile, draw_series
 from lsvision.inspection.capability import NOT_CLAIMED, Capability
 from lsvision.inspection.decision import Decision
-from lsvision.inspection.inspected import Inspected, Series, count_verdicts, series_of
+from lsvision.inspection.inspected import JudgedMeasurement, Series, collect_series, count_verdicts
 from lsvision.inspection.job import Job
 from lsvision.inspection.verdict import item_cells
 from lsvision.measure import Measurement
@@ -45,12 +45,12 @@ class InspectionContext:
     golden: Sequence[Record]
 
 
-def inspection_page(inspected: Sequence[Inspected], context: InspectionContext) -> str:
+def inspection_page(inspected: Sequence[JudgedMeasurement], context: InspectionContext) -> str:
     """Return a page of one measurement or many.
 
     Parameters
     ----------
-    inspected : sequence of Inspected
+    inspected : sequence of JudgedMeasurement
         At least one.
     context : InspectionContext
         Job, date, calibration, golden part.
@@ -61,7 +61,7 @@ def inspection_page(inspected: Sequence[Inspected], context: InspectionContext) 
         HTML that needs no other file; laid out for screens, phones and A4 paper.
     """
     several = len(inspected) >= MIN_TREND
-    series = series_of(inspected) if several else []
+    series = collect_series(inspected) if several else []
     shown = list(inspected)
     if len(shown) > MAX_PARTS:
         shown.sort(key=lambda each: each.verdict.decision == Decision.OK)
@@ -107,7 +107,7 @@ def _capability_rows(capability: Capability) -> list[tuple[str, str]]:
     return rows
 
 
-def _part_values(each: Inspected) -> dict[str, Any]:
+def _part_values(each: JudgedMeasurement) -> dict[str, Any]:
     verdict, figure = each.verdict, None
     if isinstance(each.measurement, Measurement):
         figure = draw_judged_profile(each.measurement, verdict)

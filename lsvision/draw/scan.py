@@ -12,7 +12,7 @@ from lsvision.results.number_format import format_std, format_value, with_minus_
 from lsvision.results.palette import POINTS, cylinder_colour
 from lsvision.results.summaries import counted
 from lsvision.scan import ScanMeasurement, ScannedCylinder
-from lsvision.scan.shape import tube_surface
+from lsvision.scan.shape import triangulate_tube
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -132,7 +132,7 @@ def _about_cylinders(points: Points, scan: ScanMeasurement) -> Points:
     """Return the points near the cylinders, within half the size of their box; else all points."""
     if not scan.cylinders:
         return points
-    corners = np.concatenate([tube_surface(tube, FACETS)[0] for tube in scan.cylinders])
+    corners = np.concatenate([triangulate_tube(tube, FACETS)[0] for tube in scan.cylinders])
     low, high = corners.min(axis=0), corners.max(axis=0)
     margin = 0.5 * float((high - low).max())
     near: Points = points[((points > low - margin) & (points < high + margin)).all(axis=1)]
@@ -148,7 +148,7 @@ def _draw_tube(axes: "Axes3D", tube: ScannedCylinder, number: int) -> None:
     colour = cylinder_colour(number)
     axes.plot(*tube.points.T, ".", color=colour, ms=2.4, zorder=3,
               label=label_once(axes, "points of a cylinder"))  # fmt: skip
-    corners, triangles = tube_surface(tube, FACETS)
+    corners, triangles = triangulate_tube(tube, FACETS)
     axes.plot_trisurf(
         *corners.T, triangles=triangles, color=colour, alpha=0.18, linewidth=0, zorder=2
     )

@@ -5,7 +5,7 @@ import numpy as np
 from lsvision.geometry import FloatArray, IntArray, Points
 from lsvision.results.palette import cylinder_colour
 from lsvision.scan import ScanMeasurement
-from lsvision.scan.shape import tube_surface
+from lsvision.scan.shape import triangulate_tube
 
 GREY = (0.6, 0.6, 0.6)
 
@@ -57,7 +57,7 @@ def coloured_surfaces(scan: ScanMeasurement) -> tuple[Points, FloatArray, IntArr
     points, colours = [np.zeros((0, 3))], [np.zeros((0, 3))]
     triangles, count = [np.zeros((0, 3), dtype=np.int64)], 0
     for number, tube in enumerate(scan.cylinders, 1):
-        corners, faces = tube_surface(tube)
+        corners, faces = triangulate_tube(tube)
         points.append(corners)
         colours.append(np.tile(rgb_of(number), (len(corners), 1)))
         triangles.append(faces + count)

@@ -1,4 +1,4 @@
-"""Files that only grow: one JSON record per line, each with the hash of the line before it."""
+"""Append-only files: one JSON record per line, each with the hash of the line before it."""
 
 from __future__ import annotations
 

@@ -63,14 +63,14 @@ def relate_axes(
         [(pair.values(step, up) - pair.values(-step, up)) / (2 * STEP) for step in steps]
     ).T
     covariance = jacobian @ pair.covariance @ jacobian.T
-    freedom = min(first.fit.degrees_of_freedom, second.fit.degrees_of_freedom)
+    dof = min(first.fit.degrees_of_freedom, second.fit.degrees_of_freedom)
 
     def scalar(row: int) -> Scalar:
-        return Scalar(float(values[row]), math.sqrt(max(covariance[row, row], 0.0)), freedom)
+        return Scalar(float(values[row]), math.sqrt(max(covariance[row, row], 0.0)), dof)
 
     quantities: dict[str, Length | Scalar] = {
-        "distance": Length(values[:2], covariance[:2, :2], freedom),
-        "angle": Length(values[2:4], covariance[2:4, 2:4], freedom),
+        "distance": Length(values[:2], covariance[:2, :2], dof),
+        "angle": Length(values[2:4], covariance[2:4, 2:4], dof),
         "gap": scalar(4),
     }
     if up is not None:
@@ -107,7 +107,22 @@ def angle_between(fit: CylinderFit, direction: FloatArray) -> Length:
 
 @dataclass(frozen=True, eq=False)
 class _Pair:
-    """Two cylinders, and where along their axes they are compared."""
+    """Two cylinders, and the positions along their axes at which they are compared.
+
+    Parameters
+    ----------
+    first, second : CylinderFit
+        The cylinders.
+    sign : float
+        1 if both directions point the same way, else -1.
+    along : (float, float)
+        Position on each axis, from ``point`` along ``direction``. Units: mm.
+    frame : (2, 3) ndarray
+        Orthonormal vectors in which the offset of the axes is counted; where the axes cross, their
+        common normal and a zero row.
+    crossing : bool
+        Whether the common perpendicular lies within the observed length of both.
+    """
 
     first: CylinderFit
     second: CylinderFit
@@ -130,68 +145,77 @@ class _Pair:
             return cls(a, b, sign, along, frame, crossing=True)
         along = _common_middle(first, second, sign)
         mean = a.direction + sign * b.direction
-        frame = _plane_across(mean / np.linalg.norm(mean))
+        frame = _perpendicular_basis(mean / np.linalg.norm(mean))
         return cls(a, b, sign, along, frame, crossing=False)
 
     @property
     def covariance(self) -> FloatArray:
-        """(10, 10) of both cylinders' parameters."""
+        """Covariance of the parameters of both cylinders, (10, 10)."""
         covariance = np.zeros((10, 10))
         covariance[:5, :5], covariance[5:, 5:] = self.first.covariance, self.second.covariance
         return covariance
 
     @property
     def mean_direction(self) -> FloatArray:
-        """(3,) unit vector midway between both directions."""
+        """Unit vector midway between both directions, (3,)."""
         mean = self.first.direction + self.sign * self.second.direction
         unit: FloatArray = mean / np.linalg.norm(mean)
         return unit
 
-    def _moved(self, step: FloatArray) -> list[tuple[FloatArray, FloatArray, float]]:
-        """Return point, direction and radius of both cylinders for changed parameters."""
-        moved = []
-        for fit, part in ((self.first, step[:5]), (self.second, step[5:])):
+    def _perturbed(self, step: FloatArray) -> list[tuple[FloatArray, FloatArray, float]]:
+        """Return point, direction and radius of both cylinders after adding `step`, (10,).
+
+        For each cylinder: two offsets of the point and two tilts of the axis along its tangent
+        basis, and the change of the radius. Units: mm, rad.
+        """
+        perturbed = []
+        for fit, change in ((self.first, step[:5]), (self.second, step[5:])):
             basis = fit.tangent_basis
-            direction = fit.direction + part[2:4] @ basis
+            direction = fit.direction + change[2:4] @ basis
             direction = direction / np.linalg.norm(direction)
-            moved.append((fit.point + part[:2] @ basis, direction, fit.radius + float(part[4])))
-        return moved
+            perturbed.append(
+                (fit.point + change[:2] @ basis, direction, fit.radius + float(change[4]))
+            )
+        return perturbed
 
     def foot_points(self, step: FloatArray) -> FloatArray:
-        """Return a point of each axis, (2, 3): of the common perpendicular, or fixed ones."""
-        moved, along = self._moved(step), self.along
+        """Return a point of each axis, (2, 3). Units: mm.
+
+        They are the ends of the common perpendicular if the axes cross, else the points at `along`.
+        """
+        axes, along = self._perturbed(step), self.along
         if self.crossing:
-            along = _nearest_approach(moved[0][:2], moved[1][:2]) or along
+            along = _nearest_approach(axes[0][:2], axes[1][:2]) or along
         return np.array(
-            [point + s * direction for (point, direction, _), s in zip(moved, along, strict=True)]
+            [point + s * direction for (point, direction, _), s in zip(axes, along, strict=True)]
         )
 
     def values(self, step: FloatArray, up: FloatArray | None) -> FloatArray:
         """Return (12,): offset (2), angle (2), gap, flush, seam point (3) and direction (3)."""
-        (_, u, r), (_, v, t) = self._moved(step)
+        (_, u, r), (_, v, t) = self._perturbed(step)
         v = self.sign * v
-        foot, other = self.foot_points(step)
-        offset = self.frame @ (other - foot)
+        foot, other_foot = self.foot_points(step)
+        offset = self.frame @ (other_foot - foot)
         distance = math.hypot(*offset)
         unit = self.frame.T @ offset / distance if distance > 0 else self.frame[0]
         flush = 0.0
         if up is not None:
-            flush = float((other - foot) @ up) + _crest(v, t, up) - _crest(u, r, up)
-        seam = (foot + other + (r - t) * unit) / 2
+            flush = float((other_foot - foot) @ up) + _crest(v, t, up) - _crest(u, r, up)
+        seam = (foot + other_foot + (r - t) * unit) / 2
         mean = (u + v) / np.linalg.norm(u + v)
         return np.concatenate([offset, self._angle(u, v), [distance - r - t, flush], seam, mean])
 
     def _angle(self, u: FloatArray, v: FloatArray) -> FloatArray:
         """Return the (2,) rotation from the first axis to the second, normal to both."""
-        sine = np.cross(u, v)
-        length = float(np.linalg.norm(sine))
-        angle = math.atan2(length, float(u @ v))
-        rotation = sine * (angle / length) if length > PARALLEL else sine
-        rotated: FloatArray = _plane_across(self.mean_direction) @ rotation
+        cross = np.cross(u, v)
+        sine = float(np.linalg.norm(cross))
+        angle = math.atan2(sine, float(u @ v))
+        rotation = cross * (angle / sine) if sine > PARALLEL else cross
+        rotated: FloatArray = _perpendicular_basis(self.mean_direction) @ rotation
         return rotated
 
 
-def _plane_across(direction: FloatArray) -> FloatArray:
+def _perpendicular_basis(direction: FloatArray) -> FloatArray:
     """Return two unit vectors perpendicular to a direction, (2, 3)."""
     rows: FloatArray = np.linalg.svd(direction[None])[2][1:]
     return rows
@@ -206,27 +230,27 @@ def _nearest_approach(
     first: tuple[FloatArray, FloatArray], second: tuple[FloatArray, FloatArray]
 ) -> Range | None:
     """Return the positions of the common perpendicular on both axes; None if parallel."""
-    (point, u), (other, v) = first, second
+    (point, u), (other_point, v) = first, second
     cosine = float(u @ v)
-    square = 1 - cosine**2
-    if square < PARALLEL**2:
+    squared_sine = 1 - cosine**2
+    if squared_sine < PARALLEL**2:
         return None
-    offset = other - point
+    offset = other_point - point
     along_u, along_v = float(offset @ u), float(offset @ v)
-    return (along_u - cosine * along_v) / square, (cosine * along_u - along_v) / square
+    return (along_u - cosine * along_v) / squared_sine, (cosine * along_u - along_v) / squared_sine
 
 
 def _common_middle(first: ObservedCylinder, second: ObservedCylinder, sign: float) -> Range:
     """Return the positions on both axes in the middle of their common observed length.
 
-    Where they are seen along different lengths, it is the middle between those.
+    If their observed lengths do not overlap, it is the middle of the distance between them.
     """
     a, b = first.fit, second.fit
     mean = a.direction + sign * b.direction
     mean = mean / np.linalg.norm(mean)
     ends = [
-        sorted(float((fit.point + s * fit.direction) @ mean) for s in seen)
-        for fit, seen in ((a, first.axial_range), (b, second.axial_range))
+        sorted(float((fit.point + s * fit.direction) @ mean) for s in axial_range)
+        for fit, axial_range in ((a, first.axial_range), (b, second.axial_range))
     ]
     middle = (max(low for low, _ in ends) + min(high for _, high in ends)) / 2
     along_a, along_b = (

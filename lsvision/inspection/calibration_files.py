@@ -11,12 +11,13 @@ from lsvision.errors import LsvisionError
 from lsvision.files.json_text import parse_json
 from lsvision.files.limited_reading import read_bytes, read_text
 from lsvision.inspection.job import Job
-from lsvision.inspection.job_mistakes import line_of
+from lsvision.inspection.job_mistakes import find_line
 
-KEYS = ("light_section", "flange_from_section")
+CALIBRATION_KEYS = ("light_section", "flange_from_section")
+"""Keys of ``[rig]`` that name calibration files."""
 
 
-def calibration_files(job: Job, job_path: Path) -> dict[str, dict[str, str | None]]:
+def check_calibration_files(job: Job, job_path: Path) -> dict[str, dict[str, str | None]]:
     """Return the file, date and hash of each calibration file of a job, by its key.
 
     Parameters
@@ -32,7 +33,7 @@ def calibration_files(job: Job, job_path: Path) -> dict[str, dict[str, str | Non
         If a file cannot be read, or is not the one whose SHA-256 the job states; names the line.
     """
     provenances: dict[str, dict[str, str | None]] = {}
-    for key in KEYS:
+    for key in CALIBRATION_KEYS:
         name = getattr(job.rig, key)
         if name is None:
             continue
@@ -41,12 +42,11 @@ def calibration_files(job: Job, job_path: Path) -> dict[str, dict[str, str | Non
         digest = hashlib.sha256(content).hexdigest()
         stated = getattr(job.rig, f"{key}_sha256")
         if stated is not None and stated.lower() != digest:
-            line = line_of(("rig", f"{key}_sha256"), read_text(job_path))
+            line = find_line(("rig", f"{key}_sha256"), read_text(job_path))
             raise LsvisionError(
                 f"{job_path}, line {line}: expected {name} with SHA-256 {stated[:12]}..., "
                 f"got {digest[:12]}...: if it was calibrated again, write "
-                f'{key}_sha256 = "{digest}" '
-                "and raise the revision"
+                f'{key}_sha256 = "{digest}" and raise the revision'
             )
         provenances[key] = {"file": name, "date": _date(content), "sha256": digest}
     return provenances

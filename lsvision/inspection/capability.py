@@ -31,7 +31,8 @@ class Capability:
     cp_interval, cpk_interval : (float, float)
         At `level`: Cp by chi^2, Cpk by Bissell's approximation.
     measurement_fraction : float
-        Fraction of the variance that the standard uncertainties of the measurement explain.
+        Fraction of `std` squared that the standard uncertainties of the measurements explain; NaN
+        if they are not given.
     level : float
         Probability of the intervals.
     """
@@ -47,7 +48,7 @@ class Capability:
     level: float = 0.95
 
 
-def capability(
+def estimate_capability(
     values: Sequence[float],
     limits: tuple[float, float],
     stds: Sequence[float] = (),
@@ -78,8 +79,8 @@ def capability(
 
     Examples
     --------
-    >>> found = capability([18.98, 19.0, 19.02, 19.01, 18.99], (18.9, 19.1))
-    >>> f"{found.cp:.2f}"
+    >>> result = estimate_capability([18.98, 19.0, 19.02, 19.01, 18.99], (18.9, 19.1))
+    >>> f"{result.cp:.2f}"
     '2.11'
     """
     from scipy.special import ndtri
@@ -90,12 +91,12 @@ def capability(
     std = float(measured.std(ddof=1)) if count > 1 else 0.0
     if not std > 0:
         raise ValueError(f"expected two values or more that differ, got {count} without spread")
-    mean, (least, most) = float(measured.mean()), limits
-    cp = (most - least) / (PROCESS_SIGMAS * std) if math.isfinite(most - least) else math.nan
-    cpk = min(most - mean, mean - least) / (PROCESS_SIGMAS / 2 * std)
+    mean, (lower, upper) = float(measured.mean()), limits
+    cp = (upper - lower) / (PROCESS_SIGMAS * std) if math.isfinite(upper - lower) else math.nan
+    cpk = min(upper - mean, mean - lower) / (PROCESS_SIGMAS / 2 * std)
     tail = (1 - level) / 2
     factors = np.sqrt(chi2.ppf([tail, 1 - tail], count - 1) / (count - 1))
-    half = float(ndtri(1 - tail)) * math.sqrt(1 / (9 * count) + cpk**2 / (2 * (count - 1)))
+    half_width = float(ndtri(1 - tail)) * math.sqrt(1 / (9 * count) + cpk**2 / (2 * (count - 1)))
     measurement_variance = float(np.mean(np.square(stds))) if len(stds) else math.nan
     return Capability(
         count=count,
@@ -104,7 +105,7 @@ def capability(
         cp=cp,
         cpk=cpk,
         cp_interval=(cp * float(factors[0]), cp * float(factors[1])),
-        cpk_interval=(cpk - half, cpk + half),
+        cpk_interval=(cpk - half_width, cpk + half_width),
         measurement_fraction=min(measurement_variance / std**2, 1.0),
         level=level,
     )

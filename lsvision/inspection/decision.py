@@ -32,7 +32,7 @@ def worst(decisions: Iterable[Decision]) -> Decision:
 
 
 def decide(interval: tuple[float, float], limits: tuple[float, float]) -> Decision:
-    """Decide by an interval: OK inside the limits, NG wholly outside, else undecided.
+    """Return the decision: OK if the interval lies inside the limits, NG outside, else undecided.
 
     Parameters
     ----------
@@ -54,10 +54,10 @@ def decide(interval: tuple[float, float], limits: tuple[float, float]) -> Decisi
     return Decision.NG if high < least or low > most else Decision.UNDECIDED
 
 
-def widened(
+def widen_interval(
     value: float, interval: tuple[float, float], extra_std: float, level: float
 ) -> tuple[float, float]:
-    """Add an uncertainty that the fit does not contain to both half widths, in quadrature.
+    """Return an interval whose half widths include a further uncertainty, added in quadrature.
 
     Parameters
     ----------
@@ -66,7 +66,8 @@ def widened(
     interval : (float, float)
         Its interval at `level`, which need not be symmetric about it.
     extra_std : float
-        Standard uncertainty, independent of the fit's: temperature, repeatability.
+        Standard uncertainty that the fit does not contain, independent of it: of temperature,
+        repeatability.
     level : float
         Probability of the interval.
 
@@ -77,7 +78,7 @@ def widened(
 
     Examples
     --------
-    >>> low, high = widened(19.0, (18.97, 19.04), 0.03 / 1.96, 0.95)
+    >>> low, high = widen_interval(19.0, (18.97, 19.04), 0.03 / 1.96, 0.95)
     >>> f"{low:.3f} {high:.3f}"
     '18.958 19.050'
     """

@@ -72,7 +72,7 @@ class GaugeStudy(Result):
     rows : tuple of AnovaRow
         Parts, operators, interaction, repeatability; the full model.
     components : tuple of Component
-        Repeatability, reproducibility, gauge (both), parts, total.
+        Repeatability, reproducibility, gauge (the sum of both), parts, total.
     pooled : bool
         Whether the interaction was pooled with the repeatability.
     tolerance : float, optional
@@ -89,7 +89,7 @@ class GaugeStudy(Result):
 
     def component(self, name: str) -> Component:
         """Return the component with a given name."""
-        return next(each for each in self.components if each.name == name)
+        return next(component for component in self.components if component.name == name)
 
     def fraction_of_total(self, name: str) -> float:
         """Return the std of a component over that of the total (%study variation / 100)."""
@@ -131,14 +131,16 @@ class GaugeStudy(Result):
             ],
             "interaction_pooled": self.pooled,
             "components": {
-                each.name: {
-                    "variance": each.variance,
-                    "std": each.std,
-                    "std_interval": list(each.interval),
-                    "percent_of_total": 100 * self.fraction_of_total(each.name),
-                    "percent_of_tolerance": finite(100 * self.fraction_of_tolerance(each.name)),
+                component.name: {
+                    "variance": component.variance,
+                    "std": component.std,
+                    "std_interval": list(component.interval),
+                    "percent_of_total": 100 * self.fraction_of_total(component.name),
+                    "percent_of_tolerance": finite(
+                        100 * self.fraction_of_tolerance(component.name)
+                    ),
                 }
-                for each in self.components
+                for component in self.components
             },
             "level": self.level,
             "distinct_categories": self.distinct_categories,
@@ -153,15 +155,15 @@ class GaugeStudy(Result):
         percent = f"{100 * self.level:g} % interval"
         header: tuple[str, ...] = ("", "std", percent, "% of total", "% of tolerance")
         rows = [header]
-        for each in self.components:
-            low, high = each.interval
-            tolerance = 100 * self.fraction_of_tolerance(each.name)
+        for component in self.components:
+            low, high = component.interval
+            tolerance = 100 * self.fraction_of_tolerance(component.name)
             rows.append(
                 (
-                    each.name,
-                    f"{each.std:.6g}",
+                    component.name,
+                    f"{component.std:.6g}",
                     f"{low:.4g} .. {high:.4g}",
-                    f"{100 * self.fraction_of_total(each.name):.2f}",
+                    f"{100 * self.fraction_of_total(component.name):.2f}",
                     f"{tolerance:.2f}" if math.isfinite(tolerance) else "",
                 )
             )
@@ -207,9 +209,9 @@ def study_gauge(
     `lsvision.inspection.variance_intervals`.
     """
     table = np.asarray(values, dtype=np.float64)
-    for what, count in zip(("parts", "operators", "trials"), table.shape, strict=True):
+    for factor, count in zip(("parts", "operators", "trials"), table.shape, strict=True):
         if count < 2:
-            raise TooFewPoints(f"a gauge study by {what}", count, 2, f"measure more {what}")
+            raise TooFewPoints(f"a gauge study by {factor}", count, 2, f"measure more {factor}")
     rows = _anova(table)
     pooled = rows[2].p > POOLING_ALPHA
     components = _components(rows, table.shape, pooled=pooled, level=level)
@@ -240,37 +242,45 @@ def _components(
     rows: Sequence[AnovaRow], shape: tuple[int, ...], *, pooled: bool, level: float
 ) -> tuple[Component, ...]:
     p, o, r = shape
-    error = [(row.sum_of_squares, row.degrees_of_freedom) for row in rows]
+    sums = [(row.sum_of_squares, row.degrees_of_freedom) for row in rows]
     if pooled:
-        square, dof = np.add(error[2], error[3])
-        error[2:] = [(square, dof)]
-    means = [square / dof for square, dof in error]
-    dofs = [dof for _, dof in error]
-    last = np.eye(len(error))[-1]
-    parts, operators = np.zeros(len(error)), np.zeros(len(error))
+        square, dof = np.add(sums[2], sums[3])
+        sums[2:] = [(square, dof)]
+    means = [square / dof for square, dof in sums]
+    dofs = [dof for _, dof in sums]
+    # Coefficients of the mean squares in each component of the variance.
+    repeatability = np.eye(len(sums))[-1]
+    parts, operators = np.zeros(len(sums)), np.zeros(len(sums))
     parts[[0, 2]] = 1 / (o * r), -1 / (o * r)
     operators[[1, 2]] = 1 / (p * r), -1 / (p * r)
-    interaction = np.zeros(len(error)) if pooled else np.array([0, 0, 1, -1]) / r
+    interaction = np.zeros(len(sums)) if pooled else np.array([0, 0, 1, -1]) / r
     # A negative component counts as 0, also within a sum.
     variances = [max(float(c @ means), 0.0) for c in (operators, interaction, parts)]
-    repeat = means[-1]
+    repeat_variance = means[-1]
     combinations = {
-        "repeatability": (last, repeat),
+        "repeatability": (repeatability, repeat_variance),
         "reproducibility": (operators + interaction, variances[0] + variances[1]),
-        "gauge": (last + operators + interaction, repeat + variances[0] + variances[1]),
+        "gauge": (
+            repeatability + operators + interaction,
+            repeat_variance + variances[0] + variances[1],
+        ),
         "parts": (parts, variances[2]),
-        "total": (last + operators + interaction + parts, repeat + sum(variances)),
+        "total": (
+            repeatability + operators + interaction + parts,
+            repeat_variance + sum(variances),
+        ),
     }
     return tuple(
         Component(
             name,
             variance,
-            _root(mean_square_interval(coefficients.tolist(), means, dofs, level)),
+            _std_interval(mean_square_interval(coefficients.tolist(), means, dofs, level)),
         )
         for name, (coefficients, variance) in combinations.items()
     )
 
 
-def _root(interval: tuple[float, float]) -> tuple[float, float]:
+def _std_interval(interval: tuple[float, float]) -> tuple[float, float]:
+    """Return the interval of a standard deviation from that of its variance."""
     low, high = interval
     return math.sqrt(low), math.sqrt(high)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from lsvision.errors import LsvisionError
-from lsvision.inspection.decision import Decision, decide, widened
+from lsvision.inspection.decision import Decision, decide, widen_interval
 from lsvision.inspection.job import Job
 from lsvision.inspection.quantities import CylinderOfJob
 from lsvision.results.quantities import Record
@@ -42,7 +42,7 @@ def check_golden(
     Returns
     -------
     dict
-        A line of the log. ``passed`` only if the interval of the radius lies within the
+        Record for the log. ``passed`` is true only if the interval of the radius lies within the
         tolerance: an undecided check does not pass.
 
     Raises
@@ -57,9 +57,9 @@ def check_golden(
     record |= {"job_hash": job.hash, "reference_radius_mm": golden.radius_mm}
     if not cylinders:
         return record | {"passed": False, "reason": "no cylinder was measured"}
-    nearest = min(cylinders, key=lambda each: abs(each.radius - golden.radius_mm))
+    nearest = min(cylinders, key=lambda cylinder: abs(cylinder.radius - golden.radius_mm))
     level = job.decision.level
-    low, high = widened(
+    low, high = widen_interval(
         nearest.radius, nearest.interval("radius", level), job.extra_std("radius_mm"), level
     )
     ends = golden.radius_mm - golden.tolerance_mm, golden.radius_mm + golden.tolerance_mm
@@ -69,15 +69,15 @@ def check_golden(
     return record | measured | {"passed": decision == Decision.OK, "reason": reason}
 
 
-def golden_block(job: Job, log: Sequence[Record], now: datetime.datetime) -> str:
-    """Return the reason why the golden part forbids a decision; empty if it does not.
+def find_blocking_reason(job: Job, log: Sequence[Record], now: datetime.datetime) -> str:
+    """Return the reason why the golden part blocks all decisions; empty if it does not.
 
     Parameters
     ----------
     job : Job
         Job; without a ``[golden]`` table the result is empty.
     log : sequence of dict
-        Checks, the oldest first.
+        Records of `check_golden`, the oldest first.
     now : datetime
         Present time with its time zone.
     """

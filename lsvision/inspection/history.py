@@ -45,7 +45,7 @@ def record_revision(job: Job, job_path: Path, now: datetime.datetime) -> bool:
     return True
 
 
-def unrecorded_note(job: Job, job_path: Path) -> str | None:
+def describe_unrecorded_change(job: Job, job_path: Path) -> str | None:
     """Return a message if a job differs from its history; None if it is recorded or has none."""
     entries = read_records(history_path(job_path))
     if not entries or any(entry["hash"] == job.hash for entry in entries):

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from lsvision.inspection.capability import Capability, binomial_interval, capability
+from lsvision.inspection.capability import Capability, binomial_interval, estimate_capability
 from lsvision.inspection.decision import Decision
 from lsvision.inspection.remedies import Remedy
 from lsvision.inspection.verdict import Verdict, verdict_rows
@@ -16,7 +16,7 @@ from lsvision.scan.scan_result import ScanMeasurement
 
 
 @dataclass(frozen=True, eq=False)
-class Inspected:
+class JudgedMeasurement:
     """A measurement with its verdict.
 
     Parameters
@@ -47,9 +47,9 @@ class Inspected:
             "profile": self.profile,
             **self.verdict.to_dict(),
             "remedies": [
-                {"item": each.item, "quantity": each.quantity, "sections": each.sections,
-                 "text": each.text}
-                for each in self.remedies
+                {"item": remedy.item, "quantity": remedy.quantity, "sections": remedy.sections,
+                 "text": remedy.text}
+                for remedy in self.remedies
             ],
         }  # fmt: skip
 
@@ -114,48 +114,48 @@ class Series:
     def capability(self) -> Capability | None:
         """Cp and Cpk; None for fewer than two values, or values without spread."""
         try:
-            return capability(self.values, self.limits, self.stds)
+            return estimate_capability(self.values, self.limits, self.stds)
         except ValueError:
             return None
 
 
-def count_verdicts(inspected: Sequence[Inspected]) -> list[VerdictCount]:
+def count_verdicts(inspected: Sequence[JudgedMeasurement]) -> list[VerdictCount]:
     """Count each kind of verdict, with the interval of its probability."""
     total = len(inspected)
     counts = []
     for decision in Decision:
-        count = sum(each.verdict.decision == decision for each in inspected)
+        count = sum(measurement.verdict.decision == decision for measurement in inspected)
         counts.append(VerdictCount(decision, count, binomial_interval(count, total)))
     return counts
 
 
-def series_of(inspected: Sequence[Inspected]) -> list[Series]:
+def collect_series(inspected: Sequence[JudgedMeasurement]) -> list[Series]:
     """Return the series of every quantity over all measurements, in the order of the job."""
-    found: dict[tuple[str, str], list[int]] = {}
+    indices_by_quantity: dict[tuple[str, str], list[int]] = {}
     judged = [
         (item.name, quantity, number)
-        for number, each in enumerate(inspected, 1)
-        for item in each.verdict.items
+        for number, measurement in enumerate(inspected, 1)
+        for item in measurement.verdict.items
         for quantity in item.quantities
         if quantity.estimate.determined and math.isfinite(quantity.estimate.value)
     ]
     for index, (name, quantity, _) in enumerate(judged):
-        found.setdefault((name, quantity.key), []).append(index)
+        indices_by_quantity.setdefault((name, quantity.key), []).append(index)
     series = []
-    for (name, _), indices in found.items():
+    for (name, _), indices in indices_by_quantity.items():
         quantities = [judged[index][1] for index in indices]
-        estimates = [each.estimate for each in quantities]
+        estimates = [quantity.estimate for quantity in quantities]
         series.append(
             Series(
                 item=name,
                 quantity=estimates[0].quantity,
                 limits=quantities[0].limits,
                 numbers=tuple(judged[index][2] for index in indices),
-                values=tuple(each.value for each in estimates),
-                stds=tuple(each.std for each in estimates),
-                lows=tuple(each.interval[0] for each in estimates),
-                highs=tuple(each.interval[1] for each in estimates),
-                decisions=tuple(each.decision for each in quantities),
+                values=tuple(estimate.value for estimate in estimates),
+                stds=tuple(estimate.std for estimate in estimates),
+                lows=tuple(estimate.interval[0] for estimate in estimates),
+                highs=tuple(estimate.interval[1] for estimate in estimates),
+                decisions=tuple(quantity.decision for quantity in quantities),
             )
         )
     return series

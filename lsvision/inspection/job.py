@@ -19,7 +19,7 @@ from lsvision.inspection.job_mistakes import (
     Mistake,
     MistakesError,
     describe_mistakes,
-    line_of,
+    find_line,
     syntax_mistake,
 )
 from lsvision.inspection.job_tables import (
@@ -74,8 +74,8 @@ class Job(JobTable):
     output: Output | None = None
 
     @model_validator(mode="after")
-    def _check_whole(self) -> Job:
-        mistakes = [*_claims(self.parts), *_unknown_parts(self)]
+    def _check_parts(self) -> Job:
+        mistakes = [*_ambiguous_parts(self.parts), *_unknown_parts(self)]
         if mistakes:
             raise MistakesError(mistakes)
         return self
@@ -92,7 +92,7 @@ class Job(JobTable):
         Returns
         -------
         Job
-            As `from_text` checks it.
+            The job, validated as by `from_text`.
 
         Raises
         ------
@@ -130,7 +130,7 @@ class Job(JobTable):
         Returns
         -------
         Job
-            Checked as a whole.
+            The validated job.
 
         Raises
         ------
@@ -141,9 +141,9 @@ class Job(JobTable):
             values = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
             raise InvalidJob(name, (syntax_mistake(error),)) from None
-        newer = _newer_schema(values, text)
-        if newer:
-            raise InvalidJob(name, tuple(newer))
+        schema_mistakes = _newer_schema(values, text)
+        if schema_mistakes:
+            raise InvalidJob(name, tuple(schema_mistakes))
         try:
             return cls.model_validate(values)
         except ValidationError as error:
@@ -190,17 +190,19 @@ class Job(JobTable):
         return given.get(key, 0.0)
 
 
-def _claims(parts: tuple[Part, ...]) -> list[tuple[Location, str]]:
-    """Return the mistakes of parts that claim the same cylinder or have the same name."""
+def _ambiguous_parts(parts: tuple[Part, ...]) -> list[tuple[Location, str]]:
+    """Return the mistakes of parts that have the same name or select the same cylinder."""
     mistakes: list[tuple[Location, str]] = []
     for (_, first), (number, second) in itertools.combinations(enumerate(parts), 2):
-        where = ("part", number)
+        location = ("part", number)
         if first.name == second.name:
-            mistakes.append(((*where, "name"), f"two parts are named {first.name!r}: rename one"))
+            mistakes.append(
+                ((*location, "name"), f"two parts are named {first.name!r}: rename one")
+            )
         if first.order is not None and first.order == second.order:
             mistakes.append(
                 (
-                    (*where, "order"),
+                    (*location, "order"),
                     f"{first.name!r} and {second.name!r} are the same cylinder, order "
                     f"{first.order}: give each its own",
                 )
@@ -208,7 +210,7 @@ def _claims(parts: tuple[Part, ...]) -> list[tuple[Location, str]]:
         if first.windows and second.windows and _overlap(first, second):
             mistakes.append(
                 (
-                    (*where, f"{next(iter(second.windows))}_mm"),
+                    (*location, f"{next(iter(second.windows))}_mm"),
                     f"{first.name!r} and {second.name!r} are the same cylinder: their windows "
                     "overlap; separate the windows",
                 )
@@ -217,7 +219,7 @@ def _claims(parts: tuple[Part, ...]) -> list[tuple[Location, str]]:
 
 
 def _overlap(first: Part, second: Part) -> bool:
-    """Return whether the windows of both parts overlap."""
+    """Return whether some position lies in the windows of both parts."""
     everywhere = (float("-inf"), float("inf"))
     for axis in "xyz":
         low_1, high_1 = first.windows.get(axis, everywhere)
@@ -232,22 +234,22 @@ def _unknown_parts(job: Job) -> list[tuple[Location, str]]:
     names = [part.name for part in job.parts]
     mistakes: list[tuple[Location, str]] = []
     for number, relation in enumerate(job.relations):
-        where = ("relation", number, "between")
+        location = ("relation", number, "between")
         first, second = relation.between
         mistakes += [
-            (where, f"no part is named {name!r}: the parts are {', '.join(map(repr, names))}")
+            (location, f"no part is named {name!r}: the parts are {', '.join(map(repr, names))}")
             for name in relation.between
             if name not in names
         ]
         if first == second:
-            mistakes.append((where, f"expected two parts, got {first!r} twice"))
+            mistakes.append((location, f"expected two parts, got {first!r} twice"))
     return mistakes
 
 
 def _newer_schema(values: dict[str, Any], text: str) -> list[Mistake]:
-    """Return the mistake of a job that was written by a newer version; others are not reported."""
+    """Return the mistake of a schema that is newer than `SCHEMA`; an empty list otherwise."""
     version = values.get("schema", SCHEMA)
     if not isinstance(version, int) or version <= SCHEMA:
         return []
     message = f"expected schema {SCHEMA} or older, got {version}: install a newer lsvision"
-    return [Mistake(line_of(("schema",), text), message)]
+    return [Mistake(find_line(("schema",), text), message)]

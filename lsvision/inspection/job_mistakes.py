@@ -19,11 +19,14 @@ from pydantic import BaseModel, ValidationError
 from lsvision.inspection.limits import UNITS
 
 Location = tuple[str | int, ...]
+"""Keys and indices from the root of the job to a value, as pydantic reports them."""
 
+# Header of a table or of a table in a list, and "key =", each at the beginning of a line.
 _HEADER = re.compile(r"\s*(\[\[?)\s*([^\[\]#]+?)\s*\]")
 _KEY = re.compile(r"\s*([A-Za-z0-9_.\"'-]+(?:\s*\.\s*[A-Za-z0-9_\"'-]+)*)\s*=")
 _POSITION = re.compile(r"\s*\(at line (\d+), column \d+\)")
 _VARIANT = re.compile(r"(float|int|str|Limits|constrained.*|tuple\[.*)$")
+"""Names that pydantic inserts into a location for the variants of a union."""
 _MAX_SHOWN_CHARACTERS = 60
 
 
@@ -52,7 +55,7 @@ class MistakesError(ValueError):
     Parameters
     ----------
     mistakes : sequence of (location, message)
-        Location as pydantic's: keys and indices from the root.
+        See `Location`.
     """
 
     def __init__(self, mistakes: Sequence[tuple[Location, str]]) -> None:
@@ -64,9 +67,9 @@ def syntax_mistake(error: tomllib.TOMLDecodeError) -> Mistake:
     """Return the mistake of a text that is not TOML."""
     message = str(error)
     position = _POSITION.search(message)
-    words = _POSITION.sub("", message)
+    text = _POSITION.sub("", message)
     return Mistake(
-        int(position[1]) if position else None, f"not TOML: {words[:1].lower()}{words[1:]}"
+        int(position[1]) if position else None, f"not TOML: {text[:1].lower()}{text[1:]}"
     )
 
 
@@ -90,28 +93,33 @@ def describe_mistakes(error: ValidationError, text: str, model: type[BaseModel])
     for detail in details:
         cause = detail.get("ctx", {}).get("error")
         if isinstance(cause, MistakesError):
-            mistakes += [Mistake(_line(where, lines), message) for where, message in cause.mistakes]
+            mistakes += [
+                Mistake(_nearest_line(location, lines), message)
+                for location, message in cause.mistakes
+            ]
         else:
-            where = _without_variants(detail["loc"])
-            mistakes.append(Mistake(_line(where, lines), _message(where, detail, model)))
+            location = _without_variants(detail["loc"])
+            mistakes.append(
+                Mistake(_nearest_line(location, lines), _describe(location, detail, model))
+            )
     return sorted(dict.fromkeys(mistakes), key=lambda mistake: mistake.line or 0)
 
 
-def line_of(where: Location, text: str) -> int | None:
-    r"""Return the line number of a key, or of the nearest table around it; None without either.
+def find_line(location: Location, text: str) -> int | None:
+    r"""Return the line of a key, counted from 1, or else of the innermost table around it, or None.
 
     Examples
     --------
-    >>> line_of(("part", 1, "x_mm"), "[[part]]\nx_mm = 1\n[[part]]\nx_mm = 2")
+    >>> find_line(("part", 1, "x_mm"), "[[part]]\nx_mm = 1\n[[part]]\nx_mm = 2")
     4
     """
-    return _line(where, _lines_of_keys(text))
+    return _nearest_line(location, _lines_of_keys(text))
 
 
-def _line(where: Location, lines: dict[Location, int]) -> int | None:
-    for length in range(len(where), 0, -1):
-        if where[:length] in lines:
-            return lines[where[:length]]
+def _nearest_line(location: Location, lines: dict[Location, int]) -> int | None:
+    for length in range(len(location), 0, -1):
+        if location[:length] in lines:
+            return lines[location[:length]]
     return None
 
 
@@ -123,83 +131,84 @@ def _lines_of_keys(text: str) -> dict[Location, int]:
     for number, line in enumerate(text.splitlines(), 1):
         header, key = _HEADER.match(line), _KEY.match(line)
         if header and not key:
-            table = _names(header[2])
+            table = _split_key(header[2])
             if header[1] == "[[":
                 counts[table] = counts.get(table, -1) + 1
                 table = (*table, counts[table])
             lines.setdefault(table, number)
         elif key:
-            lines.setdefault((*table, *_names(key[1])), number)
+            lines.setdefault((*table, *_split_key(key[1])), number)
     return lines
 
 
-def _names(dotted: str) -> Location:
+def _split_key(dotted: str) -> Location:
+    """Return the names in a dotted key of TOML, without quotes."""
     return tuple(name.strip().strip("\"'") for name in dotted.split("."))
 
 
-def _without_variants(where: Location) -> Location:
+def _without_variants(location: Location) -> Location:
     """Return a location without the names that pydantic gives to variants of a union."""
-    return tuple(part for part in where if not (isinstance(part, str) and _VARIANT.match(part)))
+    return tuple(key for key in location if not (isinstance(key, str) and _VARIANT.match(key)))
 
 
-def _message(where: Location, detail: Any, model: type[BaseModel]) -> str:
-    """Return what was expected, what was found, and the remedy, in the words of the job file."""
-    key = next((str(part) for part in reversed(where) if isinstance(part, str)), "the job")
+def _describe(location: Location, detail: Any, model: type[BaseModel]) -> str:
+    """Return what was expected, what was found, and the remedy, with the keys of the job file."""
+    key = next((name for name in reversed(location) if isinstance(name, str)), "the job")
     kind, got = detail["type"], _format_value(detail["input"])
     if kind == "missing":
-        return f"{_path(where)} is missing: add it"
+        return f"{_path(location)} is missing: add it"
     if kind == "too_short":
-        return f"expected at least one [[{_path(where)}]], got none: add it"
+        return f"expected at least one [[{_path(location)}]], got none: add it"
     if kind == "extra_forbidden":
-        return _unknown_key(key, where, known_keys(where, model))
+        return _unknown_key(key, location, known_keys(location, model))
     if kind == "value_error":
-        return f"{_path(where)}: {detail['ctx']['error']}"
-    words = detail["msg"].removeprefix("Input should be ").removeprefix("a valid ")
-    return f"{_path(where)}: expected {words}, got {got}"
+        return f"{_path(location)}: {detail['ctx']['error']}"
+    expected = detail["msg"].removeprefix("Input should be ").removeprefix("a valid ")
+    return f"{_path(location)}: expected {expected}, got {got}"
 
 
-def _path(where: Location) -> str:
+def _path(location: Location) -> str:
     """Return a location as text, such as ``part 1, radius_mm``; tables of a list count from 1."""
-    words: list[str] = []
-    for part in where:
-        if isinstance(part, int) and words:
-            words[-1] += f" {part + 1}"
+    keys: list[str] = []
+    for key in location:
+        if isinstance(key, int) and keys:
+            keys[-1] += f" {key + 1}"
         else:
-            words.append(str(part))
-    return ", ".join(words) or "the job"
+            keys.append(str(key))
+    return ", ".join(keys) or "the job"
 
 
-def _unknown_key(key: str, where: Location, known: list[str]) -> str:
+def _unknown_key(key: str, location: Location, known: list[str]) -> str:
     with_unit = [name for name in known if name in {f"{key}_{unit}" for unit in UNITS}]
     if with_unit:
-        return f"{_path(where)}: the unit is missing: write {' or '.join(with_unit)}"
+        return f"{_path(location)}: the unit is missing: write {' or '.join(with_unit)}"
     near = difflib.get_close_matches(key, known, n=1)
     remedy = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
-    return f"{_path(where)}: unknown key: {remedy}"
+    return f"{_path(location)}: unknown key: {remedy}"
 
 
-def known_keys(where: Location, model: type[BaseModel]) -> list[str]:
+def known_keys(location: Location, model: type[BaseModel]) -> list[str]:
     """Return the keys that are allowed in the table around a location."""
-    for part in where[:-1]:
-        if isinstance(part, str):
+    for key in location[:-1]:
+        if isinstance(key, str):
             field = next(
-                (f for name, f in model.model_fields.items() if part in (name, f.alias)), None
+                (f for name, f in model.model_fields.items() if key in (name, f.alias)), None
             )
-            inner = None if field is None else _model_in(field.annotation)
+            inner = None if field is None else _table_class(field.annotation)
             if inner is None:
                 return []
             model = inner
     return [field.alias or name for name, field in model.model_fields.items()]
 
 
-def _model_in(annotation: Any) -> type[BaseModel] | None:
+def _table_class(annotation: Any) -> type[BaseModel] | None:
     """Return the table class in ``Table | None`` or ``tuple[Table, ...]``."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
-    for part in getattr(annotation, "__args__", ()):
-        found = _model_in(part)
-        if found is not None:
-            return found
+    for argument in getattr(annotation, "__args__", ()):
+        table = _table_class(argument)
+        if table is not None:
+            return table
     return None
 
 

@@ -49,7 +49,10 @@ class Rig(JobTable):
 
 
 class Scan(JobTable):
-    """Spacing of the sections of a scan; without it each profile is judged by itself."""
+    """Motion between the sections of a scan, and its standard uncertainties.
+
+    Without this table each profile is judged by itself.
+    """
 
     feed: Vector | None = None
     step_mm: Number | None = None
@@ -83,7 +86,7 @@ class Measure(JobTable):
 
 
 class Part(JobTable):
-    """A cylinder that is expected: how it is identified, and its limits.
+    """An expected cylinder: how it is identified among those measured, and its limits.
 
     It is identified by position (`x_mm`, `y_mm`, `z_mm`: its centre lies in all windows that are
     given), by `order` (from the left, or in the order of the scan), or else by radius.
@@ -125,10 +128,10 @@ class Part(JobTable):
                 "expected a way to identify the cylinder, got nothing: add x_mm = [least, "
                 "largest], order = 1, or a radius_mm with a nominal"
             )
-        needs = {"direction_deg": "nominal_direction", "position_mm": "nominal_point_mm"}
-        for key, need in needs.items():
-            if getattr(self, key) is not None and getattr(self, need) is None:
-                raise ValueError(f"{key} is counted from {need}: add it")
+        references = {"direction_deg": "nominal_direction", "position_mm": "nominal_point_mm"}
+        for key, reference in references.items():
+            if getattr(self, key) is not None and getattr(self, reference) is None:
+                raise ValueError(f"{key} is counted from {reference}: add it")
         if self.nominal_direction is not None and not math.hypot(*self.nominal_direction) > 0:
             raise ValueError("expected a non-zero nominal_direction, got 0, 0, 0")
         theta = self.theta_deg
@@ -138,7 +141,7 @@ class Part(JobTable):
 
     @property
     def windows(self) -> dict[str, Window]:
-        """Windows of its place, by axis."""
+        """Windows of the cylinder's position, by axis. Units: mm."""
         given = {"x": self.x_mm, "y": self.y_mm, "z": self.z_mm}
         return {axis: window for axis, window in given.items() if window is not None}
 
@@ -154,13 +157,17 @@ class Part(JobTable):
 
     @property
     def limits(self) -> dict[str, Limits]:
-        """Its limits by key, in the order of tables."""
+        """Limits by key, in the order of the rows of printed tables."""
         keys = dict.fromkeys((*SECTION_KEYS, *SCAN_KEYS))
         return {key: limits for key in keys if (limits := getattr(self, key)) is not None}
 
 
 class RelationLimits(JobTable):
-    """Limits of the quantities between two parts."""
+    """Limits of the quantities between two parts.
+
+    `up` is the direction, in the base frame, along which flush is measured in a scan; in a profile
+    it is Y, towards the sensor.
+    """
 
     between: tuple[Name, Name]
     up: Vector | None = None
@@ -179,12 +186,18 @@ class RelationLimits(JobTable):
 
     @property
     def limits(self) -> dict[str, Limits]:
-        """Its limits by key, in the order of tables."""
+        """Limits by key, in the order of the rows of printed tables."""
         return {key: limits for key in RELATION_KEYS if (limits := getattr(self, key)) is not None}
 
 
 class DecisionRule(JobTable):
-    """Probability of a verdict, and the value of a one-bit output for an undecided one."""
+    """Rule by which intervals become verdicts.
+
+    `level` is the probability of the intervals, `undecided` the value of a one-bit output for an
+    undecided verdict. `additional` states whether cylinders that are not parts are reported
+    ("tell") or make the verdict NG ("ng"). `extra_std` holds standard uncertainties that the fit
+    does not contain, by key and in its unit.
+    """
 
     level: Annotated[float, Field(strict=True, gt=0.5, lt=1)] = 0.95
     undecided: Literal["ng", "ok"] = "ng"
@@ -201,7 +214,10 @@ class DecisionRule(JobTable):
 
 
 class Golden(JobTable):
-    """Reference part that must be measured at intervals, and within its tolerance."""
+    """Reference part that is measured at least `every_hours`, within its tolerance.
+
+    Its measurements are recorded in the file `log`.
+    """
 
     radius_mm: Positive
     tolerance_mm: Positive

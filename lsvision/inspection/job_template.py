@@ -48,7 +48,7 @@ undecided = "ng"  # what a one-bit output says
 """
 
 
-def job_text(name: str, cylinders: Sequence[CylinderSection], tolerance: float) -> str:
+def build_job_text(name: str, cylinders: Sequence[CylinderSection], tolerance: float) -> str:
     """Return the text of a job whose limits contain the measured cylinders.
 
     Parameters
@@ -78,7 +78,7 @@ def job_text(name: str, cylinders: Sequence[CylinderSection], tolerance: float) 
     ]
     step = 10 ** math.floor(math.log10(tolerance / 10))
     for number, (cylinder, (left, right)) in enumerate(
-        zip(cylinders, _windows(cylinders), strict=True), 1
+        zip(cylinders, _x_windows(cylinders), strict=True), 1
     ):
         parts.append(
             PART.format(
@@ -105,13 +105,16 @@ def job_text(name: str, cylinders: Sequence[CylinderSection], tolerance: float) 
     return "".join([*parts, TAIL])
 
 
-def _windows(cylinders: Sequence[CylinderSection]) -> list[tuple[float, float]]:
-    """Return windows of x bounded midway between neighbours, the outer ones by a radius."""
+def _x_windows(cylinders: Sequence[CylinderSection]) -> list[tuple[float, float]]:
+    """Return a window of x for each cylinder. Units: mm.
+
+    Windows end midway between neighbouring centres, the outer ones a radius beyond the centre.
+    """
     centres = [cylinder.centre[0] for cylinder in cylinders]
-    between = [round((a + b) / 2, 1) for a, b in itertools.pairwise(centres)]
-    first = round(centres[0] - cylinders[0].radius, 1)
-    last = round(centres[-1] + cylinders[-1].radius, 1)
-    ends = [first, *between, last]
+    midpoints = [round((a + b) / 2, 1) for a, b in itertools.pairwise(centres)]
+    left_end = round(centres[0] - cylinders[0].radius, 1)
+    right_end = round(centres[-1] + cylinders[-1].radius, 1)
+    ends = [left_end, *midpoints, right_end]
     return list(itertools.pairwise(ends))
 
 

@@ -12,10 +12,10 @@ from lsvision.detection.acceptance import UNDETERMINABLE
 from lsvision.detection.arcs import Rejection
 from lsvision.ellipse.fit import with_known_radius
 from lsvision.ellipse.section import CylinderSection
-from lsvision.inspection.decision import Decision, widened
+from lsvision.inspection.decision import Decision, widen_interval
 from lsvision.inspection.job import Job
 from lsvision.inspection.job_tables import Part, RelationLimits
-from lsvision.inspection.limits import quantity_of
+from lsvision.inspection.limits import quantity_from_key
 from lsvision.inspection.matching import Matching, match_parts
 from lsvision.inspection.quantities import CylinderOfJob, measure_quantity
 from lsvision.inspection.relate import relate
@@ -31,6 +31,7 @@ from lsvision.results.quantities import Estimate
 from lsvision.scan.scan_result import ScanMeasurement, ScanRejection
 
 HALF_TURN_DEG = 180.0
+"""Period of theta: opposite directions are the same axis. Units: deg."""
 MAX_REASONS = 2
 """Largest number of rejected arcs whose reasons are given for a missing part."""
 
@@ -65,9 +66,9 @@ def judge(
     Returns
     -------
     Verdict
-        A missing part is NG, with the reasons of rejected arcs; one that was seen and whose radius
-        is not determinable is undecided. `Verdict.decision` compares to ``"OK"``, ``"NG"`` and
-        ``"undecided"``.
+        A missing part is NG, with the reasons of rejected arcs; one whose arc was found, but
+        whose radius is not determinable, is undecided. `Verdict.decision` compares to ``"OK"``,
+        ``"NG"`` and ``"undecided"``.
 
     Raises
     ------
@@ -100,7 +101,7 @@ def judge(
         )
     matching = match_parts(job.parts, measurement.cylinders)
     cylinders = {
-        name: _as_part(measurement.cylinders[index], job.part(name))
+        name: _apply_known_radius(measurement.cylinders[index], job.part(name))
         for name, index in matching.cylinders.items()
     }
     parts = [
@@ -111,14 +112,17 @@ def judge(
     ]
     verdict = Verdict(
         parts=tuple(parts),
-        relations=tuple(_judge_relation(each, cylinders, job) for each in job.relations),
+        relations=tuple(_judge_relation(relation, cylinders, job) for relation in job.relations),
         additional=matching.additional,
-        notes=(*_additional(matching, measurement.cylinders), *_exchanged(parts, cylinders, job)),
+        notes=(
+            *_describe_additional(matching, measurement.cylinders),
+            *_find_exchanged_parts(parts, cylinders, job),
+        ),
         provenance=_provenance(job, calibration or {}),
         additional_is_ng=job.decision.additional == "ng",
         undecided_passes=job.decision.undecided == "ok",
     )
-    return _blocked(verdict, blocked) if blocked else verdict
+    return _block(verdict, blocked) if blocked else verdict
 
 
 def _provenance(job: Job, calibration: Mapping[str, Mapping[str, str | None]]) -> Provenance:
@@ -127,7 +131,7 @@ def _provenance(job: Job, calibration: Mapping[str, Mapping[str, str | None]]) -
     return Provenance(job.name, job.revision, job.hash, __version__, calibration)
 
 
-def _as_part(cylinder: CylinderOfJob, part: Part) -> CylinderOfJob:
+def _apply_known_radius(cylinder: CylinderOfJob, part: Part) -> CylinderOfJob:
     """Return the cylinder with the part's known radius as a prior, if it has one."""
     if part.known_radius_mm is None:
         return cylinder
@@ -159,25 +163,25 @@ def _judge_estimate(
     estimate = replace(
         estimate,
         std=math.hypot(estimate.std, extra),
-        interval=widened(estimate.value, estimate.interval, extra, level),
+        interval=widen_interval(estimate.value, estimate.interval, extra, level),
     )
     if key == "theta_deg":
-        return _judge_direction(estimate, limits, level)
+        return _judge_periodic_angle(estimate, limits, level)
     return judge_quantity(estimate, limits, level)
 
 
-def _judge_direction(
+def _judge_periodic_angle(
     estimate: Estimate, limits: tuple[float, float], level: float
 ) -> QuantityVerdict:
-    """Return the verdict of an angle with a period of half a turn."""
-    turns = round((sum(limits) / 2 - estimate.value) / HALF_TURN_DEG)
-    shift = turns * HALF_TURN_DEG
+    """Return the verdict of an angle with a period of half a turn, shifted next to its limits."""
+    half_turns = round((sum(limits) / 2 - estimate.value) / HALF_TURN_DEG)
+    shift = half_turns * HALF_TURN_DEG
     low, high = (end + shift for end in estimate.interval)
-    turned = replace(estimate, value=estimate.value + shift, interval=(low, high))
-    verdict = judge_quantity(turned, limits, level)
-    beyond = low <= limits[1] - HALF_TURN_DEG or high >= limits[0] + HALF_TURN_DEG
-    if verdict.decision == Decision.NG and beyond:
-        reason = f"{turned.interval_text} deg reaches the limits half a turn away"
+    shifted = replace(estimate, value=estimate.value + shift, interval=(low, high))
+    verdict = judge_quantity(shifted, limits, level)
+    reaches_limits = low <= limits[1] - HALF_TURN_DEG or high >= limits[0] + HALF_TURN_DEG
+    if verdict.decision == Decision.NG and reaches_limits:
+        reason = f"{shifted.interval_text} deg reaches the limits half a turn away"
         return replace(verdict, decision=Decision.UNDECIDED, reason=reason)
     return verdict
 
@@ -194,7 +198,7 @@ def _judge_relation(
     relation = relate(first, second, up=limits.up)
     quantities = []
     for key, ends in limits.limits.items():
-        quantity = quantity_of(key).name
+        quantity = quantity_from_key(key).name
         if quantity not in relation.quantities:
             raise ValueError(
                 f"flush_mm of {name!r} needs a direction in a scan: add up = [x, y, z] to the "
@@ -212,23 +216,28 @@ def _judge_missing(
     if part.name in matching.owners:
         reason = f"the only cylinder there is assigned to {matching.owners[part.name]!r}"
         return ItemVerdict(part.name, decided=Decision.UNDECIDED, reason=reason)
-    reasons = [reason for reason in _rejections_at(part, measurement) if reason]
-    seen = next((reason for reason in reasons if reason.startswith(UNDETERMINABLE)), None)
-    if seen is not None:
-        return ItemVerdict(part.name, decided=Decision.UNDECIDED, reason=f"rejected: {seen}")
-    given = "; ".join(reasons[:MAX_REASONS])
-    reason = f"missing; rejected there: {given}" if given else "missing: no arc was found there"
+    reasons = [reason for reason in _rejection_reasons_at(part, measurement) if reason]
+    undeterminable = next((reason for reason in reasons if reason.startswith(UNDETERMINABLE)), None)
+    if undeterminable is not None:
+        return ItemVerdict(
+            part.name, decided=Decision.UNDECIDED, reason=f"rejected: {undeterminable}"
+        )
+    listed = "; ".join(reasons[:MAX_REASONS])
+    reason = f"missing; rejected there: {listed}" if listed else "missing: no arc was found there"
     return ItemVerdict(part.name, decided=Decision.NG, reason=reason)
 
 
-def _rejections_at(part: Part, measurement: Measurement | ScanMeasurement) -> list[str]:
+def _rejection_reasons_at(part: Part, measurement: Measurement | ScanMeasurement) -> list[str]:
     """Return the reasons of the arcs rejected where the part should be, the longest arc first.
 
-    Everywhere, if the part has no place, or the places of the arcs are not known.
+    Reasons of all rejected arcs, if the part has no window in x, or the profile is not known.
     """
     if isinstance(measurement, ScanMeasurement):
         scanned: Sequence[ScanRejection] = measurement.rejections
-        return [each.reason for each in sorted(scanned, key=lambda each: -len(each.sections))]
+        return [
+            rejection.reason
+            for rejection in sorted(scanned, key=lambda rejection: -len(rejection.sections))
+        ]
 
     def inside(rejection: Rejection) -> bool:
         if measurement.profile is None or "x" not in part.windows:
@@ -239,21 +248,23 @@ def _rejections_at(part: Part, measurement: Measurement | ScanMeasurement) -> li
         low, high = part.windows["x"]
         return bool(len(points)) and low <= float(points[:, 0].mean()) <= high
 
-    arcs = sorted(measurement.rejections, key=lambda each: each.arc.start - each.arc.stop)
-    return [each.reason for each in arcs if inside(each)]
+    arcs = sorted(
+        measurement.rejections, key=lambda rejection: rejection.arc.start - rejection.arc.stop
+    )
+    return [rejection.reason for rejection in arcs if inside(rejection)]
 
 
-def _additional(matching: Matching, cylinders: Sequence[CylinderOfJob]) -> list[str]:
+def _describe_additional(matching: Matching, cylinders: Sequence[CylinderOfJob]) -> list[str]:
     return [
         f"additional: cylinder {index + 1}, radius {cylinders[index].radius:.4g} mm, is not a part"
         for index in matching.additional
     ]
 
 
-def _exchanged(
+def _find_exchanged_parts(
     parts: Sequence[ItemVerdict], cylinders: Mapping[str, CylinderOfJob], job: Job
 ) -> list[str]:
-    """Return the pairs of parts of which each fits only the other's limits of size."""
+    """Return a note for each pair of parts of which each fits only the other's limits of size."""
 
     def fits(name: str, limits_of: str) -> bool:
         part = job.part(limits_of)
@@ -265,7 +276,7 @@ def _exchanged(
             )
             for key in keys
         ]  # fmt: skip
-        return bool(keys) and all(each.decision != Decision.NG for each in verdicts)
+        return bool(keys) and all(verdict.decision != Decision.NG for verdict in verdicts)
 
     wrong = [item.name for item in parts if item.decision == Decision.NG and item.name in cylinders]
     return [
@@ -277,15 +288,15 @@ def _exchanged(
     ]
 
 
-def _blocked(verdict: Verdict, reason: str) -> Verdict:
-    """Return the verdict with every decision undecided, for the reason that is given."""
+def _block(verdict: Verdict, reason: str) -> Verdict:
+    """Return the verdict with every decision undecided for a given reason."""
 
-    def opened(item: ItemVerdict) -> ItemVerdict:
+    def as_undecided(item: ItemVerdict) -> ItemVerdict:
         return replace(item, decided=Decision.UNDECIDED, reason=reason)
 
     return replace(
         verdict,
-        parts=tuple(map(opened, verdict.parts)),
-        relations=tuple(map(opened, verdict.relations)),
+        parts=tuple(map(as_undecided, verdict.parts)),
+        relations=tuple(map(as_undecided, verdict.relations)),
         blocked=reason,
     )

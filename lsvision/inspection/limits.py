@@ -24,18 +24,16 @@ RELATION_KEYS = ("distance_mm", "angle_deg", "gap_mm", "flush_mm")
 """Limits of a relation."""
 UNITS: tuple[Unit, ...] = ("mm_per_m", "percent", "deg", "mm")
 """Units at the end of keys, the longer ones first."""
+LIMIT_DECIMALS = 9
+"""Decimals to which nominal + deviation is rounded: 19 - 0.1 is 18.9, not 18.899999999999999."""
 
 
-DIGITS = 9
-"""Decimals of a sum of a nominal and a deviation, which binary numbers do not represent exactly."""
-
-
-def quantity_of(key: str) -> Quantity:
-    """Return the name and unit of a key.
+def quantity_from_key(key: str) -> Quantity:
+    """Return name and unit of the quantity with a given key.
 
     Examples
     --------
-    >>> quantity_of("taper_mm_per_m")
+    >>> quantity_from_key("taper_mm_per_m")
     Quantity(name='taper', unit='mm_per_m')
     """
     unit = next(unit for unit in UNITS if key.endswith(f"_{unit}"))
@@ -77,27 +75,28 @@ class Limits(JobTable):
             raise ValueError(f"expected upper and lower beside nominal, or min and max, got {got}")
         if deviations and self.nominal is None:
             raise ValueError("expected a nominal beside upper and lower, got none")
-        least, most = self.ends
-        if least >= most:
+        lower, upper = self.ends
+        if lower >= upper:
             raise ValueError(
-                f"limits reversed: from {least:g} to {most:g}; exchange them"
-                if least > most
-                else f"expected different limits, got {least:g} twice"
+                f"limits reversed: from {lower:g} to {upper:g}; exchange them"
+                if lower > upper
+                else f"expected different limits, got {lower:g} twice"
             )
-        both = self.upper is not None and self.lower is not None  # then a fit, as -0.02, -0.05
-        if self.nominal is not None and not both and not least <= self.nominal <= most:
+        # With two deviations the nominal may lie outside: a fit, such as -0.02 and -0.05.
+        two_deviations = self.upper is not None and self.lower is not None
+        if self.nominal is not None and not two_deviations and not lower <= self.nominal <= upper:
             raise ValueError(
-                f"nominal {self.nominal:g} lies outside its limits {least:g} to {most:g}"
+                f"nominal {self.nominal:g} lies outside its limits {lower:g} to {upper:g}"
             )
         return self
 
     @property
     def ends(self) -> tuple[float, float]:
-        """Smallest and largest good value; infinite where there is none."""
+        """Smallest and largest permissible value; infinite where there is none."""
         if self.nominal is not None and (self.upper is not None or self.lower is not None):
-            least = -math.inf if self.lower is None else round(self.nominal + self.lower, DIGITS)
-            most = math.inf if self.upper is None else round(self.nominal + self.upper, DIGITS)
-            return least, most
+            lower = -math.inf if self.lower is None else self.nominal + self.lower
+            upper = math.inf if self.upper is None else self.nominal + self.upper
+            return round(lower, LIMIT_DECIMALS), round(upper, LIMIT_DECIMALS)
         return (
             -math.inf if self.min is None else self.min,
             math.inf if self.max is None else self.max,

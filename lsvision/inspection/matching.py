@@ -25,7 +25,7 @@ class Matching:
     additional : tuple of int
         Indices of the cylinders that are not parts of the job.
     owners : mapping of str to str
-        Parts whose only cylinder is already another part's, and the name of that part.
+        By part whose only candidate is assigned already: the part to which it is assigned.
     """
 
     cylinders: Mapping[str, int]
@@ -34,7 +34,7 @@ class Matching:
 
 
 def match_parts(parts: Sequence[Part], cylinders: Sequence[CylinderOfJob]) -> Matching:
-    """Find the cylinder of each part.
+    """Return the assignment of cylinders to parts.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def match_parts(parts: Sequence[Part], cylinders: Sequence[CylinderOfJob]) -> Ma
     matched: dict[str, int] = {}
     owners: dict[str, str] = {}
     for part in parts:
-        index = _by_position_or_order(part, cylinders)
+        index = _match_by_position_or_order(part, cylinders)
         if index is None:
             continue
         owner = next((name for name, taken in matched.items() if taken == index), None)
@@ -57,18 +57,18 @@ def match_parts(parts: Sequence[Part], cylinders: Sequence[CylinderOfJob]) -> Ma
             matched[part.name] = index
         else:
             owners[part.name] = owner
-    rest = [index for index in range(len(cylinders)) if index not in matched.values()]
+    unassigned = [index for index in range(len(cylinders)) if index not in matched.values()]
     by_radius = [part for part in parts if not part.windows and part.order is None]
-    matched |= _by_radius(by_radius, cylinders, rest)
-    additional = tuple(index for index in rest if index not in matched.values())
+    matched |= _match_by_radius(by_radius, cylinders, unassigned)
+    additional = tuple(index for index in unassigned if index not in matched.values())
     return Matching(matched, additional, owners)
 
 
-def position_of(cylinder: CylinderOfJob) -> tuple[float, ...]:
+def reference_position(cylinder: CylinderOfJob) -> tuple[float, ...]:
     """Return the centre in the section, or a point of the axis in the base frame. Units: mm."""
+    # A ScannedCylinder has no centre.
     position = getattr(cylinder, "centre", None)
     return tuple(map(float, cylinder.point if position is None else position))  # type: ignore[union-attr]
-    # a ScannedCylinder has no centre
 
 
 def lies_in_windows(part: Part, position: Sequence[float]) -> bool:
@@ -80,38 +80,42 @@ def lies_in_windows(part: Part, position: Sequence[float]) -> bool:
     )
 
 
-def _by_position_or_order(part: Part, cylinders: Sequence[CylinderOfJob]) -> int | None:
+def _match_by_position_or_order(part: Part, cylinders: Sequence[CylinderOfJob]) -> int | None:
     if part.order is not None:
         return part.order - 1 if part.order <= len(cylinders) else None
     if not part.windows:
         return None
-    positions = [position_of(cylinder) for cylinder in cylinders]
-    inside = [index for index, position in enumerate(positions) if lies_in_windows(part, position)]
+    positions = [reference_position(cylinder) for cylinder in cylinders]
+    candidates = [
+        index for index, position in enumerate(positions) if lies_in_windows(part, position)
+    ]
 
-    def off_middle(index: int) -> float:
+    def squared_distance(index: int) -> float:
         return sum(
             (positions[index]["xyz".index(axis)] - (low + high) / 2) ** 2
             for axis, (low, high) in part.windows.items()
             if "xyz".index(axis) < len(positions[index])
         )
 
-    return min(inside, key=off_middle, default=None)
+    return min(candidates, key=squared_distance, default=None)
 
 
-def _by_radius(
-    parts: Sequence[Part], cylinders: Sequence[CylinderOfJob], rest: Sequence[int]
+def _match_by_radius(
+    parts: Sequence[Part], cylinders: Sequence[CylinderOfJob], unassigned: Sequence[int]
 ) -> dict[str, int]:
-    if not parts or not rest:
+    if not parts or not unassigned:
         return {}
     from scipy.optimize import linear_sum_assignment
 
-    wanted = np.array([part.expected_radius for part in parts], dtype=np.float64)
-    radii = np.array([cylinders[index].radius for index in rest])
-    deviations = np.abs(radii / wanted[:, None] - 1)
-    far = 1.0 + len(parts)  # costs more than all allowed deviations together
-    rows, columns = linear_sum_assignment(np.where(deviations > RADIUS_TOLERANCE, far, deviations))
+    expected_radii = np.array([part.expected_radius for part in parts], dtype=np.float64)
+    radii = np.array([cylinders[index].radius for index in unassigned])
+    deviations = np.abs(radii / expected_radii[:, None] - 1)
+    forbidden_cost = 1.0 + len(parts)  # more than all permitted deviations together
+    rows, columns = linear_sum_assignment(
+        np.where(deviations > RADIUS_TOLERANCE, forbidden_cost, deviations)
+    )
     return {
-        parts[row].name: rest[column]
+        parts[row].name: unassigned[column]
         for row, column in zip(rows, columns, strict=True)
         if deviations[row, column] <= RADIUS_TOLERANCE
     }

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from lsvision.cylinder.robot_frame import SectionMount
 
 
-def sensor_of(job: Job) -> NoiseModel | None:
+def noise_model_from_job(job: Job) -> NoiseModel | None:
     """Return the noise model that the job names or describes; None if it does neither."""
     measure = job.measure
     if measure.sensor is not None:
@@ -39,7 +39,7 @@ def measure_profile(profile: Profile, job: Job) -> Measurement:
         radius=job.measure.radius_mm,
         known_radius=job.measure.known_radius_mm,
         known_phi=phi,
-        sensor=sensor_of(job),
+        sensor=noise_model_from_job(job),
     )
 
 
@@ -56,7 +56,7 @@ def measure_sections(
         base_from_sections,
         radius=job.measure.radius_mm,
         known_radius=job.measure.known_radius_mm,
-        sensor=sensor_of(job),
+        sensor=noise_model_from_job(job),
         pose_std=scan.pose_std_mm,
         feed_std=math.radians(scan.feed_std_deg),
         calibration=calibration,

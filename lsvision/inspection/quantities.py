@@ -10,7 +10,7 @@ from lsvision.ellipse.section import CylinderSection
 from lsvision.geometry import FloatArray
 from lsvision.inspection.axis_relation import angle_between
 from lsvision.inspection.job_tables import Part
-from lsvision.inspection.limits import SCAN_KEYS, SECTION_KEYS, quantity_of
+from lsvision.inspection.limits import SCAN_KEYS, SECTION_KEYS, quantity_from_key
 from lsvision.inspection.uncertain import Length, Scalar, Uncertain
 from lsvision.results.quantities import Estimate
 from lsvision.scan.scan_result import ScannedCylinder
@@ -28,7 +28,8 @@ def measure_quantity(cylinder: CylinderOfJob, part: Part, key: str, level: float
     cylinder : CylinderSection or ScannedCylinder
         Measured cylinder.
     part : Part
-        The part to which it is assigned; origin of directions and positions.
+        Part to which it is assigned: its nominal direction and point are those from which
+        ``direction_deg`` and ``position_mm`` are measured.
     key : str
         One of `SECTION_KEYS` for a section, of `SCAN_KEYS` for a scan.
     level : float
@@ -40,24 +41,24 @@ def measure_quantity(cylinder: CylinderOfJob, part: Part, key: str, level: float
         If a measurement of this kind does not have the quantity.
     """
     if isinstance(cylinder, CylinderSection):
-        return _of_section(cylinder, part, key, level)
+        return _measure_in_section(cylinder, part, key, level)
     if key not in SCAN_KEYS:
         raise ValueError(
             f"expected limits among {', '.join(SCAN_KEYS)} for a scan, got {key} of part "
             f"{part.name!r}: judge each profile by itself, or leave it out"
         )
-    quantity, number = quantity_of(key), _of_scan(cylinder, part, key)
+    quantity, number = quantity_from_key(key), _measure_in_scan(cylinder, part, key)
     ends = quantity.in_unit(number.interval(level))
     return Estimate(quantity, number.value * quantity.scale, number.std * quantity.scale, ends)
 
 
-def _of_section(section: CylinderSection, part: Part, key: str, level: float) -> Estimate:
+def _measure_in_section(section: CylinderSection, part: Part, key: str, level: float) -> Estimate:
     if key not in SECTION_KEYS:
         raise ValueError(
             f"expected limits among {', '.join(SECTION_KEYS)} for a profile, got {key} of part "
             f"{part.name!r}: a scan has it ([scan] in the job), or leave it out"
         )
-    quantity = quantity_of(key)
+    quantity = quantity_from_key(key)
     factor = 2.0 if key == "diameter_mm" else 1.0
     low, high = section.interval("radius" if factor == 2.0 else quantity.name, level)  # type: ignore[arg-type] # a key of SECTION_KEYS
     value, std = {
@@ -69,12 +70,12 @@ def _of_section(section: CylinderSection, part: Part, key: str, level: float) ->
         "centre_y": lambda: (section.centre[1], math.sqrt(section.covariance[1, 1])),
     }[quantity.name]()
     scale = factor * quantity.scale
-    # The interval alone has the coverage that a verdict needs; (0, pi) is every direction.
+    # Judged by the interval, not by the std; the interval (0, pi) contains every direction.
     determined = key != "theta_deg" or high - low < math.pi
     return Estimate(quantity, scale * value, scale * std, (scale * low, scale * high), determined)
 
 
-def _of_scan(tube: ScannedCylinder, part: Part, key: str) -> Uncertain:
+def _measure_in_scan(tube: ScannedCylinder, part: Part, key: str) -> Uncertain:
     """Return a quantity of a scanned cylinder in mm, rad, mm/m or percent."""
     fit = tube.fit
     if key in ("radius_mm", "diameter_mm"):
@@ -86,24 +87,24 @@ def _of_scan(tube: ScannedCylinder, part: Part, key: str) -> Uncertain:
         start, stop = tube.axial_range
         return Scalar(stop - start, math.hypot(*tube.axial_range_std))
     if key in ("bow_mm", "taper_mm_per_m", "ovality_percent"):
-        return _form(measure_shape(tube), key)
-    return _position(tube, part, key)
+        return _measure_form(measure_shape(tube), key)
+    return _measure_position(tube, part, key)
 
 
-def _position(tube: ScannedCylinder, part: Part, key: str) -> Uncertain:
+def _measure_position(tube: ScannedCylinder, part: Part, key: str) -> Uncertain:
     """Return the distance of the axis from the nominal point, or a coordinate of the axis."""
-    near = tube.point if part.nominal_point_mm is None else np.array(part.nominal_point_mm)
-    fit = tube.fit.with_reference_point(near)
+    nominal_point = tube.point if part.nominal_point_mm is None else np.array(part.nominal_point_mm)
+    fit = tube.fit.with_reference_point(nominal_point)
     basis, covariance = fit.tangent_basis, fit.covariance[:2, :2]
     if key == "position_mm":
-        return Length(basis @ (fit.point - near), covariance, fit.degrees_of_freedom)
-    axis = "xyz".index(quantity_of(key).name[-1])
+        return Length(basis @ (fit.point - nominal_point), covariance, fit.degrees_of_freedom)
+    axis = "xyz".index(quantity_from_key(key).name[-1])
     gradient: FloatArray = basis[:, axis]
     std = math.sqrt(max(float(gradient @ covariance @ gradient), 0.0))
     return Scalar(float(fit.point[axis]), std, fit.degrees_of_freedom)
 
 
-def _form(shape: TubeShape, key: str) -> Uncertain:
+def _measure_form(shape: TubeShape, key: str) -> Uncertain:
     if key == "bow_mm":
         return Length(shape.bow.values, shape.bow.covariance)
     if key == "ovality_percent":

@@ -28,7 +28,7 @@ def relate(
     ----------
     a, b : CylinderSection or ScannedCylinder
         Both of one section, or both in one base frame. Their errors are taken as independent:
-        those of a pose or a calibration that both share are then counted twice.
+        errors of a pose or a calibration that are common to both are then counted twice.
     up : (3,) array_like, optional
         In space: direction along which flush is measured, of any length. In a section it is Y.
 
@@ -44,7 +44,7 @@ def relate(
     Raises
     ------
     TypeError
-        If one is a section and the other in space, or an argument is no cylinder.
+        If one is measured in a section and the other in space, or one is not a cylinder.
     ValueError
         If `up` has no length, or both are the same cylinder.
 
@@ -75,10 +75,10 @@ def relate(
         if not (math.isfinite(length) and length > 0):
             raise ValueError(f"expected up as three numbers, not all zero, got {up!r}")
         direction = direction / length
-    return relate_axes(_observed(a), _observed(b), direction)
+    return relate_axes(_as_observed(a), _as_observed(b), direction)
 
 
-def _observed(cylinder: ScannedCylinder) -> ObservedCylinder:
+def _as_observed(cylinder: ScannedCylinder) -> ObservedCylinder:
     if not isinstance(cylinder, ScannedCylinder):
         raise TypeError(
             f"expected a CylinderSection or a ScannedCylinder, got {type(cylinder).__name__}"

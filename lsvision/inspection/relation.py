@@ -1,4 +1,4 @@
-"""Result of `lsvision.relate`: distance, angle, gap and flush of two cylinders, with sigmas."""
+"""Result of `lsvision.relate`: distance, angle, gap and flush of two cylinders."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ class Relation(Result):
         Raises
         ------
         ValueError
-            If the quantity is none of these, or has no direction to be measured along.
+            If the quantity is none of these, or is flush and no direction for it was given.
         """
         if quantity not in self.quantities:
             raise ValueError(
@@ -174,7 +174,7 @@ class Relation(Result):
         Returns
         -------
         Estimate
-            For tables and files.
+            Value, standard uncertainty and interval at `level`.
         """
         quantity, number = RELATION_QUANTITIES[name], self.quantities[name]
         ends = quantity.in_unit(self.interval(name, level))
@@ -196,15 +196,16 @@ class Relation(Result):
     def _summary(self) -> str:
         estimates = [self.estimate(name) for name in self.quantities]
         return ", ".join(
-            f"{each.quantity.name} {each.text} {each.quantity.unit_text}" for each in estimates
+            f"{estimate.quantity.name} {estimate.text} {estimate.quantity.unit_text}"
+            for estimate in estimates
         )
 
     def _cells(self) -> list[tuple[str, ...]]:
         estimates = [self.estimate(name) for name in self.quantities]
         return [
-            ("", *(each.quantity.heading for each in estimates)),
-            ("", *(each.text for each in estimates)),
-            ("95 %", *(each.interval_text for each in estimates)),
+            ("", *(estimate.quantity.heading for estimate in estimates)),
+            ("", *(estimate.text for estimate in estimates)),
+            ("95 %", *(estimate.interval_text for estimate in estimates)),
         ]
 
     def _notes(self) -> list[str]:
@@ -229,4 +230,4 @@ def format_point(point: FloatArray) -> str:
     >>> format_point(np.array([1.0, 2.5, -3.0]))
     '1.000 2.500 -3.000'
     """
-    return " ".join(f"{part:.3f}" for part in point)
+    return " ".join(f"{coordinate:.3f}" for coordinate in point)

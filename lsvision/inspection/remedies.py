@@ -21,9 +21,10 @@ from lsvision.sensors.profile_sensor import ProfileSensor
 SECTIONS = (2, 3, 5, 10, 20)
 """Numbers of sections that are tried."""
 SPACING_MM = 10.0
+"""Distance of neighbouring sections of a planned scan. Units: mm."""
 PLANNED = ("radius_mm", "diameter_mm", "theta_deg", "phi_deg")
 """Quantities whose uncertainty the planner predicts."""
-WORDS = {2: "two", 3: "three", 5: "five"}
+NUMBER_WORDS = {2: "two", 3: "three", 5: "five"}
 
 
 @dataclass(frozen=True)
@@ -74,15 +75,15 @@ def plan_remedies(verdict: Verdict, measurement: Measurement, job: Job) -> tuple
     """
     remedies = []
     for item in verdict.parts:
-        for each in item.quantities:
-            undecided = each.decision == Decision.UNDECIDED and each.key in PLANNED
+        for quantity in item.quantities:
+            undecided = quantity.decision == Decision.UNDECIDED and quantity.key in PLANNED
             if undecided and item.cylinder is not None:
                 section = measurement.cylinders[item.cylinder]
-                remedies.append(_remedy(item.name, each, section, job))
+                remedies.append(_plan_remedy(item.name, quantity, section, job))
     return tuple(remedies)
 
 
-def _remedy(item: str, verdict: QuantityVerdict, section: CylinderSection, job: Job) -> Remedy:
+def _plan_remedy(item: str, verdict: QuantityVerdict, section: CylinderSection, job: Job) -> Remedy:
     key, extra = verdict.key, job.extra_std(verdict.key)
     margin = min(abs(verdict.estimate.value - end) for end in verdict.limits) / two_sided_factor(
         job.decision.level
@@ -97,11 +98,11 @@ def _remedy(item: str, verdict: QuantityVerdict, section: CylinderSection, job: 
     needed = math.sqrt(margin**2 - extra**2)
     name, unit = verdict.estimate.quantity.name, verdict.estimate.quantity.unit_text
     try:
-        scale = _scale(section)
+        std_ratio = _std_ratio(section)
         for sections in SECTIONS:
-            std = scale * _planned(section, key, sections)
+            std = std_ratio * _predict_std(section, key, sections)
             if std <= needed:
-                number = WORDS.get(sections, str(sections))
+                number = NUMBER_WORDS.get(sections, str(sections))
                 text = (
                     f"{number} sections {SPACING_MM:g} mm apart would: {name} ± {format_std(std)} "
                     f"{unit}"
@@ -116,18 +117,18 @@ def _remedy(item: str, verdict: QuantityVerdict, section: CylinderSection, job: 
     return Remedy(item, key, None, math.nan, text)
 
 
-def _scale(section: CylinderSection) -> float:
+def _std_ratio(section: CylinderSection) -> float:
     """Return the ratio of measured to planned radius uncertainty of a section, at least 1."""
     planned = plan_section(
-        section.radius, section.theta, section.phi, view=_view(section)
+        section.radius, section.theta, section.phi, view=_measured_view(section)
     ).radius_std
     return max(section.radius_std / planned, 1.0)
 
 
-def _planned(section: CylinderSection, key: str, sections: int) -> float:
+def _predict_std(section: CylinderSection, key: str, sections: int) -> float:
     feed = Feed(sections=sections, spacing=SPACING_MM)
     scan: ScanPrediction = plan_scan(
-        section.radius, section.theta, section.phi, view=_view(section), feed=feed
+        section.radius, section.theta, section.phi, view=_measured_view(section), feed=feed
     )
     return {
         "radius_mm": scan.radius_std,
@@ -137,18 +138,18 @@ def _planned(section: CylinderSection, key: str, sections: int) -> float:
     }[key]
 
 
-def _view(section: CylinderSection) -> SensorView:
+def _measured_view(section: CylinderSection) -> SensorView:
     """Return the view in which the section was measured: its noise, pitch and position."""
     problem = section.fit.problem
     noise = float(np.median(problem.stds)) * math.sqrt(section.fit.variance_factor)
     x, y = section.centre
-    reach = abs(y) + 3 * section.radius
+    farthest = abs(y) + 3 * section.radius
     sensor = ProfileSensor(
         name="as measured",
         range_std=max(noise, 1e-6),
         reference_range=abs(y),
-        min_range=1e-3 * reach,
-        max_range=2 * reach,
+        min_range=1e-3 * farthest,
+        max_range=2 * farthest,
         width_at_max_range=8 * (abs(x) + 3 * section.radius),
     )
     pitch = float(np.median(np.abs(np.diff(problem.points[:, 0]))))

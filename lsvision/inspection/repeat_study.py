@@ -18,6 +18,7 @@ from lsvision.results.result import Result
 TOLERANCE_FRACTION = 0.2
 """Fraction of the tolerance that six standard deviations may take for Cg = 1."""
 SIGNIFICANCE = 0.05
+"""p-value below which a bias is called significant."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -35,9 +36,9 @@ class RepeatStudy(Result):
     bias_interval, std_interval : (float, float)
         Intervals of bias (Student's t) and standard deviation (chi^2), at `level`.
     p_value : float
-        Probability of a bias at least as large if there is none.
+        Probability of a mean that deviates at least as much from the reference without a bias.
     predicted_std : float
-        Root mean square of the sigmas that the measurements state; NaN without.
+        Root mean square of the measurements' standard uncertainties; NaN if none are given.
     tolerance : float, optional
         Width of the tolerance.
     level : float
@@ -57,7 +58,7 @@ class RepeatStudy(Result):
 
     @property
     def bias(self) -> float:
-        """Mean less reference."""
+        """Mean minus reference."""
         return self.mean - self.reference
 
     @property
@@ -69,7 +70,7 @@ class RepeatStudy(Result):
 
     @property
     def cgk(self) -> float:
-        """A tenth of the tolerance less the bias, over three standard deviations."""
+        """A tenth of the tolerance less abs(bias), over 3 std; NaN without a tolerance."""
         if self.tolerance is None or self.std == 0:
             return math.nan
         return (TOLERANCE_FRACTION / 2 * self.tolerance - abs(self.bias)) / (3 * self.std)
@@ -107,14 +108,14 @@ class RepeatStudy(Result):
 
     def _notes(self) -> list[str]:
         low, high = self.bias_interval
-        least, most = self.std_interval
+        low_std, high_std = self.std_interval
         significance = "significant" if self.p_value < SIGNIFICANCE else "not significant"
         lines = [
             f"{self.count} values, mean {format_value(self.mean, self.std)}, reference "
             f"{self.reference:g}",
             f"bias {self.bias:.4g}, {100 * self.level:g} % interval {low:.4g} .. {high:.4g} "
             f"({significance}, p {self.p_value:.3f})",
-            f"repeatability {self.std:.4g}, interval {least:.4g} .. {most:.4g}",
+            f"repeatability {self.std:.4g}, interval {low_std:.4g} .. {high_std:.4g}",
         ]
         if math.isfinite(self.predicted_std):
             lines.append(f"standard uncertainty of the measurements {self.predicted_std:.4g}")
@@ -142,7 +143,7 @@ def study_repeats(
     reference : float
         True value of the part.
     stds : sequence of float
-        Standard uncertainties that the measurements state.
+        Standard uncertainty of each measurement.
     tolerance : float, optional
         Width of the tolerance.
     level : float
@@ -169,19 +170,19 @@ def study_repeats(
     offsets = measured - reference
     bias, std = float(offsets.mean()), float(offsets.std(ddof=1))
     tail, dof = (1 - level) / 2, count - 1
-    error = std / math.sqrt(count)
-    half = float(t.isf(tail, dof)) * error
+    mean_std = std / math.sqrt(count)
+    half_width = float(t.isf(tail, dof)) * mean_std
     return RepeatStudy(
         count=count,
         mean=reference + bias,
         std=std,
         reference=reference,
-        bias_interval=(bias - half, bias + half),
+        bias_interval=(bias - half_width, bias + half_width),
         std_interval=(
             std * math.sqrt(dof / float(chi2.isf(tail, dof))),
             std * math.sqrt(dof / float(chi2.ppf(tail, dof))),
         ),
-        p_value=2 * float(t.sf(abs(bias) / error, dof)) if error > 0 else float(bias == 0),
+        p_value=2 * float(t.sf(abs(bias) / mean_std, dof)) if mean_std > 0 else float(bias == 0),
         predicted_std=rms(np.asarray(stds)) if len(stds) else math.nan,
         tolerance=tolerance,
         level=level,

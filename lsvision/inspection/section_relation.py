@@ -13,8 +13,9 @@ from lsvision.inspection.relation import Relation
 from lsvision.inspection.uncertain import Length, Scalar
 
 DIRECTIONS = 720
-"""Directions among which the one of the largest separation is searched first."""
-NEWTON_STEPS = 4
+"""Equally spaced directions among which the largest separation is searched first."""
+PARABOLA_STEPS = 4
+"""Refinements of the direction by a parabola through three neighbours."""
 UP = np.array([0.0, 1.0])
 """Towards the sensor: the direction of flush."""
 
@@ -35,21 +36,21 @@ def relate_sections(first: CylinderSection, second: CylinderSection) -> Relation
         Distance of the centres; gap of the ellipses in the plane, negative where they overlap;
         flush, the height of the second's crest over the first's along Y; angle of the axes.
     """
-    covariance = [each.fit.parameter_covariance for each in (first, second)]
+    covariance = [section.fit.parameter_covariance for section in (first, second)]
     offset = np.subtract(second.centre, first.centre)
     return Relation(
         {
             "distance": Length(offset, covariance[0][:2, :2] + covariance[1][:2, :2]),
             "angle": AngleOfSections(first, second),
             "gap": _separation(first, second, _direction_of_gap(first, second)),
-            "flush": _height(first, second),
+            "flush": _crest_height(first, second),
         }
     )
 
 
 @dataclass(frozen=True)
 class AngleOfSections:
-    """Angle between two axes whose signs of the tilts one section does not determine.
+    """Angle between two axes, of which one section does not determine the signs of the tilts.
 
     Parameters
     ----------
@@ -62,7 +63,7 @@ class AngleOfSections:
 
     @property
     def value(self) -> float:
-        """The smaller one of both possible angles. Units: rad."""
+        """The smallest angle between candidates of both axes. Units: rad."""
         cosines = np.abs(self.first.axis_candidates[0] @ self.second.axis_candidates.T)
         return math.acos(min(float(cosines.max()), 1.0))
 
@@ -74,42 +75,46 @@ class AngleOfSections:
     def interval(self, level: float) -> tuple[float, float]:
         """Return the smallest and largest angle that the intervals of both tilts allow.
 
-        |phi_1 - phi_2| <= angle <= phi_1 + phi_2, whatever both directions are; each tilt is
-        taken at the level (1 + level) / 2, so that both contain the true tilts with that of
-        `level`.
+        |phi_1 - phi_2| <= angle <= phi_1 + phi_2, whatever both directions are. Each tilt has
+        an interval at (1 + level) / 2, so that both contain the true tilts with a probability of
+        `level` at least.
         """
-        pairs = [each.interval("phi", (1 + level) / 2) for each in (self.first, self.second)]
+        pairs = [section.interval("phi", (1 + level) / 2) for section in (self.first, self.second)]
         (low_1, high_1), (low_2, high_2) = pairs
         least = max(0.0, low_1 - high_2, low_2 - high_1)
         return least, min(high_1 + high_2, math.pi / 2)
 
 
-def _reach(section: CylinderSection, direction: FloatArray) -> tuple[float, FloatArray]:
-    """Return the support function of an ellipse along a unit vector, and its gradient by m, p, q.
+def _support(section: CylinderSection, direction: FloatArray) -> tuple[float, FloatArray]:
+    """Return the support function of an ellipse along a unit vector, and its (3,) derivatives.
 
-    With the ellipse c + E w, E = [[m + p, q], [q, m - p]], it is |E n|.
+    The ellipse is c + E w with unit vectors w and E = [[m + p, q], [q, m - p]]. Counted from c, its
+    support function along the unit vector n is |E n|; the derivatives are by m, p, q. Units: mm.
     """
     m, p, q = section.fit.parameters[2:].tolist()
     x, y = direction.tolist()
-    along = np.array([(m + p) * x + q * y, q * x + (m - p) * y])
-    reach = math.hypot(*along)
-    gradient = np.array([along @ (x, y), along @ (x, -y), along @ (y, x)]) / reach
-    return reach, gradient
+    image = np.array([(m + p) * x + q * y, q * x + (m - p) * y])
+    support = math.hypot(*image)
+    gradient = np.array([image @ (x, y), image @ (x, -y), image @ (y, x)]) / support
+    return support, gradient
 
 
 def _separation(first: CylinderSection, second: CylinderSection, direction: FloatArray) -> Scalar:
     """Return the distance between both ellipses along a direction from the first to the second."""
-    (reach_1, by_1), (reach_2, by_2) = _reach(first, direction), _reach(second, direction)
+    (support_1, gradient_1), (support_2, gradient_2) = (
+        _support(first, direction),
+        _support(second, direction),
+    )
     offset = float(np.subtract(second.centre, first.centre) @ direction)
-    gradients = np.concatenate([-direction, -by_1]), np.concatenate([direction, -by_2])
-    return Scalar(offset - reach_1 - reach_2, _std(gradients, (first, second)))
+    gradients = np.concatenate([-direction, -gradient_1]), np.concatenate([direction, -gradient_2])
+    return Scalar(offset - support_1 - support_2, _std(gradients, (first, second)))
 
 
-def _height(first: CylinderSection, second: CylinderSection) -> Scalar:
+def _crest_height(first: CylinderSection, second: CylinderSection) -> Scalar:
     """Return the height of the crest of the second ellipse over that of the first."""
-    (reach_1, by_1), (reach_2, by_2) = _reach(first, UP), _reach(second, UP)
-    gradients = np.concatenate([-UP, -by_1]), np.concatenate([UP, by_2])
-    height = second.centre[1] + reach_2 - first.centre[1] - reach_1
+    (support_1, gradient_1), (support_2, gradient_2) = _support(first, UP), _support(second, UP)
+    gradients = np.concatenate([-UP, -gradient_1]), np.concatenate([UP, gradient_2])
+    height = second.centre[1] + support_2 - first.centre[1] - support_1
     return Scalar(height, _std(gradients, (first, second)))
 
 
@@ -118,8 +123,8 @@ def _std(
 ) -> float:
     """Return the std of a quantity from its gradients by the parameters of both fits."""
     variance = sum(
-        float(gradient @ each.fit.parameter_covariance @ gradient)
-        for gradient, each in zip(gradients, sections, strict=True)
+        float(gradient @ section.fit.parameter_covariance @ gradient)
+        for gradient, section in zip(gradients, sections, strict=True)
     )
     return math.sqrt(variance)
 
@@ -130,22 +135,28 @@ def _direction_of_gap(first: CylinderSection, second: CylinderSection) -> FloatA
     For ellipses that overlap it is the direction of the shortest displacement that separates them.
     """
     angles = np.linspace(0, 2 * math.pi, DIRECTIONS, endpoint=False)
-    best = float(angles[np.argmax(_separations(first, second, angles))])
+    angle = float(angles[np.argmax(_separations(first, second, angles))])
     step = 2 * math.pi / DIRECTIONS
-    for _ in range(NEWTON_STEPS):
-        before, here, after = _separations(first, second, best + step * np.array([-1.0, 0.0, 1.0]))
-        bend = before - 2 * here + after
-        best += step * float(np.clip((before - after) / (2 * bend), -1, 1)) if bend < 0 else 0.0
+    for _ in range(PARABOLA_STEPS):
+        before, middle, after = _separations(
+            first, second, angle + step * np.array([-1.0, 0.0, 1.0])
+        )
+        curvature = before - 2 * middle + after
+        angle += (
+            step * float(np.clip((before - after) / (2 * curvature), -1, 1))
+            if curvature < 0
+            else 0.0
+        )
         step /= 8
-    return np.array([math.cos(best), math.sin(best)])
+    return np.array([math.cos(angle), math.sin(angle)])
 
 
 def _separations(first: CylinderSection, second: CylinderSection, angles: FloatArray) -> FloatArray:
     """Return the separation of both ellipses along each direction (rad). Units: mm."""
     directions = np.stack([np.cos(angles), np.sin(angles)])
     separations: FloatArray = np.subtract(second.centre, first.centre) @ directions
-    for each in (first, second):
-        m, p, q = each.fit.parameters[2:].tolist()
+    for section in (first, second):
+        m, p, q = section.fit.parameters[2:].tolist()
         separations = separations - np.linalg.norm(
             np.array([[m + p, q], [q, m - p]]) @ directions, axis=0
         )

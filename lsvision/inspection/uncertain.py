@@ -11,15 +11,15 @@ import numpy as np
 from lsvision.geometry import FloatArray
 from lsvision.geometry.equality import ComparedByValue
 
-NODES = 64
+QUADRATURE_NODES = 64
 """Nodes of the quadrature for the length of a vector."""
-TAILS = 8.0
-"""Standard deviations beyond which a normal distribution is left out of an integral."""
-TINY = 1e-9
-"""Smallest ratio of two standard deviations."""
+MAX_SIGMAS = 8.0
+"""Standard deviations from the mean at which integrals over a normal distribution end."""
+MIN_STD_RATIO = 1e-9
+"""Smallest ratio of the standard deviations along both axes in the integral."""
 BISECTIONS = 24
 """Halvings of the range in which the lower end of a length is searched."""
-FAR = 30.0
+MIN_NORMAL_SIGMAS = 30.0
 """Standard deviations from 0 beyond which a length is normally distributed."""
 
 
@@ -65,8 +65,8 @@ class Scalar:
 
     def interval(self, level: float) -> tuple[float, float]:
         """Return the interval: the value plus and minus a multiple of its std, by Student's t."""
-        half = two_sided_factor(level, self.degrees_of_freedom) * self.std
-        return self.value - half, self.value + half
+        half_width = two_sided_factor(level, self.degrees_of_freedom) * self.std
+        return self.value - half_width, self.value + half_width
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,24 +120,25 @@ class Length(ComparedByValue):
         factor = two_sided_factor(level, self.degrees_of_freedom)
         variances, axes = np.linalg.eigh(self.covariance)
         stds = np.sqrt(np.maximum(variances, 0.0))
-        largest, length, std = float(stds[1]), self.value, self.std
-        if largest == 0 or length > FAR * largest:
+        largest_std, length, std = float(stds[1]), self.value, self.std
+        if largest_std == 0 or length > MIN_NORMAL_SIGMAS * largest_std:
             return max(length - factor * std, 0.0), length + factor * std
-        turn = min(1.0, (2 * largest / length) ** 2) if length > 0 else 1.0
-        upper_std = math.sqrt(std**2 + turn * (largest**2 - std**2))
+        # 0 for a well determined direction of the vector, 1 for an undetermined one.
+        undetermined = min(1.0, (2 * largest_std / length) ** 2) if length > 0 else 1.0
+        upper_std = math.sqrt(std**2 + undetermined * (largest_std**2 - std**2))
         unit = axes.T @ self.vector / length if length > 0 else np.array([0.0, 1.0])
         stds = stds * factor / two_sided_factor(level)
-        return _least_length(length, unit, stds, (1 - level) / 2), length + factor * upper_std
+        return _lower_length_bound(length, unit, stds, (1 - level) / 2), length + factor * upper_std
 
 
-def _least_length(length: float, unit: FloatArray, stds: FloatArray, tail: float) -> float:
+def _lower_length_bound(length: float, unit: FloatArray, stds: FloatArray, tail: float) -> float:
     """Return the true length for which a measured one exceeds `length` with probability `tail`."""
-    if _probability_beyond(length, 0.0 * unit, stds) > tail:
+    if _exceedance_probability(length, 0.0 * unit, stds) > tail:
         return 0.0
     low, high = 0.0, length
     for _ in range(BISECTIONS):
         middle = (low + high) / 2
-        if _probability_beyond(length, middle * unit, stds) > tail:
+        if _exceedance_probability(length, middle * unit, stds) > tail:
             high = middle
         else:
             low = middle
@@ -167,25 +168,25 @@ def two_sided_factor(level: float, degrees_of_freedom: float = math.inf) -> floa
     return float(ndtri(quantile))
 
 
-def _probability_beyond(length: float, mean: FloatArray, stds: FloatArray) -> float:
+def _exceedance_probability(length: float, mean: FloatArray, stds: FloatArray) -> float:
     """Return the probability that a vector with independent components exceeds `length`.
 
     The second component, of the larger standard deviation, is integrated in closed form.
     """
     from scipy.special import ndtr
 
-    minor, major = max(float(stds[0]), TINY * float(stds[1])), float(stds[1])
-    low = max(-length, float(mean[0]) - TAILS * minor)
-    high = min(length, float(mean[0]) + TAILS * minor)
+    minor, major = max(float(stds[0]), MIN_STD_RATIO * float(stds[1])), float(stds[1])
+    low = max(-length, float(mean[0]) - MAX_SIGMAS * minor)
+    high = min(length, float(mean[0]) + MAX_SIGMAS * minor)
     if low >= high:
         return 1.0
-    # With x = length sin t the ends of the circle, where its height has no derivative, are smooth.
+    # Substituting x = length sin(t) makes the integrand smooth at the ends of the circle.
     start, stop = math.asin(low / length), math.asin(high / length)
-    turns = (start + stop) / 2 + (stop - start) / 2 * _NODES
-    across, half = length * np.sin(turns), length * np.cos(turns)
-    density = np.exp(-(((across - mean[0]) / minor) ** 2) / 2) / (minor * math.sqrt(2 * math.pi))
-    inside = ndtr((half - mean[1]) / major) - ndtr((-half - mean[1]) / major)
-    return 1.0 - float((_WEIGHTS * (stop - start) / 2 * half) @ (density * inside))
+    angles = (start + stop) / 2 + (stop - start) / 2 * _NODES
+    x, half_chord = length * np.sin(angles), length * np.cos(angles)
+    density = np.exp(-(((x - mean[0]) / minor) ** 2) / 2) / (minor * math.sqrt(2 * math.pi))
+    chord_probability = ndtr((half_chord - mean[1]) / major) - ndtr((-half_chord - mean[1]) / major)
+    return 1.0 - float((_WEIGHTS * (stop - start) / 2 * half_chord) @ (density * chord_probability))
 
 
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(NODES)
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(QUADRATURE_NODES)

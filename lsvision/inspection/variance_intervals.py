@@ -50,35 +50,42 @@ def mean_square_interval(
     plus = [(term, dof) for term, dof in terms if term > 0]
     minus = [(-term, dof) for term, dof in terms if term < 0]
     tail = (1 - level) / 2
-    low = estimate - math.sqrt(max(_variance(plus, minus, tail), 0.0))
+    low = estimate - math.sqrt(max(_squared_half_width(plus, minus, tail), 0.0))
     # Upwards the roles of the positive and of the negative terms are exchanged.
-    high = estimate + math.sqrt(max(_variance(minus, plus, tail), 0.0))
+    high = estimate + math.sqrt(max(_squared_half_width(minus, plus, tail), 0.0))
     return max(low, 0.0), max(high, 0.0)
 
 
-def _variance(
+def _squared_half_width(
     falling: Sequence[tuple[float, float]], rising: Sequence[tuple[float, float]], tail: float
 ) -> float:
-    """Return the squared distance to the end where `falling` decrease and `rising` increase."""
+    """Return the squared distance to the end at which `falling` decrease and `rising` increase.
+
+    Terms are (coefficient times mean square, degrees of freedom).
+    """
     from scipy.stats import f
 
     total = sum((_g(dof, tail) * term) ** 2 for term, dof in falling)
     total += sum((_h(dof, tail) * term) ** 2 for term, dof in rising)
     for term, dof in falling:
-        for other, other_dof in rising:
-            quantile = float(f.isf(tail, dof, other_dof))
-            cross = (quantile - 1) ** 2 - (_g(dof, tail) * quantile) ** 2 - _h(other_dof, tail) ** 2
-            total += cross / quantile * term * other
+        for rising_term, rising_dof in rising:
+            quantile = float(f.isf(tail, dof, rising_dof))
+            cross = (
+                (quantile - 1) ** 2 - (_g(dof, tail) * quantile) ** 2 - _h(rising_dof, tail) ** 2
+            )
+            total += cross / quantile * term * rising_term
     return total
 
 
 def _g(dof: float, tail: float) -> float:
+    """Return G of Ting et al.: the relative distance to the lower end of one mean square."""
     from scipy.stats import chi2
 
     return 1 - dof / float(chi2.isf(tail, dof))
 
 
 def _h(dof: float, tail: float) -> float:
+    """Return H of Ting et al.: the relative distance to the upper end of one mean square."""
     from scipy.stats import chi2
 
     return dof / float(chi2.ppf(tail, dof)) - 1
@@ -96,9 +103,9 @@ def sums_of_squares(values: np.ndarray) -> tuple[float, float, float, float]:
     centred = values - values.mean()
     by_part, by_operator = centred.mean(axis=(1, 2)), centred.mean(axis=(0, 2))
     cells = centred.mean(axis=2)
-    of_parts = operators * trials * float(by_part @ by_part)
-    of_operators = parts * trials * float(by_operator @ by_operator)
-    both = cells - by_part[:, None] - by_operator[None]
-    of_both = trials * float((both**2).sum())
-    within = float(((centred - cells[:, :, None]) ** 2).sum())
-    return of_parts, of_operators, of_both, within
+    parts_sum = operators * trials * float(by_part @ by_part)
+    operators_sum = parts * trials * float(by_operator @ by_operator)
+    interaction = cells - by_part[:, None] - by_operator[None]
+    interaction_sum = trials * float((interaction**2).sum())
+    repeatability_sum = float(((centred - cells[:, :, None]) ** 2).sum())
+    return parts_sum, operators_sum, interaction_sum, repeatability_sum

@@ -290,10 +290,10 @@ class Verdict(Result):
             if item.reason not in ("", self.blocked)
         ]
         not_ok = [
-            f"{item.name}, {each.estimate.quantity.heading}: {each.reason}"
+            f"{item.name}, {quantity.estimate.quantity.heading}: {quantity.reason}"
             for item in self.items
-            for each in item.quantities
-            if each.decision != Decision.OK
+            for quantity in item.quantities
+            if quantity.decision != Decision.OK
         ]
         blocked = [self.blocked] if self.blocked else []
         return [f"{self.decision}", *blocked, *reasons, *not_ok, *self.notes]
@@ -313,8 +313,8 @@ def item_cells(items: Sequence[ItemVerdict]) -> list[tuple[str, ...]]:
         if not item.quantities:
             rows.append((item.name, "", "", "", "", "", str(item.decision)))
         rows += [
-            quantity_cells(item.name if number == 0 else "", each)
-            for number, each in enumerate(item.quantities)
+            quantity_cells(item.name if number == 0 else "", quantity)
+            for number, quantity in enumerate(item.quantities)
         ]
     return rows
 
@@ -339,7 +339,9 @@ def verdict_rows(verdict: Verdict) -> list[Record]:
             "item": item.name,
             "item_decision": str(item.decision),
         }
-        quantities = [each.to_dict() for each in item.quantities] or [dict.fromkeys(ROW_KEYS)]
+        quantities = [quantity.to_dict() for quantity in item.quantities] or [
+            dict.fromkeys(ROW_KEYS)
+        ]
         for record in quantities:
             values = {key: record[key] for key in ROW_KEYS}
             values["quantity_decision"] = record.get("decision")

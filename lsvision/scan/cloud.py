@@ -11,7 +11,7 @@ from lsvision.geometry import BoolArray, FloatArray, IntArray, Points, Pose
 from lsvision.profile import NoiseModel, Profile
 
 COPLANAR_MM, COPLANAR_RAD = 1e-6, 1e-9
-"""Sections whose planes differ by less in position and orientation count as one plane."""
+"""Differences of position and orientation below which two laser planes count as the same."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -43,19 +43,19 @@ class ScanCloud:
 
     @property
     def towards_sensor(self) -> FloatArray:
-        """(k, 3) unit vector of each section towards the sensor: its Y axis, base frame."""
+        """Unit vector of each section towards the sensor, (k, 3): its Y axis in the base frame."""
         return np.array([pose.rotation[:, 1] for pose in self.poses])
 
     def __len__(self) -> int:
         return len(self.points)
 
-    def rows_of(self, section: int, indices: IntArray) -> IntArray:
+    def find_rows(self, section: int, indices: IntArray) -> IntArray:
         """Return the rows of the cloud with the given points of a profile."""
-        first, last = np.searchsorted(self.point_sections, [section, section + 1])
-        present = self.indices[first:last]
-        wanted = np.zeros(max(present.max(initial=-1), indices.max(initial=-1)) + 1, dtype=bool)
-        wanted[indices] = True
-        rows: IntArray = first + np.flatnonzero(wanted[present])
+        start, stop = np.searchsorted(self.point_sections, [section, section + 1])
+        present = self.indices[start:stop]
+        requested = np.zeros(max(present.max(initial=-1), indices.max(initial=-1)) + 1, dtype=bool)
+        requested[indices] = True
+        rows: IntArray = start + np.flatnonzero(requested[present])
         return rows
 
     def contains(self, sections: IntArray, indices: IntArray) -> BoolArray:
@@ -77,7 +77,7 @@ class ScanCloud:
             indices=self.indices[rows],
         )
 
-    def excluding(self, other: "ScanCloud") -> "ScanCloud":
+    def exclude(self, other: "ScanCloud") -> "ScanCloud":
         """Return the cloud without the points that another cloud of the scan contains."""
         contained = other.contains(self.point_sections, self.indices)
         return self.subset(np.flatnonzero(~contained))
@@ -86,30 +86,32 @@ class ScanCloud:
 def build_cloud(
     profiles: Sequence[Profile], base_from_sections: Sequence[Pose], sensor: NoiseModel | None
 ) -> ScanCloud:
-    """Transform the points of all profiles to the base frame.
+    """Return the points of all profiles in the base frame, with their covariances.
 
     Parameters
     ----------
     profiles : sequence of Profile
-        Section frames.
+        Profiles, each in its section frame. Units: mm.
     base_from_sections : sequence of Pose
         Section frame of each profile in the base frame.
     sensor : NoiseModel or None
         Noise model of all profiles. None: the model of each profile; if one profile has none,
         the noise of all of them is estimated.
     """
-    known = sensor is not None or all(profile.noise is not None for profile in profiles)
-    parts = []
+    noise_known = sensor is not None or all(profile.noise is not None for profile in profiles)
+    section_arrays = []
     for section, (profile, pose) in enumerate(zip(profiles, base_from_sections, strict=True)):
-        prepared = prepare_profile(profile, (sensor or profile.noise) if known else None)
-        axes, order = pose.rotation[:, :2], prepared.valid_indices
-        covariances = axes @ prepared.noisy_points[order].covariances @ axes.T
-        points, columns = pose.apply(prepared.points[order]), prepared.sensor_columns[order]
-        parts.append((points, covariances, np.full(len(order), section), columns))
+        prepared = prepare_profile(profile, (sensor or profile.noise) if noise_known else None)
+        axes, valid = pose.rotation[:, :2], prepared.valid_indices
+        covariances = axes @ prepared.noisy_points[valid].covariances @ axes.T
+        points, columns = pose.apply(prepared.points[valid]), prepared.sensor_columns[valid]
+        section_arrays.append((points, covariances, np.full(len(valid), section), columns))
     points, covariances, point_sections, indices = (
-        np.concatenate(part) for part in zip(*parts, strict=True)
+        np.concatenate(arrays) for arrays in zip(*section_arrays, strict=True)
     )
-    return ScanCloud(points, covariances, point_sections, indices, known, tuple(base_from_sections))
+    return ScanCloud(
+        points, covariances, point_sections, indices, noise_known, tuple(base_from_sections)
+    )
 
 
 def require_noncoplanar_sections(base_from_sections: Sequence[Pose]) -> None:
@@ -118,7 +120,7 @@ def require_noncoplanar_sections(base_from_sections: Sequence[Pose]) -> None:
     Raises
     ------
     DegenerateGeometry
-        If they do: such sections leave the same two twins of each axis as one section.
+        If they do: like one section, they do not distinguish the two twins of each axis.
     """
     if len(base_from_sections) < 2:
         return

@@ -48,7 +48,7 @@ class JointFitSettings:
         Largest reduced chi^2 of the sections' lateral shifts at which the tube counts as
         straight; above it, points are assigned about each section's own centre.
     max_normalised_rms : float
-        Largest rms of the normalised residuals, with each section shifted to its best fit.
+        Largest rms of the normalised residuals after a lateral shift of each section is fitted.
     max_relative_radius_std : float
         Largest radius_std / radius.
     min_recognised_fraction : float
@@ -75,9 +75,9 @@ class JointFit:
     fit : CylinderFit
         Base frame.
     cloud : ScanCloud
-        The points used.
+        Points to which the cylinder was fitted.
     normalised_rms : float
-        Rms of the normalised residuals, with each section shifted to its best fit.
+        Rms of the normalised residuals after a lateral shift of each section is fitted.
     twin : Cylinder or None
         The other cylinder that fits equally well, if only one section was measured.
     """
@@ -106,7 +106,7 @@ def fit_tracks(
     tracks : sequence of Track
         Tracks from `associate_arcs`.
     known_radius : RadiusPrior or None
-        Prior on every radius.
+        Prior on the radius of every cylinder.
     settings : JointFitSettings
         Iterations and limits.
     """
@@ -127,7 +127,7 @@ def fit_tracks(
             rejections.append(result)
         else:
             fits.append(result)
-            cloud = cloud.excluding(result.cloud)
+            cloud = cloud.exclude(result.cloud)
     return fits, rejections
 
 
@@ -151,8 +151,10 @@ def _check_recognised_fraction(
 ) -> JointFit | ScanRejection:
     """Return the fit, or a rejection if detection found too few of its sections' arcs."""
     observations = list(itertools.chain.from_iterable(tracks))
-    on_it = itertools.compress(observations, _are_mostly_in(joint_fit.cloud, observations))
-    recognised = {observation.section for observation in on_it}
+    fitted_observations = itertools.compress(
+        observations, _are_mostly_in(joint_fit.cloud, observations)
+    )
+    recognised = {observation.section for observation in fitted_observations}
     section_count = len(np.unique(joint_fit.cloud.point_sections))
     if len(recognised) >= settings.min_recognised_fraction * section_count:
         return joint_fit
@@ -174,7 +176,7 @@ def fit_track(
     Parameters
     ----------
     cloud : ScanCloud
-        Points that belong to no cylinder yet.
+        Points that are not assigned to a cylinder yet.
     track : Track
         Arcs of two or more sections; a single arc is rejected.
     known_radius : RadiusPrior, optional
@@ -215,8 +217,8 @@ def select_twin(
     FitFailed, DegenerateGeometry
         If the fit fails from every initial guess.
     """
-    evenly = np.linspace(0, len(track) - 1, min(len(track), settings.trial_sections))
-    rows = _rows_of_arcs(cloud, [track[index] for index in np.unique(evenly.astype(int))])
+    trial_indices = np.linspace(0, len(track) - 1, min(len(track), settings.trial_sections))
+    rows = _rows_of_arcs(cloud, [track[index] for index in np.unique(trial_indices.astype(int))])
     fits = []
     failure: LsvisionError | None = None
     for initial_guess in _initial_guesses(track):
@@ -230,7 +232,9 @@ def select_twin(
 
 
 def _rows_of_arcs(cloud: ScanCloud, track: Sequence[ArcObservation]) -> IntArray:
-    return np.concatenate([cloud.rows_of(arc.section, arc.arc.indices) for arc in track])
+    return np.concatenate(
+        [cloud.find_rows(observation.section, observation.arc.indices) for observation in track]
+    )
 
 
 def _mean_square_residual(fit: CylinderFit) -> float:
@@ -281,7 +285,7 @@ def _assign_and_fit(
         shifts, assignment = np.zeros((len(cloud.poses), 2)), settings.point_assignment
         if section_fit.reduced_chi2 > settings.max_straight_reduced_chi2:
             section_fit = fit_section_shifts(cloud, cylinder, rows, free_radius=True)
-            shifts = section_fit.interpolated(len(cloud.poses))
+            shifts = section_fit.interpolate(len(cloud.poses))
             # On a bent tube, residuals at the arc ends come from the bend and not from a weld.
             assignment = replace(assignment, max_trimmed_points=0)
         previous_rows = rows
@@ -325,7 +329,7 @@ def cylinder_from_single_section(cloud: ScanCloud, observation: ArcObservation) 
     """
     arc, pose = observation.arc, cloud.poses[observation.section]
     first, second = (twin.transformed(pose) for twin in Cylinder.twins(arc.ellipse))
-    arc_points = cloud.subset(cloud.rows_of(observation.section, arc.indices))
+    arc_points = cloud.subset(cloud.find_rows(observation.section, arc.indices))
     residuals = first.signed_distances(arc_points.points)
     stds = np.full(len(residuals), max(arc.fit.rms, np.finfo(float).tiny))
     fit = CylinderFit(
@@ -342,7 +346,7 @@ def cylinder_from_single_section(cloud: ScanCloud, observation: ArcObservation) 
 
 
 def _single_section_covariance(arc: CylinderSection, first: Cylinder, pose: Pose) -> FloatArray:
-    """Propagate (centre_x, centre_y, a, b, theta) to `CylinderFit.covariance`."""
+    """Return `CylinderFit.covariance` propagated from that of (centre_x, centre_y, a, b, theta)."""
     basis = tangent_frame(first.direction)[:2] @ pose.rotation
     by_ellipse = twin_jacobian(arc, 1.0)
     jacobian = np.vstack([basis @ by_ellipse[:3], basis @ by_ellipse[3:6], by_ellipse[6]])

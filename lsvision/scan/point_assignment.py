@@ -92,7 +92,7 @@ class SectionShifts:
         """Rms of `normalised`."""
         return rms(self.normalised)
 
-    def interpolated(self, section_count: int) -> FloatArray:
+    def interpolate(self, section_count: int) -> FloatArray:
         """Return the (section_count, 2) shifts, interpolated linearly in the index. Units: mm."""
         indices = np.arange(section_count)
         columns = [np.interp(indices, self.sections, column) for column in self.shifts.T]
@@ -102,7 +102,7 @@ class SectionShifts:
 def fit_section_shifts(
     cloud: ScanCloud, cylinder: Cylinder, rows: IntArray, *, free_radius: bool
 ) -> SectionShifts:
-    """Fit the lateral shift of each section, by Gauss-Newton.
+    """Return the lateral shift of each section, fitted by Gauss-Newton.
 
     Parameters
     ----------
@@ -113,7 +113,8 @@ def fit_section_shifts(
     rows : (n,) int ndarray
         Rows of the cloud with the points of the cylinder, ascending.
     free_radius : bool
-        Fit the common radius as well: a straight cylinder fitted to a bent tube has a wrong one.
+        Whether to fit the common radius as well: that of a straight cylinder fitted to a bent tube
+        is wrong.
     """
     lateral, stds, offsets, _ = _point_distances(cloud, cylinder, rows)
     sections, starts, counts = np.unique(
@@ -121,7 +122,7 @@ def fit_section_shifts(
     )
     index = np.repeat(np.arange(len(sections)), counts)
     shifts, radius = np.zeros((len(sections), 2)), cylinder.radius
-    # A short arc does not determine the shift along the arc; a prior of half a radius does.
+    # The prior keeps the shift along a short arc, which the points do not determine, finite.
     prior = np.eye(2) / (SHIFT_PRIOR_STD_RADII * radius) ** 2
     for _ in range(GAUSS_NEWTON_ITERATIONS):
         from_centre = lateral - shifts[index].T
@@ -164,7 +165,7 @@ def assign_points(
     Parameters
     ----------
     cloud, cylinder
-        As for `fit_section_shifts`.
+        As in `fit_section_shifts`.
     shifts : (sections, 2) ndarray
         Lateral shift of each section along e_phi and e_theta. Units: mm.
     noise_factor : float
@@ -175,24 +176,27 @@ def assign_points(
     Returns
     -------
     (m,) int ndarray
-        Ascending.
+        Rows in ascending order.
     """
-    reach = 0.2 * cylinder.radius + 3 * float(np.abs(shifts).max(initial=0.0))
-    near = np.flatnonzero(np.abs(cylinder.signed_distances(cloud.points)) < reach)
-    if len(near) == 0:
-        return near
-    lateral, stds, offsets, incidence_cosines = _point_distances(cloud, cylinder, near)
-    sections = cloud.point_sections[near]
+    # Preselection; the limit on the normalised distance follows.
+    max_distance = 0.2 * cylinder.radius + 3 * float(np.abs(shifts).max(initial=0.0))
+    near_rows = np.flatnonzero(np.abs(cylinder.signed_distances(cloud.points)) < max_distance)
+    if len(near_rows) == 0:
+        return near_rows
+    lateral, stds, offsets, incidence_cosines = _point_distances(cloud, cylinder, near_rows)
+    sections = cloud.point_sections[near_rows]
     normalised = (np.hypot(*(lateral - shifts[sections].T)) - cylinder.radius - offsets) / stds
     inliers = (np.abs(normalised) < settings.sigmas * noise_factor) & (
         incidence_cosines > settings.min_incidence_cosine
     )
-    arcs = _split_into_arcs(near, sections, inliers, settings)
+    arcs = _split_into_arcs(near_rows, sections, inliers, settings)
     if not arcs:
-        return near[:0]
-    first = _trim_count(arcs, normalised, settings)
-    last = _trim_count([arc[::-1] for arc in arcs], normalised, settings)
-    rows: IntArray = near[np.concatenate([arc[first : len(arc) - last] for arc in arcs])]
+        return near_rows[:0]
+    start_trim = _trim_count(arcs, normalised, settings)
+    end_trim = _trim_count([arc[::-1] for arc in arcs], normalised, settings)
+    rows: IntArray = near_rows[
+        np.concatenate([arc[start_trim : len(arc) - end_trim] for arc in arcs])
+    ]
     return rows
 
 
@@ -243,7 +247,10 @@ def _split_into_arcs(
 def _trim_count(
     arcs: list[IntArray], normalised: FloatArray, settings: PointAssignmentSettings
 ) -> int:
-    """Return how many first points to trim from every arc: their mean residual is not zero."""
+    """Return how many points to trim from the start of every arc.
+
+    A position from the start is trimmed while its mean residual over all arcs differs from 0.
+    """
     limit = min(settings.max_trimmed_points, min(map(len, arcs)) // 2)
     for count in range(limit):
         residuals = normalised[[arc[count] for arc in arcs]]

@@ -9,14 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.cylinder.fit_result import CylinderFit, variance_factor
+from lsvision.cylinder.fit_result import CylinderFit, estimate_variance_factor
 from lsvision.cylinder.problem import PARAMETERS, axis_distances, parameters_from_cylinder
 from lsvision.cylinder.robot_frame import SectionMount, rigid_motion_jacobian, robot_covariance
 from lsvision.geometry import FloatArray, Pose, tangent_frame
 from lsvision.scan.cloud import ScanCloud
 
 MAX_POSE_STD_MM = 1e3
-"""Largest standard uncertainty of a pose: above a metre it gives no information. Units: mm."""
+"""Largest permissible standard uncertainty of a position: a metre. Units: mm."""
 MAX_FEED_STD = 1.0
 """Largest standard uncertainty of the feed's direction, up to which the small-angle approximation
 is tolerable. Units: rad."""
@@ -65,7 +65,7 @@ def propagate_pose_errors(fit: CylinderFit, cloud: ScanCloud, errors: PoseErrors
     fit : CylinderFit
         Fit to the points of `cloud`, made with the poses taken as exact.
     cloud : ScanCloud
-        The points used.
+        Points to which the cylinder was fitted.
     errors : PoseErrors
         Uncertainty of the poses.
 
@@ -77,26 +77,28 @@ def propagate_pose_errors(fit: CylinderFit, cloud: ScanCloud, errors: PoseErrors
     if errors.is_zero:
         return fit.covariance
     if len(np.unique(cloud.point_sections)) == 1:
-        by_pose = _single_section_jacobian(fit, cloud.poses[cloud.point_sections[0]], errors)
-        total: FloatArray = fit.covariance + by_pose @ by_pose.T
+        pose_jacobian = _single_section_jacobian(fit, cloud.poses[cloud.point_sections[0]], errors)
+        total: FloatArray = fit.covariance + pose_jacobian @ pose_jacobian.T
         return total
     frame, stds = tangent_frame(fit.direction), fit.stds[:, None]
     parameters = parameters_from_cylinder(frame, fit.cylinder)
     _, normals, _ = axis_distances(cloud.points @ frame.T, parameters)
     along = (cloud.points - fit.point) @ fit.direction
-    by_cylinder = np.vstack([normals[:2], along * normals[:2], np.ones(len(cloud))]).T / stds
-    by_common, by_section = (
+    cylinder_jacobian = np.vstack([normals[:2], along * normals[:2], np.ones(len(cloud))]).T / stds
+    common_jacobian, section_jacobian = (
         jacobian(normals.T @ frame, cloud, errors) / stds
         for jacobian in (common_error_jacobian, section_error_jacobian)
     )
     fit_covariance = fit.covariance / fit.variance_factor
     # Least squares maps a change d of the normalised distances to (J'J)^-1 J'd.
-    response = fit_covariance @ (by_cylinder.T @ by_common)
+    response = fit_covariance @ (cylinder_jacobian.T @ common_jacobian)
     starts = np.unique(cloud.point_sections, return_index=True)[1]
     section_response = fit_covariance @ np.add.reduceat(
-        by_cylinder[:, :, None] * by_section[:, None, :], starts
+        cylinder_jacobian[:, :, None] * section_jacobian[:, None, :], starts
     )
-    factor = _remaining_variance_factor(fit, by_cylinder, by_common, by_section, cloud)
+    factor = _remaining_variance_factor(
+        fit, cylinder_jacobian, common_jacobian, section_jacobian, cloud
+    )
     covariance: FloatArray = (
         fit_covariance * factor
         + response @ response.T
@@ -108,7 +110,7 @@ def propagate_pose_errors(fit: CylinderFit, cloud: ScanCloud, errors: PoseErrors
 def common_error_jacobian(
     directions: FloatArray, cloud: ScanCloud, errors: PoseErrors
 ) -> FloatArray:
-    """Return the change of each point along a direction by errors common to all sections.
+    """Return the displacement of each point along a direction by errors common to all sections.
 
     Parameters
     ----------
@@ -122,8 +124,8 @@ def common_error_jacobian(
     Returns
     -------
     (n, k) ndarray
-        Change by one standard deviation of each error: two of the feed direction, six of the
-        calibration. Units: mm.
+        Displacement by one standard deviation of each error: two of the feed direction, six of
+        the calibration. Units: mm.
     """
     columns = [np.zeros((len(cloud), 0))]
     if errors.feed_std > 0:
@@ -149,7 +151,7 @@ def common_error_jacobian(
 def section_error_jacobian(
     directions: FloatArray, cloud: ScanCloud, errors: PoseErrors
 ) -> FloatArray:
-    """Return the change of each point along a direction by the independent errors of its section.
+    """Return the displacement of each point along a direction by the errors of its own section.
 
     Parameters as for `common_error_jacobian`; the (n, k) result has 0 or 3 columns without a
     calibration, 6 with one. Units: mm.
@@ -189,20 +191,22 @@ def _single_section_jacobian(fit: CylinderFit, pose: Pose, errors: PoseErrors) -
     calibration = errors.calibration
     if calibration is not None:
         axes = pose.rotation @ calibration.flange_from_section.rotation.T
-        by_mount = rigid_motion_jacobian(fit.cylinder, pose.translation, axes)
-        by_robot = rigid_motion_jacobian(fit.cylinder, _flange_origin(pose, calibration), np.eye(3))
-        columns.append(by_mount @ _covariance_root(calibration.covariance))
-        columns.append(by_robot @ _covariance_root(robot_covariance(calibration)))
-    by_error = np.hstack(columns)
+        mount_jacobian = rigid_motion_jacobian(fit.cylinder, pose.translation, axes)
+        robot_jacobian = rigid_motion_jacobian(
+            fit.cylinder, _flange_origin(pose, calibration), np.eye(3)
+        )
+        columns.append(mount_jacobian @ _covariance_root(calibration.covariance))
+        columns.append(robot_jacobian @ _covariance_root(robot_covariance(calibration)))
+    error_jacobian = np.hstack(columns)
     basis = fit.tangent_basis
-    return np.vstack([basis @ by_error[:3], basis @ by_error[3:6], by_error[6]])
+    return np.vstack([basis @ error_jacobian[:3], basis @ error_jacobian[3:6], error_jacobian[6]])
 
 
 def _remaining_variance_factor(
     fit: CylinderFit,
-    by_cylinder: FloatArray,
-    by_common: FloatArray,
-    by_section: FloatArray,
+    cylinder_jacobian: FloatArray,
+    common_jacobian: FloatArray,
+    section_jacobian: FloatArray,
     cloud: ScanCloud,
 ) -> float:
     """Return the variance factor of the residuals after removing the effect of the pose errors.
@@ -211,28 +215,32 @@ def _remaining_variance_factor(
     here and in the response of the fit. All Jacobians are divided by the points' standard
     deviations; each pose error has a prior standard deviation of 1.
     """
-    if by_common.shape[1] + by_section.shape[1] == 0:
+    if common_jacobian.shape[1] + section_jacobian.shape[1] == 0:
         return fit.variance_factor
-    jacobian = np.hstack([by_cylinder, by_common])
+    jacobian = np.hstack([cylinder_jacobian, common_jacobian])
     whitened, residuals, absorbed_dof = jacobian.copy(), fit.normalised.copy(), 0.0
     for section in np.unique(cloud.point_sections):
         rows = cloud.point_sections == section
-        inverse = np.linalg.inv(np.eye(by_section.shape[1]) + by_section[rows].T @ by_section[rows])
+        inverse = np.linalg.inv(
+            np.eye(section_jacobian.shape[1]) + section_jacobian[rows].T @ section_jacobian[rows]
+        )
         for values in (whitened, residuals):
             # (I + C C')^-1 v = v - C (I + C'C)^-1 C' v
-            values[rows] -= by_section[rows] @ (inverse @ (by_section[rows].T @ values[rows]))
-        absorbed_dof += by_section.shape[1] - float(np.trace(inverse))
-    prior_information = np.diag(np.repeat([0.0, 1.0], [PARAMETERS, by_common.shape[1]]))
+            values[rows] -= section_jacobian[rows] @ (
+                inverse @ (section_jacobian[rows].T @ values[rows])
+            )
+        absorbed_dof += section_jacobian.shape[1] - float(np.trace(inverse))
+    prior_information = np.diag(np.repeat([0.0, 1.0], [PARAMETERS, common_jacobian.shape[1]]))
     residuals -= whitened @ np.linalg.solve(
         jacobian.T @ whitened + prior_information, whitened.T @ fit.normalised
     )
     dof = round(len(residuals) - PARAMETERS - absorbed_dof)
-    factor, _, std_scale = variance_factor(residuals, dof, known_noise=cloud.noise_known)
+    factor, _, std_scale = estimate_variance_factor(residuals, dof, known_noise=cloud.noise_known)
     return factor * std_scale**2
 
 
 def feed_direction(base_from_sections: Sequence[Pose]) -> tuple[FloatArray, FloatArray]:
-    """Return the unit vector from the first section's origin to the last's, and each position.
+    """Return the feed direction, and the position of each section along it.
 
     Parameters
     ----------
@@ -242,7 +250,7 @@ def feed_direction(base_from_sections: Sequence[Pose]) -> tuple[FloatArray, Floa
     Returns
     -------
     feed : (3,) ndarray
-        Zero if the first and the last origin coincide.
+        Unit vector from the first section's origin to the last's; zero if they coincide.
     distances : (k,) ndarray
         Position of each section along the feed, from the first. Units: mm.
     """

@@ -43,16 +43,16 @@ MIN_FEED_COSINE = 1e-6
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class ScanSettings(ShowsChanges):
-    """Settings of a scan, one value for each step.
+    """Settings of the measurement of a scan, one value for each step.
 
     Parameters
     ----------
     section : Settings
-        Measurement of each profile by itself.
+        Settings of the measurement of each profile by itself.
     tracks : TrackSettings
-        Association of arcs across sections.
+        Settings of the association of arcs across sections.
     joint_fit : JointFitSettings
-        Assignment of points and the joint fit.
+        Settings of the assignment of points and of the joint fit.
 
     Examples
     --------
@@ -123,7 +123,7 @@ def measure_scan(  # noqa: PLR0913 - the options of `measure_cylinders`, the pos
         If the numbers of poses and profiles differ, or are zero, a matrix is not a rigid motion, or
         a pose is farther than 1e9 mm.
     TypeError
-        If one is not a profile or not a pose.
+        If an element of `profiles` is not a profile, or one of `base_from_sections` not a pose.
     DegenerateGeometry
         If all sections lie in one plane: identical poses, or a feed along the laser plane.
     FitFailed
@@ -143,26 +143,30 @@ def measure_scan(  # noqa: PLR0913 - the options of `measure_cylinders`, the pos
     >>> scene = Scene((Tube.of(19.0, 0.3, 0.35, (0.0, -400.0)),))
     >>> poses = [Pose.along((0, 0, 1), 10.0 * k) for k in range(2)]
     >>> rng = np.random.default_rng(1)
-    >>> seen = simulate_scan(scene, poses, SCENE_SENSOR, SectionSettings(), rng=rng)
-    >>> scan = measure_scan([section.profile for section in seen], poses)
+    >>> sections = simulate_scan(scene, poses, SCENE_SENSOR, SectionSettings(), rng=rng)
+    >>> scan = measure_scan([section.profile for section in sections], poses)
     >>> [f"{pipe.radius:.1f} mm" for pipe in scan.cylinders]
     ['19.0 mm']
     """
     require_several(profiles)
-    seen, noise = [as_profile(profile) for profile in profiles], as_noise_model(sensor)
-    poses = validate_poses(seen, base_from_sections)
-    known = as_number_or_pair(known_radius, "known_radius", "mm", "(radius, std)")
+    checked_profiles, noise = [as_profile(profile) for profile in profiles], as_noise_model(sensor)
+    poses = validate_poses(checked_profiles, base_from_sections)
+    radius_prior = as_number_or_pair(known_radius, "known_radius", "mm", "(radius, std)")
     measurements = [
         measure_section(
-            profile, radius=radius, known_radius=known, sensor=noise, settings=settings.section
+            profile,
+            radius=radius,
+            known_radius=radius_prior,
+            sensor=noise,
+            settings=settings.section,
         )
-        for profile in seen
+        for profile in checked_profiles
     ]
     return fit_sections_jointly(
-        seen,
+        checked_profiles,
         poses,
         measurements,
-        known_radius=known,
+        known_radius=radius_prior,
         sensor=noise,
         settings=settings,
         pose_errors=PoseErrors(pose_std=pose_std, feed_std=feed_std, calibration=calibration),
@@ -244,7 +248,7 @@ def validate_poses(
     Raises
     ------
     TypeError, ValueError
-        If one is not a Pose, their number is not that of the profiles, or there are none.
+        If an element is not a pose, or their number is not that of the profiles, or is zero.
     DegenerateGeometry
         If the sections all lie in one plane.
     """
@@ -267,7 +271,7 @@ def _radius_prior(known_radius: float | tuple[float, float] | None) -> RadiusPri
 
 
 def build_scanned_cylinder(joint_fit: JointFit, errors: PoseErrors) -> ScannedCylinder:
-    """Build the result of a joint fit: reference point, sign, covariance and axial range."""
+    """Return the result of a joint fit: reference point, sign, covariance and axial range."""
     fit, cloud = joint_fit.fit, joint_fit.cloud
     fit = replace(fit, covariance=propagate_pose_errors(fit, cloud, errors))
     fit = fit.with_reference_point(cloud.poses[0].translation)
@@ -279,14 +283,15 @@ def build_scanned_cylinder(joint_fit: JointFit, errors: PoseErrors) -> ScannedCy
         fit = fit.with_reversed_direction()
     along = (cloud.points - fit.point) @ fit.direction
     rows = np.array([along.argmin(), along.argmax()])
-    ends, axis = cloud.subset(rows), np.tile(fit.direction, (2, 1))
+    end_points, axes = cloud.subset(rows), np.tile(fit.direction, (2, 1))
     pose_jacobian = np.hstack(
         [
-            jacobian(axis, ends, errors)
+            jacobian(axes, end_points, errors)
             for jacobian in (common_error_jacobian, section_error_jacobian)
         ]
     )
-    variances = fit.direction @ ends.covariances @ fit.direction + (pose_jacobian**2).sum(axis=1)
+    point_variances = fit.direction @ end_points.covariances @ fit.direction
+    variances = point_variances + (pose_jacobian**2).sum(axis=1)
     return ScannedCylinder(
         fit=fit,
         sections=tuple(int(section) for section in np.unique(cloud.point_sections)),
@@ -303,11 +308,11 @@ def build_scanned_cylinder(joint_fit: JointFit, errors: PoseErrors) -> ScannedCy
 def sort_cylinders(
     cylinders: Sequence[ScannedCylinder], poses: Sequence[Pose]
 ) -> tuple[ScannedCylinder, ...]:
-    """Sort by the first section that shows each cylinder, then by its mean x there."""
+    """Return the cylinders sorted by their first section, then by their mean x in it."""
 
-    def key(cylinder: ScannedCylinder) -> tuple[int, float]:
-        first = cylinder.sections[0]
-        points = cylinder.points[cylinder.point_sections == first]
-        return first, float(poses[first].inverse().apply(points)[:, 0].mean())
+    def sort_key(cylinder: ScannedCylinder) -> tuple[int, float]:
+        first_section = cylinder.sections[0]
+        points = cylinder.points[cylinder.point_sections == first_section]
+        return first_section, float(poses[first_section].inverse().apply(points)[:, 0].mean())
 
-    return tuple(sorted(cylinders, key=key))
+    return tuple(sorted(cylinders, key=sort_key))

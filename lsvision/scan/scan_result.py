@@ -16,7 +16,7 @@ from lsvision.results.picture import draw_svg
 from lsvision.results.quantities import Record, numbers
 from lsvision.results.result import Result
 from lsvision.results.summaries import counted, cylinder_summary, rejection_notes
-from lsvision.scan.scan_table import spans, tube_cells, twin_notes
+from lsvision.scan.scan_table import format_ranges, tube_cells, twin_notes
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -34,7 +34,7 @@ class ScannedCylinder(WithCylinder, Result):
     sections : tuple of int
         Indices of the profiles with points of the cylinder.
     points : (n, 3) ndarray
-        The points used, base frame. Units: mm.
+        Points to which the cylinder was fitted, base frame. Units: mm.
     point_sections, indices : (n,) int ndarray
         Index of each point's profile, and index of the point in that profile.
     axial_range : tuple of float
@@ -53,11 +53,11 @@ class ScannedCylinder(WithCylinder, Result):
     >>> import lsvision as lsv
     >>> scene = lsv.simulate.Scene((lsv.simulate.Tube.of(19.0, 0.3, 0.35, (0.0, -400.0)),))
     >>> poses = [lsv.Pose.along((0, 0, 1), 10.0 * k) for k in range(3)]
-    >>> seen = lsv.simulate.simulate_scan(
+    >>> sections = lsv.simulate.simulate_scan(
     ...     scene, poses, lsv.simulate.SCENE_SENSOR, lsv.simulate.SectionSettings(),
     ...     rng=np.random.default_rng(1),
     ... )
-    >>> (pipe,) = lsv.measure_scan([section.profile for section in seen], poses).cylinders
+    >>> (pipe,) = lsv.measure_scan([section.profile for section in sections], poses).cylinders
     >>> low, high = pipe.interval("radius", level=0.999)
     >>> low < 19 < high
     True
@@ -97,7 +97,7 @@ class ScannedCylinder(WithCylinder, Result):
 
     @property
     def covariance(self) -> FloatArray:
-        """(5, 5): point (mm) and direction (rad), each along e_phi and e_theta, radius (mm).
+        """Covariance (5, 5): point (mm) and direction (rad), along e_phi and e_theta; radius (mm).
 
         e_phi and e_theta are the rows of ``fit.tangent_basis``.
         """
@@ -132,7 +132,7 @@ class ScannedCylinder(WithCylinder, Result):
 
     @property
     def section_residuals(self) -> FloatArray:
-        """(k, 2) mean and rms of the residuals of each of `sections`. Units: mm."""
+        """Mean and rms of the residuals of each of `sections`, (k, 2). Units: mm."""
         residuals = [self.fit.residuals[self.point_sections == s] for s in self.sections]
         return np.array([[r.mean(), np.sqrt(np.mean(r * r))] for r in residuals])
 
@@ -218,7 +218,7 @@ class ScanRejection(Result):
         return {"sections": list(self.sections), "reason": self.reason}
 
     def _summary(self) -> str:
-        return f"sections {spans(self.sections)}: {self.reason}"
+        return f"sections {format_ranges(self.sections)}: {self.reason}"
 
     def _cells(self) -> list[tuple[str, ...]]:
         return []
@@ -227,7 +227,7 @@ class ScanRejection(Result):
         return [self._summary()]
 
     def _rows(self) -> list[Record]:
-        return [{"sections": spans(self.sections), "reason": self.reason}]
+        return [{"sections": format_ranges(self.sections), "reason": self.reason}]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -271,7 +271,9 @@ class ScanMeasurement(Result):
             "frame": "base",
             "cylinders": [tube.to_dict() for tube in self.cylinders],
             "rejections": [rejection.to_dict() for rejection in self.rejections],
-            "cylinders_by_section": [len(measured.cylinders) for measured in self.measurements],
+            "cylinders_by_section": [
+                len(measurement.cylinders) for measurement in self.measurements
+            ],
         }
 
     def _summary(self) -> str:
@@ -295,6 +297,6 @@ class ScanMeasurement(Result):
 def _end_view(tubes: Sequence[ScannedCylinder]) -> str:
     """Return an SVG picture of the points, viewed along the axis of the first cylinder."""
     e_phi, e_theta = tubes[0].fit.tangent_basis
-    seen = [(tube.points @ np.column_stack([e_theta, e_phi]), None) for tube in tubes]
+    projected = [(tube.points @ np.column_stack([e_theta, e_phi]), None) for tube in tubes]
     title = f"{counted(len(tubes), 'cylinder')}, seen along the axis of the first"
-    return draw_svg(np.zeros((0, 2)), seen, title)
+    return draw_svg(np.zeros((0, 2)), projected, title)

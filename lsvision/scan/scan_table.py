@@ -15,7 +15,7 @@ def tube_cells(tubes: "Sequence[ScannedCylinder]") -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = [("", *AXIS_HEADER, "sections", "points")]
     for number, tube in enumerate(tubes, 1):
         points = str(len(tube.points))
-        rows.append((str(number), *axis_cells(tube.fit), spans(tube.sections), points))
+        rows.append((str(number), *axis_cells(tube.fit), format_ranges(tube.sections), points))
     return rows
 
 
@@ -37,12 +37,12 @@ def twin_note(twin: Cylinder) -> str:
     )
 
 
-def spans(sections: Sequence[int]) -> str:
-    """Return ``0-4, 7`` of (0, 1, 2, 3, 4, 7).
+def format_ranges(sections: Sequence[int]) -> str:
+    """Return ascending indices as text, with consecutive ones as ranges.
 
     Examples
     --------
-    >>> spans((0, 1, 2, 3, 4, 7))
+    >>> format_ranges((0, 1, 2, 3, 4, 7))
     '0-4, 7'
     """
     runs: list[list[int]] = []

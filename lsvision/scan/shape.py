@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lsvision.cylinder.fit_result import variance_factor
+from lsvision.cylinder.fit_result import estimate_variance_factor
 from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import FloatArray, IntArray, Points, tangent_frame
 from lsvision.scan.scan_result import ScannedCylinder
@@ -21,9 +21,9 @@ PARAMETERS = 10
 """Point (2) and direction (2) perpendicular to the axis, radius; bow (2), taper (1), ovality
 (2)."""
 BOW, TAPER, OVALITY = slice(5, 7), slice(7, 8), slice(8, 10)
-"""Positions of the deviations among the parameters; the radius is parameter 4."""
+"""Indices of the deviations among the parameters; the radius is parameter 4."""
 MIN_SECTIONS = 3
-"""Two centres always lie on a straight line."""
+"""Smallest number of sections: two centres always lie on a straight line."""
 GAUSS_NEWTON_ITERATIONS = 6
 """Gauss-Newton steps for the circle of a section; from 1 mm away four are enough."""
 FACETS = 96
@@ -31,7 +31,7 @@ FACETS = 96
 
 
 def measure_shape(tube: ScannedCylinder) -> TubeShape:
-    """Measure bow, taper, ovality and the section centres of a scanned tube.
+    """Return bow, taper, ovality and the section centres of a scanned tube.
 
     Parameters
     ----------
@@ -72,13 +72,13 @@ def measure_shape(tube: ScannedCylinder) -> TubeShape:
     axis_points = _transform_to_axis_frame(tube)
     estimate, information, residuals = _fit_deviations(axis_points)
     noise_known = math.isinf(tube.fit.degrees_of_freedom)
-    factor, dof, std_scale = variance_factor(
+    factor, dof, std_scale = estimate_variance_factor(
         residuals, max(len(residuals) - PARAMETERS, 1), known_noise=noise_known
     )
     covariance = factor * std_scale**2 * np.asarray(np.linalg.inv(information), dtype=np.float64)
     bow, taper, ovality = (
-        _form_deviation(estimate[part], covariance[part, part], dof)
-        for part in (BOW, TAPER, OVALITY)
+        _test_form_deviation(estimate[indices], covariance[indices, indices], dof)
+        for indices in (BOW, TAPER, OVALITY)
     )
     # Centres refer to the straight axis of the joint fit; only the radius is the mean radius here.
     points = axis_points.points + np.array([[0.0], [0.0], [sum(tube.axial_range) / 2]])
@@ -160,7 +160,7 @@ def _residuals(axis_points: _AxisFramePoints, parameters: FloatArray) -> FloatAr
     return residuals
 
 
-def _form_deviation(values: FloatArray, covariance: FloatArray, dof: float) -> FormDeviation:
+def _test_form_deviation(values: FloatArray, covariance: FloatArray, dof: float) -> FormDeviation:
     """Return the deviation with the p-value of an F test, or of a chi^2 test if dof is inf."""
     from scipy.stats import chi2, f
 
@@ -174,7 +174,7 @@ def _form_deviation(values: FloatArray, covariance: FloatArray, dof: float) -> F
 def fit_section_centres(
     point_sections: IntArray, points: FloatArray, stds: FloatArray, radius: float
 ) -> SectionCentres:
-    """Fit a circle to the points of each section, projected along the axis.
+    """Return the circle fitted to the points of each section, projected along the axis.
 
     Parameters
     ----------
@@ -227,8 +227,8 @@ def _fit_circles(
     return circles, covariances
 
 
-def tube_surface(tube: ScannedCylinder, facets: int = FACETS) -> tuple[Points, IntArray]:
-    """Triangulate the fitted cylinder over its measured length, for display; ends are open.
+def triangulate_tube(tube: ScannedCylinder, facets: int = FACETS) -> tuple[Points, IntArray]:
+    """Return a triangle mesh of the fitted cylinder over its measured length; ends are open.
 
     Parameters
     ----------
@@ -249,7 +249,7 @@ def tube_surface(tube: ScannedCylinder, facets: int = FACETS) -> tuple[Points, I
     ring = tube.radius * (np.outer(np.cos(angles), first) + np.outer(np.sin(angles), second))
     rings = [tube.point + end * tube.direction + ring for end in tube.axial_range]
     vertex = np.arange(facets)
-    following = (vertex + 1) % facets
-    lower = np.column_stack([vertex, following, following + facets])
-    upper = np.column_stack([vertex, following + facets, vertex + facets])
+    next_vertex = (vertex + 1) % facets
+    lower = np.column_stack([vertex, next_vertex, next_vertex + facets])
+    upper = np.column_stack([vertex, next_vertex + facets, vertex + facets])
     return np.concatenate(rings), np.concatenate([lower, upper])

@@ -12,7 +12,7 @@ from lsvision.results.quantities import Record, finite, numbers
 from lsvision.results.result import Result
 
 SIGNIFICANCE = 0.01
-"""Level of the tests of shape."""
+"""p-value below which a form deviation is called significant."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ class SectionCentres(ComparedByValue):
 
     @property
     def deviations_std(self) -> FloatArray:
-        """(k, 2) standard uncertainty along e_phi and e_theta. Units: mm."""
+        """Standard uncertainty of `deviations`, (k, 2). Units: mm."""
         return np.sqrt(np.diagonal(self.deviation_covariances, axis1=1, axis2=2))
 
 
@@ -62,7 +62,7 @@ class FormDeviation(ComparedByValue):
     covariance : (k, k) ndarray
         Covariance of `values`. Units: mm^2.
     p_value : float
-        Probability of a deviation at least as large on a tube without any.
+        Probability of a deviation at least as large if the tube has none.
     """
 
     values: FloatArray
@@ -131,7 +131,7 @@ class TubeShape(Result):
 
     @property
     def ovality_std(self) -> float:
-        """Standard uncertainty of `ovality`, which for a round tube is about as large itself."""
+        """Standard uncertainty of `ovality`; on a round tube, `ovality` is about as large."""
         return 2 * self.ovality_terms.size_std / self.radius
 
     @property
@@ -193,7 +193,7 @@ class TubeShape(Result):
 
 
 def shape_lines(shape: TubeShape) -> list[str]:
-    """Return bow, taper and ovality with one sigma, a line each, and whether it is significant."""
+    """Return a line for bow, taper and ovality each: value, standard uncertainty, significance."""
     bow = (
         f"{format_value(shape.bow.size, shape.bow.size_std)} mm over {2 * shape.half_length:.0f} mm"
     )
@@ -203,11 +203,11 @@ def shape_lines(shape: TubeShape) -> list[str]:
     slope_std = 1e3 * shape.taper.size_std / shape.half_length
     ovality = format_value(100 * shape.ovality, 100 * shape.ovality_std)
     return [
-        f"bow {bow} ({_verdict(shape.bow)})",
-        f"taper {format_value(slope, slope_std)} mm/m ({_verdict(shape.taper)})",
-        f"ovality {ovality} % ({_verdict(shape.ovality_terms)})",
+        f"bow {bow} ({_significance(shape.bow)})",
+        f"taper {format_value(slope, slope_std)} mm/m ({_significance(shape.taper)})",
+        f"ovality {ovality} % ({_significance(shape.ovality_terms)})",
     ]
 
 
-def _verdict(deviation: FormDeviation) -> str:
+def _significance(deviation: FormDeviation) -> str:
     return "significant" if deviation.is_significant(SIGNIFICANCE) else "not significant"

@@ -60,7 +60,7 @@ class ArcObservation:
     twins : (2, 3) ndarray
         Unit vectors along both possible axes, base frame.
     twins_std : float
-        Root mean square angular error of the true one of the two. Units: rad.
+        Root mean square angle between the true axis and the twin next to it. Units: rad.
     """
 
     section: int
@@ -81,14 +81,14 @@ Track = tuple[ArcObservation, ...]
 
 
 def transform_arc_to_base(section: int, arc: CylinderSection, pose: Pose) -> ArcObservation:
-    """Transform an arc to the base frame.
+    """Return an arc with its centre and both possible axes in the base frame.
 
     Parameters
     ----------
     section : int
         Index of the profile.
     arc : CylinderSection
-        Section frame.
+        Measured arc, section frame.
     pose : Pose
         ``base_from_section``.
     """
@@ -107,14 +107,14 @@ def transform_arc_to_base(section: int, arc: CylinderSection, pose: Pose) -> Arc
 def associate_arcs(
     observations: Sequence[ArcObservation], settings: TrackSettings = TrackSettings()
 ) -> tuple[Track, ...]:
-    """Group the arcs of different sections into tracks, one for each cylinder.
+    """Return the tracks: arcs of different sections, grouped by cylinder.
 
     Parameters
     ----------
     observations : sequence of ArcObservation
         Arcs in the order of the sections.
     settings : TrackSettings
-        Gates.
+        Gates of the association.
 
     Returns
     -------
@@ -177,7 +177,7 @@ def _normalised_gate_distance(
 
 
 def predict_axes(recent: Sequence[ArcObservation]) -> tuple[FloatArray, FloatArray, float]:
-    """Predict the axis of a cylinder from some of its arcs.
+    """Return the axis of a cylinder, predicted from some of its arcs.
 
     Parameters
     ----------

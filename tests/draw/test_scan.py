@@ -13,7 +13,7 @@ from lsvision.draw.scan import MIN_FACING, draw_scan
 from lsvision.draw.scan_ply import GREY, coloured_points, coloured_surfaces, rgb_of
 from lsvision.geometry import FloatArray, Points, Pose
 from lsvision.scan import ScanMeasurement, measure_scan
-from lsvision.scan.shape import tube_surface
+from lsvision.scan.shape import triangulate_tube
 from lsvision.simulate import SCENE_SENSOR, Scene, SectionSettings, Tube, simulate_scan
 from tests.draw.borders import has_white_border
 
@@ -128,7 +128,7 @@ def test_each_point_is_in_the_cloud_once(seen) -> None:
 
 def test_the_surface_lies_on_the_cylinder_and_faces_outwards(seen) -> None:
     tube = seen[0].cylinders[0]
-    corners, triangles = tube_surface(tube)
+    corners, triangles = triangulate_tube(tube)
     assert np.abs(tube.cylinder.signed_distances(corners)).max() < SINGLE
     a, b, c = (corners[triangles[:, k]] for k in range(3))
     outward = np.cross(b - a, c - a)

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from lsvision.errors import TooFewPoints
-from lsvision.inspection.capability import binomial_interval, capability
+from lsvision.inspection.capability import binomial_interval, estimate_capability
 from lsvision.inspection.gauge_study import study_gauge
 from lsvision.inspection.repeat_study import study_repeats
 from lsvision.inspection.variance_intervals import mean_square_interval
@@ -111,13 +111,13 @@ def test_a_study_without_variation_between_operators_has_no_negative_variance(rn
 
 def test_cp_and_cpk_of_the_nist_handbook():
     # NIST/SEMATECH e-Handbook 7.1.6: limits 8 and 20, mean 16, s 2: Cp 1.0, Cpk 0.6667.
-    found = capability(sample(50, 16.0, 2.0), (8.0, 20.0))
+    found = estimate_capability(sample(50, 16.0, 2.0), (8.0, 20.0))
     assert (round(found.cp, 4), round(found.cpk, 4)) == (1.0, 0.6667)
 
 
 def test_the_interval_of_cp_of_montgomery():
     # Introduction to Statistical Quality Control, example 8.4: n 20, Cp rounded to 2.29.
-    found = capability(sample(20, 50.0, 24 / (6 * 2.29)), (38.0, 62.0))
+    found = estimate_capability(sample(20, 50.0, 24 / (6 * 2.29)), (38.0, 62.0))
     assert round(found.cp, 2) == 2.29
     assert tuple(round(end, 2) for end in found.cp_interval) == (1.57, 3.01)
 
@@ -131,14 +131,14 @@ def test_the_interval_of_cpk_of_the_sas_example():
         4.79 4.34 5.06 4.64 4.82 3.24 4.79 4.46 3.84 5.05 5.46 4.64 6.13 4.31 4.81 4.98 4.95 5.57
         4.11 4.15 5.95
     """
-    found = capability(list(map(float, decibels.split())), (4.0, 6.0), level=0.90)
+    found = estimate_capability(list(map(float, decibels.split())), (4.0, 6.0), level=0.90)
     assert tuple(round(end, 3) for end in found.cpk_interval) == (0.328, 0.496)
 
 
 def test_the_intervals_of_cp_and_cpk_hold_the_truth(rng):
     draws, misses = 800, np.zeros(2)
     for _ in range(draws):
-        found = capability(rng.normal(0.0, 1.0, 30), (-4.0, 5.0))
+        found = estimate_capability(rng.normal(0.0, 1.0, 30), (-4.0, 5.0))
         pairs = ((found.cp_interval, 1.5), (found.cpk_interval, 4 / 3))
         misses += [not low <= true <= high for (low, high), true in pairs]
     assert misses[0] <= stats.binom.ppf(0.9999, draws, 0.05)
@@ -146,12 +146,12 @@ def test_the_intervals_of_cp_and_cpk_hold_the_truth(rng):
 
 
 def test_one_limit_gives_cpk_alone_and_the_measurements_fraction_is_reported():
-    found = capability(sample(30, 1.0, 0.1), (-math.inf, 1.3), stds=[0.05] * 30)
+    found = estimate_capability(sample(30, 1.0, 0.1), (-math.inf, 1.3), stds=[0.05] * 30)
     assert math.isnan(found.cp)
     assert found.cpk == pytest.approx(1.0)
     assert found.measurement_fraction == pytest.approx(0.25)
     with pytest.raises(ValueError, match="expected two values or more that differ, got 3"):
-        capability([1.0, 1.0, 1.0], (0.0, 2.0))
+        estimate_capability([1.0, 1.0, 1.0], (0.0, 2.0))
 
 
 def test_the_interval_of_a_share_is_that_of_clopper_and_pearson():

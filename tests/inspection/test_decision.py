@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from lsvision.inspection.decision import Decision, decide, widened, worst
+from lsvision.inspection.decision import Decision, decide, widen_interval, worst
 
 OPEN = -math.inf
 
@@ -36,6 +36,6 @@ def test_the_worst_of_several_is_reported():
 
 
 def test_an_extra_uncertainty_is_added_in_quadrature_to_each_half_width():
-    low, high = widened(10.0, (9.97, 10.04), 0.04 / 1.959964, 0.95)
+    low, high = widen_interval(10.0, (9.97, 10.04), 0.04 / 1.959964, 0.95)
     assert (10 - low, high - 10) == pytest.approx((0.05, math.hypot(0.04, 0.04)), abs=1e-7)
-    assert widened(10.0, (9.97, 10.04), 0.0, 0.95) == pytest.approx((9.97, 10.04), abs=1e-12)
+    assert widen_interval(10.0, (9.97, 10.04), 0.0, 0.95) == pytest.approx((9.97, 10.04), abs=1e-12)

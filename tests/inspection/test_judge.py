@@ -10,8 +10,8 @@ import pytest
 
 import lsvision as lsv
 from lsvision.detection.arcs import Rejection
-from lsvision.inspection.judge import _judge_direction
-from lsvision.inspection.limits import quantity_of
+from lsvision.inspection.judge import _judge_periodic_angle
+from lsvision.inspection.limits import quantity_from_key
 from lsvision.measure import Measurement, measure_cylinders
 from lsvision.profile import Arc
 from lsvision.results.quantities import Estimate
@@ -156,8 +156,8 @@ def test_a_known_radius_sharpens_the_part_that_has_it(pair):
 
 
 def direction(value, low, high, ends):
-    estimate = Estimate(quantity_of("theta_deg"), value, 1.0, (low, high))
-    return _judge_direction(estimate, ends, 0.95)
+    estimate = Estimate(quantity_from_key("theta_deg"), value, 1.0, (low, high))
+    return _judge_periodic_angle(estimate, ends, 0.95)
 
 
 @pytest.mark.parametrize(

@@ -11,10 +11,10 @@ import pytest
 import lsvision as lsv
 from lsvision.errors import LsvisionError, UnreadableFile
 from lsvision.inspection.append_only import append_record, read_records
-from lsvision.inspection.calibration_files import calibration_age_days, calibration_files
-from lsvision.inspection.golden import check_golden, golden_block
-from lsvision.inspection.history import history_path, record_revision, unrecorded_note
-from lsvision.inspection.job_template import job_text
+from lsvision.inspection.calibration_files import calibration_age_days, check_calibration_files
+from lsvision.inspection.golden import check_golden, find_blocking_reason
+from lsvision.inspection.history import describe_unrecorded_change, history_path, record_revision
+from lsvision.inspection.job_template import build_job_text
 from lsvision.inspection.remedies import plan_remedies
 from lsvision.measure import measure_cylinders
 from lsvision.scan import measure_scan
@@ -76,10 +76,12 @@ def test_a_file_that_only_grows_notices_what_was_changed(tmp_path):
 
 def test_a_revision_stands_for_one_content(tmp_path):
     path = tmp_path / "job.toml"
-    assert unrecorded_note(job(), path) is None
+    assert describe_unrecorded_change(job(), path) is None
     assert record_revision(job(), path, NOW)
     assert not record_revision(job(), path, NOW)
-    assert "not in its history (last recorded: revision 1)" in unrecorded_note(job(upper=0.3), path)
+    assert "not in its history (last recorded: revision 1)" in describe_unrecorded_change(
+        job(upper=0.3), path
+    )
     with pytest.raises(LsvisionError, match="revision 1 is recorded with another content"):
         record_revision(job(upper=0.3), path, NOW)
     assert record_revision(job(revision=2, upper=0.3), path, NOW)
@@ -90,11 +92,11 @@ def test_a_revision_stands_for_one_content(tmp_path):
 
 def test_the_golden_part_blocks_until_it_was_measured_rightly(scan):
     found = measure_cylinders(scan[0][1]).cylinders
-    assert "never measured" in golden_block(job(), [], NOW)
+    assert "never measured" in find_blocking_reason(job(), [], NOW)
     passed = check_golden(found, job(), "golden.csv", NOW)
     assert passed["passed"], passed
-    assert golden_block(job(), [passed], NOW + datetime.timedelta(hours=7)) == ""
-    late = golden_block(job(), [passed], NOW + datetime.timedelta(hours=9))
+    assert find_blocking_reason(job(), [passed], NOW + datetime.timedelta(hours=7)) == ""
+    late = find_blocking_reason(job(), [passed], NOW + datetime.timedelta(hours=9))
     assert late == "golden part overdue: measured 9.0 h ago, expected every 8 h"
 
 
@@ -103,14 +105,16 @@ def test_a_golden_part_that_is_not_proved_right_has_failed(scan):
     narrow = job(tolerance=0.001)
     failed = check_golden(found, narrow, "golden.csv", NOW)
     assert not failed["passed"]
-    assert golden_block(narrow, [failed], NOW).startswith("golden part failed at 2026-05-01")
+    assert find_blocking_reason(narrow, [failed], NOW).startswith(
+        "golden part failed at 2026-05-01"
+    )
     nothing = check_golden((), job(), "golden.csv", NOW)
     assert nothing["reason"] == "no cylinder was measured"
 
 
 def test_a_job_without_a_golden_part_forbids_nothing():
     plain = lsv.Job.from_text(JOB.split("[golden]", maxsplit=1)[0].format(revision=1, upper=0.2))
-    assert golden_block(plain, [], NOW) == ""
+    assert find_blocking_reason(plain, [], NOW) == ""
     with pytest.raises(LsvisionError, match="names no golden part"):
         check_golden((), plain, "golden.csv", NOW)
 
@@ -120,17 +124,17 @@ def test_calibration_files_are_those_of_the_job(tmp_path):
     rig.write_text(json.dumps({"provenance": {"date": "2026-04-21T12:00:00+00:00"}}))
     text = 'name = "a"\n[[part]]\nname = "b"\norder = 1\n[rig]\nlight_section = "rig.json"\n'
     path = tmp_path / "job.toml"
-    files = calibration_files(lsv.Job.from_text(text), path)
+    files = check_calibration_files(lsv.Job.from_text(text), path)
     assert calibration_age_days(files, NOW) == pytest.approx(10)
     digest = files["light_section"]["sha256"]
     stated = text + f'light_section_sha256 = "{digest}"\n'
     path.write_text(stated)
-    assert calibration_files(lsv.Job.load(path), path) == files
+    assert check_calibration_files(lsv.Job.load(path), path) == files
     rig.write_text("{}")
     changed = r"job\.toml, line 7: expected rig\.json with SHA-256 .* write light_section_sha256"
     with pytest.raises(LsvisionError, match=changed):
-        calibration_files(lsv.Job.load(path), path)
-    undated = calibration_files(lsv.Job.from_text(text), path)
+        check_calibration_files(lsv.Job.load(path), path)
+    undated = check_calibration_files(lsv.Job.from_text(text), path)
     assert calibration_age_days(undated, NOW) is None
 
 
@@ -138,7 +142,7 @@ def test_a_job_from_a_profile_is_passed_by_it():
     section = lsv.simulate.random_section("welded_pair", 520, noise_mm=0.02)
     found = measure_cylinders(section.profile)
     assert len(found.cylinders) == 2
-    made = lsv.Job.from_text(job_text('a "pair"', found.cylinders, 5.0))
+    made = lsv.Job.from_text(build_job_text('a "pair"', found.cylinders, 5.0))
     assert made.name == 'a "pair"'
     verdict = lsv.judge(found, made)
     assert [item.decision for item in verdict.parts] == ["OK", "OK"], str(verdict)
