@@ -10,6 +10,7 @@ from lsvision.draw.titles import figure_of, label_once, set_title, summary_title
 from lsvision.geometry import FloatArray, Points
 from lsvision.results.number_format import format_std, format_value, with_minus_signs
 from lsvision.results.palette import POINTS, cylinder_colour
+from lsvision.results.space_picture import AZIMUTH_DEG, ELEVATION_DEG
 from lsvision.results.summaries import counted
 from lsvision.scan import ScanMeasurement, ScannedCylinder
 from lsvision.scan.shape import triangulate_tube
@@ -25,7 +26,6 @@ MAX_POINTS = 6000
 """Largest number of points drawn; more would overlap."""
 FACETS = 40
 Vertical = Literal["y", "z"]
-ELEVATION_DEG, AZIMUTH_DEG = 25.0, -55.0
 MIN_FACING = -0.3
 """Smallest cosine between the measured sides and the view; below it the view is turned."""
 PANEL_LEFT, PANEL_TOP, PANEL_LINE = 0.715, 0.86, 0.024

@@ -102,6 +102,31 @@ class Cylinder(ComparedByValue):
         pose = as_pose(a_from_b)
         return Cylinder(pose.apply_one(self.point), pose.rotation @ self.direction, self.radius)
 
+    def ring(self, position: float, angles: npt.ArrayLike) -> FloatArray:
+        """Return points of the circle in which a plane perpendicular to the axis cuts the cylinder.
+
+        Parameters
+        ----------
+        position : float
+            Distance of the plane from `point` along `direction`. Units: mm.
+        angles : (n,) array_like
+            From e_phi towards e_theta, see `tangent_basis`. Units: rad.
+
+        Returns
+        -------
+        (n, 3) ndarray
+            Points on the surface. Units: mm.
+
+        Examples
+        --------
+        >>> Cylinder((0, 0, 0), (0, 0, 1), radius=10.0).ring(5.0, [0.0]).tolist()
+        [[10.0, 0.0, 5.0]]
+        """
+        e_phi, e_theta = tangent_frame(self.direction)[:2]
+        around = np.outer(np.cos(angles), e_phi) + np.outer(np.sin(angles), e_theta)
+        points: FloatArray = self.point + position * self.direction + self.radius * around
+        return points
+
     def signed_distances(self, points: npt.ArrayLike) -> FloatArray:
         """Return the distance of points from the surface.
 

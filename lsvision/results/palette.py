@@ -20,6 +20,8 @@ DECISIONS = {"OK": "#00644A", "NG": "#B3261E", "undecided": "#7A5B00"}
 """Colours of verdicts, which shapes and text show too."""
 LIMITS = "#B3261E"
 """Lines of limits."""
+EDGES = "#666666"
+"""Edges of the box around a drawing in space, and its numbers."""
 FRAME_AXES = ("#C8102E", "#00805E", "#0072B2")
 """X, Y and Z of a frame."""
 

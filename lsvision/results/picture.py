@@ -59,20 +59,21 @@ def draw_svg(
         pixels: FloatArray = (coordinates - middle) * (scale, -scale) + (width / 2, height / 2)
         return pixels
 
-    parts = [_dots(to_pixels(points), POINTS)]
+    parts = [svg_dots(to_pixels(points), POINTS)]
     for number, (arc, ellipse) in enumerate(cylinders, 1):
         colour = cylinder_colour(number)
-        parts.append(_dots(to_pixels(arc), colour))
+        parts.append(svg_dots(to_pixels(arc), colour))
         label = to_pixels(arc[np.isfinite(arc[:, 0])].mean(axis=0))
         if ellipse is not None:
             outline = to_pixels(ellipse.points_at(np.linspace(0, 2 * np.pi, OUTLINE_POINTS)))
-            path = "L".join(f"{x:.1f},{y:.1f}" for x, y in outline)
-            parts.append(f'<path d="M{path}" fill="none" stroke="{colour}"/>')
+            parts.append(svg_line(outline, colour))
             label = to_pixels(np.array(ellipse.centre))
-        parts.append(
-            f'<text x="{label[0]:.1f}" y="{label[1]:.1f}" fill="{colour}" font-size="14" '
-            f'text-anchor="middle" font-family="sans-serif">{number}</text>'
-        )
+        parts.append(svg_text(str(number), label, colour))
+    return svg_element(parts, width, height, description)
+
+
+def svg_element(parts: Sequence[str], width: float, height: float, description: str) -> str:
+    """Return an ``<svg>`` of a size in px with the given elements, on white."""
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.0f}" height="{height:.0f}" '
         f'viewBox="0 0 {width:.0f} {height:.0f}" role="img" aria-label="{description}" '
@@ -80,7 +81,25 @@ def draw_svg(
     )
 
 
-def _dots(pixels: FloatArray, colour: str) -> str:
+def svg_line(pixels: FloatArray, colour: str, dashes: str = "none") -> str:
+    """Return a line through points of an SVG, with the dashes of ``stroke-dasharray``."""
+    path = "L".join(f"{x:.1f},{y:.1f}" for x, y in pixels)
+    return f'<path d="M{path}" fill="none" stroke="{colour}" stroke-dasharray="{dashes}"/>'
+
+
+def svg_text(
+    text: str, pixel: FloatArray, colour: str, size_px: int = 14, anchor: str = "middle"
+) -> str:
+    """Return a text with a white border; `anchor` is its start, middle or end."""
+    x, y = pixel
+    return (
+        f'<text x="{x:.1f}" y="{y:.1f}" fill="{colour}" font-size="{size_px}" '
+        f'text-anchor="{anchor}" font-family="sans-serif" stroke="white" stroke-width="3" '
+        f'paint-order="stroke">{text}</text>'
+    )
+
+
+def svg_dots(pixels: FloatArray, colour: str) -> str:
     """Return points as one path of lines of length zero with round ends."""
     valid = pixels[np.isfinite(pixels).all(axis=1)]
     few = valid[:: max(1, -(-len(valid) // MAX_POINTS))]

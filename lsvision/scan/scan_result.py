@@ -12,11 +12,14 @@ from lsvision.cylinder.fit_result import CylinderFit
 from lsvision.geometry import Cylinder, FloatArray, IntArray, Points
 from lsvision.geometry.cylinder import WithCylinder
 from lsvision.measure import Measurement
-from lsvision.results.picture import draw_svg
 from lsvision.results.quantities import Record, numbers
 from lsvision.results.result import Result
+from lsvision.results.space_picture import draw_space_svg
 from lsvision.results.summaries import counted, cylinder_summary, rejection_notes
 from lsvision.scan.scan_table import format_ranges, tube_cells, twin_notes
+
+RING_POINTS = 49
+"""Points of the circle at each end of a drawn cylinder; more do not look rounder."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -184,7 +187,7 @@ class ScannedCylinder(WithCylinder, Result):
         ]
 
     def _picture(self) -> str:
-        return _end_view([self])
+        return _view_in_space([self])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -291,12 +294,18 @@ class ScanMeasurement(Result):
         return [row for tube in self.cylinders for row in tube._rows()]
 
     def _picture(self) -> str:
-        return _end_view(self.cylinders) if self.cylinders else ""
+        return _view_in_space(self.cylinders) if self.cylinders else ""
 
 
-def _end_view(tubes: Sequence[ScannedCylinder]) -> str:
-    """Return an SVG picture of the points, viewed along the axis of the first cylinder."""
-    e_phi, e_theta = tubes[0].fit.tangent_basis
-    projected = [(tube.points @ np.column_stack([e_theta, e_phi]), None) for tube in tubes]
-    title = f"{counted(len(tubes), 'cylinder')}, seen along the axis of the first"
-    return draw_svg(np.zeros((0, 2)), projected, title)
+def _view_in_space(tubes: Sequence[ScannedCylinder]) -> str:
+    """Return an SVG picture of the points and cylinders, Z of the base frame upwards."""
+    angles = np.linspace(0.0, 2 * np.pi, RING_POINTS)
+    drawn = [
+        (
+            tube.points,
+            [tube.cylinder.ring(end, angles) for end in tube.axial_range],
+            tube.point + np.outer(tube.axial_range, tube.direction),
+        )
+        for tube in tubes
+    ]
+    return draw_space_svg(drawn, f"{counted(len(tubes), 'cylinder')} in the base frame")

@@ -244,10 +244,8 @@ def triangulate_tube(tube: ScannedCylinder, facets: int = FACETS) -> tuple[Point
     triangles : (2 * facets, 3) ndarray of int
         Rows of `points`, counter-clockwise seen from outside.
     """
-    first, second = tube.fit.tangent_basis
     angles = np.linspace(0.0, 2 * np.pi, facets, endpoint=False)
-    ring = tube.radius * (np.outer(np.cos(angles), first) + np.outer(np.sin(angles), second))
-    rings = [tube.point + end * tube.direction + ring for end in tube.axial_range]
+    rings = [tube.cylinder.ring(end, angles) for end in tube.axial_range]
     vertex = np.arange(facets)
     next_vertex = (vertex + 1) % facets
     lower = np.column_stack([vertex, next_vertex, next_vertex + facets])
