@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lsvision.draw.measurement import draw_on_axes
+from lsvision.draw.titles import draw_legend, label_once
 from lsvision.geometry import Ellipse
 from lsvision.inspection.decision import Decision
 from lsvision.inspection.inspected import Series
@@ -23,6 +24,8 @@ SERIES_INCH, PROFILE_INCH = (7.6, 2.5), (7.6, 4.4)
 MARKERS = {Decision.OK: "o", Decision.NG: "X", Decision.UNDECIDED: "D"}
 """Marker shapes, so that verdicts differ in a black-and-white print too."""
 MAX_BINS = 30
+LEGEND_COLUMNS = 3
+"""Columns of the legend of a judged profile: its picture is as wide as half a page."""
 
 
 def draw_series(series: Series) -> Figure:
@@ -40,6 +43,7 @@ def draw_series(series: Series) -> Figure:
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from matplotlib.ticker import MaxNLocator
 
     figure = Figure(figsize=SERIES_INCH, facecolor="white", layout="constrained")
     FigureCanvasAgg(figure)
@@ -49,10 +53,13 @@ def draw_series(series: Series) -> Figure:
     bins = int(np.clip(math.ceil(math.sqrt(count)), 1, MAX_BINS))
     histogram.hist(series.values, bins=bins, orientation="horizontal", color="#8C8C8C")
     histogram.set_xlabel("parts")
+    ends = [end for end in series.limits if math.isfinite(end)]
+    name = "limits" if len(ends) > 1 else "limit"
     for axes in (trend, histogram):
-        for end in series.limits:
-            if math.isfinite(end):
-                axes.axhline(end, color=LIMITS, lw=1.2, ls="--")
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))  # numbers of parts
+        for end in ends:
+            axes.axhline(end, color=LIMITS, lw=1.2, ls="--", label=label_once(axes, name))
+    trend.legend(fontsize=7, loc="best")
     return figure
 
 
@@ -69,7 +76,6 @@ def _draw_trend(axes: Axes, series: Series) -> None:
             )  # fmt: skip
     axes.set_xlabel("measurement")
     axes.set_ylabel(series.quantity.heading)
-    axes.legend(fontsize=7, loc="best")
     axes.grid(visible=True, lw=0.3, alpha=0.5)
 
 
@@ -104,6 +110,7 @@ def draw_judged_profile(measurement: Measurement, verdict: Verdict) -> Figure | 
             f"{item.name}: {item.decision}", (x, y), xytext=(0, -16), textcoords="offset points",
             ha="center", fontsize=8, color=DECISIONS[item.decision.value],
         )  # fmt: skip
+    draw_legend(axes, columns=LEGEND_COLUMNS)
     return figure
 
 
@@ -112,4 +119,5 @@ def _draw_limit(axes: Axes, ellipse: Ellipse, radius: float) -> None:
     factor = radius / ellipse.semi_minor
     outline = ellipse.points_at(np.linspace(0, 2 * math.pi, 181))
     scaled = np.add(ellipse.centre, factor * (outline - ellipse.centre))
-    axes.plot(*scaled.T, ls="--", lw=0.8, color=LIMITS, zorder=1)
+    axes.plot(*scaled.T, ls="--", lw=0.8, color=LIMITS, zorder=1,
+              label=label_once(axes, "limits of the radius"))  # fmt: skip

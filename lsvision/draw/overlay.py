@@ -139,6 +139,10 @@ def _draw_cylinder(
               label=label_once(axes, "points of a cylinder"))  # fmt: skip
     axes.plot(*outline.T, "-", color=colour, lw=1.1, zorder=5,
               label=label_once(axes, "fitted ellipse"))  # fmt: skip
+    if cylinder.theta_determined:  # otherwise its direction would look like a result
+        ends = light_section.project(ellipse.points_at(np.array([0.0, math.pi])))
+        axes.plot(*ends.T, "--", color=colour, lw=1.3, zorder=5,
+                  label=label_once(axes, "major axis (direction θ)"))  # fmt: skip
     badge = {"boxstyle": "circle,pad=0.25", "fc": colour, "ec": "white"}
     u, v = light_section.project([ellipse.centre])[0]
     axes.text(u, v, str(number), color="white", fontsize=11, weight="bold", ha="center",

@@ -45,10 +45,10 @@ def label_once(axes: "Axes", label: str) -> str | None:
     return None if label in axes.get_legend_handles_labels()[1] else label
 
 
-def draw_legend(axes: "Axes", *, marker_scale: float = 1.6) -> None:
-    """Put the legend of axes in one row above them, where it hides nothing."""
+def draw_legend(axes: "Axes", *, marker_scale: float = 1.6, columns: int = 6) -> None:
+    """Put the legend of axes above them, where it hides nothing; in one row if it has few names."""
     axes.legend(
-        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=6, frameon=False, fontsize=9,
+        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, frameon=False, fontsize=9,
         borderaxespad=0.2, columnspacing=1.2, handlelength=1.8, markerscale=marker_scale,
     )  # fmt: skip
 

@@ -144,12 +144,15 @@ def test_a_picture_of_any_shape_holds_all_its_words(shape):
 
 def test_photo_and_section_have_one_legend_and_one_set_of_colours(figure):
     photo, section = ({line.get_label(): line for line in axes.lines} for axes in figure.axes)
-    shared = {"measured points", "rejected arc", "points of a cylinder", "fitted ellipse"}
-    assert shared <= set(photo)
-    assert shared <= set(section)
-    for label in shared:
+    names = [[text.get_text() for text in axes.get_legend().texts] for axes in figure.axes]
+    assert names[0] == names[1] == [
+        "measured points", "rejected arc", "points of a cylinder", "fitted ellipse",
+        "major axis (direction θ)",
+    ]  # fmt: skip
+    for label in names[0]:
         assert same_color(photo[label].get_color(), section[label].get_color())
         assert photo[label].get_marker() == section[label].get_marker()
+        assert photo[label].get_linestyle() == section[label].get_linestyle()
     (title,), *legends = [[figure._suptitle], *(axes.get_legend().texts for axes in figure.axes)]
     figure.canvas.draw()
     assert all(title.get_window_extent().y0 > text.get_window_extent().y1 for text in legends[0])
