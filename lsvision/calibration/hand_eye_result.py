@@ -255,7 +255,7 @@ class HandEye(Result):
         path : path
             ``.json``; an existing file is replaced only when all is written.
         provenance : mapping of str to str, optional
-            Method, date, version and inputs' hash, from `lsvision.io.calibration.provenance_of`.
+            Method, date, version and inputs' hash, from `lsvision.io.calibration.build_provenance`.
 
         Raises
         ------

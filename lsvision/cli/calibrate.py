@@ -115,7 +115,7 @@ def camera(
     files = image_files(images)
     check_outputs((out, ros_yaml, report), files)
     from lsvision.calibration.intrinsics import CameraSettings, calibrate_camera
-    from lsvision.io.calibration import provenance_of, write_calibration
+    from lsvision.io.calibration import build_provenance, write_calibration
     from lsvision.io.camera_file import write_camera_yaml
 
     names = [printable(file.name) for file in files]
@@ -130,7 +130,7 @@ def camera(
         calibration = calibrate_camera(shots, board, model)
     rows = camera_rows(calibration)
     warnings = warning_lines(names, calibration)
-    provenance = provenance_of(f"{len(calibration.views)} views of {board}", files)
+    provenance = build_provenance(f"{len(calibration.views)} views of {board}", files)
     if report is not None:
         from lsvision.draw.calibration_report import ReportContent, camera_page
         from lsvision.files.atomic_files import write_atomic
@@ -203,7 +203,7 @@ def laser_plane(
     from lsvision.draw.calibration_report import ReportContent, laser_plane_page
     from lsvision.draw.view_photos import brighter_of
     from lsvision.files.atomic_files import write_atomic
-    from lsvision.io.calibration import provenance_of, write_calibration
+    from lsvision.io.calibration import build_provenance, write_calibration
     from lsvision.io.camera_file import read_camera, read_camera_covariance
 
     settings = LaserPlaneSettings(line=line_options.parse())
@@ -216,7 +216,7 @@ def laser_plane(
         calibration = calibrate_laser_plane(
             view, board, shots, line_shots, settings, read_camera_covariance(camera_file)
         )
-    provenance = provenance_of(
+    provenance = build_provenance(
         f"laser line on {board} in {len(calibration.views)} poses", dict.fromkeys(files)
     )
     rows = laser_plane_rows(calibration)

@@ -115,7 +115,7 @@ def board(
     inputs = [job.poses, camera, *files]
     job.check_files(inputs)
     from lsvision.calibration.hand_eye import calibrate_hand_eye_board
-    from lsvision.io.robot_poses import pose_files
+    from lsvision.io.robot_poses import find_pose_files
 
     names = [printable(file.name) for file in files]
     flanges = job.read_flanges(names)
@@ -131,7 +131,7 @@ def board(
             mounting=job.placement,
             settings=job.settings,
         )
-    read = [*pose_files(job.poses), camera, *files]
+    read = [*find_pose_files(job.poses), camera, *files]
     report_hand_eye(found, flanges, names, job, read, boards.evidence(found, flanges, names))
 
 

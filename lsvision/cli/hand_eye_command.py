@@ -219,7 +219,7 @@ def calibrate_from_profiles(
         If a file cannot be read, or the profiles do not suffice.
     """
     _check_plan(job, plan)
-    from lsvision.io.robot_poses import pose_files
+    from lsvision.io.robot_poses import find_pose_files
 
     options = reading.parse()
     files = profile_files(words, reading.dx)
@@ -229,7 +229,7 @@ def calibrate_from_profiles(
     with prefix_file_names(pose=names):
         hand_eye = calibrate(profiles, flanges, mounting=job.placement, settings=job.settings)
         planned = _plan_next_poses(hand_eye, flanges, plan.plan_poses) if plan.plan_poses else None
-    report_hand_eye(hand_eye, flanges, names, job, [*pose_files(job.poses), *files])
+    report_hand_eye(hand_eye, flanges, names, job, [*find_pose_files(job.poses), *files])
     if planned is not None:
         _report_pose_plan(planned, plan.plan_out)
 
@@ -241,7 +241,7 @@ def report_hand_eye(
     """Write the files and print the result."""
     from lsvision.calibration.result_tables import accuracy_rows
     from lsvision.geometry import Pose
-    from lsvision.io.calibration import provenance_of
+    from lsvision.io.calibration import build_provenance
     from lsvision.io.hand_eye_file import export_easy_handeye
     from lsvision.io.pose_numbers import frame_rows
 
@@ -255,7 +255,7 @@ def report_hand_eye(
     origin = "samples" if convention is None else f"{convention} poses"
     kind = "board" if isinstance(hand_eye.target, Pose) else type(hand_eye.target).__name__.lower()
     method = f"{kind}, {job.mounting}, {origin}"
-    provenance = provenance_of(method, dict.fromkeys(inputs))
+    provenance = build_provenance(method, dict.fromkeys(inputs))
     if job.report is not None:
         from lsvision.draw.calibration_report import ReportContent, hand_eye_page
         from lsvision.files.atomic_files import write_atomic

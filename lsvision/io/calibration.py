@@ -36,7 +36,7 @@ def write_calibration(
     calibration : CameraCalibration or LaserPlaneCalibration
         The result. For measuring, save a laser plane's ``light_section``.
     provenance : mapping of str to str
-        Provenance from `provenance_of`.
+        Provenance from `build_provenance`.
 
     Raises
     ------
@@ -106,7 +106,7 @@ def _laser_plane_values(calibration: LaserPlaneCalibration) -> dict[str, Any]:
     }
 
 
-def provenance_of(method: str, inputs: Iterable[str | os.PathLike[str]]) -> dict[str, str]:
+def build_provenance(method: str, inputs: Iterable[str | os.PathLike[str]]) -> dict[str, str]:
     """Return method, date, version, and names and hash of the inputs of a calibration.
 
     Parameters
@@ -119,7 +119,7 @@ def provenance_of(method: str, inputs: Iterable[str | os.PathLike[str]]) -> dict
     Returns
     -------
     dict of str to str
-        For a rig file or a calibration file.
+        Entries of ``provenance`` in a rig file or a calibration file.
 
     Raises
     ------
@@ -127,7 +127,7 @@ def provenance_of(method: str, inputs: Iterable[str | os.PathLike[str]]) -> dict
         If an input is missing.
     """
     digest, names = hashlib.sha256(), []
-    for path in sorted(Path(each) for each in inputs):
+    for path in sorted(map(Path, inputs)):
         digest.update(hashlib.sha256(read_bytes(path)).digest())
         names.append(printable(path.name))
     return {

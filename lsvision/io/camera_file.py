@@ -85,9 +85,9 @@ def read_camera_covariance(path: str | os.PathLike[str]) -> FloatArray | None:
     document = parse_document(text, source, _SCHEMAS) if text.lstrip().startswith("{") else {}
     if document.get("camera_covariance") is None:
         return None
-    size = 4 + len(camera.distortion)
+    count = 4 + len(camera.distortion)
     try:
-        covariance = as_readonly_array(document["camera_covariance"], (size, size), "covariance")
+        covariance = as_readonly_array(document["camera_covariance"], (count, count), "covariance")
         if not (np.isfinite(covariance).all() and np.allclose(covariance, covariance.T)):
             raise ValueError("expected a finite symmetric matrix")
     except (TypeError, ValueError) as error:
@@ -125,14 +125,14 @@ def _camera_from_yaml(text: str, size: tuple[int, int] | None) -> Camera:
             f"its lens model is {model.group(1)!r}; expected {MODELS[0]} or {MODELS[1]}: "
             "calibrate again with that model"
         )
-    matrix = _numbers(text, MATRIX_KEYS, "camera matrix")
+    matrix = _find_numbers(text, MATRIX_KEYS, "camera matrix")
     if len(matrix) != 9:
         raise ValueError(f"expected a camera matrix of 9 numbers, got {len(matrix)}")
-    distortion = _numbers(text, DISTORTION_KEYS, "distortion coefficients")
-    stated = _length(text, WIDTH_KEYS), _length(text, HEIGHT_KEYS)
-    if None not in stated and size not in (None, stated):
-        raise ValueError(f"it is for images of {stated} px, not {size}")
-    size = size or (None if None in stated else stated)  # type: ignore[assignment]
+    distortion = _find_numbers(text, DISTORTION_KEYS, "distortion coefficients")
+    stated_size = _read_size(text, WIDTH_KEYS), _read_size(text, HEIGHT_KEYS)
+    if None not in stated_size and size not in (None, stated_size):
+        raise ValueError(f"it is for images of {stated_size} px, not {size}")
+    size = size or (None if None in stated_size else stated_size)  # type: ignore[assignment]
     if size is None:
         raise ValueError("it does not state the size of the images: give size=(width, height)")
     return camera_from_json(
@@ -140,26 +140,27 @@ def _camera_from_yaml(text: str, size: tuple[int, int] | None) -> Camera:
     )
 
 
-def _numbers(text: str, keys: Iterable[str], what: str) -> list[float]:
-    """Return the numbers under a key: a list in brackets or of dashes, or its `data`."""
-    number = r"[-+.\deE]+"
+def _find_numbers(text: str, keys: Iterable[str], quantity: str) -> list[float]:
+    """Return the numbers under the first of some keys: a YAML list, or the ``data`` of a matrix."""
+    number_pattern = r"[-+.\deE]+"
     for key in keys:
         match = re.search(
             rf"^[ \t]*{key}:[^\[\n]*(?:\n[ \t]+(?!data)\w+:.*)*(?:\n[ \t]*data:)?\s*"
-            rf"(\[[^\]]*\]|(?:-[ \t]+{number}\s+)+)",
+            rf"(\[[^\]]*\]|(?:-[ \t]+{number_pattern}\s+)+)",
             text,
             re.MULTILINE,
         )
         if match:
             return [
-                float(each)
-                for each in re.findall(rf"(?:^|(?<=[\[,\s])){number}", match[1])
-                if each != "-"
+                float(number_text)
+                for number_text in re.findall(rf"(?:^|(?<=[\[,\s])){number_pattern}", match[1])
+                if number_text != "-"
             ]
-    raise ValueError(f"expected {what} under one of {', '.join(keys)}; got none")
+    raise ValueError(f"expected {quantity} under one of {', '.join(keys)}; got none")
 
 
-def _length(text: str, keys: Iterable[str]) -> int | None:
+def _read_size(text: str, keys: Iterable[str]) -> int | None:
+    """Return the width or height under the first of some keys; None if there is none."""
     for key in keys:
         match = re.search(rf"^[ \t]*{key}:[ \t]*(\d{{1,9}})\b", text, re.MULTILINE)
         if match:

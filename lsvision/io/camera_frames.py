@@ -38,24 +38,24 @@ def open_camera(name: str) -> Iterator[Frame]:
         it stops sending.
     """
     if name.startswith(GENICAM):
-        return _genicam_frames(name.removeprefix(GENICAM))
+        return _read_genicam_frames(name.removeprefix(GENICAM))
     if name.isdecimal() and not Path(name).exists():
-        return _all_frames(int(name))
+        return _read_camera_frames(int(name))
     return read_frames(name)
 
 
-def _all_frames(index: int) -> Iterator[Frame]:
+def _read_camera_frames(index: int) -> Iterator[Frame]:
     yield from capture_frames(index, np.iinfo(np.int64).max)
 
 
-def _genicam_frames(address: str) -> Iterator[Frame]:
+def _read_genicam_frames(address: str) -> Iterator[Frame]:
     try:
         library: Any = import_module("viva_genicam")
     except ImportError:
         raise LsvisionError(
             "GenICam cameras need viva-genicam: pip install 'lsvision[genicam]'"
         ) from None
-    device = _device(library, address)
+    device = _find_device(library, address)
     try:
         with library.connect_gige(device) as camera, camera.stream() as stream:
             for number in count():
@@ -76,7 +76,7 @@ def _genicam_frames(address: str) -> Iterator[Frame]:
         raise LsvisionError(f"camera {device.ip}: {error}: is another program using it?") from error
 
 
-def _device(library: Any, address: str) -> Any:
+def _find_device(library: Any, address: str) -> Any:
     """Return the one GenICam camera at an address, or the only one if the address is empty."""
     cameras = library.discover(DISCOVERY_MS, None, address.startswith("127."))
     matching = [device for device in cameras if address in ("", device.ip)]

@@ -44,15 +44,15 @@ def read_frames(path: str | os.PathLike[str]) -> Iterator[Frame]:
     """
     source = Path(path)
     check_readable(source)
-    with _opened(str(source)) as capture:
+    with _open_capture(str(source)) as capture:
         capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
-        first = next(frames := _frames(capture), None)
-        if first is None:
+        first_frame = next(frames := _decode_frames(capture), None)
+        if first_frame is None:
             raise UnreadableFile(
                 f"{source} holds no frame that can be decoded: play it to see whether it is "
                 "complete, or save it again as AVI or MP4"
             )
-        yield first
+        yield first_frame
         yield from frames
 
 
@@ -76,21 +76,22 @@ def capture_frames(index: int, count: int) -> Iterator[Frame]:
     LsvisionError
         If there is no such camera, or it stops sending; names the index and the remedy.
     """
-    with _opened(index) as capture:
-        got = 0
-        for frame in islice(_frames(capture), count):
-            got += 1
+    with _open_capture(index) as capture:
+        received = 0
+        for frame in islice(_decode_frames(capture), count):
+            received += 1
             yield frame
-    if got < count:
-        wanted = "" if count == sys.maxsize else f" of {count}"
+    if received < count:
+        requested = "" if count == sys.maxsize else f" of {count}"
         raise LsvisionError(
-            f"camera {index} sent {got}{wanted} frames: check its cable, that no other program "
-            "uses it, and its index (0 is the first)"
+            f"camera {index} sent {received}{requested} frames: check its cable, "
+            "that no other program uses it, and its index (0 is the first)"
         )
 
 
 @contextmanager
-def _opened(source: str | int) -> Iterator[Any]:
+def _open_capture(source: str | int) -> Iterator[Any]:
+    """Open a video file or a camera; messages of OpenCV and ffmpeg are suppressed meanwhile."""
     # OpenCV 4 has getLogLevel and setLogLevel in cv2, OpenCV 5 in cv2.utils.logging.
     logging: Any = cv2 if hasattr(cv2, "setLogLevel") else cv2.utils.logging
     level = logging.getLogLevel()
@@ -104,7 +105,7 @@ def _opened(source: str | int) -> Iterator[Any]:
         logging.setLogLevel(level)
 
 
-def _frames(capture: Any) -> Iterator[Frame]:
+def _decode_frames(capture: Any) -> Iterator[Frame]:
     while True:
         received, frame = capture.read()
         if not received:

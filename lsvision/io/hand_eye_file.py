@@ -20,7 +20,7 @@ def save_hand_eye(
     path : path
         ``.json``.
     provenance : mapping of str to str, optional
-        Method, date, version and inputs' hash, from `lsvision.io.calibration.provenance_of`.
+        Method, date, version and inputs' hash, from `lsvision.io.calibration.build_provenance`.
 
     Raises
     ------

@@ -43,9 +43,9 @@ def read_hand_eye_samples(
     file = Path(path)
     parse = parse_json if file.suffix.lower() == ".json" else parse_yaml
     try:
-        pairs, inverse = _pairs(parse(read_text(file)))
-        flanges = [_pose(flange) for flange, _ in pairs]
-        targets = [_pose(target) for _, target in pairs]
+        pairs, inverse = _find_pairs(parse(read_text(file)))
+        flanges = [_parse_pose(flange) for flange, _ in pairs]
+        targets = [_parse_pose(target) for _, target in pairs]
     except (ValueError, TypeError, KeyError, OverflowError) as error:
         problem = f"no {error}" if isinstance(error, KeyError) else str(error)
         raise UnreadableFile(
@@ -57,7 +57,7 @@ def read_hand_eye_samples(
     return flanges, targets
 
 
-def _pairs(document: Any) -> tuple[list[tuple[Any, Any]], bool]:
+def _find_pairs(document: Any) -> tuple[list[tuple[Any, Any]], bool]:
     """Return the pairs of flange and target, and whether easy_handeye wrote them."""
     if isinstance(document, list):
         return [(row["effector_wrt_world"], row["object_wrt_sensor"]) for row in document], False
@@ -70,12 +70,12 @@ def _pairs(document: Any) -> tuple[list[tuple[Any, Any]], bool]:
             raise ValueError(f"{len(flanges)} poses of the hand and {len(targets)} of the marker")
         return list(zip(flanges, targets, strict=True)), True
     rows = document["samples"]
-    seen = "optical" if rows and "optical" in rows[0] else "tracking"
-    return [(row["robot"], row[seen]) for row in rows], True
+    target_key = "optical" if rows and "optical" in rows[0] else "tracking"
+    return [(row["robot"], row[target_key]) for row in rows], True
 
 
-def _pose(value: Any) -> Pose:
-    """Return a pose in mm of a 4x4 in m, or of a translation and a rotation."""
+def _parse_pose(value: Any) -> Pose:
+    """Return a pose (mm) from a 4x4 matrix (m), or from a translation (m) and a quaternion."""
     if isinstance(value, list):
         rows = [number for row in value for number in (row if isinstance(row, list) else [row])]
         numbers = [float(number) for number in rows]

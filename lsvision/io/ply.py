@@ -27,7 +27,7 @@ def write_ply(
     path : path
         ``.ply``.
     points : (n, 3) ndarray
-        Kept in single precision: 0.1 um at a metre. Units: mm.
+        Points, written in single precision: rounded to 0.1 um at 1 m. Units: mm.
     colours : (n, 3) array_like
         Red, green, blue of each point, 0 to 1.
     triangles : (m, 3) int ndarray, optional
@@ -49,11 +49,11 @@ def write_ply(
     faces = np.zeros((0, 3), dtype=np.int64) if triangles is None else triangles
     if faces.size and not (faces.min() >= 0 and faces.max() < len(points)):
         raise ValueError(f"expected triangles of rows below {len(points)}, got {faces.max()}")
-    header = _header(len(points), None if triangles is None else len(faces))
-    write_atomic(path, header + _vertices(points, colours) + _faces(faces))
+    header = _encode_header(len(points), None if triangles is None else len(faces))
+    write_atomic(path, header + _encode_vertices(points, colours) + _encode_faces(faces))
 
 
-def _header(points: int, triangles: int | None) -> bytes:
+def _encode_header(points: int, triangles: int | None) -> bytes:
     lines = [
         "ply",
         "format binary_little_endian 1.0",
@@ -67,15 +67,15 @@ def _header(points: int, triangles: int | None) -> bytes:
     return "\n".join([*lines, "end_header", ""]).encode("ascii")
 
 
-def _vertices(points: Points, colours: FloatArray) -> bytes:
+def _encode_vertices(points: Points, colours: FloatArray) -> bytes:
     rows = np.empty(len(points), dtype=_VERTEX)
-    for place, (axis, colour) in enumerate(zip("xyz", ("red", "green", "blue"), strict=True)):
-        rows[axis] = points[:, place]
-        rows[colour] = np.round(255 * colours[:, place])
+    for column, (axis, colour) in enumerate(zip("xyz", ("red", "green", "blue"), strict=True)):
+        rows[axis] = points[:, column]
+        rows[colour] = np.round(255 * colours[:, column])
     return rows.tobytes()
 
 
-def _faces(triangles: IntArray) -> bytes:
+def _encode_faces(triangles: IntArray) -> bytes:
     rows = np.empty(len(triangles), dtype=_FACE)
     rows["count"], rows["corners"] = 3, triangles
     return rows.tobytes()

@@ -47,7 +47,7 @@ def read_pose_header(
     pose_convention : PoseConvention
         Convention with the names of the fields.
     skip : int
-        Columns before the pose where the header names no field.
+        Number of columns before the pose; used if the header names no fields.
 
     Raises
     ------
@@ -60,17 +60,19 @@ def read_pose_header(
     (2, 1, 0, 5, 4, 3)
     """
     labels = [split_label(cell) for cell in cells]
-    names = [_field(name, pose_convention) for name, _ in labels]
+    names = [_field_name(name, pose_convention) for name, _ in labels]
     missing = [field for field in pose_convention.fields if field not in names]
-    twice = [field for field in pose_convention.fields if names.count(field) > 1]
-    if twice:
-        raise ValueError(f"the header names {twice[0]} {names.count(twice[0])} times: rename one")
+    repeated = [field for field in pose_convention.fields if names.count(field) > 1]
+    if repeated:
+        raise ValueError(
+            f"the header names {repeated[0]} {names.count(repeated[0])} times: rename one"
+        )
     if missing:
-        known = [(k, name) for k, name in enumerate(names) if name in _FIELDS]
+        named = [(k, name) for k, name in enumerate(names) if name in _FIELDS]
         expected = dict(enumerate(pose_convention.fields, start=skip))
-        if any(expected.get(k) != name for k, name in known):
+        if any(expected.get(k) != name for k, name in named):
             raise ValueError(
-                f"the header names {' '.join(name for _, name in known)} and not "
+                f"the header names {' '.join(name for _, name in named)} and not "
                 f"{' '.join(missing)} of convention {pose_convention.name!r}: is it another "
                 "convention?"
             )
@@ -84,14 +86,14 @@ def read_pose_header(
     return PoseHeader(columns, common_length_unit(lengths), _common_angle_unit(angles))
 
 
-def _field(name: str, pose_convention: PoseConvention) -> str:
-    bare = re.sub(r"[\W_]", "", name)
-    bare = _ALIASES.get(bare, bare)
-    return _QUATERNION.get(pose_convention.name, {}).get(bare, bare)
+def _field_name(name: str, pose_convention: PoseConvention) -> str:
+    letters = re.sub(r"[\W_]", "", name)
+    letters = _ALIASES.get(letters, letters)
+    return _QUATERNION.get(pose_convention.name, {}).get(letters, letters)
 
 
 def common_length_unit(units: set[str]) -> LengthUnit | None:
-    """Return the unit that a file states of all its lengths, or None without one."""
+    """Return the unit of all lengths of a file from those stated; None if none is stated."""
     if not units:
         return None
     if units == {"mm"}:

@@ -1,4 +1,4 @@
-"""Poses as numbers in a robot maker's convention, with one sigma each."""
+"""Poses as numbers in a robot maker's convention, with standard uncertainties."""
 
 import math
 import warnings
@@ -13,18 +13,18 @@ from lsvision.io.robot_conventions import (
     MM_PER_UNIT,
     RAD_PER_UNIT,
     PoseConvention,
-    convention_named,
+    find_convention,
 )
 from lsvision.results.number_format import format_std, format_value
 
 STEP = 1e-5
 """Step of the numeric derivative. Units: mm, rad."""
 MIN_COSINE_OF_MIDDLE = 1e-3
-"""Distance of the middle angle from gimbal lock; nearer, the two other angles have no sigma. Units:
-rad."""
+"""Smallest distance of the middle angle from gimbal lock at which the two other angles have a
+standard uncertainty. Units: rad."""
 DECIMALS = {"mm": 3, "m": 6, "deg": 4, "rad": 6, "": 8}
 """Decimals that are printed: 0.001 mm, 0.0001 deg."""
-_WRITTEN = {
+_ROBOT_FORMATS = {
     "kuka": "{{X {}, Y {}, Z {}, A {}, B {}, C {}}}",
     "fanuc": "X {} Y {} Z {} W {} P {} R {}",
     "ur": "p[{}, {}, {}, {}, {}, {}]",
@@ -61,7 +61,7 @@ def numbers_from_pose(pose: Pose, convention: str) -> FloatArray:
     >>> numbers_from_pose(pose, "ur").round(4).tolist()
     [0.1, 0.0, 0.5, 0.0, 0.0, 1.5708]
     """
-    pose_convention = convention_named(convention)
+    pose_convention = find_convention(convention)
     mm = MM_PER_UNIT[pose_convention.length_unit]
     if pose_convention.rotation == "matrix":
         matrix = pose.matrix.copy()
@@ -70,8 +70,8 @@ def numbers_from_pose(pose: Pose, convention: str) -> FloatArray:
     return np.concatenate([pose.translation / mm, _angles(pose.rotation, pose_convention)])
 
 
-def std_of_numbers(pose: Pose, covariance: npt.ArrayLike, convention: str) -> FloatArray:
-    """Return one sigma of each of the numbers of a pose.
+def propagate_to_numbers(pose: Pose, covariance: npt.ArrayLike, convention: str) -> FloatArray:
+    """Return the standard uncertainty of each of the numbers of a pose.
 
     Parameters
     ----------
@@ -90,10 +90,10 @@ def std_of_numbers(pose: Pose, covariance: npt.ArrayLike, convention: str) -> Fl
     """
     from scipy.spatial.transform import Rotation
 
-    pose_convention = convention_named(convention)
+    pose_convention = find_convention(convention)
     columns = []
     for step in np.eye(6) * STEP:
-        ends = [
+        perturbed_poses = [
             Pose(
                 Rotation.from_rotvec(sign * step[3:]).as_matrix() @ pose.rotation,
                 pose.translation + sign * step[:3],
@@ -101,7 +101,8 @@ def std_of_numbers(pose: Pose, covariance: npt.ArrayLike, convention: str) -> Fl
             for sign in (1.0, -1.0)
         ]
         after, before = (
-            _near(numbers_from_pose(end, convention), pose, pose_convention) for end in ends
+            _unwrap(numbers_from_pose(perturbed_pose, convention), pose, pose_convention)
+            for perturbed_pose in perturbed_poses
         )
         columns.append((after - before) / (2 * STEP))
     jacobian = np.column_stack(columns)
@@ -123,12 +124,12 @@ def frame_rows(hand_eye: HandEye, convention: str) -> list[Row]:
         Name of a convention, one of `CONVENTIONS`.
     """
     mount = "flange" if hand_eye.mounting == "eye_in_hand" else "base"
-    name, pose_convention = f"{mount}_from_{hand_eye.sensor}", convention_named(convention)
+    name, pose_convention = f"{mount}_from_{hand_eye.sensor}", find_convention(convention)
     pose = hand_eye.mount_from_sensor
     values = numbers_from_pose(pose, convention)
     if pose_convention.rotation == "matrix":
         return _matrix_rows(name, values.reshape(4, 4), hand_eye.covariance)
-    std = std_of_numbers(pose, hand_eye.covariance, convention)
+    std = propagate_to_numbers(pose, hand_eye.covariance, convention)
     units = [pose_convention.length_unit] * 3 + [_angle_unit(pose_convention)] * (len(values) - 3)
     fields = [
         field.upper() if len(pose_convention.rotation) == 3 else field
@@ -139,28 +140,28 @@ def frame_rows(hand_eye: HandEye, convention: str) -> list[Row]:
         for field, value, sigma, unit in zip(fields, values, std, units, strict=True)
     ]
     cells = [f"{value:.{DECIMALS[unit]}f}" for value, unit in zip(values + 0.0, units, strict=True)]
-    typed = _WRITTEN.get(pose_convention.name, ", ".join(["{}"] * len(cells))).format(*cells)
-    stated = ", ".join(dict.fromkeys(unit for unit in units if unit))
-    return [*rows, (f"to type in, {pose_convention.name}", typed, stated)]
+    text = _ROBOT_FORMATS.get(pose_convention.name, ", ".join(["{}"] * len(cells))).format(*cells)
+    unit_text = ", ".join(dict.fromkeys(unit for unit in units if unit))
+    return [*rows, (f"to type in, {pose_convention.name}", text, unit_text)]
 
 
 def _matrix_rows(name: str, matrix: FloatArray, covariance: FloatArray) -> list[Row]:
-    places = [DECIMALS[""]] * 3 + [DECIMALS["mm"]]
+    decimals = [DECIMALS[""]] * 3 + [DECIMALS["mm"]]
     rows: list[Row] = [
         (
             f"{name}, row {number}",
-            ", ".join(f"{value:.{n}f}" for value, n in zip(row, places, strict=True)),
+            ", ".join(f"{value:.{count}f}" for value, count in zip(row, decimals, strict=True)),
             "mm" if number < 4 else "",
         )
         for number, row in enumerate(matrix + 0.0, start=1)
     ]
     std = np.sqrt(np.diag(covariance))
     position = ", ".join(format_std(value) for value in std[:3].tolist())
-    turn = ", ".join(format_std(value) for value in np.degrees(std[3:]).tolist())
+    rotation = ", ".join(format_std(value) for value in np.degrees(std[3:]).tolist())
     return [
         *rows,
         ("its position x, y, z, one sigma", position, "mm"),
-        ("its rotation about x, y, z, one sigma", turn, "deg"),
+        ("its rotation about x, y, z, one sigma", rotation, "deg"),
     ]
 
 
@@ -188,27 +189,30 @@ def _angles(matrix: FloatArray, pose_convention: PoseConvention) -> FloatArray:
     return angles
 
 
-def _near(values: FloatArray, pose: Pose, pose_convention: PoseConvention) -> FloatArray:
-    """Return numbers in the revolution, or with the sign, that is nearest to those of the pose."""
+def _unwrap(values: FloatArray, pose: Pose, pose_convention: PoseConvention) -> FloatArray:
+    """Return numbers of the same pose that are nearest to those of another.
+
+    Angles and rotation vectors are changed by whole revolutions, quaternions by their sign.
+    """
     reference = numbers_from_pose(pose, pose_convention.name)
-    near: FloatArray = values.copy()
+    nearest: FloatArray = values.copy()
     if pose_convention.rotation == "matrix":
-        return near
-    angles, wanted = near[3:], reference[3:]
-    turn = 2 * math.pi / RAD_PER_UNIT[pose_convention.angle_unit]
+        return nearest
+    angles, reference_angles = nearest[3:], reference[3:]
+    revolution = 2 * math.pi / RAD_PER_UNIT[pose_convention.angle_unit]
     if pose_convention.rotation.startswith("quaternion"):
-        near[3:] = angles * np.sign(angles @ wanted)
+        nearest[3:] = angles * np.sign(angles @ reference_angles)
     elif pose_convention.rotation == "rotvec":
-        if angles @ wanted < 0 and np.linalg.norm(wanted) > turn / 4:
-            near[3:] = angles - turn * angles / np.linalg.norm(angles)
+        if angles @ reference_angles < 0 and np.linalg.norm(reference_angles) > revolution / 4:
+            nearest[3:] = angles - revolution * angles / np.linalg.norm(angles)
     else:
-        near[3:] = angles - turn * np.round((angles - wanted) / turn)
-    return near
+        nearest[3:] = angles - revolution * np.round((angles - reference_angles) / revolution)
+    return nearest
 
 
 def _is_singular(pose: Pose, pose_convention: PoseConvention) -> bool:
     """Return whether the angles of the convention are in gimbal lock."""
     middle = _angles(pose.rotation, pose_convention)[1] * RAD_PER_UNIT[pose_convention.angle_unit]
-    proper = pose_convention.rotation[0] == pose_convention.rotation[2]
-    distance = math.sin(middle) if proper else math.cos(middle)
-    return abs(distance) < MIN_COSINE_OF_MIDDLE
+    is_proper_euler = pose_convention.rotation[0] == pose_convention.rotation[2]
+    distance_from_lock = math.sin(middle) if is_proper_euler else math.cos(middle)
+    return abs(distance_from_lock) < MIN_COSINE_OF_MIDDLE

@@ -17,7 +17,7 @@ _FANUC_FIELD = re.compile(r"\b([XYZWPR])\s*=\s*([^\s,;}]+)[ \t]*([A-Z]*)", re.IG
 _FANUC_FRAME = re.compile(r"\bUF\s*:\s*(\S{1,40}?)\s*,", re.IGNORECASE)
 
 
-def program_rows(
+def read_program_rows(
     path: Path, text: str, pose_convention: PoseConvention
 ) -> list[list[float]] | None:
     """Return the positions of a robot program in the order of the convention's fields.
@@ -65,7 +65,7 @@ def _kuka_rows(path: Path, text: str, pose_convention: PoseConvention) -> list[l
     rows = []
     for number, aggregate in enumerate(_KUKA.findall(_without_kuka_comments(text)), 1):
         values = {name.lower(): float(value) for name, value in _KUKA_FIELD.findall(aggregate)}
-        rows.append(_ordered(path, f"position {number}", values, pose_convention))
+        rows.append(_order_fields(path, f"position {number}", values, pose_convention))
     return rows
 
 
@@ -75,28 +75,30 @@ def _without_kuka_comments(text: str) -> str:
 
 
 def _without_kuka_comment(line: str) -> str:
-    before, brace, behind = line.rpartition("{")
-    return before + brace + behind.partition(";")[0]
+    head, brace, tail = line.rpartition("{")
+    return head + brace + tail.partition(";")[0]
 
 
 def _fanuc_rows(path: Path, text: str, pose_convention: PoseConvention) -> list[list[float]]:
     rows, frames = [], {}
     for name, body in _FANUC.findall(text):
-        where = f"P[{name}]"
+        position = f"P[{name}]"
         values: dict[str, float] = {}
         for field, cell, unit in _FANUC_FIELD.findall(body):
             expected = "mm" if field.upper() in "XYZ" else "deg"
             if unit and unit.lower() != expected:
-                raise UnreadableFile(f"{path}: {where}: expected {field} in {expected}, got {unit}")
+                raise UnreadableFile(
+                    f"{path}: {position}: expected {field} in {expected}, got {unit}"
+                )
             try:
                 values[field.lower()] = float(cell)
             except ValueError:
                 raise UnreadableFile(
-                    f"{path}: {where}: {field} is {cell[:20]!r}: the position was never taught"
+                    f"{path}: {position}: {field} is {cell[:20]!r}: the position was never taught"
                 ) from None
         frame = _FANUC_FRAME.search(body)
-        frames[frame[1] if frame else ""] = where
-        rows.append(_ordered(path, where, values, pose_convention))
+        frames[frame[1] if frame else ""] = position
+        rows.append(_order_fields(path, position, values, pose_convention))
     if len(frames) > 1:
         raise UnreadableFile(
             f"{path}: positions in several user frames (UF {', '.join(frames)}): teach all in one"
@@ -104,12 +106,12 @@ def _fanuc_rows(path: Path, text: str, pose_convention: PoseConvention) -> list[
     return rows
 
 
-def _ordered(
-    path: Path, where: str, values: dict[str, float], pose_convention: PoseConvention
+def _order_fields(
+    path: Path, position: str, values: dict[str, float], pose_convention: PoseConvention
 ) -> list[float]:
     missing = [field for field in pose_convention.fields if field not in values]
     if missing:
         raise UnreadableFile(
-            f"{path}: {where}: no {' '.join(missing)} in it: joint angles? write positions"
+            f"{path}: {position}: no {' '.join(missing)} in it: joint angles? write positions"
         )
     return [values[field] for field in pose_convention.fields]

@@ -10,8 +10,8 @@ from lsvision.errors import UnreadableFile
 from lsvision.files.json_text import parse_json
 from lsvision.files.limited_reading import read_text
 from lsvision.io.pose_header import PoseHeader, common_length_unit, read_pose_header
-from lsvision.io.pose_programs import program_rows
-from lsvision.io.profiles.unit_statements import unit_statements
+from lsvision.io.pose_programs import read_program_rows
+from lsvision.io.profiles.unit_statements import find_unit_statements
 from lsvision.io.profiles.units import split_label
 from lsvision.io.robot_conventions import AngleUnit, LengthUnit, PoseConvention
 from lsvision.io.yaml_text import parse_yaml
@@ -34,7 +34,7 @@ class PoseRows:
     angle_unit: AngleUnit | None = None
 
 
-def pose_rows(path: Path, pose_convention: PoseConvention, skip_columns: int) -> PoseRows:
+def read_pose_rows(path: Path, pose_convention: PoseConvention, skip_columns: int) -> PoseRows:
     """Read the numbers of each pose in a file, in the order of the convention's fields.
 
     Parameters
@@ -42,7 +42,7 @@ def pose_rows(path: Path, pose_convention: PoseConvention, skip_columns: int) ->
     path : Path
         ``.json`` and ``.rob`` are JSON, ``.yaml`` and ``.yml`` YAML, anything else text.
     pose_convention : PoseConvention
-        Gives the names and the count of the fields.
+        Convention of the poses, with the names of the fields.
     skip_columns : int
         Columns before the pose in text without named columns.
 
@@ -54,10 +54,10 @@ def pose_rows(path: Path, pose_convention: PoseConvention, skip_columns: int) ->
     text = read_text(path)
     suffix = path.suffix.lower()
     if suffix in {".json", ".rob"}:
-        return PoseRows(_structured_rows(_parsed(path, text, parse_json), pose_convention, path))
+        return PoseRows(_structured_rows(_parse(path, text, parse_json), pose_convention, path))
     if suffix in {".yaml", ".yml"}:
-        return PoseRows(_structured_rows(_parsed(path, text, parse_yaml), pose_convention, path))
-    program = program_rows(path, text, pose_convention)
+        return PoseRows(_structured_rows(_parse(path, text, parse_yaml), pose_convention, path))
+    program = read_program_rows(path, text, pose_convention)
     return (
         _text_rows(path, text, pose_convention, skip_columns)
         if program is None
@@ -65,7 +65,7 @@ def pose_rows(path: Path, pose_convention: PoseConvention, skip_columns: int) ->
     )
 
 
-def _parsed(path: Path, text: str, parse: Callable[[str], Any]) -> Any:
+def _parse(path: Path, text: str, parse: Callable[[str], Any]) -> Any:
     try:
         return parse(text)
     except ValueError as error:
@@ -88,12 +88,12 @@ def _structured_rows(
     if not isinstance(document, list):
         raise UnreadableFile(f"{path}: expected a list of poses, got {type(document).__name__}")
     try:
-        return [_flat(row, pose_convention) for row in document]
+        return [_flatten(row, pose_convention) for row in document]
     except (TypeError, ValueError, OverflowError) as error:
         raise UnreadableFile(f"{path}: expected rows of numbers: {error}") from error
 
 
-def _flat(row: Any, pose_convention: PoseConvention) -> list[float]:
+def _flatten(row: Any, pose_convention: PoseConvention) -> list[float]:
     if isinstance(row, Mapping):
         named = {str(key).lower(): value for key, value in row.items()}
         missing = [field for field in pose_convention.fields if field not in named]
@@ -103,13 +103,13 @@ def _flat(row: Any, pose_convention: PoseConvention) -> list[float]:
             )
         return [float(named[field]) for field in pose_convention.fields]
     if isinstance(row, Sequence) and not isinstance(row, str):
-        return [number for item in row for number in _flat(item, pose_convention)]
+        return [number for item in row for number in _flatten(item, pose_convention)]
     return [float(row)]
 
 
 def _text_rows(path: Path, text: str, pose_convention: PoseConvention, skip: int) -> PoseRows:
     lines = text.splitlines()
-    numbered = [(n, cells) for n, line in enumerate(lines, 1) if (cells := _cells(line))]
+    numbered = [(n, cells) for n, line in enumerate(lines, 1) if (cells := _split_cells(line))]
     first = numbered[0][0] if numbered else 1
     header = PoseHeader()
     try:
@@ -118,16 +118,18 @@ def _text_rows(path: Path, text: str, pose_convention: PoseConvention, skip: int
             numbered = numbered[1:]
         elif numbered and (commented := _commented_header(lines[: first - 1], numbered[0][1])):
             header = read_pose_header(commented, pose_convention, skip)
-        length_unit = header.length_unit or _stated_length(lines)
+        length_unit = header.length_unit or _stated_length_unit(lines)
     except ValueError as error:
         raise UnreadableFile(f"{path}: {error}") from error
     rows = []
     for number, cells in numbered:
-        where = f"{path}: line {number}"
+        location = f"{path}: line {number}"
         if len(cells) <= max(header.columns, default=0):
-            raise UnreadableFile(f"{where}: expected a number under each name, got {len(cells)}")
+            raise UnreadableFile(f"{location}: expected a number under each name, got {len(cells)}")
         rows.append(
-            _row([cells[c] for c in header.columns] or cells[skip:], pose_convention, where)
+            _parse_row(
+                [cells[c] for c in header.columns] or cells[skip:], pose_convention, location
+            )
         )
     return PoseRows(rows, length_unit, header.angle_unit)
 
@@ -135,22 +137,26 @@ def _text_rows(path: Path, text: str, pose_convention: PoseConvention, skip: int
 def _commented_header(lines: Sequence[str], cells: Sequence[str]) -> list[str] | None:
     """Return the column names in the last comment above the numbers, if their count matches."""
     comments = [line.strip().lstrip("#%/ ") for line in lines if line.strip()]
-    names = _cells(comments[-1]) if comments else []
+    names = _split_cells(comments[-1]) if comments else []
     fields = [name for name in names if split_label(name)[0] in ("x", "y", "z")]
     return names if len(names) == len(cells) and len(fields) == 3 else None
 
 
-def _stated_length(lines: Sequence[str]) -> LengthUnit | None:
+def _stated_length_unit(lines: Sequence[str]) -> LengthUnit | None:
     """Return the unit of length that the comments state."""
     comments = [line for line in lines if line.lstrip().startswith(("#", "%", "//"))]
-    stated = {s.unit.unit or s.unit.text for s in unit_statements(comments) if s.axis is None}
+    stated = {
+        statement.unit.unit or statement.unit.text
+        for statement in find_unit_statements(comments)
+        if statement.axis is None
+    }
     return common_length_unit(stated)
 
 
-def _row(cells: list[str], pose_convention: PoseConvention, where: str) -> list[float]:
+def _parse_row(cells: list[str], pose_convention: PoseConvention, location: str) -> list[float]:
     if len(cells) != len(pose_convention.fields):
         raise UnreadableFile(
-            f"{where}: expected {len(pose_convention.fields)} numbers "
+            f"{location}: expected {len(pose_convention.fields)} numbers "
             f"({' '.join(pose_convention.fields)}), got "
             f"{len(cells)}; is it another convention than {pose_convention.name!r}? Name the "
             "columns in a header where there are more (in Python skip_columns=1 drops the first)"
@@ -158,10 +164,10 @@ def _row(cells: list[str], pose_convention: PoseConvention, where: str) -> list[
     try:
         return [float(cell) for cell in cells]
     except ValueError as error:
-        raise UnreadableFile(f"{where}: expected numbers only: {error}") from error
+        raise UnreadableFile(f"{location}: expected numbers only: {error}") from error
 
 
-def _cells(line: str) -> list[str]:
+def _split_cells(line: str) -> list[str]:
     line = line.split("#", maxsplit=1)[0].strip()
     if ";" in line:  # European spreadsheets: decimal comma
         return [cell.strip().replace(",", ".") for cell in line.rstrip("; ").split(";")]

@@ -11,7 +11,7 @@ from typing import Protocol, TextIO
 
 from lsvision.errors import UnwritableFile
 from lsvision.files.atomic_files import write_atomic
-from lsvision.io.results import CsvText, JsonText
+from lsvision.io.results import CsvFormat, JsonFormat
 from lsvision.results.quantities import Record
 
 CHECKPOINT_S = 1.0
@@ -25,7 +25,7 @@ STDOUT = Path("-")
 """Path of standard output."""
 
 
-class RecordText(Protocol):
+class RecordFormat(Protocol):
     """Format of a file of records: head, text of each record, and tail."""
 
     @property
@@ -46,10 +46,10 @@ class RecordText(Protocol):
         """Return the text of the next record."""
         ...
 
-    def rewritten(self, text: TextIO, head: str) -> Iterator[str]:
-        """Yield the text of earlier records, converted from their head to the present one.
+    def convert(self, text: TextIO, head: str) -> Iterator[str]:
+        """Yield the text of earlier records, converted to the present head.
 
-        `text` is their text under the earlier `head`, such as CSV rows with fewer columns.
+        `text` was written under the earlier `head`, such as CSV rows with fewer columns.
         """
         ...
 
@@ -66,23 +66,23 @@ class ResultFiles:
     json_file, csv_file : Path, optional
         ``-`` is standard output.
     frame : {"base", "flange"}, optional
-        The robot's frame that the cylinders are placed in.
+        Frame of the robot in which cylinders are placed.
     """
 
     def __init__(
         self, json_file: Path | None, csv_file: Path | None, frame: str | None = None
     ) -> None:
-        texts: list[tuple[Path | None, RecordText]] = [
-            (json_file, JsonText()),
-            (csv_file, CsvText(frame)),
+        formats: list[tuple[Path | None, RecordFormat]] = [
+            (json_file, JsonFormat()),
+            (csv_file, CsvFormat(frame)),
         ]
         # Files before the stream: a closed pipe must not lose a result in the files.
         self._files: list[_RewrittenFile | _Stream] = [
-            _RewrittenFile(path, text)
-            for path, text in texts
+            _RewrittenFile(path, format_)
+            for path, format_ in formats
             if path is not None and path != STDOUT
         ]
-        self._files += [_Stream(sys.stdout, text) for path, text in texts if path == STDOUT]
+        self._files += [_Stream(sys.stdout, format_) for path, format_ in formats if path == STDOUT]
 
     def add(self, records: Sequence[Record]) -> None:
         """Add results; if a file cannot be written now, it is tried again at the end."""
@@ -112,20 +112,20 @@ class ResultFiles:
 class _Stream:
     """An open stream to which each record is written immediately."""
 
-    def __init__(self, stream: TextIO, text: RecordText) -> None:
-        self._stream, self._text, self._started = stream, text, False
+    def __init__(self, stream: TextIO, format_: RecordFormat) -> None:
+        self._stream, self._format, self._started = stream, format_, False
 
     def add(self, records: Sequence[Record]) -> None:
         if records and not self._started:
             self._started = True
-            self._text.prepare(records)  # later attributes get no column
-            self._stream.write(self._text.head)
-        self._stream.write("".join(map(self._text.item, records)))
+            self._format.prepare(records)  # later attributes get no column
+            self._stream.write(self._format.head)
+        self._stream.write("".join(map(self._format.item, records)))
         self._stream.flush()
 
     def finish(self) -> None:
         if self._started:
-            self._stream.write(self._text.tail)
+            self._stream.write(self._format.tail)
             self._stream.flush()
 
     def close(self) -> None:
@@ -135,17 +135,17 @@ class _Stream:
 class _RewrittenFile:
     """A file that is rewritten from time to time; a long text is kept on disk, not in memory."""
 
-    def __init__(self, path: Path, text: RecordText) -> None:
-        self._path, self._text = path, text
+    def __init__(self, path: Path, format_: RecordFormat) -> None:
+        self._path, self._format = path, format_
         self._body = _new_spool()
         self._unwritten, self._next_rewrite = False, time.monotonic() + CHECKPOINT_S
 
     def add(self, records: Sequence[Record]) -> None:
-        head = self._text.head
-        if self._text.prepare(records):
-            self._convert(head)
+        head = self._format.head
+        if self._format.prepare(records):
+            self._convert_earlier(head)
         for record in records:
-            self._body.write(self._text.item(record).encode("utf-8", "backslashreplace"))
+            self._body.write(self._format.item(record).encode("utf-8", "backslashreplace"))
         self._unwritten |= bool(records)
         start = time.monotonic()
         if start >= self._next_rewrite:
@@ -163,19 +163,19 @@ class _RewrittenFile:
         self._body.close()
 
     def _chunks(self) -> Iterator[bytes]:
-        yield self._text.head.encode()
+        yield self._format.head.encode()
         self._body.seek(0)
         while chunk := self._body.read(CHUNK_BYTES):
             yield chunk
-        yield self._text.tail.encode()
+        yield self._format.tail.encode()
 
-    def _convert(self, head: str) -> None:
+    def _convert_earlier(self, head: str) -> None:
         """Convert the text of the earlier records, written under `head`, to the present head."""
         self._body.seek(0)
-        old, self._body = io.TextIOWrapper(self._body, "utf-8", newline=""), _new_spool()
-        with old:
-            for piece in self._text.rewritten(old, head):
-                self._body.write(piece.encode("utf-8", "backslashreplace"))
+        earlier_text, self._body = io.TextIOWrapper(self._body, "utf-8", newline=""), _new_spool()
+        with earlier_text:
+            for text in self._format.convert(earlier_text, head):
+                self._body.write(text.encode("utf-8", "backslashreplace"))
 
 
 def _new_spool() -> SpooledTemporaryFile[bytes]:

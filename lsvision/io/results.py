@@ -22,7 +22,7 @@ FILE_SCHEMA = "lsvision.measurements/1"
 """Name and version of a JSON file of records."""
 
 FRAMES = ("base", "flange")
-"""Frames of a robot that cylinders are placed in."""
+"""Frames of a robot in which cylinders are placed."""
 
 
 def measurement_record(
@@ -58,18 +58,18 @@ def measurement_record(
         Lengths in ``*_mm``, angles in ``*_deg``; ``interval_95`` are ``[low, high]``; a number
         that does not exist (the sigma of an angle that is not determined) is None.
     """
-    found = measurement.to_dict()
+    values = measurement.to_dict()
     if placed is not None:
-        for record, twins in zip(found["cylinders"], placed, strict=True):
+        for record, twins in zip(values["cylinders"], placed, strict=True):
             record[f"{twins[0].frame}_frame"] = _placed_record(twins)
     record = {
         "schema": RECORD_SCHEMA,
         "source": source,
         "profile": profile,
         **({} if reading is None else {"input": reading}),
-        **found,
+        **values,
     }
-    if not found["cylinders"] and reason is not None:
+    if not values["cylinders"] and reason is not None:
         record["reason"] = reason
     return record
 
@@ -103,8 +103,8 @@ def input_record(file: "ProfileFile", profile: int) -> Record:
     return record
 
 
-class JsonText:
-    """Pieces of a JSON document of records, one after the other."""
+class JsonFormat:
+    """Format of a JSON document of records, each record on a line."""
 
     head = f'{{\n  "schema": {json.dumps(FILE_SCHEMA)},\n  "measurements": ['
     tail = "\n  ]\n}\n"
@@ -121,7 +121,7 @@ class JsonText:
         separator, self._separator = self._separator, ",\n"
         return f"{separator}    {json.dumps(record, allow_nan=False)}"
 
-    def rewritten(self, text: TextIO, head: str) -> Iterator[str]:  # noqa: ARG002 - there is one head
+    def convert(self, text: TextIO, head: str) -> Iterator[str]:  # noqa: ARG002 - the head never changes
         """Yield the text of records unchanged."""
         yield from text
 
@@ -130,8 +130,8 @@ CSV_COLUMNS = ("source", "profile", "cylinder", *SECTION_COLUMNS)
 """First columns; those of the robot's frame, attributes of the file and the reason follow."""
 
 
-class CsvText:
-    """Lines of a CSV table of records, one after the other.
+class CsvFormat:
+    """Format of a CSV table of records.
 
     A cylinder is a row; a profile without one is a row with the reason and empty numbers.
     Intervals are two columns, ``*_low_*`` and ``*_high_*``; in the robot's frame the point and
@@ -141,7 +141,7 @@ class CsvText:
     Parameters
     ----------
     frame : {"base", "flange"}, optional
-        The robot's frame that the cylinders are placed in.
+        Frame of the robot in which cylinders are placed.
     """
 
     tail = ""
@@ -160,17 +160,17 @@ class CsvText:
 
         Attributes without a column are left out of the rows.
         """
-        before = len(self._attributes)
-        taken = {*self._fixed, "reason"}
+        previous_count = len(self._attributes)
+        reserved = {*self._fixed, "reason"}
         for record in records:
             for name in _attributes(record):
                 column = printable_name(name)
-                self._attributes.setdefault(name, column + "_in_file" * (column in taken))
-        return len(self._attributes) > before
+                self._attributes.setdefault(name, column + "_in_file" * (column in reserved))
+        return len(self._attributes) > previous_count
 
     def item(self, record: Record) -> str:
         """Return the rows of the next record."""
-        rows = [_csv_row(record, k, each) for k, each in enumerate(record["cylinders"])]
+        rows = [_csv_row(record, k, cylinder) for k, cylinder in enumerate(record["cylinders"])]
         if not rows:
             source = {"source": record["source"], "profile": record["profile"]}
             rows = [source | {"reason": record.get("reason", "")}]
@@ -181,7 +181,7 @@ class CsvText:
         }
         return self._lines([row | attributes for row in rows])
 
-    def rewritten(self, text: TextIO, head: str) -> Iterator[str]:
+    def convert(self, text: TextIO, head: str) -> Iterator[str]:
         """Yield rows written under another header with the columns of the present one."""
         (columns,) = csv.reader([head])
         for row in csv.DictReader(text, columns):

@@ -20,19 +20,19 @@ AngleUnit = Literal["deg", "rad"]
 MM_PER_UNIT: dict[str, float] = {"mm": 1.0, "m": 1000.0}
 RAD_PER_UNIT: dict[str, float] = {"deg": math.pi / 180, "rad": 1.0}
 
-UNIT_QUATERNION = 1e-3
+MAX_QUATERNION_NORM_ERROR = 1e-3
 """Largest deviation of a quaternion's norm from 1: some files have only four digits."""
 
 MAX_NUMBER = 1e9
 """Largest number of a pose, far above any position or angle; its square does not overflow."""
 
-ORTHONORMAL = 1e-3
+MAX_ORTHONORMALITY_ERROR = 1e-3
 """Largest entry of R'R - I of a matrix in a file, which is then made orthonormal."""
 
 
 @dataclass(frozen=True, slots=True)
 class PoseConvention:
-    """One way of writing ``base_from_flange`` as numbers.
+    """Convention by which ``base_from_flange`` is written as numbers.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ CONVENTIONS: dict[str, PoseConvention] = {row.name: row for row in _TABLE}
 """All conventions by name."""
 
 
-def convention_named(name: str) -> PoseConvention:
+def find_convention(name: str) -> PoseConvention:
     """Return the convention with a given name.
 
     Raises
@@ -99,7 +99,7 @@ def pose_from_numbers(
     length_unit: LengthUnit | None = None,
     angle_unit: AngleUnit | None = None,
 ) -> Pose:
-    """Return the pose of the numbers that a robot shows.
+    """Return the pose with the numbers that a robot shows.
 
     Parameters
     ----------
@@ -123,8 +123,8 @@ def pose_from_numbers(
     Raises
     ------
     ValueError
-        Unknown convention, wrong count, NaN, a quaternion that is not of length 1, a matrix that is
-        not a rotation.
+        If the convention is unknown, the count is wrong, a number is not finite, a quaternion is
+        not of length 1, or a matrix is not a rotation.
 
     Examples
     --------
@@ -132,7 +132,7 @@ def pose_from_numbers(
     >>> pose.apply_one([10.0, 0.0, 0.0]).round(6)
     array([100.,  10., 500.])
     """
-    pose_convention = convention_named(convention)
+    pose_convention = find_convention(convention)
     values = np.asarray(numbers, dtype=np.float64).ravel()
     if len(values) != len(pose_convention.fields):
         raise ValueError(
@@ -143,43 +143,47 @@ def pose_from_numbers(
         raise ValueError(f"expected finite numbers, got {_format_value(values)}")
     if np.abs(values).max() > MAX_NUMBER:
         raise ValueError(f"expected numbers up to {MAX_NUMBER:g}, got {_format_value(values)}")
-    mm = MM_PER_UNIT[length_unit or pose_convention.length_unit]
+    mm_per_unit = MM_PER_UNIT[length_unit or pose_convention.length_unit]
     if pose_convention.rotation == "matrix":
-        return _pose_from_matrix(values.reshape(4, 4), mm)
-    rad = RAD_PER_UNIT[angle_unit or pose_convention.angle_unit]
-    return Pose(_rotation(values[3:], pose_convention.rotation, rad), values[:3] * mm)
+        return _pose_from_matrix(values.reshape(4, 4), mm_per_unit)
+    rad_per_unit = RAD_PER_UNIT[angle_unit or pose_convention.angle_unit]
+    return Pose(
+        _rotation(values[3:], pose_convention.rotation, rad_per_unit), values[:3] * mm_per_unit
+    )
 
 
-def _rotation(values: FloatArray, kind: str, rad: float) -> FloatArray:
+def _rotation(values: FloatArray, convention: str, rad_per_unit: float) -> FloatArray:
     from scipy.spatial.transform import Rotation
 
-    if kind.startswith("quaternion"):
+    if convention.startswith("quaternion"):
         norm = float(np.linalg.norm(values))
-        if abs(norm - 1) > UNIT_QUATERNION:
+        if abs(norm - 1) > MAX_QUATERNION_NORM_ERROR:
             raise ValueError(
                 f"expected a quaternion of length 1, got length {norm:.4f}: {_format_value(values)}"
             )
-        xyzw = np.roll(values, -1) if kind.endswith("wxyz") else values
+        xyzw = np.roll(values, -1) if convention.endswith("wxyz") else values
         matrix: FloatArray = Rotation.from_quat(xyzw / norm).as_matrix()
-    elif kind == "rotvec":
-        matrix = Rotation.from_rotvec(values * rad).as_matrix()
+    elif convention == "rotvec":
+        matrix = Rotation.from_rotvec(values * rad_per_unit).as_matrix()
     else:
-        matrix = Rotation.from_euler(kind, values * rad).as_matrix()
+        matrix = Rotation.from_euler(convention, values * rad_per_unit).as_matrix()
     return matrix
 
 
-def _pose_from_matrix(matrix: FloatArray, mm: float) -> Pose:
+def _pose_from_matrix(matrix: FloatArray, mm_per_unit: float) -> Pose:
     rotation = matrix[:3, :3]
     defect = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
-    if defect > ORTHONORMAL or not np.allclose(matrix[3], (0, 0, 0, 1), rtol=0, atol=ORTHONORMAL):
+    if defect > MAX_ORTHONORMALITY_ERROR or not np.allclose(
+        matrix[3], (0, 0, 0, 1), rtol=0, atol=MAX_ORTHONORMALITY_ERROR
+    ):
         raise ValueError(
             f"expected a 4x4 of a rotation with last row 0 0 0 1, got R'R off by {defect:.3g} and "
             f"last row {_format_value(matrix[3])}: is it written column by column?"
         )
-    left, _, right = np.linalg.svd(rotation)
+    u, _, vh = np.linalg.svd(rotation)
     if np.linalg.det(rotation) < 0:
         raise ValueError("expected a rotation, got a matrix of determinant -1: a reflection")
-    return Pose(left @ right, matrix[:3, 3] * mm)
+    return Pose(u @ vh, matrix[:3, 3] * mm_per_unit)
 
 
 def _format_value(values: FloatArray) -> str:

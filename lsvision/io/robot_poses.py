@@ -12,26 +12,27 @@ import numpy.typing as npt
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import Pose
 from lsvision.io.file_names import find_files
-from lsvision.io.pose_rows import pose_rows
+from lsvision.io.pose_rows import read_pose_rows
 from lsvision.io.robot_conventions import (
     AngleUnit,
     LengthUnit,
     PoseConvention,
-    convention_named,
+    find_convention,
     pose_from_numbers,
 )
 
 _Unit = TypeVar("_Unit", LengthUnit, AngleUnit)
 
-REACH_MM = 20_000.0
+MAX_REACH_MM = 20_000.0
 """Largest distance of a flange from its base; above it, mm were probably read as m."""
-SPREAD_MM = 5_000.0
-"""Largest motion of a flange in a calibration or scan."""
+MAX_SPREAD_MM = 5_000.0
+"""Largest extent of the flange positions in a calibration or scan. Units: mm."""
 MIN_POSITION_MM = 5.0
 """Smallest distance of a flange from its base's origin; below it, m were probably read as mm."""
 SAME_POSE_MM, SAME_POSE_RAD = 0.01, 1e-5
 """Differences below which two poses are the same."""
 MAX_ANGLE_RAD = 2 * np.pi * 1.001
+"""Largest angle or length of a rotation vector, with room for rounding; above it, it is in deg."""
 
 
 def read_robot_poses(
@@ -72,10 +73,10 @@ def read_robot_poses(
     Raises
     ------
     ValueError
-        Unknown convention.
+        If the convention is unknown.
     UnreadableFile
-        File missing, not parsed, wrong count of numbers, not a rotation, implausible units or a
-        robot that did not move.
+        If the file is missing or cannot be parsed, a count of numbers is wrong, a rotation is
+        invalid, units are implausible, or the robot did not move.
 
     Examples
     --------
@@ -83,19 +84,24 @@ def read_robot_poses(
     >>> len(poses), poses[0].translation.shape
     (6, (3,))
     """
-    pose_convention = convention_named(convention)
-    files = pose_files(path)
-    parts = [pose_rows(file, pose_convention, skip_columns) for file in files]
-    for file, part in zip(files, parts, strict=True):
-        if len(files) > 1 and len(part.rows) != 1:
+    pose_convention = find_convention(convention)
+    files = find_pose_files(path)
+    rows_by_file = [read_pose_rows(file, pose_convention, skip_columns) for file in files]
+    for file, file_rows in zip(files, rows_by_file, strict=True):
+        if len(files) > 1 and len(file_rows.rows) != 1:
             raise UnreadableFile(
-                f"{file}: expected one pose in each of {len(files)} files, got {len(part.rows)}"
+                f"{file}: expected one pose in each of {len(files)} files, "
+                f"got {len(file_rows.rows)}"
             )
-    rows = [row for part in parts for row in part.rows]
+    rows = [row for file_rows in rows_by_file for row in file_rows.rows]
     if not rows:
         raise UnreadableFile(f"{path}: expected one pose per row, got no row with numbers")
-    length_unit = length_unit or _one_unit(path, [part.length_unit for part in parts])
-    angle_unit = angle_unit or _one_unit(path, [part.angle_unit for part in parts])
+    length_unit = length_unit or _common_unit(
+        path, [file_rows.length_unit for file_rows in rows_by_file]
+    )
+    angle_unit = angle_unit or _common_unit(
+        path, [file_rows.angle_unit for file_rows in rows_by_file]
+    )
     poses = []
     for number, row in enumerate(rows, start=1):
         try:
@@ -106,15 +112,15 @@ def read_robot_poses(
             raise UnreadableFile(f"{path}: pose {number}: {error}") from error
         poses.append(pose)
     for problem in (
-        _angle_error(np.array(rows), pose_convention, angle_unit),
-        _motion_error(poses, length_unit),
+        _find_angle_problem(np.array(rows), pose_convention, angle_unit),
+        _find_motion_problem(poses, length_unit),
     ):
         if problem:
             raise UnreadableFile(f"{path}: {problem}")
     return poses
 
 
-def pose_files(path: str | Path) -> list[Path]:
+def find_pose_files(path: str | Path) -> list[Path]:
     """Return the files that a path, a folder or a pattern names, in natural order.
 
     Raises
@@ -131,9 +137,9 @@ def pose_files(path: str | Path) -> list[Path]:
     return files
 
 
-def _one_unit(path: str | Path, units: Sequence[_Unit | None]) -> _Unit | None:
-    known = set(units)
-    if len(known) > 1:
+def _common_unit(path: str | Path, units: Sequence[_Unit | None]) -> _Unit | None:
+    distinct = set(units)
+    if len(distinct) > 1:
         raise UnreadableFile(f"{path}: its files state different units: expected the same in all")
     return units[0]
 
@@ -148,7 +154,7 @@ def encoder_poses(
     count : int
         Number of profiles.
     direction : (3,) array_like
-        Feed of the *section* seen in the base frame; its length does not matter. If the
+        Direction in which the *section* moves, base frame; its length does not matter. If the
         part moves instead, give the opposite of the part's feed.
     step : float
         Feed from one profile to the next. Units: mm.
@@ -174,27 +180,27 @@ def encoder_poses(
     return [Pose.along(direction, index * step) @ first for index in range(count)]
 
 
-def _angle_error(
+def _find_angle_problem(
     rows: npt.NDArray[np.float64], pose_convention: PoseConvention, stated: AngleUnit | None
 ) -> str | None:
     if pose_convention.rotation.startswith(("quaternion", "matrix")) or stated is not None:
         return None
     largest = float(np.abs(rows[:, 3:]).max())
     if pose_convention.rotation == "rotvec":
-        turns = float(np.linalg.norm(rows[:, 3:], axis=1).max())
-        if turns > MAX_ANGLE_RAD:
-            remedy = _state_angle(pose_convention, "deg")
-            return f"rotation vector of length {turns:.4g} rad: degrees? {remedy}"
+        angle = float(np.linalg.norm(rows[:, 3:], axis=1).max())
+        if angle > MAX_ANGLE_RAD:
+            remedy = _angle_unit_remedy(pose_convention, "deg")
+            return f"rotation vector of length {angle:.4g} rad: degrees? {remedy}"
     elif np.radians(1) < largest <= MAX_ANGLE_RAD and len(rows) > 1:
         return (
             f"no angle above {largest:.4g}: these look like radians where {pose_convention.name} "
-            f"has degrees. {_state_angle(pose_convention, 'rad')}, or deg if they really are so "
-            "small"
+            f"has degrees. {_angle_unit_remedy(pose_convention, 'rad')}, or deg if they "
+            "really are so small"
         )
     return None
 
 
-def _state_angle(pose_convention: PoseConvention, unit: AngleUnit) -> str:
+def _angle_unit_remedy(pose_convention: PoseConvention, unit: AngleUnit) -> str:
     header = ",".join(
         pose_convention.fields[:3]
         + tuple(f"{name} [{unit}]" for name in pose_convention.fields[3:])
@@ -202,26 +208,26 @@ def _state_angle(pose_convention: PoseConvention, unit: AngleUnit) -> str:
     return f"State it in a header, {header} (in Python angle_unit='{unit}')"
 
 
-def _state_length(unit: LengthUnit) -> str:
+def _length_unit_remedy(unit: LengthUnit) -> str:
     return f"State it in a first line, # lengths in {unit} (in Python length_unit='{unit}')"
 
 
-def _motion_error(poses: Iterable[Pose], stated: LengthUnit | None) -> str | None:
+def _find_motion_problem(poses: Iterable[Pose], stated: LengthUnit | None) -> str | None:
     origins = np.array([pose.translation for pose in poses])
     rotations = np.array([pose.rotation for pose in poses])
     reach = float(np.linalg.norm(origins, axis=1).max())
     spread = float(np.linalg.norm(np.ptp(origins, axis=0)))
-    if reach > REACH_MM or spread > SPREAD_MM:
+    if reach > MAX_REACH_MM or spread > MAX_SPREAD_MM:
         return (
             f"the poses reach {reach / 1000:.4g} m from the origin and spread over "
-            f"{spread / 1000:.4g} m: millimetres read as metres? {_state_length('mm')}"
+            f"{spread / 1000:.4g} m: millimetres read as metres? {_length_unit_remedy('mm')}"
         )
     if stated is None and reach < MIN_POSITION_MM:
         return (
             f"no pose is more than {reach:.4g} mm from the origin: metres read as millimetres? "
-            f"{_state_length('m')}, or mm if it is really so"
+            f"{_length_unit_remedy('m')}, or mm if it is really so"
         )
-    turned = float(np.abs(rotations - rotations[0]).max())
-    if len(origins) > 1 and spread < SAME_POSE_MM and turned < SAME_POSE_RAD:
+    rotation_change = float(np.abs(rotations - rotations[0]).max())
+    if len(origins) > 1 and spread < SAME_POSE_MM and rotation_change < SAME_POSE_RAD:
         return f"all {len(origins)} poses are the same to {SAME_POSE_MM} mm: the robot did not move"
     return None

@@ -58,13 +58,15 @@ def scan_row(number: int, tube: "ScannedCylinder", base_from_section: Pose) -> d
         "sections": len(tube.sections),
         "first_section": tube.sections[0],
         "points": len(tube.points),
-        **_row("radius", "mm", tube.radius, tube.radius_std, tube.interval("radius")),
-        **_tilt(tube, base_from_section),
+        **_quantity_columns("radius", "mm", tube.radius, tube.radius_std, tube.interval("radius")),
+        **_tilt_columns(tube, base_from_section),
     }
     point_stds = np.sqrt(np.diag(basis.T @ covariance[:2, :2] @ basis))
     for k, quantity in enumerate(_POINT):
         interval = tube.interval(quantity)
-        row |= _row(quantity, "mm", float(tube.point[k]), float(point_stds[k]), interval)
+        row |= _quantity_columns(
+            quantity, "mm", float(tube.point[k]), float(point_stds[k]), interval
+        )
     row |= {f"direction_{axis}": float(v) for axis, v in zip(_AXES, tube.direction, strict=True)}
     row["direction_std_deg"] = math.degrees(tube.direction_std)
     row["start_mm"], row["end_mm"] = tube.axial_range
@@ -72,7 +74,7 @@ def scan_row(number: int, tube: "ScannedCylinder", base_from_section: Pose) -> d
     return row
 
 
-def _tilt(tube: "ScannedCylinder", base_from_section: Pose) -> dict[str, Any]:
+def _tilt_columns(tube: "ScannedCylinder", base_from_section: Pose) -> dict[str, Any]:
     """Return phi and theta of the axis in a section, with intervals.
 
     Definition: phi is the angle between the axis and the section's normal Z, theta the direction of
@@ -82,38 +84,36 @@ def _tilt(tube: "ScannedCylinder", base_from_section: Pose) -> dict[str, Any]:
     x, y, z = base_from_section.rotation.T @ tube.direction
     phi = math.atan2(math.hypot(x, y), abs(z))
     theta = math.atan2(y, x) % math.pi
-    along = math.copysign(1.0, z)
-    cos, sin = (
-        math.cos(math.atan2(y * along, x * along)),
-        math.sin(math.atan2(y * along, x * along)),
-    )
+    sign = math.copysign(1.0, z)
+    azimuth = math.atan2(y * sign, x * sign)
+    cos, sin = math.cos(azimuth), math.sin(azimuth)
     tilt_axes = np.array(
         [[math.cos(phi) * cos, math.cos(phi) * sin, -math.sin(phi)], [-sin, cos, 0.0]]
     )
-    tangents = tube.fit.tangent_basis @ base_from_section.rotation * along
+    tangents = tube.fit.tangent_basis @ base_from_section.rotation * sign
     jacobian = tilt_axes @ tangents.T
     variances = np.diag(jacobian @ tube.covariance[2:4, 2:4] @ jacobian.T)
     phi_std, tangential_std = (math.sqrt(max(0.0, float(v))) for v in variances)
     factor = tube.fit.coverage_factor()
     determined = phi > tube.fit.coverage_factor(quantities=2) * max(phi_std, tangential_std)
     low = max(0.0, phi - factor * phi_std) if determined else 0.0
-    row = _degrees_row("phi", phi, phi_std, (low, min(math.pi / 2, phi + factor * phi_std)))
+    row = _angle_columns("phi", phi, phi_std, (low, min(math.pi / 2, phi + factor * phi_std)))
     if not determined:
-        row |= _row("theta", "deg", "", "", (0.0, 180.0))
+        row |= _quantity_columns("theta", "deg", "", "", (0.0, 180.0))
         return row | {"theta_determined": False}
     std = tangential_std / math.sin(phi)
-    row |= _degrees_row("theta", theta, std, (theta - factor * std, theta + factor * std))
+    row |= _angle_columns("theta", theta, std, (theta - factor * std, theta + factor * std))
     return row | {"theta_determined": True}
 
 
-def _degrees_row(
+def _angle_columns(
     name: str, value: float, std: float, interval: tuple[float, float]
 ) -> dict[str, Any]:
     low, high = map(math.degrees, interval)
-    return _row(name, "deg", math.degrees(value), math.degrees(std), (low, high))
+    return _quantity_columns(name, "deg", math.degrees(value), math.degrees(std), (low, high))
 
 
-def _row(
+def _quantity_columns(
     name: str, unit: str, value: float | str, std: float | str, interval: Sequence[float]
 ) -> dict[str, Any]:
     low, high = interval

@@ -68,17 +68,17 @@ class _Builder:
         if isinstance(event, yaml.AliasEvent):
             raise ValueError("expected YAML without aliases (*name), got one: write it out")
         if isinstance(event, yaml.ScalarEvent):
-            self._put(event.value)
+            self._add_value(event.value)
         elif isinstance(event, yaml.SequenceStartEvent | yaml.MappingStartEvent):
             if len(self._open) == MAX_DEPTH:
                 raise ValueError(f"expected at most {MAX_DEPTH} levels of nesting, got more")
             value: Any = [] if isinstance(event, yaml.SequenceStartEvent) else {}
-            self._put(value)
+            self._add_value(value)
             self._open.append((value, None))
         elif isinstance(event, yaml.SequenceEndEvent | yaml.MappingEndEvent):
             self._open.pop()
 
-    def _put(self, value: Any) -> None:
+    def _add_value(self, value: Any) -> None:
         if not self._open:
             self.document = value
             return

@@ -161,7 +161,7 @@ def pose_rows():
 
 
 @functools.cache
-def pose_files():
+def find_pose_files():
     rows = pose_rows()
     named = [dict(zip("xyzabc", row, strict=True)) for row in rows]
     matrices = [Pose.along((1, 2, 3), 40.0 * k).matrix.ravel().tolist() for k in range(4)]

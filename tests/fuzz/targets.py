@@ -95,11 +95,11 @@ def profiles(rng, folder):
 
 def poses(rng, folder):
     """Any bytes as a file of robot poses."""
-    suffix, content = choose(rng, samples.pose_files())
+    suffix, content = choose(rng, samples.find_pose_files())
     if suffix in (".json", ".rob") and rng.random() < 0.6:
         content = json_bytes(spoil_document(rng, json.loads(content)))
     else:
-        content = spoil_bytes(rng, content, [each for _, each in samples.pose_files()])
+        content = spoil_bytes(rng, content, [each for _, each in samples.find_pose_files()])
     path = folder / f"p{suffix}"
     path.write_bytes(content)
     units = {
@@ -437,8 +437,8 @@ def _written(rng, folder):
         "b.csv": samples.profile_files()[0],
         "c.npy": choose(rng, samples.profile_files()),
         "i.png": choose(rng, samples.image_files())[1],
-        "p.json": samples.pose_files()[3][1],
-        "q.csv": samples.pose_files()[0][1],
+        "p.json": samples.find_pose_files()[3][1],
+        "q.csv": samples.find_pose_files()[0][1],
         "rig.json": json_bytes(samples.rig_document()),
         "h.json": json_bytes(samples.hand_eye_document()),
     }

@@ -11,7 +11,7 @@ from lsvision.calibration.target import TargetView
 from lsvision.errors import UnreadableFile, UnwritableFile
 from lsvision.geometry import Plane
 from lsvision.io.calibration import (
-    provenance_of,
+    build_provenance,
     write_calibration,
 )
 from lsvision.io.camera_file import read_camera, read_camera_covariance, write_camera_yaml
@@ -178,12 +178,12 @@ def test_camera_of_a_rig_file_is_read(tmp_path):
 def test_provenance_tells_the_inputs_apart(tmp_path):
     file = tmp_path / "a.png"
     file.write_bytes(b"one")
-    first = provenance_of("test", [file])
+    first = build_provenance("test", [file])
     file.write_bytes(b"two")
     assert first["inputs"] == "a.png"
-    assert first["inputs_sha256"] != provenance_of("test", [file])["inputs_sha256"]
+    assert first["inputs_sha256"] != build_provenance("test", [file])["inputs_sha256"]
     with pytest.raises(UnreadableFile, match=r"b\.png: no such file"):
-        provenance_of("test", [tmp_path / "b.png"])
+        build_provenance("test", [tmp_path / "b.png"])
 
 
 @pytest.mark.parametrize(

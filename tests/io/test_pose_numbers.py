@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from lsvision.calibration.hand_eye import calibrate_hand_eye_board
 from lsvision.geometry import Pose
-from lsvision.io.pose_numbers import frame_rows, numbers_from_pose, std_of_numbers
+from lsvision.io.pose_numbers import frame_rows, numbers_from_pose, propagate_to_numbers
 from lsvision.io.robot_conventions import CONVENTIONS, pose_from_numbers
 
 MACHINE = 1e-9
@@ -87,7 +87,7 @@ def test_sigmas_are_the_spread_of_samples(convention):
     mix = rng.normal(size=(6, 6)) * ([0.1] * 3 + [0.02 * DEG] * 3)
     covariance = np.cov(mix, rowvar=False) + np.diag([1e-3] * 3 + [1e-8] * 3)
     pose = Pose(Rotation.from_euler("ZYX", [40, 25, -120], degrees=True).as_matrix(), (80, -20, 9))
-    predicted = std_of_numbers(pose, covariance, convention)
+    predicted = propagate_to_numbers(pose, covariance, convention)
     found = spread_of(pose, covariance, convention, 5)
     np.testing.assert_allclose(predicted, found, rtol=STD_ERROR, atol=MACHINE)
 
@@ -97,7 +97,7 @@ def test_half_a_turn_has_finite_sigmas_whichever_way_it_is_written(convention):
     covariance = np.diag([1e-4] * 3 + [1e-8] * 3)
     for turn in ([0, 0, 180], [180, 0, 0], [0, 0, -179.9999999]):
         pose = Pose(Rotation.from_euler("xyz", turn, degrees=True).as_matrix(), (1, 2, 3))
-        std = std_of_numbers(pose, covariance, convention)
+        std = propagate_to_numbers(pose, covariance, convention)
         rest = std[3:][np.isfinite(std[3:])] if convention == "kawasaki" else std[3:]
         assert (rest < 0.02).all(), turn  # 1e-4 rad are 0.006 deg
 
@@ -108,7 +108,7 @@ def test_half_a_turn_has_finite_sigmas_whichever_way_it_is_written(convention):
 )
 def test_outer_angles_about_one_axis_have_no_sigma(convention, angles):
     pose = pose_from_numbers([1, 2, 3, *angles], convention)
-    std = std_of_numbers(pose, np.eye(6) * 1e-8, convention)
+    std = propagate_to_numbers(pose, np.eye(6) * 1e-8, convention)
     assert np.isnan(std[[3, 5]]).all()
     assert np.isfinite(std[[0, 1, 2, 4]]).all()
     again = pose_from_numbers(numbers_from_pose(pose, convention), convention)

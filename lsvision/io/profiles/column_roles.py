@@ -1,4 +1,4 @@
-"""Content of a column, by its name."""
+"""Role of a column, such as x or height, recognised by its name."""
 
 import re
 
@@ -54,5 +54,7 @@ def is_part_name(name: str) -> bool:
     >>> is_part_name("part_id"), is_part_name("sensor"), is_part_name("intensity")
     (True, True, False)
     """
-    bare = name.replace("_", " ").replace("-", " ").split()
-    return bool(bare) and bare[0] in _PART_WORDS and all(w in _SCAN_ENDINGS for w in bare[1:])
+    words = name.replace("_", " ").replace("-", " ").split()
+    return (
+        bool(words) and words[0] in _PART_WORDS and all(word in _SCAN_ENDINGS for word in words[1:])
+    )

@@ -10,7 +10,7 @@ import numpy as np
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray, IntArray
 from lsvision.io.profiles.column_roles import column_role, is_part_name
-from lsvision.io.profiles.profile_attributes import profile_attributes
+from lsvision.io.profiles.profile_attributes import find_profile_attributes
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.stated_units import resolve_units
 from lsvision.io.profiles.text_table import TextTable
@@ -21,16 +21,16 @@ _CONSTANT = 1e-6  # spread of a column that does not vary, relative to that of t
 
 
 @dataclass(frozen=True)
-class _Choice:
-    """Columns of x and height (and y between), and the one that identifies profiles, if any."""
+class _ColumnChoice:
+    """Columns of the coordinates, and the column that identifies profiles (the key), if any."""
 
     x: int
     height: int
     key: int | None = None
-    away: bool = False
+    away: bool = False  # heights grow away from the sensor
     travel: bool = True  # the key is a position along the travel, not a number of the profile
     notes: tuple[str, ...] = ()
-    used: tuple[int, ...] = field(default=())  # considered and deliberately not used
+    considered: tuple[int, ...] = field(default=())  # as coordinates: not attributes
     y: int | None = None  # of points in space
 
     @property
@@ -57,9 +57,13 @@ def profiles_from_table(table: TextTable, settings: ReadSettings) -> RawProfiles
     if table.values.shape[1] - len(table.texts) < 2 and settings.columns is None:
         _raise_one_column(table)
     if settings.plane is not None:
-        choice = _in_space(table, settings)
+        choice = _choose_spatial_columns(table, settings)
     else:
-        choice = _requested_columns(table, settings) or _by_name(table) or _by_position(table)
+        choice = (
+            _requested_columns(table, settings)
+            or _choose_by_name(table)
+            or _choose_by_position(table)
+        )
     _check_numbers(table, choice)
     points = table.values
     if choice.coordinates != tuple(range(points.shape[1])):
@@ -76,15 +80,15 @@ def profiles_from_table(table: TextTable, settings: ReadSettings) -> RawProfiles
         if choice.travel and choice.key not in table.texts:
             numbers = _without_gaps(table.values[:, choice.key])
             positions = tuple(float(numbers[r][0]) for r in rows)
-    attributes, ignored = profile_attributes(
-        table, rows, points=choice.coordinates, key=choice.key, left_out=choice.used
+    attributes, ignored = find_profile_attributes(
+        table, rows, points=choice.coordinates, key=choice.key, excluded=choice.considered
     )
     return RawProfiles(
         sections=sections,
-        units=_units(table, choice, settings),
+        units=_resolve_all_units(table, choice, settings),
         away=choice.away,
         positions=positions,
-        notes=table.notes + choice.notes + _restarts(sections),
+        notes=table.notes + choice.notes + _note_restarts(sections),
         lost=table.lost,
         limits=table.limits,
         attributes=attributes,
@@ -92,7 +96,7 @@ def profiles_from_table(table: TextTable, settings: ReadSettings) -> RawProfiles
     )
 
 
-def _restarts(sections: Sequence[FloatArray]) -> tuple[str, ...]:
+def _note_restarts(sections: Sequence[FloatArray]) -> tuple[str, ...]:
     """Return a note if x repeats its range: probably several profiles one after the other."""
     if len(sections) != 1 or sections[0].shape[1] != 2:
         return ()
@@ -104,17 +108,17 @@ def _restarts(sections: Sequence[FloatArray]) -> tuple[str, ...]:
     rising, falling = np.count_nonzero(steps > 0), np.count_nonzero(steps < 0)
     if not (rising and falling):
         return ()
-    turned = steps < -0.5 * span if rising >= falling else steps > 0.5 * span
-    back = np.flatnonzero(turned)
-    if len(back) == 0 or np.diff([-1, *back, len(x) - 1]).min() < _MIN_POINTS_PER_PROFILE:
+    jumps = steps < -0.5 * span if rising >= falling else steps > 0.5 * span
+    restarts = np.flatnonzero(jumps)
+    if len(restarts) == 0 or np.diff([-1, *restarts, len(x) - 1]).min() < _MIN_POINTS_PER_PROFILE:
         return ()
     return (
-        f"x starts again {len(back)} times: several profiles? separate them by a column of their "
-        "numbers, or write one per file",
+        f"x starts again {len(restarts)} times: several profiles? separate them by a column "
+        "of their numbers, or write one per file",
     )
 
 
-def _in_space(table: TextTable, settings: ReadSettings) -> _Choice:
+def _choose_spatial_columns(table: TextTable, settings: ReadSettings) -> _ColumnChoice:
     """Return the columns of x, y and z: the requested or so named ones, or the first three numeric.
 
     Raises
@@ -126,26 +130,26 @@ def _in_space(table: TextTable, settings: ReadSettings) -> _Choice:
     depth = "height" if "height" in by_role else "range"
     columns = [by_role[role] for role in ("x", "y", depth) if role in by_role]
     if settings.columns is not None:
-        columns = [_index(table, column) for column in settings.columns]
+        columns = [_column_index(table, column) for column in settings.columns]
     elif not columns and len(numbers := _number_columns(table)) >= 3:
         columns = numbers[:3]
         listed = ", ".join(str(column) for column in columns)
         notes = (f"no column is named: columns {listed} read as x, y and z",)
     if len(columns) != 3:
-        has = ", ".join(table.label(column) for column in columns) or "none of them"
+        labels = ", ".join(table.label(column) for column in columns) or "none of them"
         raise UnreadableFile(
-            f"--plane fit needs x, y and z of each point, got {has}: name three columns with "
+            f"--plane fit needs x, y and z of each point, got {labels}: name three columns with "
             "--columns, or leave --plane out where the points are x and height"
         )
     key = by_role.get("scan")
-    if key is None or key in columns or not _parts_profiles(table, key):
-        key = _part_key(table)
+    if key is None or key in columns or not _separates_profiles(table, key):
+        key = _find_part_key(table)
     x, y, z = columns
-    return _Choice(x, z, key, travel=False, notes=notes, y=y)
+    return _ColumnChoice(x, z, key, travel=False, notes=notes, y=y)
 
 
-def _units(
-    table: TextTable, choice: _Choice, settings: ReadSettings
+def _resolve_all_units(
+    table: TextTable, choice: _ColumnChoice, settings: ReadSettings
 ) -> tuple[str | None, str | None]:
     """Return the units of x and height; of points in space all three must agree."""
     units = resolve_units(table, choice.x, choice.height, settings)
@@ -161,21 +165,21 @@ def _units(
     return units
 
 
-def _requested_columns(table: TextTable, settings: ReadSettings) -> _Choice | None:
+def _requested_columns(table: TextTable, settings: ReadSettings) -> _ColumnChoice | None:
     if settings.columns is None:
         return None
-    indices = [_index(table, column) for column in settings.columns]
+    indices = [_column_index(table, column) for column in settings.columns]
     away = bool(table.names) and column_role(table.names[indices[-1]]) == "range"
     if len(indices) == 3:
-        return _Choice(indices[0], indices[-1], indices[1], away)
+        return _ColumnChoice(indices[0], indices[-1], indices[1], away)
     scan = _columns_by_role(table).get("scan")
     key = None
-    if scan is not None and scan not in indices and _parts_profiles(table, scan):
+    if scan is not None and scan not in indices and _separates_profiles(table, scan):
         key = scan
-    return _Choice(indices[0], indices[-1], key, away, travel=False)
+    return _ColumnChoice(indices[0], indices[-1], key, away, travel=False)
 
 
-def _index(table: TextTable, column: int | str) -> int:
+def _column_index(table: TextTable, column: int | str) -> int:
     width = table.values.shape[1]
     if isinstance(column, int):
         if column < width:
@@ -184,8 +188,8 @@ def _index(table: TextTable, column: int | str) -> int:
     for name in (column.strip().lower(), split_label(column)[0]):
         if name in table.names:
             return table.names.index(name)
-    has = ", ".join(table.names) or "no names"
-    raise UnreadableFile(f"no column named {column!r} in it (it has {has}): see --columns")
+    names = ", ".join(table.names) or "no names"
+    raise UnreadableFile(f"no column named {column!r} in it (it has {names}): see --columns")
 
 
 def _columns_by_role(table: TextTable) -> dict[str, int]:
@@ -198,23 +202,23 @@ def _columns_by_role(table: TextTable) -> dict[str, int]:
     return by_role
 
 
-def _by_name(table: TextTable) -> _Choice | None:
-    choice = _by_names(table)
+def _choose_by_name(table: TextTable) -> _ColumnChoice | None:
+    choice = _choose_by_role(table)
     if choice is None:
         return None
-    twice = [
+    repeated = [
         table.names[c] for c in (choice.x, choice.height) if table.names.count(table.names[c]) > 1
     ]
-    if not twice:
+    if not repeated:
         return choice
     note = (
-        f"{' and '.join(twice)} occur twice in the header: the first is used, choose others with "
-        "--columns"
+        f"{' and '.join(repeated)} occur twice in the header: the first is used, "
+        "choose others with --columns"
     )
     return replace(choice, notes=(*choice.notes, note))
 
 
-def _by_names(table: TextTable) -> _Choice | None:
+def _choose_by_role(table: TextTable) -> _ColumnChoice | None:
     by_role = _columns_by_role(table)
     away = "range" in by_role and "height" not in by_role
     in_order = [
@@ -225,25 +229,29 @@ def _by_names(table: TextTable) -> _Choice | None:
     if len(in_order) < 2:
         return None
     scan = by_role.get("scan")
-    if scan is not None and not _parts_profiles(table, scan):
+    if scan is not None and not _separates_profiles(table, scan):
         scan = None
     if scan is None:
-        scan = _part_key(table)
+        scan = _find_part_key(table)
     if len(in_order) == 2 or scan is not None:
-        return _Choice(in_order[0], in_order[-1], scan, away, travel=False)
+        return _ColumnChoice(in_order[0], in_order[-1], scan, away, travel=False)
     x, y, height = in_order
     values = table.values[:, in_order]
-    in_plane = _in_plane(values)
+    in_plane = _choose_in_plane(values)
     if in_plane:
-        return _Choice(
-            x, in_order[in_plane.height], away=away, notes=in_plane.notes, used=tuple(in_order)
+        return _ColumnChoice(
+            x,
+            in_order[in_plane.height],
+            away=away,
+            notes=in_plane.notes,
+            considered=tuple(in_order),
         )
     if not _is_profile_key(table.values[:, y]):
         _raise_no_key(table, y)
-    return _Choice(x, height, y, away)
+    return _ColumnChoice(x, height, y, away)
 
 
-def _by_position(table: TextTable) -> _Choice:
+def _choose_by_position(table: TextTable) -> _ColumnChoice:
     columns = _number_columns(table)
     if len(columns) < 2:
         columns = list(range(table.values.shape[1]))
@@ -253,22 +261,28 @@ def _by_position(table: TextTable) -> _Choice:
         labels = " and ".join(table.names[c] if table.names else f"column {c}" for c in columns)
         noted = bool(table.names or table.texts)
         x, height = columns
-        return _Choice(x, height, notes=(f"{labels} read as x and height",) if noted else ())
+        return _ColumnChoice(x, height, notes=(f"{labels} read as x and height",) if noted else ())
     first, second, third = columns[:3]
     notes = (
         f"no column is named: columns {first}, {second} and {third} of "
-        f"{table.values.shape[1]} looked at",
+        f"{table.values.shape[1]} considered",
     )
-    used = (first, second, third)
-    in_plane = _in_plane(values[:, :3])
+    considered = (first, second, third)
+    in_plane = _choose_in_plane(values[:, :3])
     if in_plane:
-        return _Choice(first, columns[in_plane.height], notes=notes + in_plane.notes, used=used)
-    if _whole(values[:, 2]) and not _whole(values[:, 1]) and not _is_profile_key(values[:, 1]):
+        return _ColumnChoice(
+            first, columns[in_plane.height], notes=notes + in_plane.notes, considered=considered
+        )
+    if (
+        _has_whole_numbers(values[:, 2])
+        and not _has_whole_numbers(values[:, 1])
+        and not _is_profile_key(values[:, 1])
+    ):
         note = f"column {third} has whole numbers: read as a label"
-        return _Choice(first, second, notes=(*notes, note), used=used)
+        return _ColumnChoice(first, second, notes=(*notes, note), considered=considered)
     if not _is_profile_key(values[:, 1]):
         _raise_no_key(table, second)
-    return _Choice(first, third, second, notes=notes)
+    return _ColumnChoice(first, third, second, notes=notes)
 
 
 def _number_columns(table: TextTable) -> list[int]:
@@ -276,32 +290,33 @@ def _number_columns(table: TextTable) -> list[int]:
     return [
         c
         for c in range(table.values.shape[1])
-        if c not in table.texts and (c in table.words or np.isfinite(table.values[:, c]).any())
+        if c not in table.texts
+        and (c in table.invalid_cells or np.isfinite(table.values[:, c]).any())
     ]
 
 
-def _in_plane(xyz: FloatArray) -> _Choice | None:
+def _choose_in_plane(xyz: FloatArray) -> _ColumnChoice | None:
     """Return the choice if y, or else z, is the same for all points."""
-    spread = [_spread(column) for column in xyz.T]
-    if spread[1] <= _CONSTANT * max(spread):
-        return _Choice(0, 2)
-    if spread[2] <= _CONSTANT * max(spread):
-        return _Choice(0, 1, notes=("z does not vary: x and y read as the profile",))
+    extents = [_extent(column) for column in xyz.T]
+    if extents[1] <= _CONSTANT * max(extents):
+        return _ColumnChoice(0, 2)
+    if extents[2] <= _CONSTANT * max(extents):
+        return _ColumnChoice(0, 1, notes=("z does not vary: x and y read as the profile",))
     return None
 
 
-def _check_numbers(table: TextTable, choice: _Choice) -> None:
+def _check_numbers(table: TextTable, choice: _ColumnChoice) -> None:
     for column in choice.coordinates:
-        if column in table.words:
-            word = table.words[column]
+        if column in table.invalid_cells:
+            cell = table.invalid_cells[column]
             named = f"column {table.label(column)} holds text: " if column in table.texts else ""
-            raise UnreadableFile(f"line {word.row}: {named}{word.cell[:40]!r} {word.reason}")
+            raise UnreadableFile(f"line {cell.row}: {named}{cell.text[:40]!r} {cell.reason}")
 
 
 def _raise_one_column(table: TextTable) -> NoReturn:
-    word = next(iter(table.words.values()), None)
-    if word is not None and not table.texts:
-        raise UnreadableFile(f"line {word.row}: {word.cell[:40]!r} {word.reason}")
+    cell = next(iter(table.invalid_cells.values()), None)
+    if cell is not None and not table.texts:
+        raise UnreadableFile(f"line {cell.row}: {cell.text[:40]!r} {cell.reason}")
     for column, cells in table.texts.items():
         text, count = Counter(cells).most_common(1)[0]
         if count > 1:
@@ -324,25 +339,25 @@ def _raise_no_key(table: TextTable, key: int) -> NoReturn:
     )
 
 
-def _spread(column: FloatArray) -> float:
-    known = column[np.isfinite(column)]
+def _extent(column: FloatArray) -> float:
+    finite = column[np.isfinite(column)]
     with np.errstate(over="ignore"):
-        return float(known.max() - known.min()) if len(known) else 0.0
+        return float(finite.max() - finite.min()) if len(finite) else 0.0
 
 
-def _whole(column: FloatArray) -> bool:
-    known = column[np.isfinite(column)]
-    return bool(np.all(known == np.round(known)))
+def _has_whole_numbers(column: FloatArray) -> bool:
+    finite = column[np.isfinite(column)]
+    return bool(np.all(finite == np.round(finite)))
 
 
-def _parts_profiles(table: TextTable, column: int) -> bool:
-    """Return False if all values differ, as of a running number."""
+def _separates_profiles(table: TextTable, column: int) -> bool:
+    """Return whether a column may separate profiles; a running number, all different, does not."""
     codes = _codes(table, column)
-    known = codes[np.isfinite(codes)]
-    return len(known) < 2 or len(np.unique(known)) < len(known)
+    finite = codes[np.isfinite(codes)]
+    return len(finite) < 2 or len(np.unique(finite)) < len(finite)
 
 
-def _part_key(table: TextTable) -> int | None:
+def _find_part_key(table: TextTable) -> int | None:
     """Return the first column of parts, sensors or runs that has a run of points for each value."""
     for column, name in enumerate(table.names):
         if is_part_name(name):
@@ -368,18 +383,18 @@ def _codes(table: TextTable, column: int) -> FloatArray:
     return np.array([numbers[text] for text in texts])
 
 
-def _composite_key(table: TextTable, choice: _Choice, key: FloatArray) -> FloatArray:
+def _composite_key(table: TextTable, choice: _ColumnChoice, key: FloatArray) -> FloatArray:
     """Return the key refined by columns of parts, sensors or runs in which it restarts."""
     for column, name in enumerate(table.names):
         if column == choice.key or column in choice.coordinates:
             continue
         if is_part_name(name) or (column_role(name) == "scan"):
             codes = _without_gaps(_codes(table, column))
-            if column_role(name) == "scan" and not _parts_profiles(table, column):
+            if column_role(name) == "scan" and not _separates_profiles(table, column):
                 continue
             pairs = np.column_stack([key, codes])
-            _, both = np.unique(pairs, axis=0, return_inverse=True)
-            key = both.ravel().astype(np.float64)
+            _, combined = np.unique(pairs, axis=0, return_inverse=True)
+            key = combined.ravel().astype(np.float64)
     return key
 
 

@@ -145,16 +145,16 @@ def _zip_format(content: bytes, suffix: str) -> str:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             names = archive.namelist()
     except (zipfile.BadZipFile, ValueError, NotImplementedError, OSError, EOFError):
-        return "npz"  # whose reader reports what is wrong
+        return "npz"  # the reader of npz reports what is wrong
     if names and all(name.endswith(".npy") for name in names):
         return "npz"
     if suffix in (".xlsx", ".xlsm", ".xlsb", ".ods", ".numbers"):
         raise UnreadableFile(_SPREADSHEET)
-    for part, advice in _OFFICE_PARTS.items():
-        if any(name.startswith(part) for name in names):
+    for prefix, advice in _OFFICE_PARTS.items():
+        if any(name.startswith(prefix) for name in names):
             raise UnreadableFile(advice)
-    held = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
-    raise UnreadableFile(f"a zip archive of {held or 'nothing'}: {_UNPACK}")
+    contents = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+    raise UnreadableFile(f"a zip archive of {contents or 'nothing'}: {_UNPACK}")
 
 
 def _text_format(content: bytes) -> str:

@@ -54,7 +54,7 @@ def fit_section_plane(clouds: Sequence[FloatArray]) -> FittedSections:
     Returns
     -------
     FittedSections
-        The points, their frame, and a note.
+        The points in the plane, the pose of their frame, and a note.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def fit_section_plane(clouds: Sequence[FloatArray]) -> FittedSections:
     to_section = pose.inverse()
     distances = plane.signed_distances(points)
     rms, largest = float(np.sqrt(np.mean(distances**2))), float(np.abs(distances).max())
-    normal = ", ".join(f"{c:.4f}" for c in pose.rotation[:, 2] + 0.0)
+    normal = ", ".join(f"{component:.4f}" for component in pose.rotation[:, 2] + 0.0)
     return FittedSections(
         sections=tuple(to_section.apply(cloud)[:, :2] for cloud in clouds),
         file_from_section=pose,

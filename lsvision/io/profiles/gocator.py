@@ -23,7 +23,6 @@ def read_gocator(content: bytes, _: ReadSettings) -> RawProfiles:
 
     Part and Surface hold one profile per row.
 
-
     Raises
     ------
     UnreadableFile
@@ -32,7 +31,7 @@ def read_gocator(content: bytes, _: ReadSettings) -> RawProfiles:
     profiles: list[FloatArray] = []
     positions: list[float] = []
     titles = []
-    for title, lines in _blocks(decode_text(content).splitlines()):
+    for title, lines in _iterate_blocks(decode_text(content).splitlines()):
         titles.append(title)
         if title in _BLOCK_READERS:
             for y, points in _BLOCK_READERS[title](lines):
@@ -52,16 +51,16 @@ def read_gocator_points(content: bytes, _: ReadSettings) -> RawProfiles:
     names = [name.strip().lower() for name in lines[0].split(",")] if lines else []
     if "x0" not in names:
         raise UnreadableFile("no column x0 in its first line: name another --format")
-    first = names.index("x0")
-    pairs = [numbers_from_cells(line.split(",")[first:]) for line in lines[1:]]
-    if not pairs:
+    first_column = names.index("x0")
+    rows = [numbers_from_cells(line.split(",")[first_column:]) for line in lines[1:]]
+    if not rows:
         raise UnreadableFile("a header without a profile: export the recording again")
     return RawProfiles(
-        sections=[row[: len(row) // 2 * 2].reshape(-1, 2) for row in pairs], units=_UNITS
+        sections=[row[: len(row) // 2 * 2].reshape(-1, 2) for row in rows], units=_UNITS
     )
 
 
-def _blocks(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
+def _iterate_blocks(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
     """Yield the title and the non-empty lines of each block; a line ``End`` ends a block."""
     block: list[str] = []
     for line in lines:
@@ -71,11 +70,11 @@ def _blocks(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
             block = []
         elif text:
             block.append(text)
-    if block:  # the file was truncated: the lines up to there are used
+    if block:  # the file is truncated: use the lines of its last block
         yield block[0], block[1:]
 
 
-def _surface(lines: Sequence[str]) -> Iterator[tuple[float, FloatArray]]:
+def _read_surface_block(lines: Sequence[str]) -> Iterator[tuple[float, FloatArray]]:
     """Yield y and points (x, z) of each row of a height map; its first row holds the x."""
     x = np.empty(0)
     for line in lines:
@@ -89,7 +88,7 @@ def _surface(lines: Sequence[str]) -> Iterator[tuple[float, FloatArray]]:
             )
 
 
-def _profiles(lines: Sequence[str]) -> Iterator[tuple[float, FloatArray]]:
+def _read_profile_block(lines: Sequence[str]) -> Iterator[tuple[float, FloatArray]]:
     """Yield y and points (x, z) of each row Z of the column Axis.
 
     Their x is the last row X, or the header if there is none.
@@ -111,8 +110,8 @@ def _profiles(lines: Sequence[str]) -> Iterator[tuple[float, FloatArray]]:
 
 
 _BLOCK_READERS = {
-    "Part": _surface,
-    "Surface": _surface,
-    "Profile": _profiles,
-    "RawProfile": _profiles,
+    "Part": _read_surface_block,
+    "Surface": _read_surface_block,
+    "Profile": _read_profile_block,
+    "RawProfile": _read_profile_block,
 }

@@ -42,6 +42,6 @@ def read_height_map(content: bytes, settings: ReadSettings) -> RawProfiles:
             raise UnreadableFile(
                 "counts without their size: state the size of one, as --z-unit 0.5um or --units um"
             )
-        ends = np.iinfo(image.dtype)
-        limits = (float(ends.min), float(ends.max))
+        type_limits = np.iinfo(image.dtype)
+        limits = (float(type_limits.min), float(type_limits.max))
     return profiles_from_matrix(TextTable(floats_from(image), limits=limits), settings)

@@ -19,9 +19,13 @@ from lsvision.io.profiles.named_columns import profiles_from_named
 from lsvision.io.profiles.number_rows import POINT_NUMBER, is_missing
 from lsvision.io.profiles.opencv_matrix import TRIPLES, matrix_of_node, table_of_points
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
-from lsvision.io.profiles.stated_units import one_unit, require_known_unit
+from lsvision.io.profiles.stated_units import common_unit, require_known_unit
 from lsvision.io.profiles.text_table import TextTable, decode_text
-from lsvision.io.profiles.unit_statements import UnitStatement, lost_statements, unit_statements
+from lsvision.io.profiles.unit_statements import (
+    UnitStatement,
+    find_lost_values,
+    find_unit_statements,
+)
 from lsvision.io.profiles.units import split_label
 
 MAX_DEPTH = 4
@@ -66,14 +70,14 @@ def profiles_from_document(document: Any, settings: ReadSettings, kind: str) -> 
     UnreadableFile
         If no points are found; the error names the keys found.
     """
-    profiles = _profiles(document, settings, depth=0)
+    profiles = _find_profiles(document, settings, depth=0)
     if profiles is None:
         raise UnreadableFile(
-            f"{kind} without a list of points ({_contents(document)}): {_EXPECTED_KEYS}"
+            f"{kind} without a list of points ({_describe_contents(document)}): {_EXPECTED_KEYS}"
         )
     if isinstance(document, Mapping):
         require_known_unit(profiles.units, _statement_lines(document), settings)
-        stated = lost_statements(
+        stated = find_lost_values(
             f"{key}: {value}" for key, value in document.items() if isinstance(value, int | float)
         )
         profiles = replace(profiles, lost=profiles.lost + stated)
@@ -103,12 +107,14 @@ def _parse(text: str) -> Any:
 
 
 def _plain_number(match: re.Match[str]) -> str:
+    """Return a number of OpenCV's JSON as JSON has it."""
     if match[2] is None:
         return ".0"
     return "NaN" if match[2].lower() == "nan" else f"{match[1].replace('+', '')}Infinity"
 
 
-def _profiles(document: Any, settings: ReadSettings, depth: int) -> RawProfiles | None:
+def _find_profiles(document: Any, settings: ReadSettings, depth: int) -> RawProfiles | None:
+    """Return the profiles in an object or a list at a nesting depth; None if there are none."""
     if depth > MAX_DEPTH:
         return None
     if isinstance(document, Mapping):
@@ -127,8 +133,8 @@ def _from_object(
     columns = {key: values for key, value in document.items() if (values := _column(value))}
     roles = {column_role(split_label(key)[0]) for key in columns}
     if "x" in roles and roles & {"height", "range", "y"}:
-        known = {k: v for k, v in columns.items() if is_known_role(split_label(k)[0])}
-        arrays = {key: _arrays(value) for key, value in known.items()}
+        named = {k: v for k, v in columns.items() if is_known_role(split_label(k)[0])}
+        arrays = {key: _arrays(value) for key, value in named.items()}
         return profiles_from_named(arrays, settings, statements)
     if settings.dx is not None and len(columns) == 1 and roles & {"height", "range"}:
         rows = _floats(next(iter(columns.values())))
@@ -138,9 +144,9 @@ def _from_object(
         return profiles_from_table(table, settings)
     lists = {k: v for k, v in document.items() if isinstance(v, list | Mapping)}
     for key in sorted(lists, key=_rank):
-        found = _from_named_list(key, lists[key], settings, statements, depth)
-        if found is not None:
-            return found
+        profiles = _from_named_list(key, lists[key], settings, statements, depth)
+        if profiles is not None:
+            return profiles
     return None
 
 
@@ -156,11 +162,11 @@ def _from_named_list(
         if key.lower() not in _FLAT_KEYS:
             return None
         return _from_flat(key.lower(), _floats(value), settings, statements)
-    found = _profiles(value, settings, depth + 1)
-    if found is None or found.units != (None, None) or settings.units is not None:
-        return found
-    unit = one_unit(None, [s for s in statements if s.axis is None])
-    return replace(found, units=(unit, unit))
+    profiles = _find_profiles(value, settings, depth + 1)
+    if profiles is None or profiles.units != (None, None) or settings.units is not None:
+        return profiles
+    unit = common_unit(None, [s for s in statements if s.axis is None])
+    return replace(profiles, units=(unit, unit))
 
 
 def _from_list(document: list[Any], settings: ReadSettings, depth: int) -> RawProfiles | None:
@@ -174,8 +180,8 @@ def _from_list(document: list[Any], settings: ReadSettings, depth: int) -> RawPr
     if len(document) == 2 and _column(document) and _are_x_and_height(document):
         return _from_rows(_floats(document).T, settings, ())
     if all(isinstance(item, list) and item for item in document):
-        parts = [_profiles(item, settings, depth + 1) for item in document]
-        return _join(parts)
+        item_profiles = [_find_profiles(item, settings, depth + 1) for item in document]
+        return _join(item_profiles)
     return None
 
 
@@ -201,16 +207,16 @@ def _from_objects(
     if "x" in roles and roles & {"height", "range", "y"}:
         table = _table_of_objects(document, scalar)
         return profiles_from_table(table, settings)
-    parts = [_profiles(item, settings, depth + 1) for item in document]
-    joined = _join(parts)
-    if joined is None:
+    item_profiles = [_find_profiles(item, settings, depth + 1) for item in document]
+    profiles = _join(item_profiles)
+    if profiles is None:
         return None
     attributes = [
         {key: item[key] for key in keys if isinstance(item.get(key), str | int | float)}
         for item in document
     ]
-    same = len(joined.sections) == len(document) and any(attributes)
-    return replace(joined, attributes=tuple(attributes)) if same else joined
+    one_profile_per_object = len(profiles.sections) == len(document) and any(attributes)
+    return replace(profiles, attributes=tuple(attributes)) if one_profile_per_object else profiles
 
 
 def _table_of_objects(document: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> TextTable:
@@ -229,10 +235,17 @@ def _table_of_objects(document: Sequence[Mapping[str, Any]], keys: Sequence[str]
 
 
 def _join(parts: Sequence[RawProfiles | None]) -> RawProfiles | None:
-    known = [part for part in parts if part is not None]
-    if not known or len(known) != len(parts) or len({(p.units, p.away) for p in known}) != 1:
+    """Return all profiles in one; None if one is missing, or units or directions differ."""
+    joinable = [part for part in parts if part is not None]
+    if (
+        not joinable
+        or len(joinable) != len(parts)
+        or len({(p.units, p.away) for p in joinable}) != 1
+    ):
         return None
-    return replace(known[0], sections=[section for part in known for section in part.sections])
+    return replace(
+        joinable[0], sections=[section for part in joinable for section in part.sections]
+    )
 
 
 def _from_flat(
@@ -314,7 +327,7 @@ def _opencv_matrix(
 
 
 def _statements(document: Mapping[str, Any]) -> tuple[UnitStatement, ...]:
-    return unit_statements(_statement_lines(document))
+    return find_unit_statements(_statement_lines(document))
 
 
 def _statement_lines(document: Mapping[str, Any]) -> Iterator[str]:
@@ -388,7 +401,7 @@ def _rank(key: str) -> int:
     return _POINT_KEYS.index(word) if word in _POINT_KEYS else len(_POINT_KEYS)
 
 
-def _contents(document: Any) -> str:
+def _describe_contents(document: Any) -> str:
     if isinstance(document, Mapping):
         keys = ", ".join(map(str, list(document)[:12]))
         return f"its keys are {keys or 'none'}"

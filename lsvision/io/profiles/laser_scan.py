@@ -19,7 +19,7 @@ from lsvision.io.profiles.number_rows import numbers_from_cells
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.text_table import decode_text
 
-_KEPT_KEYS = ("angle_min", "angle_increment", "angle_max", "range_min", "range_max")
+_SCAN_KEYS = ("angle_min", "angle_increment", "angle_max", "range_min", "range_max")
 _RANGE_COLUMN = re.compile(r"ranges[\[_.]?[0-9]+\]?")
 
 
@@ -40,7 +40,7 @@ def profiles_from_scans(scans: Sequence[Mapping[str, Any]]) -> RawProfiles:
     UnreadableFile
         If angles are missing or not numbers.
     """
-    sections = [_section(scan) for scan in scans]
+    sections = [_section_points(scan) for scan in scans]
     return RawProfiles(
         sections=sections,
         units=("m", "m"),
@@ -70,22 +70,25 @@ def read_laser_scan(content: bytes, _: ReadSettings) -> RawProfiles:
     for number, row in enumerate(rows[1:], 2):
         if len(row) < len(names):
             raise UnreadableFile(f"row {number} has {len(row)} cells, expected {len(names)}")
-        scan: dict[str, Any] = {name: row[k] for k, name in enumerate(names) if name in _KEPT_KEYS}
+        scan: dict[str, Any] = {name: row[k] for k, name in enumerate(names) if name in _SCAN_KEYS}
         scan["ranges"] = [row[k] for k in range_columns]
         scans.append(scan)
     return profiles_from_scans(scans)
 
 
-def _section(scan: Mapping[str, Any]) -> FloatArray:
-    ranges = np.array([_number(value) for value in scan["ranges"]], dtype=np.float64)
-    start, step, stop = (_number(scan.get(f"angle_{key}")) for key in ("min", "increment", "max"))
+def _section_points(scan: Mapping[str, Any]) -> FloatArray:
+    """Return the (n, 2) points of a scan in the section frame, NaN where lost. Units: m."""
+    ranges = np.array([_parse_number(value) for value in scan["ranges"]], dtype=np.float64)
+    start, step, stop = (
+        _parse_number(scan.get(f"angle_{key}")) for key in ("min", "increment", "max")
+    )
     if math.isnan(step) and not math.isnan(stop) and len(ranges) > 1:
         step = (stop - start) / (len(ranges) - 1)
     if not (math.isfinite(start) and math.isfinite(step)) or step == 0 or ranges.size == 0:
         raise UnreadableFile(
             "expected angle_min, angle_increment and ranges of a LaserScan, got only some of them"
         )
-    low, high = _number(scan.get("range_min")), _number(scan.get("range_max"))
+    low, high = _parse_number(scan.get("range_min")), _parse_number(scan.get("range_max"))
     with np.errstate(invalid="ignore"):
         lost = ~np.isfinite(ranges) | (ranges <= 0)
         lost |= (ranges < low) if math.isfinite(low) else False
@@ -95,7 +98,7 @@ def _section(scan: Mapping[str, Any]) -> FloatArray:
     return np.column_stack([ranges * np.sin(angles), -ranges * np.cos(angles)])
 
 
-def _number(value: Any) -> float:
+def _parse_number(value: Any) -> float:
     if value is None:
         return math.nan
     if isinstance(value, int | float):

@@ -9,7 +9,7 @@ from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.statistics.lost_markers import find_lost_markers
 
 KEYENCE_LOST = (-99999.9999, -99999.999, -99999.99, -99999.9)
-"""Markers of Keyence controllers, by the number of digits; never a height."""
+"""Markers of Keyence controllers with different numbers of digits; never a height."""
 _TOLERANCE = 1e-7  # of a marker, relative: more digits than single precision has
 
 
@@ -53,7 +53,7 @@ def remove_lost(
     raw : RawProfiles
         Sections in the units of the file.
     settings : ReadSettings
-        Gives the user's markers.
+        Reading options with the markers that the user states.
     """
     sections = [  # one quiet NaN for all: arithmetic with a signalling one warns
         section if np.isfinite(section).all() else np.where(np.isfinite(section), section, np.nan)
@@ -65,43 +65,44 @@ def remove_lost(
     markers: list[LostMarker] = []
 
     def mark(text: str, rows: BoolArray, *, guessed: bool) -> None:
-        fresh = rows & ~lost
-        if fresh.any():
-            markers.append(LostMarker(text, int(fresh.sum()), guessed))
-            lost[fresh] = True
+        unmarked = rows & ~lost
+        if unmarked.any():
+            markers.append(LostMarker(text, int(unmarked.sum()), guessed))
+            lost[unmarked] = True
 
     if settings.lost_values is not None:
         for value in settings.lost_values:
-            mark(f"{value:.10g}", _has(points, value), guessed=False)
+            mark(f"{value:.10g}", _holds_marker(points, value), guessed=False)
     else:
         lowest = float(np.fmin.reduce(points, axis=None, initial=0.0))
-        known = KEYENCE_LOST if lowest <= max(KEYENCE_LOST) * (1 - _TOLERANCE) else ()
-        for value in (*raw.lost, *known):
-            mark(f"{value:.10g}", _has(points, value), guessed=False)
+        well_known = KEYENCE_LOST if lowest <= max(KEYENCE_LOST) * (1 - _TOLERANCE) else ()
+        for value in (*raw.lost, *well_known):
+            mark(f"{value:.10g}", _holds_marker(points, value), guessed=False)
         if not points.all():
-            zero = np.concatenate([_repeated_zeros(section) for section in sections])
-            mark(", ".join("0" * points.shape[1]), zero, guessed=False)
-        left = np.where(lost[:, np.newaxis], np.nan, points) if lost.any() else points
+            zero_rows = np.concatenate([_repeated_zeros(section) for section in sections])
+            mark(", ".join("0" * points.shape[1]), zero_rows, guessed=False)
+        remaining = np.where(lost[:, np.newaxis], np.nan, points) if lost.any() else points
         for axis in range(height, -1, -1):
             guesses = find_lost_markers(
-                left[:, axis],
+                remaining[:, axis],
                 limits=raw.limits if axis else (),
                 is_range=raw.away and axis == height,
             )
             for value in guesses:
-                mark(f"{value:.10g}", np.equal(left[:, axis], value), guessed=True)
+                mark(f"{value:.10g}", np.equal(remaining[:, axis], value), guessed=True)
     if not lost.any():
         return sections, ()
-    kept = np.where(lost[:, np.newaxis], np.nan, points)
-    return np.split(kept, np.cumsum([len(s) for s in sections])[:-1]), tuple(markers)
+    cleaned = np.where(lost[:, np.newaxis], np.nan, points)
+    return np.split(cleaned, np.cumsum([len(s) for s in sections])[:-1]), tuple(markers)
 
 
-def _has(points: FloatArray, value: float) -> BoolArray:
-    near: BoolArray = np.any(np.abs(points - value) <= _TOLERANCE * abs(value), axis=1)
-    return near
+def _holds_marker(points: FloatArray, value: float) -> BoolArray:
+    """Return whether a coordinate of each point is a marker, (n,)."""
+    marked: BoolArray = np.any(np.abs(points - value) <= _TOLERANCE * abs(value), axis=1)
+    return marked
 
 
 def _repeated_zeros(section: FloatArray) -> BoolArray:
-    """Return several rows of 0, 0, as Leuze writes lost points; a single one may be a point."""
-    zero: BoolArray = np.all(np.equal(section, 0), axis=1)
-    return zero if zero.sum() > 1 else np.zeros(len(zero), dtype=bool)
+    """Return the rows of 0, 0 (lost points of Leuze sensors), (n,); a single one may be a point."""
+    zero_rows: BoolArray = np.all(np.equal(section, 0), axis=1)
+    return zero_rows if zero_rows.sum() > 1 else np.zeros(len(zero_rows), dtype=bool)

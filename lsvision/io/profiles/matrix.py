@@ -5,7 +5,7 @@ import numpy as np
 from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
-from lsvision.io.profiles.stated_units import one_unit
+from lsvision.io.profiles.stated_units import common_unit
 from lsvision.io.profiles.text_table import TextTable, decode_text, parse_table
 from lsvision.results.summaries import counted
 
@@ -89,7 +89,7 @@ def height_unit(table: TextTable, settings: ReadSettings) -> str | None:
     if settings.units is not None:
         return None
     statements = [s for s in table.statements if s.axis in (None, "height")]
-    return one_unit(next(filter(None, table.units), None), statements)
+    return common_unit(next(filter(None, table.units), None), statements)
 
 
 def _transpose_hint(rows: int, columns: int) -> str:
@@ -103,11 +103,13 @@ def _is_x_row(heights: FloatArray) -> bool:
     """Return whether the first row increases in equal steps, and most of the others do not."""
     with np.errstate(over="ignore", invalid="ignore"):
         steps = np.diff(heights[0])
-    even = bool(np.all(np.abs(steps - steps.mean()) < MAX_UNEVENNESS * abs(steps.mean())))
-    return even and 2 * sum(map(rises, heights[1:])) < len(heights) - 1
+    is_even = bool(np.all(np.abs(steps - steps.mean()) < MAX_UNEVENNESS * abs(steps.mean())))
+    return is_even and 2 * sum(map(rises, heights[1:])) < len(heights) - 1
 
 
 def rises(row: FloatArray) -> bool:
     """Return whether the numbers that are not lost increase or decrease strictly."""
-    known = row[np.isfinite(row)]
-    return len(known) > 1 and bool(np.all(known[1:] > known[:-1]) or np.all(known[1:] < known[:-1]))
+    finite = row[np.isfinite(row)]
+    return len(finite) > 1 and bool(
+        np.all(finite[1:] > finite[:-1]) or np.all(finite[1:] < finite[:-1])
+    )

@@ -10,7 +10,7 @@ from lsvision.io.profiles.column_roles import column_role
 from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.matrix import column_positions
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
-from lsvision.io.profiles.stated_units import one_unit
+from lsvision.io.profiles.stated_units import common_unit
 from lsvision.io.profiles.text_table import TextTable
 from lsvision.io.profiles.unit_statements import UnitStatement
 from lsvision.io.profiles.units import split_label
@@ -62,18 +62,18 @@ def profiles_from_named(
         raise UnreadableFile("--columns is for files with one point per row: leave it out")
     x = by_role.get("x")
     rows = [np.asarray(row) for row in columns[height]]
-    xs = _x_of_rows(rows, None if x is None else columns[x], settings)
-    if any(a.shape != b.shape for a, b in zip(xs, rows, strict=True)):
+    row_positions = _resolve_row_positions(rows, None if x is None else columns[x], settings)
+    if any(a.shape != b.shape for a, b in zip(row_positions, rows, strict=True)):
         raise UnreadableFile(f"{x} and {height} differ in length: expected an x for each height")
     units: tuple[str | None, str | None] = (None, None)
     if settings.units is None:
         by_axis = [[s for s in statements if s.axis in (None, axis)] for axis in ("x", "height")]
-        x_unit = "mm" if x is None else one_unit(labels[x][1], by_axis[0])
-        units = x_unit, one_unit(labels[height][1], by_axis[1])
+        x_unit = "mm" if x is None else common_unit(labels[x][1], by_axis[0])
+        units = x_unit, common_unit(labels[height][1], by_axis[1])
     if x is None and settings.z_unit is not None:  # in 0.01 um
         units = "mm", f"{float(settings.z_unit) / 100:.12g} um"
     return RawProfiles(
-        sections=[np.column_stack(pair) for pair in zip(xs, rows, strict=True)],
+        sections=[np.column_stack(pair) for pair in zip(row_positions, rows, strict=True)],
         units=units,
         away="height" not in by_role and "range" in by_role,
         x_in_mm=x is None,
@@ -91,15 +91,17 @@ def _row_attributes(
     rows: int,
 ) -> tuple[dict[str, float | str], ...]:
     """Return the other columns with one value per profile as attributes of the profiles."""
-    flat: dict[str, Sequence[float | str]] = {
+    values_by_label: dict[str, Sequence[float | str]] = {
         label: np.asarray(values).tolist()
         for label, values in columns.items()
         if label not in used and _is_1d(values) and len(values) == rows
     }
-    flat |= {label: cells for label, cells in texts.items() if len(cells) == rows}
-    if not flat:
+    values_by_label |= {label: cells for label, cells in texts.items() if len(cells) == rows}
+    if not values_by_label:
         return ()
-    return tuple({label: cells[row] for label, cells in flat.items()} for row in range(rows))
+    return tuple(
+        {label: cells[row] for label, cells in values_by_label.items()} for row in range(rows)
+    )
 
 
 def _is_1d(values: _Column) -> bool:
@@ -121,27 +123,29 @@ def _from_points(
     statements: tuple[UnitStatement, ...],
 ) -> RawProfiles:
     """Return the profiles of columns with one point per row."""
-    flat = [label for label in columns if np.ndim(columns[label]) == 1]
-    lengths = {len(columns[label]) for label in flat}
+    number_labels = [label for label in columns if np.ndim(columns[label]) == 1]
+    lengths = {len(columns[label]) for label in number_labels}
     if len(lengths) != 1 or not lengths.pop():
         raise UnreadableFile(
-            f"expected columns of equal length, got other lengths of {', '.join(flat)}"
+            f"expected columns of equal length, got other lengths of {', '.join(number_labels)}"
         )
-    count = len(columns[flat[0]])
-    words = [label for label in texts if len(texts[label]) == count]
-    labels = [split_label(label) for label in (*flat, *words)]
-    arrays = [np.asarray(columns[label]) for label in flat] + [np.full(count, np.nan)] * len(words)
+    count = len(columns[number_labels[0]])
+    text_labels = [label for label in texts if len(texts[label]) == count]
+    labels = [split_label(label) for label in (*number_labels, *text_labels)]
+    arrays = [np.asarray(columns[label]) for label in number_labels] + [
+        np.full(count, np.nan)
+    ] * len(text_labels)
     table = TextTable(
         values=np.column_stack(arrays),
         names=tuple(name for name, _ in labels),
         units=tuple(unit for _, unit in labels),
         statements=statements,
-        texts={len(flat) + k: texts[label] for k, label in enumerate(words)},
+        texts={len(number_labels) + k: texts[label] for k, label in enumerate(text_labels)},
     )
     return profiles_from_table(table, settings)
 
 
-def _x_of_rows(
+def _resolve_row_positions(
     rows: Sequence[FloatArray], x: _Column | None, settings: ReadSettings
 ) -> list[FloatArray]:
     """Return the x of each profile: its own, the x of all, or the positions of the columns."""

@@ -42,18 +42,18 @@ _GROUPED = re.compile(r"[-+]?[1-9][0-9]{0,2},[0-9]{3}")
 """Ambiguous cell as 1,234: a decimal comma or a thousands separator."""
 MIN_GROUPED_CELLS = 3
 """Number of cells like 1,234 which, beside whole numbers, may have thousands separators."""
-_TRANSLATED = str.maketrans({"−": "-", "–": "-", "\u00a0": " ", "\u202f": " ", "\u2009": " "})
+_PLAIN_CHARACTERS = str.maketrans({"−": "-", "–": "-", "\u00a0": " ", "\u202f": " ", "\u2009": " "})
 
 
 @dataclass(frozen=True)
-class Word:
+class InvalidCell:
     """A cell that contains text instead of a number.
 
     Parameters
     ----------
     row : int
         Index of the row in the table.
-    cell : str
+    text : str
         Text of the cell.
     reason : str
         Why it is not a number, and what to do.
@@ -62,28 +62,28 @@ class Word:
     """
 
     row: int
-    cell: str
+    text: str
     reason: str
     grouped: bool = False
 
 
 @dataclass(frozen=True, eq=False)
-class Column:
+class NumberColumn:
     """A column of text cells as numbers.
 
     Parameters
     ----------
     values : (n,) ndarray
         NaN where a cell holds no number.
-    words : int
+    invalid_count : int
         Number of cells that hold neither a number nor a word for a lost point.
-    word : Word or None
+    first_invalid : InvalidCell or None
         The first of them.
     """
 
     values: FloatArray
-    words: int = 0
-    word: Word | None = None
+    invalid_count: int = 0
+    first_invalid: InvalidCell | None = None
 
 
 def is_missing(cell: str) -> bool:
@@ -107,14 +107,14 @@ def numbers_from_cells(cells: Sequence[str]) -> FloatArray:
         If a cell contains other text.
     """
     column = parse_column(cells, decimal_comma=False)
-    if column.word is not None:
-        raise UnreadableFile(f"{column.word.cell!r} {column.word.reason}")
+    if column.first_invalid is not None:
+        raise UnreadableFile(f"{column.first_invalid.text!r} {column.first_invalid.reason}")
     return column.values
 
 
 def parse_column(
     cells: Sequence[str], *, decimal_comma: bool, lost_words: frozenset[str] = frozenset()
-) -> Column:
+) -> NumberColumn:
     """Return the numbers of one column.
 
     Parameters
@@ -128,26 +128,26 @@ def parse_column(
 
     Examples
     --------
-    >>> parse_column(["1.5", "", "six"], decimal_comma=False).word.cell
+    >>> parse_column(["1.5", "", "six"], decimal_comma=False).first_invalid.text
     'six'
     """
     if not decimal_comma and not any("_" in cell for cell in cells):
-        try:  # numpy is quick where all cells are numbers, and only there
-            return Column(_finite(np.array(cells, dtype=np.float64)))
+        try:  # fast if all cells are numbers
+            return NumberColumn(_without_infinities(np.array(cells, dtype=np.float64)))
         except ValueError:
             pass
     pattern = COMMA_NUMBER if decimal_comma else POINT_NUMBER
-    values, first, count = np.full(len(cells), np.nan), None, 0
+    values, first_invalid, invalid_count = np.full(len(cells), np.nan), None, 0
     for row, raw in enumerate(cells):
         cell = raw.strip()
         if pattern.fullmatch(cell) is None:
-            cell = cell.translate(_TRANSLATED).strip()
+            cell = cell.translate(_PLAIN_CHARACTERS).strip()
         if pattern.fullmatch(cell):
             values[row] = float(cell.replace(",", ".").replace("d", "e").replace("D", "e"))
         elif cell.lower() not in lost_words and not is_missing(cell):
-            count += 1
-            first = first or _word(row, cell)
-    return Column(_finite(values), count, first)
+            invalid_count += 1
+            first_invalid = first_invalid or _describe_invalid_cell(row, cell)
+    return NumberColumn(_without_infinities(values), invalid_count, first_invalid)
 
 
 def uses_decimal_comma(columns: Sequence[Sequence[str]]) -> bool:
@@ -163,25 +163,25 @@ def uses_decimal_comma(columns: Sequence[Sequence[str]]) -> bool:
     UnreadableFile
         If the commas may also be thousands separators.
     """
-    commas = proven = False
-    suspect = None
+    has_commas = proven = False
+    ambiguous_cell = None
     for cells in columns:
         with_comma = [cell.strip() for cell in cells if "," in cell]
         numbers = [cell for cell in with_comma if COMMA_NUMBER.fullmatch(cell)]
         if not numbers:
             continue
-        commas = True
+        has_commas = True
         grouped = [cell for cell in numbers if _GROUPED.fullmatch(cell)]
         proven |= len(grouped) < len(numbers)
-        whole = any(re.fullmatch(r"[-+]?[0-9]{1,3}", cell.strip()) for cell in cells)
-        if len(grouped) >= MIN_GROUPED_CELLS and whole:
-            suspect = grouped[0]
-    if not commas or any(_has_decimal_point(cells) for cells in columns):
+        has_whole_numbers = any(re.fullmatch(r"[-+]?[0-9]{1,3}", cell.strip()) for cell in cells)
+        if len(grouped) >= MIN_GROUPED_CELLS and has_whole_numbers:
+            ambiguous_cell = grouped[0]
+    if not has_commas or any(_has_decimal_point(cells) for cells in columns):
         return False
-    if suspect is not None and not proven:
+    if ambiguous_cell is not None and not proven:
         raise UnreadableFile(
-            f"{suspect!r} may be {suspect.replace(',', '.')} or {suspect.replace(',', '')}: "
-            "export numbers without thousands separators"
+            f"{ambiguous_cell!r} may be {ambiguous_cell.replace(',', '.')} or "
+            f"{ambiguous_cell.replace(',', '')}: export numbers without thousands separators"
         )
     return True
 
@@ -192,7 +192,8 @@ def floats_from(array: npt.NDArray[np.generic]) -> FloatArray:
         return array.astype(np.float64)
 
 
-def _finite(values: FloatArray) -> FloatArray:
+def _without_infinities(values: FloatArray) -> FloatArray:
+    """Return the same array, changed in place: NaN instead of infinity."""
     values[np.isinf(values)] = np.nan
     return values
 
@@ -201,9 +202,11 @@ def _has_decimal_point(cells: Sequence[str]) -> bool:
     return any("." in cell and POINT_NUMBER.fullmatch(cell.strip()) for cell in cells)
 
 
-def _word(row: int, cell: str) -> Word:
+def _describe_invalid_cell(row: int, cell: str) -> InvalidCell:
     if THOUSANDS.fullmatch(cell):
-        return Word(row, cell, "has a thousands separator: export numbers without them", True)
+        return InvalidCell(
+            row, cell, "has a thousands separator: export numbers without them", True
+        )
     reason = "is not a number: remove such lines, mark them as comments with #, or use --lost"
     shown = " ".join(cell.split())[:20]
-    return Word(row, cell, f"{reason} {shown} if it marks lost points")
+    return InvalidCell(row, cell, f"{reason} {shown} if it marks lost points")

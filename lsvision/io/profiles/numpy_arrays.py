@@ -21,11 +21,11 @@ from lsvision.io.profiles.matrix import MIN_COLUMNS, profiles_from_matrix
 from lsvision.io.profiles.named_columns import profiles_from_named
 from lsvision.io.profiles.number_rows import floats_from
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
-from lsvision.io.profiles.stated_units import one_unit
+from lsvision.io.profiles.stated_units import common_unit
 from lsvision.io.profiles.text_table import TextTable
-from lsvision.io.profiles.unit_statements import UnitStatement, unit_statements
+from lsvision.io.profiles.unit_statements import UnitStatement, find_unit_statements
 
-_BROKEN = (
+_NUMPY_ERRORS = (
     ValueError,
     TypeError,
     KeyError,
@@ -61,7 +61,7 @@ def read_npz(content: bytes, settings: ReadSettings) -> RawProfiles:
         for name, array in loaded.items()
         if _is_text(array) or (_is_number(array) and not is_known_role(name))
     }
-    statements = unit_statements(f"{name}: {text}" for name, text in scalars.items())
+    statements = find_unit_statements(f"{name}: {text}" for name, text in scalars.items())
     arrays = {name: array for name, array in loaded.items() if name not in scalars}
     key = next((key for key in _KEYS if key in arrays), None)
     if key is None and len(arrays) == 1:
@@ -77,9 +77,9 @@ def read_npz(content: bytes, settings: ReadSettings) -> RawProfiles:
 def _load(content: bytes) -> Mapping[str, npt.NDArray[np.generic]]:
     try:
         if content.startswith(NPY_MAGIC):
-            return {"": _array_of(content)}
+            return {"": _parse_npy(content)}
         return _unpack(content)
-    except _BROKEN as error:
+    except _NUMPY_ERRORS as error:
         raise _unreadable(error) from None
 
 
@@ -107,12 +107,12 @@ def _unpack(content: bytes) -> dict[str, npt.NDArray[np.generic]]:
         arrays = {}
         for member in archive.infolist():
             if not member.is_dir():
-                array = _array_of(archive.read(member))
+                array = _parse_npy(archive.read(member))
                 arrays[member.filename.removesuffix(".npy").lower()] = array
     return arrays
 
 
-def _array_of(content: bytes) -> npt.NDArray[np.generic]:
+def _parse_npy(content: bytes) -> npt.NDArray[np.generic]:
     """Return the array of an NPY file; its size is first checked against its header."""
     if not content.startswith(NPY_MAGIC):
         raise ValueError(f"not an NPY array, but {content[:8]!r}")
@@ -132,7 +132,7 @@ def open_npy(path: Path) -> npt.NDArray[np.generic]:
         with path.open("rb") as file:
             _check_size(file, path.stat().st_size)
         return _load_quietly(path, mmap_mode="r")
-    except _BROKEN as error:
+    except _NUMPY_ERRORS as error:
         raise _unreadable(error) from None
 
 
@@ -154,9 +154,9 @@ def _check_size(stream: BinaryIO, size: int) -> None:
             shape, _, dtype = np.lib.format.read_array_header_1_0(stream)
         else:
             shape, _, dtype = np.lib.format.read_array_header_2_0(stream)
-        needed, got = math.prod(shape) * dtype.itemsize, size - stream.tell()
-        if min(shape, default=0) < 0 or needed > got:
-            raise ValueError(f"an array of shape {shape} needs {needed} bytes, got {got}")
+        needed, available = math.prod(shape) * dtype.itemsize, size - stream.tell()
+        if min(shape, default=0) < 0 or needed > available:
+            raise ValueError(f"an array of shape {shape} needs {needed} bytes, got {available}")
 
 
 def _as_floats(array: npt.NDArray[np.generic]) -> npt.NDArray[np.float64]:
@@ -180,7 +180,7 @@ def profiles_from_array(
     if values.ndim == 3 and values.shape[2] == 2 and len(values):
         unit = None
         if settings.units is None:
-            unit = one_unit(None, [s for s in statements if s.axis is None])
+            unit = common_unit(None, [s for s in statements if s.axis is None])
         return RawProfiles(sections=list(values), units=(unit, unit))
     if values.ndim == 3 and values.shape[2] == 3 and len(values):
         number = np.repeat(np.arange(float(len(values))), values.shape[1])
@@ -191,12 +191,12 @@ def profiles_from_array(
         values = values.reshape(1, -1)
     if values.ndim != 2 or values.size == 0:
         raise UnreadableFile(f"an array of shape {array.shape}: expected points of shape (n, 2)")
-    wide = values.shape[0] in (2, 3) and values.shape[1] >= MIN_COLUMNS
-    if wide and settings.dx is None and not settings.transpose:
+    is_wide = values.shape[0] in (2, 3) and values.shape[1] >= MIN_COLUMNS
+    if is_wide and settings.dx is None and not settings.transpose:
         values = values.T
     table = TextTable(values, statements=statements, limits=_limits(array.dtype))
-    heights = settings.transpose or values.shape[1] >= MIN_COLUMNS or len(values) == 1
-    if settings.columns is None and (heights or (values.shape[1] == 1 and settings.dx)):
+    is_matrix = settings.transpose or values.shape[1] >= MIN_COLUMNS or len(values) == 1
+    if settings.columns is None and (is_matrix or (values.shape[1] == 1 and settings.dx)):
         return profiles_from_matrix(table, settings)
     return profiles_from_table(table, settings)
 

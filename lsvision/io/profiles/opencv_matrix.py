@@ -34,10 +34,14 @@ def matrix_of_node(key: str, node: Mapping[str, Any]) -> FloatArray:
         If rows x columns differs from the number of its data.
     """
     try:
-        sizes = node["sizes"] if "sizes" in node else [_word(node["rows"]), _word(node["cols"])]
-        match = _MATRIX_TYPE.fullmatch(_word(node["dt"]).strip("\"'"))
+        sizes = (
+            node["sizes"]
+            if "sizes" in node
+            else [_scalar_text(node["rows"]), _scalar_text(node["cols"])]
+        )
+        match = _MATRIX_TYPE.fullmatch(_scalar_text(node["dt"]).strip("\"'"))
         if match is None:
-            raise ValueError(f"dt {_word(node['dt'])!r}")
+            raise ValueError(f"dt {_scalar_text(node['dt'])!r}")
         shape = [int(size) for size in sizes] + [int(match[1] or 1)]
         data = node["data"]
         if not (isinstance(data, list) and min(shape) >= 0 and len(shape) <= _MAX_DIMENSIONS):
@@ -55,7 +59,7 @@ def matrix_of_node(key: str, node: Mapping[str, Any]) -> FloatArray:
     return numbers_from_cells([str(item) for item in data]).reshape(shape)
 
 
-def _word(value: Any) -> str:
+def _scalar_text(value: Any) -> str:
     """Return the text of a scalar; XML gives it as a list of one word."""
     if isinstance(value, list) and len(value) == 1:
         value = value[0]

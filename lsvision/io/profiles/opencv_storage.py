@@ -23,7 +23,7 @@ from lsvision.io.profiles.number_rows import numbers_from_cells
 from lsvision.io.profiles.opencv_matrix import TRIPLES, matrix_of_node, table_of_points
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.text_table import decode_text
-from lsvision.io.profiles.unit_statements import lost_statements, unit_statements
+from lsvision.io.profiles.unit_statements import find_lost_values, find_unit_statements
 
 _POINT_KEYS = (TRIPLES, "profile", "points", "line")
 _MIN_NUMBERS = 30  # a shorter list under another name may be a pose or a matrix
@@ -55,7 +55,7 @@ def read_opencv_storage(content: bytes, settings: ReadSettings) -> RawProfiles:
         if is_known_role(key.lower())
     }
     if len(columns) > 1:
-        return profiles_from_named(columns, settings, unit_statements(_lines_of_words(text)))
+        return profiles_from_named(columns, settings, find_unit_statements(_lines_of_words(text)))
     # Long lists are split here: a YAML parser needs microseconds per number.
     lists = {key: body.split(",") for key, body in _FLAT_LIST.findall(text) if key != "data"}
     key = min(lists, key=_rank, default=None)
@@ -70,8 +70,8 @@ def read_opencv_storage(content: bytes, settings: ReadSettings) -> RawProfiles:
         key, values = _first_node(text)
     table = table_of_points(key, np.squeeze(values))
     lines = _lines_of_words(text)
-    stated = replace(table, statements=unit_statements(lines), lost=lost_statements(lines))
-    return profiles_from_table(stated, settings)
+    table = replace(table, statements=find_unit_statements(lines), lost=find_lost_values(lines))
+    return profiles_from_table(table, settings)
 
 
 def _lines_of_words(text: str) -> list[str]:
@@ -94,8 +94,8 @@ def _first_node(text: str) -> tuple[str, FloatArray]:
         ) from None
     for key in sorted(nodes, key=_rank):
         values = _numbers(key, nodes[key])
-        pairs = values.ndim == 2 and values.shape[1] == 2
-        if values.size and (key in _POINT_KEYS or pairs or values.size >= _MIN_NUMBERS):
+        is_pairs = values.ndim == 2 and values.shape[1] == 2
+        if values.size and (key in _POINT_KEYS or is_pairs or values.size >= _MIN_NUMBERS):
             return key, values
     raise UnreadableFile(
         f"no list of points among its keys ({', '.join(nodes)[:200] or 'none'}): "

@@ -15,7 +15,7 @@ from lsvision.io.profiles.column_roles import column_role
 from lsvision.io.profiles.named_columns import profiles_from_named
 from lsvision.io.profiles.number_rows import floats_from
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
-from lsvision.io.profiles.unit_statements import UnitStatement, unit_statements
+from lsvision.io.profiles.unit_statements import UnitStatement, find_unit_statements
 from lsvision.io.profiles.units import split_label
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def read_parquet(content: bytes, settings: ReadSettings) -> RawProfiles:
     UnreadableFile
         If pyarrow is missing, cannot read the file, or finds no column of heights.
     """
-    (table,) = _tables(io.BytesIO(content), None)
+    (table,) = _iterate_tables(io.BytesIO(content), None)
     return profiles_from_table(table, settings)
 
 
@@ -48,7 +48,7 @@ def iterate_tables(path: Path, rows: int) -> "Iterator[pa.Table]":
         As `read_parquet`.
     """
     with path.open("rb") as file:
-        yield from _tables(file, rows)
+        yield from _iterate_tables(file, rows)
 
 
 def profiles_from_table(table: "pa.Table", settings: ReadSettings) -> RawProfiles:
@@ -60,9 +60,9 @@ def profiles_from_table(table: "pa.Table", settings: ReadSettings) -> RawProfile
         stated = [*_unit_statements(table.schema.metadata), *_field_statements(table.schema)]
     except (pyarrow.ArrowException, OSError, ValueError, TypeError, KeyError) as error:
         raise _unreadable(error) from None
-    known = {name: values for name, values in columns.items() if values is not None}
-    words = {name: cells for name, cells in texts.items() if cells is not None}
-    return profiles_from_named(known, settings, tuple(stated), words)
+    numbers_by_name = {name: values for name, values in columns.items() if values is not None}
+    texts_by_name = {name: cells for name, cells in texts.items() if cells is not None}
+    return profiles_from_named(numbers_by_name, settings, tuple(stated), texts_by_name)
 
 
 def _pyarrow() -> Any:
@@ -81,7 +81,7 @@ def _unreadable(error: Exception) -> UnreadableFile:
     return UnreadableFile(f"pyarrow cannot read it ({reason}): write it again")
 
 
-def _tables(file: BinaryIO, rows: int | None) -> "Iterator[pa.Table]":
+def _iterate_tables(file: BinaryIO, rows: int | None) -> "Iterator[pa.Table]":
     """Yield the batches of a file, all in one table where a point is a row or `rows` is None."""
     pyarrow = _pyarrow()
     try:
@@ -98,9 +98,9 @@ def _tables(file: BinaryIO, rows: int | None) -> "Iterator[pa.Table]":
 
 def _texts(column: Any) -> list[str] | None:
     """Return the cells of a column of text, dates or booleans; None for nested columns."""
-    import pyarrow.types as kinds
+    from pyarrow import types
 
-    if kinds.is_nested(column.type):
+    if types.is_nested(column.type):
         return None
     return ["" if value is None else str(value) for value in column.to_pylist()]
 
@@ -112,7 +112,7 @@ def _unit_statements(metadata: Any, axis: str = "") -> tuple[UnitStatement, ...]
         for key, value in (metadata or {}).items()
         if key.lower() in (b"unit", b"units")
     ]
-    return unit_statements(lines)
+    return find_unit_statements(lines)
 
 
 def _field_statements(schema: Any) -> list[UnitStatement]:
@@ -166,15 +166,15 @@ def _rows(column: Any) -> list[FloatArray]:
 
 
 def _is_list(kind: Any) -> bool:
-    import pyarrow.types as kinds
+    from pyarrow import types
 
-    return bool(kinds.is_list(kind) or kinds.is_large_list(kind) or kinds.is_fixed_size_list(kind))
+    return bool(types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind))
 
 
 def _is_number(kind: Any) -> bool:
-    import pyarrow.types as kinds
+    from pyarrow import types
 
-    return bool(kinds.is_integer(kind) or kinds.is_floating(kind))
+    return bool(types.is_integer(kind) or types.is_floating(kind))
 
 
 def _floats(array: Any) -> FloatArray:
@@ -185,9 +185,9 @@ def _floats(array: Any) -> FloatArray:
         array = array.combine_chunks()
     numbers = array.cast(pa.float64(), safe=False)
     validity, data = numbers.buffers()
-    part = slice(numbers.offset, numbers.offset + len(numbers))
-    values = floats_from(np.frombuffer(data or b"", np.float64)[part])
+    window = slice(numbers.offset, numbers.offset + len(numbers))
+    values = floats_from(np.frombuffer(data or b"", np.float64)[window])
     if validity is not None:
         bits = np.unpackbits(np.frombuffer(validity, np.uint8), bitorder="little")
-        values[bits[part] == 0] = np.nan
+        values[bits[window] == 0] = np.nan
     return values

@@ -12,7 +12,7 @@ from lsvision.io.profiles.columns import profiles_from_table
 from lsvision.io.profiles.number_rows import floats_from, numbers_from_cells
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 from lsvision.io.profiles.text_table import TextTable
-from lsvision.io.profiles.unit_statements import lost_statements, unit_statements
+from lsvision.io.profiles.unit_statements import find_lost_values, find_unit_statements
 
 _PLY_TYPES = {
     **dict.fromkeys(["char", "int8"], "i1"),
@@ -43,8 +43,8 @@ def read_ply(content: bytes, settings: ReadSettings) -> RawProfiles:
     if not end or order not in _PLY_ORDERS:
         raise UnreadableFile("a PLY file with a broken header: export it again")
     body = body.partition(b"\n")[2]
-    layout = _ply_vertices(lines, _PLY_ORDERS[order])
-    table = _points(body, layout, ascii_=order == "ascii")
+    layout = _parse_ply_layout(lines, _PLY_ORDERS[order])
+    table = _parse_points(body, layout, ascii_=order == "ascii")
     return profiles_from_table(_with_comments(table, head, "comment"), settings)
 
 
@@ -63,8 +63,8 @@ def read_pcd(content: bytes, settings: ReadSettings) -> RawProfiles:
         )
     lines = content[: match.start()].decode("latin-1").splitlines()
     header = {words[0]: words[1:] for words in map(str.split, lines) if words}
-    layout, rows = _pcd_layout(header)
-    table = _points(content[match.end() :], layout, ascii_=match[1] == b"ascii")
+    layout, rows = _parse_pcd_layout(header)
+    table = _parse_points(content[match.end() :], layout, ascii_=match[1] == b"ascii")
     if rows > 1:
         scan = np.repeat(np.arange(float(rows)), layout.count // rows)
         table = TextTable(
@@ -80,8 +80,8 @@ def _with_comments(table: TextTable, head: bytes, mark: str) -> TextTable:
     comments = tuple(f"# {line}" for line in texts)
     return replace(
         table,
-        statements=unit_statements(comments),
-        lost=lost_statements(comments),
+        statements=find_unit_statements(comments),
+        lost=find_lost_values(comments),
         mentions=comments,
     )
 
@@ -90,11 +90,11 @@ def _with_comments(table: TextTable, head: bytes, mark: str) -> TextTable:
 class _Layout:
     """Layout of the points in the body of a cloud."""
 
-    dtype: npt.DTypeLike
-    count: int
+    dtype: npt.DTypeLike  # of a point
+    count: int  # number of points
 
 
-def _ply_vertices(lines: list[list[str]], order: str) -> _Layout:
+def _parse_ply_layout(lines: list[list[str]], order: str) -> _Layout:
     elements = [k for k, line in enumerate(lines) if line[:1] == ["element"]]
     try:
         _, name, count = lines[elements[0]]
@@ -111,7 +111,7 @@ def _ply_vertices(lines: list[list[str]], order: str) -> _Layout:
     return layout
 
 
-def _pcd_layout(header: dict[str, list[str]]) -> tuple[_Layout, int]:
+def _parse_pcd_layout(header: dict[str, list[str]]) -> tuple[_Layout, int]:
     try:
         counts = [int(count) for count in header.get("COUNT", ["1"] * len(header["FIELDS"]))]
         if not all(1 <= count <= _MAX_COUNT for count in counts):
@@ -130,7 +130,7 @@ def _pcd_layout(header: dict[str, list[str]]) -> tuple[_Layout, int]:
     return layout, rows
 
 
-def _points(body: bytes, layout: _Layout, *, ascii_: bool) -> TextTable:
+def _parse_points(body: bytes, layout: _Layout, *, ascii_: bool) -> TextTable:
     dtype = np.dtype(layout.dtype)
     names = dtype.names or ()
     if not {"x", "y", "z"} <= set(names):

@@ -14,9 +14,9 @@ from lsvision.geometry import FloatArray
 from lsvision.io.profiles.number_rows import floats_from
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
 
-FLATNESS = 1e-6
-"""Spread of a coordinate relative to the largest, below which points lie in a plane perpendicular
-to it."""
+MAX_FLATNESS = 1e-6
+"""Extent along an axis relative to the largest one, up to which points lie in a plane perpendicular
+to that axis."""
 
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 _LIDAR = "PointCloud2 in its x-y plane: X is the scanner's y, Y the opposite of its x"
@@ -47,10 +47,10 @@ def profiles_from_clouds(
     UnreadableFile
         If there is no row of points, or those of a row do not lie in a section.
     """
-    rows, kept = [], []
+    rows, row_attributes = [], []
     for cloud, attribute in zip(clouds, attributes, strict=True):
         rows += list(cloud)
-        kept += [attribute] * len(cloud)
+        row_attributes += [attribute] * len(cloud)
     if not rows:
         raise UnreadableFile("PointCloud2 messages without a row of points: record the topic again")
     if settings.plane is not None:
@@ -62,7 +62,7 @@ def profiles_from_clouds(
         units=("m", "m"),
         away=away,
         notes=notes,
-        attributes=tuple(kept),
+        attributes=tuple(row_attributes),
     )
 
 
@@ -83,51 +83,55 @@ def cloud_points(cloud: Any) -> FloatArray:
     data = np.ascontiguousarray(cloud.data, dtype=np.uint8)
     shape = (int(cloud.height), int(cloud.width))
     strides = (int(cloud.row_step), int(cloud.point_step))
-    planes = []
+    coordinates = []
     for axis in "xyz":
         field = fields[axis]
         kind = np.dtype(order + _TYPES.get(field.datatype, "V1"))
-        last = (shape[0] - 1) * strides[0] + (shape[1] - 1) * strides[1] + field.offset
-        if kind.kind == "V" or last + kind.itemsize > data.nbytes or min(*shape, *strides) < 0:
+        last_offset = (shape[0] - 1) * strides[0] + (shape[1] - 1) * strides[1] + field.offset
+        if (
+            kind.kind == "V"
+            or last_offset + kind.itemsize > data.nbytes
+            or min(*shape, *strides) < 0
+        ):
             raise UnreadableFile(
                 f"a PointCloud2 whose {axis} is truncated or of an unknown type: record it again"
             )
-        plane: Any = np.zeros(shape)
-        if plane.size:
-            plane = np.ndarray(shape, kind, data, field.offset, strides)
-        planes.append(floats_from(plane))
-    return np.stack(planes, axis=-1)
+        coordinate: Any = np.zeros(shape)
+        if coordinate.size:
+            coordinate = np.ndarray(shape, kind, data, field.offset, strides)
+        coordinates.append(floats_from(coordinate))
+    return np.stack(coordinates, axis=-1)
 
 
 def _section_columns(
     rows: Sequence[FloatArray], settings: ReadSettings
 ) -> tuple[list[int], bool, tuple[str, ...]]:
-    """Return the coordinates of x and height, whether heights grow away, and what was guessed."""
+    """Return the columns of x and height, whether heights grow away from the sensor, and notes."""
     if settings.columns is not None:
-        chosen = [str(column).lower() for column in settings.columns]
+        requested = [str(column).lower() for column in settings.columns]
         names = {**{axis: k for k, axis in enumerate("xyz")}, "0": 0, "1": 1, "2": 2}
-        if len(chosen) != 2 or not set(chosen) <= set(names):
+        if len(requested) != 2 or not set(requested) <= set(names):
             raise UnreadableFile(
-                f"no columns {', '.join(chosen)} in a PointCloud2: expected two of x,y,z"
+                f"no columns {', '.join(requested)} in a PointCloud2: expected two of x,y,z"
             )
-        return [names[column] for column in chosen], False, ()
-    spreads = np.array([_largest_spread(rows, axis) for axis in range(3)])
-    flat = spreads <= FLATNESS * spreads.max()
-    if flat[1]:
+        return [names[column] for column in requested], False, ()
+    extents = np.array([_largest_extent(rows, axis) for axis in range(3)])
+    is_flat = extents <= MAX_FLATNESS * extents.max()
+    if is_flat[1]:
         return [0, 2], False, ()
-    if flat[2]:
+    if is_flat[2]:
         return [1, 0], True, (_LIDAR,)
     raise UnreadableFile(
         "a PointCloud2 whose points do not lie in a section perpendicular to y or z (they span "
-        f"{' x '.join(f'{spread:.3g}' for spread in spreads)} m): publish it in the scanner's own "
+        f"{' x '.join(f'{extent:.3g}' for extent in extents)} m): publish it in the scanner's own "
         "frame, or name two of its coordinates as --columns x,z"
     )
 
 
-def _largest_spread(rows: Sequence[FloatArray], axis: int) -> float:
-    """Return the largest range of a coordinate within a row."""
-    spreads = [0.0]
+def _largest_extent(rows: Sequence[FloatArray], axis: int) -> float:
+    """Return the largest extent of a row along an axis."""
+    extents = [0.0]
     for row in rows:
-        known = row[np.isfinite(row).all(axis=1), axis]
-        spreads.append(float(np.ptp(known)) if len(known) else 0.0)
-    return max(spreads)
+        finite = row[np.isfinite(row).all(axis=1), axis]
+        extents.append(float(np.ptp(finite)) if len(finite) else 0.0)
+    return max(extents)

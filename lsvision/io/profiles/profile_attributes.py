@@ -8,13 +8,13 @@ from lsvision.geometry import IntArray
 from lsvision.io.profiles.text_table import TextTable
 
 
-def profile_attributes(
+def find_profile_attributes(
     table: TextTable,
     rows: Sequence[IntArray],
     *,
     points: Sequence[int],
     key: int | None,
-    left_out: Sequence[int],
+    excluded: Sequence[int],
 ) -> tuple[tuple[Mapping[str, float | str], ...], tuple[str, ...]]:
     """Return the attributes of each profile, and the columns that are not used.
 
@@ -28,25 +28,25 @@ def profile_attributes(
         Columns of the coordinates.
     key : int or None
         Column that identifies profiles.
-    left_out : sequence of int
-        Columns that were considered and deliberately not used.
+    excluded : sequence of int
+        Columns that are not attributes.
     """
-    others = [c for c in range(table.values.shape[1]) if c not in points]
-    kept: list[dict[str, float | str]] = [{} for _ in rows]
+    other_columns = [c for c in range(table.values.shape[1]) if c not in points]
+    by_profile: list[dict[str, float | str]] = [{} for _ in rows]
     ignored = []
-    for column in others:
-        values = [_one_value(table, column, r) for r in rows] if table.names else [None]
-        if all(value is not None for value in values) and column not in left_out:
-            for attributes, value in zip(kept, values, strict=True):
+    for column in other_columns:
+        values = [_common_value(table, column, r) for r in rows] if table.names else [None]
+        if all(value is not None for value in values) and column not in excluded:
+            for attributes, value in zip(by_profile, values, strict=True):
                 if value is not None:
                     attributes[table.label(column)] = value
         elif column != key:
             ignored.append(table.label(column))
-    known = any(kept)
-    return tuple(kept) if known else (), tuple(ignored)
+    has_attributes = any(by_profile)
+    return tuple(by_profile) if has_attributes else (), tuple(ignored)
 
 
-def _one_value(table: TextTable, column: int, rows: IntArray) -> float | str | None:
+def _common_value(table: TextTable, column: int, rows: IntArray) -> float | str | None:
     """Return the common value of all points of a profile; None if they differ."""
     if column in table.texts:
         texts = {table.texts[column][r] for r in rows.tolist()}

@@ -53,13 +53,11 @@ _READERS: dict[str, Callable[[bytes, ReadSettings], RawProfiles]] = {
 }
 
 _MAX_RANGE_MM = 1e4  # larger than the range of any profile sensor
-_USUAL_MM, _FINER_UNITS = (
-    1e3,
-    ("um", "10nm"),
-)  # the first one that makes coordinates smaller than a metre is suggested
-_MIN_ORDERED = 20  # smallest number of points whose order tells x from height
-_NARROWEST_MM = 1.0  # narrower than the field of any profile sensor
-_LIDAR_EXTENT = 10.0  # coordinates up to this may be metres of a lidar, or mm of a sensor
+_USUAL_MM = 1e3  # largest coordinate of most profiles
+_FINER_UNITS = ("um", "10nm")  # the first with which coordinates are below _USUAL_MM is suggested
+_MIN_ORDERED_POINTS = 20  # smallest number of points whose order distinguishes x from height
+_MIN_WIDTH_MM = 1.0  # narrower than the field of any profile sensor
+_MAX_LIDAR_EXTENT = 10.0  # coordinates up to this may be metres of a lidar, or mm of a sensor
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -71,7 +69,7 @@ class ProfileFile:
     path : Path
         The file.
     profiles : tuple of Profile
-        In the order of the file; a profile without a valid point stays in its place.
+        Profiles in the order of the file, including those without a valid point.
     reader : str
         The format it was read as, one of `FORMATS`.
     units : str
@@ -85,7 +83,7 @@ class ProfileFile:
     notes : tuple of str
         Remarks on what was guessed, left out or looks wrong.
     unit_warnings : tuple of str
-        Those of the notes that suggest another unit.
+        Those of `notes` that suggest another unit.
     markers : tuple of LostMarker
         Values that mark lost points, in the units of the file.
     attributes : tuple of mapping
@@ -245,11 +243,11 @@ def inspect_profiles(path: str | os.PathLike[str], **options: Unpack[ReadOptions
         if reader == "matrix" and settings.columns is not None:  # a wide table of points
             reader = "text"
         raw = _READERS[reader](content, settings)
-        found = in_section_frame(file, reader, raw, settings)
-        require_points(found.profiles)
+        profile_file = convert_to_section_frame(file, reader, raw, settings)
+        require_points(profile_file.profiles)
     except UnreadableFile as error:
         raise UnreadableFile(f"{file}: {error}") from None
-    return found
+    return profile_file
 
 
 def _file_name(path: Any) -> str:
@@ -261,10 +259,10 @@ def _file_name(path: Any) -> str:
     return os.fspath(path)
 
 
-def in_section_frame(
+def convert_to_section_frame(
     path: Path, reader: str, raw: RawProfiles, settings: ReadSettings
 ) -> ProfileFile:
-    """Return profiles in mm, Y towards the sensor, lost points as NaN.
+    """Return the profiles of a file in the section frame: mm, Y towards the sensor, NaN where lost.
 
     Parameters
     ----------
@@ -296,9 +294,9 @@ def in_section_frame(
         with np.errstate(over="ignore", invalid="ignore"):  # overflow makes a point lost
             sections = [section * to_mm for section in sections]
     profiles = tuple(Profile(section, lost=()) for section in sections)
-    named = tuple(dict.fromkeys(unit or "mm" for unit in (x_unit, height_unit)))
+    unit_names = tuple(dict.fromkeys(unit or "mm" for unit in (x_unit, height_unit)))
     extent = _extent(profiles)
-    stated = "" if assumed else ", ".join(named)
+    stated = "" if assumed else ", ".join(unit_names)
     unit_warnings = () if extent is None else _unit_warnings(*extent, stated)
     hints = () if extent is None else _hints(*extent, profiles, assumed=assumed)
     guessed = tuple(marker.note for marker in markers if marker.guessed)
@@ -306,7 +304,7 @@ def in_section_frame(
         path=path,
         profiles=profiles,
         reader=reader,
-        units=", ".join(named),
+        units=", ".join(unit_names),
         units_assumed=assumed,
         flipped=away,
         positions=raw.positions and tuple(p * x_scale for p in raw.positions),
@@ -340,18 +338,22 @@ def require_points(profiles: Sequence[Profile]) -> None:
 
 
 def _unit_warnings(low: FloatArray, high: FloatArray, stated: str) -> tuple[str, ...]:
-    """Return a remark on sizes that no sensor sees; where a unit is stated, it is questioned."""
+    """Return a note if the coordinates exceed the range or fall below the width of any sensor.
+
+    It suggests another unit, or questions the stated one.
+    """
     farthest = float(np.abs([low, high]).max())
     if farthest > _MAX_RANGE_MM:
         unit = next(
             (unit for unit in _FINER_UNITS if farthest * mm_per_unit(unit) < _USUAL_MM), "nm"
         )
-        found, guess = f"coordinates reach {farthest:.3g} mm", f"another unit? see --units {unit}"
-    elif high[0] - low[0] < _NARROWEST_MM:
-        found, guess = f"the profile is {high[0] - low[0]:.3g} mm wide", "metres? see --units m"
+        problem = f"coordinates reach {farthest:.3g} mm"
+        remedy = f"another unit? see --units {unit}"
+    elif high[0] - low[0] < _MIN_WIDTH_MM:
+        problem, remedy = f"the profile is {high[0] - low[0]:.3g} mm wide", "metres? see --units m"
     else:
         return ()
-    return (f"{found}: {f'is the unit right ({stated})? see --units' if stated else guess}",)
+    return (f"{problem}: {f'is the unit right ({stated})? see --units' if stated else remedy}",)
 
 
 def _hints(
@@ -359,8 +361,8 @@ def _hints(
 ) -> tuple[str, ...]:
     size = f"{high[0] - low[0]:.3g} x {high[1] - low[1]:.3g}"
     notes = []
-    wide_enough = high[0] - low[0] >= _NARROWEST_MM
-    if assumed and wide_enough and float(np.abs([low, high]).max()) <= _LIDAR_EXTENT:
+    wide_enough = high[0] - low[0] >= _MIN_WIDTH_MM
+    if assumed and wide_enough and float(np.abs([low, high]).max()) <= _MAX_LIDAR_EXTENT:
         notes.append(f"the points span {size} mm: if these are metres of a lidar, use --units m")
     if assumed and any(map(_seems_exchanged, profiles)):
         notes.append(
@@ -374,21 +376,21 @@ def _hints(
 
 
 def _seems_exchanged(profile: Profile) -> bool:
-    """Return whether height is as ordered as x should be, and x as little as a height."""
+    """Return whether the heights are monotonic, as x should be, and x is not."""
     x, height = profile.points[~np.isnan(profile.points[:, 0])].T
-    steps, rises = np.diff(x), np.diff(height)
-    steady = bool((rises > 0).all() or (rises < 0).all())
-    share = np.mean(steps > 0) if len(steps) else 0.0
-    return len(x) >= _MIN_ORDERED and steady and 0.1 < share < 0.9
+    steps, height_steps = np.diff(x), np.diff(height)
+    steady = bool((height_steps > 0).all() or (height_steps < 0).all())
+    rising_fraction = np.mean(steps > 0) if len(steps) else 0.0
+    return len(x) >= _MIN_ORDERED_POINTS and steady and 0.1 < rising_fraction < 0.9
 
 
 def _extent(profiles: tuple[Profile, ...]) -> tuple[FloatArray, FloatArray] | None:
-    """Return the least and the largest x and height; None if all points are lost."""
-    known = [
+    """Return the smallest and the largest (x, height); None if all points are lost. Units: mm."""
+    valid_points = [
         profile.points[~np.isnan(profile.points[:, 0])] if profile.lost else profile.points
         for profile in profiles
     ]
-    columns = [points.T for points in known if len(points)]
+    columns = [points.T for points in valid_points if len(points)]
     if not columns:
         return None
     low = [min(float(column[axis].min()) for column in columns) for axis in (0, 1)]

@@ -93,15 +93,15 @@ def parse_regular_rows(rows: str, separator: str, width: int) -> FloatArray | No
         return None
     if "\r" in rows:
         rows = rows.replace("\r\n", "\n")
-    parts = []
+    block_values = []
     for block in _blocks(rows):
         values = _parse_block(block, separator, width)
         if values is None and separator != " ":  # two blanks separate cells like one
             values = _parse_block(fill_empty_cells(block, separator), separator, width)
         if values is None:
             return None
-        parts.append(values)
-    table = np.concatenate(parts)
+        block_values.append(values)
+    table = np.concatenate(block_values)
     table[np.isinf(table)] = np.nan
     return table
 

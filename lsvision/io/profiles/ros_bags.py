@@ -51,7 +51,7 @@ def read_ros_bag(content: bytes, settings: ReadSettings) -> RawProfiles:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"bag{_SUFFIXES.get(content[:4], '.bag')}"
         path.write_bytes(content)
-        kind, messages = _messages(path, settings.topic)
+        kind, messages = _read_messages(path, settings.topic)
     contents = [message.content for message in messages]
     attributes = [message.attributes for message in messages]
     if kind == POINT_CLOUD:
@@ -59,7 +59,7 @@ def read_ros_bag(content: bytes, settings: ReadSettings) -> RawProfiles:
     return replace(profiles_from_scans(contents), attributes=tuple(attributes))
 
 
-def _messages(path: Path, topic: str | None) -> tuple[str, list[Message]]:
+def _read_messages(path: Path, topic: str | None) -> tuple[str, list[Message]]:
     """Return the type and messages of the chosen topic."""
     try:
         from rosbags.highlevel import AnyReader
@@ -72,7 +72,7 @@ def _messages(path: Path, topic: str | None) -> tuple[str, list[Message]]:
         with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
             connections = _select_connections(reader.connections, topic)
             kind: str = connections[0].msgtype
-            messages = list(_decoded(reader, connections))
+            messages = list(_decode_messages(reader, connections))
     except UnreadableFile:
         raise
     except Exception as error:  # noqa: BLE001 - rosbags states no list of what broken bytes raise
@@ -90,18 +90,18 @@ def _messages(path: Path, topic: str | None) -> tuple[str, list[Message]]:
 
 def _select_connections(connections: Sequence[Any], topic: str | None) -> list[Any]:
     """Return the connections with profiles, all of one topic."""
-    fitting = [c for c in connections if c.msgtype in (LASER_SCAN, POINT_CLOUD) and c.msgcount]
-    wanted = [c for c in fitting if topic is None or c.topic.strip("/") == topic.strip("/")]
-    topics = dict.fromkeys((c.topic, c.msgtype) for c in wanted)
+    supported = [c for c in connections if c.msgtype in (LASER_SCAN, POINT_CLOUD) and c.msgcount]
+    selected = [c for c in supported if topic is None or c.topic.strip("/") == topic.strip("/")]
+    topics = dict.fromkeys((c.topic, c.msgtype) for c in selected)
     if len(topics) == 1:
-        return wanted
+        return selected
     if topics:
         raise UnreadableFile(
-            f"a ROS bag of several topics with profiles: use --topic {_list_topics(wanted)}"
+            f"a ROS bag of several topics with profiles: use --topic {_list_topics(selected)}"
         )
-    if topic is not None and fitting:
+    if topic is not None and supported:
         raise UnreadableFile(
-            f"no topic {topic!r} with profiles in it: use --topic {_list_topics(fitting)}"
+            f"no topic {topic!r} with profiles in it: use --topic {_list_topics(supported)}"
         )
     raise UnreadableFile(
         "a ROS bag without a message of LaserScan or PointCloud2 (it has "
@@ -121,19 +121,20 @@ def _list_topics(connections: Sequence[Any]) -> str:
     return f"{joined} or {more} more" if more > 0 else joined
 
 
-def _decoded(reader: Any, connections: Sequence[Any]) -> Iterator[Message]:
+def _decode_messages(reader: Any, connections: Sequence[Any]) -> Iterator[Message]:
     for connection, recorded_ns, raw in reader.messages(connections=connections):
         fields = reader.deserialize(raw, connection.msgtype)
         stamp = fields.header.stamp
-        taken_ns = stamp.sec * 10**9 + stamp.nanosec
+        stamp_ns = stamp.sec * 10**9 + stamp.nanosec
         attributes = {
-            "stamp_s": (taken_ns or recorded_ns) / 1e9,
+            "stamp_s": (stamp_ns or recorded_ns) / 1e9,
             "frame_id": fields.header.frame_id,
         }
-        content = _scan(fields) if connection.msgtype == LASER_SCAN else cloud_points(fields)
+        content = _scan_fields(fields) if connection.msgtype == LASER_SCAN else cloud_points(fields)
         yield Message(content, attributes)
 
 
-def _scan(fields: Any) -> dict[str, Any]:
+def _scan_fields(fields: Any) -> dict[str, Any]:
+    """Return the fields of a LaserScan from which its points are computed."""
     scan = {name: float(getattr(fields, name)) for name in _SCAN_FIELDS}
     return scan | {"ranges": fields.ranges.tolist()}

@@ -9,7 +9,7 @@ from lsvision.geometry import FloatArray
 from lsvision.io.profiles.units import MM_PER_UNIT, mm_per_unit, parse_unit
 
 MM_PER_KEYENCE_STEP = 1e-5
-"""The controllers of Keyence state their scales in 0.01 um."""
+"""Unit in which controllers of Keyence state their scales, 0.01 um. Units: mm."""
 
 FORMATS = (
     "text",
@@ -116,9 +116,9 @@ class ReadSettings:
         _check_choice("format", self.format, FORMATS)
         _check_choice("plane", self.plane, PLANES)
         if self.units is not None:
-            object.__setattr__(self, "units", _checked_unit(self.units))
+            object.__setattr__(self, "units", _parse_units(self.units))
         if self.z_unit is not None:
-            object.__setattr__(self, "z_unit", _checked_count(self.z_unit))
+            object.__setattr__(self, "z_unit", _parse_count_size(self.z_unit))
         for name in ("dx", "x_pitch", "z_unit"):
             if getattr(self, name) == 0:
                 raise ValueError(f"expected {name} other than 0, got 0")
@@ -127,25 +127,25 @@ class ReadSettings:
             if value is not None and not math.isfinite(value):
                 raise ValueError(f"expected a finite {name}, got {value}")
         if self.lost is not None:
-            object.__setattr__(self, "lost", _checked_markers(self.lost))
+            object.__setattr__(self, "lost", _parse_markers(self.lost))
         if self.columns is not None:
-            object.__setattr__(self, "columns", _checked_columns(self.columns))
+            object.__setattr__(self, "columns", _parse_columns(self.columns))
 
     @property
     def lost_values(self) -> tuple[float, ...] | None:
-        """Return the numbers among the markers that the user states; None without markers."""
+        """Numbers among the markers that the user states; None without markers."""
         if self.lost is None:
             return None
         return tuple(marker for marker in self._markers if isinstance(marker, float))
 
     @property
     def lost_words(self) -> frozenset[str]:
-        """Return the words among the markers, in lower case."""
+        """Words among the markers that the user states, in lower case."""
         return frozenset(marker.lower() for marker in self._markers if isinstance(marker, str))
 
     @property
     def height_scale(self) -> float | None:
-        """Return the height of one count. Units: mm."""
+        """Height of one count; None if it is not given. Units: mm."""
         return None if self.z_unit is None else float(self.z_unit) * MM_PER_KEYENCE_STEP
 
     @property
@@ -199,7 +199,7 @@ def _check_choice(name: str, value: str | None, choices: tuple[str, ...]) -> Non
         raise ValueError(f"expected {name} among {', '.join(choices)}, got {value!r}")
 
 
-def _checked_unit(text: str) -> str:
+def _parse_units(text: str) -> str:
     unit = parse_unit(text)
     if unit is None:
         raise ValueError(
@@ -208,7 +208,8 @@ def _checked_unit(text: str) -> str:
     return unit
 
 
-def _checked_count(z_unit: float | str) -> float:
+def _parse_count_size(z_unit: float | str) -> float:
+    """Return the height of one count from a number or a length. Units: 0.01 um."""
     try:
         return float(z_unit)
     except ValueError:
@@ -220,7 +221,7 @@ def _checked_count(z_unit: float | str) -> float:
     return mm_per_unit(unit) / MM_PER_KEYENCE_STEP
 
 
-def _checked_markers(lost: float | str | Sequence[float | str]) -> tuple[float | str, ...]:
+def _parse_markers(lost: float | str | Sequence[float | str]) -> tuple[float | str, ...]:
     if isinstance(lost, str):
         cells: Sequence[float | str] = lost.split(",")
     else:
@@ -239,12 +240,12 @@ def _checked_markers(lost: float | str | Sequence[float | str]) -> tuple[float |
     return tuple(markers)
 
 
-def _checked_columns(columns: str | Sequence[int | str]) -> tuple[int | str, ...]:
+def _parse_columns(columns: str | Sequence[int | str]) -> tuple[int | str, ...]:
     cells = columns.split(",") if isinstance(columns, str) else columns
     words = [cell.strip() if isinstance(cell, str) else int(cell) for cell in cells]
-    chosen = tuple(int(w) if isinstance(w, str) and w.isdecimal() else w for w in words)
-    if len(chosen) not in (2, 3) or any(isinstance(c, int) and c < 0 for c in chosen):
+    parsed = tuple(int(w) if isinstance(w, str) and w.isdecimal() else w for w in words)
+    if len(parsed) not in (2, 3) or any(isinstance(c, int) and c < 0 for c in parsed):
         raise ValueError(
             f"expected columns of x and height (or x, travel and height) from 0, got {columns!r}"
         )
-    return chosen
+    return parsed

@@ -6,7 +6,7 @@ from lsvision.errors import UnreadableFile
 from lsvision.io.profiles.column_roles import column_role
 from lsvision.io.profiles.settings import ReadSettings
 from lsvision.io.profiles.text_table import TextTable
-from lsvision.io.profiles.unit_statements import UnitStatement, unit_mentions
+from lsvision.io.profiles.unit_statements import UnitStatement, find_unit_mentions
 from lsvision.io.profiles.units import StatedUnit, mm_per_unit
 
 _REMEDY = "state it, as --units um or --units 0.1mm"
@@ -20,11 +20,11 @@ def resolve_units(
     Parameters
     ----------
     table : TextTable
-        With the units over its columns and those that other lines state.
+        Table with the units in its header and those that other lines state.
     x, height : int
-        The columns.
+        Indices of the columns.
     settings : ReadSettings
-        What the user states has priority over the file.
+        Reading options, which have priority over the file.
 
     Returns
     -------
@@ -53,7 +53,7 @@ def require_known_unit(
     UnreadableFile
         With the first line that mentions one.
     """
-    mentions = unit_mentions(lines) if units == (None, None) and settings.units is None else ()
+    mentions = find_unit_mentions(lines) if units == (None, None) and settings.units is None else ()
     if mentions:
         raise UnreadableFile(
             f"the line {mentions[0].strip()[:80]!r} mentions a unit that is not understood: "
@@ -62,15 +62,22 @@ def require_known_unit(
 
 
 def _find_stated_units(table: TextTable, x: int, height: int) -> tuple[str | None, str | None]:
-    over = table.units or (None,) * table.values.shape[1]
+    header_units = table.units or (None,) * table.values.shape[1]
     names = table.names or ("",) * table.values.shape[1]
     return (
-        one_unit(over[x], _about(table.statements, column_role(names[x]), "x")),
-        one_unit(over[height], _about(table.statements, column_role(names[height]), "height")),
+        common_unit(
+            header_units[x], _statements_about(table.statements, column_role(names[x]), "x")
+        ),
+        common_unit(
+            header_units[height],
+            _statements_about(table.statements, column_role(names[height]), "height"),
+        ),
     )
 
 
-def one_unit(over: StatedUnit | None, statements: Iterable[UnitStatement] = ()) -> str | None:
+def common_unit(
+    header_unit: StatedUnit | None, statements: Iterable[UnitStatement] = ()
+) -> str | None:
     """Return the unit that all statements about a column agree on; None without a statement.
 
     Raises
@@ -78,7 +85,7 @@ def one_unit(over: StatedUnit | None, statements: Iterable[UnitStatement] = ()) 
     UnreadableFile
         If one is not understood, or they differ.
     """
-    stated = [over] if over is not None else []
+    stated = [header_unit] if header_unit is not None else []
     stated += [statement.unit for statement in statements]
     for unit in stated:
         if unit.unit is None:
@@ -92,7 +99,9 @@ def one_unit(over: StatedUnit | None, statements: Iterable[UnitStatement] = ()) 
     return next(iter(sizes.values())).unit if sizes else None
 
 
-def _about(statements: Iterable[UnitStatement], role: str, default: str) -> list[UnitStatement]:
+def _statements_about(
+    statements: Iterable[UnitStatement], role: str, default: str
+) -> list[UnitStatement]:
     """Return the statements about all lengths, or about the axis of a column."""
     axis = {"range": "height"}.get(role, role) if role in ("x", "y", "height", "range") else default
     return [s for s in statements if s.axis is None or s.axis == axis]

@@ -16,7 +16,7 @@ from lsvision.io.profiles.parquet import PARQUET_MAGIC, iterate_tables
 from lsvision.io.profiles.parquet import profiles_from_table as profiles_from_parquet
 from lsvision.io.profiles.reading import (
     ProfileFile,
-    in_section_frame,
+    convert_to_section_frame,
     inspect_profiles,
     require_points,
 )
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 PROFILES_AT_ONCE = 256
-"""Profiles of a part: 256 of 4096 points take 17 MB."""
-MARKERS_KEPT = 8
+"""Number of profiles of a part: 256 of 4096 points take 17 MB."""
+MAX_MARKERS = 8
 """Largest number of markers of lost points that are passed from part to part."""
 
 
@@ -95,24 +95,24 @@ def iterate_profiles(
         yield ProfilePart(0, inspect_profiles(file, **options))
         return
     parts = _parquet_parts if kind == "parquet" else _npy_parts
-    first, valid, known = 0, 0, tuple[float, ...]()
+    first, valid_points, marker_values = 0, 0, tuple[float, ...]()
     try:
         for raw, columns in parts(file, settings, at_once):
-            stated = replace(raw, lost=(*raw.lost, *known))
-            part = in_section_frame(file, kind, stated, settings)
+            raw_part = replace(raw, lost=(*raw.lost, *marker_values))
+            part = convert_to_section_frame(file, kind, raw_part, settings)
             if first == 0 and len(part.profiles) < at_once:  # the whole file
                 require_points(part.profiles)
-            valid += sum(map(len, part.profiles)) - part.lost
+            valid_points += sum(map(len, part.profiles)) - part.lost
             yield ProfilePart(first, part, columns)
             first += len(part.profiles)
             if settings.lost is None:
-                shown = [float(m.text) for m in part.markers if "," not in m.text]
-                known = tuple(dict.fromkeys((*known, *shown)))[:MARKERS_KEPT]
-        if valid == 0:
+                part_values = [float(m.text) for m in part.markers if "," not in m.text]
+                marker_values = tuple(dict.fromkeys((*marker_values, *part_values)))[:MAX_MARKERS]
+        if valid_points == 0:
             raise UnreadableFile(f"all points of its {first} profiles are lost: check exposure")
     except UnreadableFile as error:
-        where = f"from profile {first} on: " if first and valid else ""
-        raise UnreadableFile(f"{file}: {where}{error}") from None
+        location = f"from profile {first} on: " if first and valid_points else ""
+        raise UnreadableFile(f"{file}: {location}{error}") from None
 
 
 def _streamed_kind(file: Path, settings: ReadSettings) -> str | None:
@@ -147,7 +147,7 @@ def _npy_parts(
     file: Path, settings: ReadSettings, at_once: int
 ) -> Iterator[tuple[RawProfiles, None]]:
     array = open_npy(file)
-    rows = array.ndim == 3 or (array.ndim == 2 and settings.dx is not None)
-    for start in range(0, len(array), at_once) if rows else (0,):
-        part = array[start : start + at_once] if rows else array
-        yield profiles_from_array(np.array(part), settings), None
+    is_stack = array.ndim == 3 or (array.ndim == 2 and settings.dx is not None)
+    for start in range(0, len(array), at_once) if is_stack else (0,):
+        profiles = array[start : start + at_once] if is_stack else array
+        yield profiles_from_array(np.array(profiles), settings), None

@@ -35,7 +35,7 @@ class Header:
 
     names: tuple[str, ...]
     units: tuple[StatedUnit | None, ...]
-    counted: int = 0
+    name_count: int = 0
     """Number of names in a line that names x and height but not all columns; else 0."""
 
 
@@ -53,29 +53,31 @@ def read_header(preamble: Sequence[str], separator: str | None, width: int) -> H
     """
     names: list[str] = []
     units: list[StatedUnit | None] = []
-    over: list[StatedUnit | None] = []
-    counted = 0
+    label_units: list[StatedUnit | None] = []
+    name_count = 0
     lines = [(line, text) for line in preamble if (text := _COMMENT.sub("", line).strip(" \r\n"))]
-    for place, (line, text) in enumerate(reversed(lines)):
-        labels = _labels(text, separator, width)
-        row = None if labels is None else _unit_row(labels)
-        if row is not None and not units and any(row):
-            units = row
+    for position, (line, text) in enumerate(reversed(lines)):
+        labels = _split_labels(text, separator, width)
+        unit_row = None if labels is None else _unit_row(labels)
+        if unit_row is not None and not units and any(unit_row):
+            units = unit_row
         elif labels is None and not states_unit(line):
-            counted = counted or _count_of_names(text)
-            over = over or _bracketed_units(text, width)
-        elif labels is not None and not names and not _is_no_header(line, text, labels, separator):
+            name_count = name_count or _count_names(text)
+            label_units = label_units or _bracketed_units(text, width)
+        elif labels is not None and not names and not _is_not_header(line, text, labels, separator):
             parsed = [split_label(label) for label in labels]
             if _has_known_roles(parsed):
-                names, over = [name for name, _ in parsed], [unit for _, unit in parsed]
+                names, label_units = [name for name, _ in parsed], [unit for _, unit in parsed]
             elif above := _names_above(preamble, line, separator, width):
-                units = units or _strange_units(labels)
-                names, over = above
-            elif place == 0 or (place == 1 and units):
-                names, over = [name for name, _ in parsed], [unit for _, unit in parsed]
-    pairs = zip(units or [None] * width, over or [None] * width, strict=True)
+                units = units or _units_from_unknown_words(labels)
+                names, label_units = above
+            elif position == 0 or (position == 1 and units):
+                names, label_units = [name for name, _ in parsed], [unit for _, unit in parsed]
+    pairs = zip(units or [None] * width, label_units or [None] * width, strict=True)
     return Header(
-        tuple(names), tuple(row or label for row, label in pairs), 0 if names else counted
+        tuple(names),
+        tuple(unit or label_unit for unit, label_unit in pairs),
+        0 if names else name_count,
     )
 
 
@@ -83,21 +85,21 @@ def _has_known_roles(parsed: Sequence[tuple[str, StatedUnit | None]]) -> bool:
     return sum(is_known_role(name) for name, _ in parsed) >= 2
 
 
-def _is_no_header(line: str, text: str, labels: Sequence[str], separator: str | None) -> bool:
-    """Return whether a line with one word per column is not their names."""
+def _is_not_header(line: str, text: str, labels: Sequence[str], separator: str | None) -> bool:
+    """Return whether a line with one word per column does not hold their names."""
     if all(map(is_number_or_lost, labels)) or states_unit(line):
         return True
     return separator is None and _is_key_value(text, labels)
 
 
-def _labels(text: str, separator: str | None, width: int) -> list[str] | None:
-    tight = _BRACKETS.sub(lambda match: match[0].replace(" ", _INNER_BLANK), text)
-    tight = re.sub(
-        r"(?<! ) +(?=[\[(])", "", tight
+def _split_labels(text: str, separator: str | None, width: int) -> list[str] | None:
+    joined = _BRACKETS.sub(lambda match: match[0].replace(" ", _INNER_BLANK), text)
+    joined = re.sub(
+        r"(?<! ) +(?=[\[(])", "", joined
     )  # 'x [1/10 mm]' is one label, whatever separates the cells
     for labels in (
-        split_cells(tight, separator),
-        [w for w in re.split(r"[,;\s|]+", tight.replace('"', "")) if w],
+        split_cells(joined, separator),
+        [w for w in re.split(r"[,;\s|]+", joined.replace('"', "")) if w],
     ):
         drop_blank_cells(labels, width)
         if len(labels) == width:
@@ -107,11 +109,11 @@ def _labels(text: str, separator: str | None, width: int) -> list[str] | None:
 
 def _bracketed_units(text: str, width: int) -> list[StatedUnit | None]:
     """Return the units in brackets of a line with other names than the columns; all or none."""
-    found = {unit.unit: unit for word in re.findall(r"\[([^\]]{1,80})\]", text)
+    units = {unit.unit: unit for word in re.findall(r"\[([^\]]{1,80})\]", text)
              if (unit := state_unit(word)).unit is not None}  # fmt: skip
-    if not found:
+    if not units:
         return []
-    unit = next(iter(found.values())) if len(found) == 1 else StatedUnit(text, None)
+    unit = next(iter(units.values())) if len(units) == 1 else StatedUnit(text, None)
     return [unit] * width
 
 
@@ -144,14 +146,15 @@ def _names_above(
     above = [text for text in preamble[: list(preamble).index(line)] if text.strip()]
     if not above or line.lstrip().startswith(COMMENT_MARKS):
         return None
-    labels = _labels(_COMMENT.sub("", above[-1]).strip(" \r\n"), separator, width)
+    labels = _split_labels(_COMMENT.sub("", above[-1]).strip(" \r\n"), separator, width)
     parsed = [split_label(label) for label in labels or ()]
     if sum(is_known_role(name) for name, _ in parsed) < 2:
         return None
     return [name for name, _ in parsed], [unit for _, unit in parsed]
 
 
-def _strange_units(labels: Sequence[str]) -> list[StatedUnit | None]:
+def _units_from_unknown_words(labels: Sequence[str]) -> list[StatedUnit | None]:
+    """Return a stated unit for each word that is not a data type."""
     return [
         None if not label or label.lower() in _TYPES else StatedUnit(label, parse_unit(label))
         for label in labels
@@ -164,7 +167,8 @@ def _is_key_value(text: str, labels: Sequence[str] | None) -> bool:
     )
 
 
-def _count_of_names(text: str) -> int:
+def _count_names(text: str) -> int:
+    """Return the number of words of a line if all are names of coordinates; else 0."""
     labels = [w for w in re.split(r"[,;\s|]+", re.sub(r"(?<!\s)\s+(?=[\[(])", "", text)) if w]
     roles = [is_known_role(split_label(label.strip('"'))[0]) for label in labels]
     return len(labels) if all(roles) and len(labels) >= 2 else 0

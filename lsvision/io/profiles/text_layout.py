@@ -15,7 +15,7 @@ from lsvision.io.profiles.number_rows import (
     THOUSANDS,
     is_missing,
 )
-from lsvision.io.profiles.unit_statements import lost_statements
+from lsvision.io.profiles.unit_statements import find_lost_values
 
 MAX_PREAMBLE_LINES = 200
 """Number of lines in which the first line of numbers is searched."""
@@ -112,14 +112,14 @@ def find_layout(lines: Sequence[str]) -> Layout:
     UnreadableFile
         If there is no table of numbers.
     """
-    start = _first_number_row(lines)
+    start = _find_first_number_row(lines)
     if start is not None:
         index, separator = start
         width = len(split_cells(lines[index], separator))
         numeric = tuple(range(width))
     else:
-        index, separator, width, numeric = _first_text_row(lines)
-    stop = _without_footer(lines, index, separator, numeric, width)
+        index, separator, width, numeric = _find_first_text_row(lines)
+    stop = _find_table_end(lines, index, separator, numeric, width)
     if _states_size(lines, index, stop, separator):
         index += 1
     return Layout(separator, index, stop, width, numeric)
@@ -143,11 +143,11 @@ def is_number_or_lost(cell: str) -> bool:
     return bool(_ANY_NUMBER.fullmatch(word)) or is_missing(word)
 
 
-def _first_number_row(lines: Sequence[str]) -> tuple[int, str | None] | None:
+def _find_first_number_row(lines: Sequence[str]) -> tuple[int, str | None] | None:
     preamble = 0
     for index, line in enumerate(lines):
         text = line.strip()
-        if not text or is_comment(line) or lost_statements([line]):
+        if not text or is_comment(line) or find_lost_values([line]):
             preamble += 1
         else:
             separator = find_separator(text)
@@ -156,7 +156,7 @@ def _first_number_row(lines: Sequence[str]) -> tuple[int, str | None] | None:
                 preamble += 1
             elif any(_ANY_NUMBER.fullmatch(cell.strip()) for cell in cells):
                 if not _is_above_table(lines, index, len(cells)):
-                    return _with_lost_rows(lines, index, separator), separator
+                    return _include_lost_rows(lines, index, separator), separator
                 preamble += 1
         if preamble >= MAX_PREAMBLE_LINES:  # rows of lost points do not count
             return None
@@ -165,7 +165,7 @@ def _first_number_row(lines: Sequence[str]) -> tuple[int, str | None] | None:
 
 def _is_above_table(lines: Sequence[str], index: int, width: int) -> bool:
     """Return True for a count of points or columns: most lines below have other cells."""
-    below = islice(_cells_of(lines[index + 1 : index + 1 + 2 * SAMPLE_LINES]), SAMPLE_LINES)
+    below = islice(_iterate_cells(lines[index + 1 : index + 1 + 2 * SAMPLE_LINES]), SAMPLE_LINES)
     nearest = list(islice(below, 3))
     numbers = [all(map(is_number_or_lost, cells)) for cells in nearest]
     if numbers == [False, True, True]:
@@ -177,7 +177,7 @@ def _is_above_table(lines: Sequence[str], index: int, width: int) -> bool:
     return common > width and 2 * count > len(widths)
 
 
-def _cells_of(lines: Iterable[str]) -> Iterator[list[str]]:
+def _iterate_cells(lines: Iterable[str]) -> Iterator[list[str]]:
     """Yield the cells of each line that is neither empty nor a comment."""
     for line in lines:
         if line.strip() and not is_comment(line):
@@ -185,7 +185,7 @@ def _cells_of(lines: Iterable[str]) -> Iterator[list[str]]:
             yield split_cells(line.strip() if separator is None else line, separator)
 
 
-def _with_lost_rows(lines: Sequence[str], index: int, separator: str | None) -> int:
+def _include_lost_rows(lines: Sequence[str], index: int, separator: str | None) -> int:
     """Return the index of the first line above with as many cells, all of lost points."""
     width = len(split_cells(lines[index], separator))
     while index > 0:
@@ -196,7 +196,7 @@ def _with_lost_rows(lines: Sequence[str], index: int, separator: str | None) -> 
     return index
 
 
-def _first_text_row(lines: Sequence[str]) -> tuple[int, str | None, int, tuple[int, ...]]:
+def _find_first_text_row(lines: Sequence[str]) -> tuple[int, str | None, int, tuple[int, ...]]:
     """Return the layout of a table with words and numbers, from the layout of most lines."""
     rows = [i for i, line in enumerate(lines) if line.strip() and not is_comment(line)]
     sample = rows[len(rows) // 4 :][: 4 * SAMPLE_LINES]
@@ -213,20 +213,20 @@ def _first_text_row(lines: Sequence[str]) -> tuple[int, str | None, int, tuple[i
         width, count = Counter(map(len, cells)).most_common(1)[0]
         table = [row for row in cells if len(row) == width]
         numeric = tuple(c for c in range(width) if _is_numeric(row[c] for row in table))
-        enough = count >= max(2, MIN_TEXT_TABLE_FRACTION * len(cells))
-        if len(numeric) >= 2 and enough and (best is None or len(numeric) > len(best[3])):
+        is_frequent = count >= max(2, MIN_TEXT_TABLE_FRACTION * len(cells))
+        if len(numeric) >= 2 and is_frequent and (best is None or len(numeric) > len(best[3])):
             best = sample[0], separator, width, numeric
     if best is None:
-        raise _no_table(lines, rows)
+        raise _no_table_error(lines, rows)
     _, separator, width, numeric = best
     for index in rows:
         row = split_cells(lines[index].strip(" \r\n"), separator)
         if len(row) == width and all(is_number_or_lost(row[c]) for c in numeric):
             return index, separator, width, numeric
-    raise _no_table(lines, rows)
+    raise _no_table_error(lines, rows)
 
 
-def _no_table(lines: Sequence[str], rows: Sequence[int]) -> UnreadableFile:
+def _no_table_error(lines: Sequence[str], rows: Sequence[int]) -> UnreadableFile:
     """Return the error of a text whose points are all lost, or that has no table of numbers."""
     lost = 0
     for index in rows:
@@ -238,14 +238,15 @@ def _no_table(lines: Sequence[str], rows: Sequence[int]) -> UnreadableFile:
 
 
 def _is_numeric(cells: Iterable[str]) -> bool:
-    known = [cell.strip() for cell in cells if not is_missing(cell)]
-    numbers = sum(bool(_ANY_NUMBER.fullmatch(cell)) for cell in known)
-    return bool(known) and 10 * numbers >= 9 * len(known)
+    valid = [cell.strip() for cell in cells if not is_missing(cell)]
+    numbers = sum(bool(_ANY_NUMBER.fullmatch(cell)) for cell in valid)
+    return bool(valid) and 10 * numbers >= 9 * len(valid)
 
 
-def _without_footer(
+def _find_table_end(
     lines: Sequence[str], first: int, separator: str | None, numeric: tuple[int, ...], width: int
 ) -> int:
+    """Return the number of lines without the footer."""
     stop = len(lines)
     while stop > first + 1:
         line = lines[stop - 1]

@@ -10,7 +10,7 @@ from lsvision.errors import UnreadableFile
 from lsvision.geometry import FloatArray
 from lsvision.io.profiles.number_rows import (
     COMMENT_MARKS,
-    Word,
+    InvalidCell,
     parse_column,
     uses_decimal_comma,
 )
@@ -26,23 +26,23 @@ from lsvision.io.profiles.text_layout import (
 from lsvision.io.profiles.unit_statements import (
     MAX_MENTION_LINES,
     UnitStatement,
-    lost_statements,
-    unit_statements,
+    find_lost_values,
+    find_unit_statements,
 )
 from lsvision.io.profiles.units import StatedUnit
 
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1b\x7f]")
 _CHECKED_BYTES = 1 << 16  # at once, in the cache
 _COMMENT_STARTS = "#%/! \t"
-_CUT_COMMA = re.compile(r"(?:^|,)[-+]?[0-9]{1,3},0[0-9]+(?=[,.\r\n]|$)", re.MULTILINE)
-_CUT_NUMBERS = (
+_SPLIT_COMMA = re.compile(r"(?:^|,)[-+]?[0-9]{1,3},0[0-9]+(?=[,.\r\n]|$)", re.MULTILINE)
+_SPLIT_NUMBERS = (
     "numbers seem to be split at their commas ({cells!r}): export with semicolons between cells "
     "and without thousands separators"
 )
 _SAMPLE_ROWS = 5000
 """Number of rows that are searched for numbers split at their commas."""
-_MIN_WORD_FRACTION = 0.5
-"""Fraction of cells that are not numbers, above which a column is text."""
+_MIN_TEXT_FRACTION = 0.5
+"""Fraction of the filled cells that are not numbers, above which a column is text."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,9 +61,9 @@ class TextTable:
         Units that other lines state.
     texts : mapping of int to sequence of str
         Cells of the columns that hold text.
-    words : mapping of int to Word
-        First cell that is not a number in each column of numbers; `Word.row` is the number of
-        its line in the file.
+    invalid_cells : mapping of int to InvalidCell
+        First cell that is not a number in each column that has one; `InvalidCell.row` is the
+        number of its line in the file.
     lost : tuple of float
         Markers of lost points that the file states.
     notes : tuple of str
@@ -79,7 +79,7 @@ class TextTable:
     units: tuple[StatedUnit | None, ...] = ()
     statements: tuple[UnitStatement, ...] = ()
     texts: Mapping[int, Sequence[str]] = field(default_factory=dict)
-    words: Mapping[int, Word] = field(default_factory=dict)
+    invalid_cells: Mapping[int, InvalidCell] = field(default_factory=dict)
     lost: tuple[float, ...] = ()
     notes: tuple[str, ...] = ()
     limits: tuple[float, ...] = ()
@@ -104,7 +104,7 @@ def decode_text(content: bytes) -> str:
             text = content.decode(encoding)
         except UnicodeDecodeError:
             continue
-        if not _holds_controls(content, text):
+        if not _has_control_characters(content, text):
             return text
     raise UnreadableFile("binary data of no known format: export the profile as text (x,z in mm)")
 
@@ -130,24 +130,24 @@ def parse_table(text: str, lost_words: frozenset[str] = frozenset()) -> TextTabl
     [[1.5, -2.0], [2.0, nan]]
     """
     text = text.replace("\u2212", "-")  # typographic minus sign
-    body = _regular_body(text) or _any_body(text.splitlines(), lost_words)
+    body = _regular_body(text) or _irregular_body(text.splitlines(), lost_words)
     table, layout = body.table, body.layout
     values = table.values
     while values.shape[1] > 2 and _is_empty(table, values.shape[1] - 1, values):
         values = values[:, :-1]
     header = read_header(body.above, layout.separator, values.shape[1])
-    _check_cells(header, values, body.sample, layout)
-    beside = [*body.above, *body.below, *body.comments]
+    _check_split_numbers(header, values, body.sample, layout)
+    other_lines = [*body.above, *body.below, *body.comments]
     return TextTable(
         values=values,
         names=header.names,
         units=header.units,
-        statements=unit_statements(beside) + _unit_column(table, header),
+        statements=find_unit_statements(other_lines) + _unit_column(table, header),
         texts=table.texts,
-        words=table.words,
-        lost=lost_statements(beside),
+        invalid_cells=table.invalid_cells,
+        lost=find_lost_values(other_lines),
         notes=_footer_notes(body.below),
-        mentions=tuple(beside[:MAX_MENTION_LINES]),
+        mentions=tuple(other_lines[:MAX_MENTION_LINES]),
     )
 
 
@@ -174,11 +174,11 @@ def _regular_body(text: str) -> _Body | None:
     return _Body(TextTable(regular.values), regular.layout, regular.above, sample)
 
 
-def _any_body(lines: Sequence[str], lost_words: frozenset[str]) -> _Body:
+def _irregular_body(lines: Sequence[str], lost_words: frozenset[str]) -> _Body:
     layout = find_layout(lines)
-    table = _quick_table(lines, layout)
+    table = _parse_numeric_table(lines, layout)
     if table is None:
-        table = _careful_table(lines, layout, lost_words)
+        table = _parse_mixed_table(lines, layout, lost_words)
     rows = lines[layout.first : layout.stop]  # there may be 10^6 of them
     return _Body(
         table,
@@ -190,7 +190,7 @@ def _any_body(lines: Sequence[str], lost_words: frozenset[str]) -> _Body:
     )
 
 
-def _holds_controls(content: bytes, text: str) -> bool:
+def _has_control_characters(content: bytes, text: str) -> bool:
     """Return whether a text has control characters; a search of bytes is faster than of text."""
     if not (content.isascii() and len(content) == len(text)):
         return bool(_CONTROL.search(text))
@@ -215,7 +215,7 @@ def _encodings(content: bytes) -> list[str]:
     return ["utf-8-sig", "latin-1"]
 
 
-def _rows(lines: Sequence[str], layout: Layout) -> list[tuple[int, str]]:
+def _number_lines(lines: Sequence[str], layout: Layout) -> list[tuple[int, str]]:
     """Return number and text of each line of numbers; empty lines and comments are left out."""
     # a tab at the end of a line precedes an empty cell: strip blanks only
     strip = " \r\n" if layout.separator == "\t" else None
@@ -226,11 +226,11 @@ def _rows(lines: Sequence[str], layout: Layout) -> list[tuple[int, str]]:
     return [(number, row) for number, row in rows if row and not row.startswith(COMMENT_MARKS)]
 
 
-def _quick_table(lines: Sequence[str], layout: Layout) -> TextTable | None:
+def _parse_numeric_table(lines: Sequence[str], layout: Layout) -> TextTable | None:
     """Return the table if numpy can read all its cells as numbers; else None."""
     if layout.separator == "|" or len(layout.numeric) < layout.width:
         return None
-    rows = [row for _, row in _rows(lines, layout)]
+    rows = [row for _, row in _number_lines(lines, layout)]
     if '"' in rows[0] or '"' in rows[-1]:
         return None
     if layout.separator is not None:
@@ -243,46 +243,53 @@ def _quick_table(lines: Sequence[str], layout: Layout) -> TextTable | None:
     return TextTable(values)
 
 
-def _careful_table(lines: Sequence[str], layout: Layout, lost_words: frozenset[str]) -> TextTable:
-    rows = _rows(lines, layout)
+def _parse_mixed_table(
+    lines: Sequence[str], layout: Layout, lost_words: frozenset[str]
+) -> TextTable:
+    rows = _number_lines(lines, layout)
     cells = _split_rows(rows, layout)
     columns = [[row[c] for row in cells] for c in range(layout.width)]
     decimal_comma = uses_decimal_comma([columns[c] for c in layout.numeric])
     values = np.full((len(cells), layout.width), np.nan)
     texts: dict[int, Sequence[str]] = {}
-    words: dict[int, Word] = {}
+    invalid_cells: dict[int, InvalidCell] = {}
     for c, column in enumerate(columns):
         parsed = parse_column(column, decimal_comma=decimal_comma, lost_words=lost_words)
         values[:, c] = parsed.values
-        if parsed.word is not None:
-            known = sum(bool(cell.strip()) for cell in column)
-            if parsed.words > _MIN_WORD_FRACTION * known and not parsed.word.grouped:
+        if parsed.first_invalid is not None:
+            invalid = parsed.first_invalid
+            filled = sum(bool(cell.strip()) for cell in column)
+            if parsed.invalid_count > _MIN_TEXT_FRACTION * filled and not invalid.grouped:
                 texts[c] = [cell.strip() for cell in column]
-            words[c] = replace(parsed.word, row=rows[parsed.word.row][0])
-    return TextTable(values, texts=texts, words=words)
+            invalid_cells[c] = replace(invalid, row=rows[invalid.row][0])
+    return TextTable(values, texts=texts, invalid_cells=invalid_cells)
 
 
 def _split_rows(rows: Sequence[tuple[int, str]], layout: Layout) -> list[list[str]]:
     separator, width = layout.separator, layout.width
     cells = []
     for number, row in rows:
-        found = split_cells(row, separator)
-        if len(found) > width and "#" in row:
-            found = split_cells(re.sub(r"\s+#.*$", "", row), separator)
-        drop_blank_cells(found, width)
-        if len(found) == width - 1 and layout.separator and _ends_open(rows, separator):
-            found.append("")
-        if len(found) != width:
+        row_cells = split_cells(row, separator)
+        if len(row_cells) > width and "#" in row:
+            row_cells = split_cells(re.sub(r"\s+#.*$", "", row), separator)
+        drop_blank_cells(row_cells, width)
+        if (
+            len(row_cells) == width - 1
+            and layout.separator
+            and _ends_with_separator(rows, separator)
+        ):
+            row_cells.append("")
+        if len(row_cells) != width:
             raise UnreadableFile(
-                f"line {number} has {len(found)} cells, expected {width} "
+                f"line {number} has {len(row_cells)} cells, expected {width} "
                 f"({row[:40]!r}): write the same columns in each line, no decimal commas or "
                 "thousands separators among commas"
             )
-        cells.append(found)
+        cells.append(row_cells)
     return cells
 
 
-def _ends_open(rows: Sequence[tuple[int, str]], separator: str | None) -> bool:
+def _ends_with_separator(rows: Sequence[tuple[int, str]], separator: str | None) -> bool:
     """Return whether the first line ends with a separator: its last column may be empty."""
     return separator is not None and rows[0][1].endswith(separator)
 
@@ -290,33 +297,33 @@ def _ends_open(rows: Sequence[tuple[int, str]], separator: str | None) -> bool:
 def _is_empty(table: TextTable, column: int, values: FloatArray) -> bool:
     return (
         column not in table.texts
-        and column not in table.words
+        and column not in table.invalid_cells
         and bool(np.isnan(values[:, column]).all())
     )
 
 
-def _check_cells(header: Header, values: FloatArray, sample: str, layout: Layout) -> None:
-    """Raise an error for numbers cut at commas: decimal commas or thousands separators."""
+def _check_split_numbers(header: Header, values: FloatArray, sample: str, layout: Layout) -> None:
+    """Raise an error if numbers were split at decimal commas or thousands separators."""
     if layout.separator != "," or header.names:
         return
     width = values.shape[1]
-    cut_in_two = header.counted and width == 2 * header.counted
-    if cut_in_two and np.all(np.isnan(values) | (values == np.round(values))):
-        raise UnreadableFile(_CUT_NUMBERS.format(cells=sample.splitlines()[0][:40]))
+    split_in_two = header.name_count and width == 2 * header.name_count
+    if split_in_two and np.all(np.isnan(values) | (values == np.round(values))):
+        raise UnreadableFile(_SPLIT_NUMBERS.format(cells=sample.splitlines()[0][:40]))
     if width > 2:
-        match = None if '"' in sample else _CUT_COMMA.search(sample)
+        match = None if '"' in sample else _SPLIT_COMMA.search(sample)
         if match:
-            raise UnreadableFile(_CUT_NUMBERS.format(cells=match[0].strip(",")))
+            raise UnreadableFile(_SPLIT_NUMBERS.format(cells=match[0].strip(",")))
 
 
 def _unit_column(table: TextTable, header: Header) -> tuple[UnitStatement, ...]:
     """Return the unit in a column named unit."""
-    found: list[UnitStatement] = []
+    statements: list[UnitStatement] = []
     for column, cells in table.texts.items():
         if header.names and header.names[column] in ("unit", "units", "einheit", "uom"):
             texts = dict.fromkeys(cells)
-            found += unit_statements(f"unit: {text}" for text in texts if text)
-    return tuple(found)
+            statements += find_unit_statements(f"unit: {text}" for text in texts if text)
+    return tuple(statements)
 
 
 def _footer_notes(footer: Sequence[str]) -> tuple[str, ...]:

@@ -106,7 +106,7 @@ class UnitStatement:
     axis: str | None = None
 
 
-def unit_statements(lines: Iterable[str]) -> tuple[UnitStatement, ...]:
+def find_unit_statements(lines: Iterable[str]) -> tuple[UnitStatement, ...]:
     """Return the units that comments and ``key: value`` lines state.
 
     Parameters
@@ -116,27 +116,27 @@ def unit_statements(lines: Iterable[str]) -> tuple[UnitStatement, ...]:
 
     Examples
     --------
-    >>> [s.unit.unit for s in unit_statements(["# unit: um", "exposure: 2 ms", "x in mm"])]
+    >>> [s.unit.unit for s in find_unit_statements(["# unit: um", "exposure: 2 ms", "x in mm"])]
     ['um', 'mm']
     """
     statements: dict[UnitStatement, None] = {}
     for line in lines:
-        for statement in _statements(line):
+        for statement in _parse_statements(line):
             statements[statement] = None
     return tuple(statements)
 
 
 def states_unit(line: str) -> bool:
     """Return whether a line states a unit, and therefore is not a header."""
-    return any(True for _ in _statements(line))
+    return any(True for _ in _parse_statements(line))
 
 
-def unit_mentions(lines: Iterable[str]) -> tuple[str, ...]:
+def find_unit_mentions(lines: Iterable[str]) -> tuple[str, ...]:
     """Return the lines that mention a unit other than mm or a conversion, in free text.
 
     Examples
     --------
-    >>> unit_mentions(["# saved by ACME in um", "# laser of 450 nm", "# 100 digits/mm"])
+    >>> find_unit_mentions(["# saved by ACME in um", "# laser of 450 nm", "# 100 digits/mm"])
     ('# saved by ACME in um', '# 100 digits/mm')
     """
     short = (line for line in islice(lines, MAX_MENTION_LINES) if len(line) <= MAX_LINE_LENGTH)
@@ -150,12 +150,12 @@ def _mentions_unit(line: str) -> bool:
     return any(pattern.search(line) for pattern in (_BARE_UNIT, _FRACTION, _CONVERSION))
 
 
-def lost_statements(lines: Iterable[str]) -> tuple[float, ...]:
+def find_lost_values(lines: Iterable[str]) -> tuple[float, ...]:
     """Return the lost-point markers in ``key: value`` lines, as ``# invalid value: -9999``.
 
     Examples
     --------
-    >>> lost_statements(["NODATA_value -9999", "# lost points: 12"])
+    >>> find_lost_values(["NODATA_value -9999", "# lost points: 12"])
     (-9999.0,)
     """
     markers: dict[float, None] = {}
@@ -173,22 +173,22 @@ def lost_statements(lines: Iterable[str]) -> tuple[float, ...]:
     return tuple(filter(math.isfinite, markers))
 
 
-def _statements(line: str) -> Iterator[UnitStatement]:
+def _parse_statements(line: str) -> Iterator[UnitStatement]:
     text = "" if len(line) > MAX_LINE_LENGTH else _COMMENT.sub("", line).strip()
     if not text:
         return
-    alone = parse_unit(text.strip("[](){} "))
-    if alone is not None:
-        yield UnitStatement(StatedUnit(text, alone))
+    bare_unit = parse_unit(text.strip("[](){} "))
+    if bare_unit is not None:
+        yield UnitStatement(StatedUnit(text, bare_unit))
         return
     key_value = _KEY_VALUE.match(text) or _KEY_BLANK_VALUE.match(text)
     if key_value:
         words = _words_of_key(key_value[1])
         if words & _UNIT_KEYS and not words & _OTHER_KEYS:
-            yield from _from_value(key_value[2], text, _axis(words))
+            yield from _parse_unit_value(key_value[2], text, _axis(words))
             return
         if words & _SCALE_KEYS and not words & _OTHER_KEYS:
-            yield from _from_scale(key_value[2], text, _axis(words))
+            yield from _parse_scale(key_value[2], text, _axis(words))
             return
         unit = parse_unit(key_value[2].strip("[](){} "))
         per_count = _PER_COUNT.search(key_value[2]) and not words & _OTHER_KEYS
@@ -216,7 +216,7 @@ def _axis(words: set[str]) -> str | None:
     return axes.pop() if len(axes) == 1 else None
 
 
-def _from_value(value: str, line: str, axis: str | None) -> Iterator[UnitStatement]:
+def _parse_unit_value(value: str, line: str, axis: str | None) -> Iterator[UnitStatement]:
     value = value.strip().strip("\"'[](){} ").rstrip(",;. ")
     unit = parse_unit(value)
     if unit is not None:
@@ -232,15 +232,15 @@ def _from_value(value: str, line: str, axis: str | None) -> Iterator[UnitStateme
         yield from by_axis
         return
     words = [word for word in re.split(r"[\s,;/()\[\]]+", value.lower()) if word]
-    known = {parse_unit(word) for word in words} - {None}
-    strange = [w for w in words if not parse_unit(w) and w not in _FILLERS | NOT_LENGTHS]
-    if len(known) == 1 and not strange:
-        yield UnitStatement(StatedUnit(value, known.pop()), axis)
+    units = {parse_unit(word) for word in words} - {None}
+    unknown_words = [w for w in words if not parse_unit(w) and w not in _FILLERS | NOT_LENGTHS]
+    if len(units) == 1 and not unknown_words:
+        yield UnitStatement(StatedUnit(value, units.pop()), axis)
     else:
         yield UnitStatement(StatedUnit(line, None), axis)
 
 
-def _from_scale(value: str, line: str, axis: str | None) -> Iterator[UnitStatement]:
+def _parse_scale(value: str, line: str, axis: str | None) -> Iterator[UnitStatement]:
     text = value.strip().strip("\"'[](){} ")
     unit = parse_unit(text)
     if unit is None and _NUMBER.fullmatch(text) and float(text.replace(",", ".")) == 1:

@@ -15,7 +15,7 @@ MM_PER_UNIT = {
     "in": 25.4,
     "ft": 304.8,
 }
-"""Length of each unit that coordinates of profiles are given in. Units: mm."""
+"""Length of each unit in which coordinates may be given. Units: mm."""
 
 MAX_LABEL_LENGTH = 200
 """Longest label or text that may state a unit. Units: characters."""
@@ -102,12 +102,12 @@ def parse_unit(text: str) -> str | None:
     """
     if len(text) > MAX_LABEL_LENGTH:
         return None
-    words = " ".join(text.strip().lower().translate(_SUPERSCRIPTS).split())
-    words = _POWER_OF_TEN.sub(lambda match: f"10^{match[0][2:]}", words, count=1)
-    match = _SCALED.fullmatch(words)
+    normalised = " ".join(text.strip().lower().translate(_SUPERSCRIPTS).split())
+    normalised = _POWER_OF_TEN.sub(lambda match: f"10^{match[0][2:]}", normalised, count=1)
+    match = _SCALED.fullmatch(normalised)
     if match is None or match["word"] not in _WORDS:
         return None
-    scale = _scale(match)
+    scale = _parse_scale(match)
     if not 0 < scale < float("inf"):
         return None
     unit = _WORDS[match["word"]]
@@ -167,9 +167,9 @@ def split_label(label: str) -> tuple[str, StatedUnit | None]:
         return short[1], state_unit(short[2])
     suffixed = _SUFFIXED.match(word)
     if suffixed:
-        name, mark, tail = suffixed.groups()
-        if parse_unit(tail) is not None or tail in NOT_LENGTHS or "/" in mark:
-            return name.strip(" _:-/"), state_unit(tail)
+        name, mark, suffix = suffixed.groups()
+        if parse_unit(suffix) is not None or suffix in NOT_LENGTHS or "/" in mark:
+            return name.strip(" _:-/"), state_unit(suffix)
         scaled = re.match(r"^([^\W\d]+)[\s_:/-]+(\S*\d\S*[\s_]*\S+)$", word)
         if scaled and parse_unit(scaled[2].replace("_", " ")) is not None:
             return scaled[1], state_unit(scaled[2].replace("_", " "))
@@ -193,7 +193,7 @@ def _from_brackets(
     return name, stated
 
 
-def _scale(match: re.Match[str]) -> float:
+def _parse_scale(match: re.Match[str]) -> float:
     scale = 1.0
     if match["numerator"]:
         denominator = float(match["denominator"])

@@ -11,9 +11,9 @@ from lsvision.errors import UnreadableFile
 from lsvision.files.json_text import parse_json
 from lsvision.io.profiles.json_points import profiles_from_document
 from lsvision.io.profiles.settings import RawProfiles, ReadSettings
-from lsvision.io.profiles.stated_units import one_unit, require_known_unit
+from lsvision.io.profiles.stated_units import common_unit, require_known_unit
 from lsvision.io.profiles.text_table import decode_text
-from lsvision.io.profiles.unit_statements import unit_statements
+from lsvision.io.profiles.unit_statements import find_unit_statements
 
 _KEY = re.compile(r"^([^\s#:\[\]{},\"'-][^:#]*):(?:\s+(.*)|)$")
 _DOCUMENT_END = re.compile(r"(?m)^(?:---|\.\.\.)\s*$")
@@ -37,9 +37,9 @@ def read_yaml(content: bytes, settings: ReadSettings) -> RawProfiles:
     document = documents[0] if len(documents) == 1 else documents
     profiles = profiles_from_document(document, settings, "YAML")
     comments = [line for part in parts for line in part.splitlines() if line.lstrip()[:1] == "#"]
-    stated = [s for s in unit_statements(comments) if s.axis is None]
+    stated = [s for s in find_unit_statements(comments) if s.axis is None]
     if stated and profiles.units == (None, None) and settings.units is None:
-        unit = one_unit(None, stated)
+        unit = common_unit(None, stated)
         profiles = replace(profiles, units=(unit, unit))
     require_known_unit(profiles.units, comments, settings)
     return profiles
@@ -66,22 +66,22 @@ def parse_plain_yaml(text: str) -> dict[str, Any] | list[Any]:
         if key in document:
             raise UnreadableFile(f"YAML with the key {key!r} twice: write one file per profile")
         if key is not None:
-            document[key] = _value(body)
+            document[key] = _parse_value(body)
         elif body:
-            return _items(body)
+            return _parse_items(body)
         key, body = match[1].strip("\"' \t"), [match[2]] if match[2] else []
     return document
 
 
-def _value(body: list[str]) -> Any:
+def _parse_value(body: list[str]) -> Any:
     if not body:
         return None
     if body[0].lstrip().startswith("- ") or body[0].strip() == "-":
-        return _items(body)
-    return _scalar(" ".join(line.strip() for line in body))
+        return _parse_items(body)
+    return _parse_scalar(" ".join(line.strip() for line in body))
 
 
-def _items(body: list[str]) -> list[Any]:
+def _parse_items(body: list[str]) -> list[Any]:
     """Return the items of a block list; an item may be a mapping over several lines."""
     items: list[list[str]] = []
     for line in body:
@@ -90,17 +90,17 @@ def _items(body: list[str]) -> list[Any]:
             items.append([text[1:].strip()])
         elif items:
             items[-1].append(text)
-    return [_item(lines) for lines in items]
+    return [_parse_item(lines) for lines in items]
 
 
-def _item(lines: list[str]) -> Any:
+def _parse_item(lines: list[str]) -> Any:
     pairs = [_KEY.match(line) for line in lines]
     if all(pairs):
-        return {pair[1].strip(): _scalar(pair[2] or "") for pair in pairs if pair}
-    return _scalar(" ".join(lines))
+        return {pair[1].strip(): _parse_scalar(pair[2] or "") for pair in pairs if pair}
+    return _parse_scalar(" ".join(lines))
 
 
-def _scalar(text: str) -> Any:
+def _parse_scalar(text: str) -> Any:
     text = text.strip()
     if not text:
         return text

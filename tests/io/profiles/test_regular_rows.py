@@ -55,10 +55,12 @@ def _table(text):
         table = parse_table(text, frozenset(["six"]))
     except UnreadableFile as error:
         return str(error)
-    words = {column: (word.row, word.cell, word.reason) for column, word in table.words.items()}
+    invalid = {
+        column: (cell.row, cell.text, cell.reason) for column, cell in table.invalid_cells.items()
+    }
     return (
         table.values.shape, table.values.tobytes(), table.names, table.units, table.statements,
-        dict(table.texts), words, table.lost, table.notes,
+        dict(table.texts), invalid, table.lost, table.notes,
         [line for line in table.mentions if line.strip()],
     )  # fmt: skip
 

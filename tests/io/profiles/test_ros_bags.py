@@ -281,7 +281,7 @@ def test_a_bag_without_messages_or_points_is_rejected(bag, monkeypatch):
     with pytest.raises(UnreadableFile, match="PointCloud2 messages without a row of points"):
         read_profile(bag("mcap", {"/line": empty}, "rows"))
     path = bag("bag", {"/scan": scans(1)})
-    monkeypatch.setattr("lsvision.io.profiles.ros_bags._decoded", lambda *_: iter(()))
+    monkeypatch.setattr("lsvision.io.profiles.ros_bags._decode_messages", lambda *_: iter(()))
     with pytest.raises(UnreadableFile, match="a ROS bag whose index refers to no message"):
         read_profile(path)
 

@@ -6,7 +6,7 @@ import pytest
 
 from lsvision.errors import UnreadableFile
 from lsvision.io.profiles import ReadSettings, inspect_profiles, read_profile
-from lsvision.io.profiles.unit_statements import unit_statements
+from lsvision.io.profiles.unit_statements import find_unit_statements
 from lsvision.io.profiles.units import mm_per_unit, parse_unit, split_label
 
 
@@ -188,7 +188,7 @@ def test_units_of_other_columns_are_no_hindrance(write, arc, head):
     ],
 )
 def test_a_remark_is_no_unit(line):
-    assert unit_statements([line]) == ()
+    assert find_unit_statements([line]) == ()
 
 
 def test_units_are_given_with_a_scale_and_wrong_ones_rejected():
