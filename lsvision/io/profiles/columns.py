@@ -21,7 +21,7 @@ _CONSTANT = 1e-6  # spread of a column that does not vary, relative to that of t
 
 
 @dataclass(frozen=True)
-class _ColumnChoice:
+class _Columns:
     """Columns of the coordinates, and the column that identifies profiles (the key), if any."""
 
     x: int
@@ -59,11 +59,8 @@ def profiles_from_table(table: TextTable, settings: ReadSettings) -> RawProfiles
     if settings.plane is not None:
         choice = _choose_spatial_columns(table, settings)
     else:
-        choice = (
-            _requested_columns(table, settings)
-            or _choose_by_name(table)
-            or _choose_by_position(table)
-        )
+        named = _requested_columns(table, settings) or _choose_by_name(table)
+        choice = named or _choose_by_position(table)
     _check_numbers(table, choice)
     points = table.values
     if choice.coordinates != tuple(range(points.shape[1])):
@@ -118,7 +115,7 @@ def _note_restarts(sections: Sequence[FloatArray]) -> tuple[str, ...]:
     )
 
 
-def _choose_spatial_columns(table: TextTable, settings: ReadSettings) -> _ColumnChoice:
+def _choose_spatial_columns(table: TextTable, settings: ReadSettings) -> _Columns:
     """Return the columns of x, y and z: the requested or so named ones, or the first three numeric.
 
     Raises
@@ -145,11 +142,11 @@ def _choose_spatial_columns(table: TextTable, settings: ReadSettings) -> _Column
     if key is None or key in columns or not _separates_profiles(table, key):
         key = _find_part_key(table)
     x, y, z = columns
-    return _ColumnChoice(x, z, key, travel=False, notes=notes, y=y)
+    return _Columns(x, z, key, travel=False, notes=notes, y=y)
 
 
 def _resolve_all_units(
-    table: TextTable, choice: _ColumnChoice, settings: ReadSettings
+    table: TextTable, choice: _Columns, settings: ReadSettings
 ) -> tuple[str | None, str | None]:
     """Return the units of x and height; of points in space all three must agree."""
     units = resolve_units(table, choice.x, choice.height, settings)
@@ -165,18 +162,16 @@ def _resolve_all_units(
     return units
 
 
-def _requested_columns(table: TextTable, settings: ReadSettings) -> _ColumnChoice | None:
+def _requested_columns(table: TextTable, settings: ReadSettings) -> _Columns | None:
     if settings.columns is None:
         return None
     indices = [_column_index(table, column) for column in settings.columns]
     away = bool(table.names) and column_role(table.names[indices[-1]]) == "range"
     if len(indices) == 3:
-        return _ColumnChoice(indices[0], indices[-1], indices[1], away)
+        return _Columns(indices[0], indices[-1], indices[1], away)
     scan = _columns_by_role(table).get("scan")
-    key = None
-    if scan is not None and scan not in indices and _separates_profiles(table, scan):
-        key = scan
-    return _ColumnChoice(indices[0], indices[-1], key, away, travel=False)
+    separates = scan is not None and scan not in indices and _separates_profiles(table, scan)
+    return _Columns(indices[0], indices[-1], scan if separates else None, away, travel=False)
 
 
 def _column_index(table: TextTable, column: int | str) -> int:
@@ -202,7 +197,7 @@ def _columns_by_role(table: TextTable) -> dict[str, int]:
     return by_role
 
 
-def _choose_by_name(table: TextTable) -> _ColumnChoice | None:
+def _choose_by_name(table: TextTable) -> _Columns | None:
     choice = _choose_by_role(table)
     if choice is None:
         return None
@@ -218,7 +213,7 @@ def _choose_by_name(table: TextTable) -> _ColumnChoice | None:
     return replace(choice, notes=(*choice.notes, note))
 
 
-def _choose_by_role(table: TextTable) -> _ColumnChoice | None:
+def _choose_by_role(table: TextTable) -> _Columns | None:
     by_role = _columns_by_role(table)
     away = "range" in by_role and "height" not in by_role
     in_order = [
@@ -234,24 +229,19 @@ def _choose_by_role(table: TextTable) -> _ColumnChoice | None:
     if scan is None:
         scan = _find_part_key(table)
     if len(in_order) == 2 or scan is not None:
-        return _ColumnChoice(in_order[0], in_order[-1], scan, away, travel=False)
+        return _Columns(in_order[0], in_order[-1], scan, away, travel=False)
     x, y, height = in_order
     values = table.values[:, in_order]
     in_plane = _choose_in_plane(values)
     if in_plane:
-        return _ColumnChoice(
-            x,
-            in_order[in_plane.height],
-            away=away,
-            notes=in_plane.notes,
-            considered=tuple(in_order),
-        )
+        height = in_order[in_plane.height]
+        return _Columns(x, height, away=away, notes=in_plane.notes, considered=tuple(in_order))
     if not _is_profile_key(table.values[:, y]):
         _raise_no_key(table, y)
-    return _ColumnChoice(x, height, y, away)
+    return _Columns(x, height, y, away)
 
 
-def _choose_by_position(table: TextTable) -> _ColumnChoice:
+def _choose_by_position(table: TextTable) -> _Columns:
     columns = _number_columns(table)
     if len(columns) < 2:
         columns = list(range(table.values.shape[1]))
@@ -261,7 +251,7 @@ def _choose_by_position(table: TextTable) -> _ColumnChoice:
         labels = " and ".join(table.names[c] if table.names else f"column {c}" for c in columns)
         noted = bool(table.names or table.texts)
         x, height = columns
-        return _ColumnChoice(x, height, notes=(f"{labels} read as x and height",) if noted else ())
+        return _Columns(x, height, notes=(f"{labels} read as x and height",) if noted else ())
     first, second, third = columns[:3]
     notes = (
         f"no column is named: columns {first}, {second} and {third} of "
@@ -270,42 +260,38 @@ def _choose_by_position(table: TextTable) -> _ColumnChoice:
     considered = (first, second, third)
     in_plane = _choose_in_plane(values[:, :3])
     if in_plane:
-        return _ColumnChoice(
+        return _Columns(
             first, columns[in_plane.height], notes=notes + in_plane.notes, considered=considered
         )
     if (
-        _has_whole_numbers(values[:, 2])
-        and not _has_whole_numbers(values[:, 1])
+        _is_whole(values[:, 2])
+        and not _is_whole(values[:, 1])
         and not _is_profile_key(values[:, 1])
     ):
         note = f"column {third} has whole numbers: read as a label"
-        return _ColumnChoice(first, second, notes=(*notes, note), considered=considered)
+        return _Columns(first, second, notes=(*notes, note), considered=considered)
     if not _is_profile_key(values[:, 1]):
         _raise_no_key(table, second)
-    return _ColumnChoice(first, third, second, notes=notes)
+    return _Columns(first, third, second, notes=notes)
 
 
 def _number_columns(table: TextTable) -> list[int]:
     """Return the columns of numbers that are not empty."""
-    return [
-        c
-        for c in range(table.values.shape[1])
-        if c not in table.texts
-        and (c in table.invalid_cells or np.isfinite(table.values[:, c]).any())
-    ]
+    filled = {*np.flatnonzero(np.isfinite(table.values).any(axis=0)), *table.invalid_cells}
+    return [c for c in range(table.values.shape[1]) if c in filled and c not in table.texts]
 
 
-def _choose_in_plane(xyz: FloatArray) -> _ColumnChoice | None:
+def _choose_in_plane(xyz: FloatArray) -> _Columns | None:
     """Return the choice if y, or else z, is the same for all points."""
     extents = [_extent(column) for column in xyz.T]
     if extents[1] <= _CONSTANT * max(extents):
-        return _ColumnChoice(0, 2)
+        return _Columns(0, 2)
     if extents[2] <= _CONSTANT * max(extents):
-        return _ColumnChoice(0, 1, notes=("z does not vary: x and y read as the profile",))
+        return _Columns(0, 1, notes=("z does not vary: x and y read as the profile",))
     return None
 
 
-def _check_numbers(table: TextTable, choice: _ColumnChoice) -> None:
+def _check_numbers(table: TextTable, choice: _Columns) -> None:
     for column in choice.coordinates:
         if column in table.invalid_cells:
             cell = table.invalid_cells[column]
@@ -345,7 +331,7 @@ def _extent(column: FloatArray) -> float:
         return float(finite.max() - finite.min()) if len(finite) else 0.0
 
 
-def _has_whole_numbers(column: FloatArray) -> bool:
+def _is_whole(column: FloatArray) -> bool:
     finite = column[np.isfinite(column)]
     return bool(np.all(finite == np.round(finite)))
 
@@ -383,7 +369,7 @@ def _codes(table: TextTable, column: int) -> FloatArray:
     return np.array([numbers[text] for text in texts])
 
 
-def _composite_key(table: TextTable, choice: _ColumnChoice, key: FloatArray) -> FloatArray:
+def _composite_key(table: TextTable, choice: _Columns, key: FloatArray) -> FloatArray:
     """Return the key refined by columns of parts, sensors or runs in which it restarts."""
     for column, name in enumerate(table.names):
         if column == choice.key or column in choice.coordinates:

@@ -129,7 +129,7 @@ def _from_object(
 ) -> RawProfiles | None:
     if is_laser_scan(document):
         return profiles_from_scans([document])
-    statements = _statements(document)
+    statements = find_unit_statements(_statement_lines(document))
     columns = {key: values for key, value in document.items() if (values := _column(value))}
     roles = {column_role(split_label(key)[0]) for key in columns}
     if "x" in roles and roles & {"height", "range", "y"}:
@@ -236,16 +236,10 @@ def _table_of_objects(document: Sequence[Mapping[str, Any]], keys: Sequence[str]
 
 def _join(parts: Sequence[RawProfiles | None]) -> RawProfiles | None:
     """Return all profiles in one; None if one is missing, or units or directions differ."""
-    joinable = [part for part in parts if part is not None]
-    if (
-        not joinable
-        or len(joinable) != len(parts)
-        or len({(p.units, p.away) for p in joinable}) != 1
-    ):
+    found = [part for part in parts if part is not None]
+    if not found or len(found) != len(parts) or len({(p.units, p.away) for p in found}) != 1:
         return None
-    return replace(
-        joinable[0], sections=[section for part in joinable for section in part.sections]
-    )
+    return replace(found[0], sections=[section for part in found for section in part.sections])
 
 
 def _from_flat(
@@ -324,10 +318,6 @@ def _opencv_matrix(
     return replace(
         table_of_points("", np.squeeze(matrix_of_node("", document))), statements=statements
     )
-
-
-def _statements(document: Mapping[str, Any]) -> tuple[UnitStatement, ...]:
-    return find_unit_statements(_statement_lines(document))
 
 
 def _statement_lines(document: Mapping[str, Any]) -> Iterator[str]:
