@@ -52,7 +52,20 @@ class FitFailed(LsvisionError):
 
 
 class NoLaserLine(LsvisionError):
-    """An image in which no laser line was found."""
+    """An image in which no laser line was found.
+
+    Parameters
+    ----------
+    finding : str
+        What was found instead, with its numbers.
+    remedy : str
+        Settings that may find the line; empty if the finding names what is to be done. The message
+        is both.
+    """
+
+    def __init__(self, finding: str, remedy: str = "") -> None:
+        super().__init__(f"{finding}; {remedy}" if remedy else finding)
+        self.finding, self.remedy = finding, remedy
 
 
 class DegenerateGeometry(LsvisionError):

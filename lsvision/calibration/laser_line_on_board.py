@@ -18,7 +18,7 @@ from lsvision.calibration.target import (
     grey_image,
 )
 from lsvision.calibration.views import ViewSources, collect_views, require_size
-from lsvision.errors import CalibrationFailed, LsvisionError
+from lsvision.errors import CalibrationFailed, LsvisionError, NoLaserLine
 from lsvision.geometry import FloatArray, IntArray, Points
 from lsvision.geometry.arrays import BoolArray
 from lsvision.geometry.homography import apply_homography
@@ -36,6 +36,12 @@ latter is assumed to be a reflection or an edge."""
 
 MIN_UNIFORM_FRACTION = 0.15
 """Smallest fraction of points on uniform background; below it the line itself is in the image."""
+
+LINE_REMEDY = (
+    "darken the room, expose until the line is bright, or set channel to the laser's colour "
+    "(--laser)"
+)
+"""What helps to find a line on a board, in Python and in the commands of calibrations."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,7 +160,7 @@ def find_laser_view(
         low -= low % 2  # A part of a mosaic begins with the same colour as the whole.
         high = np.ceil(outline.max(axis=0)).astype(int) + 1
         window = np.asarray(line_image)[low[1] : high[1], low[0] : high[0]]
-        line = extract_laser_line(window, _extraction(settings))
+        line = _extract(window, settings)
         background = None if np.array_equal(board_image, line_image) else board_grey
         indices = _indices_on_board(camera, target, background, board_view, (line, low), settings)
     except LsvisionError as error:
@@ -169,6 +175,14 @@ def find_laser_view(
     return LaserView(
         board_view.points, board_view.pixels, line.pixels[indices] + low, line.std[indices]
     )
+
+
+def _extract(window: npt.ArrayLike, settings: LineOnBoardSettings) -> LaserLine:
+    """Extract the line; an error names the settings of a calibration, and their options."""
+    try:
+        return extract_laser_line(window, _extraction(settings))
+    except NoLaserLine as error:
+        raise NoLaserLine(error.finding, error.remedy and LINE_REMEDY) from error
 
 
 def _extraction(settings: LineOnBoardSettings) -> LineSettings:

@@ -22,6 +22,47 @@ MAX_SATURATED_FRACTION = 0.2
 """Fraction of saturated points of the line above which a note is printed."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class ImageRemedies:
+    """What is to be done about an image, in the words of a command: options, or a job's keys.
+
+    Parameters
+    ----------
+    rig : str
+        Where the rig is named.
+    line : str
+        What helps to find a laser line.
+    colours : str
+        What to do about an image with colours, if none is named.
+    no_colours : str
+        What to do about an image without the colours that are named; ``{laser}`` is the laser's.
+    """
+
+    rig: str
+    line: str
+    colours: str
+    no_colours: str
+
+
+OPTIONS = ImageRemedies(
+    rig="--light-section rig.json",
+    line="darken the room or subtract an image without the laser (--laser-off), expose until the "
+    "line is bright, or name the colour of the laser in a colour image (--laser)",
+    colours="name the laser's colour, --laser red, green, blue or white",
+    no_colours="leave --laser {laser} out, or, if it is the raw image of a colour camera, name its "
+    "pattern (--bayer RGGB)",
+)
+"""Of commands with options for images."""
+JOB = ImageRemedies(
+    rig='light_section = "rig.json" in [rig] of the job',
+    line="darken the room, expose until the line is bright, or name the colour of the laser in a "
+    'colour image, laser = "red" in [rig] of the job',
+    colours='name the laser\'s colour, laser = "red" in [rig] of the job, or green, blue or white',
+    no_colours='leave laser = "{laser}" out of [rig] of the job',
+)
+"""Of commands that run a job."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ImagingOptions:
     """Options for the conversion of images to profiles.
@@ -101,28 +142,40 @@ def is_image(source: Path) -> bool:
     return source.suffix.lower() in IMAGE_SUFFIXES | VIDEO_SUFFIXES
 
 
-def check_colours(image: Any, laser: str, where: str = "it", bayer: str | None = None) -> None:
-    """Raise an error if the colours of an image contradict ``--laser``; a raw mosaic has none.
+def check_colours(
+    image: Any,
+    laser: str,
+    where: str = "it",
+    bayer: str | None = None,
+    remedies: ImageRemedies = OPTIONS,
+) -> None:
+    """Raise an error if the colours of an image contradict the laser's; a raw mosaic has none.
 
     Raises
     ------
     UnreadableFile
-        Begins with `where` and names the option to change.
+        Begins with `where` and names what to change.
     """
     coloured = image.ndim == 3 and bool((image != image[..., :1]).any())
     if coloured and laser == "grey":
-        raise UnreadableFile(
-            f"{where} has colours: name the laser's colour, --laser red, green, blue or white"
-        )
+        raise UnreadableFile(f"{where} has colours: {remedies.colours}")
     if not coloured and laser not in ("grey", "white") and bayer is None:
-        raise UnreadableFile(
-            f"{where} has no colours: leave --laser {laser} out, or, if it is the raw image of a "
-            "colour camera, name its pattern (--bayer RGGB)"
-        )
+        raise UnreadableFile(f"{where} has no colours: {remedies.no_colours.format(laser=laser)}")
 
 
-def read_image_source(source: Path | LiveCamera, imaging: ImagingOptions | None) -> ImageFile:
+def read_image_source(
+    source: Path | LiveCamera, imaging: ImagingOptions | None, remedies: ImageRemedies = OPTIONS
+) -> ImageFile:
     """Return the profiles of an image, a video or a live camera.
+
+    Parameters
+    ----------
+    source : Path or LiveCamera
+        File or camera.
+    imaging : ImagingOptions or None
+        Conversion of images to profiles; None without a rig, which is an error.
+    remedies : ImageRemedies
+        What the messages advise.
 
     Raises
     ------
@@ -132,10 +185,11 @@ def read_image_source(source: Path | LiveCamera, imaging: ImagingOptions | None)
     """
     if imaging is None:
         raise UnreadableFile(
-            f"{source}: an image needs the rig that took it, --light-section rig.json: make one "
-            "with lsvision calibrate laser-plane"
+            f"{source}: an image needs the rig that took it, {remedies.rig}: make one with "
+            "lsvision calibrate laser-plane"
         )
-    return _read_profiles(Path(str(source)), _read_images(source, imaging.frames), imaging)
+    images = _read_images(source, imaging.frames)
+    return _read_profiles(Path(str(source)), images, imaging, remedies)
 
 
 def _read_images(source: Path | LiveCamera, max_frames: int | None) -> Iterable[Any]:
@@ -152,14 +206,16 @@ def _read_images(source: Path | LiveCamera, max_frames: int | None) -> Iterable[
     return [read_image(source)]
 
 
-def _read_profiles(source: Path, images: Iterable[Any], imaging: ImagingOptions) -> ImageFile:
+def _read_profiles(
+    source: Path, images: Iterable[Any], imaging: ImagingOptions, remedies: ImageRemedies
+) -> ImageFile:
     """Return the profiles of images; see `read_image_source`."""
     measured: list[tuple[Profile, Any, LaserLine | None]] = []
     failure: NoLaserLine | None = None
     for number, image in enumerate(images):
         try:
-            with _prefix_errors(f"{source}, frame {number}" if number else str(source)):
-                measured.append(_profile_of_image(image, imaging))
+            with _prefix_errors(f"{source}, frame {number}" if number else str(source), remedies):
+                measured.append(_profile_of_image(image, imaging, remedies))
         except NoLaserLine as error:
             failure = failure or error
             measured.append((_empty_profile(imaging), image if imaging.keep_images else None, None))
@@ -183,24 +239,27 @@ def extract_named_line(
     """
     from lsvision.laser_line.extraction import extract_laser_line
 
-    with _prefix_errors(str(source)):
+    with _prefix_errors(str(source), OPTIONS):
         check_colours(image, settings.channel, bayer=settings.bayer)
         return extract_laser_line(image, settings, dark)
 
 
 @contextmanager
-def _prefix_errors(where: str) -> Iterator[None]:
-    """Prefix errors with the name of a file."""
+def _prefix_errors(where: str, remedies: ImageRemedies) -> Iterator[None]:
+    """Prefix errors with the name of a file, and put remedies in the words of the command."""
     try:
         yield
     except NoLaserLine as error:
-        raise NoLaserLine(f"{where}: {error}") from error
+        remedy = error.remedy and remedies.line
+        raise NoLaserLine(f"{where}: {error.finding}", remedy) from error
     except (LsvisionError, ValueError) as error:  # a laser-off frame of another depth
         raise LsvisionError(f"{where}: {error}") from error
 
 
-def _profile_of_image(image: Any, imaging: ImagingOptions) -> "tuple[Profile, Any, LaserLine]":
-    check_colours(image, imaging.line.channel, bayer=imaging.line.bayer)
+def _profile_of_image(
+    image: Any, imaging: ImagingOptions, remedies: ImageRemedies
+) -> "tuple[Profile, Any, LaserLine]":
+    check_colours(image, imaging.line.channel, bayer=imaging.line.bayer, remedies=remedies)
     line = imaging.light_section.line(image, imaging.line, imaging.laser_off)
     profile = _with_surface_noise(
         imaging.light_section.profile_from_line(line), imaging.surface_std

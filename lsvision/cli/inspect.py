@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from lsvision.cli.image_options import parse_imaging, parse_line_settings
-from lsvision.cli.image_sources import is_image, read_image_source
+from lsvision.cli.image_sources import JOB, is_image, read_image_source
 from lsvision.cli.messages import FAILED, print_error, print_lines
 from lsvision.cli.option_groups import expand_option_groups
 from lsvision.cli.outputs import STDOUT, check_outputs, write_output
@@ -130,7 +130,7 @@ class _Run:
         from lsvision.inspection.measuring import measure_profile, measure_sections
 
         files = [
-            read_image_source(source, self.imaging)
+            read_image_source(source, self.imaging, JOB)
             if is_image(source)
             else read_sources([source], self.reading)[0]
             for source in sources

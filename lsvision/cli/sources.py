@@ -135,8 +135,8 @@ def _no_file_error(name: str, suffixes: frozenset[str]) -> UnreadableFile:
     if is_directory(name):
         if suffixes is PROFILE_SUFFIXES and find_files(name, IMAGE_SUFFIXES | VIDEO_SUFFIXES):
             return UnreadableFile(
-                f"{name}: no profile in this folder, only images: they need the rig that took "
-                "them, --light-section rig.json"
+                f"{name}: no profile in this folder, only images: of a laser line, measure them "
+                "with the rig that took them, lsvision measure --light-section rig.json"
             )
         what, pattern = ("image", "*.png") if suffixes is IMAGE_SUFFIXES else ("profile", "*.csv")
         return UnreadableFile(

@@ -189,13 +189,12 @@ def find_line(image: LineImage, settings: LineSettings) -> DetectedLine:
     if not reasons:
         raise NoLaserLine(
             f"the image is {rows} px across the laser line and needs "
-            f"{4 * math.ceil(3 * settings.sigma)} px: take a taller part of it, or give a smaller "
-            "sigma"
+            f"{4 * math.ceil(3 * settings.sigma)} px: take a taller part of it"
         )
     raise NoLaserLine(
-        f"no laser line runs through the {columns} x {rows} px: {reasons[0]}; darken the room or "
-        "give a laser_off frame, expose until the line is bright, set channel to the laser's "
-        "colour, or min_contrast lower for a dim line"
+        f"no laser line runs through the {columns} x {rows} px: {reasons[0]}",
+        "darken the room or give a laser_off frame, expose until the line is bright, set channel "
+        "to the laser's colour, or min_contrast lower for a dim line",
     )
 
 

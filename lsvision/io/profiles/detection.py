@@ -21,8 +21,8 @@ _SPREADSHEET = "a spreadsheet: save it as CSV and read that"
 _UNPACK = "unpack it first and read what is in it"
 _EXPORT = "export its profiles as CSV with x and z in mm and read that"
 _IMAGE = (
-    "an image: read it with LightSection (--light-section), which makes a profile of it, or as a "
-    "height map with --dx"
+    "an image: read it with LightSection (lsvision measure --light-section), which makes a profile "
+    "of it, or as a height map with --dx"
 )
 _UNSUPPORTED_MAGIC = (
     (b"RIFF", f"a video container (scanCONTROL .avi): {_EXPORT}"),

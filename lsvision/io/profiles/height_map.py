@@ -21,8 +21,8 @@ def read_height_map(content: bytes, settings: ReadSettings) -> RawProfiles:
     """
     if settings.dx is None:
         raise UnreadableFile(
-            "an image: of a laser line it needs its rig, --light-section rig.json; of heights it "
-            "needs --x0, --dx and --z-unit"
+            "an image: of a laser line it needs its rig, lsvision measure --light-section "
+            "rig.json; of heights it needs --x0, --dx and --z-unit"
         )
     try:
         image = decode_image(content)

@@ -53,7 +53,7 @@ def npy(array) -> bytes:
         (b"\x89HDF\r\n\x1a\n", "HDF5 is not read: write its points as NPZ or CSV"),
         (b"#ROSBAG V2.0\n", "a ROS bag"),
         (b"\x1f\x8b\x08", "a gzip archive: unpack it first"),
-        (b"\x89PNG\r\n", "an image: .* its rig, --light-section"),
+        (b"\x89PNG\r\n", "an image: .* its rig, lsvision measure --light-section"),
         (b"\x93NUMPY\x01\x00rubbish", "NumPy cannot read it"),
         (b"PK\x03\x04rubbish", "NumPy cannot read it"),
         (npy(np.array([{}], dtype=object)), "NumPy cannot read it .*: save plain arrays"),
