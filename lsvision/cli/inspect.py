@@ -82,6 +82,7 @@ def inspect(
     from lsvision.inspection.golden import find_blocking_reason, golden_path
     from lsvision.inspection.history import describe_unrecorded_change
     from lsvision.inspection.job import Job
+    from lsvision.inspection.unused_keys import describe_unused_keys
 
     if report is not None and report.suffix.lower() not in (".html", ".htm"):
         raise typer.BadParameter(f"expected --report F.html, got {report.name!r}")
@@ -92,8 +93,9 @@ def inspect(
     groups, missing = _groups(files, suffixes)
     inputs = [job_file, *(source for _, sources in groups for source in sources)]
     check_outputs((parquet, report), inputs, streams=(json_file, csv_file))
-    if note := describe_unrecorded_change(job, job_file):
-        print_error(f"{job_file}: note: {note}")
+    for note in (describe_unrecorded_change(job, job_file), describe_unused_keys(job)):
+        if note:
+            print_error(f"{job_file}: note: {note}")
     now = datetime.datetime.now(datetime.UTC)
     run = _Run(job, job_file, options)
     for failure in missing:

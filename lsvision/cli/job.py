@@ -80,6 +80,7 @@ def check_job(
         record_revision,
     )
     from lsvision.inspection.job import Job
+    from lsvision.inspection.unused_keys import describe_unused_keys
 
     try:
         checked = Job.load(path)
@@ -99,6 +100,8 @@ def check_job(
         lines.append(f"  revision {checked.revision} {done} {history_path(path).name}")
     elif note := describe_unrecorded_change(checked, path):
         lines.append(f"  note: {note}")
+    if unused := describe_unused_keys(checked):
+        lines.append(f"  note: {unused}")
     print_lines(lines)
 
 

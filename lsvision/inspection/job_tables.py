@@ -26,7 +26,7 @@ Vector = tuple[Number, Number, Number]
 
 
 class Source(JobTable):
-    """Source of the profiles when the job runs unattended."""
+    """Source of the profiles when the job runs unattended; no command of this version uses it."""
 
     kind: Literal["folder", "replay", "leuze-lps", "keyence-ljx", "genicam", "camera"]
     path: str | None = None
@@ -46,6 +46,15 @@ class Rig(JobTable):
     flange_from_section_sha256: str | None = None
     poses: str | None = None
     convention: str | None = None
+
+    @model_validator(mode="after")
+    def _check(self) -> Rig:
+        needs = {"light_section_sha256": "light_section", "laser": "light_section",
+                 "flange_from_section_sha256": "flange_from_section"}  # fmt: skip
+        for key, need in needs.items():
+            if key in self.model_fields_set and getattr(self, need) is None:
+                raise ValueError(f"expected {key} with {need}, got {key} without {need}: add it")
+        return self
 
 
 class Scan(JobTable):
@@ -234,7 +243,7 @@ class Address(JobTable):
 
 
 class Output(JobTable):
-    """Destination of the results when the job runs unattended."""
+    """Destination of the results when the job runs unattended; no command uses it yet."""
 
     results: str | None = None
     record: str | None = None

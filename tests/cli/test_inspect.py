@@ -266,3 +266,16 @@ def test_no_output_overwrites_the_job(run, job, profile):
     done = run("inspect", path, profile, "--json", path)
     assert done.exit_code == 2
     assert path.read_text() == path.with_suffix(".bak").read_text()
+
+
+def test_tables_of_a_job_that_are_not_used_are_reported_where_it_is_run_or_checked(
+    run, job, profile
+):
+    path = job(INSIDE, '[source]\nkind = "folder"\n[output]\nresults = "results"\n')
+    done = run("inspect", path, profile, "--json", "-")
+    assert done.exit_code == 0, done.output
+    (note,) = [line for line in done.stderr.splitlines() if "not used" in line]
+    assert note.startswith(f"lsvision: {path}: note: not used: [source], [output] (")
+    assert json.loads(done.stdout)["verdicts"]
+    assert "note: not used: [source], [output] (" in run("job", "check", path).stdout
+    assert "not used" not in run("inspect", job(INSIDE), profile).stderr

@@ -1,0 +1,79 @@
+"""What a job states and no command uses is reported, not ignored."""
+
+import pytest
+
+from lsvision.errors import InvalidJob
+from lsvision.inspection.job import Job
+from lsvision.inspection.job_tables import Measure, Rig
+from lsvision.inspection.unused_keys import describe_unused_keys
+
+PART = '[[part]]\nname = "tube"\norder = 1\nradius_mm = { max = 21 }\n'
+SCAN = "[scan]\nfeed = [0, 0, 1]\nstep_mm = 1\n"
+POSES = 'poses = "poses.csv"\nconvention = "kuka"\n'
+LIVE = '[source]\nkind = "folder"\npath = "incoming"\n[output]\nresults = "results"\n'
+
+
+def note_on(tables):
+    return describe_unused_keys(Job.from_text(f'name = "tube"\n{tables}{PART}'))
+
+
+@pytest.mark.parametrize(
+    ("tables", "words"),
+    [
+        (LIVE, ["[source], [output]", "unattended"]),
+        ('[output]\nrecord = "recording"\n', ["[output]", "unattended"]),
+        (f"[rig]\n{POSES}", ["poses, convention of [rig]", "[scan]"]),
+        ('[rig]\nflange_from_section = "h.json"\n', ["flange_from_section of [rig]", "[scan]"]),
+        (f"{SCAN}[measure]\nknown_phi_deg = 0\n", ["known_phi_deg of [measure]", "scan"]),
+        ("[measure]\nreference_range_mm = 9\n", ["reference_range_mm of [measure]", "range_std"]),
+    ],
+)
+def test_a_table_or_key_that_nothing_uses_is_named_with_the_reason(tables, words):
+    note = note_on(tables)
+    assert all(word in note for word in words), note
+    assert "\n" not in note
+
+
+@pytest.mark.parametrize(
+    "tables",
+    [
+        "",
+        "[measure]\nknown_phi_deg = 0\n",
+        "[measure]\nrange_std_mm = 0.05\nreference_range_mm = 300\n",
+        f"[rig]\n{POSES}{SCAN}",
+        '[rig]\nlight_section = "rig.json"\nlaser = "red"\n',
+    ],
+)
+def test_a_job_whose_keys_are_all_used_gives_no_note(tables):
+    assert note_on(tables) is None
+
+
+def test_both_reasons_are_in_one_line():
+    note = note_on(f'{LIVE}[rig]\nposes = "poses.csv"\n')
+    assert "[source], [output]" in note
+    assert "poses of [rig]" in note
+
+
+@pytest.mark.parametrize(
+    ("rig", "words"),
+    [
+        ('light_section_sha256 = "00"', "light_section_sha256 without light_section"),
+        ('flange_from_section_sha256 = "00"', "flange_from_section_sha256 without flange_from"),
+        ('laser = "red"', "laser without light_section"),
+    ],
+)
+def test_a_key_of_the_rig_without_its_file_is_a_mistake(rig, words):
+    with pytest.raises(InvalidJob, match=words):
+        note_on(f"[rig]\n{rig}\n")
+
+
+def test_no_new_key_of_rig_or_measure_goes_unnoticed():
+    """A key that is added here is used by `inspect`, or is added to the keys that are reported."""
+    assert set(Rig.model_fields) == {
+        "light_section", "light_section_sha256", "laser", "flange_from_section",
+        "flange_from_section_sha256", "poses", "convention",
+    }  # fmt: skip
+    assert set(Measure.model_fields) == {
+        "radius_mm", "known_radius_mm", "known_phi_deg", "sensor", "range_std_mm",
+        "reference_range_mm",
+    }  # fmt: skip
