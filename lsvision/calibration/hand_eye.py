@@ -28,6 +28,7 @@ from lsvision.calibration.hand_eye_solver import (
 from lsvision.calibration.observations import Mounting, stack_flange_poses
 from lsvision.calibration.plane_line import PlaneLine, find_plane_line
 from lsvision.calibration.plane_observations import PlaneObservations
+from lsvision.calibration.repeated import find_repeated
 from lsvision.calibration.sphere_arc import SphereArc, find_sphere_arc
 from lsvision.calibration.sphere_observations import SphereObservations
 from lsvision.errors import CalibrationFailed, DegenerateGeometry, TooFewPoints
@@ -261,7 +262,7 @@ def calibrate_hand_eye_board(
     count = len(camera_from_boards)
     _require_pairs(count, len(base_from_flanges), "boards")
     boards, flanges = as_poses(camera_from_boards), as_poses(base_from_flanges)
-    repeated = _repeated([pose.matrix for pose in boards], flanges)
+    repeated = _repeated_pairs([pose.matrix for pose in boards], flanges)
     observed = [index for index in range(count) if index not in repeated]
     unobserved = [_repeated_pose(*pair, "board") for pair in repeated.items()]
     _require_count(len(observed), 4, "a board in its image", unobserved)
@@ -305,7 +306,7 @@ def _observe(
     """Return the shapes found in the profiles, the indices of these, and the other profiles."""
     shapes, observed, unobserved = [], [], []
     checked = [as_profile(profile) for profile in profiles]
-    repeated = _repeated([profile.points for profile in checked], flanges)
+    repeated = _repeated_pairs([profile.points for profile in checked], flanges)
     for index, profile in enumerate(checked):
         if index in repeated:
             unobserved.append(_repeated_pose(index, repeated[index], "profile"))
@@ -318,18 +319,10 @@ def _observe(
     return shapes, observed, unobserved
 
 
-def _repeated(observed: Sequence[FloatArray], flanges: Sequence[Pose]) -> dict[int, int]:
-    """Return the indices of pairs that an earlier one equals to the last digit, with its index.
-
-    A pair that is stored twice counts as two that agree perfectly: the others are taken for wrong.
-    """
-    first: dict[bytes, int] = {}
-    repeated = {}
-    for index, (values, flange) in enumerate(zip(observed, flanges, strict=True)):
-        earlier = first.setdefault(values.tobytes() + flange.matrix.tobytes(), index)
-        if earlier != index:
-            repeated[index] = earlier
-    return repeated
+def _repeated_pairs(observed: Sequence[FloatArray], flanges: Sequence[Pose]) -> dict[int, int]:
+    """Return the indices of pairs that an earlier one equals, with its index."""
+    pairs = zip(observed, flanges, strict=True)
+    return find_repeated(values.tobytes() + flange.matrix.tobytes() for values, flange in pairs)
 
 
 def _repeated_pose(index: int, earlier: int, what: str) -> RejectedPose:

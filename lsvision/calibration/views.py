@@ -7,6 +7,7 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from lsvision.calibration.repeated import find_repeated
 from lsvision.errors import CalibrationFailed, DegenerateGeometry, LsvisionError
 from lsvision.geometry import Pose
 from lsvision.laser_line.image_array import as_image
@@ -68,21 +69,19 @@ def collect_views(
 
     So are those of the same `content` as an earlier one: a photo that is there twice counts once.
     """
-    views, indices, rejected = [], [], []
-    first: dict[bytes, int] = {}
+    found, rejected = dict[int, View](), []
     for index, image in enumerate(images):
         try:
-            view = find(image)
+            found[index] = find(image)
         except LsvisionError as error:
             rejected.append(RejectedView(index, str(error)))
-            continue
-        earlier = first.setdefault(content(view), index)
-        if earlier == index:
-            views.append(view)
-            indices.append(index)
-        else:
-            rejected.append(RejectedView(index, f"the same photo as image {earlier}"))
-    return views, ViewSources(tuple(indices), tuple(rejected))
+    indices = list(found)
+    for repeated, first in find_repeated(map(content, found.values())).items():
+        del found[indices[repeated]]
+        reason = f"the same photo as image {indices[first]}"
+        rejected.append(RejectedView(indices[repeated], reason))
+    rejected.sort(key=lambda view: view.index)
+    return list(found.values()), ViewSources(tuple(found), tuple(rejected))
 
 
 def require_size(camera: Camera, image: npt.ArrayLike, name: str) -> None:

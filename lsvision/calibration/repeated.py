@@ -1,0 +1,30 @@
+"""Observations that are stored twice: counted twice they would be taken for a perfect agreement."""
+
+from collections.abc import Iterable
+
+
+def find_repeated(contents: Iterable[bytes]) -> dict[int, int]:
+    """Return the index of each content that an earlier one equals, with the index of the first.
+
+    Parameters
+    ----------
+    contents : iterable of bytes
+        Numbers of an observation to the last digit.
+
+    Returns
+    -------
+    dict of int to int
+        In ascending order; empty if all contents differ.
+
+    Examples
+    --------
+    >>> find_repeated([b"a", b"b", b"a", b"a"])
+    {2: 0, 3: 0}
+    """
+    first: dict[bytes, int] = {}
+    repeated = {}
+    for index, content in enumerate(contents):
+        earlier = first.setdefault(content, index)
+        if earlier != index:
+            repeated[index] = earlier
+    return repeated
