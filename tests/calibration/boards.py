@@ -1,4 +1,4 @@
-"""Pictures of chessboards, drawn pixel by pixel with a pinhole that is not the library's."""
+"""Pictures of boards, drawn pixel by pixel with a pinhole that is not the library's."""
 
 import cv2
 import numpy as np
@@ -6,6 +6,22 @@ import numpy as np
 
 def rotation(vector):
     return cv2.Rodrigues(np.array(vector, dtype=float))[0]
+
+
+def board_along(rotation, shift, focal, centre, directions):
+    """Coordinates of what a pinhole sees of a board's plane, along directions of its frame.
+
+    One array (1440, 1920) for each direction, at each third of a px. The plane contains `shift`,
+    and its normal is the third column of `rotation`.
+    """
+    across = ((np.arange(3 * 640) - 1) / 3 - centre[0]) / focal
+    down = ((np.arange(3 * 480) - 1) / 3 - centre[1])[:, None] / focal
+
+    def of_ray(direction):
+        return direction[0] * across + direction[1] * down + direction[2]
+
+    depth = rotation[:, 2] @ shift / of_ray(rotation[:, 2])
+    return [depth * of_ray(direction) for direction in directions]
 
 
 def chessboard_picture(turn, *, counts=(9, 6), square=12.0, depth=300.0, blur=0.7, focal=1200.0):
@@ -17,10 +33,8 @@ def chessboard_picture(turn, *, counts=(9, 6), square=12.0, depth=300.0, blur=0.
     R = rotation(turn)
     middle = np.array([columns - 1, rows - 1, 0]) * square / 2
     shift = np.array([0, 0, depth]) - R @ middle
-    u, v = np.meshgrid((np.arange(3 * 640) - 1) / 3, (np.arange(3 * 480) - 1) / 3)
-    rays = np.stack([(u - 320) / focal, (v - 240) / focal, np.ones_like(u)], axis=-1)
-    points = rays * (R[:, 2] @ shift / (rays @ R[:, 2]))[..., None] - shift
-    x, y = points @ R[:, 0] / square, points @ R[:, 1] / square
+    x, y = board_along(R, shift, focal, (320, 240), (R[:, 0], R[:, 1]))
+    x, y = (x - shift @ R[:, 0]) / square, (y - shift @ R[:, 1]) / square
     inside = (x > -1) & (x < columns) & (y > -1) & (y < rows)
     white = np.where(inside & ((np.floor(x) + np.floor(y)) % 2 == 0), 0.1, 1.0)
     image = cv2.resize(white.astype(np.float32), (640, 480), interpolation=cv2.INTER_AREA)

@@ -6,6 +6,7 @@ from lsvision.calibration.laser_line_on_board import LineOnBoardSettings, find_l
 from lsvision.calibration.target import CircleGrid
 from lsvision.geometry import Plane
 from lsvision.sensors.camera import Camera
+from tests.calibration.boards import board_along
 
 CENTRE = 0.1  # px, rms: the centre of a disc's image is not the image of its centre
 CAMERA = Camera([[1200.0, 0, 320], [0, 1200, 240], [0, 0, 1]], [], (640, 480))
@@ -18,10 +19,9 @@ def disc_pictures(target, turn, *, bright):
     """A board of discs, a laser line on it, and the true centres, by a pinhole of its own."""
     R, _ = cv2.Rodrigues(np.array(turn, dtype=float))
     shift = np.array([0, 0, 330.0]) - R @ target.points.mean(axis=0)
-    u, v = np.meshgrid((np.arange(3 * 640) - 1) / 3, (np.arange(3 * 480) - 1) / 3)
-    rays = np.stack([(u - 320) / 1200, (v - 240) / 1200, np.ones_like(u)], axis=-1)
-    in_camera = rays * (R[:, 2] @ shift / (rays @ R[:, 2]))[..., None]
-    x, y = np.moveaxis((in_camera - shift) @ R[:, :2], -1, 0)
+    directions = (R[:, 0], R[:, 1], PLANE.normal)
+    x, y, along_normal = board_along(R, shift, 1200, (320, 240), directions)
+    x, y = x - shift @ R[:, 0], y - shift @ R[:, 1]
     centres = target.points @ R.T + shift
     pixels = centres[:, :2] / centres[:, 2:] * 1200 + (320, 240)
     disc = np.zeros(x.shape, dtype=bool)
@@ -30,7 +30,7 @@ def disc_pictures(target, turn, *, bright):
         near = np.s_[top : top + 2 * DISC_WINDOW, left : left + 2 * DISC_WINDOW]
         disc[near] |= np.hypot(x[near] - centre_x, y[near] - centre_y) < target.diameter / 2
     white = np.where(disc == bright, 1.0, 0.1)
-    glow = white * np.exp(-0.5 * ((in_camera @ PLANE.normal - PLANE.distance) / 0.25) ** 2)
+    glow = white * np.exp(-0.5 * ((along_normal - PLANE.distance) / 0.25) ** 2)
     images = [
         cv2.GaussianBlur(cv2.resize(each, (640, 480), interpolation=cv2.INTER_AREA), (0, 0), 0.8)
         for each in (white, glow)

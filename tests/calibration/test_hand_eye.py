@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from lsvision.calibration.hand_eye import (
-    HandEyeSettings,
     calibrate_hand_eye_board,
     calibrate_hand_eye_plane,
     calibrate_hand_eye_sphere,
@@ -47,7 +46,7 @@ def normalised_error(found, truth=MOUNT):
 @pytest.mark.parametrize("radius", [None, RADIUS])
 def test_sphere_is_exact_without_noise(radius):
     profiles, flanges = sphere_scene(1, 8, view=QUIET, robot=PERFECT)
-    found = calibrate_hand_eye_sphere(profiles, flanges, radius)
+    found = calibrate_hand_eye_sphere(profiles, flanges, radius, settings=FEW_TRIALS)
     assert_exact(found.flange_from_section, MOUNT)
     np.testing.assert_allclose(found.sphere.centre, TARGET, atol=EXACT_MM)
     assert found.sphere.radius == pytest.approx(RADIUS, abs=EXACT_MM)
@@ -74,7 +73,9 @@ def as_eye_to_hand(flanges):
 
 def test_eye_to_hand_is_the_same_problem_with_inverse_poses():
     profiles, flanges = sphere_scene(4, 8, view=QUIET, robot=PERFECT)
-    found = calibrate_hand_eye_sphere(profiles, as_eye_to_hand(flanges), mounting="eye_to_hand")
+    found = calibrate_hand_eye_sphere(
+        profiles, as_eye_to_hand(flanges), mounting="eye_to_hand", settings=FEW_TRIALS
+    )
     assert_exact(found.base_from_section, MOUNT)
     profiles, flanges = plane_scene(4, 10, view=QUIET, robot=PERFECT)
     found = calibrate_hand_eye_plane(
@@ -89,7 +90,10 @@ def test_eye_to_hand_is_the_same_problem_with_inverse_poses():
 @pytest.mark.parametrize("seed", range(4))
 def test_the_error_lies_within_its_covariance(seed):
     profiles, flanges = sphere_scene([5, seed])
-    assert normalised_error(calibrate_hand_eye_sphere(profiles, flanges)) < FAR_OUT
+    assert (
+        normalised_error(calibrate_hand_eye_sphere(profiles, flanges, settings=FEW_TRIALS))
+        < FAR_OUT
+    )
 
 
 def test_the_error_of_a_plane_and_of_a_board_lies_within_its_covariance():
@@ -120,14 +124,14 @@ def test_the_error_of_eye_to_hand_lies_within_its_covariance(target):
 
 def test_covariance_is_scaled_up_if_the_stated_robot_std_is_too_small():
     profiles, flanges = sphere_scene(7, robot=(0.2, 0.04))
-    boast = HandEyeSettings(robot_std=(0.02, np.radians(0.004)))
+    boast = replace(FEW_TRIALS, robot_std=(0.02, np.radians(0.004)))
     found = calibrate_hand_eye_sphere(profiles, flanges, settings=boast)
     assert found.robot_std[0] > 0.08
     assert normalised_error(found) < FAR_OUT
 
 
 def test_the_error_at_the_working_point_is_smaller_than_at_the_origin():
-    found = calibrate_hand_eye_sphere(*sphere_scene(8))
+    found = calibrate_hand_eye_sphere(*sphere_scene(8), settings=FEW_TRIALS)
     assert found.working_point[1] == pytest.approx(STANDOFF, abs=45)
     assert found.working_point_std < 0.6 * found.std_at((0, 0))
 
@@ -135,8 +139,10 @@ def test_the_error_at_the_working_point_is_smaller_than_at_the_origin():
 def test_rotating_the_base_rotates_the_target_and_not_the_sensor():
     profiles, flanges = sphere_scene(9, 8)
     other_from_base = Pose.from_matrix(MOUNT.matrix)
-    here = calibrate_hand_eye_sphere(profiles, flanges)
-    there = calibrate_hand_eye_sphere(profiles, [other_from_base @ pose for pose in flanges])
+    here = calibrate_hand_eye_sphere(profiles, flanges, settings=FEW_TRIALS)
+    there = calibrate_hand_eye_sphere(
+        profiles, [other_from_base @ pose for pose in flanges], settings=FEW_TRIALS
+    )
     assert_exact(there.flange_from_section, here.flange_from_section)
     moved = other_from_base.apply_one(here.sphere.centre)
     np.testing.assert_allclose(there.sphere.centre, moved, atol=EXACT_MM)
@@ -145,8 +151,10 @@ def test_rotating_the_base_rotates_the_target_and_not_the_sensor():
 def test_the_order_of_the_poses_does_not_matter():
     profiles, flanges = sphere_scene(10, 8)
     order = np.random.default_rng(0).permutation(8)
-    here = calibrate_hand_eye_sphere(profiles, flanges)
-    there = calibrate_hand_eye_sphere([profiles[i] for i in order], [flanges[i] for i in order])
+    here = calibrate_hand_eye_sphere(profiles, flanges, settings=FEW_TRIALS)
+    there = calibrate_hand_eye_sphere(
+        [profiles[i] for i in order], [flanges[i] for i in order], settings=FEW_TRIALS
+    )
     assert_exact(there.flange_from_section, here.flange_from_section)
     np.testing.assert_allclose(there.residuals, here.residuals[order], atol=EXACT_MM)
 
@@ -179,7 +187,7 @@ def test_a_wrong_board_is_rejected():
 
 def test_leave_one_out_residuals_are_those_of_a_calibration_without_the_pose():
     profiles, flanges = sphere_scene(14)
-    stated = HandEyeSettings(robot_std=(0.05, np.radians(0.01)))
+    stated = replace(FEW_TRIALS, robot_std=(0.05, np.radians(0.01)))
     whole = calibrate_hand_eye_sphere(profiles, flanges, settings=stated)
     part = calibrate_hand_eye_sphere(profiles[1:], flanges[1:], settings=stated)
     centre = (flanges[0] @ part.flange_from_section).inverse().apply_one(part.sphere.centre)
@@ -196,7 +204,7 @@ SIGMAS = 4.0  # of one number; chance 6e-5
 
 def test_wrong_height_scale_gives_a_warning_and_no_error_of_the_radius():
     profiles, flanges = sphere_scene(17, view=replace(USUAL, height_scale=LONG))
-    found = calibrate_hand_eye_sphere(profiles, flanges)
+    found = calibrate_hand_eye_sphere(profiles, flanges, settings=FEW_TRIALS)
     factor, std = found.height_scale
     assert abs(factor - 1 / LONG) < SIGMAS * std
     assert abs(found.sphere.radius - RADIUS) < SIGMAS * found.sphere.radius_std
@@ -204,7 +212,7 @@ def test_wrong_height_scale_gives_a_warning_and_no_error_of_the_radius():
 
 
 def test_correct_height_scale_gives_no_warning():
-    found = calibrate_hand_eye_sphere(*sphere_scene(18))
+    found = calibrate_hand_eye_sphere(*sphere_scene(18), settings=FEW_TRIALS)
     factor, std = found.height_scale
     assert abs(factor - 1) < SIGMAS * std
     assert found.warnings == ()
@@ -224,7 +232,7 @@ def test_correlated_points_increase_the_covariance(scene):
 
 
 def test_pose_is_available_only_under_the_name_of_its_frames():
-    found = calibrate_hand_eye_sphere(*sphere_scene(15, 8))
+    found = calibrate_hand_eye_sphere(*sphere_scene(15, 8), settings=FEW_TRIALS)
     with pytest.raises(ValueError, match="expected a calibration of a camera, eye to hand"):
         _ = found.base_from_camera
     with pytest.raises(ValueError, match="expected a point"):
@@ -236,7 +244,7 @@ def test_pose_is_available_only_under_the_name_of_its_frames():
 
 def test_the_same_input_gives_the_same_bytes():
     scene = sphere_scene(16, 8)
-    first, second = (calibrate_hand_eye_sphere(*scene) for _ in range(2))
+    first, second = (calibrate_hand_eye_sphere(*scene, settings=FEW_TRIALS) for _ in range(2))
     assert first.covariance.tobytes() == second.covariance.tobytes()
 
 

@@ -67,11 +67,13 @@ def test_a_bent_board_is_found_and_the_camera_corrected_for_it(seed):
 
 def test_a_bent_board_is_corrected_for_with_a_fixed_aspect_and_a_tilted_sensor():
     seen = views_of(BENT, 15, 5)
-    for settings in (CameraSettings(fixed_aspect=True), CameraSettings(tilted=True)):
-        found = fit_camera(seen, settings)
+    fixed, tilted = (
+        fit_camera(seen, settings)
+        for settings in (CameraSettings(fixed_aspect=True), CameraSettings(tilted=True))
+    )
+    for found in (fixed, tilted):
         assert np.abs(found.board_bow - (0.05, 0.2, -0.3)).max() < 0.02
         assert abs(found.camera.matrix[0, 0] - 2264) < SIGMAS * found.std["fx"]
-    fixed = fit_camera(seen, CameraSettings(fixed_aspect=True))
     assert fixed.camera.matrix[0, 0] == pytest.approx(fixed.camera.matrix[1, 1], rel=1e-12)
 
 

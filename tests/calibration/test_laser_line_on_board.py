@@ -17,6 +17,7 @@ from lsvision.errors import CalibrationFailed
 from lsvision.geometry import Plane
 from lsvision.laser_line.extraction import LineSettings
 from lsvision.sensors.camera import Camera
+from tests.calibration.boards import board_along
 
 REAL = Path(__file__).parents[2] / "../shared/real"
 SIZE = (640, 480)
@@ -32,14 +33,13 @@ def board_and_line(turn, depth, plane=PLANE):
     """Both images of one pose, pixel by pixel: the board's colour, and the laser's glow."""
     R, _ = cv2.Rodrigues(np.array(turn, dtype=float))
     shift = np.array([0, 0, depth]) - R @ (30.0, 25.0, 0.0)
-    u, v = np.meshgrid((np.arange(3 * 640) - 1) / 3, (np.arange(3 * 480) - 1) / 3)
-    rays = np.stack([(u - 319.5) / 900, (v - 239.5) / 900, np.ones_like(u)], axis=-1)
-    points = rays * (R[:, 2] @ shift / (rays @ R[:, 2]))[..., None]
-    x, y = np.moveaxis((points - shift) @ R[:, :2], -1, 0)
+    directions = (R[:, 0], R[:, 1], plane.normal)
+    x, y, along_normal = board_along(R, shift, 900, (319.5, 239.5), directions)
+    x, y = x - shift @ R[:, 0], y - shift @ R[:, 1]
     squares = np.floor(x / 10) + np.floor(y / 10)
     inside = (x > -10) & (x < 70) & (y > -10) & (y < 60)
     white = np.where(inside & (squares % 2 == 0), 0.25, 1.0)
-    glow = np.exp(-0.5 * ((points @ plane.normal - plane.distance) / 0.3) ** 2)
+    glow = np.exp(-0.5 * ((along_normal - plane.distance) / 0.3) ** 2)
     return [
         cv2.resize(image, SIZE, interpolation=cv2.INTER_AREA).astype(np.uint8)
         for image in (20 + 180 * white, 5 + 200 * white * glow)

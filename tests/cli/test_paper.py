@@ -5,8 +5,9 @@ import time
 
 import pytest
 
-from lsvision.studies.chen_liu_2016 import ExperimentSizes, scenes
+from lsvision.studies.chen_liu_2016 import ExperimentSizes, page, scenes
 from lsvision.studies.chen_liu_2016.published_results import PUBLISHED_TIMES
+from tests.studies.test_page import no_pictures
 
 SMALLEST = ExperimentSizes(
     runs={"paper": 0, "section": 1, "known": 0, "two": 0, "twenty": 0},
@@ -21,7 +22,12 @@ SMALLEST = ExperimentSizes(
 def test_page_and_numbers_are_written(run, tmp_path, monkeypatch):
     monkeypatch.setattr(ExperimentSizes, "quick", lambda: SMALLEST)
     monkeypatch.setattr(scenes, "PUBLISHED_TIMES", PUBLISHED_TIMES[:3])  # without clutter
+    drawn = []  # tests/studies/test_page.py draws the pictures
+    monkeypatch.setattr(
+        page, "_pictures", lambda report: drawn.append(report) or no_pictures(report)
+    )
     report = written_report(run, tmp_path)
+    assert len(drawn) == 1
     assert len(report["table_5"]) == 3
     assert all(row["spreads"]["section"]["runs"] == 1 for row in report["tables_1_to_4"])
 

@@ -119,12 +119,13 @@ def test_feed_direction_error_changes_the_direction_as_predicted():
     feed = Feed(sections=11, spacing=4.0)
     rays, reported = scan_rays(pipe, feed)
     small = 0.002  # rad, little enough for the linear response
-    found = []
+    ranges = []
     for axis in range(2):
         true = reported.copy()
         true[:, axis] += small * reported[:, 2]
-        ranges = ray_ranges(unknowns, rays, true)
-        found.append(fit_ranges(unknowns, rays, reported, ranges, ray_stds(ranges)) - unknowns)
+        ranges.append(ray_ranges(unknowns, rays, true))
+    stds = ray_stds(np.array(ranges))
+    found = fit_ranges(unknowns, rays, reported, np.array(ranges), stds) - unknowns
     shifted = np.hypot(*found)[2:]
     plain, off = (
         sigmas(plan_scan(*unknowns[2:], view=VIEW, feed=replace(feed, feed_std=std)))

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
 
 from lsvision.geometry import Cylinder, Pose
 from lsvision.planning import SensorView
@@ -14,6 +13,7 @@ from lsvision.sensors.profile_sensor import ProfileSensor
 ROUNDING = 1e-9  # relative: two exact formulas in double precision
 DIFFERENCES = 1e-4  # relative: central differences, and the lateral share of ProfileSensor
 STEP = 1e-5  # mm, rad: of the central differences
+MAX_STEPS, CONVERGED = 50, 1e-6  # of the fits; mm, rad
 RUNS = 400  # Monte Carlo: RMSE known to 1 / sqrt(2 * 400) = 3.5 %, one sigma
 FOUR_SIGMA = 4 / math.sqrt(2 * RUNS)
 FINE = ProfileSensor(range_std=0.05, reference_range=400.0)
@@ -35,16 +35,14 @@ def rad(*degrees):
 
 
 def ray_ranges(unknowns, rays, origins):
-    """Ranges to a cylinder (x, y, radius, theta, phi), from the quadratic in 3D."""
-    x, y, radius, theta, phi = unknowns
-    axis = np.array(
-        [math.sin(phi) * math.cos(theta), math.sin(phi) * math.sin(theta), math.cos(phi)]
-    )
+    """Ranges (..., n) to cylinders (..., 5): x, y, radius, theta, phi; from the quadratic in 3D."""
+    x, y, radius, theta, phi = np.moveaxis(np.asarray(unknowns)[..., None], -2, 0)
+    axis = np.stack([np.sin(phi) * np.cos(theta), np.sin(phi) * np.sin(theta), np.cos(phi)], -1)
     d = np.cross(rays, axis)
-    m = np.cross(origins - (x, y, 0.0), axis)
-    half = np.sum(d * m, axis=1)
-    square = np.sum(d * d, axis=1)
-    root = np.maximum(half**2 - square * (np.sum(m * m, axis=1) - radius**2), 0.0)
+    m = np.cross(origins - np.stack([x, y, 0 * x], -1), axis)
+    half = np.sum(d * m, axis=-1)
+    square = np.sum(d * d, axis=-1)
+    root = np.maximum(half**2 - square * (np.sum(m * m, axis=-1) - radius**2), 0.0)
     return (-half - np.sqrt(root)) / square
 
 
@@ -91,21 +89,32 @@ def pipe_and_points(radius, theta_deg, phi_deg, view=VIEW):
 
 
 def fit_ranges(unknowns, rays, origins, measured, stds, known_radius=None):
-    def residuals(x):
-        prior = [] if known_radius is None else [(x[2] - known_radius[0]) / known_radius[1]]
-        return np.append((ray_ranges(x, rays, origins) - measured) / stds, prior)
+    """Fit a cylinder to each row of ranges (k, n) by Gauss-Newton steps from the truth: (k, 5)."""
 
-    return least_squares(residuals, unknowns, x_scale=(1, 1, 1, 0.1, 0.1)).x
+    def residuals(x):
+        errors = (ray_ranges(x, rays, origins) - measured) / stds
+        if known_radius is None:
+            return errors
+        prior = (x[:, 2:3] - known_radius[0]) / known_radius[1]
+        return np.concatenate([errors, prior], axis=1)
+
+    fitted = np.tile(np.asarray(unknowns, dtype=float), (len(measured), 1))
+    for _ in range(MAX_STEPS):
+        steps = STEP * np.eye(5)
+        columns = [(residuals(fitted + s) - residuals(fitted - s)) / (2 * STEP) for s in steps]
+        jacobian = np.stack(columns, axis=-1)
+        transposed = jacobian.swapaxes(1, 2)
+        gradient = transposed @ residuals(fitted)[..., None]
+        change = np.linalg.solve(transposed @ jacobian, gradient)[..., 0]
+        fitted -= change
+        if np.abs(change).max() < CONVERGED:
+            return fitted
+    raise AssertionError(f"no minimum after {MAX_STEPS} steps: still moving by {change.max()}")
 
 
 def rmse_of_brute_force(unknowns, rays, origins, std, known_radius=None):
     rng = np.random.default_rng(7)
     truth = ray_ranges(unknowns, rays, origins)
-    errors = [
-        fit_ranges(
-            unknowns, rays, origins, truth + rng.normal(0, std, len(rays)), std, known_radius
-        )
-        - unknowns
-        for _ in range(RUNS)
-    ]
+    measured = truth + rng.normal(0, std, (RUNS, len(rays)))
+    errors = fit_ranges(unknowns, rays, origins, measured, std, known_radius) - unknowns
     return np.sqrt(np.mean(np.square(errors), axis=0))[2:]
