@@ -3,5 +3,6 @@
 In the order of the data flow: `line_image` reduces the image to the laser's channel,
 `candidates` finds ridges in each column, `path_search` connects them to a line, `detection`
 decides whether it is a laser line, `subpixel` locates it in windows around it
-(`stripe_windows`), `noise` estimates its standard deviation. `extraction` calls them all.
+(`stripe_windows`), `noise` and, in JPEG images, `jpeg_blocks` estimate its standard deviation.
+`extraction` calls them all.
 """

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lsvision.geometry import BoolArray, FloatArray, IntArray
-from lsvision.laser_line.detection import DetectedLine, locate_line
+from lsvision.laser_line.detection import DetectedLine, locate_line, with_rounding_errors
 from lsvision.laser_line.line_image import LineImage
 from lsvision.laser_line.noise import errors_are_interpolated, roughness
 from lsvision.laser_line.settings import LineSettings
@@ -26,6 +26,10 @@ shifted the luminance there."""
 BLOCK_FACTOR = 2.0
 """Factor on errors that are common to the columns of a JPEG file's block, which a fit takes to be
 independent."""
+MAX_ROUGHNESS_SIGMAS = 1.5
+"""Roughness of a JPEG file's luminance, in standard deviations of its noise, from which on a print
+is seen in it: 0.2 to 1.3 where the smoother colours would show a print on a grey surface, 2 to 16
+on prints, 1 to 2 on thin text."""
 MIN_BRIGHT_FRACTION = 0.75
 """Smallest fraction of the columns in which the luminance has a stripe, too."""
 
@@ -48,14 +52,15 @@ def sharper_line(
     -------
     image, line
         As given where the colours have the image's resolution, or the luminance is rougher (on a
-        printed pattern). Columns in which an edge of a print shifts the luminance keep the colour.
+        printed pattern), in a JPEG file rougher than its rounding makes it. Columns in which an
+        edge of a print shifts the luminance keep the colour.
     std : (n,) ndarray or float
         Standard deviation that the coarseness adds. Units: px.
 
     Notes
     -----
     The error of the luminance is taken to be half of its distance from the colour, which has half
-    its resolution.
+    its resolution; that of the colour in a single column of a JPEG file the whole distance.
     """
     coarse = detected.select(detected.stripes.found)
     columns, rows = coarse.windows.columns, coarse.stripes.pixels[:, 1]
@@ -64,15 +69,19 @@ def sharper_line(
     bright = locate_line(image.of_brightness, columns, rows, detected.sigma, settings)
     if bright.stripes.found.mean() < MIN_BRIGHT_FRACTION:
         return image, detected, 0.0
+    bright = with_rounding_errors(image.of_brightness, bright)
     pair = _Pair.of(coarse, bright)
-    if pair.agrees:
+    compressed = bright.blocks is not None
+    if pair.agrees and not compressed:
         return image, detected, 0.0
-    if pair.print_in_luminance:
+    if pair.print_in_luminance and not (compressed and pair.noise_explains_luminance):
         std = min(BLOCK_FACTOR * pair.colour_error, pair.colour_roughness)
         return image, detected, std
-    if pair.colour_is_better:
+    if pair.colour_is_better and not compressed:
         return image, detected, BLOCK_FACTOR * pair.colour_error
-    of_colour = max(pair.scatter, pair.colour_roughness)
+    of_colour: FloatArray | float = max(pair.scatter, pair.colour_roughness)
+    if compressed:
+        of_colour = np.fmax(of_colour, pair.distances)
     stds = np.where(pair.disturbed, of_colour, BLOCK_FACTOR * pair.scatter / 2)
     return image.of_brightness, bright.replaced(coarse, pair.disturbed), stds
 
@@ -128,6 +137,13 @@ class _Pair:
         found = np.isfinite(self.bright_rows)
         of_luminance = roughness(self.columns[found], self.bright_rows[found])
         return of_luminance > roughness(self.columns[found], self.colour_rows[found])
+
+    @property
+    def noise_explains_luminance(self) -> bool:
+        """Whether the luminance is as rough as its noise, the rounding of a JPEG file included."""
+        found = np.isfinite(self.bright_rows)
+        of_luminance = roughness(self.columns[found], self.bright_rows[found])
+        return of_luminance < MAX_ROUGHNESS_SIGMAS * float(np.median(self.bright_std[found]))
 
     @property
     def colour_is_better(self) -> bool:

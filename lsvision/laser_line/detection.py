@@ -17,6 +17,7 @@ from lsvision.errors import NoLaserLine
 from lsvision.geometry import BoolArray, FloatArray, IntArray
 from lsvision.laser_line.candidates import LineCandidates, find_line_candidates
 from lsvision.laser_line.image_array import Image
+from lsvision.laser_line.jpeg_blocks import JpegBlocks, find_jpeg_blocks
 from lsvision.laser_line.line_image import Direction, LineImage
 from lsvision.laser_line.noise import PixelNoise, estimate_pixel_noise
 from lsvision.laser_line.path_search import LinePath, PathSettings, shortest_line_path
@@ -64,6 +65,8 @@ class DetectedLine:
         Standard deviation of the filter that suits its width. Units: px.
     second_line_fraction : float
         Fraction of the image's columns in which a second, shorter line runs beside it.
+    blocks : JpegBlocks, optional
+        Blocks of an image that was a JPEG image, whose errors `variances` contain.
     """
 
     windows: Windows
@@ -71,6 +74,7 @@ class DetectedLine:
     variances: FloatArray
     sigma: float
     second_line_fraction: float
+    blocks: JpegBlocks | None = None
 
     def select(self, which: BoolArray) -> "DetectedLine":
         """Return the columns of a mask (n,)."""
@@ -85,6 +89,7 @@ class DetectedLine:
         """Return the line with the columns of a mask (n,), and the rest, from a line like it."""
         return replace(
             other,
+            blocks=self.blocks,
             windows=self.windows.replaced(other.windows, which),
             stripes=self.stripes.replaced(other.stripes, which),
             variances=np.where(which[:, None], other.variances, self.variances),
@@ -181,9 +186,8 @@ def find_line(image: LineImage, settings: LineSettings) -> DetectedLine:
         reason = _rejection_reason(line, longest, _rival_ratio(candidates, path))
         width = float(np.nanmedian(line.stripes.sigmas)) if line.stripes.found.any() else np.inf
         if reason is None and width <= MAX_WIDTH_SIGMAS * sigma:
-            return replace(
-                line, second_line_fraction=_second_line_fraction(candidates, path, sigma, settings)
-            )
+            second = _second_line_fraction(candidates, path, sigma, settings)
+            return replace(with_rounding_errors(image, line), second_line_fraction=second)
         reasons.append(reason or f"the ridge is {width:.0f} px wide (one sigma), a band of light")
     rows, columns = image.signal.shape
     if not reasons:
@@ -240,6 +244,33 @@ def locate_line(
     variances = pixel_noise(image, windows, settings).variances(windows.values)
     stripes = locate_by_derivative(windows, rows, variances, sigma)
     return DetectedLine(windows, stripes, variances, sigma, 0.0)
+
+
+def with_rounding_errors(image: LineImage, line: DetectedLine) -> DetectedLine:
+    """Add the errors of a JPEG image's coefficients to the noise of its pixels.
+
+    Parameters
+    ----------
+    image : LineImage
+        Image with the line from left to right.
+    line : DetectedLine
+        Line located in its signal.
+
+    Returns
+    -------
+    DetectedLine
+        As given where the image never was a JPEG image.
+    """
+    blocks = find_jpeg_blocks(image.signal, line.windows)
+    if blocks is None:
+        return line
+    added = blocks.row_variances(image.signal, line.windows, line.sigma)
+    variances = line.variances + added[:, None]
+    found = line.stripes.found
+    start = np.where(found, line.stripes.pixels[:, 1], line.windows.centre_rows)
+    std = locate_by_derivative(line.windows, start, variances, line.sigma).std
+    stripes = replace(line.stripes, std=np.where(found & np.isfinite(std), std, line.stripes.std))
+    return replace(line, variances=variances, stripes=stripes, blocks=blocks)
 
 
 def _rival_ratio(candidates: LineCandidates, path: LinePath) -> float:

@@ -15,6 +15,7 @@ from lsvision.geometry.equality import ComparedByValue
 from lsvision.laser_line.coarse_colours import sharper_line
 from lsvision.laser_line.detection import DetectedLine, find_direction, find_line
 from lsvision.laser_line.image_array import Image, as_image
+from lsvision.laser_line.jpeg_blocks import BLOCK
 from lsvision.laser_line.line_image import (
     Direction,
     LineImage,
@@ -22,7 +23,7 @@ from lsvision.laser_line.line_image import (
     prepare_line_image,
 )
 from lsvision.laser_line.mosaic import colour_planes
-from lsvision.laser_line.noise import SLOPE_SPAN, excess_variance
+from lsvision.laser_line.noise import SLOPE_SPAN, block_excess_variance, excess_variance
 from lsvision.laser_line.settings import LineSettings
 from lsvision.laser_line.stripe_windows import Stripes, cut_windows
 from lsvision.laser_line.subpixel import (
@@ -127,9 +128,9 @@ def extract_laser_line(
     Returns
     -------
     LaserLine
-        The variance `std`^2 is the sum of that predicted from the noise of the pixels and of the
-        excess scatter along the line (speckle, roughness of the surface), which is larger where
-        the line is steep.
+        The variance `std`^2 is the sum of that predicted from the noise of the pixels, of that of
+        the rounding in an image that is or was a JPEG image, and of the excess scatter along the
+        line (speckle, roughness of the surface), which is larger where the line is steep.
 
     Raises
     ------
@@ -324,6 +325,10 @@ def _build_line(
         # The smoothing along the line correlates the errors of neighbours.
         lag = math.ceil(STEGER_CORRELATION_SIGMAS * detected.sigma)
     excess = excess_variance(columns, rows, noise_std, lag)
+    if detected.blocks is not None:
+        first = detected.blocks.column
+        of_blocks = block_excess_variance(columns, rows, noise_std, BLOCK, first)
+        excess = np.maximum(excess, of_blocks)
     width = image.signal.shape[1]
     pixels = np.full((width, 2), np.nan)
     pixels[columns] = stripes.pixels[good]

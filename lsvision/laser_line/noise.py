@@ -49,6 +49,9 @@ QUANTISATION_VARIANCE = 1 / 12
 """Variance of rounding to whole numbers: the smallest variance of a pixel. Units: DN^2."""
 MIN_SAMPLES = 40
 """Smallest number of differences from which a scatter is estimated."""
+MIN_BLOCK_SAMPLES = 16
+"""Smallest number of differences of the means of blocks from which their scatter is estimated: of
+168 columns."""
 
 
 @dataclass(frozen=True)
@@ -159,6 +162,41 @@ def excess_variance(
     return excess
 
 
+def block_excess_variance(
+    columns: IntArray, rows: FloatArray, std: FloatArray, block: int, first: int
+) -> FloatArray:
+    """Estimate the variance of a line's rows in excess of their predicted noise, by block means.
+
+    The rounding of a JPEG image removes the noise of high frequencies and keeps that of low ones:
+    the columns of a block have less scatter than the mean of a block has, times the root of its
+    columns, to which the error of a fit is proportional.
+
+    Parameters
+    ----------
+    columns, rows, std
+        As for `excess_variance`.
+    block : int
+        Columns of a block. Units: px.
+    first : int
+        First column of the first whole block. Units: px.
+
+    Returns
+    -------
+    (n,) ndarray
+        0 where the predicted noise explains the scatter, or the line is too short. Units: px^2.
+    """
+    steepness = 1 + line_slopes(columns, rows) ** 2
+    index = columns + block - first
+    width = (int(index.max()) // block + 1) * block if len(index) else 0
+    line, scale = np.full((2, width), np.nan)
+    line[index], scale[index] = rows, np.sqrt(steepness)
+    means, scales = (values.reshape(-1, block).mean(axis=1) for values in (line, scale))
+    scatter = _scatter(means, scales, FIFTH_DIFFERENCE, 1, MIN_BLOCK_SAMPLES)
+    explained = median(std**2 / steepness) if len(std) else 0.0
+    excess: FloatArray = steepness * max(block * scatter**2 - explained, 0.0)
+    return excess
+
+
 def errors_are_interpolated(columns: IntArray, rows: FloatArray) -> bool:
     """Return whether the scatter of a line depends on the distance of its points.
 
@@ -225,7 +263,13 @@ def line_slopes(columns: IntArray, rows: FloatArray) -> FloatArray:
     return slopes
 
 
-def _scatter(line: FloatArray, scale: FloatArray, weights: FloatArray, lag: int) -> float:
+def _scatter(
+    line: FloatArray,
+    scale: FloatArray,
+    weights: FloatArray,
+    lag: int,
+    min_samples: int = MIN_SAMPLES,
+) -> float:
     """Return the robust std of a line along its normal, from differences of its points. Units: px.
 
     `line` holds the row in each column and `scale` its factor sqrt(1 + slope^2), NaN where lost;
@@ -238,4 +282,4 @@ def _scatter(line: FloatArray, scale: FloatArray, weights: FloatArray, lag: int)
     differences = sum(weight * line[lag * k :][:count] for k, weight in enumerate(weights))
     scatter = differences / scale[lag * order // 2 :][:count]
     scatter = scatter[np.isfinite(scatter)]
-    return mad_std(scatter) if len(scatter) >= MIN_SAMPLES else 0.0
+    return mad_std(scatter) if len(scatter) >= min_samples else 0.0

@@ -193,5 +193,5 @@ def test_on_other_prints_the_colour_is_used_at_the_resolution_that_it_has(kind, 
         errors.append(line.pixels[:, 1] - truth)
         scores.append(errors[-1] / line.std)
     assert np.isfinite(errors).mean() > 0.99
-    assert np.sqrt(np.nanmean(np.square(errors))) < (0.3 if quality == 75 else 0.17)
+    assert np.sqrt(np.nanmean(np.square(errors))) < (0.35 if quality == 75 else 0.17)
     assert np.nanpercentile(np.abs(scores), 95) < 3.5
