@@ -55,9 +55,7 @@ def test_sets_with_heavy_tails_are_accepted_and_within_their_covariance(seeds):
     chi2 = []
     for seed in seeds:
         boards, flanges, covariances = poor_scene(seed)
-        found = calibrate_hand_eye_board(
-            boards, flanges, covariances=covariances, settings=FEW_TRIALS
-        )
+        found = calibrate_hand_eye_board(boards, flanges, covariances=covariances)
         errors = pose_errors(found.flange_from_camera, MOUNT)
         chi2.append(errors @ np.linalg.solve(found.covariance, errors))
     assert max(chi2) < CHI2_6
@@ -70,9 +68,7 @@ def test_errors_of_position_and_of_orientation_are_estimated_separately(robot):
     ratios = []
     for seed in range(60, 63):
         boards, flanges, covariances = poor_scene(seed, robot=(position, rotation))
-        found = calibrate_hand_eye_board(
-            boards, flanges, covariances=covariances, settings=FEW_TRIALS
-        )
+        found = calibrate_hand_eye_board(boards, flanges, covariances=covariances)
         ratios.append(found.robot_std[0] / found.robot_std[1])
     # the ratio of 0.05 mm to 0.01 deg, held, would be wrong by a factor of 4 to 5
     assert position / rotation / 2 < np.median(ratios) < 2 * position / rotation
