@@ -44,7 +44,8 @@ def new_job(
     from lsvision.cli.measure_options import parse_search_range
     from lsvision.cli.sources import read_sources
     from lsvision.errors import LsvisionError
-    from lsvision.inspection.job_template import build_job_text
+    from lsvision.inspection.job import Job
+    from lsvision.inspection.job_template import build_job_text, find_needed_tolerance
     from lsvision.measure import measure_cylinders
 
     options = reading.parse()
@@ -55,7 +56,15 @@ def new_job(
     if not measurement.cylinders:
         reasons = "; ".join(str(each) for each in measurement.rejections[:2])
         raise LsvisionError(f"{profile}: no cylinder to make a job of: {reasons}")
-    write_output(out, build_job_text(name or profile.stem, measurement.cylinders, tolerance))
+    text = build_job_text(name or profile.stem, measurement.cylinders, tolerance)
+    write_output(out, text)
+    needed = find_needed_tolerance(Job.from_text(text), measurement.cylinders)
+    if needed is not None:
+        print_error(
+            f"{profile}: note: undecided by this job, whose tolerance of {tolerance:g} mm is less "
+            f"than what its radii are known to: --tolerance {needed:g} contains their intervals; a "
+            "stated noise or several sections make them narrower"
+        )
 
 
 @job.command("check")

@@ -5,9 +5,11 @@ from __future__ import annotations
 import itertools
 import json
 import math
+import operator
 from collections.abc import Sequence
 
 from lsvision.ellipse.section import CylinderSection
+from lsvision.inspection.job import Job
 
 HEAD = """\
 # A job for lsvision: lsvision job check FILE lists its mistakes, lsvision inspect FILE
@@ -103,6 +105,34 @@ def build_job_text(name: str, cylinders: Sequence[CylinderSection], tolerance: f
             )
         )
     return "".join([*parts, TAIL])
+
+
+def find_needed_tolerance(job: Job, cylinders: Sequence[CylinderSection]) -> float | None:
+    """Return the smallest tolerance by which the radii of a new job are OK; None if they are.
+
+    Parameters
+    ----------
+    job : Job
+        Job of these cylinders, each with a nominal radius, from `build_job_text`.
+    cylinders : sequence of CylinderSection
+        The measured cylinders, in the order of the parts.
+
+    Returns
+    -------
+    float or None
+        Rounded up to two digits. Units: mm.
+    """
+    needed, tolerances = [], []
+    for part, cylinder in zip(job.parts, cylinders, strict=True):
+        low, high = cylinder.interval("radius", job.decision.level)
+        least, most = part.limits["radius_mm"].ends
+        nominal = (least + most) / 2
+        needed.append(max(nominal - low, high - nominal))
+        tolerances.append((most - least) / 2)
+    if all(map(operator.lt, needed, tolerances)):
+        return None
+    digit = 10.0 ** (math.floor(math.log10(max(needed))) - 1)
+    return round((math.floor(max(needed) / digit) + 1) * digit, 9)
 
 
 def _x_windows(cylinders: Sequence[CylinderSection]) -> list[tuple[float, float]]:

@@ -279,3 +279,15 @@ def test_tables_of_a_job_that_are_not_used_are_reported_where_it_is_run_or_check
     assert json.loads(done.stdout)["verdicts"]
     assert "note: not used: [source], [output] (" in run("job", "check", path).stdout
     assert "not used" not in run("inspect", job(INSIDE), profile).stderr
+
+
+def test_job_new_reports_a_tolerance_that_leaves_its_own_profile_undecided(run, profile, tmp_path):
+    path = tmp_path / "new.toml"
+    words = ("job", "new", profile, "--radius", "10:30", "-o", path)
+    done = run(*words, "--tolerance", "0.01")
+    assert done.exit_code == 0, done.output
+    (note,) = [line for line in done.stderr.splitlines() if "undecided" in line]
+    needed = float(note.partition("--tolerance ")[2].split()[0])
+    assert run("inspect", path, profile).exit_code == 4
+    assert "undecided" not in run(*words, "--tolerance", needed).stderr
+    assert run("inspect", path, profile).exit_code == 0
