@@ -18,6 +18,7 @@ from lsvision.io.robot_conventions import pose_from_numbers
 from lsvision.sensors.camera import Camera
 from lsvision.simulate.hand_eye import TargetMotion
 from tests.calibration.hand_eye_scenes import (
+    FEW_TRIALS,
     RADIUS,
     STANDOFF,
     TARGET,
@@ -125,7 +126,9 @@ def test_a_plane_or_board_that_moved_is_detected_with_its_distance(target):
     # Robot and target moved together look the same: later poses mean another target.
     aside = Pose.along((0.0, 0.0, 1.0), MOVED)
     with pytest.raises(CalibrationFailed, match="moved between pose 7 and pose 8") as text:
-        calibrate(seen, [*flanges[:8], *(aside @ pose for pose in flanges[8:])])
+        calibrate(
+            seen, [*flanges[:8], *(aside @ pose for pose in flanges[8:])], settings=FEW_TRIALS
+        )
     apart = float(re.search(r"([\d.]+) mm apart", str(text.value))[1])
     assert apart == pytest.approx(MOVED, abs=0.5)
 

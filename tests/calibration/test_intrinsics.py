@@ -66,7 +66,7 @@ def test_a_bent_board_is_found_and_the_camera_corrected_for_it(seed):
 
 
 def test_a_bent_board_is_corrected_for_with_a_fixed_aspect_and_a_tilted_sensor():
-    seen = views_of(BENT, 15, 5)
+    seen = views_of(BENT, 10, 5)
     fixed, tilted = (
         fit_camera(seen, settings)
         for settings in (CameraSettings(fixed_aspect=True), CameraSettings(tilted=True))
