@@ -38,7 +38,7 @@ class LeastSquaresSolutions:
 def solve_least_squares(
     observations: Observations, states: States, whitening: FloatArray, max_steps: int = MAX_STEPS
 ) -> LeastSquaresSolutions:
-    """Minimise the whitened residuals by Levenberg-Marquardt, from many initial guesses at once.
+    """Return the minima of the whitened residuals from many initial guesses (Levenberg-Marquardt).
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def solve_least_squares(
         for block in np.split(np.arange(len(states)), starts)
     ]
     rotations, translations, targets, costs = (
-        np.concatenate(parts) for parts in zip(*blocks, strict=True)
+        np.concatenate(arrays) for arrays in zip(*blocks, strict=True)
     )
     return LeastSquaresSolutions(States(rotations, translations, targets), costs)
 
@@ -75,19 +75,19 @@ def _solve_block(
     system = _whitened_system(observations, states, whitening)
     active = np.arange(len(states))
     for _ in range(max_steps):
-        jacobian, residual, costs = (part[active] for part in system)
+        jacobian, residual, costs = (array[active] for array in system)
         steps = _damped_steps(jacobian, residual, damping[active])
         trial = _apply_steps(observations, states.select(active), steps)
         trial_system = _whitened_system(observations, trial, _rows(whitening, active))
-        better = trial_system[2] < costs
+        improved = trial_system[2] < costs
         damping[active] = np.clip(
-            np.where(better, damping[active] / 5, damping[active] * 6), 1e-12, 1e9
+            np.where(improved, damping[active] / 5, damping[active] * 6), 1e-12, 1e9
         )
-        moved = active[better]
-        _replace(states, moved, trial.select(np.flatnonzero(better)))
-        for part, new in zip(system, trial_system, strict=True):
-            part[moved] = new[better]
-        decrease = np.where(better, costs - trial_system[2], np.inf)
+        updated = active[improved]
+        _replace(states, updated, trial.select(np.flatnonzero(improved)))
+        for array, trial_array in zip(system, trial_system, strict=True):
+            array[updated] = trial_array[improved]
+        decrease = np.where(improved, costs - trial_system[2], np.inf)
         converged = (
             (decrease <= RELATIVE_COST_TOLERANCE * costs)
             | (damping[active] > 1e8)
@@ -155,7 +155,7 @@ def prior_jacobian_and_residuals(
 
 
 def _expand_target_columns(jacobian: FloatArray, groups: IntArray, count: int) -> FloatArray:
-    """Place the Jacobian by the target in the columns of the target of each pose."""
+    """Return the Jacobian by all targets: zero but for the target that each pose observes."""
     if count == 1:
         return jacobian
     one_hot = (groups[:, None] == np.arange(count)).astype(np.float64)
@@ -180,20 +180,20 @@ def _damped_steps(jacobian: FloatArray, residual: FloatArray, damping: FloatArra
 
 
 def _apply_steps(observations: Observations, states: States, steps: FloatArray) -> States:
-    """Return the states after a step."""
+    """Return the states changed by one step each."""
     rotations = nearest_rotations(rotations_from_vectors(steps[:, 3:6]) @ states.rotations)
     shape = (*states.targets.shape[:2], -1)
     targets = observations.update_targets(states.targets, steps[:, 6:].reshape(shape))
     return States(rotations, states.translations + steps[:, :3], targets)
 
 
-def _replace(states: States, indices: IntArray, by: States) -> None:
+def _replace(states: States, indices: IntArray, new_states: States) -> None:
     """Replace the states at some indices, in place."""
-    states.rotations[indices] = by.rotations
-    states.translations[indices] = by.translations
-    states.targets[indices] = by.targets
+    states.rotations[indices] = new_states.rotations
+    states.translations[indices] = new_states.translations
+    states.targets[indices] = new_states.targets
 
 
 def _rows(whitening: FloatArray, indices: IntArray) -> FloatArray:
-    """Return the whitening matrices of some states; those of all states if they have the same."""
+    """Return the whitening matrices at some indices; the only ones if all states share them."""
     return whitening if len(whitening) == 1 else whitening[indices]

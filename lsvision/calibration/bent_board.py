@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from lsvision.calibration.board_shape import SHAPE_TERMS, BoardShape
-from lsvision.calibration.camera_uncertainty import intrinsics_by_free_ones
+from lsvision.calibration.camera_uncertainty import intrinsics_jacobian
 from lsvision.calibration.target import TargetView
 from lsvision.geometry import BoolArray, FloatArray, Pose
 from lsvision.sensors.camera import Camera
@@ -33,15 +33,15 @@ class BentBoardFit:
     Parameters
     ----------
     camera : Camera
-        Refined.
+        Refined camera.
     poses : list of Pose
         ``camera_from_board`` of each view.
     covariance : (4 + k, 4 + k) ndarray
-        Of fx, fy, cx, cy (px) and the k coefficients; zero for fixed ones.
+        Covariance of fx, fy, cx, cy (px) and the k distortion coefficients; zero for fixed ones.
     shape : BoardShape
-        Of the corners of all views.
+        Shape functions over the extent of the corners of all views.
     bow, bow_std : (3,) ndarray
-        Parameters of the shape with one sigma. Units: mm.
+        Parameters of the shape and their standard deviations. Units: mm.
     """
 
     camera: Camera
@@ -55,19 +55,19 @@ class BentBoardFit:
 def fit_bent_board(
     camera: Camera, views: Sequence[TargetView], poses: Sequence[Pose], free: BoolArray
 ) -> BentBoardFit | None:
-    """Refine a camera together with the shape of its board, if the board is significantly bent.
+    """Return camera, poses and shape of the board, refined together, if it is significantly bent.
 
     Parameters
     ----------
     camera : Camera
-        Calibrated with a flat board.
+        Camera, calibrated under the assumption of a flat board.
     views : sequence of TargetView
-        From which it was calibrated.
+        Views from which the camera was calibrated.
     poses : sequence of Pose
-        ``camera_from_board`` of each.
+        ``camera_from_board`` of each view.
     free : (4 + k,) ndarray of bool
-        Which of fx, fy, cx, cy and the coefficients are estimated. Where only fy is free of the
-        two, fx is a fixed multiple of it.
+        Mask of the parameters fx, fy, cx, cy and distortion coefficients that are estimated. If
+        fy is free and fx is not, fx is a fixed multiple of fy.
 
     Returns
     -------
@@ -76,7 +76,7 @@ def fit_bent_board(
     """
     shape = BoardShape.of(np.concatenate([view.points for view in views]))
     start = _State.of(camera, poses)
-    transfer = intrinsics_by_free_ones(camera, free)
+    transfer = intrinsics_jacobian(camera, free)
     flat, flat_normal = _minimise(_Problem(views, shape, transfer, 0), start)
     problem = _Problem(views, shape, transfer, SHAPE_TERMS)
     bent, normal = _minimise(problem, flat)
@@ -85,14 +85,14 @@ def fit_bent_board(
     if not flat_normal.chi2 - normal.chi2 > MIN_F_RATIO * SHAPE_TERMS * variance:
         return None
     covariance = variance * normal.inverse
-    shared = transfer.shape[1]
+    common_count = transfer.shape[1]
     return BentBoardFit(
         bent.camera(camera),
         bent.board_poses(),
-        transfer @ covariance[:shared, :shared] @ transfer.T,
+        transfer @ covariance[:common_count, :common_count] @ transfer.T,
         shape,
         bent.bow,
-        np.sqrt(covariance.diagonal()[shared:]),
+        np.sqrt(covariance.diagonal()[common_count:]),
     )
 
 
@@ -129,7 +129,7 @@ class _NormalEquations:
 
     reduced: FloatArray
     gradient: FloatArray
-    of_poses: list[tuple[FloatArray, FloatArray, FloatArray]]
+    pose_equations: list[tuple[FloatArray, FloatArray, FloatArray]]
     chi2: float
 
     @property
@@ -144,12 +144,12 @@ class _NormalEquations:
     def step(self) -> tuple[FloatArray, FloatArray]:
         """Return the step of the common parameters, and of the poses (v, 6)."""
         matrix, scale = self.scaled
-        shared = scale * np.linalg.solve(matrix, scale * self.gradient)
-        poses = [
-            np.linalg.solve(information, gradient - cross @ shared)
-            for information, cross, gradient in self.of_poses
+        common_step = scale * np.linalg.solve(matrix, scale * self.gradient)
+        pose_steps = [
+            np.linalg.solve(information, gradient - cross @ common_step)
+            for information, cross, gradient in self.pose_equations
         ]
-        return shared, np.array(poses)
+        return common_step, np.array(pose_steps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,58 +162,61 @@ class _Problem:
     terms: int
 
     def linearise(self, state: _State) -> _NormalEquations:
+        """Return the normal equations at a state."""
         size = self.transfer.shape[1] + self.terms
-        reduced, gradient, of_poses, chi2 = np.zeros((size, size)), np.zeros(size), [], 0.0
+        reduced, gradient, pose_equations, chi2 = np.zeros((size, size)), np.zeros(size), [], 0.0
         for view, vector in zip(self.views, state.poses, strict=True):
-            by_pose, by_shared, error = self._view(state, view, vector)
-            information, cross = by_pose.T @ by_pose, by_pose.T @ by_shared
-            pose_gradient = by_pose.T @ error
+            pose_jacobian, common_jacobian, error = self._linearise_view(state, view, vector)
+            information, cross = pose_jacobian.T @ pose_jacobian, pose_jacobian.T @ common_jacobian
+            pose_gradient = pose_jacobian.T @ error
             eliminated = np.linalg.solve(information, np.column_stack([cross, pose_gradient]))
-            reduced += by_shared.T @ by_shared - cross.T @ eliminated[:, :-1]
-            gradient += by_shared.T @ error - cross.T @ eliminated[:, -1]
-            of_poses.append((information, cross, pose_gradient))
+            reduced += common_jacobian.T @ common_jacobian - cross.T @ eliminated[:, :-1]
+            gradient += common_jacobian.T @ error - cross.T @ eliminated[:, -1]
+            pose_equations.append((information, cross, pose_gradient))
             chi2 += float(error @ error)
-        return _NormalEquations(reduced, gradient, of_poses, chi2)
+        return _NormalEquations(reduced, gradient, pose_equations, chi2)
 
-    def _view(
+    def _linearise_view(
         self, state: _State, view: TargetView, vector: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the Jacobians by pose and common parameters, and observed minus projected."""
+        """Return the Jacobians by pose and by common parameters, and the negative residuals."""
         fx, fy, cx, cy = state.intrinsics[:4]
         matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
         points = self.shape.bent(view.points, state.bow)
         projected, jacobian = cv2.projectPoints(
             points, vector[:3], vector[3:], matrix, state.intrinsics[4:]
         )
-        by_height = jacobian[:, 3:6] @ cv2.Rodrigues(vector[:3])[0][:, 2]
+        height_jacobian = jacobian[:, 3:6] @ cv2.Rodrigues(vector[:3])[0][:, 2]
         terms = np.repeat(self.shape.terms(view.points[:, :2]), 2, axis=0)[:, : self.terms]
-        by_intrinsics = jacobian[:, 6 : 6 + len(state.intrinsics)] @ self.transfer
-        by_shared = np.column_stack([by_intrinsics, by_height[:, None] * terms])
+        intrinsics_jacobian = jacobian[:, 6 : 6 + len(state.intrinsics)] @ self.transfer
+        common_jacobian = np.column_stack([intrinsics_jacobian, height_jacobian[:, None] * terms])
         error = view.pixels.ravel() - np.asarray(projected).ravel()
-        return jacobian[:, :6], by_shared, error
+        return jacobian[:, :6], common_jacobian, error
 
-    def moved(self, state: _State, step: tuple[FloatArray, FloatArray]) -> _State:
-        shared, poses = step
-        known = self.transfer.shape[1]
+    def apply_step(self, state: _State, step: tuple[FloatArray, FloatArray]) -> _State:
+        """Return the state after a step of the common parameters and of the poses (v, 6)."""
+        common_step, pose_steps = step
+        free_intrinsics = self.transfer.shape[1]
         bow = state.bow.copy()
-        bow[: self.terms] += shared[known:]
-        return _State(state.intrinsics + self.transfer @ shared[:known], state.poses + poses, bow)
+        bow[: self.terms] += common_step[free_intrinsics:]
+        intrinsics = state.intrinsics + self.transfer @ common_step[:free_intrinsics]
+        return _State(intrinsics, state.poses + pose_steps, bow)
 
 
 def _minimise(problem: _Problem, state: _State) -> tuple[_State, _NormalEquations]:
-    """Return the minimum by Gauss-Newton steps, halved if they increase the cost."""
+    """Return the minimum and the normal equations there (Gauss-Newton with step halving)."""
     normal = problem.linearise(state)
     for _ in range(MAX_STEPS):
-        shared, poses = normal.step()
-        trial = problem.moved(state, (shared, poses))
-        tried = problem.linearise(trial)
-        while tried.chi2 > normal.chi2 and np.abs(shared).max() > RELATIVE_TOLERANCE:
-            shared, poses = shared / 2, poses / 2
-            trial = problem.moved(state, (shared, poses))
-            tried = problem.linearise(trial)
-        if not tried.chi2 < normal.chi2:
+        common_step, pose_steps = normal.step()
+        trial = problem.apply_step(state, (common_step, pose_steps))
+        trial_normal = problem.linearise(trial)
+        while trial_normal.chi2 > normal.chi2 and np.abs(common_step).max() > RELATIVE_TOLERANCE:
+            common_step, pose_steps = common_step / 2, pose_steps / 2
+            trial = problem.apply_step(state, (common_step, pose_steps))
+            trial_normal = problem.linearise(trial)
+        if not trial_normal.chi2 < normal.chi2:
             break
-        decrease, state, normal = normal.chi2 - tried.chi2, trial, tried
+        decrease, state, normal = normal.chi2 - trial_normal.chi2, trial, trial_normal
         if decrease < RELATIVE_TOLERANCE * normal.chi2:
             break
     return state, normal

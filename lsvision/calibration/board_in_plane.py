@@ -31,7 +31,7 @@ class BoardInPlane(Result):
     Parameters
     ----------
     light_section : LightSection
-        The result.
+        Calibrated light section.
     residuals : (n, 2) ndarray
         Residuals of the board's points, projected minus observed. Units: px.
     """
@@ -78,14 +78,14 @@ class BoardInPlane(Result):
 def calibrate_board_in_plane(
     image: npt.ArrayLike, target: Target, camera: Camera | None = None
 ) -> BoardInPlane:
-    """Calibrate a light section from one image of a board standing in the laser plane.
+    """Calibrate a light section from one image of a board whose face lies in the laser plane.
 
     Parameters
     ----------
     image : (height, width) or (height, width, 3) array_like
-        The board covers the part of the plane that is to be measured.
+        Image of the board, which covers the part of the plane that is to be measured.
     target : Target
-        The board; its face lies in the laser plane.
+        Board whose face lies in the laser plane.
     camera : Camera, optional
         If None, the result contains an equivalent pinhole camera, which images the plane exactly as
         the real one does. Points in the laser plane are correct; lens distortion is neglected, and
@@ -94,7 +94,7 @@ def calibrate_board_in_plane(
     Returns
     -------
     BoardInPlane
-        The light section with the residuals of the board.
+        Light section, and residuals of the board's points.
 
     Raises
     ------
@@ -108,14 +108,16 @@ def calibrate_board_in_plane(
     >>> from lsvision.calibration.target import ChArUco
     >>> from lsvision.io.images import read_image
     >>> image = read_image("calibration/example/boards/board_03.jpg")
-    >>> found = calibrate_board_in_plane(image, ChArUco())
-    >>> found.rms_px < 1.0
+    >>> calibration = calibrate_board_in_plane(image, ChArUco())
+    >>> calibration.rms_px < 1.0
     True
     """
     view = find_target(image, target)
     if camera is None:
         camera, pose = _equivalent_pinhole_camera(view)
-        method = "board in the laser plane; camera unknown, a stand-in"
+        method = (
+            "board in the laser plane; camera unknown, replaced by an equivalent pinhole camera"
+        )
     else:
         pose = estimate_board_pose(view.pixels, view.points, camera).camera_from_board
         method = "board in the laser plane; camera given"

@@ -53,18 +53,18 @@ class BoardObservations:
 
     @property
     def mm_per_residual(self) -> FloatArray:
-        """Origin in mm; rotation times `MM_PER_RADIAN`."""
+        """Factors (6,) that convert residuals to mm: 1, and `MM_PER_RADIAN` for the rotation."""
         return np.array([1.0] * 3 + [MM_PER_RADIAN] * 3)
 
     @property
     def target_prior(self) -> tuple[FloatArray, FloatArray]:
-        """No prior on the pose of the board."""
+        """Mean and standard deviation of the prior on a board's pose: infinite, no prior."""
         return np.zeros(6), np.full(6, np.inf)
 
     def linearise(self, states: States) -> Linearisation:
         """Return residuals of origin and rotation, with Jacobians.
 
-        The latter are exact to first order in the rotation residual.
+        The Jacobians are exact to first order in the rotation residual.
         """
         targets = states.targets[:, self.groups]
         board = targets[..., 3:].reshape(*targets.shape[:-1], 3, 3)
@@ -80,7 +80,7 @@ class BoardObservations:
         zero = np.zeros_like(point_jacobian)
         return Linearisation(
             residuals,
-            _stacked(-mount_jacobian, zero, sensor_from_mount),
+            _stack_rows(-mount_jacobian, zero, sensor_from_mount),
             np.concatenate(
                 [
                     np.concatenate([-point_jacobian, zero], axis=-1),
@@ -88,7 +88,7 @@ class BoardObservations:
                 ],
                 axis=-2,
             ),
-            _stacked(-flange_jacobian, zero, point_jacobian),
+            _stack_rows(-flange_jacobian, zero, point_jacobian),
         )
 
     def update_targets(self, targets: FloatArray, steps: FloatArray) -> FloatArray:
@@ -130,7 +130,7 @@ class BoardObservations:
     def _with_boards(
         self, rotations: FloatArray, translations: FloatArray, masks: FloatArray
     ) -> States:
-        """Add the mean board that the camera observes in each selection."""
+        """Return states with the mean board pose that the camera observes in each selection."""
         RB, tB = self.flanges.rotations, self.flanges.origins
         boards = RB @ rotations[:, None] @ self.rotations
         in_mount = np.einsum("qij,nj->qni", rotations, self.origins) + translations[:, None]
@@ -147,6 +147,6 @@ class BoardObservations:
         return States(rotations, translations, np.stack(targets, axis=1))
 
 
-def _stacked(origin_rows: FloatArray, zero: FloatArray, rotation_rows: FloatArray) -> FloatArray:
-    """Return six rows: derivatives of the origin, then those of the rotation, 0 by a shift."""
+def _stack_rows(origin_rows: FloatArray, zero: FloatArray, rotation_rows: FloatArray) -> FloatArray:
+    """Return six rows: derivatives of the origin, then of the rotation (zero by a translation)."""
     return np.concatenate([origin_rows, np.concatenate([zero, rotation_rows], axis=-1)], axis=-2)

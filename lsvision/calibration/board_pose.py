@@ -44,7 +44,7 @@ def estimate_board_pose(
     corners : (n, 2) array_like
         Corners in the image. Units: px.
     board_points : (n, 3) array_like
-        The same corners in the board frame. Units: mm.
+        Corners in the board frame, in the same order. Units: mm.
     camera : Camera
         Intrinsics.
 
@@ -108,7 +108,7 @@ def _solve_pnp(
 
 
 def _inverse_left_jacobian(vector: FloatArray) -> FloatArray:
-    """Return the derivative of a rotation vector by a left-hand rotation."""
+    """Return the derivative (3, 3) of a rotation vector by a left-hand rotation."""
     angle = float(np.linalg.norm(vector))
     cross = cross_matrices(vector)
     if angle < 1e-6:

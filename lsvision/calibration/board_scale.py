@@ -13,7 +13,7 @@ import numpy as np
 from lsvision.calibration.errors_in_variables import ErrorsInVariablesFit
 from lsvision.calibration.hand_eye_warnings import (
     MIN_BOARD_SCALE_ERROR,
-    board_finding,
+    describe_board_scale,
     is_wrong_scale,
 )
 from lsvision.errors import CalibrationFailed
@@ -32,7 +32,8 @@ class BoardScale:
     factor, std : float
         Estimate and its standard deviation.
     step : (6,) ndarray
-        Change of the sensor's translation (mm) and left-hand rotation (rad) if it was applied.
+        Change of the sensor's translation (mm) and left-hand rotation (rad) if the factor was
+        applied.
     """
 
     factor: float
@@ -53,17 +54,17 @@ class BoardScale:
             With the factor and the remedy.
         """
         if self.significant and abs(self.factor - 1) > MAX_SCALE_ERROR:
-            raise CalibrationFailed(board_finding((self.factor, self.std)))
+            raise CalibrationFailed(describe_board_scale((self.factor, self.std)))
 
 
-def board_scale(
+def estimate_board_scale(
     fit: ErrorsInVariablesFit,
     origins: Points,
     camera_modes: FloatArray,
     *,
     robot_is_stated: bool,
 ) -> BoardScale:
-    """Estimate the scale of a board from the residuals of a fit with the stated size.
+    """Return the scale of a board, estimated from the residuals of a fit with the stated size.
 
     Parameters
     ----------
@@ -74,22 +75,31 @@ def board_scale(
     camera_modes : (m, n, 6) ndarray
         Shifts of the boards by independent errors of the camera, which also change the scale.
     robot_is_stated : bool
-        Whether the weights are those of a stated robot; an estimated one also holds what a wrong
-        size leaves, and the noise is taken from the residuals beside it.
+        Whether the standard deviation of the robot was stated. An estimated one contains the
+        effect of a wrong size; then the noise is estimated from the residuals without that effect.
+
+    Returns
+    -------
+    BoardScale
+        Factor with its standard deviation; not checked, see `BoardScale.require_plausible`.
     """
-    by_scale = np.concatenate([origins, np.zeros_like(origins)], axis=1)
-    shifts = np.concatenate([by_scale[None], camera_modes])
+    scale_shift = np.concatenate([origins, np.zeros_like(origins)], axis=1)
+    shifts = np.concatenate([scale_shift[None], camera_modes])
     steps = fit.steps_by_shifts(shifts)
-    # Change of the residuals by each shift, after the solution has followed it.
-    white = fit.mask[:, None] * (
+    # Change of the whitened residuals by each shift, after the solution is refined.
+    whitened_changes = fit.mask[:, None] * (
         np.einsum("nij,knj->kni", fit.whitening, shifts)
         + np.einsum("nij,kj->kni", fit.jacobian, steps)
     )
-    information = float((white[0] ** 2).sum())
-    errors = np.einsum("ni,kni->k", white[0], np.concatenate([fit.residuals[None], white[1:]]))
-    error, by_camera = errors[0] / information, errors[1:] / information
+    information = float((whitened_changes[0] ** 2).sum())
+    errors = np.einsum(
+        "ni,kni->k",
+        whitened_changes[0],
+        np.concatenate([fit.residuals[None], whitened_changes[1:]]),
+    )
+    error, camera_errors = errors[0] / information, errors[1:] / information
     chi2 = (fit.chi2 - error**2 * information) / max(fit.dof - 1, 1)
     variance = (max(chi2, 1.0) if robot_is_stated else chi2) / information
-    std = float(np.sqrt(variance + (by_camera**2).sum()))
+    std = float(np.sqrt(variance + (camera_errors**2).sum()))
     factor = 1 / (1 + float(error))
     return BoardScale(factor, std * factor**2, -steps[0, :6] * float(error))

@@ -42,7 +42,7 @@ class BoardShape:
         return cls((low + high) / 2, (high - low) / 2)
 
     def terms(self, points: Points) -> FloatArray:
-        """Return the height of each parameter's shape at points (n, 2), (n, 3)."""
+        """Return the height (n, 3) by a unit of each parameter at points (n, 2)."""
         scaled = (points - self.middle) / self.half
         terms: FloatArray = np.column_stack([1 - scaled**2, scaled.prod(axis=1)])
         return terms
@@ -55,24 +55,24 @@ class BoardShape:
     def slopes(self, points: Points, parameters: FloatArray) -> FloatArray:
         """Return dz/dx and dz/dy of the board at points (n, 2)."""
         scaled = (points - self.middle) / self.half
-        by_scaled = -2 * parameters[:2] * scaled + parameters[2] * scaled[:, ::-1]
-        slopes: FloatArray = by_scaled / self.half
+        scaled_slopes = -2 * parameters[:2] * scaled + parameters[2] * scaled[:, ::-1]
+        slopes: FloatArray = scaled_slopes / self.half
         return slopes
 
     def bent(self, corners: Points, parameters: FloatArray) -> Points:
-        """Return corners (n, 3) of the flat pattern on the bent board. Units: mm."""
+        """Return corners (n, 3), given on the flat pattern, on the bent board. Units: mm."""
         bent = corners.copy()
         bent[:, 2] += self.heights(corners[:, :2], parameters)
         return bent
 
 
 def bow_warning(parameters: FloatArray, std: FloatArray) -> list[str]:
-    """Return a warning about a board that is not flat; None if it may be flat.
+    """Return a warning about a board that is not flat; an empty list if it may be flat.
 
     Parameters
     ----------
     parameters, std : (3,) ndarray
-        Bow along x, along y, and twist, with one sigma. Units: mm.
+        Bow along x, along y, and twist, with standard deviations. Units: mm.
     """
     if not np.any((np.abs(parameters) > MIN_REPORTED_MM) & (np.abs(parameters) > 3 * std)):
         return []

@@ -66,15 +66,14 @@ def _turn_about(middle: FloatArray, angle_deg: float) -> Pose:
 
 @dataclass(frozen=True, eq=False)
 class TurnedBoards:
-    """Boards all numbered from the same end.
+    """Board poses of all views, numbered from the same end.
 
     Parameters
     ----------
     poses : tuple of Pose
-        ``camera_from_board``.
+        ``camera_from_board`` of each view.
     maps : (n, 6, 6) ndarray
-        Matrices that map an error of each given pose to the error of that in `poses`; origin (mm),
-        left-hand rotation (rad).
+        Jacobians of `poses` by the original poses; origin (mm), left-hand rotation (rad).
     turned : tuple of int
         Indices of the views that were numbered from another end than most.
     """
@@ -83,19 +82,19 @@ class TurnedBoards:
     maps: FloatArray
     turned: tuple[int, ...]
 
-    def covariances(self, given: FloatArray) -> FloatArray:
-        """Return the covariances (n, 6, 6) of these poses from those of the poses as given."""
-        covariances: FloatArray = self.maps @ given @ np.swapaxes(self.maps, 1, 2)
+    def covariances(self, original: FloatArray) -> FloatArray:
+        """Return the covariances (n, 6, 6) of `poses` from those of the original poses."""
+        covariances: FloatArray = self.maps @ original @ np.swapaxes(self.maps, 1, 2)
         return covariances
 
-    def shifts(self, given: FloatArray) -> FloatArray:
-        """Return shifts (m, n, 6) of these poses from those of the poses as given."""
-        shifts: FloatArray = np.einsum("nij,mnj->mni", self.maps, given)
+    def shifts(self, original: FloatArray) -> FloatArray:
+        """Return shifts (m, n, 6) of `poses` from those of the original poses."""
+        shifts: FloatArray = np.einsum("nij,mnj->mni", self.maps, original)
         return shifts
 
     @property
     def warning(self) -> str:
-        """Warning about such a board, with the views that were turned."""
+        """Warning that the board looks the same after a turn, with the views that were turned."""
         finding = "the robot's poses show that all views are numbered from the same end"
         if self.turned:
             names = ", ".join(f"pose {index}" for index in self.turned)
@@ -111,16 +110,16 @@ class TurnedBoards:
 def turn_boards(
     camera_from_boards: Sequence[Pose], flanges: Sequence[Pose], turns: Sequence[Pose]
 ) -> TurnedBoards:
-    """Number the corners of the boards in all views from the same end, by the robot's poses.
+    """Return the board poses of all views, numbered from the same end by the robot's poses.
 
     Parameters
     ----------
     camera_from_boards : sequence of Pose
-        One for each view, each numbered from any end.
+        Board pose of each view, numbered from either end.
     flanges : sequence of Pose
         ``base_from_flange`` of each view, its inverse where the board is on the flange.
     turns : sequence of Pose
-        From `pattern_turns`.
+        ``board_from_turned`` of each turn, from `pattern_turns`.
 
     Returns
     -------
@@ -136,7 +135,7 @@ def turn_boards(
     costs = _angle_differences(camera_from_boards, flanges, group)
     labels = min(
         (_consistent_labels(costs, costs[first].argmin(axis=1)) for first in range(len(flanges))),
-        key=lambda labels: _total(costs, labels),
+        key=lambda labels: _total_cost(costs, labels),
     )
     _require_certain(costs, labels)
     counts = np.bincount(labels, minlength=len(group))
@@ -168,8 +167,8 @@ def _angle_differences(
     turned = np.einsum("jab,gbc->jgac", board, np.array([turn.rotation for turn in group]))
     board_angles = _angles(np.einsum("iab,jgcb->ijgac", board, turned))
     differences = np.minimum(np.abs(board_angles - flange_angles[:, :, None]), CAPPED_ANGLE)
-    itself = np.arange(len(board))
-    differences[itself, itself] = 0.0
+    diagonal = np.arange(len(board))
+    differences[diagonal, diagonal] = 0.0
     return differences
 
 
@@ -199,24 +198,25 @@ def _label_costs(costs: FloatArray, labels: IntArray) -> FloatArray:
 def _consistent_labels(costs: FloatArray, labels: IntArray) -> IntArray:
     """Return the turns after sweeps in which each view takes the turn that fits the others."""
     for _ in range(MAX_SWEEPS):
-        before = labels.copy()
+        previous = labels.copy()
         for view in range(len(labels)):
             labels[view] = _label_costs(costs, labels)[view].argmin()
-        if np.array_equal(before, labels):
+        if np.array_equal(previous, labels):
             break
     return labels
 
 
-def _total(costs: FloatArray, labels: IntArray) -> float:
+def _total_cost(costs: FloatArray, labels: IntArray) -> float:
+    """Return the sum over all views of the mean cost of their turns."""
     return float(_label_costs(costs, labels)[np.arange(len(labels)), labels].sum())
 
 
 def _require_certain(costs: FloatArray, labels: IntArray) -> None:
     """Require every other turn of every view to fit worse."""
-    by_turn = _label_costs(costs, labels)
-    chosen = by_turn[np.arange(len(labels)), labels]
-    by_turn[np.arange(len(labels)), labels] = np.inf
-    margins = by_turn.min(axis=1) - chosen
+    label_costs = _label_costs(costs, labels)
+    selected_costs = label_costs[np.arange(len(labels)), labels]
+    label_costs[np.arange(len(labels)), labels] = np.inf
+    margins = label_costs.min(axis=1) - selected_costs
     if margins.min() < MIN_MARGIN:
         raise CalibrationFailed(
             f"pose {int(margins.argmin())}: the board looks the same after a turn, and the robot's "

@@ -49,13 +49,13 @@ class BundleAdjustmentResult:
     Parameters
     ----------
     state : BundleAdjustmentState
-        The minimum.
+        Unknowns at the minimum.
     corner_residuals, line_residuals : tuple of ndarray
-        For each view (n, 2) and (m,). Units: px.
+        Residuals of each view, (n, 2) and (m,). Units: px.
     plane_covariance : (3, 3) ndarray
-        Tilt about the section's X and Y (rad) and distance (mm).
+        Covariance of the tilt about the section's X and Y (rad) and the distance (mm).
     bow_std : (3,) ndarray
-        Zero where the bow was fixed. Units: mm.
+        Standard deviation of the bow; zero where it was fixed. Units: mm.
     line_inconsistent : bool
         Whether line and corners are inconsistent, so that camera and boards were determined by the
         corners alone.
@@ -75,7 +75,7 @@ def adjust_bundle(
     refine: tuple[bool, bool],
     corner_std: float = 0.1,
 ) -> BundleAdjustmentResult:
-    """Refine all unknowns jointly, weighted by the noise of corners and lines.
+    """Return all unknowns, refined jointly and weighted by the noise of corners and lines.
 
     First the corners alone determine camera and boards, which gives the corners' noise; that of the
     line is its deviation from a smooth curve. Then all is refined together. If this increases the
@@ -109,8 +109,10 @@ def adjust_bundle(
     vector, _ = _minimise(corner_problem, 1e-6)
     initial_guess = corner_problem.state(vector)
     corner, line = corner_problem.residuals_in_pixels(vector)
-    corner_std, line_residuals = _mad_std(corner), corner_problem.split(line, line=True)
-    corner_stds = [_huber_std(values) for values in corner_problem.split(corner, line=False)]
+    corner_std, line_residuals = _mad_std(corner), corner_problem.split_by_view(line, line=True)
+    corner_stds = [
+        _huber_std(values) for values in corner_problem.split_by_view(corner, line=False)
+    ]
     line_noise = estimate_line_noise(views, line_residuals)
     problem = BundleAdjustmentProblem(
         [
@@ -134,8 +136,8 @@ def adjust_bundle(
     covariance, bow_std = _plane_covariance_and_bow_std(problem, information)
     return BundleAdjustmentResult(
         problem.state(vector),
-        problem.split(corner, line=False),
-        problem.split(line, line=True),
+        problem.split_by_view(corner, line=False),
+        problem.split_by_view(line, line=True),
         covariance,
         bow_std,
         line_inconsistent=False,
@@ -145,15 +147,15 @@ def adjust_bundle(
 def _solve_plane_only(
     views: Sequence[LaserView], state: BundleAdjustmentState
 ) -> BundleAdjustmentResult:
-    """Fit the plane to the lines, with camera and boards as the corners determine them."""
+    """Return the plane fitted to the lines, with camera and boards from the corners alone."""
     laser_points = laser_points_on_boards(state.camera, state.camera_from_boards, views)
     state = replace(state, plane=fit_plane(np.concatenate(laser_points)), bow=np.zeros(SHAPE_TERMS))
     problem = BundleAdjustmentProblem(views, state, (False, False), [1.0] * len(views))
     corner, line = problem.residuals_in_pixels(np.zeros(problem.size))
     return BundleAdjustmentResult(
         state,
-        problem.split(corner, line=False),
-        problem.split(line, line=True),
+        problem.split_by_view(corner, line=False),
+        problem.split_by_view(line, line=True),
         _cluster_robust_covariance(state, laser_points),
         np.zeros(SHAPE_TERMS),
         line_inconsistent=True,
@@ -197,9 +199,9 @@ def _plane_covariance_and_bow_std(
 def _minimise(
     problem: BundleAdjustmentProblem, relative_tolerance: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Minimise the Huber loss by Levenberg-Marquardt; return the minimum, and J'WJ there.
+    """Return the minimum of the Huber loss by Levenberg-Marquardt, and J'WJ there.
 
-    Own code: that of scipy needs twice the iterations here, with an SVD in each.
+    `scipy.optimize.least_squares` needs twice the iterations here, with an SVD in each.
     """
     vector, damping = np.zeros(problem.size), 1e-4
     cost = _huber(problem(vector))
@@ -249,7 +251,7 @@ class LineNoise:
 
 
 def estimate_line_noise(views: Sequence[LaserView], residuals: Sequence[FloatArray]) -> LineNoise:
-    """Estimate the noise of the lines from their deviations from smooth curves.
+    """Return the noise of the lines, estimated from their deviations from smooth curves.
 
     `residuals` are those of each line (m,) with respect to boards and plane, in px. Points are
     grouped by their predicted standard deviation, each group with its own estimate: a line is ten
@@ -266,15 +268,19 @@ def estimate_line_noise(views: Sequence[LaserView], residuals: Sequence[FloatArr
         np.clip(deviation / std, -HUBER_THRESHOLD, HUBER_THRESHOLD)
         for deviation, std in zip(deviations, point_stds, strict=True)
     ]
-    # The estimate of one line is inaccurate; camera and surface are common to all: take the mean.
-    time = float(np.mean([debiased_autocorrelation_time(values, 3) for values in normalised]))
-    return LineNoise(tuple(point_stds), tuple(std * np.sqrt(time) for std in point_stds))
+    # The estimate from one line is inaccurate. Camera and surface are common: average the lines.
+    autocorrelation_time = float(
+        np.mean([debiased_autocorrelation_time(values, 3) for values in normalised])
+    )
+    return LineNoise(
+        tuple(point_stds), tuple(std * np.sqrt(autocorrelation_time) for std in point_stds)
+    )
 
 
 def _quadratic_trend(view: LaserView, residuals: FloatArray) -> FloatArray:
     """Return the trend of the residuals along the line: errors of board and plane, not noise."""
-    along = np.ptp(view.line_pixels, axis=0).argmax()
-    position = view.line_pixels[:, along] - view.line_pixels[:, along].mean()
+    axis = np.ptp(view.line_pixels, axis=0).argmax()
+    position = view.line_pixels[:, axis] - view.line_pixels[:, axis].mean()
     trend: FloatArray = np.polynomial.Polynomial.fit(position, residuals, 2)(position)
     return trend
 
@@ -298,8 +304,8 @@ def _huber_std(values: FloatArray) -> float:
     """
     sigma = _mad_std(values)
     clipped = np.clip(values / sigma, -HUBER_THRESHOLD, HUBER_THRESHOLD)
-    within = float(np.mean(np.abs(clipped) < HUBER_THRESHOLD))
-    return sigma * float(np.sqrt(np.mean(clipped**2))) / within
+    inlier_fraction = float(np.mean(np.abs(clipped) < HUBER_THRESHOLD))
+    return sigma * float(np.sqrt(np.mean(clipped**2))) / inlier_fraction
 
 
 def _mad_std(values: FloatArray) -> float:

@@ -105,7 +105,7 @@ class BundleAdjustmentProblem:
     Parameters
     ----------
     views : sequence of LaserView
-        Measurements.
+        Corners and line of each view.
     initial_guess : BundleAdjustmentState
         State to which the increments are added.
     refine : tuple of bool
@@ -122,15 +122,15 @@ class BundleAdjustmentProblem:
         corner_stds: Sequence[float],
     ) -> None:
         self.initial_guess, self._count = initial_guess, len(views)
-        self._corners, self._corner_view = _stacked([view.points for view in views])
-        self._pixels, _ = _stacked([view.pixels for view in views])
-        self._line, self._line_view = _stacked([view.line_pixels for view in views])
-        line_std, _ = _stacked([view.line_std[:, None] for view in views])
+        self._corners, self._corner_view = _concatenate_views([view.points for view in views])
+        self._pixels, _ = _concatenate_views([view.pixels for view in views])
+        self._line, self._line_view = _concatenate_views([view.line_pixels for view in views])
+        line_std, _ = _concatenate_views([view.line_std[:, None] for view in views])
         self._corner_std = np.asarray(corner_stds, dtype=np.float64)[self._corner_view, None]
         self._line_std = line_std[:, 0]
         self._shape = BoardShape.of(self._corners)
         self._axes = tilt_axes(initial_guess)
-        self.free = np.flatnonzero(_free(initial_guess.camera, *refine))
+        self.free = np.flatnonzero(_refined_mask(initial_guess.camera, *refine))
         self._cached_camera, self._cached_rays = b"", np.empty((0, 3))
         self._rows_of_view = np.concatenate([np.repeat(self._corner_view, 2), self._line_view])
 
@@ -141,14 +141,14 @@ class BundleAdjustmentProblem:
 
     def state(self, vector: FloatArray) -> BundleAdjustmentState:
         """Return the unknowns at a parameter vector."""
-        camera, plane, bow = self._globals(vector)
+        camera, plane, bow = self._common_parameters(vector)
         rotations, translations = self._poses(vector)
         poses = tuple(Pose(R, t) for R, t in zip(rotations, translations, strict=True))
         return BundleAdjustmentState(camera, plane, poses, bow)
 
     def residuals_in_pixels(self, vector: FloatArray) -> tuple[Points, FloatArray]:
         """Return corner residuals (n, 2) and laser residuals (m,) of all views. Units: px."""
-        camera, plane, bow = self._globals(vector)
+        camera, plane, bow = self._common_parameters(vector)
         rotations, translations = self._poses(vector)
         return (
             self._corner_residuals(camera, bow, rotations, translations),
@@ -168,18 +168,18 @@ class BundleAdjustmentProblem:
 
         The poses share no residual: one evaluation serves the same component of all of them.
         """
-        here = self(vector)
-        jacobian = np.zeros((len(here), self.size))
+        residuals = self(vector)
+        jacobian = np.zeros((len(residuals), self.size))
         data = np.arange(len(self._rows_of_view))
-        for part, step in enumerate(POSE_DIFFERENCE_STEPS):
-            shift = np.zeros(self.size)
-            shift[len(self.free) + part :: 6] = step
-            columns = len(self.free) + 6 * self._rows_of_view + part
-            jacobian[data, columns] = (self(vector + shift) - here)[: len(data)] / step
+        for component, step in enumerate(POSE_DIFFERENCE_STEPS):
+            increment = np.zeros(self.size)
+            increment[len(self.free) + component :: 6] = step
+            columns = len(self.free) + 6 * self._rows_of_view + component
+            jacobian[data, columns] = (self(vector + increment) - residuals)[: len(data)] / step
         for column, step in enumerate(DIFFERENCE_STEPS[self.free]):
-            shift = np.zeros(self.size)
-            shift[column] = step
-            jacobian[:, column] = (self(vector + shift) - here) / step
+            increment = np.zeros(self.size)
+            increment[column] = step
+            jacobian[:, column] = (self(vector + increment) - residuals) / step
         return jacobian
 
     def columns_of_plane(self) -> IntArray:
@@ -190,12 +190,12 @@ class BundleAdjustmentProblem:
         """Return the indices of the bow; empty where it is fixed."""
         return np.flatnonzero(self.free >= 21)
 
-    def split(self, values: FloatArray, line: bool) -> tuple[FloatArray, ...]:
-        """Split values of all corners, or of all line points, into views."""
+    def split_by_view(self, values: FloatArray, line: bool) -> tuple[FloatArray, ...]:
+        """Return values of all corners, or of all line points, as one array per view."""
         view = self._line_view if line else self._corner_view
         return tuple(values[view == index] for index in range(self._count))
 
-    def _globals(self, vector: FloatArray) -> tuple[Camera, Plane, FloatArray]:
+    def _common_parameters(self, vector: FloatArray) -> tuple[Camera, Plane, FloatArray]:
         """Return camera, laser plane and bow at a parameter vector."""
         change = np.zeros(len(DIFFERENCE_STEPS))
         change[self.free] = vector[: len(self.free)]
@@ -207,8 +207,7 @@ class BundleAdjustmentProblem:
         )
         camera = replace(initial_guess.camera, matrix=matrix, distortion=distortion)
         normal = initial_guess.plane.normal + change[18:20] @ self._axes
-        # Plane would scale normal and distance together; here the distance is that of the unit
-        # normal.
+        # Plane scales normal and distance together; the distance here is that to a unit normal.
         normal = normal / np.linalg.norm(normal)
         return (
             camera,
@@ -221,10 +220,14 @@ class BundleAdjustmentProblem:
         from scipy.spatial.transform import Rotation
 
         change = vector[len(self.free) :].reshape(-1, 6)
-        initial_guess = np.array([pose.rotation for pose in self.initial_guess.camera_from_boards])
-        shift = np.array([pose.translation for pose in self.initial_guess.camera_from_boards])
-        rotations = Rotation.from_rotvec(change[:, :3]).as_matrix() @ initial_guess
-        return rotations, shift + change[:, 3:]
+        initial_rotations = np.array(
+            [pose.rotation for pose in self.initial_guess.camera_from_boards]
+        )
+        initial_translations = np.array(
+            [pose.translation for pose in self.initial_guess.camera_from_boards]
+        )
+        rotations = Rotation.from_rotvec(change[:, :3]).as_matrix() @ initial_rotations
+        return rotations, initial_translations + change[:, 3:]
 
     def _corner_residuals(
         self, camera: Camera, bow: FloatArray, rotations: FloatArray, translations: FloatArray
@@ -274,15 +277,15 @@ def tilt_axes(initial_guess: BundleAdjustmentState) -> FloatArray:
     return axes
 
 
-def _free(camera: Camera, refine_camera: bool, refine_bow: bool) -> BoolArray:
+def _refined_mask(camera: Camera, refine_camera: bool, refine_bow: bool) -> BoolArray:
     """Return the mask of the parameters that are refined."""
     free = np.zeros(len(DIFFERENCE_STEPS), dtype=bool)
     if refine_camera:
         free[:4] = True
-        used = len(camera.distortion)
+        coefficients = len(camera.distortion)
         # k3 and beyond are fixed unless the camera's model uses them.
-        free[4 : 4 + min(used, 4)] = True
-        free[8 : 4 + used] = camera.distortion[4:] != 0
+        free[4 : 4 + min(coefficients, 4)] = True
+        free[8 : 4 + coefficients] = camera.distortion[4:] != 0
     free[18:21] = True
     free[21:] = refine_bow
     return free
@@ -302,7 +305,7 @@ def _priors(camera: Camera) -> FloatArray:
     )
 
 
-def _stacked(arrays: list[FloatArray]) -> tuple[FloatArray, IntArray]:
-    """Concatenate the views' arrays, and return the view index of each row."""
+def _concatenate_views(arrays: list[FloatArray]) -> tuple[FloatArray, IntArray]:
+    """Return the concatenated arrays of the views, and the view index of each row."""
     counts = [len(array) for array in arrays]
     return np.concatenate(arrays), np.repeat(np.arange(len(arrays)), counts)

@@ -18,7 +18,7 @@ from lsvision.geometry import BoolArray, FloatArray, Pose
 from lsvision.sensors.camera import Camera
 from lsvision.statistics.normal_matrix import invert_normal_matrix
 
-NEGLIGIBLE = 1e-8
+MIN_VARIANCE_RATIO = 1e-8
 """Fraction of the largest variance below which a principal axis is left out."""
 
 
@@ -28,35 +28,35 @@ def intrinsics_covariance(
     """Return the covariance of fx, fy, cx, cy (px) and the distortion coefficients.
 
     Least squares over all views with their poses eliminated, scaled by the residuals; zero where a
-    parameter is not free. Where only fy is free of the two, fx is a fixed multiple of it.
+    parameter is not free. If fy is free and fx is not, fx is a fixed multiple of fy.
 
     Parameters
     ----------
     camera : Camera
-        Calibrated.
+        Calibrated camera.
     views : sequence of TargetView
         Views from which the camera was calibrated.
     poses : sequence of Pose
-        ``camera_from_board`` of each.
+        ``camera_from_board`` of each view.
     free : (4 + k,) ndarray of bool
         Mask of the parameters that were estimated.
 
     Returns
     -------
     (4 + k, 4 + k) ndarray
-        Positive semidefinite.
+        Covariance, positive semidefinite.
     """
-    transfer = intrinsics_by_free_ones(camera, free)
+    transfer = intrinsics_jacobian(camera, free)
     information, chi2 = np.zeros((len(free), len(free))), 0.0
     for view, pose in zip(views, poses, strict=True):
         projected, jacobian = cv2.projectPoints(
             np.array(view.points), cv2.Rodrigues(np.array(pose.rotation))[0],
             np.array(pose.translation), np.array(camera.matrix), np.array(camera.distortion),
         )  # fmt: skip
-        of_pose, of_camera = jacobian[:, :6], jacobian[:, 6 : 6 + len(free)]
-        information += of_camera.T @ of_camera
-        cross = of_pose.T @ of_camera
-        information -= cross.T @ np.linalg.solve(of_pose.T @ of_pose, cross)
+        pose_jacobian, intrinsics_jacobians = jacobian[:, :6], jacobian[:, 6 : 6 + len(free)]
+        information += intrinsics_jacobians.T @ intrinsics_jacobians
+        cross = pose_jacobian.T @ intrinsics_jacobians
+        information -= cross.T @ np.linalg.solve(pose_jacobian.T @ pose_jacobian, cross)
         chi2 += float(((np.asarray(projected).reshape(-1, 2) - view.pixels) ** 2).sum())
     reduced = transfer.T @ information @ transfer
     inverse = invert_normal_matrix(reduced)
@@ -65,10 +65,10 @@ def intrinsics_covariance(
     return covariance
 
 
-def intrinsics_by_free_ones(camera: Camera, free: BoolArray) -> FloatArray:
-    """Return the Jacobian (4 + k, m) of all intrinsics by the m free ones.
+def intrinsics_jacobian(camera: Camera, free: BoolArray) -> FloatArray:
+    """Return the Jacobian (4 + k, m) of all intrinsics by the m free intrinsics.
 
-    Where only fy is free of the two focal lengths, fx is a fixed multiple of it.
+    If fy is free and fx is not, fx is a fixed multiple of fy.
     """
     jacobian: FloatArray = np.eye(len(free))[:, free]
     if free[1] and not free[0]:
@@ -77,7 +77,7 @@ def intrinsics_by_free_ones(camera: Camera, free: BoolArray) -> FloatArray:
 
 
 def camera_modes(camera: Camera, covariance: FloatArray) -> list[Camera]:
-    """Return the camera with one standard deviation of each of its independent errors."""
+    """Return cameras, each changed by one standard deviation along a principal axis."""
     if covariance.shape != (4 + len(camera.distortion),) * 2:
         raise ValueError(
             f"expected a covariance of {4 + len(camera.distortion)} intrinsics, got shape "
@@ -88,7 +88,7 @@ def camera_modes(camera: Camera, covariance: FloatArray) -> list[Camera]:
     variances, axes = np.linalg.eigh(covariance / np.outer(scale, scale))
     cameras = []
     for variance, axis in zip(variances, axes.T, strict=True):
-        if variance > NEGLIGIBLE * variances[-1]:
+        if variance > MIN_VARIANCE_RATIO * variances[-1]:
             change = np.sqrt(variance) * axis * scale
             matrix = camera.matrix.copy()
             matrix[[0, 1, 0, 1], [0, 1, 2, 2]] += change[:4]
@@ -107,7 +107,7 @@ def board_pose_modes(
     views : sequence of TargetView
         Points of the board in each image.
     camera : Camera
-        Calibrated.
+        Calibrated camera.
     covariance : (4 + k, 4 + k) ndarray
         Covariance of the intrinsics, from `CameraCalibration`.
 
@@ -120,23 +120,25 @@ def board_pose_modes(
     shifts = np.zeros((len(modes), len(views), 6))
     for index, view in enumerate(views):
         pose = estimate_board_pose(view.pixels, view.points, camera).camera_from_board
-        for mode, wrong in enumerate(modes):
-            moved = estimate_board_pose(view.pixels, view.points, wrong).camera_from_board
-            rotation = vectors_from_rotations((moved.rotation @ pose.rotation.T)[None])[0]
-            shifts[mode, index] = np.append(moved.translation - pose.translation, rotation)
+        for mode, changed_camera in enumerate(modes):
+            changed_pose = estimate_board_pose(
+                view.pixels, view.points, changed_camera
+            ).camera_from_board
+            rotation = vectors_from_rotations((changed_pose.rotation @ pose.rotation.T)[None])[0]
+            shifts[mode, index] = np.append(changed_pose.translation - pose.translation, rotation)
     return shifts
 
 
 def covariance_by_camera(
     solve: Callable[[Camera], FloatArray], camera: Camera, covariance: FloatArray
 ) -> FloatArray:
-    """Return the part of a result's covariance that the camera causes.
+    """Return the covariance (p, p) of a result due to the uncertainty of the camera.
 
-    `solve` gives the result (p,) for a camera.
+    `solve` returns the result (p,) for a camera; `covariance` is that of the intrinsics.
     """
     nominal = solve(camera)
-    part = np.zeros((len(nominal), len(nominal)))
-    for wrong in camera_modes(camera, covariance):
-        difference = solve(wrong) - nominal
-        part += np.outer(difference, difference)
-    return part
+    camera_covariance = np.zeros((len(nominal), len(nominal)))
+    for changed_camera in camera_modes(camera, covariance):
+        difference = solve(changed_camera) - nominal
+        camera_covariance += np.outer(difference, difference)
+    return camera_covariance

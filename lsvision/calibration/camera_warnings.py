@@ -15,7 +15,7 @@ RECOMMENDED_TILT = np.radians(25.0)
 """A warning is given if no board is tilted by more than this from the mean board: at 15 deg the
 errors double, at 5 deg they are ten times larger. Units: rad."""
 CELLS = 5
-"""The image is divided into CELLS x CELLS cells to measure the coverage by corners."""
+"""Number of cells along each side of the image, by which the coverage by corners is measured."""
 RECOMMENDED_COVERAGE = 0.6
 """Fraction of the cells with corners below which a warning is given."""
 PLAUSIBLE_DISTANCE = (20.0, 20_000.0)
@@ -32,16 +32,16 @@ RECOMMENDED_FOCAL_STD = 0.005
 
 
 def check_camera(
-    camera: Camera, std: FloatArray, seen: Sequence[TargetView], poses: Sequence[Pose]
+    camera: Camera, std: FloatArray, views: Sequence[TargetView], poses: Sequence[Pose]
 ) -> tuple[str, ...]:
     """Return warnings about a calibrated camera, with numbers and remedy; empty if there are none.
 
-    `seen` are the views of the target; `std` are the standard deviations of fx, fy, ... in px,
+    `views` are those of the target; `std` are the standard deviations of fx, fy, ... in px,
     `poses` are ``camera_from_board``.
     """
     warnings = [
-        *_view_warnings(len(seen), max_tilt(poses)),
-        *_coverage_warnings(camera, seen),
+        *_view_warnings(len(views), max_tilt(poses)),
+        *_coverage_warnings(camera, views),
         *_scale_warnings(camera, poses),
         *_model_warnings(camera, std),
     ]
@@ -61,18 +61,18 @@ def _view_warnings(count: int, tilt: float) -> list[str]:
     return warnings
 
 
-def covered_cells(size: tuple[int, int], seen: Sequence[TargetView]) -> BoolArray:
+def covered_cells(size: tuple[int, int], views: Sequence[TargetView]) -> BoolArray:
     """Return a (CELLS, CELLS) mask of the image's cells that contain a corner, top row first."""
-    pixels = np.concatenate([view.pixels for view in seen])
+    pixels = np.concatenate([view.pixels for view in views])
     u, v = np.floor(pixels / size * CELLS).clip(0, CELLS - 1).astype(int).T
     covered = np.zeros((CELLS, CELLS), dtype=bool)
     covered[v, u] = True
     return covered
 
 
-def _coverage_warnings(camera: Camera, seen: Sequence[TargetView]) -> list[str]:
+def _coverage_warnings(camera: Camera, views: Sequence[TargetView]) -> list[str]:
     """Return a warning if the corners cover too little of the image."""
-    covered = float(covered_cells(camera.size, seen).mean())
+    covered = float(covered_cells(camera.size, views).mean())
     if covered >= RECOMMENDED_COVERAGE:
         return []
     return [

@@ -35,7 +35,7 @@ def missing_views(views: Sequence[TargetView], pairs: int) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        Number of pairs, parts of the image without corners, tilts, and distances.
+        Missing pairs, parts of the image without corners, missing tilts and distances.
     """
     missing = []
     if len(views) < pairs:

@@ -34,6 +34,7 @@ Image = npt.NDArray[Any]
 
 LASER_ON = "board taken, hold it still: laser on, lamps off"
 NOISE_SIGMAS = 5.0
+"""Smallest contrast of the line, in standard deviations of its surroundings."""
 SURROUNDINGS_PX = 40
 """Width of the surroundings on each side of the line. Units: px."""
 
@@ -68,14 +69,14 @@ class CaptureSettings:
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """A board and the laser line on it.
+    """Image of a board and image of the laser line on it.
 
     Parameters
     ----------
     board, line : ndarray
-        The two images.
+        Image of the board, and image of the laser line on the unmoved board.
     view : TargetView
-        Corners of the board.
+        Corners of the board in `board`.
     """
 
     board: Image
@@ -85,20 +86,20 @@ class Pair:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CaptureState:
-    """Pairs taken so far, and the last frame.
+    """Pairs taken so far, and the board in the previous frame.
 
     Parameters
     ----------
     pairs : tuple of TargetView
-        Views of the pairs.
-    last : TargetView, optional
-        The board in the last frame.
+        Board in each complete pair.
+    previous_view : TargetView, optional
+        Board in the previous frame; None if it was not found.
     pending : tuple of (ndarray, TargetView), optional
-        Board whose laser line is still missing.
+        Image and view of the board whose laser line is still missing.
     """
 
     pairs: tuple[TargetView, ...] = ()
-    last: TargetView | None = None
+    previous_view: TargetView | None = None
     pending: tuple[Image, TargetView] | None = None
 
 
@@ -110,31 +111,40 @@ def next_state(
     Parameters
     ----------
     state : CaptureState
-        Before the frame.
+        State before the frame.
     frame : ndarray
-        Grey or colour.
+        Grey or colour image, (height, width) or (height, width, 3).
     target : Target
-        The board.
+        Board that is held into the image.
     settings : CaptureSettings
-        Limits.
+        Limits for the acceptance of board and line.
+
+    Returns
+    -------
+    state : CaptureState
+        State after the frame.
+    instruction : str
+        Instruction to the user.
+    pair : Pair or None
+        Complete pair; None while an image is missing.
     """
     extraction = settings.line.extraction or LineSettings()
     grey = grey_image(interpolated_grey(frame, extraction.bayer))
-    view = _board(grey, target)
+    view = _find_board(grey, target)
     pending = state.pending
     if pending is not None and (view is None or movement(pending[1], view) <= settings.still_px):
         if _shows_line(frame, view, pending, target, settings):
-            taken = CaptureState(pairs=(*state.pairs, pending[1]))
-            text = f"pair {len(taken.pairs)} taken: move the board"
-            return taken, text, Pair(pending[0], frame, pending[1])
-        return replace(state, last=view), LASER_ON, None
-    fresh = CaptureState(pairs=state.pairs, last=view)
+            completed = CaptureState(pairs=(*state.pairs, pending[1]))
+            instruction = f"pair {len(completed.pairs)} taken: move the board"
+            return completed, instruction, Pair(pending[0], frame, pending[1])
+        return replace(state, previous_view=view), LASER_ON, None
+    searching = CaptureState(pairs=state.pairs, previous_view=view)
     if view is None:
-        return fresh, "no board: show it whole, sharp and evenly lit", None
+        return searching, "no board: show it whole, sharp and evenly lit", None
     problem = _view_problem(state, grey, view, target, settings)
     if problem:
-        return fresh, problem, None
-    return replace(fresh, pending=(frame, view)), LASER_ON, None
+        return searching, problem, None
+    return replace(searching, pending=(frame, view)), LASER_ON, None
 
 
 def _view_problem(
@@ -143,8 +153,8 @@ def _view_problem(
     """Return why a board is not accepted yet; None if it is."""
     if any(movement(pair, view) < settings.min_change * view.size[0] for pair in state.pairs):
         return "as in an earlier pair: move the board"
-    moved = np.inf if state.last is None else movement(state.last, view)
-    if moved > settings.still_px:
+    movement_px = np.inf if state.previous_view is None else movement(state.previous_view, view)
+    if movement_px > settings.still_px:
         return "board seen: hold it still"
     if isinstance(target, CircleGrid):  # no straight edges
         return None
@@ -166,13 +176,14 @@ def movement(first: TargetView, second: TargetView) -> float:
     float
         Median distance of the common corners. Units: px.
     """
-    known = dict(zip(map(tuple, first.points.tolist()), first.pixels, strict=True))
+    first_pixels = dict(zip(map(tuple, first.points.tolist()), first.pixels, strict=True))
     pairs = zip(map(tuple, second.points.tolist()), second.pixels, strict=True)
-    steps = [pixel - known[point] for point, pixel in pairs if point in known]
-    return float(np.median(np.hypot(*np.transpose(steps)))) if steps else np.inf
+    displacements = [pixel - first_pixels[point] for point, pixel in pairs if point in first_pixels]
+    return float(np.median(np.hypot(*np.transpose(displacements)))) if displacements else np.inf
 
 
-def _board(frame: Image, target: Target) -> TargetView | None:
+def _find_board(frame: Image, target: Target) -> TargetView | None:
+    """Return the view of the board in a frame; None if it is not found."""
     try:
         return find_target(frame, target)
     except TargetNotFound:
@@ -180,7 +191,7 @@ def _board(frame: Image, target: Target) -> TargetView | None:
 
 
 def _focus_problem(frame: Image, view: TargetView, limit: float) -> str | None:
-    """Return the message for a board whose edges are blurred; None where they are sharp."""
+    """Return the instruction for a board whose edges are blurred; None if they are sharp."""
     sigmas = []
     for along in ("u", "v"):
         with suppress(CalibrationFailed):
@@ -210,10 +221,12 @@ def _shows_line(
     u, v = np.round(line).astype(int).T
     (left, top), (right, bottom) = line.min(axis=0), line.max(axis=0)
     rows = slice(max(int(top) - SURROUNDINGS_PX, 0), int(bottom) + SURROUNDINGS_PX)
-    around = laser_grey[rows, max(int(left) - SURROUNDINGS_PX, 0) : int(right) + SURROUNDINGS_PX]
-    dark = float(np.median(around))
-    noise = mad_std(around - dark)
-    contrast = float(np.median(laser_grey[v, u])) - dark
+    surroundings = laser_grey[
+        rows, max(int(left) - SURROUNDINGS_PX, 0) : int(right) + SURROUNDINGS_PX
+    ]
+    background = float(np.median(surroundings))
+    noise = mad_std(surroundings - background)
+    contrast = float(np.median(laser_grey[v, u])) - background
     return contrast > max(settings.min_contrast, NOISE_SIGMAS * noise)
 
 

@@ -82,50 +82,56 @@ def initial_corners(image: npt.NDArray[np.uint8], columns: int, rows: int) -> It
 def locate_corners(
     image: npt.NDArray[np.uint8], initial: Points
 ) -> tuple[Points, BoolArray] | None:
-    """Locate the corners of a chessboard, and return which of them are certain.
+    """Return the corners of a chessboard, and the mask of those that fit the grid.
 
     Parameters
     ----------
     image : (height, width) ndarray of uint8
-        Grey.
+        Grey image.
     initial : (rows, columns, 2) ndarray
-        Corners to about a tenth of a square, some of them wrong. Units: px.
+        Corners accurate to about a tenth of a square; some may be wrong. Units: px.
 
     Returns
     -------
     corners : (rows, columns, 2) ndarray
         Image points of the corners. Units: px.
-    kept : (rows, columns) ndarray of bool
+    inliers : (rows, columns) ndarray of bool
         False for a corner that is off the grid of the others.
     None
-        Where too few corners are on one grid.
+        If too few corners fit one grid.
     """
-    grid = _Grid.fitted(initial, image.shape, GRID_TOLERANCE * square_size(initial))
-    corners, kept = initial, np.ones(initial.shape[:2], dtype=bool)
+    grid = _Grid.fit(initial, image.shape, GRID_TOLERANCE * square_size(initial))
+    corners, inliers = initial, np.ones(initial.shape[:2], dtype=bool)
     for _ in range(SEARCHES):
         size = square_size(grid.corners)
         if not size > 1:
             return None
         distances = np.linalg.norm(corners - grid.corners, axis=-1)
         tolerance = 4 * max(_robust_std(distances), GRID_TOLERANCE * size)
-        start = np.where(((distances > tolerance) | ~kept)[..., None], grid.corners, corners)
-        corners, kept = _refine(image, start, grid.corners)
-        least = max(MIN_OUTLIER_FRACTION * size, MIN_OUTLIER_PX)
-        grid = _Grid.fitted(corners, image.shape, least, grid)
+        initial_guess = np.where(
+            ((distances > tolerance) | ~inliers)[..., None], grid.corners, corners
+        )
+        corners, inliers = _refine(image, initial_guess, grid.corners)
+        min_outlier_px = max(MIN_OUTLIER_FRACTION * size, MIN_OUTLIER_PX)
+        grid = _Grid.fit(corners, image.shape, min_outlier_px, grid)
     distances = np.linalg.norm(corners - grid.corners, axis=-1)
     std = _robust_std(distances)
-    kept &= distances < max(OUTLIER_SIGMAS * std, least)
-    if kept.mean() < MIN_KEPT_FRACTION or std > MAX_GRID_STD * size:
+    inliers &= distances < max(OUTLIER_SIGMAS * std, min_outlier_px)
+    if inliers.mean() < MIN_KEPT_FRACTION or std > MAX_GRID_STD * size:
         return None
-    return corners, kept
+    return corners, inliers
 
 
 def square_size(corners: Points) -> float:
     """Return the smallest height of the squares between corners (rows, columns, 2). Units: px."""
-    along, down = np.diff(corners, axis=1)[:-1], np.diff(corners, axis=0)[:, :-1]
-    area = np.abs(along[..., 0] * down[..., 1] - along[..., 1] * down[..., 0])
-    longest = np.maximum(np.linalg.norm(along, axis=-1), np.linalg.norm(down, axis=-1))
-    return float((area / np.maximum(longest, 1e-9)).min())
+    row_steps, column_steps = np.diff(corners, axis=1)[:-1], np.diff(corners, axis=0)[:, :-1]
+    area = np.abs(
+        row_steps[..., 0] * column_steps[..., 1] - row_steps[..., 1] * column_steps[..., 0]
+    )
+    longer_side = np.maximum(
+        np.linalg.norm(row_steps, axis=-1), np.linalg.norm(column_steps, axis=-1)
+    )
+    return float((area / np.maximum(longer_side, 1e-9)).min())
 
 
 def _robust_std(distances: FloatArray) -> float:
@@ -149,10 +155,10 @@ class _Grid:
     parameters: FloatArray
 
     @staticmethod
-    def fitted(
+    def fit(
         corners: Points, shape: tuple[int, ...], scale: float, start: "_Grid | None" = None
     ) -> "_Grid":
-        """Fit the grid to corners; those off it by more than `scale` px have little influence."""
+        """Return the grid fitted to corners; residuals above `scale` px have less weight."""
         from scipy.optimize import least_squares
 
         rows, columns = corners.shape[:2]
@@ -188,20 +194,20 @@ def _distorted_grid(parameters: FloatArray, nodes: Points) -> Points:
 
 
 def _refine(image: npt.NDArray[np.uint8], start: Points, grid: Points) -> tuple[Points, BoolArray]:
-    """Return the saddle points near the initial ones, and which of them are inside the window."""
+    """Return the saddle points near initial positions, and the mask of those in the window."""
     size = square_size(grid)
     smooth = cv2.GaussianBlur(
         image.astype(np.float32), (0, 0), max(SMOOTHING_FRACTION * size, MIN_SMOOTHING_PX)
     )
-    levels = _Levels.of(smooth, grid)
+    levels = _Levels.fit(smooth, grid)
     radius = max(RADIUS_FRACTION * size, MIN_RADIUS_PX)
-    reach = np.arange(-np.ceil(radius), np.ceil(radius) + 1)
-    x, y = (offset.ravel() for offset in np.meshgrid(reach, reach))
+    offsets = np.arange(-np.ceil(radius), np.ceil(radius) + 1)
+    x, y = (axis.ravel() for axis in np.meshgrid(offsets, offsets))
     inside = x**2 + y**2 <= radius**2
     x, y = x[inside], y[inside]
     paraboloid = np.linalg.pinv(np.column_stack([x * x, x * y, y * y, x, y, np.ones_like(x)]))
-    begin = start.reshape(-1, 2)
-    corners, is_saddle = begin.copy(), np.ones(len(begin), dtype=bool)
+    start_points = start.reshape(-1, 2)
+    corners, is_saddle = start_points.copy(), np.ones(len(start_points), dtype=bool)
     for _ in range(MAX_REFINEMENT_STEPS):
         positions = corners[:, None] + np.column_stack([x, y])
         a, b, c, d, e, _ = paraboloid @ levels.flatten(smooth, positions).T
@@ -215,8 +221,8 @@ def _refine(image: npt.NDArray[np.uint8], start: Points, grid: Points) -> tuple[
         corners += steps * np.minimum(1, radius / 2 / np.maximum(length, 1e-9))[:, None]
         if length.max() < 1e-3:
             break
-    exists = is_saddle & (np.linalg.norm(corners - begin, axis=1) < radius)
-    corners[~exists] = begin[~exists]
+    exists = is_saddle & (np.linalg.norm(corners - start_points, axis=1) < radius)
+    corners[~exists] = start_points[~exists]
     return corners.reshape(start.shape), exists.reshape(start.shape[:2])
 
 
@@ -231,8 +237,8 @@ class _Levels:
     second: FloatArray
 
     @staticmethod
-    def of(image: npt.NDArray[np.float32], grid: Points) -> "_Levels":
-        """Fit the levels to the middles of the squares; few squares allow a constant only."""
+    def fit(image: npt.NDArray[np.float32], grid: Points) -> "_Levels":
+        """Return the levels fitted to the middles of the squares; constant for few squares."""
         middles = cell_middles(grid)
         odd = np.indices(middles.shape[:2]).sum(axis=0) % 2 == 1
         # Twice as many squares of each colour as the polynomial has terms.
@@ -264,14 +270,14 @@ def cell_middles(corners: Points) -> Points:
 
 
 def sample(image: npt.NDArray[np.float32], positions: Points) -> FloatArray:
-    """Interpolate the image at positions (..., 2) in px; outside, the border is continued."""
-    flat = positions.reshape(1, -1, 2).astype(np.float32)
+    """Return the image interpolated at positions (..., 2) in px, its border continued outside."""
+    flat_positions = positions.reshape(1, -1, 2).astype(np.float32)
     # OpenCV's remap takes up to 32767 columns.
-    parts = [
-        cv2.remap(image, part, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        for part in np.array_split(flat, 1 + flat.shape[1] // 30000, axis=1)
+    samples = [
+        cv2.remap(image, block, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        for block in np.array_split(flat_positions, 1 + flat_positions.shape[1] // 30000, axis=1)
     ]
-    return np.concatenate(parts, axis=1).reshape(positions.shape[:-1]).astype(np.float64)
+    return np.concatenate(samples, axis=1).reshape(positions.shape[:-1]).astype(np.float64)
 
 
 def _terms(positions: Points, degree: int) -> FloatArray:

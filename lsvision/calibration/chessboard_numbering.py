@@ -22,7 +22,7 @@ def corner_order(image: npt.NDArray[np.uint8], corners: Points) -> IntArray:
     Parameters
     ----------
     image : (height, width) ndarray of uint8
-        Grey.
+        Grey image.
     corners : (rows, columns, 2) ndarray
         Corners in any order of a grid. Units: px.
 
@@ -50,7 +50,7 @@ def corner_order(image: npt.NDArray[np.uint8], corners: Points) -> IntArray:
 def reading_order(centres: Points) -> IntArray:
     """Return the indices (rows, columns) of a symmetric grid: rows to the right, as one reads.
 
-    `centres` (rows, columns, 2) are in any order of a grid; its rotations look the same.
+    `centres` (rows, columns, 2) are in any order of the grid, whose rotations look the same.
     """
     flat = centres.reshape(-1, 2)
     return max(_right_handed_orders(centres), key=lambda order: _rightward(flat[order]))
@@ -59,17 +59,22 @@ def reading_order(centres: Points) -> IntArray:
 def _right_handed_orders(corners: Points) -> list[IntArray]:
     """Return the orders in which columns run to the right of rows, as printed."""
     flat = corners.reshape(-1, 2)
-    return [order for order in _grid_orders(corners.shape[:2]) if _turn(flat[order]) > 0]
+    return [order for order in _grid_orders(corners.shape[:2]) if _handedness(flat[order]) > 0]
 
 
 def _grid_orders(shape: tuple[int, ...]) -> list[IntArray]:
     """Return all orders in which rows and columns may run; eight for a square grid."""
     order = np.arange(shape[0] * shape[1]).reshape(shape)
     orders = [order, order.T] if shape[0] == shape[1] else [order]
-    return [each[::down, ::along] for each in orders for down in (1, -1) for along in (1, -1)]
+    return [
+        order[::row_step, ::column_step]
+        for order in orders
+        for row_step in (1, -1)
+        for column_step in (1, -1)
+    ]
 
 
-def _turn(corners: Points) -> float:
+def _handedness(corners: Points) -> float:
     """Return the cross product of the mean row and the mean column; positive as printed."""
     row = (corners[:, -1] - corners[:, 0]).mean(axis=0)
     column = (corners[-1] - corners[0]).mean(axis=0)
@@ -77,7 +82,7 @@ def _turn(corners: Points) -> float:
 
 
 def _contrast(image: npt.NDArray[np.float32], corners: Points) -> float:
-    """Return how much brighter the other squares are than the colour of the first corner's."""
+    """Return how much brighter the other squares are than those of the first square's colour."""
     middles = cell_middles(corners)
     odd = np.indices(middles.shape[:2]).sum(axis=0) % 2 == 1
     values = sample(image, middles)

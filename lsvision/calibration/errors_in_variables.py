@@ -117,17 +117,17 @@ class ErrorsInVariablesFit:
         In the units of the observation. Exact for the linearised problem; residuals of poses that
         were not used are unchanged.
         """
-        white = np.linalg.solve(
+        whitened = np.linalg.solve(
             self.redundancy + 1e-12 * np.eye(self.residuals.shape[1]), self.residuals[..., None]
         )
-        predicted: FloatArray = np.linalg.solve(self.whitening, white)[..., 0]
+        predicted: FloatArray = np.linalg.solve(self.whitening, whitened)[..., 0]
         return predicted
 
 
 def fit_errors_in_variables(
     observations: Observations, initial_guess: States, mask: FloatArray, *, estimate_robot_std: bool
 ) -> ErrorsInVariablesFit:
-    """Estimate sensor pose and target with errors in variables, from an initial guess.
+    """Return sensor pose and target, fitted with errors in variables from an initial guess.
 
     Parameters
     ----------
@@ -141,6 +141,11 @@ def fit_errors_in_variables(
         Whether the scales of the robot's errors are estimated from the residuals. Otherwise the
         stated robot is used, and the covariance is scaled by the reduced chi^2 where that is
         above 1.
+
+    Returns
+    -------
+    ErrorsInVariablesFit
+        Fit at the minimum, with covariance.
 
     Raises
     ------
@@ -238,7 +243,7 @@ def _robot_covariance_parts(observations: Observations, states: States) -> Float
 def _estimate_robot_std_scales(
     observations: Observations, states: States, mask: FloatArray
 ) -> FloatArray:
-    """Estimate the scales of the robot's position and orientation: roots of posterior mean squares.
+    """Return the scales (2,) of the robot's errors: roots of their posterior mean squares.
 
     Restricted likelihood (Harville 1977) of the linearised problem times a half-Cauchy prior of the
     geometric mean of both scales and a log-normal one of their ratio, on a coarse grid and then on
@@ -247,13 +252,15 @@ def _estimate_robot_std_scales(
     """
     likelihood = _restricted_likelihood(observations, states, mask)
     z = np.linspace(-2.0, 2.0, 9)  # of the ratio's logarithm, in standard deviations of its prior
-    by_ratio = ROBOT_RATIO_PRIOR ** (0.5 * np.stack([z, -z], axis=-1))
+    ratio_factors = ROBOT_RATIO_PRIOR ** (0.5 * np.stack([z, -z], axis=-1))
     means = np.geomspace(*ROBOT_STD_SCALE_BOUNDS, 30)
-    of_means = likelihood(means[:, None, None] * by_ratio).max(axis=1)
-    considered = np.flatnonzero(of_means > of_means.max() - LOG_LIKELIHOOD_CUTOFF)
-    low, high = max(considered[0] - 1, 0), min(considered[-1] + 1, len(means) - 1)
+    mean_log_likelihoods = likelihood(means[:, None, None] * ratio_factors).max(axis=1)
+    relevant = np.flatnonzero(
+        mean_log_likelihoods > mean_log_likelihoods.max() - LOG_LIKELIHOOD_CUTOFF
+    )
+    low, high = max(relevant[0] - 1, 0), min(relevant[-1] + 1, len(means) - 1)
     means = np.geomspace(means[low], means[high], 30)
-    scales = means[:, None, None] * by_ratio
+    scales = means[:, None, None] * ratio_factors
     log_likelihoods = likelihood(scales) - 0.5 * z**2
     # Half-Cauchy prior; the last factor is the spacing of the logarithmic grid.
     weights = (
@@ -277,20 +284,20 @@ def _restricted_likelihood(
     column_scales = 1 / np.maximum(np.linalg.norm(jacobian[0], axis=(0, 1)), TINY)
     rows = np.concatenate([rows * column_scales, residual[0, used, :, None]], axis=-1)
     columns = rows.shape[-1]
-    of_prior = np.concatenate([prior[0] * column_scales, prior_residual[0, :, None]], axis=-1)
+    prior_rows = np.concatenate([prior[0] * column_scales, prior_residual[0, :, None]], axis=-1)
 
     def likelihood(scales: FloatArray) -> FloatArray:
         covariances = observations.covariances[used] + np.tensordot(scales**2, parts, axes=(-1, 1))
         # Normal matrix, right-hand side and sum of squares in one symmetric matrix.
         weighted = np.linalg.solve(covariances, rows).reshape(*scales.shape[:-1], -1, columns)
-        normal = rows.reshape(-1, columns).T @ weighted + of_prior.T @ of_prior
+        normal = rows.reshape(-1, columns).T @ weighted + prior_rows.T @ prior_rows
         matrix, moment = normal[..., :-1, :-1], normal[..., :-1, -1:]
-        explained = (moment * np.linalg.solve(matrix, moment)).sum(axis=(-2, -1))
-        chi2 = normal[..., -1, -1] - explained
+        chi2_decrease = (moment * np.linalg.solve(matrix, moment)).sum(axis=(-2, -1))
+        chi2 = normal[..., -1, -1] - chi2_decrease
         information = np.linalg.slogdet(matrix)[1]
         log_determinants = np.linalg.slogdet(covariances)[1].sum(axis=-1)
-        total: FloatArray = -0.5 * (log_determinants + chi2 + information)
-        return total
+        log_likelihood: FloatArray = -0.5 * (log_determinants + chi2 + information)
+        return log_likelihood
 
     return likelihood
 
@@ -329,8 +336,8 @@ def least_determined_direction(
     # Project the columns of the target out of those of the mount.
     basis, singular_values, _ = np.linalg.svd(target, full_matrices=False)
     basis = basis[:, singular_values > 1e-12 * singular_values[0]]
-    not_explained = mount - basis @ (basis.T @ mount)
-    _, singular_values, directions = np.linalg.svd(not_explained, full_matrices=False)
+    projected = mount - basis @ (basis.T @ mount)
+    _, singular_values, directions = np.linalg.svd(projected, full_matrices=False)
     std = float("inf") if singular_values[-1] < 1e-12 else float(1 / singular_values[-1])
     return LeastDeterminedDirection(
         std, _direction_description(directions[-1], fit.states.rotations[0])

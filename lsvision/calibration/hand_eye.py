@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lsvision.calibration.board_observations import BoardObservations
-from lsvision.calibration.board_scale import board_scale
+from lsvision.calibration.board_scale import estimate_board_scale
 from lsvision.calibration.errors_in_variables import NOMINAL_ROBOT_STD
 from lsvision.calibration.hand_eye_parts import RejectedPose, Sphere
 from lsvision.calibration.hand_eye_result import HandEye, HandEyeSettings
@@ -46,7 +46,7 @@ MIN_SPREAD = 0.05
 """Smallest range of the sphere's positions in the view, in radii."""
 
 
-DEFAULT = HandEyeSettings()
+DEFAULT_SETTINGS = HandEyeSettings()
 
 
 def calibrate_hand_eye_sphere(
@@ -55,7 +55,7 @@ def calibrate_hand_eye_sphere(
     radius: float | None = None,
     *,
     mounting: Mounting = "eye_in_hand",
-    settings: HandEyeSettings = DEFAULT,
+    settings: HandEyeSettings = DEFAULT_SETTINGS,
 ) -> HandEye:
     """Calibrate a profile sensor to a robot by profiles of one fixed sphere.
 
@@ -67,9 +67,9 @@ def calibrate_hand_eye_sphere(
     Parameters
     ----------
     profiles : sequence of Profile or (n, 2) array_like
-        One for each pose; the sphere is found in clutter, and its flanks are left out.
+        Profile at each pose; the sphere is found among other objects, its flanks are left out.
     base_from_flanges : sequence of Pose or (4, 4) array_like
-        Flange poses.
+        Flange pose at each observation.
     radius : float, optional
         Radius of the sphere, where it is known accurately; otherwise it is estimated, with little
         loss of accuracy and as a check. Units: mm.
@@ -118,7 +118,7 @@ def calibrate_hand_eye_sphere(
         profiles, flanges, lambda profile: find_sphere_arc(profile, radius, settings.arc), "sphere"
     )
     min_poses = 5 if radius is not None else 6
-    _require_count(len(observed), min_poses, "a sphere in its profile", unobserved)
+    _require_count(len(observed), min_poses, "a sphere in the profile", unobserved)
     poses = [flanges[index] for index in observed]
     largest = max(float(arc.circle[2]) for arc in arcs)
     observations = SphereObservations(
@@ -146,7 +146,7 @@ def calibrate_hand_eye_plane(
     base_from_flanges: Sequence[Pose | npt.ArrayLike],
     *,
     mounting: Mounting = "eye_in_hand",
-    settings: HandEyeSettings = DEFAULT,
+    settings: HandEyeSettings = DEFAULT_SETTINGS,
 ) -> HandEye:
     """Calibrate a profile sensor to a robot by profiles of one fixed plane.
 
@@ -156,16 +156,16 @@ def calibrate_hand_eye_plane(
     Parameters
     ----------
     profiles : sequence of Profile or (n, 2) array_like
-        One for each pose; the longest straight line in each is used.
+        Profile at each pose; the longest straight line in each is used.
     base_from_flanges : sequence of Pose or (4, 4) array_like
-        Flange poses.
+        Flange pose at each observation.
     mounting, settings
         As in `calibrate_hand_eye_sphere`.
 
     Returns
     -------
     HandEye
-        `target` is the plane.
+        Calibration whose `target` is the plane.
 
     Raises
     ------
@@ -180,18 +180,18 @@ def calibrate_hand_eye_plane(
     >>> motion = TargetMotion(standoff=-150.0, tilt=np.radians(40.0), offset=0.0)
     >>> sections = section_poses_about(position, 10, motion, rng)
     >>> mount, plane = Pose(translation=(0.0, 80.0, 120.0)), Plane((0, 0, 1), 300.0)
-    >>> seen = [plane.transformed(pose.inverse()) for pose in sections]
-    >>> profiles = [plane_profile(each, SectionView(), rng) for each in seen]
+    >>> planes = [plane.transformed(pose.inverse()) for pose in sections]
+    >>> profiles = [plane_profile(section_plane, SectionView(), rng) for section_plane in planes]
     >>> flanges = [pose @ mount.inverse() for pose in sections]
-    >>> found = calibrate_hand_eye_plane(profiles, flanges)
-    >>> found.flange_from_section.translation.round(0) + 0.0
+    >>> calibration = calibrate_hand_eye_plane(profiles, flanges)
+    >>> calibration.flange_from_section.translation.round(0) + 0.0
     array([  0.,  80., 120.])
     """
     require_several(profiles)
     _require_pairs(len(profiles), len(base_from_flanges), "profiles")
     flanges = as_poses(base_from_flanges)
     lines, observed, unobserved = _observe(profiles, flanges, find_plane_line, "line")
-    _require_count(len(observed), 8, "a straight line in its profile", unobserved)
+    _require_count(len(observed), 8, "a straight line in the profile", unobserved)
     poses = [flanges[index] for index in observed]
     observations = PlaneObservations(
         np.array([line.midpoint for line in lines]),
@@ -216,16 +216,16 @@ def calibrate_hand_eye_board(
     covariances: npt.ArrayLike | None = None,
     camera_modes: npt.ArrayLike | None = None,
     mounting: Mounting = "eye_in_hand",
-    settings: HandEyeSettings = DEFAULT,
+    settings: HandEyeSettings = DEFAULT_SETTINGS,
 ) -> HandEye:
     """Calibrate a camera to a robot by views of one fixed board (``A X = Z B``).
 
     Parameters
     ----------
     camera_from_boards : sequence of Pose or (4, 4) array_like
-        The board in each image; `estimate_board_pose` computes it from corners.
+        Pose of the board in each image; `estimate_board_pose` computes it from corners.
     base_from_flanges : sequence of Pose or (4, 4) array_like
-        Flange poses.
+        Flange pose at each observation.
     covariances : (n, 6, 6) array_like, optional
         Covariances of the boards' origins (mm) and left-hand rotations (rad), from
         `estimate_board_pose`. Without them all errors are attributed to the robot.
@@ -255,17 +255,17 @@ def calibrate_hand_eye_board(
     >>> mount, base_from_board = Pose(translation=(0.0, 80.0, 120.0)), Pose(translation=position)
     >>> boards = [pose.inverse() @ base_from_board for pose in base_from_cameras]
     >>> flanges = [pose @ mount.inverse() for pose in base_from_cameras]
-    >>> found = calibrate_hand_eye_board(boards, flanges)
-    >>> found.flange_from_camera.translation.round(3) + 0.0
+    >>> calibration = calibrate_hand_eye_board(boards, flanges)
+    >>> calibration.flange_from_camera.translation.round(3) + 0.0
     array([  0.,  80., 120.])
     """
     count = len(camera_from_boards)
     _require_pairs(count, len(base_from_flanges), "boards")
     boards, flanges = as_poses(camera_from_boards), as_poses(base_from_flanges)
-    repeated = _repeated_pairs([pose.matrix for pose in boards], flanges)
+    repeated = _find_repeated_pairs([pose.matrix for pose in boards], flanges)
     observed = [index for index in range(count) if index not in repeated]
-    unobserved = [_repeated_pose(*pair, "board") for pair in repeated.items()]
-    _require_count(len(observed), 4, "a board in its image", unobserved)
+    unobserved = [_reject_repeated_pose(*pair, "board") for pair in repeated.items()]
+    _require_count(len(observed), 4, "a board in the image", unobserved)
     matrices = np.full((count, 6, 6), 1e-12) * np.eye(6) if covariances is None else covariances
     shifts = np.zeros((0, count, 6)) if camera_modes is None else camera_modes
     shifts = as_readonly_array(shifts, ("m", count, 6), "camera_modes")[:, observed]
@@ -282,8 +282,8 @@ def calibrate_hand_eye_board(
     target = Pose(board[3:].reshape(3, 3), board[:3])
     working_point = observations.origins.mean(axis=0)
     context = ResultContext(observed, unobserved, working_point, mounting, "camera", settings)
-    found = build_hand_eye(observations, solution, target, context)
-    scale = board_scale(
+    hand_eye = build_hand_eye(observations, solution, target, context)
+    scale = estimate_board_scale(
         solution.fit, observations.origins, shifts, robot_is_stated=settings.robot_std is not None
     )
     scale.require_plausible()
@@ -291,8 +291,8 @@ def calibrate_hand_eye_board(
     if scale.significant:
         errors = np.concatenate([errors, scale.step[None]])
     return replace(
-        found,
-        covariance=found.covariance + errors.T @ errors,
+        hand_eye,
+        covariance=hand_eye.covariance + errors.T @ errors,
         target_scale=(scale.factor, scale.std),
     )
 
@@ -303,13 +303,13 @@ def _observe(
     find: Callable[[Profile], Shape],
     name: str,
 ) -> tuple[list[Shape], list[int], list[RejectedPose]]:
-    """Return the shapes found in the profiles, the indices of these, and the other profiles."""
+    """Return the shapes found, the indices of their profiles, and the profiles without one."""
     shapes, observed, unobserved = [], [], []
     checked = [as_profile(profile) for profile in profiles]
-    repeated = _repeated_pairs([profile.points for profile in checked], flanges)
+    repeated = _find_repeated_pairs([profile.points for profile in checked], flanges)
     for index, profile in enumerate(checked):
         if index in repeated:
-            unobserved.append(_repeated_pose(index, repeated[index], "profile"))
+            unobserved.append(_reject_repeated_pose(index, repeated[index], "profile"))
             continue
         try:
             shapes.append(find(profile))
@@ -319,20 +319,20 @@ def _observe(
     return shapes, observed, unobserved
 
 
-def _repeated_pairs(observed: Sequence[FloatArray], flanges: Sequence[Pose]) -> dict[int, int]:
-    """Return the indices of pairs that an earlier one equals, with its index."""
+def _find_repeated_pairs(observed: Sequence[FloatArray], flanges: Sequence[Pose]) -> dict[int, int]:
+    """Return the index of each pair that equals an earlier one, with the earlier index."""
     pairs = zip(observed, flanges, strict=True)
     return find_repeated(values.tobytes() + flange.matrix.tobytes() for values, flange in pairs)
 
 
-def _repeated_pose(index: int, earlier: int, what: str) -> RejectedPose:
-    return RejectedPose(index, f"the same pose and {what} as pose {earlier}, stored twice")
+def _reject_repeated_pose(index: int, earlier: int, observation: str) -> RejectedPose:
+    return RejectedPose(index, f"the same pose and {observation} as pose {earlier}, stored twice")
 
 
 def _covariances(shapes: Sequence[SphereArc] | Sequence[PlaneLine]) -> FloatArray:
     """Return the covariances of arcs or lines, scaled by the mean autocorrelation time."""
-    time = float(np.mean([shape.autocorrelation_time for shape in shapes]))
-    return time * np.array([shape.covariance for shape in shapes])
+    autocorrelation_time = float(np.mean([shape.autocorrelation_time for shape in shapes]))
+    return autocorrelation_time * np.array([shape.covariance for shape in shapes])
 
 
 def _common_height_scale_gradients(arcs: Sequence[SphereArc]) -> FloatArray:
@@ -343,26 +343,31 @@ def _common_height_scale_gradients(arcs: Sequence[SphereArc]) -> FloatArray:
     return gradients
 
 
-def _require_pairs(observations: int, poses: int, what: str) -> None:
+def _require_pairs(observations: int, poses: int, name: str) -> None:
     """Require one pose for each observation."""
     if observations != poses:
         raise ValueError(
-            f"expected one pose for each of the {what}, got {observations} {what} and {poses} "
+            f"expected one pose for each of the {name}, got {observations} {name} and {poses} "
             "poses: a missing pair may shift all pairs that follow it"
         )
 
 
-def _require_count(count: int, min_count: int, what: str, unobserved: list[RejectedPose]) -> None:
+def _require_count(
+    count: int, min_count: int, observation: str, unobserved: list[RejectedPose]
+) -> None:
     """Require a number of poses with an observation."""
     if count < min_count:
-        first = f" (pose {unobserved[0].index}: {unobserved[0].reason})" if unobserved else ""
+        first_reason = (
+            f" (pose {unobserved[0].index}: {unobserved[0].reason})" if unobserved else ""
+        )
         raise CalibrationFailed(
-            f"{count} poses with {what} and need {min_count}, better 12: take more{first}"
+            f"{count} poses show {observation} and {min_count} are needed, better 12: take more"
+            f"{first_reason}"
         )
 
 
 def _require_distinct_cuts(circles: FloatArray, radius: float | None) -> None:
-    """Require cuts beside the sphere's centre, and at different positions in the view."""
+    """Require cuts off the sphere's centre, and at different positions in the view."""
     largest = radius if radius is not None else float(circles[:, 2].max())
     offset = float(np.sqrt(np.mean(np.clip(1 - (circles[:, 2] / largest) ** 2, 0, None))))
     if offset < MIN_OFFSET:

@@ -43,8 +43,8 @@ def write_hand_eye(
         "covariance": hand_eye.covariance.tolist(),
         "working_point": hand_eye.working_point.tolist(),
         "working_std": hand_eye.working_point_std,
-        "residuals": _with_nulls(hand_eye.residuals),
-        "held_out": _with_nulls(hand_eye.leave_one_out_residuals),
+        "residuals": _replace_nan_by_null(hand_eye.residuals),
+        "held_out": _replace_nan_by_null(hand_eye.leave_one_out_residuals),
         "rejected": [{"index": r.index, "reason": r.reason} for r in hand_eye.rejected],
         "target": _target_document(hand_eye.target),
         "robot_std": list(hand_eye.robot_std),
@@ -57,14 +57,16 @@ def write_hand_eye(
     write_atomic(path, json.dumps(document, indent=2) + "\n")
 
 
-def read_hand_eye(path: str | os.PathLike[str], build: "type[HandEyeClass]") -> "HandEyeClass":
-    """Read a calibration that `write_hand_eye` wrote; see `HandEye.load`.
+def read_hand_eye(
+    path: str | os.PathLike[str], hand_eye_class: "type[HandEyeClass]"
+) -> "HandEyeClass":
+    """Return a calibration that `write_hand_eye` wrote; see `HandEye.load`.
 
     Parameters
     ----------
     path : path
-        ``.json``.
-    build : type
+        File with the ending ``.json``.
+    hand_eye_class : type
         `HandEye`, which this module does not import.
 
     Raises
@@ -88,7 +90,7 @@ def read_hand_eye(path: str | os.PathLike[str], build: "type[HandEyeClass]") -> 
             f"{path}: expected units {UNITS}, got {document['units']}: convert its numbers"
         )
     try:
-        hand_eye = build(**_arguments(document))
+        hand_eye = hand_eye_class(**_arguments_from_document(document))
         _check_numbers(hand_eye)
     except KeyError as error:
         raise UnreadableFile(
@@ -103,8 +105,8 @@ def read_hand_eye(path: str | os.PathLike[str], build: "type[HandEyeClass]") -> 
     return hand_eye
 
 
-def _arguments(document: dict[str, Any]) -> dict[str, Any]:
-    """Return the arguments of `HandEye` that a file holds."""
+def _arguments_from_document(document: dict[str, Any]) -> dict[str, Any]:
+    """Return the arguments of `HandEye` from the document of a file."""
     ambiguity = document["ambiguity"]
     position, rotation = document["robot_std"]
     return {
@@ -113,7 +115,7 @@ def _arguments(document: dict[str, Any]) -> dict[str, Any]:
         "residuals": np.array(document["residuals"], dtype=np.float64),
         "leave_one_out_residuals": np.array(document["held_out"], dtype=np.float64),
         "rejected": tuple(RejectedPose(r["index"], r["reason"]) for r in document["rejected"]),
-        "target": _target_of(document["target"]),
+        "target": _target_from_document(document["target"]),
         "working_point": document["working_point"],
         "robot_std": (float(position), float(rotation)),
         "ambiguity_ratio": float("inf") if ambiguity is None else float(ambiguity),
@@ -121,8 +123,8 @@ def _arguments(document: dict[str, Any]) -> dict[str, Any]:
         "least_determined_direction": document["weakest"],
         "mounting": document["mounting"],
         "sensor": document["sensor"],
-        "height_scale": _factor_of(document.get("height_factor")),
-        "target_scale": _factor_of(document.get("target_factor")),
+        "height_scale": _scale_from_document(document.get("height_factor")),
+        "target_scale": _scale_from_document(document.get("target_factor")),
     }
 
 
@@ -172,12 +174,12 @@ def check_covariance(covariance: npt.NDArray[np.float64]) -> None:
     Parameters
     ----------
     covariance : (n, n) ndarray
-        Finite, symmetric and positive semi-definite, each within rounding.
+        Expected to be finite, symmetric and positive semi-definite, within rounding.
 
     Raises
     ------
     ValueError
-        If it is not.
+        If the matrix is not a covariance.
 
     Examples
     --------
@@ -201,10 +203,10 @@ def check_covariance(covariance: npt.NDArray[np.float64]) -> None:
         )
 
 
-def _factor_of(given: Any) -> tuple[float, float] | None:
-    if given is None:
+def _scale_from_document(value: Any) -> tuple[float, float] | None:
+    if value is None:
         return None
-    factor, std = given
+    factor, std = value
     return float(factor), float(std)
 
 
@@ -221,7 +223,7 @@ def _target_document(target: Sphere | Plane | Pose) -> dict[str, Any]:
     return {"kind": "board", "pose": target.matrix.tolist()}
 
 
-def _target_of(document: dict[str, Any]) -> Sphere | Plane | Pose:
+def _target_from_document(document: dict[str, Any]) -> Sphere | Plane | Pose:
     kind = document["kind"]
     if kind == "sphere":
         return Sphere(document["centre"], document["radius"], document["radius_std"])
@@ -232,5 +234,5 @@ def _target_of(document: dict[str, Any]) -> Sphere | Plane | Pose:
     raise ValueError(f"target of kind {kind!r}")
 
 
-def _with_nulls(lengths: "np.ndarray[Any, np.dtype[np.float64]]") -> list[float | None]:
+def _replace_nan_by_null(lengths: "np.ndarray[Any, np.dtype[np.float64]]") -> list[float | None]:
     return [float(value) if np.isfinite(value) else None for value in lengths]

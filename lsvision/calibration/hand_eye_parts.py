@@ -18,11 +18,11 @@ class Sphere(ComparedByValue):
     Parameters
     ----------
     centre : (3,) array_like
-        In the base frame (eye in hand) or the flange frame (eye to hand). Units: mm.
+        Centre in the base frame (eye in hand) or flange frame (eye to hand). Units: mm.
     radius : float
         Radius of the sphere. Units: mm.
     radius_std : float
-        Standard deviation; 0 where the radius was given. Units: mm.
+        Standard deviation of the radius; 0 if the radius was given. Units: mm.
     """
 
     centre: FloatArray
@@ -42,7 +42,7 @@ class RejectedPose:
     index : int
         Index of the pose, from 0.
     reason : str
-        Reason with numbers.
+        Reason in words, with numbers.
     """
 
     index: int

@@ -30,16 +30,32 @@ from lsvision.calibration.pose_outliers import (
     RobustHandEyeFit,
     ambiguity_ratio,
     fit_with_outlier_rejection,
-    multi_start,
+    solve_from_all_guesses,
 )
 from lsvision.errors import CalibrationFailed, DegenerateGeometry, FitFailed
 from lsvision.geometry import FloatArray, Plane, Pose
 from lsvision.geometry.arrays import rms
 
+MAX_NOISE_RATIO = 4.0
+"""Ratio of the largest rms residual that is accepted to the one that the stated noise explains."""
+MAX_ROBOT_STD_SCALE = 40.0
+"""Largest standard deviation of a robot that is accepted, in units of `NOMINAL_ROBOT_STD`: 2 mm and
+0.4 deg. Wrong conventions and shuffled pairs give 300 and more."""
+MIN_LIMIT_MM = 3.0
+"""Rms residual up to which a calibration is accepted at any noise; its covariance grows with the
+residuals. Units: mm."""
+MAX_RMS_RATIO = 0.35
+"""Largest ratio of the rms residual under a reported hypothesis (moved target, mispaired poses) to
+that without it."""
+SIGNIFICANCE = 1e-4
+"""Probability, over all splits of the poses, of reporting a moved target that did not move."""
+MAX_EXPLAINED_RMS_MM = 1.5
+"""Largest rms residual under such a reported hypothesis. Units: mm."""
+
 
 @dataclass(frozen=True, eq=False)
 class ResultContext:
-    """Data of the result that are not part of the solution.
+    """Data of the result that are not in the solution.
 
     Parameters
     ----------
@@ -64,7 +80,7 @@ class ResultContext:
 def solve_hand_eye(
     observations: Observations, poses: Sequence[Pose], min_poses: int, settings: HandEyeSettings
 ) -> RobustHandEyeFit:
-    """Solve for the sensor pose on the inlier poses, or raise an error with the diagnosis.
+    """Return the solution on the inlier poses, or raise an error with the most likely cause.
 
     `poses` are ``base_from_flange`` of each observation, `min_poses` the smallest number of them
     that determines the problem.
@@ -121,8 +137,8 @@ def _explained_residual_rms(
             observations.covariances,
         )
     )
-    factor = MAX_ROBOT_STD_SCALE if settings.robot_std is None else HEAVY_TAILS
-    return max(float(np.hypot(factor * robot**0.5, HEAVY_TAILS * sensor**0.5)), MIN_LIMIT_MM)
+    factor = MAX_ROBOT_STD_SCALE if settings.robot_std is None else MAX_NOISE_RATIO
+    return max(float(np.hypot(factor * robot**0.5, MAX_NOISE_RATIO * sensor**0.5)), MIN_LIMIT_MM)
 
 
 def _diagnose(
@@ -151,7 +167,7 @@ def build_hand_eye(
     target: Sphere | Plane | Pose,
     context: ResultContext,
 ) -> HandEye:
-    """Build the result, unless another solution fits nearly as well.
+    """Return the result, unless another solution fits nearly as well.
 
     Raises
     ------
@@ -211,23 +227,6 @@ def _expand_to_all_poses(values: FloatArray, context: ResultContext) -> FloatArr
     return expanded
 
 
-HEAVY_TAILS = 4.0
-"""Ratio of the largest rms residual that is accepted to the one that the stated noise explains."""
-MAX_ROBOT_STD_SCALE = 40.0
-"""Largest standard deviation of a robot that is accepted, in units of `NOMINAL_ROBOT_STD`: 2 mm and
-0.4 deg. Wrong conventions and shuffled pairs give 300 and more."""
-MIN_LIMIT_MM = 3.0
-"""Rms residual up to which a calibration is accepted at any noise; its covariance grows with the
-residuals. Units: mm."""
-MAX_RMS_RATIO = 0.35
-"""Largest ratio of the rms residual under a reported hypothesis (moved target, mispaired poses) to
-that without it."""
-SIGNIFICANCE = 1e-4
-"""Probability, over all splits of the poses, of reporting a moved target that did not move."""
-MAX_EXPLAINED_RMS_MM = 1.5
-"""Largest rms residual under such a hypothesis. Units: mm."""
-
-
 def residual_norms(observations: Observations, residuals: FloatArray) -> FloatArray:
     """Return the norms (n,) of residuals (n, m) in mm."""
     norms: FloatArray = np.linalg.norm(residuals * observations.mm_per_residual, axis=-1)
@@ -237,13 +236,15 @@ def residual_norms(observations: Observations, residuals: FloatArray) -> FloatAr
 def detect_moved_target(
     observations: Observations, mask: FloatArray, fit: ErrorsInVariablesFit | None = None
 ) -> str | None:
-    """Return a description of the target's motion between two poses; None if it did not move.
+    """Return the message that the target moved between two poses; None if it did not move.
 
     It moved if two targets, one before and one after some pose, fit far better than one. `mask`
     (n,) excludes outlying poses, which must not be mistaken for a moved target. Without `fit` all
-    initial guesses are tried, with the weights of the search.
+    initial guesses are tried, weighted by `search_whitening`.
     """
-    initial_guess = fit.states if fit else multi_start(observations, mask)[0].select(np.array([0]))
+    initial_guess = (
+        fit.states if fit else solve_from_all_guesses(observations, mask)[0].select(np.array([0]))
+    )
     one_target = _fit_hypothesis(observations, initial_guess, mask, fit)
     two_targets = {}
     for split in range(1, len(mask)):
@@ -255,7 +256,7 @@ def detect_moved_target(
         split_guess = (
             _duplicate_target(initial_guess)
             if fit
-            else multi_start(split_observations, mask)[0].select(np.array([0]))
+            else solve_from_all_guesses(split_observations, mask)[0].select(np.array([0]))
         )
         two_targets[split] = _fit_hypothesis(split_observations, split_guess, mask, fit)
     if not two_targets:
@@ -288,7 +289,7 @@ def _fit_hypothesis(
     mask: FloatArray,
     fit: ErrorsInVariablesFit | None,
 ) -> _TargetHypothesis:
-    """Fit the targets of the observations' groups, weighted by the fit if there is one."""
+    """Return a fit with one target for each group, with the weights of `fit` if it is given."""
     if fit is None:
         whitening = search_whitening(observations, mask[None])
     else:
@@ -319,13 +320,13 @@ def _f_test_p_value(one_target: _TargetHypothesis, two_targets: _TargetHypothesi
 
 
 def detect_mispaired_poses(observations: Observations, rms: float) -> str | None:
-    """Return how poses and profiles are shifted or reversed; None if they are not."""
-    what = "board" if isinstance(observations, BoardObservations) else "profile"
+    """Return the message that poses and profiles are shifted or reversed; None if not."""
+    observation = "board" if isinstance(observations, BoardObservations) else "profile"
     all_poses = np.ones(len(observations.flanges))
     order = np.arange(len(all_poses))
     for explanation, permutation in (
-        (f"each {what} belongs to the next pose", np.roll(order, -1)),
-        (f"each {what} belongs to the pose before", np.roll(order, 1)),
+        (f"each {observation} belongs to the next pose", np.roll(order, -1)),
+        (f"each {observation} belongs to the pose before", np.roll(order, 1)),
         ("the poses are in reverse order", order[::-1]),
     ):
         trial = replace(observations, flanges=observations.flanges.select(permutation))
@@ -335,7 +336,7 @@ def detect_mispaired_poses(observations: Observations, rms: float) -> str | None
             if "each" in explanation
             else all_poses
         )
-        states, _ = multi_start(trial, mask)
+        states, _ = solve_from_all_guesses(trial, mask)
         if _residual_rms(trial, states, mask) < min(MAX_RMS_RATIO * rms, MAX_EXPLAINED_RMS_MM):
             return f"{explanation}: pairs shifted against each other"
     return None
@@ -348,6 +349,6 @@ def _residual_rms(observations: Observations, states: States, mask: FloatArray) 
 
 
 def _duplicate_target(states: States) -> States:
-    """Duplicate the target."""
+    """Return states with two targets, both equal to the first."""
     targets = np.repeat(states.targets[:, :1], 2, axis=1)
     return States(states.rotations, states.translations, targets)

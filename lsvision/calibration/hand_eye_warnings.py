@@ -12,8 +12,8 @@ SCALE_SIGMAS = 4.0
 MIN_HEIGHT_SCALE_ERROR = 0.005
 """Deviation of the height scale from 1 above which a warning is given."""
 MIN_BOARD_SCALE_ERROR = 0.003
-"""Deviation of a board's scale from 1 above which a warning is given; a camera's focal length errs
-by as much."""
+"""Deviation of a board's scale from 1 above which a warning is given; the error of a camera's
+focal length may be as large."""
 
 
 def hand_eye_warnings(
@@ -28,11 +28,11 @@ def hand_eye_warnings(
     """
     warnings = []
     if residual_rms > LARGE_RESIDUAL_MM:
-        warnings.append(_residual_finding(residual_rms, robot_std))
+        warnings.append(_describe_residuals(residual_rms, robot_std))
     if height_scale and is_wrong_scale(height_scale, MIN_HEIGHT_SCALE_ERROR):
-        warnings.append(_height_finding(height_scale))
+        warnings.append(_describe_height_scale(height_scale))
     if target_scale and is_wrong_scale(target_scale, MIN_BOARD_SCALE_ERROR):
-        warnings.append(board_finding(target_scale))
+        warnings.append(describe_board_scale(target_scale))
     return tuple(warnings)
 
 
@@ -42,12 +42,12 @@ def is_wrong_scale(scale: Scale, min_error: float) -> bool:
     return abs(factor - 1) >= max(SCALE_SIGMAS * std, min_error)
 
 
-def board_finding(scale: Scale) -> str:
-    """Return in words what the scale of a board shows, with the remedy.
+def describe_board_scale(scale: Scale) -> str:
+    """Return the message on a board whose size was stated wrong, with the remedy.
 
     Examples
     --------
-    >>> board_finding((0.99, 0.0004)).split(":")[0]
+    >>> describe_board_scale((0.99, 0.0004)).split(":")[0]
     "by the robot's motion the size of the board must be multiplied by 0.9900 +/- 0.0004"
     """
     factor, std = scale
@@ -58,16 +58,16 @@ def board_finding(scale: Scale) -> str:
     )
 
 
-def _residual_finding(residual_rms: float, robot_std: tuple[float, float]) -> str:
+def _describe_residuals(residual_rms: float, robot_std: tuple[float, float]) -> str:
     position, rotation = robot_std
     return (
-        f"the poses leave {residual_rms:.2g} mm, as of a robot of {position:.2g} mm and "
-        f"{math.degrees(rotation):.2g} deg an axis: if yours is better, check the size of the "
+        f"the residuals are {residual_rms:.2g} mm rms, as with a robot of {position:.2g} mm and "
+        f"{math.degrees(rotation):.2g} deg per axis: if yours is better, check the size of the "
         "target, the convention of the poses, and that the robot stood still"
     )
 
 
-def _height_finding(scale: Scale) -> str:
+def _describe_height_scale(scale: Scale) -> str:
     factor, std = scale
     return (
         f"the sensor's heights must be multiplied by {factor:.3f} +/- {std:.3f}: is their "

@@ -46,7 +46,7 @@ MIN_BOW_VIEWS = 6
 OUTLIER_FACTOR = 2.5
 """Smallest ratio of an outlier view's rms residual to the median."""
 
-NAMES = (
+PARAMETER_NAMES = (
     *("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3"),
     *("k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y"),
 )
@@ -55,12 +55,12 @@ NAMES = (
 
 @dataclass(frozen=True, kw_only=True)
 class CameraSettings:
-    """Parameters of the camera model; the default has as few as most lenses need.
+    """Parameters of the camera model that are estimated; the default suffices for most lenses.
 
     Parameters
     ----------
     radial_terms : int
-        0 to 3: how many of k1, k2, k3 are estimated; the others are 0.
+        Number of radial coefficients k1, k2, k3 that are estimated (0 to 3); the others are 0.
     tangential : bool
         Whether p1 and p2 are estimated.
     fixed_aspect : bool
@@ -69,8 +69,8 @@ class CameraSettings:
         Whether tau_x and tau_y are estimated: only for a sensor that is tilted behind the lens
         (Scheimpflug).
     bent_board : bool
-        Whether bow and twist of the board are estimated too, from six views on and if they are
-        significant.
+        Whether bow and twist of the board are estimated, too, if there are at least six views and
+        they are significant.
     """
 
     radial_terms: int = 2
@@ -97,22 +97,22 @@ class CameraSettings:
 
 @dataclass(frozen=True, eq=False)
 class CalibratedView(ComparedByValue):
-    """One view after the calibration.
+    """View with the pose and the residuals of its board after the calibration.
 
     Parameters
     ----------
     index : int
         Index of the image.
-    seen : TargetView
+    target_view : TargetView
         Points of the target in the image.
     camera_from_board : Pose
         Pose of the board.
     residuals : (n, 2) ndarray
-        Projected minus observed. Units: px.
+        Residuals of the points, projected minus observed. Units: px.
     """
 
     index: int
-    seen: TargetView
+    target_view: TargetView
     camera_from_board: Pose
     residuals: FloatArray
 
@@ -129,7 +129,7 @@ class CameraCalibration(Result):
     Parameters
     ----------
     camera : Camera
-        The result.
+        Calibrated camera.
     std : mapping of str to float
         Standard deviation of fx, fy, cx, cy (px) and each coefficient; 0 for fixed ones.
     views : tuple of CalibratedView
@@ -166,7 +166,7 @@ class CameraCalibration(Result):
 
     @property
     def parameters(self) -> dict[str, tuple[float, float]]:
-        """Value and one sigma of fx, fy, cx, cy (px) and of each coefficient of distortion."""
+        """Value and standard deviation of fx, fy, cx, cy (px) and the distortion coefficients."""
         return result_tables.camera_parameters(self)
 
     def to_dict(self) -> Record:
@@ -198,17 +198,17 @@ def calibrate_camera(
     Parameters
     ----------
     images : sequence of images
-        8 or 16 bit, grey or colour, all of one size; best 15 to 20, the target tilted by
+        Images of 8 or 16 bit, grey or colour, all of one size; best 15 to 20, the target tilted by
         25 deg and more to all sides and reaching into every corner of the image.
     target : Target
-        The board.
+        Board in the images.
     settings : CameraSettings, optional
         Parameters of the camera model.
 
     Returns
     -------
     CameraCalibration
-        The camera with standard deviations, residuals of each view, and warnings.
+        Camera with standard deviations, residuals of each view, and warnings.
 
     Raises
     ------
@@ -222,61 +222,61 @@ def calibrate_camera(
     >>> from lsvision.io.images import read_image
     >>> from lsvision.calibration.target import ChArUco
     >>> files = [f"calibration/example/boards/board_{k:02d}.jpg" for k in (0, 3, 6, 9, 12)]
-    >>> found = calibrate_camera([read_image(file) for file in files], ChArUco())
-    >>> len(found.views), found.rms_px < 0.5
+    >>> calibration = calibrate_camera([read_image(file) for file in files], ChArUco())
+    >>> len(calibration.views), calibration.rms_px < 0.5
     (5, True)
     """
     _require_equal_sizes(images)
-    seen, sources = collect_views(
+    views, sources = collect_views(
         images, lambda image: find_target(image, target), lambda view: view.pixels.tobytes()
     )
-    calibration = fit_camera(seen, settings, sources)
-    left_out = left_out_warnings(target, seen, sources.names(len(seen)))
+    calibration = fit_camera(views, settings, sources)
+    left_out = left_out_warnings(target, views, sources.names(len(views)))
     return replace(calibration, warnings=(*calibration.warnings, *left_out))
 
 
 def fit_camera(
-    seen: Sequence[TargetView],
+    views: Sequence[TargetView],
     settings: CameraSettings | None = None,
     sources: ViewSources | None = None,
 ) -> CameraCalibration:
-    """Calibrate a camera from detected points: at least three views of one image size.
+    """Return a camera calibrated from the points of at least three views of one image size.
 
     `sources` are the image indices of the views. See `calibrate_camera` for result and errors.
     """
     sources = sources or ViewSources()
-    require_views(len(seen), MIN_VIEWS, "the target", "add images of the board", sources)
+    require_views(len(views), MIN_VIEWS, "the target", "add images of the board", sources)
     settings = settings or CameraSettings()
-    solution = _solve(seen, settings)
+    solution = _solve(views, settings)
     camera, std, poses = solution.camera, solution.std, solution.poses
     require_tilted(poses, "the focal length")
-    views = tuple(
+    calibrated_views = tuple(
         CalibratedView(index, view, pose, camera.project(pose.apply(points)) - view.pixels)
         for index, view, pose, points in zip(
-            sources.names(len(seen)), seen, poses, solution.points, strict=True
+            sources.names(len(views)), views, poses, solution.points, strict=True
         )
     )
     outliers = outlier_views(
-        [view.index for view in views],
-        [view.rms_px for view in views],
+        [view.index for view in calibrated_views],
+        [view.rms_px for view in calibrated_views],
         OUTLIER_FACTOR,
         ("", "blurred, moved, or wrong points; leave it out and calibrate again"),
     )
     return CameraCalibration(
         camera,
-        MappingProxyType(dict(zip(NAMES, std.tolist(), strict=False))),
-        views,
+        MappingProxyType(dict(zip(PARAMETER_NAMES, std.tolist(), strict=False))),
+        calibrated_views,
         sources.rejected,
         tuple(outliers),
-        (*check_camera(camera, std, seen, poses), *bow_warning(solution.bow, solution.bow_std)),
+        (*check_camera(camera, std, views, poses), *bow_warning(solution.bow, solution.bow_std)),
         solution.covariance,
         solution.bow,
         solution.bow_std,
     )
 
 
-def _free(std: FloatArray, settings: CameraSettings) -> BoolArray:
-    """Return which intrinsics are estimated independently; not fx if the aspect is fixed."""
+def _independent_mask(std: FloatArray, settings: CameraSettings) -> BoolArray:
+    """Return the mask of independently estimated intrinsics: without fx if fx = fy."""
     free: BoolArray = std > 0
     free[0] &= not settings.fixed_aspect
     return free
@@ -295,22 +295,22 @@ class _Solution:
     bow_std: FloatArray
 
 
-def _solve(seen: Sequence[TargetView], settings: CameraSettings) -> _Solution:
+def _solve(views: Sequence[TargetView], settings: CameraSettings) -> _Solution:
     """Return camera, poses and board by least squares; flat unless it is significantly bent."""
-    matrix, distortion, std, poses = _solve_flat(seen, settings)
-    camera, free = Camera(matrix, distortion, seen[0].size), _free(std, settings)
-    enough = settings.bent_board and len(seen) >= MIN_BOW_VIEWS
-    bent = fit_bent_board(camera, seen, poses, free) if enough else None
+    matrix, distortion, std, poses = _solve_flat(views, settings)
+    camera, free = Camera(matrix, distortion, views[0].size), _independent_mask(std, settings)
+    fits_bow = settings.bent_board and len(views) >= MIN_BOW_VIEWS
+    bent = fit_bent_board(camera, views, poses, free) if fits_bow else None
     if bent is None:
-        covariance = intrinsics_covariance(camera, seen, poses, free)
-        points, flat = [view.points for view in seen], np.zeros(SHAPE_TERMS)
+        covariance = intrinsics_covariance(camera, views, poses, free)
+        points, flat = [view.points for view in views], np.zeros(SHAPE_TERMS)
         return _Solution(camera, std, covariance, poses, points, flat, flat)
     return _Solution(
         bent.camera,
         np.sqrt(bent.covariance.diagonal()),
         bent.covariance,
         bent.poses,
-        [bent.shape.bent(view.points, bent.bow) for view in seen],
+        [bent.shape.bent(view.points, bent.bow) for view in views],
         bent.bow,
         bent.bow_std,
     )
@@ -327,25 +327,25 @@ def _one_opencv_thread() -> Iterator[None]:
         cv2.setNumThreads(threads)
 
 
-def _solve_from_initial_guesses(seen: Sequence[TargetView], flags: int) -> list[Any]:
+def _solve_from_initial_guesses(views: Sequence[TargetView], flags: int) -> list[Any]:
     """Return OpenCV's solutions from two initial guesses, those that are finite.
 
     Without an initial guess OpenCV 5 sometimes converges to a wrong minimum.
     """
-    points = [np.ascontiguousarray(view.points, dtype=np.float32) for view in seen]
-    pixels = [view.pixels.astype(np.float32).reshape(-1, 1, 2) for view in seen]
-    size = seen[0].size
+    points = [np.ascontiguousarray(view.points, dtype=np.float32) for view in views]
+    pixels = [view.pixels.astype(np.float32).reshape(-1, 1, 2) for view in views]
+    size = views[0].size
     linear_guess = cv2.initCameraMatrix2D(points, pixels, size, 1.0)
     initial_guesses: list[tuple[Any, int]] = [
         (np.eye(3), 0),
         (linear_guess, cv2.CALIB_USE_INTRINSIC_GUESS),
     ]
     solutions = []
-    for guess, more in initial_guesses:
+    for guess, guess_flag in initial_guesses:
         try:
             with _one_opencv_thread():
                 solution = cv2.calibrateCameraExtended(
-                    points, pixels, size, guess.copy(), None, flags=flags | more
+                    points, pixels, size, guess.copy(), None, flags=flags | guess_flag
                 )
         except cv2.error:
             continue
@@ -355,13 +355,13 @@ def _solve_from_initial_guesses(seen: Sequence[TargetView], flags: int) -> list[
 
 
 def _solve_flat(
-    seen: Sequence[TargetView], settings: CameraSettings
+    views: Sequence[TargetView], settings: CameraSettings
 ) -> tuple[FloatArray, FloatArray, FloatArray, list[Pose]]:
     """Return camera matrix, distortion, standard deviations and poses by least squares."""
-    solutions = _solve_from_initial_guesses(seen, settings.flags)
+    solutions = _solve_from_initial_guesses(views, settings.flags)
     if not solutions:
         raise CalibrationFailed(
-            f"{len(seen)} views are not consistent with one camera: check the target's counts and "
+            f"{len(views)} views are not consistent with one camera: check the target's counts and "
             "size, and that all images come from one camera"
         )
     _, matrix, distortion, rotation_vectors, translations, std, _, _ = min(

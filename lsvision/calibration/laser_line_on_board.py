@@ -30,9 +30,9 @@ from lsvision.sensors.camera import Camera
 EDGE_INFLUENCE_SIGMAS = 2.5
 """Distance in line widths (sigma) within which the background shifts the line's centre."""
 
-MIN_BESIDE_BRIGHTNESS_RATIO = 3.0
-"""Smallest ratio of the brightness of a line beside the board to that of a line on it at which the
-latter is assumed to be a reflection or an edge."""
+MIN_OUTSIDE_BRIGHTNESS_RATIO = 3.0
+"""Smallest ratio of the brightness of a line outside the board to that of a line on it at which the
+line on the board is assumed to be a reflection or an edge."""
 
 MIN_UNIFORM_FRACTION = 0.15
 """Smallest fraction of points on uniform background; below it the line itself is in the image."""
@@ -41,7 +41,7 @@ LINE_REMEDY = (
     "darken the room, expose until the line is bright, or set channel to the laser's colour "
     "(--laser)"
 )
-"""What helps to find a line on a board, in Python and in the commands of calibrations."""
+"""Remedy for a line that is not found, in Python and in the commands of calibrations."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,8 +53,8 @@ class LineOnBoardSettings:
     extraction : LineSettings, optional
         Settings of `extract_laser_line`; its defaults if None.
     margin : float
-        Width of the flat, white border beyond the outermost points of the target. A line that is
-        only seen farther out is reported and not used. Units: squares.
+        Width of the flat, white border beyond the outermost points of the target. A line farther
+        out is reported and not used. Units: squares.
     edge_clearance : float
         Smallest distance of a line point from the edge of a square or disc, which shifts the line's
         centre; applies within the pattern. Units: squares.
@@ -86,14 +86,14 @@ def find_laser_views(
     line_images: Sequence[npt.ArrayLike],
     settings: LineOnBoardSettings,
 ) -> tuple[list[LaserView], ViewSources]:
-    """Find board and laser line in each pair of images.
+    """Return board and laser line of each pair of images.
 
     Parameters
     ----------
     camera : Camera
-        For the size of the images and the straightness of the line.
+        Camera that took the images; its distortion tells whether the line is straight.
     target : Target
-        The board.
+        Board in the images.
     board_images, line_images : sequence of images
         Images of the board without and with the laser line, in the same order.
     settings : LineOnBoardSettings
@@ -104,7 +104,7 @@ def find_laser_views(
     views : list of LaserView
         Measurements of the pairs.
     sources : ViewSources
-        Indices of these pairs, and the rejected ones with the reason.
+        Indices of these pairs, and the rejected pairs with the reason.
 
     Raises
     ------
@@ -136,12 +136,12 @@ def find_laser_view(
     line_image: npt.ArrayLike,
     settings: LineOnBoardSettings,
 ) -> LaserView:
-    """Find board and laser line of one pose.
+    """Return board and laser line of one pair of images.
 
     Returns
     -------
     LaserView
-        See `find_laser_views` for the parameters.
+        Corners and line points; see `find_laser_views` for the parameters.
 
     Raises
     ------
@@ -154,7 +154,7 @@ def find_laser_view(
     board_grey = grey_image(interpolated_grey(as_image(board_image), bayer))
     board_view = find_target(board_grey, target)
     outline = _outline(board_view, target, settings.margin)
-    beside = _line_beside(camera, target, board_view, line_image, settings)
+    outside = _find_line_outside(camera, target, board_view, line_image, settings)
     try:
         low = np.maximum(np.floor(outline.min(axis=0)), 0).astype(int)
         low -= low % 2  # A part of a mosaic begins with the same colour as the whole.
@@ -162,15 +162,17 @@ def find_laser_view(
         window = np.asarray(line_image)[low[1] : high[1], low[0] : high[0]]
         line = _extract(window, settings)
         background = None if np.array_equal(board_image, line_image) else board_grey
-        indices = _indices_on_board(camera, target, background, board_view, (line, low), settings)
+        indices = _find_indices_on_board(
+            camera, target, background, board_view, (line, low), settings
+        )
     except LsvisionError as error:
-        if beside is None:
+        if outside is None:
             raise
-        raise CalibrationFailed(beside.message(settings.margin)) from error
-    if beside and beside.intensity > MIN_BESIDE_BRIGHTNESS_RATIO * np.median(
+        raise CalibrationFailed(outside.message(settings.margin)) from error
+    if outside and outside.intensity > MIN_OUTSIDE_BRIGHTNESS_RATIO * np.median(
         line.intensity[indices]
     ):
-        raise CalibrationFailed(beside.message(settings.margin))
+        raise CalibrationFailed(outside.message(settings.margin))
     indices = indices[:: max(1, len(indices) // settings.max_points)]
     return LaserView(
         board_view.points, board_view.pixels, line.pixels[indices] + low, line.std[indices]
@@ -178,7 +180,7 @@ def find_laser_view(
 
 
 def _extract(window: npt.ArrayLike, settings: LineOnBoardSettings) -> LaserLine:
-    """Extract the line; an error names the settings of a calibration, and their options."""
+    """Return the line in a window; an error names the settings and options of a calibration."""
     try:
         return extract_laser_line(window, _extraction(settings))
     except NoLaserLine as error:
@@ -186,13 +188,13 @@ def _extract(window: npt.ArrayLike, settings: LineOnBoardSettings) -> LaserLine:
 
 
 def _extraction(settings: LineOnBoardSettings) -> LineSettings:
-    """Return the settings for a line on a pattern, which the laser's colour alone ignores."""
+    """Return settings that use the laser's colour channel, in which the pattern disturbs less."""
     return replace(settings.extraction or LineSettings(), luminance=False)
 
 
 @dataclass(frozen=True)
-class _LineBeside:
-    """A straight line beside the board: the margin that would include it, and its brightness."""
+class _LineOutside:
+    """Straight line outside the board: the margin that would include it, and its brightness."""
 
     squares: float
     intensity: float
@@ -205,39 +207,39 @@ class _LineBeside:
         )
 
 
-def _line_beside(
+def _find_line_outside(
     camera: Camera,
     target: Target,
     view: TargetView,
     line_image: npt.ArrayLike,
     settings: LineOnBoardSettings,
-) -> _LineBeside | None:
-    """Return the line of the whole image if it is straight and beside the board, else None."""
+) -> _LineOutside | None:
+    """Return the laser line of the image if it is straight and outside the board, else None."""
     try:
         line = extract_laser_line(line_image, _extraction(settings))
     except LsvisionError:
         return None
-    located = np.flatnonzero(np.isfinite(line.pixels).all(axis=1))
-    located = located[_line_inliers(camera, line.pixels[located], settings.max_line_deviation_px)]
-    if len(located) < settings.min_points:
+    indices = np.flatnonzero(np.isfinite(line.pixels).all(axis=1))
+    indices = indices[_line_inliers(camera, line.pixels[indices], settings.max_line_deviation_px)]
+    if len(indices) < settings.min_points:
         return None
-    squares = _squares_beside(line.pixels[located], view, target)
-    if (squares <= settings.margin).sum() >= settings.min_points:
+    distances = _distances_outside(line.pixels[indices], view, target)
+    if (distances <= settings.margin).sum() >= settings.min_points:
         return None
     # Twice as many points as are needed, since some of them will be left out.
-    enough = min(2 * settings.min_points, len(squares)) - 1
-    return _LineBeside(float(np.sort(squares)[enough]), float(np.median(line.intensity[located])))
+    rank = min(2 * settings.min_points, len(distances)) - 1
+    return _LineOutside(float(np.sort(distances)[rank]), float(np.median(line.intensity[indices])))
 
 
-def _squares_beside(pixels: Points, view: TargetView, target: Target) -> FloatArray:
-    """Return how far points lie beside the outermost corners, in squares."""
-    on_board = _on_board(pixels, view)
+def _distances_outside(pixels: Points, view: TargetView, target: Target) -> FloatArray:
+    """Return the distances of points outside the outermost corners, in squares; negative inside."""
+    on_board = _map_to_board(pixels, view)
     low, high = _bounds(target)
     distance: FloatArray = np.maximum(low - on_board, on_board - high).max(axis=1)
     return distance / _pitch(target)
 
 
-def _indices_on_board(
+def _find_indices_on_board(
     camera: Camera,
     target: Target,
     background: npt.NDArray[np.uint8] | None,
@@ -251,15 +253,17 @@ def _indices_on_board(
     """
     line, low = line_and_corner
     pixels, outline = line.pixels + low, _outline(board_view, target, settings.margin)
-    keep: BoolArray = np.asarray(np.isfinite(pixels).all(axis=1))
-    keep[keep] &= _inside(pixels[keep], outline)
-    keep[keep] &= _clear_of_edges(pixels[keep], board_view, target, settings.edge_clearance)
+    usable: BoolArray = np.asarray(np.isfinite(pixels).all(axis=1))
+    usable[usable] &= _inside(pixels[usable], outline)
+    usable[usable] &= _is_clear_of_edges(
+        pixels[usable], board_view, target, settings.edge_clearance
+    )
     if background is not None:
-        keep[keep] &= _on_uniform_background(
-            background, pixels[keep], line.width[keep], settings.max_background_variation
+        usable[usable] &= _on_uniform_background(
+            background, pixels[usable], line.width[usable], settings.max_background_variation
         )
-    keep[keep] &= _line_inliers(camera, pixels[keep], settings.max_line_deviation_px)
-    indices = np.flatnonzero(keep)
+    usable[usable] &= _line_inliers(camera, pixels[usable], settings.max_line_deviation_px)
+    indices = np.flatnonzero(usable)
     if len(indices) < settings.min_points:
         raise CalibrationFailed(
             f"{len(indices)} points of the laser line lie on the board clear of its squares' edges "
@@ -276,7 +280,7 @@ def _pitch(target: Target) -> float:
     return float(np.sort(np.hypot(*(points - points[0]).T))[1])
 
 
-def _on_board(pixels: Points, view: TargetView) -> Points:
+def _map_to_board(pixels: Points, view: TargetView) -> Points:
     """Return the points (n, 2) of the board plane that pixels show. Units: mm."""
     inverse = np.asarray(np.linalg.inv(board_homography(view)), dtype=np.float64)
     return apply_homography(inverse, pixels)
@@ -298,7 +302,7 @@ def _outline(view: TargetView, target: Target, margin: float) -> Points:
 
 
 def _inside(pixels: Points, outline: Points) -> BoolArray:
-    """Return which pixels are inside a convex quadrilateral."""
+    """Return the mask of pixels inside a convex quadrilateral."""
     edges = np.roll(outline, -1, axis=0) - outline
     side_of_edges = [
         edge[0] * (pixels - corner)[:, 1] - edge[1] * (pixels - corner)[:, 0]
@@ -309,29 +313,29 @@ def _inside(pixels: Points, outline: Points) -> BoolArray:
     return inside
 
 
-def _clear_of_edges(
+def _is_clear_of_edges(
     pixels: Points, view: TargetView, target: Target, clearance: float
 ) -> BoolArray:
-    """Return which points are far from the edges of squares or discs, or beside the pattern."""
+    """Return the mask of points far from the edges of squares or discs, or outside the pattern."""
     pitch = _pitch(target)
-    on_board = _on_board(pixels, view)
+    on_board = _map_to_board(pixels, view)
     if isinstance(target, CircleGrid):
         offset = on_board[:, None] - target.points[:, :2]
         distance = np.linalg.norm(offset, axis=2).min(axis=1, initial=np.inf)
         far: BoolArray = np.abs(distance - target.diameter / 2) >= clearance * pitch
         return far
     low, high = _bounds(target)
-    beside = ((on_board < low - 1.2 * pitch) | (on_board > high + 1.2 * pitch)).any(axis=1)
+    outside = ((on_board < low - 1.2 * pitch) | (on_board > high + 1.2 * pitch)).any(axis=1)
     squares = (on_board - low) / pitch
     edge_distance = np.abs(squares - np.round(squares)).min(axis=1)
-    clear: BoolArray = beside | (edge_distance >= clearance)
+    clear: BoolArray = outside | (edge_distance >= clearance)
     return clear
 
 
 def _on_uniform_background(
     grey: npt.NDArray[np.uint8], pixels: Points, widths: FloatArray, max_variation: float
 ) -> BoolArray:
-    """Return which points have a uniform background; all if the line is in the board image."""
+    """Return the mask of points on uniform background; all if the line is in the board image."""
     if not len(pixels):
         return np.zeros(0, dtype=bool)
     window_size = 2 * int(np.ceil(EDGE_INFLUENCE_SIGMAS * float(np.median(widths)))) + 1
@@ -344,18 +348,18 @@ def _on_uniform_background(
 
 
 def _line_inliers(camera: Camera, pixels: Points, tolerance: float) -> BoolArray:
-    """Return the largest set of points on a straight line in the undistorted image."""
+    """Return the mask of the most points on one straight line in the undistorted image."""
     if len(pixels) < 2:
         return np.zeros(len(pixels), dtype=bool)
     undistorted = camera.rays(pixels)[:, :2] * camera.focal_length
     # Deterministic: all pairs of up to 60 evenly spaced points.
     evenly_spaced = np.linspace(0, len(pixels) - 1, min(len(pixels), 60)).astype(int)
     sample = undistorted[evenly_spaced]
-    first, second = (sample[part] for part in np.triu_indices(len(sample), 1))
+    first, second = (sample[indices] for indices in np.triu_indices(len(sample), 1))
     normals = (second - first) @ np.array([[0.0, 1.0], [-1.0, 0.0]])
     length = np.hypot(*normals.T)
     normals = normals[length > 0] / length[length > 0, None]
     offset = np.einsum("ij,ij->i", normals, first[length > 0])
     inliers = np.abs(normals @ undistorted.T - offset[:, None]) < tolerance
-    best: BoolArray = inliers[inliers.sum(axis=1).argmax()]
-    return best
+    largest: BoolArray = inliers[inliers.sum(axis=1).argmax()]
+    return largest

@@ -74,10 +74,10 @@ class LaserPlaneSettings:
     Parameters
     ----------
     line : LineOnBoardSettings
-        Detection of the line on the board.
+        Settings of the detection of the line on the board.
     refine_camera_from, fit_bow_from : int
         Smallest number of views with which the camera's intrinsics, and the board's bow, are
-        refined. A large number keeps them fixed. The bow is also fixed where the line lies beside
+        refined. A large number keeps them fixed. The bow is also fixed if the line lies outside
         the patterns.
     """
 
@@ -101,13 +101,13 @@ def calibrate_laser_plane(
     camera : Camera
         Camera from `calibrate_camera`; refined together with the plane.
     target : Target
-        The board.
+        Board in the images.
     board_images : sequence of images
-        The board, evenly lit; one for each pose.
+        Images of the evenly lit board, one for each pose.
     line_images : sequence of images
-        The laser line on the unmoved board; in the same order. May be the same images.
+        Images of the laser line on the unmoved board, in the same order; may be `board_images`.
     settings : LaserPlaneSettings, optional
-        Detection, and numbers of views.
+        Settings of the detection, and numbers of views for the refinement.
     camera_covariance : (4 + k, 4 + k) ndarray, optional
         `CameraCalibration.covariance`; used where the views are too few to refine the camera.
         Without it such a camera is taken as exact.
@@ -115,8 +115,8 @@ def calibrate_laser_plane(
     Returns
     -------
     LaserPlaneCalibration
-        The light section with covariance, residuals and warnings, and with the blur along the line
-        where the board's edges show it (`measure_lens_blur`).
+        Light section with covariance, residuals and warnings, and with the blur along the line if
+        it can be measured on the board's edges (`measure_lens_blur`).
 
     Raises
     ------
@@ -136,22 +136,24 @@ def calibrate_laser_plane(
     >>> boards = [read_image(f"{folder}/boards/board_{name}") for name in names]
     >>> lines = [read_image(f"{folder}/lines/line_{name}") for name in names]
     >>> camera = calibrate_camera(boards, ChArUco()).camera
-    >>> found = calibrate_laser_plane(camera, ChArUco(), boards, lines)
-    >>> len(found.views), found.line_rms < 0.5
+    >>> calibration = calibrate_laser_plane(camera, ChArUco(), boards, lines)
+    >>> len(calibration.views), calibration.line_rms < 0.5
     (3, True)
     """
     settings = settings or LaserPlaneSettings()
     views, sources = find_laser_views(camera, target, board_images, line_images, settings.line)
     calibration = fit_laser_plane(camera, views, settings, sources, camera_covariance)
-    left_out = left_out_warnings(
+    corner_warnings = left_out_warnings(
         target,
         [TargetView(view.points, view.pixels, camera.size) for view in views],
         sources.names(len(views)),
     )
-    beside = _beside_warning(views, settings.line.margin)
-    calibration = replace(calibration, warnings=(*calibration.warnings, *beside, *left_out))
-    shots = [board_images[k] for k in sources.names(len(views))]
-    return _with_line_blur(calibration, shots, views, settings.line.extraction or LineSettings())
+    outside = _outside_warning(views, settings.line.margin)
+    calibration = replace(calibration, warnings=(*calibration.warnings, *outside, *corner_warnings))
+    used_images = [board_images[k] for k in sources.names(len(views))]
+    return _with_line_blur(
+        calibration, used_images, views, settings.line.extraction or LineSettings()
+    )
 
 
 def fit_laser_plane(
@@ -161,7 +163,7 @@ def fit_laser_plane(
     sources: ViewSources | None = None,
     camera_covariance: FloatArray | None = None,
 ) -> LaserPlaneCalibration:
-    """Calibrate the laser plane from detected corners and line points of at least two views.
+    """Return the laser plane calibrated from corners and line points of at least two views.
 
     `camera` is an initial guess; ``settings.line`` is not used; `sources` are the image indices of
     the views. See `calibrate_laser_plane` for result and errors.
@@ -213,19 +215,21 @@ def _plane_covariance(
     solution: BundleAdjustmentResult,
     camera_covariance: FloatArray | None,
 ) -> FloatArray:
-    """Return the covariance of the plane, that of a given camera and of two views included."""
+    """Return the covariance of the plane, with that of the camera; larger for two views."""
     covariance = solution.plane_covariance
     if camera_covariance is not None:
-        solve = partial(_plane_by_camera, views, solution)
-        by_camera = covariance_by_camera(solve, solution.state.camera, camera_covariance)
-        covariance = covariance + by_camera
+        solve = partial(_refit_plane, views, solution)
+        camera_covariance_of_plane = covariance_by_camera(
+            solve, solution.state.camera, camera_covariance
+        )
+        covariance = covariance + camera_covariance_of_plane
     return covariance * (TWO_VIEWS_STD_FACTOR**2 if len(views) == 2 else 1.0)
 
 
-def _plane_by_camera(
+def _refit_plane(
     views: Sequence[LaserView], solution: BundleAdjustmentResult, camera: Camera
 ) -> FloatArray:
-    """Return tilts (rad) and distance (mm) of the plane with another camera, from those of one."""
+    """Return the change of the plane's tilts (rad) and distance (mm) with another camera."""
     state = solution.state
     guess = BundleAdjustmentState(camera, state.plane, guess_board_poses(camera, views), state.bow)
     plane = adjust_bundle(views, guess, (False, False)).state.plane
@@ -235,16 +239,16 @@ def _plane_by_camera(
 
 def _pattern_fraction(views: Sequence[LaserView]) -> float:
     """Return the fraction of line points on the patterns."""
-    inside = []
+    on_pattern = []
     for view in views:
         hull = cv2.convexHull(view.pixels.astype(np.float32))
         for u, v in view.line_pixels:
-            inside.append(cv2.pointPolygonTest(hull, (float(u), float(v)), False) >= 0)
-    return float(np.mean(inside))
+            on_pattern.append(cv2.pointPolygonTest(hull, (float(u), float(v)), False) >= 0)
+    return float(np.mean(on_pattern))
 
 
-def _beside_warning(views: Sequence[LaserView], margin: float) -> list[str]:
-    """Return a warning about lines beside the patterns; none where no margin was set for them.
+def _outside_warning(views: Sequence[LaserView], margin: float) -> list[str]:
+    """Return a warning about lines outside the patterns; none if no margin was set for them.
 
     A surface 1 mm off the pattern's plane moves the plane by 1 mm at line residuals of 0.1 px (8
     boards tilted by 30 deg): only a margin that was set is used.
@@ -278,9 +282,9 @@ def _with_line_blur(
     views: Sequence[LaserView],
     line: LineSettings,
 ) -> LaserPlaneCalibration:
-    """Add the blur along the line to the light section, or a warning why it is unknown.
+    """Return the calibration with the blur along the line, or a warning why it is unknown.
 
-    Of a mosaic it is that of the laser's own pixels; an interpolated image is blurred further.
+    In a mosaic it is that of the laser's own pixels; an interpolated image is blurred further.
     """
     spacing = 1 if line.bayer is None else 2
     if line.bayer is not None:
@@ -331,7 +335,7 @@ def _require_one_plane(views: Sequence[CalibratedLaserView]) -> None:
 def _outliers(views: Sequence[CalibratedLaserView]) -> tuple[RejectedView, ...]:
     """Return the views with outlying residuals of line or corners."""
     names = [view.index for view in views]
-    remedy = "look at the image, and leave it out if it is blurred or glares"
+    remedy = "look at the image, and leave it out if it is blurred or shows glare"
     outliers = [
         outlier
         for name, rms_values in (

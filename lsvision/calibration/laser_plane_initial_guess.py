@@ -28,12 +28,17 @@ MIN_VIEWS_FOR_REJECTION = 4
 
 
 def fit_plane(points: Points) -> Plane:
-    """Fit a plane to points by least squares, at a positive distance from the origin.
+    """Return the least-squares plane of points, at a positive distance from the origin.
 
     Parameters
     ----------
     points : (n, 3) ndarray
         Points in space. Units: mm.
+
+    Returns
+    -------
+    Plane
+        Plane in the frame of the points. Units: mm.
 
     Raises
     ------
@@ -67,9 +72,9 @@ def guess_board_poses(camera: Camera, views: Sequence[LaserView]) -> tuple[Pose,
 def laser_points_on_boards(
     camera: Camera, camera_from_boards: Sequence[Pose], views: Sequence[LaserView]
 ) -> tuple[Points, ...]:
-    """Intersect the rays of each view's laser line with its board, taken as flat.
+    """Return the points in which the rays of each view's laser line meet its board, taken as flat.
 
-    Returns one array (m, 3) for each view, in the camera frame. Units: mm.
+    One array (m, 3) for each view, in the camera frame. Units: mm.
     """
     laser_points = []
     for view, pose in zip(views, camera_from_boards, strict=True):
@@ -81,7 +86,7 @@ def laser_points_on_boards(
 def plane_inlier_views(
     laser_points: Sequence[Points], focal_length: float
 ) -> tuple[BoolArray, FloatArray]:
-    """Find the views whose laser lines lie in the plane of the majority (least median).
+    """Return the mask of views whose lines lie in the plane of the majority (least median).
 
     Each pair of views gives a plane; the one with the smallest median distance of all views is
     used, so that almost half of the views may be outliers.

@@ -26,13 +26,13 @@ from lsvision.sensors.light_section import LightSection
 
 @dataclass(frozen=True, eq=False)
 class CalibratedLaserView(ComparedByValue):
-    """One board pose after the calibration.
+    """Pose and residuals of one board with its laser line after the calibration.
 
     Parameters
     ----------
     index : int
         Index of the view's images in the input.
-    seen : LaserView
+    laser_view : LaserView
         Corners and laser line in the images.
     camera_from_board : Pose
         Pose of the board.
@@ -43,7 +43,7 @@ class CalibratedLaserView(ComparedByValue):
     """
 
     index: int
-    seen: LaserView
+    laser_view: LaserView
     camera_from_board: Pose
     corner_residuals: FloatArray
     line_residuals: FloatArray
@@ -60,7 +60,7 @@ class LaserPlaneCalibration(Result):
     covariance : (3, 3) ndarray
         Covariance of the plane's tilt about the section's X and Y (rad) and of its distance (mm).
     views : tuple of CalibratedLaserView
-        Residuals of each view.
+        Pose and residuals of each view.
     board_bow, board_bow_std : (3,) ndarray
         Deviation of the board's middle from flatness along x and along y, positive away from
         the camera, and its twist at the corners; zero if it was not fitted. Units: mm.

@@ -39,6 +39,7 @@ SATURATION_LEVEL = 250.0
 MAX_RELATIVE_RMS = 0.06
 """Largest rms residual of the pixels about a blurred edge, as a fraction of its contrast."""
 MIN_EDGES = 20
+"""Smallest number of edges in all images."""
 MAX_EDGES_PER_IMAGE = 40
 """Largest number of edges in each image."""
 MAX_SIGMA_FRACTION = 0.4
@@ -65,7 +66,7 @@ class LensBlur(Result):
     edges: int
 
     def to_dict(self) -> Record:
-        """Return the blur with one sigma, ready for JSON.
+        """Return the blur with its standard uncertainty, ready for JSON.
 
         Returns
         -------
@@ -90,22 +91,22 @@ class LensBlur(Result):
 def measure_lens_blur(
     images: Sequence[npt.ArrayLike], target: Target, along: Literal["u", "v"] = "u"
 ) -> LensBlur:
-    """Measure the blur along one direction of the image, from images of a board of squares.
+    """Measure the blur along one image axis, from images of a board of squares.
 
     Parameters
     ----------
     images : sequence of images
-        The board, evenly lit and not overexposed, at the position of the laser line and with the
-        same focus; images without the board are skipped.
+        Images of the board, evenly lit and not overexposed, at the position of the laser line and
+        with the same focus; images without the board are skipped.
     target : Target
-        A `Chessboard` or `ChArUco`; a circle grid has no straight edges.
+        `Chessboard` or `ChArUco`; a circle grid has no straight edges.
     along : {"u", "v"}
         Image axis; "u" for a laser line that runs from left to right.
 
     Returns
     -------
     LensBlur
-        Its `sigma` is ``line_blur_px`` of `LightSection`.
+        Blur, whose `sigma` is ``line_blur_px`` of `LightSection`.
 
     Raises
     ------
@@ -144,12 +145,12 @@ def estimate_blur_from_views(
     views: Sequence[TargetView | LaserView],
     along: Literal["u", "v"] = "u",
 ) -> LensBlur:
-    """Measure the blur from images in which the board was found: one view for each image.
+    """Return the blur from images and the views of the board in them, one for each image.
 
     Raises
     ------
     CalibrationFailed
-        See `measure_lens_blur`.
+        If fewer than 20 edges can be measured.
     """
     sigmas = [
         sigma
@@ -194,7 +195,7 @@ def _chords(view: TargetView | LaserView, axis: int) -> FloatArray:
 
 
 def _edge_sigma(grey: FloatArray, start: Points, stop: Points, fraction: float) -> float | None:
-    """Return the sigma of the blur across an edge; None where it is not a plain edge."""
+    """Return the sigma of the blur across an edge; None if it is not a plain edge."""
     from scipy.optimize import leastsq
     from scipy.special import ndtr
 
@@ -207,7 +208,7 @@ def _edge_sigma(grey: FloatArray, start: Points, stop: Points, fraction: float) 
     if abs(high - low) < MIN_CONTRAST or max(low, high) > SATURATION_LEVEL:
         return None
 
-    def residuals_of(parameters: FloatArray) -> FloatArray:
+    def residuals_at(parameters: FloatArray) -> FloatArray:
         level, step, offset, slope, sigma = parameters
         step_response = ndtr(
             (coordinates[0] - offset - slope * coordinates[1] / length) / max(abs(sigma), 0.05)
@@ -216,8 +217,8 @@ def _edge_sigma(grey: FloatArray, start: Points, stop: Points, fraction: float) 
         return residuals
 
     initial_guess = [low, high - low, 0.0, 0.0, 0.8]
-    fit, *_ = leastsq(residuals_of, initial_guess, maxfev=120, full_output=True)
-    rms, sigma = float(np.sqrt(np.mean(residuals_of(fit) ** 2))), abs(float(fit[4]))
+    fit, *_ = leastsq(residuals_at, initial_guess, maxfev=120, full_output=True)
+    rms, sigma = float(np.sqrt(np.mean(residuals_at(fit) ** 2))), abs(float(fit[4]))
     is_plain_edge = (
         rms < MAX_RELATIVE_RMS * abs(fit[1]) and 0.1 < sigma < MAX_SIGMA_FRACTION * half_width
     )

@@ -1,7 +1,7 @@
 """Data types of the hand-eye calibration: flange poses, states and observations of a target.
 
 Each kind of target (`sphere_observations`, `plane_observations`, `board_observations`) reduces
-what a pose shows of it to a few numbers with a covariance, and linearises them by the sensor
+the data of a pose to a few numbers with a covariance, and linearises them by the sensor
 pose, the target and the flange pose. `batched_least_squares`, `errors_in_variables` and
 `pose_outliers` work on any kind by the protocol `Observations`.
 """
@@ -35,7 +35,7 @@ class FlangePoses:
     Parameters
     ----------
     rotations : (n, 3, 3) ndarray
-        From the mount (the frame that carries the sensor) to the frame of the target.
+        Rotations from the mount (frame that carries the sensor) to the frame of the target.
     origins : (n, 3) ndarray
         Origin of the mount in the frame of the target. Units: mm.
     covariances : (n, 2, 6, 6) ndarray
@@ -90,11 +90,11 @@ class Linearisation:
     residuals : (s, n, m) ndarray
         Observed minus predicted values, in the units of the observation.
     mount_jacobian : (s, n, m, 6) ndarray
-        By translation (mm) and left-hand rotation (rad) of the sensor in the mount frame.
+        Derivatives by translation (mm) and left-hand rotation (rad) of the sensor in the mount.
     target_jacobian : (s, n, m, d) ndarray
         Derivatives by the d step coordinates of `Observations.update_targets`.
     flange_jacobian : (s, n, m, 6) ndarray
-        By translation (mm) and left-hand rotation (rad) of the flange.
+        Derivatives by translation (mm) and left-hand rotation (rad) of the flange.
     """
 
     residuals: FloatArray
@@ -163,7 +163,7 @@ class Observations(Protocol):
 def stack_flange_poses(
     base_from_flanges: Sequence[Pose], mounting: Mounting, robot_std: tuple[float, float]
 ) -> FlangePoses:
-    """Stack poses ``target frame from mount`` with the covariance of the robot's error.
+    """Return stacked poses ``target frame from mount`` with the covariance of the robot's error.
 
     Parameters
     ----------
@@ -192,11 +192,11 @@ def stack_flange_poses(
     return FlangePoses(inverse, -(inverse @ t[..., None])[..., 0], covariances)
 
 
-def _main_axis(vectors: FloatArray) -> tuple[FloatArray, float]:
+def _find_main_axis(vectors: FloatArray) -> tuple[FloatArray, float]:
     """Return the main rotation axis, and the ratio of the rotation about the second axis."""
-    strengths, axes = np.linalg.eigh(vectors.T @ vectors)
+    eigenvalues, axes = np.linalg.eigh(vectors.T @ vectors)
     main = axes[:, -1] * np.sign(axes[np.abs(axes[:, -1]).argmax(), -1])
-    return main, float(np.sqrt(max(strengths[-2], 0.0) / strengths[-1]))
+    return main, float(np.sqrt(max(eigenvalues[-2], 0.0) / eigenvalues[-1]))
 
 
 def require_rotation(base_from_flanges: Sequence[Pose]) -> None:
@@ -205,7 +205,7 @@ def require_rotation(base_from_flanges: Sequence[Pose]) -> None:
     Raises
     ------
     DegenerateGeometry
-        With the rotation that is present and the one that is missing.
+        If they do not; the message states the missing rotation.
     """
     R = np.array([pose.rotation for pose in base_from_flanges])
     first, second = np.triu_indices(len(R), k=1)
@@ -216,7 +216,7 @@ def require_rotation(base_from_flanges: Sequence[Pose]) -> None:
             f"the flange was translated, never rotated (at most {np.degrees(largest):.2g} deg): "
             "the sensor's position is not determined; add poses tilted 20 to 35 deg about two axes"
         )
-    axis, second_axis_ratio = _main_axis(relative_rotations)
+    axis, second_axis_ratio = _find_main_axis(relative_rotations)
     if second_axis_ratio < MIN_SECOND_AXIS:
         raise DegenerateGeometry(
             f"the flange rotated about one axis, ({axis[0]:.2f}, {axis[1]:.2f}, {axis[2]:.2f}) "
@@ -228,15 +228,15 @@ def require_rotation(base_from_flanges: Sequence[Pose]) -> None:
 def points_in_sensor_frame(
     flanges: FlangePoses, states: States, points: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Transform points (s, n, 3) of the target frame to the sensor frame, with Jacobians.
+    """Return points (s, n, 3) of the target frame in the sensor frame, with Jacobians.
 
     Returns
     -------
     in_sensor : (s, n, 3) ndarray
         Points in the sensor frame. Units: mm.
     mount_jacobian, point_jacobian, flange_jacobian : ndarray
-        By the sensor pose (s, n, 3, 6), the point (s, n, 3, 3) and the flange pose (s, n, 3, 6);
-        rotations act from the left.
+        Derivatives by the sensor pose (s, n, 3, 6), the point (s, n, 3, 3) and the flange pose
+        (s, n, 3, 6); rotations act from the left.
     """
     to_mount = np.swapaxes(flanges.rotations, -1, -2)
     to_sensor = np.swapaxes(states.rotations, -1, -2)[:, None]
@@ -255,7 +255,7 @@ def points_in_sensor_frame(
 
 
 def masked_least_squares(design: FloatArray, rhs: FloatArray, masks: FloatArray) -> FloatArray:
-    """Solve one linear least-squares problem for each selection of poses.
+    """Return the solution of a linear least-squares problem for each selection of poses.
 
     Normal equations with a ridge of 1e-10 of their trace: accurate enough for an initial guess, and
     never singular.
@@ -263,7 +263,7 @@ def masked_least_squares(design: FloatArray, rhs: FloatArray, masks: FloatArray)
     Parameters
     ----------
     design : (n, r, p) ndarray
-        r rows of each pose.
+        Design matrix, r rows for each pose.
     rhs : (n, r) or (q, n, r) ndarray
         Right-hand side, common to all selections or one for each.
     masks : (q, n) ndarray

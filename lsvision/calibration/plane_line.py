@@ -13,6 +13,7 @@ from lsvision.statistics.robust import MAD_TO_STD, mad_std
 OUTLIER_SIGMAS = 3.5
 """Distance in robust standard deviations beyond which a point is an outlier."""
 MIN_POINTS = 20
+"""Smallest number of points on a line."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,13 +23,13 @@ class PlaneLine:
     Parameters
     ----------
     midpoint, direction : (3,) ndarray
-        Section frame (z = 0); a unit vector. Units: mm.
+        Midpoint (mm) and unit vector along the line, section frame (z = 0).
     half_length : float
         Root mean square distance of the points from the midpoint. Units: mm.
     covariance : (2, 2) ndarray
         Covariance of offset (mm) and slope (rad) for uncorrelated points.
     autocorrelation_time : float
-        Autocorrelation time of the residuals, as of `SphereArc`.
+        Autocorrelation time of the residuals, as in `SphereArc`.
     """
 
     midpoint: FloatArray
@@ -39,12 +40,12 @@ class PlaneLine:
 
 
 def find_plane_line(profile: Profile) -> PlaneLine:
-    """Find the straight line of most points in a profile (least median of squares, then trimmed).
+    """Return the straight line of most points in a profile (least median, then trimmed squares).
 
     Returns
     -------
     PlaneLine
-        By orthogonal least squares.
+        Line by orthogonal least squares, with covariance.
 
     Raises
     ------
@@ -56,7 +57,7 @@ def find_plane_line(profile: Profile) -> PlaneLine:
         raise TooFewPoints("profile of the plane", len(points), MIN_POINTS, "is it in view?")
     inliers = _least_median_inliers(points)
     for _ in range(20):
-        midpoint, direction, normal = _line_through(points[inliers])
+        midpoint, direction, normal = _fit_line(points[inliers])
         distance = (points - midpoint) @ normal
         std = mad_std(distance[inliers])
         previous, inliers = inliers, np.abs(distance) <= max(OUTLIER_SIGMAS * std, 1e-6)
@@ -66,19 +67,23 @@ def find_plane_line(profile: Profile) -> PlaneLine:
             )
         if np.array_equal(previous, inliers):
             break
-    midpoint, direction, normal = _line_through(points[inliers])
+    midpoint, direction, normal = _fit_line(points[inliers])
     s, distance = (points[inliers] - midpoint) @ direction, (points[inliers] - midpoint) @ normal
     variance = float((distance**2).sum()) / (len(s) - 2) + 1e-12
     covariance = variance * np.diag([1 / len(s), 1 / float((s**2).sum())])
     half_length = float(np.sqrt((s**2).mean()))
-    time = debiased_autocorrelation_time(distance, 2)
+    autocorrelation_time = debiased_autocorrelation_time(distance, 2)
     return PlaneLine(
-        np.append(midpoint, 0.0), np.append(direction, 0.0), half_length, covariance, time
+        np.append(midpoint, 0.0),
+        np.append(direction, 0.0),
+        half_length,
+        covariance,
+        autocorrelation_time,
     )
 
 
 def _least_median_inliers(points: FloatArray) -> BoolArray:
-    """Return the points near the line of least median distance through two points."""
+    """Return the mask of points near the line through two of them with least median distance."""
     rng = np.random.default_rng(0)
     first = rng.integers(0, len(points), 200)
     second = (first + rng.integers(len(points) // 4, 3 * len(points) // 4 + 1, 200)) % len(points)
@@ -92,7 +97,7 @@ def _least_median_inliers(points: FloatArray) -> BoolArray:
     return inliers
 
 
-def _line_through(points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _fit_line(points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return midpoint, direction and normal of the orthogonal least-squares line."""
     midpoint = points.mean(axis=0)
     _, axes = np.linalg.eigh((points - midpoint).T @ (points - midpoint))

@@ -54,12 +54,12 @@ class PlaneObservations:
 
     @property
     def mm_per_residual(self) -> FloatArray:
-        """Offset in mm; slope times the mean half length."""
+        """Factors (2,) that convert residuals to mm: 1, and half length for the slope."""
         return np.array([1.0, float(self.half_lengths.mean())])
 
     @property
     def target_prior(self) -> tuple[FloatArray, FloatArray]:
-        """No prior on the plane: two tilts of its normal, and its distance."""
+        """Mean and infinite standard deviation of two tilts and distance of the plane: no prior."""
         return np.zeros(3), np.full(3, np.inf)
 
     def linearise(self, states: States) -> Linearisation:
@@ -160,7 +160,7 @@ class PlaneObservations:
 
 
 def _rotate_to_mount(states: States, vectors: FloatArray) -> FloatArray:
-    """Rotate vectors (n, 3) of the sensor frame to the mount's axes, (s, n, 3)."""
+    """Return vectors (n, 3) of the sensor frame in the mount's axes, (s, n, 3)."""
     rotated: FloatArray = np.einsum("sij,nj->sni", states.rotations, vectors)
     return rotated
 
@@ -189,7 +189,7 @@ class PlanePlanningTarget:
     Parameters
     ----------
     plane : Plane
-        Base frame; the normal points to the side that the sensor measures.
+        Plane in the base frame; its normal points to the side that the sensor measures.
     centre : (3,) ndarray
         Point of the plane where the line is to lie, base frame. Units: mm.
     line_std : tuple of float
@@ -202,7 +202,7 @@ class PlanePlanningTarget:
 
     @property
     def requirement(self) -> str:
-        """As in `PlanningTarget`."""
+        """Requirement on a pose, for an error message."""
         return "see the plate from its front, within 60 deg,"
 
     @property
@@ -222,17 +222,17 @@ class PlanePlanningTarget:
 
     @property
     def max_plane_offset(self) -> float:
-        """Zero: a plane gives the same information everywhere."""
+        """Largest useful distance of the laser plane from the centre: 0, no effect on a plane."""
         return 0.0
 
     @property
     def state(self) -> FloatArray:
-        """Normal and distance."""
+        """Normal and distance (mm) of the plane, base frame, (4,)."""
         return np.array([*self.plane.normal, self.plane.distance])
 
     @property
     def prior_std(self) -> tuple[float, ...]:
-        """Two tilts of the normal (rad), distance (mm)."""
+        """Prior standard deviation of two tilts of the normal (rad) and of the distance (mm)."""
         return (1.0, 1.0, 1000.0)
 
     def visibility(self, sections: Sequence[Pose]) -> tuple[FloatArray, BoolArray]:

@@ -72,7 +72,7 @@ def fit_with_outlier_rejection(
     min_poses: int,
     estimate_robot_std: bool,
 ) -> RobustHandEyeFit:
-    """Estimate the sensor pose without initial guess, and reject outlying robot poses.
+    """Return the sensor pose, estimated without initial guess and without outlying robot poses.
 
     Least trimmed squares, then leave-one-out F tests. `min_poses` is the smallest number of poses
     that determine the problem; for `estimate_robot_std` see `fit_errors_in_variables`.
@@ -87,7 +87,9 @@ def fit_with_outlier_rejection(
     return RobustHandEyeFit(fit, _outlier_p_values(fit))
 
 
-def multi_start(observations: Observations, mask: FloatArray) -> tuple[States, FloatArray]:
+def solve_from_all_guesses(
+    observations: Observations, mask: FloatArray
+) -> tuple[States, FloatArray]:
     """Return the minima from all initial guesses and their costs, lowest first."""
     masks = mask[None]
     states = observations.initial_guesses(masks)
@@ -166,14 +168,14 @@ def _reject_outliers(
     min_poses: int,
     estimate: bool,
 ) -> ErrorsInVariablesFit:
-    """Reject the pose with the smallest p-value until all are above the significance."""
+    """Return the fit without the poses of smallest p-value, until all are above significance."""
     min_inliers = max(min_poses, int(np.ceil(len(fit.mask) * (1 - settings.max_outlier_fraction))))
     while fit.mask.sum() > min_inliers:
         p_values = np.where(fit.mask > 0, _outlier_p_values(fit), 1.0)
-        worst = int(p_values.argmin())
-        if p_values[worst] * fit.mask.sum() > settings.significance:
+        rejected = int(p_values.argmin())
+        if p_values[rejected] * fit.mask.sum() > settings.significance:
             break
-        fit = _refit(observations, fit, worst, 0.0, estimate)
+        fit = _refit(observations, fit, rejected, 0.0, estimate)
     return fit
 
 
@@ -184,13 +186,13 @@ def _restore_inliers(
     *,
     estimate: bool,
 ) -> ErrorsInVariablesFit:
-    """Restore, largest p-value first, the poses above the significance."""
+    """Return the fit with poses above the significance restored, largest p-value first."""
     while not fit.mask.all():
         p_values = np.where(fit.mask > 0, 0.0, _outlier_p_values(fit))
-        best = int(p_values.argmax())
-        if p_values[best] * len(fit.mask) <= settings.significance:
+        restored = int(p_values.argmax())
+        if p_values[restored] * len(fit.mask) <= settings.significance:
             break
-        fit = _refit(observations, fit, best, 1.0, estimate)
+        fit = _refit(observations, fit, restored, 1.0, estimate)
     return fit
 
 
@@ -209,14 +211,16 @@ def _outlier_p_values(fit: ErrorsInVariablesFit) -> FloatArray:
 
     size = fit.residuals.shape[1]
     residuals, used = fit.residuals[..., None], fit.mask > 0
-    inside = np.linalg.solve(fit.redundancy + 1e-12 * np.eye(size), residuals)
-    outside = np.linalg.solve(np.eye(size) + fit.prediction_covariances, residuals)
-    chi2_decrease = (residuals * np.where(used[:, None, None], inside, outside)).sum(axis=(1, 2))
+    leave_one_out = np.linalg.solve(fit.redundancy + 1e-12 * np.eye(size), residuals)
+    predicted_error = np.linalg.solve(np.eye(size) + fit.prediction_covariances, residuals)
+    chi2_decrease = (residuals * np.where(used[:, None, None], leave_one_out, predicted_error)).sum(
+        axis=(1, 2)
+    )
     remaining_chi2 = np.where(used, fit.chi2 - chi2_decrease, fit.chi2)
     dof = np.where(used, fit.dof - size, fit.dof)
-    safe = np.maximum(dof, 1)
-    ratio = (chi2_decrease / size) / np.maximum(remaining_chi2 / safe, 1e-6)
-    p_values: FloatArray = np.where(dof > 0, fdtrc(size, safe, np.maximum(ratio, 0.0)), 1.0)
+    positive_dof = np.maximum(dof, 1)
+    ratio = (chi2_decrease / size) / np.maximum(remaining_chi2 / positive_dof, 1e-6)
+    p_values: FloatArray = np.where(dof > 0, fdtrc(size, positive_dof, np.maximum(ratio, 0.0)), 1.0)
     return p_values
 
 
@@ -227,7 +231,7 @@ def ambiguity_ratio(observations: Observations, fit: ErrorsInVariablesFit) -> fl
     weights may lie some mm from the fit and is not a separate solution.
     """
     whitening = fit.mask[None, :, None, None] * fit.whitening
-    states, _ = multi_start(observations, fit.mask)
+    states, _ = solve_from_all_guesses(observations, fit.mask)
     best = solve_least_squares(observations, fit.states, whitening)
     others = solve_least_squares(observations, states, whitening)
     rotation_difference = vectors_from_rotations(

@@ -1,4 +1,4 @@
-"""Next best poses for a hand-eye calibration (greedy, A-optimal), before the robot moves."""
+"""Next best poses for a hand-eye calibration (greedy, A-optimal)."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class PosePlanSettings(ShowsChanges):
     max_cut_offset : float
         Largest distance of the cut from the sphere's centre, in radii.
     standoff : float
-        y of the target in the middle of the sensor's range. Units: mm.
+        Y of the target in the middle of the sensor's range, section frame. Units: mm.
     circle_std : float
         Standard deviation of a circle's centre along X; along Y and in radius three times that.
         Units: mm.
@@ -135,7 +135,7 @@ class PosePlan(Result):
 
 
 class PlanningTarget(Protocol):
-    """Target of planned poses: where to look from, visibility, and predicted observations."""
+    """Target of planned poses: viewing direction, visibility, and predicted observations."""
 
     @property
     def requirement(self) -> str:
@@ -212,12 +212,12 @@ def plan_hand_eye_poses(
         Reachable ``base_from_flange`` poses to choose from, the target in the sensor's range; by
         default random ones within `settings` with a view of the sphere.
     settings : PosePlanSettings
-        Number of poses and their limits.
+        Number of poses, limits and standard deviations.
 
     Returns
     -------
     PosePlan
-        Poses and the predicted accuracy.
+        Poses with the predicted accuracy.
 
     Raises
     ------
@@ -243,7 +243,7 @@ def plan_hand_eye_poses(
         settings.circle_std,
         settings.max_cut_offset,
     )
-    return _plan(target, flange_from_section, measured, candidates, settings)
+    return _select_poses(target, flange_from_section, measured, candidates, settings)
 
 
 def plan_hand_eye_poses_plane(
@@ -255,7 +255,7 @@ def plan_hand_eye_poses_plane(
     candidates: Sequence[Pose | npt.ArrayLike] | None = None,
     settings: PosePlanSettings = PLANE_DEFAULTS,
 ) -> PosePlan:
-    """Plan the next best flange poses for a plate; otherwise as `plan_hand_eye_poses`.
+    """Plan the next best flange poses for a plate, as `plan_hand_eye_poses` for a sphere.
 
     Parameters
     ----------
@@ -273,7 +273,7 @@ def plan_hand_eye_poses_plane(
     Returns
     -------
     PosePlan
-        Poses and the predicted accuracy.
+        Poses with the predicted accuracy.
 
     Raises
     ------
@@ -299,38 +299,38 @@ def plan_hand_eye_poses_plane(
     centre = as_readonly_array(point, (3,), "point")
     centre = centre - plane.signed_distances(centre) * plane.normal
     target = PlanePlanningTarget(plane, centre, settings.line_std)
-    return _plan(target, flange_from_section, measured, candidates, settings)
+    return _select_poses(target, flange_from_section, measured, candidates, settings)
 
 
-def _plan(
+def _select_poses(
     target: PlanningTarget,
     flange_from_section: Pose | npt.ArrayLike,
     measured: Sequence[Pose | npt.ArrayLike],
     candidates: Sequence[Pose | npt.ArrayLike] | None,
     settings: PosePlanSettings,
 ) -> PosePlan:
-    """Select the best poses for any target."""
+    """Return the plan of the most informative poses for any target."""
     nominal = as_pose(flange_from_section)
     if candidates is None:
         candidates = _candidates(target, nominal, settings)
-    count, pool = settings.count, [*as_poses(measured), *as_poses(candidates)]
-    positions, usable = target.visibility([pose @ nominal for pose in pool])
-    available = usable & (np.arange(len(pool)) >= len(measured))
+    count, poses = settings.count, [*as_poses(measured), *as_poses(candidates)]
+    positions, usable = target.visibility([pose @ nominal for pose in poses])
+    available = usable & (np.arange(len(poses)) >= len(measured))
     if available.sum() < count:
         raise DegenerateGeometry(
             f"{int(available.sum())} candidate poses {target.requirement} and {count} are "
             "requested: give more candidates, or a better nominal pose of the sensor"
         )
     information_matrices = _information_matrices(
-        target, positions, pool, nominal, settings.robot_std
+        target, positions, poses, nominal, settings.robot_std
     )
     information_matrices = information_matrices * usable[:, None, None]
     prior_information = np.diag(np.array([*PRIOR_STD, *target.prior_std]) ** -2)
     information = prior_information + information_matrices[: len(measured)].sum(axis=0)
     lever_arm = nominal.rotation @ positions[usable].mean(axis=0)
-    chosen, predicted = _greedy(information, information_matrices, available, count, lever_arm)
-    indices = tuple(int(index) - len(measured) for index in chosen)
-    return PosePlan(tuple(pool[index] for index in chosen), indices, *np.array(predicted).T)
+    order, predicted = _greedy(information, information_matrices, available, count, lever_arm)
+    indices = tuple(int(index) - len(measured) for index in order)
+    return PosePlan(tuple(poses[index] for index in order), indices, *np.array(predicted).T)
 
 
 def _candidates(target: PlanningTarget, nominal: Pose, settings: PosePlanSettings) -> list[Pose]:
@@ -357,14 +357,14 @@ def _candidates(target: PlanningTarget, nominal: Pose, settings: PosePlanSetting
 def _information_matrices(
     target: PlanningTarget,
     positions: FloatArray,
-    pool: Sequence[Pose],
+    poses: Sequence[Pose],
     nominal: Pose,
     robot_std: tuple[float, float],
 ) -> FloatArray:
     """Return the information (n, p, p) of each pose on the sensor (6) and the target."""
-    flanges = stack_flange_poses(pool, "eye_in_hand", robot_std)
+    flanges = stack_flange_poses(poses, "eye_in_hand", robot_std)
     observations = target.predict_observations(
-        positions, [pose @ nominal for pose in pool], flanges
+        positions, [pose @ nominal for pose in poses], flanges
     )
     state = States(nominal.rotation[None], nominal.translation[None], target.state[None, None])
     jacobian = whitened_jacobian_and_residuals(
@@ -381,20 +381,20 @@ def _greedy(
     count: int,
     lever_arm: FloatArray,
 ) -> tuple[IntArray, list[tuple[float, float]]]:
-    """Return the chosen poses, and the predicted std at the working point and of the origin."""
+    """Return the selected poses, and the predicted std at the working point and the origin."""
     available = available.copy()
     weights = np.array([1.0] * 3 + [MM_PER_RADIAN**2] * 3)
     point_jacobian = np.hstack([np.eye(3), -cross_matrices(lever_arm)])
-    chosen, predicted = [], []
+    selected, predicted = [], []
     for _ in range(count):
         covariances = np.linalg.inv(information + information_matrices)[:, :6, :6]
         variances = np.einsum("nii,i->n", covariances, weights)
         best = int(np.where(available, variances, np.inf).argmin())
         available[best] = False
         information = information + information_matrices[best]
-        chosen.append(best)
+        selected.append(best)
         best_covariance = covariances[best]
         point_variance = np.trace(point_jacobian @ best_covariance @ point_jacobian.T)
         origin_variance = np.trace(best_covariance[:3, :3])
         predicted.append((float(np.sqrt(point_variance)), float(np.sqrt(origin_variance))))
-    return np.array(chosen, dtype=np.int64), predicted
+    return np.array(selected, dtype=np.int64), predicted

@@ -1,4 +1,4 @@
-"""Calibrations as rows of a table, each number with its sigma and unit, and as records."""
+"""Calibrations as table rows (number with standard deviation, unit) and as records."""
 
 import math
 from collections.abc import Sequence
@@ -142,15 +142,17 @@ def accuracy_rows(hand_eye: "HandEye") -> list[Row]:
     rows: list[Row] = [
         (f"error at the working point ({x}, {y}, {z})", f"{hand_eye.working_point_std:.3f}", "mm"),
         ("residual, rms", f"{hand_eye.residual_rms:.3f}", "mm"),
-        ("the same, held out", f"{hand_eye.leave_one_out_rms:.3f}", "mm"),
+        ("leave-one-out residual, rms", f"{hand_eye.leave_one_out_rms:.3f}", "mm"),
         ("robot's position, one sigma", f"{hand_eye.robot_std[0]:.3f}", "mm"),
         ("robot's rotation, one sigma", f"{math.degrees(hand_eye.robot_std[1]):.4f}", "deg"),
     ]
     if isinstance(hand_eye.target, Sphere):
-        ball = hand_eye.target
-        free = ball.radius_std > 0
-        radius = format_value(ball.radius, ball.radius_std) if free else f"{ball.radius:g}"
-        rows.append(("sphere's radius", radius, "mm" if free else "mm (given)"))
+        sphere = hand_eye.target
+        is_estimated = sphere.radius_std > 0
+        radius = (
+            format_value(sphere.radius, sphere.radius_std) if is_estimated else f"{sphere.radius:g}"
+        )
+        rows.append(("sphere's radius", radius, "mm" if is_estimated else "mm (given)"))
     if hand_eye.height_scale is not None:
         rows.append(("heights to be multiplied by", format_value(*hand_eye.height_scale), ""))
     if hand_eye.target_scale is not None:

@@ -33,9 +33,9 @@ def vectors_from_rotations(rotations: FloatArray) -> FloatArray:
 
 def nearest_rotations(matrices: FloatArray) -> FloatArray:
     """Return the proper rotations nearest to matrices in the Frobenius norm; (..., 3, 3)."""
-    left, _, right = np.linalg.svd(matrices)
-    left[..., :, 2] *= np.linalg.det(left @ right)[..., None]
-    nearest: FloatArray = left @ right
+    u, _, vh = np.linalg.svd(matrices)
+    u[..., :, 2] *= np.linalg.det(u @ vh)[..., None]
+    nearest: FloatArray = u @ vh
     return nearest
 
 

@@ -86,7 +86,7 @@ class SphereArc:
         )
 
 
-DEFAULT = SphereArcSettings()
+DEFAULT_SETTINGS = SphereArcSettings()
 _HINT = "is the sphere in view, and no circle of another size more prominent?"
 MAX_SCORED_POINTS = 700
 """Largest number of points with which hypotheses are scored."""
@@ -97,14 +97,16 @@ OUTLIER_SIGMAS = 3.5
 
 
 def find_sphere_arc(
-    profile: Profile, max_radius: float | None = None, settings: SphereArcSettings = DEFAULT
+    profile: Profile,
+    max_radius: float | None = None,
+    settings: SphereArcSettings = DEFAULT_SETTINGS,
 ) -> SphereArc:
-    """Find the largest arc of a circle that is convex towards the sensor.
+    """Return the largest circular arc in a profile that is convex towards the sensor.
 
     Parameters
     ----------
     profile : Profile
-        Section frame; may contain scattered points, plates and artefacts.
+        Profile, which may contain scattered points, plates and artefacts.
     max_radius : float, optional
         Radius of the sphere where known: no section is larger. Units: mm.
     settings : SphereArcSettings
@@ -113,7 +115,8 @@ def find_sphere_arc(
     Returns
     -------
     SphereArc
-        Geometric least-squares circle, weighted by the profile's noise model if it has one.
+        Arc with the geometric least-squares circle, weighted by the profile's noise model if it
+        has one.
 
     Raises
     ------
@@ -134,14 +137,14 @@ def find_sphere_arc(
     circle = _best_hypothesis(points, max_radius, settings)
     tolerance = settings.tolerance
     variances = np.ones(len(points))
-    inliers = _on_arc(points, circle, tolerance, settings)
+    inliers = _arc_mask(points, circle, tolerance, settings)
     for _ in range(12):
         _require_arc(points, circle, inliers, settings)
         previous, variances = inliers, _normal_variances(profile, indices, circle)
         circle = _fit_circle(points[inliers], circle, variances[inliers])
         std = mad_std(_residuals(points[inliers], circle))
         tolerance = min(settings.tolerance, max(OUTLIER_SIGMAS * std, 1e-6))
-        inliers = _on_arc(points, circle, tolerance, settings)
+        inliers = _arc_mask(points, circle, tolerance, settings)
         if np.array_equal(inliers, previous):
             break
     _require_arc(points, circle, inliers, settings)
@@ -155,7 +158,7 @@ def _best_hypothesis(
 ) -> FloatArray:
     """Return the circle through three points with the largest support (RANSAC)."""
     rng = np.random.default_rng(settings.seed)
-    circles = _circles_through(points[_near_triples(len(points), settings.trials, rng)])
+    circles = _circles_through_triples(points[_near_triples(len(points), settings.trials, rng)])
     limit = np.inf if max_radius is None else 1.02 * max_radius + settings.tolerance
     allowed = np.isfinite(circles).all(axis=1)
     allowed &= (circles[:, 2] >= settings.min_radius) & (circles[:, 2] <= limit)
@@ -167,7 +170,7 @@ def _best_hypothesis(
     facing = offset[..., 1] >= math.cos(settings.max_incidence) * distance
     support = np.where(facing, 1.0 - cost, 0.0).sum(axis=1)
     for index in np.argsort(-support, kind="stable"):
-        inliers = _on_arc(points, circles[index], settings.tolerance, settings)
+        inliers = _arc_mask(points, circles[index], settings.tolerance, settings)
         if _is_arc(points, circles[index], inliers, settings):
             circle: FloatArray = circles[index]
             return circle
@@ -187,7 +190,7 @@ def _near_triples(count: int, trials: int, rng: np.random.Generator) -> IntArray
     return np.minimum(triples, count - 1)
 
 
-def _circles_through(triples: FloatArray) -> FloatArray:
+def _circles_through_triples(triples: FloatArray) -> FloatArray:
     """Return the circles (centre x, y, radius) through (k, 3, 2) points; NaN if collinear."""
     first = triples[:, 0]
     b, c = triples[:, 1] - first, triples[:, 2] - first
@@ -206,10 +209,10 @@ def _residuals(points: Points, circle: FloatArray) -> FloatArray:
     return residuals
 
 
-def _on_arc(
+def _arc_mask(
     points: Points, circle: FloatArray, tolerance: float, settings: SphereArcSettings
 ) -> BoolArray:
-    """Return which points are near the circle and face the sensor."""
+    """Return the mask of points that are near the circle and face the sensor."""
     offset = points - circle[:2]
     distance = np.hypot(offset[:, 0], offset[:, 1])
     close = np.abs(distance - circle[2]) <= tolerance
@@ -218,7 +221,7 @@ def _on_arc(
 
 
 def _angular_coverage(points: Points, circle: FloatArray) -> float:
-    """Return the angle between the outer percentiles, which a few outliers do not change."""
+    """Return the angle (rad) between the 2nd and 98th percentile of the points on a circle."""
     angles = np.arctan2(points[:, 0] - circle[0], points[:, 1] - circle[1])
     low, high = np.percentile(angles, [2, 98])
     return float(high - low)
@@ -260,7 +263,7 @@ def _jacobian(points: Points, circle: FloatArray) -> FloatArray:
 
 
 def _fit_circle(points: Points, initial_guess: FloatArray, variances: FloatArray) -> FloatArray:
-    """Fit a circle by Gauss-Newton on the distances; a few iterations suffice after RANSAC."""
+    """Return the circle that minimises the squared distances, by Gauss-Newton steps."""
     circle = initial_guess.copy()
     weights = 1 / np.sqrt(variances)
     for _ in range(10):
@@ -288,8 +291,10 @@ def _build_arc(
     information = jacobian.T @ (jacobian / variances[:, None])
     covariance = variance_factor * np.linalg.inv(information) + 1e-12 * np.eye(3)
     gradient = _height_scale_gradient(points, circle, variances)
-    time = debiased_autocorrelation_time(residuals / np.sqrt(variances), 3)
-    return SphereArc(circle, covariance, gradient, time, tuple(int(i) for i in indices))
+    autocorrelation_time = debiased_autocorrelation_time(residuals / np.sqrt(variances), 3)
+    return SphereArc(
+        circle, covariance, gradient, autocorrelation_time, tuple(int(i) for i in indices)
+    )
 
 
 def _height_scale_gradient(points: Points, circle: FloatArray, variances: FloatArray) -> FloatArray:

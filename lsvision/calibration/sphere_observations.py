@@ -2,7 +2,7 @@
 
 A circle (x, y, r) contains all the information of an arc. With q the sphere's centre in the
 section frame, x = q_x, y = q_y and r^2 = R^2 - q_z^2: the side of the centre on which the section
-lies never has to be decided.
+lies need not be known.
 
 The displacements between the robot's poses are shorter than the sensor's range and do not reveal an
 error of the scale of the heights (triangulation scales wrong by a few percent occur), which makes
@@ -65,12 +65,12 @@ class SphereObservations:
 
     @property
     def mm_per_residual(self) -> FloatArray:
-        """Ones: all three residuals are in mm."""
+        """Factors (3,) that convert residuals to mm: ones."""
         return np.ones(3)
 
     @property
     def target_prior(self) -> tuple[FloatArray, FloatArray]:
-        """No prior on the centre, `radius`, and a weak prior on the scale of the heights."""
+        """Prior mean and standard deviation (5,) of centre and radius (mm) and height scale."""
         values = np.array([0, 0, 0, self.radius[0], 0])
         return values, np.array([np.inf, np.inf, np.inf, self.radius[1], HEIGHT_SCALE_PRIOR_STD])
 
@@ -149,7 +149,7 @@ class SphereObservations:
         return nearest_rotations(raw / np.maximum(length, 1e-12))
 
     def _states_with_rotations(self, rotations: FloatArray, masks: FloatArray) -> States:
-        """Return states with given rotations (q, k, 3, 3); the rest by linear least squares."""
+        """Return states with given rotations (q, k, 3, 3), all else by linear least squares."""
         count = rotations.shape[1]
         eye = np.eye(3)[None]
         R = self.flanges.rotations
@@ -186,18 +186,18 @@ class SpherePlanningTarget:
     circle_std : float
         Standard deviation of a circle's centre along X; along Y and in radius three times that.
         Units: mm.
-    offset : float
+    max_cut_offset : float
         Largest useful distance of the cut from the centre, in radii.
     """
 
     centre: FloatArray
     radius: float
     circle_std: float
-    offset: float
+    max_cut_offset: float
 
     @property
     def requirement(self) -> str:
-        """As in `PlanningTarget`."""
+        """Requirement on a pose, for an error message."""
         return "cut the sphere"
 
     @property
@@ -207,17 +207,17 @@ class SpherePlanningTarget:
 
     @property
     def max_plane_offset(self) -> float:
-        """As in `PlanningTarget`."""
-        return self.offset * self.radius
+        """Largest useful distance of the laser plane from the centre. Units: mm."""
+        return self.max_cut_offset * self.radius
 
     @property
     def state(self) -> FloatArray:
-        """Centre, radius and scale of the heights."""
+        """Centre and radius (mm, base frame) and error of the height scale, (5,)."""
         return np.array([*self.centre, self.radius, 0.0])
 
     @property
     def prior_std(self) -> tuple[float, ...]:
-        """Centre and radius (mm), scale of the heights."""
+        """Prior standard deviation of centre and radius (mm) and of the height scale."""
         return (1000.0, 1000.0, 1000.0, 10.0, HEIGHT_SCALE_PRIOR_STD)
 
     def visibility(self, sections: Sequence[Pose]) -> tuple[FloatArray, BoolArray]:
@@ -250,8 +250,8 @@ def _predict_height_scale_gradients(heights: FloatArray, circle_radii: FloatArra
     # Points r (sin, cos) whose heights grow by s move outwards by s r cos^2; a circle that
     # shifts in y and grows moves its points outwards by y cos + r.
     design = np.column_stack([np.cos(ARC), np.ones(len(ARC))])
-    by_height, by_radius = np.linalg.lstsq(design, np.cos(ARC) ** 2, rcond=None)[0]
+    shift, growth = np.linalg.lstsq(design, np.cos(ARC) ** 2, rcond=None)[0]
     gradients = np.zeros((len(circle_radii), 2, 3))
-    gradients[:, 0, 1] = by_height * circle_radii + heights - heights.mean()
-    gradients[:, 0, 2] = by_radius * circle_radii
+    gradients[:, 0, 1] = shift * circle_radii + heights - heights.mean()
+    gradients[:, 0, 2] = growth * circle_radii
     return gradients

@@ -34,9 +34,9 @@ class TargetView(ComparedByValue):
     Parameters
     ----------
     points : (n, 3) array_like
-        Board frame, z = 0. Units: mm.
+        Points in the board frame, z = 0. Units: mm.
     pixels : (n, 2) array_like
-        Image points of `points`. Units: px.
+        Images of `points`. Units: px.
     size : tuple of int
         ``(width, height)`` of the image. Units: px.
     """
@@ -62,7 +62,7 @@ def board_homography(view: TargetView) -> FloatArray:
 
 @runtime_checkable
 class Target(Protocol):
-    """A flat pattern of known points."""
+    """Flat pattern of known points."""
 
     @property
     def points(self) -> Points:
@@ -75,7 +75,7 @@ class Target(Protocol):
 
 
 class PrintedTarget(ABC):
-    """A target of a kind that this package prints and finds."""
+    """Kind of target that this package prints and finds."""
 
     @property
     @abstractmethod
@@ -83,17 +83,17 @@ class PrintedTarget(ABC):
         """All points, (n, 3), board frame, z = 0. Units: mm."""
 
     def find(self, image: npt.NDArray[np.uint8]) -> tuple[Points, Points] | None:
-        """Return the points that are seen in an image.
+        """Return the points of the target in an image.
 
         Parameters
         ----------
         image : (height, width) ndarray of uint8
-            Grey.
+            Grey image.
 
         Returns
         -------
         points, pixels : (n, 3) and (n, 2) ndarray
-            Board frame (mm) and image (px); None where the target is not found.
+            Points in the board frame (mm) and in the image (px); None if the target is not found.
 
         Examples
         --------
@@ -154,7 +154,7 @@ class ChArUco(PrintedTarget):
 
     @property
     def points(self) -> Points:
-        """Inner corners, (n, 3). Units: mm."""
+        """Inner corners (n, 3), board frame, z = 0. Units: mm."""
         return _grid(self.squares_x - 1, self.squares_y - 1, self.square)
 
     @property
@@ -219,18 +219,18 @@ class Chessboard(PrintedTarget):
 
     @property
     def points(self) -> Points:
-        """Inner corners, (n, 3). Units: mm."""
+        """Inner corners (n, 3), board frame, z = 0. Units: mm."""
         return _grid(self.columns, self.rows, self.square)
 
     def _find(self, image: npt.NDArray[np.uint8]) -> tuple[Points, Points] | None:
         """Return all inner corners."""
         for initial in initial_corners(image, self.columns, self.rows):
-            located = locate_corners(image, initial)
-            if located is not None:
-                corners, kept = located[0].reshape(-1, 2), located[1].ravel()
-                order = corner_order(image, located[0]).ravel()
-                seen = kept[order]
-                return self.points[seen], corners[order[seen]]
+            detection = locate_corners(image, initial)
+            if detection is not None:
+                corners, inliers = detection[0].reshape(-1, 2), detection[1].ravel()
+                order = corner_order(image, detection[0]).ravel()
+                visible = inliers[order]
+                return self.points[visible], corners[order[visible]]
         return None
 
 
@@ -283,7 +283,7 @@ class CircleGrid(PrintedTarget):
 
     @property
     def points(self) -> Points:
-        """Centres, (n, 3). Units: mm."""
+        """Centres of the discs (n, 3), board frame, z = 0. Units: mm."""
         if not self.asymmetric:
             return _grid(self.columns, self.rows, self.spacing)
         row, column = np.divmod(np.arange(self.columns * self.rows), self.columns)
@@ -314,14 +314,14 @@ def find_target(image: npt.ArrayLike, target: Target) -> TargetView:
     Parameters
     ----------
     image : (height, width) or (height, width, 3) array_like
-        8 or 16 bit; three channels in OpenCV's order (blue, green, red).
+        Image of 8 or 16 bit; three channels in OpenCV's order (blue, green, red).
     target : Target
-        The target.
+        Target to find.
 
     Returns
     -------
     TargetView
-        The points found and their pixels.
+        Points found, in the board frame and in the image.
 
     Raises
     ------
@@ -353,7 +353,7 @@ def find_target(image: npt.ArrayLike, target: Target) -> TargetView:
 def left_out_warnings(
     target: Target, views: Sequence[TargetView], indices: Sequence[int]
 ) -> list[str]:
-    """Return a warning for each view of a target, wholly visible, of which corners are left out.
+    """Return a warning for each view in which corners of a fully visible target are left out.
 
     `indices` are the image indices of the views. A `ChArUco` board may be partly visible.
     """
@@ -381,7 +381,7 @@ def _check_grid(columns: int, rows: int, length: float, name: str) -> None:
 
 
 def grey_image(image: npt.ArrayLike) -> npt.NDArray[np.uint8]:
-    """Convert an 8- or 16-bit grey or colour image to 8-bit grey.
+    """Return an 8- or 16-bit grey or colour image as 8-bit grey.
 
     Raises
     ------

@@ -19,10 +19,10 @@ BEZIER_CIRCLE_FACTOR = 0.5522847498
 MARGIN = 10.0
 """White border, which the detection needs and printers cannot print on. Units: mm."""
 
-RULER = 100.0
+RULER_LENGTH = 100.0
 """Length of the bar for checking the printer's scale. Units: mm."""
 
-FOOT = 14.0
+FOOTER_HEIGHT = 14.0
 """Height of the strip below the pattern for bar and text. Units: mm."""
 
 PAPERS = ((210.0, 297.0), (297.0, 420.0), (420.0, 594.0), (594.0, 841.0), (841.0, 1189.0))
@@ -60,24 +60,24 @@ class PageLayout:
         Black shapes.
     text : str
         Line of text below the pattern.
-    text_at : tuple of float
-        Start of its base line. Units: mm.
+    text_position : tuple of float
+        (x, y) of the start of the text's base line. Units: mm.
     """
 
     width: float
     height: float
     shapes: tuple[Rectangle | Disc, ...]
     text: str
-    text_at: tuple[float, float]
+    text_position: tuple[float, float]
 
 
 def target_svg(target: Target) -> str:
-    """Draw a target as SVG at true scale.
+    """Return a target as an SVG drawing at true scale.
 
     Parameters
     ----------
     target : Target
-        The board.
+        Target to print.
 
     Returns
     -------
@@ -92,6 +92,7 @@ def target_svg(target: Target) -> str:
     '<svg xmlns="http://www.w3.org/2000/svg" width="297mm" height="210mm"'
     """
     page = layout_target(target)
+    text_x, text_y = page.text_position
     size = f'width="{page.width:g}mm" height="{page.height:g}mm"'
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
@@ -103,7 +104,7 @@ def target_svg(target: Target) -> str:
         # One path: touching squares drawn separately show grey seams.
         f'<path d="{_svg_squares(page)}"/>',
         "</g>",
-        f'<text x="{page.text_at[0]:g}" y="{page.text_at[1]:g}" font-family="sans-serif" '
+        f'<text x="{text_x:g}" y="{text_y:g}" font-family="sans-serif" '
         f'font-size="3.5">{page.text}</text>',
         "</svg>",
     ]
@@ -111,7 +112,7 @@ def target_svg(target: Target) -> str:
 
 
 def target_pdf(target: Target) -> bytes:
-    """Draw a target as a PDF page at true scale; otherwise as `target_svg`.
+    """Return a target as a PDF page at true scale; see `target_svg`.
 
     Examples
     --------
@@ -127,7 +128,7 @@ def target_pdf(target: Target) -> bytes:
     # One path, one fill: squares filled separately show grey seams.
     content += [_pdf_square(shape) for shape in page.shapes if isinstance(shape, Rectangle)]
     text = page.text.replace("\\", "\\\\").replace("(", "\\(").replace(")", "\\)")
-    x, y = page.text_at[0] * scale, (page.height - page.text_at[1]) * scale
+    x, y = page.text_position[0] * scale, (page.height - page.text_position[1]) * scale
     content += ["f Q", f"BT /F1 10 Tf {x:.3f} {y:.3f} Td ({text}) Tj ET"]
     stream = "\n".join(content)
     box = f"[0 0 {page.width * scale:.4f} {page.height * scale:.4f}]"
@@ -191,7 +192,7 @@ def _pdf_file(objects: Sequence[str]) -> bytes:
 
 
 def layout_target(target: Target) -> PageLayout:
-    """Lay out the page of a target, with a bar of 100 mm to check the print.
+    """Return the page of a target, with a bar of 100 mm to check the print.
 
     Raises
     ------
@@ -229,21 +230,23 @@ def layout_target(target: Target) -> PageLayout:
 def _layout_page(
     shapes: Sequence[Rectangle | Disc], size: tuple[float, float], text: str
 ) -> PageLayout:
-    """Centre the shapes on the smallest paper, with bar and text below."""
-    width, height = _paper(max(size[0], RULER) + 2 * MARGIN, size[1] + 2 * MARGIN + FOOT)
-    left, top = (width - size[0]) / 2, (height - size[1] - FOOT) / 2
-    moved = [_translate(shape, left, top) for shape in shapes]
-    below = top + size[1] + MARGIN
-    bar = [
-        Rectangle(MARGIN, below + 2, RULER, 0.4),
-        Rectangle(MARGIN, below, 0.2, 4.4),
-        Rectangle(MARGIN + RULER - 0.2, below, 0.2, 4.4),
+    """Return the shapes centred on the smallest paper, with bar and text below."""
+    width, height = _smallest_paper(
+        max(size[0], RULER_LENGTH) + 2 * MARGIN, size[1] + 2 * MARGIN + FOOTER_HEIGHT
+    )
+    left, top = (width - size[0]) / 2, (height - size[1] - FOOTER_HEIGHT) / 2
+    centred = [_translate(shape, left, top) for shape in shapes]
+    bar_top = top + size[1] + MARGIN
+    ruler = [
+        Rectangle(MARGIN, bar_top + 2, RULER_LENGTH, 0.4),
+        Rectangle(MARGIN, bar_top, 0.2, 4.4),
+        Rectangle(MARGIN + RULER_LENGTH - 0.2, bar_top, 0.2, 4.4),
     ]
     text = f"{text}. Print at 100 %; the bar is 100 mm."
-    return PageLayout(width, height, (*moved, *bar), text, (MARGIN, below + 9))
+    return PageLayout(width, height, (*centred, *ruler), text, (MARGIN, bar_top + 9))
 
 
-def _paper(width: float, height: float) -> tuple[float, float]:
+def _smallest_paper(width: float, height: float) -> tuple[float, float]:
     """Return the smallest paper that fits, either way up; the size itself beyond A0. Units: mm."""
     for short, long in PAPERS:
         for sheet in ((short, long), (long, short)):
@@ -253,7 +256,7 @@ def _paper(width: float, height: float) -> tuple[float, float]:
 
 
 def _translate(shape: Rectangle | Disc, x: float, y: float) -> Rectangle | Disc:
-    """Translate a shape."""
+    """Return a shape translated by (x, y) in mm."""
     if isinstance(shape, Disc):
         return Disc(shape.x + x, shape.y + y, shape.radius)
     return Rectangle(shape.x + x, shape.y + y, shape.width, shape.height)

@@ -23,7 +23,7 @@ MIN_OUTLIER_PX = 0.15
 MAX_REPEATED = 2
 """Number of images up to which each is listed with the reason that it shares with others."""
 MIN_TILT = np.radians(5.0)
-"""Smallest angle between two boards; below it all boards count as parallel. Units: rad."""
+"""Largest angle between two boards below which all boards count as parallel. Units: rad."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class RejectedView:
     index : int
         Index of the image, from 0.
     reason : str
-        Reason with numbers.
+        Reason in words, with numbers.
     """
 
     index: int
@@ -63,25 +63,26 @@ class ViewSources:
 
 
 def collect_views(
-    images: Iterable[Image], find: Callable[[Image], View], content: Callable[[View], bytes]
+    images: Iterable[Image], find: Callable[[Image], View], content_key: Callable[[View], bytes]
 ) -> tuple[list[View], ViewSources]:
-    """Apply `find` to each image; images in which it fails are rejected with the error.
+    """Return the views that `find` finds in the images, and the rejected images.
 
-    So are those of the same `content` as an earlier one: a photo that is there twice counts once.
+    Rejected are images in which `find` raises an error, and those of the same content as an
+    earlier one (equal `content_key` of the view): a photo that is stored twice counts once.
     """
-    found, rejected = dict[int, View](), []
+    views, rejected = dict[int, View](), []
     for index, image in enumerate(images):
         try:
-            found[index] = find(image)
+            views[index] = find(image)
         except LsvisionError as error:
             rejected.append(RejectedView(index, str(error)))
-    indices = list(found)
-    for repeated, first in find_repeated(map(content, found.values())).items():
-        del found[indices[repeated]]
-        reason = f"the same photo as image {indices[first]}"
+    indices = list(views)
+    for repeated, original in find_repeated(map(content_key, views.values())).items():
+        del views[indices[repeated]]
+        reason = f"the same photo as image {indices[original]}"
         rejected.append(RejectedView(indices[repeated], reason))
     rejected.sort(key=lambda view: view.index)
-    return list(found.values()), ViewSources(tuple(found), tuple(rejected))
+    return list(views.values()), ViewSources(tuple(views), tuple(rejected))
 
 
 def require_size(camera: Camera, image: npt.ArrayLike, name: str) -> None:
@@ -90,7 +91,7 @@ def require_size(camera: Camera, image: npt.ArrayLike, name: str) -> None:
     Raises
     ------
     CalibrationFailed
-        With the image's name and both sizes.
+        If it is of another size; the message states the image's name and both sizes.
     """
     width, height = camera.size
     shape = as_image(image, name).shape
@@ -102,25 +103,27 @@ def require_size(camera: Camera, image: npt.ArrayLike, name: str) -> None:
         )
 
 
-def require_views(count: int, need: int, shown: str, remedy: str, sources: ViewSources) -> None:
+def require_views(
+    count: int, min_count: int, content: str, remedy: str, sources: ViewSources
+) -> None:
     """Require a number of views, with the reason for each rejected image.
 
     Raises
     ------
     CalibrationFailed
-        "`count` views show `shown` and `need` are needed, best 15: `remedy`", and the reasons.
+        "`count` views show `content` and `min_count` are needed, best 15: `remedy`", and reasons.
     """
-    if count < need:
+    if count < min_count:
         show = "show" if count != 1 else "shows"
-        reasons = "".join(f"; {text}" for text in _rejections(sources.rejected))
+        reasons = "".join(f"; {text}" for text in _describe_rejections(sources.rejected))
         raise CalibrationFailed(
-            f"{counted(count, 'view')} {show} {shown} and {need} are needed, best 15: "
+            f"{counted(count, 'view')} {show} {content} and {min_count} are needed, best 15: "
             f"{remedy}{reasons}"
         )
 
 
-def _rejections(rejected: Sequence[RejectedView]) -> list[str]:
-    """Return the reason for each image; one that many share only once, behind all of them."""
+def _describe_rejections(rejected: Sequence[RejectedView]) -> list[str]:
+    """Return the reason for each image; a reason shared by many only once, after all of them."""
     images: dict[str, list[int]] = {}
     for view in rejected:
         images.setdefault(view.reason, []).append(view.index)
@@ -139,7 +142,7 @@ def require_tilted(camera_from_boards: Sequence[Pose], undetermined: str) -> Non
     Raises
     ------
     DegenerateGeometry
-        With the largest angle, what is undetermined, and the remedy.
+        If they are parallel; the message states the angle, `undetermined` and the remedy.
     """
     normals = np.array([pose.rotation[:, 2] for pose in camera_from_boards])
     largest_angle = np.arccos(np.clip(normals @ normals.T, -1, 1)).max()

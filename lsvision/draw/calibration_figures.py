@@ -45,10 +45,10 @@ def draw_coverage(calibration: CameraCalibration) -> "Figure":
     figure = new_figure(9.5, 4.2)
     left, right = figure.subplots(1, 2, width_ratios=(1.5, 1))
     for view in calibration.views:
-        left.plot(*view.seen.pixels.T, ".", markersize=3)
+        left.plot(*view.target_view.pixels.T, ".", markersize=3)
     width, height = calibration.camera.size
     for row, column in np.argwhere(
-        ~covered_cells(calibration.camera.size, [v.seen for v in calibration.views])
+        ~covered_cells(calibration.camera.size, [v.target_view for v in calibration.views])
     ):
         corner = (column * width / CELLS, row * height / CELLS)
         left.add_patch(Rectangle(corner, width / CELLS, height / CELLS, color=OUTLIER, alpha=0.15,

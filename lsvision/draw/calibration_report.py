@@ -72,7 +72,7 @@ def camera_page(calibration: CameraCalibration, page: ReportContent) -> str:
     names, bad = _names_and_outliers(calibration, page)
     sizes = [view.rms_px for view in calibration.views]
     covered = covered_cells(
-        calibration.camera.size, [view.seen for view in calibration.views]
+        calibration.camera.size, [view.target_view for view in calibration.views]
     ).mean()
     pictures = [
         (
@@ -87,7 +87,8 @@ def camera_page(calibration: CameraCalibration, page: ReportContent) -> str:
         ),
     ]
     views = {
-        view.index: (view.seen.pixels, view.residuals, _NONE, _NONE) for view in calibration.views
+        view.index: (view.target_view.pixels, view.residuals, _NONE, _NONE)
+        for view in calibration.views
     }
     return _page("Camera calibration", page, pictures, _photos(page, views, calibration.rejected))
 
@@ -123,7 +124,7 @@ def laser_plane_page(
     ]
     views = {
         view.index: (
-            view.seen.pixels, view.corner_residuals, view.seen.line_pixels,
+            view.laser_view.pixels, view.corner_residuals, view.laser_view.line_pixels,
             line_vectors(calibration, view),
         )
         for view in calibration.views
@@ -135,7 +136,7 @@ def laser_plane_page(
 
 def line_vectors(calibration: LaserPlaneCalibration, view: CalibratedLaserView) -> FloatArray:
     """Return predicted minus found laser points along the line's normal, (m, 2). Units: px."""
-    rays = calibration.light_section.camera.rays(view.seen.line_pixels)
+    rays = calibration.light_section.camera.rays(view.laser_view.line_pixels)
     up, normal = view.camera_from_board.rotation[:, 2], calibration.plane.normal
     # Height over the board of the point of the laser plane on a ray grows along this direction.
     slant = (rays @ up) / (rays @ normal)

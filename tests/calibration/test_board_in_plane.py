@@ -54,7 +54,7 @@ def test_equivalent_pinhole_camera_is_near_the_real_one():
     found = calibrate_board_in_plane(photo((0.7, 0.1, 0.05))[0], TARGET)
     matrix = found.light_section.camera.matrix
     np.testing.assert_allclose(matrix[[0, 1], [0, 1]], 900, rtol=0.1)
-    assert "stand-in" in found.light_section.provenance["method"]
+    assert "equivalent pinhole camera" in found.light_section.provenance["method"]
 
 
 def test_light_section_of_a_board_is_unchanged_by_saving(tmp_path):

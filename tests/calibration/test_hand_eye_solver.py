@@ -48,13 +48,13 @@ def test_a_radius_must_be_positive():
 
 def test_too_few_poses_are_rejected_with_their_number():
     profiles, flanges = sphere_scene(2, 5)
-    with pytest.raises(CalibrationFailed, match=r"5 poses with a sphere .* need 6"):
+    with pytest.raises(CalibrationFailed, match=r"5 poses show a sphere .* 6 are needed"):
         calibrate_hand_eye_sphere(profiles, flanges)
     profiles, flanges = plane_scene(2, 7)
-    with pytest.raises(CalibrationFailed, match=r"7 poses with a straight line .* need 8"):
+    with pytest.raises(CalibrationFailed, match=r"7 poses show a straight line .* 8 are needed"):
         calibrate_hand_eye_plane(profiles, flanges)
     boards, flanges = board_scene(2, 3)
-    with pytest.raises(CalibrationFailed, match=r"3 poses with a board .* need 4"):
+    with pytest.raises(CalibrationFailed, match=r"3 poses show a board .* 4 are needed"):
         calibrate_hand_eye_board(boards, flanges)
 
 

@@ -54,7 +54,7 @@ def test_camera_page_shows_each_photo_with_its_corners_and_arrows(solved):
         photo = photos[view.index]
         corners = re.search(r'<g class="corners".*?</g>', photo)[0]
         drawn = np.array(re.findall(r'cx="([^"]+)" cy="([^"]+)"', corners), dtype=float)
-        np.testing.assert_allclose(drawn, view.seen.pixels, atol=STORED_PX)
+        np.testing.assert_allclose(drawn, view.target_view.pixels, atol=STORED_PX)
         factor = float(re.search(r"arrows ×([\d.e+]+)", photo)[1])
         shafts = re.findall(r"M([\d.-]+) ([\d.-]+)l([\d.-]+) ([\d.-]+)l", photo)
         arrows = np.array(shafts, dtype=float)
@@ -66,11 +66,11 @@ def test_arrows_of_the_line_end_where_plane_and_board_meet(solved):
     _, found, _, _ = solved
     assert len(found.views) == 6
     for view in found.views:
-        predicted = view.seen.line_pixels + line_vectors(found, view)
+        predicted = view.laser_view.line_pixels + line_vectors(found, view)
         rays = found.light_section.camera.rays(predicted)
         on_plane = rays * (found.plane.distance / (rays @ found.plane.normal))[:, None]
         heights = view.camera_from_board.inverse().apply(on_plane)[:, 2]
-        before = found.light_section.camera.rays(view.seen.line_pixels)
+        before = found.light_section.camera.rays(view.laser_view.line_pixels)
         before = before * (found.plane.distance / (before @ found.plane.normal))[:, None]
         seen = view.camera_from_board.inverse().apply(before)[:, 2]
         assert np.all(np.abs(heights) < LENS * np.abs(seen) + 1e-6)
