@@ -15,7 +15,7 @@ from lsvision.calibration.board_pose import estimate_board_pose, guess_camera_fr
 from lsvision.calibration.target import Target, TargetView, board_homography, find_target
 from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import FloatArray, Plane, Pose
-from lsvision.results.quantities import Record, numbers
+from lsvision.results.quantities import Record, json_numbers
 from lsvision.results.result import Result
 from lsvision.sensors.camera import Camera
 from lsvision.sensors.light_section import LightSection
@@ -54,7 +54,7 @@ class BoardInPlane(Result):
         """
         plane = self.light_section.laser_plane
         return {
-            "normal": numbers(plane.normal),
+            "normal": json_numbers(plane.normal),
             "distance_mm": plane.distance,
             "rms_px": self.rms_px,
             "points": len(self.residuals),

@@ -22,7 +22,7 @@ from lsvision.calibration.sphere_arc import SphereArcSettings
 from lsvision.geometry import FloatArray, Plane, Pose, as_readonly_array
 from lsvision.geometry.arrays import rms
 from lsvision.geometry.settings_repr import ShowsChanges
-from lsvision.results.quantities import Record, finite, numbers
+from lsvision.results.quantities import Record, finite_or_none, json_numbers
 from lsvision.results.result import Result
 
 
@@ -310,22 +310,22 @@ class HandEye(Result):
         return {
             "mounting": self.mounting,
             "sensor": self.sensor,
-            "position_mm": numbers(self.mount_from_sensor.translation),
-            "position_std_mm": numbers(std[:3]),
-            "rotation_vector_deg": numbers(vector),
-            "rotation_vector_std_deg": numbers(np.degrees(std[3:])),
-            "working_point_mm": numbers(self.working_point),
+            "position_mm": json_numbers(self.mount_from_sensor.translation),
+            "position_std_mm": json_numbers(std[:3]),
+            "rotation_vector_deg": json_numbers(vector),
+            "rotation_vector_std_deg": json_numbers(np.degrees(std[3:])),
+            "working_point_mm": json_numbers(self.working_point),
             "working_point_std_mm": self.working_point_std,
-            "residual_rms_mm": finite(self.residual_rms),
-            "leave_one_out_rms_mm": finite(self.leave_one_out_rms),
+            "residual_rms_mm": finite_or_none(self.residual_rms),
+            "leave_one_out_rms_mm": finite_or_none(self.leave_one_out_rms),
             "robot_position_std_mm": position_std,
             "robot_rotation_std_deg": math.degrees(rotation_std),
             "height_scale": factor,
             "height_scale_std": factor_std,
             "target_scale": size,
             "target_scale_std": size_std,
-            "residuals_mm": numbers(self.residuals),
-            "leave_one_out_residuals_mm": numbers(self.leave_one_out_residuals),
+            "residuals_mm": json_numbers(self.residuals),
+            "leave_one_out_residuals_mm": json_numbers(self.leave_one_out_residuals),
             "rejected": [{"index": pose.index, "reason": pose.reason} for pose in self.rejected],
             "warnings": list(self.warnings),
         }

@@ -25,7 +25,7 @@ from lsvision.errors import DegenerateGeometry
 from lsvision.geometry import BoolArray, FloatArray, IntArray, Plane, Pose, as_readonly_array
 from lsvision.geometry.pose import as_pose, as_poses
 from lsvision.geometry.settings_repr import ShowsChanges
-from lsvision.results.quantities import Record, flat_row, numbers
+from lsvision.results.quantities import Record, flat_row, json_numbers
 from lsvision.results.result import Result
 
 UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
@@ -113,7 +113,7 @@ class PosePlan(Result):
         """
         names = ("index", "base_from_flange", "predicted_std_mm", "predicted_origin_std_mm")
         matrices = [pose.matrix.tolist() for pose in self.base_from_flanges]
-        stds = numbers(self.predicted_std), numbers(self.predicted_origin_std)
+        stds = json_numbers(self.predicted_std), json_numbers(self.predicted_origin_std)
         rows = zip(self.indices, matrices, *stds, strict=True)
         return {"poses": [dict(zip(names, row, strict=True)) for row in rows]}
 
@@ -129,7 +129,7 @@ class PosePlan(Result):
 
     def _rows(self) -> list[Record]:
         return [
-            flat_row(record) | flat_row({"flange_mm": numbers(pose.translation)})
+            flat_row(record) | flat_row({"flange_mm": json_numbers(pose.translation)})
             for record, pose in zip(self.to_dict()["poses"], self.base_from_flanges, strict=True)
         ]
 

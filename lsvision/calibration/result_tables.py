@@ -101,11 +101,11 @@ def _bow_rows(calibration: "CameraCalibration | LaserPlaneCalibration") -> list[
 
 def laser_plane_record(calibration: "LaserPlaneCalibration") -> "Record":
     """Return the plane with its standard deviations, and residuals, ready for JSON."""
-    from lsvision.results.quantities import numbers
+    from lsvision.results.quantities import json_numbers
 
     tilt_x, tilt_y, distance = (math.sqrt(value) for value in calibration.covariance.diagonal())
     return {
-        "normal": numbers(calibration.plane.normal),
+        "normal": json_numbers(calibration.plane.normal),
         "tilt_x_std_deg": math.degrees(tilt_x),
         "tilt_y_std_deg": math.degrees(tilt_y),
         "distance_mm": calibration.plane.distance,

@@ -201,7 +201,7 @@ def laser_plane(
 
     from lsvision.calibration.laser_plane import LaserPlaneSettings, calibrate_laser_plane
     from lsvision.draw.calibration_report import ReportContent, laser_plane_page
-    from lsvision.draw.view_photos import brighter_of
+    from lsvision.draw.view_photos import combine_photos
     from lsvision.files.atomic_files import write_atomic
     from lsvision.io.calibration import build_provenance, write_calibration
     from lsvision.io.camera_file import read_camera, read_camera_covariance
@@ -223,7 +223,8 @@ def laser_plane(
     warnings = warning_lines(names, calibration)
     if report is not None:
         photos = [
-            brighter_of(*pair, line_options.pattern) for pair in zip(shots, line_shots, strict=True)
+            combine_photos(*pair, line_options.pattern)
+            for pair in zip(shots, line_shots, strict=True)
         ]
         page = ReportContent(rows, warnings, names, provenance, photos)
         write_atomic(report, laser_plane_page(calibration, board.points, page))

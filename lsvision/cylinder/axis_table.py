@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal, get_args
 
 from lsvision.results.number_format import decimals_for, format_std, format_value
-from lsvision.results.quantities import Record, numbers
+from lsvision.results.quantities import Record, json_numbers
 
 if TYPE_CHECKING:
     from lsvision.cylinder.fit_result import CylinderFit
@@ -38,14 +38,14 @@ def axis_cells(fit: "CylinderFit") -> tuple[str, ...]:
 def axis_record(fit: "CylinderFit") -> Record:
     """Return the axis, radius and covariance, ready for JSON; lengths in mm, angles in deg."""
     return {
-        "point_mm": numbers(fit.point),
+        "point_mm": json_numbers(fit.point),
         "position_std_mm": fit.position_std,
-        "direction": numbers(fit.direction),
+        "direction": json_numbers(fit.direction),
         "direction_std_deg": math.degrees(fit.direction_std),
         "radius_mm": fit.radius,
         "radius_std_mm": fit.radius_std,
         "covariance_order": COVARIANCE_ORDER,
-        "covariance": [numbers(row) for row in fit.covariance],
+        "covariance": [json_numbers(row) for row in fit.covariance],
     }
 
 

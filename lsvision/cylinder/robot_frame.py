@@ -19,7 +19,7 @@ from lsvision.geometry.arrays import TINY
 from lsvision.geometry.cylinder import WithCylinder
 from lsvision.geometry.pose import as_pose
 from lsvision.results.number_format import decimals_for, format_std, format_value
-from lsvision.results.quantities import Record, flat_row, numbers
+from lsvision.results.quantities import Record, flat_row, json_numbers
 from lsvision.results.result import Result
 
 Frame = Literal["base", "flange"]
@@ -128,8 +128,8 @@ class PlacedCylinder(WithCylinder, Result):
             "includes_calibration": self.includes_calibration,
             "radius_mm": self.radius,
             "radius_std_mm": self.radius_std,
-            "point_mm": numbers(self.point),
-            "point_std_mm": numbers(self.point_std),
+            "point_mm": json_numbers(self.point),
+            "point_std_mm": json_numbers(self.point_std),
             "covariance_order": PLACED_COVARIANCE_ORDER,
             **self.direction_record,
         }
@@ -138,11 +138,11 @@ class PlacedCylinder(WithCylinder, Result):
     def direction_record(self) -> Record:
         """Direction and covariance, which differ between the two cylinders, ready for JSON."""
         return {
-            "direction": numbers(self.direction),
+            "direction": json_numbers(self.direction),
             "direction_std_deg": math.degrees(self.direction_std),
-            "e_phi": numbers(self.tangent_basis[0]),
-            "e_theta": numbers(self.tangent_basis[1]),
-            "covariance": [numbers(row) for row in self.covariance],
+            "e_phi": json_numbers(self.tangent_basis[0]),
+            "e_theta": json_numbers(self.tangent_basis[1]),
+            "covariance": [json_numbers(row) for row in self.covariance],
         }
 
     def _summary(self) -> str:

@@ -87,7 +87,7 @@ class Measurement(Result):
         return section_cells(self.cylinders)
 
     def _notes(self) -> list[str]:
-        return rejection_notes(self.rejections, "arc", found=bool(self.cylinders))
+        return rejection_notes(self.rejections, "arc", has_cylinders=bool(self.cylinders))
 
     def _rows(self) -> list[Record]:
         compute_intervals(self.cylinders)

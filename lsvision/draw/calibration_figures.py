@@ -10,7 +10,8 @@ from lsvision.calibration.hand_eye_parts import Sphere
 from lsvision.calibration.hand_eye_result import HandEye
 from lsvision.calibration.intrinsics import CameraCalibration
 from lsvision.calibration.laser_plane_result import LaserPlaneCalibration
-from lsvision.draw.space import fit_into, scale_axes
+from lsvision.draw.figure_files import new_figure
+from lsvision.draw.space import fit_into_area, scale_axes
 from lsvision.geometry import FloatArray, Plane, Pose
 from lsvision.geometry.arrays import rms
 from lsvision.results.palette import BOARD, FRAME_AXES, INLIER, LASER_PLANE, OUTLIER
@@ -25,24 +26,14 @@ MAX_BAR_LABELS = 24
 """Largest number of bars that all have a name below them."""
 
 
-def new_figure(width: float, height: float, layout: str = "constrained") -> "Figure":
-    """Return an empty figure with its own canvas. Units: inch."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height), facecolor="white", layout=layout)
-    FigureCanvasAgg(figure)
-    return figure
-
-
 def draw_coverage(calibration: CameraCalibration) -> "Figure":
-    """Draw the target's points of all views in the image, and the residuals of all points.
+    """Return a figure of the points of all views in the image, and of their residuals.
 
     Cells of the image without a point are shaded.
     """
     from matplotlib.patches import Rectangle
 
-    figure = new_figure(9.5, 4.2)
+    figure = new_figure((9.5, 4.2), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=(1.5, 1))
     for view in calibration.views:
         left.plot(*view.target_view.pixels.T, ".", markersize=3)
@@ -54,22 +45,22 @@ def draw_coverage(calibration: CameraCalibration) -> "Figure":
         left.add_patch(Rectangle(corner, width / CELLS, height / CELLS, color=OUTLIER, alpha=0.15,
                                  linewidth=0))  # fmt: skip
     left.set(xlim=(0, width), ylim=(height, 0), xlabel="u / px", ylabel="v / px", aspect="equal",
-             title="Points seen, a colour a view")  # fmt: skip
+             title="Detected points, one colour per view")  # fmt: skip
     residuals = np.concatenate([view.residuals for view in calibration.views])
     right.plot(*residuals.T, ".", color=INLIER, markersize=2)
-    reach = 1.1 * float(np.abs(residuals).max()) + 1e-9
-    right.set(xlim=(-reach, reach), ylim=(reach, -reach), xlabel="du / px", ylabel="dv / px",
-              aspect="equal", title="Projected minus seen")  # fmt: skip
+    limit = 1.1 * float(np.abs(residuals).max()) + 1e-9
+    right.set(xlim=(-limit, limit), ylim=(limit, -limit), xlabel="du / px", ylabel="dv / px",
+              aspect="equal", title="Projected minus detected")  # fmt: skip
     return figure
 
 
 def draw_bars(
     names: Sequence[str],
     series: Sequence[tuple[str, Sequence[float]]],
-    bad: Sequence[int],
+    outliers: Sequence[int],
     unit: str,
 ) -> "Figure":
-    """Draw residuals as bars, a group for each view or pose.
+    """Return a figure of residuals as bars, one group for each view or pose.
 
     Parameters
     ----------
@@ -77,19 +68,19 @@ def draw_bars(
         Names of the groups.
     series : sequence of (str, sequence of float)
         Name of each series, and a value for each group; NaN leaves a gap.
-    bad : sequence of int
-        Groups to mark.
+    outliers : sequence of int
+        Positions of the groups to mark.
     unit : str
-        Unit of the values, for the axis.
+        Label of the values' axis, with unit.
     """
-    figure = new_figure(9.5, 3.4)
+    figure = new_figure((9.5, 3.4), layout="constrained")
     axes = figure.subplots()
     positions, width = np.arange(len(names)), 0.8 / len(series)
-    for number, (name, values) in enumerate(series):
-        shade = 1.0 if number == 0 else 0.45
-        colours = [OUTLIER if index in bad else INLIER for index in range(len(names))]
-        axes.bar(positions + (number + 0.5) * width - 0.4, values, width, color=colours,
-                 alpha=shade, label=name)  # fmt: skip
+    for position, (name, values) in enumerate(series):
+        opacity = 1.0 if position == 0 else 0.45
+        colours = [OUTLIER if index in outliers else INLIER for index in range(len(names))]
+        axes.bar(positions + (position + 0.5) * width - 0.4, values, width, color=colours,
+                 alpha=opacity, label=name)  # fmt: skip
     step = 1 + len(names) // MAX_BAR_LABELS
     axes.set_xticks(positions[::step], names[::step], rotation=45, ha="right", fontsize=8,
                     parse_math=False)  # fmt: skip
@@ -101,25 +92,25 @@ def draw_bars(
 
 
 def draw_laser_plane(calibration: LaserPlaneCalibration, board: FloatArray) -> "Figure":
-    """Draw camera, laser plane and boards in space, and from the side.
+    """Return a figure of camera, laser plane and boards, in space and from the side.
 
     Parameters
     ----------
     calibration : LaserPlaneCalibration
-        The calibration.
+        Calibration to draw.
     board : (4, 3) ndarray
         Corners of the pattern, board frame. Units: mm.
     """
-    figure = new_figure(9.5, 4.6, "none")
+    figure = new_figure((9.5, 4.6))
     side = figure.add_axes((0.075, 0.13, 0.4, 0.73))
     space: Any = figure.add_axes(SPACE, projection="3d")
     outlines = [view.camera_from_board.apply(board)[[0, 1, 2, 3, 0]] for view in calibration.views]
     for outline in outlines:
         side.plot(outline[:, 2], outline[:, 1], color=BOARD, linewidth=0.8)
         space.plot(outline[:, 0], outline[:, 2], -outline[:, 1], color=BOARD, linewidth=0.8)
-    sheet = _sheet(calibration.plane, np.concatenate(outlines))
-    side.plot(sheet[:, 2], sheet[:, 1], color=LASER_PLANE, linewidth=1.5)
-    closed = sheet[[0, 1, 2, 3, 0]]
+    plane_corners = _plane_corners(calibration.plane, np.concatenate(outlines))
+    side.plot(plane_corners[:, 2], plane_corners[:, 1], color=LASER_PLANE, linewidth=1.5)
+    closed = plane_corners[[0, 1, 2, 3, 0]]
     space.plot(closed[:, 0], closed[:, 2], -closed[:, 1], color=LASER_PLANE)
     side.plot(0, 0, "k^")
     space.scatter(0, 0, 0, color="black", marker="^")
@@ -128,20 +119,20 @@ def draw_laser_plane(calibration: LaserPlaneCalibration, board: FloatArray) -> "
              title="From the side: boards grey, laser red")  # fmt: skip
     side.invert_yaxis()
     scale_axes(space, ("x / mm", "z / mm", "−y / mm"))
-    fit_into(space, SPACE)
+    fit_into_area(space, SPACE)
     _title_space(figure, "In space; triangle: camera")
     return figure
 
 
 def draw_poses(calibration: HandEye, flanges: Sequence[Pose]) -> "Figure":
-    """Draw the poses of the sensor, and the positions of the target in its view."""
-    figure = new_figure(9.5, 4.6, "none")
+    """Return a figure of the sensor's poses, and of the target's positions in its view."""
+    figure = new_figure((9.5, 4.6))
     space: Any = figure.add_axes(SPACE, projection="3d")
     view = figure.add_axes((0.075, 0.13, 0.4, 0.73))
-    sensors, centre = _sensors(calibration, flanges), _target_point(calibration, flanges)
+    sensors, centre = _sensor_poses(calibration, flanges), _target_point(calibration, flanges)
     left_out = {pose.index for pose in calibration.rejected}
-    seen = np.array([pose.inverse().apply_one(centre) for pose in sensors])
-    length = 0.25 * float(np.linalg.norm(seen, axis=1).mean())
+    targets_in_view = np.array([pose.inverse().apply_one(centre) for pose in sensors])
+    length = 0.25 * float(np.linalg.norm(targets_in_view, axis=1).mean())
     for index, pose in enumerate(sensors):
         start = pose.translation
         for axis, colour in zip(pose.rotation.T, FRAME_AXES, strict=True):
@@ -151,19 +142,19 @@ def draw_poses(calibration: HandEye, flanges: Sequence[Pose]) -> "Figure":
     space.scatter(*centre, color="black")
     mount = "robot's base" if calibration.mounting == "eye_in_hand" else "flange"
     scale_axes(space, ("x / mm", "y / mm", "z / mm"))
-    fit_into(space, SPACE)
+    fit_into_area(space, SPACE)
     _title_space(figure, f"Sensor (X red, Y green, Z blue) in the\n{mount} frame; target black")
-    _draw_view(view, seen, left_out, calibration)
+    _draw_view(view, targets_in_view, left_out, calibration)
     return figure
 
 
 def _title_space(figure: "Figure", title: str) -> None:
-    """Put a title above the 3D drawing, at the height of the title of the 2D drawing."""
+    """Write a title above the 3D drawing, at the height of the title of the 2D drawing."""
     left, _, width, _ = SPACE
     figure.text(left + width / 2, 0.885, title, ha="center", va="bottom", fontsize=12)
 
 
-def view_sizes(calibration: LaserPlaneCalibration) -> tuple[list[float], list[float]]:
+def rms_of_views(calibration: LaserPlaneCalibration) -> tuple[list[float], list[float]]:
     """Return the root mean square of line and corner residuals of each view. Units: px."""
     return (
         [rms(view.line_residuals) for view in calibration.views],
@@ -171,19 +162,21 @@ def view_sizes(calibration: LaserPlaneCalibration) -> tuple[list[float], list[fl
     )
 
 
-def _draw_view(axes: "Axes", seen: FloatArray, left_out: set[int], calibration: HandEye) -> None:
-    largest = float(np.abs(seen[:, 2]).max()) + 1e-9
+def _draw_view(
+    axes: "Axes", targets_in_view: FloatArray, left_out: set[int], calibration: HandEye
+) -> None:
+    max_offset = float(np.abs(targets_in_view[:, 2]).max()) + 1e-9
     if calibration.sensor == "camera":
         axes.set(xlabel="x / mm", ylabel="y / mm", title="Target in the camera's view")
         axes.invert_yaxis()
-        colours = seen[:, 2]
+        colours = targets_in_view[:, 2]
         limits: tuple[float, float] = (float(colours.min()), float(colours.max()))
     else:
         axes.set(xlabel="X / mm", ylabel="Y / mm", title="Target's centre in the section")
-        colours, limits = seen[:, 2], (-largest, largest)
-    dots = axes.scatter(*seen[:, :2].T, c=colours, cmap="coolwarm", vmin=limits[0],
+        colours, limits = targets_in_view[:, 2], (-max_offset, max_offset)
+    dots = axes.scatter(*targets_in_view[:, :2].T, c=colours, cmap="coolwarm", vmin=limits[0],
                         vmax=limits[1], edgecolors="black", s=60)  # fmt: skip
-    for index, point in enumerate(seen):
+    for index, point in enumerate(targets_in_view):
         axes.annotate(str(index), point[:2], xytext=(6, 4), textcoords="offset points", fontsize=8,
                       color=OUTLIER if index in left_out else "black")  # fmt: skip
     label = (
@@ -196,7 +189,7 @@ def _draw_view(axes: "Axes", seen: FloatArray, left_out: set[int], calibration: 
     axes.set_aspect("equal", adjustable="datalim")
 
 
-def _sensors(calibration: HandEye, flanges: Sequence[Pose]) -> list[Pose]:
+def _sensor_poses(calibration: HandEye, flanges: Sequence[Pose]) -> list[Pose]:
     """Return the poses of the sensor in the frame in which the target is fixed."""
     if calibration.mounting == "eye_in_hand":
         return [flange @ calibration.mount_from_sensor for flange in flanges]
@@ -207,24 +200,25 @@ def _target_point(calibration: HandEye, flanges: Sequence[Pose]) -> FloatArray:
     if isinstance(calibration.target, Sphere):
         return calibration.target.centre
     if isinstance(calibration.target, Plane):
-        # Of a plane: the point nearest to the mean of the points that the sensors aimed at.
-        aimed_at = [
-            pose.apply_one(calibration.working_point) for pose in _sensors(calibration, flanges)
+        # The point of the plane nearest to the mean of the sensors' working points.
+        working_points = [
+            pose.apply_one(calibration.working_point)
+            for pose in _sensor_poses(calibration, flanges)
         ]
-        middle = np.mean(aimed_at, axis=0)
+        middle = np.mean(working_points, axis=0)
         normal = calibration.target.normal
-        foot: FloatArray = middle - normal * (normal @ middle - calibration.target.distance)
-        return foot
+        nearest: FloatArray = middle - normal * (normal @ middle - calibration.target.distance)
+        return nearest
     return calibration.target.translation
 
 
-def _sheet(plane: Plane, points: FloatArray) -> FloatArray:
+def _plane_corners(plane: Plane, points: FloatArray) -> FloatArray:
     """Return the (4, 3) corners of the part of the laser plane near points."""
-    along = np.cross(plane.normal, (1.0, 0.0, 0.0))
-    along = along / np.linalg.norm(along)
-    other = np.cross(along, plane.normal)
-    flat = np.column_stack([points @ along, points @ other])
-    (low_a, low_b), (high_a, high_b) = flat.min(axis=0), flat.max(axis=0)
+    first_axis = np.cross(plane.normal, (1.0, 0.0, 0.0))
+    first_axis = first_axis / np.linalg.norm(first_axis)
+    second_axis = np.cross(first_axis, plane.normal)
+    coordinates = np.column_stack([points @ first_axis, points @ second_axis])
+    (low_a, low_b), (high_a, high_b) = coordinates.min(axis=0), coordinates.max(axis=0)
     origin = plane.normal * plane.distance
     corners = [(low_a, low_b), (high_a, low_b), (high_a, high_b), (low_a, high_b)]
-    return np.array([origin + a * along + b * other for a, b in corners])
+    return np.array([origin + a * first_axis + b * second_axis for a, b in corners])

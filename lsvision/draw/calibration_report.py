@@ -18,14 +18,14 @@ from lsvision.draw.calibration_figures import (
     draw_coverage,
     draw_laser_plane,
     draw_poses,
-    view_sizes,
+    rms_of_views,
 )
 from lsvision.draw.figure_files import svg_element
 from lsvision.draw.view_photos import ViewPhoto, arrow_factor, photo_svg
 from lsvision.geometry import FloatArray, Points, Pose
 from lsvision.results.html import html_environment
 
-BY_ROBOT = "where the robot's pose and the result put the corners,"
+PREDICTED_BY_ROBOT = "predicted by the robot's pose and the result,"
 _NONE: FloatArray = np.empty((0, 2))
 
 
@@ -36,15 +36,15 @@ class ReportContent:
     Parameters
     ----------
     rows : sequence of (str, str, str)
-        Name, number with one sigma, unit.
+        Name, number with standard deviation, unit.
     warnings : sequence of str
-        What was left out, fits badly, or leaves the result poorly determined.
+        Rejected images, outliers, and weaknesses of the result, one text each.
     names : sequence of str
         Names of the images or poses, in the order of their indices.
     provenance : mapping of str to str
         Method, date, version, inputs and their hash.
     images : sequence of images
-        A photo of each name; none for a hand-eye calibration by profiles.
+        Photo of each name; none for a hand-eye calibration by profiles.
     """
 
     rows: Sequence[tuple[str, str, str]]
@@ -60,7 +60,7 @@ def camera_page(calibration: CameraCalibration, page: ReportContent) -> str:
     Parameters
     ----------
     calibration : CameraCalibration
-        The calibration.
+        Calibration to report.
     page : ReportContent
         Values, warnings, names, provenance and images of the page.
 
@@ -69,7 +69,7 @@ def camera_page(calibration: CameraCalibration, page: ReportContent) -> str:
     str
         HTML without references to other files.
     """
-    names, bad = _names_and_outliers(calibration, page)
+    names, outliers = _names_and_outliers(calibration, page)
     sizes = [view.rms_px for view in calibration.views]
     covered = covered_cells(
         calibration.camera.size, [view.target_view for view in calibration.views]
@@ -82,7 +82,7 @@ def camera_page(calibration: CameraCalibration, page: ReportContent) -> str:
             "all corners.",
         ),
         (
-            svg_element(draw_bars(names, [("rms", sizes)], bad, "rms, px")),
+            svg_element(draw_bars(names, [("rms", sizes)], outliers, "rms, px")),
             "Residual of each view; orange: beyond the limit for outliers.",
         ),
     ]
@@ -101,15 +101,15 @@ def laser_plane_page(
     Parameters
     ----------
     calibration : LaserPlaneCalibration
-        The calibration.
+        Calibration to report.
     board_points : (n, 3) ndarray
         Points of the board, board frame. Units: mm.
     page : ReportContent
         Values, warnings, names, provenance and images of the page.
     """
-    names, bad = _names_and_outliers(calibration, page)
-    line, corners = view_sizes(calibration)
-    bars = draw_bars(names, [("laser line", line), ("corners", corners)], bad, "rms, px")
+    names, outliers = _names_and_outliers(calibration, page)
+    line, corners = rms_of_views(calibration)
+    bars = draw_bars(names, [("laser line", line), ("corners", corners)], outliers, "rms, px")
     pictures = [
         (
             svg_element(draw_laser_plane(calibration, _outline(board_points))),
@@ -137,10 +137,10 @@ def laser_plane_page(
 def line_vectors(calibration: LaserPlaneCalibration, view: CalibratedLaserView) -> FloatArray:
     """Return predicted minus found laser points along the line's normal, (m, 2). Units: px."""
     rays = calibration.light_section.camera.rays(view.laser_view.line_pixels)
-    up, normal = view.camera_from_board.rotation[:, 2], calibration.plane.normal
-    # Height over the board of the point of the laser plane on a ray grows along this direction.
-    slant = (rays @ up) / (rays @ normal)
-    gradient = up[:2] - slant[:, None] * normal[:2]
+    board_normal, plane_normal = view.camera_from_board.rotation[:, 2], calibration.plane.normal
+    # Gradient, by the pixel, of the height over the board where its ray meets the laser plane.
+    ratio = (rays @ board_normal) / (rays @ plane_normal)
+    gradient = board_normal[:2] - ratio[:, None] * plane_normal[:2]
     normals = gradient / np.hypot(*gradient.T)[:, None]
     vectors: FloatArray = -view.line_residuals[:, None] * normals
     return vectors
@@ -157,35 +157,37 @@ def hand_eye_page(
     Parameters
     ----------
     calibration : HandEye
-        The calibration.
+        Calibration to report.
     flanges : sequence of Pose
         ``base_from_flange``, one per pose.
     page : ReportContent
         Values, warnings, names and provenance; for a board also its photos.
     corners : sequence of ((n, 2) ndarray, (n, 2) ndarray)
-        For a board, in each photo: the corners found, and predicted by the robot's pose and the
-        result minus found. Units: px.
+        For a board, in each photo: corners found, and their residuals (predicted by the robot's
+        pose and the result, minus found). Units: px.
     """
-    bad = [pose.index for pose in calibration.rejected]
+    rejected = [pose.index for pose in calibration.rejected]
     series = [
         ("residual", calibration.residuals.tolist()),
-        ("held out", calibration.leave_one_out_residuals.tolist()),
+        ("leave-one-out", calibration.leave_one_out_residuals.tolist()),
     ]
     pictures = [
         (
             svg_element(draw_poses(calibration, flanges)),
-            "Where the target stood in the sensor's view, and the sensor at each pose; the numbers "
-            "are those of the poses, from 0.",
+            "Positions of the target in the sensor's view, and the sensor's poses, numbered from 0.",
         ),
         (
-            svg_element(draw_bars(page.names, series, bad, "mm")),
-            "Residual of each pose (dark), and with respect to a fit without it (light). Orange "
-            "was left out.",
+            svg_element(draw_bars(page.names, series, rejected, "mm")),
+            "Residual of each pose (dark), and with respect to a fit without it (light); orange: "
+            "rejected.",
         ),
     ]
-    views = {index: (*seen, _NONE, _NONE) for index, seen in enumerate(corners)}
+    views = {
+        index: (points, residuals, _NONE, _NONE)
+        for index, (points, residuals) in enumerate(corners)
+    }
     photos = _photos(page, views, calibration.rejected)
-    return _page("Sensor to robot", page, pictures, photos, BY_ROBOT)
+    return _page("Sensor to robot", page, pictures, photos, PREDICTED_BY_ROBOT)
 
 
 def _photos(
@@ -193,7 +195,7 @@ def _photos(
     views: Mapping[int, tuple[Points, FloatArray, Points, FloatArray]],
     rejected: Sequence[RejectedView] | Sequence[RejectedPose],
 ) -> list[tuple[str, str]]:
-    """Return each photo with its caption: points and arrows, or why it was left out."""
+    """Return each photo with its caption: numbers of points and residuals, or the rejection."""
     reasons = {view.index: view.reason for view in rejected}
     photos = []
     named = zip(page.names, page.images, strict=bool(page.images))
@@ -219,13 +221,13 @@ def _photos(
 def _caption(photo: ViewPhoto, factors: tuple[float, float], reason: str | None) -> str:
     if reason is not None:
         return f"{photo.name}: left out: {reason}"
-    parts = [
+    texts = [
         f"{len(photo.corners)} corners, {_rms(photo.corner_residuals)}, arrows ×{factors[0]:g}"
     ]
     if len(photo.line):
         rms = _rms(photo.line_residuals)
-        parts.append(f"{len(photo.line)} points of the laser line, {rms}, arrows ×{factors[1]:g}")
-    return f"{photo.name}: {'; '.join(parts)}"
+        texts.append(f"{len(photo.line)} points of the laser line, {rms}, arrows ×{factors[1]:g}")
+    return f"{photo.name}: {'; '.join(texts)}"
 
 
 def _rms(vectors: FloatArray) -> str:
@@ -239,10 +241,10 @@ def _page(
     photos: Sequence[tuple[str, str]],
     arrows: str = "predicted",
 ) -> str:
-    """Render a page; each picture and photo is an ``<svg>`` element with its caption."""
+    """Return a page; each picture and photo is an ``<svg>`` element with its caption."""
     template = html_environment("lsvision.draw").get_template("calibration.html.j2")
-    pieces = {"title": title, "pictures": pictures, "photos": photos, "arrows": arrows}
-    return template.render(**pieces, **vars(page))
+    values = {"title": title, "pictures": pictures, "photos": photos, "arrows": arrows}
+    return template.render(**values, **vars(page))
 
 
 def _names_and_outliers(

@@ -1,4 +1,4 @@
-"""Figures as PNG, SVG or an element of a page."""
+"""New figures, and figures as PNG, SVG or an element of a page."""
 
 import io
 import threading
@@ -10,6 +10,28 @@ if TYPE_CHECKING:
 FORMATS = ("png", "svg")
 
 _SALT_LOCK = threading.Lock()
+
+
+def new_figure(
+    size: tuple[float, float], *, dpi: float | None = None, layout: str = "none"
+) -> "Figure":
+    """Return an empty white figure of a size in inches, with its own canvas.
+
+    Parameters
+    ----------
+    size : tuple of float
+        Width and height. Units: inch.
+    dpi : float, optional
+        Resolution of a PNG; matplotlib's default if None. Units: 1 / inch.
+    layout : str
+        Layout engine of matplotlib, such as "constrained".
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=size, dpi=dpi, facecolor="white", layout=layout)
+    FigureCanvasAgg(figure)
+    return figure
 
 
 def figure_bytes(figure: "Figure", picture_format: str) -> bytes:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lsvision.draw.figure_files import new_figure
 from lsvision.draw.measurement import draw_on_axes
 from lsvision.draw.titles import draw_legend, label_once
 from lsvision.geometry import Ellipse
@@ -24,12 +25,13 @@ SERIES_INCH, PROFILE_INCH = (7.6, 2.5), (7.6, 4.4)
 MARKERS = {Decision.OK: "o", Decision.NG: "X", Decision.UNDECIDED: "D"}
 """Marker shapes, so that verdicts differ in a black-and-white print too."""
 MAX_BINS = 30
+"""Largest number of bins of the histogram."""
 LEGEND_COLUMNS = 3
 """Columns of the legend of a judged profile: its picture is as wide as half a page."""
 
 
 def draw_series(series: Series) -> Figure:
-    """Draw the trend and the histogram of a quantity, with its limits.
+    """Return a figure of the trend and the histogram of a quantity, with its limits.
 
     Parameters
     ----------
@@ -39,26 +41,23 @@ def draw_series(series: Series) -> Figure:
     Returns
     -------
     matplotlib.figure.Figure
-        Left the trend with intervals, right the histogram on the same axis.
+        Trend with intervals on the left, histogram on the same axis on the right.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
     from matplotlib.ticker import MaxNLocator
 
-    figure = Figure(figsize=SERIES_INCH, facecolor="white", layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(SERIES_INCH, layout="constrained")
     trend, histogram = figure.subplots(1, 2, sharey=True, width_ratios=(3, 1))
     _draw_trend(trend, series)
     count = len(series.values)
     bins = int(np.clip(math.ceil(math.sqrt(count)), 1, MAX_BINS))
     histogram.hist(series.values, bins=bins, orientation="horizontal", color="#8C8C8C")
     histogram.set_xlabel("parts")
-    ends = [end for end in series.limits if math.isfinite(end)]
-    name = "limits" if len(ends) > 1 else "limit"
+    limits = [limit for limit in series.limits if math.isfinite(limit)]
+    name = "limits" if len(limits) > 1 else "limit"
     for axes in (trend, histogram):
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))  # numbers of parts
-        for end in ends:
-            axes.axhline(end, color=LIMITS, lw=1.2, ls="--", label=label_once(axes, name))
+        for limit in limits:
+            axes.axhline(limit, color=LIMITS, lw=1.2, ls="--", label=label_once(axes, name))
     trend.legend(fontsize=7, loc="best")
     return figure
 
@@ -66,12 +65,12 @@ def draw_series(series: Series) -> Figure:
 def _draw_trend(axes: Axes, series: Series) -> None:
     numbers = np.array(series.numbers)
     values = np.array(series.values)
-    halves = np.abs([values - series.lows, np.subtract(series.highs, values)])
+    error_bars = np.abs([values - series.lows, np.subtract(series.highs, values)])
     for decision, marker in MARKERS.items():
-        mask = np.array([each == decision for each in series.decisions])
+        mask = np.array([judged == decision for judged in series.decisions])
         if mask.any():
             axes.errorbar(
-                numbers[mask], values[mask], yerr=halves[:, mask], fmt=marker, ms=4.5, lw=0.9,
+                numbers[mask], values[mask], yerr=error_bars[:, mask], fmt=marker, ms=4.5, lw=0.9,
                 color=DECISIONS[decision.value], label=str(decision),
             )  # fmt: skip
     axes.set_xlabel("measurement")
@@ -80,31 +79,27 @@ def _draw_trend(axes: Axes, series: Series) -> None:
 
 
 def draw_judged_profile(measurement: Measurement, verdict: Verdict) -> Figure | None:
-    """Draw a profile with its ellipses; dashed ellipses show the limits of each part's radius.
+    """Return a figure of a profile with its ellipses, and of the limits of radii (dashed).
 
     Parameters
     ----------
     measurement : Measurement
-        Measurement with its profile; without a profile there is nothing to draw.
+        Measurement with its profile; without a profile the result is None.
     verdict : Verdict
         Verdict of the measurement.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     if measurement.profile is None:
         return None
-    figure = Figure(figsize=PROFILE_INCH, facecolor="white", layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(PROFILE_INCH, layout="constrained")
     axes = figure.add_subplot()
     draw_on_axes(axes, measurement.profile, measurement)
     for item in verdict.parts:
         if item.cylinder is None:
             continue
         ellipse = measurement.cylinders[item.cylinder].ellipse
-        ends = [q.limits for q in item.quantities if q.key == "radius_mm"]
-        for end in [end for pair in ends for end in pair if math.isfinite(end)]:
-            _draw_limit(axes, ellipse, end)
+        intervals = [q.limits for q in item.quantities if q.key == "radius_mm"]
+        for radius in [limit for pair in intervals for limit in pair if math.isfinite(limit)]:
+            _draw_limit(axes, ellipse, radius)
         x, y = ellipse.centre
         axes.annotate(
             f"{item.name}: {item.decision}", (x, y), xytext=(0, -16), textcoords="offset points",

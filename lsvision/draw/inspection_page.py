@@ -30,11 +30,11 @@ class InspectionContext:
     Parameters
     ----------
     job : Job
-        The job.
+        Job of the inspection.
     made : str
-        Date of the page.
+        Date and time of the page.
     calibration_days : float, optional
-        Age of the oldest calibration.
+        Age of the oldest calibration. Units: days.
     golden : sequence of dict
         Log of the golden part, the oldest check first.
     """
@@ -46,25 +46,25 @@ class InspectionContext:
 
 
 def inspection_page(inspected: Sequence[JudgedMeasurement], context: InspectionContext) -> str:
-    """Return a page of one measurement or many.
+    """Return the HTML page of one measurement or many.
 
     Parameters
     ----------
     inspected : sequence of JudgedMeasurement
-        At least one.
+        Measurements with their verdicts, at least one.
     context : InspectionContext
         Job, date, calibration, golden part.
 
     Returns
     -------
     str
-        HTML that needs no other file; laid out for screens, phones and A4 paper.
+        Page without references to other files, laid out for screens, phones and A4 paper.
     """
     several = len(inspected) >= MIN_TREND
     series = collect_series(inspected) if several else []
     shown = list(inspected)
     if len(shown) > MAX_PARTS:
-        shown.sort(key=lambda each: each.verdict.decision == Decision.OK)
+        shown.sort(key=lambda judged: judged.verdict.decision == Decision.OK)
         shown = shown[:MAX_PARTS]
     template = html_environment("lsvision.draw").get_template("inspection.html.j2")
     return template.render(
@@ -73,8 +73,8 @@ def inspection_page(inspected: Sequence[JudgedMeasurement], context: InspectionC
         total=len(inspected),
         counts=count_verdicts(inspected) if several else [],
         blocked=inspected[0].verdict.blocked,
-        series=[_series_values(each) for each in series],
-        parts=[_part_values(each) for each in shown],
+        series=[_series_values(one_series) for one_series in series],
+        parts=[_part_values(judged) for judged in shown],
         left_out=len(inspected) - len(shown),
         note=NOT_CLAIMED,
     )
@@ -101,22 +101,22 @@ def _capability_rows(capability: Capability) -> list[tuple[str, str]]:
             f"{100 * capability.measurement_fraction:.0f} %",
         ),
     ]
-    if capability.cp == capability.cp:  # not NaN: both limits are there
+    if capability.cp == capability.cp:  # not NaN: there are both limits
         low, high = capability.cp_interval
         rows.insert(2, ("Cp", f"{capability.cp:.2f} ({low:.2f} .. {high:.2f})"))
     return rows
 
 
-def _part_values(each: JudgedMeasurement) -> dict[str, Any]:
-    verdict, figure = each.verdict, None
-    if isinstance(each.measurement, Measurement):
-        figure = draw_judged_profile(each.measurement, verdict)
-    name = f"{each.source}, profile {each.profile}" if each.profile else each.source
+def _part_values(judged: JudgedMeasurement) -> dict[str, Any]:
+    verdict, figure = judged.verdict, None
+    if isinstance(judged.measurement, Measurement):
+        figure = draw_judged_profile(judged.measurement, verdict)
+    name = f"{judged.source}, profile {judged.profile}" if judged.profile else judged.source
     return {
         "name": name,
         "decision": str(verdict.decision),
         "cells": item_cells(verdict.items),
         "notes": verdict._notes()[1:],
-        "remedies": [str(remedy) for remedy in each.remedies],
+        "remedies": [str(remedy) for remedy in judged.remedies],
         "picture": "" if figure is None else svg_element(figure),
     }

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from lsvision.draw.figure_files import new_figure
 from lsvision.draw.photo import show_photo
 from lsvision.draw.titles import draw_legend, figure_of, printable, set_title
 from lsvision.geometry import BoolArray, FloatArray, Points
@@ -35,7 +36,7 @@ Box = tuple[float, float, float, float]
 def draw_laser_line(
     image: npt.ArrayLike, line: LaserLine, *, title: str = "", ax: Axes | None = None
 ) -> Figure:
-    """Draw a laser line into its image, with curves of its std, width and brightness.
+    """Return a figure of a laser line in its image, with curves of its std, width, brightness.
 
     The curves share the photo's axis along the line: below the photo, with each point under its
     column; for a line that runs from top to bottom at the right, with each point in its row.
@@ -45,17 +46,17 @@ def draw_laser_line(
     image : (height, width) or (height, width, 3) array_like
         Image of the line; channels in the order blue, green, red.
     line : LaserLine
-        The line.
+        Laser line to draw.
     title : str
         Title above the image, such as the name of the file.
     ax : matplotlib.axes.Axes, optional
-        Axes to draw image and line into, without curves. By default a new figure with all is
+        Axes to draw image and line into, without curves. By default a new figure with curves is
         drawn.
 
     Returns
     -------
     matplotlib.figure.Figure
-        That of `ax`; else a new one. Save it with its ``savefig`` or `figure_bytes`. Its first
+        Figure of `ax`, else a new one. Save it with its ``savefig`` or `figure_bytes`. Its first
         axes hold the photo, the others the curves.
 
     Examples
@@ -66,24 +67,20 @@ def draw_laser_line(
     >>> len(draw_laser_line(image, extract_laser_line(image)).axes)
     4
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     if ax is not None:
         _draw_on_photo(ax, image, line)
         set_title(ax, title)
         return figure_of(ax)
     size, photo_box, curve_boxes = _layout(np.shape(image), line.direction)
-    figure = Figure(figsize=size, dpi=DPI, facecolor="white")
-    FigureCanvasAgg(figure)
+    figure = new_figure(size, dpi=DPI)
     photo = figure.add_axes(_figure_fractions(photo_box, size))
     _draw_on_photo(photo, image, line)
     left, top = LEFT_INCH / size[0], 1 - 0.2 / size[1]
     figure.suptitle(f"{printable(title)}\n{line_summary(line)}".lstrip(), x=left, y=top, ha="left",
                     va="top", fontsize=11, parse_math=False)  # fmt: skip
-    for row, box in zip(_curves(line), curve_boxes, strict=True):
-        _draw_curve(figure, photo, line, row, _figure_fractions(box, size))
-    if line.direction == "columns":  # one axis for all: its tick labels are below the last
+    for curve, box in zip(_curves(line), curve_boxes, strict=True):
+        _draw_curve(figure, photo, line, curve, _figure_fractions(box, size))
+    if line.direction == "columns":  # shared axis: tick labels below the last curve only
         for axes in figure.axes[1:-1]:
             axes.tick_params(labelbottom=False)
         figure.axes[-1].set_xlabel("u / px")
@@ -126,17 +123,20 @@ def _layout(
     scale = min(max_width / width, max_height / height)
     photo_width, photo_height = scale * width, scale * height
     curves = 3 * CURVE_INCH + 2 * CURVE_GAP_INCH
-    steps = [number * (CURVE_INCH + CURVE_GAP_INCH) for number in range(3)]
+    offsets = [number * (CURVE_INCH + CURVE_GAP_INCH) for number in range(3)]
     if direction == "columns":
         bottom = BOTTOM_INCH + curves + PHOTO_GAP_INCH
         size = (LEFT_INCH + photo_width + RIGHT_INCH, bottom + photo_height + TOP_INCH)
         first, second, third = (
-            (LEFT_INCH, BOTTOM_INCH + step, photo_width, CURVE_INCH) for step in reversed(steps)
+            (LEFT_INCH, BOTTOM_INCH + offset, photo_width, CURVE_INCH)
+            for offset in reversed(offsets)
         )
     else:
         bottom, start = BOTTOM_INCH, LEFT_INCH + photo_width + CURVE_GAP_INCH
         size = (start + curves + RIGHT_INCH, bottom + photo_height + TOP_INCH)
-        first, second, third = ((start + step, bottom, CURVE_INCH, photo_height) for step in steps)
+        first, second, third = (
+            (start + offset, bottom, CURVE_INCH, photo_height) for offset in offsets
+        )
     size = (max(size[0], MIN_WIDTH_INCH), size[1])
     return size, (LEFT_INCH, bottom, photo_width, photo_height), (first, second, third)
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lsvision.draw.figure_files import new_figure
 from lsvision.draw.panel import draw_panel
 from lsvision.draw.rejected import RejectedArc, rejected_arcs
 from lsvision.draw.titles import draw_legend, figure_of, label_once, set_title, summary_title
@@ -33,12 +34,12 @@ RASTERISE_POINTS = 20_000
 def draw_measurement(
     profile: Profile, measurement: Measurement, *, title: str = "", ax: Axes | None = None
 ) -> Figure:
-    """Draw a profile with its cylinders and rejected arcs, and a panel that explains both.
+    """Return a figure of a profile with its cylinders and rejected arcs, and their values.
 
     Parameters
     ----------
     profile : Profile
-        The measured profile.
+        Measured profile.
     measurement : Measurement
         Measurement of the profile.
     title : str
@@ -58,20 +59,16 @@ def draw_measurement(
     >>> draw_measurement(profile, Measurement((), ()), title="two points").get_suptitle()
     'two points: no cylinder'
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     if ax is not None:
         draw_on_axes(ax, profile, measurement)
         set_title(ax, title)
         return figure_of(ax)
-    figure = Figure(figsize=SIZE_INCH, dpi=DPI, facecolor="white")
-    FigureCanvasAgg(figure)
+    figure = new_figure(SIZE_INCH, dpi=DPI)
     axes = figure.add_axes((0.065, 0.085, 0.605, 0.785))
     draw_on_axes(axes, profile, measurement)
     rejected = rejected_arcs(profile.points, measurement)
-    shown = summary_title(len(measurement.cylinders), len(rejected), title)
-    figure.suptitle(shown, x=0.065, y=0.96, ha="left", fontsize=13,
+    heading = summary_title(len(measurement.cylinders), len(rejected), title)
+    figure.suptitle(heading, x=0.065, y=0.96, ha="left", fontsize=13,
                     parse_math=False)  # fmt: skip
     draw_panel(figure, measurement.cylinders, rejected)
     return figure
@@ -83,9 +80,9 @@ def draw_on_axes(axes: Axes, profile: Profile, measurement: Measurement) -> None
     Parameters
     ----------
     axes : matplotlib.axes.Axes
-        Axes in mm; both get the same scale.
+        Axes in mm; x and y get the same scale.
     profile : Profile
-        The measured profile.
+        Measured profile.
     measurement : Measurement
         Measurement of the profile.
     """

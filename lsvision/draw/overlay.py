@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from lsvision.draw.figure_files import new_figure
 from lsvision.draw.measurement import draw_on_axes
 from lsvision.draw.panel import draw_panel
 from lsvision.draw.photo import show_photo
@@ -39,7 +40,7 @@ def draw_overlay(
     title: str = "",
     ax: Axes | None = None,
 ) -> Figure:
-    """Draw an image with the measured ellipses projected into it, and the section below.
+    """Return a figure of an image with the projected ellipses, and of the section below.
 
     Parameters
     ----------
@@ -73,27 +74,23 @@ def draw_overlay(
     >>> len(draw_overlay(photo, rig, profile, Measurement((), ())).axes)
     2
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     if ax is not None:
         show_photo(ax, image)
         draw_on_photo(ax, light_section, profile, measurement)
         set_title(ax, title)
         return figure_of(ax)
-    figure = Figure(figsize=SIZE_INCH, dpi=DPI, facecolor="white")
-    FigureCanvasAgg(figure)
-    above, below = figure.subfigures(2, 1, height_ratios=HEIGHT_RATIOS)
-    photo = above.add_axes((0.065, 0.06, 0.915, 0.84))
+    figure = new_figure(SIZE_INCH, dpi=DPI)
+    upper, lower = figure.subfigures(2, 1, height_ratios=HEIGHT_RATIOS)
+    photo = upper.add_axes((0.065, 0.06, 0.915, 0.84))
     show_photo(photo, image)
     photo.set_anchor("W")  # its left edge is aligned with that of the section
     draw_on_photo(photo, light_section, profile, measurement)
     rejected = rejected_arcs(profile.points, measurement)
     figure.suptitle(summary_title(len(measurement.cylinders), len(rejected), title),
                     x=0.065, y=0.985, ha="left", fontsize=13, parse_math=False)  # fmt: skip
-    section = below.add_axes((0.065, 0.085, 0.605, 0.785))
+    section = lower.add_axes((0.065, 0.085, 0.605, 0.785))
     draw_on_axes(section, profile, measurement)
-    draw_panel(below, measurement.cylinders, rejected)
+    draw_panel(lower, measurement.cylinders, rejected)
     return figure
 
 
@@ -110,32 +107,34 @@ def draw_on_photo(
         As for `draw_overlay`.
     """
     limits = axes.axis()
-    seen = light_section.project(profile.points)
-    axes.plot(*seen.T, ".", color=POINTS, ms=2.5, zorder=2, label="measured points")
+    pixels = light_section.project(profile.points)
+    axes.plot(*pixels.T, ".", color=POINTS, ms=2.5, zorder=2, label="measured points")
     for arc in rejected_arcs(profile.points, measurement):
-        axes.plot(*seen[arc.indices].T, "x", color=arc.colour, ms=3, mew=0.8, zorder=3,
+        axes.plot(*pixels[arc.indices].T, "x", color=arc.colour, ms=3, mew=0.8, zorder=3,
                   label=label_once(axes, "rejected arc"))  # fmt: skip
-        u, v = seen[arc.indices[len(arc.indices) // 2]]
+        u, v = pixels[arc.indices[len(arc.indices) // 2]]
         axes.annotate(arc.letter, (u, v), xytext=(0, 14), textcoords="offset points",
                       color="white", fontsize=8, weight="bold", ha="center", annotation_clip=True,
                       zorder=6,  # above the ellipses
                       bbox={"boxstyle": "round,pad=0.15", "fc": arc.colour, "ec": "none"},
                       arrowprops={"arrowstyle": "-", "color": arc.colour, "lw": 0.8})  # fmt: skip
     for number, cylinder in enumerate(measurement.cylinders, 1):
-        _draw_cylinder(axes, light_section, seen, cylinder, number)
+        _draw_cylinder(axes, light_section, pixels, cylinder, number)
     axes.axis(limits)
     draw_legend(axes)
 
 
 def _draw_cylinder(
-    axes: Axes, light_section: LightSection, seen: Points, cylinder: CylinderSection, number: int
+    axes: Axes, light_section: LightSection, pixels: Points, cylinder: CylinderSection, number: int
 ) -> None:
     colour, ellipse = cylinder_colour(number), cylinder.ellipse
     outline = light_section.project(ellipse.points_at(np.linspace(0, 2 * math.pi, OUTLINE_STEPS)))
-    points = seen[cylinder.indices].T
-    axes.plot(*points, "o", color="white", ms=4.4, mew=0, zorder=4)  # readable on any photo
+    cylinder_pixels = pixels[cylinder.indices].T
+    axes.plot(
+        *cylinder_pixels, "o", color="white", ms=4.4, mew=0, zorder=4
+    )  # readable on any photo
     axes.plot(*outline.T, "-", color="white", lw=2.4, zorder=4)
-    axes.plot(*points, "o", color=colour, ms=3.2, mew=0, zorder=5,
+    axes.plot(*cylinder_pixels, "o", color=colour, ms=3.2, mew=0, zorder=5,
               label=label_once(axes, "points of a cylinder"))  # fmt: skip
     axes.plot(*outline.T, "-", color=colour, lw=1.1, zorder=5,
               label=label_once(axes, "fitted ellipse"))  # fmt: skip

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 HEADING = "black"
+"""Colour of headings, which are bold."""
 
 LEFT, TOP, LINE = 0.685, 0.865, 0.0225
 """Left and top of the panel and height of its lines, as fractions of the figure."""
@@ -36,9 +37,9 @@ def draw_panel(
     Parameters
     ----------
     figure : matplotlib.figure.Figure
-        The figure.
+        Figure to write into.
     cylinders : sequence of CylinderSection
-        Numbered from 1 in this order.
+        Cylinders, numbered from 1 in this order.
     rejected : sequence of RejectedArc
         Rejected arcs in the order of their letters.
     """
@@ -61,18 +62,20 @@ def _cylinder_lines(cylinders: Sequence[CylinderSection]) -> list[tuple[str, str
         return [("No cylinder found", HEADING), ("", HEADING)]
     lines = [("Cylinders", HEADING)]
     for number, cylinder in enumerate(cylinders, 1):
-        texts = _description(cylinder)
+        texts = _value_lines(cylinder)
         if len(cylinders) > MAX_FULL_CYLINDERS:
             texts = [f"{texts[0]}, {texts[2]}", texts[1]]
-        heads = [f"{number:<3}", *["   "] * (len(texts) - 1)]
+        prefixes = [f"{number:<3}", *["   "] * (len(texts) - 1)]
         colour = cylinder_colour(number)
-        lines += [(f"{head} {text}", colour) for head, text in zip(heads, texts, strict=True)]
+        lines += [
+            (f"{prefix} {text}", colour) for prefix, text in zip(prefixes, texts, strict=True)
+        ]
         if len(cylinders) <= MAX_FULL_CYLINDERS:
             lines.append(("", HEADING))
     return lines if len(cylinders) <= MAX_FULL_CYLINDERS else [*lines, ("", HEADING)]
 
 
-def _description(cylinder: CylinderSection) -> list[str]:
+def _value_lines(cylinder: CylinderSection) -> list[str]:
     radius, theta, phi, *_ = cylinder.estimates
     x, y = cylinder.centre
     return [

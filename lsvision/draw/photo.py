@@ -18,16 +18,16 @@ def show_photo(axes: "Axes", image: npt.ArrayLike) -> None:
     Parameters
     ----------
     axes : matplotlib.axes.Axes
-        Gets the same scale on both axes. Units: px.
+        Axes to draw into; x and y get the same scale. Units: px.
     image : (height, width) or (height, width, 3) array_like
-        8 bit as it is; deeper ones scaled, because cameras of 10 and 12 bit fill the lower bits.
-        Blue first.
+        Image, channels in the order blue, green, red. 8 bit is shown as it is; deeper images are
+        scaled, because cameras of 10 and 12 bit use the lower bits.
     """
     array = np.asarray(image)
     if array.dtype != np.uint8:
-        top = max(float(np.percentile(array, WHITE_PERCENTILE)), 1.0)
-        array = (np.clip(array / top, 0, 1) * 255).astype(np.uint8)
-    shown = array if array.ndim == 2 else array[..., ::-1]
-    axes.imshow(shown, cmap="gray", vmin=0, vmax=255, interpolation="nearest")
+        white = max(float(np.percentile(array, WHITE_PERCENTILE)), 1.0)
+        array = (np.clip(array / white, 0, 1) * 255).astype(np.uint8)
+    rgb = array if array.ndim == 2 else array[..., ::-1]
+    axes.imshow(rgb, cmap="gray", vmin=0, vmax=255, interpolation="nearest")
     axes.set_xlabel("u / px")
     axes.set_ylabel("v / px")

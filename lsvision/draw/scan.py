@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from lsvision.draw.space import fit_into, scale_axes
+from lsvision.draw.figure_files import new_figure
+from lsvision.draw.space import fit_into_area, scale_axes
 from lsvision.draw.titles import figure_of, label_once, set_title, summary_title
 from lsvision.geometry import FloatArray, Points
 from lsvision.results.number_format import format_std, format_value, with_minus_signs
@@ -41,16 +42,16 @@ def draw_scan(
     vertical: Vertical = "y",
     ax: "Axes3D | None" = None,
 ) -> "Figure":
-    """Draw all points of a scan, the cylinders found and their axes.
+    """Return a figure of all points of a scan, its cylinders and their axes.
 
     Parameters
     ----------
     scan : ScanMeasurement
-        The measurement.
+        Measurement of the scan.
     points : (n, 3) ndarray
         All points of the scan, base frame. Units: mm.
     title : str
-        Above the drawing.
+        Title above the drawing.
     vertical : {"y", "z"}
         Axis that is drawn upwards: Y of a section frame, towards the sensor, or Z of a robot's
         base frame.
@@ -61,7 +62,7 @@ def draw_scan(
     Returns
     -------
     matplotlib.figure.Figure
-        That of `ax`; else a new one with a canvas of its own. Points far from every cylinder are
+        Figure of `ax`, else a new one with its own canvas. Points far from every cylinder are
         left out.
 
     Raises
@@ -75,28 +76,25 @@ def draw_scan(
     'empty: no cylinder'
     """
     import mpl_toolkits.mplot3d  # noqa: F401 - registers the projection
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
 
     if ax is not None:
         if not hasattr(ax, "get_zlim"):
             raise TypeError(
-                f"expected axes in space, got {type(ax).__name__}: make them with "
+                f"expected 3D axes, got {type(ax).__name__}: make them with "
                 'figure.add_subplot(projection="3d")'
             )
         _draw_in_space(ax, scan, points, vertical)
         set_title(ax, title)
         return figure_of(ax)
-    figure = Figure(figsize=SIZE_INCH, dpi=DPI, facecolor="white")
-    FigureCanvasAgg(figure)
+    figure = new_figure(SIZE_INCH, dpi=DPI)
     axes = figure.add_axes(DRAWING, projection="3d")
     _draw_in_space(axes, scan, points, vertical)
-    fit_into(axes, DRAWING)
+    fit_into_area(axes, DRAWING)
     figure.suptitle(summary_title(len(scan.cylinders), 0, title), x=0.03, y=0.96, ha="left",
                     fontsize=13, parse_math=False)  # fmt: skip
     figure.legend(*axes.get_legend_handles_labels(), loc="upper left", bbox_to_anchor=(0.02, 0.925),
                   ncols=4, frameon=False, fontsize=9, markerscale=2.5)  # fmt: skip
-    _draw_numbers(figure, scan)
+    _draw_panel(figure, scan)
     return figure
 
 
@@ -104,7 +102,7 @@ def _draw_in_space(
     axes: "Axes3D", scan: ScanMeasurement, points: Points, vertical: Vertical
 ) -> None:
     axes.view_init(ELEVATION_DEG, _azimuth(scan, vertical), vertical_axis=vertical)
-    _draw_points(axes, _about_cylinders(points, scan))
+    _draw_points(axes, _points_near_cylinders(points, scan))
     for number, tube in enumerate(scan.cylinders, 1):
         _draw_tube(axes, tube, number)
     scale_axes(axes)
@@ -112,7 +110,9 @@ def _draw_in_space(
 
 def _azimuth(scan: ScanMeasurement, vertical: Vertical) -> float:
     """Return the azimuth of the view: the default, unless it shows the cylinders from behind."""
-    outward = [tube.points.mean(axis=0) - _ends(tube, 0.0).mean(axis=0) for tube in scan.cylinders]
+    outward = [
+        tube.points.mean(axis=0) - _axis_ends(tube, 0.0).mean(axis=0) for tube in scan.cylinders
+    ]
     if not outward:
         return AZIMUTH_DEG
     facing = np.mean([normal / np.linalg.norm(normal) for normal in outward], axis=0)
@@ -128,7 +128,7 @@ def _azimuth(scan: ScanMeasurement, vertical: Vertical) -> float:
     return max((AZIMUTH_DEG + turn for turn in (90.0, 180.0, 270.0)), key=cosine_of_view)
 
 
-def _about_cylinders(points: Points, scan: ScanMeasurement) -> Points:
+def _points_near_cylinders(points: Points, scan: ScanMeasurement) -> Points:
     """Return the points near the cylinders, within half the size of their box; else all points."""
     if not scan.cylinders:
         return points
@@ -140,8 +140,8 @@ def _about_cylinders(points: Points, scan: ScanMeasurement) -> Points:
 
 
 def _draw_points(axes: "Axes3D", points: Points) -> None:
-    few = points[:: max(1, len(points) // MAX_POINTS)]
-    axes.plot(*few.T, ".", color=POINTS, ms=1.6, zorder=1, label="measured points")
+    sample = points[:: max(1, len(points) // MAX_POINTS)]
+    axes.plot(*sample.T, ".", color=POINTS, ms=1.6, zorder=1, label="measured points")
 
 
 def _draw_tube(axes: "Axes3D", tube: ScannedCylinder, number: int) -> None:
@@ -152,21 +152,21 @@ def _draw_tube(axes: "Axes3D", tube: ScannedCylinder, number: int) -> None:
     axes.plot_trisurf(
         *corners.T, triangles=triangles, color=colour, alpha=0.18, linewidth=0, zorder=2
     )
-    ends = _ends(tube, 0.15)
+    ends = _axis_ends(tube, 0.15)
     axes.plot(*ends.T, "-.", color=colour, lw=1.5, zorder=4, label=label_once(axes, "fitted axis"))
     badge = {"boxstyle": "circle,pad=0.25", "fc": colour, "ec": "white"}
     axes.text(*ends[1], str(number), color="white", fontsize=10, weight="bold", ha="center",
               va="center", zorder=6, bbox=badge)  # fmt: skip
 
 
-def _ends(tube: ScannedCylinder, beyond: float) -> FloatArray:
+def _axis_ends(tube: ScannedCylinder, extension: float) -> FloatArray:
     """Return the (2, 3) ends of the measured part of the axis, extended by a fraction of it."""
     low, high = tube.axial_range
-    more = beyond * (high - low)
-    return tube.point + np.outer([low - more, high + more], tube.direction)
+    margin = extension * (high - low)
+    return tube.point + np.outer([low - margin, high + margin], tube.direction)
 
 
-def _draw_numbers(figure: "Figure", scan: ScanMeasurement) -> None:
+def _draw_panel(figure: "Figure", scan: ScanMeasurement) -> None:
     """Write the values of each cylinder into a panel on the right."""
     y = PANEL_TOP
     full = len(scan.cylinders) <= MAX_FULL_CYLINDERS
@@ -174,7 +174,7 @@ def _draw_numbers(figure: "Figure", scan: ScanMeasurement) -> None:
         badge = {"boxstyle": "circle,pad=0.25", "fc": cylinder_colour(number), "ec": "none"}
         figure.text(PANEL_LEFT, y - 0.006, f"{number}", color="white", fontsize=10, weight="bold",
                     va="top", bbox=badge)  # fmt: skip
-        lines = _numbers_of(tube) if full else _numbers_of(tube)[:2]
+        lines = _value_lines(tube) if full else _value_lines(tube)[:2]
         figure.text(PANEL_LEFT + 0.025, y, with_minus_signs("\n".join(lines)), fontsize=9.5,
                     va="top", family="monospace", parse_math=False)  # fmt: skip
         y -= PANEL_LINE * (len(lines) + 1.5)
@@ -183,7 +183,7 @@ def _draw_numbers(figure: "Figure", scan: ScanMeasurement) -> None:
         figure.text(PANEL_LEFT, y, f"... {left_out} more: see the table", fontsize=9.5, va="top")
 
 
-def _numbers_of(tube: ScannedCylinder) -> list[str]:
+def _value_lines(tube: ScannedCylinder) -> list[str]:
     """Return lines of text, the most important first."""
     direction = ", ".join(f"{value:+.4f}" for value in tube.direction)
     point = ", ".join(f"{value:.2f}" for value in tube.point)
@@ -193,6 +193,6 @@ def _numbers_of(tube: ScannedCylinder) -> list[str]:
         f"axis   ({direction})",
         f"       ± {format_std(float(np.degrees(tube.direction_std)))}°",
         f"point  ({point}) mm",
-        f"seen over {tube.axial_range[1] - tube.axial_range[0]:.1f} mm in {sections}",
+        f"measured over {tube.axial_range[1] - tube.axial_range[0]:.1f} mm in {sections}",
     ]
-    return [*lines, "one of two twins"] if tube.ambiguous else lines
+    return [*lines, "one of two possible axes"] if tube.ambiguous else lines

@@ -16,25 +16,26 @@ def coloured_points(scan: ScanMeasurement, points: Points) -> tuple[Points, Floa
     Parameters
     ----------
     scan : ScanMeasurement
-        The measurement.
+        Measurement of the scan.
     points : (n, 3) ndarray
         All points, base frame. Units: mm.
 
     Returns
     -------
     points : (m, 3) ndarray
-        Each point once. Units: mm.
+        Points, each once, base frame. Units: mm.
     colours : (m, 3) ndarray
-        Red, green, blue, 0 to 1.
+        Colour of each point: red, green, blue, 0 to 1.
     """
     cylinder_points = [tube.points for tube in scan.cylinders]
-    assigned = {tuple(point) for each in cylinder_points for point in each.tolist()}
-    rest = points[[tuple(point) not in assigned for point in points.tolist()]]
-    colours = [np.tile(GREY, (len(rest), 1))]
+    assigned = {tuple(point) for array in cylinder_points for point in array.tolist()}
+    unassigned = points[[tuple(point) not in assigned for point in points.tolist()]]
+    colours = [np.tile(GREY, (len(unassigned), 1))]
     colours += [
-        np.tile(rgb_of(number), (len(each), 1)) for number, each in enumerate(cylinder_points, 1)
+        np.tile(cylinder_rgb(number), (len(array), 1))
+        for number, array in enumerate(cylinder_points, 1)
     ]
-    return np.concatenate([rest, *cylinder_points]), np.concatenate(colours)
+    return np.concatenate([unassigned, *cylinder_points]), np.concatenate(colours)
 
 
 def coloured_surfaces(scan: ScanMeasurement) -> tuple[Points, FloatArray, IntArray]:
@@ -43,29 +44,29 @@ def coloured_surfaces(scan: ScanMeasurement) -> tuple[Points, FloatArray, IntArr
     Parameters
     ----------
     scan : ScanMeasurement
-        The measurement.
+        Measurement of the scan.
 
     Returns
     -------
     points : (n, 3) ndarray
-        Base frame. Units: mm.
+        Corners of the triangles, base frame. Units: mm.
     colours : (n, 3) ndarray
-        Red, green, blue, 0 to 1.
+        Colour of each point: red, green, blue, 0 to 1.
     triangles : (m, 3) ndarray of int
-        Rows of `points`.
+        Indices of the corners in `points`.
     """
     points, colours = [np.zeros((0, 3))], [np.zeros((0, 3))]
     triangles, count = [np.zeros((0, 3), dtype=np.int64)], 0
     for number, tube in enumerate(scan.cylinders, 1):
         corners, faces = triangulate_tube(tube)
         points.append(corners)
-        colours.append(np.tile(rgb_of(number), (len(corners), 1)))
+        colours.append(np.tile(cylinder_rgb(number), (len(corners), 1)))
         triangles.append(faces + count)
         count += len(corners)
     return np.concatenate(points), np.concatenate(colours), np.concatenate(triangles)
 
 
-def rgb_of(number: int) -> tuple[float, float, float]:
+def cylinder_rgb(number: int) -> tuple[float, float, float]:
     """Return the colour of a cylinder, numbered from 1, as red, green, blue from 0 to 1."""
     from matplotlib.colors import to_rgb
 

@@ -45,7 +45,7 @@ def scale_axes(
         axis.set_tick_params(pad=8, labelsize=10)  # space between a minus sign and its tick
 
 
-def fit_into(axes: "Axes3D", area: tuple[float, float, float, float]) -> None:
+def fit_into_area(axes: "Axes3D", area: tuple[float, float, float, float]) -> None:
     """Scale and move axes until their drawing, including all labels, fills an area.
 
     Parameters

@@ -21,8 +21,8 @@ def printable(title: str) -> str:
     >>> printable("管.csv"), len(printable("folder/" * 40))
     ('?.csv', 98)
     """
-    shown = "".join(c if c.isprintable() and c <= LAST_SUPPORTED_CHARACTER else "?" for c in title)
-    return shown if len(shown) <= MAX_TITLE_CHARACTERS else "..." + shown[-MAX_TITLE_CHARACTERS:]
+    text = "".join(c if c.isprintable() and c <= LAST_SUPPORTED_CHARACTER else "?" for c in title)
+    return text if len(text) <= MAX_TITLE_CHARACTERS else "..." + text[-MAX_TITLE_CHARACTERS:]
 
 
 def summary_title(cylinders: int, rejected: int, title: str) -> str:
@@ -36,8 +36,8 @@ def summary_title(cylinders: int, rejected: int, title: str) -> str:
     summary = f"{cylinders or 'no'} cylinder{'' if cylinders in {0, 1} else 's'}"
     if rejected:
         summary += f", {counted(rejected, 'arc')} rejected"
-    shown = printable(title)
-    return f"{shown}: {summary}" if shown else summary
+    text = printable(title)
+    return f"{text}: {summary}" if text else summary
 
 
 def label_once(axes: "Axes", label: str) -> str | None:

@@ -18,6 +18,7 @@ from lsvision.results.palette import LASER_LINE, LASER_PLANE, OUTLIER
 PHOTO_WIDTH = 640
 """Largest width at which a photo is stored in a page. Units: px."""
 JPEG_QUALITY = 70
+"""Quality of stored photos, 0 to 100."""
 ARROW_FRACTION = 0.03
 """Length of the median arrow relative to the image's width; the magnification is rounded down to 1,
 2 or 5 times a power of ten."""
@@ -27,7 +28,7 @@ LINE_ARROWS = 30
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ViewPhoto:
-    """A photo, and what was found in it.
+    """Photo with the points detected in it and their residuals.
 
     Parameters
     ----------
@@ -36,9 +37,9 @@ class ViewPhoto:
     image : (height, width) or (height, width, 3) ndarray
         Image of 8 or 16 bit.
     corners, corner_residuals : (n, 2) ndarray
-        Points of the board, and projected minus found. Units: px.
+        Points of the board found, and residuals (projected minus found). Units: px.
     line, line_residuals : (m, 2) ndarray
-        Points of the laser line, and predicted minus found. Units: px.
+        Points of the laser line found, and residuals (predicted minus found). Units: px.
     """
 
     name: str
@@ -50,7 +51,7 @@ class ViewPhoto:
 
 
 def arrow_factor(residuals: Sequence[FloatArray], width: int) -> float:
-    """Return how many times longer than residuals their arrows are drawn.
+    """Return the magnification of the arrows that show residuals.
 
     Parameters
     ----------
@@ -63,15 +64,15 @@ def arrow_factor(residuals: Sequence[FloatArray], width: int) -> float:
     median = float(np.median(lengths)) if len(lengths) else 0.0
     if median <= 0:
         return 1.0
-    wanted = ARROW_FRACTION * width / median
-    power = 10.0 ** math.floor(math.log10(wanted))
-    return max(step * power for step in (1, 2, 5) if step * power <= wanted)
+    max_factor = ARROW_FRACTION * width / median
+    power = 10.0 ** math.floor(math.log10(max_factor))
+    return max(step * power for step in (1, 2, 5) if step * power <= max_factor)
 
 
-def brighter_of(
+def combine_photos(
     board: npt.NDArray[Any], line: npt.NDArray[Any], pattern: Bayer | None = None
 ) -> npt.NDArray[Any]:
-    """Return one photo of board and laser line: the brighter of two of one view.
+    """Return board and laser line in one photo: the brighter value of two photos of one view.
 
     A grey and a colour image, or two of another depth, become grey of 8 bit; raw images of a
     mosaic `pattern` become grey.
@@ -89,7 +90,7 @@ def photo_svg(photo: ViewPhoto, factors: tuple[float, float]) -> str:
     Parameters
     ----------
     photo : ViewPhoto
-        Its coordinates are those of the element; pixel (0, 0) is the centre of the first pixel.
+        Photo, whose pixel coordinates are those of the element: (0, 0) is the centre of a pixel.
     factors : tuple of float
         Magnification of the corners' arrows and of the laser line's; from `arrow_factor`.
     """
@@ -100,7 +101,7 @@ def photo_svg(photo: ViewPhoto, factors: tuple[float, float]) -> str:
         f'width="{min(width, PHOTO_WIDTH)}"><image x="-0.5" y="-0.5" width="{width}" '
         f'height="{height}" href="data:image/jpeg;base64,{_jpeg(photo.image)}"/>'
     )
-    thin = math.ceil(len(photo.line) / LINE_ARROWS) or 1
+    line_step = math.ceil(len(photo.line) / LINE_ARROWS) or 1
     corner_arrows, line_arrows = (
         residuals * factor
         for residuals, factor in zip(
@@ -110,7 +111,7 @@ def photo_svg(photo: ViewPhoto, factors: tuple[float, float]) -> str:
     return "".join(
         [
             head,
-            _arrows(photo.line[::thin], line_arrows[::thin], LASER_PLANE, 0.8 * stroke),
+            _arrows(photo.line[::line_step], line_arrows[::line_step], LASER_PLANE, 0.8 * stroke),
             _dots(photo.line, 1.6 * stroke, LASER_PLANE),
             _circles(photo.corners, 4 * stroke, LASER_LINE, 1.5 * stroke),
             _arrows(photo.corners, corner_arrows, OUTLIER, 1.5 * stroke),
@@ -120,20 +121,19 @@ def photo_svg(photo: ViewPhoto, factors: tuple[float, float]) -> str:
 
 
 def _jpeg(image: npt.NDArray[Any]) -> str:
-    shown = image if image.dtype == np.uint8 else grey_image(image)
-    scale = PHOTO_WIDTH / shown.shape[1]
+    stored = image if image.dtype == np.uint8 else grey_image(image)
+    scale = PHOTO_WIDTH / stored.shape[1]
     if scale < 1:
-        size = (PHOTO_WIDTH, max(1, round(shown.shape[0] * scale)))
-        shown = cv2.resize(shown, size, interpolation=cv2.INTER_AREA)
-    _, content = cv2.imencode(".jpg", shown, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+        size = (PHOTO_WIDTH, max(1, round(stored.shape[0] * scale)))
+        stored = cv2.resize(stored, size, interpolation=cv2.INTER_AREA)
+    _, content = cv2.imencode(".jpg", stored, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
     return base64.b64encode(content.tobytes()).decode("ascii")
 
 
 def _circles(points: Points, radius: float, colour: str, stroke: float) -> str:
-    rings = "".join(f'<circle cx="{u:.1f}" cy="{v:.1f}" r="{radius:.1f}"/>' for u, v in points)
-    return (
-        f'<g class="corners" fill="none" stroke="{colour}" stroke-width="{stroke:.2f}">{rings}</g>'
-    )
+    circles = "".join(f'<circle cx="{u:.1f}" cy="{v:.1f}" r="{radius:.1f}"/>' for u, v in points)
+    style = f'fill="none" stroke="{colour}" stroke-width="{stroke:.2f}"'
+    return f'<g class="corners" {style}>{circles}</g>'
 
 
 def _dots(points: Points, radius: float, colour: str) -> str:
@@ -144,12 +144,12 @@ def _dots(points: Points, radius: float, colour: str) -> str:
 def _arrows(points: Points, vectors: FloatArray, colour: str, stroke: float) -> str:
     paths = []
     for (u, v), (du, dv) in zip(points.tolist(), vectors.tolist(), strict=True):
-        # The head: two strokes of a quarter of the length, 30 deg beside the shaft.
-        back = np.array([[-0.22, -0.125], [0.125, -0.22]]) @ (du, dv)
-        forth = np.array([[-0.22, 0.125], [-0.125, -0.22]]) @ (du, dv)
+        # The head: two strokes of a quarter of the length, at 30 deg to the shaft.
+        du1, dv1 = np.array([[-0.22, -0.125], [0.125, -0.22]]) @ (du, dv)
+        du2, dv2 = np.array([[-0.22, 0.125], [-0.125, -0.22]]) @ (du, dv)
         paths.append(
-            f"M{u:.1f} {v:.1f}l{du:.1f} {dv:.1f}l{back[0]:.1f} {back[1]:.1f}m{-back[0]:.1f} "
-            f"{-back[1]:.1f}l{forth[0]:.1f} {forth[1]:.1f}"
+            f"M{u:.1f} {v:.1f}l{du:.1f} {dv:.1f}l{du1:.1f} {dv1:.1f}m{-du1:.1f} {-dv1:.1f}"
+            f"l{du2:.1f} {dv2:.1f}"
         )
     return (
         f'<path class="residuals" fill="none" stroke="{colour}" '

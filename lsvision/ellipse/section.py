@@ -23,7 +23,7 @@ from lsvision.geometry import Ellipse, FloatArray, IntArray
 from lsvision.geometry.ellipse import WithEllipse
 from lsvision.profile import Arc
 from lsvision.results.picture import draw_svg
-from lsvision.results.quantities import LEVEL, Estimate, Record, finite, numbers
+from lsvision.results.quantities import LEVEL, Estimate, Record, finite_or_none, json_numbers
 from lsvision.results.result import Result
 
 SECTIONS_AT_ONCE = 32
@@ -221,9 +221,9 @@ class CylinderSection(WithEllipse, Result):
         for estimate in self.estimates:
             record |= estimate.record
         record["theta_determined"] = bool(self.theta_determined)
-        record["semi_major_mm"] = finite(self.ellipse.semi_major)
-        record["semi_minor_mm"] = finite(self.ellipse.semi_minor)
-        record["axis_twins"] = [numbers(axis) for axis in self.axis_candidates]
+        record["semi_major_mm"] = finite_or_none(self.ellipse.semi_major)
+        record["semi_minor_mm"] = finite_or_none(self.ellipse.semi_minor)
+        record["axis_twins"] = [json_numbers(axis) for axis in self.axis_candidates]
         record["indices"] = [int(index) for index in self.indices]
         return record
 

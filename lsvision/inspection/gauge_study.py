@@ -12,7 +12,7 @@ from lsvision.errors import TooFewPoints
 from lsvision.geometry import FloatArray
 from lsvision.inspection.capability import NOT_CLAIMED
 from lsvision.inspection.variance_intervals import mean_square_interval, sums_of_squares
-from lsvision.results.quantities import Record, finite
+from lsvision.results.quantities import Record, finite_or_none
 from lsvision.results.result import Result
 
 POOLING_ALPHA = 0.25
@@ -124,8 +124,8 @@ class GaugeStudy(Result):
                     "degrees_of_freedom": row.degrees_of_freedom,
                     "sum_of_squares": row.sum_of_squares,
                     "mean_square": row.mean_square,
-                    "f": finite(row.f),
-                    "p": finite(row.p),
+                    "f": finite_or_none(row.f),
+                    "p": finite_or_none(row.p),
                 }
                 for row in self.rows
             ],
@@ -136,7 +136,7 @@ class GaugeStudy(Result):
                     "std": component.std,
                     "std_interval": list(component.interval),
                     "percent_of_total": 100 * self.fraction_of_total(component.name),
-                    "percent_of_tolerance": finite(
+                    "percent_of_tolerance": finite_or_none(
                         100 * self.fraction_of_tolerance(component.name)
                     ),
                 }

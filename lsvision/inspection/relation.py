@@ -10,7 +10,7 @@ from lsvision.geometry import FloatArray
 from lsvision.geometry.equality import ComparedByValue
 from lsvision.inspection.uncertain import Uncertain
 from lsvision.results.number_format import format_std
-from lsvision.results.quantities import LEVEL, Estimate, Quantity, Record, numbers
+from lsvision.results.quantities import LEVEL, Estimate, Quantity, Record, json_numbers
 from lsvision.results.result import Result
 
 RELATION_QUANTITIES = {
@@ -63,10 +63,10 @@ class Seam(ComparedByValue):
     def to_record(self) -> Record:
         """Return the points, direction and their uncertainties, ready for JSON."""
         return {
-            "points_mm": [numbers(point) for point in self.points],
-            "seam_point_mm": numbers(self.point),
+            "points_mm": [json_numbers(point) for point in self.points],
+            "seam_point_mm": json_numbers(self.point),
             "seam_point_std_mm": self.point_std,
-            "seam_direction": numbers(self.direction),
+            "seam_direction": json_numbers(self.direction),
             "seam_direction_std_deg": math.degrees(self.direction_std),
             "crossing": self.crossing,
         }

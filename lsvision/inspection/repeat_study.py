@@ -12,7 +12,7 @@ from lsvision.errors import TooFewPoints
 from lsvision.geometry.arrays import rms
 from lsvision.inspection.capability import NOT_CLAIMED
 from lsvision.results.number_format import format_value
-from lsvision.results.quantities import Record, finite
+from lsvision.results.quantities import Record, finite_or_none
 from lsvision.results.result import Result
 
 TOLERANCE_FRACTION = 0.2
@@ -88,14 +88,14 @@ class RepeatStudy(Result):
             "mean": self.mean,
             "reference": self.reference,
             "bias": self.bias,
-            "bias_interval": [finite(end) for end in self.bias_interval],
-            "p_value": finite(self.p_value),
+            "bias_interval": [finite_or_none(end) for end in self.bias_interval],
+            "p_value": finite_or_none(self.p_value),
             "std": self.std,
-            "std_interval": [finite(end) for end in self.std_interval],
-            "predicted_std": finite(self.predicted_std),
+            "std_interval": [finite_or_none(end) for end in self.std_interval],
+            "predicted_std": finite_or_none(self.predicted_std),
             "tolerance": self.tolerance,
-            "cg": finite(self.cg),
-            "cgk": finite(self.cgk),
+            "cg": finite_or_none(self.cg),
+            "cgk": finite_or_none(self.cgk),
             "level": self.level,
             "note": NOT_CLAIMED,
         }

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from lsvision.inspection.decision import Decision, decide, worst
-from lsvision.results.quantities import Estimate, Record, finite
+from lsvision.results.quantities import Estimate, Record, finite_or_none
 from lsvision.results.result import Result
 
 VERDICT_SCHEMA = "lsvision.verdict/1"
@@ -71,14 +71,14 @@ class QuantityVerdict(Result):
         low, high = self.estimate.interval
         return {
             "quantity": self.key,
-            "value": finite(self.estimate.value),
-            "std": finite(self.estimate.std),
-            "low": finite(low),
-            "high": finite(high),
+            "value": finite_or_none(self.estimate.value),
+            "std": finite_or_none(self.estimate.std),
+            "low": finite_or_none(low),
+            "high": finite_or_none(high),
             "level": self.level,
-            "min": finite(self.limits[0]),
-            "max": finite(self.limits[1]),
-            "margin_sigmas": finite(self.margin),
+            "min": finite_or_none(self.limits[0]),
+            "max": finite_or_none(self.limits[1]),
+            "margin_sigmas": finite_or_none(self.margin),
             "decision": str(self.decision),
             "reason": self.reason,
         }

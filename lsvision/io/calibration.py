@@ -54,7 +54,7 @@ def write_calibration(
         "provenance": dict(provenance),
     }
     try:
-        text = rig_file.json_text(schema, {**values, **details})
+        text = rig_file.format_json(schema, {**values, **details})
     except ValueError as error:
         raise UnwritableFile(f"{path}: the calibration has numbers that are not finite") from error
     write_atomic(path, text)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 from lsvision.cylinder.robot_frame import PLACED_COVARIANCE_ORDER
 from lsvision.ellipse.section_table import SECTION_COLUMNS, section_row
 from lsvision.files.printable import printable_cell, printable_name
-from lsvision.results.quantities import Record, coordinate_columns, finite
+from lsvision.results.quantities import Record, coordinate_columns, finite_or_none
 
 if TYPE_CHECKING:
     from lsvision.cylinder.robot_frame import PlacedCylinder
@@ -97,7 +97,7 @@ def input_record(file: "ProfileFile", profile: int) -> Record:
     }
     if file.attributes:
         record["attributes"] = {
-            name: finite(value) if isinstance(value, float) else value
+            name: finite_or_none(value) if isinstance(value, float) else value
             for name, value in file.attributes[profile].items()
         }
     return record

@@ -1,1 +1,1 @@
-"""Base of all results: numbers with units and sigmas as tables, records, frames and pictures."""
+"""Base of all results: numbers with units and std as tables, records, data frames and pictures."""

@@ -1,4 +1,4 @@
-"""The jinja2 environment of all HTML: pages, and the representations in notebooks."""
+"""Environment of the jinja2 templates of all HTML: pages and views in notebooks."""
 
 from functools import cache
 from typing import TYPE_CHECKING

@@ -4,8 +4,8 @@ import math
 import re
 
 DEFAULT_DECIMALS = 4
+"""Decimals of a number without std, such as a radius known exactly."""
 MAX_DECIMALS = 6
-"""Decimals of a number without std (a radius known exactly), and the largest number of decimals."""
 
 
 _HYPHEN_MINUS = re.compile(r"(?<![\w.)])-(?=\.?\d)")
@@ -28,7 +28,7 @@ def format_value(value: float, std: float) -> str:
     Parameters
     ----------
     value : float
-        The number, in any unit.
+        Number in any unit.
     std : float
         Standard uncertainty in the same unit.
 

@@ -9,8 +9,9 @@ from lsvision.results.palette import POINTS, cylinder_colour
 
 WIDTH_PX, MAX_HEIGHT_PX = 420, 320
 MAX_POINTS = 1500
-"""Points drawn of one set: more make the page heavy and the picture no clearer."""
+"""Largest number of points drawn of one set, to limit the size of the page."""
 MARGIN_FRACTION = 0.04
+"""Margin as a fraction of the picture's size."""
 OUTLINE_POINTS = 73
 
 
@@ -28,12 +29,12 @@ def draw_svg(
     cylinders : sequence of (points, ellipse)
         Points of each cylinder, and its ellipse if there is one.
     description : str
-        What the picture shows, for those who cannot see it.
+        Alternative text of the picture, for screen readers.
 
     Returns
     -------
     str
-        Up is +y; empty without points.
+        SVG element with +y upwards; empty text without points.
 
     Examples
     --------
@@ -45,11 +46,11 @@ def draw_svg(
         for _, ellipse in cylinders
         if ellipse is not None
     ]
-    shown = np.concatenate([points, *(arc for arc, _ in cylinders), *outlines])
-    shown = shown[np.isfinite(shown).all(axis=1)]
-    if not len(shown):
+    drawn = np.concatenate([points, *(arc for arc, _ in cylinders), *outlines])
+    drawn = drawn[np.isfinite(drawn).all(axis=1)]
+    if not len(drawn):
         return ""
-    low, high = shown.min(axis=0), shown.max(axis=0)
+    low, high = drawn.min(axis=0), drawn.max(axis=0)
     size = np.maximum(high - low, 1e-9 + 1e-3 * float((high - low).max()))
     scale = min(WIDTH_PX / size[0], MAX_HEIGHT_PX / size[1]) * (1 - 2 * MARGIN_FRACTION)
     width, height = (size * scale / (1 - 2 * MARGIN_FRACTION)).round()
@@ -59,30 +60,30 @@ def draw_svg(
         pixels: FloatArray = (coordinates - middle) * (scale, -scale) + (width / 2, height / 2)
         return pixels
 
-    parts = [svg_dots(to_pixels(points), POINTS)]
+    elements = [svg_dots(to_pixels(points), POINTS)]
     for number, (arc, ellipse) in enumerate(cylinders, 1):
         colour = cylinder_colour(number)
-        parts.append(svg_dots(to_pixels(arc), colour))
+        elements.append(svg_dots(to_pixels(arc), colour))
         label = to_pixels(arc[np.isfinite(arc[:, 0])].mean(axis=0))
         if ellipse is not None:
             outline = to_pixels(ellipse.points_at(np.linspace(0, 2 * np.pi, OUTLINE_POINTS)))
-            parts.append(svg_line(outline, colour))
+            elements.append(svg_line(outline, colour))
             label = to_pixels(np.array(ellipse.centre))
-        parts.append(svg_text(str(number), label, colour))
-    return svg_element(parts, width, height, description)
+        elements.append(svg_text(str(number), label, colour))
+    return svg_element(elements, width, height, description)
 
 
-def svg_element(parts: Sequence[str], width: float, height: float, description: str) -> str:
+def svg_element(elements: Sequence[str], width: float, height: float, description: str) -> str:
     """Return an ``<svg>`` of a size in px with the given elements, on white."""
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.0f}" height="{height:.0f}" '
         f'viewBox="0 0 {width:.0f} {height:.0f}" role="img" aria-label="{description}" '
-        f'style="background:white">{"".join(parts)}</svg>'
+        f'style="background:white">{"".join(elements)}</svg>'
     )
 
 
 def svg_line(pixels: FloatArray, colour: str, dashes: str = "none") -> str:
-    """Return a line through points of an SVG, with the dashes of ``stroke-dasharray``."""
+    """Return a line through points (px), with dashes as in ``stroke-dasharray``."""
     path = "L".join(f"{x:.1f},{y:.1f}" for x, y in pixels)
     return f'<path d="M{path}" fill="none" stroke="{colour}" stroke-dasharray="{dashes}"/>'
 
@@ -90,7 +91,7 @@ def svg_line(pixels: FloatArray, colour: str, dashes: str = "none") -> str:
 def svg_text(
     text: str, pixel: FloatArray, colour: str, size_px: int = 14, anchor: str = "middle"
 ) -> str:
-    """Return a text with a white border; `anchor` is its start, middle or end."""
+    """Return a text with a white border; `anchor` is "start", "middle" or "end"."""
     x, y = pixel
     return (
         f'<text x="{x:.1f}" y="{y:.1f}" fill="{colour}" font-size="{size_px}" '
@@ -100,8 +101,8 @@ def svg_text(
 
 
 def svg_dots(pixels: FloatArray, colour: str) -> str:
-    """Return points as one path of lines of length zero with round ends."""
+    """Return points (px) as dots: one path of lines of length zero with round ends."""
     valid = pixels[np.isfinite(pixels).all(axis=1)]
-    few = valid[:: max(1, -(-len(valid) // MAX_POINTS))]
-    path = "".join(f"M{x:.1f},{y:.1f}h0" for x, y in few)
+    sample = valid[:: max(1, -(-len(valid) // MAX_POINTS))]
+    path = "".join(f"M{x:.1f},{y:.1f}h0" for x, y in sample)
     return f'<path d="{path}" stroke="{colour}" stroke-width="2.5" stroke-linecap="round"/>'

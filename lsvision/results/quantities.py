@@ -14,7 +14,7 @@ Record = dict[str, Any]
 Unit = Literal["mm", "deg", "mm_per_m", "percent"]
 LEVEL = 0.95
 """Probability of the intervals in tables and files."""
-DEG = math.degrees(1.0)
+DEG_PER_RAD = math.degrees(1.0)
 
 
 @dataclass(frozen=True)
@@ -51,11 +51,11 @@ class Quantity:
 
     @property
     def scale(self) -> float:
-        """Number of its units per unit of the package, mm or rad."""
-        return DEG if self.unit == "deg" else 1.0
+        """Factor from the package's units (mm, rad) to the unit of the quantity."""
+        return DEG_PER_RAD if self.unit == "deg" else 1.0
 
     def in_unit(self, interval: tuple[float, float]) -> tuple[float, float]:
-        """Convert both ends of an interval from mm or rad to its unit."""
+        """Return an interval, given in mm or rad, in the unit of the quantity."""
         low, high = interval
         return low * self.scale, high * self.scale
 
@@ -74,18 +74,18 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number with its standard uncertainty and interval. Units: those of the quantity.
+    """Number with its standard uncertainty and interval, in the unit of the quantity.
 
     Parameters
     ----------
     quantity : Quantity
         Name and unit of the number.
     value, std : float
-        The number and one sigma.
+        Number and its standard uncertainty.
     interval : tuple of float
-        At `LEVEL`.
+        Interval at the probability `LEVEL`; NaN if there is none.
     determined : bool
-        False where the data do not determine the value; tables then print that.
+        False if the data do not determine the value; tables then state that.
 
     Examples
     --------
@@ -106,36 +106,40 @@ class Estimate:
         cls, quantity: Quantity, value: float, std: float, determined: bool = True
     ) -> "Estimate":
         """Return the estimate of a number in mm or rad, without interval."""
-        nothing = (math.nan, math.nan)
-        return cls(quantity, value * quantity.scale, std * quantity.scale, nothing, determined)
+        no_interval = (math.nan, math.nan)
+        return cls(quantity, value * quantity.scale, std * quantity.scale, no_interval, determined)
 
     @property
     def text(self) -> str:
-        """The number with its sigma."""
+        """Number with its standard uncertainty."""
         return format_value(self.value, self.std) if self.determined else "not determinable"
 
     @property
     def interval_text(self) -> str:
-        """The interval, with as many decimals as the number."""
+        """Interval, with as many decimals as the number."""
         low, high = self.interval
-        places = decimals_for(self.std)
-        return f"{low:.{places}f} .. {high:.{places}f}"
+        decimals = decimals_for(self.std)
+        return f"{low:.{decimals}f} .. {high:.{decimals}f}"
 
     @property
     def record(self) -> Record:
         """Keys and numbers, ready for JSON."""
-        numbers = finite(self.value), finite(self.std), [finite(end) for end in self.interval]
+        numbers = (
+            finite_or_none(self.value),
+            finite_or_none(self.std),
+            [finite_or_none(limit) for limit in self.interval],
+        )
         return dict(zip(self.quantity.keys, numbers, strict=True))
 
 
-def finite(value: float) -> float | None:
+def finite_or_none(value: float) -> float | None:
     """Return a number for JSON: None if it is infinite or NaN."""
     return float(value) if math.isfinite(value) else None
 
 
-def numbers(values: npt.ArrayLike) -> list[float | None]:
-    """Return a sequence of numbers for JSON."""
-    return [finite(float(value)) for value in np.asarray(values)]
+def json_numbers(values: npt.ArrayLike) -> list[float | None]:
+    """Return numbers as a list for JSON: None for infinite values and NaN."""
+    return [finite_or_none(float(value)) for value in np.asarray(values)]
 
 
 def flat_row(record: Record, quantities: Sequence[Quantity] = ()) -> Record:
@@ -160,10 +164,10 @@ def flat_row(record: Record, quantities: Sequence[Quantity] = ()) -> Record:
     {'point_x_mm': 1.0, 'point_y_mm': 2.0, 'point_z_mm': 3.0, 'rms_mm': 0.1}
     """
     row: Record = {}
-    ends = {quantity.keys[2]: quantity.columns[2:] for quantity in quantities}
+    interval_columns = {quantity.keys[2]: quantity.columns[2:] for quantity in quantities}
     for key, value in record.items():
-        if key in ends:
-            row |= dict(zip(ends[key], value, strict=True))
+        if key in interval_columns:
+            row |= dict(zip(interval_columns[key], value, strict=True))
         elif isinstance(value, list) and len(value) == 3 and isinstance(value[0], float):
             unit = next((unit for unit in ("_mm", "_deg") if key.endswith(unit)), "")
             stem = key.removesuffix(unit)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class Result(ComparedByValue, ABC):
-    """Base of the results: one definition of their numbers for screen, notebook and file.
+    """Base class of results: one definition of their numbers for screen, notebook and file.
 
     ``repr(result)`` is one line, ``print(result)`` writes a table; a notebook shows the table and,
     for measurements, a small picture. Results are equal if all their numbers are equal.
@@ -30,7 +30,7 @@ class Result(ComparedByValue, ABC):
         -------
         dict
             Every key ends in its unit: lengths ``*_mm``, angles ``*_deg``. A number that is not
-            finite, such as an infinite sigma, is None.
+            finite, such as an infinite standard deviation, is None.
 
         Examples
         --------

@@ -28,25 +28,25 @@ LABEL_PX = 11
 AXIS_DASHES = "8 3 2 3"
 """Dashes and gaps of a cylinder's axis. Units: px."""
 NUMBER_RISE_PX = 4.0
-"""From the end of an axis up to the number of its cylinder. Units: px."""
+"""Distance from the end of an axis up to the number of its cylinder. Units: px."""
 CAPTION_PX = (6.0, 14.0)
-"""Place of the words that state the view. Units: px."""
+"""Position of the text that states the view. Units: px."""
 EDGE_ENDS = {"X": ((0, 0, 0), (1, 0, 0)), "Y": ((1, 0, 0), (1, 1, 0)), "Z": ((0, 0, 0), (0, 0, 1))}
-"""Edges of the box that carry the axes: the lower two in front, and the vertical one on the left;
-0 is the lower end of a coordinate, 1 the upper one."""
-LABEL_PLACES: dict[str, tuple[float, float, str]] = {
+"""Edges of the box along which the axes are drawn: the lower two in front, and the vertical one on
+the left; 0 is the lower end of a coordinate, 1 the upper end."""
+LABEL_POSITIONS: dict[str, tuple[float, float, str]] = {
     "X": (-4.0, 18.0, "end"),
     "Y": (7.0, 14.0, "start"),
     "Z": (-8.0, 4.0, "end"),
 }
-"""From an end of an axis to its number, away from the box (px), and where the text stands there:
-numbers of two axes at one corner do not touch."""
+"""Offset (px) from an end of an axis to its number, away from the box, and anchor of the text:
+numbers of two axes at one corner do not overlap."""
 
 MIN_LENGTH_MM = 0.01
-"""Length of an axis below which its numbers get no more decimals; a section has no length."""
+"""Length of an axis below which its numbers get no more decimals. Units: mm."""
 
 DrawnCylinder = tuple[Points, Sequence[Points], Points]
-"""Measured points, circles at its ends, and the two ends of its axis."""
+"""Measured points, circles at the ends of the cylinder, and the two ends of its axis, in mm."""
 
 
 def draw_space_svg(cylinders: Sequence[DrawnCylinder], description: str) -> str:
@@ -58,14 +58,14 @@ def draw_space_svg(cylinders: Sequence[DrawnCylinder], description: str) -> str:
     Parameters
     ----------
     cylinders : sequence of DrawnCylinder
-        At least one; numbered from 1. Units: mm.
+        Cylinders, at least one; numbered from 1. Units: mm.
     description : str
-        What the picture shows, for those who cannot see it; the view is added.
+        Alternative text of the picture, for screen readers; the view is added.
 
     Returns
     -------
     str
-        With a box around everything, three of whose edges carry the axes in mm.
+        SVG element with a box around all points; three of its edges are the axes, in mm.
 
     Examples
     --------
@@ -73,29 +73,29 @@ def draw_space_svg(cylinders: Sequence[DrawnCylinder], description: str) -> str:
     >>> draw_space_svg([(ends + 2.0, [ends + 1.0], ends)], "a rod").count("<text")
     11
     """
-    everything = np.concatenate(
-        [part for points, rings, axis in cylinders for part in (points, *rings, axis)]
+    all_points = np.concatenate(
+        [array for points, rings, axis in cylinders for array in (points, *rings, axis)]
     )
-    box = np.stack([everything.min(axis=0), everything.max(axis=0)])
+    box = np.stack([all_points.min(axis=0), all_points.max(axis=0)])
     corners = np.array(list(itertools.product(*box.T))) @ _projection().T
     low, high = corners.min(axis=0), corners.max(axis=0)
-    room = np.array([WIDTH_PX, MAX_HEIGHT_PX]) - 2 * BORDER_PX
-    scale = float((room / (high - low)).min())
+    drawing_size = np.array([WIDTH_PX, MAX_HEIGHT_PX]) - 2 * BORDER_PX
+    scale = float((drawing_size / (high - low)).min())
     width, height = (high - low) * scale + 2 * BORDER_PX
 
     def to_pixels(points: Points) -> FloatArray:
         pixels: FloatArray = (points @ _projection().T - low) * scale + BORDER_PX
         return pixels
 
-    parts = [svg_text("base frame, Z up", np.array(CAPTION_PX), EDGES, LABEL_PX, "start")]
-    parts += _axes(box, to_pixels)
+    elements = [svg_text("base frame, Z up", np.array(CAPTION_PX), EDGES, LABEL_PX, "start")]
+    elements += _axes(box, to_pixels)
     for number, cylinder in enumerate(cylinders, 1):
-        parts += _cylinder(cylinder, number, to_pixels)
-    return svg_element(parts, width, height, f"{description}, Z up; X, Y, Z in mm")
+        elements += _cylinder(cylinder, number, to_pixels)
+    return svg_element(elements, width, height, f"{description}, Z up; X, Y, Z in mm")
 
 
 def _projection() -> FloatArray:
-    """Return the (2, 3) projection on the picture: to the right, and downwards."""
+    """Return the projection matrix (2, 3) to the picture: to the right, and downwards."""
     azimuth, elevation = math.radians(AZIMUTH_DEG), math.radians(ELEVATION_DEG)
     cos, sin = math.cos(azimuth), math.sin(azimuth)
     right = (-sin, cos, 0.0)
@@ -104,19 +104,19 @@ def _projection() -> FloatArray:
 
 
 def _axes(box: FloatArray, to_pixels: Callable[[Points], FloatArray]) -> list[str]:
-    """Return the edges of the box that carry the axes, each with the numbers of its ends."""
-    parts = []
+    """Return the axes along edges of the box, each with the numbers of its ends."""
+    elements = []
     for axis, (name, ends) in enumerate(EDGE_ENDS.items()):
         edge = to_pixels(np.array([[box[k, j] for j, k in enumerate(end)] for end in ends]))
         numbers = _end_numbers(*box[:, axis])
-        *offset, anchor = LABEL_PLACES[name]
-        places = edge + np.array(offset)
-        parts.append(svg_line(edge, EDGES))
-        for text, place in zip(
-            (*numbers, f"{name} mm"), (*places, places.mean(axis=0)), strict=True
+        *offset, anchor = LABEL_POSITIONS[name]
+        positions = edge + np.array(offset)
+        elements.append(svg_line(edge, EDGES))
+        for text, position in zip(
+            (*numbers, f"{name} mm"), (*positions, positions.mean(axis=0)), strict=True
         ):
-            parts.append(svg_text(text, place, EDGES, LABEL_PX, anchor))
-    return parts
+            elements.append(svg_text(text, position, EDGES, LABEL_PX, anchor))
+    return elements
 
 
 def _end_numbers(low: float, high: float) -> list[str]:

@@ -46,7 +46,7 @@ def cylinder_summary(cylinders: Sequence[HasRadius]) -> str:
     return counted(len(cylinders), "cylinder") + (f" ({radii})" if radii else "")
 
 
-def rejection_notes(rejections: Sequence[object], noun: str, *, found: bool) -> list[str]:
+def rejection_notes(rejections: Sequence[object], noun: str, *, has_cylinders: bool) -> list[str]:
     """Return the number of rejections, and each of them if no cylinder was found.
 
     Parameters
@@ -54,18 +54,18 @@ def rejection_notes(rejections: Sequence[object], noun: str, *, found: bool) -> 
     rejections : sequence
         Rejections; ``str`` gives the reason.
     noun : str
-        What was rejected, in the singular.
-    found : bool
-        Whether there is a cylinder.
+        Noun for a rejected item, in the singular.
+    has_cylinders : bool
+        Whether a cylinder was found.
 
     Examples
     --------
-    >>> rejection_notes(["points 3 to 9: too short"], "arc", found=True)
+    >>> rejection_notes(["points 3 to 9: too short"], "arc", has_cylinders=True)
     ['1 arc rejected: see .rejections']
-    >>> rejection_notes(["points 3 to 9: too short"], "arc", found=False)
+    >>> rejection_notes(["points 3 to 9: too short"], "arc", has_cylinders=False)
     ['no cylinder found, 1 arc rejected', '  points 3 to 9: too short']
     """
     rejected = f"{counted(len(rejections), noun)} rejected"
-    if found:
+    if has_cylinders:
         return [f"{rejected}: see .rejections"] if rejections else []
-    return [f"no cylinder found, {rejected}", *(f"  {each!s}" for each in rejections)]
+    return [f"no cylinder found, {rejected}", *(f"  {rejection!s}" for rejection in rejections)]

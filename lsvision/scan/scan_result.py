@@ -12,7 +12,7 @@ from lsvision.cylinder.fit_result import CylinderFit
 from lsvision.geometry import Cylinder, FloatArray, IntArray, Points
 from lsvision.geometry.cylinder import WithCylinder
 from lsvision.measure import Measurement
-from lsvision.results.quantities import Record, numbers
+from lsvision.results.quantities import Record, json_numbers
 from lsvision.results.result import Result
 from lsvision.results.space_picture import draw_space_svg
 from lsvision.results.summaries import counted, cylinder_summary, rejection_notes
@@ -150,16 +150,16 @@ class ScannedCylinder(WithCylinder, Result):
         residuals, basis = self.section_residuals, self.fit.tangent_basis
         return axis_record(self.fit) | {
             "includes_calibration": self.includes_calibration,
-            "e_phi": numbers(basis[0]),
-            "e_theta": numbers(basis[1]),
+            "e_phi": json_numbers(basis[0]),
+            "e_theta": json_numbers(basis[1]),
             "ends_mm": list(self.axial_range),
             "ends_std_mm": list(self.axial_range_std),
             "sections": list(self.sections),
-            "section_residuals_mean_mm": numbers(residuals[:, 0]),
-            "section_residuals_rms_mm": numbers(residuals[:, 1]),
+            "section_residuals_mean_mm": json_numbers(residuals[:, 0]),
+            "section_residuals_rms_mm": json_numbers(residuals[:, 1]),
             "points": len(self.points),
             "rms_mm": self.fit.rms,
-            "twin_direction": None if self.twin is None else numbers(self.twin.direction),
+            "twin_direction": None if self.twin is None else json_numbers(self.twin.direction),
         }
 
     def _summary(self) -> str:
@@ -287,7 +287,7 @@ class ScanMeasurement(Result):
         return tube_cells(self.cylinders)
 
     def _notes(self) -> list[str]:
-        rejected = rejection_notes(self.rejections, "track", found=bool(self.cylinders))
+        rejected = rejection_notes(self.rejections, "track", has_cylinders=bool(self.cylinders))
         return [*twin_notes(self.cylinders), *rejected]
 
     def _rows(self) -> list[Record]:

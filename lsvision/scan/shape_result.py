@@ -8,7 +8,7 @@ import numpy as np
 from lsvision.geometry import FloatArray, IntArray
 from lsvision.geometry.equality import ComparedByValue
 from lsvision.results.number_format import format_value
-from lsvision.results.quantities import Record, finite, numbers
+from lsvision.results.quantities import Record, finite_or_none, json_numbers
 from lsvision.results.result import Result
 
 SIGNIFICANCE = 0.01
@@ -152,18 +152,18 @@ class TubeShape(Result):
             "bow_mm": self.bow.size,
             "bow_std_mm": self.bow.size_std,
             "bow_p_value": self.bow.p_value,
-            "bow_radius_mm": finite(self.bow_radius),
+            "bow_radius_mm": finite_or_none(self.bow_radius),
             "taper_mm_per_mm": self.taper_slope,
             "taper_p_value": self.taper.p_value,
             "ovality": self.ovality,
             "ovality_std": self.ovality_std,
             "ovality_p_value": self.ovality_terms.p_value,
             "sections": [int(section) for section in centres.sections],
-            "along_mm": numbers(centres.along),
-            "deviations_mm": [numbers(row) for row in centres.deviations],
-            "deviations_std_mm": [numbers(row) for row in centres.deviations_std],
-            "radii_mm": numbers(centres.radii),
-            "radii_std_mm": numbers(centres.radii_std),
+            "along_mm": json_numbers(centres.along),
+            "deviations_mm": [json_numbers(row) for row in centres.deviations],
+            "deviations_std_mm": [json_numbers(row) for row in centres.deviations_std],
+            "radii_mm": json_numbers(centres.radii),
+            "radii_std_mm": json_numbers(centres.radii_std),
         }
 
     def _summary(self) -> str:

@@ -29,7 +29,7 @@ class Camera(ComparedByValue):
     matrix : (3, 3) array_like
         ``[[fx, skew, cx], [0, fy, cy], [0, 0, 1]]``. Units: px.
     distortion : (k,) array_like
-        k in 0, 4, 5, 8, 12, 14; OpenCV's order k1 k2 p1 p2 k3 ...
+        k coefficients in OpenCV's order k1 k2 p1 p2 k3 ...; k in 0, 4, 5, 8, 12, 14.
     size : tuple of int
         ``(width, height)`` of the images. Units: px.
 
@@ -76,28 +76,28 @@ class Camera(ComparedByValue):
         return float(np.sqrt(self.matrix[0, 0] * self.matrix[1, 1]))
 
     def rays(self, pixels: npt.ArrayLike) -> Points:
-        """Compute the undistorted rays through pixels.
+        """Return the undistorted rays through pixels.
 
         Parameters
         ----------
         pixels : (n, 2) array_like
-            u, v; NaN rows for lost points. Units: px.
+            Pixels u, v; NaN rows for lost points. Units: px.
 
         Returns
         -------
         (n, 3) ndarray
-            Camera frame, scaled to z = 1. NaN for lost points, and for pixels for which the
-            distortion model has no inverse.
+            Rays in the camera frame, scaled to z = 1. NaN for lost points, and for pixels for which
+            the distortion model has no inverse.
         """
         return self.rays_with_jacobian(pixels)[0]
 
     def rays_with_jacobian(self, pixels: npt.ArrayLike) -> tuple[Points, FloatArray]:
-        """Compute the rays through pixels and their derivatives.
+        """Return the undistorted rays through pixels and their derivatives.
 
         Parameters
         ----------
         pixels : (n, 2) array_like
-            u, v; NaN rows for lost points. Units: px.
+            Pixels u, v; NaN rows for lost points. Units: px.
 
         Returns
         -------
@@ -122,18 +122,18 @@ class Camera(ComparedByValue):
         return rays, invert_2x2(jacobian) @ normalised_from_pixel
 
     def project(self, points: npt.ArrayLike) -> Points:
-        """Project points into the image.
+        """Return the pixels of points.
 
         Parameters
         ----------
         points : (n, 3) array_like
-            Camera frame. Units: mm.
+            Points in the camera frame. Units: mm.
 
         Returns
         -------
         (n, 2) ndarray
-            u, v, also outside of the image; NaN for points that are not in front of the camera.
-            Units: px.
+            Pixels u, v, also outside of the image; NaN for points that are not in front of the
+            camera. Units: px.
         """
         array = as_readonly_array(points, ("n", 3), "points")
         depth = np.where(array[:, 2] > 0, array[:, 2], np.nan)
@@ -144,10 +144,12 @@ class Camera(ComparedByValue):
 
 def _check_matrix(matrix: FloatArray) -> None:
     """Raise ValueError if a (3, 3) matrix does not have the form of a camera matrix."""
-    lower = np.abs([matrix[1, 0], matrix[2, 0], matrix[2, 1], matrix[2, 2] - 1]).max()
+    homogeneous_deviation = np.abs(
+        [matrix[1, 0], matrix[2, 0], matrix[2, 1], matrix[2, 2] - 1]
+    ).max()
     if not (
         np.isfinite(matrix).all()
-        and lower < HOMOGENEOUS_TOLERANCE
+        and homogeneous_deviation < HOMOGENEOUS_TOLERANCE
         and matrix[0, 0] > 0
         and matrix[1, 1] > 0
     ):

@@ -25,14 +25,14 @@ MIN_DETERMINANT = 1e-12
 
 
 def distort(normalised: Points, coefficients: FloatArray) -> tuple[Points, FloatArray]:
-    """Distort normalised image coordinates, with the Jacobian.
+    """Return distorted image coordinates, with the Jacobian.
 
     Parameters
     ----------
     normalised : (n, 2) ndarray
         x / z, y / z in the camera frame. Units: focal lengths.
     coefficients : (14,) ndarray
-        OpenCV's order; see `COEFFICIENTS`. tau in rad.
+        Coefficients in OpenCV's order, see `COEFFICIENTS`; tau in rad.
 
     Returns
     -------
@@ -49,10 +49,15 @@ def distort(normalised: Points, coefficients: FloatArray) -> tuple[Points, Float
     k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, tau_x, tau_y = coefficients
     x, y = normalised[:, 0], normalised[:, 1]
     r2 = x * x + y * y
-    above, below = 1 + r2 * (k1 + r2 * (k2 + r2 * k3)), 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
-    radial = above / below
+    numerator, denominator = (
+        1 + r2 * (k1 + r2 * (k2 + r2 * k3)),
+        1 + r2 * (k4 + r2 * (k5 + r2 * k6)),
+    )
+    radial = numerator / denominator
     # d radial / d r2, by the quotient rule.
-    slope = (k1 + r2 * (2 * k2 + 3 * k3 * r2) - radial * (k4 + r2 * (2 * k5 + 3 * k6 * r2))) / below
+    slope = (
+        k1 + r2 * (2 * k2 + 3 * k3 * r2) - radial * (k4 + r2 * (2 * k5 + 3 * k6 * r2))
+    ) / denominator
     distorted = np.empty_like(normalised)
     distorted[:, 0] = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x) + r2 * (s1 + s2 * r2)
     distorted[:, 1] = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y + r2 * (s3 + s4 * r2)
@@ -69,7 +74,7 @@ def distort(normalised: Points, coefficients: FloatArray) -> tuple[Points, Float
 
 
 def undistort(distorted: Points, coefficients: FloatArray) -> tuple[Points, FloatArray]:
-    """Invert `distort` by Newton's method, with the Jacobian of `distort` at the result.
+    """Return undistorted image coordinates: the inverse of `distort` by Newton's method.
 
     Parameters
     ----------
@@ -81,9 +86,10 @@ def undistort(distorted: Points, coefficients: FloatArray) -> tuple[Points, Floa
     Returns
     -------
     normalised : (n, 2) ndarray
-        NaN where no point is mapped to the given one: beyond a fold of the model.
+        Undistorted points; NaN beyond a fold of the model, where no point is mapped to the given
+        one. Units: focal lengths.
     jacobian : (n, 2, 2) ndarray
-        d distorted / d normalised.
+        d distorted / d normalised at `normalised`.
     """
     normalised = np.array(distorted)
     for _ in range(MAX_NEWTON_ITERATIONS):
@@ -101,13 +107,13 @@ def undistort(distorted: Points, coefficients: FloatArray) -> tuple[Points, Floa
 
 
 def invert_2x2(matrices: FloatArray) -> FloatArray:
-    """Invert matrices (n, 2, 2); singular ones give zero, NaN stays NaN."""
+    """Return inverse matrices (n, 2, 2); zero for singular ones, NaN for NaN."""
     determinants = _determinants(matrices)
-    safe = np.where(np.abs(determinants) < MIN_DETERMINANT, np.inf, determinants)
+    divisors = np.where(np.abs(determinants) < MIN_DETERMINANT, np.inf, determinants)
     adjugates = np.empty_like(matrices)
     adjugates[:, 0, 0], adjugates[:, 1, 1] = matrices[:, 1, 1], matrices[:, 0, 0]
     adjugates[:, 0, 1], adjugates[:, 1, 0] = -matrices[:, 0, 1], -matrices[:, 1, 0]
-    inverses: FloatArray = adjugates / safe[:, None, None]
+    inverses: FloatArray = adjugates / divisors[:, None, None]
     return inverses
 
 
@@ -140,7 +146,7 @@ def _tilt_homography(tau_x: float, tau_y: float) -> FloatArray:
 def _tilt(
     points: Points, jacobian: FloatArray, homography: FloatArray
 ) -> tuple[Points, FloatArray]:
-    """Apply the homography of a tilted sensor to points (n, 2) and their Jacobians (n, 2, 2)."""
+    """Return points (n, 2) and Jacobians (n, 2, 2) after the homography of a tilted sensor."""
     mapped = points @ homography[:, :2].T + homography[:, 2]
     tilted = mapped[:, :2] / mapped[:, 2:]
     projective_jacobian = homography[None, :2, :2] - tilted[:, :, None] * homography[None, 2:, :2]

@@ -28,7 +28,7 @@ from lsvision.sensors.camera import Camera
 from lsvision.sensors.rig_file import read_rig, write_rig
 from lsvision.sensors.section_frame import section_pose
 
-ALONG_FRACTION = 0.05
+STD_RATIO_ALONG_LINE = 0.05
 """Standard deviation along the line over that along its normal. The column of a point is exact, but
 without an error along the line its weight at a steep flank would be infinite."""
 MIN_BASELINE_MM = 0.1
@@ -37,14 +37,15 @@ Units: mm."""
 MIN_SLANT = 1e-3
 """Smallest sine of the angle between optical axis and laser plane (0.06 deg)."""
 NORMAL_STEP_MM = 0.1
-"""Length of the normal whose image is its direction there. Units: mm."""
-GRID = 9
-"""Pixels along each side of the image whose rays are intersected with a plane to check it."""
+"""Length of the plane's normal that is projected to find its direction in the image. Units: mm."""
+CHECKED_PIXELS = 9
+"""Number of pixels along each side of the image whose rays are intersected with the plane, to check
+whether it is in view."""
 
 
 @dataclass(frozen=True, eq=False)
 class LightSection(ComparedByValue):
-    """A camera and a laser plane, which measure the section of a scene with the plane.
+    """Camera and laser plane, which measure the section of a scene with the plane.
 
     Section frame: origin at the point of the laser plane nearest to the camera's centre;
     Y in the plane, opposite to the optical axis; X = the direction of the laser line on a
@@ -55,9 +56,9 @@ class LightSection(ComparedByValue):
     Parameters
     ----------
     camera : Camera
-        The calibrated camera.
+        Calibrated camera.
     laser_plane : Plane
-        Camera frame. Units: mm.
+        Laser plane in the camera frame. Units: mm.
     provenance : mapping of str to str, optional
         Origin of the values (method, date, inputs), stored in the rig file.
     line_blur_px : float
@@ -94,7 +95,7 @@ class LightSection(ComparedByValue):
         _check_plane(self.camera, self.laser_plane)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """For copies and other processes: a read-only mapping cannot be pickled."""
+        """Return the constructor's arguments: a read-only mapping cannot be pickled."""
         provenance = dict(self.provenance)
         return type(self), (self.camera, self.laser_plane, provenance, self.line_blur_px)
 
@@ -118,17 +119,17 @@ class LightSection(ComparedByValue):
         settings : LineSettings, optional
             Settings of `extract_laser_line`.
         laser_off : array_like, optional
-            The same view without the laser, to be subtracted.
+            Image of the same view without the laser, to be subtracted.
 
         Returns
         -------
         Profile
-            Section frame; its ``noise`` holds the covariance of each point.
+            Profile in the section frame, with the covariance of each point in ``noise``.
 
         Raises
         ------
         TypeError, ValueError
-            If it is not an image (for the name of a file use `read_image`).
+            If `image` is not an image (for the name of a file use `read_image`).
         LsvisionError
             If the size of the image differs from that of the camera.
         NoLaserLine
@@ -160,7 +161,7 @@ class LightSection(ComparedByValue):
         Returns
         -------
         LaserLine
-            One point for each column or row.
+            Line with one point for each column or row.
 
         Raises
         ------
@@ -191,50 +192,50 @@ class LightSection(ComparedByValue):
         )
 
     def profile_from_line(self, line: LaserLine) -> Profile:
-        """Convert an extracted laser line to a profile with the covariance of its points.
+        """Return the profile of an extracted laser line, with the covariance of its points.
 
         Parameters
         ----------
         line : LaserLine
-            Extracted from the raw image.
+            Line extracted from the raw image.
 
         Returns
         -------
         Profile
-            One point for each point of the line; lost where the line is lost, or its ray does not
-            meet the laser plane.
+            Profile with one point for each point of the line; lost where the line is lost, or its
+            ray does not meet the laser plane.
         """
         points, jacobians = self._section_points(line.pixels)
         covariances = jacobians @ _pixel_covariances(line) @ jacobians.transpose(0, 2, 1)
         return Profile(points, PointNoise(covariances))
 
     def points_from_pixels(self, pixels: npt.ArrayLike) -> Points:
-        """Convert pixels to points of the section.
+        """Return the points of the section in which rays through pixels meet the laser plane.
 
         Parameters
         ----------
         pixels : (n, 2) array_like
-            u, v. Units: px.
+            Pixels u, v. Units: px.
 
         Returns
         -------
         (n, 2) ndarray
-            Section frame; NaN rows where a ray misses the laser plane. Units: mm.
+            Points in the section frame; NaN rows where a ray misses the laser plane. Units: mm.
         """
         return self._section_points(np.asarray(pixels, dtype=np.float64))[0]
 
     def project(self, points: npt.ArrayLike) -> Points:
-        """Project points of the section into the image.
+        """Return the pixels of points of the section.
 
         Parameters
         ----------
         points : (n, 2) array_like
-            Section frame. Units: mm.
+            Points in the section frame. Units: mm.
 
         Returns
         -------
         (n, 2) ndarray
-            u, v. Units: px.
+            Pixels u, v. Units: px.
 
         Examples
         --------
@@ -251,7 +252,7 @@ class LightSection(ComparedByValue):
         Parameters
         ----------
         path : path
-            ``.json``.
+            File with the ending ``.json``.
 
         Raises
         ------
@@ -271,17 +272,17 @@ class LightSection(ComparedByValue):
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
-        """Read the rig file that `save` wrote.
+        """Return the light section of a rig file that `save` wrote.
 
         Parameters
         ----------
         path : path
-            ``.json``.
+            File with the ending ``.json``.
 
         Returns
         -------
         LightSection
-            The rig, equal to the one that was saved.
+            Light section, equal to the one that was saved.
 
         Raises
         ------
@@ -297,12 +298,12 @@ class LightSection(ComparedByValue):
             raise DegenerateGeometry(f"{path}: {error}") from error
 
     def _normal_in_image(self, pixels: Points) -> FloatArray:
-        """Return the image direction (2,) of the plane's normal halfway along a line, or 0."""
-        seen = pixels[np.isfinite(pixels).all(axis=1)]
-        ray = self.camera.rays(seen[[len(seen) // 2]])
+        """Return the image direction (2,) of the plane's normal halfway along a line, or zeros."""
+        valid = pixels[np.isfinite(pixels).all(axis=1)]
+        ray = self.camera.rays(valid[[len(valid) // 2]])
         point = ray * _depths(ray, self.laser_plane)
-        above = point + NORMAL_STEP_MM * self.laser_plane.normal
-        start, stop = self.camera.project(np.vstack([point, above]))
+        shifted = point + NORMAL_STEP_MM * self.laser_plane.normal
+        start, stop = self.camera.project(np.vstack([point, shifted]))
         length = math.hypot(*(stop - start))
         direction: FloatArray = (stop - start) / length if length > 0 else np.zeros(2)
         return direction
@@ -315,9 +316,9 @@ class LightSection(ComparedByValue):
         axes = pose.rotation[:, :2]
         points = (rays * depth[:, None] - pose.translation) @ axes
         # X = z m with z = D / (n . m), so dX/dm_j = z (e_j - m n_j / (n . m)).
-        slant = (rays @ normal)[:, None, None]
+        ray_dot_normal = (rays @ normal)[:, None, None]
         point_jacobians = depth[:, None, None] * (
-            axes[:2].T - (rays @ axes)[:, :, None] * normal[:2] / slant
+            axes[:2].T - (rays @ axes)[:, :, None] * normal[:2] / ray_dot_normal
         )
         return points, point_jacobians @ ray_jacobians
 
@@ -328,16 +329,18 @@ def _pixel_covariances(line: LaserLine) -> FloatArray:
     Units: px^2.
     """
     along_v = line.direction == "columns"
-    fractions = (ALONG_FRACTION, 1.0) if along_v else (1.0, ALONG_FRACTION)
+    fractions = (STD_RATIO_ALONG_LINE, 1.0) if along_v else (1.0, STD_RATIO_ALONG_LINE)
     covariances: FloatArray = line.std[:, None, None] ** 2 * np.diag(np.square(fractions))
     return covariances
 
 
 def _depths(rays: Points, plane: Plane) -> FloatArray:
     """Return the depths z (n,) at which rays (z = 1) meet the plane, in mm; NaN if they do not."""
-    slant = rays @ plane.normal
-    ahead = slant * plane.distance > 0
-    depths: FloatArray = np.where(ahead, plane.distance / np.where(ahead, slant, 1.0), np.nan)
+    ray_dot_normal = rays @ plane.normal
+    in_front = ray_dot_normal * plane.distance > 0
+    depths: FloatArray = np.where(
+        in_front, plane.distance / np.where(in_front, ray_dot_normal, 1.0), np.nan
+    )
     return depths
 
 
@@ -355,7 +358,9 @@ def _check_plane(camera: Camera, plane: Plane) -> None:
             "turn the laser so that its plane crosses the optical axis at the working distance"
         )
     width, height = camera.size
-    u, v = np.meshgrid(np.linspace(0, width - 1, GRID), np.linspace(0, height - 1, GRID))
+    u, v = np.meshgrid(
+        np.linspace(0, width - 1, CHECKED_PIXELS), np.linspace(0, height - 1, CHECKED_PIXELS)
+    )
     rays = camera.rays(np.column_stack([u.ravel(), v.ravel()]))
     if not np.isfinite(_depths(rays, plane)).any():
         raise DegenerateGeometry(

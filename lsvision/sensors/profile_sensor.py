@@ -16,7 +16,7 @@ MIN_RANGE_FRACTION = 1e-3
 """Smallest range over the reference range: points nearer to the origin get its covariance."""
 MAX_RANGE_MM = 1e12
 """Largest coordinate relative to the origin, against overflow at invalid points. Units: mm."""
-LATERAL_FRACTION = 0.05
+LATERAL_STD_RATIO = 0.05
 """Standard deviation perpendicular to the ray over that along it. The beam has a width, and without
 a perpendicular error the weight of a point at a grazing flank would be infinite."""
 
@@ -78,12 +78,12 @@ class ProfileSensor:
             raise ValueError(f"expected quantum >= 0 mm, got {self.quantum}")
 
     def covariances(self, points: Points) -> FloatArray:
-        """Compute the covariance of each point: along its ray, growing with range^2 in std.
+        """Return the covariance of each point: along its ray, with a std that grows as range^2.
 
         Parameters
         ----------
         points : (n, 2) ndarray
-            Section frame; NaN rows are lost points. Units: mm.
+            Points in the section frame; NaN rows are lost points. Units: mm.
 
         Returns
         -------
@@ -95,11 +95,11 @@ class ProfileSensor:
             np.hypot(rays[:, 0], rays[:, 1]), MIN_RANGE_FRACTION * self.reference_range
         )
         std = self.range_std * (ranges / self.reference_range) ** 2
-        along = rays * (std / ranges)[:, None]
-        lateral = (LATERAL_FRACTION * std) ** 2 + self.quantum**2 / 12
-        covariances: FloatArray = along[:, :, None] * along[:, None, :]
-        covariances[:, 0, 0] += lateral
-        covariances[:, 1, 1] += lateral
+        axial_std = rays * (std / ranges)[:, None]
+        lateral_variance = (LATERAL_STD_RATIO * std) ** 2 + self.quantum**2 / 12
+        covariances: FloatArray = axial_std[:, :, None] * axial_std[:, None, :]
+        covariances[:, 0, 0] += lateral_variance
+        covariances[:, 1, 1] += lateral_variance
         return covariances
 
 
@@ -132,7 +132,7 @@ LPS36 = ProfileSensor(
 """Leuze LPS 36."""
 
 KNOWN_SENSORS = {"lps36hi": LPS36HI, "lps36": LPS36}
-"""Sensors that can be named."""
+"""Sensors that `find_sensor` returns by name."""
 
 
 def find_sensor(name: str) -> ProfileSensor:
@@ -153,21 +153,21 @@ def find_sensor(name: str) -> ProfileSensor:
     >>> find_sensor("LPS 36 HI").columns
     240
     """
-    plain = "".join(letter for letter in name.lower() if letter.isalnum())
-    if plain not in KNOWN_SENSORS:
+    key = "".join(letter for letter in name.lower() if letter.isalnum())
+    if key not in KNOWN_SENSORS:
         raise ValueError(f"expected a sensor among {', '.join(KNOWN_SENSORS)}, got {name!r}")
-    return KNOWN_SENSORS[plain]
+    return KNOWN_SENSORS[key]
 
 
 def as_noise_model(sensor: NoiseModel | str | None) -> NoiseModel | None:
-    """Return the noise model that a caller passes as it is, or by its sensor's name.
+    """Return a noise model that is given as such or by the name of its sensor.
 
     Raises
     ------
     ValueError
         If the name is unknown.
     TypeError
-        If it is not a noise model.
+        If `sensor` is not a noise model.
 
     Examples
     --------
@@ -177,14 +177,14 @@ def as_noise_model(sensor: NoiseModel | str | None) -> NoiseModel | None:
     Traceback (most recent call last):
     ...
     TypeError: expected sensor as a ProfileSensor, another NoiseModel or a name among lps36hi, \
-lps36, got float 0.05: ProfileSensor(range_std=0.05) is a sensor of such a noise
+lps36, got float 0.05: ProfileSensor(range_std=0.05) is a sensor with this noise
     """
     if isinstance(sensor, str):
         return find_sensor(sensor)
     if sensor is None or (isinstance(sensor, NoiseModel) and not isinstance(sensor, type)):
         return sensor
-    number = isinstance(sensor, int | float)
-    hint = f": ProfileSensor(range_std={sensor}) is a sensor of such a noise" if number else ""
+    is_number = isinstance(sensor, int | float)
+    hint = f": ProfileSensor(range_std={sensor}) is a sensor with this noise" if is_number else ""
     raise TypeError(
         "expected sensor as a ProfileSensor, another NoiseModel or a name among "
         f"{', '.join(KNOWN_SENSORS)}, got {type(sensor).__name__} {sensor!r}{hint}"

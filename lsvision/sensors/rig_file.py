@@ -95,8 +95,8 @@ def plane_from_json(values: Mapping[str, Any]) -> Plane:
     return plane
 
 
-def json_text(schema: str, values: Mapping[str, Any]) -> str:
-    """Format values as the text of a JSON file with schema and units.
+def format_json(schema: str, values: Mapping[str, Any]) -> str:
+    """Return values as the text of a JSON file with schema and units.
 
     Raises
     ------
@@ -108,7 +108,7 @@ def json_text(schema: str, values: Mapping[str, Any]) -> str:
 
 
 def read_json(path: str | os.PathLike[str], schema: str) -> dict[str, Any]:
-    """Read a JSON file and check its schema and units.
+    """Return the values of a JSON file, with checked schema and units.
 
     Raises
     ------
@@ -120,12 +120,12 @@ def read_json(path: str | os.PathLike[str], schema: str) -> dict[str, Any]:
 
 
 def parse_document(text: str, source: Path, schemas: Sequence[str]) -> dict[str, Any]:
-    """Parse a JSON text of one of several schemas, and check schema and units; see `read_json`.
+    """Return the values of a JSON text of one of several schemas; see `read_json`.
 
     Parameters
     ----------
     text : str
-        The whole text.
+        Text of the file.
     source : Path
         Name of the file in messages.
     schemas : sequence of str
@@ -137,10 +137,10 @@ def parse_document(text: str, source: Path, schemas: Sequence[str]) -> dict[str,
         raise UnreadableFile(
             f"{source} is not JSON ({error}): expected a {schemas[-1]} file"
         ) from error
-    got = values.get("schema") if isinstance(values, dict) else None
-    if got not in schemas:
+    schema = values.get("schema") if isinstance(values, dict) else None
+    if schema not in schemas:
         raise UnreadableFile(
-            f"{source} has schema {got!r} and needs {schemas[-1]!r}: calibrate again"
+            f"{source} has schema {schema!r} and needs {schemas[-1]!r}: calibrate again"
         )
     if values.get("units") != UNITS:
         raise UnreadableFile(
@@ -163,7 +163,7 @@ def write_rig(
     UnwritableFile
         If the folder is missing or not writable.
     """
-    text = json_text(
+    text = format_json(
         SCHEMA,
         {
             "camera": camera_as_json(camera),
@@ -176,7 +176,7 @@ def write_rig(
 
 
 def read_rig(path: str | os.PathLike[str]) -> tuple[Camera, Plane, dict[str, str], float]:
-    """Read camera, laser plane (camera frame), provenance and line blur (px) of a rig file.
+    """Return camera, laser plane (camera frame), provenance and line blur (px) of a rig file.
 
     Raises
     ------

@@ -20,12 +20,12 @@ def section_pose(plane: Plane) -> Pose:
     Parameters
     ----------
     plane : Plane
-        Camera frame: z along the optical axis. Units: mm.
+        Plane in the camera frame, with z along the optical axis. Units: mm.
 
     Returns
     -------
     Pose
-        camera_from_section. Units: mm.
+        ``camera_from_section``. Units: mm.
 
     Examples
     --------

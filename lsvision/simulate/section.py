@@ -22,7 +22,7 @@ from lsvision.geometry.arrays import BoolArray
 from lsvision.geometry.pose import as_poses
 from lsvision.geometry.settings_repr import ShowsChanges
 from lsvision.profile import NoiseModel, PointNoise, Profile
-from lsvision.sensors.profile_sensor import LATERAL_FRACTION, ProfileSensor
+from lsvision.sensors.profile_sensor import LATERAL_STD_RATIO, ProfileSensor
 from lsvision.simulate.scene import NOTHING, Scene, SectionTruth, tube_truths
 from lsvision.simulate.solids import Hits, Rays
 
@@ -236,7 +236,7 @@ def _noise_model(std: FloatArray, sensor: ProfileSensor, settings: SectionSettin
         return sensor
     covariances = np.zeros((len(std), 2, 2))
     covariances[:, 1, 1] = std**2 + sensor.quantum**2 / 12
-    covariances[:, 0, 0] = (LATERAL_FRACTION * std) ** 2 + sensor.quantum**2 / 12
+    covariances[:, 0, 0] = (LATERAL_STD_RATIO * std) ** 2 + sensor.quantum**2 / 12
     return PointNoise(np.where(np.isnan(std)[:, None, None], np.nan, covariances))
 
 

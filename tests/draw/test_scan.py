@@ -10,7 +10,7 @@ from mpl_toolkits.mplot3d.proj3d import proj_transform
 
 from lsvision.draw.figure_files import figure_bytes
 from lsvision.draw.scan import MIN_FACING, draw_scan
-from lsvision.draw.scan_ply import GREY, coloured_points, coloured_surfaces, rgb_of
+from lsvision.draw.scan_ply import GREY, coloured_points, coloured_surfaces, cylinder_rgb
 from lsvision.geometry import FloatArray, Points, Pose
 from lsvision.scan import ScanMeasurement, measure_scan
 from lsvision.scan.shape import triangulate_tube
@@ -120,7 +120,7 @@ def test_each_point_is_in_the_cloud_once(seen) -> None:
     cloud, colours = coloured_points(scan, points)
     assert sorted(map(tuple, cloud.tolist())) == sorted(map(tuple, points.tolist()))
     for number, tube in enumerate(scan.cylinders, 1):
-        assert (colours == rgb_of(number)).all(axis=1).sum() == len(tube.points)
+        assert (colours == cylinder_rgb(number)).all(axis=1).sum() == len(tube.points)
     assert (colours == GREY).all(axis=1).sum() == len(points) - sum(
         len(tube.points) for tube in scan.cylinders
     )

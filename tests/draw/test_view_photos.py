@@ -18,7 +18,7 @@ from lsvision.draw.calibration_report import (
     laser_plane_page,
     line_vectors,
 )
-from lsvision.draw.view_photos import ViewPhoto, arrow_factor, brighter_of, photo_svg
+from lsvision.draw.view_photos import ViewPhoto, arrow_factor, combine_photos, photo_svg
 from lsvision.io.images import read_image
 
 EXAMPLE = Path(__file__).parents[2] / "calibration" / "example"
@@ -78,7 +78,7 @@ def test_arrows_of_the_line_end_where_plane_and_board_meet(solved):
 
 def test_laser_page_shows_line_and_scale(solved):
     _, found, boards, lines = solved
-    lit = [brighter_of(*pair) for pair in zip(boards, lines, strict=True)]
+    lit = [combine_photos(*pair) for pair in zip(boards, lines, strict=True)]
     text = laser_plane_page(found, ChArUco().points, page_of(lit))
     assert text.count('class="line"') == 7
     caption = re.search(r"view 0: (.*?)</figcaption>", text)[1]
@@ -115,7 +115,7 @@ def test_board_and_line_are_one_photo():
     board = np.full((16, 18), 80, dtype=np.uint8)
     line = np.zeros((16, 18, 3), dtype=np.uint8)
     line[3] = 255
-    both = brighter_of(board, line)
+    both = combine_photos(board, line)
     assert both[3].min() == 255
     assert both[0].max() == 80
 

@@ -17,7 +17,7 @@ from lsvision.planning import (
     section_bound,
     sections_needed,
 )
-from lsvision.sensors.profile_sensor import LATERAL_FRACTION
+from lsvision.sensors.profile_sensor import LATERAL_STD_RATIO
 from tests.planning.views import (
     CASES,
     DIFFERENCES,
@@ -44,7 +44,7 @@ def test_scan_bound_is_the_inverse_information_of_the_ranges(radius, theta_deg, 
     rays, origins = scan_rays(pipe, feed)
     stds = ray_stds(ray_ranges(unknowns, rays, origins))
     oracle = np.sqrt(np.diag(range_fisher(unknowns, rays, origins, stds)))[2:]
-    lateral = 2 * LATERAL_FRACTION**2 * 10  # tan^2 of 72 deg: the preset's share across the ray
+    lateral = 2 * LATERAL_STD_RATIO**2 * 10  # tan^2 of 72 deg: the preset's share across the ray
     planned = sigmas(plan_scan(*unknowns[2:], view=VIEW, feed=feed))
     assert (planned >= oracle * (1 - DIFFERENCES)).all()
     assert (planned <= oracle * (1 + lateral)).all()

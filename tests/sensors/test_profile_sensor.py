@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lsvision import LPS36, LPS36HI, ProfileSensor
-from lsvision.sensors.profile_sensor import LATERAL_FRACTION
+from lsvision.sensors.profile_sensor import LATERAL_STD_RATIO
 from tests.tolerances import ROUNDING
 
 SENSOR = ProfileSensor(range_std=0.05, reference_range=400.0)
@@ -22,8 +22,8 @@ def stds_along_and_across(sensor, point):
 @pytest.mark.parametrize("point", [(0.0, -400.0), (240.0, -320.0), (-400.0, 0.0)])
 def test_noise_lies_along_the_ray(point):
     along, across = stds_along_and_across(SENSOR, point)
-    assert along == pytest.approx(math.hypot(0.05, 0.05 * LATERAL_FRACTION))
-    assert across == pytest.approx(0.05 * LATERAL_FRACTION)
+    assert along == pytest.approx(math.hypot(0.05, 0.05 * LATERAL_STD_RATIO))
+    assert across == pytest.approx(0.05 * LATERAL_STD_RATIO)
 
 
 @pytest.mark.parametrize("factor", [0.5, 2.0, 3.0])
