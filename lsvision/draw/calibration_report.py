@@ -174,7 +174,7 @@ def hand_eye_page(
     pictures = [
         (
             svg_element(draw_poses(calibration, flanges)),
-            "Positions of the target in the sensor's view, and the sensor's poses, numbered from 0.",
+            "Positions of the target in the sensor's view, and poses of the sensor (from 0).",
         ),
         (
             svg_element(draw_bars(page.names, series, rejected, "mm")),

@@ -106,7 +106,7 @@ def simulate_boards(
     Returns
     -------
     tuple of SimulatedBoard
-        One for each pose.
+        Measurement of each board.
 
     Examples
     --------
@@ -126,12 +126,13 @@ def simulate_boards(
 def _measure(
     scene: BoardScene, pose: Pose, line: Points, rng: np.random.Generator
 ) -> SimulatedBoard:
+    """Return corners and line points in the image, with noise."""
     corners = _corners(scene)
     bent = corners + np.outer(_height(scene, corners[:, :2]), (0.0, 0.0, 1.0))
     pixels = _project(scene, pose.apply(bent))
     line_pixels = _project(scene, pose.apply(line))
-    along = np.gradient(line_pixels, axis=0)
-    normals = np.column_stack([-along[:, 1], along[:, 0]]) / np.hypot(*along.T)[:, None]
+    tangents = np.gradient(line_pixels, axis=0)
+    normals = np.column_stack([-tangents[:, 1], tangents[:, 0]]) / np.hypot(*tangents.T)[:, None]
     errors = rng.normal(0, scene.line_std, (len(line), 1))
     return SimulatedBoard(
         corners,

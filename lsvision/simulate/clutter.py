@@ -1,4 +1,4 @@
-"""Outlines of objects around tubes (bars, boxes, sections, curved sheets), and random clutter.
+"""Outlines of objects around tubes (bars, boxes, angle irons, sheets), and random clutter.
 
 Every outline function returns a `Prism` placed by the middle of its side towards the sensor and
 rotated by `tilt` from X towards Y. Frame: section frame. Units: mm and rad. Curves are polylines
@@ -32,8 +32,10 @@ MIN_RANGE_MM, MAX_RANGE_MM = 330.0, 560.0
 """Limits of the range at which clutter is placed. Units: mm."""
 
 Centre = tuple[float, float]
-Place = Callable[[Centre], Prism]
-DrawShape = Callable[[np.random.Generator], Place]
+PlaceShape = Callable[[Centre], Prism]
+"""Function that returns a shape, placed at a centre in mm."""
+DrawShape = Callable[[np.random.Generator], PlaceShape]
+"""Function that draws the parameters of a random shape."""
 
 
 def place_outline(outline: npt.ArrayLike, centre: Centre, tilt: float = 0.0) -> Prism:
@@ -54,7 +56,7 @@ def place_outline(outline: npt.ArrayLike, centre: Centre, tilt: float = 0.0) -> 
 
 
 def ground(width: float, centre: Centre, tilt: float = 0.0) -> Prism:
-    """Return a plane below the scene."""
+    """Return a flat ground: a straight line as outline."""
     return place_outline([[-width / 2, 0.0], [width / 2, 0.0]], centre, tilt)
 
 
@@ -101,9 +103,9 @@ def v_groove(
 
 def angle_iron(leg: float, thickness: float, centre: Centre, tilt: float = 0.0) -> Prism:
     """Return an angle iron with both edges on the ground and its corner towards the sensor."""
-    reach, edge = leg / math.sqrt(2), thickness / math.sqrt(2)
-    inside = [[reach - edge, -reach - edge], [0.0, -2 * edge], [-reach + edge, -reach - edge]]
-    outline = [[-reach, -reach], [0.0, 0.0], [reach, -reach], *inside, [-reach, -reach]]
+    x, edge = leg / math.sqrt(2), thickness / math.sqrt(2)
+    inner = [[x - edge, -x - edge], [0.0, -2 * edge], [-x + edge, -x - edge]]
+    outline = [[-x, -x], [0.0, 0.0], [x, -x], *inner, [-x, -x]]
     return place_outline(outline, centre, tilt)
 
 
@@ -146,7 +148,7 @@ def spline_sheet(knots: npt.ArrayLike, centre: Centre, tilt: float = 0.0) -> Pri
     Parameters
     ----------
     knots : (k, 2) array_like
-        First column ascending. Units: mm.
+        Points (x, y) of the spline, x ascending. Units: mm.
     centre, tilt
         As for `place_outline`.
     """
@@ -180,7 +182,7 @@ def clutter_around(tubes: list[Ellipse], draw: DrawShape, rng: np.random.Generat
     return shapes
 
 
-def draw_planar(rng: np.random.Generator) -> Place:
+def draw_planar(rng: np.random.Generator) -> PlaceShape:
     """Draw a bar, box or angle iron."""
     tilt = rng.uniform(-0.6, 0.6)
     width = rng.uniform(15.0, 90.0)
@@ -195,16 +197,24 @@ def draw_planar(rng: np.random.Generator) -> Place:
     return lambda centre: bar(width, thickness, centre, tilt)
 
 
-def draw_mixed(rng: np.random.Generator) -> Place:
+def draw_mixed(rng: np.random.Generator) -> PlaceShape:
     """Draw any kind of shape, planar with probability 1/3."""
     if rng.random() < 1 / 3:
         return draw_planar(rng)
-    kinds: list[DrawShape] = [_sine, _bumps, _ridge, _trough, _spline, _rounded_box, _v_groove]
+    kinds: list[DrawShape] = [
+        _draw_sine,
+        _draw_bumps,
+        _draw_ridge,
+        _draw_trough,
+        _draw_spline,
+        _draw_rounded_box,
+        _draw_v_groove,
+    ]
     return kinds[rng.integers(len(kinds))](rng)
 
 
-def _place_shape(place: Place, tubes: list[Ellipse], rng: np.random.Generator) -> Prism:
-    """Place a shape at random: beside the tubes at any range, or behind or against them."""
+def _place_shape(place: PlaceShape, tubes: list[Ellipse], rng: np.random.Generator) -> Prism:
+    """PlaceShape a shape at random: beside the tubes at any range, or behind or against them."""
     low, high = _bounding_box(place((0.0, 0.0)).outline)
     top = rng.uniform(MIN_RANGE_MM, MAX_RANGE_MM - 40.0)
     x = rng.uniform(-HALF_FIELD_PER_RANGE, HALF_FIELD_PER_RANGE) * top
@@ -219,7 +229,7 @@ def _bounding_box(points: FloatArray) -> tuple[FloatArray, FloatArray]:
     return points.min(axis=0), points.max(axis=0)
 
 
-def _sine(rng: np.random.Generator) -> Place:
+def _draw_sine(rng: np.random.Generator) -> PlaceShape:
     """Draw a corrugated sheet: shallow, or with crests of a smaller radius than a tube."""
     width, tilt = rng.uniform(50.0, 130.0), rng.uniform(-0.4, 0.4)
     if rng.random() < 0.25:
@@ -230,7 +240,7 @@ def _sine(rng: np.random.Generator) -> Place:
     return lambda centre: sine_sheet(width, amplitude, wavelength, centre, tilt)
 
 
-def _bumps(rng: np.random.Generator) -> Place:
+def _draw_bumps(rng: np.random.Generator) -> PlaceShape:
     """Draw a sheet with bumps and dents."""
     width, tilt = rng.uniform(60.0, 140.0), rng.uniform(-0.3, 0.3)
     bumps = []
@@ -242,7 +252,7 @@ def _bumps(rng: np.random.Generator) -> Place:
     return lambda centre: gaussian_bumps(width, bumps, centre, tilt)
 
 
-def _ridge(rng: np.random.Generator) -> Place:
+def _draw_ridge(rng: np.random.Generator) -> PlaceShape:
     """Draw a parabola towards the sensor; its vertex radius is not that of a tube."""
     tilt, flat = rng.uniform(-0.3, 0.3), rng.random() < 0.6
     vertex = rng.uniform(60.0, 150.0) if flat else rng.uniform(1.5, 5.0)
@@ -250,33 +260,33 @@ def _ridge(rng: np.random.Generator) -> Place:
     return lambda centre: parabola(width, width**2 / (8 * vertex), centre, tilt)
 
 
-def _trough(rng: np.random.Generator) -> Place:
+def _draw_trough(rng: np.random.Generator) -> PlaceShape:
     """Draw a concave parabola with the curvature of a tube."""
     tilt, vertex = rng.uniform(-0.3, 0.3), rng.uniform(12.0, 45.0)
     width = vertex * rng.uniform(0.8, 2.0)
     return lambda centre: parabola(width, -(width**2) / (8 * vertex), centre, tilt)
 
 
-def _spline(rng: np.random.Generator) -> Place:
+def _draw_spline(rng: np.random.Generator) -> PlaceShape:
     """Draw a free-form sheet, its heights scaled to the largest slope."""
     tilt, spacing = rng.uniform(-0.4, 0.4), rng.uniform(10.0, 24.0)
     count = int(rng.integers(5, 8))
     x = (np.arange(count) - (count - 1) / 2) * spacing
     y = rng.uniform(-1.0, 1.0, count)
-    drawn = spline_sheet(np.column_stack([x, y]), (0.0, 0.0)).outline
-    steepest = np.abs(np.diff(drawn[:, 1]) / np.diff(drawn[:, 0])).max()
+    outline = spline_sheet(np.column_stack([x, y]), (0.0, 0.0)).outline
+    steepest = np.abs(np.diff(outline[:, 1]) / np.diff(outline[:, 0])).max()
     knots = np.column_stack([x, y * MAX_SLOPE * rng.uniform(0.4, 1.0) / steepest])
     return lambda centre: spline_sheet(knots, centre, tilt)
 
 
-def _rounded_box(rng: np.random.Generator) -> Place:
+def _draw_rounded_box(rng: np.random.Generator) -> PlaceShape:
     """Draw a square tube with corners of 2-5 mm."""
     width, height, tilt = rng.uniform(20.0, 70.0), rng.uniform(12.0, 50.0), rng.uniform(-0.5, 0.5)
     corner = rng.uniform(2.0, MAX_CORNER_RADIUS)
     return lambda centre: rounded_box(width, height, corner, centre, tilt)
 
 
-def _v_groove(rng: np.random.Generator) -> Place:
+def _draw_v_groove(rng: np.random.Generator) -> PlaceShape:
     """Draw a plate with a V groove."""
     width, tilt = rng.uniform(40.0, 110.0), rng.uniform(-0.4, 0.4)
     opening, depth = rng.uniform(8.0, 25.0), rng.uniform(4.0, 15.0)

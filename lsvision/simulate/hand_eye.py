@@ -67,19 +67,19 @@ def sphere_profile(
     radius : float
         Radius of the sphere. Units: mm.
     view : SectionView
-        Sensor.
+        Range and errors of the sensor.
     rng : numpy.random.Generator
         Source of the noise.
 
     Returns
     -------
     Profile
-        With lost points where the sphere is not measured.
+        Profile with lost points where the sphere is not measured.
 
     Examples
     --------
-    >>> quiet = SectionView(columns=3, width=6.0, range_std=0.0)
-    >>> sphere_profile((0, -300, 4), 5.0, quiet, np.random.default_rng(0)).points
+    >>> noise_free = SectionView(columns=3, width=6.0, range_std=0.0)
+    >>> sphere_profile((0, -300, 4), 5.0, noise_free, np.random.default_rng(0)).points
     array([[  nan,   nan],
            [   0., -297.],
            [  nan,   nan]])
@@ -120,7 +120,7 @@ def _noisy_profile(
 
 
 def _correlate(noise: FloatArray, view: SectionView) -> FloatArray:
-    """Correlate the noise of neighbouring columns by a Gaussian filter, keeping its std."""
+    """Return the noise after a Gaussian filter along the columns, with unchanged std."""
     if not view.correlation > 0:
         return noise
     half_width = math.ceil(4 * view.correlation)
@@ -169,7 +169,7 @@ class TargetMotion:
     offset : float
         Largest offset along Z, normal to the laser plane. Units: mm.
     standoff : float
-        Mean y of the target. Units: mm.
+        Mean Y of the target, section frame. Units: mm.
     """
 
     tilt: float = math.radians(35)
@@ -188,7 +188,7 @@ def section_poses_about(
     Parameters
     ----------
     target : (3,) array_like
-        Target, base frame. Units: mm.
+        Position of the target, base frame. Units: mm.
     count : int
         Number of poses.
     motion : TargetMotion
@@ -199,15 +199,15 @@ def section_poses_about(
     Returns
     -------
     list of Pose
-        The section's Y points upwards (base Z) for zero tilt and spin.
+        Poses; the section's Y points upwards (base Z) for zero tilt and spin.
     """
     upright = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # section Y upwards
     poses = []
     for _ in range(count):
         spin = rotation_from_vector(np.array([0, 0, rng.uniform(-motion.spin, motion.spin)]))
-        lean = rotation_from_vector(np.array([rng.uniform(-motion.tilt, motion.tilt), 0, 0]))
-        roll = rotation_from_vector(np.array([0, rng.uniform(-motion.tilt, motion.tilt), 0]))
-        rotation = spin @ lean @ roll @ upright
+        tilt_x = rotation_from_vector(np.array([rng.uniform(-motion.tilt, motion.tilt), 0, 0]))
+        tilt_y = rotation_from_vector(np.array([0, rng.uniform(-motion.tilt, motion.tilt), 0]))
+        rotation = spin @ tilt_x @ tilt_y @ upright
         target_in_section = np.array(
             [
                 rng.uniform(-motion.sideways, motion.sideways),

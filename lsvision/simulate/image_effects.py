@@ -102,8 +102,8 @@ def _distances_from_segment(
     ``cv2.line`` is not used because its result differs between OpenCV 4 and 5.
     """
     u, v = np.arange(shape[1]) - start[0], np.arange(shape[0])[:, None] - start[1]
-    along = np.clip(u * math.cos(angle) + v * math.sin(angle), 0, length)
-    distances: FloatArray = np.hypot(u - along * math.cos(angle), v - along * math.sin(angle))
+    position = np.clip(u * math.cos(angle) + v * math.sin(angle), 0, length)
+    distances: FloatArray = np.hypot(u - position * math.cos(angle), v - position * math.sin(angle))
     return distances
 
 
@@ -136,7 +136,7 @@ def speckle_field(
     Returns
     -------
     (height, width) ndarray
-        With contrast 1 / sqrt(looks), slightly reduced by the averaging within each pixel.
+        Factor with contrast 1 / sqrt(looks), slightly reduced by the averaging within each pixel.
 
     Notes
     -----

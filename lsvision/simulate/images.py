@@ -115,7 +115,7 @@ def simulate_image(
     Parameters
     ----------
     scene : Scene
-        Section frame: the laser plane is z = 0. Units: mm.
+        Scene in the section frame: the laser plane is z = 0. Units: mm.
     rig : ImagingRig
         Camera and laser.
     settings : ImageSettings, optional
@@ -126,7 +126,7 @@ def simulate_image(
     Returns
     -------
     SimulatedImage
-        If the laser misses the scene, without a line and with NaN as truth.
+        Image with its truth; without a line and with NaN as truth if the laser misses the scene.
 
     Examples
     --------
@@ -168,9 +168,9 @@ def _render_sheet(scene: Scene, rig: ImagingRig, sheet_sigma: float) -> tuple[Fl
     depth = np.where(hit, hits.distances, 0.0)
     points = rays.origins + depth[:, None] * rays.directions
     heights = points[:, 2]  # distance from the middle of the sheet, z = 0
-    near = hit & (np.abs(heights) < SHEET_CUTOFF_SIGMAS * sheet_sigma)
+    in_sheet = hit & (np.abs(heights) < SHEET_CUTOFF_SIGMAS * sheet_sigma)
     light = np.zeros(len(u))
-    light[near] = _irradiance(scene, rig, points[near], hits.normals[near])
+    light[in_sheet] = _irradiance(scene, rig, points[in_sheet], hits.normals[in_sheet])
     truth = _crossings(u, v, np.where(light > 0, heights, np.nan), depth, labels)
     light *= np.exp(-0.5 * (heights / sheet_sigma) ** 2)
     width, height = rig.size
@@ -217,15 +217,18 @@ def _irradiance(scene: Scene, rig: ImagingRig, points: Points, normals: FloatArr
 def _crossings(
     u: IntArray, v: FloatArray, heights: FloatArray, depth: FloatArray, labels: IntArray
 ) -> FloatArray:
-    """Return (k, 2) u, v where adjacent samples of one surface are on both sides of the sheet."""
-    before, after = heights[:-1], heights[1:]
+    """Return u, v (k, 2) where adjacent samples of a surface lie on both sides of the sheet."""
+    height, next_height = heights[:-1], heights[1:]
     # A sample exactly in the middle counts as positive, so that it yields one crossing only.
-    crossed = (before >= 0) != (after >= 0)
-    same = (u[:-1] == u[1:]) & (np.diff(v) < 1.5 / SUB_ROWS) & (labels[:-1] == labels[1:])
+    crossed = (height >= 0) != (next_height >= 0)
+    same_surface = (u[:-1] == u[1:]) & (np.diff(v) < 1.5 / SUB_ROWS) & (labels[:-1] == labels[1:])
     index = np.flatnonzero(
-        crossed & same & np.isfinite(before + after) & (np.abs(np.diff(depth)) < MAX_DEPTH_STEP_MM)
+        crossed
+        & same_surface
+        & np.isfinite(height + next_height)
+        & (np.abs(np.diff(depth)) < MAX_DEPTH_STEP_MM)
     )
-    fraction = before[index] / (before[index] - after[index])
+    fraction = height[index] / (height[index] - next_height[index])
     return np.column_stack([u[index], v[index] + fraction * (v[index + 1] - v[index])])
 
 

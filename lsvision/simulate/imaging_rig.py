@@ -27,7 +27,7 @@ class ImagingRig:
     camera_from_section : Pose
         Pose of the section frame in the camera frame. Units: mm.
     distortion : (k,) array_like, optional
-        The first k of k1 k2 p1 p2 k3. None by default.
+        The first k of the coefficients k1 k2 p1 p2 k3; none by default.
     laser_origin : tuple of float
         Point of the section plane from which the sheet diverges. Units: mm.
 
@@ -90,13 +90,13 @@ class ImagingRig:
             )
         sin, cos = math.sin(angle), math.cos(angle)
         x, y, normal = (1.0, 0.0, 0.0), (0.0, sin, -cos), (0.0, cos, sin)
-        foot = np.array(normal) * stand_off * sin
+        nearest_point = np.array(normal) * stand_off * sin
         matrix = np.array(
             [[focal_length, 0, size[0] / 2], [0, focal_length, size[1] / 2], [0, 0, 1]]
         )
-        pose = Pose(np.column_stack([x, y, normal]), foot)
-        lens = np.asarray(distortion, dtype=np.float64)
-        return cls(matrix=matrix, size=size, camera_from_section=pose, distortion=lens)
+        pose = Pose(np.column_stack([x, y, normal]), nearest_point)
+        coefficients = np.asarray(distortion, dtype=np.float64)
+        return cls(matrix=matrix, size=size, camera_from_section=pose, distortion=coefficients)
 
     @property
     def laser_plane(self) -> Plane:
@@ -111,7 +111,7 @@ class ImagingRig:
         return camera_rays.transformed(self.camera_from_section.inverse())
 
     def _undistort(self, distorted: Points) -> Points:
-        """Invert the distortion of (n, 2) normalised image points by fixed-point iteration."""
+        """Return undistorted normalised image points (n, 2), by fixed-point iteration."""
         if not self.distortion.any():
             return distorted
         k1, k2, p1, p2, k3 = np.pad(self.distortion, (0, 5 - len(self.distortion)))

@@ -53,7 +53,7 @@ class Scene:
     Parameters
     ----------
     objects : tuple of Solid
-        Tubes are numbered 1, 2, ... in this order.
+        Solids; tubes are numbered 1, 2, ... in this order.
 
     Examples
     --------
@@ -89,16 +89,16 @@ class Scene:
         hits : Hits
             Nearest intersections of all objects.
         labels : (n,) ndarray
-            `NOTHING` where the ray meets nothing.
+            Label of the object that each ray meets; `NOTHING` if it meets none.
         """
         hits = [solid.first_hits(rays) for solid in self.objects]
         distances = np.stack([hit.distances for hit in hits])
         nearest = distances.argmin(axis=0)
         ray = np.arange(distances.shape[1])
         normals = np.stack([hit.normals for hit in hits])[nearest, ray]
-        first = distances[nearest, ray]
-        labels = np.where(np.isfinite(first), self.labels[nearest], NOTHING)
-        return Hits(first, normals), labels.astype(np.int64)
+        nearest_distances = distances[nearest, ray]
+        labels = np.where(np.isfinite(nearest_distances), self.labels[nearest], NOTHING)
+        return Hits(nearest_distances, normals), labels.astype(np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +110,7 @@ class TubeTruth(WithEllipse):
     label : int
         Number of the tube in the scene, from 1; the label of its points.
     cylinder : Cylinder
-        Section frame; for a bent tube, the cylinder along the tangent of its axis.
+        Cylinder in the section frame; for a bent tube, along the tangent of its axis.
     ellipse : Ellipse
         Section of the cylinder.
     points : int
@@ -141,12 +141,12 @@ class SectionTruth:
     Parameters
     ----------
     labels : (n,) ndarray
-        -1 lost or displaced by a jump, 0 clutter, k the k-th tube.
+        Label of each column: -1 lost or displaced by a jump, 0 clutter, k the k-th tube.
     points : (n, 2) ndarray
         Noise-free points, section frame, also where a jump displaces the measured point; NaN where
         lost. Units: mm.
     tubes : tuple of TubeTruth
-        Every tube whose axis the section cuts, in the order of the labels.
+        Truth of every tube whose axis the section cuts, in the order of the labels.
     """
 
     labels: IntArray
@@ -162,7 +162,7 @@ def tube_truths(
     Parameters
     ----------
     scene : Scene
-        Base frame.
+        Scene in the base frame.
     base_from_section : Pose
         Pose of the section.
     labels : (n,) ndarray

@@ -64,16 +64,18 @@ class TubeRanges:
 
     def __post_init__(self) -> None:
         if not 0 < self.radius_mm[0] <= self.radius_mm[1] < math.inf:
-            raise ValueError(f"expected radius min:max above 0 mm, got {_span(self.radius_mm)}")
+            raise ValueError(
+                f"expected radius min:max above 0 mm, got {_format_range(self.radius_mm)}"
+            )
         if not 0 <= self.phi_deg[0] <= self.phi_deg[1] <= MAX_PHI_DEG:
             raise ValueError(
-                f"expected phi within 0 to {MAX_PHI_DEG:g} deg, got {_span(self.phi_deg)}"
+                f"expected phi within 0 to {MAX_PHI_DEG:g} deg, got {_format_range(self.phi_deg)}"
             )
         if not -math.inf < self.theta_deg[0] <= self.theta_deg[1] < math.inf:
-            raise ValueError(f"expected theta min:max in deg, got {_span(self.theta_deg)}")
+            raise ValueError(f"expected theta min:max in deg, got {_format_range(self.theta_deg)}")
 
     def draw_ellipse(
-        self, rng: np.random.Generator, radius_part: tuple[float, float] = (0.0, 1.0)
+        self, rng: np.random.Generator, radius_fractions: tuple[float, float] = (0.0, 1.0)
     ) -> Ellipse:
         """Draw the section of a random tube, centred on (0, 0).
 
@@ -81,18 +83,18 @@ class TubeRanges:
         ----------
         rng : numpy.random.Generator
             Source of the random numbers.
-        radius_part : tuple of float
-            Part of the range of radii to draw from, as fractions of the range.
+        radius_fractions : tuple of float
+            Limits of the radii to draw from, as fractions of the range.
         """
         low, high = self.radius_mm
-        radius = low + (high - low) * rng.uniform(*radius_part)
+        radius = low + (high - low) * rng.uniform(*radius_fractions)
         phi = math.radians(rng.uniform(*self.phi_deg))
         theta = math.radians(rng.uniform(*self.theta_deg))
         return Ellipse((0.0, 0.0), radius / math.cos(phi), radius, theta)
 
 
-def _span(ends: tuple[float, float]) -> str:
-    return f"{ends[0]:g} to {ends[1]:g}"
+def _format_range(limits: tuple[float, float]) -> str:
+    return f"{limits[0]:g} to {limits[1]:g}"
 
 
 def random_section(
@@ -108,7 +110,7 @@ def random_section(
     Parameters
     ----------
     kind : str
-        A key of `SCENE_KINDS`.
+        Kind of scene, a key of `SCENE_KINDS`.
     seed : int
         Seed of all random numbers, together with the kind; the same arguments yield identical
         bytes.

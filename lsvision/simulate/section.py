@@ -27,7 +27,7 @@ from lsvision.simulate.scene import NOTHING, Scene, SectionTruth, tube_truths
 from lsvision.simulate.solids import Hits, Rays
 
 SAME_SURFACE_TOLERANCE = 1e-6
-"""Relative distance by which a ray from the camera may end before the point and still reach it."""
+"""Relative distance before a point at which a ray from the camera counts as reaching it."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -40,10 +40,10 @@ class SectionSettings(ShowsChanges):
         Rays that diverge from the sensor's origin, equally spaced at its far limit; or parallel
         rays of equal pitch over the same width.
     noise_factor : float
-        Ratio of the true noise to that of the sensor's noise model; 0 is noise-free.
+        Ratio of the true noise to that of the sensor's noise model; 0 for no noise.
     correlation_columns : float
         Standard deviation of the Gaussian filter that correlates the errors of neighbouring
-        columns; 0 is independent errors. Units: columns.
+        columns; 0 for independent errors. Units: columns.
     lost_fraction : float
         Fraction of columns that are lost independently.
     lost_runs, lost_run_columns : int
@@ -100,7 +100,8 @@ class SimulatedSection:
     Parameters
     ----------
     profile : Profile
-        Measured profile; its noise model is the sensor, or for parallel rays point by point.
+        Measured profile; its noise model is the sensor, or for parallel rays a covariance per
+        point.
     truth : SectionTruth
         Labels and noise-free points of all columns, and the tubes.
     sensor : ProfileSensor
@@ -128,9 +129,9 @@ def simulate_section(
     Parameters
     ----------
     scene : Scene
-        Base frame.
+        Scene in the base frame.
     sensor : ProfileSensor
-        Columns, ranges, field and noise.
+        Columns, measuring range, width of the line and noise of the sensor.
     settings : SectionSettings
         Errors of the sensor.
     rng : numpy.random.Generator
@@ -141,7 +142,7 @@ def simulate_section(
     Returns
     -------
     SimulatedSection
-        With `sensor.columns` rows; a column without a point is a NaN row.
+        Profile of `sensor.columns` rows, NaN for a column without a point, and its truth.
 
     Examples
     --------
@@ -189,7 +190,7 @@ def simulate_scan(
     Parameters
     ----------
     scene : Scene
-        Base frame.
+        Scene in the base frame.
     base_from_sections : sequence of Pose or (4, 4) array_like
         Pose of each section.
     sensor, settings, rng
@@ -222,7 +223,7 @@ def _in_range(hits: Hits, rays: Rays, sensor: ProfileSensor) -> BoolArray:
 def _visible_from(
     camera: tuple[float, float, float], exact: Points, scene: Scene, pose: Pose
 ) -> BoolArray:
-    """Return which points of the section are not hidden from the camera."""
+    """Return the mask of points of the section that are not hidden from the camera."""
     origins = np.broadcast_to(camera, exact.shape)
     rays = Rays(origins, np.nan_to_num(exact - origins))
     hits, _ = scene.first_hits(rays.transformed(pose))
@@ -231,7 +232,7 @@ def _visible_from(
 
 
 def _noise_model(std: FloatArray, sensor: ProfileSensor, settings: SectionSettings) -> NoiseModel:
-    """Return the sensor; for parallel rays, which it cannot represent, all covariances."""
+    """Return the sensor; for parallel rays, which it cannot model, the covariance of each point."""
     if settings.rays == "fan":
         return sensor
     covariances = np.zeros((len(std), 2, 2))
@@ -266,7 +267,7 @@ def noise_std(exact: Points, sensor: ProfileSensor) -> FloatArray:
 def visible_at_incidence(
     hits: Hits, rays: Rays, settings: SectionSettings, rng: np.random.Generator
 ) -> BoolArray:
-    """Return which points are not lost because of their angle of incidence.
+    """Return the mask of points that are not lost because of their angle of incidence.
 
     Parameters
     ----------
@@ -287,7 +288,7 @@ def visible_at_incidence(
 
 
 def lost_columns(columns: int, settings: SectionSettings, rng: np.random.Generator) -> BoolArray:
-    """Draw which columns are lost, singly and in runs."""
+    """Return a random mask of lost columns, single ones and runs."""
     lost: BoolArray = rng.random(columns) < settings.lost_fraction
     for _ in range(settings.lost_runs):
         start = rng.integers(columns)
@@ -296,21 +297,23 @@ def lost_columns(columns: int, settings: SectionSettings, rng: np.random.Generat
 
 
 def draw_jumps(columns: int, settings: SectionSettings, rng: np.random.Generator) -> FloatArray:
-    """Draw the displacement of each column by a jump; 0 for most. Units: mm."""
+    """Return a random displacement of each column by a jump; 0 for most. Units: mm."""
     pair_fraction = settings.jump_pair_share
     # A fraction of the jumps displaces two columns; the total is `jump_fraction`.
-    single = rng.random(columns) < settings.jump_fraction / (1 + pair_fraction)
+    starts_jump = rng.random(columns) < settings.jump_fraction / (1 + pair_fraction)
     paired = rng.random(columns) < pair_fraction
-    size = rng.uniform(*settings.jump_mm, columns) * rng.choice([-1.0, 1.0], columns)
-    follows = np.concatenate([[False], (single & paired)[:-1]])
-    jumps: FloatArray = np.where(single, size, np.where(follows, np.roll(size, 1), 0.0))
+    displacement = rng.uniform(*settings.jump_mm, columns) * rng.choice([-1.0, 1.0], columns)
+    repeats_jump = np.concatenate([[False], (starts_jump & paired)[:-1]])
+    jumps: FloatArray = np.where(
+        starts_jump, displacement, np.where(repeats_jump, np.roll(displacement, 1), 0.0)
+    )
     return jumps
 
 
 def correlated_unit_noise(
     columns: int, settings: SectionSettings, rng: np.random.Generator
 ) -> FloatArray:
-    """Draw a standard normal error for each column, correlated by a Gaussian filter if set."""
+    """Return a standard normal error of each column, correlated by a Gaussian filter if set."""
     filter_std = settings.correlation_columns
     if filter_std == 0:
         return rng.standard_normal(columns)

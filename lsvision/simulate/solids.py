@@ -71,10 +71,10 @@ class Tube:
     Parameters
     ----------
     cylinder : Cylinder
-        Base frame.
+        Cylinder in the base frame.
     span : tuple of float, optional
-        Start and end along ``cylinder.direction`` from ``cylinder.point``. None: of infinite
-        length. Units: mm.
+        Start and end along ``cylinder.direction`` from ``cylinder.point``; infinite length if
+        None. Units: mm.
 
     Examples
     --------
@@ -124,17 +124,17 @@ class Tube:
         """Return where each ray enters the solid; a ray that starts inside meets nothing."""
         axis = self.cylinder.direction
         start = rays.origins - self.cylinder.point
-        start_along, ray_along = start @ axis, rays.directions @ axis
-        start_across = start - start_along[:, None] * axis
-        ray_across = rays.directions - ray_along[:, None] * axis
-        side = _circle_interval(start_across, ray_across, self.cylinder.radius)
-        ends = _slab_interval(start_along, ray_along, self.span)
+        axial_start, axial_ray = start @ axis, rays.directions @ axis
+        radial_start = start - axial_start[:, None] * axis
+        radial_ray = rays.directions - axial_ray[:, None] * axis
+        side = _circle_interval(radial_start, radial_ray, self.cylinder.radius)
+        ends = _slab_interval(axial_start, axial_ray, self.span)
         entry, exit_ = np.maximum(side[0], ends[0]), np.minimum(side[1], ends[1])
         hit = (entry < exit_) & (entry > 0)
         distances = np.where(hit, entry, NO_HIT)
         finite = np.where(hit & np.isfinite(entry), entry, 0.0)
-        side_normals = (start_across + finite[:, None] * ray_across) / self.cylinder.radius
-        end_normals = -np.sign(ray_along)[:, None] * axis
+        side_normals = (radial_start + finite[:, None] * radial_ray) / self.cylinder.radius
+        end_normals = -np.sign(axial_ray)[:, None] * axis
         through_end = (ends[0] > side[0])[:, None]
         return Hits(distances, np.where(through_end, end_normals, side_normals))
 
@@ -149,10 +149,10 @@ def _circle_interval(
     discriminant = half**2 - squared * outside
     parallel = squared < 1e-18
     root = np.sqrt(np.maximum(discriminant, 0.0))
-    safe = np.where(parallel, 1.0, squared)
+    divisor = np.where(parallel, 1.0, squared)
     missed = np.where(parallel, outside > 0, discriminant <= 0)
-    entry = np.where(parallel, -math.inf, (-half - root) / safe)
-    exit_ = np.where(parallel, math.inf, (-half + root) / safe)
+    entry = np.where(parallel, -math.inf, (-half - root) / divisor)
+    exit_ = np.where(parallel, math.inf, (-half + root) / divisor)
     return np.where(missed, NO_HIT, entry), np.where(missed, -math.inf, exit_)
 
 
@@ -164,8 +164,8 @@ def _slab_interval(
     if span is None:
         return -infinite, infinite
     parallel = np.abs(ray) < 1e-12
-    safe = np.where(parallel, 1.0, ray)
-    low, high = (span[0] - start) / safe, (span[1] - start) / safe
+    divisor = np.where(parallel, 1.0, ray)
+    low, high = (span[0] - start) / divisor, (span[1] - start) / divisor
     outside = (start < span[0]) | (start > span[1])
     entry = np.where(parallel, np.where(outside, math.inf, -math.inf), np.minimum(low, high))
     return entry, np.where(parallel, math.inf, np.maximum(low, high))
@@ -213,7 +213,7 @@ class BentTube:
     def local_cylinder(self, base_from_section: Pose) -> Cylinder | None:
         """Return the cylinder along the tangent of the axis where the section cuts it.
 
-        The one of the two intersections that is nearer to the sensor; None without any.
+        Of the two intersections, the one nearer to the sensor; None if there is none.
         """
         normal = base_from_section.rotation[:, 2]
         first = normal - (normal @ self.bend_normal) * self.bend_normal
@@ -227,7 +227,7 @@ class BentTube:
         if abs(distance) >= self.bend_radius:
             return None
         half_chord = math.sqrt(self.bend_radius**2 - distance**2)
-        # Relative to the centre of the circle.
+        # Coordinates relative to the centre of the circle.
         intersections = [distance * first + sign * half_chord * second for sign in (1.0, -1.0)]
         sensor = base_from_section.translation - self.bend_centre
         nearest = min(intersections, key=lambda point: float(np.linalg.norm(point - sensor)))
@@ -265,8 +265,8 @@ class BentTube:
         height = relative @ self.bend_normal
         in_plane = relative - height[:, None] * self.bend_normal
         distance = np.linalg.norm(in_plane, axis=1)
-        safe = np.where(distance > 0, distance, 1.0)
-        from_axis = relative - in_plane * (self.bend_radius / safe)[:, None]
+        divisor = np.where(distance > 0, distance, 1.0)
+        from_axis = relative - in_plane * (self.bend_radius / divisor)[:, None]
         length = np.linalg.norm(from_axis, axis=1)
         normals = from_axis / np.where(length > 0, length, 1.0)[:, None]
         return length - self.radius, normals
@@ -313,8 +313,8 @@ class Prism:
         normals = np.column_stack([-dy, dx, dy * shear[0] - dx * shear[1]])
         length = np.linalg.norm(normals, axis=1)
         normals /= np.where(length > 0, length, 1.0)[:, None]
-        away = np.einsum("ij,ij->i", normals, rays.directions) > 0
-        normals[away] *= -1
+        points_away = np.einsum("ij,ij->i", normals, rays.directions) > 0
+        normals[points_away] *= -1
         return Hits(distances, normals)
 
 
@@ -322,12 +322,12 @@ def _first_segments(start: Points, ray: FloatArray, outline: Points) -> tuple[Fl
     """Return the distance along each ray to the outline, and the index of the segment met."""
     segment = np.diff(outline, axis=0)
     determinant = ray[:, 0, None] * segment[:, 1] - ray[:, 1, None] * segment[:, 0]
-    safe = np.where(determinant == 0, 1.0, determinant)
+    divisor = np.where(determinant == 0, 1.0, determinant)
     to_x = outline[:-1, 0] - start[:, 0, None]
     to_y = outline[:-1, 1] - start[:, 1, None]
-    distance = (to_x * segment[:, 1] - to_y * segment[:, 0]) / safe
-    fraction = (to_x * ray[:, 1, None] - to_y * ray[:, 0, None]) / safe
-    met = (determinant != 0) & (fraction >= 0) & (fraction <= 1) & (distance > 0)
-    distances = np.where(met, distance, NO_HIT)
+    distance = (to_x * segment[:, 1] - to_y * segment[:, 0]) / divisor
+    fraction = (to_x * ray[:, 1, None] - to_y * ray[:, 0, None]) / divisor
+    hit = (determinant != 0) & (fraction >= 0) & (fraction <= 1) & (distance > 0)
+    distances = np.where(hit, distance, NO_HIT)
     segments = distances.argmin(axis=1)
     return distances[np.arange(len(start)), segments], segments.astype(np.int64)

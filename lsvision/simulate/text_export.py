@@ -54,7 +54,7 @@ def profile_text(section: SimulatedSection, title: str) -> str:
     )
     lines = [
         f"# {title}",
-        f"# sensor: {sensor.name}, noise {_rounded(sensor.range_std)} mm along the ray at "
+        f"# sensor: {sensor.name}, noise {_round(sensor.range_std)} mm along the ray at "
         f"{sensor.reference_range:g} mm",
         "# z is the height, growing towards the sensor; nan where nothing was measured",
         "x [mm],z [mm]",
@@ -97,11 +97,11 @@ def scan_truth_text(
     Parameters
     ----------
     scene : Scene
-        Base frame.
+        Scene in the base frame.
     base_from_sections : sequence of Pose
         Section frame of each profile in the base frame.
     sections : sequence of SimulatedSection
-        Result of `simulate_scan`.
+        Sections, as from `simulate_scan`.
     source : dict
         Origin (seed, command, feed), written first.
     """
@@ -115,8 +115,7 @@ def scan_truth_text(
             {"label": label, **_solid_record(tube)} for label, tube in enumerate(scene.tubes, 1)
         ],
         "base_from_sections": [
-            [[_rounded(value) for value in row] for row in pose.matrix]
-            for pose in base_from_sections
+            [[_round(value) for value in row] for row in pose.matrix] for pose in base_from_sections
         ],
         "tubes_by_section": [
             [_tube_record(tube) for tube in section.truth.tubes] for section in sections
@@ -143,7 +142,7 @@ def _solid_record(tube: TubeSolid) -> dict[str, Any]:
     else:
         raise TypeError(f"expected a Tube or a BentTube, got {type(tube).__name__}")
     return {
-        key: [_rounded(component) for component in value] if np.iterable(value) else value
+        key: [_round(component) for component in value] if np.iterable(value) else value
         for key, value in record.items()
     }
 
@@ -151,14 +150,14 @@ def _solid_record(tube: TubeSolid) -> dict[str, Any]:
 def _tube_record(tube: TubeTruth) -> dict[str, Any]:
     return {
         "label": tube.label,
-        "radius_mm": _rounded(tube.radius),
-        "theta_rad": _rounded(tube.theta),
-        "phi_rad": _rounded(tube.phi),
-        "centre_mm": [_rounded(value) for value in tube.centre],
-        "axis": [_rounded(value) for value in tube.cylinder.direction],
+        "radius_mm": _round(tube.radius),
+        "theta_rad": _round(tube.theta),
+        "phi_rad": _round(tube.phi),
+        "centre_mm": [_round(value) for value in tube.centre],
+        "axis": [_round(value) for value in tube.cylinder.direction],
         "points": tube.points,
         "arc_points": tube.arc_points,
-        "arc_rad": _rounded(tube.arc),
+        "arc_rad": _round(tube.arc),
         "visible": tube.visible,
     }
 
@@ -166,7 +165,7 @@ def _tube_record(tube: TubeTruth) -> dict[str, Any]:
 def _sensor_record(sensor: ProfileSensor) -> dict[str, Any]:
     return {
         "name": sensor.name,
-        "range_std_mm": _rounded(sensor.range_std),
+        "range_std_mm": _round(sensor.range_std),
         "reference_range_mm": sensor.reference_range,
         "origin_mm": list(sensor.origin),
         "quantum_mm": sensor.quantum,
@@ -177,6 +176,6 @@ def _sensor_record(sensor: ProfileSensor) -> dict[str, Any]:
     }
 
 
-def _rounded(value: float) -> float:
+def _round(value: float) -> float:
     # Adding 0.0 replaces -0.0, which depends on the order of summation, by 0.0.
     return round(float(value), DECIMALS) + 0.0

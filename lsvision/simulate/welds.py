@@ -14,11 +14,11 @@ from lsvision.geometry import Ellipse, FloatArray, Points
 from lsvision.simulate.solids import Prism
 
 DIRECTIONS = 128
-"""Directions in each iteration of the search for the common normal."""
+"""Number of directions in each iteration of the search for the common normal."""
 NORMAL_TOLERANCE = 1e-8
 """Interval at which the search stops; the error of the distance is quadratic in it. Units: rad."""
 CURVE_SEGMENTS = 40
-"""Segments of a bead's surface, which is at most about 20 mm long."""
+"""Number of segments of a bead's surface, which is about 20 mm long at most."""
 
 
 def touching_centre(fixed: Ellipse, moved: Ellipse, direction: float) -> tuple[float, float]:
@@ -27,14 +27,14 @@ def touching_centre(fixed: Ellipse, moved: Ellipse, direction: float) -> tuple[f
     Parameters
     ----------
     fixed, moved : Ellipse
-        The centre of `moved` is not used.
+        Ellipse at its position, and ellipse to be placed, whose centre is ignored.
     direction : float
         Direction from the centre of `fixed` to the result, from X towards Y. Units: rad.
 
     Returns
     -------
     tuple of float
-        ``(x, y)``. Units: mm.
+        Centre (x, y). Units: mm.
 
     Examples
     --------
@@ -54,9 +54,9 @@ def nested_centre(left: Ellipse, right: Ellipse, moved: Ellipse) -> tuple[float,
     Parameters
     ----------
     left, right : Ellipse
-        Touching, or with a gap smaller than `moved`.
+        Ellipses that touch, or have a gap smaller than `moved`.
     moved : Ellipse
-        Ellipse whose centre is moved.
+        Ellipse to be placed.
 
     Raises
     ------
@@ -131,8 +131,8 @@ def _find_contact(fixed: Ellipse, moved: Ellipse, direction: float) -> tuple[flo
     def distance(angle: FloatArray) -> FloatArray:
         u = np.array([np.cos(direction + angle), np.sin(direction + angle)])
         widths = [np.sqrt(np.einsum("i...,ij,j...->...", u, shape, u)) for shape in shapes]
-        total: FloatArray = (widths[0] + widths[1]) / np.cos(angle)
-        return total
+        sum_of_widths: FloatArray = (widths[0] + widths[1]) / np.cos(angle)
+        return sum_of_widths
 
     low, high = -1.5, 1.5
     while high - low > NORMAL_TOLERANCE:

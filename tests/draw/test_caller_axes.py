@@ -54,5 +54,5 @@ def test_axes_of_a_subfigure_give_the_whole_figure():
 
 
 def test_flat_axes_are_no_place_for_a_scan():
-    with pytest.raises(TypeError, match=r'expected axes in space, got Axes: .*projection="3d"'):
+    with pytest.raises(TypeError, match=r'expected 3D axes, got Axes: .*projection="3d"'):
         DRAWINGS["scan"](Figure().add_subplot(), "")
