@@ -1,4 +1,4 @@
-"""Ablation: errors with each step left out, or done as in the paper's text, on the same sections.
+"""Ablation: errors with each step left out, or done as in the paper, on the same sections.
 
 The sections show pipes alone, welded and among clutter, with lost points and jumps. Detection
 runs once for each section; each variant then fits its own ellipse to the same arc. Errors are
@@ -89,7 +89,7 @@ def run_ablation(
     seed : int
         Random seed of the first scene.
     progress : callable
-        Called before each kind.
+        Function that is called with a text before each kind.
     """
     outcomes: dict[str, list[_Outcome | None]] = {variant.name: [] for variant in VARIANTS}
     for kind in KINDS:
@@ -106,7 +106,7 @@ def run_ablation(
 
 
 def _detect_arcs(section: SimulatedSection) -> list[tuple[TubeTruth, AblationArc]]:
-    """Return each detected pipe with its arc and the candidate from which the arc grew."""
+    """Return each detected pipe with its arc and the candidate from which it was extended."""
     profile = prepare_profile(section.profile, section.profile.noise)
     arcs, candidates = detect_arcs(profile)
     seeds = [IdentifiedArc.of(c.indices, seed_ellipse(profile, c)) for c in candidates]
@@ -136,9 +136,9 @@ def _bound(section: SimulatedSection, tube: TubeTruth) -> FloatArray:
 def _apply_variant(
     variant: Variant, arc: AblationArc, tube: TubeTruth, bound: FloatArray
 ) -> _Outcome | None:
-    """Fit an arc by a variant; None where it has no ellipse."""
+    """Return the errors of a variant on an arc; None if no ellipse fits."""
     try:
-        fit = variant.fit_of(arc)
+        fit = variant.fit(arc)
     except LsvisionError:
         return None
     return _Outcome(_errors(fit, tube) / bound, fit.evaluations)

@@ -31,7 +31,7 @@ class Achievability:
     Parameters
     ----------
     table : int
-        1 to 4.
+        Number of the table, 1 to 4.
     quantity : str
         Field of `Triple`; its name ends in the unit.
     largest_printed : float
@@ -77,7 +77,7 @@ class Achievability:
 
 
 def compare_with_bound(rows: Sequence[TableRow], *, noise_mm: float) -> tuple[Achievability, ...]:
-    """Compare the errors of each quantity in each table with the bound of one section.
+    """Return the errors of each quantity in each table, compared with the bound of one section.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def compare_with_bound(rows: Sequence[TableRow], *, noise_mm: float) -> tuple[Ac
 
 
 def _compare(rows: Sequence[TableRow], quantity: str, noise_mm: float) -> Achievability:
-    """Compare one quantity of one table."""
+    """Return the comparison of one quantity of one table with the bound."""
     printed = [abs(getattr(row.printed.errors, quantity)) for row in rows]
     stds = [getattr(row.spreads["section"].bound, quantity) for row in rows]
     largest = max(printed)
@@ -129,7 +129,7 @@ def _sections_needed(
         "phi_deg": AccuracyTarget(phi_std=math.radians(std)),
     }[quantity]
     pipes = {(row.printed.radius_mm, row.printed.theta_deg, row.printed.phi_deg) for row in rows}
-    most = 0
+    max_sections = 0
     for radius, theta_deg, phi_deg in sorted(pipes):
         try:
             scan = sections_needed(
@@ -138,5 +138,5 @@ def _sections_needed(
             )  # fmt: skip
         except DegenerateGeometry:
             return None
-        most = max(most, scan.sections)
-    return most
+        max_sections = max(max_sections, scan.sections)
+    return max_sections

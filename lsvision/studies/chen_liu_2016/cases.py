@@ -21,7 +21,7 @@ PITCH_MM = 0.6
 STANDOFF_MM = 400.0
 """Distance of the pipes from the sensor. Units: mm."""
 COLUMNS = 375
-"""Points of a full profile."""
+"""Number of points of a full profile."""
 INCIDENCE_LIMIT_DEG = 70.0
 """Largest angle of incidence at which a point is measured. Units: deg."""
 BEAD_LEG = 0.5
@@ -56,7 +56,7 @@ class Case:
     Parameters
     ----------
     rows : tuple of PublishedRow
-        One for each pipe, left to right; the k-th pipe has the label k in the scene.
+        Row of each pipe, from left to right; the k-th pipe has the label k in the scene.
     """
 
     rows: tuple[PublishedRow, ...]
@@ -68,7 +68,7 @@ class Case:
 
     @property
     def scene(self) -> Scene:
-        """The pipes, with theta and phi in the section z = 0; a pair has a weld bead."""
+        """Scene of the pipes, with theta and phi in the section z = 0; a pair has a weld bead."""
         ellipses = [_section(row) for row in self.rows]
         if len(ellipses) == 1:
             return Scene((_tube(self.rows[0], (0.0, -STANDOFF_MM)),))

@@ -26,7 +26,8 @@ def report_json(report: PaperReport) -> str:
     Returns
     -------
     str
-        Lengths in ``*_mm``, angles in ``*_deg``, times in ``*seconds``; NaN and infinity are null.
+        JSON text: lengths in ``*_mm``, angles in ``*_deg``, times in ``*seconds``; NaN and infinity
+        are null.
     """
     document = {
         "schema": SCHEMA,
@@ -67,7 +68,7 @@ def _repeatability(repeatability: Repeatability) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Convert dataclasses to dicts, tuples to lists, NaN and infinity to None."""
+    """Return dataclasses as dicts, tuples as lists, NaN and infinity as None."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return {f.name: _plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
     if isinstance(value, dict):

@@ -1,4 +1,4 @@
-"""Five methods to measure a pipe: the paper's pipeline, one section, known radius, two and 20."""
+"""Five methods to measure a pipe: the paper's, one section, known radius, two and 20 sections."""
 
 import math
 from collections.abc import Iterable
@@ -70,7 +70,7 @@ def measure_case(
     case : Case
         Pipe or welded pair. Every method gets its nominal radius, as the paper's fit does.
     method : str
-        A key of `METHODS`. The methods with one section all get the same one.
+        Key of `METHODS`; all methods with one section get the same section.
     seed : int
         Random seed of the measurement.
     noise_mm : float
@@ -79,7 +79,7 @@ def measure_case(
     Returns
     -------
     tuple
-        For each pipe its estimate, or None if it was not found.
+        Estimate of each pipe; None if it was not found.
     """
     sections = simulate_case(case, seed, METHODS[method].poses, noise_mm=noise_mm)
     if len(sections) > 1:
@@ -104,7 +104,7 @@ def case_bound(case: Case, method: Method, *, noise_mm: float) -> tuple[Triple, 
     case : Case
         Pipe or welded pair.
     method : str
-        A key of `METHODS`; the bound of the paper's pipeline is that of any use of one section.
+        Key of `METHODS`; the bound of the paper's pipeline is that of any use of one section.
     noise_mm : float
         Standard deviation along the ray. Units: mm.
     """
@@ -153,12 +153,10 @@ def _measure_scan(
 def _estimates_by_pipe(
     estimates: Iterable[tuple[IntArray, Estimate]], pipes: int
 ) -> tuple[Estimate | None, ...]:
-    """For each pipe the estimate with most of its points, or None.
+    """Return for each pipe the estimate with most of its points, or None.
 
-    An estimate belongs to the pipe that more than half of its points come from.
-
-
-    Each estimate comes with the true labels of its points; the k-th pipe has the label k.
+    An estimate belongs to the pipe that more than half of its points come from. Each estimate is
+    given with the true labels of its points; the k-th pipe has the label k.
     """
     candidates = list(estimates)
     by_pipe: list[Estimate | None] = []
@@ -195,10 +193,10 @@ def _scan_bound(
     points, variances = [], []
     for section, pose in zip(sections, poses, strict=True):
         on_pipe = section.truth.labels == label
-        seen = pose.apply(_with_zero_z(section.truth.points[on_pipe]))
-        normals = cylinder_normals(pipe, seen)[:, :2]
+        surface_points = pose.apply(_with_zero_z(section.truth.points[on_pipe]))
+        normals = cylinder_normals(pipe, surface_points)[:, :2]
         covariances = noise_of(section).covariances(section.profile.points)[on_pipe]
-        points.append(seen)
+        points.append(surface_points)
         variances.append(np.einsum("ni,nij,nj->n", normals, covariances, normals))
     return _triple(scan_bound(pipe, np.concatenate(points), np.concatenate(variances)))
 

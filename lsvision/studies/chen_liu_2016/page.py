@@ -1,4 +1,4 @@
-"""The report as one self-contained HTML page, for readers who do not know the code.
+"""Report as one self-contained HTML page, for readers who do not know the code.
 
 The text is in ``templates/report.html.j2``; this module computes the numbers in it.
 """
@@ -45,11 +45,11 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 MAX_COST_RATIO = 1.1
-"""Errors of a variant over those of the whole pipeline, up to which its change is insignificant."""
+"""Ratio of a variant's errors to those of the complete pipeline up to which it is as accurate."""
 
 
 def report_page(report: PaperReport) -> str:
-    """Return the report as one self-contained HTML page: pictures inline, nothing fetched.
+    """Return the report as one self-contained HTML page: pictures inline, no other files.
 
     Parameters
     ----------
@@ -137,9 +137,9 @@ class _UnreachableErrors:
     Parameters
     ----------
     groups : int
-        Number of them at the report's noise.
+        Number of groups at the report's noise.
     groups_at_figure_16_noise : int
-        Number of them at the noise at which the centres from one section fill the box of Figure 16.
+        Number of groups at the noise at which centres from one section fill the box of Figure 16.
     sections_needed : int
         Sections 1 mm apart that reach all groups that a scan can reach; 0 without such a group.
     """
@@ -163,10 +163,10 @@ def _unreachable_errors(report: PaperReport) -> _UnreachableErrors:
 
 def _variants_without_cost(report: PaperReport) -> list[str]:
     """Return the names of variants with all errors within `MAX_COST_RATIO` of the pipeline's."""
-    whole, *changed = report.ablation
-    limits = MAX_COST_RATIO * np.array([*whole.typical, *whole.worst])
+    complete, *variants = report.ablation
+    limits = MAX_COST_RATIO * np.array([*complete.typical, *complete.worst])
     return [
         result.name
-        for result in changed
+        for result in variants
         if (np.array([*result.typical, *result.worst]) < limits).all()
     ]

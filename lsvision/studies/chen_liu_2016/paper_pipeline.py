@@ -111,8 +111,10 @@ def measure_cylinders_paper(
         try:
             screened = _screen(points[start:stop], indices, initial_radius, settings)
             smooth = smooth_profile_paper(prepared.points[screened], settings.smoothing_fraction)
-            even = homogenise_profile_paper(smooth, settings.step_mm)
-            fit = fit_ellipse(even, initial_ellipse(even, initial_radius), settings=RADIAL_FITTING)
+            homogenised = homogenise_profile_paper(smooth, settings.step_mm)
+            fit = fit_ellipse(
+                homogenised, initial_ellipse(homogenised, initial_radius), settings=RADIAL_FITTING
+            )
         except LsvisionError as failure:
             rejections.append(Rejection(arc, str(failure)))
             continue
@@ -126,7 +128,7 @@ def initial_ellipse(points: Points, radius: float) -> Ellipse:
     Parameters
     ----------
     points : (n, 2) ndarray
-        Section frame. Units: mm.
+        Points in the section frame. Units: mm.
     radius : float
         Radius of the circle. Units: mm.
     """
@@ -152,20 +154,20 @@ def largest_window_residual(window: Points, radius: float) -> float:
 
 
 def smooth_profile_paper(points: Points, window_fraction: float = 0.3) -> Points:
-    """Smooth y(x) of an arc by local quadratics (section 3.3.1).
+    """Return an arc with y(x) smoothed by local quadratics (section 3.3.1).
 
     Parameters
     ----------
     points : (n, 2) ndarray
-        An arc, ordered by x. Units: mm.
+        Points of an arc, ordered by x. Units: mm.
     window_fraction : float
         Window as a fraction of the points.
 
     Returns
     -------
     (n, 2) ndarray
-        Same x, smoothed y. Biased: the radius of a clean arc becomes 0.4 to 0.8 mm too large.
-        Units: mm.
+        Points with the same x and smoothed y. Biased: the radius of a clean arc becomes 0.4 to
+        0.8 mm too large. Units: mm.
 
     Raises
     ------
@@ -185,7 +187,7 @@ def smooth_profile_paper(points: Points, window_fraction: float = 0.3) -> Points
 
 
 def homogenise_profile_paper(points: Points, step_mm: float = 0.5) -> Points:
-    """Resample a smoothed arc at equal steps of x by the spline y = S(x) (section 3.3.2).
+    """Return a smoothed arc at equal steps of x, by the spline y = S(x) (section 3.3.2).
 
     Parameters
     ----------
@@ -202,9 +204,11 @@ def homogenise_profile_paper(points: Points, step_mm: float = 0.5) -> Points:
     """
     from scipy.interpolate import CubicSpline
 
-    rising = points[np.concatenate([[True], points[1:, 0] > np.maximum.accumulate(points[:-1, 0])])]
-    x = np.arange(rising[0, 0], rising[-1, 0], step_mm)
-    return np.column_stack([x, CubicSpline(rising[:, 0], rising[:, 1])(x)])
+    increasing = points[
+        np.concatenate([[True], points[1:, 0] > np.maximum.accumulate(points[:-1, 0])])
+    ]
+    x = np.arange(increasing[0, 0], increasing[-1, 0], step_mm)
+    return np.column_stack([x, CubicSpline(increasing[:, 0], increasing[:, 1])(x)])
 
 
 def _identify_spans(
@@ -230,9 +234,9 @@ def _identify_spans(
 
 def _screen(points: Points, indices: IntArray, radius: float, settings: PaperSettings) -> IntArray:
     """Return the indices after screening (Figure 9): without end points beyond the sensor error."""
-    part = max(1, round(settings.end_part_fraction * len(points)))
-    middle = points[part : len(points) - part]
+    end_points = max(1, round(settings.end_part_fraction * len(points)))
+    middle = points[end_points : len(points) - end_points]
     ellipse = fit_ellipse(middle, initial_ellipse(middle, radius), settings=RADIAL_FITTING).ellipse
-    kept = np.abs(radial_residuals(points, ellipse)) < settings.sensor_error_mm
-    kept[part : len(points) - part] = True
-    return indices[kept]
+    inliers = np.abs(radial_residuals(points, ellipse)) < settings.sensor_error_mm
+    inliers[end_points : len(points) - end_points] = True
+    return indices[inliers]

@@ -20,14 +20,14 @@ SPLINE_STEP_MM = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """A number that demonstrates a pitfall.
+    """Number that demonstrates a pitfall.
 
     Parameters
     ----------
     what : str
-        Description with the unit.
+        Description of the number, with its unit.
     value : float
-        NaN if the formula has no value there.
+        Number; NaN if the formula has no value.
     """
 
     what: str
@@ -36,7 +36,7 @@ class Check:
 
 @dataclass(frozen=True, slots=True)
 class Pitfall:
-    """A misleading passage in the paper's wording.
+    """Misleading passage in the paper's wording.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class Pitfall:
 
 
 def check_pitfalls() -> tuple[Pitfall, ...]:
-    """Compute the numbers of all five pitfalls."""
+    """Return the five pitfalls with their numbers."""
     return (
         _theta_of_major_axis(),
         _radial_distance(),
@@ -78,8 +78,10 @@ def printed_equation_one(points: Points, ellipse: Ellipse, theta: float) -> Floa
     dx, dy = (points - ellipse.centre).T
     first = dx * math.sin(theta) - dy * math.cos(theta)
     second = dx * math.cos(theta) + dy * math.sin(theta)
-    total: FloatArray = first**2 / ellipse.semi_major**2 + second**2 / ellipse.semi_minor**2
-    return total
+    left_hand_side: FloatArray = (
+        first**2 / ellipse.semi_major**2 + second**2 / ellipse.semi_minor**2
+    )
+    return left_hand_side
 
 
 def printed_equation_four(points: Points, ellipse: Ellipse, theta: float) -> FloatArray:
@@ -101,20 +103,20 @@ def printed_equation_four(points: Points, ellipse: Ellipse, theta: float) -> Flo
 
 def _theta_of_major_axis() -> Pitfall:
     ellipse = Ellipse((0.0, 0.0), 20.0, 15.0, math.radians(30))
-    tip = ellipse.points_at(np.zeros(1))
+    vertex = ellipse.points_at(np.zeros(1))
     as_text, as_printed = ellipse.theta, ellipse.theta - math.pi / 2
-    one, four = printed_equation_one, printed_equation_four
+    eq_1, eq_4 = printed_equation_one, printed_equation_four
     return Pitfall(
-        "θ: which axis is it?",
+        "θ: direction of which axis?",
         "By the text, θ is the direction of the major axis. Eqs. (1) and (4) as printed put "
         "the long semi-axis a across it, at θ + 90°.",
         "θ is the direction of the major axis, from X towards Y, in [0°, 180°).",
         (
-            Check("Eq. (1) at the tip of the major axis, θ as in the text (on the ellipse: 1)",
-                  float(one(tip, ellipse, as_text)[0])),
-            Check("Eq. (4) there, mm (on the ellipse: 0)", float(four(tip, ellipse, as_text)[0])),
-            Check("Eq. (1) with θ turned by 90°", float(one(tip, ellipse, as_printed)[0])),
-            Check("Eq. (4) with θ turned by 90°, mm", float(four(tip, ellipse, as_printed)[0])),
+            Check("Eq. (1) at the end of the major axis, θ as in the text (on the ellipse: 1)",
+                  float(eq_1(vertex, ellipse, as_text)[0])),
+            Check("Eq. (4) there, mm (on the ellipse: 0)", float(eq_4(vertex, ellipse, as_text)[0])),
+            Check("Eq. (1) with θ turned by 90°", float(eq_1(vertex, ellipse, as_printed)[0])),
+            Check("Eq. (4) with θ turned by 90°, mm", float(eq_4(vertex, ellipse, as_printed)[0])),
         ),
     )  # fmt: skip
 
@@ -148,7 +150,7 @@ def _radial_distance() -> Pitfall:
 def _two_axes() -> Pitfall:
     ellipse = Ellipse((0.0, -400.0), 19.0 / math.cos(math.radians(20)), 19.0, math.radians(20))
     first, second = ellipse.axis_twins
-    apart = math.degrees(math.acos(float(first @ second)))
+    axis_angle_deg = math.degrees(math.acos(float(first @ second)))
     sections = [_section_by_rays(axis) for axis in (first, second)]
     return Pitfall(
         "One section fits two pipes",
@@ -156,7 +158,7 @@ def _two_axes() -> Pitfall:
         "leaning back by φ have the same section.",
         "One section returns both axes (axis_twins); two sections decide.",
         (
-            Check("angle between the two axes at φ = 20°, degrees", apart),
+            Check("angle between the two axes at φ = 20°, degrees", axis_angle_deg),
             Check("largest difference of their sections, mm", float(
                 np.abs(sections[0] - sections[1]).max())),
         ),
@@ -167,8 +169,8 @@ def _section_by_rays(axis: FloatArray, radius: float = 19.0) -> FloatArray:
     """Return the distance (mm) in z = 0 from a pipe's axis to its surface in 360 directions."""
     angles = np.radians(np.arange(360))
     directions = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(360)])
-    across = directions - (directions @ axis)[:, None] * axis
-    distances: FloatArray = radius / np.linalg.norm(across, axis=1)
+    perpendicular = directions - (directions @ axis)[:, None] * axis
+    distances: FloatArray = radius / np.linalg.norm(perpendicular, axis=1)
     return distances
 
 
@@ -176,9 +178,9 @@ def _division_by_zero() -> Pitfall:
     ellipse = Ellipse((0.0, -400.0), 22.0, 19.0, math.radians(20))
     inverse_height = math.hypot(math.sin(ellipse.theta) / 22.0, math.cos(ellipse.theta) / 19.0)
     top = np.array([[0.0, -400.0 + 1 / inverse_height]])
-    beyond = ellipse.points_at(np.radians(np.linspace(190, -30, 120)))
-    falling = int((np.diff(beyond[:, 0]) <= 0).sum())
-    resampled = _spline_along_arc(beyond)
+    arc_points = ellipse.points_at(np.radians(np.linspace(190, -30, 120)))
+    not_increasing = int((np.diff(arc_points[:, 0]) <= 0).sum())
+    resampled = _spline_along_arc(arc_points)
     return Pitfall(
         "Eq. (4) divides by x − x₀, and the spline S(x) needs x to rise",
         "A point straight above the centre has no r_j, and an arc past its vertical flank has "
@@ -188,7 +190,7 @@ def _division_by_zero() -> Pitfall:
             Check("Eq. (4) at the point of the ellipse above its centre (should be 0)", float(
                 printed_equation_four(top, ellipse, ellipse.theta - math.pi / 2)[0])),
             Check("lsvision's radial residual there, mm", float(radial_residuals(top, ellipse)[0])),
-            Check("points of 120 on an arc past both flanks where x does not rise", falling),
+            Check("points of 120 on an arc past both flanks where x does not rise", not_increasing),
             Check("a spline along that arc instead: farthest from the ellipse, mm", float(
                 np.abs(orthogonal_residuals(resampled, ellipse)).max())),
         ),
@@ -196,7 +198,7 @@ def _division_by_zero() -> Pitfall:
 
 
 def _spline_along_arc(points: Points) -> Points:
-    """Resample points at equal steps of arc length by one spline for each coordinate."""
+    """Return points at equal steps of arc length, by one spline for each coordinate."""
     from scipy.interpolate import CubicSpline
 
     length = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
@@ -211,16 +213,16 @@ def _direction_of_y() -> Pitfall:
     reversed_y = Profile(upright * [1.0, -1.0])
     initial_error = float(np.nanmax(reversed_y.points[:, 1])) - 19.0 - 400.0
     return Pitfall(
-        "Which way is Y?",
+        "Direction of Y",
         "The fit starts at y₀ = y_max − r, so Y grows towards the sensor; section 3.3 lets Y "
         "grow away from it.",
-        "Y towards the sensor. A file whose range grows away from it is turned where it is read.",
+        "Y towards the sensor. A file whose range grows away from it is mirrored when it is read.",
         (
             Check("pipes found, Y towards the sensor", len(
                 measure_cylinders(Profile(upright), radius=19.0, sensor=sensor).cylinders)),
             Check("pipes found in the same profile, Y away from it", len(
                 measure_cylinders(reversed_y, radius=19.0).cylinders)),
-            Check("how far the paper's first centre then is from the true one, mm",
+            Check("distance of the paper's initial centre from the true one, mm",
                   abs(initial_error)),
         ),
     )  # fmt: skip

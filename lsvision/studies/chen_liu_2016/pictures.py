@@ -1,4 +1,4 @@
-"""The figures of the report: matplotlib figures as SVG, side by side in one page."""
+"""Figures of the report, as SVG elements of one page."""
 
 import html
 import io
@@ -48,8 +48,8 @@ MAX_RESIDUAL_MM = 3.0
 
 
 def draw_tables(rows: Sequence[TableRow]) -> str:
-    """Draw the rms error of each method by table, with the printed errors and the bound."""
-    figure = new_figure(6.6)
+    """Return a picture of the rms error of each method by table, with printed errors and bound."""
+    figure = new_page_figure(6.6)
     panels = figure.subplots(3, 1, sharex=True)
     tables = sorted({row.printed.table for row in rows})
     by_table = [[row for row in rows if row.printed.table == table] for table in tables]
@@ -97,27 +97,27 @@ def _tick_label(printed: PublishedRow) -> str:
 
 
 def draw_scene(scene: SceneFigure, number: int) -> str:
-    """Draw a scene of Figures 14 and 15 with the pipes found in it.
+    """Return a picture of a scene of Figures 14 and 15 with the pipes found in it.
 
     Parameters
     ----------
     scene : SceneFigure
-        The measured scene.
+        Measured scene.
     number : int
-        Number of the scene on the page, which makes its ids unique.
+        Number of the scene on the page, which makes the ids in the SVG unique.
     """
-    figure = new_figure(3.8)
+    figure = new_page_figure(3.8)
     axes = figure.subplots()
     draw_on_axes(axes, scene.section.profile, scene.measurement)
     axes.margins(y=0.15)  # space for the letters above the points
     axes.legend(loc="lower center", fontsize=7, ncols=2, frameon=False, bbox_to_anchor=(0.5, 1.0))
-    shown = "measured points and the pipes found, each with its ellipse and major axis"
-    return inline_svg(figure, f"scene{number}", f"{scene.title}: {shown}")
+    content = "measured points and the pipes found, each with its ellipse and major axis"
+    return inline_svg(figure, f"scene{number}", f"{scene.title}: {content}")
 
 
 def draw_repeatability(repeatability: Repeatability) -> str:
-    """Draw Figure 16: repeated centres, their bounding box, the paper's box, and the bound."""
-    figure = new_figure(4.6)
+    """Return Figure 16: repeated centres, their bounding box, the paper's box, and the bound."""
+    figure = new_page_figure(4.6)
     axes = figure.subplots()
     centres = repeatability.ellipses[:, :2]
     axes.plot(*centres.T, ".", color=BLUE, ms=2.5, alpha=0.6, label="centres measured")
@@ -152,25 +152,25 @@ def _box(low: FloatArray, high: FloatArray) -> FloatArray:
 
 
 def draw_recognition(steps: StepExample) -> str:
-    """Draw Figures 5-7: the section, and below it the largest abs(r_j) of the paper's windows."""
-    figure = new_figure(5.6)
-    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-    draw_on_axes(above, steps.section.profile, steps.measurement)
-    above.set_aspect("equal", adjustable="box")
-    above.margins(y=0.15)
-    above.set_xlabel("")
-    above.legend(loc="lower center", fontsize=7, ncols=2, frameon=False,
+    """Return Figures 5-7: the section, and below it the largest abs(r_j) of the paper's windows."""
+    figure = new_page_figure(5.6)
+    section_axes, residual_axes = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    draw_on_axes(section_axes, steps.section.profile, steps.measurement)
+    section_axes.set_aspect("equal", adjustable="box")
+    section_axes.margins(y=0.15)
+    section_axes.set_xlabel("")
+    section_axes.legend(loc="lower center", fontsize=7, ncols=2, frameon=False,
                  bbox_to_anchor=(0.5, 1.0))  # fmt: skip
     x, largest = steps.windows.T
-    below.plot(x, np.minimum(largest, MAX_RESIDUAL_MM), "-", color=GREY, lw=0.8)
+    residual_axes.plot(x, np.minimum(largest, MAX_RESIDUAL_MM), "-", color=GREY, lw=0.8)
     limit = PaperSettings().sensor_error_mm
     accepted = largest < limit
-    below.plot(x[accepted], largest[accepted], ".", color=ORANGE, ms=4,
+    residual_axes.plot(x[accepted], largest[accepted], ".", color=ORANGE, ms=4,
                label="passes for an ellipse")  # fmt: skip
-    below.axhline(limit, color=PURPLE, lw=1, ls="--", label="sensor error, 0.9 mm")
-    below.set(ylim=(0, MAX_RESIDUAL_MM), xlabel="X / mm (along the laser line)",
+    residual_axes.axhline(limit, color=PURPLE, lw=1, ls="--", label="sensor error, 0.9 mm")
+    residual_axes.set(ylim=(0, MAX_RESIDUAL_MM), xlabel="X / mm (along the laser line)",
               ylabel="largest |rⱼ| of the window / mm")  # fmt: skip
-    below.legend(fontsize=8, loc="upper right")
+    residual_axes.legend(fontsize=8, loc="upper right")
     return inline_svg(
         figure, "recognition",
         "A section with two welded pipes among clutter, and below it the largest residual of "
@@ -179,22 +179,22 @@ def draw_recognition(steps: StepExample) -> str:
 
 
 def draw_screening(steps: StepExample) -> str:
-    """Draw Figures 8 and 9: residuals of one arc from the ellipse of its middle part."""
-    figure = new_figure(3.0)
+    """Return Figures 8 and 9: residuals of one arc from the ellipse of its middle part."""
+    figure = new_page_figure(3.0)
     axes = figure.subplots()
-    profile, before, after = steps.profile, steps.identified, steps.screened
-    points = profile.points[before.indices]
-    residuals = orthogonal_residuals(points, after.ellipse)
-    kept = np.isin(before.indices, after.indices)
-    around = np.arange(before.arc.start - 12, before.arc.stop + 12)
-    around = around[(around >= 0) & (around < len(profile.points))]
-    neighbours = np.setdiff1d(around, before.indices)
-    neighbour_residuals = orthogonal_residuals(profile.points[neighbours], after.ellipse)
-    near = np.abs(neighbour_residuals) < RESIDUAL_LIMIT_MM  # others would stretch the X axis
-    axes.plot(profile.points[neighbours[near], 0], neighbour_residuals[near], "x", color=GREY, ms=4,
-              label="not on the arc (neighbours, jumps)")  # fmt: skip
-    axes.plot(points[kept, 0], residuals[kept], ".", color=BLUE, label="kept")
-    axes.plot(points[~kept, 0], residuals[~kept], "D", color=ORANGE, ms=4,
+    profile, identified, screened = steps.profile, steps.identified, steps.screened
+    points = profile.points[identified.indices]
+    residuals = orthogonal_residuals(points, screened.ellipse)
+    inliers = np.isin(identified.indices, screened.indices)
+    indices = np.arange(identified.arc.start - 12, identified.arc.stop + 12)
+    indices = indices[(indices >= 0) & (indices < len(profile.points))]
+    neighbours = np.setdiff1d(indices, identified.indices)
+    neighbour_residuals = orthogonal_residuals(profile.points[neighbours], screened.ellipse)
+    shown = np.abs(neighbour_residuals) < RESIDUAL_LIMIT_MM  # others would stretch the X axis
+    axes.plot(profile.points[neighbours[shown], 0], neighbour_residuals[shown], "x", color=GREY,
+              ms=4, label="not on the arc (neighbours, jumps)")  # fmt: skip
+    axes.plot(points[inliers, 0], residuals[inliers], ".", color=BLUE, label="kept")
+    axes.plot(points[~inliers, 0], residuals[~inliers], "D", color=ORANGE, ms=4,
               label="dropped by screening")  # fmt: skip
     limit = PaperSettings().sensor_error_mm
     for value in (-limit, limit):
@@ -211,11 +211,11 @@ def draw_screening(steps: StepExample) -> str:
 
 
 def draw_smoothing(steps: StepExample) -> str:
-    """Draw Figure 10: distance of measured and smoothed points from the true ellipse."""
-    figure = new_figure(3.4)
+    """Return Figure 10: distance of measured and smoothed points from the true ellipse."""
+    figure = new_page_figure(3.4)
     axes = figure.subplots()
     points = steps.profile.points[steps.screened.indices]
-    kept = steps.smoothed.inliers
+    inliers = steps.smoothed.inliers
     truth = min(
         (tube.ellipse for tube in steps.section.truth.tubes),
         key=lambda ellipse: float(np.abs(orthogonal_residuals(points, ellipse)).mean()),
@@ -224,9 +224,9 @@ def draw_smoothing(steps: StepExample) -> str:
     def plot_residuals(points: Points, style: str, **options: object) -> None:
         axes.plot(points[:, 0], orthogonal_residuals(points, truth), style, **options)
 
-    plot_residuals(points[kept], ".", color=GREY, ms=4, label="measured")
-    if not kept.all():
-        plot_residuals(points[~kept], "x", color=PURPLE, label="left out as jumps")
+    plot_residuals(points[inliers], ".", color=GREY, ms=4, label="measured")
+    if not inliers.all():
+        plot_residuals(points[~inliers], "x", color=PURPLE, label="left out as jumps")
     plot_residuals(steps.homogenised.points, "-", color=BLUE, lw=1.6,
          label="smoothed along the arc (lsvision)")  # fmt: skip
     plot_residuals(steps.literal, "-", color=ORANGE, lw=1.6,
@@ -241,8 +241,8 @@ def draw_smoothing(steps: StepExample) -> str:
     )  # fmt: skip
 
 
-def new_figure(height_inch: float) -> "Figure":
-    """Create an empty figure of the page's width, without pyplot.
+def new_page_figure(height_inch: float) -> "Figure":
+    """Return an empty figure of the page's width, without pyplot.
 
     Parameters
     ----------
@@ -263,7 +263,7 @@ def inline_svg(figure: "Figure", name: str, description: str) -> str:
     Parameters
     ----------
     figure : matplotlib.figure.Figure
-        Result of `new_figure`.
+        Figure, as from `new_page_figure`.
     name : str
         Prefix of every id, which makes the ids of all figures on a page unique.
     description : str

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Triple:
-    """One number each for radius, theta and phi: errors, standard deviations or bounds.
+    """Numbers for radius, theta and phi: errors, standard deviations or bounds.
 
     Parameters
     ----------
@@ -31,9 +31,9 @@ class PublishedRow:
     Parameters
     ----------
     table : int
-        1 to 4.
+        Number of the table, 1 to 4.
     number : int
-        The column "No.".
+        Number of the pipe, column "No.".
     radius_mm, theta_deg, phi_deg : float
         True values of the pipe. Units: mm, deg.
     errors : Triple

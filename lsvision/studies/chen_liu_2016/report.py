@@ -48,13 +48,13 @@ class ExperimentSizes:
 
     @classmethod
     def quick(cls) -> Self:
-        """Less than a minute; relative error of the rms 10-15 % (one section), 25-40 % (others)."""
+        """Return sizes for less than a minute: rms to 10-15 % (one section), 25-40 % (others)."""
         runs = {"paper": 3, "section": 24, "known": 24, "two": 8, "twenty": 3}
         return cls(runs=_ordered_runs(runs), timing_scenes=1, repeats=200, ablation_scenes=20)
 
     @classmethod
     def full(cls) -> Self:
-        """About ten minutes; relative error of the rms 4 % (one section), 7-15 % (others)."""
+        """Return sizes for about ten minutes: rms to 4 % (one section), 7-15 % (others)."""
         runs = {"paper": 20, "section": 400, "known": 400, "two": 100, "twenty": 30}
         return cls(runs=_ordered_runs(runs), timing_scenes=4, repeats=1000, ablation_scenes=200)
 
@@ -70,17 +70,17 @@ class PaperReport:
     sizes : ExperimentSizes
         Number of measurements and scenes.
     rows : tuple of TableRow
-        Tables 1-4.
+        Rows of Tables 1-4.
     achievability : tuple of Achievability
         Comparison of their errors with the bound of one section.
     timings : tuple of Timing
-        Table 5; the only results that differ from run to run.
+        Rows of Table 5; the only results that differ from run to run.
     steps : StepExample
-        Figures 5-10.
+        Intermediate results, for Figures 5-10.
     scenes : tuple of SceneFigure
-        Figures 14 and 15.
+        Scenes of Figures 14 and 15.
     repeatability : Repeatability
-        Figure 16.
+        Repeated measurements of Figure 16.
     ablation : tuple of AblationResult
         Errors with single steps changed or left out.
     pitfalls : tuple of Pitfall
@@ -117,11 +117,12 @@ def run_experiments(
     seed : int
         Random seed; the same seed gives the same results except for the times.
     progress : callable
-        Called before each experiment with a short text.
+        Function that is called with a short text before each experiment.
 
     Returns
     -------
     PaperReport
+        Results of all experiments.
 
     Raises
     ------
@@ -136,7 +137,7 @@ def run_experiments(
     rows = measure_tables(
         paper_cases(), sizes.runs, noise_mm=noise_mm, seed=seed, progress=progress
     )
-    progress("which figures one section can give")
+    progress("printed errors against the bound of one section")
     achievability = compare_with_bound(rows, noise_mm=noise_mm)
     progress("figures 5-10, 14 and 15")
     steps, scenes = run_steps(noise_mm=noise_mm), measure_scenes(noise_mm=noise_mm)

@@ -1,4 +1,4 @@
-"""The numbers of the report as tables: of the page, and the accuracy table of the README."""
+"""Tables of the report's page, and the accuracy table of the README."""
 
 import math
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ MAX_GIVEN_RADIUS_ERROR_MM = 1e-4
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """A cell of a table.
+    """Cell of a table.
 
     Parameters
     ----------
@@ -46,14 +46,14 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A row of a table: its name in the first column, and the cells of the others.
+    """Row of a table: its name in the first column, and the cells of the others.
 
     Parameters
     ----------
     name : str
         Text of the first column; of the whole row without `cells`.
     cells : tuple of Cell
-        Empty for a heading that spans all columns.
+        Other cells; none for a heading that spans all columns.
     """
 
     name: str
@@ -67,7 +67,7 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table of the page.
+    """Table of the page.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ class Table:
 
 
 def format_significant(value: float, digits: int = 2) -> str:
-    """Format a number to some significant digits without exponent; a dash for NaN and infinity.
+    """Return a number with some significant digits without exponent; a dash for NaN and infinity.
 
     Examples
     --------
@@ -96,8 +96,8 @@ def format_significant(value: float, digits: int = 2) -> str:
         return "–"
     if value == 0:
         return "0"
-    places = max(digits - 1 - math.floor(math.log10(abs(value))), 0)
-    return f"{value:.{places}f}"
+    decimals = max(digits - 1 - math.floor(math.log10(abs(value))), 0)
+    return f"{value:.{decimals}f}"
 
 
 def readme_table(rows: Sequence[TableRow]) -> str:
@@ -113,7 +113,7 @@ def readme_table(rows: Sequence[TableRow]) -> str:
     Returns
     -------
     str
-        Ends with a newline.
+        Markdown text that ends with a newline.
     """
     lines = [_markdown_row(*README_HEAD), "|---|---|---|---|---|"]
     for table in sorted({row.printed.table for row in rows}):
@@ -241,7 +241,7 @@ def timing_table(timings: Sequence[Timing]) -> Table:
 
 def match_table(timings: Sequence[Timing]) -> Table:
     """Return the table of pipes found and false results of both pipelines (scenes of Table 5)."""
-    head = ("Condition", "Pipes there", "(a) found", "(a) false", "(b) found", "(b) false")
+    head = ("Condition", "Pipes present", "(a) found", "(a) false", "(b) found", "(b) false")
     rows = [
         _row(timing.printed.condition, str(timing.pipes), str(timing.paper.found),
              str(timing.paper.false), str(timing.section.found), str(timing.section.false))
@@ -277,7 +277,7 @@ def repeatability_table(repeatability: Repeatability) -> Table:
             [*boxes, "", ""], [*bound_boxes, "", ""], limits, strict=True,
         )
     ]  # fmt: skip
-    head = ("Units: mm", "Spread, one sigma", "Best possible", "Box of all",
+    head = ("Units: mm", "Standard deviation", "Best possible", "Box of all",
             "Box, best possible", "Paper: box, or axes vary by less")  # fmt: skip
     count = len(repeatability.ellipses)
     return Table(f"{count} measurements of one position", head, tuple(rows))
@@ -305,7 +305,7 @@ def pitfall_table(pitfall: Pitfall) -> Table:
         _row(check.what, "no value (0/0)" if math.isnan(check.value) else f"{check.value:.4g}")
         for check in pitfall.checks
     ]
-    return Table("Checked", ("what", "value"), tuple(rows))
+    return Table("Checked", ("quantity", "value"), tuple(rows))
 
 
 def _row(name: str, *texts: str) -> Row:

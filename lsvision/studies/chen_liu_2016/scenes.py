@@ -25,9 +25,9 @@ from lsvision.studies.chen_liu_2016.tables import ProgressCallback
 RADIUS_MM = 19.0
 TUBES = TubeRanges(radius_mm=(RADIUS_MM, RADIUS_MM), theta_deg=(0.0, 180.0), phi_deg=(10.0, 30.0))
 """Pipes like the paper's welded ones, with the tilts of its tables."""
-SEARCHED_MM = (10.0, 40.0)
-"""Search range of both pipelines. The fits of the paper's start at 20 mm, its geometric mean.
-Units: mm."""
+SEARCH_RANGE_MM = (10.0, 40.0)
+"""Search range of the radius in both pipelines; the paper's fits start at its geometric
+mean, 20 mm. Units: mm."""
 FIGURE_SEED = 0
 """Seed of the scenes in Figures 14 and 15: the first of each kind, not selected."""
 REPEATS = 5
@@ -43,7 +43,7 @@ class PipelineTiming:
     Parameters
     ----------
     seconds : float
-        Median time of one measurement.
+        Median time of one measurement. Units: s.
     found : int
         Number of pipes that were reported, over all scenes.
     false : int
@@ -57,12 +57,12 @@ class PipelineTiming:
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """A row of Table 5, measured again.
+    """Row of Table 5, measured again.
 
     Parameters
     ----------
     printed : PublishedTime
-        The row as printed in the paper.
+        Row as printed in the paper.
     scenes, pipes : int
         Number of scenes, and of pipes in them.
     paper, section : PipelineTiming
@@ -84,7 +84,7 @@ class Timing:
 def time_conditions(
     scenes: int, *, noise_mm: float, seed: int = 0, progress: ProgressCallback = lambda _: None
 ) -> tuple[Timing, ...]:
-    """Time both pipelines on the same random scenes of each condition.
+    """Return the times of both pipelines on the same random scenes of each condition.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def time_conditions(
     seed : int
         Random seed of the first scene.
     progress : callable
-        Called before each condition.
+        Function that is called with a text before each condition.
     """
     timings = []
     for printed in PUBLISHED_TIMES:
@@ -112,7 +112,7 @@ def time_conditions(
 
 
 def count_matches(measurement: Measurement, truth: SectionTruth) -> tuple[int, int]:
-    """Count the pipes that were reported, and the results that match no pipe.
+    """Return the number of pipes that were reported, and of results that match no pipe.
 
     Parameters
     ----------
@@ -166,13 +166,13 @@ class SceneFigure:
     Parameters
     ----------
     title : str
-        The paper's condition.
+        Name of the paper's condition.
     section : SimulatedSection
-        The simulated section.
+        Simulated section.
     measurement : Measurement
         Result of lsvision.
     pipes : tuple of ScenePipe
-        All pipes of the scene.
+        True and measured values of all pipes of the scene.
     false : int
         Number of results that match no pipe.
     """
@@ -195,8 +195,8 @@ def measure_scenes(*, noise_mm: float) -> tuple[SceneFigure, ...]:
     scenes = []
     for printed in PUBLISHED_TIMES[1:]:
         section = random_section(printed.kind, FIGURE_SEED, noise_mm=noise_mm, tubes=TUBES)
-        measurement = measure_cylinders(section.profile, radius=SEARCHED_MM)
-        pipes = tuple(_pipe(tube, section, measurement) for tube in section.truth.tubes)
+        measurement = measure_cylinders(section.profile, radius=SEARCH_RANGE_MM)
+        pipes = tuple(_compare_pipe(tube, section, measurement) for tube in section.truth.tubes)
         _, false = count_matches(measurement, section.truth)
         scenes.append(SceneFigure(printed.condition, section, measurement, pipes, false))
     return tuple(scenes)
@@ -211,22 +211,24 @@ class _MeasureFunction(Protocol):
 def _time_pipeline(
     sections: list[SimulatedSection], measure: _MeasureFunction, repeats: int
 ) -> PipelineTiming:
-    """Time a pipeline on sections, and count its matches."""
+    """Return the time of a pipeline on sections, and the number of its matches."""
     seconds: list[float] = []
     found = false = 0
     for section in sections:
         runs = []
         for _ in range(repeats):
             start = time.perf_counter()
-            measurement = measure(section.profile, radius=SEARCHED_MM)
+            measurement = measure(section.profile, radius=SEARCH_RANGE_MM)
             runs.append(time.perf_counter() - start)
         seconds.append(median(runs))
-        more_found, more_false = count_matches(measurement, section.truth)
-        found, false = found + more_found, false + more_false
+        section_found, section_false = count_matches(measurement, section.truth)
+        found, false = found + section_found, false + section_false
     return PipelineTiming(median(seconds), found, false)
 
 
-def _pipe(tube: TubeTruth, section: SimulatedSection, measurement: Measurement) -> ScenePipe:
+def _compare_pipe(
+    tube: TubeTruth, section: SimulatedSection, measurement: Measurement
+) -> ScenePipe:
     """Return true and measured values of a pipe, those of the first result with its points."""
     deg = math.degrees(1.0)
     truth = (tube.radius, tube.theta * deg, tube.phi * deg)

@@ -35,16 +35,16 @@ class StepExample:
     Parameters
     ----------
     section : SimulatedSection
-        The section with its truth.
+        Section with its truth.
     measurement : Measurement
-        lsvision's result.
+        Result of lsvision.
     profile : PreparedProfile
-        The ordered profile on which the steps work.
+        Ordered profile, the input of the steps.
     windows : (k, 2) ndarray
         Middle of each window of the paper's rough identification (x) and its largest abs(r_j);
         inf where no ellipse fits. Units: mm.
     identified : IdentifiedArc
-        The longer pipe's arc before accurate screening.
+        Arc with the most points, before accurate screening.
     screened : ScreenedArc
         Arc after accurate screening.
     smoothed : SmoothedArc
@@ -52,7 +52,7 @@ class StepExample:
     homogenised : HomogenisedArc
         Arc after homogenising.
     literal : (m, 2) ndarray
-        The arc smoothed and homogenised over x, as in the paper's text. Units: mm.
+        Arc smoothed and homogenised over x, as in the paper's text. Units: mm.
     """
 
     section: SimulatedSection
@@ -67,7 +67,7 @@ class StepExample:
 
 
 def run_steps(*, noise_mm: float) -> StepExample:
-    """Run the steps on one welded pair among clutter.
+    """Return the results of all steps on one welded pair among clutter.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def run_steps(*, noise_mm: float) -> StepExample:
         )
     smoothed = smooth_arc(screened.points, screened.ellipse)
     points = profile.points[screened.indices]
-    by_x = points[np.argsort(points[:, 0], kind="stable")]
+    ordered_points = points[np.argsort(points[:, 0], kind="stable")]
     return StepExample(
         section=section,
         measurement=measure_cylinders(section.profile, radius=RADIUS_RANGE),
@@ -102,7 +102,7 @@ def run_steps(*, noise_mm: float) -> StepExample:
         screened=screened,
         smoothed=smoothed,
         homogenised=homogenise_arc(smoothed),
-        literal=homogenise_profile_paper(smooth_profile_paper(by_x)),
+        literal=homogenise_profile_paper(smooth_profile_paper(ordered_points)),
     )
 
 

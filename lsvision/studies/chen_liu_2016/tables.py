@@ -18,7 +18,7 @@ from lsvision.studies.chen_liu_2016.methods import (
 from lsvision.studies.chen_liu_2016.published_results import QUANTITIES, PublishedRow, Triple
 
 ProgressCallback = Callable[[str], None]
-"""Receives a short text on what is computed next."""
+"""Function that is called with a short text before each computation."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,12 +46,12 @@ class ErrorStatistics:
 
 @dataclass(frozen=True, slots=True)
 class TableRow:
-    """A row of Tables 1-4, measured again.
+    """Row of Tables 1-4, measured again.
 
     Parameters
     ----------
     printed : PublishedRow
-        The row as printed in the paper.
+        Row as printed in the paper.
     spreads : mapping of Method to ErrorStatistics
         Errors of each method, in the order of `METHODS`.
     """
@@ -73,7 +73,7 @@ def measure_tables(
     Parameters
     ----------
     cases : sequence of Case
-        Result of `paper_cases`.
+        Cases, as from `paper_cases`.
     runs : mapping of Method to int
         Number of measurements of each case by each method.
     noise_mm : float
@@ -81,12 +81,12 @@ def measure_tables(
     seed : int
         Random seed of the first measurement; the next ones follow it.
     progress : callable
-        Called before each case.
+        Function that is called with a text before each case.
 
     Returns
     -------
     tuple of TableRow
-        One for each pipe, in the order of the cases.
+        Row of each pipe, in the order of the cases.
     """
     rows: list[TableRow] = []
     for case in cases:
@@ -100,26 +100,26 @@ def measure_tables(
 
 
 def pool_errors(spreads: Sequence[ErrorStatistics]) -> ErrorStatistics:
-    """Pool the statistics of several pipes: root mean square of rms and bound, mean of the bias.
+    """Return pooled statistics of several pipes: rms of rms and of bound, mean of the bias.
 
     Parameters
     ----------
     spreads : sequence of ErrorStatistics
         Statistics of one method. Rms and bias are weighted by the measurements that found a pipe.
     """
-    found = np.array([float(spread.runs - spread.missed) for spread in spreads])
-    equal = np.ones(len(spreads))
+    found_counts = np.array([float(spread.runs - spread.missed) for spread in spreads])
+    equal_weights = np.ones(len(spreads))
 
     def mean(field: str, power: int, weights: FloatArray) -> Triple:
         values = np.array([_numbers(getattr(spread, field)) for spread in spreads])
         with np.errstate(invalid="ignore"):  # 0 / 0 = NaN if no pipe was found
-            total = weights @ np.nan_to_num(values) ** power / weights.sum()
-        return Triple(*(total ** (1 / power)).tolist())
+            mean_power = weights @ np.nan_to_num(values) ** power / weights.sum()
+        return Triple(*(mean_power ** (1 / power)).tolist())
 
     runs = sum(spread.runs for spread in spreads)
     missed = sum(spread.missed for spread in spreads)
-    return ErrorStatistics(runs, missed, mean("bias", 1, found), mean("rms", 2, found),
-                  mean("bound", 2, equal))  # fmt: skip
+    bias, rms = mean("bias", 1, found_counts), mean("rms", 2, found_counts)
+    return ErrorStatistics(runs, missed, bias, rms, mean("bound", 2, equal_weights))
 
 
 def _statistics(
@@ -141,8 +141,8 @@ def _pipe_statistics(
     errors = [_numbers(case_errors(e, case, pipe)) for e in estimates if e is not None]
     missed = len(estimates) - len(errors)
     if not errors:
-        nothing = Triple(np.nan, np.nan, np.nan)
-        return ErrorStatistics(len(estimates), missed, nothing, nothing, bound)
+        undetermined = Triple(np.nan, np.nan, np.nan)
+        return ErrorStatistics(len(estimates), missed, undetermined, undetermined, bound)
     values = np.array(errors)
     bias = Triple(*values.mean(axis=0).tolist())
     rms = Triple(*np.sqrt((values**2).mean(axis=0)).tolist())

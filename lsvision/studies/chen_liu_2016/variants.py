@@ -29,7 +29,7 @@ from lsvision.studies.chen_liu_2016.paper_pipeline import (
 FITTING = Settings().fitting
 """Settings of the final fit in every variant: those of `measure_cylinders`."""
 RADIAL_FITTING = replace(FITTING, residual="radial")
-"""The same with the paper's radial residuals."""
+"""Settings of the final fit with the paper's radial residuals."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +87,7 @@ class AblationArc:
         return homogenise_arc(self.smoothed).ellipse
 
     def screen(self, arc: IdentifiedArc) -> ScreenedArc:
-        """Screen an arc; raises FitFailed if its middle part has no ellipse."""
+        """Return the screened arc; raises FitFailed if its middle part has no ellipse."""
         screened = screen_arc(self.profile, arc)
         if screened is None:
             raise FitFailed("no ellipse fits the middle part of the arc")
@@ -97,9 +97,9 @@ class AblationArc:
     def with_jumps(self) -> "AblationArc":
         """The arc with all points of its span, including jumps."""
         valid = self.profile.valid_indices
-        inside = (valid >= self.arc.arc.start) & (valid < self.arc.arc.stop)
-        whole = IdentifiedArc.of(valid[inside], self.arc.ellipse)
-        return AblationArc(self.profile, whole, self.seed)
+        in_span = (valid >= self.arc.arc.start) & (valid < self.arc.arc.stop)
+        arc_with_jumps = IdentifiedArc.of(valid[in_span], self.arc.ellipse)
+        return AblationArc(self.profile, arc_with_jumps, self.seed)
 
     def without_screening(self, arc: IdentifiedArc) -> ScreenedArc:
         """Return an arc unchanged in the form of a screened arc."""
@@ -110,37 +110,37 @@ class AblationArc:
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """The pipeline with one step changed.
+    """Pipeline with one step changed.
 
     Parameters
     ----------
     group : str
-        "as it is", "left out" or "as the paper has it".
+        "as it is", "left out" or "as in the paper".
     name : str
-        Description.
-    fit_of : callable
-        Fits an `AblationArc`; returns a `VariantFit` or raises LsvisionError.
+        Description of the change.
+    fit : callable
+        Function that fits an `AblationArc`: returns a `VariantFit` or raises LsvisionError.
     """
 
     group: str
     name: str
-    fit_of: Callable[[AblationArc], VariantFit]
+    fit: Callable[[AblationArc], VariantFit]
 
 
-def _finish(screened: ScreenedArc) -> VariantFit:
-    """Smooth, homogenise and fit an arc: the end of the pipeline."""
+def _fit_screened(screened: ScreenedArc) -> VariantFit:
+    """Return the fit of a screened arc: smoothed, homogenised and fitted."""
     smoothed = smooth_arc(screened.points, screened.ellipse)
     return _fit(screened.points[smoothed.inliers], homogenise_arc(smoothed).ellipse)
 
 
 def _fit(points: NoisyPoints, initial_guess: Ellipse) -> VariantFit:
-    """Fit an ellipse by weighted orthogonal residuals."""
+    """Return the ellipse fitted by weighted orthogonal residuals."""
     fit = fit_noisy_points(points, initial_guess, settings=FITTING)
     return _with_evaluations(fit, initial_guess)
 
 
 def _with_evaluations(fit: EllipseFit, initial_guess: Ellipse) -> VariantFit:
-    """Repeat a fit to count its evaluations; raises FitFailed if it did not converge."""
+    """Return a fit with the number of its evaluations; raises FitFailed if not converged."""
     if not fit.converged:
         raise FitFailed("the ellipse fit did not converge")
     evaluations = 0
@@ -164,7 +164,7 @@ def _without_homogenising(arc: AblationArc) -> VariantFit:
 
 
 def _direct_fit(arc: AblationArc) -> VariantFit:
-    """Return OpenCV's algebraic fit, relative to the centroid since it computes in float32."""
+    """Return OpenCV's algebraic fit, relative to the centroid (it computes in float32)."""
     points = as_vectors(arc.inliers.z)
     centroid = points.mean(axis=0)
     fitted = cv2.fitEllipseDirect((points - centroid).astype(np.float32))
@@ -190,14 +190,16 @@ def _radial(arc: AblationArc) -> VariantFit:
 
 
 def _fixed_sensor_error(arc: AblationArc) -> VariantFit:
-    """Screen an arc with one limit in mm (Figure 9) instead of the noise of each point."""
+    """Return the fit after screening with one limit in mm (Figure 9), not the points' noise."""
     settings, indices = PaperSettings(), arc.arc.indices
     points: Points = arc.profile.points[indices]
-    part = max(1, round(settings.end_part_fraction * len(indices)))
-    middle = fit_ellipse(points[part:-part], arc.arc.ellipse, settings=RADIAL_FITTING).ellipse
-    kept = np.abs(radial_residuals(points, middle)) < settings.sensor_error_mm
-    kept[part:-part] = True
-    return _finish(arc.without_screening(IdentifiedArc.of(indices[kept], middle)))
+    end_points = max(1, round(settings.end_part_fraction * len(indices)))
+    middle = fit_ellipse(
+        points[end_points:-end_points], arc.arc.ellipse, settings=RADIAL_FITTING
+    ).ellipse
+    inliers = np.abs(radial_residuals(points, middle)) < settings.sensor_error_mm
+    inliers[end_points:-end_points] = True
+    return _fit_screened(arc.without_screening(IdentifiedArc.of(indices[inliers], middle)))
 
 
 def _smoothed_over_x(arc: AblationArc) -> VariantFit:
@@ -206,8 +208,8 @@ def _smoothed_over_x(arc: AblationArc) -> VariantFit:
 
 
 def _homogenised_over_x(arc: AblationArc) -> VariantFit:
-    even = homogenise_profile_paper(_by_x(as_vectors(arc.inliers.z)))
-    return _unweighted(even, arc.initial_guess)
+    homogenised = homogenise_profile_paper(_by_x(as_vectors(arc.inliers.z)))
+    return _unweighted(homogenised, arc.initial_guess)
 
 
 def _smoothing_to_fit_of_paper(arc: AblationArc) -> VariantFit:
@@ -223,15 +225,16 @@ def _by_x(points: Points) -> Points:
     return ordered
 
 
-LEFT_OUT, AS_PAPER = "left out", "as the paper has it"
+LEFT_OUT, AS_PAPER = "left out", "as in the paper"
 VARIANTS = (
-    Variant("as it is", "every step, as lsvision does it", lambda arc: _finish(arc.screened)),
+    Variant("as it is", "every step, as lsvision does it", lambda arc: _fit_screened(arc.screened)),
     Variant(LEFT_OUT, "rough identification: the first candidate is the arc",
-            lambda arc: _finish(arc.screen(arc.seed))),
-    Variant(LEFT_OUT, "accurate screening", lambda arc: _finish(arc.without_screening(arc.arc))),
+            lambda arc: _fit_screened(arc.screen(arc.seed))),
+    Variant(LEFT_OUT, "accurate screening",
+            lambda arc: _fit_screened(arc.without_screening(arc.arc))),
     Variant(LEFT_OUT, "smoothing", _without_smoothing),
     Variant(LEFT_OUT, "sensor error of rough identification inside the arc",
-            lambda arc: _finish(arc.with_jumps.screened)),
+            lambda arc: _fit_screened(arc.with_jumps.screened)),
     Variant(LEFT_OUT, "that sensor error and smoothing",
             lambda arc: _without_smoothing(arc.with_jumps)),
     Variant(LEFT_OUT, "homogenising", _without_homogenising),
